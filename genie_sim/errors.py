@@ -1,0 +1,18 @@
+"""The one exception a user may see: the input or the environment is at fault, never the program."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+
+
+class UserError(Exception):
+    """One clear line naming file, field, value and choices. ``genie-sim`` prints it and exits with status 1."""
+
+
+def unknown(what: str, value: object, choices: Iterable[str]) -> str:
+    """``unknown eviction 'lruu' (did you mean 'lru'?); known: lfu, lru, ttl, unlimited``."""
+    names = sorted(choices)
+    near = difflib.get_close_matches(str(value), names, n=1)
+    hint = f" (did you mean {near[0]!r}?)" if near else ""
+    return f"unknown {what} {value!r}{hint}; known: {', '.join(names)}"

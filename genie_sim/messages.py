@@ -1,0 +1,163 @@
+"""What travels through the system: headers, images, detections, and the effects a Genie asks for.
+
+Everything here is immutable. Locations are metres in the scenario's one east-north-up frame, angles radians,
+times integer nanoseconds, boxes pixels ``(x1, y1, x2, y2)``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple, Protocol, Self
+
+Location = tuple[float, float, float]
+Box = tuple[float, float, float, float]
+
+# autowarefoundation/autoware: a DetectedObjectArray of n objects with empty clouds takes 26 + 400 n bytes.
+ARRAY_BYTES = 26
+OBJECT_BYTES = 400
+
+
+class Header(NamedTuple):
+    """Who took a picture, with which camera, when.
+
+    ``origin`` (the car) is part of a request's identity because cars that replay the same drive can share stamps.
+    """
+
+    stamp_ns: int
+    frame_id: str
+    origin: str
+
+
+class CameraPose(NamedTuple):
+    """Where a camera stands and looks: east, north, up [m] and heading [rad], counter-clockwise from east."""
+
+    east_m: float
+    north_m: float
+    up_m: float
+    heading_rad: float
+
+
+class Message(Protocol):
+    """What Algorithm 1 needs of a message; the payload stays opaque."""
+
+    @property
+    def header(self) -> Header: ...
+
+    @property
+    def size_bytes(self) -> int: ...
+
+
+class Answer(Message, Protocol):
+    """An answer can be replayed under another header, and carries objects if its type has any (else ``None``).
+
+    ``source`` is what produced it (``detector``, ``cache`` or ``map``) and ``served_by`` the node that did.
+    """
+
+    @property
+    def objects(self) -> Sequence[Detection] | None: ...
+
+    def restamped(self, header: Header) -> Self: ...
+
+    def with_objects(self, objects: Sequence[Detection]) -> Self: ...
+
+    def served(self, source: str, by: str) -> Self: ...
+
+
+@dataclass(frozen=True, slots=True)
+class Image:
+    """One camera frame. ``content`` is what a detector would look at; a Genie never reads it."""
+
+    header: Header
+    size_bytes: int
+    digest: str
+    dhash: int
+    pose: CameraPose
+    horizontal_fov_rad: float
+    content: Any = None
+
+
+@dataclass(frozen=True, slots=True)
+class Detection:
+    """One object found in an image.
+
+    ``score`` is the detector's, ``confidence`` the object map's (equal to the score until a map has seen it).
+    ``location`` is ``None`` where the object could not be placed in the world.
+    """
+
+    label: str
+    score: float
+    box: Box
+    location: Location | None
+    confidence: float
+    method: str = "unknown"
+
+
+@dataclass(frozen=True, slots=True)
+class Detections:
+    """A detector's answer to one image, in the manner of ``autoware_msgs/DetectedObjectArray``."""
+
+    header: Header
+    objects: tuple[Detection, ...]
+    source: str = "detector"
+    served_by: str = ""
+
+    @property
+    def size_bytes(self) -> int:
+        return ARRAY_BYTES + OBJECT_BYTES * len(self.objects)
+
+    def restamped(self, header: Header) -> Detections:
+        return replace(self, header=header)
+
+    def with_objects(self, objects: Sequence[Detection]) -> Detections:
+        return replace(self, objects=tuple(objects))
+
+    def served(self, source: str, by: str) -> Detections:
+        return replace(self, source=source, served_by=by)
+
+
+@dataclass(frozen=True, slots=True)
+class Publish:
+    """Effect: publish ``message`` on ``topic``; ``to`` names one receiver, ``None`` every subscriber."""
+
+    topic: str
+    message: Message
+    to: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class ImageLookup:
+    """The message cache was asked once. ``outcome`` is ``hit``, ``miss`` or ``coalesced``; ``asker`` is ``client``
+    (its own network) or ``neighbour`` (another Genie on the edge network)."""
+
+    header: Header
+    outcome: str
+    asker: str
+    entries: int
+
+
+@dataclass(frozen=True, slots=True)
+class ObjectLookups:
+    """The object map was asked ``requests`` times for one message.
+
+    ``kind`` is ``sighting`` (Algorithm 2, line 4) or ``boost`` (line 10). ``hits`` counts the look-ups answered by a
+    stored object with C >= C_T; ``updates`` the confidences changed, by ``boost_sum`` in total (C_new - C_old).
+    """
+
+    header: Header
+    kind: str
+    requests: int
+    hits: int
+    updates: int
+    boost_sum: float
+    objects: int
+
+
+@dataclass(frozen=True, slots=True)
+class Observe:
+    """Effect: a fact for the log."""
+
+    record: ImageLookup | ObjectLookups
+
+
+Effect = Publish | Observe
