@@ -1,0 +1,176 @@
+"""Quantities with units: text such as ``30 ms`` or ``1 Gbit/s`` to numbers, and back.
+
+Inside the program times are integer nanoseconds, sizes integer bytes, rates integer bit/s, lengths metres and angles
+radians. Text is converted once, where it is read, in exact arithmetic. Every error is a ``ValueError`` that says what
+to write instead.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Collection, Mapping
+from decimal import Decimal
+from fractions import Fraction
+
+NS_PER_US = 1_000
+NS_PER_MS = 1_000_000
+NS_PER_S = 1_000_000_000
+
+DURATIONS: dict[str, int] = {
+    "ns": 1,
+    "us": NS_PER_US,
+    "µs": NS_PER_US,
+    "ms": NS_PER_MS,
+    "s": NS_PER_S,
+    "min": 60 * NS_PER_S,
+    "h": 3600 * NS_PER_S,
+}
+SIZES: dict[str, int] = {
+    "B": 1,
+    "kB": 10**3,
+    "MB": 10**6,
+    "GB": 10**9,
+    "TB": 10**12,
+    "KiB": 2**10,
+    "MiB": 2**20,
+    "GiB": 2**30,
+    "TiB": 2**40,
+}
+RATES: dict[str, int] = {"bit/s": 1, "kbit/s": 10**3, "Mbit/s": 10**6, "Gbit/s": 10**9}
+LENGTHS: dict[str, Fraction] = {"mm": Fraction(1, 1000), "cm": Fraction(1, 100), "m": Fraction(1), "km": Fraction(1000)}
+ANGLES = ("deg", "rad")
+
+_QUANTITY = re.compile(r"([+-]?\d{1,30}(?:\.\d{1,30})?(?:e[+-]?\d{1,2})?)\s*(\D\S*)?", re.ASCII | re.IGNORECASE)
+_LARGEST = 2**63 - 1  # what a Parquet integer column holds
+
+
+def duration_ns(value: object) -> int:
+    """``"1.5 s"`` to 1,500,000,000 ns."""
+    return _whole(value, "duration", "30 ms", DURATIONS, "nanoseconds")
+
+
+def size_bytes(value: object) -> int:
+    """``"1.4 MB"`` (10^6 bytes) or ``"4 MiB"`` (2^20 bytes) to bytes."""
+    return _whole(value, "size", "1.4 MB", SIZES, "bytes")
+
+
+def rate_bps(value: object) -> int:
+    """``"100 Mbit/s"`` to 100,000,000 bit/s. Bytes per second are refused, so that nobody is off by eight."""
+    return _whole(value, "rate", "100 Mbit/s", RATES, "bits per second")
+
+
+def length_m(value: object) -> float:
+    """``"50 cm"`` to 0.5 m."""
+    number, unit = _split(value, "length", "1 m", LENGTHS)
+    return _finite(number * (LENGTHS[unit] if unit else 0), value, "length")
+
+
+def angle_rad(value: object) -> float:
+    """``"15 deg"`` to 0.2618 rad."""
+    number, unit = _split(value, "angle", "15 deg", ANGLES)
+    plain = _finite(number, value, "angle")
+    return math.radians(plain) if unit == "deg" else plain
+
+
+def duration_text(value_ns: int) -> str:
+    """The shortest exact text: 1,500,000,000 ns to ``"1.5 s"``. ``duration_ns`` reads it back."""
+    return _exact(value_ns, {unit: DURATIONS[unit] for unit in ("s", "ms", "us", "ns")})
+
+
+def size_text(value_bytes: int) -> str:
+    """The shortest exact text: 465,800 bytes to ``"465.8 kB"``. ``size_bytes`` reads it back."""
+    return _exact(value_bytes, {unit: SIZES[unit] for unit in ("GB", "MB", "kB", "B")})
+
+
+def rate_text(value_bps: int) -> str:
+    """The shortest exact text: 10^9 bit/s to ``"1 Gbit/s"``. ``rate_bps`` reads it back."""
+    return _exact(value_bps, {unit: RATES[unit] for unit in ("Gbit/s", "Mbit/s", "kbit/s", "bit/s")})
+
+
+def length_text(value_m: float) -> str:
+    """0.5 m to ``"0.5 m"``. ``length_m`` reads it back."""
+    return f"{_plain(value_m)} m"
+
+
+def angle_text(value_rad: float) -> str:
+    """In degrees where that reads back exactly, else in radians."""
+    degrees = round(math.degrees(value_rad), 9)
+    return f"{_plain(degrees)} deg" if math.radians(degrees) == value_rad else f"{_plain(value_rad)} rad"
+
+
+def show_duration(value_ns: float) -> str:
+    """For tables, three digits: 12,345,678 ns to ``"12.3 ms"``."""
+    return _rounded(value_ns, {unit: DURATIONS[unit] for unit in ("s", "ms", "us", "ns")})
+
+
+def show_size(value_bytes: float) -> str:
+    """For tables, three digits: 1,397,297 bytes to ``"1.4 MB"``."""
+    return _rounded(value_bytes, {unit: SIZES[unit] for unit in ("GB", "MB", "kB", "B")})
+
+
+def show_rate(value_bps: float) -> str:
+    """For tables, three digits: 298,400,000 bit/s to ``"298 Mbit/s"``."""
+    return _rounded(value_bps, {unit: RATES[unit] for unit in ("Gbit/s", "Mbit/s", "kbit/s", "bit/s")})
+
+
+def _whole(value: object, what: str, example: str, units: Mapping[str, int], counted: str) -> int:
+    number, unit = _split(value, what, example, units)
+    exact = number * units[unit] if unit else Fraction(0)
+    if exact.denominator != 1:
+        raise ValueError(f"{what} {value!r} is not a whole number of {counted}")
+    if abs(exact) > _LARGEST:
+        raise ValueError(f"{what} {value!r} is too large")
+    return int(exact)
+
+
+def _split(value: object, what: str, example: str, units: Collection[str]) -> tuple[Fraction, str]:
+    """Number and unit of a text; the unit is empty for a bare zero only."""
+    if isinstance(value, bool) or not isinstance(value, str | int | float):
+        raise ValueError(f"{what} {value!r} is not a number with a unit; write for example '{example}'")
+    match = _QUANTITY.fullmatch(str(value).strip())
+    if match is None:
+        raise ValueError(f"{what} {value!r} is not a number with a unit; write for example '{example}'")
+    number = Fraction(Decimal(match[1]))
+    unit = (match[2] or "").replace("μ", "µ")  # Greek mu and the micro sign look the same
+    if not unit:
+        if number == 0:
+            return number, ""
+        raise ValueError(f"{what} {value!r} has no unit; write for example '{example}'")
+    if unit not in units:
+        raise ValueError(f"{what} {value!r} has an unknown unit {unit!r}; known: {', '.join(units)}")
+    return number, unit
+
+
+def _finite(number: Fraction, value: object, what: str) -> float:
+    plain = float(number)
+    if plain == 0.0 and number != 0:
+        raise ValueError(f"{what} {value!r} is too small")
+    return plain
+
+
+def _plain(value: float) -> str:
+    return str(int(value)) if value == int(value) and abs(value) < 1e15 else repr(value)
+
+
+def _exact(value: int, units: Mapping[str, int]) -> str:
+    if value == 0:
+        return f"0 {list(units)[-1]}"
+    unit = next(unit for unit, factor in units.items() if abs(value) >= factor)
+    whole, rest = divmod(abs(value), units[unit])
+    digits = f"{whole}"
+    if rest:
+        digits += "." + f"{rest:0{len(str(units[unit])) - 1}d}".rstrip("0")
+    return f"{'-' if value < 0 else ''}{digits} {unit}"
+
+
+def _rounded(value: float, units: Mapping[str, int]) -> str:
+    """Three significant digits in the unit that keeps the number below 1000."""
+    names = list(units)
+    for unit in reversed(names):
+        number = value / units[unit]
+        if abs(number) < 999.5 or unit == names[0]:
+            break
+    if abs(number) >= 999.5:
+        return f"{number:.0f} {unit}"
+    return f"{float(f'{number:.3g}'):g} {unit}"
