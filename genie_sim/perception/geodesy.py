@@ -1,0 +1,25 @@
+"""Latitude, longitude and altitude to the east-north-up frame of one origin, on the WGS 84 ellipsoid (pymap3d).
+
+pykitti's own Mercator positions are not used: each drive starts at its own origin there, so that two drives land in
+two different worlds.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pymap3d
+
+from genie_sim.core.geometry import Array, Geodetic, inverse, rigid
+
+
+def ecef_SE3_enu(origin: Geodetic) -> Array:
+    """The east-north-up frame at a geodetic origin (degrees, degrees, metres), seen from the Earth's centre."""
+    latitude_deg, longitude_deg, altitude_m = origin
+    axes = [pymap3d.enu2uvw(*axis, latitude_deg, longitude_deg) for axis in np.eye(3)]
+    centre = pymap3d.geodetic2ecef(latitude_deg, longitude_deg, altitude_m)
+    return rigid(np.array(axes, dtype=np.float64).T, np.array(centre, dtype=np.float64))
+
+
+def enu_SE3_enu(to: Geodetic, source: Geodetic) -> Array:
+    """Takes points of the frame at ``source`` to the frame at ``to``: two such frames differ by a rigid motion."""
+    return inverse(ecef_SE3_enu(to)) @ ecef_SE3_enu(source)

@@ -1,0 +1,276 @@
+"""The perception trace: what each frame of a drive showed, and where its camera stood.
+
+A trace is all that a run needs of the real world: neither frames nor a GPU. One Parquet file holds one drive with all
+its cameras, one row a frame, and its provenance in the schema's metadata under ``genie_sim``.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from genie_sim.core.geometry import Geodetic, heading_of, transform
+from genie_sim.errors import UserError
+from genie_sim.messages import CameraPose, Detection
+
+if TYPE_CHECKING:
+    import pyarrow
+
+FORMAT_VERSION = 1
+METADATA_KEY = b"genie_sim"
+
+
+@dataclass(frozen=True, slots=True)
+class TraceFrame:
+    """One camera frame: when it was taken and from where, the fingerprints of its image, and what was found in it.
+
+    ``stamp_ns`` counts from the drive's first frame, ``size_bytes`` is that of a ``sensor_msgs/Image``, ``digest`` the
+    sha256 of the image file, ``dhash`` the unsigned 64-bit difference hash of the grey image. ``pose`` is the camera's
+    centre in the trace's east-north-up frame with the heading of its optical axis.
+    """
+
+    camera: str
+    index: int
+    stamp_ns: int
+    width: int
+    height: int
+    size_bytes: int
+    digest: str
+    dhash: int
+    pose: CameraPose
+    horizontal_fov_rad: float
+    detections: tuple[Detection, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Trace:
+    """All frames of one drive, by camera and in order of time, placed around one geodetic origin.
+
+    ``origin`` is latitude [deg], longitude [deg], altitude [m]. ``digest`` is the sha256 of origin and frames: it does
+    not change with the name, the provenance or the Parquet version.
+    """
+
+    name: str
+    origin: Geodetic
+    frames: Mapping[str, tuple[TraceFrame, ...]]
+    provenance: Mapping[str, Any]
+    digest: str = field(init=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "digest", _content_digest(self.origin, self.frames))
+
+    def rebased(self, origin: Geodetic) -> Trace:
+        """The same trace around another geodetic origin; drives with one origin share one world."""
+        if tuple(origin) == tuple(self.origin):
+            return self
+        from genie_sim.perception.geodesy import enu_SE3_enu
+
+        new_SE3_old = enu_SE3_enu(origin, self.origin)
+
+        def moved(frame: TraceFrame) -> TraceFrame:
+            pose = frame.pose
+            ahead = new_SE3_old[:3, :3] @ [math.cos(pose.heading_rad), math.sin(pose.heading_rad), 0.0]
+            here = transform(new_SE3_old, pose[:3])
+            detections = tuple(
+                d if d.location is None else replace(d, location=tuple(transform(new_SE3_old, d.location).tolist()))
+                for d in frame.detections
+            )
+            return replace(frame, pose=CameraPose(*here.tolist(), heading_of(ahead)), detections=detections)
+
+        frames = {camera: tuple(map(moved, sequence)) for camera, sequence in self.frames.items()}
+        return Trace(self.name, tuple(origin), frames, self.provenance)
+
+
+def write_trace(path: str | Path, trace: Trace) -> None:
+    """Write a trace beside its place and rename it, so that a killed run leaves no half file.
+
+    The same trace gives the same bytes with the same pyarrow. Raises UserError where the folder cannot be written.
+    """
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    path = Path(path)
+    rows = [_row(frame) for camera in sorted(trace.frames) for frame in trace.frames[camera]]
+    metadata = {
+        "format_version": FORMAT_VERSION,
+        "name": trace.name,
+        "origin": list(trace.origin),
+        "digest": trace.digest,
+        "provenance": trace.provenance,
+    }
+    schema = _schema().with_metadata({METADATA_KEY: json.dumps(metadata, sort_keys=True).encode()})
+    beside = path.with_name(path.name + ".partial")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        pq.write_table(pa.Table.from_pylist(rows, schema=schema), beside, compression="zstd")
+        beside.replace(path)
+    except OSError as error:
+        raise UserError(f"{path}: cannot be written: {error.strerror or error}") from error
+
+
+def read_trace(path: str | Path) -> Trace:
+    """Read a trace and check all of it.
+
+    Raises UserError, naming file and field, for a missing, truncated, altered or foreign file, another format version,
+    a missing column, time stamps out of order and poses that are not numbers.
+    """
+    path = Path(path)
+    table = _read_table(path)
+    metadata = _metadata(path, table.schema)
+    missing = [name for name in _schema().names if name not in table.schema.names]
+    if missing:
+        raise UserError(f"{path}: column {missing[0]!r} is missing; is the file complete?")
+    for expected in _schema():
+        actual = table.schema.field(expected.name).type
+        if actual != expected.type:
+            raise UserError(f"{path}: column {expected.name!r} has type {actual}, expected {expected.type}")
+        if table.column(expected.name).null_count:
+            raise UserError(f"{path}: column {expected.name!r} has empty values")
+    try:
+        frames = [_frame(row) for row in table.to_pylist()]
+    except (TypeError, ValueError) as error:
+        raise UserError(f"{path}: a row cannot be read: {error}") from error
+    by_camera = _checked(path, frames)
+    trace = Trace(metadata["name"], tuple(metadata["origin"]), by_camera, metadata["provenance"])
+    if trace.digest != metadata["digest"]:
+        raise UserError(f"{path}: content does not match its own digest {metadata['digest'][:12]}: file was altered")
+    return trace
+
+
+def _read_table(path: Path) -> pyarrow.Table:
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    if not path.is_file():
+        raise UserError(f"{path}: no such trace file")
+    try:
+        # ParquetFile reads exactly this file; read_table would take "a=1" in a folder's name for a partition.
+        return pq.ParquetFile(path).read()
+    except (pa.ArrowException, OSError, ValueError) as error:
+        reason = str(error).strip().splitlines()[0] if str(error).strip() else type(error).__name__
+        raise UserError(f"{path}: not a readable Parquet file (truncated or of another kind): {reason}") from error
+
+
+def _metadata(path: Path, schema: pyarrow.Schema) -> dict[str, Any]:
+    raw = (schema.metadata or {}).get(METADATA_KEY)
+    if raw is None:
+        raise UserError(f"{path}: a Parquet file, but not a genie-sim trace (no {METADATA_KEY.decode()!r} metadata)")
+    try:
+        metadata = json.loads(raw)
+        version = metadata["format_version"]
+    except (ValueError, KeyError, TypeError) as error:
+        raise UserError(f"{path}: the trace's metadata cannot be read: {error}") from error
+    if version != FORMAT_VERSION:
+        raise UserError(f"{path}: format_version: trace has version {version!r}, this genie-sim reads {FORMAT_VERSION}")
+    kinds = {"name": str, "origin": list, "digest": str, "provenance": dict}
+    for name, kind in kinds.items():
+        if not isinstance(metadata.get(name), kind):
+            raise UserError(f"{path}: metadata: {name!r} is missing or not a {kind.__name__}")
+    if len(metadata["origin"]) != 3 or not _finite(metadata["origin"]):
+        raise UserError(f"{path}: metadata: origin {metadata['origin']!r} is not latitude, longitude, altitude")
+    return metadata
+
+
+def _checked(path: Path, frames: Iterable[TraceFrame]) -> dict[str, tuple[TraceFrame, ...]]:
+    by_camera: dict[str, list[TraceFrame]] = {}
+    for frame in frames:
+        where = f"{path}: camera {frame.camera!r}, frame {frame.index}"
+        earlier = by_camera.setdefault(frame.camera, [])
+        if earlier and frame.stamp_ns <= earlier[-1].stamp_ns:
+            raise UserError(f"{where}: stamp_ns {frame.stamp_ns} does not follow {earlier[-1].stamp_ns}")
+        if frame.stamp_ns < 0 or min(frame.width, frame.height, frame.size_bytes) <= 0:
+            raise UserError(f"{where}: stamp_ns, width, height and size_bytes must not be negative or zero")
+        if not _finite(frame.pose):
+            raise UserError(f"{where}: pose {tuple(frame.pose)} is not four finite numbers")
+        if not 0 < frame.horizontal_fov_rad < math.pi:
+            raise UserError(f"{where}: horizontal_fov_rad {frame.horizontal_fov_rad} is not between 0 and pi")
+        for detection in frame.detections:
+            numbers = (*detection.box, *(detection.location or ()))
+            if not (_finite(numbers) and 0 <= detection.score <= 1):
+                raise UserError(f"{where}: a {detection.label} whose score, box or location is not a number in range")
+        earlier.append(frame)
+    if not by_camera:
+        raise UserError(f"{path}: the trace has no frames")
+    return {camera: tuple(sequence) for camera, sequence in by_camera.items()}
+
+
+def _finite(numbers: Sequence[Any]) -> bool:
+    return all(isinstance(x, int | float) and math.isfinite(x) for x in numbers)
+
+
+def _content_digest(origin: Geodetic, frames: Mapping[str, Sequence[TraceFrame]]) -> str:
+    rows = [_row(frame) for camera in sorted(frames) for frame in frames[camera]]
+    text = json.dumps([[float(x) for x in origin], rows], sort_keys=True, separators=(",", ":"))
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def _schema() -> pyarrow.Schema:
+    import pyarrow as pa
+
+    box = [(name, pa.float64()) for name in ("x1", "y1", "x2", "y2")]
+    place = [(name, pa.float64()) for name in ("east_m", "north_m", "up_m")]
+    detection = pa.struct([("label", pa.string()), ("score", pa.float64()), *box, *place, ("method", pa.string())])
+    return pa.schema(
+        [
+            ("camera", pa.string()),
+            ("index", pa.int64()),
+            ("stamp_ns", pa.int64()),
+            ("width", pa.int64()),
+            ("height", pa.int64()),
+            ("size_bytes", pa.int64()),
+            ("digest", pa.string()),
+            ("dhash", pa.uint64()),
+            *place,
+            ("heading_rad", pa.float64()),
+            ("horizontal_fov_rad", pa.float64()),
+            ("detections", pa.list_(detection)),
+        ]
+    )
+
+
+def _row(frame: TraceFrame) -> dict[str, Any]:
+    """One row of the file; a detection's confidence is not stored, it starts as its score."""
+    pose = frame.pose
+    return {
+        "camera": frame.camera,
+        "index": frame.index,
+        "stamp_ns": frame.stamp_ns,
+        "width": frame.width,
+        "height": frame.height,
+        "size_bytes": frame.size_bytes,
+        "digest": frame.digest,
+        "dhash": frame.dhash,
+        "east_m": pose.east_m,
+        "north_m": pose.north_m,
+        "up_m": pose.up_m,
+        "heading_rad": pose.heading_rad,
+        "horizontal_fov_rad": frame.horizontal_fov_rad,
+        "detections": [
+            {"label": d.label, "score": d.score, "method": d.method}
+            | dict(zip(("x1", "y1", "x2", "y2"), d.box, strict=True))
+            | dict(zip(("east_m", "north_m", "up_m"), d.location or (None, None, None), strict=True))
+            for d in frame.detections
+        ],
+    }
+
+
+def _frame(row: Mapping[str, Any]) -> TraceFrame:
+    detections = tuple(
+        Detection(
+            label=d["label"],
+            score=d["score"],
+            box=(d["x1"], d["y1"], d["x2"], d["y2"]),
+            location=None if d["east_m"] is None else (d["east_m"], d["north_m"], d["up_m"]),
+            confidence=d["score"],
+            method=d["method"],
+        )
+        for d in row["detections"]
+    )
+    plain = ("camera", "index", "stamp_ns", "width", "height", "size_bytes", "digest", "dhash", "horizontal_fov_rad")
+    pose = CameraPose(row["east_m"], row["north_m"], row["up_m"], row["heading_rad"])
+    return TraceFrame(**{name: row[name] for name in plain}, pose=pose, detections=detections)
