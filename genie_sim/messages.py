@@ -82,12 +82,13 @@ class Detection:
     """One object found in an image.
 
     ``score`` is the detector's, ``confidence`` the object map's (equal to the score until a map has seen it).
-    ``location`` is ``None`` where the object could not be placed in the world.
+    ``location`` is ``None`` where the object could not be placed in the world, ``box`` where it comes from an object
+    map and not from this image.
     """
 
     label: str
     score: float
-    box: Box
+    box: Box | None
     location: Location | None
     confidence: float
     method: str = "unknown"
@@ -154,10 +155,17 @@ class ObjectLookups:
 
 
 @dataclass(frozen=True, slots=True)
+class Expired:
+    """A client's request was forgotten before anybody answered it."""
+
+    header: Header
+
+
+@dataclass(frozen=True, slots=True)
 class Observe:
     """Effect: a fact for the log."""
 
-    record: ImageLookup | ObjectLookups
+    record: ImageLookup | ObjectLookups | Expired
 
 
 Effect = Publish | Observe

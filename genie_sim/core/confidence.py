@@ -1,0 +1,39 @@
+"""How a repeated sighting changes the confidence of a stored object (Algorithm 2, line 5).
+
+Each rule maps the stored confidence C, the sighting's confidence M.C and the rate lambda, all in [0, 1], to the new
+stored confidence in [0, 1].
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+ConfidenceRule = Callable[[float, float, float], float]
+
+
+def noisy_or(stored: float, seen: float, rate: float) -> float:
+    """``C += lambda * M.C * (1 - C)``: independent sightings add up and never pass 1. The default."""
+    return stored + rate * seen * (1.0 - stored)
+
+
+def literal(stored: float, seen: float, rate: float) -> float:
+    """``C += lambda * (C - M.C)`` as printed: a stronger sighting lowers the confidence. Clamped to [0, 1]."""
+    return min(1.0, max(0.0, stored + rate * (stored - seen)))
+
+
+def ema(stored: float, seen: float, rate: float) -> float:
+    """``C += lambda * (M.C - C)``: the exponential moving average of the sightings."""
+    return stored + rate * (seen - stored)
+
+
+def positive_part(stored: float, seen: float, rate: float) -> float:
+    """``C += lambda * max(M.C - C, 0)``: stronger sightings raise the confidence, weaker ones leave it."""
+    return stored + rate * max(seen - stored, 0.0)
+
+
+CONFIDENCE_RULES: dict[str, ConfidenceRule] = {
+    "noisy_or": noisy_or,
+    "literal": literal,
+    "ema": ema,
+    "positive_part": positive_part,
+}

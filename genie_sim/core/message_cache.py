@@ -1,0 +1,152 @@
+"""The database of Algorithm 1 for one topic: stored answers, and the requests that still wait for theirs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable, Iterator
+from dataclasses import dataclass, field
+
+from genie_sim.core.eviction import Eviction
+from genie_sim.core.similarity import KeyIndex
+from genie_sim.messages import Answer, Header
+
+Answers = dict[str, Answer]  # by the topic they were published on
+
+
+class MessageCache:
+    """Key of a request -> its answers, within a capacity in entries, in bytes, or without limit."""
+
+    def __init__(
+        self,
+        index: KeyIndex,
+        eviction: Eviction,
+        capacity_entries: int | None = None,
+        capacity_bytes: int | None = None,
+    ) -> None:
+        self._index = index
+        self._eviction = eviction
+        self._capacity_entries = capacity_entries
+        self._capacity_bytes = capacity_bytes
+        self._answers: dict[Hashable, Answers] = {}
+        self.size_bytes = 0
+
+    def __len__(self) -> int:
+        return len(self._answers)
+
+    def __contains__(self, key: Hashable) -> bool:
+        return self._index.find(key) is not None
+
+    def get(self, key: Hashable, now_ns: int) -> Answers | None:
+        """The answers to an equal request, ``None`` on a miss. Counts as a use."""
+        held = self._index.find(key)
+        if held is None:
+            return None
+        expires_ns = self._eviction.expires_ns(held)
+        if expires_ns is not None and now_ns >= expires_ns:
+            self._remove(held)
+            return None
+        self._eviction.used(held, now_ns)
+        return self._answers[held]
+
+    def put(self, key: Hashable, topic: str, answer: Answer, now_ns: int) -> None:
+        """Stores ``answer`` for ``topic``, over an older one; what no longer fits goes by the eviction policy.
+
+        An answer larger than the whole capacity is not stored.
+        """
+        if self._capacity_bytes is not None and answer.size_bytes > self._capacity_bytes:
+            return
+        held = self._index.find(key)
+        if held is None:
+            while self._answers and not self._fits(1, answer.size_bytes):
+                self._remove(self._eviction.victim())
+            held = key
+            self._index.add(held)
+            self._answers[held] = {}
+        answers = self._answers[held]
+        old = answers.get(topic)
+        answers[topic] = answer
+        self.size_bytes += answer.size_bytes - (old.size_bytes if old is not None else 0)
+        self._eviction.stored(held, now_ns)
+        while not self._fits(0, 0):  # an answer grew
+            self._remove(self._eviction.victim())
+
+    def _fits(self, entries: int, size_bytes: int) -> bool:
+        if self._capacity_entries is not None and len(self._answers) + entries > self._capacity_entries:
+            return False
+        return self._capacity_bytes is None or self.size_bytes + size_bytes <= self._capacity_bytes
+
+    def _remove(self, key: Hashable) -> None:
+        self.size_bytes -= sum(answer.size_bytes for answer in self._answers.pop(key).values())
+        self._index.discard(key)
+        self._eviction.removed(key)
+
+
+@dataclass(slots=True)
+class Waiting:
+    """A request that was opened and has not expired; ``forwarded`` if a node of ours works on it.
+
+    ``askers`` are the headers that want the answer, each with the neighbour that asked (``None``: a client of ours).
+    """
+
+    topic: str
+    key: Hashable
+    deadline_ns: int | None
+    forwarded: bool
+    askers: list[tuple[Header, str | None]] = field(default_factory=list)
+    answered: set[str] = field(default_factory=set)  # the topics on which an answer came
+
+
+class PendingIndex:
+    """Header of a request -> the request that waits, and key -> the request that an equal one can join."""
+
+    def __init__(self, identity: Callable[[Header], Hashable], new_keys: Callable[[], KeyIndex]) -> None:
+        self._identity = identity
+        self._new_keys = new_keys
+        self._by_header: dict[Hashable, Waiting] = {}
+        self._keys: dict[str, KeyIndex] = {}
+        self._open: dict[tuple[str, Hashable], Waiting] = {}
+
+    def __len__(self) -> int:
+        return len(self._by_header)
+
+    def by_header(self, header: Header) -> Waiting | None:
+        """The request that an answer with this header belongs to."""
+        return self._by_header.get(self._identity(header))
+
+    def by_key(self, topic: str, key: Hashable) -> Waiting | None:
+        """The unanswered request that our node already works on for an equal message."""
+        keys = self._keys.get(topic)
+        held = keys.find(key) if keys is not None else None
+        return None if held is None else self._open.get((topic, held))
+
+    def open(self, header: Header, waiting: Waiting) -> None:
+        """A request waits from now on. Deadlines must not decrease from call to call."""
+        self._by_header[self._identity(header)] = waiting
+        if waiting.forwarded:
+            self._keys.setdefault(waiting.topic, self._new_keys()).add(waiting.key)
+            self._open[waiting.topic, waiting.key] = waiting
+
+    def answered(self, waiting: Waiting, topic: str) -> None:
+        """Nobody needs to join this request any more; its header stays known for a second answer."""
+        waiting.answered.add(topic)
+        self._close(waiting)
+
+    def next_deadline_ns(self) -> int | None:
+        """When the oldest request expires."""
+        oldest = next(iter(self._by_header.values()), None)
+        return oldest.deadline_ns if oldest is not None else None
+
+    def expire(self, now_ns: int) -> Iterator[Waiting]:
+        """Removes and yields the requests whose deadline has come."""
+        while self._by_header:
+            identity = next(iter(self._by_header))
+            waiting = self._by_header[identity]
+            if waiting.deadline_ns is None or waiting.deadline_ns > now_ns:
+                return
+            del self._by_header[identity]
+            self._close(waiting)
+            yield waiting
+
+    def _close(self, waiting: Waiting) -> None:
+        if self._open.get((waiting.topic, waiting.key)) is waiting:
+            del self._open[waiting.topic, waiting.key]
+            self._keys[waiting.topic].discard(waiting.key)
