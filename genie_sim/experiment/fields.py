@@ -1,0 +1,172 @@
+"""What scenarios, links and device profiles have in common: fields with units, and errors on one line.
+
+A model's Python names carry their unit (``delay_ns``), the YAML names do not (``delay: 0.2 ms``).
+"""
+
+from __future__ import annotations
+
+import difflib
+import re
+from collections.abc import Callable, Mapping, Sequence
+from typing import Annotated, Any, NoReturn, TypeVar
+
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    PlainSerializer,
+    ValidationError,
+    WithJsonSchema,
+    model_validator,
+)
+from pydantic_core import ErrorDetails, PydanticCustomError
+
+from genie_sim import units
+from genie_sim.errors import UserError, unknown
+
+Number = TypeVar("Number", int, float)
+AnyModel = TypeVar("AnyModel", bound="Model")
+
+
+def problem(field: str, text: str) -> NoReturn:
+    """Inside a validator: ``text`` is wrong with ``field``, a path such as ``cars[1].edge`` below the model."""
+    raise PydanticCustomError("problem", "{text}", {"text": text, "field": field})
+
+
+class Model(BaseModel):
+    """Frozen, strictly typed, and closed: an unknown field is an error that names the nearest known one."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _known_fields(cls, data: Any) -> Any:
+        if not isinstance(data, Mapping):
+            if isinstance(data, cls):
+                return data
+            problem("", f"must be a mapping, not {shown(data)}")
+        names = cls.yaml_names()
+        for key in data:
+            if key not in names:
+                near = difflib.get_close_matches(str(key), names, n=1)
+                hint = f"did you mean {near[0]!r}?" if near else f"known: {', '.join(names)}"
+                problem(str(key), f"unknown field; {hint}")
+        return data
+
+    @classmethod
+    def yaml_names(cls) -> list[str]:
+        """The fields as they are written in YAML."""
+        return [field.alias or name for name, field in cls.model_fields.items()]
+
+
+def validate(model: type[AnyModel], data: object, where: Callable[[str], str]) -> AnyModel:
+    """``data`` as a ``model``. Raises ``UserError`` for the first problem; ``where`` gives the file of a field path."""
+    try:
+        return model.model_validate(data)
+    except ValidationError as error:
+        found = error.errors(include_url=False)
+        path, text = _path(found[0], data), _text(found[0])
+        more = f" (and {len(found) - 1} more)" if len(found) > 1 else ""
+        raise UserError(": ".join(part for part in (where(path), path, text) if part) + more) from error
+
+
+def shown(value: object) -> str:
+    """A value for an error message: short, on one line."""
+    text = repr(value)
+    return text if len(text) <= 60 else f"{text[:57]}..."
+
+
+def _path(error: ErrorDetails, data: object) -> str:
+    """``cars[1].genie``: the error's place in the YAML, without the names that pydantic gives to choices of types."""
+    path, here, last = "", data, len(error["loc"]) - 1
+    for index, step in enumerate(error["loc"]):
+        if isinstance(step, int) and isinstance(here, Sequence) and not isinstance(here, str) and step < len(here):
+            path, here = f"{path}[{step}]", here[step]
+        elif isinstance(here, Mapping) and step in here:
+            path, here = f"{path}.{step}", here[step]
+        elif index == last and error["type"] == "missing":
+            path = f"{path}[{step}]" if isinstance(step, int) else f"{path}.{step}"
+    if error["type"] == "problem" and error["ctx"]["field"]:
+        path = f"{path}.{error['ctx']['field']}"
+    return path.lstrip(".")
+
+
+def _text(error: ErrorDetails) -> str:
+    kind, value, context = error["type"], error["input"], error.get("ctx", {})
+    name = next((str(step) for step in reversed(error["loc"]) if isinstance(step, str)), "value")
+    wanted = {
+        "string_type": "must be text",
+        "bool_type": "must be true or false",
+        "int_type": "must be a whole number",
+        "float_type": "must be a number",
+        "finite_number": "must be a finite number",
+        "tuple_type": "must be a list",
+        "list_type": "must be a list",
+        "dict_type": "must be a mapping",
+        "greater_than": f"must be more than {context.get('gt')}",
+        "greater_than_equal": f"must be at least {context.get('ge')}",
+        "less_than_equal": f"must be at most {context.get('le')}",
+        "string_pattern_mismatch": "must be letters, digits, '_', '-' and '.', the first a letter or digit",
+    }
+    if kind == "problem":
+        return str(context["text"])
+    if kind == "value_error":
+        return str(context["error"])
+    if kind == "missing":
+        return "missing"
+    if kind == "literal_error":
+        return unknown(name.replace("_", " "), value, re.findall(r"'([^']*)'", context["expected"]))
+    if kind == "too_short":
+        least = context["min_length"]
+        return "must not be empty" if least == 1 else f"must hold {least} values"
+    if kind == "too_long":
+        return f"must hold at most {context['max_length']} values"
+    if kind in wanted:
+        return f"{wanted[kind]}, not {shown(value)}"
+    return error["msg"]
+
+
+def _at_least_zero(read: Callable[[object], Number]) -> Callable[[object], Number]:
+    def checked(value: object) -> Number:
+        number = read(value)
+        if number < 0:
+            raise ValueError(f"must not be negative, but is {value!r}")
+        return number
+
+    return checked
+
+
+def _above_zero(read: Callable[[object], Number]) -> Callable[[object], Number]:
+    def checked(value: object) -> Number:
+        number = read(value)
+        if number <= 0:
+            raise ValueError(f"must be more than zero, but is {value!r}")
+        return number
+
+    return checked
+
+
+def _example(text: str) -> WithJsonSchema:
+    return WithJsonSchema({"type": "string", "examples": [text]})
+
+
+def _listed(value: object) -> object:
+    """YAML has lists only; a frozen model holds tuples."""
+    return tuple(value) if isinstance(value, list) else value
+
+
+Listed = BeforeValidator(_listed)
+_duration = PlainSerializer(units.duration_text, return_type=str, when_used="json")
+_size = PlainSerializer(units.size_text, return_type=str, when_used="json")
+_rate = PlainSerializer(units.rate_text, return_type=str, when_used="json")
+_length = PlainSerializer(units.length_text, return_type=str, when_used="json")
+
+Duration = Annotated[int, BeforeValidator(_at_least_zero(units.duration_ns)), _duration, _example("30 ms")]
+PositiveDuration = Annotated[int, BeforeValidator(_above_zero(units.duration_ns)), _duration, _example("30 ms")]
+Size = Annotated[int, BeforeValidator(_at_least_zero(units.size_bytes)), _size, _example("1.4 MB")]
+PositiveSize = Annotated[int, BeforeValidator(_above_zero(units.size_bytes)), _size, _example("1.4 MB")]
+PositiveRate = Annotated[int, BeforeValidator(_above_zero(units.rate_bps)), _rate, _example("100 Mbit/s")]
+PositiveLength = Annotated[float, BeforeValidator(_above_zero(units.length_m)), _length, _example("1 m")]
+Probability = Annotated[float, Field(ge=0, le=1)]
+Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$", max_length=100)]

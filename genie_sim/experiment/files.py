@@ -1,0 +1,59 @@
+"""Finds scenarios, device profiles and traces, by path or by name.
+
+A value with a folder or a suffix in it is a path, relative to the current folder. Anything else is a name, looked up
+first in the current folder's ``scenarios``, ``scenarios/traces`` or ``device_profiles``, then in the shipped ones.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import NamedTuple
+
+import genie_sim
+from genie_sim.errors import UserError, unknown
+
+
+class Kind(NamedTuple):
+    """What is looked for, the folder it lives in and how its file's name ends."""
+
+    what: str
+    folder: str
+    suffix: str
+
+
+SCENARIO = Kind("scenario", "scenarios", ".yaml")
+DEVICE = Kind("device", "device_profiles", ".yaml")
+TRACE = Kind("trace", "scenarios/traces", ".parquet")
+
+
+def find(kind: Kind, path_or_name: str | Path) -> Path:
+    """The file meant by ``path_or_name``. Raises ``UserError`` with the known names if there is none."""
+    text = str(path_or_name)
+    path = Path(text).expanduser()
+    if len(path.parts) > 1 or path.suffix or isinstance(path_or_name, Path):
+        try:
+            if path.is_file():
+                return path
+            raise UserError(f"{text}: {'is a folder, not a file' if path.is_dir() else 'no such file'}")
+        except OSError as error:  # for example a name longer than the file system allows
+            raise UserError(f"{text}: {error.strerror}") from error
+    known = available(kind)
+    if text not in known:
+        raise UserError(unknown(kind.what, text, known))
+    return known[text]
+
+
+def available(kind: Kind) -> dict[str, Path]:
+    """Every name that ``find`` knows, and its file; the current folder's come before the shipped ones."""
+    found: dict[str, Path] = {}
+    for root in (Path(), _shipped()):
+        for path in sorted((root / kind.folder).glob(f"*{kind.suffix}")):
+            found.setdefault(path.stem, path)
+    return dict(sorted(found.items()))
+
+
+def _shipped() -> Path:
+    """The data folder of an installed package, else the root of the checkout."""
+    package = Path(genie_sim.__file__).parent
+    data = package / "data"
+    return data if data.is_dir() else package.parent

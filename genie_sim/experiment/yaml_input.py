@@ -1,0 +1,158 @@
+"""Reads YAML that a stranger wrote: plain data only, one clear line for everything else.
+
+Stricter than PyYAML's safe loader, and without its surprises: ``no`` and ``on`` are text, ``1e-3`` is a number, ``02``
+and ``2011_09_26`` stay text; duplicate keys, tags, and documents that explode when their aliases are written out are
+refused.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from genie_sim.errors import UserError
+
+MOST_BYTES = 1_000_000
+MOST_NODES = 100_000
+DEEPEST = 40
+_UNPRINTABLE = re.compile(r"[\x00-\x08\x0b-\x1f\x7f\ud800-\udfff]")
+
+_PLAIN = {
+    "tag:yaml.org,2002:null": re.compile(r"~|null|Null|NULL|"),
+    "tag:yaml.org,2002:bool": re.compile(r"true|True|TRUE|false|False|FALSE"),
+    "tag:yaml.org,2002:int": re.compile(r"[-+]?(0|[1-9][0-9]{0,17})"),
+    "tag:yaml.org,2002:float": re.compile(
+        r"[-+]?((0|[1-9][0-9]{0,30})(\.[0-9]{1,30})?|\.[0-9]{1,30})([eE][-+]?[0-9]{1,2})?"
+    ),
+}
+
+
+def read_mapping(path: Path) -> dict[str, Any]:
+    """The one mapping in a YAML file. Raises ``UserError`` with file and line."""
+    try:
+        data = path.read_bytes() if path.stat().st_size <= MOST_BYTES else None
+    except OSError as error:
+        raise UserError(f"{path}: cannot be read: {error.strerror}") from error
+    if data is None:
+        raise UserError(f"{path}: is larger than {MOST_BYTES} bytes; a file of settings is smaller")
+    try:
+        text = data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = data[: error.start].count(b"\n") + 1
+        raise UserError(f"{path}: line {line}: is not UTF-8 text") from error
+    value = parse(text, str(path))
+    if value is None:
+        raise UserError(f"{path}: is empty; expected a mapping such as 'name: value'")
+    if not isinstance(value, dict):
+        what = "a list" if isinstance(value, list) else f"the single value {_short(value)}"
+        raise UserError(f"{path}: is {what}; expected a mapping such as 'name: value'")
+    return value
+
+
+def parse(text: str, where: str) -> Any:
+    """The plain data in ``text``; errors are ``UserError`` that begin with ``where`` and the line."""
+    try:
+        loader = _Loader(text)
+        node = loader.get_single_node()
+        if node is None:
+            return None
+        if sum(1 for _ in _expanded(node)) > MOST_NODES:
+            raise UserError(f"{where}: holds more than {MOST_NODES} values once its aliases are written out")
+        return loader.construct_document(node)
+    except yaml.reader.ReaderError as error:
+        line = text[: error.position].count("\n") + 1
+        raise UserError(f"{where}: line {line}: holds the character {chr(error.character)!r}") from error
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        problem = str(error.problem)
+        if problem.startswith("but "):
+            problem = f"{error.context} {problem}"
+        if "'\\t'" in problem:
+            problem = "a tab stands where YAML allows only spaces"
+        raise UserError(f"{where}: line {mark.line + 1 if mark else 1}: {problem}") from error
+
+
+def dump(value: Any) -> str:
+    """YAML text that ``parse`` reads back to the same plain data."""
+    return yaml.dump(value, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=120, default_flow_style=False)
+
+
+class _Loader(yaml.SafeLoader):
+    """Maps, lists and the four kinds of plain scalar."""
+
+    yaml_implicit_resolvers: dict[str | None, list[Any]] = {}  # noqa: RUF012 - the attribute's name and type are PyYAML's
+
+    def __init__(self, text: str) -> None:
+        super().__init__(text)
+        self._depth = 0
+
+    def compose_node(self, parent: Any, index: Any) -> Any:
+        event = self.peek_event()  # type: ignore[no-untyped-call]
+        if getattr(event, "tag", None) is not None:
+            problem = f"tags such as {event.tag!r} are not allowed"
+            raise yaml.MarkedYAMLError(problem=problem, problem_mark=event.start_mark)
+        if self._depth >= DEEPEST:
+            raise yaml.MarkedYAMLError(problem=f"nested more than {DEEPEST} deep", problem_mark=event.start_mark)
+        self._depth += 1
+        node = super().compose_node(parent, index)
+        self._depth -= 1
+        if isinstance(node, yaml.ScalarNode) and (bad := _UNPRINTABLE.search(node.value)):
+            raise yaml.MarkedYAMLError(problem=f"holds the character {bad[0]!r}", problem_mark=node.start_mark)
+        return node
+
+    def construct_mapping(self, node: Any, deep: bool = False) -> dict[Any, Any]:
+        seen: set[str] = set()
+        for key, _ in node.value:
+            if key.tag != "tag:yaml.org,2002:str":
+                problem = "a key must be plain text; put it in quotes"
+            elif key.value in seen:
+                problem = f"duplicate key {key.value!r}"
+            else:
+                seen.add(key.value)
+                continue
+            raise yaml.MarkedYAMLError(problem=problem, problem_mark=key.start_mark)
+        return super().construct_mapping(node, deep=deep)
+
+
+for _tag, _pattern in _PLAIN.items():
+    _Loader.add_implicit_resolver(_tag, re.compile(rf"(?:{_pattern.pattern})\Z"), None)
+
+
+class _Dumper(yaml.SafeDumper):
+    """Quotes what either YAML 1.1 or ``parse`` would take for a number, a boolean or null."""
+
+    def ignore_aliases(self, data: Any) -> bool:
+        return True
+
+
+def _represent_text(dumper: yaml.SafeDumper, text: str) -> yaml.ScalarNode:
+    quoted = any(pattern.fullmatch(text) for pattern in _PLAIN.values())
+    return dumper.represent_scalar("tag:yaml.org,2002:str", text, style='"' if quoted else None)
+
+
+
+_Dumper.add_representer(str, _represent_text)
+
+
+def _expanded(root: yaml.Node) -> Iterator[yaml.Node]:
+    """Every node as often as it would be written without aliases; stops soon after too many."""
+    seen, waiting = 0, [(root, 1)]
+    while waiting and seen <= MOST_NODES:
+        node, depth = waiting.pop()
+        seen += 1
+        yield node
+        if depth > DEEPEST:
+            raise yaml.MarkedYAMLError(problem=f"nested more than {DEEPEST} deep", problem_mark=node.start_mark)
+        if isinstance(node, yaml.SequenceNode):
+            waiting += [(child, depth + 1) for child in node.value]
+        elif isinstance(node, yaml.MappingNode):
+            waiting += [(child, depth + 1) for pair in node.value for child in pair]
+
+
+def _short(value: object) -> str:
+    text = repr(value)
+    return text if len(text) <= 60 else f"{text[:57]}..."
