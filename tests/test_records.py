@@ -1,0 +1,163 @@
+"""What a run writes down comes back as it was, byte for byte the same each time, in little memory."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+
+from genie_sim.errors import UserError
+from genie_sim.experiment import records
+from genie_sim.experiment.records import FrameTable, LookupTable, ResourceTable, Table
+
+MS = 1_000_000
+
+
+def a_short_drive(frames: int = 3) -> FrameTable:
+    """Car 1 is answered from its cache, car 2 waits for its detector, and the last frame of each is dropped."""
+    table = FrameTable()
+    for frame in range(frames):
+        for car in ("car2", "car1"):
+            stamp_ns = frame * 100 * MS
+            row = table.add("genie", car, "camera_02", frame, 0, stamp_ns)
+            table.set(row, "received_ns", stamp_ns + 3 * MS)
+            if frame == frames - 1:
+                table.set(row, "drop", f"{car}/detector:/image_raw")
+                continue
+            table.set(row, "first_answer_ns", stamp_ns + 12 * MS)
+            table.set(row, "source", "own_cache" if car == "car1" else "map")
+            table.set(row, "image_hit", car == "car1")
+            table.increase(row, "bytes_up", 1_397_297)
+    return table
+
+
+def one_of_each() -> list[Table]:
+    lookups = LookupTable()
+    lookups.add(5, "car1/genie", "local", "image", "client", "car1", "camera_02", 0, "miss", 1, 0, 0, 0.0, 1)
+    lookups.add(9, "car1/genie", "local", "boost", None, "car1", "camera_02", 0, None, 4, 2, 3, 0.12, 7)
+    resources = ResourceTable()
+    resources.add("genie", 100 * MS, "car1.accelerator", "accelerator", 1, 62 * MS, 1, 2, 5, None)
+    resources.add("genie", 100 * MS, "car1->edge1", "link", 1, 24 * MS, 0, 2, 0, 2_794_594)
+    return [a_short_drive(), lookups, resources]
+
+
+def test_a_frame_tells_what_happened_to_it():
+    frames = a_short_drive().to_frame()
+    answered = frames[(frames.car == "car1") & (frames.frame == 0)].iloc[0]
+    dropped = frames[(frames.car == "car2") & (frames.frame == 2)].iloc[0]
+    assert answered.first_answer_ns - answered.received_ns == 9 * MS
+    assert (answered.source, answered.image_hit, answered.bytes_up) == ("own_cache", True, 1_397_297)
+    assert (dropped.source, dropped["drop"]) == ("none", "car2/detector:/image_raw")
+    assert np.isnan(dropped.first_answer_ns) and dropped.image_hit is None  # unknown is not False
+
+
+def test_the_simulation_can_ask_what_is_known_of_a_frame_so_far():
+    table = FrameTable()
+    row = table.add("genie", "car1", "camera_02", 0, 0, 0)
+    assert table.get(row, "first_answer_ns") is None
+    assert table.get(row, "image_hit") is None
+    table.set(row, "first_answer_ns", 0)
+    table.set(row, "image_hit", False)
+    table.set(row, "served_by", "edge1/genie")
+    assert table.get(row, "first_answer_ns") == 0
+    assert table.get(row, "image_hit") is False
+    assert table.get(row, "served_by") == "edge1/genie"
+
+
+def test_frames_are_sorted_by_method_car_stream_and_frame_whatever_the_order_of_events():
+    frames = a_short_drive().to_frame()
+    keys = list(zip(frames.method, frames.car, frames.stream, frames.frame, strict=True))
+    assert keys == sorted(keys) and keys[0][1] == "car1"
+
+
+def test_events_at_the_same_instant_keep_their_order():
+    lookups = LookupTable()
+    for t_ns, genie in ((7, "b"), (7, "a"), (3, "c"), (7, "d")):
+        lookups.add(t_ns, genie, "local", "image", "client", "car1", "camera_02", 0, "hit", 1, 1, 0, 0.0, 1)
+    assert list(lookups.to_frame().genie) == ["c", "b", "a", "d"]
+
+
+@pytest.mark.parametrize("table", one_of_each(), ids=lambda table: table.name)
+def test_the_file_holds_the_table_with_units_and_descriptions(table, tmp_path):
+    path = tmp_path / "table.parquet"
+    table.write(path)
+    assert records.read(path, type(table)).equals(table.to_frame())
+    schema = pq.read_schema(path)
+    for column in table.columns:
+        field = schema.field(column.name)
+        assert field.nullable == column.nullable
+        assert field.metadata[b"unit"].decode() == column.unit
+        assert field.metadata[b"description"].decode() == column.description != ""
+        if column.name.endswith("_ns"):
+            assert column.unit == "ns"
+
+
+@pytest.mark.parametrize("kind", [FrameTable, LookupTable, ResourceTable])
+def test_a_table_without_rows_is_a_table(kind, tmp_path):
+    kind().write(tmp_path / "empty.parquet")
+    empty = records.read(tmp_path / "empty.parquet", kind)
+    assert len(empty) == 0 and list(empty.columns) == [column.name for column in kind.columns]
+
+
+def test_two_processes_with_other_hash_seeds_write_the_same_bytes(tmp_path):
+    script = "import sys; from pathlib import Path; from test_records import a_short_drive as drive; "
+    script += "drive(5).write(Path(sys.argv[1]))"
+    paths = [tmp_path / "a.parquet", tmp_path / "b.parquet"]
+    for path, hash_seed in zip(paths, ("0", "4711"), strict=True):
+        environment = os.environ | {"PYTHONHASHSEED": hash_seed, "PYTHONPATH": os.pathsep.join(sys.path)}
+        here = str(Path(__file__).parent)
+        subprocess.run([sys.executable, "-c", script, str(path)], env=environment, cwd=here, check=True)
+    assert paths[0].read_bytes() == paths[1].read_bytes()
+
+
+def test_many_rows_go_to_several_row_groups_in_order(tmp_path, monkeypatch):
+    monkeypatch.setattr(records, "ROWS_PER_GROUP", 4)
+    table = a_short_drive(frames=5)
+    table.write(tmp_path / "frames.parquet")
+    file = pq.ParquetFile(tmp_path / "frames.parquet")
+    assert [file.metadata.row_group(i).num_rows for i in range(file.num_row_groups)] == [4, 4, 2]
+    assert list(file.read().to_pandas().frame) == [*range(5), *range(5)]
+
+
+def test_a_logged_frame_takes_less_than_120_bytes():
+    """Against 360 for a dict a row. The columns that are filled in later grow by thousands of rows at once."""
+    table = FrameTable()
+    for frame in range(20_000):
+        table.set(table.add("genie", "car1", "camera_02", frame, 0, frame), "received_ns", frame)
+    assert table.size_bytes / len(table) < 120
+
+
+def test_a_column_that_is_never_empty_refuses_none():
+    with pytest.raises(TypeError):
+        FrameTable().add("genie", "car1", "camera_02", 0, 0, None)
+    with pytest.raises(TypeError, match="car"):
+        FrameTable().add("genie", None, "camera_02", 0, 0, 0)
+
+
+def test_a_failed_write_leaves_the_old_file_and_nothing_else(tmp_path, monkeypatch):
+    path = tmp_path / "frames.parquet"
+    a_short_drive().write(path)
+    before = path.read_bytes()
+
+    def disk_full(self, batch, row_group_size):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(pq.ParquetWriter, "write_batch", disk_full)
+    with pytest.raises(OSError):
+        a_short_drive(9).write(path)
+    assert path.read_bytes() == before and list(tmp_path.iterdir()) == [path]
+
+
+def test_a_wrong_file_is_named_in_one_line(tmp_path):
+    missing, broken, other = tmp_path / "missing.parquet", tmp_path / "broken.parquet", tmp_path / "other.parquet"
+    broken.write_bytes(b"PAR1 not really")
+    ResourceTable().write(other)
+    for path, problem in ((missing, "no such file"), (broken, "not a readable"), (other, "'resources', expected")):
+        with pytest.raises(UserError, match=problem) as caught:
+            records.read(path, FrameTable)
+        assert str(path) in str(caught.value) and "\n" not in str(caught.value)
