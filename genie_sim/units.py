@@ -155,7 +155,7 @@ def _plain(value: float) -> str:
 
 def _exact(value: int, units: Mapping[str, int]) -> str:
     if value == 0:
-        return f"0 {list(units)[-1]}"
+        return f"0 {'s' if 's' in units else list(units)[-1]}"
     unit = next(unit for unit, factor in units.items() if abs(value) >= factor)
     whole, rest = divmod(abs(value), units[unit])
     digits = f"{whole}"

@@ -94,7 +94,9 @@ def _path(error: ErrorDetails, data: object) -> str:
 
 def _text(error: ErrorDetails) -> str:
     kind, value, context = error["type"], error["input"], error.get("ctx", {})
-    name = next((str(step) for step in reversed(error["loc"]) if isinstance(step, str)), "value")
+    name = next((str(step).replace("_", " ") for step in reversed(error["loc"]) if isinstance(step, str)), "value")
+    if error["loc"] and isinstance(error["loc"][-1], int):
+        name = name.removesuffix("s")  # one of the list
     wanted = {
         "string_type": "must be text",
         "bool_type": "must be true or false",
@@ -116,7 +118,10 @@ def _text(error: ErrorDetails) -> str:
     if kind == "missing":
         return "missing"
     if kind == "literal_error":
-        return unknown(name.replace("_", " "), value, re.findall(r"'([^']*)'", context["expected"]))
+        return unknown(name, value, re.findall(r"'([^']*)'", context["expected"]))
+    if kind == "union_tag_invalid":
+        choices = re.findall(r"'([^']*)'", context["expected_tags"])
+        return unknown(context["discriminator"].strip("'"), context["tag"], choices)
     if kind == "too_short":
         least = context["min_length"]
         return "must not be empty" if least == 1 else f"must hold {least} values"

@@ -31,10 +31,10 @@ class LinkProfile(Model):
     rate_up_bps: PositiveRate | None = Field(alias="rate_up")
     rate_down_bps: PositiveRate | None = Field(alias="rate_down")
     delay_ns: Duration = Field(alias="delay")
-    jitter_ns: Duration = Field(0, alias="jitter")
+    jitter_ns: Duration = Field(default=0, alias="jitter")
     loss: Probability = 0.0
-    mtu_payload_bytes: PositiveSize = Field(ETHERNET_PAYLOAD_BYTES, alias="mtu_payload")
-    overhead_bytes: Size = Field(ETHERNET_OVERHEAD_BYTES, alias="overhead")
+    mtu_payload_bytes: PositiveSize = Field(default=ETHERNET_PAYLOAD_BYTES, alias="mtu_payload")
+    overhead_bytes: Size = Field(default=ETHERNET_OVERHEAD_BYTES, alias="overhead")
     outages_ns: Annotated[tuple[Outage, ...], Listed] = Field((), alias="outages")
 
     @model_validator(mode="after")

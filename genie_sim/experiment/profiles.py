@@ -87,7 +87,7 @@ class GenieTime(Model):
 class ModelTime(Model):
     """The median time of one detection, or ``oom``: the model does not fit into the device's memory."""
 
-    median_ns: PositiveDuration | None = Field(None, alias="median")
+    median_ns: PositiveDuration | None = Field(default=None, alias="median")
     oom: bool = False
     tag: Literal["P", "S", "D", "A"]
     source: Annotated[str, Field(min_length=1)]
@@ -119,12 +119,12 @@ class DeviceProfile(Model):
     def service_time(self, model: str, spread: str = "default") -> ServiceTime:
         """One detection of ``model``. Raises ``UserError`` where it is unknown here or does not fit into memory."""
         if model not in self.models:
-            raise UserError(unknown(f"model on {self.name}", model, self.models))
+            raise UserError(f"{self.name}: {unknown('model', model, self.models)}")
         if spread not in SPREADS:
             raise UserError(unknown("spread", spread, SPREADS))
         median_ns = self.models[model].median_ns
         if median_ns is None:
-            raise UserError(f"model {model!r} runs out of memory on {self.name}")
+            raise UserError(f"{self.name}: model {model!r} runs out of memory")
         law: Spread = getattr(self.spreads, spread)
         return ServiceTime.model_construct(median_ns=median_ns, loc=law.loc, sigma=law.sigma)
 

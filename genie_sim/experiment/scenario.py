@@ -1,0 +1,334 @@
+"""A scenario: who drives where with which computers, links and readings of the paper.
+
+``load_scenario`` reads a YAML file, applies ``--set`` overrides and checks everything that can be known before
+simulating. In Python names carry units (``start_ns``), in YAML values do (``start: 3 s``).
+"""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import BeforeValidator, Field, model_validator
+
+from genie_sim import units
+from genie_sim.errors import UserError, unknown
+from genie_sim.experiment import files
+from genie_sim.experiment.fields import (
+    Duration,
+    Listed,
+    Model,
+    Name,
+    PositiveDuration,
+    PositiveLength,
+    PositiveSize,
+    Probability,
+    problem,
+    shown,
+    validate,
+)
+from genie_sim.experiment.links import LINKS, Link
+from genie_sim.experiment.overrides import Override, apply_overrides
+from genie_sim.experiment.plugins import EvictionName, RuleName, SimilarityChoice, read_similarity
+from genie_sim.experiment.profiles import load_profile
+from genie_sim.experiment.yaml_input import dump, read_mapping
+
+Method = Literal["local", "remote", "genie"]
+Count = Annotated[int, Field(ge=1)]
+
+# What Algorithms 1 and 2 say to the letter; single settings may still be given beside ``algorithm: literal``.
+LITERAL: dict[str, Any] = {
+    "pending_index": "per_topic",
+    "header_identity": "stamp",
+    "same_key_pending": "forward",
+    "replay_stamp": "stored",
+    "neighbour_miss": "process",
+    "request_expiry": None,
+    "miss_policy": "hits_only",
+    "object_map": {"one_per_location": True, "rule": "literal"},
+}
+
+
+class Recorded(Model):
+    """What the cameras show comes from a perception trace."""
+
+    source: Literal["recorded"] = "recorded"
+    trace: str = "kitti_0005"
+
+
+class Live(Model):
+    """The frames of a KITTI drive go through a detector while the scenario is prepared.
+
+    ``kitti`` may begin with an environment variable, ``drive`` is ``date/number``.
+    """
+
+    source: Literal["live"] = "live"
+    kitti: str = "$GENIE_SIM_KITTI"
+    drive: Annotated[str, Field(pattern=r"^\d{4}_\d{2}_\d{2}/\d{4}$")] = "2011_09_26/0005"
+    cameras: Annotated[tuple[Name, ...], Listed, Field(min_length=1)] = ("02", "03")
+    detector: str = "yolox_nano"
+    min_score: Probability = 0.3
+
+
+def _default_source(value: object) -> object:
+    return {"source": "recorded", **value} if isinstance(value, Mapping) else value
+
+
+class Camera(Model):
+    """One stream of every car: which recording stands for it, at which phase, and how large its images are.
+
+    ``size_bytes`` of ``None`` is the recorded size.
+    """
+
+    name: Name
+    recording: Name
+    phase_ns: Duration = Field(default=0, alias="phase")
+    size_bytes: PositiveSize | None = Field(default=None, alias="size")
+
+
+# KITTI's two colour and two grey cameras at 10 Hz, at staggered phases. The grey ones are not recorded: a colour one
+# stands for each, with the size of a mono8 image, a third of the bytes.
+FOUR_CAMERAS = tuple(
+    Camera.model_construct(name=name, recording=recording, phase_ns=phase_ns, size_bytes=size_bytes)
+    for name, recording, phase_ns, size_bytes in (
+        ("camera_02", "02", 0, None),
+        ("camera_03", "03", 25 * units.NS_PER_MS, None),
+        ("camera_00", "02", 50 * units.NS_PER_MS, 465_800),
+        ("camera_01", "03", 75 * units.NS_PER_MS, 465_800),
+    )
+)
+
+
+class Edge(Model):
+    """An edge server."""
+
+    name: Name
+    device: str
+
+
+class Route(Model):
+    """Which part of a trace a car drives, when, and how often.
+
+    ``trace`` of ``None`` is the scenario's, ``window_ns`` of ``None`` the whole drive. ``start_ns`` is when the car
+    sets off, ``pause_ns`` the time between two laps.
+    """
+
+    trace: str | None = None
+    window_ns: Annotated[tuple[Duration, Duration], Listed] | None = Field(default=None, alias="window")
+    start_ns: Duration = Field(default=0, alias="start")
+    laps: Count = 1
+    pause_ns: Duration = Field(default=units.NS_PER_S, alias="pause")
+
+    @model_validator(mode="after")
+    def _window_in_order(self) -> Self:
+        if self.window_ns is not None and self.window_ns[0] >= self.window_ns[1]:
+            problem("window", "must be [begin, end] with begin before end")
+        return self
+
+
+class Car(Model):
+    """A car, its computer, and its link to its edge (both ``None`` for a car on its own)."""
+
+    name: Name
+    device: str
+    edge: str | None = None
+    link: Link | None = None
+    route: Route = Route()
+    genie: bool = True
+
+    @model_validator(mode="before")
+    @classmethod
+    def _edge_has_a_link(cls, data: Any) -> Any:
+        if isinstance(data, Mapping) and data.get("edge") is not None and data.get("link") is None:
+            return {**data, "link": "ethernet_1g"}
+        return data
+
+    @model_validator(mode="after")
+    def _link_leads_to_an_edge(self) -> Self:
+        if self.link is not None and self.edge is None:
+            problem("link", "leads nowhere: the car has no 'edge'")
+        return self
+
+
+def _threshold(value: object) -> object:
+    if value in ("range_60", "empirical"):
+        return value
+    if isinstance(value, bool) or not isinstance(value, int | float) or not 0 <= value <= 1:
+        raise ValueError(f"must be a number from 0 to 1, 'range_60' or 'empirical', not {shown(value)}")
+    return float(value)
+
+
+class ObjectMapSettings(Model):
+    """How Algorithm 2 is read; see ``core.object_map.ObjectMapRules``."""
+
+    location_key: Literal["grid", "gate", "exact"] = "grid"
+    cell_m: PositiveLength = Field(default=1.0, alias="cell")
+    gate_m: PositiveLength = Field(default=1.0, alias="gate")
+    one_per_location: bool = False
+    rule: RuleName = "noisy_or"
+    rate: Probability = 0.1
+    threshold: Annotated[float | str, BeforeValidator(_threshold)] = 0.60
+
+
+class Capacity(Model):
+    """At most so many entries, so many bytes, or both."""
+
+    entries: Count | None = None
+    size_bytes: PositiveSize | None = Field(default=None, alias="bytes")
+
+
+def _capacity(value: object) -> object:
+    """``1000 entries`` and ``10 MB`` for short."""
+    if not isinstance(value, str):
+        return value
+    number, _, unit = value.partition(" ")
+    if unit == "entries" and number.isascii() and number.isdigit() and len(number) < 18:
+        return {"entries": int(number)}
+    try:
+        units.size_bytes(value)
+    except ValueError as error:
+        raise ValueError(f"must be such as '1000 entries' or '10 MB', not {value!r}") from error
+    return {"bytes": value}
+
+
+class GenieSettings(Model):
+    """How Algorithm 1 is read; see ``core.node.GenieRules``."""
+
+    algorithm: Literal["default", "literal"] = "default"
+    similarity: SimilarityChoice = Field(default_factory=lambda: read_similarity("pose_grid"))
+    eviction: EvictionName = "unlimited"
+    capacity: Annotated[Capacity | None, BeforeValidator(_capacity)] = None
+    ttl_ns: PositiveDuration | None = Field(default=None, alias="ttl")
+    pending_index: Literal["across_topics", "per_topic"] = "across_topics"
+    header_identity: Literal["stamp_frame_origin", "stamp"] = "stamp_frame_origin"
+    same_key_pending: Literal["coalesce", "forward"] = "coalesce"
+    replay_stamp: Literal["request", "stored"] = "request"
+    second_answer: Literal["overwrite", "first_wins", "merge"] = "overwrite"
+    neighbour_miss: Literal["ignore", "process"] = "ignore"
+    share_answers: Literal["broadcast", "on_request"] = "broadcast"
+    share_requests: bool = True
+    request_expiry_ns: PositiveDuration | None = Field(default=2 * units.NS_PER_S, alias="request_expiry")
+    miss_policy: Literal["immediate", "blocking", "hits_only"] = "immediate"
+    view_range_m: PositiveLength = Field(default=50.0, alias="view_range")
+    fresh_objects: Literal["confident", "all"] = "confident"
+    object_map: ObjectMapSettings = ObjectMapSettings()
+
+    @model_validator(mode="before")
+    @classmethod
+    def _literal_preset(cls, data: Any) -> Any:
+        if not isinstance(data, Mapping) or data.get("algorithm") != "literal":
+            return data
+        preset = {**LITERAL, **data}
+        if isinstance(data.get("object_map", {}), Mapping):
+            preset["object_map"] = {**LITERAL["object_map"], **data.get("object_map", {})}
+        return preset
+
+    @model_validator(mode="after")
+    def _time_to_live(self) -> Self:
+        if self.eviction == "ttl" and self.ttl_ns is None:
+            problem("ttl", "missing; eviction 'ttl' needs it, for example 'ttl: 10 s'")
+        if self.eviction in ("unlimited", "lru", "lfu") and self.ttl_ns is not None:
+            problem("ttl", f"has no effect with eviction {self.eviction!r}; write 'eviction: ttl'")
+        return self
+
+
+class Scenario(Model):
+    """Everything that decides the outcome of a run, but for the files it names."""
+
+    name: Name
+    description: str = ""
+    seed: Annotated[int, Field(ge=0)] = 1
+    methods: Annotated[tuple[Method, ...], Listed, Field(min_length=1)] = ("local", "remote", "genie")
+    model: str = "autoware_vision_detector"
+    spread: Literal["isolated", "default", "loaded"] = "default"
+    perception: Annotated[Recorded | Live, Field(discriminator="source"), BeforeValidator(_default_source)] = Recorded()
+    origin: Annotated[tuple[float, float, float], Listed] | None = None
+    cameras: Annotated[tuple[Camera, ...], Listed, Field(min_length=1)] = FOUR_CAMERAS
+    start_jitter_ns: Duration = Field(default=100 * units.NS_PER_MS, alias="start_jitter")
+    queue_length: Count = 1
+    edges: Annotated[tuple[Edge, ...], Listed] = ()
+    edge_network: Link = LINKS["ethernet_1g"]
+    cars: Annotated[tuple[Car, ...], Listed, Field(min_length=1)]
+    genie: GenieSettings = GenieSettings()
+
+    @model_validator(mode="after")
+    def _fits_together(self) -> Self:
+        _unique("methods", self.methods)
+        _unique("cameras", [camera.name for camera in self.cameras], ".name")
+        _unique("edges", [edge.name for edge in self.edges], ".name")
+        edges = {edge.name for edge in self.edges}
+        _unique("cars", [car.name for car in self.cars], ".name", also=edges)
+        for index, car in enumerate(self.cars):
+            if car.edge is not None and car.edge not in edges:
+                problem(f"cars[{index}].edge", unknown("edge", car.edge, edges) if edges else "there are no edges")
+        if self.origin is not None and not (abs(self.origin[0]) <= 90 and abs(self.origin[1]) <= 180):
+            problem("origin", "must be [latitude, longitude, altitude] in degrees, degrees and metres")
+        return self
+
+    @model_validator(mode="after")
+    def _files_exist(self) -> Self:
+        """Traces are there, devices too, and each knows the model."""
+        traces = {f"cars[{i}].route.trace": car.route.trace for i, car in enumerate(self.cars) if car.route.trace}
+        if isinstance(self.perception, Recorded):
+            traces["perception.trace"] = self.perception.trace
+        for field, trace in traces.items():
+            try:
+                files.find(files.TRACE, trace)
+            except UserError as error:
+                problem(field, str(error))
+        first_use: dict[str, str] = {}
+        for index, car in enumerate(self.cars):
+            first_use.setdefault(car.device, f"cars[{index}].device")
+        for index, edge in enumerate(self.edges):
+            first_use.setdefault(edge.device, f"edges[{index}].device")
+        for device, field in first_use.items():
+            try:
+                profile = load_profile(device)
+            except UserError as error:
+                problem(field, str(error))
+            try:
+                profile.service_time(self.model, self.spread)
+            except UserError as error:
+                problem("model", str(error))
+        return self
+
+    def to_yaml(self) -> str:
+        """Every setting written out; reads back to an equal scenario."""
+        return dump(self.model_dump(mode="json", by_alias=True))
+
+
+def _unique(field: str, names: Sequence[str], of: str = "", also: Iterable[str] = ()) -> None:
+    seen = set(also)
+    for index, name in enumerate(names):
+        if name in seen:
+            problem(f"{field}[{index}]{of}", f"duplicate name {name!r}")
+        seen.add(name)
+
+
+def load_scenario(path_or_name: str | Path, overrides: Sequence[str] = (), seed: int | None = None) -> Scenario:
+    """A scenario file, by path or by name, with ``path=value`` overrides. Raises ``UserError``."""
+    path = files.find(files.SCENARIO, path_or_name)
+    data = read_mapping(path)
+    data.setdefault("name", path.stem)
+    return read_scenario(data, overrides, seed, where=str(path))
+
+
+def read_scenario(
+    data: Mapping[str, Any], overrides: Sequence[str] = (), seed: int | None = None, where: str = "scenario"
+) -> Scenario:
+    """The scenario in ``data``, written as in YAML; ``where`` begins the errors."""
+    settings = copy.deepcopy(dict(data))
+    applied = apply_overrides(settings, overrides)
+    if seed is not None:
+        settings["seed"] = seed
+    return validate(Scenario, settings, lambda field: _culprit(field, applied, where))
+
+
+def _culprit(field: str, applied: Iterable[Override], where: str) -> str:
+    """The override that set ``field``, else the file."""
+    for override in applied:
+        if field == override.path or field.startswith((f"{override.path}.", f"{override.path}[")):
+            return override.text
+    return where
