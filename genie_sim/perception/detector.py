@@ -1,6 +1,6 @@
 """Object detectors: a picture in, labelled boxes out, through ONNX Runtime on one thread.
 
-A detector is a class with a ``name``, the ``file_name`` of its weights, an input ``size``, the ``sha256`` of its weights
+A detector is a class with a ``name``, the ``file_name`` of its weights, an input ``size``, the weights' ``sha256``
 and ``detect``. To add one, write the class and put it into ``DETECTORS``.
 """
 
