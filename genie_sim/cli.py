@@ -1,0 +1,184 @@
+"""The command line. Everything heavy is imported after the arguments are parsed."""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import click
+import typer
+
+from genie_sim import __version__
+from genie_sim.errors import UserError, unknown
+
+EXAMPLES = """Simulates Genie, the smart ROS cache for connected vehicles and edge servers.
+
+\b
+Examples:
+  genie-sim run 3car_hetero
+  genie-sim run 3car_hetero --set cars[0].device=orin_nano --seed 7
+  genie-sim list devices
+"""
+
+app = typer.Typer(help=EXAMPLES, add_completion=True, no_args_is_help=True, rich_markup_mode=None)
+
+SetOption = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="PATH=VALUE", help="Change a field, such as cars[0].device=orin_nano. Repeatable."),
+]
+SeedOption = Annotated[int | None, typer.Option(min=0, help="Root of all random streams; default: the scenario's.")]
+
+
+@app.callback(invoke_without_command=True)
+def _root(version: Annotated[bool, typer.Option("--version", help="Print the version and exit.")] = False) -> None:
+    if version:
+        typer.echo(f"genie-sim {__version__}")
+        raise typer.Exit()
+
+
+@app.command()
+def run(
+    scenario: Annotated[str, typer.Argument(help="A scenario file, or the name of one that comes with genie-sim.")],
+    set_: SetOption = None,
+    seed: SeedOption = None,
+    out: Annotated[Path, typer.Option(help="The folder that gets the result folder.")] = Path("results"),
+) -> None:
+    """Simulate local, remote and Genie execution on the same random numbers."""
+    from genie_sim.experiment import runner
+
+    with _Progress() as progress:
+        result = runner.run(scenario, set_ or (), seed, out, progress)
+    from genie_sim.experiment.summary import terminal_summary
+
+    typer.echo(terminal_summary(result.summary, width=_width()))
+    typer.echo(f"\nResults: {result.folder}\nFigures: {result.folder / 'figures'}")
+
+
+@app.command()
+def rerun(folder: Annotated[Path, typer.Argument(help="A result folder.")]) -> None:
+    """Run a result folder's scenario again and compare every table, byte for byte."""
+    from genie_sim.experiment import runner
+
+    with _Progress() as progress:
+        compared = runner.rerun(folder, progress)
+    for name, same in compared.items():
+        typer.echo(f"{name}: {'identical' if same else 'DIFFERENT'}")
+    if not all(compared.values()):
+        raise UserError(f"{folder}: the run does not reproduce its own result")
+
+
+@app.command()
+def perceive(
+    drive: Annotated[str, typer.Option(help="A drive, such as 2011_09_26/0005.")],
+    out: Annotated[Path, typer.Option(help="The trace file to write.")],
+    kitti: Annotated[Path | None, typer.Option(help="KITTI's root folder; default: $GENIE_SIM_KITTI.")] = None,
+    cameras: Annotated[str, typer.Option(help="Colour cameras, separated by commas.")] = "02,03",
+    detector: Annotated[str, typer.Option(help="A detector's name.")] = "yolox_nano",
+    weights: Annotated[
+        Path | None, typer.Option(help="The ONNX file, or its folder; default: $GENIE_SIM_WEIGHTS.")
+    ] = None,
+    min_score: Annotated[float, typer.Option(min=0.0, max=1.0, help="Keep detections from this score on.")] = 0.3,
+) -> None:
+    """Run a detector over a KITTI drive and write the trace that scenarios replay."""
+    from genie_sim.perception.perceive import perceive as make_trace
+    from genie_sim.perception.trace import write_trace
+
+    root = kitti or _folder_from("GENIE_SIM_KITTI", "--kitti")
+    with _Progress(unit="frames") as progress:
+        trace = make_trace(
+            root,
+            drive,
+            cameras=cameras.split(","),
+            detector=detector,
+            weights=weights,
+            min_score=min_score,
+            progress=progress,
+        )
+    write_trace(out, trace)
+    frames = sum(map(len, trace.frames.values()))
+    found = sum(len(frame.detections) for camera in trace.frames.values() for frame in camera)
+    typer.echo(f"{out}: {frames} frames, {found} detections, content {trace.digest[:12]}")
+
+
+@app.command("list")
+def list_(what: Annotated[str, typer.Argument(help="devices, scenarios, detectors, similarities, ...")]) -> None:
+    """Show what can be named in a scenario."""
+    from genie_sim.experiment import catalogue
+
+    if what not in catalogue.KINDS:
+        raise UserError(unknown("list", what, catalogue.KINDS))
+    for name, about in catalogue.KINDS[what]():
+        typer.echo(f"{name:24} {about}".rstrip())
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Runs the command line. Exit status: 0 done, 1 the user's input or environment, 2 usage, 130 Ctrl-C."""
+    try:
+        app(args=argv, prog_name="genie-sim", standalone_mode=False)
+    except UserError as error:
+        print(f"genie-sim: {error}", file=sys.stderr)
+        return 1
+    except click.exceptions.Exit as stop:
+        return stop.exit_code
+    except click.UsageError as error:
+        error.show()
+        return 2
+    except (KeyboardInterrupt, click.Abort):
+        print("genie-sim: interrupted; nothing was written", file=sys.stderr)
+        return 130
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+    return 0
+
+
+def _folder_from(variable: str, option: str) -> Path:
+    value = os.environ.get(variable)
+    if not value:
+        raise UserError(f"no folder given: name it with {option} or in the environment variable {variable}")
+    return Path(value)
+
+
+def _width() -> int:
+    import shutil
+
+    return shutil.get_terminal_size((100, 24)).columns
+
+
+class _Progress:
+    """One progress bar, on a terminal only; called with how much is done, how much there is, and what is going on."""
+
+    def __init__(self, unit: str = "s") -> None:
+        self._unit = unit
+        self._bar = None
+
+    def __enter__(self) -> _Progress:
+        if sys.stderr.isatty():
+            from rich.console import Console
+            from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+            columns = (
+                TextColumn("{task.description}"),
+                BarColumn(),
+                TextColumn("{task.fields[state]}"),
+                TimeRemainingColumn(),
+            )
+            self._bar = Progress(*columns, console=Console(stderr=True), transient=True)
+            self._task = self._bar.add_task("", total=None, state="")
+            self._bar.start()
+        return self
+
+    def __call__(self, done: float, total: float, what: str = "") -> None:
+        if self._bar is not None:
+            state = (
+                f"{done:,.1f} / {total:,.1f} {self._unit}"
+                if self._unit == "s"
+                else f"{done:,} / {total:,} {self._unit}"
+            )
+            self._bar.update(self._task, completed=done, total=total, description=what, state=state)
+
+    def __exit__(self, *_: object) -> None:
+        if self._bar is not None:
+            self._bar.stop()

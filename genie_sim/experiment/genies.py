@@ -1,0 +1,103 @@
+"""A Genie out of a scenario's ``genie:`` settings. The simulator and real ROS build theirs here."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable, Hashable, Mapping
+from typing import Any
+
+from genie_sim.core.confidence import CONFIDENCE_RULES
+from genie_sim.core.eviction import EVICTIONS, Eviction
+from genie_sim.core.message_cache import MessageCache, PendingIndex
+from genie_sim.core.node import GenieNode, GenieRules, detections_of_map
+from genie_sim.core.object_map import ObjectMap, ObjectMapRules
+from genie_sim.core.similarity import SIMILARITIES
+from genie_sim.errors import UserError, unknown
+from genie_sim.experiment.scenario import GenieSettings
+from genie_sim.messages import Header
+
+
+def make_genie(
+    settings: GenieSettings,
+    name: str,
+    subscribed: tuple[str, ...],
+    published: tuple[str, ...],
+    *,
+    on_edge: bool,
+    alone: bool = False,
+    **middleware: Any,
+) -> GenieNode:
+    """The Genie called ``name`` for a node with the topics T_S and T_P.
+
+    On an edge it serves other Genies, so it answers when it has an answer, and shares what its node finds; on a car it
+    serves the consumer by the miss policy and sends only its misses up. ``alone``: nobody listens to ``-remote``.
+    ``middleware`` replaces what depends on it (see ``GenieNode``).
+    """
+    similarity = _resolve("similarity", settings.similarity.name, SIMILARITIES)(**settings.similarity.parameters)
+    new_eviction = _resolve("eviction", settings.eviction, EVICTIONS)
+    capacity = settings.capacity
+
+    def eviction() -> Eviction:
+        made: Eviction = new_eviction() if settings.ttl_ns is None else new_eviction(settings.ttl_ns)
+        return made
+
+    def new_cache() -> MessageCache:
+        limits = (capacity.entries, capacity.size_bytes) if capacity is not None else (None, None)
+        return MessageCache(similarity.index(), eviction(), *limits)
+
+    literal = settings.algorithm == "literal"
+    rules = GenieRules(
+        pending_index=settings.pending_index,
+        header_identity=settings.header_identity,
+        same_key_pending=settings.same_key_pending,
+        replay_stamp=settings.replay_stamp,
+        second_answer=settings.second_answer,
+        neighbour_miss=settings.neighbour_miss,
+        share_answers=settings.share_answers if on_edge else "on_request",
+        share_requests=settings.share_requests if on_edge else not alone,
+        request_expiry_ns=settings.request_expiry_ns,
+        miss_policy="blocking" if on_edge and not literal else settings.miss_policy,
+        view_range_m=settings.view_range_m,
+        fresh_objects=settings.fresh_objects,
+    )
+    parts: dict[str, Any] = {
+        "key": similarity.key,
+        "new_cache": new_cache,
+        "pending": PendingIndex(_identity(settings.header_identity), similarity.index),
+        "object_map": _object_map(settings),
+        "map_answer": detections_of_map,
+    }
+    return GenieNode(name, subscribed, published, rules, **(parts | middleware))
+
+
+def _object_map(settings: GenieSettings) -> ObjectMap:
+    chosen = settings.object_map
+    rules = ObjectMapRules(
+        rule=_resolve("confidence rule", chosen.rule, CONFIDENCE_RULES),
+        rate=chosen.rate,
+        location_key=chosen.location_key,
+        cell_m=chosen.cell_m,
+        gate_m=chosen.gate_m,
+        one_per_location=chosen.one_per_location,
+        threshold=chosen.threshold,
+    )
+    return ObjectMap(rules, view_cell_m=settings.view_range_m)
+
+
+def _identity(name: str) -> Callable[[Header], Hashable]:
+    if name == "stamp":
+        return lambda header: header.stamp_ns
+    return lambda header: header
+
+
+def _resolve(what: str, name: str, registry: Mapping[str, Any]) -> Any:
+    """An entry of ``registry``, or a class of the user's own written ``package.module:Class``."""
+    if name in registry:
+        return registry[name]
+    module_name, _, class_name = name.partition(":")
+    if not class_name:
+        raise UserError(unknown(what, name, registry))
+    try:
+        return getattr(importlib.import_module(module_name), class_name)
+    except (ImportError, AttributeError) as error:
+        raise UserError(f"{what} {name!r}: {error}") from error

@@ -1,0 +1,145 @@
+"""Links: a sender that serialises, a cable that delays, and what gets lost on the way."""
+
+from __future__ import annotations
+
+from collections import Counter, deque
+from collections.abc import Callable, Hashable, Iterable
+
+import numpy as np
+import simpy
+
+from genie_sim.experiment.links import LinkProfile
+from genie_sim.messages import Message
+from genie_sim.sim.ros_graph import Dropped, Graph, after
+
+Deliver = Callable[[], None]
+
+
+class Link:
+    """One direction of a connection: a wire that takes its time for every bit, then delay and jitter.
+
+    Messages wait in one queue for the wire; each channel keeps its ``queue_length`` newest waiting ones, as a ROS
+    publisher does. Jitter keeps the order of messages, as TCP does. A message is lost with the profile's probability,
+    or when the link is down at the moment its last bit leaves.
+    """
+
+    kind = "link"
+    capacity = 1
+
+    def __init__(
+        self,
+        env: simpy.Environment,
+        name: str,
+        profile: LinkProfile,
+        up: bool,
+        rng: np.random.Generator,
+        queue_length: int = 1,
+        dropped: Dropped | None = None,
+    ) -> None:
+        self.env = env
+        self.name = name
+        self.completed = 0
+        self.drops = 0
+        self.sent_bytes = 0
+        self._profile = profile
+        self._rate_bps = profile.rate_up_bps if up else profile.rate_down_bps
+        self._queue_length = queue_length
+        self._dropped = dropped
+        self._rng = rng
+        self._waiting: deque[tuple[Hashable, Message, Deliver]] = deque()
+        self._channels: Counter[Hashable] = Counter()
+        self._busy = False
+        self._busy_since_ns = 0
+        self._busy_ns = 0
+        self._last_arrival_ns = 0
+
+    @property
+    def queued(self) -> int:
+        return len(self._waiting)
+
+    @property
+    def busy_ns(self) -> int:
+        """How long the wire has been in use until now."""
+        return self._busy_ns + (self.env.now - self._busy_since_ns if self._busy else 0)
+
+    def send(self, channel: Hashable, message: Message, deliver: Deliver) -> None:
+        """Queues a message; ``deliver`` is called when it arrives at the other end, if it does."""
+        if self._busy and self._channels[channel] >= self._queue_length:
+            self._drop_oldest(channel)
+        self._waiting.append((channel, message, deliver))
+        self._channels[channel] += 1
+        if not self._busy:
+            self._busy = True
+            self._busy_since_ns = self.env.now
+            self.env.process(self._transmit())
+
+    def serialisation_ns(self, size_bytes: int) -> int:
+        """How long the wire is in use for a message, headers of all its segments included."""
+        if self._rate_bps is None:
+            return 0
+        return -(-self._profile.wire_bits(size_bytes) * 1_000_000_000 // self._rate_bps)
+
+    def is_down(self, now_ns: int) -> bool:
+        return any(start_ns <= now_ns < end_ns for start_ns, end_ns in self._profile.outages_ns)
+
+    def _transmit(self) -> Iterable[simpy.Event]:
+        while self._waiting:
+            channel, message, deliver = self._waiting.popleft()
+            self._channels[channel] -= 1
+            yield self.env.timeout(self.serialisation_ns(message.size_bytes))
+            loss = self._profile.loss
+            if self.is_down(self.env.now) or (loss and self._rng.random() < loss):
+                self._lose(message)
+                continue
+            self.completed += 1
+            self.sent_bytes += message.size_bytes
+            jitter_ns = int(self._rng.integers(self._profile.jitter_ns + 1)) if self._profile.jitter_ns else 0
+            arrival_ns = self.env.now + self._profile.delay_ns + jitter_ns
+            self._last_arrival_ns = max(arrival_ns, self._last_arrival_ns)
+            after(self.env, self._last_arrival_ns - self.env.now, deliver)
+        self._busy = False
+        self._busy_ns += self.env.now - self._busy_since_ns
+
+    def _drop_oldest(self, channel: Hashable) -> None:
+        oldest = next(i for i, entry in enumerate(self._waiting) if entry[0] == channel)
+        _, message, _ = self._waiting[oldest]
+        del self._waiting[oldest]
+        self._channels[channel] -= 1
+        self._lose(message)
+
+    def _lose(self, message: Message) -> None:
+        self.drops += 1
+        if self._dropped is not None:
+            self._dropped(message, self.name)
+
+
+class Bridge:
+    """Carries a topic of one graph over a link to a topic of another.
+
+    ``reaches`` is the address of the node at the far end, for messages meant for one receiver. With ``origin`` only
+    the messages about that car's pictures are carried. ``carried`` is told of each message that sets out.
+    """
+
+    def __init__(
+        self,
+        link: Link,
+        target: Graph,
+        topic: str,
+        reaches: str,
+        origin: str | None = None,
+        carried: Callable[[Message], None] | None = None,
+    ) -> None:
+        self.address = reaches
+        self._link = link
+        self._target = target
+        self._topic = topic
+        self._origin = origin
+        self._carried = carried
+
+    def deliver(self, topic: str, message: Message, sender: str) -> None:
+        if self._origin is not None and message.header.origin != self._origin:
+            return
+        if self._carried is not None:
+            self._carried(message)
+        channel = (self.address, self._topic, message.header.frame_id)
+        self._link.send(channel, message, lambda: self._target.inject(self._topic, message, sender))

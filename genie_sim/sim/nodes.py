@@ -1,0 +1,103 @@
+"""The nodes of the simulated graph: detector, Genie, consumer; and how a Genie is attached to a node."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+
+import simpy
+
+from genie_sim.core.node import GenieNode
+from genie_sim.messages import Detections, Effect, Expired, Image, ImageLookup, Message, ObjectLookups, Publish
+from genie_sim.sim.device import Host
+from genie_sim.sim.ros_graph import Dropped, Graph, Node, after
+
+Observer = Callable[["Genie", ImageLookup | ObjectLookups | Expired], None]
+
+
+class Detector(Node):
+    """The Autoware Vision Detector: one image at a time on the host's accelerator, its answer under the same header.
+
+    What it finds is what the recording's detector found in the frame; how long it takes is the device's business.
+    """
+
+    def __init__(
+        self, name: str, host: Host, graph: Graph, images: str, objects: str, queue_length: int, drop: Dropped
+    ) -> None:
+        super().__init__(name, host, graph, (images,), (objects,), queue_length, dropped=drop)
+
+    def work(self, message: Message) -> Iterable[simpy.Event]:
+        return self.host.infer()
+
+    def handle(self, topic: str, message: Message, sender: str) -> None:
+        assert isinstance(message, Image)
+        self.publish(self.publishes[0], Detections(message.header, message.content.detections, "detector", self.name))
+
+
+class Genie(Node):
+    """The pure Genie in the simulated graph: every message costs CPU time, every effect becomes a publication."""
+
+    def __init__(self, genie: GenieNode, host: Host, graph: Graph, queue_length: int, observe: Observer, drop: Dropped):
+        topics = genie.subscriptions(), genie.publications()
+        super().__init__(genie.name, host, graph, *topics, queue_length, threads=host.profile.cores.value, dropped=drop)
+        self.genie = genie
+        self._observe = observe
+        self._timer_set = False
+
+    def work(self, message: Message) -> Iterable[simpy.Event]:
+        return self.host.serve_message()
+
+    def handle(self, topic: str, message: Message, sender: str) -> None:
+        self._carry_out(self.genie.on_message(topic, message, self.env.now, sender))
+        self._set_timer()
+
+    def _carry_out(self, effects: list[Effect]) -> None:
+        for effect in effects:
+            if isinstance(effect, Publish):
+                self.publish(effect.topic, effect.message, effect.to)
+            else:
+                self._observe(self, effect.record)
+
+    def _set_timer(self) -> None:
+        deadline_ns = self.genie.next_deadline_ns()
+        if deadline_ns is not None and not self._timer_set:
+            self._timer_set = True
+            after(self.env, max(deadline_ns - self.env.now, 0), self._on_timer)
+
+    def _on_timer(self) -> None:
+        self._timer_set = False
+        self._carry_out(self.genie.on_deadline(self.env.now))
+        self._set_timer()
+
+
+class Consumer:
+    """Node Z: takes the answers to its car's frames from whoever sends them, and keeps the first of each."""
+
+    def __init__(self, name: str, graph: Graph, topic: str, answered: Callable[[Detections, int], None]) -> None:
+        self.address = name
+        self._env = graph.env
+        self._answered = answered
+        graph.subscribe(topic, self)
+
+    def deliver(self, topic: str, message: Message, sender: str) -> None:
+        assert isinstance(message, Detections)
+        self._answered(message, self._env.now)
+
+
+def attach_genie(
+    graph: Graph,
+    node_name: str,
+    make_genie: Callable[[tuple[str, ...], tuple[str, ...]], GenieNode],
+    queue_length: int,
+    observe: Observer,
+    drop: Dropped,
+    suffix: str = "-local",
+) -> Genie:
+    """Encapsulates a running node (Section III-B): the node itself is not touched.
+
+    Reads T_S and T_P from the master, renames the node's topics with ``suffix`` so that it talks to its Genie alone,
+    and starts the Genie, which takes over the original names. ``make_genie`` gets T_S and T_P.
+    """
+    node = graph.node(node_name)
+    subscribed, published = graph.topics_of(node_name)
+    graph.remap(node_name, {topic: topic + suffix for topic in (*subscribed, *published)})
+    return Genie(make_genie(subscribed, published), node.host, graph, queue_length, observe, drop)

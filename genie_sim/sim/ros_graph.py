@@ -1,0 +1,185 @@
+"""A ROS graph: who subscribes to and publishes which topic, with the master's names and remappings."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Iterable
+from typing import TYPE_CHECKING, Protocol
+
+import simpy
+
+from genie_sim.messages import Message
+
+if TYPE_CHECKING:
+    from genie_sim.sim.device import Host
+
+Dropped = Callable[[Message, str], None]  # a message, and the name of what dropped it
+
+
+class Subscriber(Protocol):
+    """Anything that messages are delivered to; ``address`` is what a reply is sent to."""
+
+    @property
+    def address(self) -> str: ...
+
+    def deliver(self, topic: str, message: Message, sender: str) -> None: ...
+
+
+def after(env: simpy.Environment, delay_ns: int, call: Callable[[], None]) -> None:
+    """Calls ``call`` in ``delay_ns`` of simulated time."""
+    env.timeout(delay_ns).callbacks.append(lambda _: call())
+
+
+class Graph:
+    """The topics known to one ROS master, and the nodes that use them.
+
+    Nodes name their topics; the graph maps the names of a remapped node, as ``topic:=other`` does in ROS. A message
+    reaches the subscribers of its topic after the publishing host's hop time.
+    """
+
+    def __init__(self, env: simpy.Environment, name: str) -> None:
+        self.env = env
+        self.name = name
+        self._subscribers: dict[str, list[Subscriber]] = {}
+        self._bridges: dict[str, list[Subscriber]] = {}
+        self._nodes: dict[str, Node] = {}
+        self._remapped: dict[str, dict[str, str]] = {}
+
+    def register(self, node: Node) -> None:
+        """A node announces itself and its topics to the master."""
+        self._nodes[node.name] = node
+        self._remapped[node.name] = {}
+        for topic in node.subscribes:
+            self.subscribe(topic, node)
+
+    def node(self, name: str) -> Node:
+        return self._nodes[name]
+
+    def topics_of(self, name: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
+        """T_S and T_P of a node, under their current names, as the master's system state tells them."""
+        node, names = self._nodes[name], self._remapped[name]
+        return (
+            tuple(names.get(topic, topic) for topic in node.subscribes),
+            tuple(names.get(topic, topic) for topic in node.publishes),
+        )
+
+    def remap(self, name: str, topics: dict[str, str]) -> None:
+        """From now on the node ``name`` talks on other topics; its own code keeps the old names."""
+        node, names = self._nodes[name], self._remapped[name]
+        for old, new in topics.items():
+            if old in node.subscribes:
+                self._subscribers[names.get(old, old)].remove(node)
+                self.subscribe(new, node)
+            names[old] = new
+
+    def subscribe(self, topic: str, subscriber: Subscriber) -> None:
+        self._subscribers.setdefault(topic, []).append(subscriber)
+
+    def bridge(self, topic: str, bridge: Subscriber) -> None:
+        """What is published here on the topic goes to another graph too; what came from another graph does not."""
+        self._bridges.setdefault(topic, []).append(bridge)
+
+    def publish(self, node: Node, topic: str, message: Message, to: str | None = None) -> None:
+        """Delivers to every other node that subscribes to the topic, or only to the one whose address is ``to``."""
+        topic = self._remapped[node.name].get(topic, topic)
+        listeners = (*self._subscribers.get(topic, ()), *self._bridges.get(topic, ()))
+        receivers = [one for one in listeners if one is not node and (to is None or one.address == to)]
+        if receivers:
+            self._hand_over(receivers, node.host.hop_ns(message.size_bytes), topic, message, node.address)
+
+    def inject(self, topic: str, message: Message, sender: str) -> None:
+        """A message comes in from another graph: the link has already taken its time."""
+        for receiver in self._subscribers.get(topic, ()):
+            receiver.deliver(topic, message, sender)
+
+    def _hand_over(self, receivers: list[Subscriber], hop_ns: int, topic: str, message: Message, sender: str) -> None:
+        def arrive() -> None:
+            for receiver in receivers:
+                receiver.deliver(topic, message, sender)
+
+        after(self.env, hop_ns, arrive)
+
+
+class Node:
+    """A ROS node: a queue a topic that keeps the newest messages, and callback threads that serve them.
+
+    Subclasses say how long a message takes (``work``, a process that waits for a device) and what follows (``handle``).
+    """
+
+    kind = "queue"
+    capacity = None  # nothing is served here: the host's processors do that
+    busy_ns = 0
+
+    def __init__(
+        self,
+        name: str,
+        host: Host,
+        graph: Graph,
+        subscribes: Iterable[str],
+        publishes: Iterable[str],
+        queue_length: int = 1,
+        threads: int = 1,
+        dropped: Dropped | None = None,
+    ) -> None:
+        self.name = name
+        self.host = host
+        self.graph = graph
+        self.env = graph.env
+        self.subscribes = tuple(subscribes)
+        self.publishes = tuple(publishes)
+        self.drops = 0
+        self.completed = 0
+        self._queue_length = queue_length
+        self._idle_threads = threads
+        self._queues: dict[str, deque[tuple[int, Message, str]]] = {}
+        self._arrivals = 0
+        self._dropped = dropped
+        graph.register(self)
+
+    @property
+    def address(self) -> str:
+        return self.name
+
+    @property
+    def queued(self) -> int:
+        """How many messages wait, over all topics."""
+        return sum(map(len, self._queues.values()))
+
+    def deliver(self, topic: str, message: Message, sender: str) -> None:
+        """A message joins its topic's queue; the oldest makes room when the queue is full."""
+        queue = self._queues.get(topic)
+        if queue is None:
+            queue = self._queues[topic] = deque()
+        if self._idle_threads:
+            queue.append((self._arrivals, message, sender))
+            self._arrivals += 1
+            self._idle_threads -= 1
+            self.env.process(self._thread())
+            return
+        if len(queue) >= self._queue_length:
+            _, oldest, _ = queue.popleft()
+            self.drops += 1
+            if self._dropped is not None:
+                self._dropped(oldest, f"{self.name}:{topic}")
+        queue.append((self._arrivals, message, sender))
+        self._arrivals += 1
+
+    def publish(self, topic: str, message: Message, to: str | None = None) -> None:
+        self.graph.publish(self, topic, message, to)
+
+    def work(self, message: Message) -> Iterable[simpy.Event]:
+        """What handling a message costs: a SimPy process."""
+        raise NotImplementedError
+
+    def handle(self, topic: str, message: Message, sender: str) -> None:
+        """What follows when the work is done."""
+        raise NotImplementedError
+
+    def _thread(self) -> Iterable[simpy.Event]:
+        while any(self._queues.values()):
+            topic = min((topic for topic, queue in self._queues.items() if queue), key=lambda one: self._queues[one][0])
+            _, message, sender = self._queues[topic].popleft()
+            yield from self.work(message)
+            self.completed += 1
+            self.handle(topic, message, sender)
+        self._idle_threads += 1

@@ -1,0 +1,205 @@
+"""Builds the world of a scenario for one method (local, remote or genie), and lets time run in it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from functools import partial
+
+import simpy
+
+from genie_sim.core.node import GenieNode
+from genie_sim.experiment.genies import make_genie
+from genie_sim.experiment.links import LinkProfile
+from genie_sim.experiment.profiles import DeviceProfile
+from genie_sim.experiment.scenario import Car, Scenario
+from genie_sim.experiment.seeds import stream
+from genie_sim.messages import Detections, Expired, ImageLookup, Message, ObjectLookups
+from genie_sim.perception.trace import Trace
+from genie_sim.sim.camera import Camera
+from genie_sim.sim.device import Host
+from genie_sim.sim.link import Bridge, Link
+from genie_sim.sim.log import Log, Resource
+from genie_sim.sim.nodes import Consumer, Detector, Genie, attach_genie
+from genie_sim.sim.ros_graph import Graph
+
+IMAGES = "/image_raw"
+OBJECTS = "/detection/image_detector/objects"
+DETECTOR = "vision_darknet_detect"
+REMOTE = "-remote"
+SAMPLE_NS = 100_000_000
+DRAIN_NS = 5_000_000_000  # after the last frame, until its last answer must have come
+
+
+class _Edge:
+    """An edge server: its host, its ROS graph, its detector, and the port to the edge network."""
+
+    def __init__(self, world: World, name: str, host: Host) -> None:
+        self.name = name
+        self.host = host
+        self.graph = Graph(world.env, name)
+        self.detector = world.add_detector(name, host, self.graph)
+        self.genie: Genie | None = None
+
+
+class World:
+    """All hosts, graphs and links of one scenario under one method, on one clock of integer nanoseconds.
+
+    ``local``: each car runs its own detector. ``remote``: each car's frames go to its edge's detector. ``genie``: a
+    Genie stands before every detector, cars upload what they miss, and edges share over the edge network. Random
+    numbers come from streams named after car, device and link, so the three methods see the same ones.
+    """
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        devices: Mapping[str, DeviceProfile],
+        traces: Mapping[str, Trace],
+        method: str,
+        log: Log,
+    ) -> None:
+        self.env = simpy.Environment(initial_time=0)
+        self.scenario = scenario
+        self.method = method
+        self.resources: list[Resource] = []
+        self._devices = devices
+        self._log = log
+        self._end_ns = 0
+        self.edges: dict[str, _Edge] = {}
+        for edge in scenario.edges:
+            self.edges[edge.name] = _Edge(self, edge.name, self._add_host(edge.name, edge.device))
+        if method == "genie":
+            for name, edge_ in self.edges.items():
+                edge_.genie = self._attach(name, edge_.graph, role="remote")
+            self._join_edges()
+        for car in scenario.cars:
+            self._add_car(car, traces[car.name])
+
+    def run(self, progress: Callable[[int, int], None] | None = None) -> None:
+        """Runs until every frame's answer must have come. ``progress`` gets the time now and at the end [ns]."""
+        self.env.process(self._sampler(progress))
+        self.env.run(until=self._end_ns + DRAIN_NS)
+        self._log.sample(self.resources, self.env.now)
+
+    def add_detector(self, place: str, host: Host, graph: Graph) -> Detector:
+        name = f"{place}/{DETECTOR}"
+        node = Detector(name, host, graph, IMAGES, OBJECTS, self.scenario.queue_length, self._log.dropped)
+        self.resources.append(node)
+        return node
+
+    def _add_host(self, name: str, device: str) -> Host:
+        seed = self.scenario.seed
+        profile = self._devices[device]
+        model_time = profile.service_time(self.scenario.model, self.scenario.spread)
+        host = Host(self.env, name, profile, model_time, stream(seed, name, "accelerator"), stream(seed, name, "cpu"))
+        self.resources += [host.accelerator, host.cpu]
+        return host
+
+    def _add_car(self, car: Car, trace: Trace) -> None:
+        host = self._add_host(car.name, car.device)
+        graph = Graph(self.env, car.name)
+        edge = self.edges[car.edge] if car.edge is not None else None
+        if self.method != "remote":
+            self.add_detector(car.name, host, graph)
+        if self.method == "genie" and car.genie:
+            self._attach(car.name, graph, role="local", alone=edge is None)
+            if edge is not None:
+                self._join_car(car, graph, edge, IMAGES + REMOTE, OBJECTS + REMOTE)
+        elif self.method == "remote" and edge is not None:
+            self._join_car(car, graph, edge, IMAGES, OBJECTS)
+        _FirstQueue(graph, self._log)
+        Consumer(f"{car.name}/consumer", graph, OBJECTS, partial(self._answered, car))
+        self._add_cameras(car, host, graph, trace)
+
+    def _add_cameras(self, car: Car, host: Host, graph: Graph, trace: Trace) -> None:
+        jitter_ns = self.scenario.start_jitter_ns
+        late_ns = int(stream(self.scenario.seed, car.name, "start").integers(jitter_ns)) if jitter_ns else 0
+        for camera in self.scenario.cameras:
+            node = Camera(
+                camera.name,
+                host,
+                graph,
+                IMAGES,
+                car.name,
+                trace.frames[camera.recording],
+                car.route.window_ns,
+                car.route.start_ns + camera.phase_ns + late_ns,
+                car.route.laps,
+                car.route.pause_ns,
+                camera.size_bytes,
+                self._log.published,
+            )
+            self._end_ns = max(self._end_ns, node.last_stamp_ns)
+
+    def _attach(self, place: str, graph: Graph, role: str, alone: bool = False) -> Genie:
+        name = f"{place}/genie"
+
+        def make(subscribed: tuple[str, ...], published: tuple[str, ...]) -> GenieNode:
+            return make_genie(self.scenario.genie, name, subscribed, published, on_edge=role == "remote", alone=alone)
+
+        def observe(genie: Genie, record: ImageLookup | ObjectLookups | Expired) -> None:
+            self._log.observe(genie, record, role, self.env.now)
+
+        detector = f"{place}/{DETECTOR}"
+        genie = attach_genie(graph, detector, make, self.scenario.queue_length, observe, self._log.dropped)
+        self.resources.append(genie)
+        return genie
+
+    def _join_car(self, car: Car, graph: Graph, edge: _Edge, up_topic: str, down_topic: str) -> None:
+        """The car and its edge become one virtual network: frames go up, the answers to them come down."""
+        up = self._link(f"{car.name}->{edge.name}", car.link, up=True)
+        down = self._link(f"{edge.name}->{car.name}", car.link, up=False)
+        sent, received = partial(self._log.carried, "bytes_up"), partial(self._log.carried, "bytes_down")
+        graph.bridge(up_topic, Bridge(up, edge.graph, IMAGES, f"{edge.name}/{DETECTOR}", carried=sent))
+        edge.graph.bridge(
+            OBJECTS, Bridge(down, graph, down_topic, f"{car.name}/genie", origin=car.name, carried=received)
+        )
+
+    def _join_edges(self) -> None:
+        """Every edge's ``-remote`` topics reach all other edges through its port to the edge network."""
+        for edge in self.edges.values():
+            port = self._link(f"{edge.name}->edges", self.scenario.edge_network, up=True)
+            for other in self.edges.values():
+                if other is not edge:
+                    for topic in (IMAGES + REMOTE, OBJECTS + REMOTE):
+                        edge.graph.bridge(topic, Bridge(port, other.graph, topic, f"{other.name}/genie"))
+
+    def _link(self, name: str, profile: LinkProfile, up: bool) -> Link:
+        rng = stream(self.scenario.seed, name)
+        link = Link(self.env, name, profile, up, rng, self.scenario.queue_length, self._log.dropped)
+        self.resources.append(link)
+        return link
+
+    def _answered(self, car: Car, answer: Detections, now_ns: int) -> None:
+        self._log.answered(answer, self._source(car, answer), now_ns)
+
+    def _source(self, car: Car, answer: Detections) -> str:
+        """Where an answer comes from, seen from the car."""
+        place = answer.served_by.split("/")[0]
+        if answer.source == "map":
+            return "map"
+        whose = "own" if place == car.name else "edge" if place == car.edge else "peer"
+        if answer.source == "detector":
+            return "own_detector" if whose == "own" else "edge_detector"
+        return f"{whose}_cache"
+
+    def _sampler(self, progress: Callable[[int, int], None] | None) -> Iterable[simpy.Event]:
+        while self.env.now <= self._end_ns:
+            self._log.sample(self.resources, self.env.now)
+            if progress is not None:
+                progress(self.env.now, self._end_ns)
+            yield self.env.timeout(SAMPLE_NS)
+        if progress is not None:
+            progress(self._end_ns, self._end_ns)
+
+
+class _FirstQueue:
+    """Notes when a camera's frame reaches the first node that handles it; takes no time and changes nothing."""
+
+    def __init__(self, graph: Graph, log: Log) -> None:
+        self.address = f"{graph.name}/log"
+        self._env = graph.env
+        self._log = log
+        graph.subscribe(IMAGES, self)
+
+    def deliver(self, topic: str, message: Message, sender: str) -> None:
+        self._log.received(message.header, self._env.now)

@@ -1,0 +1,60 @@
+"""A straight street with parked cars, driven at constant speed: a trace without any real data."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from genie_sim.experiment.scenario import Scenario, read_scenario
+from genie_sim.messages import CameraPose, Detection
+from genie_sim.perception.trace import Trace, TraceFrame
+
+FOV_RAD = math.radians(81.4)
+
+
+def street(
+    seconds: float = 6.0, speed_mps: float = 5.0, rate_hz: int = 10, recordings: tuple[str, ...] = ("02", "03")
+) -> Trace:
+    """Drives east along y = 0; a car is parked every 8 m at y = 4 m, seen with a score that falls with distance."""
+    frames = {}
+    for number, recording in enumerate(recordings):
+        frames[recording] = tuple(
+            _frame(recording, i, i / rate_hz * speed_mps, 0.5 * number, rate_hz)
+            for i in range(round(seconds * rate_hz))
+        )
+    return Trace("street", (49.0, 8.4, 110.0), frames, {"made_by": "tests"})
+
+
+def _frame(recording: str, index: int, east_m: float, north_m: float, rate_hz: int) -> TraceFrame:
+    found = []
+    for parked in range(-5, 60):
+        location = (parked * 8.0, 4.0, 0.8)
+        ahead_m, left_m = location[0] - east_m, location[1] - north_m
+        if 4.0 < ahead_m < 40.0 and abs(math.atan2(left_m, ahead_m)) < FOV_RAD / 2:
+            score = max(0.3, 0.9 - ahead_m / 80)
+            found.append(Detection("car", score, (0.0, 0.0, 10.0, 10.0), location, score, "scan"))
+    pose = CameraPose(east_m, north_m, 1.6, 0.0)
+    digest = f"{recording}-{index}"
+    return TraceFrame(
+        recording,
+        index,
+        index * 1_000_000_000 // rate_hz,
+        1242,
+        375,
+        1_397_297,
+        digest,
+        index,
+        pose,
+        FOV_RAD,
+        tuple(found),
+    )
+
+
+def scenario(cars: int = 1, **settings: Any) -> Scenario:
+    """``cars`` cars, each with an AGX Xavier of its own, unless ``settings`` say otherwise (as in YAML)."""
+    data: dict[str, Any] = {
+        "name": "street",
+        "edges": [{"name": f"edge{i + 1}", "device": "agx_xavier"} for i in range(cars)],
+        "cars": [{"name": f"car{i + 1}", "device": "jetson_tx2", "edge": f"edge{i + 1}"} for i in range(cars)],
+    }
+    return read_scenario(data | settings)
