@@ -1,0 +1,70 @@
+"""What every test may ask for: real data, the command line, and a folder of its own to write into."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from hypothesis import settings
+
+REPOSITORY = Path(__file__).resolve().parent.parent
+
+os.environ.setdefault("MPLBACKEND", "Agg")
+settings.register_profile("genie_sim", derandomize=True, deadline=None, max_examples=50)
+settings.load_profile("genie_sim")
+
+CommandLine = Callable[..., subprocess.CompletedProcess[str]]
+
+
+@pytest.fixture(autouse=True)
+def _own_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each test starts in an empty folder: nothing written to a relative path ends up in the checkout."""
+    monkeypatch.chdir(tmp_path)
+
+
+@pytest.fixture(scope="session")
+def kitti_root() -> Path:
+    """The folder of real KITTI frames; skips the test where there is none."""
+    return _real_data("GENIE_SIM_KITTI", "real KITTI frames")
+
+
+@pytest.fixture(scope="session")
+def weights_dir() -> Path:
+    """The folder of real detector weights; skips the test where there is none."""
+    return _real_data("GENIE_SIM_WEIGHTS", "real detector weights")
+
+
+def _real_data(variable: str, what: str) -> Path:
+    value = os.environ.get(variable)
+    if not value:
+        pytest.skip(f"needs {what}: {variable} is not set")
+    if not Path(value).is_dir():
+        pytest.skip(f"needs {what}: {variable}={value} is not a folder")
+    return Path(value).resolve()
+
+
+@pytest.fixture
+def run_cli(tmp_path: Path) -> CommandLine:
+    """``run_cli("run", "3car_hetero")`` runs this checkout's ``genie-sim`` in the test's folder.
+
+    Returns the ``CompletedProcess``, with exit status and texts. ``env`` adds environment variables.
+    """
+
+    def run(
+        *arguments: str, env: dict[str, str] | None = None, timeout_s: float = 300
+    ) -> subprocess.CompletedProcess[str]:
+        return subprocess.run(
+            [sys.executable, "-m", "genie_sim", *arguments],
+            cwd=tmp_path,
+            env={**os.environ, "PYTHONPATH": str(REPOSITORY), **(env or {})},
+            stdin=subprocess.DEVNULL,
+            capture_output=True,
+            text=True,
+            timeout=timeout_s,
+        )
+
+    return run
