@@ -85,17 +85,8 @@ def perceive(
     from genie_sim.perception.perceive import perceive as make_trace
     from genie_sim.perception.trace import write_trace
 
-    root = kitti or _folder_from("GENIE_SIM_KITTI", "--kitti")
     with _Progress(unit="frames") as progress:
-        trace = make_trace(
-            root,
-            drive,
-            cameras=cameras.split(","),
-            detector=detector,
-            weights=weights,
-            min_score=min_score,
-            progress=progress,
-        )
+        trace = make_trace(kitti, drive, cameras.split(","), detector, weights, min_score, progress=progress)
     write_trace(out, trace)
     frames = sum(map(len, trace.frames.values()))
     found = sum(len(frame.detections) for camera in trace.frames.values() for frame in camera)
@@ -103,14 +94,19 @@ def perceive(
 
 
 @app.command("list")
-def list_(what: Annotated[str, typer.Argument(help="devices, scenarios, detectors, similarities, ...")]) -> None:
+def list_(
+    what: Annotated[str | None, typer.Argument(help="scenarios, devices, links, ...; without it: all.")] = None,
+) -> None:
     """Show what can be named in a scenario."""
     from genie_sim.experiment import catalogue
 
-    if what not in catalogue.KINDS:
-        raise UserError(unknown("list", what, catalogue.KINDS))
-    for name, about in catalogue.KINDS[what]():
-        typer.echo(f"{name:24} {about}".rstrip())
+    if what is not None and what not in catalogue.KINDS:
+        raise UserError(unknown("kind of thing to list", what, catalogue.KINDS))
+    for kind in [what] if what is not None else catalogue.KINDS:
+        if what is None:
+            typer.echo(f"{kind}:")
+        for name, about in catalogue.KINDS[kind]():
+            typer.echo(f"{'' if what else '  '}{name:30} {about}".rstrip())
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -132,13 +128,6 @@ def main(argv: list[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     return 0
-
-
-def _folder_from(variable: str, option: str) -> Path:
-    value = os.environ.get(variable)
-    if not value:
-        raise UserError(f"no folder given: name it with {option} or in the environment variable {variable}")
-    return Path(value)
 
 
 def _width() -> int:

@@ -73,9 +73,20 @@ def simulate(prepared: Prepared, progress: Progress | None = None) -> Tables:
 
 
 def _perceived(live: Live, progress: Progress | None) -> Trace:
+    """The trace of frames that go through the detector now."""
     from genie_sim.perception.perceive import perceive
 
-    return perceive(live.kitti, live.drive, live.cameras, live.detector, min_score=live.min_score, progress=progress)
+    root = os.path.expandvars(live.kitti)
+    if root.startswith("$"):
+        raise UserError(
+            f"perception.kitti: {live.kitti}: the environment variable is not set; set it to KITTI's folder"
+        )
+
+    def tell(done: int, total: int) -> None:
+        if progress is not None:
+            progress(done, total, "perceive")
+
+    return perceive(root, live.drive, live.cameras, live.detector, min_score=live.min_score, progress=tell)
 
 
 def _check_route(where: str, scenario: Scenario, route: Route, trace: Trace) -> None:
