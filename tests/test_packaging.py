@@ -1,0 +1,119 @@
+"""What travels: the wheel carries the shipped scenarios, traces and device profiles, and finds them from any folder."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import tomllib
+import zipfile
+from pathlib import Path
+
+import pytest
+
+REPOSITORY = Path(__file__).resolve().parent.parent
+PROJECT = tomllib.loads((REPOSITORY / "pyproject.toml").read_text(encoding="utf-8"))
+SHIPPED_FOLDERS: dict[str, str] = PROJECT["tool"]["hatch"]["build"]["targets"]["wheel"]["force-include"]
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A wheel of this checkout, as ``pip install .`` makes it."""
+    folder = tmp_path_factory.mktemp("wheel")
+    made = subprocess.run(
+        [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(folder)],
+        cwd=REPOSITORY, capture_output=True, text=True, timeout=120,
+    )
+    assert made.returncode == 0, made.stderr
+    (path,) = folder.glob("*.whl")
+    return path
+
+
+@pytest.fixture(scope="module")
+def installed(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The wheel, unpacked: a folder for ``PYTHONPATH``."""
+    folder = tmp_path_factory.mktemp("installed")
+    with zipfile.ZipFile(wheel) as packed:
+        packed.extractall(folder)
+    return folder
+
+
+def test_the_wheel_carries_every_shipped_file(wheel: Path):
+    packed = set(zipfile.ZipFile(wheel).namelist())
+    assert len(SHIPPED_FOLDERS) == 2
+    for source, target in SHIPPED_FOLDERS.items():
+        files = [path.relative_to(REPOSITORY / source) for path in (REPOSITORY / source).rglob("*") if path.is_file()]
+        missing = {f"{target}/{file.as_posix()}" for file in files} - packed
+        assert files and not missing, f"not in the wheel: {missing}"
+
+
+def test_the_wheel_carries_the_licence_of_the_trace_beside_it(wheel: Path):
+    """The trace was computed from KITTI, whose licence asks for attribution wherever it goes."""
+    packed = set(zipfile.ZipFile(wheel).namelist())
+    traces = [name for name in packed if name.endswith(".parquet")]
+    assert traces
+    assert all(name.replace(".parquet", ".LICENSE.md") in packed for name in traces)
+
+
+def test_the_wheel_carries_nothing_else(wheel: Path):
+    """No tests, caches, frames or weights, and small enough to download in a moment."""
+    information = f"genie_sim-{version()}.dist-info/"
+    code = (".py", ".typed", ".yaml", ".parquet", ".md")
+    foreign = [
+        name for name in zipfile.ZipFile(wheel).namelist()
+        if not name.startswith(information) and not (name.startswith("genie_sim/") and name.endswith(code))
+    ]
+    assert not foreign
+    assert wheel.stat().st_size < 2_000_000
+
+
+def version() -> str:
+    from genie_sim import __version__
+
+    return __version__
+
+
+def test_the_changelog_and_the_citation_know_the_version():
+    assert version() in (REPOSITORY / "CHANGELOG.md").read_text(encoding="utf-8")
+    assert f"version: {version()}\n" in (REPOSITORY / "CITATION.cff").read_text(encoding="utf-8")
+
+
+def test_an_installed_copy_lists_its_scenarios_and_devices(installed: Path, tmp_path: Path):
+    assert "3car_hetero" in genie_sim(installed, tmp_path, "list", "scenarios")
+    assert "jetson_tx2" in genie_sim(installed, tmp_path, "list", "devices")
+
+
+@pytest.mark.slow
+def test_an_installed_copy_runs_a_scenario_by_name(installed: Path, tmp_path: Path):
+    """Scenario, trace and device profiles are all found inside the installed package."""
+    genie_sim(installed, tmp_path, "run", "3car_hetero", "--set", "methods=[genie]", "--out", "out")
+    (record,) = tmp_path.glob("out/3car_hetero-*/run.json")
+    assert json.loads(record.read_text(encoding="utf-8"))
+
+
+def genie_sim(installed: Path, folder: Path, *arguments: str) -> str:
+    """Runs the copy at ``installed`` from ``folder``; returns what it prints."""
+    env = {**os.environ, "PYTHONPATH": str(installed)}
+    where = [sys.executable, "-c", "import genie_sim; print(genie_sim.__file__)"]
+    origin = subprocess.run(where, cwd=folder, env=env, capture_output=True, text=True, check=True).stdout
+    assert Path(origin.strip()).is_relative_to(installed), "another copy of genie_sim comes first"
+    ran = subprocess.run(
+        [sys.executable, "-m", "genie_sim", *arguments],
+        cwd=folder, env=env, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=300,
+    )
+    assert ran.returncode == 0, ran.stderr
+    return ran.stdout
+
+
+def test_the_lock_file_pins_what_the_project_needs_and_names_no_place():
+    """Every requirement has an exact version; no index, no path of the machine that made it."""
+    pins = [line for line in (REPOSITORY / "requirements.lock").read_text().splitlines() if not line.startswith("#")]
+    assert all("==" in pin.partition(";")[0] for pin in pins)
+    assert not [pin for pin in pins if "/" in pin or pin.startswith("-")]
+    extras = PROJECT["project"]["optional-dependencies"]
+    needed = {
+        requirement.partition(">=")[0].lower()
+        for requirement in (*PROJECT["project"]["dependencies"], *extras["test"], *extras["dev"])
+    }
+    assert needed <= {pin.partition("==")[0] for pin in pins}
