@@ -27,6 +27,7 @@ CAMERAS = ("00", "01", "02", "03")
 CALIBRATION_FILES = ("calib_cam_to_cam.txt", "calib_imu_to_velo.txt", "calib_velo_to_cam.txt")
 CAM_TO_CAM_KEYS = tuple(f"{matrix}_rect_{camera}" for matrix in "PR" for camera in CAMERAS)
 OXTS_VALUES = 30
+LAST_BYTES = {".png": b"IEND\xaeB`\x82", ".jpg": b"\xff\xd9"}
 ATTRIBUTION = (
     "KITTI Vision Benchmark Suite, raw data: A. Geiger, P. Lenz, C. Stiller, R. Urtasun, 'Vision meets Robotics: The "
     "KITTI Dataset', IJRR 2013, https://www.cvlibs.net/datasets/kitti/, CC BY-NC-SA 3.0"
@@ -133,10 +134,12 @@ def read_image(path: Path) -> np.ndarray:
     """A picture as (height, width, 3) bytes in OpenCV's order blue, green, red. UserError for an unreadable file."""
     import cv2
 
-    data = np.frombuffer(path.read_bytes(), np.uint8)
-    image = cv2.imdecode(data, cv2.IMREAD_COLOR) if data.size else None
+    data = path.read_bytes()
+    # Some versions of OpenCV show the upper half of half a file, so its end is looked at first.
+    whole = data.endswith(LAST_BYTES[path.suffix])
+    image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR) if whole else None
     if image is None:
-        raise UserError(f"{path}: not a readable image ({data.size} bytes)")
+        raise UserError(f"{path}: not a readable image, or cut short ({len(data)} bytes)")
     return image
 
 

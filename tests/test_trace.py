@@ -1,0 +1,204 @@
+"""Traces are written, read, moved to another origin, and refused where something is wrong with them."""
+
+import json
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pymap3d
+import pytest
+
+from genie_sim.errors import UserError
+from genie_sim.messages import CameraPose, Detection
+from genie_sim.perception.trace import METADATA_KEY, Trace, TraceFrame, read_trace, write_trace
+
+KARLSRUHE = (49.0112, 8.4228, 112.8)
+SHIPPED = Path(__file__).parents[1] / "scenarios" / "traces" / "kitti_0005.parquet"
+
+
+def frame(camera="02", index=0, **changes):
+    parked = Detection("car", 0.81, (10.0, 20.0, 60.0, 50.0), (5.0, 17.5, -0.5), 0.81, "scan")
+    sign = Detection("stop sign", 0.35, (1.0, 2.0, 3.0, 4.0), None, 0.35, "none")
+    values = {
+        "camera": camera,
+        "index": index,
+        "stamp_ns": 103_380_000 * index,
+        "width": 1242,
+        "height": 375,
+        "size_bytes": 1_397_297,
+        "digest": f"{index:064x}",
+        "dhash": 2**63 + index,
+        "pose": CameraPose(index * 1.0, 2.0, 0.7, 1.5),
+        "horizontal_fov_rad": 1.42,
+        "detections": (parked, sign) if index % 2 == 0 else (),
+    }
+    return TraceFrame(**(values | changes))
+
+
+def trace(**cameras):
+    frames = cameras or {"02": tuple(frame("02", i) for i in range(4)), "03": tuple(frame("03", i) for i in range(3))}
+    return Trace("kitti_0005", KARLSRUHE, frames, {"detector": "yolox_nano", "versions": {"onnxruntime": "1.20"}})
+
+
+@pytest.fixture
+def path(tmp_path):
+    return tmp_path / "drive.parquet"
+
+
+def rewritten(path, change):
+    """The file at ``path`` with its Arrow table changed, as another program might have."""
+    pq.write_table(change(pq.ParquetFile(path).read()), path)
+
+
+def with_metadata(**changes):
+    def change(table):
+        metadata = json.loads(table.schema.metadata[METADATA_KEY]) | changes
+        return table.replace_schema_metadata({METADATA_KEY: json.dumps(metadata)})
+
+    return change
+
+
+def test_what_is_written_is_read(path):
+    write_trace(path, trace())
+    assert read_trace(path) == trace()
+    assert [p.name for p in path.parent.iterdir()] == ["drive.parquet"]  # nothing half-written stays
+
+
+def test_same_trace_same_bytes(path, tmp_path):
+    write_trace(path, trace())
+    write_trace(tmp_path / "again.parquet", trace())
+    assert path.read_bytes() == (tmp_path / "again.parquet").read_bytes()
+
+
+def test_digest_follows_the_content_only():
+    here = trace()
+    assert replace(here, name="other", provenance={}).digest == here.digest
+    moved_box = replace(here.frames["02"][0].detections[0], box=(10.0, 20.0, 60.0, 50.01))
+    changed = frame(detections=(moved_box,))
+    assert trace(**{"02": (changed,)}).digest != trace(**{"02": (frame(),)}).digest
+    assert replace(here, origin=(49.0, 8.4, 112.8)).digest != here.digest
+
+
+def test_rebased_trace_shows_the_same_places_on_earth():
+    elsewhere = (49.02, 8.45, 100.0)
+    before, after = trace(), trace().rebased(elsewhere)
+    for old, new in zip(before.frames["02"], after.frames["02"], strict=True):
+        places = [(old.pose[:3], new.pose[:3])]
+        places += [(a.location, b.location) for a, b in zip(old.detections, new.detections, strict=True) if a.location]
+        for old_enu, new_enu in places:
+            on_earth = pymap3d.enu2geodetic(*old_enu, *KARLSRUHE)
+            assert new_enu == pytest.approx(pymap3d.geodetic2enu(*on_earth, *elsewhere), abs=1e-6)
+        assert [d.location for d in new.detections if d.label == "stop sign"] in ([None], [])
+    # Seen from 2 km further east, the old north leans to the east: meridians meet at the pole.
+    convergence_rad = math.radians(elsewhere[1] - KARLSRUHE[1]) * math.sin(math.radians(49.01))
+    turned_rad = after.frames["02"][0].pose.heading_rad - before.frames["02"][0].pose.heading_rad
+    assert turned_rad == pytest.approx(-convergence_rad, rel=0.02)
+
+
+def test_rebasing_there_and_back_changes_nothing():
+    back = trace().rebased((49.02, 8.45, 100.0)).rebased(KARLSRUHE)
+    for old, new in zip(trace().frames["02"], back.frames["02"], strict=True):
+        assert new.pose == pytest.approx(old.pose, abs=1e-6)
+    assert trace().rebased(KARLSRUHE) == trace()
+
+
+def test_a_missing_file_is_named(path):
+    with pytest.raises(UserError, match=r"drive\.parquet: no such trace file"):
+        read_trace(path)
+
+
+def test_a_truncated_file_is_refused_wherever_it_ends(path):
+    write_trace(path, trace())
+    whole = path.read_bytes()
+    for length in np.linspace(0, len(whole) - 1, 40, dtype=int):
+        path.write_bytes(whole[:length])
+        with pytest.raises(UserError, match=r"drive\.parquet: not a readable Parquet file") as error:
+            read_trace(path)
+        assert "\n" not in str(error.value)
+
+
+def test_a_damaged_file_is_read_right_or_refused(path):
+    """One byte changed anywhere: the trace comes out as it was, or there is a UserError; never another trace."""
+    write_trace(path, trace())
+    whole = bytearray(path.read_bytes())
+    refused = 0
+    for position in range(0, len(whole), max(1, len(whole) // 400)):
+        damaged = bytearray(whole)
+        damaged[position] ^= 0xFF
+        path.write_bytes(damaged)
+        try:
+            assert read_trace(path).frames == trace().frames
+        except UserError:
+            refused += 1
+    assert refused > 100
+
+
+def test_another_program_s_files_are_refused(path):
+    path.write_text("camera,index\n02,0\n")
+    with pytest.raises(UserError, match="not a readable Parquet file"):
+        read_trace(path)
+    pq.write_table(pa.table({"camera": ["02"]}), path)
+    with pytest.raises(UserError, match="not a genie-sim trace"):
+        read_trace(path)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (with_metadata(format_version=99), "format_version: trace has version 99, this genie-sim reads 1"),
+        (with_metadata(origin=[49.0]), "origin"),
+        (with_metadata(digest="0" * 64), "does not match its own digest"),
+        (with_metadata(provenance=None), "'provenance' is missing"),
+        (lambda table: table.replace_schema_metadata({METADATA_KEY: b"{"}), "metadata cannot be read"),
+        (lambda table: table.drop_columns(["dhash"]), "column 'dhash' is missing"),
+        (lambda table: table.set_column(2, "stamp_ns", pa.array([0.0] * 7)), "'stamp_ns' has type double"),
+        (lambda table: table.set_column(0, "camera", pa.array(["02"] * 6 + [None])), "'camera' has empty values"),
+        (lambda table: table.slice(0, 0), "no frames"),
+        (lambda table: table.slice(1), "does not match its own digest"),
+    ],
+)
+def test_a_trace_with_something_wrong_is_refused(path, change, message):
+    write_trace(path, trace())
+    rewritten(path, change)
+    with pytest.raises(UserError, match=message) as error:
+        read_trace(path)
+    assert str(path) in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("frames", "message"),
+    [
+        ((frame(index=1), frame(index=0)), "frame 0: stamp_ns 0 does not follow 103380000"),
+        ((frame(pose=CameraPose(0.0, math.nan, 0.0, 0.0)),), "pose"),
+        ((frame(stamp_ns=-1),), "stamp_ns"),
+        ((frame(width=0),), "width"),
+        ((frame(horizontal_fov_rad=0.0),), "horizontal_fov_rad"),
+        ((frame(detections=(Detection("car", 1.2, (0.0, 0.0, 1.0, 1.0), None, 1.2),)),), "car"),
+        ((frame(detections=(Detection("car", 0.5, (0.0, 0.0, math.inf, 1.0), None, 0.5),)),), "car"),
+    ],
+)
+def test_a_trace_with_impossible_frames_is_refused(path, frames, message):
+    write_trace(path, trace(**{"02": frames}))
+    with pytest.raises(UserError, match=message):
+        read_trace(path)
+
+
+def test_an_unwritable_place_is_a_user_error(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(UserError, match="cannot be written"):
+        write_trace(tmp_path / "file" / "drive.parquet", trace())
+
+
+def test_the_shipped_trace_is_the_whole_drive():
+    shipped = read_trace(SHIPPED)
+    assert {camera: len(frames) for camera, frames in shipped.frames.items()} == {"02": 154, "03": 154}
+    for frames in shipped.frames.values():
+        assert [f.index for f in frames] == list(range(154))
+        assert {f.size_bytes for f in frames} == {1_397_297}
+        assert np.diff([f.stamp_ns for f in frames]) == pytest.approx(103.4e6, rel=0.02)
+        steps_m = np.linalg.norm(np.diff([f.pose[:2] for f in frames], axis=0), axis=1)
+        assert steps_m.max() < 1.5  # a town street: below 54 km/h
+    assert "CC BY-NC-SA" in shipped.provenance["data"]
