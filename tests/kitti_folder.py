@@ -27,6 +27,7 @@ def make_drive(
     frames: int = 3,
     start: tuple[float, float, float] = START,
     yaw_rad: float = 0.0,
+    roll_pitch_rad: tuple[float, float] = (0.0, 0.0),
     image: np.ndarray | None = None,
     extension: str = "png",
     scan: np.ndarray | None = None,
@@ -53,7 +54,7 @@ def make_drive(
     for index in range(frames):
         east, north = index * math.cos(yaw_rad), index * math.sin(yaw_rad)
         place = pymap3d.enu2geodetic(east, north, 0.0, *start)
-        values = [*place, 0.0, 0.0, yaw_rad, *[0.0] * 19, 4, 10, 4, 4, 0]
+        values = [*place, *roll_pitch_rad, yaw_rad, *[0.0] * 19, 4, 10, 4, 4, 0]
         (folder / "oxts" / "data" / f"{index:010d}.txt").write_text(" ".join(f"{float(v):.12f}" for v in values) + "\n")
         (folder / "velodyne_points" / "data" / f"{index:010d}.bin").write_bytes(points.tobytes())
         for camera in ("02", "03"):

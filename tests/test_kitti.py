@@ -6,6 +6,7 @@ import shutil
 from pathlib import Path
 
 import numpy as np
+import pykitti
 import pymap3d
 import pytest
 from kitti_folder import DATE, FIRST_STAMP_S, FOCAL, START, make_drive, read_tracklets
@@ -53,6 +54,12 @@ def test_the_camera_stands_where_the_car_drove_and_looks_ahead(tmp_path):
         assert heading_of(frame.world_SE3_camera[:3, 2]) == pytest.approx(0.3, abs=1e-6)
         assert frame.world_SE3_camera[:3, 1] == pytest.approx((0, 0, -1), abs=1e-5)  # the picture's "down"
         assert frame.intrinsics[0, 0] == FOCAL
+
+
+def test_a_tilted_car_is_turned_as_pykitti_turns_it(tmp_path):
+    make_drive(tmp_path, yaw_rad=0.3, roll_pitch_rad=(0.05, -0.02))
+    reference = pykitti.raw(str(tmp_path), DATE, "0005").oxts[0].T_w_imu
+    assert open_drive(tmp_path, DRIVE).world_SE3_imu[0] == pytest.approx(reference, abs=1e-6)
 
 
 def test_frames_are_found_by_number_not_by_position(root, folder):

@@ -135,5 +135,11 @@ def test_the_surface_is_among_the_points(ranges_m, ground_m):
     assert min(ranges_m) - 1e-9 <= surface_m <= max(ranges_m) + 1e-9
 
 
+def test_the_surface_is_the_near_end_of_a_dense_group():
+    """A car seen from the side and the end: 12.0 to 16.0 m; rain or leaves in front of it; the wall behind it."""
+    car_m, stray_m, wall_m = np.linspace(12.0, 16.0, 80), np.linspace(3.0, 3.3, 6), np.linspace(25.0, 25.5, 40)
+    assert nearest_surface_m(np.concatenate([wall_m, stray_m, car_m]), None) == pytest.approx(12.4, abs=0.05)
+
+
 def test_every_road_label_has_a_depth():
     assert set(HALF_DEPTH_M) == ROAD_LABELS

@@ -79,6 +79,7 @@ def test_digest_follows_the_content_only():
     moved_box = replace(here.frames["02"][0].detections[0], box=(10.0, 20.0, 60.0, 50.01))
     changed = frame(detections=(moved_box,))
     assert trace(**{"02": (changed,)}).digest != trace(**{"02": (frame(),)}).digest
+    assert replace(here, frames=dict(reversed(here.frames.items()))).digest == here.digest
     assert replace(here, origin=(49.0, 8.4, 112.8)).digest != here.digest
 
 
