@@ -23,18 +23,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Protocol
 
 from genie_sim.core.message_cache import Answers, MessageCache, PendingIndex, Waiting
 from genie_sim.core.object_map import ObjectMap
 from genie_sim.messages import (
     Answer,
+    CameraPose,
     Detection,
     Detections,
     Effect,
     Expired,
     Header,
-    Image,
     ImageLookup,
     Message,
     ObjectLookups,
@@ -73,6 +73,16 @@ class GenieRules:
     miss_policy: str = "immediate"
     view_range_m: float = 50.0
     fresh_objects: str = "confident"
+
+
+class Request(Message, Protocol):
+    """A message that a client sends. ``pose`` is where its camera stood, ``None`` where that is unknown."""
+
+    @property
+    def pose(self) -> CameraPose | None: ...
+
+    @property
+    def horizontal_fov_rad(self) -> float: ...
 
 
 class GenieNode:
@@ -123,9 +133,10 @@ class GenieNode:
     def on_message(self, topic: str, message: Message, now_ns: int, sender: str | None = None) -> list[Effect]:
         """Algorithm 1, OnMessageArrival. ``sender`` names the Genie or client that a reply goes to."""
         if topic in self._requests:
-            return self._on_request(topic, message, now_ns, sender, neighbour=False)
+            return self._on_request(topic, message, now_ns, sender, neighbour=False)  # type: ignore[arg-type]
         if topic in self._neighbour_requests:
-            return self._on_request(self._neighbour_requests[topic], message, now_ns, sender, neighbour=True)
+            wanted = self._neighbour_requests[topic]
+            return self._on_request(wanted, message, now_ns, sender, neighbour=True)  # type: ignore[arg-type]
         if self.rules.pending_index == "per_topic":
             return self._on_unknown(topic, message)
         if topic in self._own_answers:
@@ -151,7 +162,7 @@ class GenieNode:
         return sum(len(database) for database in self._databases.values())
 
     def _on_request(
-        self, topic: str, request: Message, now_ns: int, sender: str | None, *, neighbour: bool
+        self, topic: str, request: Request, now_ns: int, sender: str | None, *, neighbour: bool
     ) -> list[Effect]:
         expired = self.on_deadline(now_ns)
         database = self._databases.get(topic)
@@ -165,7 +176,7 @@ class GenieNode:
         return expired + self._on_miss(topic, request, key, now_ns, sender, neighbour)
 
     def _on_miss(
-        self, topic: str, request: Message, key: Hashable, now_ns: int, sender: str | None, neighbour: bool
+        self, topic: str, request: Request, key: Hashable, now_ns: int, sender: str | None, neighbour: bool
     ) -> list[Effect]:
         if self._pending.by_header(request.header) is not None:
             return []  # this very request came before, over another way
@@ -187,11 +198,15 @@ class GenieNode:
         self._pending.open(request.header, Waiting(topic, key, deadline_ns, forwarded=True, askers=[asker]))
         return effects + self._meanwhile(request, neighbour)
 
-    def _meanwhile(self, request: Message, neighbour: bool) -> list[Effect]:
-        """What a client gets at once although its request missed: the map's confident objects in view."""
+    def _meanwhile(self, request: Request, neighbour: bool) -> list[Effect]:
+        """What a client gets at once although its request missed: the map's confident objects in view.
+
+        Without a pose there is no view, and no answer.
+        """
         if neighbour or self._map_answer is None or self.rules.miss_policy != "immediate":
             return []
-        assert isinstance(request, Image)
+        if request.pose is None:
+            return []
         stored = self.object_map.in_view(request.pose, request.horizontal_fov_rad, self.rules.view_range_m)
         answer = self._map_answer(request.header, [one.as_detection() for one in stored])
         return [Publish(topic, answer.served("map", self.name)) for topic in self._published]
