@@ -51,7 +51,7 @@ class Model(BaseModel):
             if key not in names:
                 near = difflib.get_close_matches(str(key), names, n=1)
                 hint = f"did you mean {near[0]!r}?" if near else f"known: {', '.join(names)}"
-                problem(str(key), f"unknown field; {hint}")
+                problem(_step(key), f"unknown field; {hint}")
         return data
 
     @classmethod
@@ -84,12 +84,17 @@ def _path(error: ErrorDetails, data: object) -> str:
         if isinstance(step, int) and isinstance(here, Sequence) and not isinstance(here, str) and step < len(here):
             path, here = f"{path}[{step}]", here[step]
         elif isinstance(here, Mapping) and step in here:
-            path, here = f"{path}.{step}", here[step]
+            path, here = f"{path}.{_step(step)}", here[step]
         elif index == last and error["type"] == "missing":
             path = f"{path}[{step}]" if isinstance(step, int) else f"{path}.{step}"
     if error["type"] == "problem" and error["ctx"]["field"]:
         path = f"{path}.{error['ctx']['field']}"
     return path.lstrip(".")
+
+
+def _step(name: object) -> str:
+    """A key as part of a path; in quotes if it is no plain word."""
+    return name if isinstance(name, str) and re.fullmatch(r"[\w-]{1,40}", name) else shown(name)
 
 
 def _text(error: ErrorDetails) -> str:
@@ -122,6 +127,8 @@ def _text(error: ErrorDetails) -> str:
     if kind == "union_tag_invalid":
         choices = re.findall(r"'([^']*)'", context["expected_tags"])
         return unknown(context["discriminator"].strip("'"), context["tag"], choices)
+    if kind == "string_too_short":
+        return "must not be empty"
     if kind == "too_short":
         least = context["min_length"]
         return "must not be empty" if least == 1 else f"must hold {least} values"

@@ -86,7 +86,7 @@ def _named(value: object) -> object:
     if not isinstance(value, Mapping):
         return value
     like = value.get("like", "ethernet_1g")
-    if like not in LINKS:
+    if not isinstance(like, str) or like not in LINKS:
         problem("like", unknown("link", like, LINKS))
     own = {name: item for name, item in value.items() if name != "like"}
     return LINKS[like].model_dump(mode="json", by_alias=True) | own

@@ -7,11 +7,12 @@ simulating. In Python names carry units (``start_ns``), in YAML values do (``sta
 from __future__ import annotations
 
 import copy
-from collections.abc import Iterable, Mapping, Sequence
+import re
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from genie_sim import units
 from genie_sim.errors import UserError, unknown
@@ -58,6 +59,12 @@ class Recorded(Model):
     trace: str = "kitti_0005"
 
 
+def _drive(name: str) -> str:
+    if not re.fullmatch(r"\d{4}_\d{2}_\d{2}/\d{4}", name, re.ASCII):
+        raise ValueError(f"must be a date and a number such as '2011_09_26/0005', not {shown(name)}")
+    return name
+
+
 class Live(Model):
     """The frames of a KITTI drive go through a detector while the scenario is prepared.
 
@@ -66,7 +73,7 @@ class Live(Model):
 
     source: Literal["live"] = "live"
     kitti: str = "$GENIE_SIM_KITTI"
-    drive: Annotated[str, Field(pattern=r"^\d{4}_\d{2}_\d{2}/\d{4}$")] = "2011_09_26/0005"
+    drive: Annotated[str, AfterValidator(_drive)] = "2011_09_26/0005"
     cameras: Annotated[tuple[Name, ...], Listed, Field(min_length=1)] = ("02", "03")
     detector: str = "yolox_nano"
     min_score: Probability = 0.3
@@ -178,18 +185,24 @@ class Capacity(Model):
     entries: Count | None = None
     size_bytes: PositiveSize | None = Field(default=None, alias="bytes")
 
+    @model_validator(mode="after")
+    def _limits_something(self) -> Self:
+        if self.entries is None and self.size_bytes is None:
+            problem("", "must name 'entries', 'bytes' or both")
+        return self
+
 
 def _capacity(value: object) -> object:
     """``1000 entries`` and ``10 MB`` for short."""
-    if not isinstance(value, str):
+    if value is None or isinstance(value, Mapping | Capacity):
         return value
-    number, _, unit = value.partition(" ")
+    number, _, unit = str(value).partition(" ")
     if unit == "entries" and number.isascii() and number.isdigit() and len(number) < 18:
         return {"entries": int(number)}
     try:
         units.size_bytes(value)
     except ValueError as error:
-        raise ValueError(f"must be such as '1000 entries' or '10 MB', not {value!r}") from error
+        raise ValueError(f"must be such as '1000 entries' or '10 MB', not {shown(value)}") from error
     return {"bytes": value}
 
 
@@ -262,7 +275,7 @@ class Scenario(Model):
         _unique("cars", [car.name for car in self.cars], ".name", also=edges)
         for index, car in enumerate(self.cars):
             if car.edge is not None and car.edge not in edges:
-                problem(f"cars[{index}].edge", unknown("edge", car.edge, edges) if edges else "there are no edges")
+                problem(f"cars[{index}].edge", _unknown_edge(car.edge, edges))
         if self.origin is not None and not (abs(self.origin[0]) <= 90 and abs(self.origin[1]) <= 180):
             problem("origin", "must be [latitude, longitude, altitude] in degrees, degrees and metres")
         return self
@@ -297,6 +310,10 @@ class Scenario(Model):
     def to_yaml(self) -> str:
         """Every setting written out; reads back to an equal scenario."""
         return dump(self.model_dump(mode="json", by_alias=True))
+
+
+def _unknown_edge(name: str, edges: Collection[str]) -> str:
+    return unknown("edge", name, edges) if edges else f"unknown edge {name!r}; there are no edges"
 
 
 def _unique(field: str, names: Sequence[str], of: str = "", also: Iterable[str] = ()) -> None:

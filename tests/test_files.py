@@ -1,0 +1,147 @@
+"""Scenarios, device profiles and traces are found by path or by name; what a stranger wrote is read with care."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from genie_sim.errors import UserError
+from genie_sim.experiment import files
+from genie_sim.experiment.yaml_input import dump, parse, read_mapping
+
+
+def refusal(data: bytes, tmp_path: Path) -> str:
+    """What ``read_mapping`` says of a file with these bytes, without the folder's name."""
+    path = tmp_path / "x.yaml"
+    path.write_bytes(data)
+    with pytest.raises(UserError) as error:
+        read_mapping(path)
+    assert "\n" not in str(error.value)
+    return str(error.value).replace(f"{tmp_path}/", "")
+
+
+def test_a_shipped_file_is_found_by_name_from_any_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert files.find(files.SCENARIO, "3car_hetero").name == "3car_hetero.yaml"
+    assert files.find(files.DEVICE, "jetson_tx2").name == "jetson_tx2.yaml"
+
+
+def test_the_current_folder_comes_before_the_shipped_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    own = tmp_path / "device_profiles" / "jetson_tx2.yaml"
+    own.parent.mkdir()
+    own.touch()
+    monkeypatch.chdir(tmp_path)
+    assert files.find(files.DEVICE, "jetson_tx2").resolve() == own
+    assert "agx_xavier" in files.available(files.DEVICE)
+
+
+def test_a_path_is_taken_as_it_stands(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "mine.yaml").touch()
+    monkeypatch.chdir(tmp_path)
+    for path in ("mine.yaml", "./mine.yaml", str(tmp_path / "mine.yaml"), tmp_path / "mine.yaml"):
+        assert files.find(files.SCENARIO, path).resolve() == tmp_path / "mine.yaml"
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("nowhere/x.yaml", "nowhere/x.yaml: no such file"),
+        ("x.yaml", "x.yaml: no such file"),
+        ("folder/", "unknown trace 'folder/'; known: "),
+        ("./folder.d", "./folder.d: is a folder, not a file"),
+        ("x" * 300 + ".yaml", "x" * 300 + ".yaml: File name too long"),
+        ("kitty", "unknown trace 'kitty' (did you mean 'kitti'?); known: "),
+        ("", "unknown trace ''; known: "),
+    ],
+)
+def test_what_is_not_there(name: str, message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "folder.d").mkdir()
+    (tmp_path / "scenarios/traces").mkdir(parents=True)
+    (tmp_path / "scenarios/traces/kitti.parquet").touch()
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(UserError) as error:
+        files.find(files.TRACE, name)
+    assert str(error.value).startswith(message)
+
+
+@pytest.mark.parametrize(
+    ("data", "message"),
+    [
+        (b"", "x.yaml: is empty; expected a mapping such as 'name: value'"),
+        (b"- a\n- b\n", "x.yaml: is a list; expected a mapping such as 'name: value'"),
+        (b"hello\n", "x.yaml: is the single value 'hello'; expected a mapping such as 'name: value'"),
+        (b"a: 1\nb: [1\n", "x.yaml: line 3: expected ',' or ']', but got '<stream end>'"),
+        (b"a: 1\nb: c: d\n", "x.yaml: line 2: mapping values are not allowed here"),
+        (b"a: 1\nb: 2\na: 3\n", "x.yaml: line 3: duplicate key 'a'"),
+        (b"a:\n\tb: 1\n", "x.yaml: line 2: a tab stands where YAML allows only spaces"),
+        (b"a: 1\nb: \x00\n", "x.yaml: line 2: holds the character '\\x00'"),
+        (b'a: "\\0"\n', "x.yaml: line 1: holds the character '\\x00'"),
+        (b'a: "\\uD800"\n', "x.yaml: line 1: holds the character '\\ud800'"),
+        (b"a: 1\nb: \xff\xfe\n", "x.yaml: line 2: is not UTF-8 text"),
+        (b"1: a\n", "x.yaml: line 1: a key must be plain text; put it in quotes"),
+        (b"a: 1\n---\nb: 1\n", "x.yaml: line 2: expected a single document in the stream but found another document"),
+        (b"a: *b\n", "x.yaml: line 1: found undefined alias 'b'"),
+        (
+            b"a: !!python/object/apply:os.system [ls]\n",
+            "x.yaml: line 1: tags such as 'tag:yaml.org,2002:python/object/apply:os.system' are not allowed",
+        ),
+        (b"a: !!binary aGk=\n", "x.yaml: line 1: tags such as 'tag:yaml.org,2002:binary' are not allowed"),
+        (b"a: !mine x\n", "x.yaml: line 1: tags such as '!mine' are not allowed"),
+        (b"a: " + b"[" * 100_000, "x.yaml: line 1: nested more than 40 deep"),
+        (b"a: &a [*a]\n", "x.yaml: line 1: nested more than 40 deep"),
+        (b"a: " + b"x" * 1_000_000, "x.yaml: is larger than 1000000 bytes; a file of settings is smaller"),
+    ],
+)
+def test_yaml_that_is_no_scenario(data: bytes, message: str, tmp_path: Path) -> None:
+    assert refusal(data, tmp_path) == message
+
+
+def test_a_billion_laughs(tmp_path: Path) -> None:
+    lines = ["a0: &a0 [lol, lol, lol, lol, lol, lol, lol, lol, lol]"]
+    lines += [f"a{i}: &a{i} [{', '.join([f'*a{i - 1}'] * 9)}]" for i in range(1, 10)]
+    told = refusal("\n".join(lines).encode(), tmp_path)
+    assert told == "x.yaml: holds more than 100000 values once its aliases are written out"
+
+
+def test_a_missing_file_is_told_as_such(tmp_path: Path) -> None:
+    with pytest.raises(UserError, match=r"gone\.yaml: cannot be read: No such file or directory"):
+        read_mapping(tmp_path / "gone.yaml")
+
+
+def test_no_surprises_of_old_yaml() -> None:
+    text = "{no: no, loss: 1e-3, camera: 02, drive: 2011_09_26, time: 1:30, day: 2011-09-26, none: ~, yes: true}"
+    assert parse(text, "text") == {
+        "no": "no",
+        "loss": 0.001,
+        "camera": "02",
+        "drive": "2011_09_26",
+        "time": "1:30",
+        "day": "2011-09-26",
+        "none": None,
+        "yes": True,
+    }
+
+
+readable = st.text(st.characters(codec="utf-8", exclude_categories=("Cc", "Cs")), max_size=30)
+plain = st.none() | st.booleans() | st.integers(-(10**17), 10**17) | st.floats(1e-9, 1e9) | readable
+texts = st.sampled_from(
+    ["no", "1e-3", "02", "0x1", "1_000", "null", "~", "", "1:30", "2011-09-26", ".5", "=", "<<", "-"]
+)
+
+
+@given(
+    st.recursive(plain | texts, lambda inner: st.lists(inner) | st.dictionaries(readable | texts, inner), max_leaves=20)
+)
+def test_what_is_written_is_read_back(value: object) -> None:
+    assert parse(dump(value), "text") == value
+
+
+@given(st.text(max_size=60) | st.text("[]{}&*!|>'\"%@`:,-? \n\t#ab12", max_size=60))
+def test_whatever_is_typed_ends_in_data_or_in_one_line(text: str) -> None:
+    try:
+        parse(text, "text")
+    except UserError as error:
+        assert str(error).startswith("text: ") and "\n" not in str(error)
