@@ -1,0 +1,102 @@
+"""A made-up run with plausible numbers, so that tables can be tested without simulating."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from genie_sim.experiment.records import FrameTable, LookupTable, ResourceTable
+
+MS = 1_000_000
+STREAMS = ("camera_00", "camera_01", "camera_02", "camera_03")
+# Median service times [ms] of a TX2 (local) and an AGX Xavier (remote); how many streams a detector keeps up with.
+DETECTOR_MS = {"local": 310.0, "remote": 65.0}
+KEPT = {"local": 0.08, "remote": 0.37}
+
+
+def frames(cars: int = 3, seconds: int = 10, seed: int = 1, speed: float = 1.0) -> FrameTable:
+    """Detectors drop what they cannot keep up with; Genie answers at once and fresh when the detection is there.
+
+    ``speed`` divides the remote detector's time.
+    """
+    rng = np.random.default_rng(seed)
+    table = FrameTable()
+    for method in ("local", "remote", "genie"):
+        for car in range(1, cars + 1):
+            for s, stream in enumerate(STREAMS):
+                for frame in range(10 * seconds):
+                    stamp_ns = (100 * frame + 25 * s) * MS
+                    row = table.add(method, f"car{car}", stream, frame, 0, stamp_ns)
+                    received_ns = stamp_ns + 3 * MS
+                    table.set(row, "received_ns", received_ns)
+                    if method == "genie":
+                        _answer_by_genie(table, row, received_ns, rng, speed)
+                    elif rng.random() < KEPT[method] * (speed if method == "remote" else 1):
+                        fast = speed if method == "remote" else 1.0
+                        took_ms = DETECTOR_MS[method] / fast * (0.85 + 0.15 * np.exp(0.6 * rng.standard_normal()))
+                        _set(table, row, received_ns + int(took_ms * MS), "own_detector", rng.poisson(3))
+                    else:
+                        table.set(row, "drop", f"{method}/detector:/image_raw")
+    return table
+
+
+def _set(table: FrameTable, row: int, t_ns: int, source: str, objects: int) -> None:
+    for column in ("first_answer_ns", "fresh_answer_ns"):
+        table.set(row, column, t_ns)
+    for column in ("objects_served", "objects_detected"):
+        table.set(row, column, int(objects))
+    table.set(row, "source", source)
+
+
+def _answer_by_genie(table: FrameTable, row: int, received_ns: int, rng: np.random.Generator, speed: float) -> None:
+    genie_ms = 8.8 * (0.6 + 0.4 * np.exp(0.5 * rng.standard_normal()))
+    first_ns = received_ns + int(genie_ms * MS)
+    hit = bool(rng.random() < 0.2)
+    table.set(row, "image_hit", hit)
+    table.set(row, "coalesced", False)
+    if hit:
+        _set(table, row, first_ns, "own_cache", rng.poisson(3))
+        return
+    table.set(row, "first_answer_ns", first_ns)
+    table.set(row, "source", "map")
+    table.set(row, "objects_served", int(rng.poisson(1)))
+    if rng.random() < 0.4 * speed:
+        table.set(row, "fresh_answer_ns", first_ns + int((20 + 65 / speed * rng.gamma(4, 0.3)) * MS))
+        table.set(row, "objects_detected", int(rng.poisson(3)))
+
+
+def lookups(cars: int = 3, messages: int = 400, seed: int = 1, lift: float = 1.0) -> LookupTable:
+    """Genies on cars and edges; hits become more frequent as the caches fill. ``lift`` multiplies them."""
+    rng = np.random.default_rng(seed)
+    table = LookupTable()
+    for i in range(messages):
+        t_ns = i * 25 * MS
+        for car in range(1, cars + 1):
+            for role, place, base in (("local", "car", 0.06), ("remote", "edge", 0.1)):
+                name, level = f"{place}{car}/genie", lift * (0.4 + 0.6 * i / messages)
+                hit = bool(rng.random() < base * level)
+                outcome, stream = "hit" if hit else "miss", STREAMS[i % 4]
+                table.add(
+                    t_ns, name, role, "image", "client", f"car{car}", stream, t_ns, outcome, 1, int(hit), 0, 0.0, i
+                )
+                asked = 1 + int(rng.poisson(3))
+                hits = int(rng.binomial(asked, min(4 * base * level, 1)))
+                boost = 0.04 * hits * level * rng.random()
+                table.add(
+                    t_ns, name, role, "sighting", None, f"car{car}", stream, t_ns, None, asked, hits, hits, boost, i
+                )
+    return table
+
+
+def resources(cars: int = 3, samples: int = 100) -> ResourceTable:
+    """Saturated accelerators on the cars, edges half busy with Genie, links one third."""
+    table = ResourceTable()
+    for method in ("local", "remote", "genie"):
+        for i in range(1, samples + 1):
+            t_ns = i * 100 * MS
+            for car in range(1, cars + 1):
+                queue = (i + car) % 3
+                table.add(method, t_ns, f"car{car}.accelerator", "accelerator", 1, int(0.98 * t_ns), 0, i // 3, 0, None)
+                table.add(method, t_ns, f"edge{car}.accelerator", "accelerator", 1, int(0.5 * t_ns), 0, i, 0, None)
+                table.add(method, t_ns, f"car{car}->edge{car}", "link", 1, int(0.3 * t_ns), 0, i, 0, i * 1_397_297)
+                table.add(method, t_ns, f"car{car}/detector:/image_raw", "queue", None, 0, queue, i, 2 * i, None)
+    return table
