@@ -41,6 +41,7 @@ Count = Annotated[int, Field(ge=1)]
 
 # What Algorithms 1 and 2 say to the letter; single settings may still be given beside ``algorithm: literal``.
 LITERAL: dict[str, Any] = {
+    "similarity": "exact",
     "pending_index": "per_topic",
     "header_identity": "stamp",
     "same_key_pending": "forward",
@@ -48,7 +49,7 @@ LITERAL: dict[str, Any] = {
     "neighbour_miss": "process",
     "request_expiry": None,
     "miss_policy": "hits_only",
-    "object_map": {"one_per_location": True, "rule": "literal"},
+    "object_map": {"location_key": "exact", "one_per_location": True, "rule": "literal"},
 }
 
 
