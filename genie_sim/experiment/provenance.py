@@ -1,0 +1,110 @@
+"""Where a result comes from: its run id, its ``run.json``, and a folder that is there whole or not at all."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import platform
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+import genie_sim
+from genie_sim.errors import UserError
+
+RESULT_FORMAT = 1
+TABLES = ("frames.parquet", "lookups.parquet", "resources.parquet")
+PACKAGES = ("simpy", "numpy", "pandas", "pyarrow", "pydantic", "matplotlib")
+
+
+def run_id(facts: Mapping[str, Any]) -> str:
+    """12 hex digits of the hash of everything that decides a run's outcome."""
+    return hashlib.sha256(canonical(facts).encode()).hexdigest()[:12]
+
+
+def canonical(facts: Mapping[str, Any]) -> str:
+    """JSON that is the same for equal facts."""
+    return json.dumps(facts, sort_keys=True, separators=(",", ":"), allow_nan=False)
+
+
+def digests(folder: Path) -> dict[str, str]:
+    """sha256 of each table of a result folder."""
+    return {name: hashlib.sha256((folder / name).read_bytes()).hexdigest() for name in TABLES}
+
+
+def environment() -> dict[str, Any]:
+    """What may differ between two runs of the same id: versions, machine, commit (``None`` outside a checkout)."""
+    return {
+        "genie_sim": genie_sim.__version__,
+        "python": platform.python_version(),
+        "platform": platform.platform(),
+        "packages": {name: metadata.version(name) for name in PACKAGES},
+        "commit": _commit(),
+    }
+
+
+def check_writable(out: Path) -> None:
+    """Raises ``UserError`` unless result folders can be made in ``out``; leaves nothing behind."""
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=out):
+            pass
+    except OSError as error:
+        raise UserError(f"{out}: no results can be written there: {error.strerror or error}") from error
+
+
+@contextmanager
+def result_folder(final: Path) -> Iterator[Path]:
+    """A folder to fill, which takes the place of ``final`` once it is complete, and vanishes if that fails."""
+    partial = Path(tempfile.mkdtemp(prefix=f".{final.name}.", dir=final.parent))
+    try:
+        yield partial
+        partial.chmod(0o755)
+        if final.exists():
+            replaced = partial / ".replaced"
+            final.rename(replaced)
+            partial.rename(final)
+            shutil.rmtree(final / ".replaced")
+        else:
+            partial.rename(final)
+    except OSError as error:
+        raise UserError(f"{final}: cannot be written: {error.strerror or error}") from error
+    finally:
+        shutil.rmtree(partial, ignore_errors=True)
+
+
+def write_run_json(folder: Path, run: Mapping[str, Any]) -> None:
+    (folder / "run.json").write_text(json.dumps(run, indent=2, sort_keys=True, ensure_ascii=False) + "\n")
+
+
+def read_run_json(folder: Path) -> dict[str, Any]:
+    """The provenance of a result folder. Raises ``UserError`` for anything else."""
+    path = folder / "run.json"
+    try:
+        run = json.loads(path.read_text())
+    except FileNotFoundError:
+        raise UserError(f"{folder}: not a result folder: it has no run.json") from None
+    except (OSError, ValueError) as error:
+        raise UserError(f"{path}: cannot be read: {error}") from error
+    if not isinstance(run, dict) or run.get("format") != RESULT_FORMAT:
+        found = run.get("format") if isinstance(run, dict) else None
+        raise UserError(f"{path}: format {found!r}, this genie-sim reads {RESULT_FORMAT}")
+    return run
+
+
+def _commit() -> str | None:
+    """The commit of a checkout, marked where files differ from it."""
+    root = Path(genie_sim.__file__).parents[1]
+    if not (root / ".git").exists():
+        return None
+    try:
+        git = ["git", "-C", os.fspath(root), "describe", "--always", "--abbrev=12", "--dirty", "--exclude=*"]
+        return subprocess.run(git, capture_output=True, text=True, timeout=10, check=True).stdout.strip()
+    except (OSError, subprocess.SubprocessError):
+        return None
