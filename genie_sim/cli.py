@@ -50,9 +50,6 @@ def run(
 
     with _Progress() as progress:
         result = runner.run(scenario, set_ or (), seed, out, progress)
-    from genie_sim.experiment.summary import terminal_summary
-
-    typer.echo(terminal_summary(result.summary, width=_width()))
     typer.echo(f"\nResults: {result.folder}\nFigures: {result.folder / 'figures'}")
 
 

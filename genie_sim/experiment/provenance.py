@@ -79,8 +79,9 @@ def result_folder(final: Path) -> Iterator[Path]:
         shutil.rmtree(partial, ignore_errors=True)
 
 
-def write_run_json(folder: Path, run: Mapping[str, Any]) -> None:
-    (folder / "run.json").write_text(json.dumps(run, indent=2, sort_keys=True, ensure_ascii=False) + "\n")
+def write_json(path: Path, value: object) -> None:
+    """JSON to read by eye and to compare by line."""
+    path.write_text(json.dumps(value, indent=2, sort_keys=True, ensure_ascii=False) + "\n", encoding="utf-8")
 
 
 def read_run_json(folder: Path) -> dict[str, Any]:

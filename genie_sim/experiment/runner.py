@@ -2,18 +2,27 @@
 
 from __future__ import annotations
 
+import json
 import os
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+import tempfile
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
+import genie_sim
 from genie_sim.errors import UserError, unknown
-from genie_sim.experiment import files
+from genie_sim.experiment import files, provenance
 from genie_sim.experiment.profiles import DeviceProfile, load_profile
 from genie_sim.experiment.records import FrameTable, LookupTable, ResourceTable
-from genie_sim.experiment.scenario import Live, Route, Scenario
+from genie_sim.experiment.scenario import Live, Route, Scenario, load_scenario, read_scenario
 from genie_sim.perception.trace import Trace, read_trace
 from genie_sim.sim.log import Log
 from genie_sim.sim.world import World
+
+if TYPE_CHECKING:
+    from genie_sim.experiment.metrics import Metric
 
 Progress = Callable[[float, float, str], None]
 NS = 1_000_000_000
@@ -35,6 +44,97 @@ class Tables:
     frames: FrameTable
     lookups: LookupTable
     resources: ResourceTable
+
+
+@dataclass(frozen=True)
+class Result:
+    """A finished run: its folder, its id, its metrics and its summary for a terminal."""
+
+    folder: Path
+    run_id: str
+    metrics: Sequence[Metric]
+
+
+def run(
+    path_or_name: str | Path,
+    overrides: Sequence[str] = (),
+    seed: int | None = None,
+    out: Path = Path("results"),
+    progress: Progress | None = None,
+) -> Result:
+    """Simulates a scenario and writes ``out/<scenario>-<run id>``. Raises ``UserError`` before it simulates."""
+    scenario = load_scenario(path_or_name, overrides, seed)
+    provenance.check_writable(out)
+    prepared = prepare(scenario, progress)
+    run_id = provenance.run_id(facts(prepared))
+    folder = out / f"{scenario.name}-{run_id}"
+    with provenance.result_folder(folder) as partial:
+        metrics = _fill(partial, prepared, run_id, progress)
+    return Result(folder, run_id, metrics)
+
+
+def rerun(folder: Path, progress: Progress | None = None) -> dict[str, bool]:
+    """Runs a result folder's scenario again, with the device profiles it was made with; tells of each file, by its
+    name, whether the bytes are the same. ``run.json`` holds the wall time and is not compared."""
+    made = provenance.read_run_json(folder)
+    scenario = read_scenario(made["facts"]["scenario"], where=str(folder / "run.json"))
+    devices = {name: DeviceProfile.model_validate_json(json.dumps(d)) for name, d in made["facts"]["devices"].items()}
+    prepared = replace(prepare(scenario, progress), devices=devices)
+    again = facts(prepared)
+    for key in again:
+        if again[key] != made["facts"][key]:
+            raise UserError(f"{folder}: {key} differ from those of the run: {made['facts'][key]} then, {again[key]} now")
+    with tempfile.TemporaryDirectory() as temporary:
+        _fill(Path(temporary), prepared, made["run_id"], progress)
+        names = sorted(str(path.relative_to(temporary)) for path in Path(temporary).rglob("*") if path.is_file())
+        return {
+            name: (folder / name).is_file() and (folder / name).read_bytes() == (Path(temporary) / name).read_bytes()
+            for name in names
+            if name != "run.json"
+        }
+
+
+def facts(prepared: Prepared) -> dict[str, Any]:
+    """Everything that decides the outcome of a run."""
+    return {
+        "format": provenance.RESULT_FORMAT,
+        "genie_sim": genie_sim.__version__,
+        "scenario": prepared.scenario.model_dump(mode="json", by_alias=True),
+        "devices": {name: device.model_dump(mode="json", by_alias=True) for name, device in prepared.devices.items()},
+        "traces": {car: trace.digest for car, trace in prepared.traces.items()},
+    }
+
+
+def _fill(folder: Path, prepared: Prepared, run_id: str, progress: Progress | None) -> Sequence[Metric]:
+    """Simulates and writes the files of a result folder."""
+    from genie_sim.experiment import figures, metrics
+
+    began_s = time.perf_counter()
+    tables = simulate(prepared, progress)
+    for table in (tables.frames, tables.lookups, tables.resources):
+        table.write(folder / f"{table.name}.parquet")
+    frames, lookups, resources = (t.to_frame() for t in (tables.frames, tables.lookups, tables.resources))
+    computed = metrics.compute(frames, lookups, resources)
+    provenance.write_json(folder / "metrics.json", [asdict(metric) for metric in computed])
+    footer = f"{prepared.scenario.name}, run {run_id}, seed {prepared.scenario.seed}"
+    (folder / "figures").mkdir()
+    for name, figure in figures.of_run(prepared.scenario.name, frames, lookups, resources, footer).items():
+        figures.save(figure, folder / "figures", name)
+    (folder / "scenario.resolved.yaml").write_text(prepared.scenario.to_yaml())
+    provenance.write_json(
+        folder / "run.json",
+        {
+            "format": provenance.RESULT_FORMAT,
+            "run_id": run_id,
+            "facts": facts(prepared),
+            "digests": provenance.digests(folder),
+            "rows": {table.name: len(table) for table in (tables.frames, tables.lookups, tables.resources)},
+            "traces": {trace.name: dict(trace.provenance) for trace in prepared.traces.values()},
+            "wall_time_s": round(time.perf_counter() - began_s, 3),
+            **provenance.environment(),
+        },
+    )
+    return computed
 
 
 def prepare(scenario: Scenario, progress: Progress | None = None) -> Prepared:

@@ -1,0 +1,173 @@
+"""The command line as its user meets it: what it prints, what it writes, and what it says when something is wrong."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from genie_sim.cli import main
+from tests.conftest import REPOSITORY
+
+GOOD = """
+methods: [genie]
+cars:
+  - {name: car1, device: jetson_tx2, edge: edge1, route: {window: [0 s, 1 s]}}
+edges:
+  - {name: edge1, device: agx_xavier}
+"""
+
+BAD = {
+    "a misspelt field": ("methods:", "methdos:", "s.yaml: methdos: unknown field; did you mean 'methods'?"),
+    "an unknown device": ("jetson_tx2", "jetson_tx3", "s.yaml: cars[0].device: unknown device 'jetson_tx3' (did you mean"),
+    "an unknown edge": ("edge: edge1", "edge: edge7", "s.yaml: cars[0].edge: unknown edge 'edge7'"),
+    "a duplicate name": ("name: car1", "name: edge1", "s.yaml: cars[0].name: duplicate name 'edge1'"),
+    "a unit that does not parse": ("1 s]", "1 parsec]", "s.yaml: cars[0].route.window[1]: "),
+    "an unknown link": ("route:", "link: carrier_pigeon, route:", "s.yaml: cars[0].link: unknown link 'carrier_pigeon'"),
+    "a rate of zero": ("route:", "link: {rate_up: 0 bit/s}, route:", "s.yaml: cars[0].link.rate_up: must be more than zero"),
+    "a negative rate": ("route:", "link: {rate_up: -5 bit/s}, route:", "s.yaml: cars[0].link.rate_up: must be more than zero"),
+    "a link to nowhere": ("edge: edge1,", "link: wifi,", "s.yaml: cars[0].link: leads nowhere"),
+    "an unknown policy": ("methods:", "genie: {eviction: lruu}\nmethods:", "s.yaml: genie.eviction: unknown eviction 'lruu'"),
+    "an unknown trace": ("methods:", "perception: {trace: kitty}\nmethods:", "s.yaml: perception.trace: unknown trace 'kitty'"),
+    "a route past the end": ("[0 s, 1 s]", "[90 s, 91 s]", "cars[0].route.window: begins at 90 s, after the last frame"),
+    "an unknown recording": (
+        "methods:",
+        "cameras: [{name: a, recording: '07'}]\nmethods:",
+        "cameras[0].recording: unknown recording '07'; known: 02, 03",
+    ),
+}
+
+
+@pytest.mark.parametrize("mistake", BAD)
+def test_a_mistake_in_a_scenario_gets_one_line_and_status_1(mistake, capsys):
+    right, wrong, message = BAD[mistake]
+    Path("s.yaml").write_text(GOOD.replace(right, wrong, 1))
+    assert main(["run", "s.yaml"]) == 1
+    _one_line(capsys, message)
+    assert not Path("results").exists()
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "s.yaml: "),
+        ("- a\n- b\n", "s.yaml: "),
+        ("cars: []\n", "s.yaml: cars: must not be empty"),
+        ("edges: []\n", "s.yaml: cars: missing"),
+        ("cars: [\n", "s.yaml:"),
+        ("cars: !!python/object/apply:os.system ['touch hacked']\n", "s.yaml:"),
+        ("a: &a [x]\nb: &b [*a, *a]\nc: &c [*b, *b]\n" * 1, "s.yaml: "),
+        ("cars:\n\t- x\n", "s.yaml:"),
+    ],
+)
+def test_yaml_that_is_not_a_scenario_gets_one_line(text, message, capsys):
+    Path("s.yaml").write_text(text)
+    assert main(["run", "s.yaml"]) == 1
+    _one_line(capsys, message)
+    assert not Path("hacked").exists()
+
+
+def test_an_unknown_scenario_lists_the_known_ones(capsys):
+    assert main(["run", "3car_heteros"]) == 1
+    _one_line(capsys, "unknown scenario '3car_heteros' (did you mean '3car_hetero'?)")
+
+
+def test_an_override_is_named_in_its_error(capsys):
+    assert main(["run", "1car_homo", "--set", "cars[0].device=abacus"]) == 1
+    _one_line(capsys, "--set cars[0].device=abacus: cars[0].device: unknown device 'abacus'")
+
+
+@pytest.mark.parametrize("content", [b"", b"not parquet", None])
+def test_a_broken_trace_is_named(content, capsys):
+    path = Path("broken.parquet")
+    whole = (REPOSITORY / "scenarios/traces/kitti_0005.parquet").read_bytes()
+    path.write_bytes(whole[: len(whole) // 2] if content is None else content)
+    Path("s.yaml").write_text(GOOD + "perception: {trace: ./broken.parquet}\n")
+    assert main(["run", "s.yaml"]) == 1
+    _one_line(capsys, "broken.parquet: ")
+
+
+def test_a_results_folder_that_cannot_be_written_is_found_before_simulating(capsys):
+    Path("s.yaml").write_text(GOOD)
+    Path("results").write_text("a file, not a folder")
+    assert main(["run", "s.yaml"]) == 1
+    _one_line(capsys, "results")
+
+
+def test_usage_errors_have_status_2(capsys):
+    assert main(["run"]) == 2
+    assert main(["fly"]) == 2
+
+
+def test_a_folder_that_is_no_result_cannot_be_rerun(capsys):
+    Path("nothing").mkdir()
+    assert main(["rerun", "nothing"]) == 1
+    _one_line(capsys, "nothing")
+
+
+def test_run_says_where_the_results_are_and_rerun_confirms_them(capsys):
+    Path("s.yaml").write_text(GOOD)
+    assert main(["run", "s.yaml", "--seed", "3"]) == 0
+    said = capsys.readouterr().out
+    folder = next(Path("results").glob("s-*"))
+    assert str(folder) in said
+    for name in ("run.json", "scenario.resolved.yaml", "frames.parquet", "lookups.parquet", "metrics.json", "summary.md"):
+        assert (folder / name).is_file(), name
+    assert list((folder / "figures").glob("*.svg"))
+    assert main(["rerun", str(folder)]) == 0
+    assert "frames.parquet: identical" in capsys.readouterr().out
+
+
+def test_rerun_notices_a_result_that_was_changed(capsys):
+    Path("s.yaml").write_text(GOOD)
+    assert main(["run", "s.yaml"]) == 0
+    folder = next(Path("results").glob("s-*"))
+    with (folder / "frames.parquet").open("r+b") as file:
+        file.seek(200)
+        file.write(b"\0\0\0\0")
+    assert main(["rerun", str(folder)]) == 1
+    assert "frames.parquet: DIFFERENT" in capsys.readouterr().out
+
+
+def test_the_same_run_under_another_hash_seed_gives_the_same_bytes(run_cli):
+    Path("s.yaml").write_text(GOOD)
+    for seed in ("1", "2"):
+        assert run_cli("run", "s.yaml", "--out", f"out{seed}", env={"PYTHONHASHSEED": seed}).returncode == 0
+    first, second = (sorted(p for p in Path(f"out{seed}").rglob("*") if p.is_file()) for seed in ("1", "2"))
+    assert [p.parts[1:] for p in first] == [p.parts[1:] for p in second]
+    for one, other in zip(first, second, strict=True):
+        if one.name != "run.json":  # it holds the wall time
+            assert one.read_bytes() == other.read_bytes(), one
+
+
+def test_ctrl_c_leaves_nothing_behind_and_ends_with_130():
+    Path("s.yaml").write_text(GOOD.replace("[0 s, 1 s]", "[0 s, 15 s], laps: 500"))
+    environment = {**os.environ, "PYTHONPATH": str(REPOSITORY)}
+    command = [sys.executable, "-m", "genie_sim", "run", "s.yaml"]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env=environment) as run:
+        time.sleep(4)
+        run.send_signal(signal.SIGINT)
+        _, error = run.communicate(timeout=60)
+    assert run.returncode == 130
+    assert "Traceback" not in error
+    assert "interrupted" in error
+    assert not list(Path().glob("results/*"))
+
+
+def test_list_shows_what_can_be_named(capsys):
+    assert main(["list", "devices"]) == 0
+    assert "jetson_tx2" in capsys.readouterr().out
+    assert main(["list", "devicess"]) == 1
+    _one_line(capsys, "did you mean 'devices'?")
+
+
+def _one_line(capsys, message):
+    said = capsys.readouterr().err
+    assert message in said
+    assert said.count("\n") == 1, said
+    assert "Traceback" not in said
