@@ -262,7 +262,7 @@ MISTAKES = [
     (TWO_CARS + "genie: {evictoin: lru}\n", "genie.evictoin: unknown field; did you mean 'eviction'?"),
     (with_car(genei="true"), "cars[1].genei: unknown field; did you mean 'genie'?"),
     (with_car(genie="{eviction: lru}"), "cars[1].genie: must be true or false, not {'eviction': 'lru'}"),
-    (with_car(x="1"), "cars[1].x: unknown field; known: name, device, edge, link, route, genie"),
+    (with_car(x="1"), "cars[1].x: unknown field; known: name, device, edge, link, route, cameras, genie"),
     (with_car(genie="no"), "cars[1].genie: must be true or false, not 'no'"),
     ("edge: []\n" + TWO_CARS, "edge: unknown field; did you mean 'edges'?"),
     # what does not exist

@@ -137,13 +137,17 @@ class Route(Model):
 
 
 class Car(Model):
-    """A car, its computer, and its link to its edge (both ``None`` for a car on its own)."""
+    """A car, its computer, and its link to its edge (both ``None`` for a car on its own).
+
+    A car without ``cameras`` has no detector either: it asks with its position and lives on what others have seen.
+    """
 
     name: Name
     device: str
     edge: str | None = None
     link: Link | None = None
     route: Route = Route()
+    cameras: bool = True
     genie: bool = True
 
     @model_validator(mode="before")
@@ -157,6 +161,8 @@ class Car(Model):
     def _link_leads_to_an_edge(self) -> Self:
         if self.link is not None and self.edge is None:
             problem("link", "leads nowhere: the car has no 'edge'")
+        if not self.cameras and (self.edge is None or not self.genie):
+            problem("cameras", "a car without cameras needs an 'edge' and 'genie: true', or nobody answers it")
         return self
 
 
@@ -277,9 +283,20 @@ class Scenario(Model):
         for index, car in enumerate(self.cars):
             if car.edge is not None and car.edge not in edges:
                 problem(f"cars[{index}].edge", _unknown_edge(car.edge, edges))
+            self._edge_fits(index, car)
         if self.origin is not None and not (abs(self.origin[0]) <= 90 and abs(self.origin[1]) <= 180):
             problem("origin", "must be [latitude, longitude, altitude] in degrees, degrees and metres")
         return self
+
+    def _edge_fits(self, index: int, car: Car) -> None:
+        """A car without cameras has an edge without detector, and asks by position."""
+        if car.cameras:
+            return
+        for other in self.cars:
+            if other.cameras and other.edge == car.edge:
+                problem(f"cars[{index}].edge", f"serves {other.name}'s cameras; a car without needs one of its own")
+        if self.genie.similarity.name != "pose_grid":
+            problem(f"cars[{index}].cameras", "a car without cameras has only its position: similarity 'pose_grid'")
 
     @model_validator(mode="after")
     def _files_exist(self) -> Self:

@@ -63,6 +63,10 @@ class Graph:
             tuple(names.get(topic, topic) for topic in node.publishes),
         )
 
+    def has_publisher(self, topic: str) -> bool:
+        """Whether any node publishes the topic, under its current name."""
+        return any(topic in self.topics_of(name)[1] for name in self._nodes)
+
     def remap(self, name: str, topics: dict[str, str]) -> None:
         """From now on the node ``name`` talks on other topics; its own code keeps the old names."""
         node, names = self._nodes[name], self._remapped[name]

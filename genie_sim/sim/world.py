@@ -20,6 +20,7 @@ from genie_sim.sim.device import Host
 from genie_sim.sim.link import Bridge, Link
 from genie_sim.sim.log import Log, Resource
 from genie_sim.sim.nodes import Consumer, Detector, Genie, attach_genie
+from genie_sim.sim.phantom import POSITION_BYTES, Coordinator, positions
 from genie_sim.sim.ros_graph import Graph
 
 IMAGES = "/image_raw"
@@ -31,13 +32,13 @@ DRAIN_NS = 5_000_000_000  # after the last frame, until its last answer must hav
 
 
 class _Edge:
-    """An edge server: its host, its ROS graph, its detector, and the port to the edge network."""
+    """An edge server: its host, its ROS graph, its detector if its cars have cameras, and its Genie."""
 
-    def __init__(self, world: World, name: str, host: Host) -> None:
+    def __init__(self, world: World, name: str, host: Host, detects: bool) -> None:
         self.name = name
         self.host = host
         self.graph = Graph(world.env, name)
-        self.detector = world.add_detector(name, host, self.graph)
+        self.detector = world.add_detector(name, host, self.graph) if detects else None
         self.genie: Genie | None = None
 
 
@@ -65,20 +66,25 @@ class World:
         self._log = log
         self._end_ns = 0
         self.edges: dict[str, _Edge] = {}
+        without_cameras = {car.edge for car in scenario.cars if not car.cameras}
         for edge in scenario.edges:
-            self.edges[edge.name] = _Edge(self, edge.name, self._add_host(edge.name, edge.device))
+            host = self._add_host(edge.name, edge.device)
+            self.edges[edge.name] = _Edge(self, edge.name, host, detects=edge.name not in without_cameras)
         if method == "genie":
             for name, edge_ in self.edges.items():
-                edge_.genie = self._attach(name, edge_.graph, role="remote")
+                if edge_.detector is not None:
+                    edge_.genie = self._attach(name, edge_.graph, role="remote")
             self._join_edges()
         for car in scenario.cars:
-            self._add_car(car, traces[car.name])
+            if car.cameras:
+                self._add_car(car, traces[car.name])
+            elif method == "genie":  # nobody else answers a car without cameras
+                self._add_car_without_cameras(car, traces[car.name])
 
     def run(self, progress: Callable[[int, int], None] | None = None) -> None:
         """Runs until every frame's answer must have come. ``progress`` gets the time now and at the end [ns]."""
         self.env.process(self._sampler(progress))
         self.env.run(until=self._end_ns + DRAIN_NS)
-        self._log.sample(self.resources, self.env.now)
 
     def add_detector(self, place: str, host: Host, graph: Graph) -> Detector:
         name = f"{place}/{DETECTOR}"
@@ -106,6 +112,22 @@ class World:
                 self._join_car(car, graph, edge, IMAGES + REMOTE, OBJECTS + REMOTE)
         elif self.method == "remote" and edge is not None:
             self._join_car(car, graph, edge, IMAGES, OBJECTS)
+        self._add_frames(car, host, graph, trace)
+
+    def _add_car_without_cameras(self, car: Car, trace: Trace) -> None:
+        """Section V-F: the coordinator server finds that nothing detects objects here and assigns phantom Genies."""
+        host = self._add_host(car.name, car.device)
+        graph = Graph(self.env, car.name)
+        assert car.edge is not None
+        edge = self.edges[car.edge]
+        coordinator = Coordinator(self.scenario.genie, self.scenario.queue_length, self._log)
+        for phantom in coordinator.assign(IMAGES, OBJECTS, (graph, host, "local"), (edge.graph, edge.host, "remote")):
+            self.resources.append(phantom)
+        self._join_car(car, graph, edge, IMAGES + REMOTE, OBJECTS + REMOTE)
+        self._add_frames(car, host, graph, trace)
+
+    def _add_frames(self, car: Car, host: Host, graph: Graph, trace: Trace) -> None:
+        """What the car sees or where it is, who notes when it does, and who consumes the answers."""
         _FirstQueue(graph, self._log)
         Consumer(f"{car.name}/consumer", graph, OBJECTS, partial(self._answered, car))
         self._add_cameras(car, host, graph, trace)
@@ -114,18 +136,19 @@ class World:
         jitter_ns = self.scenario.start_jitter_ns
         late_ns = int(stream(self.scenario.seed, car.name, "start").integers(jitter_ns)) if jitter_ns else 0
         for camera in self.scenario.cameras:
+            frames = trace.frames[camera.recording]
             node = Camera(
                 camera.name,
                 host,
                 graph,
                 IMAGES,
                 car.name,
-                trace.frames[camera.recording],
+                frames if car.cameras else positions(frames),
                 car.route.window_ns,
                 car.route.start_ns + camera.phase_ns + late_ns,
                 car.route.laps,
                 car.route.pause_ns,
-                camera.size_bytes,
+                camera.size_bytes if car.cameras else POSITION_BYTES,
                 self._log.published,
             )
             self._end_ns = max(self._end_ns, node.last_stamp_ns)
@@ -160,7 +183,9 @@ class World:
             port = self._link(f"{edge.name}->edges", self.scenario.edge_network, up=True)
             for other in self.edges.values():
                 if other is not edge:
-                    for topic in (IMAGES + REMOTE, OBJECTS + REMOTE):
+                    # An edge without detector has nothing of its own to answer neighbours with; it only listens.
+                    topics = (IMAGES + REMOTE, OBJECTS + REMOTE) if other.detector is not None else (OBJECTS + REMOTE,)
+                    for topic in topics:
                         edge.graph.bridge(topic, Bridge(port, other.graph, topic, f"{other.name}/genie"))
 
     def _link(self, name: str, profile: LinkProfile, up: bool) -> Link:
@@ -183,13 +208,11 @@ class World:
         return f"{whose}_cache"
 
     def _sampler(self, progress: Callable[[int, int], None] | None) -> Iterable[simpy.Event]:
-        while self.env.now <= self._end_ns:
+        while True:
             self._log.sample(self.resources, self.env.now)
             if progress is not None:
-                progress(self.env.now, self._end_ns)
+                progress(min(self.env.now, self._end_ns), self._end_ns)
             yield self.env.timeout(SAMPLE_NS)
-        if progress is not None:
-            progress(self._end_ns, self._end_ns)
 
 
 class _FirstQueue:
