@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import subprocess
 import sys
+import tomllib
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
@@ -15,7 +16,7 @@ PACKAGE = REPOSITORY / "genie_sim"
 
 # Each layer, and what of genie_sim it may import. A module belongs to the first layer that its name starts with.
 GROUND = ("units", "messages", "errors")
-SETTINGS = tuple(f"experiment.{name}" for name in ("scenario", "genies", "profiles", "links", "seeds"))
+SETTINGS = tuple(f"experiment.{name}" for name in ("scenario", "genies", "fields", "profiles", "links", "seeds"))
 LAYERS: dict[str, tuple[str, ...]] = {
     "errors": (),
     "units": ("errors",),
@@ -32,6 +33,8 @@ LAYERS: dict[str, tuple[str, ...]] = {
 SIMULATE = {"experiment.runner", "cli"}  # everything else reads settings and tables
 
 CORE_MAY_IMPORT = {*sys.stdlib_module_names, "numpy", "genie_sim"}
+PROVIDED_BY = {"cv2": "opencv-python-headless", "yaml": "pyyaml", "pydantic_core": "pydantic"}
+FROM_ROS = {"rospy", "rosgraph", "roslib", "genpy", "rclpy"}  # not on PyPI; only genie_sim.ros may import them
 LATE = ("pandas", "matplotlib", "onnxruntime", "onnx", "cv2", "pyarrow", "scipy", "pykitti", "simpy")
 LONGEST_FILE_LINES = 400
 LONGER_FILES: dict[str, str] = {}  # file -> why it is better in one piece
@@ -84,6 +87,20 @@ def test_the_core_is_standard_library_and_numpy():
     for module in (name for name in MODULES if layer_of(name) in (*GROUND, "core")):
         for line, name in imports(MODULES[module]):
             assert name.partition(".")[0] in CORE_MAY_IMPORT, f"{MODULES[module]}:{line}: imports {name}"
+
+
+def test_what_is_imported_is_declared():
+    """A library that only happens to be installed with another one is missing on somebody's machine."""
+    project = tomllib.loads((REPOSITORY / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    declared = {requirement.partition(">=")[0] for requirement in project["dependencies"]}
+    for module, path in MODULES.items():
+        for line, name in imports(path):
+            library = name.partition(".")[0]
+            if library in sys.stdlib_module_names or library == "genie_sim":
+                continue
+            if library in FROM_ROS and layer_of(module) == "ros":
+                continue
+            assert PROVIDED_BY.get(library, library) in declared, f"{path}:{line}: {library} is not in pyproject.toml"
 
 
 def test_only_the_simulation_knows_simpy():
