@@ -83,7 +83,7 @@ def rerun(folder: Path, progress: Progress | None = None) -> dict[str, bool]:
     again = facts(prepared)
     for key in again:
         if again[key] != made["facts"][key]:
-            raise UserError(f"{folder}: {key} differ from those of the run: {made['facts'][key]} then, {again[key]} now")
+            raise UserError(f"{folder}: {key}: {made['facts'][key]} when it was made, {again[key]} now")
     with tempfile.TemporaryDirectory() as temporary:
         _fill(Path(temporary), prepared, made["run_id"], progress)
         names = sorted(str(path.relative_to(temporary)) for path in Path(temporary).rglob("*") if path.is_file())

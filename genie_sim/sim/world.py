@@ -85,6 +85,7 @@ class World:
         """Runs until every frame's answer must have come. ``progress`` gets the time now and at the end [ns]."""
         self.env.process(self._sampler(progress))
         self.env.run(until=self._end_ns + DRAIN_NS)
+        self._log.sample(self.resources, self.env.now)
 
     def add_detector(self, place: str, host: Host, graph: Graph) -> Detector:
         name = f"{place}/{DETECTOR}"
