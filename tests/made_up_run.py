@@ -94,9 +94,13 @@ def resources(cars: int = 3, samples: int = 100) -> ResourceTable:
         for i in range(1, samples + 1):
             t_ns = i * 100 * MS
             for car in range(1, cars + 1):
-                queue = (i + car) % 3
-                table.add(method, t_ns, f"car{car}.accelerator", "accelerator", 1, int(0.98 * t_ns), 0, i // 3, 0, None)
-                table.add(method, t_ns, f"edge{car}.accelerator", "accelerator", 1, int(0.5 * t_ns), 0, i, 0, None)
-                table.add(method, t_ns, f"car{car}->edge{car}", "link", 1, int(0.3 * t_ns), 0, i, 0, i * 1_397_297)
-                table.add(method, t_ns, f"car{car}/detector:/image_raw", "queue", None, 0, queue, i, 2 * i, None)
+                serving = (
+                    (f"car{car}.accelerator", "accelerator", 1 - 0.02 * car, i // 3, None),
+                    (f"edge{car}.accelerator", "accelerator", 0.2 * car, i, None),
+                    (f"car{car}->edge{car}", "link", 0.1 * car, i, i * 1_397_297),
+                )
+                for name, kind, busy, completed, carried in serving:
+                    table.add(method, t_ns, name, kind, 1, int(busy * t_ns), 0, completed, 0, carried)
+                queue = f"car{car}/detector:/image_raw"
+                table.add(method, t_ns, queue, "queue", None, 0, (i + car) % 3, i, 2 * i, None)
     return table

@@ -1,0 +1,141 @@
+"""Figures: they show the numbers of the tables, say so in words, and come out the same byte for byte."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import made_up_run
+import matplotlib as mpl
+import pandas as pd
+import pytest
+
+from genie_sim.experiment import figures, metrics
+from genie_sim.experiment.records import FrameTable, LookupTable, ResourceTable
+
+FOOTER = "3car_hetero, run 0123456789ab, seed 1"
+
+
+@pytest.fixture(scope="module")
+def tables() -> tuple[pd.DataFrame, pd.DataFrame, pd.DataFrame]:
+    made = made_up_run.frames(2, 3), made_up_run.lookups(2, 120), made_up_run.resources(2, 30)
+    frames, lookups, resources = (table.to_frame() for table in made)
+    return frames, lookups, resources
+
+
+def words(path: Path) -> str:
+    """All text of an SVG."""
+    return " | ".join(re.findall(r">([^<>]+)</(?:text|tspan)>", path.read_text()))
+
+
+def curves(figure, panel: int = 0) -> dict[str, tuple]:
+    return {line.get_label(): line.get_data() for line in figure.axes[panel].lines}
+
+
+def test_every_figure_of_a_run_names_the_run_its_units_and_what_is_drawn(tables, tmp_path):
+    expected = {
+        "latency_cdf": ["local (L)", "remote (R)", "Genie (DG)", "DG, fresh answer", "33 ms deadline", "[ms]"],
+        "latency_cdf_of_answered": ["share of answered frames", "answered: L", "fresh: DG"],
+        "image_reuse": ["local Genies (cars)", "remote Genies (edges)", "hits / requests"],
+        "object_reuse": ["Object reuse", "local Genies (cars)", "remote Genies (edges)"],
+        "confidence_boost": ["local Genies (cars)", "remote Genies (edges)", "updates so far"],
+        "resources": ["accelerators busy", "links busy", "messages waiting", "simulated time [s]", "car1", "edge2"],
+    }
+    drawn = figures.of_run("3car_hetero", *tables, FOOTER)
+    assert set(drawn) == set(expected)
+    for name, figure in drawn.items():
+        svg, png = figures.save(figure, tmp_path, name)
+        assert png.read_bytes().startswith(b"\x89PNG")
+        text = words(svg)
+        for label in (FOOTER, *expected[name]):
+            assert label in text, (name, label, text)
+
+
+def test_the_same_tables_give_the_same_bytes_whatever_the_user_s_settings(tables, tmp_path):
+    folders = [tmp_path / "one", tmp_path / "two"]
+    for folder, font_size in zip(folders, (10, 33), strict=True):
+        folder.mkdir()
+        with mpl.rc_context({"font.size": font_size, "axes.grid": False, "svg.hashsalt": None}):
+            for name, figure in figures.of_run("3car_hetero", *tables, FOOTER).items():
+                figures.save(figure, folder, name)
+    for path in sorted(folders[0].iterdir()):
+        assert path.read_bytes() == (folders[1] / path.name).read_bytes(), path.name
+
+
+def test_text_is_at_least_8_points_in_a_figure_of_a_column_s_width(tables):
+    for figure in figures.of_run("3car_hetero", *tables, FOOTER).values():
+        assert figure.get_figwidth() in (figures.COLUMN_IN, figures.PAGE_IN)
+        for text in figure.findobj(mpl.text.Text):
+            assert text.get_fontsize() >= 8
+
+
+def test_methods_and_roles_differ_without_colour():
+    for lines in (figures.METHOD_LINES, figures.ROLE_LINES):
+        assert len({str(line["linestyle"]) for line in lines.values()}) == len(lines)
+    assert len({bar["hatch"] for bar in figures.ROLE_BARS.values()}) == 2
+
+
+def test_frames_that_were_never_answered_keep_the_curve_below_one(tables):
+    frames = tables[0]
+    answered = {metric.role: metric.value for metric in metrics.compute(*tables) if metric.name == "answered_share"}
+    published = curves(figures.latency_cdf({"run": frames}, FOOTER))
+    of_answered = curves(figures.latency_cdf({"run": frames}, FOOTER, of="answered"))
+    for method, line in figures.METHOD_LINES.items():
+        assert published[line["label"]][1][-1] == pytest.approx(answered[method])
+        assert of_answered[line["label"]][1][-1] == 1.0
+    assert answered["local"] < 0.5 < answered["genie"]  # else this shows nothing
+
+
+def test_the_curve_passes_the_median_at_one_half(tables):
+    genie = curves(figures.latency_cdf({"run": tables[0]}, FOOTER, of="answered"))["Genie (DG)"]
+    median = next(x for x, y in zip(*genie, strict=True) if y >= 0.5)
+    (expected,) = [m.value for m in metrics.compute(*tables) if (m.name, m.role) == ("first_answer_p50", "genie")]
+    assert median == pytest.approx(expected, rel=0.02)
+
+
+def test_bars_are_the_metrics_and_error_bars_their_windows(tables):
+    figure = figures.image_reuse({"run": tables[1]}, FOOTER)
+    reuse = {metric.role: metric for metric in metrics.compute(*tables) if metric.name == "image_reuse"}
+    bars = [bar.get_height() for container in figure.axes[0].containers[::2] for bar in container]
+    assert bars == pytest.approx([reuse["local"].value, reuse["remote"].value])
+    tops = [lines.get_segments()[0][:, 1].max() for lines in figure.axes[0].collections]
+    assert tops == pytest.approx([reuse["local"].high, reuse["remote"].high])
+
+
+def test_the_paper_s_six_configurations_are_two_rows_of_three(tables):
+    labels = [f"{cars} cars\n{kind}" for kind in ("homogeneous", "heterogeneous") for cars in (1, 2, 3)]
+    figure = figures.latency_cdf(dict.fromkeys(labels, tables[0]), FOOTER)
+    grid = [axis.get_subplotspec() for axis in figure.axes]
+    assert len(grid) == 6 and grid[0].get_gridspec().get_geometry() == (2, 3)
+    bars = figures.object_reuse(dict.fromkeys(labels, tables[1]), FOOTER)
+    assert [tick.get_text() for tick in bars.axes[0].get_xticklabels()] == labels
+
+
+def test_a_fleet_s_resources_are_a_range_and_a_median_not_a_hundred_lines(tmp_path):
+    resources = made_up_run.resources(cars=20, samples=12).to_frame()
+    svg, _ = figures.save(figures.resource_use(resources, FOOTER), tmp_path, "resources")
+    assert "range of 40" in words(svg) and "median" in words(svg)
+    assert "car17" not in words(svg)
+
+
+def test_utilisation_is_that_of_the_last_second():
+    table = ResourceTable()
+    for tenth in range(1, 31):  # idle for 2 s, then busy
+        t_ns = tenth * 100_000_000
+        table.add("genie", t_ns, "edge1.accelerator", "accelerator", 1, max(t_ns - 2 * 10**9, 0), 0, tenth, 0, None)
+    t_s, busy = curves(figures.resource_use(table.to_frame()))["edge1"]
+    at = dict(zip(t_s.round(1).tolist(), busy.tolist(), strict=True))
+    assert (at[2.0], at[3.0]) == (0.0, 1.0)
+    assert at[2.5] == pytest.approx(0.5)
+
+
+def test_a_run_in_which_nothing_happened_has_figures_too(tmp_path):
+    empty = [kind().to_frame() for kind in (FrameTable, LookupTable, ResourceTable)]
+    drawn = figures.of_run("empty", *empty, FOOTER)
+    assert "image_reuse" not in drawn  # no Genie was simulated
+    for name, figure in drawn.items():
+        figures.save(figure, tmp_path, name)
+    lookups = LookupTable()
+    lookups.add(0, "car1/genie", "local", "image", "client", "car1", "camera_02", 0, "miss", 1, 0, 0, 0.0, 1)
+    figures.save(figures.image_reuse({"run": lookups.to_frame()}), tmp_path, "image_reuse")
+    assert "none" in words(tmp_path / "image_reuse.svg")  # no remote Genie
