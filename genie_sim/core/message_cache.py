@@ -32,17 +32,10 @@ class MessageCache:
     def __len__(self) -> int:
         return len(self._answers)
 
-    def __contains__(self, key: Hashable) -> bool:
-        return self._index.find(key) is not None
-
     def get(self, key: Hashable, now_ns: int) -> Answers | None:
         """The answers to an equal request, ``None`` on a miss. Counts as a use."""
-        held = self._index.find(key)
+        held = self._find(key, now_ns)
         if held is None:
-            return None
-        expires_ns = self._eviction.expires_ns(held)
-        if expires_ns is not None and now_ns >= expires_ns:
-            self._remove(held)
             return None
         self._eviction.used(held, now_ns)
         return self._answers[held]
@@ -54,7 +47,7 @@ class MessageCache:
         """
         if self._capacity_bytes is not None and answer.size_bytes > self._capacity_bytes:
             return
-        held = self._index.find(key)
+        held = self._find(key, now_ns)
         if held is None:
             while self._answers and not self._fits(1, answer.size_bytes):
                 self._remove(self._eviction.victim())
@@ -68,6 +61,15 @@ class MessageCache:
         self._eviction.stored(held, now_ns)
         while not self._fits(0, 0):  # an answer grew
             self._remove(self._eviction.victim())
+
+    def _find(self, key: Hashable, now_ns: int) -> Hashable | None:
+        """The held key that equals ``key``; those whose time is over go on the way."""
+        while (held := self._index.find(key)) is not None:
+            expires_ns = self._eviction.expires_ns(held)
+            if expires_ns is None or now_ns < expires_ns:
+                return held
+            self._remove(held)
+        return None
 
     def _fits(self, entries: int, size_bytes: int) -> bool:
         if self._capacity_entries is not None and len(self._answers) + entries > self._capacity_entries:
