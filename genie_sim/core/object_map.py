@@ -32,7 +32,8 @@ class ObjectMapRules:
     """How the paper's object map is read.
 
     ``location_key``: ``grid`` (cells of ``cell_m``; the nearest object of the class within ``gate_m``, in the cell or
-    its neighbours), ``gate`` (the nearest within ``gate_m``, without cells), ``exact`` (equal coordinates).
+    in as many neighbouring cells as the gate reaches into), ``gate`` (the same, with cells of ``gate_m``), ``exact``
+    (equal coordinates).
     ``one_per_location``: any object at a location blocks a second (lines 4 and 7 as printed), classes not told apart.
     ``threshold``: C_T as a number, ``range_60`` or ``empirical`` (60th percentile of the first scores seen so far).
     """
@@ -54,6 +55,7 @@ class ObjectMap:
         self._exact = rules.location_key == "exact"
         self._cell_m = rules.gate_m if rules.location_key == "gate" else rules.cell_m
         self._gate2 = 0.0 if self._exact else rules.gate_m**2
+        self._reach = math.ceil(rules.gate_m / self._cell_m)  # cells to either side that the gate may touch
         self._cells: dict[Hashable, list[StoredObject]] = {}
         self._view_cell_m = view_cell_m
         self._view_cells: dict[tuple[int, int], list[StoredObject]] = {}
@@ -70,7 +72,7 @@ class ObjectMap:
     def threshold(self) -> float:
         """C_T, from which on an object may leave the Genie."""
         threshold = self._rules.threshold
-        if isinstance(threshold, float):
+        if not isinstance(threshold, str):
             return threshold
         if threshold == "range_60":
             return RANGE_60
@@ -93,7 +95,7 @@ class ObjectMap:
         self._cells.setdefault(self._key(seen.location), []).append(stored)
         self._view_cells.setdefault(self._view_key(seen.location), []).append(stored)
         if self._rules.threshold == "empirical":
-            bisect.insort(self._first_scores, seen.confidence)
+            bisect.insort(self._first_scores, seen.score)
         self._count += 1
         return None, stored
 
@@ -136,9 +138,10 @@ class ObjectMap:
             for stored in self._cells.get(location, ()):
                 yield 0.0, stored
             return
+        reach = self._reach
         east_cell, north_cell = self._grid_cell(location)
-        for i in (east_cell - 1, east_cell, east_cell + 1):
-            for j in (north_cell - 1, north_cell, north_cell + 1):
+        for i in range(east_cell - reach, east_cell + reach + 1):
+            for j in range(north_cell - reach, north_cell + reach + 1):
                 for stored in self._cells.get((i, j), ()):
                     distance2 = (stored.location[0] - location[0]) ** 2 + (stored.location[1] - location[1]) ** 2
                     if distance2 <= self._gate2:
