@@ -7,8 +7,8 @@ import sys
 from pathlib import Path
 from typing import Annotated
 
-import click
 import typer
+import typer.core
 
 from genie_sim import __version__
 from genie_sim.errors import UserError, unknown
@@ -22,7 +22,24 @@ Examples:
   genie-sim list devices
 """
 
-app = typer.Typer(help=EXAMPLES, add_completion=True, no_args_is_help=True, rich_markup_mode=None)
+
+class _Commands(typer.core.TyperGroup):
+    """Ctrl-C ends a command with one line and status 130; a reader that has gone away ends it quietly."""
+
+    def invoke(self, ctx: typer.Context) -> object:
+        try:
+            return super().invoke(ctx)
+        except KeyboardInterrupt:
+            print("genie-sim: interrupted; nothing was written", file=sys.stderr)
+            raise SystemExit(130) from None
+        except BrokenPipeError:
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+            raise SystemExit(0) from None
+
+
+app = typer.Typer(
+    cls=_Commands, help=EXAMPLES, no_args_is_help=True, rich_markup_mode=None, pretty_exceptions_enable=False
+)
 
 SetOption = Annotated[
     list[str] | None,
@@ -109,21 +126,12 @@ def list_(
 def main(argv: list[str] | None = None) -> int:
     """Runs the command line. Exit status: 0 done, 1 the user's input or environment, 2 usage, 130 Ctrl-C."""
     try:
-        app(args=argv, prog_name="genie-sim", standalone_mode=False)
+        app(args=argv, prog_name="genie-sim")
+    except SystemExit as stop:
+        return stop.code if isinstance(stop.code, int) else int(stop.code is not None)
     except UserError as error:
         print(f"genie-sim: {error}", file=sys.stderr)
         return 1
-    except click.exceptions.Exit as stop:
-        return stop.exit_code
-    except click.UsageError as error:
-        error.show()
-        return 2
-    except (KeyboardInterrupt, click.Abort):
-        print("genie-sim: interrupted; nothing was written", file=sys.stderr)
-        return 130
-    except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 0
     return 0
 
 

@@ -24,17 +24,45 @@ edges:
 
 BAD = {
     "a misspelt field": ("methods:", "methdos:", "s.yaml: methdos: unknown field; did you mean 'methods'?"),
-    "an unknown device": ("jetson_tx2", "jetson_tx3", "s.yaml: cars[0].device: unknown device 'jetson_tx3' (did you mean"),
+    "an unknown device": (
+        "jetson_tx2",
+        "jetson_tx3",
+        "s.yaml: cars[0].device: unknown device 'jetson_tx3' (did you mean",
+    ),
     "an unknown edge": ("edge: edge1", "edge: edge7", "s.yaml: cars[0].edge: unknown edge 'edge7'"),
     "a duplicate name": ("name: car1", "name: edge1", "s.yaml: cars[0].name: duplicate name 'edge1'"),
     "a unit that does not parse": ("1 s]", "1 parsec]", "s.yaml: cars[0].route.window[1]: "),
-    "an unknown link": ("route:", "link: carrier_pigeon, route:", "s.yaml: cars[0].link: unknown link 'carrier_pigeon'"),
-    "a rate of zero": ("route:", "link: {rate_up: 0 bit/s}, route:", "s.yaml: cars[0].link.rate_up: must be more than zero"),
-    "a negative rate": ("route:", "link: {rate_up: -5 bit/s}, route:", "s.yaml: cars[0].link.rate_up: must be more than zero"),
+    "an unknown link": (
+        "route:",
+        "link: carrier_pigeon, route:",
+        "s.yaml: cars[0].link: unknown link 'carrier_pigeon'",
+    ),
+    "a rate of zero": (
+        "route:",
+        "link: {rate_up: 0 bit/s}, route:",
+        "s.yaml: cars[0].link.rate_up: must be more than zero",
+    ),
+    "a negative rate": (
+        "route:",
+        "link: {rate_up: -5 bit/s}, route:",
+        "s.yaml: cars[0].link.rate_up: must be more than zero",
+    ),
     "a link to nowhere": ("edge: edge1,", "link: wifi,", "s.yaml: cars[0].link: leads nowhere"),
-    "an unknown policy": ("methods:", "genie: {eviction: lruu}\nmethods:", "s.yaml: genie.eviction: unknown eviction 'lruu'"),
-    "an unknown trace": ("methods:", "perception: {trace: kitty}\nmethods:", "s.yaml: perception.trace: unknown trace 'kitty'"),
-    "a route past the end": ("[0 s, 1 s]", "[90 s, 91 s]", "cars[0].route.window: begins at 90 s, after the last frame"),
+    "an unknown policy": (
+        "methods:",
+        "genie: {eviction: lruu}\nmethods:",
+        "s.yaml: genie.eviction: unknown eviction 'lruu'",
+    ),
+    "an unknown trace": (
+        "methods:",
+        "perception: {trace: kitty}\nmethods:",
+        "s.yaml: perception.trace: unknown trace 'kitty'",
+    ),
+    "a route past the end": (
+        "[0 s, 1 s]",
+        "[90 s, 91 s]",
+        "cars[0].route.window: begins at 90 s, after the last frame",
+    ),
     "an unknown recording": (
         "methods:",
         "cameras: [{name: a, recording: '07'}]\nmethods:",
@@ -116,7 +144,14 @@ def test_run_says_where_the_results_are_and_rerun_confirms_them(capsys):
     said = capsys.readouterr().out
     folder = next(Path("results").glob("s-*"))
     assert str(folder) in said
-    for name in ("run.json", "scenario.resolved.yaml", "frames.parquet", "lookups.parquet", "metrics.json", "summary.md"):
+    for name in (
+        "run.json",
+        "scenario.resolved.yaml",
+        "frames.parquet",
+        "lookups.parquet",
+        "metrics.json",
+        "summary.md",
+    ):
         assert (folder / name).is_file(), name
     assert list((folder / "figures").glob("*.svg"))
     assert main(["rerun", str(folder)]) == 0
@@ -147,12 +182,17 @@ def test_the_same_run_under_another_hash_seed_gives_the_same_bytes(run_cli):
 
 def test_ctrl_c_leaves_nothing_behind_and_ends_with_130():
     Path("s.yaml").write_text(GOOD.replace("[0 s, 1 s]", "[0 s, 15 s], laps: 500"))
-    environment = {**os.environ, "PYTHONPATH": str(REPOSITORY)}
-    command = [sys.executable, "-m", "genie_sim", "run", "s.yaml"]
-    with subprocess.Popen(command, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env=environment) as run:
-        time.sleep(4)
-        run.send_signal(signal.SIGINT)
-        _, error = run.communicate(timeout=60)
+    run = subprocess.Popen(
+        [sys.executable, "-m", "genie_sim", "run", "s.yaml"],
+        stderr=subprocess.PIPE,
+        text=True,
+        env={**os.environ, "PYTHONPATH": str(REPOSITORY)},
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # a background job ignores it
+    )
+    while not Path("results").exists():  # made just before it simulates
+        time.sleep(0.05)
+    run.send_signal(signal.SIGINT)
+    _, error = run.communicate(timeout=60)
     assert run.returncode == 130
     assert "Traceback" not in error
     assert "interrupted" in error

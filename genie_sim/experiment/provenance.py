@@ -50,10 +50,10 @@ def environment() -> dict[str, Any]:
 
 
 def check_writable(out: Path) -> None:
-    """Raises ``UserError`` unless result folders can be made in ``out``; leaves nothing behind."""
+    """Raises ``UserError`` unless result folders can be made in ``out``, which need not exist; leaves nothing behind."""
+    existing = next(path for path in (out, *out.absolute().parents) if path.exists())
     try:
-        out.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=out):
+        with tempfile.TemporaryFile(dir=existing):
             pass
     except OSError as error:
         raise UserError(f"{out}: no results can be written there: {error.strerror or error}") from error
@@ -62,7 +62,11 @@ def check_writable(out: Path) -> None:
 @contextmanager
 def result_folder(final: Path) -> Iterator[Path]:
     """A folder to fill, which takes the place of ``final`` once it is complete, and vanishes if that fails."""
-    partial = Path(tempfile.mkdtemp(prefix=f".{final.name}.", dir=final.parent))
+    try:
+        final.parent.mkdir(parents=True, exist_ok=True)
+        partial = Path(tempfile.mkdtemp(prefix=f".{final.name}.", dir=final.parent))
+    except OSError as error:
+        raise UserError(f"{final}: cannot be written: {error.strerror or error}") from error
     try:
         yield partial
         partial.chmod(0o755)
