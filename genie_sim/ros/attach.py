@@ -1,0 +1,263 @@
+"""Puts a Genie in front of a running ROS 1 node, and takes it away again; the node's source is not touched.
+
+Names cannot be changed in a live node. So the node is stopped and started again with its topics renamed
+(``topic:=topic_local``), and the Genie takes over the original names. Whatever ends, the robot keeps its node:
+
+- the Genie ends, or is killed: ``attach``, which watches it, starts the node as it was;
+- ``attach`` is killed: the Genie notices and starts the node as it was;
+- both are killed: ``detach`` starts the node as it was.
+
+A file in ``$ROS_HOME/genie-sim`` says how the node was; whoever restores it holds the file's lock.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import json
+import logging
+import os
+import re
+import select
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import IO, Any
+
+from genie_sim.errors import UserError
+from genie_sim.ros.plan import Plan, check
+from genie_sim.ros.process import NodeProcess
+
+log = logging.getLogger(__name__)
+READY_S = 30.0
+RESTORE_S = 30.0
+WATCH_S = 0.1
+STATE = "GENIE_SIM_ATTACHED"  # environment of the Genie's process: the file with the node's state
+
+
+@dataclass(frozen=True)
+class State:
+    """The node as it was, and as it runs now behind its Genie (``None`` before it does)."""
+
+    node: str
+    original: NodeProcess
+    behind: NodeProcess | None
+    watchdog_pid: int
+
+    def write(self, path: Path) -> None:
+        beside = path.with_suffix(".new")
+        beside.touch(mode=0o600)  # holds the node's environment: for nobody else to read
+        beside.write_text(json.dumps(asdict(self)), encoding="utf-8")
+        beside.replace(path)
+
+    @classmethod
+    def read(cls, path: Path) -> State:
+        data = json.loads(path.read_text(encoding="utf-8"))
+        for name in ("original", "behind"):
+            if data[name] is not None:
+                data[name] = NodeProcess(**{**data[name], "argv": tuple(data[name]["argv"])})
+        return cls(**data)
+
+
+def attach(
+    node: str,
+    *,
+    role: str = "car",
+    name: str | None = None,
+    settings: Mapping[str, Any] | None = None,
+    requests: Sequence[str] = (),
+    leave: Sequence[str] = (),
+    pose_topic: str | None = None,
+    horizontal_fov_rad: float = 0.0,
+    listen: str | None = None,
+    connect: Sequence[str] = (),
+    key_file: str | None = None,
+    record: str | None = None,
+    master_uri: str | None = None,
+    say: Callable[[str], None] = lambda line: None,
+) -> None:
+    """Attaches a Genie to ``node`` and stays until interrupted (SIGINT, SIGTERM, SIGHUP) or until ``detach``.
+
+    ``requests`` names the subscribed topics that go through the Genie (default: the one with images, or the only one
+    whose messages have a header), ``leave`` topics to be left alone. The other arguments are those of ``Plan``.
+    ``say`` gets a line when the Genie is attached and when everything is back. Raises UserError, with everything put
+    back, for a node that cannot be attached to, and when the node or the Genie ends by itself.
+    """
+    from genie_sim.ros.ros1_graph import Graph, choose, remapped, with_header
+
+    master_uri = _master_uri(master_uri)
+    graph = Graph(master_uri)
+    node = "/" + node.strip("/")
+    subscribed, published = graph.topics_of(node)
+    types = graph.types([*subscribed, *published])
+    answers = [topic for topic in with_header(published, types) if topic not in leave]
+    if not answers:
+        raise UserError(f"{node}: publishes no topic whose messages have a header")
+    inputs = choose(node, subscribed, types, requests, [topic for topic in leave if topic not in published])
+    plan = Plan(
+        node, name or node.strip("/").replace("/", "_"), role, tuple(inputs), tuple(answers),
+        {topic: types[topic] for topic in (*inputs, *answers) if topic in types}, dict(settings or {}),
+        pose_topic, horizontal_fov_rad, listen, tuple(connect), key_file and str(Path(key_file).absolute()),
+        record and str(Path(record).absolute()),
+    )
+    check(plan)
+    original = graph.process_of(node)
+    path = _state_path(master_uri, node)
+    with _locked(path) as held:
+        if not held or path.exists():
+            raise UserError(f"{node}: already has a Genie; 'genie-sim detach {node}' puts it back")
+        State(node, original, None, os.getpid()).write(path)
+        with _interrupts() as interrupted:
+            try:
+                original.stop()
+                behind = original.start_again(remapped(node, original.argv, (*inputs, *answers)), _log(path))
+                State(node, original, behind, os.getpid()).write(path)
+                _watch(plan, master_uri, path, behind, interrupted, lambda: say(_attached(plan)))
+            finally:
+                if restore(path):
+                    say(f"{node}: back as it was")
+
+
+def detach(node: str, master_uri: str | None = None) -> None:
+    """Takes a node's Genie away and returns when the node runs as it was. Raises UserError if it has none."""
+    node = "/" + node.strip("/")
+    path = _state_path(_master_uri(master_uri), node)
+    if not path.exists():
+        raise UserError(f"{node}: has no Genie")
+    with contextlib.suppress(FileNotFoundError, ProcessLookupError), _locked(path) as held:
+        if not held:
+            os.kill(State.read(path).watchdog_pid, signal.SIGTERM)
+    deadline = time.monotonic() + RESTORE_S
+    while path.exists():
+        with _locked(path) as held:
+            if held and path.exists():  # nobody watches any more
+                restore(path)
+                return
+        if time.monotonic() > deadline:
+            raise UserError(f"{node}: its Genie does not let go; see {_log(path)}")
+        time.sleep(WATCH_S)
+
+
+def restore(path: Path) -> bool:
+    """Starts the node as it was, if a state file says so. To be called with the lock held. ``False``: it is back."""
+    if not path.exists():
+        return False
+    state = State.read(path)
+    if state.behind is not None:
+        state.behind.stop()
+    if not state.original.alive():  # it may never have been stopped
+        state.original.start_again(state.original.argv, _log(path))
+    path.unlink()
+    return True
+
+
+def restore_orphan() -> None:
+    """Called by the Genie when ``attach`` has died."""
+    path = Path(os.environ[STATE])
+    with _locked(path, wait=True):
+        restore(path)
+
+
+def _watch(
+    plan: Plan,
+    master_uri: str,
+    path: Path,
+    behind: NodeProcess,
+    interrupted: Callable[[], bool],
+    attached: Callable[[], None],
+) -> None:
+    """Runs the Genie's process until somebody wants it to end; leaves it ended."""
+    environment = {**os.environ, "ROS_MASTER_URI": master_uri, STATE: str(path)}
+    command = [sys.executable, "-m", "genie_sim.ros.ros1"]
+    with _log(path).open("ab") as errors, subprocess.Popen(
+        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=errors, env=environment, text=True,
+        start_new_session=True,
+    ) as genie:
+        assert genie.stdin is not None and genie.stdout is not None
+        try:
+            genie.stdin.write(plan.to_json() + "\n")
+            genie.stdin.flush()
+            _await_ready(plan, genie.stdout, path, behind, interrupted)
+            if not interrupted():
+                attached()
+            while not interrupted():
+                if genie.poll() is not None:
+                    raise UserError(f"{plan.node}: its Genie ended ({_last_line(path)})")
+                if not behind.alive():
+                    path.unlink()  # somebody stopped the node: it must not come back
+                    raise UserError(f"{plan.node}: the node ended behind its Genie; it was not started again")
+                time.sleep(WATCH_S)
+        finally:
+            if genie.poll() is None:
+                genie.terminate()
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                genie.wait(5)
+            genie.kill()
+
+
+def _await_ready(
+    plan: Plan, output: IO[str], path: Path, behind: NodeProcess, interrupted: Callable[[], bool]
+) -> None:
+    deadline = time.monotonic() + READY_S
+    while not interrupted():
+        if select.select([output], [], [], WATCH_S)[0]:
+            if output.readline() == "ready\n":
+                return
+            raise UserError(f"{plan.node}: its Genie did not start ({_last_line(path)})")
+        if not behind.alive():
+            raise UserError(f"{plan.node}: ended when started with other topics ({_last_line(path)})")
+        if time.monotonic() > deadline:
+            raise UserError(f"{plan.node}: did not connect to its Genie within {READY_S:.0f} s; see {_log(path)}")
+
+
+def _attached(plan: Plan) -> str:
+    return f"{plan.node}: Genie attached: {', '.join(plan.requests)} -> {', '.join(plan.answers)}"
+
+
+@contextlib.contextmanager
+def _interrupts() -> Iterator[Callable[[], bool]]:
+    """Signals that ask for an end are noted, not obeyed at once: the node comes first."""
+    seen: list[int] = []
+    numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+    before = [signal.signal(number, lambda number, _: seen.append(number)) for number in numbers]
+    try:
+        yield lambda: bool(seen)
+    finally:
+        for number, handler in zip(numbers, before, strict=True):
+            signal.signal(number, handler)
+
+
+@contextlib.contextmanager
+def _locked(path: Path, wait: bool = False) -> Iterator[bool]:
+    """Holds the lock of a state file; yields ``False`` where somebody else does. The lock ends with the process."""
+    with path.with_suffix(".lock").open("a") as lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
+        except BlockingIOError:
+            yield False
+            return
+        yield True
+
+
+def _state_path(master_uri: str, node: str) -> Path:
+    home = Path(os.environ.get("ROS_HOME") or Path.home() / ".ros") / "genie-sim"
+    home.mkdir(mode=0o700, parents=True, exist_ok=True)
+    return home / (re.sub(r"[^\w.]+", "-", f"{master_uri.partition('://')[2]}{node}") + ".json")
+
+
+def _master_uri(given: str | None) -> str:
+    return (given or os.environ.get("ROS_MASTER_URI") or "http://localhost:11311").rstrip("/")
+
+
+def _log(path: Path) -> Path:
+    """Where the node's and the Genie's own output goes."""
+    return path.with_suffix(".log")
+
+
+def _last_line(path: Path) -> str:
+    lines = _log(path).read_text(encoding="utf-8", errors="replace").splitlines()
+    return lines[-1] if lines else "it said nothing"

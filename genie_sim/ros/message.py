@@ -1,0 +1,108 @@
+"""A ROS message as it came over the wire: bytes, and the little that a Genie needs to know of them."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, NamedTuple, Protocol
+
+from genie_sim.messages import CameraPose, Detection, Header
+
+
+class WireType(NamedTuple):
+    """A message type as a connection header states it. ROS 2 states the name only."""
+
+    name: str
+    md5sum: str = ""
+    definition: str = ""
+
+
+class Codec(Protocol):
+    """How messages of one type are laid out by one middleware. ``ValueError``: the bytes are no such message."""
+
+    type: WireType
+    holds_objects: bool
+
+    def stamp(self, payload: bytes) -> tuple[int, str]:
+        """Stamp [ns] and frame of the message's header."""
+
+    def restamped(self, payload: bytes, stamp_ns: int, frame_id: str, seq: int | None = None) -> bytes:
+        """The message under another header. ``seq`` numbers it where headers have a number."""
+
+    def content(self, payload: bytes) -> bytes:
+        """What is behind the header: equal for equal messages taken at different times."""
+
+    def dhash(self, payload: bytes) -> int:
+        """The 64-bit difference hash of an image."""
+
+    def objects(self, payload: bytes) -> tuple[Detection, ...] | None:
+        """The objects of an answer, ``None`` for a type that holds none."""
+
+    def with_objects(self, payload: bytes, header: Header, objects: Sequence[Detection]) -> bytes:
+        """The message with other objects; ``payload`` may be empty."""
+
+
+@dataclass(frozen=True, slots=True)
+class RosObject(Detection):
+    """A detection that remembers the ROS object it was read from, so that no field of it gets lost."""
+
+    raw: Any = None
+
+
+@dataclass(frozen=True)
+class RosMessage:
+    """A request or an answer (``messages.Message``, ``messages.Answer``) whose payload stays the bytes that came.
+
+    A new header or other objects are written into the bytes only when the message leaves (``encoded``). ``read`` are
+    the objects that the payload holds.
+    """
+
+    header: Header
+    payload: bytes
+    codec: Codec
+    pose: CameraPose | None = None
+    horizontal_fov_rad: float = 0.0
+    objects: Sequence[Detection] | None = None
+    read: Sequence[Detection] | None = None
+    source: str = "detector"
+    served_by: str = ""
+
+    @classmethod
+    def of(cls, payload: bytes, codec: Codec, origin: str, answer: bool) -> RosMessage:
+        """What the bytes say. Objects are looked for in answers only. ValueError: they are no message."""
+        stamp_ns, frame_id = codec.stamp(payload)
+        objects = codec.objects(payload) if answer else None
+        return cls(Header(stamp_ns, frame_id, origin), payload, codec, objects=objects, read=objects)
+
+    @property
+    def size_bytes(self) -> int:
+        return len(self.payload)
+
+    @cached_property
+    def digest(self) -> str:
+        return hashlib.sha256(self.codec.content(self.payload)).hexdigest()
+
+    @property
+    def dhash(self) -> int:
+        return self.codec.dhash(self.payload)
+
+    def restamped(self, header: Header) -> RosMessage:
+        return replace(self, header=header)
+
+    def with_objects(self, objects: Sequence[Detection]) -> RosMessage:
+        return replace(self, objects=tuple(objects))
+
+    def served(self, source: str, by: str) -> RosMessage:
+        return replace(self, source=source, served_by=by)
+
+    def encoded(self, seq: int | None = None) -> bytes:
+        """The bytes to send: with this header, these objects, and the number ``seq`` if there is one."""
+        payload = self.payload
+        if self.objects is not None and (self.objects is not self.read or not payload):
+            payload = self.codec.with_objects(payload, self.header, self.objects)
+        stamp = (self.header.stamp_ns, self.header.frame_id)
+        if seq is None and self.codec.stamp(payload) == stamp:
+            return payload
+        return self.codec.restamped(payload, *stamp, seq)

@@ -1,0 +1,99 @@
+"""A node as a process of this machine: read from /proc, stopped, started again with other arguments."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import subprocess
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+from genie_sim.errors import UserError
+
+STOP = ((signal.SIGINT, 10.0), (signal.SIGTERM, 3.0), (signal.SIGKILL, 3.0))  # roslaunch asks in this order, too
+
+
+@dataclass(frozen=True)
+class NodeProcess:
+    """What it takes to start a node again exactly as it was. ``started`` tells a process from a later one of its id."""
+
+    pid: int
+    started: int
+    argv: tuple[str, ...]
+    env: dict[str, str]
+    cwd: str
+
+    @classmethod
+    def of(cls, pid: int) -> NodeProcess:
+        """Raises UserError where the process is not ours to see."""
+        folder = Path(f"/proc/{pid}")
+        try:
+            argv = _strings(folder / "cmdline")
+            env = dict(entry.split("=", 1) for entry in _strings(folder / "environ") if "=" in entry)
+            started, cwd = start_of(pid), str((folder / "cwd").readlink())
+        except OSError as error:
+            raise UserError(f"process {pid}: {error.strerror}; attach as the user who runs it") from error
+        if not argv or started is None:
+            raise UserError(f"process {pid}: has ended")
+        return cls(pid, started, argv, env, cwd)
+
+    def alive(self) -> bool:
+        return start_of(self.pid) == self.started
+
+    def stop(self) -> None:
+        """Asks it to end, ever less politely. Raises UserError if it does not."""
+        for number, patience_s in STOP:
+            with contextlib.suppress(ProcessLookupError):
+                if self.alive():
+                    os.kill(self.pid, number)
+            if self._gone_within(patience_s):
+                return
+        raise UserError(f"process {self.pid}: does not end")
+
+    def start_again(self, argv: tuple[str, ...], log_path: Path) -> NodeProcess:
+        """The same program in the same folder and environment, in a session of its own, so that it outlives us."""
+        with log_path.open("ab") as output:
+            started = subprocess.Popen(
+                argv, env=self.env, cwd=self.cwd, stdin=subprocess.DEVNULL, stdout=output, stderr=output,
+                start_new_session=True,
+            )
+        return NodeProcess(started.pid, start_of(started.pid) or 0, argv, self.env, self.cwd)
+
+    def _gone_within(self, patience_s: float) -> bool:
+        deadline = time.monotonic() + patience_s
+        while self.alive():
+            if time.monotonic() > deadline:
+                return False
+            time.sleep(0.02)
+        return True
+
+
+def start_of(pid: int) -> int | None:
+    """When a process began, in clock ticks since boot; ``None`` if there is none, or only its remains."""
+    try:
+        fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    except (FileNotFoundError, ProcessLookupError):
+        return None
+    return None if fields[0] in "ZX" else int(fields[19])
+
+
+def listens_on(pid: int, port: int) -> bool:
+    """Does this very process listen on a TCP port? Guards against process ids of another container."""
+    inodes = set()
+    for table in ("tcp", "tcp6"):
+        with contextlib.suppress(FileNotFoundError):
+            for line in Path(f"/proc/{pid}/net/{table}").read_text().splitlines()[1:]:
+                fields = line.split()
+                if fields[3] == "0A" and int(fields[1].rpartition(":")[2], 16) == port:
+                    inodes.add(f"socket:[{fields[9]}]")
+    for descriptor in Path(f"/proc/{pid}/fd").iterdir():
+        with contextlib.suppress(OSError):
+            if str(descriptor.readlink()) in inodes:
+                return True
+    return False
+
+
+def _strings(path: Path) -> tuple[str, ...]:
+    return tuple(part.decode("utf-8", "surrogateescape") for part in path.read_bytes().split(b"\0")[:-1])

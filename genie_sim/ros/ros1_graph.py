@@ -1,0 +1,146 @@
+"""What the ROS 1 master knows of a node: its process, its topics and their types."""
+
+from __future__ import annotations
+
+import io
+import socket
+import xmlrpc.client
+from collections.abc import Iterable, Sequence
+from typing import Any
+from urllib.parse import urlparse
+
+from genie_sim.errors import UserError, unknown
+from genie_sim.ros.gateway import LOCAL
+from genie_sim.ros.message import WireType
+from genie_sim.ros.process import NodeProcess, listens_on
+from genie_sim.ros.ros1_codec import begins_with_header
+
+CALLER = "/genie_attach"
+NEVER = ("/rosout", "/rosout_agg", "/clock", "/tf", "/tf_static", "/diagnostics")  # infrastructure, not data
+PATIENCE_S = 3.0
+
+
+class Graph:
+    """The graph of one master. Raises UserError where there is no master or no such node."""
+
+    def __init__(self, master_uri: str) -> None:
+        import rosgraph
+
+        self._master = rosgraph.Master(CALLER, master_uri=master_uri)
+        try:
+            self._publishers, self._subscribers, _ = self._master.getSystemState()
+        except OSError as error:
+            raise UserError(f"no ROS master at {master_uri}: {error.strerror or error}") from error
+
+    def nodes(self) -> list[str]:
+        return sorted({node for _, nodes in (*self._publishers, *self._subscribers) for node in nodes})
+
+    def topics_of(self, node: str) -> tuple[list[str], list[str]]:
+        """T_S and T_P, without the topics that every node has."""
+        if node not in self.nodes():
+            raise UserError(unknown("node", node, self.nodes()))
+        return _of(node, self._subscribers), _of(node, self._publishers)
+
+    def process_of(self, node: str) -> NodeProcess:
+        """Raises UserError if the node runs on another machine, in another container, or as another user."""
+        import rosgraph.network
+
+        uri = urlparse(self._master.lookupNode(node))
+        if uri.hostname is None or uri.port is None or not rosgraph.network.is_local_address(uri.hostname):
+            raise UserError(f"{node}: runs on {uri.hostname}; attach there")
+        try:
+            pid = xmlrpc.client.ServerProxy(uri.geturl()).getPid(CALLER)[2]
+        except OSError as error:
+            raise UserError(f"{node}: does not answer ({error.strerror}); is it still there?") from error
+        process = NodeProcess.of(pid)
+        if not listens_on(pid, uri.port):
+            raise UserError(f"{node}: process {pid} is not the node; attach inside the container that it runs in")
+        if process.argv[0].endswith("/nodelet") and process.argv[1:2] == ("manager",):
+            raise UserError(f"{node}: is a nodelet manager; its nodelets cannot be renamed from outside")
+        return process
+
+    def types(self, topics: Iterable[str]) -> dict[str, WireType]:
+        """The types that can be known now: from a publisher's connection header, else from an installed package."""
+        found = {}
+        names = dict(self._master.getTopicTypes())
+        for topic in topics:
+            publishers = next((nodes for name, nodes in self._publishers if name == topic), [])
+            wire_type = next(filter(None, (self._asked(node, topic) for node in publishers)), None)
+            wire_type = wire_type or _installed(names.get(topic, "*"))
+            if wire_type is not None:
+                found[topic] = wire_type
+        return found
+
+    def _asked(self, node: str, topic: str) -> WireType | None:
+        """The type that a publisher states when a subscriber connects."""
+        import rosgraph.network
+
+        try:
+            slave = xmlrpc.client.ServerProxy(self._master.lookupNode(node))
+            _, _, chosen = slave.requestTopic(CALLER, topic, [["TCPROS"]])
+            with socket.create_connection((chosen[1], chosen[2]), timeout=PATIENCE_S) as connection:
+                wanted = {"topic": topic, "callerid": CALLER, "md5sum": "*", "type": "*"}
+                rosgraph.network.write_ros_handshake_header(connection, wanted)
+                header = rosgraph.network.read_ros_handshake_header(connection, io.BytesIO(), 65536)
+        except (OSError, xmlrpc.client.Error, rosgraph.network.ROSHandshakeException, IndexError):
+            return None  # this publisher is gone; another one may tell
+        if "message_definition" not in header:
+            return None
+        return WireType(header["type"], header["md5sum"], header["message_definition"])
+
+
+def choose(
+    node: str, subscribed: Sequence[str], types: dict[str, WireType], wanted: Sequence[str], leave: Sequence[str]
+) -> list[str]:
+    """The topics whose messages are requests: those ``wanted``, else every one but those to ``leave``.
+
+    A node that joins several inputs by stamp needs all of them or none, so that only one may go through the Genie; its
+    other topics stay as they are. Where it is not clear which, a UserError asks.
+    """
+    for topic in (*wanted, *leave):
+        if topic not in subscribed:
+            raise UserError(f"{node}: {unknown('topic', topic, subscribed)}")
+    chosen = list(wanted) or [topic for topic in with_header(subscribed, types) if topic not in leave]
+    if len(chosen) > 1 and not wanted:
+        images = [topic for topic in chosen if topic in types and types[topic].name == "sensor_msgs/Image"]
+        chosen = images if len(images) == 1 else chosen
+    if len(chosen) > 1 and not wanted:
+        raise UserError(f"{node}: which topic carries the requests? It subscribes to {', '.join(chosen)}")
+    if not chosen:
+        raise UserError(f"{node}: subscribes to no topic whose messages have a header")
+    return chosen
+
+
+def with_header(topics: Iterable[str], types: dict[str, WireType]) -> list[str]:
+    """The topics whose messages have a header, as far as is known; the others are left alone."""
+    return [topic for topic in topics if topic not in types or begins_with_header(types[topic].definition)]
+
+
+def remapped(node: str, argv: Sequence[str], topics: Sequence[str]) -> tuple[str, ...]:
+    """The command line under which ``topics`` get the local suffix and the node keeps its name.
+
+    ROS applies one remapping to a name, never two in a row, so an argument that leads to one of the topics already
+    is changed in place.
+    """
+    import rosgraph.names
+
+    made = []
+    for argument in argv:
+        source, found, target = argument.partition(":=")
+        resolved = rosgraph.names.resolve_name(target, node) if found and not source.startswith("_") else None
+        made.append(f"{source}:={resolved}{LOCAL}" if resolved in topics else argument)
+    made += [f"{topic}:={topic}{LOCAL}" for topic in topics]
+    if not any(argument.startswith("__name:=") for argument in argv):
+        made.append(f"__name:={node.rpartition('/')[2]}")
+    return tuple(made)
+
+
+def _of(node: str, topics: Iterable[tuple[str, Sequence[str]]]) -> list[str]:
+    return sorted(topic for topic, nodes in topics if node in nodes and topic not in NEVER)
+
+
+def _installed(name: str) -> WireType | None:
+    import roslib.message
+
+    found: Any = roslib.message.get_message_class(name) if "/" in name else None
+    return None if found is None else WireType(name, found._md5sum, found._full_text)

@@ -1,0 +1,217 @@
+"""Real ROS for the tests: a master of their own, and processes that are nodes. Skipped, with the reason, without ROS."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+import sysconfig
+import time
+import xmlrpc.client
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+HERE = Path(__file__).resolve().parent
+REPOSITORY = HERE.parent.parent
+DEBIAN_PACKAGES = Path("/usr/lib/python3/dist-packages")
+DETECTOR = "/vision_darknet_detect"
+PATIENCE_S = 20.0
+
+ATTACH = """
+import json, sys
+from genie_sim.errors import UserError
+from genie_sim.ros.attach import attach
+try:
+    attach(**json.loads(sys.argv[1]), say=lambda line: print(line, flush=True))
+except UserError as error:
+    sys.exit(str(error))
+"""
+DETACH = "import sys; from genie_sim.ros.attach import detach; detach(sys.argv[1])"
+
+
+def until(condition: Callable[[], Any], what: str, patience_s: float = PATIENCE_S) -> Any:
+    """What ``condition`` returns as soon as it is true. Fails with ``what`` when patience runs out."""
+    deadline = time.monotonic() + patience_s
+    while time.monotonic() < deadline:
+        found = condition()
+        if found:
+            return found
+        time.sleep(0.05)
+    raise AssertionError(f"not within {patience_s:.0f} s: {what}")
+
+
+def free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+@pytest.fixture(scope="session")
+def ros1_python(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A Python that has this environment's packages first and then Debian's, as ``--system-site-packages`` gives."""
+    if not (DEBIAN_PACKAGES / "rospy").is_dir():
+        pytest.skip(f"needs Debian's ROS 1: no rospy in {DEBIAN_PACKAGES} (.ci/install-ros)")
+    folder = tmp_path_factory.mktemp("ros1") / "venv"
+    subprocess.run([sys.executable, "-m", "venv", "--without-pip", folder], check=True)
+    site = next(folder.glob("lib/python3*/site-packages"))
+    (site / "ros1.pth").write_text(f"{sysconfig.get_path('purelib')}\n{DEBIAN_PACKAGES}\n")
+    python = folder / "bin" / "python"
+    tried = subprocess.run([python, "-c", "import rospy, rosbag"], capture_output=True, text=True)
+    if tried.returncode:
+        pytest.skip(f"Debian's ROS 1 is not for Python {sys.version.split()[0]}: {tried.stderr.splitlines()[-1]}")
+    return python
+
+
+class Master:
+    """A ROS 1 master (one virtual network) and the processes started with it."""
+
+    def __init__(self, python: Path, folder: Path) -> None:
+        self.folder = folder
+        folder.mkdir()
+        self.uri = f"http://127.0.0.1:{free_port()}"
+        self._python = python
+        self._processes: list[subprocess.Popen[str]] = []
+        self._node_pids: set[int] = set()
+        self.env = {
+            **os.environ, "ROS_MASTER_URI": self.uri, "ROS_IP": "127.0.0.1", "ROS_HOME": str(folder / "ros_home"),
+            "PYTHONPATH": str(REPOSITORY),
+        }
+        self._proxy = xmlrpc.client.ServerProxy(self.uri)
+        self.run(["roscore", "-p", self.uri.rpartition(":")[2]], "roscore")
+        until(self._up, "roscore is up")
+
+    def run(self, command: list[str | Path], log: str) -> subprocess.Popen[str]:
+        """A process of this network; what it prints comes through a pipe, its errors go to a file."""
+        with (self.folder / f"{log}.err").open("a") as errors:
+            process = subprocess.Popen(
+                command, env=self.env, cwd=self.folder, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=errors,
+                text=True,
+            )
+        self._processes.append(process)
+        return process
+
+    def start(self, script: str, *arguments: object) -> subprocess.Popen[str]:
+        return self.run([self._python, HERE / script, *map(str, arguments)], script)
+
+    def start_node(self, name: str, script: str, *arguments: object) -> subprocess.Popen[str]:
+        """A node, ready to be found by the master."""
+        process = self.start(script, *arguments)
+        until(lambda: self.pid_of(name) == process.pid and self.topics_of(name)[0], f"{name} has started")
+        return process
+
+    def attach(self, node: str = DETECTOR, **arguments: object) -> subprocess.Popen[str]:
+        """``genie-sim attach`` in a process of its own; returns when the Genie is attached."""
+        given = json.dumps({"node": node, "record": str(self.folder / "record.jsonl"), **arguments})
+        process = self.run([self._python, "-c", ATTACH, given], "attach")
+        assert process.stdout is not None
+        line = process.stdout.readline()
+        assert "Genie attached" in line, f"{line!r}, {self.errors_of('attach')}"
+        return process
+
+    def try_attach(self, node: str = DETECTOR, **arguments: object) -> str:
+        """The one line with which ``attach`` refuses."""
+        given = json.dumps({"node": node, **arguments})
+        done = subprocess.run(
+            [self._python, "-c", ATTACH, given], env=self.env, capture_output=True, text=True, timeout=60
+        )
+        assert done.returncode == 1
+        return done.stderr.strip()
+
+    def detach(self, node: str = DETECTOR) -> None:
+        subprocess.run([self._python, "-c", DETACH, node], env=self.env, check=True, timeout=60)
+
+    def play(self, places: str, pause_s: float = 0.15, listen_s: float = 0.5) -> list[dict[str, Any]]:
+        """Shows places to the camera, and returns the answers in the order in which they came."""
+        camera = self.start("camera.py", places, pause_s, listen_s)
+        assert camera.stdout is not None
+        assert camera.stdout.readline() == "up\n"
+        until(lambda: any(node.startswith("/camera") for node in self.subscribers("/detection/image_detector/objects")),
+              "the camera listens")
+        time.sleep(0.5)  # the publishers of its topic connect
+        output, _ = camera.communicate("go\n", timeout=60)
+        return [json.loads(line) for line in output.splitlines()]
+
+    def outcomes(self) -> list[str]:
+        """The outcomes of all look-ups so far, in order."""
+        lines = (self.folder / "record.jsonl").read_text().splitlines()
+        records = [json.loads(line) for line in lines]
+        return [record["outcome"] for record in records if record["record"] == "ImageLookup"]
+
+    def subscribers(self, topic: str) -> list[str]:
+        return next((nodes for name, nodes in self._state()[1] if name == topic), [])
+
+    def topics_of(self, node: str) -> tuple[list[str], list[str]]:
+        """What a node subscribes to and publishes, by the master."""
+        publishers, subscribers, _ = self._state()
+        listed = [sorted(topic for topic, nodes in side if node in nodes) for side in (subscribers, publishers)]
+        return listed[0], [topic for topic in listed[1] if topic != "/rosout"]
+
+    def pid_of(self, node: str) -> int | None:
+        """The process that answers for a node."""
+        try:
+            code, _, uri = self._proxy.lookupNode("/test", node)
+            pid = int(xmlrpc.client.ServerProxy(uri).getPid("/test")[2]) if code == 1 else None
+        except OSError:
+            return None
+        if pid is not None:
+            self._node_pids.add(pid)
+        return pid
+
+    def errors_of(self, log: str) -> str:
+        return (self.folder / f"{log}.err").read_text()
+
+    def close(self) -> None:
+        """Ends every process of this network, also the nodes that were started again by others."""
+        for node in {node for side in self._state()[:2] for _, nodes in side for node in nodes}:
+            self.pid_of(node)
+        for process in reversed(self._processes):
+            process.terminate()
+        for process in self._processes:
+            try:
+                process.communicate(timeout=20)
+            except subprocess.TimeoutExpired:
+                process.kill()
+        for pid in self._node_pids:
+            if self.uri.encode() in _environment(pid):
+                os.kill(pid, signal.SIGKILL)
+
+    def _state(self) -> Any:
+        return self._proxy.getSystemState("/test")[2]
+
+    def _up(self) -> bool:
+        try:
+            return any("/rosout" in nodes for _, nodes in self._state()[1])
+        except OSError:
+            return False
+
+
+def _environment(pid: int) -> bytes:
+    try:
+        return Path(f"/proc/{pid}/environ").read_bytes()
+    except OSError:
+        return b""
+
+
+@pytest.fixture
+def new_master(ros1_python: Path, tmp_path: Path) -> Iterator[Callable[[str], Master]]:
+    """``new_master("car1")``: a virtual network."""
+    masters: list[Master] = []
+
+    def make(name: str) -> Master:
+        masters.append(Master(ros1_python, tmp_path / name))
+        return masters[-1]
+
+    yield make
+    for master in masters:
+        master.close()
+
+
+@pytest.fixture
+def master(new_master: Callable[[str], Master]) -> Master:
+    return new_master("car1")
