@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Iterator
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 from genie_sim.core.eviction import Eviction
 from genie_sim.core.similarity import KeyIndex
@@ -82,18 +83,27 @@ class MessageCache:
         self._eviction.removed(key)
 
 
+class Asker(NamedTuple):
+    """Who wants the answer to a request: a client of ours, or a neighbour (``name``, if the middleware tells it).
+
+    ``served`` are the topics on which the cache has already answered.
+    """
+
+    header: Header
+    neighbour: bool
+    name: str | None
+    served: frozenset[str] = frozenset()
+
+
 @dataclass(slots=True)
 class Waiting:
-    """A request that was opened and has not expired; ``forwarded`` if a node of ours works on it.
-
-    ``askers`` are the headers that want the answer, each with the neighbour that asked (``None``: a client of ours).
-    """
+    """A request that was opened and has not expired; ``forwarded`` if a node of ours works on it."""
 
     topic: str
     key: Hashable
     deadline_ns: int | None
     forwarded: bool
-    askers: list[tuple[Header, str | None]] = field(default_factory=list)
+    askers: list[Asker] = field(default_factory=list)
     answered: set[str] = field(default_factory=set)  # the topics on which an answer came
 
 
@@ -115,7 +125,7 @@ class PendingIndex:
         return self._by_header.get(self._identity(header))
 
     def by_key(self, topic: str, key: Hashable) -> Waiting | None:
-        """The unanswered request that our node already works on for an equal message."""
+        """The request that our node already works on for an equal message."""
         keys = self._keys.get(topic)
         held = keys.find(key) if keys is not None else None
         return None if held is None else self._open.get((topic, held))
@@ -126,11 +136,6 @@ class PendingIndex:
         if waiting.forwarded:
             self._keys.setdefault(waiting.topic, self._new_keys()).add(waiting.key)
             self._open[waiting.topic, waiting.key] = waiting
-
-    def answered(self, waiting: Waiting, topic: str) -> None:
-        """Nobody needs to join this request any more; its header stays known for a second answer."""
-        waiting.answered.add(topic)
-        self._close(waiting)
 
     def next_deadline_ns(self) -> int | None:
         """When the oldest request expires."""
@@ -145,10 +150,11 @@ class PendingIndex:
             if waiting.deadline_ns is None or waiting.deadline_ns > now_ns:
                 return
             del self._by_header[identity]
-            self._close(waiting)
+            self.close(waiting)
             yield waiting
 
-    def _close(self, waiting: Waiting) -> None:
+    def close(self, waiting: Waiting) -> None:
+        """Nobody needs to join this request any more; its header stays known for a second answer."""
         if self._open.get((waiting.topic, waiting.key)) is waiting:
             del self._open[waiting.topic, waiting.key]
             self._keys[waiting.topic].discard(waiting.key)

@@ -25,7 +25,7 @@ from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
-from genie_sim.core.message_cache import Answers, MessageCache, PendingIndex, Waiting
+from genie_sim.core.message_cache import Answers, Asker, MessageCache, PendingIndex, Waiting
 from genie_sim.core.object_map import ObjectMap
 from genie_sim.messages import (
     Answer,
@@ -36,6 +36,7 @@ from genie_sim.messages import (
     Expired,
     Header,
     ImageLookup,
+    MapChange,
     Message,
     ObjectLookups,
     Observe,
@@ -128,20 +129,16 @@ class GenieNode:
     def publications(self) -> tuple[str, ...]:
         """Every topic that this Genie may publish on."""
         to_node = tuple(topic + self._local for topic in self._requests)
-        return (*to_node, *self._neighbour_requests, *self._published, *self._remote_answers)
+        topics = (*to_node, *self._neighbour_requests, *self._published, *self._remote_answers)
+        if self.rules.pending_index == "across_topics":
+            return topics
+        unknown = (*self._own_answers, *self._remote_answers)
+        return (*topics, *(topic + suffix for topic in unknown for suffix in (self._local, self._remote)))
 
     def on_message(self, topic: str, message: Message, now_ns: int, sender: str | None = None) -> list[Effect]:
-        """Algorithm 1, OnMessageArrival. ``sender`` names the Genie or client that a reply goes to."""
-        if topic in self._requests:
-            return self._on_request(topic, message, now_ns, sender, neighbour=False)  # type: ignore[arg-type]
-        if topic in self._neighbour_requests:
-            wanted = self._neighbour_requests[topic]
-            return self._on_request(wanted, message, now_ns, sender, neighbour=True)  # type: ignore[arg-type]
-        if self.rules.pending_index == "per_topic":
-            return self._on_unknown(topic, message)
-        if topic in self._own_answers:
-            return self._on_answer(self._own_answers[topic], message, now_ns, own=True)  # type: ignore[arg-type]
-        return self._on_answer(self._remote_answers[topic], message, now_ns, own=False)  # type: ignore[arg-type]
+        """Algorithm 1, OnMessageArrival. ``sender`` names the neighbour that a reply goes to, ``None`` where the
+        middleware does not tell: then it goes to all of them."""
+        return [*self.on_deadline(now_ns), *self._on_arrival(topic, message, now_ns, sender)]
 
     def next_deadline_ns(self) -> int | None:
         """When ``on_deadline`` wants to be called, if no message comes before."""
@@ -150,60 +147,71 @@ class GenieNode:
     def on_deadline(self, now_ns: int) -> list[Effect]:
         """Forgets the requests that nobody answered in time: the node dropped them, or the link did."""
         return [
-            Observe(Expired(header))
+            Observe(Expired(asker.header))
             for waiting in self._pending.expire(now_ns)
             if not waiting.answered
-            for header, neighbour in waiting.askers
-            if neighbour is None
+            for asker in waiting.askers
+            if not asker.neighbour and not asker.served
         ]
 
     def cache_entries(self) -> int:
         """How many requests the message cache holds answers to."""
         return sum(len(database) for database in self._databases.values())
 
-    def _on_request(
-        self, topic: str, request: Request, now_ns: int, sender: str | None, *, neighbour: bool
-    ) -> list[Effect]:
-        expired = self.on_deadline(now_ns)
+    def _on_arrival(self, topic: str, message: Any, now_ns: int, sender: str | None) -> list[Effect]:
+        if topic in self._requests:
+            return self._on_request(topic, message, Asker(message.header, False, sender), now_ns)
+        if topic in self._neighbour_requests:
+            wanted = self._neighbour_requests[topic]
+            return self._on_request(wanted, message, Asker(message.header, True, sender), now_ns)
+        if self.rules.pending_index == "per_topic":
+            return self._on_unknown(topic, message)
+        if topic in self._own_answers:
+            return self._on_answer(self._own_answers[topic], message, now_ns, own=True)
+        return self._on_answer(self._remote_answers[topic], message, now_ns, own=False)
+
+    def _on_request(self, topic: str, request: Request, asker: Asker, now_ns: int) -> list[Effect]:
         database = self._databases.get(topic)
         if database is None:
             database = self._databases[topic] = self._new_cache()  # line 6: a hashmap for a never-seen topic
         key = self._key(request)
         answers = database.get(key, now_ns)
-        if answers is not None:  # line 16: cache hit
-            hit = self._looked_up(request, "hit", neighbour)
-            return [*expired, hit, *self._replay(request, answers, sender, neighbour)]
-        return expired + self._on_miss(topic, request, key, now_ns, sender, neighbour)
+        if answers is None:
+            return self._on_miss(topic, request, key, asker, now_ns)
+        if len(answers) < len(self._published):  # the node may still be about to answer on its other topics
+            under_way = self._pending.by_key(topic, key)
+            if under_way is not None:
+                under_way.askers.append(asker._replace(served=frozenset(answers)))
+        return [self._looked_up(asker, "hit"), *self._replay(answers, asker)]  # line 16: cache hit
 
-    def _on_miss(
-        self, topic: str, request: Request, key: Hashable, now_ns: int, sender: str | None, neighbour: bool
-    ) -> list[Effect]:
-        if self._pending.by_header(request.header) is not None:
+    def _on_miss(self, topic: str, request: Request, key: Hashable, asker: Asker, now_ns: int) -> list[Effect]:
+        if self._pending.by_header(asker.header) is not None:
             return []  # this very request came before, over another way
         expiry_ns = self.rules.request_expiry_ns
         deadline_ns = None if expiry_ns is None else now_ns + expiry_ns
-        if neighbour and self.rules.neighbour_miss == "ignore":
-            self._pending.open(request.header, Waiting(topic, key, deadline_ns, forwarded=False))
-            return [self._looked_up(request, "miss", neighbour)]
-        asker = (request.header, sender if neighbour else None)
+        if asker.neighbour and self.rules.neighbour_miss == "ignore":
+            self._pending.open(asker.header, Waiting(topic, key, deadline_ns, forwarded=False))
+            return [self._looked_up(asker, "miss")]
         under_way = self._pending.by_key(topic, key) if self.rules.same_key_pending == "coalesce" else None
-        if under_way is not None:
+        if under_way is not None and not under_way.answered:
+            if any(one.header == asker.header for one in under_way.askers):
+                return []
             under_way.askers.append(asker)
-            return [self._looked_up(request, "coalesced", neighbour), *self._meanwhile(request, neighbour)]
+            return [self._looked_up(asker, "coalesced"), *self._meanwhile(request, asker)]
         # line 12: cache miss
-        effects: list[Effect] = [self._looked_up(request, "miss", neighbour)]
+        effects: list[Effect] = [self._looked_up(asker, "miss")]
         effects.append(Publish(topic + self._local, request))
         if self.rules.share_requests:
             effects.append(Publish(topic + self._remote, request))
-        self._pending.open(request.header, Waiting(topic, key, deadline_ns, forwarded=True, askers=[asker]))
-        return effects + self._meanwhile(request, neighbour)
+        self._pending.open(asker.header, Waiting(topic, key, deadline_ns, forwarded=True, askers=[asker]))
+        return effects + self._meanwhile(request, asker)
 
-    def _meanwhile(self, request: Request, neighbour: bool) -> list[Effect]:
+    def _meanwhile(self, request: Request, asker: Asker) -> list[Effect]:
         """What a client gets at once although its request missed: the map's confident objects in view.
 
         Without a pose there is no view, and no answer.
         """
-        if neighbour or self._map_answer is None or self.rules.miss_policy != "immediate":
+        if asker.neighbour or self._map_answer is None or self.rules.miss_policy != "immediate":
             return []
         if request.pose is None:
             return []
@@ -211,14 +219,14 @@ class GenieNode:
         answer = self._map_answer(request.header, [one.as_detection() for one in stored])
         return [Publish(topic, answer.served("map", self.name)) for topic in self._published]
 
-    def _replay(self, request: Message, answers: Answers, sender: str | None, neighbour: bool) -> list[Effect]:
+    def _replay(self, answers: Answers, asker: Asker) -> list[Effect]:
         """Lines 17 to 19: the stored answers go to the sender, with what the map knows about their locations."""
         effects: list[Effect] = []
         for topic, stored in answers.items():
-            answer = stored if self.rules.replay_stamp == "stored" else stored.restamped(request.header)
+            answer = stored if self.rules.replay_stamp == "stored" else stored.restamped(asker.header)
             answer, lookups = self._boost_data(answer.served("cache", self.name))
             effects.extend(lookups)
-            effects.append(self._deliver(topic, answer, sender if neighbour else None))
+            effects.append(self._deliver(topic, answer, asker))
         return effects
 
     def _on_answer(self, topic: str, answer: Answer, now_ns: int, *, own: bool) -> list[Effect]:
@@ -228,7 +236,9 @@ class GenieNode:
         if waiting is not None:
             self._store(topic, waiting, answer, now_ns)  # line 10
             if topic not in waiting.answered:
-                self._pending.answered(waiting, topic)
+                waiting.answered.add(topic)
+                if len(waiting.answered) == len(self._published):
+                    self._pending.close(waiting)
                 effects += self._release(topic, waiting, answer, own)
         if own and self.rules.share_answers == "broadcast":
             effects.append(Publish(topic + self._remote, self._confident(answer)))
@@ -249,16 +259,19 @@ class GenieNode:
     def _release(self, topic: str, waiting: Waiting, answer: Answer, own: bool) -> list[Effect]:
         """The first answer goes to everyone who waits for it, under each one's own header."""
         effects: list[Effect] = []
-        for header, neighbour in waiting.askers:
-            if neighbour is None and self.rules.miss_policy == "hits_only":
+        broadcast = own and self.rules.share_answers == "broadcast"
+        for asker in waiting.askers:
+            hits_only = not asker.neighbour and self.rules.miss_policy == "hits_only"
+            told_anyway = asker.neighbour and broadcast and asker.header == answer.header
+            if topic in asker.served or hits_only or told_anyway:
                 continue
-            mine = answer if header == answer.header else answer.restamped(header)
-            effects.append(self._deliver(topic, mine, neighbour, fresh=own))
+            mine = answer if asker.header == answer.header else answer.restamped(asker.header)
+            effects.append(self._deliver(topic, mine, asker, fresh=own))
         return effects
 
-    def _deliver(self, topic: str, answer: Answer, neighbour: str | None, fresh: bool = False) -> Publish:
-        if neighbour is not None:
-            return Publish(topic + self._remote, self._confident(answer), to=neighbour)
+    def _deliver(self, topic: str, answer: Answer, asker: Asker, fresh: bool = False) -> Publish:
+        if asker.neighbour:
+            return Publish(topic + self._remote, self._confident(answer), to=asker.name)
         if fresh and self.rules.fresh_objects == "all":
             return Publish(topic, answer)
         return Publish(topic, self._confident(answer))
@@ -276,6 +289,7 @@ class GenieNode:
             return answer, []
         threshold = self.object_map.threshold
         objects: list[Detection] = []
+        changes: list[MapChange] = []
         requests = hits = updates = 0
         boost = 0.0
         for seen in answer.objects:
@@ -289,7 +303,11 @@ class GenieNode:
                 updates += 1
                 boost += stored.confidence - before
             objects.append(replace(seen, confidence=stored.confidence))
-        facts = ObjectLookups(answer.header, "sighting", requests, hits, updates, boost, len(self.object_map))
+            changes.append(MapChange(stored.label, stored.location, stored.confidence))
+        stored_objects = len(self.object_map)
+        facts = ObjectLookups(
+            answer.header, "sighting", requests, hits, updates, boost, stored_objects, tuple(changes)
+        )
         return answer.with_objects(objects), [Observe(facts)]
 
     def _boost_data(self, answer: Answer) -> tuple[Answer, list[Effect]]:
@@ -321,13 +339,14 @@ class GenieNode:
         facts = ObjectLookups(answer.header, "boost", requests, hits, 0, 0.0, len(self.object_map))
         return answer.with_objects(objects), [Observe(facts)]
 
-    def _on_unknown(self, topic: str, message: Message) -> list[Effect]:
+    def _on_unknown(self, topic: str, answer: Answer) -> list[Effect]:
         """An answer under the literal index: no request on its topic has its header, so it is taken for a request."""
-        return [Publish(topic + self._local, message), Publish(topic + self._remote, message)]
+        answer = self._confident(answer)
+        return [Publish(topic + self._local, answer), Publish(topic + self._remote, answer)]
 
-    def _looked_up(self, request: Message, outcome: str, neighbour: bool) -> Observe:
-        asker = "neighbour" if neighbour else "client"
-        return Observe(ImageLookup(request.header, outcome, asker, self.cache_entries()))
+    def _looked_up(self, asker: Asker, outcome: str) -> Observe:
+        who = "neighbour" if asker.neighbour else "client"
+        return Observe(ImageLookup(asker.header, outcome, who, self.cache_entries()))
 
 
 def detections_of_map(header: Header, objects: Sequence[Detection]) -> Detections:
