@@ -13,6 +13,7 @@ from genie_sim.messages import Message
 from genie_sim.sim.ros_graph import Dropped, Graph, after
 
 Deliver = Callable[[], None]
+Carried = Callable[[Message], None]
 
 
 class Link:
@@ -46,7 +47,7 @@ class Link:
         self._queue_length = queue_length
         self._dropped = dropped
         self._rng = rng
-        self._waiting: deque[tuple[Hashable, Message, Deliver]] = deque()
+        self._waiting: deque[tuple[Hashable, Message, Deliver, Carried | None]] = deque()
         self._channels: Counter[Hashable] = Counter()
         self._busy = False
         self._busy_since_ns = 0
@@ -62,11 +63,14 @@ class Link:
         """How long the wire has been in use until now."""
         return self._busy_ns + (self.env.now - self._busy_since_ns if self._busy else 0)
 
-    def send(self, channel: Hashable, message: Message, deliver: Deliver) -> None:
-        """Queues a message; ``deliver`` is called when it arrives at the other end, if it does."""
+    def send(self, channel: Hashable, message: Message, deliver: Deliver, carried: Carried | None = None) -> None:
+        """Queues a message; ``deliver`` is called when it arrives at the other end, if it does.
+
+        ``carried`` is told when it has been on the wire, whether it arrives or is lost.
+        """
         if self._busy and self._channels[channel] >= self._queue_length:
             self._drop_oldest(channel)
-        self._waiting.append((channel, message, deliver))
+        self._waiting.append((channel, message, deliver, carried))
         self._channels[channel] += 1
         if not self._busy:
             self._busy = True
@@ -84,15 +88,17 @@ class Link:
 
     def _transmit(self) -> Iterable[simpy.Event]:
         while self._waiting:
-            channel, message, deliver = self._waiting.popleft()
+            channel, message, deliver, carried = self._waiting.popleft()
             self._channels[channel] -= 1
             yield self.env.timeout(self.serialisation_ns(message.size_bytes))
+            self.sent_bytes += message.size_bytes
+            if carried is not None:
+                carried(message)
             loss = self._profile.loss
             if self.is_down(self.env.now) or (loss and self._rng.random() < loss):
                 self._lose(message)
                 continue
             self.completed += 1
-            self.sent_bytes += message.size_bytes
             jitter_ns = int(self._rng.integers(self._profile.jitter_ns + 1)) if self._profile.jitter_ns else 0
             arrival_ns = self.env.now + self._profile.delay_ns + jitter_ns
             self._last_arrival_ns = max(arrival_ns, self._last_arrival_ns)
@@ -102,7 +108,7 @@ class Link:
 
     def _drop_oldest(self, channel: Hashable) -> None:
         oldest = next(i for i, entry in enumerate(self._waiting) if entry[0] == channel)
-        _, message, _ = self._waiting[oldest]
+        _, message, *_ = self._waiting[oldest]
         del self._waiting[oldest]
         self._channels[channel] -= 1
         self._lose(message)
@@ -117,7 +123,7 @@ class Bridge:
     """Carries a topic of one graph over a link to a topic of another.
 
     ``reaches`` is the address of the node at the far end, for messages meant for one receiver. With ``origin`` only
-    the messages about that car's pictures are carried. ``carried`` is told of each message that sets out.
+    the messages about that car's pictures are carried. ``carried`` is told of each message that was on the wire.
     """
 
     def __init__(
@@ -127,7 +133,7 @@ class Bridge:
         topic: str,
         reaches: str,
         origin: str | None = None,
-        carried: Callable[[Message], None] | None = None,
+        carried: Carried | None = None,
     ) -> None:
         self.address = reaches
         self._link = link
@@ -139,7 +145,5 @@ class Bridge:
     def deliver(self, topic: str, message: Message, sender: str) -> None:
         if self._origin is not None and message.header.origin != self._origin:
             return
-        if self._carried is not None:
-            self._carried(message)
         channel = (self.address, self._topic, message.header.frame_id)
-        self._link.send(channel, message, lambda: self._target.inject(self._topic, message, sender))
+        self._link.send(channel, message, lambda: self._target.inject(self._topic, message, sender), self._carried)

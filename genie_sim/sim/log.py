@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Protocol
 
-from genie_sim.experiment.records import FrameTable, LookupTable, ResourceTable
+from genie_sim.experiment.records import FrameTable, LookupTable, ObjectTable, PoseTable, ResourceTable
 from genie_sim.messages import Detections, Expired, Header, Image, ImageLookup, Message, ObjectLookups
 
 if TYPE_CHECKING:
@@ -28,10 +28,23 @@ class Resource(Protocol):
 
 
 class Log:
-    """The rows of one method's run. A frame's row is found by its header and completed as the frame moves on."""
+    """The rows of one method's run. A frame's row is found by its header and completed as the frame moves on.
 
-    def __init__(self, method: str, frames: FrameTable, lookups: LookupTable, resources: ResourceTable) -> None:
+    ``poses`` and ``objects`` are what a replay needs besides; ``None`` leaves them out.
+    """
+
+    def __init__(
+        self,
+        method: str,
+        frames: FrameTable,
+        lookups: LookupTable,
+        resources: ResourceTable,
+        poses: PoseTable | None = None,
+        objects: ObjectTable | None = None,
+    ) -> None:
         self.method = method
+        self._poses = poses
+        self._objects = objects
         self._frames = frames
         self._lookups = lookups
         self._resources = resources
@@ -40,13 +53,17 @@ class Log:
     def published(self, image: Image, number: int, lap: int) -> None:
         header = image.header
         self._rows[header] = self._frames.add(self.method, header.origin, header.frame_id, number, lap, header.stamp_ns)
+        if self._poses is not None:
+            at, fov_rad = image.pose, image.horizontal_fov_rad
+            place = (at.east_m, at.north_m, at.heading_rad, fov_rad)
+            self._poses.add(header.origin, header.frame_id, number, header.stamp_ns, *place)
 
     def received(self, header: Header, now_ns: int) -> None:
         """The frame is in the queue of the first node that handles it."""
         self._frames.set(self._rows[header], "received_ns", now_ns)
 
     def carried(self, column: str, message: Message) -> None:
-        """A message about a frame set out over the car's link; ``column`` is ``bytes_up`` or ``bytes_down``."""
+        """A message about a frame was on the wire of the car's link; ``column`` is ``bytes_up`` or ``bytes_down``."""
         row = self._rows.get(message.header)
         if row is not None:
             self._frames.increase(row, column, message.size_bytes)
@@ -95,6 +112,9 @@ class Log:
             return
         counts = (record.requests, record.hits, record.updates, record.boost_sum, record.objects)
         self._lookups.add(*place, record.kind, None, *frame, None, *counts)
+        if self._objects is not None:
+            for label, location, confidence in record.changes:
+                self._objects.add(now_ns, genie.name, label, location[0], location[1], confidence)
 
     def sample(self, resources: Sequence[Resource], now_ns: int) -> None:
         """The state of every device, link and queue at this instant."""
