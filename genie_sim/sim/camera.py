@@ -15,9 +15,10 @@ from genie_sim.sim.ros_graph import Graph, Node
 class Camera(Node):
     """One camera stream of a car: a window of a recording, driven ``laps`` times.
 
-    ``start_ns`` is when the first lap begins, ``window_ns`` the part of the recording's own
-    time (``None``: all of it), ``pause_ns`` the time
-    between two laps. ``published`` is told of each frame (image, running number, lap) before it is published.
+    ``start_ns`` is when the first lap begins, ``window_ns`` the part of the recording's own time (``None``: all of
+    it), ``pause_ns`` the time between two laps. ``published`` is told of each frame (image, running number, lap)
+    before it is published. Two streams are two cameras even where one recording stands for both: their images are
+    never byte for byte the same.
     """
 
     def __init__(
@@ -66,7 +67,7 @@ class Camera(Node):
                 image = Image(
                     Header(stamp_ns, self._frame_id, self._car),
                     self._size_bytes if self._size_bytes is not None else frame.size_bytes,
-                    frame.digest,
+                    f"{self._frame_id}/{frame.digest}",
                     frame.dhash,
                     frame.pose,
                     frame.horizontal_fov_rad,
