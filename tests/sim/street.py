@@ -1,13 +1,24 @@
-"""A straight street with parked cars, driven at constant speed: a trace without any real data."""
+"""A straight street with parked cars, driven at constant speed: a trace without any real data.
+
+With it comes what turns it into a run: scenarios, devices whose service times are fixed, and the tables of a method.
+"""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Any
 
+import pandas as pd
+
+from genie_sim.experiment.profiles import DeviceProfile, load_profile
+from genie_sim.experiment.records import FrameTable, LookupTable, ResourceTable
+from genie_sim.experiment.runner import Tables
 from genie_sim.experiment.scenario import Scenario, read_scenario
 from genie_sim.messages import CameraPose, Detection
 from genie_sim.perception.trace import Trace, TraceFrame
+from genie_sim.sim.log import Log
+from genie_sim.sim.world import World
 
 FOV_RAD = math.radians(81.4)
 
@@ -58,3 +69,53 @@ def scenario(cars: int = 1, **settings: Any) -> Scenario:
         "cars": [{"name": f"car{i + 1}", "device": "jetson_tx2", "edge": f"edge{i + 1}"} for i in range(cars)],
     }
     return read_scenario(data | settings)
+
+
+def fixed_device(
+    name: str, *, detector: str, genie: str = "9 ms", hop: str = "0.3 ms", per_megabyte: str = "2 ms", cores: int = 4
+) -> DeviceProfile:
+    """A computer on which everything always takes the same time (written as in YAML)."""
+
+    def given(value: Any) -> dict[str, Any]:
+        return {"value": value, "tag": "A", "source": "test"}
+
+    always = {"loc": 1.0, "sigma": 0.0, "tag": "A", "source": "test"}
+    return DeviceProfile.model_validate(
+        {
+            "name": name,
+            "title": name,
+            "cores": given(cores),
+            "hop": {"small": given(hop), "per_megabyte": given(per_megabyte)},
+            "genie": {"median": given(genie), "spread": always},
+            "spreads": {"isolated": always, "default": always, "loaded": always},
+            "models": {"autoware_vision_detector": {"median": detector, "tag": "A", "source": "test"}},
+        }
+    )
+
+
+def build(
+    setting: Scenario,
+    method: str,
+    trace: Trace | None = None,
+    devices: Mapping[str, DeviceProfile] | None = None,
+    tables: Tables | None = None,
+) -> tuple[World, Tables]:
+    """The world of one method, ready to run, and the tables that it will fill."""
+    trace = trace if trace is not None else street()
+    names = {part.device for part in (*setting.cars, *setting.edges)}
+    devices = devices if devices is not None else {name: load_profile(name) for name in names}
+    tables = tables if tables is not None else Tables(FrameTable(), LookupTable(), ResourceTable())
+    log = Log(method, tables.frames, tables.lookups, tables.resources)
+    return World(setting, devices, {car.name: trace for car in setting.cars}, method, log), tables
+
+
+def drive(
+    setting: Scenario,
+    trace: Trace | None = None,
+    devices: Mapping[str, DeviceProfile] | None = None,
+) -> dict[str, pd.DataFrame]:
+    """Runs every method of the scenario. The tables by name: frames, lookups, resources."""
+    tables = Tables(FrameTable(), LookupTable(), ResourceTable())
+    for method in setting.methods:
+        build(setting, method, trace, devices, tables)[0].run()
+    return {table.name: table.to_frame() for table in (tables.frames, tables.lookups, tables.resources)}

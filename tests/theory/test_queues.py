@@ -1,0 +1,271 @@
+"""Accelerators, CPUs, detectors and links against queueing theory.
+
+Mean waits: M/M/1 and M/D/1 (Pollaczek-Khinchine), M/M/c (Erlang C), M/D/c (Crommelin 1932); losses of a detector that
+keeps one waiting image: M/D/1/2. Every test states its replications, seed and margin, and prints what it found (-s).
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+import simpy
+from sim.street import FOV_RAD, fixed_device
+from theory.replications import equivalent, replicate
+
+from genie_sim.experiment.links import LINKS
+from genie_sim.messages import CameraPose, Detections, Header, Image
+from genie_sim.perception.trace import TraceFrame
+from genie_sim.sim.device import Host, Processor
+from genie_sim.sim.link import Link
+from genie_sim.sim.nodes import Consumer, Detector
+from genie_sim.sim.ros_graph import Graph
+
+SERVICE_NS = 65_000_000
+WARM_UP = 300  # customers before the queue has forgotten that it began empty
+POSE = CameraPose(0.0, 0.0, 1.6, 0.0)
+Law = Callable[[np.random.Generator], int]
+
+
+def always(rng: np.random.Generator) -> int:
+    return SERVICE_NS
+
+
+def exponential(rng: np.random.Generator) -> int:
+    return max(1, round(rng.exponential(SERVICE_NS)))
+
+
+def arrivals(env: simpy.Environment, rng: np.random.Generator, rho: float, servers: int, customers: int, come):
+    """A Poisson process that keeps ``servers`` busy for a share ``rho`` of the time."""
+    for number in range(customers):
+        yield env.timeout(round(rng.exponential(SERVICE_NS / (rho * servers))))
+        come(number)
+
+
+def pollaczek_khinchine(rho: float, squared_variation: float) -> float:
+    """Mean wait of M/G/1 in service times; the squared coefficient of variation is 0 for M/D/1, 1 for M/M/1."""
+    return rho * (1 + squared_variation) / (2 * (1 - rho))
+
+
+def erlang_c(rho: float, servers: int) -> float:
+    """Mean wait of M/M/c in service times."""
+    offered = rho * servers
+    busy = offered**servers / math.factorial(servers) / (1 - rho)
+    waits = busy / (sum(offered**k / math.factorial(k) for k in range(servers)) + busy)
+    return waits / (servers * (1 - rho))
+
+
+def crommelin(rho: float, servers: int) -> float:
+    """Mean wait of M/D/c in service times: the sum over i of P(N >= i c) - P(N > i c) / rho, N Poisson(i c rho)."""
+    from scipy.stats import poisson
+
+    i = np.arange(1, 2000)
+    mean = i * servers * rho
+    return float(np.sum(poisson.sf(i * servers - 1, mean) - poisson.sf(i * servers, mean) / rho))
+
+
+def processor_waits(rho: float, service: Law, servers: int = 1, customers: int = 3000):
+    """An experiment: the mean wait before a processor with an unbounded queue, in service times."""
+
+    def experiment(rng: np.random.Generator) -> float:
+        env = simpy.Environment(initial_time=0)
+        processor = Processor(env, "edge1.accelerator", "accelerator", servers)
+        waits: list[int] = []
+
+        def customer():
+            service_ns, came_ns = service(rng), env.now
+            yield from processor.run(service_ns)
+            waits.append(env.now - came_ns - service_ns)
+
+        env.process(arrivals(env, rng, rho, servers, customers, lambda _: env.process(customer())))
+        env.run()
+        assert processor.completed == customers and processor.queued == 0
+        return float(np.mean(waits[WARM_UP:])) / SERVICE_NS
+
+    return experiment
+
+
+def test_accelerator_matches_m_m_1():
+    """Mean wait, M/M/1: rho / (1 - rho) service times."""
+    waits = replicate(processor_waits(0.5, exponential, customers=6000), replications=40, seed=1)
+    assert equivalent(waits, expected=pollaczek_khinchine(0.5, 1.0), margin=0.08)
+
+
+@pytest.mark.parametrize("rho", [0.3, 0.7])
+def test_accelerator_matches_m_d_1(rho: float):
+    """Mean wait, M/D/1: rho / (2 (1 - rho)) service times."""
+    waits = replicate(processor_waits(rho, always, customers=6000), replications=30, seed=2)
+    assert equivalent(waits, expected=pollaczek_khinchine(rho, 0.0), margin=0.07)
+
+
+def test_cores_of_a_cpu_match_m_m_c():
+    """Mean wait, M/M/c: Erlang's C over c (1 - rho), in service times."""
+    assert erlang_c(0.6, 1) == pytest.approx(pollaczek_khinchine(0.6, 1.0)), "with one server it is M/M/1"
+    waits = replicate(processor_waits(0.6, exponential, servers=2, customers=6000), replications=40, seed=3)
+    assert equivalent(waits, expected=erlang_c(0.6, 2), margin=0.10)
+
+
+def test_cores_of_a_cpu_match_m_d_c():
+    """Genie's CPU: several cores, one queue."""
+    assert crommelin(0.7, 1) == pytest.approx(pollaczek_khinchine(0.7, 0.0)), "with one server it is M/D/1"
+    waits = replicate(processor_waits(0.7, always, servers=4, customers=7000), replications=30, seed=4)
+    assert equivalent(waits, expected=crommelin(0.7, 4), margin=0.10)
+
+
+def test_a_wrong_service_law_would_be_noticed():
+    """M/D/1 waits half as long as M/M/1, and few replications prove nothing."""
+    waits = replicate(processor_waits(0.5, always), replications=30, seed=5)
+    assert not equivalent(waits, expected=pollaczek_khinchine(0.5, 1.0), margin=0.05)
+    assert not equivalent(waits[:2], expected=float(np.mean(waits[:2])), margin=0.05)
+
+
+def test_little_s_law_and_utilisation():
+    """What a run samples every 100 ms (queue, time used) agrees with what happened: L = lambda W, U = rho."""
+    rho, customers = 0.7, 3000
+
+    def experiment(rng: np.random.Generator) -> tuple[float, float]:
+        env = simpy.Environment(initial_time=0)
+        processor = Processor(env, "edge1.accelerator", "accelerator")
+        waits: list[int] = []
+        queues: list[int] = []
+
+        def customer():
+            came_ns = env.now
+            yield from processor.run(SERVICE_NS)
+            waits.append(env.now - came_ns - SERVICE_NS)
+
+        def sampler():
+            while processor.completed < customers:
+                queues.append(processor.queued)
+                yield env.timeout(SERVICE_NS // 3)
+
+        env.process(arrivals(env, rng, rho, 1, customers, lambda _: env.process(customer())))
+        env.run(env.process(sampler()))
+        rate_per_ns = customers / env.now
+        return np.mean(queues) / (rate_per_ns * np.mean(waits)), processor.busy_ns / (customers * SERVICE_NS)
+
+    little = replicate(lambda rng: experiment(rng)[0], replications=20, seed=6)
+    assert equivalent(little, expected=1.0, margin=0.02)
+    used = replicate(lambda rng: experiment(rng)[1], replications=2, seed=6)
+    assert used == (1.0, 1.0)
+
+
+def test_time_in_use_counts_the_job_under_way():
+    env = simpy.Environment(initial_time=0)
+    processor = Processor(env, "edge1.accelerator", "accelerator", 2)
+    for service_ns in (100, 300, 500):
+        env.process(processor.run(service_ns))
+    env.run(until=50)
+    assert (processor.busy_ns, processor.queued, processor.completed) == (100, 1, 0)
+    env.run(until=250)
+    assert (processor.busy_ns, processor.queued, processor.completed) == (100 + 250 + 150, 0, 1)
+    env.run()
+    assert (processor.busy_ns, processor.completed) == (900, 3)
+
+
+def image(number: int, stamp_ns: int) -> Image:
+    frame = TraceFrame("02", number, stamp_ns, 1242, 375, 1_397_297, str(number), number, POSE, FOV_RAD, ())
+    return Image(Header(stamp_ns, "camera_02", "car1"), 1_397_297, str(number), number, POSE, FOV_RAD, frame)
+
+
+def detector_run(rng: np.random.Generator, rho: float, queue_length: int, images: int):
+    """Images come to a detector at random: stamps of those answered, of those dropped, and the waits [ns]."""
+    env = simpy.Environment(initial_time=0)
+    device = fixed_device("edge1", detector=f"{SERVICE_NS} ns", hop="0 ms", per_megabyte="0 ms")
+    host = Host(env, "edge1", device, device.service_time("autoware_vision_detector"), rng, rng)
+    graph = Graph(env, "edge1")
+    answered: list[int] = []
+    waits: list[int] = []
+    dropped: list[int] = []
+
+    def consume(answer: Detections, now_ns: int) -> None:
+        answered.append(answer.header.stamp_ns)
+        waits.append(now_ns - answer.header.stamp_ns - SERVICE_NS)
+
+    detector = Detector(
+        "detector",
+        host,
+        graph,
+        "/image_raw",
+        "/objects",
+        queue_length,
+        lambda message, where: dropped.append(message.header.stamp_ns),
+    )
+    Consumer("consumer", graph, "/objects", consume)
+
+    def come(number: int) -> None:
+        graph.inject("/image_raw", image(number, env.now), "camera")
+
+    env.process(arrivals(env, rng, rho, 1, images, come))
+    env.run()
+    assert detector.completed == len(answered) and detector.drops == len(dropped)
+    assert len(answered) + len(dropped) == images, "published = answered + dropped, nothing is in flight any more"
+    return answered, dropped, waits
+
+
+def test_detector_with_an_unbounded_queue_matches_m_d_1():
+    """The whole node, from the topic to the answer."""
+
+    def experiment(rng: np.random.Generator) -> float:
+        _, dropped, waits = detector_run(rng, rho=0.6, queue_length=10**9, images=4000)
+        assert not dropped
+        return float(np.mean(waits[WARM_UP:])) / SERVICE_NS
+
+    waits = replicate(experiment, replications=30, seed=8)
+    assert equivalent(waits, expected=pollaczek_khinchine(0.6, 0.0), margin=0.08)
+
+
+@pytest.mark.parametrize("rho", [0.7, 2.6])
+def test_detector_that_keeps_the_newest_image_drops_as_m_d_1_2(rho: float):
+    """Of M/D/1/2 a share 1 - 1 / (rho + exp(-rho)) is lost, whichever of two waiting images goes.
+
+    2.6: four cameras at 10 Hz before an AGX Xavier.
+    """
+
+    def experiment(rng: np.random.Generator) -> float:
+        answered, dropped, _ = detector_run(rng, rho, queue_length=1, images=1500)
+        return len(dropped) / (len(answered) + len(dropped))
+
+    losses = replicate(experiment, replications=30, seed=9)
+    assert equivalent(losses, expected=1 - 1 / (rho + math.exp(-rho)), margin=0.05)
+
+
+def test_detector_answers_in_order_and_takes_the_newest():
+    rng = np.random.default_rng(1)
+    answered, dropped, waits = detector_run(rng, rho=3.0, queue_length=1, images=500)
+    assert answered == sorted(answered)
+    assert max(waits) < SERVICE_NS, "the one that waits is pushed out by newer ones, so none waits for two"
+    dropped_ns = np.array(dropped)
+    begins_ns = [stamp_ns + wait_ns for stamp_ns, wait_ns in zip(answered, waits, strict=True)]
+    for stamp_ns, begin_ns in zip(answered, begins_ns, strict=True):
+        assert not ((dropped_ns > stamp_ns) & (dropped_ns < begin_ns)).any(), "a newer image was thrown away"
+
+
+def test_a_link_with_poisson_messages_matches_m_d_1():
+    """A wire is a server too: the wait for it, in times a message is on it."""
+    rho = 0.6
+
+    def experiment(rng: np.random.Generator) -> float:
+        env = simpy.Environment(initial_time=0)
+        profile = LINKS["ethernet_1g"].model_copy(update={"delay_ns": 0})
+        link = Link(env, "car1->edge1", profile, True, rng, queue_length=10**9)
+        wire_ns = link.serialisation_ns(1_397_297)
+        came_ns: deque[int] = deque()
+        waits: list[int] = []
+
+        def publisher():
+            for number in range(6000):
+                yield env.timeout(round(rng.exponential(wire_ns / rho)))
+                came_ns.append(env.now)
+                link.send("images", image(number, env.now), lambda: waits.append(env.now - came_ns.popleft() - wire_ns))
+
+        env.process(publisher())
+        env.run()
+        assert len(waits) == link.completed == 6000 and link.busy_ns == 6000 * wire_ns
+        return float(np.mean(waits[WARM_UP:])) / wire_ns
+
+    waits = replicate(experiment, replications=30, seed=10)
+    assert equivalent(waits, expected=pollaczek_khinchine(rho, 0.0), margin=0.07)
