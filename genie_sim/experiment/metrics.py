@@ -12,7 +12,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -47,12 +47,16 @@ class Metric:
 
 
 def compute(frames: pd.DataFrame, lookups: pd.DataFrame, resources: pd.DataFrame) -> list[Metric]:
-    """All metrics of one run from its three tables (columns: ``records``), in a fixed order."""
-    return [
+    """All metrics of one run from its three tables (columns: ``records``), in a fixed order.
+
+    Numbers have ten digits: what follows may differ between processors, which add up in different orders.
+    """
+    found = [
         *_of_frames(frames),
         *(metric for role in ROLES for metric in _of_lookups(lookups[lookups["role"] == role], role)),
-        *_of_resources(resources),
+        *_of_resources(resources, frames),
     ]
+    return [replace(one, value=_ten(one.value), low=_ten(one.low), high=_ten(one.high)) for one in found]
 
 
 def response_ms(frames: pd.DataFrame, answer: str) -> Floats:
@@ -280,27 +284,38 @@ def _boost(objects: pd.DataFrame, role: str) -> Metric:
     return Metric("confidence_boost", role, value, "1", *_around(value, half), n)
 
 
-def _of_resources(resources: pd.DataFrame) -> Iterator[Metric]:
-    """Per method and resource; the role is ``genie: edge1.accelerator``. Queues are seen at the samples only."""
+def _of_resources(resources: pd.DataFrame, frames: pd.DataFrame) -> Iterator[Metric]:
+    """Per method and resource; the role is ``genie: edge1.accelerator``.
+
+    Utilisation, mean queue and throughput are those until the last frame was published (afterwards a run only waits
+    for answers); the other counts are those at its end. Queues are seen at the samples only.
+    """
     ordered = resources.sort_values("t_ns", kind="stable")
     for method in METHODS:
         mine = ordered[ordered["method"] == method]
+        stamps = frames.loc[frames["method"] == method, "stamp_ns"]
+        last_stamp_ns = stamps.max() if len(stamps) else np.inf
         for resource, samples in mine.groupby("resource", observed=True):
-            role, last, n = f"{method}: {resource}", samples.iloc[-1], len(samples)
-            seconds = float(last["t_ns"]) / NS_PER_S
-            served = _number(last["capacity"])
-            if served is not None and seconds > 0:
-                utilisation = float(last["busy_ns"]) / NS_PER_S / (served * seconds)
-                yield Metric("utilisation", role, utilisation, "1", n=n)
-            yield Metric("queue_mean", role, float(samples["queue"].mean()), "messages", n=n)
-            yield Metric("queue_max", role, int(samples["queue"].max()), "messages", n=n)
-            completed = int(last["completed"])
-            yield Metric("completed", role, completed, "messages", n=n)
-            yield Metric("dropped", role, int(last["dropped"]), "messages", n=n)
-            yield Metric("throughput", role, completed / seconds if seconds > 0 else None, "1/s", n=n)
-            carried = _number(last["bytes"])
-            if carried is not None:
-                yield Metric("bytes", role, carried, "B", n=n)
+            yield from _of_resource(samples, f"{method}: {resource}", last_stamp_ns)
+
+
+def _of_resource(samples: pd.DataFrame, role: str, last_stamp_ns: float) -> Iterator[Metric]:
+    last, n = samples.iloc[-1], len(samples)
+    active = samples[samples["t_ns"] <= last_stamp_ns]
+    seconds = float(active["t_ns"].max()) / NS_PER_S if len(active) else 0.0
+    capacity = _number(last["capacity"])
+    if seconds > 0:
+        if capacity is not None:
+            busy_s = float(active["busy_ns"].iloc[-1]) / NS_PER_S
+            yield Metric("utilisation", role, busy_s / (capacity * seconds), "1", n=len(active))
+        yield Metric("queue_mean", role, float(active["queue"].mean()), "messages", n=len(active))
+        yield Metric("throughput", role, int(active["completed"].iloc[-1]) / seconds, "1/s", n=len(active))
+    yield Metric("queue_max", role, int(samples["queue"].max()), "messages", n=n)
+    yield Metric("completed", role, int(last["completed"]), "messages", n=n)
+    yield Metric("dropped", role, int(last["dropped"]), "messages", n=n)
+    carried = _number(last["bytes"])
+    if carried is not None:
+        yield Metric("bytes", role, int(carried), "B", n=n)
 
 
 def _over_runs(name: str, role: str, unit: str, values: Sequence[float]) -> Metric:
@@ -320,6 +335,10 @@ def _around(value: float, half: float | None) -> tuple[float | None, float | Non
 
 def _floats(column: pd.Series[Any]) -> Floats:
     return column.to_numpy(dtype=np.float64, na_value=np.nan)
+
+
+def _ten(value: float | None) -> float | None:
+    return float(f"{value:.10g}") if isinstance(value, float) else value
 
 
 def _number(value: Any) -> float | None:
