@@ -1,0 +1,90 @@
+"""The tables that a run prints and writes: complete, in any window, and the same each time."""
+
+from __future__ import annotations
+
+import made_up_run
+import pytest
+
+from genie_sim.experiment import metrics, summary
+from genie_sim.experiment.metrics import Metric
+
+
+@pytest.fixture(scope="module")
+def found() -> list[Metric]:
+    tables = made_up_run.frames(2, 3), made_up_run.lookups(2, 120), made_up_run.resources(2, 30)
+    return metrics.compute(*(table.to_frame() for table in tables))
+
+
+def row(text: str, label: str) -> list[str]:
+    (line,) = [line for line in text.splitlines() if line.startswith(label)]
+    return line.removeprefix(label).split()
+
+
+def test_first_and_fresh_answers_stand_beside_each_other_method_by_method(found):
+    text = summary.text(found)
+    first, fresh = text.split("Time from received to fresh answer")
+    for part, name in ((first, "first_answer_mean"), (fresh, "fresh_answer_mean")):
+        assert part.count("local") and part.count("remote") and part.count("genie")
+        value = next(metric.value for metric in found if (metric.name, metric.role) == (name, "genie"))
+        assert row(part.split("Published")[0], "mean")[-2:] == [f"{value:.3g}", "ms"]
+
+
+@pytest.mark.parametrize("width", [40, 60, 80, 200])
+def test_the_tables_fit_the_window(found, width):
+    text = summary.text(found, width)
+    assert max(map(len, text.splitlines())) <= width
+    for words in ("under 33 ms", "dropped", "empty", "image reuse", "object reuse", "confidence boost", "improvement"):
+        assert words in " ".join(text.lower().split()), words
+
+
+def test_the_tables_are_plain_text(found):
+    for text in (summary.text(found), summary.markdown(found, "3car_hetero", "0123456789ab", 1)):
+        assert text.isascii() and "\x1b" not in text
+
+
+def test_unknown_is_a_dash_and_never_a_number():
+    unanswered = [
+        Metric("frames_published", "local", 7, "frames", n=7),
+        Metric("first_answer_mean", "local", None, "ms"),
+        Metric("answered_share", "local", 0.0, "1", n=7),
+    ]
+    text = summary.text(unanswered)
+    assert row(text.split("Time from received to fresh")[0], "mean") == ["-"]
+    assert row(text, "answered  ") == ["0", "%"]
+    assert "nan" not in text.lower() and "None" not in text
+
+
+def test_methods_and_roles_that_were_not_simulated_have_no_column():
+    local_only = [Metric("frames_published", "local", 7, "frames", n=7)]
+    text = summary.text(local_only)
+    assert "genie" not in text and "Improvement" not in text and "image reuse" not in text
+
+
+def test_numbers_have_three_digits_and_a_unit():
+    run = [Metric("frames_published", "remote", 1, "frames"), Metric("image_reuse", "remote", 0.30612, "1", 0.1, 0.52)]
+    run += [Metric("first_answer_mean", "remote", 1234.5678, "ms"), Metric("confidence_boost", "remote", 0.012345, "1")]
+    text = summary.text(run)
+    assert row(text, "image reuse  ") == ["30.6", "%"]
+    assert row(text, "confidence boost") == ["0.0123"]
+    assert "1,235 ms" in text
+
+
+def test_the_markdown_names_the_run_and_says_what_the_intervals_mean(found):
+    text = summary.markdown(found, "3car_hetero", "0123456789ab", 4)
+    assert text.startswith("# 3car_hetero\n\nRun `0123456789ab`, seed 4.\n")
+    assert "95 % interval inside this run" in text
+    assert "50 requests in a row" in text
+    mean = next(metric for metric in found if (metric.name, metric.role) == ("first_answer_mean", "genie"))
+    assert f"{mean.value:.3g} ms ({mean.low:.3g} to {mean.high:.3g})" in text
+    for line in text.splitlines():
+        if line.startswith("|"):
+            assert line.count("|") in (4, 5)
+    assert text == summary.markdown(list(found), "3car_hetero", "0123456789ab", 4)
+
+
+def test_a_fleet_shows_its_busiest_devices_and_counts_the_others():
+    run = [Metric("frames_published", "genie", 1, "frames")]
+    run += [Metric("utilisation", f"genie: edge{i:02}.accelerator", i / 100, "1") for i in range(60)]
+    text = summary.text(run)
+    assert "edge59.accelerator" in text and "edge10.accelerator" not in text
+    assert "47 less busy ones are in metrics.json." in text  # 60, without 12 shown and one that idles
