@@ -67,7 +67,10 @@ def run(
 
     with _Progress() as progress:
         result = runner.run(scenario, set_ or (), seed, out, progress)
-    typer.echo(f"\nResults: {result.folder}\nFigures: {result.folder / 'figures'}")
+    from genie_sim.experiment import summary
+
+    typer.echo(summary.text(result.metrics, width=min(_width(), 100)))
+    typer.echo(f"Results: {result.folder}\nFigures: {result.folder / 'figures'}")
 
 
 @app.command()
