@@ -137,12 +137,24 @@ class ImageLookup:
     entries: int
 
 
+class MapChange(NamedTuple):
+    """A stored object that is new or has been seen again, with its confidence from now on.
+
+    Class and location are those of its first sighting, so they tell which object it is.
+    """
+
+    label: str
+    location: Location
+    confidence: float
+
+
 @dataclass(frozen=True, slots=True)
 class ObjectLookups:
     """The object map was asked ``requests`` times for one message.
 
     ``kind`` is ``sighting`` (Algorithm 2, line 4) or ``boost`` (line 10). ``hits`` counts the look-ups answered by a
     stored object with C >= C_T; ``updates`` the confidences changed, by ``boost_sum`` in total (C_new - C_old).
+    ``changes`` are the objects that these updates changed, and the new ones.
     """
 
     header: Header
@@ -152,6 +164,7 @@ class ObjectLookups:
     updates: int
     boost_sum: float
     objects: int
+    changes: tuple[MapChange, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

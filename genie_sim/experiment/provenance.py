@@ -19,7 +19,7 @@ import genie_sim
 from genie_sim.errors import UserError
 
 RESULT_FORMAT = 1
-TABLES = ("frames.parquet", "lookups.parquet", "resources.parquet")
+TABLES = ("frames.parquet", "lookups.parquet", "resources.parquet", "poses.parquet", "objects.parquet")
 PACKAGES = ("simpy", "numpy", "pandas", "pyarrow", "pydantic", "matplotlib")
 
 
@@ -50,7 +50,7 @@ def environment() -> dict[str, Any]:
 
 
 def check_writable(out: Path) -> None:
-    """Raises ``UserError`` unless result folders can be made in ``out``, which need not exist; leaves nothing behind."""
+    """Raises ``UserError`` unless ``out``, which need not exist, can hold result folders. Leaves nothing behind."""
     existing = next(path for path in (out, *out.absolute().parents) if path.exists())
     try:
         with tempfile.TemporaryFile(dir=existing):

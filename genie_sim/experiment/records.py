@@ -341,6 +341,58 @@ class ResourceTable(Table):
         self._append(method, t_ns, resource, kind, capacity, busy_ns, queue, completed, dropped, size_bytes)
 
 
+class PoseTable(Table):
+    """One row per car, stream and frame: where the camera stood. The same under every method."""
+
+    name = "poses"
+    sorted_by = ("car", "stream", "frame")
+    columns = (
+        Column("car", "text", "", "the car whose camera took the frame"),
+        Column("stream", "text", "", "camera stream of that car (frame_id)"),
+        Column("frame", "int32", "", "running number in the stream, over all laps"),
+        Column("stamp_ns", "int64", "ns", "when the camera took it"),
+        Column("east_m", "float64", "m", "camera centre, in the scenario's one east-north-up frame"),
+        Column("north_m", "float64", "m", "camera centre"),
+        Column("heading_rad", "float64", "rad", "optical axis, counter-clockwise from east"),
+        Column("horizontal_fov_rad", "float64", "rad", "what the camera sees from its left to its right border"),
+    )
+
+    def add(
+        self,
+        car: str,
+        stream: str,
+        frame: int,
+        stamp_ns: int,
+        east_m: float,
+        north_m: float,
+        heading_rad: float,
+        horizontal_fov_rad: float,
+    ) -> None:
+        """A camera took a frame there."""
+        self._append(car, stream, frame, stamp_ns, east_m, north_m, heading_rad, horizontal_fov_rad)
+
+
+class ObjectTable(Table):
+    """One row per change of an object map (Algorithm 2, lines 3 to 7), in order of time: a new object, or a new
+    confidence. ``label``, ``east_m`` and ``north_m`` are those of the first sighting, so they tell which object it is.
+    """
+
+    name = "objects"
+    sorted_by = ("t_ns",)
+    columns = (
+        Column("t_ns", "int64", "ns", "simulated time"),
+        Column("genie", "text", "", "the Genie whose map it is"),
+        Column("label", "text", "", "class of the object"),
+        Column("east_m", "float64", "m", "where it was first seen, in the scenario's one east-north-up frame"),
+        Column("north_m", "float64", "m", "where it was first seen"),
+        Column("confidence", "float64", "", "from now on"),
+    )
+
+    def add(self, t_ns: int, genie: str, label: str, east_m: float, north_m: float, confidence: float) -> None:
+        """A Genie's map has a new object, or another confidence for a stored one."""
+        self._append(t_ns, genie, label, east_m, north_m, confidence)
+
+
 def read(path: Path, kind: type[Table]) -> pd.DataFrame:
     """The rows of a file that ``kind`` wrote.
 

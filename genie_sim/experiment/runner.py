@@ -6,8 +6,8 @@ import json
 import os
 import tempfile
 import time
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,7 +15,7 @@ import genie_sim
 from genie_sim.errors import UserError, unknown
 from genie_sim.experiment import files, provenance
 from genie_sim.experiment.profiles import DeviceProfile, load_profile
-from genie_sim.experiment.records import FrameTable, LookupTable, ResourceTable
+from genie_sim.experiment.records import FrameTable, LookupTable, ObjectTable, PoseTable, ResourceTable, Table
 from genie_sim.experiment.scenario import Live, Route, Scenario, load_scenario, read_scenario
 from genie_sim.perception.trace import Trace, read_trace
 from genie_sim.sim.log import Log
@@ -44,6 +44,11 @@ class Tables:
     frames: FrameTable
     lookups: LookupTable
     resources: ResourceTable
+    poses: PoseTable = field(default_factory=PoseTable)
+    objects: ObjectTable = field(default_factory=ObjectTable)
+
+    def __iter__(self) -> Iterator[Table]:
+        return iter((self.frames, self.lookups, self.resources, self.poses, self.objects))
 
 
 @dataclass(frozen=True)
@@ -107,15 +112,17 @@ def facts(prepared: Prepared) -> dict[str, Any]:
 
 def _fill(folder: Path, prepared: Prepared, run_id: str, progress: Progress | None) -> Sequence[Metric]:
     """Simulates and writes the files of a result folder."""
-    from genie_sim.experiment import figures, metrics
+    from genie_sim.experiment import figures, metrics, summary
 
     began_s = time.perf_counter()
     tables = simulate(prepared, progress)
-    for table in (tables.frames, tables.lookups, tables.resources):
+    for table in tables:
         table.write(folder / f"{table.name}.parquet")
     frames, lookups, resources = (t.to_frame() for t in (tables.frames, tables.lookups, tables.resources))
     computed = metrics.compute(frames, lookups, resources)
     provenance.write_json(folder / "metrics.json", [asdict(metric) for metric in computed])
+    described = summary.markdown(computed, prepared.scenario.name, run_id, prepared.scenario.seed)
+    (folder / "summary.md").write_text(described, encoding="utf-8")
     footer = f"{prepared.scenario.name}, run {run_id}, seed {prepared.scenario.seed}"
     (folder / "figures").mkdir()
     for name, figure in figures.of_run(prepared.scenario.name, frames, lookups, resources, footer).items():
@@ -128,7 +135,7 @@ def _fill(folder: Path, prepared: Prepared, run_id: str, progress: Progress | No
             "run_id": run_id,
             "facts": facts(prepared),
             "digests": provenance.digests(folder),
-            "rows": {table.name: len(table) for table in (tables.frames, tables.lookups, tables.resources)},
+            "rows": {table.name: len(table) for table in tables},
             "traces": {trace.name: dict(trace.provenance) for trace in prepared.traces.values()},
             "wall_time_s": round(time.perf_counter() - began_s, 3),
             **provenance.environment(),
@@ -161,8 +168,10 @@ def simulate(prepared: Prepared, progress: Progress | None = None) -> Tables:
     """Every method of the scenario, one after the other, on the same random streams."""
     tables = Tables(FrameTable(), LookupTable(), ResourceTable())
     methods = prepared.scenario.methods
+    drives = "genie" if "genie" in methods else methods[0]  # without Genie, cars without cameras stay at home
     for number, method in enumerate(methods):
-        log = Log(method, tables.frames, tables.lookups, tables.resources)
+        poses = tables.poses if method == drives else None
+        log = Log(method, tables.frames, tables.lookups, tables.resources, poses, tables.objects)
         world = World(prepared.scenario, prepared.devices, prepared.traces, method, log)
 
         def tell(now_ns: int, end_ns: int, done: int = number, method: str = method) -> None:
