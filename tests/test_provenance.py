@@ -1,0 +1,156 @@
+"""Where a result comes from: equal inputs have equal run ids, and a result folder is there whole or not at all."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from genie_sim.errors import UserError
+from genie_sim.experiment import provenance
+from genie_sim.experiment.provenance import check_writable, result_folder, run_id
+
+FACTS = {"scenario": {"name": "3car_hetero", "seed": 1, "cars": [{"name": "car1"}]}, "traces": {"car1": "ab12"}}
+
+
+def write_whole_result(final: Path, text: str = "frames") -> None:
+    with result_folder(final) as partial:
+        (partial / "figures").mkdir()
+        (partial / "figures" / "latency_cdf.svg").write_text(text)
+        (partial / "frames.parquet").write_text(text)
+
+
+def everything_in(folder: Path) -> list[str]:
+    return sorted(str(path.relative_to(folder)) for path in folder.rglob("*"))
+
+
+def test_a_run_id_is_12_hex_digits_that_do_not_depend_on_the_order_of_settings():
+    turned_round = {key: FACTS[key] for key in reversed(FACTS)}
+    assert run_id(FACTS) == run_id(turned_round)
+    assert len(run_id(FACTS)) == 12 and int(run_id(FACTS), 16) >= 0
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        FACTS | {"traces": {"car1": "ab13"}},
+        FACTS | {"scenario": FACTS["scenario"] | {"seed": 2}},
+        FACTS | {"scenario": FACTS["scenario"] | {"cars": [{"name": "car1"}, {"name": "car2"}]}},
+        FACTS | {"genie_sim": "0.2.0"},
+    ],
+    ids=["trace", "seed", "cars", "version"],
+)
+def test_whatever_decides_the_outcome_changes_the_run_id(other):
+    assert run_id(other) != run_id(FACTS)
+
+
+def test_the_run_id_is_the_same_in_every_process():
+    script = "import json, sys; from genie_sim.experiment.provenance import run_id; print(run_id(json.load(sys.stdin)))"
+    for hash_seed in ("0", "99"):
+        environment = os.environ | {"PYTHONHASHSEED": hash_seed, "PYTHONPATH": os.pathsep.join(sys.path)}
+        done = subprocess.run(
+            [sys.executable, "-c", script], input=json.dumps(FACTS), env=environment, capture_output=True, text=True
+        )
+        assert done.stdout.strip() == run_id(FACTS), done.stderr
+
+
+def test_not_a_number_has_no_run_id():
+    with pytest.raises(ValueError):
+        run_id({"rate": float("nan")})
+
+
+def test_a_result_appears_once_it_is_complete(tmp_path):
+    final = tmp_path / "results" / "3car_hetero-0123456789ab"
+    with result_folder(final) as partial:
+        (partial / "frames.parquet").write_text("frames")
+        assert not final.exists()
+    assert everything_in(tmp_path / "results") == [final.name, f"{final.name}/frames.parquet"]
+
+
+@pytest.mark.parametrize("fault", [KeyboardInterrupt, RuntimeError, MemoryError])
+def test_an_interrupted_run_leaves_nothing_behind(tmp_path, fault):
+    with pytest.raises(fault), result_folder(tmp_path / "run") as partial:
+        (partial / "frames.parquet").write_text("half")
+        raise fault
+    assert everything_in(tmp_path) == []
+
+
+def test_an_interrupted_run_leaves_the_earlier_result_as_it_was(tmp_path):
+    final = tmp_path / "run"
+    write_whole_result(final, "earlier")
+    before = everything_in(tmp_path)
+    with pytest.raises(KeyboardInterrupt), result_folder(final) as partial:
+        (partial / "frames.parquet").write_text("half")
+        raise KeyboardInterrupt
+    assert everything_in(tmp_path) == before
+    assert (final / "frames.parquet").read_text() == "earlier"
+
+
+def test_a_result_of_the_same_run_is_replaced_and_none_of_its_files_stays(tmp_path):
+    final = tmp_path / "run"
+    write_whole_result(final, "earlier")
+    (final / "report.html").write_text("of the earlier result")
+    write_whole_result(final, "later")
+    assert everything_in(tmp_path) == ["run", "run/figures", "run/figures/latency_cdf.svg", "run/frames.parquet"]
+    assert (final / "frames.parquet").read_text() == "later"
+
+
+def test_a_full_disk_is_one_line_and_no_half_result(tmp_path):
+    with pytest.raises(UserError, match="No space left") as caught, result_folder(tmp_path / "run") as partial:
+        (partial / "frames.parquet").write_text("half")
+        raise OSError(28, "No space left on device")
+    assert str(tmp_path / "run") in str(caught.value) and "\n" not in str(caught.value)
+    assert everything_in(tmp_path) == []
+
+
+def test_a_place_for_results_is_checked_before_simulating_and_left_as_it_was(tmp_path):
+    check_writable(tmp_path / "not" / "yet" / "there")
+    assert everything_in(tmp_path) == []
+    (tmp_path / "file").write_text("not a folder")
+    for out in (tmp_path / "file", tmp_path / "file" / "results"):
+        with pytest.raises(UserError, match="no results can be written there") as caught:
+            check_writable(out)
+        assert str(out) in str(caught.value) and "\n" not in str(caught.value)
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")
+def test_a_folder_without_permission_is_found_before_simulating(tmp_path):
+    tmp_path.chmod(0o555)
+    try:
+        with pytest.raises(UserError, match="Permission denied"):
+            check_writable(tmp_path / "results")
+    finally:
+        tmp_path.chmod(0o755)
+
+
+def test_digests_tell_whether_a_table_was_changed(tmp_path):
+    for name in provenance.TABLES:
+        (tmp_path / name).write_bytes(b"rows of " + name.encode())
+    before = provenance.digests(tmp_path)
+    assert set(before) == set(provenance.TABLES)
+    (tmp_path / "frames.parquet").write_bytes(b"other rows")
+    after = provenance.digests(tmp_path)
+    assert [name for name in before if before[name] != after[name]] == ["frames.parquet"]
+
+
+def test_the_environment_is_told_but_decides_nothing():
+    environment = provenance.environment()
+    assert environment["packages"]["simpy"] and environment["python"]
+    json.dumps(environment)  # it goes into run.json
+
+
+def test_run_json_comes_back_and_anything_else_is_named(tmp_path):
+    made = {"format": provenance.RESULT_FORMAT, "facts": FACTS, "run_id": run_id(FACTS)}
+    provenance.write_json(tmp_path / "run.json", made)
+    assert provenance.read_run_json(tmp_path) == made
+    with pytest.raises(UserError, match=r"no run\.json"):
+        provenance.read_run_json(tmp_path / "elsewhere")
+    for wrong in ("{half", "[]", '{"format": 999}'):
+        (tmp_path / "run.json").write_text(wrong)
+        with pytest.raises(UserError, match=r"run\.json") as caught:
+            provenance.read_run_json(tmp_path)
+        assert "\n" not in str(caught.value)
