@@ -150,16 +150,14 @@ class Node:
         return sum(map(len, self._queues.values()))
 
     def deliver(self, topic: str, message: Message, sender: str) -> None:
-        """A message joins its topic's queue; the oldest makes room when the queue is full."""
+        """An idle thread takes the message, or it joins its topic's queue; the oldest makes room in a full one."""
+        if self._idle_threads:
+            self._idle_threads -= 1
+            self.env.process(self._thread(topic, message, sender))
+            return
         queue = self._queues.get(topic)
         if queue is None:
             queue = self._queues[topic] = deque()
-        if self._idle_threads:
-            queue.append((self._arrivals, message, sender))
-            self._arrivals += 1
-            self._idle_threads -= 1
-            self.env.process(self._thread())
-            return
         if len(queue) >= self._queue_length:
             _, oldest, _ = queue.popleft()
             self.drops += 1
@@ -179,11 +177,15 @@ class Node:
         """What follows when the work is done."""
         raise NotImplementedError
 
-    def _thread(self) -> Iterable[simpy.Event]:
-        while any(self._queues.values()):
-            topic = min((topic for topic, queue in self._queues.items() if queue), key=lambda one: self._queues[one][0])
-            _, message, sender = self._queues[topic].popleft()
+    def _thread(self, topic: str, message: Message, sender: str) -> Iterable[simpy.Event]:
+        """Works on a message, then on what waits, first come first served, until nothing does."""
+        while True:
             yield from self.work(message)
             self.completed += 1
             self.handle(topic, message, sender)
+            waiting = [one for one, queue in self._queues.items() if queue]
+            if not waiting:
+                break
+            topic = min(waiting, key=lambda one: self._queues[one][0][0])
+            _, message, sender = self._queues[topic].popleft()
         self._idle_threads += 1
