@@ -1,0 +1,329 @@
+"""Topics, bounded queues, remapping, attaching a Genie, and bridges between graphs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+import pytest
+import simpy
+from hypothesis import given
+from hypothesis import strategies as st
+from sim.street import build, fixed_device, scenario
+
+from genie_sim.messages import Header, Publish
+from genie_sim.sim.device import Host
+from genie_sim.sim.link import Bridge, Link
+from genie_sim.sim.nodes import Detector, Genie
+from genie_sim.sim.ros_graph import Graph, Node
+from genie_sim.sim.world import DETECTOR, IMAGES, OBJECTS
+
+WORK_NS = 1000
+HOP_NS = 10
+
+
+class Note:
+    """A message of one byte."""
+
+    size_bytes = 1
+
+    def __init__(self, number: int) -> None:
+        self.header = Header(number, "camera_02", "car1")
+
+
+class Clerk(Node):
+    """A node that needs ``WORK_NS`` for a note and writes down when it was done with which, and on which topic."""
+
+    def __init__(self, *arguments, **settings) -> None:
+        super().__init__(*arguments, **settings)
+        self.done: list[tuple[int, int, str]] = []
+
+    def work(self, message) -> Iterable[simpy.Event]:
+        yield self.env.timeout(WORK_NS)
+
+    def handle(self, topic: str, message, sender: str) -> None:
+        self.done.append((self.env.now, message.header.stamp_ns, topic))
+
+
+class Listener:
+    """Writes down all that reaches it."""
+
+    def __init__(self, address: str = "listener") -> None:
+        self.address = address
+        self.heard: list[tuple[str, int, str]] = []
+
+    def deliver(self, topic: str, message, sender: str) -> None:
+        self.heard.append((topic, message.header.stamp_ns, sender))
+
+
+def office(name: str = "car1", env: simpy.Environment | None = None) -> tuple[Graph, Host]:
+    """An empty graph, and a host on which each message takes ``HOP_NS`` to the next node."""
+    env = env if env is not None else simpy.Environment(initial_time=0)
+    device = fixed_device(name, detector="1 ms", hop=f"{HOP_NS} ns", per_megabyte="0 ms")
+    rng = np.random.default_rng(1)
+    return Graph(env, name), Host(env, name, device, device.service_time("autoware_vision_detector"), rng, rng)
+
+
+def clerk(name: str = "clerk", topics: tuple[str, ...] = ("/notes",), **settings) -> Clerk:
+    graph, host = office()
+    return Clerk(name, host, graph, topics, (), **settings)
+
+
+# Queues
+
+
+def test_the_newest_notes_are_kept_and_the_others_counted():
+    dropped: list[tuple[int, str]] = []
+    node = clerk(dropped=lambda note, where: dropped.append((note.header.stamp_ns, where)))
+    for number in range(5):
+        node.graph.inject("/notes", Note(number), "sender")
+    node.env.run()
+    assert [number for _, number, _ in node.done] == [0, 4], "the first was at work already"
+    assert dropped == [(1, "clerk:/notes"), (2, "clerk:/notes"), (3, "clerk:/notes")]
+    assert (node.completed, node.drops, node.queued) == (2, 3, 0)
+
+
+def test_topics_do_not_push_each_other_out_and_are_served_in_order_of_arrival():
+    node = clerk(topics=("/a", "/b"))
+    for number, topic in enumerate(("/a", "/b", "/a", "/b", "/a")):
+        node.graph.inject(topic, Note(number), "sender")
+    node.env.run()
+    assert node.done == [(WORK_NS, 0, "/a"), (2 * WORK_NS, 3, "/b"), (3 * WORK_NS, 4, "/a")]
+    assert node.drops == 2
+
+
+def test_threads_work_at_the_same_time():
+    node = clerk(threads=3)
+    for number in range(4):
+        node.graph.inject("/notes", Note(number), "sender")
+    node.env.run()
+    assert [at_ns for at_ns, *_ in node.done] == [WORK_NS] * 3 + [2 * WORK_NS]
+    assert node.drops == 0
+
+
+@given(
+    st.lists(st.tuples(st.integers(0, 10 * WORK_NS), st.sampled_from(("/a", "/b"))), min_size=1, max_size=40),
+    st.integers(1, 4),
+    st.integers(1, 3),
+)
+def test_every_note_is_done_or_dropped_and_no_queue_grows_beyond_its_length(notes, queue_length: int, threads: int):
+    dropped: list[int] = []
+    node = clerk(
+        topics=("/a", "/b"),
+        queue_length=queue_length,
+        threads=threads,
+        dropped=lambda note, where: dropped.append(note.header.stamp_ns),
+    )
+    for number, (at_ns, topic) in enumerate(notes):
+
+        def arrive(_, number=number, topic=topic) -> None:
+            node.graph.inject(topic, Note(number), "sender")
+
+        node.env.timeout(at_ns).callbacks.append(arrive)
+    while node.env.peek() != float("inf"):
+        node.env.step()
+        assert node.queued <= 2 * queue_length
+    done = [number for _, number, _ in node.done]
+    assert sorted(done + dropped) == list(range(len(notes)))
+    assert (node.completed, node.drops, node.queued) == (len(done), len(dropped), 0)
+    if threads == 1:
+        for topic in ("/a", "/b"):
+            arrived_ns = [notes[number][0] for _, number, of in node.done if of == topic]
+            assert arrived_ns == sorted(arrived_ns), "first come, first served"
+
+
+# Topics
+
+
+def test_a_message_reaches_all_other_subscribers_after_one_hop():
+    graph, host = office()
+    publisher = Clerk("publisher", host, graph, ("/notes",), ("/notes",))
+    others = [Clerk(name, host, graph, ("/notes",), ()) for name in ("first", "second")]
+    publisher.publish("/notes", Note(7))
+    graph.env.run()
+    assert [one.done for one in others] == [[(HOP_NS + WORK_NS, 7, "/notes")]] * 2
+    assert publisher.done == []
+
+
+def test_a_reply_reaches_the_one_it_is_meant_for():
+    graph, host = office()
+    publisher = Clerk("publisher", host, graph, (), ("/notes",))
+    listeners = [Listener("first"), Listener("second")]
+    for listener in listeners:
+        graph.subscribe("/notes", listener)
+    publisher.publish("/notes", Note(7), to="second")
+    graph.env.run()
+    assert [listener.heard for listener in listeners] == [[], [("/notes", 7, "publisher")]]
+
+
+def test_a_large_message_takes_a_longer_hop():
+    device = fixed_device("car1", detector="1 ms", hop="0.3 ms", per_megabyte="2.28 ms")
+    assert device.hop.duration_ns(1_397_297) == 300_000 + 2_280_000 * 1_397_297 // 10**6
+    assert device.hop.duration_ns(0) == 300_000
+
+
+# Remapping and attaching
+
+
+def test_a_remapped_node_talks_on_other_topics_under_its_old_names():
+    graph, host = office()
+    node = Clerk("node", host, graph, ("/in",), ("/out",))
+    old, new = Listener(), Listener()
+    graph.subscribe("/out", old)
+    graph.subscribe("/out-local", new)
+    graph.remap("node", {"/in": "/in-local", "/out": "/out-local"})
+    graph.inject("/in", Note(1), "sender")
+    graph.inject("/in-local", Note(2), "sender")
+    node.publish("/out", Note(3))
+    graph.env.run()
+    assert [number for _, number, _ in node.done] == [2]
+    assert (old.heard, new.heard) == ([], [("/out-local", 3, "node")])
+    assert (node.subscribes, node.publishes) == (("/in",), ("/out",))
+    assert graph.topics_of("node") == (("/in-local",), ("/out-local",))
+
+
+def detector_of(method: str, place: str) -> Detector:
+    world, _ = build(scenario(2), method)
+    return next(one for one in world.resources if isinstance(one, Detector) and one.name == f"{place}/{DETECTOR}")
+
+
+@pytest.mark.parametrize("place", ["car1", "edge2"])
+def test_encapsulating_a_detector_leaves_the_detector_itself_alone(place: str):
+    """The node's class, code and topics are the same with Genie and without; only the master knows better."""
+    plain, encapsulated = detector_of("local", place), detector_of("genie", place)
+    assert type(plain) is type(encapsulated) is Detector
+    own = ("subscribes", "publishes", "name", "_queue_length")
+    assert {name: getattr(plain, name) for name in own} == {name: getattr(encapsulated, name) for name in own}
+    assert set(vars(plain)) == set(vars(encapsulated)), "nothing was added to it"
+    for code in ("work", "handle", "publish", "deliver"):
+        assert getattr(plain, code).__func__ is getattr(encapsulated, code).__func__
+    assert plain.graph.topics_of(plain.name) == ((IMAGES,), (OBJECTS,))
+    assert encapsulated.graph.topics_of(plain.name) == ((f"{IMAGES}-local",), (f"{OBJECTS}-local",))
+
+
+@pytest.mark.parametrize("place", ["car1", "edge2"])
+def test_the_genie_takes_over_the_topics_that_the_master_names(place: str):
+    world, _ = build(scenario(2), "genie")
+    genie = next(one for one in world.resources if isinstance(one, Genie) and one.name == f"{place}/genie")
+    assert set(genie.subscribes) == {IMAGES, f"{IMAGES}-remote", f"{OBJECTS}-local", f"{OBJECTS}-remote"}
+    assert set(genie.publishes) == {f"{IMAGES}-local", f"{IMAGES}-remote", OBJECTS, f"{OBJECTS}-remote"}
+
+
+def test_any_node_can_be_encapsulated_whatever_its_topics():
+    from genie_sim.sim.nodes import attach_genie
+
+    told: list[tuple[tuple[str, ...], tuple[str, ...]]] = []
+
+    class NothingToDo:
+        name = "genie"
+
+        def subscriptions(self) -> tuple[str, ...]:
+            return ("/clouds",)
+
+        def publications(self) -> tuple[str, ...]:
+            return ("/lanes", "/signs")
+
+    def make(subscribed, published):
+        told.append((subscribed, published))
+        return NothingToDo()
+
+    graph, host = office()
+    Clerk("lanes", host, graph, ("/clouds", "/map"), ("/lanes", "/signs"))
+    attach_genie(graph, "lanes", make, 1, lambda genie, record: None, lambda message, where: None, suffix="_local")
+    assert told == [(("/clouds", "/map"), ("/lanes", "/signs"))]
+    assert graph.topics_of("lanes") == (("/clouds_local", "/map_local"), ("/lanes_local", "/signs_local"))
+
+
+# Bridges
+
+
+class Offices:
+    """Three graphs, each bridged to the two others on ``/notes``, all over one port a graph."""
+
+    def __init__(self) -> None:
+        self.env = simpy.Environment(initial_time=0)
+        self.graphs, self.ports, self.listeners, self.nodes = {}, {}, {}, {}
+        names = ("edge1", "edge2", "edge3")
+        for name in names:
+            self.graphs[name], host = office(name, self.env)
+            self.nodes[name] = Clerk(f"{name}/genie", host, self.graphs[name], ("/notes",), ("/notes",))
+            self.listeners[name] = Listener(f"{name}/listener")
+            self.graphs[name].subscribe("/notes", self.listeners[name])
+            network = scenario(1).edge_network
+            self.ports[name] = Link(self.env, f"{name}->edges", network, True, np.random.default_rng(1))
+        for name in names:
+            for other in names:
+                if other != name:
+                    bridge = Bridge(self.ports[name], self.graphs[other], "/notes", f"{other}/genie")
+                    self.graphs[name].bridge("/notes", bridge)
+
+
+def test_what_came_over_a_bridge_is_not_bridged_on():
+    """No storms: a note published on one edge crosses the network once to each other edge, and no further."""
+    three = Offices()
+    three.nodes["edge1"].publish("/notes", Note(7))
+    three.env.run()
+    assert {name: len(listener.heard) for name, listener in three.listeners.items()} == dict.fromkeys(three.graphs, 1)
+    assert {name: port.completed for name, port in three.ports.items()} == {"edge1": 2, "edge2": 0, "edge3": 0}
+
+
+def test_a_note_for_one_neighbour_crosses_only_the_bridge_to_it():
+    three = Offices()
+    three.nodes["edge1"].publish("/notes", Note(7), to="edge3/genie")
+    three.env.run()
+    assert [name for name, node in three.nodes.items() if node.done] == ["edge3"]
+    assert three.ports["edge1"].completed == 1
+
+
+def test_a_bridge_for_a_car_carries_only_what_is_about_that_car():
+    env = simpy.Environment(initial_time=0)
+    (edge, host), (car, _) = office("edge1", env), office("car1", env)
+    heard = Listener()
+    car.subscribe("/objects", heard)
+    link = Link(env, "edge1->car1", scenario(1).edge_network, False, np.random.default_rng(1))
+    edge.bridge("/objects", Bridge(link, car, "/objects", "car1/genie", origin="car1"))
+    node = Clerk("node", host, edge, (), ("/objects",))
+    others = Note(2)
+    others.header = Header(2, "camera_02", "car2")
+    for note in (Note(1), others, Note(3)):
+        node.publish("/objects", note)
+        env.run()
+    assert [number for _, number, _ in heard.heard] == [1, 3]
+
+
+def test_requests_of_one_edge_are_not_passed_on_by_the_others():
+    """In a whole run: an edge broadcasts the requests of its own car, and never those of a neighbour."""
+    world, _ = build(scenario(3), "genie")
+    published: list[tuple[str, str]] = []
+    for edge in world.edges.values():
+
+        def spy(topic, message, to=None, edge=edge, publish=edge.genie.publish) -> None:
+            if topic == f"{IMAGES}-remote":
+                published.append((edge.name, message.header.origin))
+            publish(topic, message, to)
+
+        edge.genie.publish = spy
+    world.run()
+    assert set(published) == {("edge1", "car1"), ("edge2", "car2"), ("edge3", "car3")}
+
+
+def test_even_literal_neighbours_pass_a_request_on_only_once():
+    """``neighbour_miss: process``, the paper's words: every Genie runs and broadcasts it, but none does so twice."""
+    world, _ = build(scenario(3, genie={"neighbour_miss": "process", "same_key_pending": "forward"}), "genie")
+    published: list[tuple[str, int, str, str]] = []
+    for edge in world.edges.values():
+        on_message = edge.genie.genie.on_message
+
+        def spy(topic, message, now_ns, sender=None, name=edge.name, on_message=on_message):
+            effects = on_message(topic, message, now_ns, sender)
+            published.extend(
+                (name, *effect.message.header)
+                for effect in effects
+                if isinstance(effect, Publish) and effect.topic == f"{IMAGES}-remote"
+            )
+            return effects
+
+        edge.genie.genie.on_message = spy
+    world.run()
+    assert len(published) == len(set(published)) > 0
+    assert {(name, origin) for name, _, _, origin in published} >= {("edge2", "car1"), ("edge1", "car2")}
