@@ -12,26 +12,15 @@ from typing import Any
 import cv2
 import numpy as np
 
-from genie_sim.core.geometry import Geodetic, heading_of, horizontal_fov_rad, transform
+from genie_sim.core.geometry import Geodetic, transform
 from genie_sim.errors import UserError
-from genie_sim.messages import CameraPose, Detection
 from genie_sim.perception import placement
 from genie_sim.perception.detector import MIN_SCORE, NMS_IOU, Detector, make_detector
 from genie_sim.perception.kitti import ATTRIBUTION, CameraFrame, Drive, open_drive, read_image
 from genie_sim.perception.placement import Placement
-from genie_sim.perception.trace import Trace, TraceFrame
+from genie_sim.perception.trace import Trace, TraceFrame, detection, trace_frame
 
-# sensor_msgs/Image in ROS 1, without the pixels: sequence number, stamp, frame_id, height, width, encoding, endianness,
-# step and length of the data.
-IMAGE_HEADER_BYTES = 4 + 8 + (4 + len("camera")) + 4 + 4 + (4 + len("bgr8")) + 1 + 4 + 4
 PACKAGES = ("numpy", "onnxruntime", "opencv-python-headless", "pykitti", "pymap3d")
-
-# Decimals kept in a trace, far below the detector's and the laser's own errors: the last bits of a float differ
-# between processors, and without them the same frames give the same trace on most machines.
-POSITION_DECIMALS = 3
-SCORE_DECIMALS = 4
-PIXEL_DECIMALS = 2
-ANGLE_DECIMALS = 6
 
 Progress = Callable[[int, int], None]
 
@@ -98,28 +87,12 @@ def _trace_frame(drive: Drive, frame: CameraFrame, detector: Detector) -> TraceF
     detections = []
     for label, score, box in detector.detect(image):
         point, method = placement_here.place(label, box)
-        score = round(score, SCORE_DECIMALS)
-        location = None if point is None else _rounded(transform(frame.world_SE3_camera, point), POSITION_DECIMALS)
-        detections.append(Detection(label, score, _rounded(box, PIXEL_DECIMALS), location, score, method))
-    position = _rounded(frame.world_SE3_camera[:3, 3], POSITION_DECIMALS)
-    optical_axis = frame.world_SE3_camera[:3, 2]
-    return TraceFrame(
-        camera=frame.camera,
-        index=frame.index,
-        stamp_ns=frame.stamp_ns - drive.first_stamp_ns,
-        width=width,
-        height=height,
-        size_bytes=width * height * 3 + IMAGE_HEADER_BYTES,
-        digest=hashlib.sha256(frame.image_path.read_bytes()).hexdigest(),
-        dhash=difference_hash(image),
-        pose=CameraPose(*position, round(heading_of(optical_axis), ANGLE_DECIMALS)),
-        horizontal_fov_rad=round(horizontal_fov_rad(frame.intrinsics, width), ANGLE_DECIMALS),
-        detections=tuple(detections),
-    )
-
-
-def _rounded(numbers: Sequence[float] | np.ndarray, decimals: int) -> tuple[Any, ...]:
-    return tuple(round(float(x), decimals) for x in numbers)
+        place = None if point is None else transform(frame.world_SE3_camera, point)
+        detections.append(detection(label, score, box, place, method))
+    fingerprints = (hashlib.sha256(frame.image_path.read_bytes()).hexdigest(), difference_hash(image))
+    stamp_ns = frame.stamp_ns - drive.first_stamp_ns
+    size, pose = (width, height), frame.world_SE3_camera
+    return trace_frame(frame.camera, frame.index, stamp_ns, size, fingerprints, pose, frame.intrinsics, detections)
 
 
 def _provenance(drive: Drive, detector: Detector, min_score: float) -> dict[str, Any]:

@@ -14,15 +14,26 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from genie_sim.core.geometry import Geodetic, heading_of, transform
+from genie_sim.core.geometry import Array, Geodetic, heading_of, horizontal_fov_rad, transform
 from genie_sim.errors import UserError
-from genie_sim.messages import CameraPose, Detection
+from genie_sim.messages import Box, CameraPose, Detection
 
 if TYPE_CHECKING:
     import pyarrow
 
 FORMAT_VERSION = 1
 METADATA_KEY = b"genie_sim"
+
+# sensor_msgs/Image in ROS 1, without the pixels: sequence number, stamp, frame_id, height, width, encoding, endianness,
+# step and length of the data.
+IMAGE_HEADER_BYTES = 4 + 8 + (4 + len("camera")) + 4 + 4 + (4 + len("bgr8")) + 1 + 4 + 4
+
+# Decimals kept in a trace, far below the detector's and the laser's own errors: the last bits of a float differ
+# between processors, and without them the same frames give the same trace on most machines.
+POSITION_DECIMALS = 3
+SCORE_DECIMALS = 4
+PIXEL_DECIMALS = 2
+ANGLE_DECIMALS = 6
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,6 +95,58 @@ class Trace:
 
         frames = {camera: tuple(map(moved, sequence)) for camera, sequence in self.frames.items()}
         return Trace(self.name, tuple(origin), frames, self.provenance)
+
+
+    def at_least(self, min_score: float) -> Trace:
+        """The same trace without the detections below a score."""
+        frames = {
+            camera: tuple(
+                replace(frame, detections=tuple(d for d in frame.detections if d.score >= min_score))
+                for frame in sequence
+            )
+            for camera, sequence in self.frames.items()
+        }
+        parameters = self.provenance.get("parameters", {}) | {"min_score": min_score}
+        return Trace(self.name, self.origin, frames, {**self.provenance, "parameters": parameters})
+
+
+def detection(label: str, score: float, box: Box, location: Array | None, method: str) -> Detection:
+    """A detection as a trace keeps it; ``location`` is in the world."""
+    kept = round(float(score), SCORE_DECIMALS)
+    place = None if location is None else _rounded(location, POSITION_DECIMALS)
+    return Detection(label, kept, _rounded(box, PIXEL_DECIMALS), place, kept, method)
+
+
+def trace_frame(
+    camera: str,
+    index: int,
+    stamp_ns: int,
+    size: tuple[int, int],
+    fingerprints: tuple[str, int],
+    world_SE3_camera: Array,
+    intrinsics: Array,
+    detections: Iterable[Detection],
+) -> TraceFrame:
+    """A frame as a trace keeps it; ``size`` is (width, height), ``fingerprints`` are its digest and dhash."""
+    position = _rounded(world_SE3_camera[:3, 3], POSITION_DECIMALS)
+    optical_axis = world_SE3_camera[:3, 2]
+    return TraceFrame(
+        camera=camera,
+        index=index,
+        stamp_ns=stamp_ns,
+        width=size[0],
+        height=size[1],
+        size_bytes=size[0] * size[1] * 3 + IMAGE_HEADER_BYTES,
+        digest=fingerprints[0],
+        dhash=fingerprints[1],
+        pose=CameraPose(*position, round(heading_of(optical_axis), ANGLE_DECIMALS)),
+        horizontal_fov_rad=round(horizontal_fov_rad(intrinsics, size[0]), ANGLE_DECIMALS),
+        detections=tuple(detections),
+    )
+
+
+def _rounded(numbers: Sequence[float] | Array, decimals: int) -> tuple[Any, ...]:
+    return tuple(round(float(x), decimals) for x in numbers)
 
 
 def write_trace(path: str | Path, trace: Trace) -> None:
