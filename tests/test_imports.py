@@ -26,11 +26,12 @@ LAYERS: dict[str, tuple[str, ...]] = {
     "sim": (*GROUND, "core", "sim", "perception.trace", *SETTINGS, "experiment.records"),
     "ros": (*GROUND, "core", "ros", *SETTINGS, "experiment.records"),
     "experiment.runner": (*GROUND, "core", "sim", "perception", "experiment"),
+    "experiment.replicate": (*GROUND, "core", "sim", "perception", "experiment"),
     "experiment": (*GROUND, "core", "perception", "experiment"),
     "cli": (*GROUND, "core", "sim", "ros", "perception", "experiment"),
     "__main__": ("cli",),
 }
-SIMULATE = {"experiment.runner", "cli"}  # everything else reads settings and tables
+SIMULATE = {"experiment.runner", "experiment.replicate", "cli"}  # everything else reads settings and tables
 
 CORE_MAY_IMPORT = {*sys.stdlib_module_names, "numpy", "genie_sim"}
 PROVIDED_BY = {"cv2": "opencv-python-headless", "yaml": "pyyaml", "pydantic_core": "pydantic"}

@@ -9,16 +9,16 @@ from __future__ import annotations
 
 import math
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
-from genie_sim.core.geometry import Array, Geodetic, inverse, rigid, rotation_from_rpy, transform
+from genie_sim.core.geometry import Array, Geodetic, inverse, rotation_from_rpy, transform
 from genie_sim.errors import UserError
-from genie_sim.messages import Location
-from genie_sim.perception.geodesy import enu_SE3_enu
+from genie_sim.messages import Box, Location
+from genie_sim.perception.tracking import FRAME_NS, lines, open_sequence
 
 KINDS = {  # KITTI's types by what a detector can tell apart; others (Misc, Tram, DontCare) are no objects here
     "Car": "vehicle",
@@ -33,7 +33,6 @@ KINDS = {  # KITTI's types by what a detector can tell apart; others (Misc, Tram
 # On drive 0005 the labelled centres of parked cars wander by up to 0.3 m a second, from the labels' and OXTS's own
 # errors; a slow walk is 1 m/s.
 MOVING_MPS = 0.5
-FRAME_NS = 100_000_000  # KITTI records at 10 Hz; tracking sequences carry no time stamps
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,6 +65,46 @@ class Labels:
     tracks: tuple[Track, ...]
 
 
+@dataclass(frozen=True, slots=True)
+class Tracklet:
+    """One object of a ``tracklet_labels.xml``, from frame ``first`` on, in the laser's frame.
+
+    ``size_m`` is height, width, length; ``centres`` (n, 3); ``turns_rad`` (n,) about the laser's z axis, 0 where the
+    length lies along x. ``occlusion`` and ``truncation`` are KITTI's codes, given for camera 2.
+    """
+
+    kind: str
+    first: int
+    size_m: tuple[float, float, float]
+    centres: Array
+    turns_rad: Array
+    occlusion: tuple[int, ...]
+    truncation: tuple[int, ...]
+
+    def corners(self, i: int) -> Array:
+        """The eight corners (8, 3) of its box at the i-th of its frames, in the laser's frame."""
+        height_m, width_m, length_m = self.size_m
+        signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) / 2
+        turn = rotation_from_rpy(0.0, 0.0, float(self.turns_rad[i]))
+        corners: Array = signs * [length_m, width_m, height_m] @ turn.T + self.centres[i]
+        return corners
+
+
+class TrackingLabel(NamedTuple):
+    """One line of a ``label_02`` file: a box in the picture of camera 2, a centre in the rectified camera 0's frame.
+
+    ``truncation`` and ``occlusion`` are KITTI's codes; -1 in an area of kind ``DontCare``.
+    """
+
+    frame: int
+    track: int
+    kind: str
+    truncation: int
+    occlusion: int
+    box: Box
+    centre: Location
+
+
 def read_tracklets(root: str | Path, drive: str, origin: Geodetic | None = None) -> Labels:
     """The labels of a raw drive such as ``2011_09_26/0005``, on the clock of its colour cameras' trace.
 
@@ -80,12 +119,12 @@ def read_tracklets(root: str | Path, drive: str, origin: Geodetic | None = None)
     imu_SE3_velo = inverse(np.asarray(opened.calibration.T_velo_imu, dtype=np.float64))
     world_SE3_velo = {index: pose @ imu_SE3_velo for index, pose in opened.world_SE3_imu.items()}
     tracks = []
-    for kind, first, bottoms, height_m in _tracklets(path):
-        centres = bottoms + [0.0, 0.0, height_m / 2]
-        known = [i for i in range(len(centres)) if first + i in stamps_ns and first + i in world_SE3_velo]
-        if kind in KINDS and known:
-            places = np.array([transform(world_SE3_velo[first + i], centres[i]) for i in known])
-            tracks.append(Track(KINDS[kind], tuple(stamps_ns[first + i] for i in known), places))
+    for item in tracklets(path):
+        frames = range(item.first, item.first + len(item.centres))
+        known = [frame for frame in frames if frame in stamps_ns and frame in world_SE3_velo]
+        if item.kind in KINDS and known:
+            places = np.array([transform(world_SE3_velo[frame], item.centres[frame - item.first]) for frame in known])
+            tracks.append(Track(KINDS[item.kind], tuple(stamps_ns[frame] for frame in known), places))
     return Labels(opened.origin, tuple(tracks))
 
 
@@ -94,85 +133,65 @@ def read_tracking_labels(training: str | Path, sequence: str, origin: Geodetic |
 
     Raises UserError for files that are missing or hold something else.
     """
-    training = Path(training)
-    oxts = _numbers(training / "oxts" / f"{sequence}.txt", 30)
-    velo_SE3_camera, velo_SE3_imu = _tracking_calibration(training / "calib" / f"{sequence}.txt")
-    imu_SE3_camera = inverse(velo_SE3_imu) @ velo_SE3_camera
-    first_fix = (float(oxts[0, 0]), float(oxts[0, 1]), float(oxts[0, 2]))
-    origin = first_fix if origin is None else origin
-    path = training / "label_02" / f"{sequence}.txt"
+    drive = open_sequence(training, sequence, origin)
+    path = Path(training) / "label_02" / f"{sequence}.txt"
     seen: dict[int, tuple[str, list[int], list[Array]]] = {}
-    for number, fields in enumerate(_lines(path), start=1):
+    for label in tracking_labels(path, len(drive.world_SE3_camera0)):
+        if label.kind in KINDS:
+            _, stamps_ns, centres = seen.setdefault(label.track, (KINDS[label.kind], [], []))
+            stamps_ns.append(label.frame * FRAME_NS)
+            centres.append(transform(drive.world_SE3_camera0[label.frame], label.centre))
+    return Labels(drive.origin, tuple(Track(kind, tuple(s), np.array(c)) for kind, s, c in seen.values()))
+
+
+def tracking_labels(path: Path, frames: int) -> list[TrackingLabel]:
+    """Every line of a ``label_02`` file of a sequence of so many frames. Raises UserError."""
+    labels = []
+    for number, fields in lines(path):
         try:
-            frame, track, kind = int(fields[0]), int(fields[1]), fields[2]
-            height_m, (x, y, z) = float(fields[10]), map(float, fields[13:16])
-        except (IndexError, ValueError) as error:
+            frame, track, kind, truncation, occlusion = int(fields[0]), int(fields[1]), fields[2], *fields[3:5]
+            x1, y1, x2, y2, height_m, _, _, x, y, z = map(float, (*fields[6:13], *fields[13:16]))
+            finite = np.isfinite([x1, y1, x2, y2, height_m, x, y, z]).all()
+            label = TrackingLabel(
+                frame, track, kind, int(float(truncation)), int(occlusion), (x1, y1, x2, y2), (x, y - height_m / 2, z)
+            )
+        except (IndexError, ValueError, OverflowError) as error:
             raise UserError(f"{path}: line {number}: not a tracking label: {error}") from error
-        if kind not in KINDS:
-            continue
-        if not 0 <= frame < len(oxts):
+        if not finite:
+            raise UserError(f"{path}: line {number}: not a tracking label: a number is not finite")
+        if not 0 <= frame < frames:
             raise UserError(f"{path}: line {number}: frame {frame} has no line in oxts")
-        latitude, longitude, altitude, roll, pitch, yaw = oxts[frame, :6].tolist()
-        here_SE3_imu = rigid(rotation_from_rpy(roll, pitch, yaw), (0.0, 0.0, 0.0))
-        world_SE3_camera = enu_SE3_enu(origin, (latitude, longitude, altitude)) @ here_SE3_imu @ imu_SE3_camera
-        _, stamps_ns, centres = seen.setdefault(track, (KINDS[kind], [], []))
-        stamps_ns.append(frame * FRAME_NS)
-        centres.append(transform(world_SE3_camera, (x, y - height_m / 2, z)))  # KITTI gives the middle of the bottom
-    return Labels(origin, tuple(Track(kind, tuple(s), np.array(c)) for kind, s, c in seen.values()))
+        labels.append(label)
+    return labels
 
 
-def _tracklets(path: Path) -> list[tuple[str, int, Array, float]]:
-    """Type, first frame, bottom centres (n, 3) in the laser's frame, and height of each tracklet."""
+def tracklets(path: Path) -> list[Tracklet]:
+    """All objects of a ``tracklet_labels.xml``. Raises UserError where it is missing or something else."""
     try:
         items = ElementTree.parse(path).getroot().findall("tracklets/item")
-        return [
-            (
-                str(item.findtext("objectType")),
-                int(item.findtext("first_frame", "")),
-                np.array([[float(p.findtext(n, "")) for n in ("tx", "ty", "tz")] for p in item.findall("poses/item")]),
-                float(item.findtext("h", "")),
-            )
-            for item in items
-        ]
+        return [_tracklet(item) for item in items]
     except OSError as error:
         raise UserError(f"{path}: cannot be read: {error.strerror}") from error
-    except (ElementTree.ParseError, ValueError) as error:
+    except (ElementTree.ParseError, ValueError, LookupError, OverflowError) as error:
         raise UserError(f"{path}: not KITTI tracklets: {error}") from error
 
 
-def _tracking_calibration(path: Path) -> tuple[Array, Array]:
-    """``velo_SE3_camera`` of the rectified camera 0 and ``velo_SE3_imu``; label_02 is in the former's frame."""
-    rows = {fields[0].rstrip(":"): fields[1:] for fields in _lines(path)}
-    found: dict[str, Array] = {}
-    for name, spellings, count in (
-        ("rect", ("R0_rect", "R_rect"), 9),
-        ("velo_to_cam", ("Tr_velo_to_cam", "Tr_velo_cam"), 12),
-        ("imu_to_velo", ("Tr_imu_to_velo", "Tr_imu_velo"), 12),
-    ):
-        values = next((rows[spelling] for spelling in spellings if spelling in rows), [])
-        try:
-            found[name] = np.array([float(value) for value in values]).reshape(3, count // 3)
-        except ValueError as error:
-            raise UserError(f"{path}: {spellings[0]} is missing or has not {count} numbers") from error
-    camera_SE3_velo = rigid(found["rect"], (0, 0, 0)) @ rigid(found["velo_to_cam"][:, :3], found["velo_to_cam"][:, 3])
-    return np.linalg.inv(camera_SE3_velo), rigid(found["imu_to_velo"][:, :3], found["imu_to_velo"][:, 3])
-
-
-def _lines(path: Path) -> list[Sequence[str]]:
-    try:
-        return [line.split() for line in path.read_text().splitlines() if line.strip()]
-    except OSError as error:
-        raise UserError(f"{path}: cannot be read: {error.strerror}") from error
-
-
-def _numbers(path: Path, columns: int) -> Array:
-    try:
-        table = np.array([[float(value) for value in fields] for fields in _lines(path)])
-    except ValueError as error:
-        raise UserError(f"{path}: not a table of numbers: {error}") from error
-    if table.ndim != 2 or table.shape[1] < columns or not np.isfinite(table).all():
-        raise UserError(f"{path}: expected lines of {columns} finite numbers")
-    return table
+def _tracklet(item: ElementTree.Element) -> Tracklet:
+    names = ("tx", "ty", "tz", "rz", "occlusion", "truncation")
+    poses = [[float(pose.findtext(name, "")) for name in names] for pose in item.findall("poses/item")]
+    table = np.array(poses).reshape(-1, len(names))
+    height_m, width_m, length_m = (float(item.findtext(name, "")) for name in "hwl")
+    if not np.isfinite([height_m, width_m, length_m, *table.ravel()]).all():
+        raise ValueError("a number is not finite")
+    return Tracklet(
+        kind=str(item.findtext("objectType")),
+        first=int(item.findtext("first_frame", "")),
+        size_m=(height_m, width_m, length_m),
+        centres=table[:, :3] + np.array([0.0, 0.0, height_m / 2]),
+        turns_rad=table[:, 3],
+        occlusion=tuple(map(int, table[:, 4])),
+        truncation=tuple(map(int, table[:, 5])),
+    )
 
 
 def distance_m(a: Location, b: Location) -> float:

@@ -1,0 +1,83 @@
+"""Reads ``assumptions.yaml``: everything the paper leaves open, decided beforehand, and what is calibrated."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+from genie_sim.experiment.yaml_input import read_mapping
+
+
+@dataclass(frozen=True, slots=True)
+class Variant:
+    """Another reading or machine. ``plausible``: ``yes``, ``arguable`` or ``no``, whatever comes out."""
+
+    name: str
+    settings: tuple[str, ...]
+    plausible: str
+    why: str
+
+
+@dataclass(frozen=True, slots=True)
+class Sweep:
+    """One open parameter and the values it is tried at; ``paper`` says what the paper gives for it."""
+
+    parameter: str
+    unit: str
+    values: tuple[float, ...]
+    paper: str
+
+
+@dataclass(frozen=True, slots=True)
+class Fitted:
+    """A calibrated parameter's physically plausible range."""
+
+    name: str
+    low: float
+    high: float
+    why: str
+
+
+@dataclass(frozen=True, slots=True)
+class Assumptions:
+    """The content of the file."""
+
+    scenarios: tuple[str, ...]
+    seeds: tuple[int, ...]
+    calibration_seeds: tuple[int, ...]
+    sensitivity_seeds: tuple[int, ...]
+    settings: tuple[str, ...]
+    fixed: tuple[dict[str, str], ...]
+    fitted: tuple[Fitted, ...]
+    targets: dict[str, float]
+    variants: tuple[Variant, ...]
+    sweeps: tuple[Sweep, ...]
+
+
+@lru_cache(maxsize=1)
+def load_assumptions() -> Assumptions:
+    """The committed assumptions."""
+    data: dict[str, Any] = read_mapping(Path(__file__).with_name("assumptions.yaml"))
+    evaluation, calibrated = data["evaluation"], data["calibrated"]
+    return Assumptions(
+        scenarios=tuple(evaluation["scenarios"]),
+        seeds=tuple(evaluation["seeds"]),
+        calibration_seeds=tuple(evaluation["calibration_seeds"]),
+        sensitivity_seeds=tuple(evaluation["sensitivity_seeds"]),
+        settings=tuple(evaluation["settings"]),
+        fixed=tuple(data["fixed"]),
+        fitted=tuple(
+            Fitted(name, float(one["range"][0]), float(one["range"][1]), one["why"])
+            for name, one in calibrated["parameters"].items()
+        ),
+        targets={name: float(target["value"]) for name, target in calibrated["targets"].items()},
+        variants=tuple(
+            Variant(one["name"], tuple(one["set"]), one["plausible"], one["why"]) for one in data["variants"]
+        ),
+        sweeps=tuple(
+            Sweep(one["parameter"], one["unit"], tuple(float(value) for value in one["values"]), one["paper"])
+            for one in data["sweeps"]
+        ),
+    )

@@ -1,0 +1,238 @@
+"""Many runs of the paper's evaluation in parallel processes; of each run, the numbers that claims and sweeps need.
+
+A ``Job`` is one scenario under a list of settings with one seed. Settings are overrides as on the command line, and a
+few words of the evaluation's own (``overlap=0.4``, ``laps=2``: ``WORDS``). Results come back in the order of the jobs,
+whatever the number of processes.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+from genie_sim.experiment import files
+from genie_sim.experiment.facts import Facts, facts_of
+from genie_sim.experiment.profiles import load_profile
+from genie_sim.experiment.records import FrameTable, LookupTable, ResourceTable
+from genie_sim.experiment.runner import Prepared
+from genie_sim.experiment.scenario import Recorded, Scenario, load_scenario
+from genie_sim.messages import Detections, Message
+from genie_sim.perception.trace import Trace, TraceFrame, read_trace
+from genie_sim.sim.log import Log
+from genie_sim.sim.nodes import Detector, Genie
+from genie_sim.sim.world import OBJECTS, REMOTE, World
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+ROUTE_S = 5.2  # assumptions.yaml: evaluation.route
+CUT_S = 2.5  # when `link=cut` cuts the links: in mid run
+RECORDED_HZ = 10.0
+
+Progress = Callable[[float, float, str], None]
+
+
+@dataclass(frozen=True, slots=True)
+class Job:
+    """One run. ``keep_tables``: the frames and look-ups come back too, for figures."""
+
+    scenario: str
+    seed: int
+    settings: tuple[str, ...] = ()
+    methods: tuple[str, ...] = ("local", "remote", "genie")
+    keep_tables: bool = False
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a job gave."""
+
+    facts: Facts
+    frames: pd.DataFrame | None = None
+    lookups: pd.DataFrame | None = None
+
+
+def run_jobs(jobs: Sequence[Job], workers: int, progress: Progress | None = None, what: str = "runs") -> list[Outcome]:
+    """Runs every job; ``progress`` is told how many are done, of how many. Ctrl-C stops all processes."""
+    done: list[Outcome] = []
+    if workers == 1:
+        for job in jobs:
+            done.append(run_job(job))
+            if progress is not None:
+                progress(len(done), len(jobs), what)
+        return done
+    pool = ProcessPoolExecutor(workers)
+    try:
+        for outcome in pool.map(run_job, jobs, chunksize=max(1, min(8, len(jobs) // (4 * workers)))):
+            done.append(outcome)
+            if progress is not None:
+                progress(len(done), len(jobs), what)
+    finally:
+        pool.shutdown(wait=True, cancel_futures=True)
+    return done
+
+
+def run_job(job: Job) -> Outcome:
+    """Simulates one job and computes its facts."""
+    return _outcome(job, prepare_job(job))
+
+
+def _outcome(job: Job, prepared: Prepared) -> Outcome:
+    tables = FrameTable(), LookupTable(), ResourceTable()
+    shared = _Shared(prepared.scenario.genie.object_map.threshold)
+    stored: dict[str, list[float]] = {"local": [], "remote": []}
+    detectors: dict[str, set[tuple[object, ...]]] = {}
+    for method in prepared.scenario.methods:
+        world = World(prepared.scenario, prepared.devices, prepared.traces, method, Log(method, *tables))
+        genies: list[Any] = [one for one in world.resources if isinstance(one, Genie)]
+        for one in world.resources:
+            if isinstance(one, Detector):  # the node itself; the master remaps its names, not it
+                detectors.setdefault(one.name, set()).add((type(one), one.subscribes, one.publishes))
+        for genie in genies:
+            for topic in (OBJECTS, OBJECTS + REMOTE):
+                genie.graph.subscribe(topic, shared)
+        world.run()
+        for genie in genies:
+            role = "remote" if genie.host.name in world.edges else "local"
+            stored[role] += [one.confidence for one in genie.genie.object_map]
+    frames, lookups, resources = (table.to_frame() for table in tables)
+    facts = facts_of(frames, lookups, resources, lap_ns=_lap_ns(prepared.scenario))
+    for role, confidences in stored.items():
+        facts[f"stored_confidence:{role}"] = sum(confidences) / len(confidences) if confidences else math.nan
+    facts["detector_untouched"] = float(all(len(seen) == 1 for seen in detectors.values()))
+    facts["objects_shared"] = shared.objects
+    facts["unconfident_objects_shared"] = shared.unconfident
+    return Outcome(facts, frames, lookups) if job.keep_tables else Outcome(facts)
+
+
+class _Shared:
+    """Listens to what Genies publish and counts the objects, those below C_T apart; takes no time."""
+
+    def __init__(self, threshold: float | str) -> None:
+        self.address = "claims"
+        self.objects = 0
+        self.unconfident = 0
+        self._threshold = threshold if isinstance(threshold, float) else 0.0  # others move: told by the Genie's tests
+
+    def deliver(self, topic: str, message: Message, sender: str) -> None:
+        assert isinstance(message, Detections)
+        self.objects += len(message.objects)
+        self.unconfident += sum(one.confidence < self._threshold for one in message.objects)
+
+
+def prepare_job(job: Job) -> Prepared:
+    """The scenario, devices and traces of a job. Raises ``UserError``."""
+    words, overrides = _split(job.settings)
+    plain = load_scenario(job.scenario)
+    overrides = [*_spelled_out(plain, words), *overrides]
+    scenario = load_scenario(job.scenario, overrides, job.seed).model_copy(update={"methods": job.methods})
+    assert isinstance(scenario.perception, Recorded)
+    trace = _trace(scenario.perception.trace, float(words.get("min_score", 0.0)), float(words.get("frame_rate_hz", 0)))
+    names = [car.device for car in scenario.cars] + [edge.device for edge in scenario.edges]
+    devices = {name: _device(name) for name in names}
+    return Prepared(scenario, devices, {car.name: trace for car in scenario.cars})
+
+
+WORDS = (
+    "overlap", "gate_m", "order", "laps", "quadro", "all_edges", "links", "link", "image_cell_m", "view_range_m",
+    "min_score", "frame_rate_hz", "route_s",
+)  # fmt: skip
+
+
+def _split(settings: Sequence[str]) -> tuple[dict[str, str], list[str]]:
+    """The evaluation's own words (the last one counts), and plain overrides."""
+    words: dict[str, str] = {}
+    overrides = []
+    for setting in settings:
+        name, _, value = setting.partition("=")
+        if name in WORDS:
+            words[name] = value
+        else:
+            overrides.append(setting)
+    return words, overrides
+
+
+def _spelled_out(scenario: Scenario, words: Mapping[str, str]) -> Iterator[str]:
+    """The evaluation's own words as overrides of the scenario."""
+    cars, edges = scenario.cars, scenario.edges
+    if "overlap" in words:
+        yield from _routes(scenario, float(words["overlap"]), float(words.get("route_s", ROUTE_S)), words.get("order"))
+    for index in range(len(cars)):
+        if "laps" in words:
+            yield f"cars[{index}].route.laps={words['laps']}"
+        if "links" in words:
+            yield f"cars[{index}].link={words['links']}"
+        if words.get("link") == "cut":
+            yield f"cars[{index}].link={{like: ethernet_1g, outages: [[{CUT_S} s, 3600 s]]}}"
+    for index, edge in enumerate(edges):
+        if "all_edges" in words:
+            yield f"edges[{index}].device={words['all_edges']}"
+        elif "quadro" in words and edge.device == "quadro_rtx_4000":
+            yield f"edges[{index}].device={words['quadro']}"
+    if "links" in words:
+        yield f"edge_network={words['links']}"
+    if "gate_m" in words:  # the cell is only where the map looks, so it is as wide as the gate
+        yield f"genie.object_map.gate={words['gate_m']} m"
+        yield f"genie.object_map.cell={words['gate_m']} m"
+    if "image_cell_m" in words:
+        yield f"genie.similarity={{name: pose_grid, cell: {words['image_cell_m']} m}}"
+    if "view_range_m" in words:
+        yield f"genie.view_range={words['view_range_m']} m"
+
+
+def _routes(scenario: Scenario, overlap: float, route_s: float, order: str | None) -> Iterator[str]:
+    """Each car (1 - overlap) of a route ahead of the one before it; a car without cameras drives behind the others."""
+    places = list(range(len(scenario.cars)))
+    if (order == "reversed") != any(not car.cameras for car in scenario.cars):
+        places.reverse()
+    for index, place in enumerate(places):
+        begin_s = place * (1.0 - overlap) * route_s
+        yield f"cars[{index}].route.window=[{begin_s:.3f} s, {begin_s + route_s:.3f} s]"
+
+
+def _lap_ns(scenario: Scenario) -> int | None:
+    """When the second lap begins, for scenarios with laps."""
+    route = scenario.cars[0].route
+    if route.laps == 1 or route.window_ns is None:
+        return None
+    return route.start_ns + route.window_ns[1] - route.window_ns[0] + route.pause_ns
+
+
+_device = functools.lru_cache(maxsize=None)(load_profile)
+
+
+@functools.lru_cache(maxsize=32)
+def _trace(name: str, min_score: float, rate_hz: float) -> Trace:
+    """A trace with fewer detections (weaker ones left out) or fewer frames (every n-th kept)."""
+    if not min_score and not rate_hz:
+        return read_trace(files.find(files.TRACE, name))
+    whole = _trace(name, 0.0, 0.0)
+    every = round(RECORDED_HZ / rate_hz) if rate_hz else 1
+
+    def kept(frame: TraceFrame) -> TraceFrame:
+        return replace(frame, detections=tuple(one for one in frame.detections if one.score >= min_score))
+
+    frames = {camera: tuple(map(kept, sequence[::every])) for camera, sequence in whole.frames.items()}
+    return Trace(whole.name, whole.origin, frames, whole.provenance)
+
+
+class TimeLeft:
+    """Progress over several batches of jobs, in jobs; forwards to a progress bar."""
+
+    def __init__(self, total: int, progress: Progress | None) -> None:
+        self._total = total
+        self._before = 0
+        self._progress = progress
+        self.began_s = time.perf_counter()
+
+    def __call__(self, done: float, of: float, what: str) -> None:
+        if self._progress is not None:
+            self._progress(self._before + done, max(self._total, self._before + of), what)
+        if done == of:
+            self._before += int(of)
+
