@@ -96,7 +96,6 @@ class Trace:
         frames = {camera: tuple(map(moved, sequence)) for camera, sequence in self.frames.items()}
         return Trace(self.name, tuple(origin), frames, self.provenance)
 
-
     def at_least(self, min_score: float) -> Trace:
         """The same trace without the detections below a score."""
         frames = {

@@ -1,0 +1,241 @@
+"""KITTI's tracking benchmark: sequences of labels, positions and published detections become traces, without pictures.
+
+A published detector saw the pictures or scans; its boxes and scores are read here. PointRCNN gives boxes in space, so
+its objects stand where the laser saw them; RRC gives boxes in the picture, placed by where they meet flat ground.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from genie_sim.core.geometry import Array, Geodetic, inverse, rigid, rotation_from_rpy, transform
+from genie_sim.errors import UserError, unknown
+from genie_sim.messages import Box, Detection
+from genie_sim.perception.geodesy import enu_SE3_enu
+from genie_sim.perception.placement import Placement
+from genie_sim.perception.trace import Trace, detection, trace_frame
+
+CAMERA = "02"  # the benchmark's labels and detections are those of the left colour camera
+FRAME_NS = 100_000_000  # KITTI records at 10 Hz; tracking sequences carry no time stamps
+OXTS_VALUES = 30
+CALIBRATION = (  # matrix, how KITTI spells it (the benchmark's files do it in two ways), how many numbers it has
+    ("P2", ("P2",), 12),
+    ("rect", ("R0_rect", "R_rect"), 9),
+    ("velo_to_cam", ("Tr_velo_to_cam", "Tr_velo_cam"), 12),
+    ("imu_to_velo", ("Tr_imu_to_velo", "Tr_imu_velo"), 12),
+)
+# The pictures are not needed, only how large they were: (width, height) of each of KITTI's days, by focal length.
+PICTURE_SIZES = {721.5377: (1242, 375), 707.0493: (1224, 370), 707.0912: (1226, 370), 718.3351: (1238, 374)}
+ATTRIBUTION = (
+    "KITTI Vision Benchmark Suite, tracking: A. Geiger, P. Lenz, R. Urtasun, 'Are we ready for Autonomous Driving?', "
+    "CVPR 2012, https://www.cvlibs.net/datasets/kitti/, CC BY-NC-SA 3.0; detections as published with AB3DMOT and "
+    "DeepFusionMOT"
+)
+
+# PointRCNN's scores are logits from -0.85 to 15.6. A detection is right with probability 1 / (1 + exp(-(a logit + b))):
+# (a, b) by logistic regression on the labels, see docs/perception.md for how well that holds on sequences left out.
+POINTRCNN_SCORES = {"car": (1.0, 0.0), "person": (1.0, 0.0)}
+LABELS_OF = {"Car": "car", "Pedestrian": "person"}
+
+
+@dataclass(frozen=True, slots=True)
+class TrackingDrive:
+    """One sequence: where the rectified camera 0, whose frame the labels are in, was at each frame.
+
+    ``intrinsics`` are those of camera 2 and ``camera2_SE3_camera0`` where it looks from; ``size`` is that of its
+    pictures (width, height).
+    """
+
+    name: str
+    origin: Geodetic
+    world_SE3_camera0: tuple[Array, ...]
+    camera2_SE3_camera0: Array
+    camera2_SE3_velo: Array
+    intrinsics: Array
+    size: tuple[int, int]
+
+    def world_SE3_camera2(self, frame: int) -> Array:
+        return self.world_SE3_camera0[frame] @ inverse(self.camera2_SE3_camera0)
+
+
+@dataclass(frozen=True, slots=True)
+class Published:
+    """One published detection. ``centre`` is in the frame of the rectified camera 0, ``None`` for boxes in pictures."""
+
+    label: str
+    score: float
+    box: Box
+    centre: tuple[float, float, float] | None
+
+
+def open_sequence(training: str | Path, sequence: str, origin: Geodetic | None = None) -> TrackingDrive:
+    """A sequence such as ``0005``; ``training`` holds ``oxts`` and ``calib``. UserError for files that are broken."""
+    training = Path(training)
+    known = sorted(path.stem for path in (training / "oxts").glob("*.txt"))
+    if sequence not in known:
+        raise UserError(f"{training}: {unknown('tracking sequence', sequence, known)}")
+    oxts = _numbers(training / "oxts" / f"{sequence}.txt", OXTS_VALUES, None)
+    path = training / "calib" / f"{sequence}.txt"
+    calibration = _calibration(path)
+    intrinsics, shift = calibration["P2"][:, :3], calibration["P2"][:, 3]
+    sizes = [size for focal, size in PICTURE_SIZES.items() if math.isclose(focal, intrinsics[0, 0], abs_tol=0.001)]
+    if not sizes:
+        raise UserError(f"{path}: P2: no KITTI day has a focal length of {intrinsics[0, 0]} pixels")
+    velo, imu = calibration["velo_to_cam"], calibration["imu_to_velo"]
+    camera0_SE3_velo = rigid(calibration["rect"], (0, 0, 0)) @ rigid(velo[:, :3], velo[:, 3])
+    imu_SE3_camera0 = np.linalg.inv(camera0_SE3_velo @ rigid(imu[:, :3], imu[:, 3]))
+    first_fix = (float(oxts[0, 0]), float(oxts[0, 1]), float(oxts[0, 2]))
+    origin = first_fix if origin is None else origin
+    camera2_SE3_camera0 = rigid(np.eye(3), np.linalg.solve(intrinsics, shift))
+    return TrackingDrive(
+        name=sequence,
+        origin=origin,
+        world_SE3_camera0=tuple(_world_SE3_imu(packet, origin) @ imu_SE3_camera0 for packet in oxts),
+        camera2_SE3_camera0=camera2_SE3_camera0,
+        camera2_SE3_velo=camera2_SE3_camera0 @ camera0_SE3_velo,
+        intrinsics=intrinsics,
+        size=sizes[0],
+    )
+
+
+def tracking_trace(
+    root: str | Path,
+    sequence: str,
+    detections: str = "pointrcnn",
+    min_score: float = 0.3,
+    origin: Geodetic | None = None,
+) -> Trace:
+    """The trace of a tracking sequence such as ``0005``, with the detections that a detector's authors published.
+
+    ``root`` holds ``training`` and ``detections``. There are no pictures: a frame's digest and dhash stand for
+    its detections, so that two frames are never the same picture. Raises UserError.
+    """
+    if detections not in PUBLISHED:
+        raise UserError(f"{root}: {unknown('published detector', detections, PUBLISHED)}")
+    root = Path(root)
+    drive = open_sequence(root / "training", sequence, origin)
+    by_frame: dict[int, list[Published]] = {}
+    total = hashlib.sha256()
+    for kind in LABELS_OF:
+        path = root / "detections" / f"{detections}_{kind}" / f"{sequence}.txt"
+        total.update(path.read_bytes() if path.is_file() else b"")
+        for frame, found in PUBLISHED[detections](path, LABELS_OF[kind]):
+            if not 0 <= frame < len(drive.world_SE3_camera0):
+                raise UserError(f"{path}: frame {frame} has no line in oxts")
+            by_frame.setdefault(frame, []).append(found)
+    no_scan = Placement(drive.intrinsics, drive.size, drive.camera2_SE3_velo, None)
+    frames = []
+    for index in range(len(drive.world_SE3_camera0)):
+        here = [_placed(found, drive, index, no_scan) for found in by_frame.get(index, ())]
+        kept = sorted((d for d in here if d.score >= min_score), key=lambda d: (-d.score, d.label, d.box or ()))
+        digest = hashlib.sha256(f"tracking/{sequence}/{detections}/{index}".encode()).hexdigest()
+        fingerprints = (digest, int(digest[:16], 16))
+        pose = drive.world_SE3_camera2(index)
+        frames.append(
+            trace_frame(CAMERA, index, index * FRAME_NS, drive.size, fingerprints, pose, drive.intrinsics, kept)
+        )
+    provenance = {
+        "data": ATTRIBUTION,
+        "drive": f"tracking/{sequence}",
+        "detector": detections,
+        "detections_sha256": total.hexdigest(),
+        "parameters": {"min_score": min_score, "pictures": False, "pointrcnn_scores": POINTRCNN_SCORES},
+    }
+    return Trace(f"tracking_{sequence}_{detections}", drive.origin, {CAMERA: tuple(frames)}, provenance)
+
+
+def lines(path: Path) -> Iterator[tuple[int, list[str]]]:
+    """Number and blank- or comma-separated fields of each line that is not empty."""
+    try:
+        text = path.read_text(encoding="utf-8")
+    except OSError as error:
+        raise UserError(f"{path}: cannot be read: {error.strerror}") from error
+    except UnicodeDecodeError as error:
+        raise UserError(f"{path}: not a text file") from error
+    for number, line in enumerate(text.splitlines(), start=1):
+        if line.strip():
+            yield number, line.replace(",", " ").split()
+
+
+def _pointrcnn(path: Path, label: str) -> Iterator[tuple[int, Published]]:
+    """Lines of ``frame,type,x1,y1,x2,y2,score,h,w,l,x,y,z,ry,alpha``; x, y, z is the middle of the bottom."""
+    a, b = POINTRCNN_SCORES[label]
+    for row in _numbers(path, 15, 15):
+        score = 1.0 / (1.0 + math.exp(-(a * float(np.clip(row[6], -50, 50)) + b)))
+        x, y, z = row[10:13].tolist()
+        yield _frame(path, row), Published(label, score, _box(path, row[2:6]), (x, y - float(row[7]) / 2, z))
+
+
+def _rrc(path: Path, label: str) -> Iterator[tuple[int, Published]]:
+    """Lines of ``frame,x1,y1,x2,y2,score``, the score in [0, 1]."""
+    for row in _numbers(path, 6, 6):
+        if not 0 <= row[5] <= 1:
+            raise UserError(f"{path}: score {row[5]} is not between 0 and 1")
+        yield _frame(path, row), Published(label, float(row[5]), _box(path, row[1:5]), None)
+
+
+PUBLISHED = {"pointrcnn": _pointrcnn, "rrc": _rrc}
+
+
+def _placed(found: Published, drive: TrackingDrive, index: int, no_scan: Placement) -> Detection:
+    if found.centre is not None:
+        location = transform(drive.world_SE3_camera0[index], found.centre)
+        return detection(found.label, found.score, found.box, location, "scan")
+    point, method = no_scan.place(found.label, found.box)
+    location = None if point is None else transform(drive.world_SE3_camera2(index), point)
+    return detection(found.label, found.score, found.box, location, method)
+
+
+def _box(path: Path, row: Array) -> Box:
+    x1, y1, x2, y2 = row.tolist()
+    if x2 < x1 or y2 < y1:
+        raise UserError(f"{path}: box {(x1, y1, x2, y2)} ends before it begins")
+    return x1, y1, x2, y2
+
+
+def _frame(path: Path, row: Array) -> int:
+    if row[0] != int(row[0]):
+        raise UserError(f"{path}: {row[0]} is no frame number")
+    return int(row[0])
+
+
+def _world_SE3_imu(packet: Array, origin: Geodetic) -> Array:
+    latitude, longitude, altitude, roll, pitch, yaw = packet[:6].tolist()
+    here_SE3_imu = rigid(rotation_from_rpy(roll, pitch, yaw), (0.0, 0.0, 0.0))
+    return enu_SE3_enu(origin, (latitude, longitude, altitude)) @ here_SE3_imu
+
+
+def _calibration(path: Path) -> dict[str, Array]:
+    rows = {fields[0].rstrip(":"): fields[1:] for _, fields in lines(path)}
+    found: dict[str, Array] = {}
+    for name, spellings, count in CALIBRATION:
+        values = next((rows[spelling] for spelling in spellings if spelling in rows), [])
+        try:
+            found[name] = np.array([float(value) for value in values]).reshape(3, count // 3)
+        except ValueError as error:
+            raise UserError(f"{path}: {spellings[0]} is missing or has not {count} numbers") from error
+        if not np.isfinite(found[name]).all() or abs(np.linalg.det(found[name][:, :3])) < 1e-9:
+            raise UserError(f"{path}: {spellings[0]} is not a matrix that can be inverted")
+    return found
+
+
+def _numbers(path: Path, least: int, most: int | None) -> Array:
+    """A table (n, columns) of finite numbers; an empty file is a table without lines, if ``most`` is given."""
+    rows: list[list[float]] = []
+    for number, fields in lines(path):
+        try:
+            row = [float(field) for field in fields[: most or least]]
+        except ValueError as error:
+            raise UserError(f"{path}: line {number}: {error}") from error
+        if len(fields) < least or (most is not None and len(fields) > most) or not all(map(math.isfinite, row)):
+            raise UserError(f"{path}: line {number}: {len(fields)} fields, expected {least} finite numbers")
+        rows.append(row)
+    if not rows and most is None:
+        raise UserError(f"{path}: the file is empty")
+    return np.array(rows).reshape(-1, least)
