@@ -12,8 +12,9 @@ import pyarrow.parquet as pq
 import pytest
 
 from genie_sim.errors import UserError
-from genie_sim.experiment import records
-from genie_sim.experiment.records import FrameTable, LookupTable, ResourceTable, Table
+from genie_sim.experiment import tables
+from genie_sim.experiment.records import FrameTable, LookupTable, ObjectTable, PoseTable, ResourceTable
+from genie_sim.experiment.tables import Table
 
 MS = 1_000_000
 
@@ -43,7 +44,11 @@ def one_of_each() -> list[Table]:
     resources = ResourceTable()
     resources.add("genie", 100 * MS, "car1.accelerator", "accelerator", 1, 62 * MS, 1, 2, 5, None)
     resources.add("genie", 100 * MS, "car1->edge1", "link", 1, 24 * MS, 0, 2, 0, 2_794_594)
-    return [a_short_drive(), lookups, resources]
+    poses = PoseTable()
+    poses.add("car1", "camera_02", 0, 0, 12.5, -3.0, 0.25, 1.4)
+    objects = ObjectTable()
+    objects.add(9, "car1/genie", "car", 30.0, -1.0, 0.66)
+    return [a_short_drive(), lookups, resources, poses, objects]
 
 
 def test_a_frame_tells_what_happened_to_it():
@@ -86,7 +91,7 @@ def test_events_at_the_same_instant_keep_their_order():
 def test_the_file_holds_the_table_with_units_and_descriptions(table, tmp_path):
     path = tmp_path / "table.parquet"
     table.write(path)
-    assert records.read(path, type(table)).equals(table.to_frame())
+    assert tables.read(path, type(table)).equals(table.to_frame())
     schema = pq.read_schema(path)
     for column in table.columns:
         field = schema.field(column.name)
@@ -97,10 +102,10 @@ def test_the_file_holds_the_table_with_units_and_descriptions(table, tmp_path):
             assert column.unit == "ns"
 
 
-@pytest.mark.parametrize("kind", [FrameTable, LookupTable, ResourceTable])
+@pytest.mark.parametrize("kind", [FrameTable, LookupTable, ResourceTable, PoseTable, ObjectTable])
 def test_a_table_without_rows_is_a_table(kind, tmp_path):
     kind().write(tmp_path / "empty.parquet")
-    empty = records.read(tmp_path / "empty.parquet", kind)
+    empty = tables.read(tmp_path / "empty.parquet", kind)
     assert len(empty) == 0 and list(empty.columns) == [column.name for column in kind.columns]
 
 
@@ -116,7 +121,7 @@ def test_two_processes_with_other_hash_seeds_write_the_same_bytes(tmp_path):
 
 
 def test_many_rows_go_to_several_row_groups_in_order(tmp_path, monkeypatch):
-    monkeypatch.setattr(records, "ROWS_PER_GROUP", 4)
+    monkeypatch.setattr(tables, "ROWS_PER_GROUP", 4)
     table = a_short_drive(frames=5)
     table.write(tmp_path / "frames.parquet")
     file = pq.ParquetFile(tmp_path / "frames.parquet")
@@ -159,5 +164,5 @@ def test_a_wrong_file_is_named_in_one_line(tmp_path):
     ResourceTable().write(other)
     for path, problem in ((missing, "no such file"), (broken, "not a readable"), (other, "'resources', expected")):
         with pytest.raises(UserError, match=problem) as caught:
-            records.read(path, FrameTable)
+            tables.read(path, FrameTable)
         assert str(path) in str(caught.value) and "\n" not in str(caught.value)

@@ -15,8 +15,9 @@ import genie_sim
 from genie_sim.errors import UserError, unknown
 from genie_sim.experiment import files, provenance
 from genie_sim.experiment.profiles import DeviceProfile, load_profile
-from genie_sim.experiment.records import FrameTable, LookupTable, ObjectTable, PoseTable, ResourceTable, Table
+from genie_sim.experiment.records import FrameTable, LookupTable, ObjectTable, PoseTable, ResourceTable
 from genie_sim.experiment.scenario import Live, Route, Scenario, load_scenario, read_scenario
+from genie_sim.experiment.tables import Table
 from genie_sim.perception.trace import Trace, read_trace
 from genie_sim.sim.log import Log
 from genie_sim.sim.world import World
