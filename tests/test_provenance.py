@@ -99,6 +99,26 @@ def test_a_result_of_the_same_run_is_replaced_and_none_of_its_files_stays(tmp_pa
     assert (final / "frames.parquet").read_text() == "later"
 
 
+def test_a_result_that_cannot_be_replaced_is_still_there(tmp_path, monkeypatch):
+    """Ctrl-C at the worst moment: the earlier result has just made room for the new one."""
+    final = tmp_path / "run"
+    write_whole_result(final, "earlier")
+    before = everything_in(tmp_path)
+    rename = Path.rename
+
+    def interrupted_once(path: Path, target: Path) -> Path:
+        if target == final:
+            monkeypatch.setattr(Path, "rename", rename)
+            raise KeyboardInterrupt
+        return rename(path, target)
+
+    monkeypatch.setattr(Path, "rename", interrupted_once)
+    with pytest.raises(KeyboardInterrupt):
+        write_whole_result(final, "later")
+    assert everything_in(tmp_path) == before
+    assert (final / "frames.parquet").read_text() == "earlier"
+
+
 def test_a_full_disk_is_one_line_and_no_half_result(tmp_path):
     with pytest.raises(UserError, match="No space left") as caught, result_folder(tmp_path / "run") as partial:
         (partial / "frames.parquet").write_text("half")

@@ -70,17 +70,26 @@ def result_folder(final: Path) -> Iterator[Path]:
     try:
         yield partial
         partial.chmod(0o755)
-        if final.exists():
-            replaced = partial / ".replaced"
-            final.rename(replaced)
-            partial.rename(final)
-            shutil.rmtree(final / ".replaced")
-        else:
-            partial.rename(final)
+        _take_place(partial, final)
     except OSError as error:
         raise UserError(f"{final}: cannot be written: {error.strerror or error}") from error
     finally:
         shutil.rmtree(partial, ignore_errors=True)
+
+
+def _take_place(partial: Path, final: Path) -> None:
+    """Renames ``partial`` to ``final``. An earlier ``final`` goes once that is done, and comes back if it fails."""
+    if not final.exists():
+        partial.rename(final)
+        return
+    earlier = partial.with_name(f"{partial.name}.earlier")
+    final.rename(earlier)
+    try:
+        partial.rename(final)
+    except BaseException:
+        earlier.rename(final)
+        raise
+    shutil.rmtree(earlier)
 
 
 def write_json(path: Path, value: object) -> None:
