@@ -126,6 +126,18 @@ def list_(
             typer.echo(f"{'' if what else '  '}{name:30} {about}".rstrip())
 
 
+@app.command()
+def schema(what: Annotated[str, typer.Argument(help="scenario or device.")]) -> None:
+    """Print the JSON Schema of scenarios or device profiles, for editors."""
+    import json
+
+    from genie_sim.experiment.schema import SCHEMAS, json_schema
+
+    if what not in SCHEMAS:
+        raise UserError(unknown("kind of file", what, SCHEMAS))
+    typer.echo(json.dumps(json_schema(what), indent=2))
+
+
 def main(argv: list[str] | None = None) -> int:
     """Runs the command line. Exit status: 0 done, 1 the user's input or environment, 2 usage, 130 Ctrl-C."""
     try:

@@ -99,9 +99,15 @@ def _name_or_fields(link: LinkProfile) -> object:
     return link.model_dump(mode="json", by_alias=True)
 
 
+def _schema() -> dict[str, Any]:
+    fields = LinkProfile.model_json_schema()["properties"]
+    own = {"type": "object", "properties": {"like": {"enum": list(LINKS)}, **fields}, "additionalProperties": False}
+    return {"anyOf": [{"enum": list(LINKS)}, own]}
+
+
 Link = Annotated[
     LinkProfile,
     BeforeValidator(_named),
     PlainSerializer(_name_or_fields, when_used="json"),
-    WithJsonSchema({"anyOf": [{"enum": list(LINKS)}, LinkProfile.model_json_schema()]}),
+    WithJsonSchema(_schema()),
 ]

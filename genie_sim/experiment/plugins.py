@@ -112,16 +112,16 @@ def _named(what: str, registry: Mapping[str, object]) -> BeforeValidator:
     return BeforeValidator(lambda value: _checked_name(what, value, registry))
 
 
-def _schema(registry: Mapping[str, object]) -> WithJsonSchema:
+def _schema(registry: Mapping[str, object], *more: dict[str, str]) -> WithJsonSchema:
     own_class = {"type": "string", "pattern": f"^{_OWN_CLASS.pattern}$"}
-    return WithJsonSchema({"anyOf": [{"enum": list(registry)}, own_class]})
+    return WithJsonSchema({"anyOf": [{"enum": list(registry)}, own_class, *more]})
 
 
 SimilarityChoice = Annotated[
     Similarity,
     BeforeValidator(read_similarity),
     PlainSerializer(_write_similarity, when_used="json"),
-    WithJsonSchema({"anyOf": [{"type": "string", "examples": list(SIMILARITIES)}, {"type": "object"}]}),
+    _schema(SIMILARITIES, {"type": "object"}),
 ]
 EvictionName = Annotated[str, _named("eviction", EVICTIONS), _schema(EVICTIONS)]
 RuleName = Annotated[str, _named("confidence rule", CONFIDENCE_RULES), _schema(CONFIDENCE_RULES)]

@@ -12,7 +12,7 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import AfterValidator, BeforeValidator, Field, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema, model_validator
 
 from genie_sim import units
 from genie_sim.errors import UserError, unknown
@@ -174,6 +174,11 @@ def _threshold(value: object) -> object:
     return float(value)
 
 
+_THRESHOLD_SCHEMA = WithJsonSchema(
+    {"anyOf": [{"type": "number", "minimum": 0, "maximum": 1}, {"enum": ["range_60", "empirical"]}]}
+)
+
+
 class ObjectMapSettings(Model):
     """How Algorithm 2 is read; see ``core.object_map.ObjectMapRules``."""
 
@@ -183,7 +188,7 @@ class ObjectMapSettings(Model):
     one_per_location: bool = False
     rule: RuleName = "noisy_or"
     rate: Probability = 0.1
-    threshold: Annotated[float | str, BeforeValidator(_threshold)] = 0.60
+    threshold: Annotated[float | str, BeforeValidator(_threshold), _THRESHOLD_SCHEMA] = 0.60
 
 
 class Capacity(Model):
@@ -213,13 +218,24 @@ def _capacity(value: object) -> object:
     return {"bytes": value}
 
 
+_CAPACITY_SCHEMA = WithJsonSchema(
+    {
+        "anyOf": [
+            {"type": "string", "examples": ["1000 entries", "10 MB"]},
+            Capacity.model_json_schema(),
+            {"type": "null"},
+        ]
+    }
+)
+
+
 class GenieSettings(Model):
     """How Algorithm 1 is read; see ``core.node.GenieRules``."""
 
     algorithm: Literal["default", "literal"] = "default"
     similarity: SimilarityChoice = Field(default_factory=lambda: read_similarity("pose_grid"))
     eviction: EvictionName = "unlimited"
-    capacity: Annotated[Capacity | None, BeforeValidator(_capacity)] = None
+    capacity: Annotated[Capacity | None, BeforeValidator(_capacity), _CAPACITY_SCHEMA] = None
     ttl_ns: PositiveDuration | None = Field(default=None, alias="ttl")
     pending_index: Literal["across_topics", "per_topic"] = "across_topics"
     header_identity: Literal["stamp_frame_origin", "stamp"] = "stamp_frame_origin"
