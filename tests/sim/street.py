@@ -6,7 +6,7 @@ With it comes what turns it into a run: scenarios, devices whose service times a
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import pandas as pd
@@ -61,14 +61,13 @@ def _frame(recording: str, index: int, east_m: float, north_m: float, rate_hz: i
     )
 
 
-def scenario(cars: int = 1, **settings: Any) -> Scenario:
-    """``cars`` cars, each with an AGX Xavier of its own, unless ``settings`` say otherwise (as in YAML)."""
-    data: dict[str, Any] = {
-        "name": "street",
-        "edges": [{"name": f"edge{i + 1}", "device": "agx_xavier"} for i in range(cars)],
-        "cars": [{"name": f"car{i + 1}", "device": "jetson_tx2", "edge": f"edge{i + 1}"} for i in range(cars)],
-    }
-    return read_scenario(data | settings)
+def scenario(cars: int | Sequence[Mapping[str, Any]] = 1, **settings: Any) -> Scenario:
+    """Cars as in YAML, or so many TX2 cars with an edge each; every edge is an AGX Xavier unless ``settings`` say so."""
+    if isinstance(cars, int):
+        cars = [{"name": f"car{i}", "device": "jetson_tx2", "edge": f"edge{i}"} for i in range(1, cars + 1)]
+    names = sorted({car["edge"] for car in cars if car.get("edge") is not None})
+    edges = [{"name": name, "device": "agx_xavier"} for name in names]
+    return read_scenario({"name": "street", "edges": edges, "cars": [dict(car) for car in cars], **settings})
 
 
 def fixed_device(

@@ -1,0 +1,190 @@
+"""The way of one frame, added up by hand: with fixed service times every answer comes at a known nanosecond."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pandas as pd
+from sim.street import FOV_RAD, drive, fixed_device, scenario
+
+from genie_sim.messages import CameraPose, Detection
+from genie_sim.perception.trace import Trace, TraceFrame
+
+MS = 1_000_000
+IMAGE_BYTES = 1_397_297
+ANSWER_BYTES = 426  # an array with one object
+
+CAR_GENIE = 9 * MS
+CAR_DETECTOR = 300 * MS
+CAR_HOP_IMAGE = 3_094_594  # 0.3 ms and 2 ms/MB
+CAR_HOP_ANSWER = 300_852
+CAR_HOP_EMPTY = 300_052  # an array without objects: 26 B
+
+EDGE_GENIE = 8 * MS
+EDGE_DETECTOR = 60 * MS
+EDGE_HOP_IMAGE = 1_597_297  # 0.2 ms and 1 ms/MB
+EDGE_HOP_ANSWER = 200_426
+
+DELAY = 200_000
+LINK_IMAGE = 11_873_176 + DELAY  # 1 Gbit/s: 965 segments with 90 B each
+LINK_ANSWER = 4_128 + DELAY
+
+UP = CAR_HOP_IMAGE + LINK_IMAGE  # from a node of the car to the edge's
+DOWN = EDGE_HOP_ANSWER + LINK_ANSWER
+FIRST_LOOK = CAR_HOP_IMAGE + CAR_GENIE  # from the camera until the car's Genie has looked the frame up
+LAST_STEP = CAR_GENIE + CAR_HOP_ANSWER  # an answer's way through the car's Genie to the consumer
+OWN_DETECTOR = CAR_HOP_IMAGE + CAR_DETECTOR + CAR_HOP_ANSWER
+EDGE_DETECTION = EDGE_HOP_IMAGE + EDGE_DETECTOR + EDGE_HOP_ANSWER + EDGE_GENIE
+
+OBJECT = Detection("car", 0.9, (0.0, 0.0, 10.0, 10.0), (20.0, 4.0, 0.8), 0.9, "scan")
+
+
+def view(index: int, stamp_ns: int, east_m: float) -> TraceFrame:
+    pose = CameraPose(east_m, 0.0, 1.6, 0.0)
+    name = f"02-{index}"
+    return TraceFrame("02", index, stamp_ns, 1242, 375, IMAGE_BYTES, name, index, pose, FOV_RAD, (OBJECT,))
+
+
+def trace(*views: TraceFrame) -> Trace:
+    return Trace("one_object", (49.0, 8.4, 110.0), {"02": views}, {"made_by": "tests"})
+
+
+ONE_FRAME = trace(view(0, 0, 0.5))
+ONE_CAMERA = [{"name": "camera_02", "recording": "02"}]
+
+
+def frames(
+    of: Trace, fleet: list[dict[str, Any]] | None = None, detector: str = "300 ms", cores: int = 4, **settings: Any
+) -> dict[str, pd.DataFrame]:
+    """The frames of each method, with the times counted from their stamps."""
+    devices = {
+        "jetson_tx2": fixed_device("jetson_tx2", detector=detector, genie="9 ms", cores=cores),
+        "agx_xavier": fixed_device("agx_xavier", detector="60 ms", genie="8 ms", hop="0.2 ms", per_megabyte="1 ms"),
+    }
+    fleet = fleet if fleet is not None else [car("car1", "edge1")]
+    setting = scenario(fleet, **({"cameras": ONE_CAMERA, "start_jitter": "0 s"} | settings))
+    table = drive(setting, of, devices)["frames"]
+    for column in ("received", "first_answer", "fresh_answer"):
+        table[column] = table[f"{column}_ns"] - table["stamp_ns"]
+    return {str(method): rows.reset_index(drop=True) for method, rows in table.groupby("method", observed=True)}
+
+
+def answers(frame: pd.Series) -> tuple[int, int, str]:
+    return int(frame["first_answer"]), int(frame["fresh_answer"]), str(frame["source"])
+
+
+def car(name: str, edge: str, **route: Any) -> dict[str, Any]:
+    return {"name": name, "device": "jetson_tx2", "edge": edge, "route": route}
+
+
+def test_a_frame_is_received_one_hop_after_its_stamp():
+    assert all(rows["received"].tolist() == [CAR_HOP_IMAGE] for rows in frames(ONE_FRAME).values())
+
+
+def test_local():
+    row = frames(ONE_FRAME)["local"].loc[0]
+    assert answers(row) == (OWN_DETECTOR, OWN_DETECTOR, "own_detector")
+    assert OWN_DETECTOR == 303_395_446
+    assert (row["objects_served"], row["bytes_up"], row["bytes_down"]) == (1, 0, 0)
+
+
+def test_remote():
+    row = frames(ONE_FRAME)["remote"].loc[0]
+    answer = UP + EDGE_DETECTOR + DOWN
+    assert answers(row) == (answer, answer, "edge_detector")
+    assert answer == 75_572_324
+    assert (row["objects_served"], row["bytes_up"], row["bytes_down"]) == (1, IMAGE_BYTES, ANSWER_BYTES)
+
+
+def test_genie_answers_a_miss_from_its_map_at_once_and_with_the_edge_s_detection_later():
+    row = frames(ONE_FRAME)["genie"].loc[0]
+    first = FIRST_LOOK + CAR_HOP_EMPTY
+    fresh = FIRST_LOOK + UP + EDGE_GENIE + EDGE_DETECTION + DOWN + LAST_STEP
+    assert answers(row) == (first, fresh, "map")
+    assert (first, fresh) == (12_394_646, 114_765_493)
+    assert (row["objects_served"], row["objects_detected"]) == (0, 1)
+    assert (row["bytes_up"], row["bytes_down"]) == (IMAGE_BYTES, ANSWER_BYTES)
+
+
+def test_genie_that_blocks_answers_a_miss_once():
+    row = frames(ONE_FRAME, genie={"miss_policy": "blocking"})["genie"].loc[0]
+    fresh = FIRST_LOOK + UP + EDGE_GENIE + EDGE_DETECTION + DOWN + LAST_STEP
+    assert answers(row) == (fresh, fresh, "edge_detector")
+
+
+def test_a_fast_car_s_own_detection_comes_before_the_edge_s():
+    row = frames(ONE_FRAME, detector="20 ms", genie={"miss_policy": "blocking"})["genie"].loc[0]
+    fresh = FIRST_LOOK + CAR_HOP_IMAGE + 20 * MS + CAR_HOP_ANSWER + LAST_STEP
+    assert answers(row) == (fresh, fresh, "own_detector")
+
+
+def test_a_car_without_edge_waits_for_its_own_detector():
+    row = frames(ONE_FRAME, [{"name": "car1", "device": "jetson_tx2"}])["genie"].loc[0]
+    fresh = FIRST_LOOK + OWN_DETECTOR + LAST_STEP
+    assert answers(row) == (FIRST_LOOK + CAR_HOP_EMPTY, fresh, "map")
+
+
+def test_genie_answers_a_hit_from_its_cache():
+    """On its second lap the car knows the place."""
+    rows = frames(ONE_FRAME, [car("car1", "edge1", laps=2)])["genie"]
+    hit = FIRST_LOOK + CAR_HOP_ANSWER
+    assert rows["image_hit"].tolist() == [False, True]
+    assert answers(rows.loc[1]) == (hit, hit, "own_cache")
+    assert rows.loc[1, "bytes_up"] == 0
+    assert hit == 12_395_446
+
+
+def test_genie_answers_a_miss_with_what_its_map_knows_to_be_in_view():
+    """The second frame is taken elsewhere; the object that the first has shown is in its view."""
+    rows = frames(trace(view(0, 0, 0.5), view(1, 1000 * MS, 5.5)))["genie"]
+    assert rows["image_hit"].tolist() == [False, False]
+    assert rows["objects_served"].tolist() == [0, 1]
+    assert answers(rows.loc[1])[0] == FIRST_LOOK + CAR_HOP_ANSWER
+
+
+def test_a_coalesced_frame_gets_the_answer_to_the_frame_it_waits_for():
+    """The second frame is taken 50 ms later at the same spot, while the first is under way."""
+    rows = frames(trace(view(0, 0, 0.5), view(1, 50 * MS, 0.7)))["genie"]
+    assert rows["coalesced"].tolist() == [False, True]
+    assert rows.loc[0, "fresh_answer_ns"] == rows.loc[1, "fresh_answer_ns"]
+    assert answers(rows.loc[1]) == (FIRST_LOOK + CAR_HOP_EMPTY, answers(rows.loc[0])[1] - 50 * MS, "map")
+    assert rows.loc[1, "bytes_up"] == 0
+
+
+def test_the_edge_s_cache_answers_the_second_car_of_the_same_edge():
+    cars = [car("car1", "edge1"), car("car2", "edge1", start="1 s")]
+    rows = frames(ONE_FRAME, cars, genie={"miss_policy": "blocking"})["genie"]
+    fresh = FIRST_LOOK + UP + EDGE_GENIE + DOWN + LAST_STEP
+    assert answers(rows.loc[1]) == (fresh, fresh, "edge_cache")
+
+
+def test_another_car_s_edge_answers_before_one_s_own_has_detected_anything():
+    """edge2 asks edge1 over the edge network, and starts its own detector meanwhile."""
+    cars = [car("car1", "edge1"), car("car2", "edge2", start="1 s")]
+    rules = {"miss_policy": "blocking", "share_answers": "on_request"}
+    rows = frames(ONE_FRAME, cars, genie=rules)["genie"]
+    there_and_back = EDGE_HOP_IMAGE + LINK_IMAGE + EDGE_GENIE + EDGE_HOP_ANSWER + LINK_ANSWER
+    fresh = FIRST_LOOK + UP + EDGE_GENIE + there_and_back + EDGE_GENIE + DOWN + LAST_STEP
+    assert answers(rows.loc[1]) == (fresh, fresh, "peer_cache")
+    assert there_and_back < EDGE_DETECTION
+
+
+def test_what_an_edge_has_detected_is_on_the_other_edges_when_the_next_car_asks_there():
+    cars = [car("car1", "edge1"), car("car2", "edge2", start="1 s")]
+    rows = frames(ONE_FRAME, cars, genie={"miss_policy": "blocking"})["genie"]
+    fresh = FIRST_LOOK + UP + EDGE_GENIE + DOWN + LAST_STEP
+    assert answers(rows.loc[1]) == (fresh, fresh, "edge_cache")
+
+
+def test_frames_taken_together_follow_each_other_on_the_wire_and_through_the_detector():
+    both = [{"name": name, "recording": "02"} for name in ("camera_02", "camera_03")]
+    rows = frames(ONE_FRAME, cameras=both)["remote"]
+    first, second = rows["fresh_answer"]
+    assert first == UP + EDGE_DETECTOR + DOWN
+    assert second == first + EDGE_DETECTOR, "it waits on the wire, and then for the rest of the first detection"
+
+
+def test_frames_taken_together_wait_for_the_only_core_of_a_cpu():
+    both = [{"name": name, "recording": "02"} for name in ("camera_02", "camera_03")]
+    first, second = frames(ONE_FRAME, cameras=both, cores=1)["genie"]["first_answer"]
+    assert (first, second) == (FIRST_LOOK + CAR_HOP_EMPTY, FIRST_LOOK + CAR_GENIE + CAR_HOP_EMPTY)
