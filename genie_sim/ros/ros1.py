@@ -107,6 +107,10 @@ class Ros1Genie:
             self._fail(error)
 
     def _on_link(self, peer: Any, topic: str, message: RosMessage) -> None:
+        known = self._types.setdefault(topic.removesuffix(REMOTE), message.codec.type)
+        if known.md5sum != message.codec.type.md5sum:
+            log.warning("%s: dropped a %s of %s; here it is %s", topic, message.codec.type.name, peer.name, known.name)
+            return
         try:
             self._gateway.from_link(peer, topic, message, time.monotonic_ns())
         except UserError as error:
@@ -160,6 +164,7 @@ def main() -> int:
     """Runs until told to stop or until ``attach`` is gone. Exit status 1: a UserError, on standard error."""
     plan = Plan.from_json(sys.stdin.readline())
     rospy.init_node("genie_" + plan.node.strip("/").replace("/", "_"), disable_signals=True)
+    _log_to_stderr()
     try:
         genie = Ros1Genie(plan)
     except UserError as error:
@@ -185,6 +190,14 @@ def _until_orphaned(ended: threading.Event) -> None:
 
         restore_orphan()
         ended.set()
+
+
+def _log_to_stderr() -> None:
+    """rospy has taken the root logger for its own files."""
+    ours = logging.getLogger("genie_sim")
+    ours.addHandler(logging.StreamHandler())
+    ours.setLevel(logging.INFO)
+    ours.propagate = False
 
 
 def _say(error: UserError) -> int:

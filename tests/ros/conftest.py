@@ -1,7 +1,8 @@
-"""Real ROS for the tests: a master of their own, and processes that are nodes. Skipped, with the reason, without ROS."""
+"""Real ROS for the tests: a master of their own, processes that are nodes. Skipped, with the reason, without ROS."""
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import signal
@@ -77,7 +78,6 @@ class Master:
         self.uri = f"http://127.0.0.1:{free_port()}"
         self._python = python
         self._processes: list[subprocess.Popen[str]] = []
-        self._node_pids: set[int] = set()
         self.env = {
             **os.environ, "ROS_MASTER_URI": self.uri, "ROS_IP": "127.0.0.1", "ROS_HOME": str(folder / "ros_home"),
             "PYTHONPATH": str(REPOSITORY),
@@ -156,30 +156,28 @@ class Master:
         """The process that answers for a node."""
         try:
             code, _, uri = self._proxy.lookupNode("/test", node)
-            pid = int(xmlrpc.client.ServerProxy(uri).getPid("/test")[2]) if code == 1 else None
+            return int(xmlrpc.client.ServerProxy(uri).getPid("/test")[2]) if code == 1 else None
         except OSError:
             return None
-        if pid is not None:
-            self._node_pids.add(pid)
-        return pid
 
     def errors_of(self, log: str) -> str:
         return (self.folder / f"{log}.err").read_text()
 
+    def log_of_genie(self) -> str:
+        """What the Genie's process and the node behind it have said."""
+        return "".join(log.read_text() for log in (self.folder / "ros_home" / "genie-sim").glob("*.log"))
+
     def close(self) -> None:
-        """Ends every process of this network, also the nodes that were started again by others."""
-        for node in {node for side in self._state()[:2] for _, nodes in side for node in nodes}:
-            self.pid_of(node)
-        for process in reversed(self._processes):
-            process.terminate()
-        for process in self._processes:
-            try:
-                process.communicate(timeout=20)
-            except subprocess.TimeoutExpired:
-                process.kill()
-        for pid in self._node_pids:
-            if self.uri.encode() in _environment(pid):
-                os.kill(pid, signal.SIGKILL)
+        """Ends every process of this network, also the nodes that a watchdog has started again."""
+        roscore, *others = self._processes
+        for process in reversed(others):
+            _end(process)
+        for environment in Path("/proc").glob("[0-9]*/environ"):
+            with contextlib.suppress(OSError):
+                mine = f"ROS_HOME={self.env['ROS_HOME']}\0".encode() in environment.read_bytes()
+                if mine and int(environment.parent.name) != roscore.pid:
+                    os.kill(int(environment.parent.name), signal.SIGKILL)
+        _end(roscore)
 
     def _state(self) -> Any:
         return self._proxy.getSystemState("/test")[2]
@@ -191,11 +189,12 @@ class Master:
             return False
 
 
-def _environment(pid: int) -> bytes:
+def _end(process: subprocess.Popen[str]) -> None:
+    process.terminate()
     try:
-        return Path(f"/proc/{pid}/environ").read_bytes()
-    except OSError:
-        return b""
+        process.communicate(timeout=20)
+    except subprocess.TimeoutExpired:
+        process.kill()
 
 
 @pytest.fixture

@@ -1,0 +1,117 @@
+"""A car and its edge: two masters, a Genie at each, joined by a link."""
+
+from __future__ import annotations
+
+import json
+import struct
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from genie_sim.ros.gateway import Peer
+from genie_sim.ros.link import TcpLinks
+from genie_sim.ros.message import RosMessage, WireType
+from genie_sim.ros.plan import Plan
+from genie_sim.ros.ros1_codec import codec_of
+from tests.ros.conftest import DETECTOR, Master, free_port, until
+
+IMAGE_MD5 = "060021388200f6f0f447d0fcd9c64743"
+KEY = b"a key that is long enough"
+
+
+@pytest.fixture
+def key_file(tmp_path: Path) -> str:
+    path = tmp_path / "link.key"
+    path.write_bytes(KEY)
+    path.chmod(0o600)
+    return str(path)
+
+
+def lookups(master: Master) -> list[tuple[str, str, str]]:
+    """Origin, outcome, asker of every look-up."""
+    records = map(json.loads, (master.folder / "record.jsonl").read_text().splitlines())
+    return [
+        (record["header"]["origin"], record["outcome"], record["asker"])
+        for record in records
+        if record["record"] == "ImageLookup"
+    ]
+
+
+def test_the_edge_answers_what_the_car_is_slow_to_see(new_master: Callable[[str], Master], key_file: str):
+    """The car's detector takes 600 ms, the edge's 50: answers come over the link, and come but once."""
+    car, edge = new_master("car1"), new_master("edge1")
+    car.start_node(DETECTOR, "detector.py", "_seconds:=0.6")
+    edge.start_node(DETECTOR, "detector.py")
+    address = f"127.0.0.1:{free_port()}"
+    edge.attach(role="edge", name="edge1", listen=address, key_file=key_file)
+    car.attach(name="car1", connect=[address], key_file=key_file)
+    until(lambda: "edge edge1 is connected" in car.log_of_genie(), "the link is up")
+
+    answers = car.play("1,2,1,2", pause_s=0.8, listen_s=0.8)
+
+    assert lookups(car) == [("car1", "miss", "client")] * 2 + [("car1", "hit", "client")] * 2
+    assert lookups(edge) == [("car1", "miss", "client")] * 2
+    assert [answer["stamp_ns"] // 10**9 for answer in answers] == [1, 2, 3, 4]
+    assert [answer["objects"][0][1] for answer in answers] == [1, 2, 1, 2]
+    assert all(0.05 < answer["after_s"] < 0.5 for answer in answers[:2]), "faster than its own detector"
+
+    edge.detach()
+    until(lambda: "edge1 is cut" in car.log_of_genie(), "the car notices that its edge is gone")
+    alone = car.play("3,3", pause_s=0.8, listen_s=0.8)
+    assert [outcome for _, outcome, _ in lookups(car)[4:]] == ["miss", "hit"]
+    assert alone[0]["after_s"] > 0.6, "its own detector"
+
+    edge.attach(role="edge", name="edge1", listen=address, key_file=key_file)
+    until(lambda: car.log_of_genie().count("edge edge1 is connected") == 2, "the car has found its edge again")
+    again = car.play("5", listen_s=1.0)
+    assert again[0]["after_s"] < 0.5
+
+
+def test_what_one_edge_has_seen_is_a_hit_at_the_other(new_master: Callable[[str], Master], key_file: str):
+    first, second = new_master("edge1"), new_master("edge2")
+    for edge in (first, second):
+        edge.start_node(DETECTOR, "detector.py")
+    address = f"127.0.0.1:{free_port()}"
+    first.attach(role="edge", name="edge1", listen=address, key_file=key_file)
+    second.attach(role="edge", name="edge2", connect=[address], key_file=key_file)
+    until(lambda: "edge edge1 is connected" in second.log_of_genie(), "the link is up")
+    first.play("1,2")
+    answers = second.play("1")
+    assert lookups(first) == [("edge1", "miss", "client")] * 2
+    assert lookups(second) == [("edge1", "miss", "neighbour")] * 2 + [("edge2", "hit", "client")]
+    assert answers[0]["objects"] == [["car", 1, 0.75, ["place", "1"]]]
+
+
+def test_nobody_without_the_key_poisons_the_map(new_master: Callable[[str], Master], key_file: str, tmp_path: Path):
+    """Neither with a wrong key, nor with bytes thrown at the port, nor, with the key, in the name of another car."""
+    edge = new_master("edge1")
+    edge.start_node(DETECTOR, "detector.py")
+    address = f"127.0.0.1:{free_port()}"
+    edge.attach(role="edge", name="edge1", listen=address, key_file=key_file)
+    wrong_key = tmp_path / "wrong.key"
+    wrong_key.write_bytes(b"guessed key guessed")
+    wrong_key.chmod(0o600)
+
+    def say(name: str, role: str, key: str, topic: str, origin: str) -> None:
+        links = TcpLinks(Plan("/n", name, role, (), (), connect=(address,), key_file=key), codec_of)
+        links.start(lambda *_: None)
+        time.sleep(1.0)
+        image = struct.pack("<IIII", 0, 1, 0, 6) + b"camera" + bytes(100)
+        message = RosMessage.of(image, codec_of(WireType("sensor_msgs/Image", IMAGE_MD5)), origin, answer=False)
+        for peer in [*links.peers(), Peer("edge1", "edge")]:
+            links.send(peer.name, topic, message)
+        time.sleep(0.5)
+        links.close()
+
+    say("mallory", "car", str(wrong_key), "/image_raw_remote", "mallory")
+    say("mallory", "edge", str(wrong_key), "/detection/image_detector/objects_remote", "car1")
+    say("car2", "car", key_file, "/image_raw_remote", "car1")  # has the key, but is not car1
+    say("car2", "car", key_file, "/detection/image_detector/objects_remote", "car2")  # cars give no answers
+    assert not (edge.folder / "record.jsonl").read_text()
+    assert "no proof of the shared key" in edge.log_of_genie()
+    assert edge.log_of_genie().count("car car2 may not send") == 2
+
+    say("car2", "car", key_file, "/image_raw_remote", "car2")
+    assert lookups(edge) == [("car2", "miss", "client")], "an honest car is heard"
