@@ -1,0 +1,162 @@
+"""A Genie in its gateway, without ROS and without time: which message goes where."""
+
+from __future__ import annotations
+
+import struct
+
+import pytest
+
+from genie_sim.errors import UserError
+from genie_sim.messages import CameraPose, Header
+from genie_sim.ros.gateway import Peer, View
+from genie_sim.ros.message import RosMessage, WireType
+from genie_sim.ros.plan import Plan, make_gateway
+from genie_sim.ros.poses import Poses
+from genie_sim.ros.ros1_codec import OpaqueCodec, begins_with_header, codec_of
+
+NS_PER_S = 10**9
+SCAN = codec_of(WireType("my_msgs/Scan", "0" * 32, "Header header\nfloat32[] ranges\n"))
+CAR1, CAR2, EDGE2 = Peer("car1", "car"), Peer("car2", "car"), Peer("edge2", "edge")
+
+
+def message(stamp_ns: int, content: bytes = b"", origin: str = "car1", frame: bytes = b"laser") -> RosMessage:
+    stamp = divmod(stamp_ns, NS_PER_S)
+    return RosMessage.of(struct.pack("<IIII", 5, *stamp, len(frame)) + frame + content, SCAN, origin, answer=True)
+
+
+class Site:
+    """A Genie for an opaque node /scan -> /result, its links to three others, and all that it has said."""
+
+    def __init__(self, name: str, role: str, **settings: object) -> None:
+        plan = Plan("/node", name, role, ("/scan",), ("/result",), settings=settings, connect=("edge:1",))
+        self.said: list[tuple[str, Header, bytes]] = []
+        self.sent: list[tuple[str, str, Header]] = []
+        self.outcomes: list[str] = []
+        self.gateway = make_gateway(plan, self._publish, lambda record, _: self._observe(record), self, None)
+
+    def peers(self) -> list[Peer]:
+        return [Peer("edge1", "edge")] if self.gateway.genie.name == "car1" else [CAR1, CAR2, EDGE2]
+
+    def send(self, peer: str, topic: str, message: RosMessage) -> None:
+        self.sent.append((peer, topic, message.header))
+
+    def _publish(self, topic: str, message: RosMessage) -> None:
+        payload = message.encoded()
+        assert SCAN.stamp(payload) == message.header[:2], "what is sent says what the Genie means"
+        self.said.append((topic, message.header, SCAN.content(payload)))
+
+    def _observe(self, record: object) -> None:
+        self.outcomes.append(getattr(record, "outcome", type(record).__name__))
+
+    def hear(self, topic: str, said: RosMessage, now_s: float = 0.0) -> None:
+        self.gateway.from_ros(topic, said, int(now_s * NS_PER_S), "/somebody")
+
+
+def test_an_opaque_message_is_known_by_its_bytes_and_answered_under_its_own_header():
+    car = Site("car1", "car")
+    car.hear("/scan", message(1, b"same"))
+    car.hear("/result_local", message(1, b"answer"))
+    car.hear("/scan", message(2, b"same", frame=b"another frame"))
+    car.hear("/scan", message(3, b"different"))
+    assert car.outcomes == ["miss", "hit", "miss"]
+    answers = [(header.stamp_ns, header.frame_id, content) for topic, header, content in car.said if topic == "/result"]
+    assert answers == [(1, "laser", b"answer"), (2, "another frame", b"answer")]
+    assert [to for to, *_ in car.sent] == ["edge1", "edge1"], "only misses go up"
+
+
+def test_what_the_node_says_unasked_or_late_still_reaches_the_robot():
+    car = Site("car1", "car", request_expiry="2 s")
+    car.hear("/result_local", message(7, b"unasked"))
+    car.hear("/scan", message(8, b"slow"))
+    car.hear("/result_local", message(8, b"late"), now_s=3.0)
+    assert [content for topic, _, content in car.said if topic == "/result"] == [b"unasked", b"late"]
+
+
+def test_cars_with_equal_stamps_are_not_taken_for_each_other():
+    """Two cars that replay one bag: the node knows nothing of cars, so the second request is a nanosecond later."""
+    edge = Site("edge1", "edge")
+    edge.gateway.from_link(CAR1, "/scan_remote", message(5, b"one", "car1"), 0)
+    edge.gateway.from_link(CAR2, "/scan_remote", message(5, b"two", "car2"), 0)
+    to_node = [header.stamp_ns for topic, header, _ in edge.said if topic == "/scan_local"]
+    assert to_node == [5, 6]
+    edge.hear("/result_local", message(6, b"of two", "edge1"))
+    edge.hear("/result_local", message(5, b"of one", "edge1"))
+    to_cars = [(peer, header) for peer, topic, header in edge.sent if topic == "/result"]
+    assert to_cars == [("car2", Header(5, "laser", "car2")), ("car1", Header(5, "laser", "car1"))]
+    assert "/result" not in [topic for topic, *_ in edge.said], "nobody at the edge asked"
+
+
+@pytest.mark.parametrize(
+    ("role", "peer", "topic", "origin"),
+    [
+        ("edge", CAR1, "/scan_remote", "car2"),  # in another car's name
+        ("edge", CAR1, "/result_remote", "car1"),  # a car gives no answers
+        ("edge", CAR1, "/scan", "car1"),
+        ("edge", EDGE2, "/result_local", "edge2"),  # speaks for the node
+        ("car", Peer("edge1", "edge"), "/result", "car2"),  # an answer to somebody else
+        ("car", Peer("edge1", "edge"), "/scan_remote", "car1"),
+        ("car", Peer("edge1", "edge"), "/cmd_vel", "car1"),
+    ],
+)
+def test_a_genie_says_only_what_it_has_a_right_to(role: str, peer: Peer, topic: str, origin: str):
+    site = Site("car1" if role == "car" else "edge1", role)
+    site.gateway.from_link(peer, topic, message(1, b"", origin), 0)
+    assert (site.said, site.sent, site.outcomes) == ([], [], [])
+
+
+def test_pose_grid_without_a_pose_never_hits():
+    plan = Plan("/n", "car1", "car", ("/scan",), ("/result",), settings={"similarity": "pose_grid"}, pose_topic="/pose")
+    outcomes: list[str] = []
+    gateway = make_gateway(
+        plan, lambda *_: None, lambda record, _: outcomes.append(record.outcome), Site("car1", "car"), None
+    )
+    here = View(CameraPose(10.2, 5.0, 0.0, 0.1), 1.4)
+    for stamp_ns, view in ((1, View()), (2, View()), (3, here), (4, View()), (5, here)):
+        gateway.from_ros("/scan", message(stamp_ns), 0, "/camera", view)
+        gateway.from_ros("/result_local", message(stamp_ns), 0, "/node")
+    assert outcomes == ["miss", "miss", "miss", "miss", "hit"]
+
+
+def test_the_pose_nearest_in_time_counts():
+    """geometry_msgs/PoseStamped: a header and seven doubles; looking north is heading pi/2."""
+    poses = Poses()
+    for second, x in ((1, 10.0), (2, 20.0)):
+        content = struct.pack("<7d", x, 0.0, 0.0, 0.0, 0.0, 0.5**0.5, 0.5**0.5)
+        poses.heard("geometry_msgs/PoseStamped", message(second * NS_PER_S, content).payload)
+    found = poses.at(2 * NS_PER_S - 1)
+    assert found is not None and found.east_m == 20.0 and found.heading_rad == pytest.approx(3.14159265 / 2)
+    assert poses.at(3 * NS_PER_S) is None, "too old"
+    with pytest.raises(UserError, match="sensor_msgs/Imu has no pose"):
+        poses.heard("sensor_msgs/Imu", b"")
+
+
+@pytest.mark.parametrize(
+    ("definition", "expected"),
+    [
+        ("# comment\n\nHeader header\nint32 x\n", True),
+        ("std_msgs/Header stamp_of_it # with a comment\n", True),
+        ("uint8 A=1\nstring B=Header # constants come first\nHeader header\n", True),
+        ("int32 x\nHeader header\n", False),
+        ("string data\n" + "=" * 80 + "\nMSG: std_msgs/Header\nHeader h\n", False),
+    ],
+)
+def test_which_types_have_a_header(definition: str, expected: bool):
+    assert begins_with_header(definition) is expected
+
+
+@pytest.mark.parametrize("payload", [b"", b"\0" * 15, struct.pack("<IIII", 0, 0, 0, 2**31) + b"x"])
+def test_bytes_that_are_no_message_are_called_so(payload: bytes):
+    with pytest.raises(ValueError, match="header"):
+        OpaqueCodec(WireType("a/B")).stamp(payload)
+
+
+def test_the_hash_of_a_ros_image_is_that_of_the_trace():
+    """The same picture as bgr8, with padded rows, gives the hash that ``perceive`` writes."""
+    import numpy as np
+
+    from genie_sim.perception.perceive import difference_hash
+
+    picture = np.random.default_rng(3).integers(0, 256, (48, 64, 3), dtype=np.uint8)
+    rows = np.pad(picture.reshape(48, -1), ((0, 0), (0, 8)))
+    content = struct.pack("<III", 48, 64, 4) + b"bgr8" + struct.pack("<BII", 0, 200, rows.size) + rows.tobytes()
+    assert codec_of(WireType("sensor_msgs/Image")).dhash(message(1, content).payload) == difference_hash(picture)
