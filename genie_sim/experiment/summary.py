@@ -11,34 +11,29 @@ from genie_sim.experiment.metrics import DEADLINE_MS, METHODS, ROLES, WINDOW_REQ
 MOST_RESOURCES = 12
 LEAST_USE = 0.01
 UNKNOWN = "-"
-WHAT_OF = "Times are of answered frames, shares of all published ones."
+LATENCY_TITLE = "Time from received to answer"
+LATENCY_NOTE = (
+    "First: the first answer to reach the consumer, be it from the object map. Fresh: a detection or a cached answer of "
+    "this very frame. Times are those of answered frames, the share under the deadline is of all published ones."
+)
 
 Found = Mapping[tuple[str, str], Metric]
 
-METHOD_TABLES = {
-    "Time from received to first answer": (
-        ("mean", "first_answer_mean"),
-        ("median", "first_answer_p50"),
-        ("p95", "first_answer_p95"),
-        ("p99", "first_answer_p99"),
-        (f"under {DEADLINE_MS:g} ms", "under_deadline_share"),
-        ("empty", "empty_answer_share"),
-    ),
-    "Time from received to fresh answer": (
-        ("mean", "fresh_answer_mean"),
-        ("median", "fresh_answer_p50"),
-        ("p95", "fresh_answer_p95"),
-        ("p99", "fresh_answer_p99"),
-        (f"under {DEADLINE_MS:g} ms", "fresh_under_deadline_share"),
-        ("throughput", "fresh_answer_throughput"),
-    ),
-    "Published frames": (
-        ("answered", "answered_share"),
-        ("answered afresh", "fresh_answered_share"),
-        ("dropped", "dropped_share"),
-        ("in flight", "in_flight_share"),
-    ),
-}
+LATENCY_ROWS = (  # label, metric of the first answer, metric of the fresh answer
+    ("mean [ms]", "first_answer_mean", "fresh_answer_mean"),
+    ("median [ms]", "first_answer_p50", "fresh_answer_p50"),
+    ("p95 [ms]", "first_answer_p95", "fresh_answer_p95"),
+    ("p99 [ms]", "first_answer_p99", "fresh_answer_p99"),
+    (f"under {DEADLINE_MS:g} ms [%]", "under_deadline_share", "fresh_under_deadline_share"),
+)
+FRAME_ROWS = (
+    ("answered", "answered_share"),
+    ("answered afresh", "fresh_answered_share"),
+    ("empty answers", "empty_answer_share"),
+    ("dropped", "dropped_share"),
+    ("in flight", "in_flight_share"),
+    ("fresh answers a second", "fresh_answer_throughput"),
+)
 IMPROVEMENT_ROWS = (
     ("first answer", "improvement_first_answer"),
     ("fresh answer", "improvement_fresh_answer"),
@@ -53,10 +48,8 @@ ROLE_ROWS = (
     ("stored objects a Genie", "stored_objects"),
 )
 NOTE_ON_WORDS = (
-    "First answer: the first that reaches the consumer, be it from the object map. Fresh answer: a detection or a "
-    "cached answer of this very frame. Both count from when the frame reached the first node's queue, over the frames "
-    "that got one; shares are of all published frames. Empty: an answer without objects. Improvement: 1 - mean of "
-    "Genie / mean of the baseline."
+    "Response times count from when the frame reached the first node's queue. Empty: an answer without objects. "
+    "Improvement: 1 - mean of Genie / mean of the baseline."
 )
 NOTE_ON_INTERVALS = (
     "In brackets: for latencies, shares, improvements and boosts the 95 % interval inside this run (blocks of one "
@@ -73,6 +66,7 @@ class _Table:
     columns: Sequence[str]
     rows: Sequence[tuple[str, Sequence[Metric | None]]]
     more: str = ""
+    units: bool = True  # beside every number; False: the label tells
 
 
 def text(metrics: Sequence[Metric], width: int = 80) -> str:
@@ -87,7 +81,8 @@ def markdown(metrics: Sequence[Metric], scenario: str, run_id: str, seed: int) -
     for table in _tables(metrics):
         lines = [f"| | {' | '.join(table.columns)} |", "|---|" + "---:|" * len(table.columns)]
         for label, cells in table.rows:
-            lines.append(f"| {label} | {' | '.join(_show(cell) + _interval(cell) for cell in cells)} |")
+            numbers = (_show(cell, table.units) + _interval(cell) for cell in cells)
+            lines.append(f"| {label} | {' | '.join(numbers)} |")
         parts += [f"## {table.title}", "\n".join(lines)]
         if table.more:
             parts.append(table.more)
@@ -98,8 +93,8 @@ def _tables(metrics: Sequence[Metric]) -> Iterator[_Table]:
     found: Found = {(metric.name, metric.role): metric for metric in metrics}
     methods = [method for method in METHODS if ("frames_published", method) in found]
     if methods:
-        for title, rows in METHOD_TABLES.items():
-            yield _Table(title, methods, _rows(rows, methods, found), WHAT_OF if "Time" in title else "")
+        yield _latencies(methods, found)
+        yield _Table("Published frames", methods, _rows(FRAME_ROWS, methods, found))
     baselines = [role for role in ROLES if (IMPROVEMENT_ROWS[0][1], role) in found]
     if baselines:
         over = [f"over {role}" for role in baselines]
@@ -110,6 +105,18 @@ def _tables(metrics: Sequence[Metric]) -> Iterator[_Table]:
         genies = {"local": "on cars", "remote": "on edges"}
         yield _Table("Genies", [genies[role] for role in roles], _rows(ROLE_ROWS, roles, found))
     yield from _resources(methods, found)
+
+
+def _latencies(methods: Sequence[str], found: Found) -> _Table:
+    """First and fresh answer beside each other for Genie; without it they are the same."""
+    columns = [(method, method, False) for method in methods if method != "genie"]
+    if "genie" in methods:
+        columns += [("genie first", "genie", False), ("genie fresh", "genie", True)]
+    rows = [
+        (label, [found.get((of_fresh if fresh else of_first, method)) for _, method, fresh in columns])
+        for label, of_first, of_fresh in LATENCY_ROWS
+    ]
+    return _Table(LATENCY_TITLE, [heading for heading, _, _ in columns], rows, LATENCY_NOTE, units=False)
 
 
 def _rows(rows: Sequence[tuple[str, str]], roles: Sequence[str], found: Found) -> list[tuple[str, list[Metric | None]]]:
@@ -133,12 +140,16 @@ def _resources(methods: Sequence[str], found: Found) -> Iterator[_Table]:
 
 
 def _text_lines(table: _Table, width: int) -> Iterator[str]:
-    cells = [[_show(cell) for cell in row] for _, row in table.rows]
-    widths = [max(len(one) for one in column) for column in zip(table.columns, *cells, strict=True)]
+    cells = [[_show(cell, table.units) for cell in row] for _, row in table.rows]
+    headings = [heading.split(" ") if not table.units else [heading] for heading in table.columns]
+    columns = zip(headings, *cells, strict=True)
+    widths = [max(len(one) for one in (*heading, *column)) for heading, *column in columns]
     room = max(width - sum(2 + one for one in widths), 8)
     label_width = min(room, max(len(label) for label, _ in table.rows))
     yield from textwrap.wrap(table.title, width)
-    yield _line("", label_width, table.columns, widths)
+    tallest = max(map(len, headings))
+    for words in zip(*([""] * (tallest - len(heading)) + heading for heading in headings), strict=True):
+        yield _line("", label_width, words, widths)
     for (label, _), row in zip(table.rows, cells, strict=True):
         *above, last = textwrap.wrap(label, label_width)
         yield from above
@@ -152,14 +163,16 @@ def _line(label: str, label_width: int, cells: Sequence[str], widths: Sequence[i
     return f"{label:<{label_width}}{numbers}"
 
 
-def _show(metric: Metric | None) -> str:
-    """Three digits and the unit."""
+def _show(metric: Metric | None, unit: bool = True) -> str:
+    """Three digits and the unit; shares in percent."""
     if metric is None or metric.value is None:
         return UNKNOWN
-    if metric.unit == "1" and metric.name != "confidence_boost":
-        return f"{_digits(100 * metric.value)} %"
-    unit = "" if metric.unit == "1" else metric.unit.partition("/Genie")[0].replace("entries", "")
-    return f"{_digits(metric.value)} {unit}".rstrip()
+    share = metric.unit == "1" and metric.name != "confidence_boost"
+    digits = _digits(100 * metric.value if share else metric.value)
+    if not unit:
+        return digits
+    word = "%" if share else "" if metric.unit == "1" else metric.unit.partition("/Genie")[0].replace("entries", "")
+    return f"{digits} {word}".rstrip()
 
 
 def _interval(metric: Metric | None) -> str:
