@@ -21,6 +21,7 @@ import pytest
 HERE = Path(__file__).resolve().parent
 REPOSITORY = HERE.parent.parent
 DEBIAN_PACKAGES = Path("/usr/lib/python3/dist-packages")
+IMAGES, OBJECTS = "/image_raw", "/detection/image_detector/objects"
 DETECTOR = "/vision_darknet_detect"
 PATIENCE_S = 20.0
 
@@ -126,16 +127,23 @@ class Master:
     def detach(self, node: str = DETECTOR) -> None:
         subprocess.run([self._python, "-c", DETACH, node], env=self.env, check=True, timeout=60)
 
-    def play(self, places: str, pause_s: float = 0.15, listen_s: float = 0.5) -> list[dict[str, Any]]:
+    def play(
+        self, places: str, pause_s: float = 0.15, listen_s: float = 0.5, answers: str = OBJECTS
+    ) -> list[dict[str, Any]]:
         """Shows places to the camera, and returns the answers in the order in which they came."""
-        camera = self.start("camera.py", places, pause_s, listen_s)
-        assert camera.stdout is not None
-        assert camera.stdout.readline() == "up\n"
-        until(lambda: any(node.startswith("/camera") for node in self.subscribers("/detection/image_detector/objects")),
-              "the camera listens")
-        time.sleep(0.5)  # the publishers of its topic connect
+        camera = self.camera(places, pause_s, listen_s, *([] if answers == OBJECTS else [answers]))
         output, _ = camera.communicate("go\n", timeout=60)
         return [json.loads(line) for line in output.splitlines()]
+
+    def camera(self, *arguments: object) -> subprocess.Popen[str]:
+        """A camera that listens and waits for a line on its standard input."""
+        camera = self.start("camera.py", *arguments)
+        assert camera.stdout is not None
+        assert camera.stdout.readline() == "up\n"
+        topic = str(arguments[3]) if len(arguments) > 3 else OBJECTS
+        until(lambda: any(node.startswith("/camera") for node in self.subscribers(topic)), "the camera listens")
+        time.sleep(0.5)  # the publishers of its topic connect
+        return camera
 
     def outcomes(self) -> list[str]:
         """The outcomes of all look-ups so far, in order."""

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import json
 import os
 import signal
+import subprocess
 from pathlib import Path
 
-from tests.ros.conftest import DETECTOR, Master, until
+import pytest
 
-IMAGES, OBJECTS = "/image_raw", "/detection/image_detector/objects"
+from tests.ros.conftest import DETECTOR, HERE, IMAGES, OBJECTS, Master, until
+
+REPUBLISH = Path("/usr/lib/image_transport/republish")
 UNTOUCHED = ([IMAGES], [OBJECTS])
 BEHIND_GENIE = ([IMAGES + "_local"], [OBJECTS + "_local"])
 GENIE = "/genie_vision_darknet_detect"
@@ -111,3 +115,38 @@ def test_what_cannot_be_attached_to_is_refused_and_left_alone(master: Master):
     assert master.pid_of(DETECTOR) == detector.pid
     master.attach()
     assert "already has a Genie" in master.try_attach()
+
+
+def test_a_bag_played_at_it(master: Master, ros1_python: Path):
+    """Ten places, twice, at 10 Hz out of a bag: ten runs of the detector and ten hits, in order."""
+    bag, places = master.folder / "drive.bag", [*range(1, 11)] * 2
+    make = [ros1_python, HERE / "make_bag.py", bag, ",".join(map(str, places)), "0.1"]
+    subprocess.run(make, env=master.env, check=True, timeout=60)
+    master.start_node(DETECTOR, "detector.py")
+    master.attach()
+    listener = master.camera("-", 0, 5.0)
+    listener.stdin.write("go\n")
+    listener.stdin.flush()
+    subprocess.run(["rosbag", "play", "-q", bag], env=master.env, check=True, timeout=60, stdin=subprocess.DEVNULL)
+    answers = [json.loads(line) for line in listener.communicate(timeout=30)[0].splitlines()]
+    assert master.outcomes() == ["miss"] * 10 + ["hit"] * 10
+    assert [answer["objects"][0][1] for answer in answers] == places
+    assert [answer["stamp_ns"] for answer in answers] == [(index + 1) * 10**9 + 7 for index in range(20)]
+
+
+@pytest.mark.skipif(not REPUBLISH.exists(), reason=f"needs a C++ node: no {REPUBLISH} (image-transport-tools)")
+def test_a_cpp_node_with_an_anonymous_name_and_remappings_of_its_own(master: Master):
+    node = master.run([REPUBLISH, "raw", "in:=/image_raw", "raw", "out:=/image_copy"], "republish")
+    name = until(lambda: next((one for one in master.subscribers(IMAGES) if "republish" in one), None), "it started")
+    original = command_line(node.pid)
+    attached = master.attach(name)
+    assert master.topics_of(name)[0] == ["/image_raw_local"]
+    assert "/image_copy_local" in master.topics_of(name)[1]
+    answers = master.play("1,2,1,2", answers="/image_copy")
+    assert [answer["place"] for answer in answers] == [1, 2, 1, 2]
+    assert [answer["stamp_ns"] // 10**9 for answer in answers] == [1, 2, 3, 4]
+    assert master.outcomes() == ["miss", "miss", "hit", "hit"]
+    master.detach(name)
+    assert attached.wait(10) == 0
+    back = until(lambda: [one for one in master.subscribers(IMAGES) if "republish" in one], "it has its topics again")
+    assert command_line(master.pid_of(back[0]) or 0) == original
