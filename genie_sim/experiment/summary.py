@@ -13,8 +13,8 @@ LEAST_USE = 0.01
 UNKNOWN = "-"
 LATENCY_TITLE = "Time from received to answer"
 LATENCY_NOTE = (
-    "First: the first answer to reach the consumer, be it from the object map. Fresh: a detection or a cached answer of "
-    "this very frame. Times are those of answered frames, the share under the deadline is of all published ones."
+    "First: the first answer to reach the consumer, be it from the object map. Fresh: a detection or a cached answer "
+    "of this very frame. Times are those of answered frames, the share under the deadline is of all published ones."
 )
 
 Found = Mapping[tuple[str, str], Metric]
