@@ -129,9 +129,10 @@ def _c11(evidence: Evidence, claim: Claim) -> Finding:
 
 def _c12(evidence: Evidence, claim: Claim) -> Finding:
     bars = object_bars(evidence)
-    name = max(bars, key=lambda one: float(np.nanmean(bars[one])))
-    errors = max(float(np.nanmean(evidence.of(s, f"object_reuse_high:{role}"))) for s in ALL for role in ROLES)
-    return matches(bars[name], claim.expect, claim.tolerance, note=f"{name}; highest error bar {errors:.2f}")
+    name = max(bars, key=lambda one: float(np.nan_to_num(bars[one]).mean()))
+    errors = [evidence.of(s, f"object_reuse_high:{role}") for s in ALL for role in ROLES]
+    highest = max(float(np.nan_to_num(one).mean()) for one in errors)
+    return matches(bars[name], claim.expect, claim.tolerance, note=f"{name}; highest error bar {highest:.2f}")
 
 
 def _c13(evidence: Evidence, claim: Claim) -> Finding:

@@ -13,7 +13,7 @@ from genie_sim.experiment.seeds import stream
 RESAMPLES = 200
 MARGINAL = 0.05  # share of resamples with another verdict from which on a verdict is marginal
 
-VERDICTS = ("reproduced", "same direction, other size", "not reproduced", "not testable here")
+VERDICTS = ("reproduced", "same direction, other size", "not reproduced", "not testable here", "calibrated")
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,11 +47,11 @@ def judge_one(claim: Claim, evidence: Evidence) -> Verdict:
 
 
 def verdict_of(claim: Claim, finding: Finding | None) -> str:
-    """``reproduced``, ``same direction, other size``, ``not reproduced`` or ``not testable here``."""
+    """One of ``VERDICTS``. What was fitted is never called reproduced: it is ``calibrated`` where the fit succeeded."""
     if finding is None or finding.value is None or math.isnan(finding.value):
         return VERDICTS[3]
     if finding.holds:
-        return VERDICTS[0]
+        return VERDICTS[4] if claim.kind == "calibrated" else VERDICTS[0]
     return VERDICTS[1] if finding.direction and claim.kind != "invariant" else VERDICTS[2]
 
 
@@ -64,4 +64,5 @@ def _look(claim: Claim, evidence: Evidence) -> Finding | None:
 
 def supporting_variants(claim: Claim, evidence: Mapping[str, Evidence]) -> list[str]:
     """The names of the variants under which the claim's test holds."""
-    return [name for name, runs in evidence.items() if verdict_of(claim, _look(claim, runs)) == VERDICTS[0]]
+    found = {name: _look(claim, runs) for name, runs in evidence.items()}
+    return [name for name, finding in found.items() if finding is not None and finding.holds]

@@ -48,6 +48,10 @@ class Evidence:
         runs = self._runs[variant if variant is not None else self._base, scenario]
         return np.array([run.get(name, math.nan) for run in runs], dtype=float)
 
+    def names(self, scenario: str) -> list[str]:
+        """The facts that any run of a scenario has, sorted."""
+        return sorted({name for facts in self._runs[self._base, scenario] for name in facts})
+
     def mean_of(self, scenarios: Sequence[str], names: Sequence[str], variant: str | None = None) -> Values:
         """Mean over scenarios and facts, seed by seed; what is not defined is left out."""
         table = np.array([self.of(scenario, name, variant) for scenario in scenarios for name in names])

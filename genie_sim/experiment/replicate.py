@@ -13,7 +13,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from genie_sim.experiment import files
 from genie_sim.experiment.facts import Facts, facts_of
@@ -21,7 +21,7 @@ from genie_sim.experiment.profiles import load_profile
 from genie_sim.experiment.records import FrameTable, LookupTable, ResourceTable
 from genie_sim.experiment.runner import Prepared
 from genie_sim.experiment.scenario import Recorded, Scenario, load_scenario
-from genie_sim.messages import Detections, Message
+from genie_sim.messages import Detections, Image, Location, Message
 from genie_sim.perception.trace import Trace, TraceFrame, read_trace
 from genie_sim.sim.log import Log
 from genie_sim.sim.nodes import Detector, Genie
@@ -35,6 +35,7 @@ CUT_S = 2.5  # when `link=cut` cuts the links: in mid run
 RECORDED_HZ = 10.0
 
 Progress = Callable[[float, float, str], None]
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,17 +59,24 @@ class Outcome:
 
 
 def run_jobs(jobs: Sequence[Job], workers: int, progress: Progress | None = None, what: str = "runs") -> list[Outcome]:
-    """Runs every job; ``progress`` is told how many are done, of how many. Ctrl-C stops all processes."""
-    done: list[Outcome] = []
+    """Simulates every job; ``progress`` is told how many are done, of how many. Ctrl-C stops all processes."""
+    return in_parallel(run_job, jobs, workers, progress, what)
+
+
+def in_parallel(
+    run: Callable[[Job], T], jobs: Sequence[Job], workers: int, progress: Progress | None, what: str
+) -> list[T]:
+    """``run`` of each job, in the order of the jobs."""
+    done: list[T] = []
     if workers == 1:
         for job in jobs:
-            done.append(run_job(job))
+            done.append(run(job))
             if progress is not None:
                 progress(len(done), len(jobs), what)
         return done
     pool = ProcessPoolExecutor(workers)
     try:
-        for outcome in pool.map(run_job, jobs, chunksize=max(1, min(8, len(jobs) // (4 * workers)))):
+        for outcome in pool.map(run, jobs, chunksize=max(1, min(8, len(jobs) // (4 * workers)))):
             done.append(outcome)
             if progress is not None:
                 progress(len(done), len(jobs), what)
@@ -108,6 +116,57 @@ def _outcome(job: Job, prepared: Prepared) -> Outcome:
     facts["objects_shared"] = shared.objects
     facts["unconfident_objects_shared"] = shared.unconfident
     return Outcome(facts, frames, lookups) if job.keep_tables else Outcome(facts)
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """What a consumer was handed at ``t_ns`` about a frame: the objects' classes and locations in the world."""
+
+    t_ns: int
+    stamp_ns: int
+    stream: str
+    objects: tuple[tuple[str, Location], ...]
+
+
+@dataclass
+class Held:
+    """Everything that the consumers of one method were handed, by car, and how far each car is behind its recording.
+
+    ``late_ns``: simulated time - time of the drive, of the car's first stream.
+    """
+
+    answers: dict[str, list[Answer]]
+    late_ns: dict[str, int]
+
+
+def run_for_answers(prepared: Prepared) -> dict[str, Held]:
+    """Simulates every method and keeps all answers, by method; for ``quality``."""
+    found: dict[str, Held] = {}
+    for method in prepared.scenario.methods:
+        log = _AnswerLog(method, FrameTable(), LookupTable(), ResourceTable())
+        World(prepared.scenario, prepared.devices, prepared.traces, method, log).run()
+        found[method] = log.held
+    return found
+
+
+class _AnswerLog(Log):
+    """Keeps the answers themselves besides the facts about them."""
+
+    def __init__(self, method: str, frames: FrameTable, lookups: LookupTable, resources: ResourceTable) -> None:
+        super().__init__(method, frames, lookups, resources)
+        self.held = Held({}, {})
+
+    def published(self, image: Image, number: int, lap: int) -> None:
+        super().published(image, number, lap)
+        header = image.header
+        self.held.answers.setdefault(header.origin, [])
+        self.held.late_ns.setdefault(header.origin, header.stamp_ns - image.content.stamp_ns)
+
+    def answered(self, answer: Detections, source: str, now_ns: int) -> None:
+        super().answered(answer, source, now_ns)
+        header = answer.header
+        objects = tuple((one.label, one.location) for one in answer.objects if one.location is not None)
+        self.held.answers[header.origin].append(Answer(now_ns, header.stamp_ns, header.frame_id, objects))
 
 
 class _Shared:
