@@ -74,6 +74,23 @@ def run(
 
 
 @app.command()
+def reproduce(
+    quick: Annotated[bool, typer.Option("--quick", help="A coarse answer in under a minute.")] = False,
+    seeds: Annotated[int | None, typer.Option(min=1, help="How many seeds; default: those of the assumptions.")] = None,
+    jobs: Annotated[int | None, typer.Option(min=1, help="Parallel processes; default: one per core.")] = None,
+    out: Annotated[Path, typer.Option(help="The folder that gets the evaluation.")] = Path("results/reproduce"),
+) -> None:
+    """Run the paper's whole evaluation: every figure, and a verdict of every claim."""
+    from genie_sim.experiment import verdict_table
+    from genie_sim.experiment.reproduce import reproduce as run_evaluation
+
+    with _Progress(unit="runs") as progress:
+        result = run_evaluation(out, quick, seeds, jobs, progress)
+    typer.echo(verdict_table.text(verdict_table.read_rows(result.folder), _width()))
+    typer.echo(f"Results: {result.folder} ({result.wall_time_s:.0f} s)\nFigures: {result.folder / 'figures'}")
+
+
+@app.command()
 def rerun(folder: Annotated[Path, typer.Argument(help="A result folder.")]) -> None:
     """Run a result folder's scenario again and compare every table, byte for byte."""
     from genie_sim.experiment import runner
