@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import sys
 from collections.abc import Callable, Hashable, Mapping
 from typing import Any
 
@@ -91,12 +92,17 @@ def _identity(name: str) -> Callable[[Header], Hashable]:
 
 
 def _resolve(what: str, name: str, registry: Mapping[str, Any]) -> Any:
-    """An entry of ``registry``, or a class of the user's own written ``package.module:Class``."""
+    """An entry of ``registry``, or a class of the user's own written ``package.module:Class``.
+
+    The module may lie in the current folder, also for the installed command, where Python does not look by itself.
+    """
     if name in registry:
         return registry[name]
     module_name, _, class_name = name.partition(":")
     if not class_name:
         raise UserError(unknown(what, name, registry))
+    if "" not in sys.path:
+        sys.path.append("")
     try:
         return getattr(importlib.import_module(module_name), class_name)
     except (ImportError, AttributeError) as error:
