@@ -1,0 +1,237 @@
+"""Algorithm 2 by hand: what the object map makes of sightings, and what it knows about a place or a view."""
+
+from __future__ import annotations
+
+import itertools
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from genie_sim.core.confidence import CONFIDENCE_RULES
+from genie_sim.messages import CameraPose
+from tests.core.worlds import object_map, seen
+
+coordinates = st.floats(-5.0, 5.0).map(lambda metres: round(metres, 2))
+sightings = st.lists(
+    st.builds(seen, st.sampled_from(["car", "person"]), st.floats(0.0, 1.0), st.tuples(coordinates, coordinates)),
+    max_size=30,
+)
+
+
+def told(objects, *sightings):
+    for one in sightings:
+        objects.sight(one)
+    return objects
+
+
+# Sightings: lines 3 to 7
+
+
+def test_a_first_sighting_is_stored_with_its_score():
+    before, stored = object_map().sight(seen("car", 0.3))
+    assert before is None
+    assert (stored.label, stored.location, stored.score, stored.confidence) == ("car", (20.0, 0.0, 0.0), 0.3, 0.3)
+
+
+@pytest.mark.parametrize(
+    ("rule", "after"),
+    [
+        ("noisy_or", 0.3 + 0.1 * 0.8 * (1 - 0.3)),
+        ("literal", 0.3 + 0.1 * (0.3 - 0.8)),
+        ("ema", 0.3 + 0.1 * (0.8 - 0.3)),
+        ("positive_part", 0.3 + 0.1 * (0.8 - 0.3)),
+    ],
+)
+def test_a_second_sighting_changes_the_confidence_and_nothing_else(rule, after):
+    objects = object_map(rule=CONFIDENCE_RULES[rule])
+    objects.sight(seen("car", 0.3, at=(20.0, 0.0)))
+    before, stored = objects.sight(seen("car", 0.8, at=(20.4, 0.0)))
+    assert (before, stored.confidence) == (0.3, pytest.approx(after))
+    assert (stored.score, stored.location, stored.sightings) == (0.3, (20.0, 0.0, 0.0), 2)
+    assert len(objects) == 1
+
+
+def test_many_faint_sightings_pass_the_threshold():
+    """0.3 instead of 0.65 in the paper's example: each car that sees it adds 0.1 * 0.3 of what is missing to 1."""
+    objects, repeats = told(object_map(), seen("traffic light", 0.3)), 0
+    while object_at(objects).confidence < objects.threshold:
+        objects.sight(seen("traffic light", 0.3))
+        repeats += 1
+    assert repeats == math.ceil(math.log((1 - 0.60) / (1 - 0.3)) / math.log(1 - 0.1 * 0.3))
+
+
+def object_at(objects, label="traffic light", at=(20.0, 0.0)):
+    return objects.match(label, (*at, 0.0))
+
+
+@pytest.mark.parametrize("rule", sorted(CONFIDENCE_RULES))
+@given(sightings, st.floats(0.0, 1.0))
+def test_confidences_stay_in_their_range_and_nothing_is_counted_twice(rule, sightings, rate):
+    objects = told(object_map(rule=CONFIDENCE_RULES[rule], rate=rate), *sightings)
+    assert all(0.0 <= one.confidence <= 1.0 for one in objects)
+    assert sum(one.sightings for one in objects) == len(sightings)
+    assert len(list(objects)) == len(objects)
+
+
+# Which stored object a sighting shows
+
+
+def test_classes_are_told_apart():
+    objects = told(object_map(), seen("car", 0.9), seen("person", 0.9))
+    assert [one.label for one in objects] == ["car", "person"]
+    assert object_at(objects, "bus") is None
+
+
+def test_the_nearest_object_of_the_class_is_it():
+    objects = told(object_map(), seen("car", 0.9, at=(0.0, 0.0)), seen("car", 0.8, at=(1.2, 0.0)))
+    assert object_at(objects, "car", (0.5, 0.0)).score == 0.9
+    assert object_at(objects, "car", (0.7, 0.0)).score == 0.8
+
+
+@pytest.mark.parametrize(("metres", "same"), [(0.0, True), (0.99, True), (1.0, True), (1.01, False)])
+def test_the_gate_decides_what_is_the_same_place(metres, same):
+    objects = told(object_map(gate_m=1.0), seen("car", 0.9, at=(0.5, 0.5)))
+    assert (object_at(objects, "car", (0.5 + metres, 0.5)) is not None) is same
+
+
+@pytest.mark.parametrize("step", list(itertools.product((-0.2, 0.0, 0.2), repeat=2)))
+def test_an_object_is_found_across_the_borders_of_its_cell(step):
+    corner = told(object_map(), seen("car", 0.9, at=(3.0 - step[0] / 2, -2.0 - step[1] / 2)))
+    assert object_at(corner, "car", (3.0 + step[0] / 2, -2.0 + step[1] / 2)) is not None
+
+
+def test_a_gate_wider_than_a_cell_reaches_its_full_length():
+    objects = told(object_map(cell_m=1.0, gate_m=3.0), seen("car", 0.9, at=(0.5, 0.5)))
+    assert object_at(objects, "car", (3.4, 0.5)) is not None
+    assert object_at(objects, "car", (3.6, 0.5)) is None
+
+
+@given(sightings, st.sampled_from([0.3, 1.0, 2.5]), st.sampled_from([0.5, 1.0, 3.0]), st.sampled_from(["grid", "gate"]))
+def test_looking_into_cells_finds_what_looking_at_every_object_finds(sightings, gate_m, cell_m, location_key):
+    objects = told(object_map(gate_m=gate_m, cell_m=cell_m, location_key=location_key), *sightings)
+    for place in ((0.0, 0.0), (0.3, -0.2), (2.0, 2.0)):
+        there = [one for one in objects if distance2(one.location, place) <= gate_m**2]
+        assert sorted(map(id, objects.at((*place, 0.0)))) == sorted(map(id, there))
+        cars = [distance2(one.location, place) for one in there if one.label == "car"]
+        found = object_at(objects, "car", place)
+        assert (None if found is None else distance2(found.location, place)) == min(cars, default=None)
+
+
+def distance2(location, place):
+    return (location[0] - place[0]) ** 2 + (location[1] - place[1]) ** 2
+
+
+def test_with_exact_locations_a_millimetre_makes_another_object():
+    objects = told(
+        object_map(location_key="exact"), seen("car", 0.9, at=(20.0, 0.0)), seen("car", 0.9, at=(20.001, 0.0))
+    )
+    assert len(objects) == 2
+    assert objects.sight(seen("car", 0.5, at=(20.0, 0.0)))[0] == 0.9
+
+
+def test_literally_any_object_at_a_place_blocks_a_second():
+    objects = told(object_map(one_per_location=True), seen("car", 0.5), seen("person", 0.9))
+    [only] = objects
+    assert (only.label, only.confidence) == ("car", pytest.approx(0.5 + 0.1 * 0.9 * 0.5))
+
+
+# C_T
+
+
+def test_the_threshold_may_be_a_number():
+    assert object_map().threshold == 0.60
+    assert object_map(threshold=0).threshold == 0
+
+
+def test_range_60_is_60_percent_up_the_range_of_reported_scores():
+    assert object_map(threshold="range_60").threshold == pytest.approx(0.72)
+
+
+@pytest.mark.parametrize(("scores", "percentile"), [([], 1.0), ([0.4], 0.4), ([0.9, 0.3, 0.5, 0.7, 0.8], 0.7)])
+def test_the_empirical_threshold_is_the_60th_percentile_of_first_scores(scores, percentile):
+    """Nearest rank: of five scores the third. Before there is any, nothing is confident."""
+    objects = object_map(threshold="empirical")
+    for number, score in enumerate(scores):
+        told(objects, *[seen("car", score, at=(5.0 * number, 0.0))] * 2)  # the second sighting is no first score
+    assert objects.threshold == percentile
+
+
+# What is at a place: line 11
+
+
+def test_a_place_holds_every_object_within_the_gate_of_any_class():
+    near, nearer, far = (
+        seen(label, 0.9, at=at) for label, at in (("car", (20, 0.9)), ("dog", (20, 0)), ("bus", (22, 0)))
+    )
+    assert {one.label for one in told(object_map(), near, nearer, far).at((20.0, 0.0, 0.0))} == {"car", "dog"}
+
+
+# What is in view
+
+
+def in_view(objects, heading_deg=0.0, fov_deg=90.0, range_m=50.0, at=(0.0, 0.0)):
+    pose = CameraPose(at[0], at[1], 1.6, math.radians(heading_deg))
+    return {one.label for one in objects.in_view(pose, math.radians(fov_deg), range_m)}
+
+
+COMPASS = {"east": (30, 0), "north": (0, 30), "west": (-30, 0), "south": (0, -30), "far east": (70, 0)}
+
+
+def surroundings():
+    return told(object_map(), *(seen(label, 0.9, at=at) for label, at in COMPASS.items()))
+
+
+@pytest.mark.parametrize(
+    ("heading_deg", "visible"),
+    [
+        (0, {"east"}),
+        (90, {"north"}),
+        (180, {"west"}),
+        (-180, {"west"}),
+        (-90, {"south"}),
+        (270, {"south"}),
+        (720, {"east"}),
+    ],
+)
+def test_a_camera_sees_what_it_looks_at(heading_deg, visible):
+    assert in_view(surroundings(), heading_deg) == visible
+
+
+def test_headings_wrap_around():
+    """West of the camera bearings jump from 180 to -180 degrees; both sides are in view."""
+    objects = told(object_map(), seen("left", 0.9, at=(-30, -5)), seen("right", 0.9, at=(-30, 5)))
+    assert in_view(objects, heading_deg=179) == in_view(objects, heading_deg=-179) == {"left", "right"}
+
+
+@pytest.mark.parametrize(("fov_deg", "seen_at_30_deg"), [(59, False), (61, True), (360, True)])
+def test_the_field_of_view_extends_half_to_either_side(fov_deg, seen_at_30_deg):
+    for side in (30, -30):
+        at = (20 * math.cos(math.radians(side)), 20 * math.sin(math.radians(side)))
+        assert bool(in_view(told(object_map(), seen("car", 0.9, at=at)), fov_deg=fov_deg)) is seen_at_30_deg
+
+
+def test_the_view_ends_at_its_range():
+    assert in_view(surroundings(), range_m=29.9) == set()
+    assert in_view(surroundings(), range_m=70.1) == {"east", "far east"}
+
+
+def test_only_confident_objects_are_in_view():
+    objects = told(object_map(), seen("sure", 0.60, at=(20, 0)), seen("unsure", 0.59, at=(20, 3)))
+    assert in_view(objects) == {"sure"}
+
+
+@given(sightings, st.floats(-7.0, 7.0), st.tuples(coordinates, coordinates), st.sampled_from([0.5, 3.0, 50.0]))
+def test_views_through_cells_show_what_looking_at_every_object_shows(sightings, heading_rad, at, view_cell_m):
+    """By the angle between two directions, from their dot product, instead of from headings."""
+    objects = told(object_map(view_cell_m=view_cell_m, gate_m=0.1), *sightings)
+    camera, range_m, half_rad = CameraPose(*at, 1.6, heading_rad), 4.0, math.radians(40.0)
+    found = {id(one) for one in objects.in_view(camera, 2 * half_rad, range_m)}
+    for one in objects:
+        east_m, north_m = one.location[0] - at[0], one.location[1] - at[1]
+        distance_m = math.hypot(east_m, north_m)
+        ahead_m = east_m * math.cos(heading_rad) + north_m * math.sin(heading_rad)
+        margin = ahead_m - distance_m * math.cos(half_rad)
+        if distance_m > 0 and abs(margin) > 1e-9 and abs(distance_m - range_m) > 1e-9:
+            assert (id(one) in found) is (one.confidence >= 0.6 and distance_m < range_m and margin > 0)

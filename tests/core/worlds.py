@@ -1,0 +1,123 @@
+"""A small world for tests of the pure Genie: frames of known places, what was seen there, Genies to tell it to."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from genie_sim.core.confidence import noisy_or
+from genie_sim.core.eviction import Eviction, Unlimited
+from genie_sim.core.message_cache import MessageCache, PendingIndex
+from genie_sim.core.node import GenieNode, GenieRules, detections_of_map
+from genie_sim.core.object_map import ObjectMap, ObjectMapRules
+from genie_sim.core.similarity import PoseGrid, Similarity
+from genie_sim.messages import CameraPose, Detection, Detections, Effect, Header, Image, Observe, Publish
+
+S = 1_000_000_000
+IMAGES, OBJECTS = "/image_raw", "/objects"
+
+# Where frames are taken, all looking east; each its own cell of the pose grid, out of sight of the others.
+CROSSING, BRIDGE, STATION = (0.5, 0.5), (500.5, 0.5), (1000.5, 0.5)
+
+
+def frame(
+    stamp_s: float,
+    at: tuple[float, float] = CROSSING,
+    car: str = "car1",
+    camera: str = "02",
+    heading_deg: float = 0.0,
+) -> Image:
+    """What ``car``'s camera shows at a place; the same picture whoever takes it."""
+    header = Header(round(stamp_s * S), camera, car)
+    pose = CameraPose(at[0], at[1], 1.6, math.radians(heading_deg))
+    picture = f"{at} {heading_deg}"
+    return Image(header, 1_000, picture, hash(at) & 0xFFFF, pose, math.radians(90.0))
+
+
+def seen(label: str, score: float, at: tuple[float, float] | None = (20.0, 0.0)) -> Detection:
+    """A detector's finding at a place of the ground plane, or one that could not be placed."""
+    location = None if at is None else (at[0], at[1], 0.0)
+    return Detection(label, score, (10.0, 10.0, 50.0, 40.0), location, score, "scan" if at else "none")
+
+
+def answer(request: Image | Header, *objects: Detection, by: str = "detector") -> Detections:
+    """What the encapsulated node says about a request."""
+    header = request.header if isinstance(request, Image) else request
+    return Detections(header, objects, "detector", by)
+
+
+@dataclass(frozen=True)
+class Lanes:
+    """An answer that holds no objects, such as a lane detector's."""
+
+    header: Header
+    lanes: int
+    source: str = "detector"
+    served_by: str = ""
+    objects: None = None
+    size_bytes: int = 100
+
+    def restamped(self, header: Header) -> Lanes:
+        return replace(self, header=header)
+
+    def with_objects(self, objects: Sequence[Detection]) -> Lanes:
+        raise AssertionError("lanes hold no objects")
+
+    def served(self, source: str, by: str) -> Lanes:
+        return replace(self, source=source, served_by=by)
+
+
+def object_map(view_cell_m: float = 50.0, **rules: Any) -> ObjectMap:
+    """An empty object map; ``rules`` are those of ``ObjectMapRules``."""
+    return ObjectMap(ObjectMapRules(**{"rule": noisy_or, **rules}), view_cell_m)
+
+
+def genie(
+    objects: ObjectMap | None = None,
+    similarity: Similarity | None = None,
+    new_eviction: Callable[[], Eviction] = Unlimited,
+    capacity: tuple[int | None, int | None] = (None, None),
+    published: tuple[str, ...] = (OBJECTS,),
+    name: str = "edge1/genie",
+    **rules: Any,
+) -> GenieNode:
+    """A Genie before an object detector; ``rules`` are those of ``GenieRules``, ``capacity`` entries and bytes."""
+    chosen = GenieRules(**rules)
+    same = similarity if similarity is not None else PoseGrid()
+
+    def identity(header: Header) -> Any:
+        return header.stamp_ns if chosen.header_identity == "stamp" else header
+
+    return GenieNode(
+        name,
+        (IMAGES,),
+        published,
+        chosen,
+        key=same.key,
+        new_cache=lambda: MessageCache(same.index(), new_eviction(), *capacity),
+        pending=PendingIndex(identity, same.index),
+        object_map=objects if objects is not None else object_map(),
+        map_answer=detections_of_map,
+    )
+
+
+def publications(effects: Iterable[Effect]) -> list[Publish]:
+    """What was published, without the facts for the log."""
+    return [effect for effect in effects if isinstance(effect, Publish)]
+
+
+def facts(effects: Iterable[Effect], kind: type) -> list[Any]:
+    """The facts of one kind, for the log."""
+    return [effect.record for effect in effects if isinstance(effect, Observe) and isinstance(effect.record, kind)]
+
+
+def answers(effects: Iterable[Effect], topic: str = OBJECTS) -> list[Any]:
+    """The answers published on ``topic``."""
+    return [effect.message for effect in publications(effects) if effect.topic == topic]
+
+
+def labels(message: Any) -> list[str]:
+    """The classes of an answer's objects."""
+    return [one.label for one in message.objects]
