@@ -1,4 +1,4 @@
-"""Puts a Genie in front of a running ROS 1 node, and takes it away again; the node's source is not touched.
+"""Puts a Genie in front of a running node, and takes it away again; the node's source is not touched.
 
 Names cannot be changed in a live node. So the node is stopped and started again with its topics renamed
 (``topic:=topic_local``), and the Genie takes over the original names. Whatever ends, the robot keeps its node:
@@ -29,6 +29,7 @@ from pathlib import Path
 from typing import IO, Any
 
 from genie_sim.errors import UserError
+from genie_sim.ros.graph import Graph, choose
 from genie_sim.ros.plan import Plan, check
 from genie_sim.ros.process import NodeProcess
 
@@ -43,6 +44,7 @@ STATE = "GENIE_SIM_ATTACHED"  # environment of the Genie's process: the file wit
 class State:
     """The node as it was, and as it runs now behind its Genie (``None`` before it does)."""
 
+    network: str
     node: str
     original: NodeProcess
     behind: NodeProcess | None
@@ -77,57 +79,57 @@ def attach(
     connect: Sequence[str] = (),
     key_file: str | None = None,
     record: str | None = None,
+    pid: int | None = None,
     master_uri: str | None = None,
     say: Callable[[str], None] = lambda line: None,
 ) -> None:
     """Attaches a Genie to ``node`` and stays until interrupted (SIGINT, SIGTERM, SIGHUP) or until ``detach``.
 
     ``requests`` names the subscribed topics that go through the Genie (default: the one with images, or the only one
-    whose messages have a header), ``leave`` topics to be left alone. The other arguments are those of ``Plan``.
+    whose messages have a header), ``leave`` topics to be left alone. ``pid`` is the process of a ROS 2 node, whose
+    graph knows none; without it the node is one of the ROS 1 master's. The other arguments are those of ``Plan``.
     ``say`` gets a line when the Genie is attached and when everything is back. Raises UserError, with everything put
     back, for a node that cannot be attached to, and when the node or the Genie ends by itself.
     """
-    from genie_sim.ros.ros1_graph import Graph, choose, remapped, with_header
-
-    master_uri = _master_uri(master_uri)
-    graph = Graph(master_uri)
     node = "/" + node.strip("/")
-    subscribed, published = graph.topics_of(node)
-    types = graph.types([*subscribed, *published])
-    answers = [topic for topic in with_header(published, types) if topic not in leave]
-    if not answers:
-        raise UserError(f"{node}: publishes no topic whose messages have a header")
-    inputs = choose(node, subscribed, types, requests, [topic for topic in leave if topic not in published])
+    graph = _graph(pid, master_uri)
+    inputs, answers, types = choose(graph, node, requests, leave)
     plan = Plan(
-        node, name or node.strip("/").replace("/", "_"), role, tuple(inputs), tuple(answers),
-        {topic: types[topic] for topic in (*inputs, *answers) if topic in types}, dict(settings or {}),
-        pose_topic, horizontal_fov_rad, listen, tuple(connect), key_file and str(Path(key_file).absolute()),
-        record and str(Path(record).absolute()),
+        node, name or node.strip("/").replace("/", "_"), role, tuple(inputs), tuple(answers), types,
+        dict(settings or {}), pose_topic, horizontal_fov_rad, listen, tuple(connect),
+        key_file and str(Path(key_file).absolute()), record and str(Path(record).absolute()),
     )
     check(plan)
     original = graph.process_of(node)
-    path = _state_path(master_uri, node)
+    path = _state_path(graph.network, node)
     with _locked(path) as held:
         if not held or path.exists():
             raise UserError(f"{node}: already has a Genie; 'genie-sim detach {node}' puts it back")
-        State(node, original, None, os.getpid()).write(path)
+        State(graph.network, node, original, None, os.getpid()).write(path)
         with _interrupts() as interrupted:
             try:
                 original.stop()
-                behind = original.start_again(remapped(node, original.argv, (*inputs, *answers)), _log(path))
-                State(node, original, behind, os.getpid()).write(path)
-                _watch(plan, master_uri, path, behind, interrupted, lambda: say(_attached(plan)))
+                behind = original.start_again(graph.remapped(node, original.argv, (*inputs, *answers)), _log(path))
+                State(graph.network, node, original, behind, os.getpid()).write(path)
+                _watch(plan, graph, path, behind, interrupted, lambda: say(_attached(plan)))
             finally:
                 if restore(path):
                     say(f"{node}: back as it was")
 
 
-def detach(node: str, master_uri: str | None = None) -> None:
-    """Takes a node's Genie away and returns when the node runs as it was. Raises UserError if it has none."""
+def detach(node: str, network: str | None = None) -> None:
+    """Takes a node's Genie away and returns when the node runs as it was. Raises UserError if it has none.
+
+    ``network`` tells nodes of one name apart: ``localhost:11311`` for the master there, ``domain-0`` in ROS 2.
+    """
     node = "/" + node.strip("/")
-    path = _state_path(_master_uri(master_uri), node)
-    if not path.exists():
+    found = {path: State.read(path) for path in sorted(_states().glob("*.json"))}
+    paths = {path: one.network for path, one in found.items() if one.node == node and network in (None, one.network)}
+    if not paths:
         raise UserError(f"{node}: has no Genie")
+    if len(paths) > 1:
+        raise UserError(f"{node}: has a Genie in each of {', '.join(paths.values())}; say in which network")
+    path = next(iter(paths))
     with contextlib.suppress(FileNotFoundError, ProcessLookupError), _locked(path) as held:
         if not held:
             os.kill(State.read(path).watchdog_pid, signal.SIGTERM)
@@ -164,15 +166,15 @@ def restore_orphan() -> None:
 
 def _watch(
     plan: Plan,
-    master_uri: str,
+    graph: Graph,
     path: Path,
     behind: NodeProcess,
     interrupted: Callable[[], bool],
     attached: Callable[[], None],
 ) -> None:
     """Runs the Genie's process until somebody wants it to end; leaves it ended."""
-    environment = {**os.environ, "ROS_MASTER_URI": master_uri, STATE: str(path)}
-    command = [sys.executable, "-m", "genie_sim.ros.ros1"]
+    environment = {**os.environ, **graph.environment, STATE: str(path)}
+    command = [sys.executable, "-m", graph.module]
     with _log(path).open("ab") as errors, subprocess.Popen(
         command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=errors, env=environment, text=True,
         start_new_session=True,
@@ -243,14 +245,28 @@ def _locked(path: Path, wait: bool = False) -> Iterator[bool]:
         yield True
 
 
-def _state_path(master_uri: str, node: str) -> Path:
+def _states() -> Path:
     home = Path(os.environ.get("ROS_HOME") or Path.home() / ".ros") / "genie-sim"
     home.mkdir(mode=0o700, parents=True, exist_ok=True)
-    return home / (re.sub(r"[^\w.]+", "-", f"{master_uri.partition('://')[2]}{node}") + ".json")
+    return home
 
 
-def _master_uri(given: str | None) -> str:
-    return (given or os.environ.get("ROS_MASTER_URI") or "http://localhost:11311").rstrip("/")
+def _state_path(network: str, node: str) -> Path:
+    return _states() / (re.sub(r"[^\w.]+", "-", f"{network}{node}") + ".json")
+
+
+def _graph(pid: int | None, master_uri: str | None) -> Graph:
+    """ROS 1 or ROS 2. Raises UserError where it is not installed."""
+    try:
+        if pid is None:
+            from genie_sim.ros import ros1_graph
+
+            return ros1_graph.Graph(master_uri)
+        from genie_sim.ros import ros2_graph
+
+        return ros2_graph.Graph(pid)
+    except ImportError as error:
+        raise UserError(f"ROS is not there for {sys.executable}: {error}; see docs/ros.md") from error
 
 
 def _log(path: Path) -> Path:

@@ -50,6 +50,9 @@ class Links(Protocol):
     def send(self, peer: str, topic: str, message: RosMessage) -> None:
         """Sends without waiting; what cannot be sent is dropped."""
 
+    def start(self, on_message: Callable[[Peer, str, RosMessage], None]) -> None:
+        """From now on ``on_message`` is called with what comes, from several threads."""
+
 
 class NoLinks:
     """A Genie on its own."""
@@ -59,6 +62,9 @@ class NoLinks:
 
     def send(self, peer: str, topic: str, message: RosMessage) -> None:
         raise AssertionError("nobody to send to")
+
+    def start(self, on_message: Callable[[Peer, str, RosMessage], None]) -> None:
+        pass
 
 
 @dataclass(frozen=True, slots=True)

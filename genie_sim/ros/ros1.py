@@ -1,14 +1,11 @@
 """The Genie's process in front of a ROS 1 node: ``python -m genie_sim.ros.ros1``, started by ``attach``.
 
-The plan comes as the first line of standard input, which then stays open as long as ``attach`` lives. ``ready`` is
-written to standard output when the node is connected. Types are taken from the wire, so no catkin workspace is needed.
+Types are taken from the wire, so no catkin workspace is needed.
 """
 
 from __future__ import annotations
 
 import logging
-import signal
-import sys
 import threading
 import time
 from typing import Any
@@ -16,7 +13,8 @@ from typing import Any
 import rospy
 
 from genie_sim.errors import UserError
-from genie_sim.ros.gateway import LOCAL, REMOTE, NoLinks, View
+from genie_sim.ros.gateway import LOCAL, REMOTE, View
+from genie_sim.ros.genie_process import GenieProcess, open_links, run
 from genie_sim.ros.message import Codec, RosMessage, WireType
 from genie_sim.ros.plan import Plan, Recorder, make_gateway
 from genie_sim.ros.poses import Poses
@@ -25,24 +23,22 @@ from genie_sim.ros.ros1_codec import codec_of
 log = logging.getLogger(__name__)
 BUFFER_BYTES = 2**24  # rospy's 64 kB would hold an old image back instead of dropping it
 QUEUE_LENGTH = 10  # between a Genie and its own node; the node's own queue decides what is dropped
-TICK_S = 0.1
 CONNECT_S = 2.0  # how long the first message of a type that was unknown waits for its subscriber
 
 
-class Ros1Genie:
+class Ros1Genie(GenieProcess):
     """Subscribes to what the Genie listens to, and publishes what it says, byte for byte where nothing changed."""
 
     def __init__(self, plan: Plan) -> None:
+        super().__init__()
+        rospy.init_node("genie_" + plan.node.strip("/").replace("/", "_"), disable_signals=True)
         self._plan = plan
         self._types = dict(plan.types)
         self._publishers: dict[str, tuple[WireType, Any, Any]] = {}
         self._sent: dict[str, int] = {}
         self._poses = Poses()
-        self.failure: UserError | None = None
-        self.ended = threading.Event()
-        links = self._open_links()
-        self._gateway = make_gateway(plan, self._publish, Recorder(plan.record), links, self._object_codec())
-        self._links = links
+        self._links = open_links(plan, codec_of)
+        self._gateway = make_gateway(plan, self._publish, Recorder(plan.record), self._links, self._object_codec())
 
     def start(self) -> None:
         """Publishers first, then subscribers, then the links; returns at once."""
@@ -55,24 +51,18 @@ class Ros1Genie:
             self._subscribers.append(
                 rospy.Subscriber(self._plan.pose_topic, rospy.AnyMsg, self._on_pose, queue_size=QUEUE_LENGTH)
             )
-        threading.Thread(target=self._tick, daemon=True).start()
-        if not isinstance(self._links, NoLinks):
-            self._links.start(self._on_link)
+        threading.Thread(target=self.tick, args=(self._gateway,), daemon=True).start()
+        self._links.start(self._on_link)
 
     def connected(self) -> bool:
-        """Does the node hear its requests and are its answers heard?"""
         to_node = [topic + LOCAL for topic in self._plan.requests]
         heard = [self._publishers[topic][1].get_num_connections() for topic in to_node if topic in self._publishers]
         from_node = {topic + LOCAL for topic in self._plan.answers}
         listening = [sub.get_num_connections() for sub in self._subscribers if sub.resolved_name in from_node]
         return all(heard) and all(listening)
 
-    def _open_links(self) -> Any:
-        if not self._plan.listen and not self._plan.connect:
-            return NoLinks()
-        from genie_sim.ros.link import TcpLinks
-
-        return TcpLinks(self._plan, codec_of)
+    def stop(self) -> None:
+        rospy.signal_shutdown("detached")
 
     def _object_codec(self) -> Codec | None:
         known = [codec_of(self._types[topic]) for topic in self._plan.answers if topic in self._types]
@@ -104,7 +94,7 @@ class Ros1Genie:
         except ValueError as error:
             log.warning("%s: dropped a message: %s", topic, error)
         except UserError as error:
-            self._fail(error)
+            self.fail(error)
 
     def _on_link(self, peer: Any, topic: str, message: RosMessage) -> None:
         known = self._types.setdefault(topic.removesuffix(REMOTE), message.codec.type)
@@ -114,7 +104,7 @@ class Ros1Genie:
         try:
             self._gateway.from_link(peer, topic, message, time.monotonic_ns())
         except UserError as error:
-            self._fail(error)
+            self.fail(error)
 
     def _on_pose(self, raw: Any) -> None:
         try:
@@ -122,11 +112,7 @@ class Ros1Genie:
         except ValueError as error:
             log.warning("%s: dropped a pose: %s", self._plan.pose_topic, error)
         except UserError as error:
-            self._fail(error)
-
-    def _tick(self) -> None:
-        while not self.ended.wait(TICK_S):
-            self._gateway.on_timer(time.monotonic_ns())
+            self.fail(error)
 
     def _publish(self, topic: str, message: RosMessage) -> None:
         wire_type = message.codec.type
@@ -155,55 +141,6 @@ class Ros1Genie:
         while not publisher.get_num_connections() and time.monotonic() < deadline:
             time.sleep(0.01)
 
-    def _fail(self, error: UserError) -> None:
-        self.failure = error
-        self.ended.set()
-
-
-def main() -> int:
-    """Runs until told to stop or until ``attach`` is gone. Exit status 1: a UserError, on standard error."""
-    plan = Plan.from_json(sys.stdin.readline())
-    rospy.init_node("genie_" + plan.node.strip("/").replace("/", "_"), disable_signals=True)
-    _log_to_stderr()
-    try:
-        genie = Ros1Genie(plan)
-    except UserError as error:
-        return _say(error)
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: genie.ended.set())
-    genie.start()
-    threading.Thread(target=_until_orphaned, args=(genie.ended,), daemon=True).start()
-    while not genie.connected() and not genie.ended.wait(0.02):
-        pass
-    sys.stdout.write("ready\n")
-    sys.stdout.flush()
-    genie.ended.wait()
-    rospy.signal_shutdown("detached")
-    return _say(genie.failure) if genie.failure is not None else 0
-
-
-def _until_orphaned(ended: threading.Event) -> None:
-    """The pipe from ``attach`` ends when ``attach`` does, however it dies; then the node gets its topics back."""
-    sys.stdin.read()
-    if not ended.is_set():
-        from genie_sim.ros.attach import restore_orphan
-
-        restore_orphan()
-        ended.set()
-
-
-def _log_to_stderr() -> None:
-    """rospy has taken the root logger for its own files."""
-    ours = logging.getLogger("genie_sim")
-    ours.addHandler(logging.StreamHandler())
-    ours.setLevel(logging.INFO)
-    ours.propagate = False
-
-
-def _say(error: UserError) -> int:
-    sys.stderr.write(f"{error}\n")
-    return 1
-
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run(Ros1Genie)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import os
 import socket
 import xmlrpc.client
 from collections.abc import Iterable, Sequence
@@ -23,9 +24,15 @@ PATIENCE_S = 3.0
 class Graph:
     """The graph of one master. Raises UserError where there is no master or no such node."""
 
-    def __init__(self, master_uri: str) -> None:
+    module = "genie_sim.ros.ros1"
+    image_type = "sensor_msgs/Image"
+
+    def __init__(self, master_uri: str | None) -> None:
         import rosgraph
 
+        master_uri = (master_uri or os.environ.get("ROS_MASTER_URI") or "http://localhost:11311").rstrip("/")
+        self.environment = {"ROS_MASTER_URI": master_uri}
+        self.network = master_uri.partition("://")[2]
         self._master = rosgraph.Master(CALLER, master_uri=master_uri)
         try:
             self._publishers, self._subscribers, _ = self._master.getSystemState()
@@ -71,6 +78,27 @@ class Graph:
                 found[topic] = wire_type
         return found
 
+    def has_header(self, wire_type: WireType) -> bool:
+        return begins_with_header(wire_type.definition)
+
+    def remapped(self, node: str, argv: Sequence[str], topics: Sequence[str]) -> tuple[str, ...]:
+        """The command line under which ``topics`` get the local suffix and the node keeps its name.
+
+        ROS applies one remapping to a name, never two in a row, so an argument that leads to one of the topics already
+        is changed in place.
+        """
+        import rosgraph.names
+
+        made = []
+        for argument in argv:
+            source, found, target = argument.partition(":=")
+            resolved = rosgraph.names.resolve_name(target, node) if found and not source.startswith("_") else None
+            made.append(f"{source}:={resolved}{LOCAL}" if resolved in topics else argument)
+        made += [f"{topic}:={topic}{LOCAL}" for topic in topics]
+        if not any(argument.startswith("__name:=") for argument in argv):
+            made.append(f"__name:={node.rpartition('/')[2]}")
+        return tuple(made)
+
     def _asked(self, node: str, topic: str) -> WireType | None:
         """The type that a publisher states when a subscriber connects."""
         import rosgraph.network
@@ -87,52 +115,6 @@ class Graph:
         if "message_definition" not in header:
             return None
         return WireType(header["type"], header["md5sum"], header["message_definition"])
-
-
-def choose(
-    node: str, subscribed: Sequence[str], types: dict[str, WireType], wanted: Sequence[str], leave: Sequence[str]
-) -> list[str]:
-    """The topics whose messages are requests: those ``wanted``, else every one but those to ``leave``.
-
-    A node that joins several inputs by stamp needs all of them or none, so that only one may go through the Genie; its
-    other topics stay as they are. Where it is not clear which, a UserError asks.
-    """
-    for topic in (*wanted, *leave):
-        if topic not in subscribed:
-            raise UserError(f"{node}: {unknown('topic', topic, subscribed)}")
-    chosen = list(wanted) or [topic for topic in with_header(subscribed, types) if topic not in leave]
-    if len(chosen) > 1 and not wanted:
-        images = [topic for topic in chosen if topic in types and types[topic].name == "sensor_msgs/Image"]
-        chosen = images if len(images) == 1 else chosen
-    if len(chosen) > 1 and not wanted:
-        raise UserError(f"{node}: which topic carries the requests? It subscribes to {', '.join(chosen)}")
-    if not chosen:
-        raise UserError(f"{node}: subscribes to no topic whose messages have a header")
-    return chosen
-
-
-def with_header(topics: Iterable[str], types: dict[str, WireType]) -> list[str]:
-    """The topics whose messages have a header, as far as is known; the others are left alone."""
-    return [topic for topic in topics if topic not in types or begins_with_header(types[topic].definition)]
-
-
-def remapped(node: str, argv: Sequence[str], topics: Sequence[str]) -> tuple[str, ...]:
-    """The command line under which ``topics`` get the local suffix and the node keeps its name.
-
-    ROS applies one remapping to a name, never two in a row, so an argument that leads to one of the topics already
-    is changed in place.
-    """
-    import rosgraph.names
-
-    made = []
-    for argument in argv:
-        source, found, target = argument.partition(":=")
-        resolved = rosgraph.names.resolve_name(target, node) if found and not source.startswith("_") else None
-        made.append(f"{source}:={resolved}{LOCAL}" if resolved in topics else argument)
-    made += [f"{topic}:={topic}{LOCAL}" for topic in topics]
-    if not any(argument.startswith("__name:=") for argument in argv):
-        made.append(f"__name:={node.rpartition('/')[2]}")
-    return tuple(made)
 
 
 def _of(node: str, topics: Iterable[tuple[str, Sequence[str]]]) -> list[str]:

@@ -1,6 +1,7 @@
 """Publishes images of given places at a steady pace and prints every answer: one JSON object a line.
 
-Arguments: the places in order, as in ``1,2,3,1`` (``-`` to listen only); seconds between images; seconds to go on
+Arguments: the places in order, as in ``1,2,3,1`` (``-`` to listen only; ``1@5`` says that the camera's pose is 5 m east,
+5 m north, looking east); seconds between images; seconds to go on
 listening; optionally a topic of images on which the answers come instead of objects. Image ``i`` has stamp ``i + 1`` s,
 7 ns.
 """
@@ -11,6 +12,7 @@ import time
 
 import rospy
 from detector import Array
+from geometry_msgs.msg import PoseStamped
 from sensor_msgs.msg import Image
 
 
@@ -40,12 +42,19 @@ def main(places, pause_s, listen_s, topic=None):
     answers = (topic, Image) if topic else ("/detection/image_detector/objects", Array)
     rospy.Subscriber(*answers, on_answer, buff_size=2**24, tcp_nodelay=True)
     images = rospy.Publisher("/image_raw", Image, queue_size=10, tcp_nodelay=True) if places else None
+    poses = rospy.Publisher("/current_pose", PoseStamped, queue_size=10, tcp_nodelay=True)
     print("up", flush=True)
     sys.stdin.readline()
     while places and not images.get_num_connections():
         time.sleep(0.01)
     for index, place in enumerate(places):
-        image = image_of(index, place)
+        place, at, east = place.partition("@")
+        image = image_of(index, int(place))
+        if at:
+            pose = PoseStamped(header=image.header)
+            pose.pose.position.x, pose.pose.position.y, pose.pose.orientation.w = float(east), 5.0, 1.0
+            poses.publish(pose)
+            time.sleep(0.1)
         sent[image.header.stamp.to_nsec()] = time.monotonic()
         images.publish(image)
         time.sleep(pause_s)
@@ -54,5 +63,5 @@ def main(places, pause_s, listen_s, topic=None):
 
 sent = {}
 if __name__ == "__main__":
-    shown = [] if sys.argv[1] == "-" else [int(place) for place in sys.argv[1].split(",")]
+    shown = [] if sys.argv[1] == "-" else sys.argv[1].split(",")
     main(shown, float(sys.argv[2]), float(sys.argv[3]), *sys.argv[4:])

@@ -179,13 +179,9 @@ class Master:
         """Ends every process of this network, also the nodes that a watchdog has started again."""
         roscore, *others = self._processes
         for process in reversed(others):
-            _end(process)
-        for environment in Path("/proc").glob("[0-9]*/environ"):
-            with contextlib.suppress(OSError):
-                mine = f"ROS_HOME={self.env['ROS_HOME']}\0".encode() in environment.read_bytes()
-                if mine and int(environment.parent.name) != roscore.pid:
-                    os.kill(int(environment.parent.name), signal.SIGKILL)
-        _end(roscore)
+            end(process)
+        end_all(self.env["ROS_HOME"], but=roscore.pid)
+        end(roscore)
 
     def _state(self) -> Any:
         return self._proxy.getSystemState("/test")[2]
@@ -197,12 +193,20 @@ class Master:
             return False
 
 
-def _end(process: subprocess.Popen[str]) -> None:
+def end(process: subprocess.Popen[str]) -> None:
     process.terminate()
     try:
         process.communicate(timeout=20)
     except subprocess.TimeoutExpired:
         process.kill()
+
+
+def end_all(ros_home: str, but: int | None = None) -> None:
+    """Kills every process whose ``ROS_HOME`` is the test's own: also nodes that a watchdog has started again."""
+    for environment in Path("/proc").glob("[0-9]*/environ"):
+        with contextlib.suppress(OSError):
+            if f"ROS_HOME={ros_home}\0".encode() in environment.read_bytes() and int(environment.parent.name) != but:
+                os.kill(int(environment.parent.name), signal.SIGKILL)
 
 
 @pytest.fixture

@@ -60,6 +60,22 @@ def test_the_same_image_while_the_first_is_under_way_waits_for_its_answer(master
     assert [answer["stamp_ns"] for answer in answers] == [1_000_000_007, 2_000_000_007]
 
 
+def test_where_a_pose_is_known_the_object_map_answers_at_once(master: Master):
+    """Seen once, the car at (10, 5) m is known: a camera two metres on is told so before its own detector is done."""
+    master.start_node(DETECTOR, "detector.py", "_seconds:=0.4")
+    settings = {"similarity": {"name": "pose_grid", "cell": "1 m"}}
+    master.attach(settings=settings, pose_topic="/current_pose", horizontal_fov_rad=1.4)
+    answers = master.play("1@2.2,1@4.2,1@2.7", pause_s=0.8)
+    assert master.outcomes() == ["miss", "miss", "hit"]
+    told = [(answer["stamp_ns"] // 10**9, [one[0] for one in answer["objects"]]) for answer in answers]
+    assert told == [(1, []), (1, ["car"]), (2, ["car"]), (2, ["car"]), (3, ["car"])]
+    first_of_map = answers[2]
+    assert first_of_map["after_s"] < 0.1 and first_of_map["objects"] == [["car", 0, 0.75, []]]
+    seen_twice = round(0.75 + 0.1 * 0.75 * (1 - 0.75), 3)  # noisy or
+    assert [answers[index]["objects"][0][2] for index in (1, 3, 4)] == [0.75, seen_twice, seen_twice]
+    assert answers[4]["objects"][0][3] == ["place", "1"], "no field of the node's own answer is lost"
+
+
 def test_a_killed_genie_leaves_the_robot_with_its_node(master: Master):
     detector = master.start_node(DETECTOR, "detector.py")
     original = command_line(detector.pid)

@@ -1,0 +1,98 @@
+"""What ROS 2 knows of a node. Its graph knows no processes: the user names the node's process."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any
+
+from genie_sim.errors import UserError, unknown
+from genie_sim.ros.gateway import LOCAL
+from genie_sim.ros.message import WireType
+from genie_sim.ros.process import NodeProcess
+from genie_sim.ros.ros2_codec import has_header
+
+NEVER = ("/rosout", "/parameter_events", "/clock", "/tf", "/tf_static", "/diagnostics")
+DISCOVERY_S = 5.0
+MIDDLEWARE = ("ROS_", "RMW_", "FASTRTPS_", "FASTDDS_", "CYCLONEDDS_")  # what must be the same in every process
+
+
+class Graph:
+    """The graph of the domain that a process takes part in."""
+
+    module = "genie_sim.ros.ros2"
+    image_type = "sensor_msgs/msg/Image"
+
+    def __init__(self, pid: int) -> None:
+        self._process = NodeProcess.of(pid)
+        self.environment = {name: text for name, text in self._process.env.items() if name.startswith(MIDDLEWARE)}
+        os.environ.update(self.environment)
+        self.network = f"domain-{self.environment.get('ROS_DOMAIN_ID', '0')}"
+
+    def process_of(self, node: str) -> NodeProcess:
+        return self._process
+
+    def topics_of(self, node: str) -> tuple[list[str], list[str]]:
+        """T_S and T_P. Raises UserError where no such node is discovered within a few seconds."""
+        namespace, _, name = node.rpartition("/")
+        whole = (name, namespace or "/")
+        with _looking() as here:
+            _until(lambda: whole in here.get_node_names_and_namespaces())
+            if whole not in here.get_node_names_and_namespaces():
+                found = sorted(f"{space.rstrip('/')}/{name}" for name, space in here.get_node_names_and_namespaces())
+                raise UserError(unknown("node", node, found))
+            _until(lambda: _plain(here.get_publisher_names_and_types_by_node(*whole)))
+            subscribed = _plain(here.get_subscriber_names_and_types_by_node(*whole))
+            published = _plain(here.get_publisher_names_and_types_by_node(*whole))
+        self._types = {**subscribed, **published}
+        return sorted(subscribed), sorted(published)
+
+    def types(self, topics: Iterable[str]) -> dict[str, WireType]:
+        return {topic: WireType(self._types[topic]) for topic in topics}
+
+    def has_header(self, wire_type: WireType) -> bool:
+        return has_header(wire_type.name)
+
+    def remapped(self, node: str, argv: Sequence[str], topics: Sequence[str]) -> tuple[str, ...]:
+        """The command line under which ``topics`` get the local suffix and the node keeps its name.
+
+        The first rule that fits a name counts, and only it: one that leads to a topic already is changed in place.
+        """
+        made = list(argv)
+        for index, option in enumerate(argv[:-1]):
+            source, found, target = argv[index + 1].partition(":=")
+            full = target if target.startswith("/") else f"{node.rpartition('/')[0]}/{target}"
+            if option in ("-r", "--remap") and found and full in topics:
+                made[index + 1] = f"{source}:={full}{LOCAL}"
+        made += ["--ros-args"]
+        for rule in (*(f"{topic}:={topic}{LOCAL}" for topic in topics), f"__node:={node.rpartition('/')[2]}"):
+            made += ["-r", rule]
+        return tuple(made)
+
+
+@contextmanager
+def _looking() -> Iterator[Any]:
+    """A node that only looks around."""
+    import rclpy
+    from rclpy.context import Context
+
+    context = Context()
+    rclpy.init(context=context)
+    node = rclpy.create_node(f"genie_attach_{os.getpid()}", context=context)
+    try:
+        yield node
+    finally:
+        node.destroy_node()
+        rclpy.shutdown(context=context)
+
+
+def _until(found: Any) -> None:
+    deadline = time.monotonic() + DISCOVERY_S
+    while not found() and time.monotonic() < deadline:
+        time.sleep(0.1)
+
+
+def _plain(topics: Iterable[tuple[str, Sequence[str]]]) -> dict[str, str]:
+    return {topic: types[0] for topic, types in topics if topic not in NEVER}

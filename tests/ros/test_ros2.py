@@ -1,0 +1,164 @@
+"""A Genie in front of an unmodified ROS 2 node; virtual networks are domains."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import sysconfig
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.ros.conftest import ATTACH, DETACH, HERE, REPOSITORY, end, end_all, free_port, until
+
+DETECTOR = "/detector"
+NODES = """
+import json, time, rclpy
+rclpy.init()
+node = rclpy.create_node("observer")
+time.sleep(1.5)
+def topics(get):
+    return [topic for topic, _ in get("detector", "/") if topic not in ("/rosout", "/parameter_events")]
+try:
+    subscribes = topics(node.get_subscriber_names_and_types_by_node)
+    publishes = topics(node.get_publisher_names_and_types_by_node)
+    print(json.dumps({"subscribes": subscribes, "publishes": publishes}))
+except rclpy.node.NodeNameNonExistentError:
+    print("null")
+"""
+UNTOUCHED = {"subscribes": ["/image_raw"], "publishes": ["/objects"]}
+BEHIND_GENIE = {"subscribes": ["/image_raw_local"], "publishes": ["/objects_local"]}
+
+
+@pytest.fixture(scope="session")
+def ros2_python() -> Path:
+    cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    python = Path(os.environ.get("GENIE_SIM_ROS2_VENV") or cache / "genie-sim" / "ros2") / "bin" / "python"
+    if not python.exists():
+        pytest.skip(f"needs ROS 2's wheels: no {python} (.ci/install-ros)")
+    version = "import sys, rclpy; print(sys.version_info[:2])"
+    tried = subprocess.run([python, "-c", version], capture_output=True, text=True)
+    if tried.stdout.strip() != str(sys.version_info[:2]):
+        pytest.skip(f"ROS 2 in {python} is for Python {tried.stdout.strip() or tried.stderr.strip()}")
+    return python
+
+
+class Domain:
+    """One ROS 2 domain and the processes started in it."""
+
+    def __init__(self, python: Path, folder: Path, number: int) -> None:
+        self.folder = folder
+        folder.mkdir()
+        self._python = python
+        self._processes: list[subprocess.Popen[str]] = []
+        self.env = {
+            **os.environ, "ROS_DOMAIN_ID": str(number), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+            "ROS_HOME": str(folder / "ros_home"), "PYTHONPATH": f"{REPOSITORY}:{sysconfig.get_path('purelib')}",
+        }
+
+    def start(self, *command: object, **env: str) -> subprocess.Popen[str]:
+        with (self.folder / "errors").open("a") as errors:
+            process = subprocess.Popen(
+                [self._python, *map(str, command)], env={**self.env, **env}, stdin=subprocess.DEVNULL,
+                stdout=subprocess.PIPE, stderr=errors, text=True,
+            )
+        self._processes.append(process)
+        return process
+
+    def start_detector(self, seconds: float = 0.05) -> subprocess.Popen[str]:
+        process = self.start(HERE / "detector2.py", DETECTOR_SECONDS=str(seconds))
+        until(lambda: self.topics() == UNTOUCHED, "the detector has started")
+        return process
+
+    def attach(self, pid: int, **arguments: object) -> subprocess.Popen[str]:
+        given = {"node": DETECTOR, "pid": pid, "record": str(self.folder / "record.jsonl"), **arguments}
+        process = self.start("-c", ATTACH, json.dumps(given))
+        assert process.stdout is not None
+        assert "Genie attached" in process.stdout.readline(), (self.folder / "errors").read_text()
+        return process
+
+    def detach(self) -> None:
+        subprocess.run([self._python, "-c", DETACH, DETECTOR], env=self.env, check=True, timeout=60)
+
+    def play(self, places: str, pause_s: float = 0.15, listen_s: float = 0.5) -> list[dict[str, Any]]:
+        output, _ = self.start(HERE / "camera2.py", places, pause_s, listen_s).communicate(timeout=60)
+        return [json.loads(line) for line in output.splitlines()]
+
+    def topics(self) -> dict[str, list[str]] | None:
+        return json.loads(self.start("-c", NODES).communicate(timeout=60)[0])
+
+    def lookups(self) -> list[tuple[str, str]]:
+        records = map(json.loads, (self.folder / "record.jsonl").read_text().splitlines())
+        return [(one["header"]["origin"], one["outcome"]) for one in records if one["record"] == "ImageLookup"]
+
+    def log_of_genie(self) -> str:
+        return "".join(log.read_text() for log in (self.folder / "ros_home" / "genie-sim").glob("*.log"))
+
+    def close(self) -> None:
+        for process in reversed(self._processes):
+            end(process)
+        end_all(self.env["ROS_HOME"])
+
+
+@pytest.fixture
+def new_domain(ros2_python: Path, tmp_path: Path) -> Iterator[Callable[[str, int], Domain]]:
+    domains: list[Domain] = []
+
+    def make(name: str, number: int) -> Domain:
+        domains.append(Domain(ros2_python, tmp_path / name, number))
+        return domains[-1]
+
+    yield make
+    for domain in domains:
+        domain.close()
+
+
+def test_the_second_time_at_a_place_is_a_hit(new_domain: Callable[[str, int], Domain]):
+    car = new_domain("car1", 71)
+    detector = car.start_detector()
+    attached = car.attach(detector.pid)
+    assert car.topics() == BEHIND_GENIE
+
+    answers = car.play("1,2,3,1,2,3")
+
+    assert [outcome for _, outcome in car.lookups()] == ["miss"] * 3 + ["hit"] * 3
+    assert [answer["stamp_ns"] for answer in answers] == [second * 10**9 + 7 for second in range(1, 7)]
+    assert {answer["frame_id"] for answer in answers} == {"camera_02"}
+    assert [answer["objects"] for answer in answers] == [
+        [["car", place, 0.75, f"place {place}"]] for place in (1, 2, 3, 1, 2, 3)
+    ]
+    car.detach()
+    assert attached.wait(10) == 0
+    until(lambda: car.topics() == UNTOUCHED, "the node has its own topics again")
+
+
+def test_a_killed_genie_leaves_the_robot_with_its_node(new_domain: Callable[[str, int], Domain]):
+    car = new_domain("car1", 72)
+    attached = car.attach(car.start_detector().pid)
+    children = Path(f"/proc/{attached.pid}/task/{attached.pid}/children").read_text().split()
+    genie = next(int(pid) for pid in children if b"genie_sim.ros.ros2" in Path(f"/proc/{pid}/cmdline").read_bytes())
+    os.kill(genie, signal.SIGKILL)
+    assert attached.wait(20) == 1
+    until(lambda: car.topics() == UNTOUCHED, "the watchdog has restored the node")
+
+
+def test_two_domains_are_two_virtual_networks(new_domain: Callable[[str, int], Domain], tmp_path: Path):
+    """The car's detector takes 600 ms, the edge's 50; nothing but the link joins their domains."""
+    key_file = tmp_path / "link.key"
+    key_file.write_bytes(b"a key that is long enough")
+    key_file.chmod(0o600)
+    car, edge = new_domain("car1", 73), new_domain("edge1", 74)
+    address = f"127.0.0.1:{free_port()}"
+    edge.attach(edge.start_detector().pid, role="edge", name="edge1", listen=address, key_file=str(key_file))
+    car.attach(car.start_detector(seconds=0.6).pid, name="car1", connect=[address], key_file=str(key_file))
+    until(lambda: "edge edge1 is connected" in car.log_of_genie(), "the link is up")
+    answers = car.play("1,2,1", pause_s=0.8, listen_s=0.8)
+    assert car.lookups() == [("car1", "miss"), ("car1", "miss"), ("car1", "hit")]
+    assert edge.lookups() == [("car1", "miss")] * 2
+    assert [answer["objects"][0][1] for answer in answers] == [1, 2, 1]
+    assert all(answer["after_s"] < 0.5 for answer in answers), "faster than its own detector"
