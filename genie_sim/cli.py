@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+from contextlib import closing
 from pathlib import Path
 from typing import Annotated
 
@@ -61,16 +62,39 @@ def run(
     set_: SetOption = None,
     seed: SeedOption = None,
     out: Annotated[Path, typer.Option(help="The folder that gets the result folder.")] = Path("results"),
+    no_report: Annotated[bool, typer.Option("--no-report", help="Leave out report.html.")] = False,
 ) -> None:
     """Simulate local, remote and Genie execution on the same random numbers."""
     from genie_sim.experiment import runner
 
     with _Progress() as progress:
-        result = runner.run(scenario, set_ or (), seed, out, progress)
+        result = runner.run(scenario, set_ or (), seed, out, progress, with_report=not no_report)
     from genie_sim.experiment import summary
 
     typer.echo(summary.text(result.metrics, width=min(_width(), 100)))
     typer.echo(f"Results: {result.folder}\nFigures: {result.folder / 'figures'}")
+    if not no_report:
+        typer.echo(f"Report:  {result.folder / 'report.html'}")
+
+
+@app.command()
+def report(
+    folder: Annotated[Path, typer.Argument(help="A result folder of 'run'.")],
+    start: Annotated[str, typer.Option(help="Where the replay of a long run begins, such as '60 s'.")] = "0 s",
+    out: Annotated[Path | None, typer.Option(help="The page to write; default: report.html in the folder.")] = None,
+) -> None:
+    """Write one HTML page to look at a run in a browser; it needs no network."""
+    from genie_sim import units
+    from genie_sim.experiment import report as page
+    from genie_sim.experiment import results
+
+    try:
+        start_ns = units.duration_ns(start)
+    except ValueError as error:
+        raise UserError(f"--start: {error}") from error
+    path = out if out is not None else folder / page.NAME
+    page.write(path, results.load(folder), start_ns)
+    typer.echo(f"Report: {path}")
 
 
 @app.command()
@@ -125,6 +149,49 @@ def perceive(
     frames = sum(map(len, trace.frames.values()))
     found = sum(len(frame.detections) for camera in trace.frames.values() for frame in camera)
     typer.echo(f"{out}: {frames} frames, {found} detections, content {trace.digest[:12]}")
+
+
+@app.command()
+def sweep(
+    sweep: Annotated[str, typer.Argument(help="A sweep file, or the name of one that comes with genie-sim.")],
+    out: Annotated[Path, typer.Option(help="The folder that gets the sweep's folder.")] = Path("results"),
+    jobs: Annotated[int | None, typer.Option(min=1, help="Processes on this machine; default: one a core.")] = None,
+    backend: Annotated[str, typer.Option(help="joblib (this machine) or dask (a cluster).")] = "joblib",
+    scheduler: Annotated[str | None, typer.Option(help="Address of the Dask scheduler, tcp://host:8786.")] = None,
+    shard: Annotated[str, typer.Option(metavar="I/N", help="Only this part of the runs, for job arrays.")] = "1/1",
+) -> None:
+    """Simulate a scenario along axes, with several seeds; what has been done is not done again."""
+    part = _shard(shard)
+    if backend not in ("joblib", "dask"):
+        raise typer.BadParameter(unknown("backend", backend, ("joblib", "dask")))
+    if (backend == "dask") != (scheduler is not None):
+        raise typer.BadParameter("--backend dask and --scheduler ADDRESS belong together")
+    from genie_sim.experiment import parallel
+    from genie_sim.experiment.sweep.backends import Dask, Local
+    from genie_sim.experiment.sweep.sweep import Sweep
+
+    with _Progress(unit="runs") as progress:
+        work = Sweep.load(sweep, out, progress)
+        with closing(Local(jobs or parallel.workers_here()) if scheduler is None else Dask(scheduler)) as workers:
+            try:
+                work.run(workers, part, progress)
+            except KeyboardInterrupt:
+                print(f"genie-sim: interrupted; finished runs are kept in {work.folder}", file=sys.stderr)
+                raise SystemExit(130) from None
+        done = work.finish()
+    if done.complete:
+        typer.echo(f"{done.points:,} points, {done.runs:,} runs\nTable: {done.folder / 'table.csv'} (and .parquet)")
+        typer.echo(f"Figures: {done.folder / 'figures'}")
+    else:
+        typer.echo(f"{done.done:,} of {done.runs:,} runs are in {done.folder}; the last shard makes the table")
+
+
+def _shard(text: str) -> tuple[int, int]:
+    """``2/8`` to (2, 8)."""
+    number, slash, of = text.partition("/")
+    if not (slash and number.isdecimal() and of.isdecimal() and 1 <= int(number) <= int(of)):
+        raise typer.BadParameter(f"--shard {text}: must be I/N with I from 1 to N, such as 2/8")
+    return int(number), int(of)
 
 
 @app.command("list")

@@ -16,6 +16,7 @@ from genie_sim.errors import UserError, unknown
 from genie_sim.experiment import files, provenance
 from genie_sim.experiment.profiles import DeviceProfile, load_profile
 from genie_sim.experiment.records import FrameTable, LookupTable, ObjectTable, PoseTable, ResourceTable
+from genie_sim.experiment.results import Run
 from genie_sim.experiment.scenario import Live, Route, Scenario, load_scenario, read_scenario
 from genie_sim.experiment.tables import Table
 from genie_sim.perception.trace import Trace, read_trace
@@ -67,16 +68,27 @@ def run(
     seed: int | None = None,
     out: Path = Path("results"),
     progress: Progress | None = None,
+    with_report: bool = True,
 ) -> Result:
     """Simulates a scenario and writes ``out/<scenario>-<run id>``. Raises ``UserError`` before it simulates."""
-    scenario = load_scenario(path_or_name, overrides, seed)
+    return run_to_folder(load_scenario(path_or_name, overrides, seed), out, progress, with_report)
+
+
+def run_to_folder(scenario: Scenario, out: Path, progress: Progress | None = None, with_report: bool = True) -> Result:
+    """The same for a scenario at hand."""
     provenance.check_writable(out)
     prepared = prepare(scenario, progress)
     run_id = provenance.run_id(facts(prepared))
     folder = out / f"{scenario.name}-{run_id}"
     with provenance.result_folder(folder) as partial:
-        metrics = _fill(partial, prepared, run_id, progress)
+        metrics = _fill(partial, prepared, run_id, progress, with_report)
     return Result(folder, run_id, metrics)
+
+
+def run_in_memory(scenario: Scenario, progress: Progress | None = None) -> Run:
+    """Simulates a scenario and writes nothing. Raises ``UserError`` before it simulates."""
+    prepared = prepare(scenario, progress)
+    return _finished(prepared, provenance.run_id(facts(prepared)), simulate(prepared, progress))
 
 
 def rerun(folder: Path, progress: Progress | None = None) -> dict[str, bool]:
@@ -91,7 +103,8 @@ def rerun(folder: Path, progress: Progress | None = None) -> dict[str, bool]:
         if again[key] != made["facts"][key]:
             raise UserError(f"{folder}: {key}: {made['facts'][key]} when it was made, {again[key]} now")
     with tempfile.TemporaryDirectory() as temporary:
-        _fill(Path(temporary), prepared, made["run_id"], progress)
+        with_report = (folder / "report.html").is_file()
+        _fill(Path(temporary), prepared, made["run_id"], progress, with_report)
         names = sorted(str(path.relative_to(temporary)) for path in Path(temporary).rglob("*") if path.is_file())
         return {
             name: (folder / name).is_file() and (folder / name).read_bytes() == (Path(temporary) / name).read_bytes()
@@ -111,30 +124,44 @@ def facts(prepared: Prepared) -> dict[str, Any]:
     }
 
 
-def _fill(folder: Path, prepared: Prepared, run_id: str, progress: Progress | None) -> Sequence[Metric]:
+def _finished(prepared: Prepared, run_id: str, tables: Tables) -> Run:
+    """The run that wrote these tables."""
+    from genie_sim.experiment import metrics
+
+    frames, lookups, resources, poses, objects = (table.to_frame() for table in tables)
+    measured = metrics.compute(frames, lookups, resources)
+    yaml = prepared.scenario.to_yaml()
+    return Run(run_id, facts(prepared), yaml, frames, lookups, resources, poses, objects, measured)
+
+
+def _fill(
+    folder: Path, prepared: Prepared, run_id: str, progress: Progress | None, with_report: bool
+) -> Sequence[Metric]:
     """Simulates and writes the files of a result folder."""
-    from genie_sim.experiment import figures, metrics, summary
+    from genie_sim.experiment import figures, report, summary
 
     began_s = time.perf_counter()
     tables = simulate(prepared, progress)
     for table in tables:
         table.write(folder / f"{table.name}.parquet")
-    frames, lookups, resources = (t.to_frame() for t in (tables.frames, tables.lookups, tables.resources))
-    computed = metrics.compute(frames, lookups, resources)
-    provenance.write_json(folder / "metrics.json", [asdict(metric) for metric in computed])
-    described = summary.markdown(computed, prepared.scenario.name, run_id, prepared.scenario.seed)
+    made = _finished(prepared, run_id, tables)
+    provenance.write_json(folder / "metrics.json", [asdict(metric) for metric in made.measured])
+    described = summary.markdown(made.measured, prepared.scenario.name, run_id, prepared.scenario.seed)
     (folder / "summary.md").write_text(described, encoding="utf-8")
     footer = f"{prepared.scenario.name}, run {run_id}, seed {prepared.scenario.seed}"
     (folder / "figures").mkdir()
-    for name, figure in figures.of_run(prepared.scenario.name, frames, lookups, resources, footer).items():
+    of_run = figures.of_run(prepared.scenario.name, made.frames, made.lookups, made.resources, footer)
+    for name, figure in of_run.items():
         figures.save(figure, folder / "figures", name)
-    (folder / "scenario.resolved.yaml").write_text(prepared.scenario.to_yaml())
+    if with_report:
+        report.write(folder / report.NAME, made)
+    (folder / "scenario.resolved.yaml").write_text(made.yaml, encoding="utf-8")
     provenance.write_json(
         folder / "run.json",
         {
             "format": provenance.RESULT_FORMAT,
             "run_id": run_id,
-            "facts": facts(prepared),
+            "facts": made.facts,
             "digests": provenance.digests(folder),
             "rows": {table.name: len(table) for table in tables},
             "traces": {trace.name: dict(trace.provenance) for trace in prepared.traces.values()},
@@ -142,7 +169,7 @@ def _fill(folder: Path, prepared: Prepared, run_id: str, progress: Progress | No
             **provenance.environment(),
         },
     )
-    return computed
+    return made.measured
 
 
 def prepare(scenario: Scenario, progress: Progress | None = None) -> Prepared:
