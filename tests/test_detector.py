@@ -7,16 +7,9 @@ import pytest
 from kitti_folder import DATE, make_network
 
 from genie_sim.errors import UserError
-from genie_sim.perception.detector import (
-    COCO_LABELS,
-    DETECTORS,
-    ROAD_LABELS,
-    YoloxNano,
-    best_boxes,
-    find_weights,
-    letterbox,
-    make_detector,
-)
+from genie_sim.perception.detector import DETECTORS, find_weights, make_detector
+from genie_sim.perception.networks import YoloxNano
+from genie_sim.perception.onnx_detector import COCO_LABELS, ROAD_LABELS, best_boxes, letterbox
 
 
 @pytest.fixture(scope="module")
@@ -76,7 +69,7 @@ def test_decoding_follows_the_network_s_contract(network):
     output = np.zeros((80 * 24 + 40 * 12 + 20 * 6, 85), np.float32)
     second_row_of_stride_16 = 80 * 24 + 40 + 3
     output[second_row_of_stride_16, [0, 1, 2, 3, 4, 5 + 2]] = 0.25, 0.5, np.log(2.0), np.log(3.0), 0.9, 0.5
-    boxes, scores = detector.decode(output)
+    boxes, scores = detector.decode([output])
     x, y = (0.25 + 3) * 16, (0.5 + 1) * 16
     assert boxes[second_row_of_stride_16] == pytest.approx((x - 16, y - 24, x + 16, y + 24), abs=1e-4)
     assert scores[second_row_of_stride_16, 2] == pytest.approx(0.45)
@@ -100,6 +93,12 @@ def test_a_cyclist_does_not_suppress_the_bicycle():
     boxes = np.array([[0, 0, 100, 100], [0, 0, 100, 100]], float)
     found = best_boxes(boxes, scores_of(("person", 0.8), ("bicycle", 0.6)), min_score=0.3)
     assert [f.label for f in found] == ["person", "bicycle"]
+
+
+def test_a_van_found_as_a_car_and_as_a_truck_is_one_object():
+    boxes = np.array([[0, 0, 100, 100], [2, 0, 102, 100]], float)
+    found = best_boxes(boxes, scores_of(("car", 0.6), ("truck", 0.5)), min_score=0.3)
+    assert [f.label for f in found] == ["car"]
 
 
 def test_weak_objects_and_what_is_not_of_the_road_are_dropped():
@@ -172,5 +171,5 @@ def test_yolox_finds_the_van_the_cyclist_and_the_pedestrian():
     for label, (x, y) in {"car": (370, 225), "person": (830, 230), "bicycle": (830, 330)}.items():
         assert any(f.label == label and f.box[0] < x < f.box[2] and f.box[1] < y < f.box[3] for f in found), label
     assert sum(f.label == "person" for f in found) == 2
-    with pytest.raises(UserError, match="inputs and 6 outputs"):
+    with pytest.raises(UserError, match="inputs and 6 outputs, expected 1 and 1"):
         YoloxNano(find_weights("nanodet_m_416.onnx"))

@@ -5,9 +5,11 @@ from __future__ import annotations
 import hashlib
 import importlib.metadata
 import os
-from collections.abc import Callable, Collection, Sequence
+from collections import deque
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
@@ -15,14 +17,37 @@ import numpy as np
 from genie_sim.core.geometry import Geodetic, transform
 from genie_sim.errors import UserError
 from genie_sim.perception import placement
-from genie_sim.perception.detector import MIN_SCORE, NMS_IOU, Detector, make_detector
+from genie_sim.perception.detector import make_detector
 from genie_sim.perception.kitti import ATTRIBUTION, CameraFrame, Drive, open_drive, read_image
+from genie_sim.perception.onnx_detector import CPU, MIN_SCORE, NMS_IOU, OnnxDetector
 from genie_sim.perception.placement import Placement
 from genie_sim.perception.trace import Trace, TraceFrame, detection, trace_frame
+from genie_sim.perception.tracking import tracking_trace
 
 PACKAGES = ("numpy", "onnxruntime", "opencv-python-headless", "pykitti", "pymap3d")
+READ_AHEAD = 4  # frames read while the network runs, and frames placed after it
+TRACKING = "tracking/"  # a drive of this name is a sequence of the tracking benchmark
 
 Progress = Callable[[int, int], None]
+
+
+class _Picture(NamedTuple):
+    """A frame that has been read: what the network gets, how much it was scaled, and what the rest needs."""
+
+    frame: CameraFrame
+    size: tuple[int, int]
+    fingerprints: tuple[str, int]
+    placement: Placement
+    blob: np.ndarray
+    scale: float
+
+
+def kitti_folder(root: str | Path | None) -> Path:
+    """KITTI's folder: ``root``, else what GENIE_SIM_KITTI says. UserError where neither is given."""
+    place = root or os.environ.get("GENIE_SIM_KITTI")
+    if not place:
+        raise UserError("kitti: where are the drives? Name KITTI's folder, or set GENIE_SIM_KITTI to it")
+    return Path(place)
 
 
 def perceive(
@@ -37,37 +62,72 @@ def perceive(
     progress: Progress | None = None,
     frames: Collection[int] | None = None,
     allow_missing_scans: bool = False,
+    providers: Sequence[str] = (CPU,),
+    place_from: float = 0.0,
 ) -> Trace:
     """The trace of a KITTI drive such as ``2011_09_26/0005``. The same input gives the same trace.
 
-    ``kitti_root`` and ``weights`` are by default what GENIE_SIM_KITTI and GENIE_SIM_WEIGHTS say; ``origin`` is the
-    geodetic origin, by default the drive's first GPS fix; ``size`` the network's (width, height); ``frames`` the frame
-    numbers wanted, by default all. ``progress`` is called with the frames done and all frames. Raises UserError.
+    A drive such as ``tracking/0005`` is a sequence of the tracking benchmark; its ``detector_name`` is that of
+    published detections, ``pointrcnn`` or ``rrc``. ``kitti_root`` and ``weights`` are by default what GENIE_SIM_KITTI
+    and GENIE_SIM_WEIGHTS say; ``origin`` is the geodetic origin, by default the drive's first GPS fix; ``size`` the
+    network's (width, height); ``frames`` the frame numbers wanted, by default all; detections below ``place_from`` are
+    kept without a location. ``progress`` is called with the frames done and all frames. Raises UserError.
     """
-    root = kitti_root or os.environ.get("GENIE_SIM_KITTI")
-    if not root:
-        raise UserError("kitti: where are the drives? Name KITTI's folder, or set GENIE_SIM_KITTI to it")
+    root = kitti_folder(kitti_root)
+    if drive.startswith(TRACKING):
+        return tracking_trace(root / "tracking", drive.removeprefix(TRACKING), detector_name, min_score, origin)
     opened = open_drive(root, drive, cameras, origin, allow_missing_scans)
-    detector = make_detector(detector_name, weights, size, min_score)
-    wanted = {
-        camera: [frame for frame in sequence if frames is None or frame.index in frames]
-        for camera, sequence in opened.frames.items()
-    }
-    total = sum(map(len, wanted.values()))
-    if not total:
+    detector = make_detector(detector_name, weights, size, min_score, providers)
+    wanted = [
+        frame
+        for camera in sorted(opened.frames)
+        for frame in opened.frames[camera]
+        if frames is None or frame.index in frames
+    ]
+    if not wanted:
         raise UserError(f"{root}: drive {drive} has none of the frames that were asked for")
-    perceived: dict[str, tuple[TraceFrame, ...]] = {}
-    done = 0
-    for camera in sorted(wanted):
-        rows = []
-        for frame in wanted[camera]:
-            rows.append(_trace_frame(opened, frame, detector))
-            done += 1
-            if progress is not None:
-                progress(done, total)
-        perceived[camera] = tuple(rows)
+    perceived: dict[str, list[TraceFrame]] = {}
+    for done, row in enumerate(trace_frames(opened, wanted, detector, place_from), start=1):
+        perceived.setdefault(row.camera, []).append(row)
+        if progress is not None:
+            progress(done, len(wanted))
     provenance = _provenance(opened, detector, min_score)
-    return Trace(f"kitti_{drive.split('/')[1]}", opened.origin, perceived, provenance)
+    by_camera = {camera: tuple(rows) for camera, rows in perceived.items()}
+    return Trace(f"kitti_{drive.split('/')[1]}", opened.origin, by_camera, provenance)
+
+
+def trace_frames(
+    drive: Drive, frames: Iterable[CameraFrame], detector: OnnxDetector, place_from: float = 0.0
+) -> Iterator[TraceFrame]:
+    """The frames as a trace keeps them, in order. The network has this thread for itself: one other thread reads the
+    frames that come, another places what was found in those that went."""
+    with ThreadPoolExecutor(1) as reading, ThreadPoolExecutor(1) as placing:
+
+        def read(frame: CameraFrame) -> _Picture:
+            return _read(drive, frame, detector)
+
+        def place(picture: _Picture, outputs: list[np.ndarray]) -> TraceFrame:
+            return _placed(drive, picture, outputs, detector, place_from)
+
+        placed: deque[Any] = deque()
+        for picture in _ahead(reading, read, frames):
+            placed.append(placing.submit(place, picture, detector.infer(picture.blob)))
+            if len(placed) > READ_AHEAD:
+                yield placed.popleft().result()
+        while placed:
+            yield placed.popleft().result()
+
+
+def _ahead(
+    thread: ThreadPoolExecutor, read: Callable[[CameraFrame], _Picture], frames: Iterable[CameraFrame]
+) -> Iterator[_Picture]:
+    pending: deque[Any] = deque()
+    for frame in frames:
+        pending.append(thread.submit(read, frame))
+        if len(pending) > READ_AHEAD:
+            yield pending.popleft().result()
+    while pending:
+        yield pending.popleft().result()
 
 
 def difference_hash(image_bgr: np.ndarray) -> int:
@@ -78,24 +138,32 @@ def difference_hash(image_bgr: np.ndarray) -> int:
     return int.from_bytes(bits.tobytes(), "big")
 
 
-def _trace_frame(drive: Drive, frame: CameraFrame, detector: Detector) -> TraceFrame:
+def _read(drive: Drive, frame: CameraFrame, detector: OnnxDetector) -> _Picture:
     image = read_image(frame.image_path)
-    height, width = image.shape[:2]
-    placement_here = Placement(
-        frame.intrinsics, (width, height), drive.camera_SE3_velo(frame.camera), drive.scan(frame.index)
-    )
+    size = (image.shape[1], image.shape[0])
+    fingerprints = (hashlib.sha256(frame.image_path.read_bytes()).hexdigest(), difference_hash(image))
+    scan = drive.scan(frame.index)
+    here = Placement(frame.intrinsics, size, drive.camera_SE3_velo(frame.camera), scan)
+    return _Picture(frame, size, fingerprints, here, *detector.prepare(image))
+
+
+def _placed(
+    drive: Drive, picture: _Picture, outputs: list[np.ndarray], detector: OnnxDetector, place_from: float
+) -> TraceFrame:
+    frame = picture.frame
     detections = []
-    for label, score, box in detector.detect(image):
-        point, method = placement_here.place(label, box)
+    for label, score, box in detector.found(outputs, picture.scale, picture.size):
+        point, method = picture.placement.place(label, box) if score >= place_from else (None, "none")
         place = None if point is None else transform(frame.world_SE3_camera, point)
         detections.append(detection(label, score, box, place, method))
-    fingerprints = (hashlib.sha256(frame.image_path.read_bytes()).hexdigest(), difference_hash(image))
     stamp_ns = frame.stamp_ns - drive.first_stamp_ns
-    size, pose = (width, height), frame.world_SE3_camera
-    return trace_frame(frame.camera, frame.index, stamp_ns, size, fingerprints, pose, frame.intrinsics, detections)
+    pose = frame.world_SE3_camera
+    return trace_frame(
+        frame.camera, frame.index, stamp_ns, picture.size, picture.fingerprints, pose, frame.intrinsics, detections
+    )
 
 
-def _provenance(drive: Drive, detector: Detector, min_score: float) -> dict[str, Any]:
+def _provenance(drive: Drive, detector: OnnxDetector, min_score: float) -> dict[str, Any]:
     return {
         "data": ATTRIBUTION,
         "drive": drive.name,
@@ -108,6 +176,7 @@ def _provenance(drive: Drive, detector: Detector, min_score: float) -> dict[str,
             "min_score": min_score,
             "nms_iou": NMS_IOU,
             "half_depth_m": placement.HALF_DEPTH_M,
+            "vehicle_sizes_m": {label: list(size) for label, size in placement.VEHICLE_SIZES.items()},
         },
         "versions": {name: importlib.metadata.version(name) for name in PACKAGES},
     }

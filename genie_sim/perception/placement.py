@@ -2,7 +2,8 @@
 
 Points on the ground are removed; the rest falls into groups, one behind the other: whatever stands in front, the
 object, the wall behind it. Of the groups that are dense enough, the one is taken that agrees best with where the box's
-bottom edge meets the ground. The laser sees only the near surface, so half the depth of such an object is added.
+bottom edge meets the ground. The laser sees only the near surface: a rectangle of a vehicle's usual size is laid along
+it; for everything else, and for vehicles hit by few points, half the depth of such an object is added.
 """
 
 from __future__ import annotations
@@ -11,9 +12,14 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from genie_sim.core.geometry import Array, project, ray, transform
 from genie_sim.messages import Box, Location
+from genie_sim.perception import shape
+from genie_sim.perception.shape import Size
+
+Indices = npt.NDArray[np.intp]
 
 # Distance [m] from the nearest surface to the object's centre, by label. On a street most vehicles are seen from an
 # end, so it is half their length: KITTI's tracking labels (15 sequences, mean over tracks) have cars of 3.90 m, vans
@@ -33,6 +39,9 @@ HALF_DEPTH_M = {
     "parking meter": 0.15,
     "bench": 0.3,
 }
+# The same means of length and width [m] for vehicles whose sides can be told.
+VEHICLE_SIZES = {"car": Size(3.90, 1.63), "truck": Size(4.90, 1.90), "bus": Size(4.90, 1.90)}
+MIN_SHAPE_POINTS = 20
 NOT_ON_THE_GROUND = frozenset({"traffic light", "stop sign"})
 
 LASER_HEIGHT_M = 1.73  # KITTI's set-up: https://www.cvlibs.net/datasets/kitti/setup.php
@@ -47,7 +56,7 @@ MIN_POINTS = 5
 SURFACE_PERCENTILE = 10  # nearest surface: not the very first point, which may be an antenna or noise
 
 MAX_GROUND_RANGE_M = 60.0  # where one pixel moves the ground point by 3 m: range^2 / (focal length * camera height)
-BORDER_PX = 4  # a box that ends closer than this to the picture's lower border is cut off
+BORDER_PX = 4  # a box that ends closer than this to the picture's border is cut off
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +86,10 @@ def fit_ground(points: Array, reach_m: float = 30.0) -> Plane:
         if len(band) < 50:
             break
         columns = np.column_stack([band[:, :2], np.ones(len(band))])
-        a, b, c = np.linalg.lstsq(columns, band[:, 2], rcond=None)[0].tolist()
+        try:
+            a, b, c = np.linalg.solve(columns.T @ columns, columns.T @ band[:, 2]).tolist()
+        except np.linalg.LinAlgError:  # all points in one line
+            break
         plane = Plane((a, b), c)
     return plane
 
@@ -89,13 +101,13 @@ class Placement:
         self, intrinsics: Array, image_size: tuple[int, int], camera_SE3_velo: Array, scan: Array | None
     ) -> None:
         self._intrinsics = intrinsics
-        self._image_height = image_size[1]
+        self._image_width, self._image_height = image_size
         self._velo_SE3_camera = np.linalg.inv(camera_SE3_velo)
         scan = np.empty((0, 3)) if scan is None else scan
         self._ground = fit_ground(scan)
-        points = transform(camera_SE3_velo, scan[self._ground.above_m(scan) > GROUND_CLEARANCE_M])
-        self._range_m = np.hypot(points[:, 0], points[:, 2])
-        self._pixels = project(intrinsics, points)
+        self._points = transform(camera_SE3_velo, scan[self._ground.above_m(scan) > GROUND_CLEARANCE_M])
+        self._range_m = np.hypot(self._points[:, 0], self._points[:, 2])
+        self._pixels = np.ascontiguousarray(project(intrinsics, self._points).T)
 
     def place(self, label: str, box: Box) -> tuple[Location | None, str]:
         """The object's centre in the camera's frame, and how it was found.
@@ -104,26 +116,37 @@ class Placement:
         the ground. ``none``: neither is possible, the centre is ``None``.
         """
         ground_m = None if label in NOT_ON_THE_GROUND else self._ground_range_m(box)
-        ranges_m = self._ranges_in(box)
-        if len(ranges_m) >= MIN_POINTS:
-            surface_m, method = nearest_surface_m(ranges_m, ground_m), "scan"
+        inside = self._inside(box)
+        ahead = ray(self._intrinsics, ((box[0] + box[2]) / 2, (box[1] + box[3]) / 2))
+        if len(inside) >= MIN_POINTS:
+            group = inside[near_group(self._range_m[inside], ground_m)]
+            if label in VEHICLE_SIZES and len(group) >= MIN_SHAPE_POINTS:
+                middle = shape.centre(self._points[group][:, [0, 2]], VEHICLE_SIZES[label], self._cut(box))
+                if middle is not None:
+                    x, z = middle
+                    return (x, float(ahead[1]) * math.hypot(x, z) / math.hypot(ahead[0], ahead[2]), z), "scan"
+            surface_m, method = surface(self._range_m[group]), "scan"
         elif ground_m is not None and ground_m <= MAX_GROUND_RANGE_M:
             surface_m, method = ground_m, "ground"
         else:
             return None, "none"
-        direction = ray(self._intrinsics, ((box[0] + box[2]) / 2, (box[1] + box[3]) / 2))
-        centre = direction * (surface_m + HALF_DEPTH_M[label]) / math.hypot(direction[0], direction[2])
+        centre = ahead * (surface_m + HALF_DEPTH_M[label]) / math.hypot(ahead[0], ahead[2])
         x, y, z = centre.tolist()
         return (x, y, z), method
 
-    def _ranges_in(self, box: Box) -> Array:
-        """Horizontal distances of the points in the inner part of a box."""
+    def _inside(self, box: Box) -> Indices:
+        """The points in the inner part of a box."""
         margin_x, margin_y = BOX_MARGIN * (box[2] - box[0]), BOX_MARGIN * (box[3] - box[1])
         low = (box[0] + margin_x, box[1] + margin_y)
         high = (box[2] - margin_x, box[3] - margin_y)
         # A point behind the camera has nan pixels, which are inside no box.
-        inside = ((self._pixels > low) & (self._pixels < high)).all(axis=1)
-        return self._range_m[inside]
+        across, down = self._pixels
+        return np.flatnonzero((across > low[0]) & (across < high[0]) & (down > low[1]) & (down < high[1]))
+
+    def _cut(self, box: Box) -> str | None:
+        """The one side of the picture at which the box ends because the picture does."""
+        left, right = box[0] < BORDER_PX, box[2] > self._image_width - BORDER_PX
+        return None if left == right else "left" if left else "right"
 
     def _ground_range_m(self, box: Box) -> float | None:
         """Distance at which the middle of the box's bottom edge meets the ground; ``None`` where that says nothing:
@@ -141,16 +164,20 @@ class Placement:
         return above / falling * math.hypot(direction[0], direction[2])
 
 
-def nearest_surface_m(ranges_m: Array, ground_m: float | None) -> float:
-    """Distance of the object's near surface, from the distances of all points in its box.
+def near_group(ranges_m: Array, ground_m: float | None) -> Indices:
+    """Which of the points in a box, given their distances, are the object's.
 
     Dense groups are compared with the distance of the object's foot on the ground; without it the nearest one counts.
     """
-    ordered = np.sort(ranges_m)
-    groups = np.split(ordered, np.flatnonzero(np.diff(ordered) > GROUP_GAP_M) + 1)
-    enough = max(MIN_POINTS, DENSE_SHARE * len(ordered))
+    order = np.argsort(ranges_m, kind="stable")
+    groups = np.split(order, np.flatnonzero(np.diff(ranges_m[order]) > GROUP_GAP_M) + 1)
+    enough = max(MIN_POINTS, DENSE_SHARE * len(order))
     dense = [group for group in groups if len(group) >= enough] or [max(groups, key=len)]
-    surfaces_m = [float(np.percentile(group, SURFACE_PERCENTILE)) for group in dense]
     if ground_m is None:
-        return surfaces_m[0]
-    return min(surfaces_m, key=lambda surface_m: abs(math.log(surface_m / ground_m)))
+        return dense[0]
+    return min(dense, key=lambda group: abs(math.log(surface(ranges_m[group]) / ground_m)))
+
+
+def surface(ranges_m: Array) -> float:
+    """Distance of the near surface of one group of points."""
+    return float(np.percentile(ranges_m, SURFACE_PERCENTILE))

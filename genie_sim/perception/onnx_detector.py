@@ -1,0 +1,258 @@
+"""What all detectors share: an ONNX Runtime session, the letter box a picture is put into, and the best of its boxes.
+
+One thread unless told otherwise: then sums are made in the same order, and the same picture gives the same scores.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, ClassVar, NamedTuple
+
+import cv2
+import numpy as np
+
+from genie_sim.errors import UserError, unknown
+from genie_sim.messages import Box
+from genie_sim.perception.trace import SCORE_DECIMALS
+
+# The 80 classes of COCO, in the order of every COCO-80 network's outputs.
+# fmt: off
+COCO_LABELS = (
+    "person", "bicycle", "car", "motorcycle", "airplane", "bus", "train", "truck", "boat", "traffic light",
+    "fire hydrant", "stop sign", "parking meter", "bench", "bird", "cat", "dog", "horse", "sheep", "cow",
+    "elephant", "bear", "zebra", "giraffe", "backpack", "umbrella", "handbag", "tie", "suitcase", "frisbee",
+    "skis", "snowboard", "sports ball", "kite", "baseball bat", "baseball glove", "skateboard", "surfboard",
+    "tennis racket", "bottle", "wine glass", "cup", "fork", "knife", "spoon", "bowl", "banana", "apple",
+    "sandwich", "orange", "broccoli", "carrot", "hot dog", "pizza", "donut", "cake", "chair", "couch",
+    "potted plant", "bed", "dining table", "toilet", "tv", "laptop", "mouse", "remote", "keyboard", "cell phone",
+    "microwave", "oven", "toaster", "sink", "refrigerator", "book", "clock", "vase", "scissors", "teddy bear",
+    "hair drier", "toothbrush",
+)
+
+# What a road has: its users and its furniture. The rest of COCO (a "tv" in a shop window) is dropped.
+ROAD_LABELS = frozenset((
+    "person", "bicycle", "car", "motorcycle", "bus", "train", "truck", "traffic light", "stop sign",
+    "fire hydrant", "parking meter", "bench",
+))
+# fmt: on
+
+# A van is often found twice, as a car and as a truck. It is one object, so these classes suppress each other, as in the
+# authors' own ONNX demo of YOLOX, where all classes do; a cyclist's person and bicycle stay two.
+SAME_OBJECT = {"truck": "car", "bus": "car"}
+
+CPU = "CPUExecutionProvider"
+
+# autowarefoundation/autoware, vision_darknet_detect: score_threshold and nms_threshold of its launch file.
+MIN_SCORE = 0.30
+NMS_IOU = 0.30
+
+
+GREY = 114  # what fills the rest of a letter box
+MOST_SIDE_PX = 8192
+
+
+class Found(NamedTuple):
+    """One object in a picture; ``box`` is (x1, y1, x2, y2) in its pixels."""
+
+    label: str
+    score: float
+    box: Box
+
+
+Scored = tuple[np.ndarray, np.ndarray]  # boxes (n, 4) in pixels of the network's picture, scores (n, classes)
+
+
+class OnnxDetector(ABC):
+    """A detector: a picture in, labelled boxes out, in three steps that can run on three threads.
+
+    A subclass says its ``name``, the ``file_name`` of its weights, its usual ``default_size`` (width, height; ``None``:
+    what the file says), the ``strides`` of its cells, how many ``outputs`` it has and of which shapes, how it wants a
+    picture (``prepare``) and what its outputs mean (``decode``).
+    """
+
+    name: ClassVar[str]
+    file_name: ClassVar[str]
+    default_size: ClassVar[tuple[int, int] | None]
+    strides: ClassVar[tuple[int, ...]]
+    outputs: ClassVar[int] = 1
+
+    def __init__(
+        self,
+        weights: Path,
+        size: tuple[int, int] | None = None,
+        min_score: float = MIN_SCORE,
+        providers: Sequence[str] = (CPU,),
+        threads: int = 1,
+    ) -> None:
+        """Loads ``weights``. Raises UserError where they are no such network, or a setting is impossible."""
+        if not 0 < min_score < 1:
+            raise UserError(f"detector {self.name}: min_score {min_score} is not between 0 and 1")
+        network = read_network(weights, self.outputs)
+        self.size = size or self.default_size or _own_size(weights, network)
+        if any(side <= 0 or side % max(self.strides) for side in self.size):
+            raise UserError(f"detector {self.name}: size {self.size} must be multiples of {max(self.strides)}")
+        self.min_score = min_score
+        self.sha256 = hashlib.sha256(weights.read_bytes()).hexdigest()
+        self.labels = self.labels_of(weights, {entry.key: entry.value for entry in network.metadata_props})
+        self.cells, self.cell_strides = _cells(self.size, self.strides)
+        self._session = open_session(weights, network, self.size, providers, threads)
+        self._input = self._session.get_inputs()[0].name
+        self._check(weights)
+
+    @classmethod
+    def labels_of(cls, weights: Path, metadata: dict[str, str]) -> tuple[str, ...]:
+        """The names of the network's classes, in the order of its outputs."""
+        return COCO_LABELS
+
+    @abstractmethod
+    def prepare(self, image_bgr: np.ndarray) -> tuple[np.ndarray, float]:
+        """The network's input (1, 3, height, width) from a picture (height, width, 3), and how much it was scaled."""
+
+    @abstractmethod
+    def output_shapes(self) -> list[tuple[int, ...]]:
+        """The shapes of the outputs of one picture."""
+
+    @abstractmethod
+    def decode(self, outputs: Sequence[np.ndarray]) -> Scored:
+        """Boxes and scores from the outputs of one picture."""
+
+    def infer(self, blob: np.ndarray) -> list[np.ndarray]:
+        """The outputs for one prepared picture: nothing but the network itself."""
+        return [output[0] for output in self._session.run(None, {self._input: blob})]
+
+    def found(self, outputs: Sequence[np.ndarray], scale: float, image_size: tuple[int, int]) -> list[Found]:
+        """Road users and furniture in a picture of (width, height), best score first."""
+        boxes, scores = self.decode(outputs)
+        limits = np.array([*image_size, *image_size], dtype=np.float64)
+        return best_boxes(np.clip(boxes / scale, 0.0, limits), scores, self.min_score, self.labels)
+
+    def detect(self, image_bgr: np.ndarray) -> list[Found]:
+        """All three steps at once."""
+        blob, scale = self.prepare(image_bgr)
+        return self.found(self.infer(blob), scale, (image_bgr.shape[1], image_bgr.shape[0]))
+
+    def _check(self, weights: Path) -> None:
+        """One run on a grey picture tells a network with other inputs or outputs."""
+        blob, _ = self.prepare(np.full((self.size[1], self.size[0], 3), GREY, np.uint8))
+        try:
+            shapes = [output.shape for output in self.infer(blob)]
+        except Exception as error:  # ONNX Runtime's exceptions have no common base of their own
+            raise UserError(f"{weights}: is no {self.name} network: {first_line(error)}") from error
+        expected = self.output_shapes()
+        if shapes != expected:
+            one, other = (", ".join(map(str, many)) for many in (shapes, expected))
+            raise UserError(f"{weights}: is no {self.name} network: its output is {one}, expected {other}")
+
+
+def read_network(weights: Path, outputs: int) -> Any:
+    """The ONNX network in a file, with one picture as its input. Raises UserError for any other file."""
+    import onnx
+    from google.protobuf.message import DecodeError
+
+    try:
+        network = onnx.load(str(weights), load_external_data=False)
+        onnx.checker.check_model(network)
+    except (DecodeError, onnx.checker.ValidationError, ValueError, OSError) as error:
+        raise UserError(f"{weights}: not an ONNX network: {first_line(error)}") from error
+    graph = network.graph
+    constants = {tensor.name for tensor in graph.initializer}
+    inputs = [value for value in graph.input if value.name not in constants]
+    if len(inputs) != 1 or len(graph.output) != outputs:
+        raise UserError(
+            f"{weights}: has {len(inputs)} inputs and {len(graph.output)} outputs, expected 1 and {outputs}"
+        )
+    if len(inputs[0].type.tensor_type.shape.dim) != 4:
+        count = len(inputs[0].type.tensor_type.shape.dim)
+        raise UserError(f"{weights}: its input has {count} dimensions, expected 4 (a picture)")
+    # Initializers listed as inputs cannot be folded, and recorded shapes are those of the exported size.
+    del graph.input[:], graph.value_info[:]
+    graph.input.extend(inputs)
+    return network
+
+
+def open_session(
+    weights: Path, network: Any, size: tuple[int, int], providers: Sequence[str] = (CPU,), threads: int = 1
+) -> Any:
+    """An ONNX Runtime session for pictures of (width, height), which may not be the size the network was made for."""
+    import onnxruntime
+
+    for provider in providers:
+        if provider not in onnxruntime.get_available_providers():
+            raise UserError(unknown("provider", provider, onnxruntime.get_available_providers()))
+    for dim, value in zip(network.graph.input[0].type.tensor_type.shape.dim, (1, 3, size[1], size[0]), strict=True):
+        dim.dim_value = value
+    for number, output in enumerate(network.graph.output):
+        for axis, dim in enumerate(output.type.tensor_type.shape.dim):
+            dim.dim_param = f"output_{number}_{axis}"
+    options = onnxruntime.SessionOptions()
+    options.intra_op_num_threads = threads
+    options.inter_op_num_threads = 1
+    options.execution_mode = onnxruntime.ExecutionMode.ORT_SEQUENTIAL
+    options.add_session_config_entry(
+        "session.intra_op.allow_spinning", "0"
+    )  # waiting threads leave the cores to others
+    options.log_severity_level = 4
+    try:
+        return onnxruntime.InferenceSession(network.SerializeToString(), options, providers=list(providers))
+    except Exception as error:  # ONNX Runtime's exceptions have no common base of their own
+        raise UserError(f"{weights}: ONNX Runtime cannot use this network: {first_line(error)}") from error
+
+
+def letterbox(image_bgr: np.ndarray, size: tuple[int, int]) -> tuple[np.ndarray, float]:
+    """The picture scaled to fit ``size`` at the top left, the rest grey, and the scale that was used."""
+    height, width = image_bgr.shape[:2]
+    scale = min(size[0] / width, size[1] / height)
+    extent = (max(1, int(width * scale)), max(1, int(height * scale)))
+    scaled = cv2.resize(image_bgr, extent, interpolation=cv2.INTER_LINEAR)
+    picture = np.full((size[1], size[0], 3), GREY, np.uint8)
+    picture[: scaled.shape[0], : scaled.shape[1]] = scaled
+    return picture, scale
+
+
+def best_boxes(
+    boxes: np.ndarray,
+    scores: np.ndarray,
+    min_score: float,
+    classes: Sequence[str] = COCO_LABELS,
+    iou: float = NMS_IOU,
+) -> list[Found]:
+    """Non-maximum suppression: of boxes (n, 4) of one class that overlap by more than ``iou``, the best stays. Cars,
+    trucks and buses are one class here."""
+    labels = scores.argmax(axis=1)
+    # As in a trace, so that an object at the threshold is in or out whatever the last bits are.
+    best = scores[np.arange(len(scores)), labels].round(SCORE_DECIMALS)
+    road = np.array([label in ROAD_LABELS for label in classes], dtype=bool)
+    keep = np.flatnonzero(road[labels] & (best >= min_score) & np.isfinite(boxes).all(axis=1))
+    if not len(keep):
+        return []
+    found = [Found(classes[labels[i]], float(best[i]), tuple(boxes[i].tolist())) for i in keep]
+    kinds = sorted(ROAD_LABELS)
+    groups = [kinds.index(SAME_OBJECT.get(f.label, f.label)) for f in found]
+    extents = np.hstack([boxes[keep, :2], boxes[keep, 2:] - boxes[keep, :2]])
+    order = cv2.dnn.NMSBoxesBatched(extents.tolist(), best[keep].tolist(), groups, 0.0, iou)
+    return sorted((found[i] for i in np.ravel(order)), key=lambda f: (-f.score, f.label, f.box))
+
+
+def first_line(error: Exception) -> str:
+    """An exception's own words, on one line."""
+    return (str(error).strip().splitlines() or [type(error).__name__])[0]
+
+
+def _own_size(weights: Path, network: Any) -> tuple[int, int]:
+    height, width = (dim.dim_value for dim in network.graph.input[0].type.tensor_type.shape.dim[2:])
+    if not (0 < width <= MOST_SIDE_PX and 0 < height <= MOST_SIDE_PX):
+        raise UserError(f"{weights}: leaves its input's size open: say which width and height it is to have")
+    return width, height
+
+
+def _cells(size: tuple[int, int], strides: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray]:
+    """Column and row (n, 2) of every cell of every scale, and its stride (n, 1), in the order of the outputs."""
+    grids, steps = [], []
+    for stride in strides:
+        columns, rows = np.meshgrid(np.arange(size[0] // stride), np.arange(size[1] // stride))
+        grids.append(np.stack([columns.ravel(), rows.ravel()], axis=1))
+        steps.append(np.full((columns.size, 1), stride))
+    return np.concatenate(grids), np.concatenate(steps)

@@ -1,0 +1,145 @@
+"""KITTI's labels as boxes in the pictures of a trace: what a detector should have found there, and where it stands.
+
+Which labels count is KITTI's own codes: an object counts when its box is at least ``MIN_HEIGHT_PX`` high, lies mostly
+in the picture (truncation 0 or 1) and how hidden it is was judged (occlusion 0 to 2). The others are ignored, found or
+not, and so are trams, ``Misc`` and the areas that KITTI calls ``DontCare``; tracklets have no such areas.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from genie_sim.core.geometry import Array, inverse, project, transform
+from genie_sim.errors import UserError
+from genie_sim.messages import Box, Location
+from genie_sim.perception.kitti import open_drive
+from genie_sim.perception.labels import KINDS, Track, tracking_labels, tracklets
+from genie_sim.perception.trace import Trace
+from genie_sim.perception.tracking import CAMERA, open_sequence
+
+MIN_HEIGHT_PX = 25
+GROUPS = {"vehicle": "vehicles", "person": "persons", "cyclist": "persons"}  # by kind of label
+IGNORED = {"Tram": "vehicles", "Misc": "vehicles", "DontCare": "anything"}  # by KITTI's type
+
+Picture = tuple[str, int]  # camera and frame number
+
+
+class Labelled(NamedTuple):
+    """One label in one picture. ``centre`` is in the trace's world, ``None`` for an area that is nothing in itself."""
+
+    track: int
+    group: str
+    box: Box
+    counts: bool
+    centre: Location | None
+
+
+@dataclass(frozen=True, slots=True)
+class Truth:
+    """The labels of each picture, and the numbers of the tracks that never move."""
+
+    source: str
+    pictures: Mapping[Picture, list[Labelled]]
+    parked: frozenset[int]
+
+
+def read_truth(root: str | Path, labels: str, trace: Trace) -> Truth:
+    """The labels of ``2011_09_26/0005`` (tracklets) or ``tracking/0000`` for the pictures of a trace of that drive.
+
+    Raises UserError for labels that are missing or broken, and where they are not of this drive.
+    """
+    root = Path(root)
+    if labels.startswith("tracking/"):
+        return _of_tracking(root / "tracking" / "training", labels.split("/")[1], trace)
+    return _of_tracklets(root, labels, trace)
+
+
+def _of_tracklets(root: Path, drive: str, trace: Trace) -> Truth:
+    opened = open_drive(root, drive, sorted(trace.frames), trace.origin, allow_missing_scans=True)
+    date, number = drive.split("/")
+    items = tracklets(root / date / f"{date}_drive_{number}_sync" / "tracklet_labels.xml")
+    imu_SE3_velo = inverse(np.asarray(opened.calibration.T_velo_imu, dtype=np.float64))
+    pictures: dict[Picture, list[Labelled]] = {}
+    for camera, frames in trace.frames.items():
+        known = {frame.index: frame for frame in opened.frames[camera]}
+        camera_SE3_velo = opened.camera_SE3_velo(camera)
+        for frame in frames:
+            if frame.index not in known:
+                raise UserError(f"{root}: drive {drive}: has no frame {frame.index} of camera {camera}")
+            here = pictures.setdefault((camera, frame.index), [])
+            for track, item in enumerate(items):
+                i = frame.index - item.first
+                if item.kind not in KINDS | IGNORED or not 0 <= i < len(item.centres):
+                    continue
+                corners = transform(camera_SE3_velo, item.corners(i))
+                box = _box_of(corners, known[frame.index].intrinsics, (frame.width, frame.height))
+                if box is None:
+                    continue
+                judged = item.truncation[i] in (0, 1) and item.occlusion[i] in (0, 1, 2) and corners[:, 2].min() > 0
+                world_SE3_velo = opened.world_SE3_imu[frame.index] @ imu_SE3_velo
+                centre = _location(transform(world_SE3_velo, item.centres[i]))
+                here.append(_labelled(track, item.kind, box, judged, centre))
+    return Truth(f"tracklets of {drive}", pictures, _parked(pictures, trace))
+
+
+def _of_tracking(training: Path, sequence: str, trace: Trace) -> Truth:
+    drive = open_sequence(training, sequence, trace.origin)
+    frames = trace.frames.get(CAMERA)
+    if frames is None:
+        raise UserError(f"{training}: labels are those of camera {CAMERA}, the trace has {', '.join(trace.frames)}")
+    for frame in frames:
+        there = drive.world_SE3_camera2(frame.index)[:3, 3] if frame.index < len(drive.world_SE3_camera0) else None
+        if there is None or math.dist(frame.pose[:3], there.tolist()) > 1.0:
+            raise UserError(f"{training}: sequence {sequence} is not the drive of this trace (frame {frame.index})")
+    pictures: dict[Picture, list[Labelled]] = {(CAMERA, frame.index): [] for frame in frames}
+    path = training / "label_02" / f"{sequence}.txt"
+    for label in tracking_labels(path, len(drive.world_SE3_camera0)):
+        if (CAMERA, label.frame) not in pictures or label.kind not in KINDS | IGNORED:
+            continue
+        judged = label.truncation in (0, 1) and label.occlusion in (0, 1, 2)
+        centre = _location(transform(drive.world_SE3_camera0[label.frame], label.centre))
+        here = pictures[CAMERA, label.frame]
+        here.append(_labelled(label.track, label.kind, label.box, judged, centre))
+    return Truth(f"label_02 of tracking/{sequence}", pictures, _parked(pictures, trace))
+
+
+def _labelled(track: int, kind: str, box: Box, judged: bool, centre: Location) -> Labelled:
+    if kind in IGNORED:
+        return Labelled(track, IGNORED[kind], box, False, None)
+    high = box[3] - box[1] >= MIN_HEIGHT_PX
+    return Labelled(track, GROUPS[KINDS[kind]], box, judged and high, centre)
+
+
+def _parked(pictures: Mapping[Picture, list[Labelled]], trace: Trace) -> frozenset[int]:
+    """Vehicles that do not move, as ``Track`` says it."""
+    places: dict[int, dict[int, Location]] = {}
+    stamps_ns = {(camera, frame.index): frame.stamp_ns for camera in trace.frames for frame in trace.frames[camera]}
+    for picture, labels in pictures.items():
+        for label in labels:
+            if label.group == "vehicles" and label.centre is not None:
+                places.setdefault(label.track, {})[stamps_ns[picture]] = label.centre
+    tracks = {n: Track("vehicle", tuple(sorted(p)), np.array([p[t] for t in sorted(p)])) for n, p in places.items()}
+    return frozenset(number for number, track in tracks.items() if not track.moving)
+
+
+def _box_of(corners: Array, intrinsics: Array, size: tuple[int, int]) -> Box | None:
+    """The part of the picture that a box in space covers; ``None`` where it covers nothing."""
+    pixels = project(intrinsics, corners)
+    if np.isnan(pixels).all():
+        return None
+    low = np.clip(np.nanmin(pixels, axis=0), 0, size)
+    high = np.clip(np.nanmax(pixels, axis=0), 0, size)
+    if (high - low < 1).any():
+        return None
+    return float(low[0]), float(low[1]), float(high[0]), float(high[1])
+
+
+def _location(place: Array) -> Location:
+    east, north, up = place.tolist()
+    return east, north, up
