@@ -27,16 +27,24 @@ LAYERS: dict[str, tuple[str, ...]] = {
     "ros": (*GROUND, "core", "ros", *SETTINGS, "experiment.records"),
     "experiment.runner": (*GROUND, "core", "sim", "perception", "experiment"),
     "experiment.replicate": (*GROUND, "core", "sim", "perception", "experiment"),
+    "experiment.sweep": (*GROUND, "core", "sim", "perception", "experiment"),
     "experiment": (*GROUND, "core", "perception", "experiment"),
     "cli": (*GROUND, "core", "sim", "ros", "perception", "experiment"),
     "__main__": ("cli",),
 }
-SIMULATE = {"experiment.runner", "experiment.replicate", "cli"}  # everything else reads settings and tables
+SIMULATE = {  # everything else reads settings and tables
+    "experiment.runner", "experiment.replicate", "cli",
+    "experiment.sweep.plan", "experiment.sweep.sweep", "experiment.sweep.tasks",
+}  # fmt: skip
 
 CORE_MAY_IMPORT = {*sys.stdlib_module_names, "numpy", "genie_sim"}
 PROVIDED_BY = {"cv2": "opencv-python-headless", "yaml": "pyyaml", "pydantic_core": "pydantic"}
+FROM_EXTRAS = {"distributed": "dask"}  # library -> the extra that brings it; imported where it is asked for
 FROM_ROS = {"rospy", "rosgraph", "roslib", "genpy", "rclpy"}  # not on PyPI; only genie_sim.ros may import them
-LATE = ("pandas", "matplotlib", "onnxruntime", "onnx", "cv2", "pyarrow", "scipy", "pykitti", "simpy")
+LATE = (
+    "pandas", "matplotlib", "onnxruntime", "onnx", "cv2", "pyarrow", "scipy", "pykitti", "simpy", "joblib",
+    "distributed",
+)  # fmt: skip
 LONGEST_FILE_LINES = 400
 LONGER_FILES: dict[str, str] = {}  # file -> why it is better in one piece
 
@@ -100,6 +108,10 @@ def test_what_is_imported_is_declared():
             if library in sys.stdlib_module_names or library == "genie_sim":
                 continue
             if library in FROM_ROS and layer_of(module) == "ros":
+                continue
+            if library in FROM_EXTRAS:
+                extra = project["optional-dependencies"][FROM_EXTRAS[library]]
+                assert any(requirement.startswith(library) for requirement in extra), f"{path}:{line}: {library}"
                 continue
             assert PROVIDED_BY.get(library, library) in declared, f"{path}:{line}: {library} is not in pyproject.toml"
 

@@ -1,0 +1,43 @@
+"""One pool of processes for everything that simulates many runs on one machine."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator, Sequence
+from typing import TypeVar
+
+from genie_sim.errors import UserError
+
+Job = TypeVar("Job")
+Done = TypeVar("Done")
+
+
+def workers_here() -> int:
+    """How many processes have a core of their own: what the machine, its container and its batch system allow."""
+    import joblib
+
+    return int(joblib.cpu_count())
+
+
+def in_processes(
+    run: Callable[[Job], Done], jobs: Sequence[Job], workers: int, ordered: bool = True
+) -> Generator[Done, None, None]:
+    """``run`` of each job as it is finished, in the order of the jobs if ``ordered``. One worker is this process.
+
+    Leaving the iteration early, by Ctrl-C for instance, ends all processes. Raises what ``run`` raised, and
+    ``UserError`` where a process was killed.
+    """
+    workers = min(workers, len(jobs))
+    if workers <= 1:
+        yield from map(run, jobs)
+        return
+    import joblib
+    from joblib.externals.loky.process_executor import TerminatedWorkerError
+
+    pool = joblib.Parallel(workers, batch_size=1, return_as="generator" if ordered else "generator_unordered")
+    results = pool(joblib.delayed(run)(job) for job in jobs)
+    try:
+        yield from results
+    except TerminatedWorkerError as error:
+        raise UserError("a worker process was killed, perhaps for want of memory; try fewer workers") from error
+    finally:
+        results.close()

@@ -1,0 +1,118 @@
+"""The tables of a sweep: every run, and every point with intervals across its seeds.
+
+They are made from the parts alone and depend on the sweep and its runs' ids only: not on who ran what, when, in which
+order, or how often it was interrupted.
+"""
+
+from __future__ import annotations
+
+import uuid
+from collections.abc import Callable, Collection, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from genie_sim.errors import UserError
+from genie_sim.experiment import tables
+from genie_sim.experiment.metrics import CONFIDENCE
+from genie_sim.experiment.sweep.plan import Entry
+from genie_sim.experiment.sweep.tasks import PARTIAL, PartTable
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+METRIC = ["metric", "role", "unit"]
+
+
+def done_runs(parts: Path) -> set[str]:
+    """The ids of all runs in a folder of parts. Raises ``UserError`` for a part that cannot be read."""
+    return {run_id for path in _paths(parts) for run_id in _part(path)["run_id"].unique()}
+
+
+def read_parts(parts: Path, wanted: Collection[str]) -> pd.DataFrame:
+    """The metrics of the wanted runs, each once: the columns of ``PartTable``, and ``order`` within the run."""
+    import pandas as pd
+
+    kept, seen = [], set[str]()
+    for path in _paths(parts):
+        part = _part(path)
+        ids = set(part["run_id"].unique())
+        mine = part[part["run_id"].isin((ids & set(wanted)) - seen)]
+        seen |= ids
+        if len(mine):
+            kept.append(mine.assign(order=mine.groupby("run_id", observed=True).cumcount()))
+    return pd.concat([part.astype({"run_id": str, "metric": str, "role": str, "unit": str}) for part in kept])
+
+
+def of_runs(entries: Sequence[Entry], columns: Sequence[str], measured: pd.DataFrame) -> pd.DataFrame:
+    """One row per point, seed and metric: the axes' values, what was measured, and its interval inside the run."""
+    import pandas as pd
+
+    rows = [(entry.point, entry.seed, entry.run_id, *entry.levels) for entry in entries]
+    places = pd.DataFrame(rows, columns=["point", "seed", "run_id", *columns])
+    merged = places.merge(measured, on="run_id", how="left").sort_values(["point", "seed", "order"], kind="stable")
+    return merged.drop(columns="order").reset_index(drop=True)
+
+
+def of_points(runs: pd.DataFrame, columns: Sequence[str]) -> pd.DataFrame:
+    """One row per point and metric: mean over the seeds, 95 % t interval, and the number of runs that define it."""
+    means = across_seeds(runs, ["point"])
+    places = runs[["point", *columns]].drop_duplicates("point")
+    return places.merge(means, on="point", how="left")
+
+
+def across_seeds(runs: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
+    """Mean, 95 % t interval and count of each metric within the groups ``by``: columns value, low, high, runs.
+
+    The unit of replication is the seed: with several runs of a group under one seed, their mean counts once. One seed
+    gives no interval.
+    """
+    import numpy as np
+    from scipy.special import stdtrit
+
+    per_seed = runs.groupby([*by, *METRIC, "seed"], sort=False, dropna=False)["value"].mean()
+    grouped = per_seed.groupby([*by, *METRIC], sort=False, dropna=False)
+    found = grouped.agg(value="mean", spread="std", runs="count").reset_index()
+    n = found["runs"].to_numpy()
+    half = np.full(len(n), np.nan)
+    several = n > 1
+    spread = found["spread"].to_numpy()[several]
+    half[several] = stdtrit(n[several] - 1, (1 + CONFIDENCE) / 2) * spread / np.sqrt(n[several])
+    found = found.assign(low=found["value"] - half, high=found["value"] + half)
+    for name in ("value", "low", "high"):  # ten digits: processors add up in different orders
+        found[name] = [float(f"{number:.10g}") for number in found[name]]
+    return found[[*by, *METRIC, "value", "low", "high", "runs"]]
+
+
+def write_parquet(table: pd.DataFrame, path: Path, about: Mapping[bytes, bytes]) -> None:
+    """Beside and renamed; ``about`` is what the file says of itself. Raises OSError."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    made = pa.Table.from_pandas(table, preserve_index=False).replace_schema_metadata(dict(about))
+    beside_and_renamed(path, lambda beside: pq.write_table(made, beside, compression="zstd", version="2.6"))
+
+
+def write_csv(table: pd.DataFrame, path: Path) -> None:
+    """Beside and renamed; an undefined number is an empty field. Raises OSError."""
+    beside_and_renamed(path, lambda beside: table.to_csv(beside, index=False, lineterminator="\n", encoding="utf-8"))
+
+
+def beside_and_renamed(path: Path, write: Callable[[Path], Any]) -> None:
+    """``write`` gets a name beside ``path`` that nobody else uses; the file takes ``path``'s place when it is whole."""
+    beside = path.with_name(f".{path.name}.{uuid.uuid4().hex}{PARTIAL}")
+    try:
+        write(beside)
+        beside.replace(path)
+    finally:
+        beside.unlink(missing_ok=True)
+
+
+def _paths(parts: Path) -> list[Path]:
+    return sorted(path for path in parts.glob("*.parquet") if not path.name.startswith("."))
+
+
+def _part(path: Path) -> pd.DataFrame:
+    try:
+        return tables.read(path, PartTable)
+    except UserError as error:
+        raise UserError(f"{error}; delete it, and its runs are made again") from error

@@ -1,0 +1,128 @@
+"""What a worker does: it simulates the runs of a task and writes their metrics into one Parquet part.
+
+A worker is a process here, under a batch system, or on a Dask cluster. It needs no file but the folder of the parts:
+profiles and traces come with ``Shared``, packed, and are unpacked once in each worker.
+"""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import os
+import pickle
+import uuid
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import genie_sim
+from genie_sim.errors import UserError
+from genie_sim.experiment import metrics, runner
+from genie_sim.experiment.metrics import Metric
+from genie_sim.experiment.profiles import DeviceProfile
+from genie_sim.experiment.scenario import Scenario
+from genie_sim.experiment.tables import Column, Table
+from genie_sim.perception.trace import Trace
+
+PARTIAL = ".partial"
+
+
+class PartTable(Table):
+    """One row per run and metric; a run's rows are in the order in which metrics are computed."""
+
+    name = "sweep_part"
+    columns = (
+        Column("run_id", "text", "", "hash of everything that decides the run's outcome"),
+        Column("metric", "text", "", "name of the metric"),
+        Column("role", "text", "", "method, or role of Genies"),
+        Column("unit", "text", "", "of value, low and high"),
+        Column("value", "float64", "", "null: not defined in this run", True),
+        Column("low", "float64", "", "see experiment.metrics", True),
+        Column("high", "float64", "", "see experiment.metrics", True),
+        Column("n", "int64", "", "what the metric was computed over: frames, requests, updates"),
+    )
+
+    def add(self, run_id: str, metric: Metric) -> None:
+        """One metric of a run."""
+        of_metric = metric.name, metric.role, metric.unit, metric.value, metric.low, metric.high, metric.n
+        self._append(run_id, *of_metric)
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """One run: its scenario, and by car the key of its trace in ``Shared``. ``frames``: about how many it simulates."""
+
+    run_id: str
+    scenario: Scenario
+    traces: Mapping[str, str]
+    frames: float
+
+
+@dataclass(frozen=True, slots=True)
+class Task:
+    """Runs that one worker does in one go, the folder that gets their part, and the version they are meant for."""
+
+    runs: tuple[Run, ...]
+    folder: str
+    genie_sim: str = genie_sim.__version__
+
+    @property
+    def part(self) -> Path:
+        """The file of their metrics; named by its content, so that a task that is done twice leaves one file."""
+        content = hashlib.sha256(" ".join(run.run_id for run in self.runs).encode()).hexdigest()
+        return Path(self.folder) / f"{content[:16]}.parquet"
+
+
+@dataclass(frozen=True, slots=True)
+class Shared:
+    """The device profiles (as JSON) and traces of all runs."""
+
+    devices: Mapping[str, str]
+    traces: Mapping[str, Trace]
+
+    def packed(self) -> bytes:
+        """For the way to the workers."""
+        return pickle.dumps(self)
+
+
+def run_task(task: Task, packed: bytes) -> int:
+    """Simulates the runs of a task, writes their part, and tells how many they were. Raises ``UserError``."""
+    if task.genie_sim != genie_sim.__version__:
+        raise UserError(f"a worker has genie-sim {genie_sim.__version__}, the sweep {task.genie_sim}: install the same")
+    devices, traces = _unpacked(packed)
+    table = PartTable()
+    for run in task.runs:
+        prepared = runner.Prepared(run.scenario, devices, {car: traces[key] for car, key in run.traces.items()})
+        for metric in measured(prepared):
+            table.add(run.run_id, metric)
+    try:
+        task.part.parent.mkdir(parents=True, exist_ok=True)
+        _write(table, task.part)
+    except OSError as error:
+        raise UserError(f"{task.part}: cannot be written: {error.strerror or error}") from error
+    return len(task.runs)
+
+
+def measured(prepared: runner.Prepared) -> Sequence[Metric]:
+    """Simulates one run: the metrics of its methods and roles, not of single resources, of which a fleet has many."""
+    tables = runner.simulate(prepared)
+    frames, lookups, resources = (table.to_frame() for table in (tables.frames, tables.lookups, tables.resources))
+    return metrics.compute(frames, lookups, resources.iloc[:0])
+
+
+@functools.lru_cache(maxsize=1)
+def _unpacked(packed: bytes) -> tuple[dict[str, DeviceProfile], Mapping[str, Trace]]:
+    shared: Shared = pickle.loads(packed)
+    return {name: DeviceProfile.model_validate_json(text) for name, text in shared.devices.items()}, shared.traces
+
+
+def _write(table: PartTable, path: Path) -> None:
+    """Beside and renamed, on the disk before it has its name; nobody else writes to the same file beside it."""
+    beside = path.with_name(f".{path.stem}.{uuid.uuid4().hex}{PARTIAL}")
+    try:
+        table.write(beside)
+        with beside.open("rb") as written:
+            os.fsync(written.fileno())
+        beside.replace(path)
+    finally:
+        beside.unlink(missing_ok=True)
