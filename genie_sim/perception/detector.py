@@ -4,16 +4,36 @@ from __future__ import annotations
 
 import importlib
 import os
+import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import ClassVar, Protocol
+
+import numpy as np
 
 from genie_sim.errors import UserError, unknown
 from genie_sim.perception.networks import NanodetM, Yolov8, YoloxNano, YoloxS, YoloxTiny
-from genie_sim.perception.onnx_detector import CPU, MIN_SCORE, OnnxDetector
+from genie_sim.perception.onnx_detector import CPU, MIN_SCORE, Found, OnnxDetector
 
-DETECTORS: dict[str, type[OnnxDetector]] = {
-    kind.name: kind for kind in (YoloxNano, YoloxTiny, YoloxS, NanodetM, Yolov8)
-}
+__all__ = ["DETECTORS", "Detector", "Found", "find_weights", "make_detector"]
+
+
+class Detector(Protocol):
+    """What ``perceive`` needs of a detector. One that runs a network is best derived from ``OnnxDetector``."""
+
+    name: ClassVar[str]
+    file_name: ClassVar[str]
+    size: tuple[int, int]
+    sha256: str
+
+    def __init__(self, weights: Path, size: tuple[int, int] | None = None, min_score: float = MIN_SCORE) -> None: ...
+
+    def detect(self, image_bgr: np.ndarray) -> list[Found]:
+        """Road users and furniture in a picture (height, width, 3), best score first."""
+        ...
+
+
+DETECTORS: dict[str, type[Detector]] = {kind.name: kind for kind in (YoloxNano, YoloxTiny, YoloxS, NanodetM, Yolov8)}
 
 
 def make_detector(
@@ -23,7 +43,7 @@ def make_detector(
     min_score: float = MIN_SCORE,
     providers: Sequence[str] = (CPU,),
     threads: int = 1,
-) -> OnnxDetector:
+) -> Detector:
     """The detector of that name, or of a class of your own, ``package.module:Class``.
 
     ``weights`` is its file or a folder, by default the folder GENIE_SIM_WEIGHTS; ``providers`` are ONNX Runtime's
@@ -32,7 +52,10 @@ def make_detector(
     kind = _own_class(name) if ":" in name else DETECTORS.get(name)
     if kind is None:
         raise UserError(unknown("detector", name, DETECTORS))
-    return kind(find_weights(kind.file_name, weights), size, min_score, providers, threads)
+    path = find_weights(kind.file_name, weights)
+    if issubclass(kind, OnnxDetector):
+        return kind(path, size, min_score, providers, threads)
+    return kind(path, size, min_score)
 
 
 def find_weights(file_name: str, weights: str | Path | None = None) -> Path:
@@ -46,12 +69,14 @@ def find_weights(file_name: str, weights: str | Path | None = None) -> Path:
     return path
 
 
-def _own_class(name: str) -> type[OnnxDetector]:
+def _own_class(name: str) -> type[Detector]:
     module, _, kind = name.partition(":")
+    if "" not in sys.path:
+        sys.path.append("")  # a class may lie in the current folder
     try:
         found = getattr(importlib.import_module(module), kind)
     except (ImportError, AttributeError, ValueError) as error:
         raise UserError(f"detector {name!r}: {error}") from error
-    if not (isinstance(found, type) and issubclass(found, OnnxDetector)):
-        raise UserError(f"detector {name!r}: is no class derived from OnnxDetector")
+    if not (isinstance(found, type) and hasattr(found, "detect") and hasattr(found, "file_name")):
+        raise UserError(f"detector {name!r}: is no class with a file_name and detect()")
     return found

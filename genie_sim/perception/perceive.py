@@ -17,7 +17,7 @@ import numpy as np
 from genie_sim.core.geometry import Geodetic, transform
 from genie_sim.errors import UserError
 from genie_sim.perception import placement
-from genie_sim.perception.detector import make_detector
+from genie_sim.perception.detector import Detector, Found, make_detector
 from genie_sim.perception.kitti import ATTRIBUTION, CameraFrame, Drive, open_drive, read_image
 from genie_sim.perception.onnx_detector import CPU, MIN_SCORE, NMS_IOU, OnnxDetector
 from genie_sim.perception.placement import Placement
@@ -40,6 +40,19 @@ class _Picture(NamedTuple):
     placement: Placement
     blob: np.ndarray
     scale: float
+
+
+class _InOneStep:
+    """A detector that runs no network of its own: a whole picture goes in, and what comes out is found."""
+
+    def __init__(self, detector: Detector) -> None:
+        self.infer = detector.detect
+
+    def prepare(self, image_bgr: np.ndarray) -> tuple[np.ndarray, float]:
+        return image_bgr, 1.0
+
+    def found(self, outputs: Any, scale: float, image_size: tuple[int, int]) -> list[Found]:
+        return list(outputs)
 
 
 def kitti_folder(root: str | Path | None) -> Path:
@@ -97,21 +110,22 @@ def perceive(
 
 
 def trace_frames(
-    drive: Drive, frames: Iterable[CameraFrame], detector: OnnxDetector, place_from: float = 0.0
+    drive: Drive, frames: Iterable[CameraFrame], detector: Detector, place_from: float = 0.0
 ) -> Iterator[TraceFrame]:
     """The frames as a trace keeps them, in order. The network has this thread for itself: one other thread reads the
     frames that come, another places what was found in those that went."""
+    steps = detector if isinstance(detector, OnnxDetector) else _InOneStep(detector)
     with ThreadPoolExecutor(1) as reading, ThreadPoolExecutor(1) as placing:
 
         def read(frame: CameraFrame) -> _Picture:
-            return _read(drive, frame, detector)
+            return _read(drive, frame, steps)
 
-        def place(picture: _Picture, outputs: list[np.ndarray]) -> TraceFrame:
-            return _placed(drive, picture, outputs, detector, place_from)
+        def place(picture: _Picture, outputs: Any) -> TraceFrame:
+            return _placed(drive, picture, outputs, steps, place_from)
 
         placed: deque[Any] = deque()
         for picture in _ahead(reading, read, frames):
-            placed.append(placing.submit(place, picture, detector.infer(picture.blob)))
+            placed.append(placing.submit(place, picture, steps.infer(picture.blob)))
             if len(placed) > READ_AHEAD:
                 yield placed.popleft().result()
         while placed:
@@ -138,21 +152,21 @@ def difference_hash(image_bgr: np.ndarray) -> int:
     return int.from_bytes(bits.tobytes(), "big")
 
 
-def _read(drive: Drive, frame: CameraFrame, detector: OnnxDetector) -> _Picture:
+def _read(drive: Drive, frame: CameraFrame, steps: OnnxDetector | _InOneStep) -> _Picture:
     image = read_image(frame.image_path)
     size = (image.shape[1], image.shape[0])
     fingerprints = (hashlib.sha256(frame.image_path.read_bytes()).hexdigest(), difference_hash(image))
     scan = drive.scan(frame.index)
     here = Placement(frame.intrinsics, size, drive.camera_SE3_velo(frame.camera), scan)
-    return _Picture(frame, size, fingerprints, here, *detector.prepare(image))
+    return _Picture(frame, size, fingerprints, here, *steps.prepare(image))
 
 
 def _placed(
-    drive: Drive, picture: _Picture, outputs: list[np.ndarray], detector: OnnxDetector, place_from: float
+    drive: Drive, picture: _Picture, outputs: Any, steps: OnnxDetector | _InOneStep, place_from: float
 ) -> TraceFrame:
     frame = picture.frame
     detections = []
-    for label, score, box in detector.found(outputs, picture.scale, picture.size):
+    for label, score, box in steps.found(outputs, picture.scale, picture.size):
         point, method = picture.placement.place(label, box) if score >= place_from else (None, "none")
         place = None if point is None else transform(frame.world_SE3_camera, point)
         detections.append(detection(label, score, box, place, method))
@@ -163,7 +177,7 @@ def _placed(
     )
 
 
-def _provenance(drive: Drive, detector: OnnxDetector, min_score: float) -> dict[str, Any]:
+def _provenance(drive: Drive, detector: Detector, min_score: float) -> dict[str, Any]:
     return {
         "data": ATTRIBUTION,
         "drive": drive.name,
