@@ -29,11 +29,12 @@ LAYERS: dict[str, tuple[str, ...]] = {
     "experiment.replicate": (*GROUND, "core", "sim", "perception", "experiment"),
     "experiment.sweep": (*GROUND, "core", "sim", "perception", "experiment"),
     "experiment": (*GROUND, "core", "perception", "experiment"),
+    "api": (*GROUND, "experiment"),
     "cli": (*GROUND, "core", "sim", "ros", "perception", "experiment"),
     "__main__": ("cli",),
 }
 SIMULATE = {  # everything else reads settings and tables
-    "experiment.runner", "experiment.replicate", "cli",
+    "experiment.runner", "experiment.replicate", "api", "cli",
     "experiment.sweep.plan", "experiment.sweep.sweep", "experiment.sweep.tasks",
 }  # fmt: skip
 
@@ -79,7 +80,9 @@ def layer_of(module: str) -> str:
 def test_every_module_has_a_layer():
     homeless = [module for module in MODULES if not within(module, LAYERS)]
     assert not homeless, f"say in LAYERS what these may import: {homeless}"
-    assert not list(imports(ROOT)), "importing genie_sim itself imports nothing"
+    mine = [name for _, name in imports(ROOT) if within(name, ("genie_sim",))]
+    assert all(within(name, ("genie_sim.api",)) for name in mine), mine
+    assert not _loaded_by("import genie_sim") & {"genie_sim.api", "pydantic", *LATE}, "it comes when it is used"
 
 
 @pytest.mark.parametrize("module", MODULES)
@@ -132,12 +135,18 @@ def test_only_the_runner_builds_a_world():
 
 def test_the_command_line_starts_without_heavy_libraries():
     """``genie-sim --help`` must not wait for pandas."""
-    loaded = subprocess.run(
-        [sys.executable, "-c", "import sys, genie_sim.cli; print(*sys.modules)"],
-        cwd=REPOSITORY, capture_output=True, text=True, check=True, timeout=60,
-    ).stdout.split()
+    loaded = _loaded_by("import genie_sim.cli")
     assert "genie_sim.cli" in loaded
-    assert not set(LATE) & set(loaded)
+    assert not set(LATE) & loaded
+
+
+def _loaded_by(statement: str) -> set[str]:
+    """Every module that a fresh Python has loaded after a statement."""
+    told = subprocess.run(
+        [sys.executable, "-c", f"import sys; {statement}; print(*sys.modules)"],
+        cwd=REPOSITORY, capture_output=True, text=True, check=True, timeout=60,
+    )
+    return set(told.stdout.split())
 
 
 def test_only_the_command_line_prints():
