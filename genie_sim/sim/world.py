@@ -129,7 +129,8 @@ class World:
 
     def _add_frames(self, car: Car, host: Host, graph: Graph, trace: Trace) -> None:
         """What the car sees or where it is, who notes when it does, and who consumes the answers."""
-        _FirstQueue(graph, self._log)
+        if self.method != "remote" or car.edge is not None:  # else nobody takes the car's frames
+            _FirstQueue(graph, self._log)
         Consumer(f"{car.name}/consumer", graph, OBJECTS, partial(self._answered, car))
         self._add_cameras(car, host, graph, trace)
 
