@@ -62,7 +62,7 @@ def _frame(recording: str, index: int, east_m: float, north_m: float, rate_hz: i
 
 
 def scenario(cars: int | Sequence[Mapping[str, Any]] = 1, **settings: Any) -> Scenario:
-    """Cars as in YAML, or so many TX2 cars with an edge each; every edge is an AGX Xavier unless ``settings`` say so."""
+    """Cars as in YAML, or so many TX2 cars with an edge each; edges are AGX Xaviers unless ``settings`` say so."""
     if isinstance(cars, int):
         cars = [{"name": f"car{i}", "device": "jetson_tx2", "edge": f"edge{i}"} for i in range(1, cars + 1)]
     names = sorted({car["edge"] for car in cars if car.get("edge") is not None})
