@@ -24,14 +24,14 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import IO, Any
 
 from genie_sim.errors import UserError
 from genie_sim.ros.graph import Graph, choose
 from genie_sim.ros.plan import Plan, check
-from genie_sim.ros.process import NodeProcess
+from genie_sim.ros.process import NodeProcess, boot, start_of
 
 log = logging.getLogger(__name__)
 READY_S = 30.0
@@ -42,13 +42,17 @@ STATE = "GENIE_SIM_ATTACHED"  # environment of the Genie's process: the file wit
 
 @dataclass(frozen=True)
 class State:
-    """The node as it was, and as it runs now behind its Genie (``None`` before it does)."""
+    """The node as it was, and as it runs now behind its Genie (``None`` before it does).
+
+    ``watchdog`` is the process id of ``attach`` and when it began; all of it holds for one ``boot`` only.
+    """
 
     network: str
     node: str
     original: NodeProcess
     behind: NodeProcess | None
-    watchdog_pid: int
+    watchdog: tuple[int, int | None]
+    boot: str
 
     def write(self, path: Path) -> None:
         beside = path.with_suffix(".new")
@@ -62,7 +66,16 @@ class State:
         for name in ("original", "behind"):
             if data[name] is not None:
                 data[name] = NodeProcess(**{**data[name], "argv": tuple(data[name]["argv"])})
-        return cls(**data)
+        return cls(**{**data, "watchdog": tuple(data["watchdog"])})
+
+    @classmethod
+    def all(cls) -> dict[Path, State]:
+        """The nodes that have a Genie. What was so before the machine was last switched on is forgotten."""
+        found = {path: cls.read(path) for path in sorted(_states().glob("*.json"))}
+        for path in [path for path, state in found.items() if state.boot != boot()]:
+            path.unlink()
+            del found[path]
+        return found
 
 
 def attach(
@@ -103,14 +116,15 @@ def attach(
     original = graph.process_of(node)
     path = _state_path(graph.network, node)
     with _locked(path) as held:
-        if not held or path.exists():
+        if not held or path in State.all():
             raise UserError(f"{node}: already has a Genie; 'genie-sim detach {node}' puts it back")
-        State(graph.network, node, original, None, os.getpid()).write(path)
+        state = State(graph.network, node, original, None, (os.getpid(), start_of(os.getpid())), boot())
+        state.write(path)
         with _interrupts() as interrupted:
             try:
                 original.stop()
                 behind = original.start_again(graph.remapped(node, original.argv, (*inputs, *answers)), _log(path))
-                State(graph.network, node, original, behind, os.getpid()).write(path)
+                replace(state, behind=behind).write(path)
                 _watch(plan, graph, path, behind, interrupted, lambda: say(_attached(plan)))
             finally:
                 if restore(path):
@@ -123,16 +137,16 @@ def detach(node: str, network: str | None = None) -> None:
     ``network`` tells nodes of one name apart: ``localhost:11311`` for the master there, ``domain-0`` in ROS 2.
     """
     node = "/" + node.strip("/")
-    found = {path: State.read(path) for path in sorted(_states().glob("*.json"))}
-    paths = {path: one.network for path, one in found.items() if one.node == node and network in (None, one.network)}
+    found = {path: state for path, state in State.all().items() if state.node == node}
+    paths = {path: state.network for path, state in found.items() if network in (None, state.network)}
     if not paths:
         raise UserError(f"{node}: has no Genie")
     if len(paths) > 1:
         raise UserError(f"{node}: has a Genie in each of {', '.join(paths.values())}; say in which network")
     path = next(iter(paths))
-    with contextlib.suppress(FileNotFoundError, ProcessLookupError), _locked(path) as held:
-        if not held:
-            os.kill(State.read(path).watchdog_pid, signal.SIGTERM)
+    pid, started = found[path].watchdog
+    if start_of(pid) == started:
+        os.kill(pid, signal.SIGTERM)
     deadline = time.monotonic() + RESTORE_S
     while path.exists():
         with _locked(path) as held:

@@ -17,6 +17,7 @@ from genie_sim.ros.plan import Plan
 
 TICK_S = 0.1
 POLL_S = 0.02
+FIRST_WORD_S = 5.0  # some nodes announce a topic when they first publish on it; those are not waited for any longer
 
 
 class GenieProcess:
@@ -30,8 +31,12 @@ class GenieProcess:
         """Makes everything that listens and speaks; returns at once."""
         raise NotImplementedError
 
-    def connected(self) -> bool:
-        """Does the node hear its requests and are its answers heard?"""
+    def heard(self) -> bool:
+        """Does the node hear the requests?"""
+        raise NotImplementedError
+
+    def hears(self) -> bool:
+        """Are the node's answers heard?"""
         raise NotImplementedError
 
     def stop(self) -> None:
@@ -72,7 +77,10 @@ def run(make: Callable[[Plan], GenieProcess]) -> None:
         signal.signal(number, lambda *_: genie.ended.set())
     genie.start()
     threading.Thread(target=_until_orphaned, args=(genie.ended,), daemon=True).start()
-    while not genie.connected() and not genie.ended.wait(POLL_S):
+    while not genie.heard() and not genie.ended.wait(POLL_S):
+        pass
+    deadline = time.monotonic() + FIRST_WORD_S
+    while not genie.hears() and time.monotonic() < deadline and not genie.ended.wait(POLL_S):
         pass
     sys.stdout.write("ready\n")
     sys.stdout.flush()

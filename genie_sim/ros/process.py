@@ -15,6 +15,11 @@ from genie_sim.errors import UserError
 STOP = ((signal.SIGINT, 10.0), (signal.SIGTERM, 3.0), (signal.SIGKILL, 3.0))  # roslaunch asks in this order, too
 
 
+def boot() -> str:
+    """Names the time since the machine was switched on; process ids mean nothing beyond it."""
+    return Path("/proc/sys/kernel/random/boot_id").read_text().strip()
+
+
 @dataclass(frozen=True)
 class NodeProcess:
     """What it takes to start a node again exactly as it was. ``started`` tells a process from a later one of its id."""

@@ -54,12 +54,13 @@ class Ros1Genie(GenieProcess):
         threading.Thread(target=self.tick, args=(self._gateway,), daemon=True).start()
         self._links.start(self._on_link)
 
-    def connected(self) -> bool:
+    def heard(self) -> bool:
         to_node = [topic + LOCAL for topic in self._plan.requests]
-        heard = [self._publishers[topic][1].get_num_connections() for topic in to_node if topic in self._publishers]
+        return all(self._publishers[topic][1].get_num_connections() for topic in to_node if topic in self._publishers)
+
+    def hears(self) -> bool:
         from_node = {topic + LOCAL for topic in self._plan.answers}
-        listening = [sub.get_num_connections() for sub in self._subscribers if sub.resolved_name in from_node]
-        return all(heard) and all(listening)
+        return all(one.get_num_connections() for one in self._subscribers if one.resolved_name in from_node)
 
     def stop(self) -> None:
         rospy.signal_shutdown("detached")

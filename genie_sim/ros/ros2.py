@@ -24,7 +24,8 @@ from genie_sim.ros.genie_process import GenieProcess, open_links, run
 from genie_sim.ros.message import Codec, RosMessage
 from genie_sim.ros.plan import Plan, Recorder, make_gateway
 from genie_sim.ros.poses import Poses, heading_of_quaternion
-from genie_sim.ros.ros2_codec import NS_PER_S, class_of, codec_of
+from genie_sim.ros.ros1_codec import NS_PER_S
+from genie_sim.ros.ros2_codec import class_of, codec_of
 
 log = logging.getLogger(__name__)
 QUEUE_LENGTH = 10
@@ -64,9 +65,11 @@ class Ros2Genie(GenieProcess):
         threading.Thread(target=self.tick, args=(self._gateway,), daemon=True).start()
         self._links.start(self._on_link)
 
-    def connected(self) -> bool:
-        to_node = [self._publishers[topic + LOCAL].get_subscription_count() for topic in self._plan.requests]
-        return all(to_node) and all(self._node.count_publishers(topic + LOCAL) for topic in self._plan.answers)
+    def heard(self) -> bool:
+        return all(self._publishers[topic + LOCAL].get_subscription_count() for topic in self._plan.requests)
+
+    def hears(self) -> bool:
+        return all(self._node.count_publishers(topic + LOCAL) for topic in self._plan.answers)
 
     def stop(self) -> None:
         rclpy.shutdown(context=self._context)

@@ -12,6 +12,8 @@ import pytest
 
 from tests.ros.conftest import DETECTOR, HERE, IMAGES, OBJECTS, Master, until
 
+pytestmark = pytest.mark.slow
+
 REPUBLISH = Path("/usr/lib/image_transport/republish")
 UNTOUCHED = ([IMAGES], [OBJECTS])
 BEHIND_GENIE = ([IMAGES + "_local"], [OBJECTS + "_local"])

@@ -19,6 +19,8 @@ from tests.ros.conftest import ATTACH, DETACH, HERE, REPOSITORY, end, end_all, f
 DETECTOR = "/detector"
 NODES = """
 import json, time, rclpy
+
+pytestmark = pytest.mark.slow
 rclpy.init()
 node = rclpy.create_node("observer")
 time.sleep(1.5)

@@ -17,6 +17,8 @@ from genie_sim.ros.plan import Plan
 from genie_sim.ros.ros1_codec import codec_of
 from tests.ros.conftest import DETECTOR, Master, free_port, until
 
+pytestmark = pytest.mark.slow
+
 IMAGE_MD5 = "060021388200f6f0f447d0fcd9c64743"
 KEY = b"a key that is long enough"
 
