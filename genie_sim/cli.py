@@ -6,7 +6,7 @@ import os
 import sys
 from contextlib import closing
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 import typer.core
@@ -129,26 +129,81 @@ def rerun(folder: Annotated[Path, typer.Argument(help="A result folder.")]) -> N
 
 @app.command()
 def perceive(
-    drive: Annotated[str, typer.Option(help="A drive, such as 2011_09_26/0005.")],
-    out: Annotated[Path, typer.Option(help="The trace file to write.")],
+    drive: Annotated[str, typer.Option(help="A drive, such as 2011_09_26/0005, or a sequence, tracking/0005.")],
+    out: Annotated[Path | None, typer.Option(help="The trace file to write.")] = None,
     kitti: Annotated[Path | None, typer.Option(help="KITTI's root folder; default: $GENIE_SIM_KITTI.")] = None,
     cameras: Annotated[str, typer.Option(help="Colour cameras, separated by commas.")] = "02,03",
-    detector: Annotated[str, typer.Option(help="A detector's name.")] = "yolox_nano",
+    detector: Annotated[
+        str, typer.Option(help="A detector ('list detectors'), your own module:Class; for sequences pointrcnn or rrc.")
+    ] = "yolox_nano",
     weights: Annotated[
         Path | None, typer.Option(help="The ONNX file, or its folder; default: $GENIE_SIM_WEIGHTS.")
     ] = None,
+    size: Annotated[str | None, typer.Option(metavar="WxH", help="The network's input, such as 832x256.")] = None,
+    providers: Annotated[
+        str, typer.Option(help="ONNX Runtime's execution providers, best first, such as CUDAExecutionProvider.")
+    ] = "CPUExecutionProvider",
     min_score: Annotated[float, typer.Option(min=0.0, max=1.0, help="Keep detections from this score on.")] = 0.3,
+    origin: Annotated[
+        str | None, typer.Option(metavar="LAT,LON,ALT", help="The world's origin; default: the drive's first fix.")
+    ] = None,
+    allow_missing_scans: Annotated[
+        bool, typer.Option("--allow-missing-scans", help="Place by the ground alone where there is no scan.")
+    ] = False,
+    evaluate: Annotated[bool, typer.Option("--evaluate", help="Judge the trace by KITTI's labels.")] = False,
+    labels: Annotated[
+        str | None, typer.Option(help="Labels of another layout, such as tracking/0000 for 2011_09_26/0005.")
+    ] = None,
+    frames: Annotated[Path | None, typer.Option(help="A folder for the frames with what was found drawn in.")] = None,
+    video: Annotated[Path | None, typer.Option(help="The same as a video (.mp4).")] = None,
 ) -> None:
     """Run a detector over a KITTI drive and write the trace that scenarios replay."""
-    from genie_sim.perception.perceive import perceive as make_trace
+    from genie_sim.perception import perceive as perception
     from genie_sim.perception.trace import write_trace
 
+    if not (out or evaluate or frames or video):
+        raise UserError("perceive: say what you want: --out, --evaluate, --frames or --video")
+    root = perception.kitti_folder(kitti)
+    lowest = min(min_score, perception.LOWEST_SCORE) if evaluate else min_score
     with _Progress(unit="frames") as progress:
-        trace = make_trace(kitti, drive, cameras.split(","), detector, weights, min_score, progress=progress)
-    write_trace(out, trace)
-    frames = sum(map(len, trace.frames.values()))
-    found = sum(len(frame.detections) for camera in trace.frames.values() for frame in camera)
-    typer.echo(f"{out}: {frames} frames, {found} detections, content {trace.digest[:12]}")
+        everything = perception.perceive(
+            root, drive, cameras.split(","), detector, weights, lowest, _numbers("--size", size, "x", 2),
+            _numbers("--origin", origin, ",", 3), progress, None, allow_missing_scans, providers.split(","), min_score,
+        )  # fmt: skip
+    trace = everything.at_least(min_score)
+    if out is not None:
+        write_trace(out, trace)
+        found = sum(len(frame.detections) for sequence in trace.frames.values() for frame in sequence)
+        count = sum(map(len, trace.frames.values()))
+        typer.echo(f"{out}: {count} frames, {found} detections, content {trace.digest[:12]}")
+    if evaluate:
+        from genie_sim.perception import evaluation, truth
+
+        judged = evaluation.evaluate(everything, truth.read_truth(root, labels or drive, everything), min_score)
+        typer.echo(evaluation.table(judged), nl=False)
+    if frames is not None or video is not None:
+        from genie_sim.perception import pictures
+
+        images = perception.images(root, drive, cameras.split(","))
+        with _Progress(unit="frames") as progress:
+            if frames is not None:
+                pictures.write_frames(frames, trace, images, progress)
+            if video is not None:
+                pictures.write_video(video, trace, images, progress)
+        typer.echo("\n".join(f"Pictures: {place}" for place in (frames, video) if place is not None))
+
+
+def _numbers(option: str, text: str | None, separator: str, count: int) -> tuple[Any, ...] | None:
+    """``832x256`` or ``49.01,8.42,112.8``: whole numbers where they have no decimal point."""
+    if text is None:
+        return None
+    try:
+        numbers = tuple(float(part) if "." in part else int(part) for part in text.split(separator))
+    except ValueError as error:
+        raise UserError(f"{option}: {text!r}: {error}") from error
+    if len(numbers) != count:
+        raise UserError(f"{option}: {text!r} has {len(numbers)} numbers, expected {count} with {separator!r} between")
+    return numbers
 
 
 @app.command()

@@ -20,7 +20,6 @@ from genie_sim.messages import Box, Detection
 from genie_sim.perception.trace import Trace
 from genie_sim.perception.truth import MIN_HEIGHT_PX, Labelled, Truth
 
-LOWEST_SCORE = 0.01  # a trace for evaluation keeps detections from here on: weak ones count for average precision
 LABELS = {"vehicles": ("car", "truck", "bus"), "persons": ("person",)}
 MIN_IOU = {"vehicles": 0.5, "persons": 0.4}
 SCORE_BINS = np.linspace(0.0, 1.0, 11)
@@ -127,7 +126,8 @@ class Evaluation:
 
 
 def evaluate(trace: Trace, truth: Truth, min_score: float) -> Evaluation:
-    """Judge a trace, made with ``LOWEST_SCORE`` where its average precision is to mean anything."""
+    """Judge a trace, in the pictures that have labels. Average precision means most where the trace has weak detections
+    too (``perceive.LOWEST_SCORE``)."""
     return Evaluation(truth, {name: _judge(name, trace, truth) for name in LABELS}, min_score)
 
 
@@ -144,7 +144,7 @@ def _judge(group: str, trace: Trace, truth: Truth) -> Group:
         for camera, frames in trace.frames.items()
         for frame in frames
         for detection in frame.detections
-        if detection.label in LABELS[group] and detection.box is not None
+        if detection.label in LABELS[group] and detection.box is not None and (camera, frame.index) in truth.pictures
     ]
     found.sort(key=lambda item: -item[0].score)
     taken: set[tuple[tuple[str, int], int]] = set()

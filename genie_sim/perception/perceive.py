@@ -25,6 +25,7 @@ from genie_sim.perception.trace import Trace, TraceFrame, detection, trace_frame
 from genie_sim.perception.tracking import tracking_trace
 
 PACKAGES = ("numpy", "onnxruntime", "opencv-python-headless", "pykitti", "pymap3d")
+LOWEST_SCORE = 0.01  # for an evaluation: weak detections count for average precision
 READ_AHEAD = 4  # frames read while the network runs, and frames placed after it
 TRACKING = "tracking/"  # a drive of this name is a sequence of the tracking benchmark
 
@@ -107,6 +108,14 @@ def perceive(
     provenance = _provenance(opened, detector, min_score)
     by_camera = {camera: tuple(rows) for camera, rows in perceived.items()}
     return Trace(f"kitti_{drive.split('/')[1]}", opened.origin, by_camera, provenance)
+
+
+def images(root: Path, drive: str, cameras: Sequence[str]) -> dict[tuple[str, int], Path]:
+    """The image file of each camera and frame number; none for a tracking sequence."""
+    if drive.startswith(TRACKING):
+        return {}
+    opened = open_drive(root, drive, cameras, allow_missing_scans=True)
+    return {(camera, frame.index): frame.image_path for camera in opened.frames for frame in opened.frames[camera]}
 
 
 def trace_frames(
