@@ -22,11 +22,12 @@ class Variant:
 
 @dataclass(frozen=True, slots=True)
 class Sweep:
-    """One open parameter and the values it is tried at; ``paper`` says what the paper gives for it."""
+    """One open parameter, the values it is tried at and their plausible range; ``paper``: what the paper gives."""
 
     parameter: str
     unit: str
     values: tuple[float, ...]
+    plausible: tuple[float, float]
     paper: str
 
 
@@ -69,7 +70,7 @@ def load_assumptions() -> Assumptions:
         settings=tuple(evaluation["settings"]),
         fixed=tuple(data["fixed"]),
         fitted=tuple(
-            Fitted(name, float(one["range"][0]), float(one["range"][1]), one["why"])
+            Fitted(name, *_range(one["range"]), one["why"])
             for name, one in calibrated["parameters"].items()
         ),
         targets={name: float(target["value"]) for name, target in calibrated["targets"].items()},
@@ -77,7 +78,16 @@ def load_assumptions() -> Assumptions:
             Variant(one["name"], tuple(one["set"]), one["plausible"], one["why"]) for one in data["variants"]
         ),
         sweeps=tuple(
-            Sweep(one["parameter"], one["unit"], tuple(float(value) for value in one["values"]), one["paper"])
+            Sweep(one["parameter"], one["unit"], _floats(one["values"]), _range(one["plausible"]), one["paper"])
             for one in data["sweeps"]
         ),
     )
+
+
+def _floats(values: list[float]) -> tuple[float, ...]:
+    return tuple(float(value) for value in values)
+
+
+def _range(values: list[float]) -> tuple[float, float]:
+    low, high = _floats(values)
+    return low, high

@@ -41,7 +41,8 @@ def facts_of(
         facts[f"late_answered_share:{method}"] = float(mine["first_answer_ns"].notna()[late].mean())
         for car in cars:
             of_car = metrics.response_ms(mine[mine["car"] == car], "first")
-            facts[f"first_answer_mean:{method}:{car}"] = float(np.nanmean(of_car)) if len(of_car) else math.nan
+            known = of_car[~np.isnan(of_car)]
+            facts[f"first_answer_mean:{method}:{car}"] = float(known.mean()) if len(known) else math.nan
             facts[f"first_answer_p99:{method}:{car}"] = _percentile(of_car, 99)
     both = frames[(frames["method"] == "remote") & (frames["bytes_up"] > 0) & (frames["bytes_down"] > 0)]
     facts["image_to_objects_bytes"] = _ratio(both["bytes_up"].sum(), both["bytes_down"].sum())

@@ -31,6 +31,8 @@ if TYPE_CHECKING:
     import pandas as pd
 
 ROUTE_S = 5.2  # assumptions.yaml: evaluation.route
+STREET_S = 3 * ROUTE_S  # of the 15.8 s that are recorded
+GOLDEN = (5**0.5 - 1) / 2
 CUT_S = 2.5  # when `link=cut` cuts the links: in mid run
 RECORDED_HZ = 10.0
 
@@ -188,7 +190,7 @@ def prepare_job(job: Job) -> Prepared:
     """The scenario, devices and traces of a job. Raises ``UserError``."""
     words, overrides = _split(job.settings)
     plain = load_scenario(job.scenario)
-    overrides = [*_spelled_out(plain, words), *overrides]
+    overrides = [*_spelled_out(plain, words, job.seed), *overrides]
     scenario = load_scenario(job.scenario, overrides, job.seed).model_copy(update={"methods": job.methods})
     assert isinstance(scenario.perception, Recorded)
     trace = _trace(scenario.perception.trace, float(words.get("min_score", 0.0)), float(words.get("frame_rate_hz", 0)))
@@ -199,7 +201,7 @@ def prepare_job(job: Job) -> Prepared:
 
 WORDS = (
     "overlap", "gate_m", "order", "laps", "quadro", "all_edges", "links", "link", "image_cell_m", "view_range_m",
-    "min_score", "frame_rate_hz", "route_s",
+    "min_score", "frame_rate_hz",
 )  # fmt: skip
 
 
@@ -216,11 +218,11 @@ def _split(settings: Sequence[str]) -> tuple[dict[str, str], list[str]]:
     return words, overrides
 
 
-def _spelled_out(scenario: Scenario, words: Mapping[str, str]) -> Iterator[str]:
+def _spelled_out(scenario: Scenario, words: Mapping[str, str], seed: int) -> Iterator[str]:
     """The evaluation's own words as overrides of the scenario."""
     cars, edges = scenario.cars, scenario.edges
     if "overlap" in words:
-        yield from _routes(scenario, float(words["overlap"]), float(words.get("route_s", ROUTE_S)), words.get("order"))
+        yield from _routes(scenario, float(words["overlap"]), words.get("order"), seed)
     for index in range(len(cars)):
         if "laps" in words:
             yield f"cars[{index}].route.laps={words['laps']}"
@@ -244,14 +246,20 @@ def _spelled_out(scenario: Scenario, words: Mapping[str, str]) -> Iterator[str]:
         yield f"genie.view_range={words['view_range_m']} m"
 
 
-def _routes(scenario: Scenario, overlap: float, route_s: float, order: str | None) -> Iterator[str]:
-    """Each car (1 - overlap) of a route ahead of the one before it; a car without cameras drives behind the others."""
+def _routes(scenario: Scenario, overlap: float, order: str | None, seed: int) -> Iterator[str]:
+    """Each car (1 - overlap) of a route ahead of the one before it; a car without cameras drives behind the others.
+
+    Where on the recorded street the last car begins depends on the seed: multiples of the golden ratio spread evenly,
+    however many seeds there are. So one car and three see, over the seeds, the same street.
+    """
     places = list(range(len(scenario.cars)))
     if (order == "reversed") != any(not car.cameras for car in scenario.cars):
         places.reverse()
+    step_s = (1.0 - overlap) * ROUTE_S
+    first_s = (STREET_S - ROUTE_S - step_s * (len(places) - 1)) * (seed * GOLDEN % 1.0)
     for index, place in enumerate(places):
-        begin_s = place * (1.0 - overlap) * route_s
-        yield f"cars[{index}].route.window=[{begin_s:.3f} s, {begin_s + route_s:.3f} s]"
+        begin_s = first_s + place * step_s
+        yield f"cars[{index}].route.window=[{begin_s:.3f} s, {begin_s + ROUTE_S:.3f} s]"
 
 
 def _lap_ns(scenario: Scenario) -> int | None:

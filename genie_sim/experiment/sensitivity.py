@@ -34,8 +34,7 @@ def sweeps(rows: Sequence[Row], targets: Mapping[str, float], footer: str) -> Fi
     ``value``, ``object_reuse`` and ``image_reuse`` as (mean, low, high).
     """
     figure = Figure(figsize=(PAGE_IN, 0.9 + 1.75 * -(-len(rows) // 3)), layout="constrained")
-    figure.suptitle("Reuse against each parameter that the paper leaves open, all else unchanged", x=0.01, ha="left")
-    figure.supxlabel(footer, x=0.01, ha="left", fontsize=8, color="0.35")
+    _title(figure, "Reuse against each parameter that the paper leaves open, all else unchanged", footer)
     grid = figure.subplots(-(-len(rows) // 3), 3, sharey=True, squeeze=False)
     axes = list(grid.flat)
     for axis, row in zip(axes, rows, strict=False):
@@ -53,8 +52,7 @@ def sweeps(rows: Sequence[Row], targets: Mapping[str, float], footer: str) -> Fi
 def calibration(points: Sequence[Row], best: Row, targets: Mapping[str, float], footer: str) -> Figure:
     """Both calibrated numbers over the two fitted parameters, with the paper's level as a line where it is reached."""
     figure = Figure(figsize=(PAGE_IN, 3.0), layout="constrained")
-    figure.suptitle("Calibration: the two published numbers over the two fitted parameters", x=0.01, ha="left")
-    figure.supxlabel(footer, x=0.01, ha="left", fontsize=8, color="0.35")
+    _title(figure, "Calibration: the two published numbers over the two fitted parameters", footer)
     left, right = figure.subplots(1, 2, sharey=True)
     for axis, name, target, title in (
         (left, "object_reuse", targets["object_reuse_mean"], "object reuse, mean of 12 bars"),
@@ -62,7 +60,11 @@ def calibration(points: Sequence[Row], best: Row, targets: Mapping[str, float], 
     ):
         overlap, gate_m, values = (np.array([row[key] for row in points]) for key in ("overlap", "gate_m", name))
         shades = axis.scatter(overlap, gate_m, c=values, cmap="cividis", s=42, edgecolors="black", linewidths=0.4)
+        written: list[tuple[float, float]] = []
         for x, y, value in zip(overlap, gate_m, values, strict=True):
+            if any(abs(x - other[0]) < 0.12 and abs(y - other[1]) < 0.3 for other in written):
+                continue  # a refinement between two others
+            written.append((x, y))
             axis.annotate(f"{value:.2f}", (x, y), (0, 6), textcoords="offset points", ha="center", fontsize=6)
         if values.min() < target < values.max():
             axis.tricontour(overlap, gate_m, values, levels=[target], colors="#C44E00", linewidths=1.4)
@@ -72,7 +74,8 @@ def calibration(points: Sequence[Row], best: Row, targets: Mapping[str, float], 
         axis.plot(best["overlap"], best["gate_m"], marker="x", color="#C44E00", markersize=9, markeredgewidth=2)
         axis.set_title(title)
         axis.set_xlabel("overlap of the routes")
-        axis.margins(0.08, 0.12)
+        axis.set_xlim(overlap.min() - 0.08, overlap.max() + 0.08)
+        axis.set_ylim(gate_m.min() - 0.15, gate_m.max() + 0.3)
         figure.colorbar(shades, ax=axis)
     left.set_ylabel("gate of the object map [m]")
     return figure
@@ -85,8 +88,7 @@ def case_study(times_ms: Mapping[str, Any], reuse: Mapping[str, tuple[Any, Any]]
     ``reuse``: by label, event numbers and the running ratio hits / requests.
     """
     figure = Figure(figsize=(PAGE_IN, 2.6), layout="constrained")
-    figure.suptitle("Vision-assisted driving: car2 has no cameras", x=0.01, ha="left")
-    figure.supxlabel(footer, x=0.01, ha="left", fontsize=8, color="0.35")
+    _title(figure, "Vision-assisted driving: car2 has no cameras", footer)
     left, right = figure.subplots(1, 2)
     looks = (("#0B3C6F", "-"), ("#E69F00", (0, (4, 1.2))), ("#777777", (0, (1, 1.5))))
     for (label, values), (colour, dashes) in zip(times_ms.items(), looks, strict=False):
@@ -110,8 +112,7 @@ def case_study(times_ms: Mapping[str, Any], reuse: Mapping[str, tuple[Any, Any]]
 def worth(rows: Sequence[Row], footer: str) -> Figure:
     """Precision, recall and ghosts of what the consumer holds, for L, R and DG; ``rows`` as ``quality`` makes them."""
     figure = Figure(figsize=(PAGE_IN, 2.6), layout="constrained")
-    figure.suptitle("What the consumer holds at each instant, against KITTI's labels (drive 0005)", x=0.01, ha="left")
-    figure.supxlabel(footer, x=0.01, ha="left", fontsize=8, color="0.35")
+    _title(figure, "What the consumer holds at each instant, against KITTI's labels (drive 0005)", footer)
     looks = {"local": ("#F0C060", "////"), "remote": ("#E08050", "...."), "genie": ("#3D6FA5", "")}
     names = {"precision": "precision", "recall_static": "recall, static", "recall_moving": "recall, moving",
              "ghost_share": "ghosts"}  # fmt: skip
@@ -130,6 +131,10 @@ def worth(rows: Sequence[Row], footer: str) -> Figure:
     axis.yaxis.set_major_formatter(PercentFormatter(1))
     figure.legend(loc="outside lower center", ncols=3)
     return figure
+
+
+def _title(figure: Figure, title: str, footer: str) -> None:
+    figure.suptitle(f"{title}\n{footer}", x=0.01, ha="left", fontsize=8)
 
 
 def _sweep(axis: Axes, row: Row, targets: Mapping[str, float]) -> None:

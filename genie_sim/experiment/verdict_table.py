@@ -10,8 +10,12 @@ from typing import Any
 
 from genie_sim.errors import UserError
 from genie_sim.experiment.claims import VERDICTS, Verdict
+from genie_sim.experiment.yaml_input import parse
 
-BEGIN, END = "<!-- verdicts:begin -->", "<!-- verdicts:end -->"
+MARKERS = {  # of a document's generated parts
+    "verdicts": ("<!-- verdicts:begin -->", "<!-- verdicts:end -->"),
+    "section V": ("<!-- section-v:begin -->", "<!-- section-v:end -->"),
+}
 MOST_NAMED = 4  # variants named beside a claim
 
 Row = Mapping[str, Any]
@@ -104,18 +108,34 @@ def read_rows(folder: Path) -> list[dict[str, Any]]:
     return rows
 
 
-def between_markers(text: str) -> str | None:
-    """What a document holds between the two markers, ``None`` without them."""
-    if BEGIN not in text or END not in text:
+def section_v(rows: Sequence[Row]) -> str:
+    """Section V sentence by sentence: the figure and the verdicts."""
+    path = Path(__file__).with_name("section_v.yaml")
+    said = {one["id"]: f"{one['verdict']}{' (marginal)' if one['marginal'] else ''}" for one in rows}
+    lines = ["| Section V | the paper says | figure | here |", "|---|---|---|---|"]
+    for one in parse(path.read_text(encoding="utf-8"), str(path)):
+        figure = f"`{one['figure']}`" if one["figure"] else ""
+        here = [f"{claim}: {said[claim]}" for claim in one["claims"]] + ([one["note"]] if one["note"] else [])
+        lines.append(f"| {one['part']} | {one['says']} | {figure} | {'; '.join(here)} |")
+    return "\n".join(lines)
+
+
+def between(name: str, text: str) -> str | None:
+    """A document's generated part of that name, ``None`` where it has none."""
+    begin, end = MARKERS[name]
+    if begin not in text or end not in text:
         return None
-    return text.split(BEGIN, 1)[1].split(END, 1)[0].strip()
+    return text.split(begin, 1)[1].split(end, 1)[0].strip()
 
 
-def with_table(text: str, rows: Sequence[Row]) -> str:
-    """The document with the table of ``rows`` between its markers."""
-    before, rest = text.split(BEGIN, 1)
-    after = rest.split(END, 1)[1]
-    return f"{before}{BEGIN}\n{table(rows)}\n{END}{after}"
+def refreshed(text: str, parts: Mapping[str, str]) -> str:
+    """The document with its generated parts made anew; a part it does not have is left out."""
+    for name, part in parts.items():
+        begin, end = MARKERS[name]
+        if between(name, text) is not None:
+            before, rest = text.split(begin, 1)
+            text = f"{before}{begin}\n{part}\n{end}{rest.split(end, 1)[1]}"
+    return text
 
 
 def _counts(rows: Sequence[Row]) -> str:
