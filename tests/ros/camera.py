@@ -39,12 +39,12 @@ def on_answer(answer):
 def main(places, pause_s, listen_s, topic=None):
     rospy.init_node("camera", anonymous=True)
     answers = (topic, Image) if topic else ("/detection/image_detector/objects", Array)
-    rospy.Subscriber(*answers, on_answer, buff_size=2**24, tcp_nodelay=True)
+    listening = rospy.Subscriber(*answers, on_answer, buff_size=2**24, tcp_nodelay=True)
     images = rospy.Publisher("/image_raw", Image, queue_size=10, tcp_nodelay=True) if places else None
     poses = rospy.Publisher("/current_pose", PoseStamped, queue_size=10, tcp_nodelay=True)
     print("up", flush=True)
     sys.stdin.readline()
-    while places and not images.get_num_connections():
+    while places and not (images.get_num_connections() and listening.get_num_connections()):
         time.sleep(0.01)
     for index, place in enumerate(places):
         place, at, east = place.partition("@")
