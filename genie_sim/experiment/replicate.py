@@ -9,10 +9,12 @@ from __future__ import annotations
 
 import functools
 import math
+import signal
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
+from multiprocessing import get_context
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from genie_sim.experiment import files
@@ -76,9 +78,10 @@ def in_parallel(
             if progress is not None:
                 progress(len(done), len(jobs), what)
         return done
-    pool = ProcessPoolExecutor(workers)
+    # Fresh processes: a forked one would inherit the locks of the progress bar's thread. Ctrl-C is the parent's affair.
+    pool = ProcessPoolExecutor(workers, get_context("spawn"), signal.signal, (signal.SIGINT, signal.SIG_IGN))
     try:
-        for outcome in pool.map(run, jobs, chunksize=max(1, min(8, len(jobs) // (4 * workers)))):
+        for outcome in pool.map(run, jobs):
             done.append(outcome)
             if progress is not None:
                 progress(len(done), len(jobs), what)

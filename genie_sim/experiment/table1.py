@@ -59,3 +59,18 @@ def cells() -> list[Cell]:
             else:
                 found.append(Cell(model, column, cell[0], ours_ms, cell[1], slowest / cell[0]))
     return found
+
+
+def markdown() -> str:
+    """The table with its printed speed-ups; a misprinted one is followed by the right one in bold."""
+    found = {(cell.model, cell.device): cell for cell in cells()}
+    rows = [f"| {model} | {' | '.join(_shown(found[model, device]) for device in DEVICES)} |" for model in MODELS]
+    about = "Milliseconds / speed-up over the slowest device. Bold: what the printed one should be."
+    return "\n".join([f"| model | {' | '.join(DEVICES)} |", f"|---|{'---|' * len(DEVICES)}", *rows, "", about])
+
+
+def _shown(cell: Cell) -> str:
+    if cell.printed_ms is None:
+        return "out of memory"
+    right = f" **{cell.speedup:.2f}x**" if cell.misprinted else ""
+    return f"{cell.printed_ms:.2f} / {cell.printed_speedup:.2f}x{right}"

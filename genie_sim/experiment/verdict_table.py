@@ -9,12 +9,15 @@ from pathlib import Path
 from typing import Any
 
 from genie_sim.errors import UserError
+from genie_sim.experiment import table1
 from genie_sim.experiment.claims import VERDICTS, Verdict
 from genie_sim.experiment.yaml_input import parse
 
 MARKERS = {  # of a document's generated parts
     "verdicts": ("<!-- verdicts:begin -->", "<!-- verdicts:end -->"),
     "section V": ("<!-- section-v:begin -->", "<!-- section-v:end -->"),
+    "worth": ("<!-- worth:begin -->", "<!-- worth:end -->"),
+    "table I": ("<!-- table-1:begin -->", "<!-- table-1:end -->"),
 }
 MOST_NAMED = 4  # variants named beside a claim
 
@@ -78,7 +81,7 @@ def document(rows: Sequence[Row], settings: Sequence[str], worth: Sequence[Row] 
         elif one["holds_under"] is not None:
             parts.append("Would hold under none of the other readings and values that were tried.")
         parts.append("")
-    parts += ["## What the answers are worth", ""]
+    parts += ["## Table I", "", table1.markdown(), "", "## What the answers are worth", ""]
     if worth is None:
         parts.append("Not measured: it needs KITTI's labels, found through the environment variable GENIE_SIM_KITTI.")
     else:
@@ -118,6 +121,16 @@ def section_v(rows: Sequence[Row]) -> str:
         here = [f"{claim}: {said[claim]}" for claim in one["claims"]] + ([one["note"]] if one["note"] else [])
         lines.append(f"| {one['part']} | {one['says']} | {figure} | {'; '.join(here)} |")
     return "\n".join(lines)
+
+
+def generated_parts(folder: Path) -> dict[str, str]:
+    """What documents show of a result folder, by the name of the part. Raises ``UserError``."""
+    rows = read_rows(folder)
+    parts = {"verdicts": table(rows), "section V": section_v(rows), "table I": table1.markdown()}
+    quality = folder / "quality.json"
+    if quality.is_file():
+        parts["worth"] = worth_table(json.loads(quality.read_text(encoding="utf-8")))
+    return parts
 
 
 def between(name: str, text: str) -> str | None:
