@@ -46,6 +46,8 @@ def facts_of(
             facts[f"first_answer_p99:{method}:{car}"] = _percentile(of_car, 99)
     both = frames[(frames["method"] == "remote") & (frames["bytes_up"] > 0) & (frames["bytes_down"] > 0)]
     facts["image_to_objects_bytes"] = _ratio(both["bytes_up"].sum(), both["bytes_down"].sum())
+    for role in metrics.ROLES:
+        facts[f"boost_per_object:{role}"] = _boost_per_object(lookups[lookups["role"] == role])
     facts["image_peak_at:local"] = _peak_at(lookups, frames)
     for genie, ratio in metrics.reuse(lookups[lookups["kind"] != "image"]).items():
         facts[f"object_reuse:{genie}"] = float(ratio)
@@ -71,6 +73,12 @@ def _of_resources(resources: pd.DataFrame, lap_ns: int | None) -> Facts:
         facts["detector_runs:lap1"] = float(first)
         facts["detector_runs:lap2"] = facts["detector_runs"] - float(first)
     return facts
+
+
+def _boost_per_object(lookups: pd.DataFrame) -> float:
+    """All confidence added by the end of the run, over the objects then stored: another reading of Section V-E."""
+    maps = lookups[lookups["kind"] != "image"]
+    return _ratio(maps["boost_sum"].sum(), maps.groupby("genie", observed=True)["entries"].last().sum())
 
 
 def _peak_at(lookups: pd.DataFrame, frames: pd.DataFrame) -> float:
