@@ -337,7 +337,8 @@ def _role_gap(evidence: Evidence, scenario: str, name: str, more: str, less: str
 
 def _with_other_reading(per_update: Finding, per_object: Finding) -> Finding:
     """The paper's boost may also be meant per stored object; the verdict is that of the boost per update."""
-    said = f"per stored object instead of per update: {per_object.value:.3g}, {'holds' if per_object.holds else 'fails'}"
+    value, outcome = per_object.value, "holds" if per_object.holds else "fails"
+    said = f"per stored object instead of per update: {value:.3g}, {outcome}"
     return replace(per_update, note=f"{per_update.note}; {said}" if per_update.note else said)
 
 
