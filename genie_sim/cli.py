@@ -193,6 +193,65 @@ def perceive(
         typer.echo("\n".join(f"Pictures: {place}" for place in (frames, video) if place is not None))
 
 
+@app.command()
+def fetch(
+    what: Annotated[str, typer.Argument(help="model or drive.")],
+    name: Annotated[str, typer.Argument(help="Such as yolox-nano, or 2011_09_26_drive_0005.")],
+    out: Annotated[
+        Path | None, typer.Option(help="The folder; default: $GENIE_SIM_WEIGHTS or weights, $GENIE_SIM_KITTI or kitti.")
+    ] = None,
+) -> None:
+    """Take the official files of a detector or a KITTI drive from the network. No other command touches it."""
+    from genie_sim.perception import fetch as network
+
+    if what not in ("model", "drive"):
+        raise UserError(unknown("kind of thing to fetch", what, ("model", "drive")))
+    variable, usual = {"model": ("GENIE_SIM_WEIGHTS", "weights"), "drive": ("GENIE_SIM_KITTI", "kitti")}[what]
+    folder = out or Path(os.environ.get(variable) or usual)
+    take = network.fetch_model if what == "model" else network.fetch_drive
+    with _Progress(unit="bytes") as progress:
+        path = take(name, folder, progress)
+    typer.echo(f"{path}\nTo use it from anywhere: export {variable}={folder.resolve()}")
+    if what == "drive":
+        typer.echo("KITTI is licensed CC BY-NC-SA 3.0: not for commercial use. https://www.cvlibs.net/datasets/kitti/")
+
+
+@app.command()
+def profile(
+    out: Annotated[Path, typer.Option(help="The device profile to write, such as device_profiles/here.yaml.")],
+    detector: Annotated[
+        str | None, typer.Option(help="Measure this detector here ('list detectors', or your own module:Class).")
+    ] = None,
+    csv: Annotated[
+        Path | None, typer.Option(help="Instead: latencies in milliseconds measured elsewhere, one in a line.")
+    ] = None,
+    model: Annotated[
+        str | None, typer.Option(help="What scenarios call the model; default: the detector's name.")
+    ] = None,
+    weights: Annotated[
+        Path | None, typer.Option(help="The ONNX file, or its folder; default: $GENIE_SIM_WEIGHTS.")
+    ] = None,
+    runs: Annotated[int, typer.Option(min=20, help="How many pictures to measure.")] = 300,
+    empirical: Annotated[
+        bool, typer.Option("--empirical", help="Keep the measured distribution instead of the fitted law.")
+    ] = False,
+) -> None:
+    """Measure a detector on this machine, or take measured latencies, and write a device profile."""
+    from genie_sim.experiment import device_fit
+
+    if (detector is None) == (csv is None):
+        raise UserError("profile: give either --detector, to measure here, or --csv, with latencies measured elsewhere")
+    with _Progress(unit="pictures") as progress:
+        if csv is not None:
+            measured = device_fit.from_csv(csv, model or csv.stem)
+        else:
+            assert detector is not None
+            measured = device_fit.measure(detector, weights, runs, model, progress)
+    fit = device_fit.fit(measured.latencies_ns)
+    device_fit.write(out, measured, fit, empirical)
+    typer.echo(f"{out}: {measured.model}: {fit}")
+
+
 def _numbers(option: str, text: str | None, separator: str, count: int) -> tuple[Any, ...] | None:
     """``832x256`` or ``49.01,8.42,112.8``: whole numbers where they have no decimal point."""
     if text is None:

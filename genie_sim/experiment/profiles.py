@@ -1,6 +1,6 @@
 """How long things take on a device: read from ``device_profiles/*.yaml``, every number with its source.
 
-Tags: [P] the paper says so; [S] a public source; [D] derived, formula given; [A] assumed, to be varied.
+Tags: [P] the paper says so; [S] a public source; [M] measured; [D] derived, formula given; [A] assumed, to be varied.
 """
 
 from __future__ import annotations
@@ -14,11 +14,12 @@ from pydantic import Field, model_validator
 
 from genie_sim.errors import UserError, unknown
 from genie_sim.experiment import files
-from genie_sim.experiment.fields import Duration, Model, Name, PositiveDuration, problem, validate
+from genie_sim.experiment.fields import Duration, Listed, Model, Name, PositiveDuration, problem, validate
 from genie_sim.experiment.yaml_input import read_mapping
 
 SPREADS = ("isolated", "default", "loaded")
 MEGABYTE = 10**6
+Tag = Literal["P", "S", "M", "D", "A"]
 
 Value = TypeVar("Value")
 
@@ -27,25 +28,35 @@ class Sourced(Model, Generic[Value]):
     """A number and where it comes from."""
 
     value: Value
-    tag: Literal["P", "S", "D", "A"]
+    tag: Tag
     source: Annotated[str, Field(min_length=1)]
 
 
 class ServiceTime(Model):
-    """The law ``X = median (loc + (1 - loc) exp(sigma Z))``, Z standard normal: a sure part and a log-normal tail."""
+    """The law ``X = median (loc + (1 - loc) exp(sigma Z))``, Z standard normal: a sure part and a log-normal tail.
+
+    With ``quantiles_ns``, evenly spaced from the shortest to the longest time measured, X is the quantile of Z instead.
+    """
 
     median_ns: PositiveDuration = Field(alias="median")
     loc: Annotated[float, Field(ge=0, le=1)]
     sigma: Annotated[float, Field(ge=0, le=5)]
+    quantiles_ns: Annotated[tuple[PositiveDuration, ...], Listed] = Field((), alias="quantiles")
 
     def sample(self, rng: np.random.Generator) -> int:
         """One service time in whole nanoseconds, at least 1. Takes exactly one normal draw."""
-        tail = math.exp(self.sigma * float(rng.standard_normal()))
-        return max(1, round(self.median_ns * (self.loc + (1.0 - self.loc) * tail)))
+        z = float(rng.standard_normal())
+        if self.quantiles_ns:
+            share = 0.5 * (1.0 + math.erf(z / math.sqrt(2.0)))
+            steps = np.arange(len(self.quantiles_ns))
+            return round(float(np.interp(share * steps[-1], steps, self.quantiles_ns)))
+        return max(1, round(self.median_ns * (self.loc + (1.0 - self.loc) * math.exp(self.sigma * z))))
 
     @property
     def mean_ns(self) -> float:
         """The law's mean: that of exp(sigma Z) is exp(sigma^2 / 2)."""
+        if self.quantiles_ns:
+            return float(np.mean((self.quantiles_ns[:-1], self.quantiles_ns[1:])))
         return self.median_ns * (self.loc + (1.0 - self.loc) * math.exp(self.sigma**2 / 2))
 
 
@@ -54,7 +65,7 @@ class Spread(Model):
 
     loc: Annotated[float, Field(ge=0, le=1)]
     sigma: Annotated[float, Field(ge=0, le=5)]
-    tag: Literal["P", "S", "D", "A"]
+    tag: Tag
     source: Annotated[str, Field(min_length=1)]
 
 
@@ -85,17 +96,24 @@ class GenieTime(Model):
 
 
 class ModelTime(Model):
-    """The median time of one detection, or ``oom``: the model does not fit into the device's memory."""
+    """The median time of one detection, or ``oom``: the model does not fit into the device's memory.
+
+    ``quantiles``, evenly spaced from the shortest to the longest time, replace the law of the device's spreads by what
+    was measured.
+    """
 
     median_ns: PositiveDuration | None = Field(default=None, alias="median")
+    quantiles_ns: Annotated[tuple[PositiveDuration, ...], Listed] = Field((), alias="quantiles")
     oom: bool = False
-    tag: Literal["P", "S", "D", "A"]
+    tag: Tag
     source: Annotated[str, Field(min_length=1)]
 
     @model_validator(mode="after")
     def _fits_or_not(self) -> ModelTime:
         if (self.median_ns is None) != self.oom:
             problem("median", "exactly one of 'median' and 'oom: true' must be given")
+        if self.quantiles_ns and (len(self.quantiles_ns) < 2 or sorted(self.quantiles_ns) != list(self.quantiles_ns)):
+            problem("quantiles", "must be at least two times, in ascending order")
         return self
 
 
@@ -122,11 +140,13 @@ class DeviceProfile(Model):
             raise UserError(f"{self.name}: {unknown('model', model, self.models)}")
         if spread not in SPREADS:
             raise UserError(unknown("spread", spread, SPREADS))
-        median_ns = self.models[model].median_ns
-        if median_ns is None:
+        time = self.models[model]
+        if time.median_ns is None:
             raise UserError(f"{self.name}: model {model!r} runs out of memory")
         law: Spread = getattr(self.spreads, spread)
-        return ServiceTime.model_construct(median_ns=median_ns, loc=law.loc, sigma=law.sigma)
+        return ServiceTime.model_construct(
+            median_ns=time.median_ns, loc=law.loc, sigma=law.sigma, quantiles_ns=time.quantiles_ns
+        )
 
 
 def load_profile(path_or_name: str | Path) -> DeviceProfile:

@@ -150,12 +150,11 @@ class OnnxDetector(ABC):
 def read_network(weights: Path, outputs: int) -> Any:
     """The ONNX network in a file, with one picture as its input. Raises UserError for any other file."""
     import onnx
-    from google.protobuf.message import DecodeError
 
     try:
         network = onnx.load(str(weights), load_external_data=False)
         onnx.checker.check_model(network)
-    except (DecodeError, onnx.checker.ValidationError, ValueError, OSError) as error:
+    except Exception as error:  # ONNX's and Protobuf's exceptions have no common base of their own
         raise UserError(f"{weights}: not an ONNX network: {first_line(error)}") from error
     graph = network.graph
     constants = {tensor.name for tensor in graph.initializer}

@@ -1,0 +1,231 @@
+"""The official files of detectors and drives, from the network into a folder: checked, resumable, unpacked with care.
+
+The only module that touches the network.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import logging
+import re
+import stat
+import zipfile
+import zlib
+from collections.abc import Callable
+from http.client import HTTPException, HTTPResponse
+from pathlib import Path, PurePosixPath
+from typing import NamedTuple
+from urllib.error import HTTPError, URLError
+from urllib.request import Request, urlopen
+
+from genie_sim.errors import UserError, unknown
+
+log = logging.getLogger(__name__)
+
+TIMEOUT_S = 30.0  # without a byte
+CHUNK_BYTES = 1 << 18
+TRIES = 3
+MOST_UNPACKED_BYTES = 20 * 10**9  # KITTI's longest raw drives unpack to about 8 GB
+MOST_RATIO = 100  # of an archive's entry; scans and pictures shrink by a fifth at most
+
+Progress = Callable[[int, int], None]
+
+
+class Model(NamedTuple):
+    """A weights file: what ``--detector`` calls it, where it is published, and its bytes and SHA-256."""
+
+    file_name: str
+    url: str
+    size_bytes: int
+    sha256: str
+
+
+# Hashes and sizes as several public projects pin them.
+YOLOX = "https://github.com/Megvii-BaseDetection/YOLOX/releases/download/0.1.1rc0"
+MODELS = {
+    "yolox-nano": Model(
+        "yolox_nano.onnx",
+        f"{YOLOX}/yolox_nano.onnx",
+        3_659_407,
+        "c789161ed43c8269fcd4e67c67eeeb4e80c622da2eb296a20bc6007bd18a0b7d",
+    ),
+    "yolox-tiny": Model(
+        "yolox_tiny.onnx",
+        f"{YOLOX}/yolox_tiny.onnx",
+        20_219_662,
+        "427cc366d34e27ff7a03e2899b5e3671425c262ea2291f88bb942bc1cc70b0f7",
+    ),
+    "yolox-s": Model(
+        "yolox_s.onnx",
+        f"{YOLOX}/yolox_s.onnx",
+        35_858_002,
+        "c5c2d13e59ae883e6af3b45daea64af4833a4951c92d116ec270d9ddbe998063",
+    ),
+}
+
+# KITTI publishes no hashes of its archives; the name of a drive is checked, and what is in the archive.
+KITTI = "https://s3.eu-central-1.amazonaws.com/avg-kitti/raw_data"
+DRIVE = re.compile(r"(\d{4}_\d{2}_\d{2})_drive_(\d{4})")
+
+
+def fetch_model(name: str, folder: Path, progress: Progress, base: str | None = None) -> Path:
+    """The weights of a detector such as ``yolox-nano``; ``base`` is another place to take them from."""
+    name = name.replace("_", "-")
+    if name not in MODELS:
+        raise UserError(unknown("model", name, MODELS))
+    model = MODELS[name]
+    url = model.url if base is None else f"{base}/{model.file_name}"
+    path = folder / model.file_name
+    download(url, path, progress, model.sha256, model.size_bytes)
+    return path
+
+
+def fetch_drive(drive: str, folder: Path, progress: Progress, base: str = KITTI) -> Path:
+    """A raw drive such as ``2011_09_26_drive_0005`` with its calibration and, where there are any, its tracklets.
+
+    Returns KITTI's root folder, for ``--kitti``. The archives are removed once they are unpacked.
+    """
+    found = DRIVE.fullmatch(drive.removesuffix("_sync"))
+    if found is None:
+        raise UserError(f"drive {drive!r}: expected a name like 2011_09_26_drive_0005")
+    date, name = found[1], found[0]
+    for file, needed in (
+        (f"{date}_calib.zip", True),
+        (f"{name}/{name}_tracklets.zip", False),
+        (f"{name}/{name}_sync.zip", True),
+    ):
+        archive = folder / Path(file).name
+        try:
+            download(f"{base}/{file}", archive, progress)
+        except NotThere:
+            if needed:
+                raise
+            log.info("%s: this drive has none", file)
+            continue
+        unpack(archive, folder)
+        archive.unlink()
+    return folder
+
+
+class NotThere(UserError):
+    """The server says that it has no such file."""
+
+
+def download(
+    url: str, path: Path, progress: Progress, sha256: str | None = None, size_bytes: int | None = None
+) -> None:
+    """One file, written beside its place as ``.part`` and renamed once it is whole; a later call goes on where an
+    earlier one stopped. A file that is there already, with the right hash, is left alone.
+
+    Raises UserError, with what to do by hand, when there is no network, the server is too slow or the file is wrong.
+    """
+    by_hand = f"to do it by hand, put {url} at {path}"
+    if path.is_file() and sha256 is not None and _sha256(path) == sha256:
+        return
+    part = path.with_name(path.name + ".part")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        for attempt in range(1, TRIES + 1):
+            try:
+                _receive(url, part, progress, size_bytes)
+                break
+            except (URLError, HTTPException, TimeoutError, ConnectionError) as error:
+                if isinstance(error, HTTPError) and error.code != 416 and error.code < 500:
+                    kind = NotThere if error.code in (403, 404) else UserError
+                    raise kind(f"{url}: {error.code} {error.reason}; {by_hand}") from error
+                if isinstance(error, HTTPError) and error.code == 416:
+                    part.unlink(missing_ok=True)  # more bytes here than the server has: start again
+                log.info("%s: attempt %d: %s", url, attempt, error)
+                if attempt == TRIES:
+                    reason = getattr(error, "reason", None) or error
+                    raise UserError(f"{url}: not received ({reason}); try again to go on, or {by_hand}") from error
+        if sha256 is not None and (actual := _sha256(part)) != sha256:
+            part.unlink()
+            raise UserError(
+                f"{url}: sha256 {actual[:12]}... instead of {sha256[:12]}...: corrupted or another file; {by_hand}"
+            )
+        part.replace(path)
+    except OSError as error:
+        raise UserError(f"{path}: cannot be written: {error.strerror or error}") from error
+
+
+def unpack(archive: Path, folder: Path, most_bytes: int = MOST_UNPACKED_BYTES) -> list[Path]:
+    """Files of a ZIP archive into a folder. Nothing is written if an entry would leave the folder, is a link, is
+    encrypted, appears twice, or unpacks to far more than it should; UserError says which."""
+    root = folder.resolve()
+    try:
+        with zipfile.ZipFile(archive) as packed:
+            entries = [entry for entry in packed.infolist() if not entry.is_dir()]
+            _check(archive, entries, root, most_bytes)
+            for entry in entries:
+                target = root / entry.filename
+                target.parent.mkdir(parents=True, exist_ok=True)
+                beside = target.with_name(target.name + ".part")
+                beside.unlink(missing_ok=True)  # a link there would lead elsewhere
+                with packed.open(entry) as source, beside.open("wb") as destination:
+                    left = entry.file_size
+                    while chunk := source.read(min(CHUNK_BYTES, left + 1)):
+                        left -= len(chunk)
+                        if left < 0:
+                            raise UserError(f"{archive}: {entry.filename}: is longer than the archive says")
+                        destination.write(chunk)
+                beside.replace(target)
+            return [root / entry.filename for entry in entries]
+    except (zipfile.BadZipFile, EOFError, NotImplementedError, RuntimeError, ValueError, zlib.error) as error:
+        raise UserError(f"{archive}: not a readable ZIP archive: {error}") from error
+    except OSError as error:
+        raise UserError(f"{archive}: cannot be unpacked: {error.strerror or error}") from error
+
+
+def _check(archive: Path, entries: list[zipfile.ZipInfo], root: Path, most_bytes: int) -> None:
+    total = sum(entry.file_size for entry in entries)
+    if total > most_bytes:
+        raise UserError(f"{archive}: unpacks to {total:,} bytes, more than {most_bytes:,}")
+    seen: set[str] = set()
+    for entry in entries:
+        what = f"{archive}: {entry.filename!r}"
+        name = PurePosixPath(entry.filename)
+        if name.is_absolute() or ".." in name.parts or "\\" in entry.filename or ":" in entry.filename:
+            raise UserError(f"{what} leads out of the folder")
+        if not (root / name).resolve().is_relative_to(root):
+            raise UserError(f"{what} leads out of the folder, by a link that is there already")
+        kind = stat.S_IFMT(entry.external_attr >> 16)
+        if kind not in (0, stat.S_IFREG):
+            raise UserError(f"{what} is a link or a device, not a file")
+        if entry.flag_bits & 1:
+            raise UserError(f"{what} is encrypted")
+        if entry.file_size > MOST_RATIO * max(entry.compress_size, 1) and entry.file_size > CHUNK_BYTES:
+            raise UserError(f"{what} unpacks to {entry.file_size:,} bytes from {entry.compress_size:,}")
+        if str(name).lower() in seen:
+            raise UserError(f"{what} is in the archive twice")
+        seen.add(str(name).lower())
+
+
+def _receive(url: str, part: Path, progress: Progress, size_bytes: int | None) -> None:
+    here = part.stat().st_size if part.is_file() else 0
+    request = Request(url, headers={"User-Agent": "genie-sim", **({"Range": f"bytes={here}-"} if here else {})})
+    with urlopen(request, timeout=TIMEOUT_S) as answer:
+        goes_on = here > 0 and answer.status == 206 and _starts_at(answer, here)
+        done = here if goes_on else 0
+        length = answer.headers.get("Content-Length")
+        total = done + int(length) if length and length.isdigit() else size_bytes
+        if size_bytes is not None and total is not None and total > size_bytes:
+            raise UserError(f"{url}: {total:,} bytes instead of {size_bytes:,}: another file")
+        with part.open("ab" if goes_on else "wb") as file:
+            while chunk := answer.read(CHUNK_BYTES):
+                done += len(chunk)
+                if size_bytes is not None and done > size_bytes:
+                    raise UserError(f"{url}: more than {size_bytes:,} bytes: another file")
+                file.write(chunk)
+                progress(done, total or done)
+        if total is not None and done < total:
+            raise ConnectionError(f"the connection ended after {done:,} of {total:,} bytes")
+
+
+def _starts_at(answer: HTTPResponse, here: int) -> bool:
+    return (answer.headers.get("Content-Range") or "").startswith(f"bytes {here}-")
+
+
+def _sha256(path: Path) -> str:
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
