@@ -105,9 +105,19 @@ def save(figure: Figure, folder: Path, name: str) -> list[Path]:
     """Writes ``name.svg`` and ``name.png``, without date and version. Raises OSError if it cannot."""
     paths = [folder / f"{name}.svg", folder / f"{name}.png"]
     with style.context(["default", STYLE]):
+        _settle(figure)
         figure.savefig(paths[0], metadata={"Date": None, "Creator": None})
         figure.savefig(paths[1], metadata={"Software": None})
     return paths
+
+
+def _settle(figure: Figure) -> None:
+    """Lays the figure out once and rounds the result: the layout's solver varies in the last digit from call to call,
+    and matplotlib names parts of an SVG file after such digits."""
+    figure.draw_without_rendering()
+    figure.set_layout_engine("none")
+    for axis in figure.axes:
+        axis.set_position([round(length, 6) for length in axis.get_position().bounds])
 
 
 @style.context(["default", STYLE])
