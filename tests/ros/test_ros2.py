@@ -16,11 +16,10 @@ import pytest
 
 from tests.ros.conftest import ATTACH, DETACH, HERE, REPOSITORY, end, end_all, free_port, until
 
+pytestmark = pytest.mark.slow
 DETECTOR = "/detector"
 NODES = """
 import json, time, rclpy
-
-pytestmark = pytest.mark.slow
 rclpy.init()
 node = rclpy.create_node("observer")
 time.sleep(1.5)
@@ -150,17 +149,17 @@ def test_a_killed_genie_leaves_the_robot_with_its_node(new_domain: Callable[[str
 
 
 def test_two_domains_are_two_virtual_networks(new_domain: Callable[[str, int], Domain], tmp_path: Path):
-    """The car's detector takes 600 ms, the edge's 50; nothing but the link joins their domains."""
+    """The car's detector takes a second, the edge's 50; nothing but the link joins their domains."""
     key_file = tmp_path / "link.key"
     key_file.write_bytes(b"a key that is long enough")
     key_file.chmod(0o600)
     car, edge = new_domain("car1", 73), new_domain("edge1", 74)
     address = f"127.0.0.1:{free_port()}"
     edge.attach(edge.start_detector().pid, role="edge", name="edge1", listen=address, key_file=str(key_file))
-    car.attach(car.start_detector(seconds=0.6).pid, name="car1", connect=[address], key_file=str(key_file))
+    car.attach(car.start_detector(seconds=1.0).pid, name="car1", connect=[address], key_file=str(key_file))
     until(lambda: "edge edge1 is connected" in car.log_of_genie(), "the link is up")
-    answers = car.play("1,2,1", pause_s=0.8, listen_s=0.8)
+    answers = car.play("1,2,1", pause_s=1.3, listen_s=0.8)
     assert car.lookups() == [("car1", "miss"), ("car1", "miss"), ("car1", "hit")]
     assert edge.lookups() == [("car1", "miss")] * 2
     assert [answer["objects"][0][1] for answer in answers] == [1, 2, 1]
-    assert all(answer["after_s"] < 0.5 for answer in answers), "faster than its own detector"
+    assert all(answer["after_s"] < 1.0 for answer in answers), "faster than its own detector"

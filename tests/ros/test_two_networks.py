@@ -42,33 +42,33 @@ def lookups(master: Master) -> list[tuple[str, str, str]]:
 
 
 def test_the_edge_answers_what_the_car_is_slow_to_see(new_master: Callable[[str], Master], key_file: str):
-    """The car's detector takes 600 ms, the edge's 50: answers come over the link, and come but once."""
+    """The car's detector takes a second, the edge's 50: answers come over the link, and come but once."""
     car, edge = new_master("car1"), new_master("edge1")
-    car.start_node(DETECTOR, "detector.py", "_seconds:=0.6")
+    car.start_node(DETECTOR, "detector.py", "_seconds:=1.0")
     edge.start_node(DETECTOR, "detector.py")
     address = f"127.0.0.1:{free_port()}"
     edge.attach(role="edge", name="edge1", listen=address, key_file=key_file)
     car.attach(name="car1", connect=[address], key_file=key_file)
     until(lambda: "edge edge1 is connected" in car.log_of_genie(), "the link is up")
 
-    answers = car.play("1,2,1,2", pause_s=0.8, listen_s=0.8)
+    answers = car.play("1,2,1,2", pause_s=1.3, listen_s=0.8)
 
     assert lookups(car) == [("car1", "miss", "client")] * 2 + [("car1", "hit", "client")] * 2
     assert lookups(edge) == [("car1", "miss", "client")] * 2
     assert [answer["stamp_ns"] // 10**9 for answer in answers] == [1, 2, 3, 4]
     assert [answer["objects"][0][1] for answer in answers] == [1, 2, 1, 2]
-    assert all(0.05 < answer["after_s"] < 0.5 for answer in answers[:2]), "faster than its own detector"
+    assert all(0.05 < answer["after_s"] < 1.0 for answer in answers[:2]), "faster than its own detector"
 
     edge.detach()
     until(lambda: "edge1 is cut" in car.log_of_genie(), "the car notices that its edge is gone")
-    alone = car.play("3,3", pause_s=0.8, listen_s=0.8)
+    alone = car.play("3,3", pause_s=1.3, listen_s=0.8)
     assert [outcome for _, outcome, _ in lookups(car)[4:]] == ["miss", "hit"]
-    assert alone[0]["after_s"] > 0.6, "its own detector"
+    assert alone[0]["after_s"] > 1.0, "its own detector"
 
     edge.attach(role="edge", name="edge1", listen=address, key_file=key_file)
     until(lambda: car.log_of_genie().count("edge edge1 is connected") == 2, "the car has found its edge again")
     again = car.play("5", listen_s=1.0)
-    assert again[0]["after_s"] < 0.5
+    assert again[0]["after_s"] < 1.0
 
 
 def test_what_one_edge_has_seen_is_a_hit_at_the_other(new_master: Callable[[str], Master], key_file: str):
