@@ -117,7 +117,8 @@ def _settle(figure: Figure) -> None:
     figure.draw_without_rendering()
     figure.set_layout_engine("none")
     for axis in figure.axes:
-        axis.set_position([round(length, 6) for length in axis.get_position().bounds])
+        left, bottom, width, height = (round(length, 6) for length in axis.get_position().bounds)
+        axis.set_position((left, bottom, width, height))
 
 
 @style.context(["default", STYLE])
