@@ -1,0 +1,430 @@
+"""The report of a run: one page, offline, safe, the same bytes each time; and what its reader does with it."""
+
+from __future__ import annotations
+
+import copy
+import json
+import re
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pandas as pd
+import pytest
+
+import genie_sim as gs
+from genie_sim.cli import main
+from genie_sim.experiment import report
+from genie_sim.experiment.report import data, replay
+from tests.browser import Browser, installed
+
+MEGABYTE = 10**6
+EVIL = "</script><script>window.hacked=1</script><!--<img src=x onerror='window.hacked=2'>%data% & \u2028 é"
+NS = 1_000_000_000
+
+
+def short_run(scenario: str = "3car_hetero", cars: int = 3, seconds: float = 2.0, **settings: object) -> gs.Run:
+    windows = {f"cars[{i}].route.window": ["0 s", f"{seconds} s"] for i in range(cars)}
+    return gs.run(scenario, windows | settings)
+
+
+@pytest.fixture(scope="module")
+def run() -> gs.Run:
+    return short_run()
+
+
+@pytest.fixture(scope="module")
+def page(run: gs.Run) -> str:
+    return report.page(run)
+
+
+def embedded(page: str) -> dict:
+    """The data of a page, as its script reads it."""
+    (text,) = re.findall(r'<script type="application/json" id="data">(.*?)</script>', page, re.DOTALL)
+    return json.loads(text)
+
+
+# What the page holds
+
+
+def test_the_page_names_no_other_address(page):
+    """Neither the page nor its script asks for anything; its policy forbids it besides."""
+    assert set(re.findall(r"https?://[^\s\"'<]+", page)) <= {"http://www.w3.org/2000/svg"}
+    assert not re.findall(r"\ssrc=|@import|url\(", page)
+    assert all(target.startswith("#") for target in re.findall(r'href="([^"]*)"', page))
+    assert "default-src 'none'" in page
+
+
+def test_the_same_run_gives_the_same_page_without_any_clock(run, page):
+    assert report.page(run) == page
+    assert "wall_time" not in page
+
+
+def test_every_frame_of_a_short_run_is_in_the_replay(run, page):
+    shown = embedded(page)["replay"]
+    stamps = np.concatenate([np.cumsum(stream["stamp_us"]) for stream in shown["streams"]])
+    assert stamps.tolist() == (run.poses["stamp_ns"] // 1000).tolist()
+    genie = run.frames[run.frames["method"] == "genie"]
+    assert sum(us >= 0 for us in shown["methods"]["genie"]["first_answer_us"]) == genie["first_answer_ns"].notna().sum()
+    assert len(shown["lookups"]["t_us"]) == len(run.lookups)
+    assert sum(len(one[4]) for one in shown["objects"]) == len(run.objects)
+
+
+def test_a_frame_of_the_replay_is_that_of_the_tables(run, page):
+    shown = embedded(page)["replay"]
+    for stream in shown["streams"][::5]:
+        frame_id = stream["first_id"] + 7
+        row = run.frames.query(
+            f"method == 'genie' and car == '{stream['car']}' and stream == '{stream['stream']}' and frame == 7"
+        ).iloc[0]
+        told = {name: column[frame_id] for name, column in shown["methods"]["genie"].items()}
+        assert shown["names"][told["source"]] == row["source"]
+        assert told["received_us"] == (row["received_ns"] - row["stamp_ns"]) // 1000
+        assert told["bytes_up"] == row["bytes_up"]
+        hits = [i for i, of in enumerate(shown["lookups"]["frame_id"]) if of == frame_id]
+        mine = run.lookups.query(f"car == '{stream['car']}' and stream == '{stream['stream']}'")
+        assert len(hits) == (mine["stamp_ns"] == row["stamp_ns"]).sum() > 0
+
+
+def test_a_curve_ends_at_the_share_that_was_answered(run, page):
+    for curve in embedded(page)["cdf"]:
+        mine = run.frames[run.frames["method"] == curve["method"]]
+        answered = mine[f"{curve['answer']}_answer_ns"].notna().sum()
+        assert (curve["rank"][-1], curve["published"]) == (answered, len(mine))
+        assert len(curve["ms"]) <= data.POINTS_PER_CURVE
+
+
+def test_a_long_run_is_cut_honestly(run, monkeypatch):
+    """A stretch is shown whole, the page says which, and everything else still covers the whole run."""
+    whole = embedded(report.page(run))
+    monkeypatch.setattr(replay, "MOST_ROWS", 1500)
+    cut = embedded(report.page(run))
+    kept = cut["replay"]
+    count = sum(len(stream["stamp_us"]) for stream in kept["streams"])
+    assert 0 < count < len(run.poses)
+    assert kept["end_us"] == 1_000_000
+    assert count == (run.poses["stamp_ns"] < NS).sum()
+    assert "from 0.0 s to 1.0 s of 2." in " ".join(cut["notes"])
+    assert not any("every frame from" in note for note in whole["notes"])
+    assert {key: cut[key] for key in ("metrics", "cdf", "use", "about")} == {
+        key: whole[key] for key in ("metrics", "cdf", "use", "about")
+    }
+
+
+def test_a_later_stretch_begins_with_the_maps_as_they_were_then(run, monkeypatch):
+    monkeypatch.setattr(replay, "MOST_ROWS", 1000)
+    later = embedded(report.page(run, start_ns=NS))["replay"]
+    assert later["begin_us"] == 1_000_000
+    known = run.objects[run.objects["t_ns"] <= NS].groupby(["genie", "label", "east_m", "north_m"], observed=True)
+    first = {(genie, label, e, n): c[0] for genie, label, e, n, t, c in later["objects"] if t[0] == 1000}
+    names = later["names"]
+    for (genie, label, east_m, north_m), changes in known:
+        key = (names.index(genie), names.index(label), round(100 * east_m), round(100 * north_m))
+        assert first[key] == round(1000 * changes["confidence"].iloc[-1])
+
+
+def test_a_run_without_poses_says_so(run):
+    told = embedded(report.page(replace(run, poses=run.poses.iloc[:0])))
+    assert told["replay"] is None
+    assert any("no replay" in note for note in told["notes"])
+
+
+@pytest.mark.slow
+def test_two_minutes_of_three_cars_stay_below_8_megabytes():
+    laps = {f"cars[{i}].route.laps": 12 for i in range(3)}
+    run = gs.run("3car_hetero", laps)
+    assert run.poses["stamp_ns"].max() > 120 * NS
+    page = report.page(run)
+    print(f"{len(page.encode()) / MEGABYTE:.1f} MB")
+    assert len(page.encode()) < 8 * MEGABYTE
+    assert not any("every frame from" in note for note in embedded(page)["notes"])
+
+
+@pytest.mark.slow
+def test_the_longest_replay_stays_below_8_megabytes(monkeypatch):
+    """As many rows as are ever shown, of a run whose every frame is answered by a detector."""
+    monkeypatch.setattr(replay, "MOST_ROWS", replay.MOST_ROWS // 4)
+    settings = {f"cars[{i}].route.laps": 4 for i in range(3)} | {"genie.similarity": "exact", "genie.eviction": "lru"}
+    page = report.page(gs.run("3car_hetero", settings | {"genie.capacity": "10 entries"}))
+    shown = embedded(page)
+    assert any("every frame from" in note for note in shown["notes"])
+    assert 4 * len(json.dumps(shown["replay"], separators=(",", ":"))) < 7.5 * MEGABYTE
+
+
+# The command
+
+
+def test_run_writes_the_page_unless_told_not_to(capsys):
+    short = ["--set", "cars[0].route.window=[0 s, 1 s]", "--set", "methods=[genie]"]
+    assert main(["run", "1car_homo", *short, "--out", "with"]) == 0
+    assert main(["run", "1car_homo", *short, "--out", "without", "--no-report"]) == 0
+    (made,), (bare,) = Path("with").iterdir(), Path("without").iterdir()
+    assert (made / "report.html").is_file()
+    assert not (bare / "report.html").exists()
+    assert f"{made / 'report.html'}" in capsys.readouterr().out
+    assert main(["report", str(bare)]) == 0
+    assert (bare / "report.html").read_bytes() == (made / "report.html").read_bytes()
+    for folder in (made, bare):
+        assert main(["rerun", str(folder)]) == 0
+    assert "report.html: identical" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["nowhere"], "nowhere: not a result folder"),
+        (["nowhere", "--start", "3 parsec"], "--start: "),
+    ],
+)
+def test_a_report_of_nothing_gets_one_line(arguments, message, capsys):
+    assert main(["report", *arguments]) == 1
+    said = capsys.readouterr().err
+    assert message in said
+    assert said.count("\n") == 1
+
+
+def test_a_page_that_cannot_be_written_is_named(run):
+    with pytest.raises(gs.UserError, match=r"no/such/folder/r\.html: cannot be written"):
+        run.report("no/such/folder/r.html")
+
+
+# Names are what users write
+
+
+def evil_run(run: gs.Run) -> gs.Run:
+    """The same run, with markup in the place of every name that a user may choose."""
+    facts = copy.deepcopy(dict(run.facts))
+    facts["scenario"] |= {"name": EVIL, "description": EVIL, "model": EVIL}
+    facts["scenario"]["cars"][0]["name"] = facts["scenario"]["edges"][0]["name"] = EVIL
+    tables = {}
+    for name in ("frames", "lookups", "poses"):
+        tables[name] = getattr(run, name).copy()
+        for column in ("car", "stream", "served_by", "genie"):
+            if column in tables[name]:
+                tables[name][column] = tables[name][column].cat.rename_categories(
+                    lambda text: text.replace("car1", EVIL).replace("camera_02", EVIL)
+                )
+    return replace(run, facts=facts, yaml=EVIL, **tables)
+
+
+def test_no_name_ends_the_data_or_becomes_markup(run):
+    page = report.page(evil_run(run))
+    assert page.count("<script") == 2
+    assert page.count("<img") == 0
+    assert embedded(page)["about"]["description"] == EVIL
+    assert embedded(page)["about"]["yaml"] == EVIL
+
+
+# In a browser
+
+
+@pytest.fixture(scope="module")
+def program() -> str:
+    found = installed()
+    if found is None:
+        pytest.skip("needs Chromium: none of its programs is installed")
+    return found
+
+
+@pytest.fixture(scope="module")
+def one_browser(program: str, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
+    browser = Browser(program, tmp_path_factory.mktemp("profile"))
+    yield browser
+    browser.close()
+
+
+@pytest.fixture
+def browser(one_browser: Browser) -> Browser:
+    """The browser, with nothing noted so far, in a common window."""
+    one_browser.errors.clear()
+    one_browser.requests.clear()
+    one_browser.size(1200, 900)
+    return one_browser
+
+
+@pytest.fixture
+def file(page: str, tmp_path: Path) -> Path:
+    path = tmp_path / "report.html"
+    path.write_text(page, encoding="utf-8")
+    return path
+
+
+def picture(png: bytes) -> np.ndarray:
+    return cv2.imdecode(np.frombuffer(png, np.uint8), cv2.IMREAD_COLOR)
+
+
+def pixels(browser: Browser, canvas: str) -> int:
+    """How many different colours a canvas shows."""
+    return browser.evaluate(
+        f"new Set(new Uint32Array(byId('{canvas}').getContext('2d')"
+        f".getImageData(0, 0, byId('{canvas}').width, byId('{canvas}').height).data.buffer)).size"
+    )
+
+
+def middle(browser: Browser, element: str) -> tuple[float, float]:
+    """Scrolls an element into the window; the point in its middle."""
+    browser.evaluate("document.documentElement.style.scrollBehavior = 'auto'")
+    browser.evaluate(f"byId('{element}').scrollIntoView({{block: 'center'}})")
+    x, y = browser.evaluate(
+        f"(({{ x, y, width, height }}) => [x + width / 2, y + height / 2])(byId('{element}').getBoundingClientRect())"
+    )
+    return x, y
+
+
+@pytest.mark.parametrize(
+    ("width", "dark"), [(1200, False), (1200, True), (700, False), (360, False)], ids=["wide", "dark", "half", "narrow"]
+)
+def test_the_page_draws_itself_in_any_window(browser, file, width, dark):
+    browser.size(width, 900, dark=dark)
+    browser.open(file)
+    assert browser.errors == []
+    assert browser.requests == [file.as_uri()]
+    assert pixels(browser, "map") > 100
+    assert pixels(browser, "strip") > 5
+    shown = picture(browser.screenshot())
+    assert shown.std() > 10
+    assert (shown.mean() < 80) == dark
+    assert browser.evaluate("document.documentElement.scrollWidth") == width
+    assert browser.evaluate("document.querySelectorAll('.chart svg path').length") > 20
+
+
+def test_the_numbers_on_the_page_are_the_metrics(browser, file, run):
+    browser.open(file)
+    mean = run.metrics.query("name == 'first_answer_mean' and role == 'genie'")["value"].item()
+    assert f"{mean:.3g} ms" in browser.evaluate("byId('headline').textContent")
+    assert browser.evaluate("byId('metric-table').tBodies[0].rows.length") == len(run.metrics)
+    browser.evaluate("byId('metric-filter').value = 'fresh GENIE'")
+    browser.evaluate("byId('metric-filter').dispatchEvent(new Event('input'))")
+    found = run.metrics["name"].str.contains("fresh") & run.metrics["role"].str.contains("genie")
+    assert browser.evaluate("byId('metric-table').tBodies[0].rows.length") == found.sum() > 0
+
+
+def test_the_slider_moves_the_street_by_mouse_and_by_key(browser, file):
+    browser.open(file)
+    before, picture_before = browser.evaluate("byId('clock').value"), browser.evaluate("byId('map').toDataURL()")
+    browser.evaluate("byId('time').focus()")
+    for _ in range(20):
+        browser.press("ArrowRight")
+    after = browser.evaluate("byId('clock').value")
+    assert float(after.split(" s")[0]) == pytest.approx(float(before.split(" s")[0]) + 0.2, abs=0.011)
+    assert browser.evaluate("byId('map').toDataURL()") != picture_before
+    browser.click(*middle(browser, "time"))
+    now, end = re.fullmatch(r"([\d.]+) s of ([\d.]+) s", browser.evaluate("byId('clock').value")).groups()
+    assert float(now) == pytest.approx(float(end) / 2, abs=0.03)
+
+
+def test_play_lets_time_run_and_pause_stops_it(browser, file):
+    browser.open(file)
+    browser.evaluate("byId('time').value = 0; byId('time').dispatchEvent(new Event('input'))")
+    browser.click(*middle(browser, "play"))
+    assert browser.evaluate("byId('play').textContent") == "Pause"
+    browser.evaluate("new Promise(done => setTimeout(done, 600))")
+    browser.click(*middle(browser, "play"))
+    stopped = browser.evaluate("byId('time').value")
+    assert int(stopped) > 0
+    browser.evaluate("new Promise(done => setTimeout(done, 200))")
+    assert browser.evaluate("byId('time').value") == stopped
+
+
+def test_a_click_on_a_frame_tells_its_story(browser, file, run):
+    browser.open(file)
+    x, y = middle(browser, "strip")
+    browser.click(x, y)
+    title = browser.evaluate("byId('story').querySelector('h3').textContent")
+    car, stream, frame = re.match(r"(\w+), (\w+), frame (\d+)", title).groups()
+    genie = run.frames[run.frames["method"] == "genie"]
+    (row,) = genie.query(f"car == '{car}' and stream == '{stream}' and frame == {frame}").to_dict("records")
+    story = browser.evaluate("byId('story').textContent")
+    assert f"{car}/genie looks into its message cache" in story
+    took_ms = (row["first_answer_ns"] - row["received_ns"]) / 1e6
+    assert f"served by {row['served_by']}, {took_ms:.1f} ms after it was received" in story
+    if pd.notna(row["objects_detected"]):
+        assert f"{int(row['objects_detected'])} object" in story
+    assert "dropped at" in story or "fresh" in story
+
+
+def test_frames_are_chosen_by_keys_and_by_number(browser, file):
+    browser.open(file)
+    browser.evaluate("byId('which-stream').value = 1; byId('which-stream').dispatchEvent(new Event('change'))")
+    browser.evaluate("byId('strip').focus()")
+    number = int(browser.evaluate("byId('which-frame').value"))
+    browser.press("ArrowRight")
+    assert int(browser.evaluate("byId('which-frame').value")) == number + 1
+    browser.press("ArrowDown")
+    assert int(browser.evaluate("byId('which-stream').value")) == 2
+    browser.evaluate("byId('which-frame').value = 99999; byId('which-frame').dispatchEvent(new Event('change'))")
+    last = int(browser.evaluate("byId('which-frame').value"))
+    assert 0 < last < 99999
+    assert f"frame {last}:" in browser.evaluate("byId('story').textContent")
+
+
+def test_a_click_on_the_street_chooses_the_nearest_car(browser, file):
+    browser.open(file)
+    browser.click(*middle(browser, "map"))
+    assert re.match(r"car\d, camera_\d\d, frame \d+", browser.evaluate("byId('story').textContent"))
+    assert browser.errors == []
+
+
+def test_a_curve_is_read_off_with_the_pointer_and_with_keys(browser, file):
+    browser.open(file)
+    browser.move(*middle(browser, "cdf"))
+    told = browser.evaluate("byId('cdf').querySelector('.tip').textContent")
+    assert told.startswith("within ")
+    assert "Genie (DG):" in told
+    browser.evaluate("byId('cdf').querySelector('svg[tabindex]').focus()")
+    browser.press("ArrowRight")
+    moved = browser.evaluate("byId('cdf').querySelector('.tip').textContent")
+    assert moved.startswith("within ")
+    assert moved != told
+    key = "byId('cdf').querySelector('.keys button')"
+    browser.evaluate(f"{key}.click()")
+    assert browser.evaluate(f"{key}.getAttribute('aria-pressed')") == "false"
+
+
+@pytest.mark.parametrize(
+    ("scenario", "cars", "settings"),
+    [
+        ("case_study", 2, {}),
+        ("1car_homo", 1, {"methods": ["local"]}),
+        ("1car_homo", 1, {"methods": ["remote", "local"]}),
+        ("1car_homo", 1, {"cars[0].edge": None, "cars[0].link": None, "edges": [], "methods": ["genie"]}),
+        ("2car_homo", 2, {"genie.algorithm": "literal"}),
+        ("2car_homo", 2, {"genie.object_map.threshold": "empirical", "cameras": [{"name": "one", "recording": "02"}]}),
+    ],
+    ids=["a car without cameras", "local alone", "no Genie", "no edge", "literal", "one camera"],
+)
+def test_every_kind_of_run_has_its_page(browser, tmp_path, scenario, cars, settings):
+    run = short_run(scenario, cars, 1.0, **settings)
+    browser.open(run.report(tmp_path / "r.html"))
+    assert browser.errors == []
+    assert browser.evaluate("byId('story').querySelector('h3').textContent").startswith("car")
+    assert "Infinity" not in browser.evaluate("document.body.innerText")
+    assert "NaN" not in browser.evaluate("document.body.innerText")
+    assert "undefined" not in browser.evaluate("document.body.innerText")
+
+
+def test_a_page_without_replay_still_draws(browser, tmp_path, run):
+    browser.open(replace(run, poses=run.poses.iloc[:0]).report(tmp_path / "r.html"))
+    assert browser.errors == []
+    assert browser.evaluate("byId('street').hidden")
+
+
+def test_markup_in_names_is_shown_as_text(browser, tmp_path, run):
+    browser.open(evil_run(run).report(tmp_path / "r.html"))
+    assert browser.evaluate("typeof window.hacked") == "undefined"
+    assert browser.evaluate("byId('name').textContent") == EVIL
+    assert browser.evaluate("document.title").startswith(EVIL.split("\u2028")[0])
+    assert browser.evaluate("document.querySelectorAll('img').length") == 0
+    assert browser.errors == []
+    assert browser.requests == [(tmp_path / "r.html").as_uri()]
+
+
+def test_whoever_wants_less_motion_gets_none(browser, file):
+    browser.size(1200, 900, calm=True)
+    browser.open(file)
+    first = browser.evaluate("byId('clock').value")
+    browser.evaluate("new Promise(done => setTimeout(done, 300))")
+    assert browser.evaluate("byId('clock').value") == first
+    assert browser.evaluate("getComputedStyle(document.documentElement).scrollBehavior") == "auto"
