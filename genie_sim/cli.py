@@ -308,6 +308,56 @@ def _shard(text: str) -> tuple[int, int]:
     return int(number), int(of)
 
 
+@app.command()
+def attach(
+    node: Annotated[str, typer.Argument(help="A running ROS node, such as /vision_darknet_detect.")],
+    role: Annotated[str, typer.Option(help="car or edge.")] = "car",
+    name: Annotated[str | None, typer.Option(help="What other Genies call this one; default: the node's name.")] = None,
+    request: Annotated[
+        list[str] | None, typer.Option(help="Input topic that goes through the Genie; default: the one with images.")
+    ] = None,
+    leave: Annotated[list[str] | None, typer.Option(help="A topic to leave alone. Repeatable.")] = None,
+    set_: Annotated[
+        list[str] | None, typer.Option("--set", metavar="FIELD=VALUE", help="A field of 'genie:', as in scenarios.")
+    ] = None,
+    pose_topic: Annotated[str | None, typer.Option(help="Where the camera is, as geometry_msgs/PoseStamped.")] = None,
+    fov: Annotated[str, typer.Option(help="The camera's horizontal field of view, such as '81 deg'.")] = "0 deg",
+    listen: Annotated[str | None, typer.Option(metavar="HOST:PORT", help="Other Genies connect here.")] = None,
+    connect: Annotated[list[str] | None, typer.Option(metavar="HOST:PORT", help="Connect to this Genie.")] = None,
+    key: Annotated[Path | None, typer.Option(help="File with the key that linked Genies share.")] = None,
+    record: Annotated[Path | None, typer.Option(help="Write every look-up here, as lines of JSON.")] = None,
+    pid: Annotated[int | None, typer.Option(help="Process of a ROS 2 node; without it the node is a ROS 1 node.")] = None,
+) -> None:
+    """Put a Genie in front of a running ROS node, until Ctrl-C or 'detach'."""
+    from genie_sim import units
+    from genie_sim.experiment.overrides import apply_overrides
+    from genie_sim.ros import attach as real
+
+    settings: dict[str, Any] = {}
+    apply_overrides(settings, set_ or ())
+    try:
+        fov_rad = units.angle_rad(fov)
+    except ValueError as error:
+        raise UserError(f"--fov: {error}") from error
+    real.attach(
+        node, role=role, name=name, settings=settings, requests=request or (), leave=leave or (), pose_topic=pose_topic,
+        horizontal_fov_rad=fov_rad, listen=listen, connect=connect or (), key_file=key and str(key),
+        record=record and str(record), pid=pid, say=typer.echo,
+    )  # fmt: skip
+
+
+@app.command()
+def detach(
+    node: Annotated[str, typer.Argument(help="The node in front of which a Genie stands.")],
+    network: Annotated[str | None, typer.Option(help="localhost:11311, or domain-0 in ROS 2.")] = None,
+) -> None:
+    """Take a node's Genie away; the node runs again as it was."""
+    from genie_sim.ros import attach as real
+
+    real.detach(node, network)
+    typer.echo(f"{node}: back as it was")
+
+
 @app.command("list")
 def list_(
     what: Annotated[str | None, typer.Argument(help="scenarios, devices, links, ...; without it: all.")] = None,
