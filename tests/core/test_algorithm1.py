@@ -396,6 +396,19 @@ def test_all_fresh_objects_may_reach_the_own_clients_but_nobody_else():
     assert labels(answers(asked.on_message(IMAGES, frame(1), S))[0]) == ["car"]  # a replay is not fresh
 
 
+def test_what_another_genie_says_is_not_the_own_nodes_fresh_answer():
+    asked = genie(miss_policy="blocking", fresh_objects="all")
+    asked.on_message(IMAGES, frame(0), 0)
+    assert labels(answers(asked.on_message(FROM_OTHERS, answer(frame(0), CAR, FAINT_BUS), 1))[0]) == ["car"]
+
+
+def test_a_neighbour_whose_miss_is_run_gets_the_detection_though_clients_get_hits_only():
+    theirs = frame(0, car="car2")
+    asked = genie(miss_policy="hits_only", neighbour_miss="process", share_answers="on_request")
+    asked.on_message(TO_OTHERS, theirs, 0, NEIGHBOUR)
+    assert [one.to for one in publications(asked.on_message(FROM_NODE, answer(theirs, CAR), 1))] == [NEIGHBOUR]
+
+
 # Requests that nobody answers
 
 
@@ -531,6 +544,32 @@ def test_a_topic_on_which_the_node_stays_silent_does_not_expire_who_was_served()
     asked.on_message(FROM_NODE, answer(frame(0), CAR), 1)
     asked.on_message(IMAGES, frame(1), 2)
     assert asked.on_deadline(10 * S) == []
+
+
+def test_who_was_served_by_a_neighbours_answer_waits_only_for_the_other_topic():
+    """Our node works on the picture; a neighbour's objects for an equal one come first."""
+    asked, theirs, late = both_topics(), frame(0, car="car2"), frame(1)
+    asked.on_message(TO_OTHERS, theirs, 1, NEIGHBOUR)
+    asked.on_message(FROM_OTHERS, answer(theirs, CAR), 2, NEIGHBOUR)
+    assert [one.header for one in answers(asked.on_message(IMAGES, late, 3))] == [late.header]
+    assert [one.header for one in answers(asked.on_message(FROM_NODE, answer(frame(0), CAR), 4))] == [frame(0).header]
+    lanes = answers(asked.on_message("/lanes-local", Lanes(frame(0).header, 3), 5), "/lanes")
+    assert [one.header for one in lanes] == [frame(0).header, late.header]
+
+
+def test_who_was_served_by_a_neighbours_answer_does_not_expire_with_those_who_were_not():
+    asked, theirs = both_topics(), frame(0, car="car2")
+    asked.on_message(TO_OTHERS, theirs, 1, NEIGHBOUR)
+    asked.on_message(FROM_OTHERS, answer(theirs, CAR), 2, NEIGHBOUR)
+    asked.on_message(IMAGES, frame(1), 3)
+    assert asked.on_deadline(2 * S) == [Observe(Expired(frame(0).header))]
+
+
+def test_a_request_that_can_no_longer_get_every_answer_is_run_again():
+    asked = genie(miss_policy="blocking", published=(OBJECTS, "/lanes"), capacity=(None, 100))
+    asked.on_message(IMAGES, frame(0), 0)
+    asked.on_message(FROM_NODE, answer(frame(0), CAR), 1)  # does not fit into the cache
+    assert Publish(TO_NODE, frame(1)) in asked.on_message(IMAGES, frame(1), 2)
 
 
 # The interface

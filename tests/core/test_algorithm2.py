@@ -4,18 +4,21 @@ from __future__ import annotations
 
 import itertools
 import math
+from dataclasses import replace
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from genie_sim.core.confidence import CONFIDENCE_RULES
 from genie_sim.messages import CameraPose
 from tests.core.worlds import object_map, seen
 
-coordinates = st.floats(-5.0, 5.0).map(lambda metres: round(metres, 2))
+coordinates = st.integers(-500, 500).map(lambda centimetres: centimetres / 100)
+scores = st.integers(0, 100).map(lambda percent: percent / 100)
 sightings = st.lists(
-    st.builds(seen, st.sampled_from(["car", "person"]), st.floats(0.0, 1.0), st.tuples(coordinates, coordinates)),
+    st.builds(seen, st.sampled_from(["car", "person"]), scores, st.tuples(coordinates, coordinates)),
+    min_size=15,
     max_size=30,
 )
 
@@ -33,6 +36,11 @@ def test_a_first_sighting_is_stored_with_its_score():
     before, stored = object_map().sight(seen("car", 0.3))
     assert before is None
     assert (stored.label, stored.location, stored.score, stored.confidence) == ("car", (20.0, 0.0, 0.0), 0.3, 0.3)
+
+
+def test_an_object_that_another_map_has_confirmed_comes_with_its_confidence():
+    _, stored = object_map().sight(replace(seen("car", 0.3), confidence=0.7))
+    assert (stored.score, stored.confidence) == (0.3, 0.7)
 
 
 @pytest.mark.parametrize(
@@ -67,6 +75,7 @@ def object_at(objects, label="traffic light", at=(20.0, 0.0)):
 
 
 @pytest.mark.parametrize("rule", sorted(CONFIDENCE_RULES))
+@settings(max_examples=25)
 @given(sightings, st.floats(0.0, 1.0))
 def test_confidences_stay_in_their_range_and_nothing_is_counted_twice(rule, sightings, rate):
     objects = told(object_map(rule=CONFIDENCE_RULES[rule], rate=rate), *sightings)
@@ -108,6 +117,7 @@ def test_a_gate_wider_than_a_cell_reaches_its_full_length():
     assert object_at(objects, "car", (3.6, 0.5)) is None
 
 
+@settings(max_examples=25)
 @given(sightings, st.sampled_from([0.3, 1.0, 2.5]), st.sampled_from([0.5, 1.0, 3.0]), st.sampled_from(["grid", "gate"]))
 def test_looking_into_cells_finds_what_looking_at_every_object_finds(sightings, gate_m, cell_m, location_key):
     objects = told(object_map(gate_m=gate_m, cell_m=cell_m, location_key=location_key), *sightings)
@@ -149,9 +159,18 @@ def test_range_60_is_60_percent_up_the_range_of_reported_scores():
     assert object_map(threshold="range_60").threshold == pytest.approx(0.72)
 
 
-@pytest.mark.parametrize(("scores", "percentile"), [([], 1.0), ([0.4], 0.4), ([0.9, 0.3, 0.5, 0.7, 0.8], 0.7)])
+@pytest.mark.parametrize(
+    ("scores", "percentile"),
+    [
+        ([], 1.0),
+        ([0.4], 0.4),
+        ([0.9, 0.3, 0.5, 0.7], 0.7),
+        ([0.9, 0.3, 0.5, 0.7, 0.8], 0.7),
+        ([0.9] * 4 + [0.4] * 6, 0.4),
+    ],
+)
 def test_the_empirical_threshold_is_the_60th_percentile_of_first_scores(scores, percentile):
-    """Nearest rank: of five scores the third. Before there is any, nothing is confident."""
+    """Nearest rank: of five scores the third, of ten the sixth. Before there is any, nothing is confident."""
     objects = object_map(threshold="empirical")
     for number, score in enumerate(scores):
         told(objects, *[seen("car", score, at=(5.0 * number, 0.0))] * 2)  # the second sighting is no first score
@@ -222,6 +241,13 @@ def test_only_confident_objects_are_in_view():
     assert in_view(objects) == {"sure"}
 
 
+@pytest.mark.parametrize("view_cell_m", [7.0, 30.0, 1000.0])
+def test_the_cells_that_views_are_looked_up_in_do_not_matter(view_cell_m):
+    objects = told(object_map(view_cell_m=view_cell_m), *(seen(label, 0.9, at=at) for label, at in COMPASS.items()))
+    assert in_view(objects, range_m=70.1) == {"east", "far east"}
+
+
+@settings(max_examples=25)
 @given(sightings, st.floats(-7.0, 7.0), st.tuples(coordinates, coordinates), st.sampled_from([0.5, 3.0, 50.0]))
 def test_views_through_cells_show_what_looking_at_every_object_shows(sightings, heading_rad, at, view_cell_m):
     """By the angle between two directions, from their dot product, instead of from headings."""

@@ -79,6 +79,8 @@ def test_a_time_to_live_counts_from_the_last_store_and_not_from_use():
     assert eviction.expires_ns("crossing") == 15
     eviction.stored("crossing", 14)
     assert eviction.expires_ns("crossing") == 24
+    eviction.removed("crossing")
+    assert eviction.expires_ns("crossing") is None
 
 
 def test_a_time_to_live_must_be_positive():

@@ -55,7 +55,7 @@ def genies(**fixed):
 
 
 any_story = stories(shared_stamps=True)
-whatever = settings(max_examples=100)
+whatever = settings(max_examples=60)
 
 
 @whatever
@@ -170,6 +170,7 @@ def test_the_cache_never_holds_more_requests_than_its_capacity(make_genie, story
         assert telling.cache_entries() <= 2
 
 
+@settings(max_examples=20)
 @given(genies(), any_story)
 def test_the_same_story_has_the_same_end(make_genie, story):
     assert list(tell(make_genie(), story)) == list(tell(make_genie(), story))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from genie_sim.core.eviction import LRU, TTL, Unlimited
+from genie_sim.core.eviction import LFU, LRU, TTL, Unlimited
 from genie_sim.core.message_cache import Asker, MessageCache, PendingIndex, Waiting
 from genie_sim.core.similarity import DHash, Exact
 from genie_sim.messages import Detections, Header
@@ -60,6 +60,19 @@ def test_hits_in_bytes_are_those_of_libcachesim(capacity_bytes):
     cache = MessageCache(Exact().index(), LRU(), capacity_bytes=capacity_bytes)
     assert replay(cache, trace, objects_of) == expected
     assert (len(cache), cache.size_bytes) == (reference.get_n_obj(), reference.get_occupied_byte())
+
+
+@pytest.mark.parametrize("capacity", [1, 10, 50])
+def test_hits_under_lfu_are_those_of_a_naive_list(capacity):
+    """Of the least used, the least recently used goes; before the new one comes, however hot the others are."""
+    uses, expected, trace = {}, [], zipf(requests=3_000, pictures=100)
+    for now_ns, key in enumerate(trace):
+        expected.append(key in uses)
+        if key not in uses and len(uses) == capacity:
+            del uses[min(uses, key=uses.__getitem__)]
+        uses[key] = (uses.get(key, (0, 0))[0] + 1, now_ns)
+    assert replay(MessageCache(Exact().index(), LFU(), capacity_entries=capacity), trace) == expected
+    assert 0 < sum(expected) < len(expected)
 
 
 def test_without_a_capacity_only_the_first_request_for_a_picture_misses():
@@ -185,9 +198,11 @@ def test_requests_expire_in_the_order_they_came():
     assert index.by_key("/image_raw", "picture 1") is None
 
 
-def test_tolerant_keys_join_too():
+def test_an_equal_picture_joins_even_if_a_more_equal_one_is_answered_already():
     index = PendingIndex(lambda header: header, DHash(radius=2).index)
-    request = waiting(key=0b0111)
-    index.open(HEADER, request)
-    assert index.by_key("/image_raw", 0b0001) is request
-    assert index.by_key("/image_raw", 0b1111_0000) is None
+    answered, open_one = waiting(key=0b0001), waiting(key=0b0110)
+    index.open(frame(0).header, answered)
+    index.open(frame(1).header, open_one)
+    assert index.by_key("/image_raw", 0b0000) is answered
+    index.close(answered)
+    assert index.by_key("/image_raw", 0b0000) is open_one

@@ -9,7 +9,7 @@ from tests.core.twin import Twin, deed
 from tests.core.worlds import genie
 
 
-@settings(max_examples=300)
+@settings(max_examples=150)
 @given(stories())
 def test_the_genie_does_what_its_twin_does(story):
     """Message by message and deadline by deadline; in which order one message's effects come is left open."""
@@ -20,7 +20,7 @@ def test_the_genie_does_what_its_twin_does(story):
         assert sorted(map(repr, map(deed, effects))) == sorted(map(repr, deeds))
 
 
-@settings(max_examples=100)
+@settings(max_examples=50)
 @given(stories())
 def test_in_the_end_both_know_the_same(story):
     real, twin = genie(), Twin("edge1/genie")
