@@ -326,7 +326,7 @@ def attach(
     connect: Annotated[list[str] | None, typer.Option(metavar="HOST:PORT", help="Connect to this Genie.")] = None,
     key: Annotated[Path | None, typer.Option(help="File with the key that linked Genies share.")] = None,
     record: Annotated[Path | None, typer.Option(help="Write every look-up here, as lines of JSON.")] = None,
-    pid: Annotated[int | None, typer.Option(help="Process of a ROS 2 node; without it the node is a ROS 1 node.")] = None,
+    pid: Annotated[int | None, typer.Option(help="Process of the node, for ROS 2; without it, ROS 1.")] = None,
 ) -> None:
     """Put a Genie in front of a running ROS node, until Ctrl-C or 'detach'."""
     from genie_sim import units
