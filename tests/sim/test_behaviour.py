@@ -151,6 +151,13 @@ def test_on_a_grid_of_1_mm_nothing_is_the_same_place_before_the_second_lap():
     assert hits[0] == 0.0 and hits[1] > 0.3
 
 
+def test_two_cameras_that_one_recording_stands_for_never_take_the_same_image():
+    """camera_00 (grey) replays the recording of camera_02 (colour) 50 ms later; byte for byte they differ."""
+    genie = of_methods(scenario([car("car1", "edge1")], genie={"similarity": "exact"}))["genie"]
+    assert genie["image_hit"].notna().all()
+    assert not genie["image_hit"].any() and not genie["coalesced"].any()
+
+
 ASKING = {"miss_policy": "blocking", "share_answers": "on_request"}
 
 

@@ -83,6 +83,14 @@ def test_the_newest_notes_are_kept_and_the_others_counted():
     assert (node.completed, node.drops, node.queued) == (2, 3, 0)
 
 
+def test_of_a_longer_queue_the_oldest_goes_first():
+    node = clerk(queue_length=2)
+    for number in range(5):
+        node.graph.inject("/notes", Note(number), "sender")
+    node.env.run()
+    assert [number for _, number, _ in node.done] == [0, 3, 4]
+
+
 def test_topics_do_not_push_each_other_out_and_are_served_in_order_of_arrival():
     node = clerk(topics=("/a", "/b"))
     for number, topic in enumerate(("/a", "/b", "/a", "/b", "/a")):

@@ -209,6 +209,14 @@ def test_every_channel_keeps_its_newest_waiting_message_and_counts_the_others():
     assert wire.lost == [1, 2, 3] and wire.link.drops == 3
 
 
+def test_of_a_longer_queue_the_oldest_message_goes_first():
+    wire = Wire(LAN, queue_length=2)
+    for number in range(5):
+        wire.send(number, number)
+    wire.run()
+    assert [number for number, _ in wire.arrived] == [0, 3, 4]
+
+
 @given(
     st.lists(st.tuples(st.integers(0, 40_000_000), st.sampled_from("ab")), min_size=1, max_size=30), st.integers(1, 3)
 )
