@@ -51,7 +51,7 @@ def replay_data(run: Run, start_ns: int, notes: list[str]) -> dict[str, Any] | N
         return None
     last_ns = int(run.poses["stamp_ns"].max())
     begin_ns = min(max(start_ns, 0), last_ns)
-    end_ns = _end_ns(run, begin_ns, last_ns)
+    end_ns = _end_ns(run, begin_ns)
     if begin_ns > 0 or end_ns <= last_ns:
         notes.append(
             f"The replay and the stories cover every frame from {begin_ns / NS:.1f} s to "
@@ -62,7 +62,7 @@ def replay_data(run: Run, start_ns: int, notes: list[str]) -> dict[str, Any] | N
     poses = _between(run.poses, "stamp_ns", begin_ns, end_ns).reset_index(drop=True)
     return {
         "begin_us": begin_ns // US,
-        "end_us": min(end_ns, last_ns + NS // 4) // US,
+        "end_us": end_ns // US,
         "streams": list(_streams(poses)),
         "methods": _methods(run, poses, names),
         "lookups": _lookups(run, poses, names),
@@ -73,13 +73,13 @@ def replay_data(run: Run, start_ns: int, notes: list[str]) -> dict[str, Any] | N
     }
 
 
-def _end_ns(run: Run, begin_ns: int, last_ns: int) -> int:
-    """The first instant that is not shown: whole seconds, as many as fit, at least one."""
+def _end_ns(run: Run, begin_ns: int) -> int:
+    """The first instant that is not shown: after everything, else as many whole seconds as fit, at least one."""
     tables = ((run.frames, "stamp_ns"), (run.lookups, "stamp_ns"), (run.objects, "t_ns"))
     instants = np.sort(np.concatenate([table[column].to_numpy(np.int64) for table, column in tables]))
     first = int(np.searchsorted(instants, begin_ns))
     if len(instants) - first <= MOST_ROWS:
-        return last_ns + 1
+        return int(instants[-1]) + 1
     return begin_ns + max((int(instants[first + MOST_ROWS]) - begin_ns) // NS, 1) * NS
 
 
