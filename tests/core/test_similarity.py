@@ -128,6 +128,15 @@ def test_the_nearest_held_hash_is_found(changes, wanted, radius):
     assert index.find(wanted) == expected
 
 
+def test_of_equally_near_hashes_the_one_held_for_longest_is_found():
+    index = DHash(radius=1).index()
+    for bit in (*range(64), 0):  # the first is seen again at the end
+        index.add(1 << bit)
+    assert index.find(0) == 1 << 0
+    index.discard(1 << 0)
+    assert index.find(0) == 1 << 1
+
+
 @pytest.mark.parametrize("radius", [-1, 65])
 def test_a_radius_is_a_number_of_bits(radius):
     with pytest.raises(ValueError, match="between 0 and 64"):
