@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import functools
+import os
+import threading
+import time
 from collections.abc import Callable, Generator, Sequence
 from typing import TypeVar
 
@@ -34,10 +38,28 @@ def in_processes(
     from joblib.externals.loky.process_executor import TerminatedWorkerError
 
     pool = joblib.Parallel(workers, batch_size=1, return_as="generator" if ordered else "generator_unordered")
-    results = pool(joblib.delayed(run)(job) for job in jobs)
+    results = pool(joblib.delayed(_run)(run, job) for job in jobs)
     try:
         yield from results
     except TerminatedWorkerError as error:
         raise UserError("a worker process was killed, perhaps for want of memory; try fewer workers") from error
     finally:
         results.close()
+
+
+def _run(run: Callable[[Job], Done], job: Job) -> Done:
+    _end_with_parent()
+    return run(job)
+
+
+@functools.cache
+def _end_with_parent() -> None:
+    """A worker whose main process was killed would finish its job and wait for minutes; it ends at once instead."""
+    parent = os.getppid()
+
+    def watch() -> None:
+        while os.getppid() == parent:
+            time.sleep(0.5)
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()

@@ -37,7 +37,7 @@ class Dask:
             raise UserError("--backend dask: Dask is not installed: pip install 'genie-sim[dask]'") from None
         self._where = f"--scheduler {scheduler}"
         try:
-            self._client = Client(scheduler, timeout=SCHEDULER_TIMEOUT_S, set_as_default=False)
+            self._client = Client(scheduler, timeout=SCHEDULER_TIMEOUT_S)
         except (OSError, ValueError, TypeError) as error:
             raise UserError(f"{self._where}: no Dask scheduler answers there") from error
         try:

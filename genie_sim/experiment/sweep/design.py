@@ -9,14 +9,15 @@ from __future__ import annotations
 import itertools
 import json
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Literal, Self, TypeVar
 
 import numpy as np
 from pydantic import BeforeValidator, Field, model_validator
 
+from genie_sim import units
 from genie_sim.experiment import files
 from genie_sim.experiment.fields import Model, Name, problem, shown, validate
 from genie_sim.experiment.seeds import stream
@@ -26,8 +27,10 @@ SWEEP = files.Kind("sweep", "scenarios/sweeps", ".yaml")
 SCENARIO = "scenario"  # the one path of an axis that is no setting of a scenario but names another one
 MOST_RUNS = 1_000_000
 COLUMNS = ("point", "seed", "run_id", "metric", "role", "unit", "value", "low", "high", "n", "runs")  # of the tables
+UNITS = {*units.DURATIONS, *units.SIZES, *units.RATES, *units.LENGTHS, *units.ANGLES, "entries"}
 _QUANTITY = re.compile(r"([+-]?\d{1,15}(?:\.\d{1,15})?(?:[eE][+-]?\d{1,2})?)(?:\s*([^\s\d]\S*))?", re.ASCII)
 
+Value = TypeVar("Value")
 Level = float | str  # the value of an axis at a point, as the tables show it
 
 
@@ -36,7 +39,7 @@ def _quantity(value: object) -> tuple[float, str] | None:
     if isinstance(value, int | float) and not isinstance(value, bool):
         return float(value), ""
     match = _QUANTITY.fullmatch(value) if isinstance(value, str) else None
-    return (float(match[1]), match[2] or "") if match else None
+    return (float(match[1]), match[2] or "") if match and (match[2] is None or match[2] in UNITS) else None
 
 
 def _end(value: object) -> tuple[float, str]:
@@ -81,7 +84,7 @@ class Span(Model):
 class Grid(Span):
     """So many ``points``, both ends among them."""
 
-    points: Annotated[int, Field(ge=2)]
+    points: Annotated[int, Field(ge=2, le=MOST_RUNS)]
 
     def values(self) -> list[float]:
         """Evenly spaced, rising."""
@@ -118,10 +121,9 @@ class Axis(Model):
         if self.cases is not None and not self.cases:
             problem("list", "must not be empty")
         if self.span is None or self.span is self.grid:
-            levels = [level for level, _ in self.levels()]
-            for index, level in enumerate(levels):
-                if level in levels[:index]:
-                    problem(given[0], f"the value {shown(level)} comes twice")
+            twice = _twice(level for level, _ in self.levels())
+            if twice is not None:
+                problem(given[0], f"the value {shown(twice)} comes twice")
         return self
 
     @property
@@ -172,9 +174,9 @@ class Axis(Model):
         return [self._numeric(span, span.at(float(share))) for share in shares]
 
     def _numeric(self, span: Span, value: float) -> tuple[Level, dict[str, Any]]:
-        number: int | float = int(value) if span.whole else value
-        setting = f"{number} {span.unit}" if span.unit else number
-        return value, dict.fromkeys(self.paths, setting)
+        number = int(value) if span.whole else value
+        text = str(number) if span.whole else f"{number:g}"
+        return value, dict.fromkeys(self.paths, f"{text} {span.unit}" if span.unit else number)
 
     def _quantities(self) -> list[tuple[float, str]] | None:
         """A list's numbers and their one unit; None for a list of other things."""
@@ -183,6 +185,15 @@ class Axis(Model):
         quantities = [quantity for value in self.cases if (quantity := _quantity(value)) is not None]
         same = len(quantities) == len(self.cases) and len({unit for _, unit in quantities}) == 1
         return quantities if same else None
+
+
+def _twice(values: Iterable[Value]) -> Value | None:
+    seen: set[Value] = set()
+    for value in values:
+        if value in seen:
+            return value
+        seen.add(value)
+    return None
 
 
 def _name(value: object) -> str:
@@ -208,15 +219,15 @@ class Design(Model):
     seeds: Annotated[tuple[Annotated[int, Field(ge=0)], ...], BeforeValidator(_seeds), Field(min_length=1)] = (
         1, 2, 3, 4, 5,
     )  # fmt: skip
-    samples: Annotated[int, Field(ge=1)] | None = None
+    samples: Annotated[int, Field(ge=1, le=MOST_RUNS)] | None = None
     sample_seed: Annotated[int, Field(ge=0)] = 1
     axes: Annotated[dict[Name, Axis], Field(min_length=1)]
 
     @model_validator(mode="after")
     def _fits_together(self) -> Self:
-        for index, seed in enumerate(self.seeds):
-            if seed in self.seeds[:index]:
-                problem(f"seeds[{index}]", f"duplicate seed {seed}")
+        twice = _twice(self.seeds)
+        if twice is not None:
+            problem("seeds", f"the seed {twice} comes twice")
         sampled = [name for name, axis in self.axes.items() if axis.sampled]
         if sampled and self.samples is None:
             problem("samples", f"missing; axis {sampled[0]!r} needs to know how many")

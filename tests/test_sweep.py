@@ -1,0 +1,449 @@
+"""Sweeps as their user meets them: what is varied, what comes out, what a kill costs, and where runs are done."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from genie_sim.cli import main
+from genie_sim.errors import UserError
+from genie_sim.experiment import files, metrics, runner
+from genie_sim.experiment.scenario import load_scenario
+from genie_sim.experiment.sweep import tasks
+from genie_sim.experiment.sweep.design import SWEEP, load_design
+from genie_sim.experiment.sweep.plan import plan
+from tests.conftest import REPOSITORY
+
+SMALL = """
+scenario: 1car_homo
+set: {"cars[0].route.window": [0 s, 1 s], methods: [genie]}
+seeds: 3
+axes:
+  rate: {set: genie.object_map.rate, list: [0.1, 0.5]}
+  gate: {set: [genie.object_map.gate, genie.object_map.cell], grid: {from: 1 m, to: 3 m, points: 2}}
+"""
+TABLES = ("table.parquet", "table.csv", "runs.parquet", "figures/rate.svg", "figures/gate.svg", "figures/gate.png")
+
+
+def write(text: str, name: str = "s.yaml") -> str:
+    Path(name).write_text(text)
+    return name
+
+
+def points(text: str) -> pd.DataFrame:
+    """The values of the axes at each point."""
+    design = load_design(Path(write(text)))
+    return pd.DataFrame([point.levels for point in design.points()], columns=list(design.columns.values()))
+
+
+def sampled(axes: str, samples: int = 20, more: str = "") -> pd.DataFrame:
+    return points(f"scenario: 1car_homo\nsamples: {samples}\n{more}\naxes:\n{axes}")
+
+
+RATE = "  rate: {set: genie.object_map.rate, random: {from: 0, to: 1}}\n"
+VIEW = "  view: {set: genie.view_range, latin_hypercube: {from: 10 m, to: 90 m}}\n"
+
+
+# What is varied
+
+
+def test_crossed_axes_make_every_combination():
+    table = points(SMALL)
+    assert list(table.columns) == ["rate", "gate [m]"]
+    assert sorted(map(tuple, table.to_numpy())) == [(0.1, 1.0), (0.1, 3.0), (0.5, 1.0), (0.5, 3.0)]
+
+
+def test_every_setting_of_an_axis_gets_the_value_with_its_unit():
+    (first, *_) = load_design(Path(write(SMALL))).points()
+    assert first.overrides[2:] == (
+        "genie.object_map.rate=0.1", 'genie.object_map.gate="1 m"', 'genie.object_map.cell="1 m"',
+    )  # fmt: skip
+
+
+def test_a_logarithmic_grid_has_equal_ratios():
+    grid = "{from: 1 m, to: 100 m, points: 5, scale: log}"
+    gates = points(SMALL.replace("{from: 1 m, to: 3 m, points: 2}", grid))["gate [m]"].unique()
+    assert gates[[0, -1]] == pytest.approx([1, 100])
+    assert gates[1:] / gates[:-1] == pytest.approx(math.sqrt(10), rel=1e-4)  # six digits
+
+
+def test_cases_have_settings_of_their_own_and_a_scenario_can_be_one():
+    design = load_design(Path(write("""
+scenario: 1car_homo
+axes:
+  cars: {set: scenario, list: [1car_homo, 2car_homo]}
+  load: {list: {quiet: {}, busy: {"cars[0].route.laps": 2, "spread": loaded}}}
+""")))  # fmt: skip
+    found = [(point.levels, point.scenario, point.overrides) for point in design.points()]
+    assert found[0] == (("1car_homo", "quiet"), "1car_homo", ())
+    assert found[3] == (("2car_homo", "busy"), "2car_homo", ("cars[0].route.laps=2", 'spread="loaded"'))
+
+
+def test_a_latin_hypercube_has_one_value_in_each_part_of_the_span():
+    views = np.sort(sampled(VIEW)["view [m]"])
+    assert ((views - 10) // 4 == np.arange(20)).all(), "80 m in 20 parts"
+
+
+def test_samples_on_a_logarithmic_scale_have_even_decades():
+    text = RATE.replace("from: 0, to: 1", "from: 0.001, to: 1, scale: log")
+    rates = sampled(text.replace("random", "latin_hypercube"), 30)["rate"]
+    assert [((rates >= low) & (rates < 10 * low)).sum() for low in (0.001, 0.01, 0.1)] == [10, 10, 10]
+
+
+def test_whole_numbers_are_drawn_equally_often():
+    laps = sampled('  laps: {set: "cars[0].route.laps", latin_hypercube: {from: 1, to: 4, whole: true}}', 40)["laps"]
+    assert laps.value_counts().sort_index().to_dict() == {1: 10, 2: 10, 3: 10, 4: 10}
+
+
+def test_samples_come_from_streams_of_the_axes_names():
+    """Another axis, or another order of the axes, changes nobody's samples; another sample_seed changes all."""
+    alone = sampled(VIEW)["view [m]"]
+    assert sampled(RATE + VIEW)["view [m]"].equals(alone)
+    assert sampled(VIEW + RATE)["view [m]"].equals(alone)
+    assert not sampled(VIEW, more="sample_seed: 2")["view [m]"].equals(alone)
+    assert not sampled(VIEW.replace("view:", "sight:"))["sight [m]"].equals(alone)
+
+
+def test_more_random_samples_keep_the_earlier_ones():
+    assert sampled(RATE, 30)["rate"][:20].equals(sampled(RATE, 20)["rate"])
+
+
+def test_sampled_axes_are_drawn_together_and_crossed_with_the_others():
+    table = sampled(RATE + VIEW + "  rule: {set: genie.object_map.rule, list: [ema, noisy_or]}\n", 7)
+    assert len(table) == 14
+    both = [table[table["rule"] == rule][["rate", "view [m]"]].to_numpy() for rule in ("ema", "noisy_or")]
+    assert (both[0] == both[1]).all()
+
+
+MISTAKES = {
+    "an unknown field": ("seeds:", "sedes:", "s.yaml: sedes: unknown field; did you mean 'seeds'?"),
+    "no axes": (SMALL[SMALL.index("axes:") :], "axes: {}", "s.yaml: axes: must not be empty"),
+    "an axis without a way": ("list: [0.1, 0.5]", "", "s.yaml: axes.rate: must have exactly one of grid, list, random"),
+    "two ways": ("list: [0.1, 0.5]", "list: [1], random: {from: 0, to: 1}", "has list and random"),
+    "no setting": ("set: genie.object_map.rate, ", "", "s.yaml: axes.rate.set: missing; say which setting is varied"),
+    "an unknown setting": ("object_map.rate", "object_map.rat", "s.yaml: genie.object_map.rat=0.1: "),
+    "a value out of range": ("[0.1, 0.5]", "[0.1, 5]", "s.yaml: genie.object_map.rate=5: genie."),
+    "a value twice": ("[0.1, 0.5]", "[0.1, 0.1]", "s.yaml: axes.rate.list: the value 0.1 comes twice"),
+    "an empty list": ("[0.1, 0.5]", "[]", "s.yaml: axes.rate.list: must not be empty"),
+    "units that differ": ("to: 3 m", "to: 3 s", "s.yaml: axes.gate.grid.to: must have the unit of 'from', m, not s"),
+    "a span the wrong way": ("to: 3 m", "to: 1 m", "s.yaml: axes.gate.grid.to: must be more than 'from'"),
+    "a logarithm of zero": ("{from: 1 m,", "{scale: log, from: 0 m,", "s.yaml: axes.gate.grid.from: must be more than"),
+    "no number": ("from: 1 m", "from: near", "s.yaml: axes.gate.grid.from: must be a number, or one with a unit"),
+    "one point": ("points: 2", "points: 1", "s.yaml: axes.gate.grid.points: must be at least 2, not 1"),
+    "no seeds": ("seeds: 3", "seeds: 0", "s.yaml: seeds: must be a list, or how many: at least 1, not 0"),
+    "a seed twice": ("seeds: 3", "seeds: [1, 2, 1]", "s.yaml: seeds: the seed 1 comes twice"),
+    "samples of nothing": ("seeds: 3", "samples: 3", "s.yaml: samples: has no effect without an axis"),
+    "no samples": ("list: [0.1, 0.5]", "random: {from: 0, to: 1}", "s.yaml: samples: missing; axis 'rate' needs"),
+    "one setting in two axes": ("gate, genie.object_map.cell]", "rate]", "would undo genie.object_map.rate, set by"),
+    "seeds by an axis": ("set: genie.object_map.rate", "set: seed", "s.yaml: seeds: say which seeds are run; axis"),
+    "a column of the table": ("rate: {", "metric: {", "s.yaml: axes.metric: is a column of the table already"),
+    "too many runs": ("seeds: 3", "seeds: 1000000", "s.yaml: axes: make 4,000,000 runs; at most 1,000,000"),
+    "an unknown scenario": ("1car_homo", "1car_hom", "s.yaml: unknown scenario '1car_hom' (did you mean '1car_homo'?)"),
+    "a route past the end": ("[0 s, 1 s]", "[90 s, 91 s]", "cars[0].route.window: begins at 90 s, after the last"),
+}
+
+
+@pytest.mark.parametrize("mistake", MISTAKES)
+def test_a_mistake_in_a_sweep_gets_one_line_and_status_1(mistake, capsys):
+    right, wrong, message = MISTAKES[mistake]
+    assert right in SMALL
+    assert main(["sweep", write(SMALL.replace(right, wrong, 1))]) == 1
+    one_line(capsys, message)
+    assert not Path("results").exists(), "nothing is run before all points are checked"
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [["--shard", "3/2"], ["--shard", "0/2"], ["--shard", "one"], ["--backend", "ray"], ["--backend", "dask"],
+     ["--scheduler", "tcp://here:1"], ["--jobs", "0"]],
+)  # fmt: skip
+def test_usage_errors_have_status_2(arguments, capsys):
+    assert main(["sweep", write(SMALL), *arguments]) == 2
+    assert "Traceback" not in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("name", files.available(SWEEP))
+def test_the_shipped_sweeps_are_right(name):
+    """Every point of them can be run; not that anybody has the time to do so here."""
+    planned = plan(load_design(name), name)
+    assert len(planned.runs) == load_design(name).runs > 10
+
+
+# What comes out
+
+
+@pytest.fixture(scope="module")
+def uninterrupted(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of the small sweep, run by one process without a break."""
+    folder = tmp_path_factory.mktemp("uninterrupted")
+    path = folder / "s.yaml"
+    path.write_text(SMALL)
+    assert main(["sweep", str(path), "--out", str(folder), "--jobs", "1"]) == 0
+    return folder / "s"
+
+
+def test_the_table_holds_mean_and_interval_of_separate_runs(uninterrupted):
+    """Source: the same runs, one by one, and ``metrics.across``: t intervals over seeds 1 to 3."""
+    overrides = ["cars[0].route.window=[0 s, 1 s]", "methods=[genie]", "genie.object_map.rate=0.5"]
+    overrides += ["genie.object_map.gate=3 m", "genie.object_map.cell=3 m"]
+    ran = []
+    for seed in (1, 2, 3):
+        made = runner.simulate(runner.prepare(load_scenario("1car_homo", overrides, seed)))
+        ran.append(metrics.compute(made.frames.to_frame(), made.lookups.to_frame(), made.resources.to_frame()))
+    expected = {(one.name, one.role): one for one in metrics.across(ran) if ":" not in one.role}
+    table = pd.read_parquet(uninterrupted / "table.parquet")
+    table = table[(table["rate"] == 0.5) & (table["gate [m]"] == 3.0)]
+    assert len(table) == len(expected)
+    for row in table.itertuples():
+        one = expected[row.metric, row.role]
+        for name in ("value", "low", "high"):
+            number = getattr(one, name)
+            assert getattr(row, name) == pytest.approx(math.nan if number is None else number, nan_ok=True), row
+        assert (row.runs, row.unit) == (one.n, one.unit)
+
+
+def test_the_csv_says_the_same_as_the_parquet_file(uninterrupted):
+    parquet = pd.read_parquet(uninterrupted / "table.parquet")
+    pd.testing.assert_frame_equal(
+        pd.read_csv(uninterrupted / "table.csv"), parquet, check_dtype=False, check_exact=True
+    )
+
+
+def test_each_axis_has_a_figure_and_the_folder_says_what_it_is(uninterrupted):
+    assert {path.stem for path in (uninterrupted / "figures").iterdir()} == {"rate", "gate"}
+    about = json.loads((uninterrupted / "sweep.json").read_text())
+    assert (about["points"], about["runs"], about["sweep"]["scenario"]) == (4, 12, "1car_homo")
+
+
+def test_one_seed_gives_no_interval():
+    assert main(["sweep", write(SMALL.replace("seeds: 3", "seeds: 1")), "--jobs", "1"]) == 0
+    table = pd.read_csv("results/s/table.csv")
+    assert table["low"].isna().all() and table["value"].notna().any() and table["runs"].max() == 1
+
+
+def test_two_processes_make_the_same_bytes_as_one(uninterrupted):
+    assert main(["sweep", write(SMALL), "--jobs", "2"]) == 0
+    same_bytes(uninterrupted)
+
+
+# Nothing is run twice, nothing is lost
+
+
+def test_a_killed_sweep_goes_on_to_the_same_bytes(uninterrupted):
+    """kill -9 of the sweep and its processes in the middle, then the same command."""
+    write(SMALL)
+    with in_the_middle("--jobs", "2") as run:
+        os.killpg(run.pid, signal.SIGKILL)
+    kept = runs_in_parts()
+    assert 0 < len(kept) < 12
+    assert not Path("results/s/table.csv").exists()
+    assert main(["sweep", "s.yaml", "--jobs", "1"]) == 0
+    same_bytes(uninterrupted)
+    ids = [run_id for path in Path("results/s/parts").iterdir() for run_id in pd.read_parquet(path)["run_id"].unique()]
+    assert len(ids) == len(set(ids)) == 12, "no run was made twice, and no half part is left"
+
+
+def test_a_sweep_whose_main_process_alone_is_killed_ends_its_workers():
+    write(SMALL)
+    with in_the_middle("--jobs", "2") as run:
+        os.kill(run.pid, signal.SIGKILL)
+        run.wait()
+        deadline = time.monotonic() + 60
+        while processes_of(run.pid) and time.monotonic() < deadline:
+            time.sleep(0.1)
+        assert not processes_of(run.pid)
+
+
+def test_ctrl_c_ends_with_130_and_one_line_and_keeps_what_is_done(uninterrupted):
+    write(SMALL)
+    with in_the_middle("--jobs", "2") as run:
+        os.killpg(run.pid, signal.SIGINT)  # as a terminal does
+        _, error = run.communicate(timeout=60)
+    assert run.returncode == 130
+    assert error == f"genie-sim: interrupted; finished runs are kept in {Path('results/s')}\n"
+    assert main(["sweep", "s.yaml", "--jobs", "1"]) == 0
+    same_bytes(uninterrupted)
+
+
+def test_what_is_done_is_not_run_again_even_along_other_axes(monkeypatch):
+    simulated = count_runs(monkeypatch)
+    assert main(["sweep", write(SMALL), "--jobs", "1"]) == 0
+    assert len(simulated) == 12
+    assert main(["sweep", "s.yaml", "--jobs", "1"]) == 0
+    assert len(simulated) == 12
+    write(SMALL.replace("rate: {set: genie.object_map.rate, list: [0.1, 0.5]}",
+                        "weight: {set: genie.object_map.rate, list: [0.2, 0.5]}"))  # fmt: skip
+    assert main(["sweep", "s.yaml", "--jobs", "1"]) == 0
+    assert len(simulated) == 18, "half of the points were there"
+    assert set(pd.read_csv("results/s/table.csv")["weight"]) == {0.2, 0.5}
+
+
+def test_points_that_say_the_same_share_their_runs(monkeypatch):
+    simulated = count_runs(monkeypatch)
+    same = "list: {plain: {}, said: {genie.eviction: unlimited}}"
+    write(SMALL.replace("set: genie.object_map.rate, list: [0.1, 0.5]", same))
+    assert main(["sweep", "s.yaml", "--jobs", "1"]) == 0
+    assert len(simulated) == 6
+    table = pd.read_csv("results/s/table.csv").drop(columns="point").set_index("rate")
+    assert table.loc["plain"].reset_index(drop=True).equals(table.loc["said"].reset_index(drop=True))
+
+
+def test_shards_share_the_runs_and_the_last_one_makes_the_table(uninterrupted, monkeypatch, capsys):
+    simulated = count_runs(monkeypatch)
+    write(SMALL)
+    for shard in ("3/3", "1/3"):
+        assert main(["sweep", "s.yaml", "--jobs", "1", "--shard", shard]) == 0
+    assert capsys.readouterr().out.endswith("8 of 12 runs are in results/s; the last shard makes the table\n")
+    assert not Path("results/s/table.csv").exists()
+    assert main(["sweep", "s.yaml", "--jobs", "1", "--shard", "2/3"]) == 0
+    assert len(simulated) == 12
+    same_bytes(uninterrupted)
+
+
+def test_profiles_and_traces_are_read_once(monkeypatch):
+    prepared, packed = [], []
+    prepare, unpack = runner.prepare, tasks.pickle.loads
+    monkeypatch.setattr(runner, "prepare", lambda *a: prepared.append(1) or prepare(*a))
+    monkeypatch.setattr(tasks.pickle, "loads", lambda data: packed.append(1) or unpack(data))
+    assert main(["sweep", write(SMALL.replace("seeds: 3", "seeds: 4")), "--jobs", "1"]) == 0
+    assert len(prepared) == 1
+    assert len(packed) <= 1
+    assert len(list(Path("results/s/parts").iterdir())) > 1
+
+
+# Folders that are not as they should be
+
+
+def test_a_folder_of_something_else_is_left_alone(capsys):
+    Path("results/s").mkdir(parents=True)
+    Path("results/s/thesis.tex").write_text("mine")
+    assert main(["sweep", write(SMALL)]) == 1
+    one_line(capsys, "results/s: holds something else than a sweep; choose another --out")
+    assert [path.name for path in Path("results/s").iterdir()] == ["thesis.tex"]
+
+
+def test_an_out_folder_that_cannot_be_written_is_found_before_simulating(capsys):
+    Path("results").write_text("a file, not a folder")
+    assert main(["sweep", write(SMALL)]) == 1
+    one_line(capsys, "results/s: no results can be written there")
+
+
+@pytest.mark.parametrize("content", [b"", b"PAR1 and then nothing"])
+def test_a_broken_part_is_named(content, capsys):
+    assert main(["sweep", write(SMALL), "--jobs", "1"]) == 0
+    part = min(Path("results/s/parts").iterdir())
+    part.write_bytes(content)
+    capsys.readouterr()
+    assert main(["sweep", "s.yaml", "--jobs", "1"]) == 1
+    one_line(capsys, f"{part}: not a readable Parquet file")
+    part.unlink()
+    assert main(["sweep", "s.yaml", "--jobs", "1"]) == 0
+
+
+def test_a_worker_with_another_version_is_refused():
+    with pytest.raises(UserError, match=r"a worker has genie-sim .*, the sweep 0\.0\.1: install the same"):
+        tasks.run_task(tasks.Task((), "parts", "0.0.1"), b"")
+
+
+# On Dask
+
+
+@pytest.mark.slow
+def test_a_dask_worker_that_is_killed_loses_nothing(uninterrupted):
+    distributed = pytest.importorskip("distributed", reason="Dask comes with '.[dask]'")
+    write(SMALL)
+    with distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, host="127.0.0.1"
+    ) as cluster:
+        victim = next(iter(cluster.workers.values())).process.pid
+        with in_the_middle("--backend", "dask", "--scheduler", cluster.scheduler_address) as run:
+            os.kill(victim, signal.SIGKILL)
+            assert len(runs_in_parts()) < 12
+            _, error = run.communicate(timeout=120)
+    assert run.returncode == 0, error
+    same_bytes(uninterrupted)
+
+
+def test_a_scheduler_that_is_not_there_gets_one_line(capsys, monkeypatch):
+    pytest.importorskip("distributed", reason="Dask comes with '.[dask]'")
+    monkeypatch.setattr("genie_sim.experiment.sweep.backends.SCHEDULER_TIMEOUT_S", 1)
+    assert main(["sweep", write(SMALL), "--backend", "dask", "--scheduler", "tcp://127.0.0.1:1"]) == 1
+    one_line(capsys, "--scheduler tcp://127.0.0.1:1: no Dask scheduler answers there")
+
+
+# The tests' own words
+
+
+@contextmanager
+def in_the_middle(*arguments: str) -> Iterator[subprocess.Popen[str]]:
+    """A sweep of ``s.yaml`` in a process group of its own, of which some parts are done and some are not."""
+    run = subprocess.Popen(
+        [sys.executable, "-m", "genie_sim", "sweep", "s.yaml", *arguments],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True,
+        env={**os.environ, "PYTHONPATH": str(REPOSITORY)},
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # a background job ignores it
+    )  # fmt: skip
+    try:
+        while not list(Path("results/s/parts").glob("*.parquet")):
+            assert run.poll() is None, run.communicate()
+            time.sleep(0.005)
+        yield run
+    finally:
+        if run.poll() is None or processes_of(run.pid):
+            os.killpg(run.pid, signal.SIGKILL)
+        run.wait()
+
+
+def processes_of(group: int) -> list[int]:
+    """The processes of a group that are still doing something."""
+    found = []
+    for path in Path("/proc").glob("[0-9]*/stat"):
+        try:
+            state, _, of_group = path.read_text().rpartition(")")[2].split()[:3]
+        except OSError:
+            continue
+        if int(of_group) == group and state != "Z":
+            found.append(int(path.parent.name))
+    return found
+
+
+def count_runs(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """What is simulated in this process from now on."""
+    simulated: list[str] = []
+    measured = tasks.measured
+
+    def counted(prepared: runner.Prepared) -> object:
+        simulated.append(prepared.scenario.name)
+        return measured(prepared)
+
+    monkeypatch.setattr(tasks, "measured", counted)
+    return simulated
+
+
+def runs_in_parts() -> set[str]:
+    paths = Path("results/s/parts").glob("*.parquet")
+    return {run_id for path in paths for run_id in pd.read_parquet(path)["run_id"]}
+
+
+def same_bytes(uninterrupted: Path) -> None:
+    for name in TABLES:
+        assert (Path("results/s") / name).read_bytes() == (uninterrupted / name).read_bytes(), name
+
+
+def one_line(capsys: pytest.CaptureFixture[str], message: str) -> None:
+    said = capsys.readouterr().err
+    assert message in said
+    assert said.count("\n") == 1, said
+    assert "Traceback" not in said
