@@ -9,72 +9,60 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-import typer.core
 
-from genie_sim import __version__
+from genie_sim import __version__, arguments, terminal
+from genie_sim.arguments import ScenarioArgument, SeedOption, SetOption, numbers
 from genie_sim.errors import UserError, unknown
+from genie_sim.terminal import Commands, Progress
 
-EXAMPLES = """Simulates Genie, the smart ROS cache for connected vehicles and edge servers.
+EXAMPLES = """\b
+genie-sim run 3car_hetero
+genie-sim run 3car_hetero --set cars[0].device=orin_nano --seed 7
+genie-sim reproduce --quick
 
-\b
-Examples:
-  genie-sim run 3car_hetero
-  genie-sim run 3car_hetero --set cars[0].device=orin_nano --seed 7
-  genie-sim list devices
+Simulates Genie, the smart ROS cache for connected vehicles and edge servers.
 """
 
 
-class _Commands(typer.core.TyperGroup):
-    """Ctrl-C ends a command with one line and status 130; a reader that has gone away ends it quietly."""
-
-    def invoke(self, ctx: typer.Context) -> object:
-        try:
-            return super().invoke(ctx)
-        except KeyboardInterrupt:
-            print("genie-sim: interrupted; nothing was written", file=sys.stderr)
-            raise SystemExit(130) from None
-        except BrokenPipeError:
-            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-            raise SystemExit(0) from None
-
-
-app = typer.Typer(
-    cls=_Commands, help=EXAMPLES, no_args_is_help=True, rich_markup_mode=None, pretty_exceptions_enable=False
-)
-
-SetOption = Annotated[
-    list[str] | None,
-    typer.Option("--set", metavar="PATH=VALUE", help="Change a field, such as cars[0].device=orin_nano. Repeatable."),
-]
-SeedOption = Annotated[int | None, typer.Option(min=0, help="Root of all random streams; default: the scenario's.")]
-
+app = typer.Typer(cls=Commands, help=EXAMPLES, rich_markup_mode=None, pretty_exceptions_enable=False)
 
 @app.callback(invoke_without_command=True)
-def _root(version: Annotated[bool, typer.Option("--version", help="Print the version and exit.")] = False) -> None:
+def _root(
+    context: typer.Context,
+    version: Annotated[bool, typer.Option("--version", help="Print the version and exit.")] = False,
+) -> None:
     if version:
         typer.echo(f"genie-sim {__version__}")
         raise typer.Exit()
+    if context.invoked_subcommand is None:
+        typer.echo(terminal.welcome(terminal.width()))
 
 
 @app.command()
 def run(
-    scenario: Annotated[str, typer.Argument(help="A scenario file, or the name of one that comes with genie-sim.")],
+    scenario: ScenarioArgument,
     set_: SetOption = None,
     seed: SeedOption = None,
     out: Annotated[Path, typer.Option(help="The folder that gets the result folder.")] = Path("results"),
     no_report: Annotated[bool, typer.Option("--no-report", help="Leave out report.html.")] = False,
 ) -> None:
-    """Simulate local, remote and Genie execution on the same random numbers."""
+    """Simulate a scenario: local, remote and with Genie.
+
+    \b
+    genie-sim run 3car_hetero
+    genie-sim run 3car_hetero --set cars[0].device=orin_nano --set genie.eviction=lru
+    genie-sim run mine.yaml --seed 7 --out lab
+    """
     from genie_sim.experiment import runner
 
-    with _Progress() as progress:
+    with Progress() as progress:
         result = runner.run(scenario, set_ or (), seed, out, progress, with_report=not no_report)
     from genie_sim.experiment import summary
 
-    typer.echo(summary.text(result.metrics, width=min(_width(), 100)))
+    typer.echo(summary.text(result.metrics, width=min(terminal.width(), 100)))
     typer.echo(f"Results: {result.folder}\nFigures: {result.folder / 'figures'}")
     if not no_report:
-        typer.echo(f"Report:  {result.folder / 'report.html'}")
+        typer.echo(f"Report:  {result.folder / terminal.PAGE}")
 
 
 @app.command()
@@ -83,7 +71,7 @@ def report(
     start: Annotated[str, typer.Option(help="Where the replay of a long run begins, such as '60 s'.")] = "0 s",
     out: Annotated[Path | None, typer.Option(help="The page to write; default: report.html in the folder.")] = None,
 ) -> None:
-    """Write one HTML page to look at a run in a browser; it needs no network."""
+    """Write one HTML page to look at a run in a browser."""
     from genie_sim import units
     from genie_sim.experiment import report as page
     from genie_sim.experiment import results
@@ -104,22 +92,22 @@ def reproduce(
     jobs: Annotated[int | None, typer.Option(min=1, help="Parallel processes; default: one per core.")] = None,
     out: Annotated[Path, typer.Option(help="The folder that gets the evaluation.")] = Path("results/reproduce"),
 ) -> None:
-    """Run the paper's whole evaluation: every figure, and a verdict of every claim."""
+    """Run the paper's evaluation: figures and verdicts."""
     from genie_sim.experiment import verdict_table
     from genie_sim.experiment.reproduce import reproduce as run_evaluation
 
-    with _Progress(unit="runs") as progress:
+    with Progress(unit="runs") as progress:
         result = run_evaluation(out, quick, seeds, jobs, progress)
-    typer.echo(verdict_table.text(verdict_table.read_rows(result.folder), _width()))
+    typer.echo(verdict_table.text(verdict_table.read_rows(result.folder), terminal.width()))
     typer.echo(f"Results: {result.folder} ({result.wall_time_s:.0f} s)\nFigures: {result.folder / 'figures'}")
 
 
 @app.command()
 def rerun(folder: Annotated[Path, typer.Argument(help="A result folder.")]) -> None:
-    """Run a result folder's scenario again and compare every table, byte for byte."""
+    """Run a result folder again and compare it byte for byte."""
     from genie_sim.experiment import runner
 
-    with _Progress() as progress:
+    with Progress() as progress:
         compared = runner.rerun(folder, progress)
     for name, same in compared.items():
         typer.echo(f"{name}: {'identical' if same else 'DIFFERENT'}")
@@ -157,7 +145,7 @@ def perceive(
     frames: Annotated[Path | None, typer.Option(help="A folder for the frames with what was found drawn in.")] = None,
     video: Annotated[Path | None, typer.Option(help="The same as a video (.mp4).")] = None,
 ) -> None:
-    """Run a detector over a KITTI drive and write the trace that scenarios replay."""
+    """Run a detector over a KITTI drive; write a trace to replay."""
     from genie_sim.perception import perceive as perception
     from genie_sim.perception.trace import write_trace
 
@@ -165,10 +153,10 @@ def perceive(
         raise UserError("perceive: say what you want: --out, --evaluate, --frames or --video")
     root = perception.kitti_folder(kitti)
     lowest = min(min_score, perception.LOWEST_SCORE) if evaluate else min_score
-    with _Progress(unit="frames") as progress:
+    with Progress(unit="frames") as progress:
         everything = perception.perceive(
-            root, drive, cameras.split(","), detector, weights, lowest, _numbers("--size", size, "x", 2),
-            _numbers("--origin", origin, ",", 3), progress, None, allow_missing_scans, providers.split(","), min_score,
+            root, drive, cameras.split(","), detector, weights, lowest, numbers("--size", size, "x", 2),
+            numbers("--origin", origin, ",", 3), progress, None, allow_missing_scans, providers.split(","), min_score,
         )  # fmt: skip
     trace = everything.at_least(min_score)
     if out is not None:
@@ -185,7 +173,7 @@ def perceive(
         from genie_sim.perception import pictures
 
         images = perception.images(root, drive, cameras.split(","))
-        with _Progress(unit="frames") as progress:
+        with Progress(unit="frames") as progress:
             if frames is not None:
                 pictures.write_frames(frames, trace, images, progress)
             if video is not None:
@@ -201,7 +189,7 @@ def fetch(
         Path | None, typer.Option(help="The folder; default: $GENIE_SIM_WEIGHTS or weights, $GENIE_SIM_KITTI or kitti.")
     ] = None,
 ) -> None:
-    """Take the official files of a detector or a KITTI drive from the network. No other command touches it."""
+    """Take the files of a detector or a drive from the network. No other command touches it."""
     from genie_sim.perception import fetch as network
 
     if what not in ("model", "drive"):
@@ -209,7 +197,7 @@ def fetch(
     variable, usual = {"model": ("GENIE_SIM_WEIGHTS", "weights"), "drive": ("GENIE_SIM_KITTI", "kitti")}[what]
     folder = out or Path(os.environ.get(variable) or usual)
     take = network.fetch_model if what == "model" else network.fetch_drive
-    with _Progress(unit="bytes") as progress:
+    with Progress(unit="bytes") as progress:
         path = take(name, folder, progress)
     typer.echo(f"{path}\nTo use it from anywhere: export {variable}={folder.resolve()}")
     if what == "drive":
@@ -236,12 +224,12 @@ def profile(
         bool, typer.Option("--empirical", help="Keep the measured distribution instead of the fitted law.")
     ] = False,
 ) -> None:
-    """Measure a detector on this machine, or take measured latencies, and write a device profile."""
+    """Measure a detector on this machine into a device profile. Or take measured latencies."""
     from genie_sim.experiment import device_fit
 
     if (detector is None) == (csv is None):
         raise UserError("profile: give either --detector, to measure here, or --csv, with latencies measured elsewhere")
-    with _Progress(unit="pictures") as progress:
+    with Progress(unit="pictures") as progress:
         if csv is not None:
             measured = device_fit.from_csv(csv, model or csv.stem)
         else:
@@ -250,19 +238,6 @@ def profile(
     fit = device_fit.fit(measured.latencies_ns)
     device_fit.write(out, measured, fit, empirical)
     typer.echo(f"{out}: {measured.model}: {fit}")
-
-
-def _numbers(option: str, text: str | None, separator: str, count: int) -> tuple[Any, ...] | None:
-    """``832x256`` or ``49.01,8.42,112.8``: whole numbers where they have no decimal point."""
-    if text is None:
-        return None
-    try:
-        numbers = tuple(float(part) if "." in part else int(part) for part in text.split(separator))
-    except ValueError as error:
-        raise UserError(f"{option}: {text!r}: {error}") from error
-    if len(numbers) != count:
-        raise UserError(f"{option}: {text!r} has {len(numbers)} numbers, expected {count} with {separator!r} between")
-    return numbers
 
 
 @app.command()
@@ -274,8 +249,8 @@ def sweep(
     scheduler: Annotated[str | None, typer.Option(help="Address of the Dask scheduler, tcp://host:8786.")] = None,
     shard: Annotated[str, typer.Option(metavar="I/N", help="Only this part of the runs, for job arrays.")] = "1/1",
 ) -> None:
-    """Simulate a scenario along axes, with several seeds; what has been done is not done again."""
-    part = _shard(shard)
+    """Simulate a scenario along axes, with several seeds. What has been done is not done again."""
+    part = arguments.shard(shard)
     if backend not in ("joblib", "dask"):
         raise typer.BadParameter(unknown("backend", backend, ("joblib", "dask")))
     if (backend == "dask") != (scheduler is not None):
@@ -284,7 +259,7 @@ def sweep(
     from genie_sim.experiment.sweep.backends import Dask, Local
     from genie_sim.experiment.sweep.sweep import Sweep
 
-    with _Progress(unit="runs") as progress:
+    with Progress(unit="runs") as progress:
         work = Sweep.load(sweep, out, progress)
         with closing(Local(jobs or parallel.workers_here()) if scheduler is None else Dask(scheduler)) as workers:
             try:
@@ -298,14 +273,6 @@ def sweep(
         typer.echo(f"Figures: {done.folder / 'figures'}")
     else:
         typer.echo(f"{done.done:,} of {done.runs:,} runs are in {done.folder}; the last shard makes the table")
-
-
-def _shard(text: str) -> tuple[int, int]:
-    """``2/8`` to (2, 8)."""
-    number, slash, of = text.partition("/")
-    if not (slash and number.isdecimal() and of.isdecimal() and 1 <= int(number) <= int(of)):
-        raise typer.BadParameter(f"--shard {text}: must be I/N with I from 1 to N, such as 2/8")
-    return int(number), int(of)
 
 
 @app.command()
@@ -328,7 +295,7 @@ def attach(
     record: Annotated[Path | None, typer.Option(help="Write every look-up here, as lines of JSON.")] = None,
     pid: Annotated[int | None, typer.Option(help="Process of the node, for ROS 2; without it, ROS 1.")] = None,
 ) -> None:
-    """Put a Genie in front of a running ROS node, until Ctrl-C or 'detach'."""
+    """Put a Genie in front of a running ROS node. It stays until Ctrl-C or 'detach'."""
     from genie_sim import units
     from genie_sim.experiment.overrides import apply_overrides
     from genie_sim.ros import attach as real
@@ -360,7 +327,10 @@ def detach(
 
 @app.command("list")
 def list_(
-    what: Annotated[str | None, typer.Argument(help="scenarios, devices, links, ...; without it: all.")] = None,
+    what: Annotated[
+        str | None,
+        typer.Argument(help="scenarios, devices, links, ...; without it: all.", autocompletion=arguments.kinds),
+    ] = None,
 ) -> None:
     """Show what can be named in a scenario."""
     from genie_sim.experiment import catalogue
@@ -370,13 +340,14 @@ def list_(
     for kind in [what] if what is not None else catalogue.KINDS:
         if what is None:
             typer.echo(f"{kind}:")
-        for name, about in catalogue.KINDS[kind]():
-            typer.echo(f"{'' if what else '  '}{name:30} {about}".rstrip())
+        columns = terminal.width() if sys.stdout.isatty() else None
+        for line in terminal.listing(catalogue.KINDS[kind](), "" if what else "  ", columns):
+            typer.echo(line)
 
 
 @app.command()
 def schema(what: Annotated[str, typer.Argument(help="scenario or device.")]) -> None:
-    """Print the JSON Schema of scenarios or device profiles, for editors."""
+    """Print the JSON Schema of scenarios or devices, for editors."""
     import json
 
     from genie_sim.experiment.schema import SCHEMAS, json_schema
@@ -396,46 +367,3 @@ def main(argv: list[str] | None = None) -> int:
         print(f"genie-sim: {error}", file=sys.stderr)
         return 1
     return 0
-
-
-def _width() -> int:
-    import shutil
-
-    return shutil.get_terminal_size((100, 24)).columns
-
-
-class _Progress:
-    """One progress bar, on a terminal only; called with how much is done, how much there is, and what is going on."""
-
-    def __init__(self, unit: str = "s") -> None:
-        self._unit = unit
-        self._bar = None
-
-    def __enter__(self) -> _Progress:
-        if sys.stderr.isatty():
-            from rich.console import Console
-            from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
-
-            columns = (
-                TextColumn("{task.description}"),
-                BarColumn(),
-                TextColumn("{task.fields[state]}"),
-                TimeRemainingColumn(),
-            )
-            self._bar = Progress(*columns, console=Console(stderr=True), transient=True)
-            self._task = self._bar.add_task("", total=None, state="")
-            self._bar.start()
-        return self
-
-    def __call__(self, done: float, total: float, what: str = "") -> None:
-        if self._bar is not None:
-            state = (
-                f"{done:,.1f} / {total:,.1f} {self._unit}"
-                if self._unit == "s"
-                else f"{done:,} / {total:,} {self._unit}"
-            )
-            self._bar.update(self._task, completed=done, total=total, description=what, state=state)
-
-    def __exit__(self, *_: object) -> None:
-        if self._bar is not None:
-            self._bar.stop()

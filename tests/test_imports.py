@@ -30,7 +30,9 @@ LAYERS: dict[str, tuple[str, ...]] = {
     "experiment.sweep": (*GROUND, "core", "sim", "perception", "experiment"),
     "experiment": (*GROUND, "core", "perception", "experiment"),
     "api": (*GROUND, "experiment"),
-    "cli": (*GROUND, "core", "sim", "ros", "perception", "experiment"),
+    "terminal": GROUND,
+    "arguments": (*GROUND, "experiment"),
+    "cli": (*GROUND, "core", "sim", "ros", "perception", "experiment", "terminal", "arguments"),
     "__main__": ("cli",),
 }
 SIMULATE = {  # everything else reads settings and tables

@@ -196,6 +196,7 @@ def simulate(prepared: Prepared, progress: Progress | None = None) -> Tables:
     """Every method of the scenario, one after the other, on the same random streams."""
     tables = Tables(FrameTable(), LookupTable(), ResourceTable())
     methods = prepared.scenario.methods
+    began_s = time.perf_counter()
     drives = "genie" if "genie" in methods else methods[0]  # without Genie, cars without cameras stay at home
     for number, method in enumerate(methods):
         poses = tables.poses if method == drives else None
@@ -204,7 +205,9 @@ def simulate(prepared: Prepared, progress: Progress | None = None) -> Tables:
 
         def tell(now_ns: int, end_ns: int, done: int = number, method: str = method) -> None:
             if progress is not None:
-                progress((done * end_ns + now_ns) / NS, len(methods) * end_ns / NS, method)
+                rate = len(tables.frames) / max(time.perf_counter() - began_s, 1e-9)
+                what = f"{method}, {rate:,.0f} frames/s"
+                progress((done * end_ns + now_ns) / NS, len(methods) * end_ns / NS, what)
 
         world.run(tell)
     return tables

@@ -1,0 +1,116 @@
+"""What the command line shows besides results: where to begin, lists, a progress bar.
+
+Everything fits the terminal's width, needs no colour, and says nothing where nobody looks.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import sys
+import textwrap
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import Any
+
+import typer
+import typer.core
+
+from genie_sim.errors import unknown
+
+PAGE = "report.html"
+WIDE = 72  # from here on a command and what it does stand side by side
+FIRST_STEPS = (
+    ("genie-sim run 3car_hetero", "three cars, three edges, a few seconds"),
+    ("genie-sim list scenarios", "what else can be run"),
+    ("genie-sim run 3car_hetero --set cars[0].device=orin_nano", "change a setting"),
+    ("genie-sim reproduce --quick", "the paper's evaluation, roughly"),
+    ("genie-sim --help", "everything else"),
+)
+
+
+def width() -> int:
+    """Columns of the terminal; 100 where there is none."""
+    return shutil.get_terminal_size((100, 24)).columns
+
+
+def welcome(columns: int, results: Path = Path("results")) -> str:
+    """What to do next, for someone who typed ``genie-sim`` alone."""
+    about = "genie-sim simulates Genie, the smart ROS cache for connected vehicles and edge servers."
+    lines = [textwrap.fill(about, columns), "", "What to do next:"]
+    side_by_side = max(len(command) for command, _ in FIRST_STEPS) + 4
+    for command, what in FIRST_STEPS:
+        if columns >= side_by_side + 40:
+            lines.append(f"  {command:{side_by_side}}{what}")
+        else:
+            lines += [f"  {command}", f"      {what}"]
+    pages = sorted(results.glob(f"*/{PAGE}"), key=lambda page: page.stat().st_mtime)
+    if pages:
+        lines += ["", "Latest report, for your browser:", f"  {pages[-1]}"]
+    return "\n".join(lines)
+
+
+def listing(rows: Iterable[tuple[str, str]], indent: str, columns: int | None) -> Iterator[str]:
+    """A line for each name with what it is; wrapped to ``columns``, ``None`` for a line each, for other programs."""
+    for name, about in rows:
+        line = f"{indent}{name:28} {about}".rstrip()
+        if columns is None or len(line) <= columns:
+            yield line
+        elif columns < WIDE:
+            yield f"{indent}{name}"
+            yield from textwrap.wrap(about, columns, initial_indent=f"{indent}    ", subsequent_indent=f"{indent}    ")
+        else:
+            yield from textwrap.wrap(line, columns, subsequent_indent=" " * (len(indent) + 29), drop_whitespace=True)
+
+
+class Commands(typer.core.TyperGroup):
+    """The commands, under one roof: a misspelt one is answered with the nearest, Ctrl-C ends any with one line and
+    status 130, and a reader that has gone away ends it quietly."""
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        name = args[0]
+        if self.get_command(ctx, name) is None and not name.startswith("-"):
+            ctx.fail(unknown("command", name, self.list_commands(ctx)))
+        return super().resolve_command(ctx, args)
+
+    def invoke(self, ctx: Any) -> Any:
+        try:
+            return super().invoke(ctx)
+        except KeyboardInterrupt:
+            typer.echo("genie-sim: interrupted; nothing was written", err=True)
+            raise SystemExit(130) from None
+        except BrokenPipeError:
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+            raise SystemExit(0) from None
+
+
+class Progress:
+    """One progress bar, on a terminal only; called with how much is done, how much there is, and what is going on."""
+
+    def __init__(self, unit: str = "s") -> None:
+        self._unit = unit
+        self._bar: Any = None
+
+    def __enter__(self) -> Progress:
+        if sys.stderr.isatty():
+            from rich.console import Console
+            from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+            bar = BarColumn(bar_width=max(8, min(40, width() // 4)))
+            columns = [TextColumn("{task.description}"), bar, TextColumn("{task.fields[state]}")]
+            if width() >= WIDE:
+                columns.append(TimeRemainingColumn())
+            self._bar = Progress(*columns, console=Console(stderr=True), transient=True, refresh_per_second=5)
+            self._task = self._bar.add_task("", total=None, state="")
+            self._bar.start()
+        return self
+
+    def __call__(self, done: float, total: float, what: str = "") -> None:
+        if self._bar is not None:
+            number = ",.1f" if self._unit == "s" else ","
+            state = f"{done:{number}} of {total:{number}} {self._unit}"
+            self._bar.update(self._task, completed=done, total=total, description=what, state=state)
+
+    def __exit__(self, *_: object) -> None:
+        if self._bar is not None:
+            self._bar.stop()
