@@ -89,8 +89,8 @@ class Request(Message, Protocol):
 class GenieNode:
     """One Genie. ``subscribed`` and ``published`` are the encapsulated node's own topics, T_S and T_P.
 
-    What depends on the middleware is injected: ``key`` gives a request its similarity key, ``new_cache`` and
-    ``new_pending`` make the data of one node, ``map_answer`` makes an answer out of map objects (``None`` for nodes
+    What depends on the middleware is injected: ``key`` gives a request its similarity key, ``new_cache`` makes the
+    message cache of one topic, ``pending`` is empty at first, ``map_answer`` makes an answer out of map objects (``None`` for nodes
     whose answers hold no objects), ``suffixes`` are what is affixed to topics (Section III-C).
     """
 
