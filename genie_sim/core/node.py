@@ -90,8 +90,9 @@ class GenieNode:
     """One Genie. ``subscribed`` and ``published`` are the encapsulated node's own topics, T_S and T_P.
 
     What depends on the middleware is injected: ``key`` gives a request its similarity key, ``new_cache`` makes the
-    message cache of one topic, ``pending`` is empty at first, ``map_answer`` makes an answer out of map objects (``None`` for nodes
-    whose answers hold no objects), ``suffixes`` are what is affixed to topics (Section III-C).
+    message cache of one topic, ``pending`` is empty at first, ``map_answer`` makes an answer out of map
+    objects (``None`` for nodes whose answers hold no objects), ``suffixes`` are what is affixed to topics (Section
+    III-C).
     """
 
     def __init__(
@@ -305,9 +306,7 @@ class GenieNode:
             objects.append(replace(seen, confidence=stored.confidence))
             changes.append(MapChange(stored.label, stored.location, stored.confidence))
         stored_objects = len(self.object_map)
-        facts = ObjectLookups(
-            answer.header, "sighting", requests, hits, updates, boost, stored_objects, tuple(changes)
-        )
+        facts = ObjectLookups(answer.header, "sighting", requests, hits, updates, boost, stored_objects, tuple(changes))
         return answer.with_objects(objects), [Observe(facts)]
 
     def _boost_data(self, answer: Answer) -> tuple[Answer, list[Effect]]:
