@@ -27,6 +27,8 @@ CAMERAS = ("00", "01", "02", "03")
 CALIBRATION_FILES = ("calib_cam_to_cam.txt", "calib_imu_to_velo.txt", "calib_velo_to_cam.txt")
 CAM_TO_CAM_KEYS = tuple(f"{matrix}_rect_{camera}" for matrix in "PR" for camera in CAMERAS)
 OXTS_VALUES = 30
+MOST_CALIBRATION = 1e6  # KITTI's largest number is a focal length of about 720 pixels
+STAMP = re.compile(r"\d{4}-\d\d-\d\d \d\d:\d\d:\d\d(\.\d{1,9})?", re.ASCII)
 LAST_BYTES = {".png": b"IEND\xaeB`\x82", ".jpg": b"\xff\xd9"}
 ATTRIBUTION = (
     "KITTI Vision Benchmark Suite, raw data: A. Geiger, P. Lenz, C. Stiller, R. Urtasun, 'Vision meets Robotics: The "
@@ -162,6 +164,13 @@ def _need_file(path: Path, what: str) -> None:
         raise UserError(f"{path}: {what} file is missing")
 
 
+def _text(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise UserError(f"{path}: not a readable text file: {error}") from error
+
+
 def _numbered(folder: Path, extension: str) -> dict[int, Path]:
     """Files by frame number, in ascending order."""
     paths = [path for path in folder.glob(f"*.{extension}") if path.stem.isdigit()]
@@ -179,11 +188,12 @@ def _images(folder: Path, camera: str) -> dict[int, Path]:
 
 
 def _check_oxts(path: Path) -> None:
+    text = _text(path)
     try:
-        values = [float(text) for text in path.read_text().split()]
+        values = [float(value) for value in text.split()]
     except ValueError as error:
         raise UserError(f"{path}: {error}") from error
-    if len(values) != OXTS_VALUES or not all(map(math.isfinite, values)):
+    if len(values) != OXTS_VALUES or len(text.strip().splitlines()) != 1 or not all(map(math.isfinite, values)):
         raise UserError(f"{path}: {len(values)} values, expected {OXTS_VALUES} finite numbers in one line")
 
 
@@ -220,7 +230,11 @@ def _pykitti_raw(root: Path, date: str, number: str) -> Any:
         except ValueError as error:
             raise UserError(f"{path}: not a KITTI calibration file: {error}") from error
         for key in keys:
-            if key not in values or values[key].size != sizes[key[0]]:
+            if (
+                key not in values
+                or values[key].size != sizes[key[0]]
+                or not (abs(values[key]) < MOST_CALIBRATION).all()
+            ):
                 raise UserError(f"{path}: {key} is missing or has not {sizes[key[0]]} numbers")
     stamps = root / date / f"{date}_drive_{number}_sync" / "oxts" / "timestamps.txt"
     _need_file(stamps, "time stamp")
@@ -258,10 +272,12 @@ def _stamps_ns(path: Path) -> list[int]:
     """Time stamps by frame number, in Unix nanoseconds. There may be more of them than images."""
     _need_file(path, "time stamp")
     stamps_ns = []
-    for number, line in enumerate(path.read_text().split("\n"), start=1):
+    for number, line in enumerate(_text(path).split("\n"), start=1):
         if not line.strip():
             continue
         try:
+            if not STAMP.fullmatch(line.strip()):
+                raise ValueError("of another form")
             stamps_ns.append(int(np.datetime64(line.strip().replace(" ", "T"), "ns").astype(np.int64)))
         except ValueError as error:
             raise UserError(f"{path}: line {number}: {line.strip()!r} is not a time stamp") from error
