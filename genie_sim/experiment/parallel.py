@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import os
+import signal
 import threading
 import time
 from collections.abc import Callable, Generator, Sequence
@@ -48,13 +49,14 @@ def in_processes(
 
 
 def _run(run: Callable[[Job], Done], job: Job) -> Done:
-    _end_with_parent()
+    _become_worker()
     return run(job)
 
 
 @functools.cache
-def _end_with_parent() -> None:
-    """A worker whose main process was killed would finish its job and wait for minutes; it ends at once instead."""
+def _become_worker() -> None:
+    """Ctrl-C is the main process' affair. If that is killed, its workers end at once instead of waiting for minutes."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
     parent = os.getppid()
 
     def watch() -> None:

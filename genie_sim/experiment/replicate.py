@@ -9,16 +9,15 @@ from __future__ import annotations
 
 import functools
 import math
-import signal
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from contextlib import closing
 from dataclasses import dataclass, replace
-from multiprocessing import get_context
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from genie_sim.experiment import files
 from genie_sim.experiment.facts import Facts, facts_of
+from genie_sim.experiment.parallel import in_processes
 from genie_sim.experiment.profiles import load_profile
 from genie_sim.experiment.records import FrameTable, LookupTable, ResourceTable
 from genie_sim.experiment.runner import Prepared
@@ -72,21 +71,11 @@ def in_parallel(
 ) -> list[T]:
     """``run`` of each job, in the order of the jobs."""
     done: list[T] = []
-    if workers == 1:
-        for job in jobs:
-            done.append(run(job))
-            if progress is not None:
-                progress(len(done), len(jobs), what)
-        return done
-    # Fresh processes: a forked one would inherit the locks of the progress bar's thread. Ctrl-C is the parent's affair.
-    pool = ProcessPoolExecutor(workers, get_context("spawn"), signal.signal, (signal.SIGINT, signal.SIG_IGN))
-    try:
-        for outcome in pool.map(run, jobs):
+    with closing(in_processes(run, jobs, workers)) as results:
+        for outcome in results:
             done.append(outcome)
             if progress is not None:
                 progress(len(done), len(jobs), what)
-    finally:
-        pool.shutdown(wait=True, cancel_futures=True)
     return done
 
 
