@@ -43,7 +43,8 @@ def welcome(columns: int, results: Path = Path("results")) -> str:
         if columns >= side_by_side + 40:
             lines.append(f"  {command:{side_by_side}}{what}")
         else:
-            lines += [f"  {command}", f"      {what}"]
+            inside = " " * 6
+            lines += [f"  {command}", *textwrap.wrap(what, columns, initial_indent=inside, subsequent_indent=inside)]
     pages = sorted(results.glob(f"*/{PAGE}"), key=lambda page: page.stat().st_mtime)
     if pages:
         lines += ["", "Latest report, for your browser:", f"  {pages[-1]}"]

@@ -1,0 +1,225 @@
+"""How the command line feels: where to begin, how it reads in any window, how soon it is there, what it completes."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import pty
+import re
+import select
+import struct
+import subprocess
+import sys
+import termios
+import time
+from pathlib import Path
+
+import pytest
+
+from genie_sim import terminal
+from genie_sim.cli import main
+from tests.conftest import REPOSITORY
+
+SHORT = ["run", "1car_hetero", "--set", "cars[0].route.window=[0 s, 2 s]", "--no-report"]
+COMMAND = [sys.executable, "-m", "genie_sim"]
+HEAVY = {"numpy", "pandas", "pyarrow", "matplotlib", "yaml", "simpy", "cv2", "onnxruntime", "scipy", "rich"}
+
+
+def on_a_terminal(*arguments: str, columns: int = 80, **env: str) -> str:
+    """What ``genie-sim`` shows on a terminal of that width."""
+    ours, theirs = pty.openpty()
+    fcntl.ioctl(theirs, termios.TIOCSWINSZ, struct.pack("HHHH", 24, columns, 0, 0))
+    surroundings = {name: value for name, value in os.environ.items() if name not in ("COLUMNS", "NO_COLOR")}
+    shown = b""
+    with subprocess.Popen(
+        [*COMMAND, *arguments],
+        stdin=theirs, stdout=theirs, stderr=theirs,
+        env={**surroundings, "PYTHONPATH": str(REPOSITORY), "TERM": "xterm-256color", **env},
+    ) as process:  # fmt: skip
+        os.close(theirs)
+        until = time.monotonic() + 120
+        while time.monotonic() < until:
+            if select.select([ours], [], [], 0.2)[0]:
+                try:
+                    part = os.read(ours, 1 << 16)
+                except OSError:  # the terminal is gone with its last process
+                    break
+                if not part:
+                    break
+                shown += part
+            elif process.poll() is not None:
+                break
+    os.close(ours)
+    return shown.decode().replace("\r\n", "\n")
+
+
+def plain(shown: str) -> str:
+    return re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", shown)
+
+
+def test_genie_sim_alone_tells_what_to_do_next(capsys):
+    assert main([]) == 0
+    said = capsys.readouterr().out
+    assert "What to do next:" in said
+    assert "genie-sim run 3car_hetero" in said
+    assert "report.html" not in said
+
+
+def test_it_points_to_the_latest_report(capsys):
+    for age, name in enumerate(("first", "second")):
+        page = Path("results") / name / terminal.PAGE
+        page.parent.mkdir(parents=True)
+        page.touch()
+        os.utime(page, (age, age))
+    assert main([]) == 0
+    assert "results/second/report.html" in capsys.readouterr().out
+
+
+def test_every_first_step_is_a_command_that_exists(run_cli):
+    for line, _ in terminal.FIRST_STEPS:
+        command = line.split()[1]
+        assert command == "--help" or run_cli(command, "--help").returncode == 0
+
+
+def test_help_begins_with_three_examples_and_lists_every_command_in_one_line(capsys):
+    assert main(["--help"]) == 0
+    usage, _, *lines = capsys.readouterr().out.splitlines()
+    assert usage.startswith("Usage: genie-sim")
+    assert [line.split()[0] for line in lines[:3]] == ["genie-sim"] * 3
+    assert lines[3] == ""
+    cut = [line for line in lines if line.endswith("...")]
+    assert not cut, f"say it in fewer words: {cut}"
+
+
+def test_the_examples_of_help_are_right():
+    """Their commands and options exist and their scenario loads; running them is the README's test."""
+    from genie_sim.experiment.scenario import load_scenario
+
+    assert load_scenario("3car_hetero", ["cars[0].device=orin_nano"], 7).cars[0].device == "orin_nano"
+    assert load_scenario("3car_hetero", ["genie.eviction=lru"]).genie.eviction == "lru"
+
+
+@pytest.mark.parametrize("columns", [30, 80])
+def test_every_screen_fits_its_window(columns):
+    """Nothing but a command or a path, which cannot be broken, is wider. Help needs 50 columns, by its library."""
+    for arguments in ([], ["list"], ["--help"], ["run", "--help"]):
+        room = max(columns, 50) if "--help" in arguments else columns
+        for line in plain(on_a_terminal(*arguments, columns=columns)).splitlines():
+            assert len(line) <= room or " --set " in line or len(line.split()) <= 3, f"{arguments}: {line!r}"
+
+
+def test_a_list_has_one_line_a_name_for_other_programs(run_cli):
+    """Whatever the window: ``genie-sim list scenarios | grep``."""
+    from genie_sim.experiment import files
+
+    lines = run_cli("list", "scenarios", env={"COLUMNS": "30"}).stdout.splitlines()
+    assert [line.split()[0] for line in lines] == list(files.available(files.SCENARIO))
+
+
+def test_a_run_shows_a_calm_bar_of_simulated_seconds_on_a_terminal():
+    shown = on_a_terminal(*SHORT, columns=100)
+    bars = [line for line in re.split(r"[\r\n]", plain(shown)) if "frames/s" in line]
+    assert bars
+    assert re.search(r"(local|remote|genie), [\d,]+ frames/s .* [\d.]+ of [\d.]+ s", bars[-1])
+    assert max(map(len, bars)) <= 100
+    assert "Results: results/1car_hetero-" in plain(shown)
+
+
+def test_the_bar_fits_a_narrow_window():
+    shown = on_a_terminal(*SHORT, columns=48)
+    bars = [line.strip() for line in re.split(r"[\r\n]", plain(shown)) if "frames/s" in line]
+    assert bars
+    assert max(map(len, bars)) <= 48
+
+
+def test_without_a_terminal_there_is_no_bar_and_no_colour(run_cli):
+    done = run_cli(*SHORT)
+    assert done.returncode == 0
+    assert done.stderr == ""
+    assert "\x1b" not in done.stdout
+    assert "frames/s" not in done.stdout
+
+
+def test_colour_can_be_switched_off():
+    shown = on_a_terminal(*SHORT, columns=100, NO_COLOR="1")
+    assert "frames/s" in shown
+    assert not re.search(r"\x1b\[[0-9;]*(3[0-7]|9[0-7]|38;[0-9;]*)m", shown)
+
+
+def test_results_are_the_same_text_in_a_pipe_and_on_a_terminal(run_cli):
+    piped = run_cli(*SHORT, env={"COLUMNS": "90"}).stdout
+    shown = plain(on_a_terminal(*SHORT, columns=90))
+    assert [line.rstrip() for line in piped.splitlines() if line.strip()][-5:] == [
+        line.rstrip() for line in shown.splitlines() if line.strip()
+    ][-5:]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message", "status"),
+    [
+        (["rnu"], "unknown command 'rnu' (did you mean 'run'?)", 2),
+        (["reprot", "results"], "did you mean 'report'?", 2),
+        (["run", "3car_hetero", "--sed", "3"], "--seed", 2),
+        (["run", "3car_heter"], "did you mean '3car_hetero'?", 1),
+        (["run", "3car_hetero", "--set", "genei.eviction=lru"], "did you mean 'genie'?", 1),
+        (["run", "3car_hetero", "--set", "genie.eviction=lur"], "did you mean 'lru'?", 1),
+        (["run", "3car_hetero", "--set", "cars[0].device=orin"], "did you mean", 1),
+        (["list", "evictoins"], "did you mean 'evictions'?", 1),
+    ],
+)
+def test_the_nearest_name_is_suggested(arguments, message, status, capsys):
+    assert main(arguments) == status
+    assert message in capsys.readouterr().err
+
+
+def completed(*words: str) -> list[str]:
+    """What a shell is offered for the last of these words."""
+    told = subprocess.run(
+        COMMAND,
+        env={
+            **os.environ,
+            "PYTHONPATH": str(REPOSITORY),
+            "_GENIE_SIM_COMPLETE": "complete_bash",
+            "COMP_WORDS": " ".join(("genie-sim", *words)),
+            "COMP_CWORD": str(len(words)),
+        },
+        capture_output=True, text=True, timeout=60,
+    )  # fmt: skip
+    return told.stdout.split()
+
+
+def test_the_shell_completes_commands_names_and_settings():
+    assert "report" in completed("rep")
+    assert {"3car_hetero", "3car_homo"} == set(completed("run", "3car"))
+    assert completed("list", "evi") == ["evictions"]
+    assert completed("run", "3car_hetero", "--set", "genie.object_map.th") == ["genie.object_map.threshold="]
+    assert "cars[0].route.laps=" in completed("run", "3car_hetero", "--set", "cars[0].route.")
+
+
+def test_every_completed_setting_is_one():
+    """Each may be given: the scenario knows it and says nothing of an unknown field."""
+    from genie_sim.errors import UserError
+    from genie_sim.experiment.scenario import load_scenario
+
+    offered = completed("run", "3car_hetero", "--set", "")
+    assert len(offered) > 30
+    for path in offered:
+        try:
+            load_scenario("3car_hetero", [f"{path}nonsense"])
+        except UserError as error:
+            assert "unknown field" not in str(error), path
+
+
+@pytest.mark.parametrize("arguments", [["--help"], ["run", "--help"], ["--version"], []], ids=" ".join)
+def test_help_is_there_before_anything_heavy(arguments):
+    """Under 0.4 s, on slow machines too: little is loaded besides the library that reads the arguments (which brings
+    pydantic by itself for the help of a command)."""
+    code = f"import sys; from genie_sim.cli import main; main({arguments}); print(*sys.modules)"
+    told = subprocess.run([sys.executable, "-c", code], cwd=REPOSITORY, capture_output=True, text=True, check=True)
+    loaded = set(told.stdout.splitlines()[-1].split())
+    assert not loaded & HEAVY
+    ours = {name for name in loaded if name.startswith("genie_sim.")}
+    assert ours <= {"genie_sim.cli", "genie_sim.errors", "genie_sim.terminal", "genie_sim.arguments"}
+    bare = subprocess.run([sys.executable, "-c", "import sys, typer.main; print(*sys.modules)"], capture_output=True)
+    added = loaded - set(bare.stdout.decode().split()) - ours
+    assert len({name for name in added if not name.startswith("pydantic")}) < 100, added
