@@ -86,7 +86,8 @@ class Reader:
                 Path(block.title).parent.mkdir(parents=True, exist_ok=True)
                 Path(block.title).write_text(block.text, encoding="utf-8")
             elif block.language == "python":
-                self._python(block)
+                if not self._python(block):
+                    return  # what follows builds on it
             elif block.language == "text":
                 if not matches(list(block.lines), self._printed):
                     self._wrong(block, "prints", self._printed, self._printed.splitlines())
@@ -94,31 +95,33 @@ class Reader:
                 status, printed = shell(script(block.lines))
                 if status:
                     self._wrong(block, "fails", printed)
+                    return
             elif block.language == "console":
                 self._console(block)
-            if self.problems and block.language in ("python", "bash"):
-                return  # what follows builds on it
 
-    def _python(self, block: Block) -> None:
+    def _python(self, block: Block) -> bool:
         printed = io.StringIO()
         try:
             with contextlib.redirect_stdout(printed):
                 exec(compile("\n" * block.first + block.text, self.name, "exec"), self._names)
         except Exception:
             self._wrong(block, "fails", traceback.format_exc())
+            return False
         self._printed = printed.getvalue()
+        return True
 
     def _console(self, block: Block) -> None:
         lines: list[str] = []
-        wrong = ""
+        wrong, fails = "", False
         for command, shown in session(block.lines):
             status, printed = shell(command)
             an_error_is_shown = any(line.startswith("genie-sim: ") for line in shown)
-            if (status != 0) != an_error_is_shown or not matches(shown, printed):
+            fails |= (status != 0) != an_error_is_shown
+            if fails or not matches(shown, printed):
                 wrong += f"$ {command}  [status {status}]\n{printed}"
             lines += [f"$ {command}", *(line.rstrip() for line in printed.rstrip().splitlines())]
         if wrong:
-            self._wrong(block, "prints", wrong, lines)
+            self._wrong(block, "prints", wrong, None if fails else lines)
 
     def _wrong(self, block: Block, what: str, printed: str, instead: list[str] | None = None) -> None:
         self.problems.append(f"{self.name}:{block.first + 1}: {block.language} block {what}:\n{printed}")

@@ -1,0 +1,102 @@
+"""Fills the reference from the program itself when the site is built: ``<!-- generated: NAME -->`` names what."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+
+from genie_sim.experiment import catalogue, files, records
+from genie_sim.experiment.links import LINKS
+from genie_sim.experiment.profiles import DeviceProfile, load_profile
+from genie_sim.units import duration_text, rate_text
+
+
+def commands() -> Iterator[str]:
+    """What ``--help`` says of every command."""
+    listed = _help().partition("Commands:")[2]
+    for name in re.findall(r"^  ([a-z]+)  ", listed, re.MULTILINE):
+        yield f"## genie-sim {name}\n\n```text\n{_help(name).strip()}\n```\n"
+
+
+def tables() -> Iterator[str]:
+    """The columns of every table."""
+    for table in sorted(records.Table.__subclasses__(), key=lambda one: one.name):
+        yield f"## {table.name}.parquet\n\n{_paragraph(table.__doc__)}\n"
+        yield "| column | type | unit | meaning |\n|---|---|---|---|"
+        for column in table.columns:
+            kind = f"{column.kind} or null" if column.nullable else column.kind
+            yield f"| `{column.name}` | {kind} | {column.unit} | {_cell(column.description)} |"
+        yield ""
+
+
+def devices() -> Iterator[str]:
+    """Every number of every device profile, with its source."""
+    for name in files.available(files.DEVICE):
+        device = load_profile(name)
+        yield f"## {device.title}\n\n`{name}`\n\n| what | value | tag | source |\n|---|---:|---|---|"
+        yield from _numbers(device)
+        yield ""
+
+
+def links() -> Iterator[str]:
+    yield "| name | up | down | delay | jitter |\n|---|---:|---:|---:|---:|"
+    for name, link in LINKS.items():
+        rates = (rate_text(rate) if rate is not None else "no limit" for rate in (link.rate_up_bps, link.rate_down_bps))
+        yield f"| `{name}` | {' | '.join(rates)} | {duration_text(link.delay_ns)} | {duration_text(link.jitter_ns)} |"
+
+
+def detectors() -> Iterator[str]:
+    yield "| name | about |\n|---|---|"
+    yield from (f"| `{name}` | {_cell(about)} |" for name, about in catalogue.KINDS["detectors"]())
+
+
+def all_settings() -> Iterator[str]:
+    """The scenario that shows every setting, without the editor's first line."""
+    text = files.available(files.SCENARIO)["all_settings"].read_text(encoding="utf-8")
+    yield f"```yaml\n{text.partition(chr(10))[2].strip()}\n```"
+
+
+GENERATED: dict[str, Callable[[], Iterator[str]]] = {
+    one.__name__: one for one in (commands, tables, devices, links, detectors, all_settings)
+}
+
+
+def on_page_markdown(markdown: str, **_: object) -> str:
+    """Called by MkDocs for every page."""
+    return re.sub(r"<!-- generated: (\w+) -->", lambda found: "\n".join(GENERATED[found[1]]()), markdown)
+
+
+def _numbers(device: DeviceProfile) -> Iterator[str]:
+    yield f"| CPU cores | {device.cores.value} | {device.cores.tag} | {_cell(device.cores.source)} |"
+    for what, law in (("hop, fixed part", device.hop.small), ("hop, per megabyte", device.hop.per_megabyte)):
+        yield f"| {what} | {duration_text(law.value)} | {law.tag} | {_cell(law.source)} |"
+    median, spread = device.genie_time.median, device.genie_time.spread
+    yield f"| Genie, a message, median | {duration_text(median.value)} | {median.tag} | {_cell(median.source)} |"
+    yield f"| Genie, loc and sigma | {spread.loc}, {spread.sigma} | {spread.tag} | {_cell(spread.source)} |"
+    for name in ("isolated", "default", "loaded"):
+        law = getattr(device.spreads, name)
+        yield f"| spread `{name}`, loc and sigma | {law.loc}, {law.sigma} | {law.tag} | {_cell(law.source)} |"
+    for name, model in device.models.items():
+        time = "out of memory" if model.median_ns is None else duration_text(model.median_ns)
+        yield f"| `{name}`, median | {time} | {model.tag} | {_cell(model.source)} |"
+
+
+def _help(*command: str) -> str:
+    return subprocess.run(
+        [sys.executable, "-m", "genie_sim", *command, "--help"], check=True, capture_output=True, text=True,
+        cwd=Path(__file__).resolve().parent.parent, env={**os.environ, "COLUMNS": "100", "NO_COLOR": "1"},
+    ).stdout  # fmt: skip
+
+
+def _cell(text: str) -> str:
+    return " ".join(text.split()).replace("|", "\\|")
+
+
+def _paragraph(docstring: str | None) -> str:
+    return (docstring or "").strip().split("\n\n")[0]

@@ -1,0 +1,151 @@
+"""The documentation is true: every page is followed from top to bottom, links lead somewhere, and the site builds."""
+
+from __future__ import annotations
+
+import os
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from run_page import Reader, accepted, blocks
+
+REPOSITORY = Path(__file__).resolve().parent.parent
+DOCS = REPOSITORY / "docs"
+PAGES = {path.relative_to(DOCS).as_posix(): path for path in sorted(DOCS.rglob("*.md"))}
+WITH_TESTS_OF_THEIR_OWN = {"ros.md", "paper.md", "perception.md"}  # they need real ROS, the whole evaluation, KITTI
+FOLLOWED = [
+    name
+    for name, path in PAGES.items()
+    if name not in WITH_TESTS_OF_THEIR_OWN and any(not one.not_run for one in blocks(path.read_text(encoding="utf-8")))
+]
+LONGEST_PAGE_S = 600
+
+
+@pytest.fixture
+def as_a_reader(tmp_path: Path) -> dict[str, str]:
+    """The environment of somebody who installed genie-sim and sits in a folder of their own."""
+    path = tmp_path / "bin"
+    path.mkdir()
+    for name, arguments in (("python", ""), ("genie-sim", " -m genie_sim")):
+        (path / name).write_text(f'#!/bin/sh\nexec {shlex.quote(sys.executable)}{arguments} "$@"\n')
+        (path / name).chmod(0o755)
+    return {**os.environ, "PATH": f"{path}{os.pathsep}{os.environ['PATH']}", "PYTHONPATH": str(REPOSITORY)}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", FOLLOWED)
+def test_a_page_does_what_it_shows(name: str, tmp_path: Path, as_a_reader: dict[str, str]):
+    """Look at the differences; if the page should show them: run it again by hand with --accept, read, commit."""
+    work = tmp_path / "work"
+    work.mkdir()
+    followed = subprocess.run(
+        [sys.executable, str(REPOSITORY / "tests" / "run_page.py"), str(PAGES[name])],
+        cwd=work, env=as_a_reader, capture_output=True, text=True, timeout=LONGEST_PAGE_S,
+    )  # fmt: skip
+    assert followed.returncode == 0, followed.stdout + followed.stderr
+
+
+@pytest.mark.slow
+def test_the_site_builds_without_a_warning(tmp_path: Path):
+    pytest.importorskip("material", reason="mkdocs-material comes with '.[docs]'")
+    pytest.importorskip("mkdocstrings", reason="mkdocstrings comes with '.[docs]'")
+    built = subprocess.run(
+        [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet", "--site-dir", str(tmp_path / "site")],
+        cwd=REPOSITORY, env={**os.environ, "NO_MKDOCS_2_WARNING": "1", "PYTHONDONTWRITEBYTECODE": "1"},
+        capture_output=True, text=True, timeout=300,
+    )  # fmt: skip
+    assert built.returncode == 0, built.stderr
+    assert (tmp_path / "site" / "index.html").is_file()
+    reference = (tmp_path / "site" / "reference" / "core" / "index.html").read_text(encoding="utf-8")
+    assert "Forgets the requests that nobody answered in time" in reference, "docstrings reach the reference"
+    columns = (tmp_path / "site" / "reference" / "tables" / "index.html").read_text(encoding="utf-8")
+    assert "fresh_answer_ns" in columns, "tables are filled in from the program"
+    detectors = (tmp_path / "site" / "extend" / "detector" / "index.html").read_text(encoding="utf-8")
+    assert "yolox_nano" in detectors
+
+
+def test_every_name_of_the_registries_is_explained():
+    """What ``genie-sim list`` knows of similarities, evictions, rules and links stands in the documentation."""
+    from genie_sim.experiment import catalogue
+
+    text = "".join(path.read_text(encoding="utf-8") for path in PAGES.values())
+    for kind in ("similarities", "evictions", "rules", "links"):
+        for name, _ in catalogue.KINDS[kind]():
+            assert f"`{name}`" in text, f"{kind}: {name} is in no page"
+
+
+def test_every_reading_of_the_paper_is_explained():
+    """Each setting under ``genie:`` and each of its choices stands in the page on how the paper is read."""
+    from genie_sim.experiment.schema import json_schema
+
+    page = PAGES["explanation/paper-readings.md"].read_text(encoding="utf-8")
+    definitions = json_schema("scenario")["$defs"]
+    for model in ("GenieSettings", "ObjectMapSettings"):
+        for name, field in definitions[model]["properties"].items():
+            assert f"`{name}`" in page or f"`object_map.{name}`" in page, f"genie.{name} is not explained"
+            for choice in field.get("enum", []):
+                assert f"`{choice}`" in page, f"genie.{name}: {choice} is not explained"
+
+
+def test_a_class_in_the_current_folder_is_found_by_the_installed_command(tmp_path: Path):
+    """``-P``: Python does not look into the current folder by itself, as with an installed ``genie-sim``."""
+    (tmp_path / "same.py").write_text("# nobody here\n")
+    ran = subprocess.run(
+        [sys.executable, "-P", "-m", "genie_sim", "run", "1car_homo", "--set", "genie.similarity=same:Nobody"],
+        cwd=tmp_path, env={**os.environ, "PYTHONPATH": str(REPOSITORY)}, capture_output=True, text=True, timeout=120,
+    )  # fmt: skip
+    assert "module 'same' has no attribute 'Nobody'" in ran.stderr
+
+
+def test_files_that_pages_speak_of_exist():
+    """``tests/theory/test_queues.py`` and the like, in the repository."""
+    for name, path in PAGES.items():
+        text = path.read_text(encoding="utf-8")
+        for file in re.findall(r"`((?:tests|genie_sim|notebooks|scenarios)/[\w./-]+\.\w+)`", text):
+            assert (REPOSITORY / file).exists(), f"docs/{name}: {file} is not there"
+
+
+EXAMPLE = """
+```python title="nearest.py"
+LIMIT = 3
+```
+```python
+from nearest import LIMIT
+print("at most", LIMIT)
+```
+```text
+at most 2
+```
+<!-- not run: needs a GPU -->
+```bash
+false
+```
+1. in a list
+
+   ```console
+   $ echo one
+   two
+   ```
+"""
+
+
+def test_a_page_that_shows_something_else_is_noticed_and_can_be_put_right(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.syspath_prepend("")
+    reader = Reader("page.md")
+    reader.read(EXAMPLE)
+    numbers, echo = reader.problems
+    assert numbers.startswith("page.md:10: text block prints:\nat most 3")
+    assert echo.startswith("page.md:19: console block prints:\n$ echo one")
+    right = accepted(EXAMPLE, reader)
+    assert "at most 3" in right and "at most 2" not in right
+    assert "   $ echo one\n   one\n   ```" in right
+
+
+def test_a_block_that_fails_is_noticed():
+    reader = Reader("page.md")
+    reader.read("```python\nanswer = 1 / 0\n```\n```bash\ntouch after\n```\n")
+    assert "ZeroDivisionError" in reader.problems[0] and "line 2" in reader.problems[0]
+    assert not Path("after").exists(), "nothing that builds on it is run"
