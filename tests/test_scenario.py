@@ -481,3 +481,10 @@ def test_whatever_is_given_ends_in_a_scenario_or_in_one_line(data: Any) -> None:
         read_scenario({"name": "x", "cars": data, "edges": data, "genie": data, "perception": data})
     except UserError as error:
         assert str(error).startswith("scenario: ") and "\n" not in str(error)
+
+
+def test_requests_that_expire_before_their_detector_answers() -> None:
+    slow = refusal(TWO_CARS, "model=detr_resnet_101_dc5")
+    assert "genie.request_expiry: 2 s is over before detr_resnet_101_dc5 answers on jetson_tx2 (2.496 s)" in slow
+    assert scenario(TWO_CARS, "model=detr_resnet_101_dc5", "genie.request_expiry=5 s").model == "detr_resnet_101_dc5"
+    assert scenario(TWO_CARS, "model=detr_resnet_101_dc5", "methods=[local, remote]")

@@ -86,7 +86,10 @@ class PoseGrid:
 
 
 class DHash:
-    """Two images are the same if their 64-bit difference hashes differ in at most ``radius`` bits."""
+    """Two images are the same if their 64-bit difference hashes differ in at most ``radius`` bits.
+
+    Any camera's image may match: two streams that replay one recording, as the grey cameras' stand-ins do, always will.
+    """
 
     def __init__(self, radius: int = 8) -> None:
         if not 0 <= radius <= 64:
