@@ -220,18 +220,21 @@ def best_boxes(
 ) -> list[Found]:
     """Non-maximum suppression: of boxes (n, 4) of one class that overlap by more than ``iou``, the best stays. Cars,
     trucks and buses are one class here."""
-    labels = scores.argmax(axis=1)
     # As in a trace, so that an object at the threshold is in or out whatever the last bits are.
-    best = scores[np.arange(len(scores)), labels].round(SCORE_DECIMALS)
-    road = np.array([label in ROAD_LABELS for label in classes], dtype=bool)
-    keep = np.flatnonzero(road[labels] & (best >= min_score) & np.isfinite(boxes).all(axis=1))
-    if not len(keep):
+    best = scores.max(axis=1).round(SCORE_DECIMALS)
+    likely = np.flatnonzero((best >= min_score) & np.isfinite(boxes).all(axis=1))
+    labels = [classes[number] for number in scores[likely].argmax(axis=1)]
+    found = [
+        Found(label, float(best[i]), tuple(boxes[i].tolist()))
+        for i, label in zip(likely, labels, strict=True)
+        if label in ROAD_LABELS
+    ]
+    if not found:
         return []
-    found = [Found(classes[labels[i]], float(best[i]), tuple(boxes[i].tolist())) for i in keep]
     kinds = sorted(ROAD_LABELS)
     groups = [kinds.index(SAME_OBJECT.get(f.label, f.label)) for f in found]
-    extents = np.hstack([boxes[keep, :2], boxes[keep, 2:] - boxes[keep, :2]])
-    order = cv2.dnn.NMSBoxesBatched(extents.tolist(), best[keep].tolist(), groups, 0.0, iou)
+    extents = [(x1, y1, x2 - x1, y2 - y1) for _, _, (x1, y1, x2, y2) in found]
+    order = cv2.dnn.NMSBoxesBatched(extents, [f.score for f in found], groups, 0.0, iou)
     return sorted((found[i] for i in np.ravel(order)), key=lambda f: (-f.score, f.label, f.box))
 
 

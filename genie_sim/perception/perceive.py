@@ -27,6 +27,7 @@ from genie_sim.perception.tracking import tracking_trace
 PACKAGES = ("numpy", "onnxruntime", "opencv-python-headless", "pykitti", "pymap3d")
 LOWEST_SCORE = 0.01  # for an evaluation: weak detections count for average precision
 READ_AHEAD = 4  # frames read while the network runs, and frames placed after it
+READERS = 2
 TRACKING = "tracking/"  # a drive of this name is a sequence of the tracking benchmark
 
 Progress = Callable[[int, int], None]
@@ -121,10 +122,10 @@ def images(root: Path, drive: str, cameras: Sequence[str]) -> dict[tuple[str, in
 def trace_frames(
     drive: Drive, frames: Iterable[CameraFrame], detector: Detector, place_from: float = 0.0
 ) -> Iterator[TraceFrame]:
-    """The frames as a trace keeps them, in order. The network has this thread for itself: one other thread reads the
-    frames that come, another places what was found in those that went."""
+    """The frames as a trace keeps them, in order. The network has this thread for itself: other threads read the
+    frames that come, and one places what was found in those that went."""
     steps = detector if isinstance(detector, OnnxDetector) else _InOneStep(detector)
-    with ThreadPoolExecutor(1) as reading, ThreadPoolExecutor(1) as placing:
+    with ThreadPoolExecutor(READERS) as reading, ThreadPoolExecutor(1) as placing:
 
         def read(frame: CameraFrame) -> _Picture:
             return _read(drive, frame, steps)

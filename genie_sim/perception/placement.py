@@ -80,14 +80,17 @@ def fit_ground(points: Array, reach_m: float = 30.0) -> Plane:
     It starts from flat ground under the laser and stays there when too few points are near it.
     """
     plane = FLAT_GROUND
-    near = points[np.hypot(points[:, 0], points[:, 1]) < reach_m]
+    columns = np.empty((4, len(points)))  # 1, x, y, z: contiguous, because this takes most of the time of a placement
+    columns[0], columns[1:] = 1.0, points.T
+    columns = columns[:, columns[1] ** 2 + columns[2] ** 2 < reach_m**2]
     for band_m in (0.5, 0.3, 0.2, 0.15, 0.15):
-        band = near[np.abs(plane.above_m(near)) < band_m]
-        if len(band) < 50:
+        above_m = columns[3] - plane.slope[0] * columns[1] - plane.slope[1] * columns[2] - plane.height_m
+        band = (np.abs(above_m) < band_m).astype(np.float64)
+        if band.sum() < 50:
             break
-        columns = np.column_stack([band[:, :2], np.ones(len(band))])
+        sums = (columns * band) @ columns.T
         try:
-            a, b, c = np.linalg.solve(columns.T @ columns, columns.T @ band[:, 2]).tolist()
+            c, a, b = np.linalg.solve(sums[:3, :3], sums[:3, 3]).tolist()
         except np.linalg.LinAlgError:  # all points in one line
             break
         plane = Plane((a, b), c)
