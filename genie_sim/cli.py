@@ -259,8 +259,9 @@ def sweep(
     from genie_sim.experiment.sweep.backends import Dask, Local
     from genie_sim.experiment.sweep.sweep import Sweep
 
-    with Progress(unit="runs") as progress:
+    with Progress(unit="points") as progress:
         work = Sweep.load(sweep, out, progress)
+    with Progress(unit="runs") as progress:
         with closing(Local(jobs or parallel.workers_here()) if scheduler is None else Dask(scheduler)) as workers:
             try:
                 work.run(workers, part, progress)
