@@ -160,9 +160,8 @@ def test_the_literal_algorithm_is_a_preset() -> None:
     literal = scenario(TWO_CARS, "genie.algorithm=literal").genie
     assert literal.request_expiry_ns is None
     assert (literal.object_map.rule, literal.object_map.one_per_location) == ("literal", True)
-    assert {key: getattr(literal, key) for key in LITERAL if key not in ("similarity", "request_expiry", "object_map")} == {
-        key: value for key, value in LITERAL.items() if key not in ("similarity", "request_expiry", "object_map")
-    }
+    plain = set(LITERAL) - {"similarity", "request_expiry", "object_map"}
+    assert {key: getattr(literal, key) for key in plain} == {key: LITERAL[key] for key in plain}
     mixed = scenario(
         TWO_CARS, "genie.algorithm=literal", "genie.miss_policy=blocking", "genie.object_map.rule=ema"
     ).genie

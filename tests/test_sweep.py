@@ -288,6 +288,7 @@ def test_what_is_done_is_not_run_again_even_along_other_axes(monkeypatch):
     assert main(["sweep", "s.yaml", "--jobs", "1"]) == 0
     assert len(simulated) == 18, "half of the points were there"
     assert set(pd.read_csv("results/s/table.csv")["weight"]) == {0.2, 0.5}
+    assert {path.stem for path in Path("results/s/figures").iterdir()} == {"weight", "gate"}, "not those of before"
 
 
 def test_points_that_say_the_same_share_their_runs(monkeypatch):

@@ -345,11 +345,6 @@ class Scenario(Model):
                 over = f"{expiry} is over before {self.model} answers on {device} ({takes}); no answer would be kept"
                 problem("genie.request_expiry", over)
         return self
-            expiry_ns = self.genie.request_expiry_ns
-            if expiry_ns is not None and expiry_ns <= law.median_ns and "genie" in self.methods:
-                takes, expiry = units.duration_text(law.median_ns), units.duration_text(expiry_ns)
-                text = f"{expiry} is over before {self.model} on {device} answers ({takes}); its answers would be lost"
-                problem("genie.request_expiry", text)
 
     def to_yaml(self) -> str:
         """Every setting written out; reads back to an equal scenario."""

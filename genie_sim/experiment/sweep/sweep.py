@@ -70,6 +70,7 @@ class Sweep:
             progress(count, len(mine), "")
         if not missing:
             return
+        self._forget_results()
         with contextlib.closing(backend.run(tasks(missing, backend.workers, self._parts), self.plan.shared)) as results:
             for runs in results:
                 count += runs
@@ -88,6 +89,12 @@ class Sweep:
             except OSError as error:
                 raise UserError(f"{self.folder}: cannot be written: {error.strerror or error}") from error
         return swept
+
+    def _forget_results(self) -> None:
+        """Tables and figures of earlier axes or fewer seeds; the parts stay."""
+        old = [*self.folder.glob("table.*"), *self.folder.glob("runs.parquet"), *self.folder.glob("figures/*")]
+        for path in old:
+            path.unlink(missing_ok=True)
 
     @property
     def _parts(self) -> Path:
