@@ -218,7 +218,7 @@ choices = st.fixed_dictionaries(
         "eviction": st.sampled_from(["unlimited", "lru", "lfu"]),
         "capacity": st.sampled_from([None, "7 entries", "1.5 kB"]),
         "miss_policy": st.sampled_from(["immediate", "blocking", "hits_only"]),
-        "request_expiry": st.none() | st.integers(1, 10**12).map(lambda ns: f"{ns} ns"),
+        "request_expiry": st.none() | st.integers(10**9, 10**12).map(lambda ns: f"{ns} ns"),
         "view_range": st.floats(1e-3, 1e3).map(lambda metres: f"{metres} m"),
         "object_map": st.fixed_dictionaries(
             {"rate": st.floats(0, 1), "threshold": st.floats(0, 1) | st.sampled_from(["range_60", "empirical"])}
