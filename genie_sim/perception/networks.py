@@ -37,10 +37,14 @@ class YoloxNano(OnnxDetector):
         return [(len(self.cells), 5 + len(self.labels))]
 
     def decode(self, outputs: Sequence[np.ndarray]) -> Scored:
-        """Centre = (p + cell) * stride, extent = exp(p) * stride, score = objectness * class."""
-        output = outputs[0].astype(np.float64)
-        centre = (output[:, 0:2] + self.cells) * self.cell_strides
-        half = np.exp(np.minimum(output[:, 2:4], 10.0)) * self.cell_strides / 2
+        """Centre = (p + cell) * stride, extent = exp(p) * stride, score = objectness * class.
+
+        Cells whose objectness alone is too low for ``min_score`` are left out; they are all but a few.
+        """
+        likely = np.flatnonzero(outputs[0][:, 4] >= 0.99 * self.min_score)
+        output, strides = outputs[0][likely].astype(np.float64), self.cell_strides[likely]
+        centre = (output[:, 0:2] + self.cells[likely]) * strides
+        half = np.exp(np.minimum(output[:, 2:4], 10.0)) * strides / 2
         return np.hstack([centre - half, centre + half]), output[:, 4:5] * output[:, 5:]
 
 

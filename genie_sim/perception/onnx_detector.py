@@ -220,6 +220,8 @@ def best_boxes(
 ) -> list[Found]:
     """Non-maximum suppression: of boxes (n, 4) of one class that overlap by more than ``iou``, the best stays. Cars,
     trucks and buses are one class here."""
+    if not len(scores):
+        return []
     # As in a trace, so that an object at the threshold is in or out whatever the last bits are.
     best = scores.max(axis=1).round(SCORE_DECIMALS)
     likely = np.flatnonzero((best >= min_score) & np.isfinite(boxes).all(axis=1))

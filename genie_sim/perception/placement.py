@@ -110,7 +110,9 @@ class Placement:
         self._ground = fit_ground(scan)
         self._points = transform(camera_SE3_velo, scan[self._ground.above_m(scan) > GROUND_CLEARANCE_M])
         self._range_m = np.hypot(self._points[:, 0], self._points[:, 2])
-        self._pixels = np.ascontiguousarray(project(intrinsics, self._points).T)
+        across, down = project(intrinsics, self._points).T
+        self._order = np.argsort(across)  # so that the points of a box are a slice; those behind the camera come last
+        self._across, self._down = across[self._order], down[self._order]
 
     def place(self, label: str, box: Box) -> tuple[Location | None, str]:
         """The object's centre in the camera's frame, and how it was found.
@@ -142,9 +144,9 @@ class Placement:
         margin_x, margin_y = BOX_MARGIN * (box[2] - box[0]), BOX_MARGIN * (box[3] - box[1])
         low = (box[0] + margin_x, box[1] + margin_y)
         high = (box[2] - margin_x, box[3] - margin_y)
-        # A point behind the camera has nan pixels, which are inside no box.
-        across, down = self._pixels
-        return np.flatnonzero((across > low[0]) & (across < high[0]) & (down > low[1]) & (down < high[1]))
+        first, end = np.searchsorted(self._across, low[0], "right"), np.searchsorted(self._across, high[0])
+        down = self._down[first:end]
+        return np.sort(self._order[first:end][(down > low[1]) & (down < high[1])])
 
     def _cut(self, box: Box) -> str | None:
         """The one side of the picture at which the box ends because the picture does."""
