@@ -383,6 +383,15 @@ def test_a_curve_is_read_off_with_the_pointer_and_with_keys(browser, file):
     assert browser.evaluate(f"{key}.getAttribute('aria-pressed')") == "false"
 
 
+def test_a_car_without_cameras_asks_with_its_position(browser, tmp_path):
+    run = short_run("case_study", 2, 1.0)
+    browser.open(run.report(tmp_path / "r.html"))
+    for stream, begin in ((0, "car1 takes the picture"), (4, "car2, without cameras, asks with its position")):
+        browser.evaluate(f"byId('which-stream').value = {stream}")
+        browser.evaluate("byId('which-stream').dispatchEvent(new Event('change'))")
+        assert begin in browser.evaluate("byId('story').textContent")
+
+
 @pytest.mark.parametrize(
     ("scenario", "cars", "settings"),
     [

@@ -145,7 +145,7 @@ function streetView(run, canvas, tip, options) {
     edges.forEach((edge, i) => { places[edge.name] = [(i + 0.5) * width / edges.length, 22]; });
     const cars = run.cars.map((car) => ({ car, at: carAt(run, car, t) }));
     for (const { car, at } of cars) places[car.name] = view.place(at.east, at.north);
-    if (options.views()) for (const { at } of cars) wedge(pen, look, at);
+    if (options.views()) for (const { car, at } of cars) if (car.cameras) wedge(pen, look, at);
     flashes(pen, look, t);
     for (const { car, at } of cars) vehicle(pen, look, car, at);
     edges.forEach((edge) => server(pen, look, edge, width));

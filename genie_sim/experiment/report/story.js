@@ -13,7 +13,9 @@ function storyOf(run, id) {
   const place = `${frames.east[id].toFixed(1)} m east, ${frames.north[id].toFixed(1)} m north`;
   const title = make("h3", {}, `${stream.car}, ${stream.name}, frame ${frames.number[id]}: `,
     make("span", { class: `outcome o-${outcomeOf(run, id)}` }, outcomeText(run, id)));
-  const steps = [{ t: 0, text: `${stream.car} takes the picture with ${stream.name}`, small: place }, ...stepsOf(run, id, stamp)];
+  const sees = run.cars.find((one) => one.name === stream.car).cameras;
+  const begin = sees ? `${stream.car} takes the picture with ${stream.name}` : `${stream.car}, without cameras, asks with its position`;
+  const steps = [{ t: 0, text: begin, small: place }, ...stepsOf(run, id, stamp)];
   steps.sort((one, other) => one.t - other.t);
   return [title, comparison(run, id),
     make("ol", {}, ...steps.map((step) => make("li", {}, make("span", {}, step.t >= LAST ? "" : `+${inMs(step.t)}`),
@@ -28,7 +30,7 @@ function stepsOf(run, id, stamp) {
     const genie = names[lookups.genie[row]], t = lookups.t[row] - stamp;
     if (lookups.kind[row] === 0) {
       const outcome = run.outcomes[lookups.outcome[row]];
-      const asker = lookups.neighbour[row] ? "asked by another edge" : lookups.remote[row] ? "asked by the car" : "asked by the camera";
+      const asker = lookups.neighbour[row] ? "asked by another edge" : lookups.remote[row] ? "asked by the car" : "asked in its own car";
       const meaning = { hit: "a stored answer is replayed", coalesced: "an equal frame is under way: it waits for that one's answer",
         miss: lookups.neighbour[row] ? "it has nothing to offer" : "the frame goes to the detector and on" }[outcome];
       steps.push({ t, tone: outcome, text: `${genie} looks into its message cache: ${outcome}`,
