@@ -41,7 +41,7 @@ def installed(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_the_wheel_carries_every_shipped_file(wheel: Path):
     packed = set(zipfile.ZipFile(wheel).namelist())
-    assert len(SHIPPED_FOLDERS) == 2
+    assert len(SHIPPED_FOLDERS) == 3
     for source, target in SHIPPED_FOLDERS.items():
         files = [path.relative_to(REPOSITORY / source) for path in (REPOSITORY / source).rglob("*") if path.is_file()]
         missing = {f"{target}/{file.as_posix()}" for file in files} - packed
@@ -59,7 +59,7 @@ def test_the_wheel_carries_the_licence_of_the_trace_beside_it(wheel: Path):
 def test_the_wheel_carries_nothing_else(wheel: Path):
     """No tests, caches, frames or weights, and small enough to download in a moment."""
     information = f"genie_sim-{version()}.dist-info/"
-    code = (".py", ".typed", ".yaml", ".parquet", ".md", ".html", ".css", ".js")
+    code = (".py", ".typed", ".yaml", ".parquet", ".md", ".html", ".css", ".js", ".schema.json")
     foreign = [
         name for name in zipfile.ZipFile(wheel).namelist()
         if not name.startswith(information) and not (name.startswith("genie_sim/") and name.endswith(code))
