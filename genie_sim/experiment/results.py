@@ -19,6 +19,12 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
+NOT_ONE_RUN = {  # the file that tells, and what such a folder holds
+    "verdicts.json": "a whole evaluation (read its verdicts.md)",
+    "sweep.json": "a sweep (read its table.csv)",
+}
+
+
 @dataclass(frozen=True, eq=False)
 class Run:
     """One finished run.
@@ -121,6 +127,9 @@ class Figures:
 def load(folder: str | Path) -> Run:
     """The run in a result folder. Raises ``UserError`` for anything else, or for one that is not whole."""
     folder = Path(folder)
+    for name, what in NOT_ONE_RUN.items():
+        if (folder / name).is_file():
+            raise UserError(f"{folder}: holds {what}, not one run")
     made = provenance.read_run_json(folder)
     tables = {
         table.name: records.read(folder / f"{table.name}.parquet", table)
