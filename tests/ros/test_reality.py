@@ -1,0 +1,67 @@
+"""Simulation against reality: the same Genie, the same drive, once in real ROS and once simulated.
+
+What follows what is compared strictly. Times are compared where the machine has time to spare; ``docs/reality.md``
+is the report of a whole series.
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.ros import reality, reality_link
+from tests.ros.conftest import Master
+
+pytestmark = pytest.mark.slow
+
+
+def within(real: float, simulated: float, tolerance: float) -> bool:
+    return abs(simulated - real) <= tolerance * real
+
+
+def test_the_same_drive_has_the_same_outcomes_and_the_same_response_times(master: Master, tmp_path: Path):
+    shown = reality.frames()
+    sleeps = reality.sleeps_ns(len(shown))
+    parts = reality.measure(master)
+    busy = [reality.busy_elsewhere()]
+    real = reality.drive(master, reality.plan_of(shown, sleeps))
+    busy.append(reality.busy_elsewhere())
+    simulated = reality.simulate(parts, sleeps, tmp_path)
+
+    assert set(simulated.outcomes) == {"hit", "miss", "coalesced"}
+    assert real.outcomes == simulated.outcomes
+    assert real.map_lookups == simulated.map_lookups, "the object maps were asked, and answered, alike"
+    assert not np.isnan(real.response_ms).any()
+
+    if max(busy) > reality.BUSY_LIMIT:
+        pytest.skip(f"outcomes agree; no times compared: others kept the processors {max(busy):.0%} busy")
+    assert within(np.median(real.response_ms), np.median(simulated.response_ms), 0.10)
+    assert within(np.percentile(real.response_ms, 95), np.percentile(simulated.response_ms, 95), 0.20)
+
+
+def test_another_detector_would_be_noticed(tmp_path: Path):
+    """The comparison can fail: with a detector of twice the time, hits turn into coalesced requests."""
+    sleeps = reality.sleeps_ns(len(reality.frames()))
+    parts = reality.Parts(300_000, 1_500_000, 300_000, 200_000)
+    as_it_is, slower = (reality.simulate(parts, times, tmp_path) for times in (sleeps, [2 * one for one in sleeps]))
+    assert as_it_is.outcomes != slower.outcomes
+
+
+@pytest.mark.parametrize("size_bytes, count", [(100_000, 1), (1_397_297, 1), (465_800, 3)])
+@pytest.mark.parametrize("rate_bps", [20_000_000, 100_000_000])
+@pytest.mark.skipif(sys.platform != "linux", reason="network namespaces are Linux's")
+def test_a_shaped_link_takes_as_long_as_the_simulated_one(rate_bps: int, size_bytes: int, count: int):
+    reason = reality_link.why_not()
+    if reason is not None:
+        pytest.skip(reason)
+    busy = reality.busy_elsewhere(1.0)
+    real = reality_link.measured_ms(rate_bps, size_bytes, count)
+    simulated = reality_link.simulated_ms(rate_bps, size_bytes, count)
+    assert len(real) == len(simulated) == count
+    agree = [within(one, other, 0.05) for one, other in zip(real, simulated, strict=True)]
+    if not all(agree) and busy > reality.BUSY_LIMIT:
+        pytest.skip(f"{real} ms, simulated {simulated} ms; others kept the processors {busy:.0%} busy")
+    assert all(agree), f"{real} ms, simulated {simulated} ms"
