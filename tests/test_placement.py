@@ -12,6 +12,7 @@ from genie_sim.perception.onnx_detector import ROAD_LABELS
 from genie_sim.perception.placement import (
     HALF_DEPTH_M,
     LASER_HEIGHT_M,
+    TYPICAL_GROUND,
     Placement,
     fit_ground,
     near_group,
@@ -103,8 +104,10 @@ def test_without_points_the_foot_on_the_ground_says_how_far(slope):
     assert distance_m == pytest.approx(math.hypot(22.0, 3.0) + HALF_DEPTH_M["car"], rel=0.05)
 
 
-def test_without_any_scan_the_ground_is_flat():
-    distance_m, method = placed("car", box_around(REAR))
+def test_without_any_scan_the_ground_is_that_of_kitti_s_streets():
+    """Seen from the tilted laser, it rises."""
+    foot_m = ROAD_M + TYPICAL_GROUND.slope[0] * 15.0
+    distance_m, method = placed("car", box_around(board(15.0, 1.0, 1.7, foot_m, foot_m + 1.5)))
     assert method == "ground"
     assert distance_m == pytest.approx(math.hypot(15.0, 1.0) + HALF_DEPTH_M["car"], rel=0.02)
 

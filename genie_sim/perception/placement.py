@@ -72,6 +72,9 @@ class Plane:
 
 
 FLAT_GROUND = Plane((0.0, 0.0), -LASER_HEIGHT_M)
+# Without a scan. KITTI's laser is tilted: the labelled vehicles of 14 tracking sequences stand on ground that rises by
+# 0.009 m per metre ahead of it (median over sequences; of every other one 0.009, of the rest 0.0086).
+TYPICAL_GROUND = Plane((0.009, 0.0), -LASER_HEIGHT_M)
 
 
 def fit_ground(points: Array, reach_m: float = 30.0) -> Plane:
@@ -106,8 +109,8 @@ class Placement:
         self._intrinsics = intrinsics
         self._image_width, self._image_height = image_size
         self._velo_SE3_camera = np.linalg.inv(camera_SE3_velo)
+        self._ground = TYPICAL_GROUND if scan is None else fit_ground(scan)
         scan = np.empty((0, 3)) if scan is None else scan
-        self._ground = fit_ground(scan)
         self._points = transform(camera_SE3_velo, scan[self._ground.above_m(scan) > GROUND_CLEARANCE_M])
         self._range_m = np.hypot(self._points[:, 0], self._points[:, 2])
         across, down = project(intrinsics, self._points).T
