@@ -1,0 +1,61 @@
+"""ROS messages for bags, without any ROS: rosbags knows the standard types of ROS 1 and ROS 2, here are the others."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from genie_sim.errors import UserError
+
+if TYPE_CHECKING:
+    from rosbags.typesys.store import Typestore
+
+NS_PER_S = 1_000_000_000
+TF = "tf2_msgs/msg/TFMessage"
+_TF_DEFINITION = "geometry_msgs/TransformStamped[] transforms\n"
+
+
+def typestore(ros: int) -> Typestore:
+    """The message types of ROS 1 or 2. Raises UserError without rosbags."""
+    try:
+        from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+    except ImportError as error:
+        raise UserError(f"bags need the extra 'ros': pip install 'genie-sim[ros]' ({error})") from error
+    store = get_typestore(Stores.ROS1_NOETIC if ros == 1 else Stores.ROS2_HUMBLE)
+    if TF not in store.fielddefs:
+        store.register(get_types_from_msg(_TF_DEFINITION, TF))
+    return store
+
+
+def message(store: Typestore, kind: str, /, **given: Any) -> Any:
+    """A message of type ``kind`` (``std_msgs/msg/Header``) with the fields ``given``, all others empty."""
+    import numpy as np
+    from rosbags.interfaces import Nodetype
+
+    _, fields = store.fielddefs[kind]
+
+    def empty(node: Any, detail: Any) -> Any:
+        if node == Nodetype.NAME:
+            return message(store, detail)
+        if node == Nodetype.BASE:
+            return _EMPTY.get(detail[0], 0)
+        element, length = detail
+        if element[0] == Nodetype.BASE and element[1][0] != "string":
+            return np.zeros(length if node == Nodetype.ARRAY else 0, _NUMPY.get(element[1][0], element[1][0]))
+        return []
+
+    return store.types[kind](**{name: given[name] if name in given else empty(*of) for name, of in fields})
+
+
+_EMPTY = {"string": "", "bool": False, "float32": 0.0, "float64": 0.0}
+_NUMPY = {"byte": "uint8", "char": "uint8", "octet": "uint8"}
+
+
+def header(store: Typestore, stamp_ns: int, frame_id: str) -> Any:
+    """A std_msgs/Header."""
+    return message(store, "std_msgs/msg/Header", stamp=time(store, stamp_ns), frame_id=frame_id)
+
+
+def time(store: Typestore, stamp_ns: int) -> Any:
+    """A ROS time."""
+    seconds, nanoseconds = divmod(stamp_ns, NS_PER_S)
+    return message(store, "builtin_interfaces/msg/Time", sec=seconds, nanosec=nanoseconds)

@@ -1,0 +1,247 @@
+"""A finished run as a bag for Foxglove or RViz: ROS 2 messages in one MCAP file, or a ROS 1 bag.
+
+=============================  ==================================================================================
+topic                          what
+=============================  ==================================================================================
+``/tf``                        every camera of every car (``car1/camera_02``) in the frame ``map``: ``poses``
+``/<genie>/object_map``        each change of a Genie's object map as a box, its confidence as colour: ``objects``
+``/lookups``                   each look-up for an image as a ball over the camera that took it: ``lookups``
+``/events``                    the same in words, and what was dropped: ``lookups``, ``frames``
+``/<car>/<method>/response``   time to the first answer [ms]: ``frames``
+``/cars``                      a box for each camera's car, which moves with its frame
+=============================  ==================================================================================
+
+The simulation begins at second ``START_S`` of ROS time, because ROS takes the time 0 for "unknown".
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Iterator
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from genie_sim.errors import UserError, unknown
+from genie_sim.ros import bag_messages
+from genie_sim.ros.bag_messages import NS_PER_S, TF, typestore
+
+if TYPE_CHECKING:
+    from rosbags.typesys.store import Typestore
+
+    from genie_sim.experiment.results import Run
+
+FORMATS = {"mcap": 2, "bag": 1}  # the ROS that reads it
+START_S = 1
+MARKERS, FLOAT = "visualization_msgs/msg/MarkerArray", "std_msgs/msg/Float64"
+LOGS = {1: "rosgraph_msgs/msg/Log", 2: "rcl_interfaces/msg/Log"}
+INFO = {1: 2, 2: 20}
+WARN = {1: 4, 2: 30}
+CUBE, BALL = 1, 2
+MAP_FRAME = "map"
+# Outcomes differ in lightness as well: dark, middle, light.
+COLOURS = {"hit": (0.0, 0.45, 0.2), "miss": (0.85, 0.2, 0.1), "coalesced": (1.0, 0.85, 0.2)}
+SIZES_M = {  # length, width, height of a box; others are a metre of everything
+    "car": (3.9, 1.6, 1.5), "truck": (4.9, 1.9, 2.2), "bus": (4.9, 1.9, 2.5), "train": (15.0, 2.5, 3.5),
+    "person": (0.5, 0.5, 1.75), "bicycle": (1.8, 0.6, 1.7), "motorcycle": (2.0, 0.8, 1.5),
+}  # fmt: skip
+CAR_BELOW_CAMERA_M = -0.8  # a KITTI car's camera is mounted 1.65 m above the ground
+LOOKUP_SHOWN_NS = NS_PER_S
+
+
+class Entry(NamedTuple):
+    """One message of the bag."""
+
+    t_ns: int
+    topic: str
+    kind: str
+    message: Any
+
+
+def export(run: Run, out: Path, format: str) -> int:
+    """Writes a run to ``out`` and returns how many messages it holds. Raises UserError."""
+    if format not in FORMATS:
+        raise UserError(unknown("format", format, FORMATS))
+    ros = FORMATS[format]
+    store = typestore(ros)
+    entries = sorted(_Messages(run, store, ros), key=lambda entry: entry.t_ns)
+    beside = out.with_name(out.name + ".partial")
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        beside.unlink(missing_ok=True)
+        (_write_mcap if ros == 2 else _write_bag)(beside, store, entries)
+        beside.replace(out)
+    except OSError as error:
+        raise UserError(f"{out}: cannot be written: {error.strerror or error}") from error
+    return len(entries)
+
+
+class _Messages:
+    """Every message of a run, in no order."""
+
+    def __init__(self, run: Run, store: Typestore, ros: int) -> None:
+        self._run = run
+        self._ros = ros
+        self._store = store
+        self._make: Callable[..., Any] = partial(bag_messages.message, store)
+
+    def __iter__(self) -> Iterator[Entry]:
+        yield from self._poses()
+        yield from self._cars()
+        yield from self._objects()
+        yield from self._lookups()
+        yield from self._frames()
+
+    def _poses(self) -> Iterator[Entry]:
+        make = self._make
+        for row in self._run.poses.itertuples():
+            place = make("geometry_msgs/msg/Vector3", x=row.east_m, y=row.north_m)
+            motion = make("geometry_msgs/msg/Transform", translation=place, rotation=self._heading(row.heading_rad))
+            child = f"{row.car}/{row.stream}"
+            header = self._header(row.stamp_ns)
+            one = make("geometry_msgs/msg/TransformStamped", header=header, child_frame_id=child, transform=motion)
+            yield Entry(_ros_ns(row.stamp_ns), "/tf", TF, make(TF, transforms=[one]))
+
+    def _cars(self) -> Iterator[Entry]:
+        first = self._run.poses.drop_duplicates(["car", "stream"])
+        for number, row in enumerate(first.drop_duplicates("car").itertuples()):
+            box = self._marker(
+                row.stamp_ns, row.car, number, CUBE, (-1.0, 0.0, CAR_BELOW_CAMERA_M), SIZES_M["car"],
+                (0.25, 0.4, 0.7, 0.8), row.car, frame=f"{row.car}/{row.stream}",
+            )  # fmt: skip
+            yield Entry(_ros_ns(row.stamp_ns), "/cars", MARKERS, self._make(MARKERS, markers=[box]))
+
+    def _objects(self) -> Iterator[Entry]:
+        numbers: dict[tuple[object, ...], int] = {}
+        for row in self._run.objects.itertuples():
+            which = (row.genie, row.label, row.east_m, row.north_m)
+            number = numbers.setdefault(which, len(numbers))
+            size = SIZES_M.get(row.label, (1.0, 1.0, 1.0))
+            place, text = (row.east_m, row.north_m, size[2] / 2), f"{row.label} {row.confidence:.2f}"
+            colour = (*confidence_colour(row.confidence), 0.9)
+            box = self._marker(row.t_ns, row.label, number, CUBE, place, size, colour, text)
+            topic = f"/{_topic(row.genie)}/object_map"
+            yield Entry(_ros_ns(row.t_ns), topic, MARKERS, self._make(MARKERS, markers=[box]))
+
+    def _lookups(self) -> Iterator[Entry]:
+        at = {(row.car, row.stream, row.stamp_ns): (row.east_m, row.north_m) for row in self._run.poses.itertuples()}
+        lookups = self._run.lookups
+        for number, row in enumerate(lookups[lookups["kind"] == "image"].itertuples()):
+            asked = f"{row.outcome} at {row.genie} for {row.car}/{row.stream}, {row.stamp_ns / NS_PER_S:.3f} s"
+            yield self._event(row.t_ns, INFO, row.genie, asked)
+            east_m, north_m = at[row.car, row.stream, row.stamp_ns]
+            place, colour = (east_m, north_m, 3.0), (*COLOURS[row.outcome], 1.0)
+            ball = self._marker(row.t_ns, row.genie, number, BALL, place, (0.5,) * 3, colour, asked, LOOKUP_SHOWN_NS)
+            yield Entry(_ros_ns(row.t_ns), "/lookups", MARKERS, self._make(MARKERS, markers=[ball]))
+
+    def _frames(self) -> Iterator[Entry]:
+        for row in self._run.frames.itertuples():
+            if isinstance(row.drop, str):
+                lost = f"{row.method}: {row.car}/{row.stream} frame {row.frame} dropped at {row.drop}"
+                yield self._event(row.stamp_ns, WARN, row.car, lost)
+            first, received = row.first_answer_ns, row.received_ns
+            if first == first and first is not None and received == received:  # not nan, not null
+                response = self._make(FLOAT, data=(int(first) - int(received)) / 1e6)
+                yield Entry(_ros_ns(int(first)), f"/{_topic(row.car)}/{row.method}/response", FLOAT, response)
+
+    def _event(self, t_ns: int, level: dict[int, int], name: str, text: str) -> Entry:
+        kind = LOGS[self._ros]
+        when = {"header": self._header(t_ns)} if self._ros == 1 else {"stamp": self._time(t_ns)}
+        event = self._make(kind, **when, level=level[self._ros], name=name, msg=text)
+        return Entry(_ros_ns(t_ns), "/events", kind, event)
+
+    def _marker(
+        self,
+        t_ns: int,
+        ns: str,
+        number: int,
+        shape: int,
+        place: tuple[float, ...],
+        size: tuple[float, ...],
+        colour: tuple[float, ...],
+        text: str,
+        shown_ns: int = 0,
+        frame: str = MAP_FRAME,
+    ) -> Any:
+        """``shown_ns`` of 0: until the next one of this number. One in another frame than the map moves with it."""
+        make = self._make
+        seconds, nanoseconds = divmod(shown_ns, NS_PER_S)
+        pose = make(
+            "geometry_msgs/msg/Pose",
+            position=make("geometry_msgs/msg/Point", **dict(zip("xyz", place, strict=True))),
+            orientation=self._heading(0.0),
+        )
+        return make(
+            "visualization_msgs/msg/Marker",
+            header=self._header(t_ns, frame),
+            ns=ns,
+            id=number,
+            type=shape,
+            pose=pose,
+            scale=make("geometry_msgs/msg/Vector3", **dict(zip("xyz", size, strict=True))),
+            color=make("std_msgs/msg/ColorRGBA", **dict(zip("rgba", colour, strict=True))),
+            lifetime=make("builtin_interfaces/msg/Duration", sec=seconds, nanosec=nanoseconds),
+            frame_locked=frame != MAP_FRAME,
+            text=text,
+        )
+
+    def _heading(self, heading_rad: float) -> Any:
+        half = heading_rad / 2
+        return self._make("geometry_msgs/msg/Quaternion", z=math.sin(half), w=math.cos(half))
+
+    def _header(self, t_ns: int, frame: str = MAP_FRAME) -> Any:
+        return bag_messages.header(self._store, _ros_ns(t_ns), frame)
+
+    def _time(self, t_ns: int) -> Any:
+        return bag_messages.time(self._store, _ros_ns(t_ns))
+
+
+def confidence_colour(confidence: float) -> tuple[float, float, float]:
+    """From violet (0) over green-blue to yellow (1), ever lighter: viridis, which also survives greyscale."""
+    stops = ((0.27, 0.0, 0.33), (0.13, 0.57, 0.55), (0.99, 0.91, 0.14))
+    at = min(max(confidence, 0.0), 1.0) * (len(stops) - 1)
+    low = min(int(at), len(stops) - 2)
+    red, green, blue = ((1 - at + low) * a + (at - low) * b for a, b in zip(stops[low], stops[low + 1], strict=True))
+    return red, green, blue
+
+
+def _ros_ns(t_ns: int) -> int:
+    return int(t_ns) + START_S * NS_PER_S
+
+
+def _topic(name: str) -> str:
+    """A name of ours as part of a ROS topic."""
+    return re.sub(r"[^A-Za-z0-9_/]", "_", name)
+
+
+def _write_mcap(path: Path, store: Typestore, entries: list[Entry]) -> None:
+    try:
+        from mcap.writer import Writer
+    except ImportError as error:
+        raise UserError(f"MCAP needs the extra 'ros': pip install 'genie-sim[ros]' ({error})") from error
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start(profile="ros2", library="genie-sim")
+        schemas: dict[str, int] = {}
+        channels: dict[str, int] = {}
+        for entry in entries:
+            if entry.kind not in schemas:
+                definition = store.generate_msgdef(entry.kind, ros_version=2)[0]
+                schemas[entry.kind] = writer.register_schema(entry.kind, "ros2msg", definition.encode())
+            if entry.topic not in channels:
+                channels[entry.topic] = writer.register_channel(entry.topic, "cdr", schemas[entry.kind])
+            data = bytes(store.serialize_cdr(entry.message, entry.kind))
+            writer.add_message(channels[entry.topic], entry.t_ns, data, entry.t_ns)
+        writer.finish()
+
+
+def _write_bag(path: Path, store: Typestore, entries: list[Entry]) -> None:
+    from rosbags.rosbag1 import Writer
+
+    with Writer(path) as writer:
+        connections: dict[str, Any] = {}
+        for entry in entries:
+            if entry.topic not in connections:
+                connections[entry.topic] = writer.add_connection(entry.topic, entry.kind, typestore=store)
+            writer.write(connections[entry.topic], entry.t_ns, store.serialize_ros1(entry.message, entry.kind))

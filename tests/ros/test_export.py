@@ -1,0 +1,122 @@
+"""A run as a bag: what is read back, by other libraries' readers, is what the run wrote down."""
+
+from __future__ import annotations
+
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from genie_sim.errors import UserError
+from genie_sim.experiment import runner
+from genie_sim.experiment.results import Run
+from genie_sim.experiment.scenario import load_scenario
+
+pytest.importorskip("rosbags", reason="needs rosbags: pip install 'genie-sim[ros]'")
+pytest.importorskip("mcap_ros2", reason="needs mcap-ros2-support: pip install 'genie-sim[ros]'")
+
+from genie_sim.ros.export import confidence_colour, export
+
+START_NS = 10**9  # of ROS time, when the simulation begins
+
+
+@pytest.fixture(scope="module")
+def run() -> Run:
+    return runner.run_in_memory(load_scenario("1car_hetero", ["cars[0].route.window=[0 s, 2 s]"]))
+
+
+@pytest.fixture(scope="module", params=["mcap", "bag"])
+def read_back(request: pytest.FixtureRequest, run: Run, tmp_path_factory: pytest.TempPathFactory) -> Any:
+    """(topic, time [ns], message) of everything in the exported file, and how much ``export`` said it is."""
+    path = tmp_path_factory.mktemp("export") / f"run.{request.param}"
+    written = export(run, path, request.param)
+    assert list(path.parent.iterdir()) == [path], "nothing is left beside it"
+    return written, _read_mcap(path) if request.param == "mcap" else _read_bag(path)
+
+
+def _read_mcap(path: Path) -> list[tuple[str, int, Any]]:
+    from mcap.reader import make_reader
+    from mcap_ros2.decoder import DecoderFactory
+
+    with path.open("rb") as file:
+        found = make_reader(file, decoder_factories=[DecoderFactory()]).iter_decoded_messages()
+        return [(channel.topic, message.log_time, decoded) for _, channel, message, decoded in found]
+
+
+def _read_bag(path: Path) -> list[tuple[str, int, Any]]:
+    from rosbags.highlevel import AnyReader
+
+    with AnyReader([path]) as reader:
+        return [(one.topic, at, reader.deserialize(raw, one.msgtype)) for one, at, raw in reader.messages()]
+
+
+def _of(read_back: Any, topic: str) -> list[tuple[int, Any]]:
+    return [(at, message) for name, at, message in read_back[1] if name == topic]
+
+
+def _ns(stamp: Any) -> int:
+    return int(stamp.sec * 10**9 + stamp.nanosec)
+
+
+def test_every_message_is_there_and_in_order_of_time(read_back, run):
+    written, found = read_back
+    assert len(found) == written
+    times = [at for _, at, _ in found]
+    assert times == sorted(times)
+    images = (run.lookups["kind"] == "image").sum()
+    answers = (run.frames["first_answer_ns"].notna() & run.frames["received_ns"].notna()).sum()
+    drops = run.frames["drop"].notna().sum()
+    assert written == len(run.poses) + 1 + len(run.objects) + 2 * images + drops + answers
+
+
+def test_cars_are_transforms_at_their_own_instants(read_back, run):
+    tf = _of(read_back, "/tf")
+    assert sorted(at for at, _ in tf) == sorted(run.poses["stamp_ns"] + START_NS)
+    assert all(_ns(message.transforms[0].header.stamp) == at for at, message in tf)
+    placed = {
+        (at, one.transforms[0].child_frame_id): one.transforms[0].transform.translation.x for at, one in tf
+    }
+    row = run.poses.iloc[7]
+    assert placed[row.stamp_ns + START_NS, f"{row.car}/{row.stream}"] == row.east_m
+
+
+def test_the_object_map_has_its_confidences_as_colours(read_back, run):
+    genies = sorted(run.objects["genie"].unique())
+    assert genies == ["car1/genie", "edge1/genie"]
+    for genie in genies:
+        rows = run.objects[run.objects["genie"] == genie]
+        boxes = [(at, one.markers[0]) for at, one in _of(read_back, f"/{genie}/object_map")]
+        assert [at - START_NS for at, _ in boxes] == rows["t_ns"].tolist()
+        assert [box.pose.position.y for _, box in boxes] == rows["north_m"].tolist()
+        for (_, box), confidence in zip(boxes, rows["confidence"], strict=True):
+            assert (box.color.r, box.color.g, box.color.b) == pytest.approx(confidence_colour(confidence), abs=1e-6)
+        places = len(rows.drop_duplicates(["label", "east_m", "north_m"]))
+        assert len({(box.ns, box.id) for _, box in boxes}) == places, "an object seen again is the same box"
+
+
+def test_hits_and_misses_are_events(read_back, run):
+    images = run.lookups[run.lookups["kind"] == "image"]
+    events = [(at, one.msg) for at, one in _of(read_back, "/events") if " at " in one.msg and "dropped" not in one.msg]
+    assert Counter(text.split()[0] for _, text in events) == Counter(images["outcome"])
+    assert sorted(at - START_NS for at, _ in events) == images["t_ns"].tolist()
+    assert len(_of(read_back, "/lookups")) == len(images)
+    assert {"hit", "miss"} <= set(images["outcome"])
+
+
+def test_response_times_of_every_method(read_back, run):
+    for method in ("local", "remote", "genie"):
+        rows = run.frames[(run.frames["method"] == method) & run.frames["first_answer_ns"].notna()]
+        expected = sorted((rows["first_answer_ns"] - rows["received_ns"]) / 1e6)
+        assert sorted(one.data for _, one in _of(read_back, f"/car1/{method}/response")) == pytest.approx(expected)
+
+
+def test_a_format_that_is_not_known(run, tmp_path):
+    with pytest.raises(UserError, match=r"unknown format 'mcapp' \(did you mean 'mcap'\?\)"):
+        export(run, tmp_path / "x", "mcapp")
+    assert not list(tmp_path.iterdir())
+
+
+def test_lighter_is_more_confident():
+    lightness = [sum(w * c for w, c in zip((0.3, 0.6, 0.1), confidence_colour(x / 10), strict=True)) for x in range(11)]
+    assert lightness == sorted(lightness)
