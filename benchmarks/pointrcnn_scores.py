@@ -64,9 +64,7 @@ def main() -> None:
         print(f"{label}: a = {a:.2f}, b = {b:.2f} on all {len(sequences)} sequences")
         for fitted, held_out in (halves, halves[::-1]):
             sigmoid, held = calibration_error(held_out, 1.0, 0.0), calibration_error(held_out, *fit(fitted))
-            print(
-                f"  held out, {len(held_out)} detections: calibration error {held:.3f}, of the plain sigmoid {sigmoid:.3f}"
-            )
+            print(f"  {len(held_out)} held out: calibration error {held:.3f}; plain sigmoid {sigmoid:.3f}")
 
 
 if __name__ == "__main__":

@@ -180,7 +180,7 @@ TIME = {"median": "1 ms", "tag": "A", "source": "a guess"}
         ({"cores": {"value": 4, "tag": "S", "source": ""}}, "mine.yaml: cores.source: must not be empty"),
         (
             {"cores": {"value": 4, "tag": "X", "source": "x"}},
-            "mine.yaml: cores.tag: unknown tag 'X'; known: A, D, P, S",
+            "mine.yaml: cores.tag: unknown tag 'X'; known: A, D, M, P, S",
         ),
         (
             {"models": {"net": {**TIME, "median": 310}}},
