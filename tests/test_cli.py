@@ -211,3 +211,12 @@ def _one_line(capsys, message):
     assert message in said
     assert said.count("\n") == 1, said
     assert "Traceback" not in said
+
+
+def test_a_users_own_policy_decides_the_run_id_by_its_code(run_cli):
+    policy = "from genie_sim.core.eviction import LRU\n\n\nclass Mine(LRU):\n    pass\n"
+    Path("s.yaml").write_text(GOOD + "genie: {eviction: 'mine:Mine'}\n")
+    for text in (policy, policy + "# changed\n"):
+        Path("mine.py").write_text(text)
+        assert run_cli("run", "s.yaml", "--no-report").returncode == 0
+    assert len(list(Path("results").glob("s-*"))) == 2

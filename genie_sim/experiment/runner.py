@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import genie_sim
 from genie_sim.errors import UserError, unknown
 from genie_sim.experiment import files, provenance
+from genie_sim.experiment.genies import own_code
 from genie_sim.experiment.profiles import DeviceProfile, load_profile
 from genie_sim.experiment.records import FrameTable, LookupTable, ObjectTable, PoseTable, ResourceTable
 from genie_sim.experiment.results import Run
@@ -121,6 +122,7 @@ def facts(prepared: Prepared) -> dict[str, Any]:
         "scenario": prepared.scenario.model_dump(mode="json", by_alias=True),
         "devices": {name: device.model_dump(mode="json", by_alias=True) for name, device in prepared.devices.items()},
         "traces": {car: trace.digest for car, trace in prepared.traces.items()},
+        "own_code": own_code(prepared.scenario.genie),
     }
 
 
