@@ -6,6 +6,7 @@ import hashlib
 import json
 import os
 import platform
+import secrets
 import shutil
 import subprocess
 import tempfile
@@ -62,14 +63,10 @@ def check_writable(out: Path) -> None:
 @contextmanager
 def result_folder(final: Path) -> Iterator[Path]:
     """A folder to fill, which takes the place of ``final`` once it is complete, and vanishes if that fails."""
+    partial = final.with_name(f".{final.name}.{secrets.token_hex(4)}")
     try:
-        final.parent.mkdir(parents=True, exist_ok=True)
-        partial = Path(tempfile.mkdtemp(prefix=f".{final.name}.", dir=final.parent))
-    except OSError as error:
-        raise UserError(f"{final}: cannot be written: {error.strerror or error}") from error
-    try:
+        partial.mkdir(parents=True)
         yield partial
-        partial.chmod(0o755)
         _take_place(partial, final)
     except OSError as error:
         raise UserError(f"{final}: cannot be written: {error.strerror or error}") from error
