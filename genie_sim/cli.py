@@ -117,7 +117,10 @@ def rerun(folder: Annotated[Path, typer.Argument(help="A result folder.")]) -> N
 
 @app.command()
 def perceive(
-    drive: Annotated[str, typer.Option(help="A drive, such as 2011_09_26/0005, or a sequence, tracking/0005.")],
+    drive: Annotated[str | None, typer.Option(help="A drive, such as 2011_09_26/0005 or tracking/0005.")] = None,
+    bag: Annotated[Path | None, typer.Option(help="Instead: a ROS 1 bag, a ROS 2 bag's folder, an MCAP file.")] = None,
+    topic: Annotated[list[str] | None, typer.Option(metavar="[NAME=]TOPIC", help="Images of the bag, or all.")] = None,
+    detections: Annotated[str | None, typer.Option(metavar="TOPIC", help="The bag's own, not a detector's.")] = None,
     out: Annotated[Path | None, typer.Option(help="The trace file to write.")] = None,
     kitti: Annotated[Path | None, typer.Option(help="KITTI's root folder; default: $GENIE_SIM_KITTI.")] = None,
     cameras: Annotated[str, typer.Option(help="Colour cameras, separated by commas.")] = "02,03",
@@ -145,19 +148,31 @@ def perceive(
     frames: Annotated[Path | None, typer.Option(help="A folder for the frames with what was found drawn in.")] = None,
     video: Annotated[Path | None, typer.Option(help="The same as a video (.mp4).")] = None,
 ) -> None:
-    """Run a detector over a KITTI drive; write a trace to replay."""
+    """Run a detector over a KITTI drive, or a bag; write a trace to replay."""
     from genie_sim.perception import perceive as perception
+    from genie_sim.perception.detector import make_detector
     from genie_sim.perception.trace import write_trace
 
+    if (drive is None) == (bag is None):
+        raise UserError("perceive: give either --drive or --bag")
     if not (out or evaluate or frames or video):
         raise UserError("perceive: say what you want: --out, --evaluate, --frames or --video")
-    root = perception.kitti_folder(kitti)
+    if bag is not None and (evaluate or frames or video):
+        raise UserError("perceive: a bag has neither KITTI's labels nor its pictures: give --out alone")
+    network, world = numbers("--size", size, "x", 2), numbers("--origin", origin, ",", 3)
+    root = perception.kitti_folder(kitti) if bag is None else Path()
     lowest = min(min_score, perception.LOWEST_SCORE) if evaluate else min_score
     with Progress(unit="frames") as progress:
-        everything = perception.perceive(
-            root, drive, cameras.split(","), detector, weights, lowest, numbers("--size", size, "x", 2),
-            numbers("--origin", origin, ",", 3), progress, None, allow_missing_scans, providers.split(","), min_score,
-        )  # fmt: skip
+        if drive is not None:
+            everything = perception.perceive(
+                root, drive, cameras.split(","), detector, weights, lowest, network, world, progress, None,
+                allow_missing_scans, providers.split(","), min_score,
+            )  # fmt: skip
+        else:
+            from genie_sim.ros.bags import perceive_bag
+
+            made = None if detections else make_detector(detector, weights, network, min_score, providers.split(","))
+            everything = perceive_bag(bag, made, topic or (), detections, world, min_score, progress)
     trace = everything.at_least(min_score)
     if out is not None:
         write_trace(out, trace)
@@ -324,6 +339,21 @@ def detach(
 
     real.detach(node, network)
     typer.echo(f"{node}: back as it was")
+
+
+@app.command()
+def export(
+    folder: Annotated[Path, typer.Argument(help="A result folder.")],
+    format: Annotated[str, typer.Option(help="mcap (Foxglove, ROS 2) or bag (RViz, ROS 1).")] = "mcap",
+    out: Annotated[Path | None, typer.Option(help="The file; default: run.mcap or run.bag in the folder.")] = None,
+) -> None:
+    """Write a run for Foxglove or RViz: cars, object maps, hits and misses."""
+    from genie_sim.experiment import results
+    from genie_sim.ros import export as bags
+
+    path = out if out is not None else folder / f"run.{format}"
+    count = bags.export(results.load(folder), path, format)
+    typer.echo(f"{path}: {count:,} messages")
 
 
 @app.command("list")

@@ -28,6 +28,7 @@ from genie_sim.ros import bag_messages
 from genie_sim.ros.bag_messages import NS_PER_S, TF, typestore
 
 if TYPE_CHECKING:
+    import pandas as pd
     from rosbags.typesys.store import Typestore
 
     from genie_sim.experiment.results import Run
@@ -95,7 +96,7 @@ class _Messages:
 
     def _poses(self) -> Iterator[Entry]:
         make = self._make
-        for row in self._run.poses.itertuples():
+        for row in _rows(self._run.poses):
             place = make("geometry_msgs/msg/Vector3", x=row.east_m, y=row.north_m)
             motion = make("geometry_msgs/msg/Transform", translation=place, rotation=self._heading(row.heading_rad))
             child = f"{row.car}/{row.stream}"
@@ -105,7 +106,7 @@ class _Messages:
 
     def _cars(self) -> Iterator[Entry]:
         first = self._run.poses.drop_duplicates(["car", "stream"])
-        for number, row in enumerate(first.drop_duplicates("car").itertuples()):
+        for number, row in enumerate(_rows(first.drop_duplicates("car"))):
             box = self._marker(
                 row.stamp_ns, row.car, number, CUBE, (-1.0, 0.0, CAR_BELOW_CAMERA_M), SIZES_M["car"],
                 (0.25, 0.4, 0.7, 0.8), row.car, frame=f"{row.car}/{row.stream}",
@@ -114,7 +115,7 @@ class _Messages:
 
     def _objects(self) -> Iterator[Entry]:
         numbers: dict[tuple[object, ...], int] = {}
-        for row in self._run.objects.itertuples():
+        for row in _rows(self._run.objects):
             which = (row.genie, row.label, row.east_m, row.north_m)
             number = numbers.setdefault(which, len(numbers))
             size = SIZES_M.get(row.label, (1.0, 1.0, 1.0))
@@ -125,9 +126,9 @@ class _Messages:
             yield Entry(_ros_ns(row.t_ns), topic, MARKERS, self._make(MARKERS, markers=[box]))
 
     def _lookups(self) -> Iterator[Entry]:
-        at = {(row.car, row.stream, row.stamp_ns): (row.east_m, row.north_m) for row in self._run.poses.itertuples()}
+        at = {(row.car, row.stream, row.stamp_ns): (row.east_m, row.north_m) for row in _rows(self._run.poses)}
         lookups = self._run.lookups
-        for number, row in enumerate(lookups[lookups["kind"] == "image"].itertuples()):
+        for number, row in enumerate(_rows(lookups[lookups["kind"] == "image"])):
             asked = f"{row.outcome} at {row.genie} for {row.car}/{row.stream}, {row.stamp_ns / NS_PER_S:.3f} s"
             yield self._event(row.t_ns, INFO, row.genie, asked)
             east_m, north_m = at[row.car, row.stream, row.stamp_ns]
@@ -136,7 +137,7 @@ class _Messages:
             yield Entry(_ros_ns(row.t_ns), "/lookups", MARKERS, self._make(MARKERS, markers=[ball]))
 
     def _frames(self) -> Iterator[Entry]:
-        for row in self._run.frames.itertuples():
+        for row in _rows(self._run.frames):
             if isinstance(row.drop, str):
                 lost = f"{row.method}: {row.car}/{row.stream} frame {row.frame} dropped at {row.drop}"
                 yield self._event(row.stamp_ns, WARN, row.car, lost)
@@ -197,6 +198,11 @@ class _Messages:
         return bag_messages.time(self._store, _ros_ns(t_ns))
 
 
+def _rows(table: pd.DataFrame) -> Iterator[Any]:
+    """Every row with its columns as attributes."""
+    yield from table.itertuples(index=False)
+
+
 def confidence_colour(confidence: float) -> tuple[float, float, float]:
     """From violet (0) over green-blue to yellow (1), ever lighter: viridis, which also survives greyscale."""
     stops = ((0.27, 0.0, 0.33), (0.13, 0.57, 0.55), (0.99, 0.91, 0.14))
@@ -233,7 +239,7 @@ def _write_mcap(path: Path, store: Typestore, entries: list[Entry]) -> None:
                 channels[entry.topic] = writer.register_channel(entry.topic, "cdr", schemas[entry.kind])
             data = bytes(store.serialize_cdr(entry.message, entry.kind))
             writer.add_message(channels[entry.topic], entry.t_ns, data, entry.t_ns)
-        writer.finish()
+        writer.finish()  # type: ignore[no-untyped-call]
 
 
 def _write_bag(path: Path, store: Typestore, entries: list[Entry]) -> None:

@@ -1,0 +1,301 @@
+"""Bags as drives: written here by rosbags, in the manner of kitti2bag, and perceived."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from genie_sim.core.geometry import inverse, rigid, rotation_from_rpy
+from genie_sim.errors import UserError
+from genie_sim.perception.trace import Trace, read_trace, write_trace
+from tests.ros.conftest import HERE
+
+pytest.importorskip("rosbags", reason="needs rosbags: pip install 'genie-sim[ros]'")
+
+from rosbags.typesys import get_types_from_msg
+
+from genie_sim.ros.bag_messages import TF, header, message, typestore
+from genie_sim.ros.bags import IMAGES, POINTS, perceive_bag
+
+CAMERA, IMAGE, SCAN = "camera_color_left", "/kitti/camera_color_left/image_raw", "/kitti/velo/pointcloud"
+OBJECTS, ARRAY = "/detection/image_detector/objects", "autoware_msgs/msg/DetectedObjectArray"
+ORIGIN = (49.011, 8.423, 116.0)
+START_NS, STEP_NS = 1_317_000_000 * 10**9, 100_000_000
+# The camera looks where the car drives: its z is the car's x, its x the car's -y.
+IMU_SE3_CAMERA = rigid([[0, 0, 1], [-1, 0, 0], [0, -1, 0]], (1.0, 0.06, 0.8))
+KINDS = ("bag", "mcap", "ros2")
+
+
+@dataclass
+class BagWriter:
+    """Writes a ROS 1 bag, an MCAP file or a ROS 2 bag's folder (sqlite3) with the same content."""
+
+    path: Path
+    ros: int = field(init=False)
+    messages: list[tuple[int, str, str, Any]] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self.ros = 1 if self.path.suffix == ".bag" else 2
+        self.store = typestore(self.ros)
+
+    def add(self, at_ns: int, topic: str, kind: str, **fields: Any) -> None:
+        self.messages.append((at_ns, topic, kind, message(self.store, kind, **fields)))
+
+    def header(self, stamp_ns: int, frame: str) -> Any:
+        return header(self.store, stamp_ns, frame)
+
+    def write(self) -> Path:
+        serialize = self.store.serialize_ros1 if self.ros == 1 else self.store.serialize_cdr
+        ordered = sorted(self.messages, key=lambda one: one[0])
+        if self.path.suffix == ".mcap":
+            from genie_sim.ros.export import Entry, _write_mcap
+
+            _write_mcap(self.path, self.store, [Entry(*one) for one in ordered])
+            return self.path
+        from rosbags.rosbag1 import Writer as Writer1
+        from rosbags.rosbag2 import Writer as Writer2
+
+        with Writer1(self.path) if self.ros == 1 else Writer2(self.path, version=9) as writer:
+            connections: dict[str, Any] = {}
+            for at_ns, topic, kind, one in ordered:
+                if topic not in connections:
+                    connections[topic] = writer.add_connection(topic, kind, typestore=self.store)
+                writer.write(connections[topic], at_ns, serialize(one, kind))
+        return self.path
+
+    def transform(self, at_ns: int, parent: str, child: str, parent_SE3_child: Any, static: bool = True) -> None:
+        from scipy.spatial.transform import Rotation
+
+        def numbers(kind: str, names: str, values: Any) -> Any:
+            return message(self.store, kind, **dict(zip(names, map(float, values), strict=True)))
+
+        motion = message(
+            self.store,
+            "geometry_msgs/msg/Transform",
+            translation=numbers("geometry_msgs/msg/Vector3", "xyz", parent_SE3_child[:3, 3]),
+            rotation=numbers(
+                "geometry_msgs/msg/Quaternion", "xyzw", Rotation.from_matrix(parent_SE3_child[:3, :3]).as_quat()
+            ),
+        )
+        one = message(
+            self.store, "geometry_msgs/msg/TransformStamped",
+            header=self.header(at_ns, parent), child_frame_id=child, transform=motion,
+        )  # fmt: skip
+        self.add(at_ns, "/tf_static" if static else "/tf", TF, transforms=[one])
+
+    def camera_info(self, at_ns: int, intrinsics: Any, size: tuple[int, int]) -> None:
+        k, p = ("K", "P") if self.ros == 1 else ("k", "p")
+        projection = np.column_stack([intrinsics, np.zeros(3)])
+        fields = {k: np.asarray(intrinsics, float).ravel(), p: projection.ravel(), "width": size[0], "height": size[1]}
+        topic = f"/kitti/{CAMERA}/camera_info"
+        self.add(at_ns, topic, "sensor_msgs/msg/CameraInfo", header=self.header(at_ns, CAMERA), **fields)
+
+    def image(self, stamp_ns: int, picture: np.ndarray, encoding: str = "bgr8") -> None:
+        height, width = picture.shape[:2]
+        self.add(
+            stamp_ns, IMAGE, IMAGES[0], header=self.header(stamp_ns, CAMERA), height=height, width=width,
+            encoding=encoding, step=picture[0].size, data=picture.ravel(),
+        )  # fmt: skip
+
+    def scan(self, stamp_ns: int, points: np.ndarray, late_ns: int = 0) -> None:
+        """``late_ns``: recorded so much after the image of this stamp."""
+        fields = [
+            message(self.store, "sensor_msgs/msg/PointField", name=name, offset=4 * at, datatype=7, count=1)
+            for at, name in enumerate("xyz")
+        ]
+        self.add(
+            stamp_ns + late_ns, SCAN, POINTS, header=self.header(stamp_ns, "velo_link"), height=1, width=len(points),
+            fields=fields, point_step=12, row_step=12 * len(points), is_dense=True,
+            data=np.frombuffer(points.astype("<f4").tobytes(), np.uint8),
+        )  # fmt: skip
+
+    def position(self, stamp_ns: int, fix: tuple[float, float, float], rpy: tuple[float, float, float]) -> None:
+        from scipy.spatial.transform import Rotation
+
+        quaternion = Rotation.from_matrix(rotation_from_rpy(*rpy)).as_quat()
+        turn = message(
+            self.store, "geometry_msgs/msg/Quaternion", **dict(zip("xyzw", map(float, quaternion), strict=True))
+        )
+        latitude, longitude, altitude = fix
+        at = self.header(stamp_ns, "imu_link")
+        self.add(
+            stamp_ns, "/kitti/oxts/gps/fix", "sensor_msgs/msg/NavSatFix",
+            header=at, latitude=latitude, longitude=longitude, altitude=altitude,
+        )  # fmt: skip
+        self.add(stamp_ns, "/kitti/oxts/imu", "sensor_msgs/msg/Imu", header=at, orientation=turn)
+
+    def objects(self, stamp_ns: int, *found: dict[str, Any]) -> None:
+        definition = (HERE / "objects.txt").read_text()
+        if ARRAY not in self.store.fielddefs:
+            types = get_types_from_msg(definition, ARRAY)
+            known = {name: fields for name, fields in types.items() if name not in self.store.fielddefs}
+            self.store.register(known)
+        at = self.header(stamp_ns, CAMERA)
+        objects = []
+        for one in found:
+            east, north = one.pop("at", (0.0, 0.0))
+            place = message(self.store, "geometry_msgs/msg/Point", x=east, y=north)
+            pose = message(self.store, "geometry_msgs/msg/Pose", position=place)
+            objects.append(message(self.store, "autoware_msgs/msg/DetectedObject", header=at, pose=pose, **one))
+        self.add(stamp_ns + 50_000_000, OBJECTS, ARRAY, header=at, objects=objects)
+
+
+def street(path: Path) -> BagWriter:
+    """Three frames of a car that drives east at 10 m/s; a wall of points 20 m ahead of it."""
+    bag = BagWriter(path)
+    intrinsics = np.array([[700.0, 0, 320], [0, 700, 180], [0, 0, 1]])
+    bag.camera_info(START_NS, intrinsics, (640, 360))
+    bag.transform(START_NS, "imu_link", CAMERA, IMU_SE3_CAMERA)
+    bag.transform(START_NS, "imu_link", "velo_link", rigid(np.eye(3), (0.0, 0.0, 0.8)))
+    wall = np.array([(20.0, y, z) for y in np.arange(-3, 3, 0.1) for z in np.arange(-1, 1, 0.1)])
+    ground = np.array([(x, y, -1.73) for x in np.arange(4, 28, 0.5) for y in np.arange(-6, 6, 0.5)])
+    longitude_per_m = 1 / (111_320 * math.cos(math.radians(ORIGIN[0])))
+    for number in range(3):
+        stamp_ns = START_NS + number * STEP_NS
+        bag.position(stamp_ns, (ORIGIN[0], ORIGIN[1] + number * longitude_per_m, ORIGIN[2]), (0.0, 0.0, 0.0))
+        bag.image(stamp_ns, np.full((360, 640, 3), 10 * number, np.uint8))
+        bag.scan(stamp_ns + 2_000_000, np.concatenate([wall, ground]), late_ns=70_000_000)
+        bag.objects(
+            stamp_ns,
+            {"label": "car", "score": 0.75, "x": 280, "y": 150, "width": 80, "height": 60},
+            {"label": "person", "score": 0.5, "x": 10, "y": 10, "width": 5, "height": 9, "space_frame": "map",
+             "at": (7.0, 8.0)},
+            {"label": "car", "score": 0.2, "x": 280, "y": 150, "width": 80, "height": 60},
+        )  # fmt: skip
+    return bag
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_bag_of_every_kind_becomes_a_trace(kind: str, tmp_path: Path):
+    """Stamps, poses along the street, the bag's own detections: one placed by the scan, one where the bag says."""
+    trace = perceive_bag(street(tmp_path / f"street.{kind}").write(), detections=OBJECTS)
+    frames = trace.frames[CAMERA]
+    assert [frame.stamp_ns for frame in frames] == [0, STEP_NS, 2 * STEP_NS]
+    assert trace.origin == ORIGIN
+    for number, frame in enumerate(frames):
+        assert frame.pose.east_m == pytest.approx(1.0 + number, abs=0.01)
+        assert frame.pose.heading_rad == pytest.approx(0.0, abs=1e-3)
+        assert (frame.width, frame.height) == (640, 360)
+        car, person = frame.detections  # the third one's score is too low
+        assert (car.label, car.score, car.method, car.box) == ("car", 0.75, "scan", (280.0, 150.0, 360.0, 210.0))
+        assert number + 20.0 < car.location[0] < number + 20.0 + 4.0, "behind the surface of the wall"
+        assert (person.label, person.location, person.method) == ("person", (7.0, 8.0, 0.0), "bag")
+    write_trace(tmp_path / "street.parquet", trace)
+    assert read_trace(tmp_path / "street.parquet").digest == trace.digest
+
+
+def test_the_same_bag_gives_the_same_content_in_ros_1_and_ros_2(tmp_path: Path):
+    digests = {
+        perceive_bag(street(tmp_path / f"street.{kind}").write(), detections=OBJECTS).digest for kind in KINDS
+    }
+    assert len(digests) == 1
+
+
+def test_without_gps_the_transforms_say_where_the_car_is(tmp_path: Path):
+    bag = street(tmp_path / "street.bag")
+    bag.messages = [one for one in bag.messages if "oxts" not in one[1]]
+    for number in (0, 2):  # at the second image between the two
+        stamp_ns = START_NS + number * STEP_NS
+        bag.transform(stamp_ns, "world", "base_link", rigid(np.eye(3), (100.0 + number, 0.0, 0.0)), static=False)
+    bag.transform(START_NS, "base_link", "imu_link", np.eye(4))
+    path = bag.write()
+    with pytest.raises(UserError, match="say with --origin where the frame 'world' lies"):
+        perceive_bag(path, detections=OBJECTS)
+    frames = perceive_bag(path, detections=OBJECTS, origin=ORIGIN).frames[CAMERA]
+    assert [frame.pose.east_m for frame in frames] == [101.0, 102.0, 103.0]
+
+
+@pytest.mark.parametrize(
+    "without, cameras, told",
+    [
+        ("oxts", (), "where is the car"),
+        ("camera_info", (), "no image topic with a camera_info beside it"),
+        ("camera_info", (IMAGE,), "no /kitti/camera_color_left/camera_info says what the camera sees"),
+        ("nothing", ("left=/kitti/camera_color_left/image",), "did you mean '/kitti/camera_color_left/image_raw'"),
+        ("tf_static", (), "no image was taken where the car's position is known"),
+        ("objects", (), "no autoware_msgs/msg/DetectedObjectArray or vision_msgs"),
+    ],
+)
+def test_what_a_bag_lacks_is_named(without: str, cameras: tuple[str, ...], told: str, tmp_path: Path):
+    bag = street(tmp_path / "street.bag")
+    bag.messages = [one for one in bag.messages if without not in one[1]]
+    with pytest.raises(UserError, match=told):
+        perceive_bag(bag.write(), cameras=cameras, detections=OBJECTS)
+
+
+def test_no_bag_at_all(tmp_path: Path):
+    with pytest.raises(UserError, match="no such bag"):
+        perceive_bag(tmp_path / "none.bag", detections=OBJECTS)
+    for name in ("text.bag", "text.mcap", "text.txt"):
+        (tmp_path / name).write_text("no bag")
+        with pytest.raises(UserError, match=f"{name}: cannot be read as a bag"):
+            perceive_bag(tmp_path / name, detections=OBJECTS)
+
+
+def test_a_picture_in_another_encoding_is_the_same_picture(tmp_path: Path):
+    """A detector sees blue, green, red, whatever the bag holds."""
+    seen: list[np.ndarray] = []
+
+    class Eye:
+        name, sha256 = "eye", "0"
+
+        def detect(self, image_bgr: np.ndarray) -> list[Any]:
+            seen.append(image_bgr)
+            return []
+
+    picture = np.random.default_rng(1).integers(0, 255, (36, 64, 3), np.uint8)
+    for encoding, stored in (("bgr8", picture), ("rgb8", np.ascontiguousarray(picture[:, :, ::-1]))):
+        bag = street(tmp_path / f"{encoding}.bag")
+        bag.messages = [one for one in bag.messages if one[1] != IMAGE]
+        bag.image(START_NS, stored, encoding)
+        perceive_bag(bag.write(), Eye())
+    assert len(seen) == 2
+    assert all((one == picture).all() for one in seen)
+
+
+@pytest.mark.real_data
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ("bag", "mcap"))
+def test_kitti_in_a_bag_is_perceived_as_from_its_folder(
+    kind: str, kitti_root: Path, weights_dir: Path, tmp_path: Path
+):
+    from genie_sim.perception.detector import make_detector
+    from genie_sim.perception.kitti import open_drive, read_image
+    from genie_sim.perception.perceive import perceive
+
+    numbers = range(0, 50, 10)
+    expected = perceive(kitti_root, "2011_09_26/0005", ("02",), weights=weights_dir, frames=numbers)
+    drive = open_drive(kitti_root, "2011_09_26/0005", ("02",))
+    shown = [frame for frame in drive.frames["02"] if frame.index in numbers]
+    bag = BagWriter(tmp_path / f"kitti.{kind}")
+    first = shown[0]
+    bag.transform(first.stamp_ns, "imu_link", CAMERA, inverse(drive.world_SE3_imu[0]) @ first.world_SE3_camera)
+    bag.transform(first.stamp_ns, CAMERA, "velo_link", drive.camera_SE3_velo("02"))
+    bag.camera_info(first.stamp_ns, first.intrinsics, (1242, 375))
+    folder = kitti_root / "2011_09_26" / "2011_09_26_drive_0005_sync"
+    for frame in shown:
+        values = [float(text) for text in (folder / "oxts/data" / f"{frame.index:010d}.txt").read_text().split()]
+        bag.position(frame.stamp_ns, (values[0], values[1], values[2]), (values[3], values[4], values[5]))
+        bag.image(frame.stamp_ns, read_image(frame.image_path))
+        bag.scan(frame.stamp_ns + 5_000_000, drive.scan(frame.index))
+    found: Trace = perceive_bag(
+        bag.write(), make_detector("yolox_nano", weights_dir), (f"02={IMAGE}",), origin=expected.origin
+    )
+
+    assert [frame.dhash for frame in found.frames["02"]] == [frame.dhash for frame in expected.frames["02"]]
+    assert sum(len(frame.detections) for frame in expected.frames["02"]) > 10
+    for here, there in zip(found.frames["02"], expected.frames["02"], strict=True):
+        assert here.stamp_ns == there.stamp_ns
+        assert tuple(here.pose) == pytest.approx(tuple(there.pose), abs=0.002)
+        assert [(one.label, one.score, one.box, one.method) for one in here.detections] == [
+            (one.label, one.score, one.box, one.method) for one in there.detections
+        ]
+        for one, other in zip(here.detections, there.detections, strict=True):
+            assert (one.location is None) == (other.location is None)
+            if one.location is not None:
+                assert one.location == pytest.approx(other.location, abs=0.005)
