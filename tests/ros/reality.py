@@ -41,7 +41,10 @@ BUSY_LIMIT = 0.25  # other work may keep the processors this busy; beyond that, 
 
 @dataclass(frozen=True)
 class Parts:
-    """What the parts of the real system take on this machine [ns], measured on other messages than the drive's."""
+    """What the parts of the real system take on this machine [ns], measured on other messages than the drive's.
+
+    The detector's overhead is what is left of a miss without all the others: below zero where those came out too long.
+    """
 
     hop_small_ns: int
     hop_per_megabyte_ns: int
@@ -121,7 +124,7 @@ def measure(master: Master) -> Parts:
     genie_ns = float(np.median(shown.of("hit"))) * MS - request_ns - answer_ns
     rest_ns = 2 * (request_ns + answer_ns + genie_ns) + CALIBRATION_SLEEP_NS
     overhead_ns = float(np.median(shown.of("miss"))) * MS - rest_ns
-    return Parts(*(max(1, round(part)) for part in (small_ns, per_megabyte_ns, genie_ns, overhead_ns)))
+    return Parts(*(max(1, round(part)) for part in (small_ns, per_megabyte_ns, genie_ns)), round(overhead_ns))
 
 
 def measure_hops(master: Master, count: int = 60) -> dict[int, list[int]]:
@@ -236,7 +239,6 @@ def simulate(parts: Parts, sleeps: Sequence[int], folder: Path) -> Drive:
     device = device.model_copy(update={"times_ns": times_ns})
     tables = runner.simulate(replace(prepared, devices={str(path): device}))
     seen, lookups = tables.frames.to_frame(), tables.lookups.to_frame()
-    assert seen["drop"].isna().all(), "the drive is made so that nothing is dropped"
     images, objects = lookups[lookups["kind"] == "image"], lookups[lookups["kind"] != "image"]
     counts = objects[["kind", "requests", "hits", "updates"]].itertuples(index=False)
     response_ms = (seen["first_answer_ns"] - seen["stamp_ns"]).to_numpy(float) / MS

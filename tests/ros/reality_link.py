@@ -15,6 +15,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 PORT = 7412
+REPEATED = 5  # transfers of a kind; their median counts, and their range is the machine's noise
 NS_PER_MS = 10**6
 # tbf counts Ethernet, IP and TCP headers with time stamps; it knows nothing of preamble, gap and check sequence.
 TBF_OVERHEAD_BYTES = 14 + 20 + 32

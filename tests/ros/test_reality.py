@@ -1,7 +1,7 @@
 """Simulation against reality: the same Genie, the same drive, once in real ROS and once simulated.
 
-What follows what is compared strictly. Times are compared where the machine has time to spare; ``docs/reality.md``
-is the report of a whole series.
+What follows what is compared strictly, times with their tolerance. Times that disagree while others keep the machine
+busy (``busy_elsewhere``) say nothing, and the test skips; ``docs/reality.md`` is the report of a whole series.
 """
 
 from __future__ import annotations
@@ -31,15 +31,18 @@ def test_the_same_drive_has_the_same_outcomes_and_the_same_response_times(master
     busy.append(reality.busy_elsewhere())
     simulated = reality.simulate(parts, sleeps, tmp_path)
 
+    assert not np.isnan(simulated.response_ms).any(), "the drive is made so that nothing is dropped"
     assert set(simulated.outcomes) == {"hit", "miss", "coalesced"}
     assert real.outcomes == simulated.outcomes
     assert real.map_lookups == simulated.map_lookups, "the object maps were asked, and answered, alike"
     assert not np.isnan(real.response_ms).any()
 
-    if max(busy) > reality.BUSY_LIMIT:
-        pytest.skip(f"outcomes agree; no times compared: others kept the processors {max(busy):.0%} busy")
-    assert within(np.median(real.response_ms), np.median(simulated.response_ms), 0.10)
-    assert within(np.percentile(real.response_ms, 95), np.percentile(simulated.response_ms, 95), 0.20)
+    times = [(np.percentile(one.response_ms, 50), np.percentile(one.response_ms, 95)) for one in (real, simulated)]
+    agree = [within(*both, bound) for both, bound in zip(zip(*times, strict=True), (0.10, 0.20), strict=True)]
+    told = f"median and 95th percentile [ms]: real {times[0]}, simulated {times[1]}"
+    if not all(agree) and max(busy) > reality.BUSY_LIMIT:
+        pytest.skip(f"outcomes agree, times say nothing: others kept the processors {max(busy):.0%} busy; {told}")
+    assert all(agree), told
 
 
 def test_another_detector_would_be_noticed(tmp_path: Path):
@@ -58,7 +61,8 @@ def test_a_shaped_link_takes_as_long_as_the_simulated_one(rate_bps: int, size_by
     if reason is not None:
         pytest.skip(reason)
     busy = reality.busy_elsewhere(1.0)
-    real = reality_link.measured_ms(rate_bps, size_bytes, count)
+    runs = [reality_link.measured_ms(rate_bps, size_bytes, count) for _ in range(reality_link.REPEATED)]
+    real = np.median(runs, axis=0).tolist()
     simulated = reality_link.simulated_ms(rate_bps, size_bytes, count)
     assert len(real) == len(simulated) == count
     agree = [within(one, other, 0.05) for one, other in zip(real, simulated, strict=True)]
