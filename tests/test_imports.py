@@ -24,6 +24,8 @@ LAYERS: dict[str, tuple[str, ...]] = {
     "core": (*GROUND, "core"),
     "perception": (*GROUND, "core", "perception"),
     "sim": (*GROUND, "core", "sim", "perception.trace", *SETTINGS, "experiment.records"),
+    "ros.bags": (*GROUND, "core", "ros", "perception"),
+    "ros.export": (*GROUND, "ros", "experiment"),
     "ros": (*GROUND, "core", "ros", *SETTINGS, "experiment.records"),
     "experiment.runner": (*GROUND, "core", "sim", "perception", "experiment"),
     "experiment.replicate": (*GROUND, "core", "sim", "perception", "experiment"),
@@ -42,11 +44,12 @@ SIMULATE = {  # everything else reads settings and tables
 
 CORE_MAY_IMPORT = {*sys.stdlib_module_names, "numpy", "genie_sim"}
 PROVIDED_BY = {"cv2": "opencv-python-headless", "yaml": "pyyaml", "pydantic_core": "pydantic"}
-FROM_EXTRAS = {"distributed": "dask"}  # library -> the extra that brings it; imported where it is asked for
+# Library -> the extra that brings it; imported where it is asked for.
+FROM_EXTRAS = {"distributed": "dask", "rosbags": "ros", "mcap": "ros"}
 FROM_ROS = {"rospy", "rosgraph", "roslib", "genpy", "rclpy"}  # not on PyPI; only genie_sim.ros may import them
 LATE = (
     "pandas", "matplotlib", "onnxruntime", "onnx", "cv2", "pyarrow", "scipy", "pykitti", "simpy", "joblib",
-    "distributed",
+    "distributed", "rosbags", "mcap",
 )  # fmt: skip
 LONGEST_FILE_LINES = 400
 LONGER_FILES: dict[str, str] = {}  # file -> why it is better in one piece
