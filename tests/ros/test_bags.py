@@ -196,6 +196,38 @@ def test_the_same_bag_gives_the_same_content_in_ros_1_and_ros_2(tmp_path: Path):
     assert len(digests) == 1
 
 
+def test_a_scenario_drives_through_a_bag(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    """From the bag to a run, as on the command line: three frames are shown and answered."""
+    from genie_sim.cli import main
+    from genie_sim.experiment import runner
+    from genie_sim.experiment.scenario import read_scenario
+
+    bag, trace = street(tmp_path / "street.bag").write(), tmp_path / "street.parquet"
+    assert main(["perceive", "--bag", str(bag), "--detections", OBJECTS, "--out", str(trace)]) == 0
+    assert "3 frames, 6 detections" in capsys.readouterr().out
+    scenario = read_scenario(
+        {
+            "name": "street",
+            "perception": {"trace": str(trace)},
+            "cameras": [{"name": "front", "recording": CAMERA}],
+            "edges": [{"name": "edge1", "device": "quadro_rtx_4000"}],
+            "cars": [{"name": "car1", "device": "jetson_tx2", "edge": "edge1"}],
+        }
+    )
+    frames = runner.run_in_memory(scenario).frames
+    assert frames.groupby("method").size().to_dict() == {"genie": 3, "local": 3, "remote": 3}
+    assert frames[frames["method"] == "remote"]["first_answer_ns"].notna().all()
+    assert (frames["objects_detected"].dropna() == 2).any()
+
+
+def test_the_command_line_wants_a_drive_or_a_bag(capsys: pytest.CaptureFixture[str]):
+    from genie_sim.cli import main
+
+    assert main(["perceive", "--out", "x.parquet"]) == 1
+    assert main(["perceive", "--drive", "a", "--bag", "b", "--out", "x.parquet"]) == 1
+    assert capsys.readouterr().err.count("give either --drive or --bag") == 2
+
+
 def test_without_gps_the_transforms_say_where_the_car_is(tmp_path: Path):
     bag = street(tmp_path / "street.bag")
     bag.messages = [one for one in bag.messages if "oxts" not in one[1]]

@@ -117,6 +117,15 @@ def test_a_format_that_is_not_known(run, tmp_path):
     assert not list(tmp_path.iterdir())
 
 
+def test_a_result_folder_on_the_command_line(tmp_path, capsys):
+    from genie_sim.cli import main
+
+    folder = runner.run("1car_hetero", ["cars[0].route.window=[0 s, 1 s]"], out=tmp_path, with_report=False).folder
+    assert main(["export", str(folder)]) == 0
+    assert capsys.readouterr().out.startswith(f"{folder / 'run.mcap'}: ")
+    assert _read_mcap(folder / "run.mcap")
+
+
 def test_lighter_is_more_confident():
     lightness = [sum(w * c for w, c in zip((0.3, 0.6, 0.1), confidence_colour(x / 10), strict=True)) for x in range(11)]
     assert lightness == sorted(lightness)
