@@ -1,0 +1,41 @@
+"""A small version of the evaluation gives the committed numbers: a change of any of them is a commit with its reason.
+
+When a change is meant: ``python tests/test_regression.py "reason"`` writes the new numbers; the reason goes, word for
+word, into CHANGELOG.md. Then ``genie-sim reproduce --out results/paper`` and ``python tests/test_reproduce.py``.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+from pathlib import Path
+
+from genie_sim.experiment.reproduce import small_version
+
+REPOSITORY = Path(__file__).resolve().parent.parent
+COMMITTED = Path(__file__).with_name("regression.json")
+RELATIVE = 1e-6  # sums of floats may end differently on another machine
+
+
+def test_the_small_evaluation_gives_the_committed_numbers():
+    committed = json.loads(COMMITTED.read_text())["numbers"]
+    found = small_version()
+    assert found.keys() == committed.keys()
+    changed = [
+        f"{name}: {committed[name]:g} is now {found[name]:g}"
+        for name in committed
+        if not math.isclose(committed[name], found[name], rel_tol=RELATIVE, abs_tol=1e-12)
+    ]
+    assert not changed, "\n".join([f"{len(changed)} of {len(committed)} changed; {__file__} says what to do", *changed])
+
+
+def test_the_reason_of_the_last_change_stands_in_the_changelog():
+    reason = json.loads(COMMITTED.read_text())["reason"]
+    text = " ".join((REPOSITORY / "CHANGELOG.md").read_text(encoding="utf-8").split())
+    assert " ".join(reason.split()) in text, f"CHANGELOG.md does not say: {reason}"
+
+
+if __name__ == "__main__":
+    numbers = small_version()
+    COMMITTED.write_text(json.dumps({"reason": sys.argv[1], "numbers": numbers}, indent=1, sort_keys=True) + "\n")

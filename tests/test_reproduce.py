@@ -1,0 +1,170 @@
+"""The evaluation: declared before, the same on any number of processes, whole or absent, shown as it came out."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+from pathlib import Path
+
+import pytest
+
+from genie_sim.experiment import calibrate, verdict_table
+from genie_sim.experiment.assumptions import load_assumptions
+from genie_sim.experiment.calibrate import Point
+from genie_sim.experiment.checks import load_claims
+from genie_sim.experiment.replicate import Job, Outcome, prepare_job, run_jobs
+from genie_sim.experiment.reproduce import last_calibration, reproduce
+
+REPOSITORY = Path(__file__).resolve().parent.parent
+PAPER = REPOSITORY / "results" / "paper"
+GENERATED = (REPOSITORY / "README.md", REPOSITORY / "docs" / "paper.md")
+ASSUMED = load_assumptions()
+
+
+def windows_s(*settings, scenario="3car_homo", seed=1):
+    cars = prepare_job(Job(scenario, seed, settings)).scenario.cars
+    return [tuple(t / 1e9 for t in car.route.window_ns) for car in cars]
+
+
+def test_two_parameters_are_fitted_to_two_numbers_on_seeds_of_their_own():
+    assert [one.name for one in ASSUMED.fitted] == ["overlap", "gate_m"]
+    targets = ASSUMED.targets
+    assert targets == {"object_reuse_mean": 0.31, "object_to_image_reuse": 4.0}
+    assert not set(ASSUMED.calibration_seeds) & {*ASSUMED.seeds, *ASSUMED.sensitivity_seeds}
+    assert len(ASSUMED.seeds) >= 10
+
+
+def test_fitted_parameters_are_swept_over_more_than_their_plausible_ranges():
+    swept = {sweep.parameter: sweep for sweep in ASSUMED.sweeps}
+    for one in ASSUMED.fitted:
+        assert swept[one.name].plausible == (one.low, one.high)
+        assert max(swept[one.name].values) > one.high
+
+
+def test_everything_fixed_has_a_reason():
+    for one in ASSUMED.fixed:
+        assert one["value"] and len(one["why"]) > 40, one["what"]
+
+
+def test_the_overlap_is_the_share_of_a_route_that_the_car_ahead_drives_too():
+    assert windows_s("overlap=0") == [(0.0, 5.2), (5.2, 10.4), (10.4, 15.6)]
+    assert len(set(windows_s("overlap=1"))) == 1
+    (_, first_end), (second_begin, _), _ = windows_s("overlap=0.4")
+    assert (first_end - second_begin) / 5.2 == pytest.approx(0.4)
+
+
+def test_one_car_and_three_see_the_same_street_over_the_seeds():
+    """Where a car drives on average: in the middle of the street, however many there are."""
+    for scenario in ("1car_homo", "2car_homo", "3car_homo"):
+        middles = [sum(w) / 2 for seed in ASSUMED.seeds for w in windows_s("overlap=0.1", scenario=scenario, seed=seed)]
+        assert sum(middles) / len(middles) == pytest.approx(7.8, abs=0.6)
+        assert all(begin >= 0 and end <= 15.6 + 1e-6 for begin, end in windows_s("overlap=0.1", scenario=scenario))
+
+
+def test_the_car_without_cameras_drives_behind():
+    (seeing, _), (blind, _) = windows_s("overlap=0.4", scenario="case_study")
+    assert blind < seeing
+
+
+@pytest.mark.parametrize("variant", ASSUMED.variants, ids=lambda variant: variant.name)
+def test_every_variant_changes_the_scenario(variant):
+    base = prepare_job(Job("3car_hetero", 1, last_calibration())).scenario
+    assert prepare_job(Job("3car_hetero", 1, (*last_calibration(), *variant.settings))).scenario != base
+
+
+@pytest.mark.parametrize("sweep", ASSUMED.sweeps, ids=lambda sweep: sweep.parameter)
+def test_every_value_of_a_sweep_is_another_run(sweep):
+    settings = [("overlap=0.5", "gate_m=1", f"{sweep.parameter}={value:g}") for value in sweep.values]
+    prepared = [prepare_job(Job("2car_homo", 1, one)) for one in settings]
+    assert len({(one.scenario.to_yaml(), one.traces["car1"].digest) for one in prepared}) == len(sweep.values)
+
+
+def test_the_number_of_processes_does_not_change_a_number():
+    places = [(scenario, seed) for scenario in ("1car_homo", "2car_hetero") for seed in (1, 2)]
+    jobs = [Job(scenario, seed, last_calibration(), ("genie",)) for scenario, seed in places]
+    alone, together = run_jobs(jobs, 1), run_jobs(jobs, 2)
+    assert json.dumps([one.facts for one in alone]) == json.dumps([one.facts for one in together])
+
+
+def test_the_search_finds_the_point_that_fits_and_stays_in_the_plausible_ranges(monkeypatch):
+    """A made-up world in which the object reuse is the gate / 2 m and the image reuse a quarter of the overlap."""
+
+    def world(jobs, workers, progress, what):
+        found = []
+        for job in jobs:
+            overlap, gate_m = (float(setting.split("=")[1]) for setting in job.settings[-2:])
+            facts = {f"object_reuse:{role}": gate_m / 2 for role in ("local", "remote")}
+            found.append(Outcome(facts | {f"image_reuse:{role}": overlap / 4 for role in ("local", "remote")}))
+        return found
+
+    monkeypatch.setattr(calibrate, "run_jobs", world)
+    found = calibrate.calibrate(ASSUMED, 1)
+    assert found.best.gate_m == pytest.approx(0.62, abs=0.25)
+    assert found.best.overlap == pytest.approx(0.31, abs=0.1)
+    assert all(0.0 <= one.overlap <= 0.8 and 0.25 <= one.gate_m <= 2.1 for one in found.tried)
+    assert found.best == min(found.tried, key=lambda one: one.misfit(found.targets))
+
+
+def test_a_fit_that_misses_is_not_called_reached():
+    targets = ASSUMED.targets
+    assert calibrate.Calibration(Point(0.4, 1.0, 0.31, 0.0775), (), targets).reached
+    assert not calibrate.Calibration(Point(0.4, 1.0, 0.55, 0.1375), (), targets).reached
+    assert math.isclose(Point(0.4, 1.0, 0.31, 0.0775).misfit(targets), 0.0, abs_tol=1e-12)
+
+
+@pytest.mark.slow
+def test_a_quick_evaluation_judges_every_claim_and_draws_every_figure(tmp_path, monkeypatch):
+    monkeypatch.delenv("GENIE_SIM_KITTI", raising=False)
+    told = []
+    result = reproduce(tmp_path / "out", quick=True, seeds=1, workers=1, progress=lambda *what: told.append(what))
+    rows = verdict_table.read_rows(result.folder)
+    assert [one["id"] for one in rows] == [claim.id for claim in load_claims()]
+    assert told[-1][0] == told[-1][1], "the progress ends at its end"
+    for name in ("latency_cdf", "image_reuse", "object_reuse", "confidence_boost", "case_study"):
+        assert (result.folder / "figures" / f"{name}.svg").stat().st_size > 10_000
+    assert "it needs KITTI's labels" in (result.folder / "verdicts.md").read_text()
+    assert json.loads((result.folder / "run.json").read_text())["quick"] is True
+
+
+def test_an_interrupted_evaluation_leaves_nothing(tmp_path):
+    def interrupt(done, total, what):
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        reproduce(tmp_path / "out", quick=True, seeds=1, workers=1, progress=interrupt)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_committed_results_are_those_of_the_committed_assumptions():
+    about = json.loads((PAPER / "run.json").read_text())
+    here = REPOSITORY / "genie_sim" / "experiment"
+    for name, digest in about["inputs"].items():
+        assert hashlib.sha256((here / name).read_bytes()).hexdigest() == digest, f"{name} changed: evaluate anew"
+    assert about["quick"] is False
+    assert tuple(about["seeds"]) == ASSUMED.seeds
+    assert tuple(about["settings"]) == (*ASSUMED.settings, *last_calibration())
+
+
+def test_the_committed_figures_are_small():
+    assert sum(path.stat().st_size for path in PAPER.rglob("*") if path.is_file()) < 3_500_000
+
+
+@pytest.mark.parametrize("document", GENERATED, ids=lambda path: path.name)
+def test_the_documents_show_the_committed_verdicts(document):
+    text = document.read_text(encoding="utf-8")
+    for name, part in verdict_table.generated_parts(PAPER).items():
+        shown = verdict_table.between(name, text)
+        assert shown is None or shown == part, f"{document.name} shows other {name}: python tests/test_reproduce.py"
+    if document.name == "paper.md":
+        assert verdict_table.between("section V", text) is not None
+
+
+if __name__ == "__main__":
+    best = json.loads((PAPER / "calibration.json").read_text())["best"]
+    fitted = REPOSITORY / "genie_sim" / "experiment" / "calibrated.yaml"
+    comments = [line for line in fitted.read_text(encoding="utf-8").splitlines() if line.startswith("#")]
+    fitted.write_text("\n".join([*comments, *(f"{one.name}: {best[one.name]:g}" for one in ASSUMED.fitted)]) + "\n")
+    for path in GENERATED:
+        shown = verdict_table.refreshed(path.read_text(encoding="utf-8"), verdict_table.generated_parts(PAPER))
+        path.write_text(shown, encoding="utf-8")
