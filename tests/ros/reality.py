@@ -158,8 +158,8 @@ def drive(master: Master, plan: dict[str, Any]) -> Drive:
     master.detach()
     attached.wait(20)
     detector.wait(20)
-    again = until(lambda: master.pid_of(DETECTOR), "detaching has started it as it was")
-    os.kill(again, signal.SIGINT)
+    until(lambda: "/image_raw" in master.topics_of(DETECTOR)[0], "detaching has started it as it was")
+    os.kill(until(lambda: master.pid_of(DETECTOR), "it answers"), signal.SIGINT)
     until(lambda: not master.subscribers("/image_raw"), "the detector has gone")
     times = json.loads(output)
     response_ms = [math.nan if answered is None else (answered - sent) / MS for _, sent, answered in times]
