@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import signal
 import subprocess
@@ -62,6 +63,11 @@ BAD = {
         "[0 s, 1 s]",
         "[90 s, 91 s]",
         "cars[0].route.window: begins at 90 s, after the last frame",
+    ),
+    "a route between two frames": (
+        "[0 s, 1 s]",
+        "[10 ms, 20 ms]",
+        "cars[0].route.window: no camera takes a frame in it; the next one of kitti_0005 is at",
     ),
     "an unknown recording": (
         "methods:",
@@ -167,6 +173,30 @@ def test_rerun_notices_a_result_that_was_changed(capsys):
         file.write(b"\0\0\0\0")
     assert main(["rerun", str(folder)]) == 1
     assert "frames.parquet: DIFFERENT" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("damage", "message"),
+    [
+        (lambda made: made.pop("run_id"), "run_id: missing"),
+        (lambda made: made.pop("facts"), "facts.scenario: missing"),
+        (lambda made: made.update(facts=3), "facts.scenario: missing"),
+        (lambda made: made["facts"].pop("devices"), "facts.devices: missing"),
+        (lambda made: made["facts"]["devices"]["jetson_tx2"].update(cores="x"), "run.json: cores: must be a mapping"),
+        (lambda made: made["facts"].pop("own_code"), "own_code: None when it was made, {} now"),
+        (lambda made: made["facts"]["traces"].update(car1="00"), "traces.car1: '00' when it was made"),
+    ],
+)
+def test_a_damaged_run_json_gets_one_line(damage, message, capsys):
+    Path("s.yaml").write_text(GOOD)
+    assert main(["run", "s.yaml", "--no-report"]) == 0
+    path = next(Path("results").glob("s-*/run.json"))
+    made = json.loads(path.read_text())
+    damage(made)
+    path.write_text(json.dumps(made))
+    capsys.readouterr()
+    assert main(["rerun", str(path.parent)]) == 1
+    _one_line(capsys, message)
 
 
 def test_the_same_run_under_another_hash_seed_gives_the_same_bytes(run_cli):

@@ -14,7 +14,11 @@ from genie_sim.errors import UserError
 from genie_sim.experiment import provenance
 from genie_sim.experiment.provenance import check_writable, result_folder, run_id
 
-FACTS = {"scenario": {"name": "3car_hetero", "seed": 1, "cars": [{"name": "car1"}]}, "traces": {"car1": "ab12"}}
+FACTS = {
+    "scenario": {"name": "3car_hetero", "seed": 1, "cars": [{"name": "car1"}]},
+    "devices": {},
+    "traces": {"car1": "ab12"},
+}
 
 
 def write_whole_result(final: Path, text: str = "frames") -> None:
@@ -137,6 +141,11 @@ def test_a_place_for_results_is_checked_before_simulating_and_left_as_it_was(tmp
         assert str(out) in str(caught.value) and "\n" not in str(caught.value)
 
 
+def test_a_name_longer_than_the_file_system_allows_is_one_line(tmp_path):
+    with pytest.raises(UserError, match="no results can be written there: File name too long"):
+        check_writable(tmp_path / ("x" * 300))
+
+
 @pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")
 def test_a_folder_without_permission_is_found_before_simulating(tmp_path):
     tmp_path.chmod(0o555)
@@ -169,7 +178,7 @@ def test_run_json_comes_back_and_anything_else_is_named(tmp_path):
     assert provenance.read_run_json(tmp_path) == made
     with pytest.raises(UserError, match=r"no run\.json"):
         provenance.read_run_json(tmp_path / "elsewhere")
-    for wrong in ("{half", "[]", '{"format": 999}'):
+    for wrong in ("{half", "[]", '{"format": 999}', '{"format": 1}', "[" * 100_000):
         (tmp_path / "run.json").write_text(wrong)
         with pytest.raises(UserError, match=r"run\.json") as caught:
             provenance.read_run_json(tmp_path)

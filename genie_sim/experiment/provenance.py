@@ -52,8 +52,8 @@ def environment() -> dict[str, Any]:
 
 def check_writable(out: Path) -> None:
     """Raises ``UserError`` unless ``out``, which need not exist, can hold result folders. Leaves nothing behind."""
-    existing = next(path for path in (out, *out.absolute().parents) if path.exists())
     try:
+        existing = next(path for path in (out, *out.absolute().parents) if path.exists())
         with tempfile.TemporaryFile(dir=existing):
             pass
     except OSError as error:
@@ -98,14 +98,20 @@ def read_run_json(folder: Path) -> dict[str, Any]:
     """The provenance of a result folder. Raises ``UserError`` for anything else."""
     path = folder / "run.json"
     try:
-        run = json.loads(path.read_text())
-    except FileNotFoundError:
+        run = json.loads(path.read_text(encoding="utf-8"))
+    except (FileNotFoundError, NotADirectoryError):
         raise UserError(f"{folder}: not a result folder: it has no run.json") from None
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise UserError(f"{path}: cannot be read: {error}") from error
     if not isinstance(run, dict) or run.get("format") != RESULT_FORMAT:
         found = run.get("format") if isinstance(run, dict) else None
         raise UserError(f"{path}: format {found!r}, this genie-sim reads {RESULT_FORMAT}")
+    if not isinstance(run.get("run_id"), str):
+        raise UserError(f"{path}: run_id: missing, or not text")
+    facts = run.get("facts")
+    for name in ("scenario", "devices", "traces"):
+        if not isinstance(facts, dict) or not isinstance(facts.get(name), dict):
+            raise UserError(f"{path}: facts.{name}: missing, or not a mapping")
     return run
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import tempfile
 import time
@@ -14,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import genie_sim
 from genie_sim.errors import UserError, unknown
 from genie_sim.experiment import files, provenance
+from genie_sim.experiment.fields import shown, validate
 from genie_sim.experiment.genies import own_code
 from genie_sim.experiment.profiles import DeviceProfile, load_profile
 from genie_sim.experiment.records import FrameTable, LookupTable, ObjectTable, PoseTable, ResourceTable
@@ -96,13 +96,17 @@ def rerun(folder: Path, progress: Progress | None = None) -> dict[str, bool]:
     """Runs a result folder's scenario again, with the device profiles it was made with; tells of each file, by its
     name, whether the bytes are the same. ``run.json`` holds the wall time and is not compared."""
     made = provenance.read_run_json(folder)
-    scenario = read_scenario(made["facts"]["scenario"], where=str(folder / "run.json"))
-    devices = {name: DeviceProfile.model_validate_json(json.dumps(d)) for name, d in made["facts"]["devices"].items()}
+    where = str(folder / "run.json")
+    scenario = read_scenario(made["facts"]["scenario"], where=where)
+    devices = {
+        name: validate(DeviceProfile, device, lambda _: where) for name, device in made["facts"]["devices"].items()
+    }
     prepared = replace(prepare(scenario, progress), devices=devices)
     again = facts(prepared)
     for key in again:
-        if again[key] != made["facts"][key]:
-            raise UserError(f"{folder}: {key}: {made['facts'][key]} when it was made, {again[key]} now")
+        before = made["facts"].get(key)
+        if again[key] != before:
+            raise UserError(f"{folder}: {_difference(key, before, again[key])}")
     with tempfile.TemporaryDirectory() as temporary:
         with_report = (folder / "report.html").is_file()
         _fill(Path(temporary), prepared, made["run_id"], progress, with_report)
@@ -112,6 +116,15 @@ def rerun(folder: Path, progress: Progress | None = None) -> dict[str, bool]:
             for name in names
             if name != "run.json"
         }
+
+
+def _difference(name: str, before: object, now: object) -> str:
+    """Where two facts differ, as short as can be: ``devices.jetson_tx2.cores.value: 6 when it was made, 8 now``."""
+    if isinstance(before, Mapping) and isinstance(now, Mapping):
+        for key in (*now, *before):
+            if before.get(key) != now.get(key):
+                return _difference(f"{name}.{key}", before.get(key), now.get(key))
+    return f"{name}: {shown(before)} when it was made, {shown(now)} now"
 
 
 def facts(prepared: Prepared) -> dict[str, Any]:
@@ -237,7 +250,13 @@ def _check_route(where: str, scenario: Scenario, route: Route, trace: Trace) -> 
         if camera.recording not in trace.frames:
             field = f"{scenario.name}: cameras[{index}].recording"
             raise UserError(f"{field}: {unknown('recording', camera.recording, trace.frames)}")
-    last_ns = max(frames[-1].stamp_ns for frames in trace.frames.values())
-    if route.window_ns is not None and route.window_ns[0] > last_ns:
-        begin_s, last_s = route.window_ns[0] / NS, last_ns / NS
+    if route.window_ns is None:
+        return
+    begin_ns, end_ns = route.window_ns
+    stamps_ns = [frame.stamp_ns for camera in scenario.cameras for frame in trace.frames[camera.recording]]
+    if begin_ns > max(stamps_ns):
+        begin_s, last_s = begin_ns / NS, max(stamps_ns) / NS
         raise UserError(f"{where}: begins at {begin_s:g} s, after the last frame of {trace.name} at {last_s:g} s")
+    if not any(begin_ns <= stamp_ns < end_ns for stamp_ns in stamps_ns):
+        after_s = min(stamp_ns for stamp_ns in stamps_ns if stamp_ns >= end_ns) / NS
+        raise UserError(f"{where}: no camera takes a frame in it; the next one of {trace.name} is at {after_s:g} s")
