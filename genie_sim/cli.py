@@ -53,10 +53,10 @@ def run(
     genie-sim run 3car_hetero --set cars[0].device=orin_nano --set genie.eviction=lru
     genie-sim run mine.yaml --seed 7 --out lab
     """
-    from genie_sim.experiment import runner
+    from genie_sim.experiment import files, runner
 
     with Progress() as progress:
-        result = runner.run(scenario, set_ or (), seed, out, progress, with_report=not no_report)
+        result = runner.run(scenario, set_ or (), seed, files.expanded(out), progress, with_report=not no_report)
     from genie_sim.experiment import summary
 
     typer.echo(summary.text(result.metrics, width=min(terminal.width(), 100)))

@@ -15,4 +15,6 @@ def unknown(what: str, value: object, choices: Iterable[str]) -> str:
     names = sorted(choices)
     near = difflib.get_close_matches(str(value), names, n=1)
     hint = f" (did you mean {near[0]!r}?)" if near else ""
-    return f"unknown {what} {value!r}{hint}; known: {', '.join(names)}"
+    text = repr(value)
+    text = text if len(text) <= 60 else f"{text[:57]}..."
+    return f"unknown {what} {text}{hint}; " + (f"known: {', '.join(names)}" if names else "there are none")

@@ -199,6 +199,14 @@ def test_a_damaged_run_json_gets_one_line(damage, message, capsys):
     _one_line(capsys, message)
 
 
+def test_results_go_home_where_the_shell_has_not_said_so(capsys, monkeypatch):
+    monkeypatch.setenv("HOME", str(Path("home:x").absolute()))
+    Path("s.yaml").write_text(GOOD)
+    assert main(["run", "s.yaml", "--no-report", "--out=~/lab"]) == 0
+    assert next(Path("home:x/lab").glob("s-*/frames.parquet")).is_file()
+    assert not Path("~").exists()
+
+
 def test_the_same_run_under_another_hash_seed_gives_the_same_bytes(run_cli):
     Path("s.yaml").write_text(GOOD)
     for seed in ("1", "2"):

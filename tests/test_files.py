@@ -55,6 +55,8 @@ def test_a_path_is_taken_as_it_stands(tmp_path: Path, monkeypatch: pytest.Monkey
         ("x" * 300 + ".yaml", "x" * 300 + ".yaml: File name too long"),
         ("kitty", "unknown trace 'kitty' (did you mean 'kitti'?); known: "),
         ("", "unknown trace ''; known: "),
+        ("~nobody-lives-here/x.yaml", "~nobody-lives-here/x.yaml: no such file"),
+        ("y" * 100, f"unknown trace '{'y' * 56}...; known: "),
     ],
 )
 def test_what_is_not_there(name: str, message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -429,6 +429,12 @@ def test_of_several_mistakes_the_first_is_told_and_the_others_counted() -> None:
             "cars: is [{'name': 'car1', 'device': 'jetson_tx2', 'edge': 'edge1'..., which has no setting",
         ),
         ("seed[0]=1", "seed: is not a list in the scenario"),
+        ("cameras[0].size=1 kB", "cameras: is not a list in the scenario, which leaves it out: set it as a whole"),
+        ("perception=live", "perception: must be a mapping, not 'live'"),
+        (
+            "genie.similarity={name: exact, cell: 1 m}",
+            "genie.similarity.cell: unknown parameter of exact 'cell'; there are none",
+        ),
         ("seed", "must be path=value, such as cars[0].device=orin_nano"),
         ("=1", "must be path=value, such as cars[0].device=orin_nano"),
         ("genie..x=1", "cannot read the path 'genie..x'; write it like cars[0].device"),

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import bisect
 import math
-from collections.abc import Hashable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
 
 from genie_sim.core.confidence import ConfidenceRule
 from genie_sim.messages import CameraPose, Detection, Location
 
 RANGE_60 = 0.30 + 0.60 * (1.0 - 0.30)  # 60 % of the way up the range of scores that the detector reports
+MOST_CELLS_REACHED = 20  # to either side; of a gate that reaches further only cells that hold something are looked at
 
 
 @dataclass(slots=True)
@@ -56,7 +58,7 @@ class ObjectMap:
         self._cell_m = rules.gate_m if rules.location_key == "gate" else rules.cell_m
         self._gate2 = 0.0 if self._exact else rules.gate_m**2
         self._reach = math.ceil(rules.gate_m / self._cell_m)  # cells to either side that the gate may touch
-        self._cells: dict[Hashable, list[StoredObject]] = {}
+        self._cells: dict[Any, list[StoredObject]] = {}  # by location if exact, else by cell
         self._view_cell_m = view_cell_m
         self._view_cells: dict[tuple[int, int], list[StoredObject]] = {}
         self._first_scores: list[float] = []
@@ -138,16 +140,25 @@ class ObjectMap:
             for stored in self._cells.get(location, ()):
                 yield 0.0, stored
             return
-        reach = self._reach
-        east_cell, north_cell = self._grid_cell(location)
-        for i in range(east_cell - reach, east_cell + reach + 1):
-            for j in range(north_cell - reach, north_cell + reach + 1):
-                for stored in self._cells.get((i, j), ()):
-                    distance2 = (stored.location[0] - location[0]) ** 2 + (stored.location[1] - location[1]) ** 2
-                    if distance2 <= self._gate2:
-                        yield distance2, stored
+        for cell in self._near(*self._grid_cell(location)):
+            for stored in self._cells.get(cell, ()):
+                distance2 = (stored.location[0] - location[0]) ** 2 + (stored.location[1] - location[1]) ** 2
+                if distance2 <= self._gate2:
+                    yield distance2, stored
 
-    def _key(self, location: Location) -> Hashable:
+    def _near(self, east_cell: int, north_cell: int) -> Iterator[tuple[int, int]]:
+        """The cells that the gate may touch, west to east; of a gate over very many cells those that hold something."""
+        reach = self._reach
+        if reach <= MOST_CELLS_REACHED:
+            for i in range(east_cell - reach, east_cell + reach + 1):
+                for j in range(north_cell - reach, north_cell + reach + 1):
+                    yield i, j
+            return
+        for i, j in sorted(self._cells):
+            if abs(i - east_cell) <= reach and abs(j - north_cell) <= reach:
+                yield i, j
+
+    def _key(self, location: Location) -> tuple[float, ...]:
         return location if self._exact else self._grid_cell(location)
 
     def _grid_cell(self, location: Location) -> tuple[int, int]:

@@ -111,6 +111,7 @@ def _text(error: ErrorDetails) -> str:
         "tuple_type": "must be a list",
         "list_type": "must be a list",
         "dict_type": "must be a mapping",
+        "model_attributes_type": "must be a mapping",
         "greater_than": f"must be more than {context.get('gt')}",
         "greater_than_equal": f"must be at least {context.get('ge')}",
         "less_than_equal": f"must be at most {context.get('le')}",

@@ -29,7 +29,7 @@ TRACE = Kind("trace", "scenarios/traces", ".parquet")
 def find(kind: Kind, path_or_name: str | Path) -> Path:
     """The file meant by ``path_or_name``. Raises ``UserError`` with the known names if there is none."""
     text = str(path_or_name)
-    path = Path(text).expanduser()
+    path = expanded(text)
     if len(path.parts) > 1 or path.suffix or isinstance(path_or_name, Path):
         try:
             if path.is_file():
@@ -41,6 +41,14 @@ def find(kind: Kind, path_or_name: str | Path) -> Path:
     if text not in known:
         raise UserError(unknown(kind.what, text, known))
     return known[text]
+
+
+def expanded(path: str | Path) -> Path:
+    """``~/results`` to a folder of the user, where the shell has not done it, as in ``--out=~/results``."""
+    try:
+        return Path(path).expanduser()
+    except RuntimeError:  # nobody's home: a name like any other
+        return Path(path)
 
 
 def available(kind: Kind) -> dict[str, Path]:

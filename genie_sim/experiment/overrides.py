@@ -56,7 +56,8 @@ def _assign(settings: dict[str, Any], steps: list[str | int], value: Any, text: 
     for step, following in zip(steps, [*steps[1:], None], strict=True):
         if isinstance(step, int):
             if not isinstance(here, list):
-                raise UserError(f"{text}: {path}: is not a list in the scenario")
+                left_out = ", which leaves it out: set it as a whole" if here is None else ""
+                raise UserError(f"{text}: {path}: is not a list in the scenario{left_out}")
             if step >= len(here):
                 raise UserError(f"{text}: {path}: has {len(here)} entries, counted from 0")
             path += f"[{step}]"

@@ -157,13 +157,17 @@ class Table:
 
         beside = path.with_name(path.name + ".partial")
         try:
-            with pq.ParquetWriter(
-                beside,
-                self.schema(),
-                compression="zstd",
-                version="2.6",
-                use_dictionary=[column.name for column in self.columns if column.kind == "text"],
-            ) as writer:
+            # An open file: of a path pyarrow makes a URI, and of a leading "~" a home.
+            with (
+                beside.open("wb") as file,
+                pq.ParquetWriter(
+                    file,
+                    self.schema(),
+                    compression="zstd",
+                    version="2.6",
+                    use_dictionary=[column.name for column in self.columns if column.kind == "text"],
+                ) as writer,
+            ):
                 for batch in self._batches():
                     writer.write_batch(batch, row_group_size=ROWS_PER_GROUP)
             beside.replace(path)

@@ -261,3 +261,20 @@ def test_views_through_cells_show_what_looking_at_every_object_shows(sightings, 
         margin = ahead_m - distance_m * math.cos(half_rad)
         if distance_m > 0 and abs(margin) > 1e-9 and abs(distance_m - range_m) > 1e-9:
             assert (id(one) in found) is (one.confidence >= 0.6 and distance_m < range_m and margin > 0)
+
+
+@given(sightings)
+def test_looking_at_occupied_cells_alone_finds_the_same_in_the_same_order(many):
+    every = told(object_map(), *many)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("genie_sim.core.object_map.MOST_CELLS_REACHED", 0)
+        occupied = told(object_map(), *many)
+        assert list(occupied) == list(every)
+        found = [occupied.at(one.location) for one in many]
+    assert found == [every.at(one.location) for one in many]
+
+
+def test_a_gate_as_wide_as_the_world_takes_no_longer():
+    objects = told(object_map(cell_m=1e-9, gate_m=1e12), seen("car", 0.3, at=(20.0, 0.0)))
+    before, _ = objects.sight(seen("car", 0.8, at=(400.0, 300.0)))
+    assert before == 0.3 and len(objects) == 1
