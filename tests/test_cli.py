@@ -237,6 +237,27 @@ def test_ctrl_c_leaves_nothing_behind_and_ends_with_130():
     assert not list(Path().glob("results/*"))
 
 
+@pytest.mark.parametrize(
+    ("setting", "message"),
+    [
+        ("eviction=json:JSONDecoder", "eviction 'json:JSONDecoder': has no method stored, used, removed, victim"),
+        ("eviction=json:nothing", "eviction 'json:nothing': module 'json' has no attribute 'nothing'"),
+        ("eviction=genie_sim.core.eviction:TTL", "missing 1 required positional argument: 'ttl_ns'"),
+        ("similarity=json:JSONDecoder", "similarity 'json:JSONDecoder': has no method key, index"),
+        ("similarity={name: 'genie_sim.core.similarity:Exact', reach: 3}", "takes no arguments"),
+        ("object_map.rule=math:sqrt", "confidence rule 'math:sqrt': math.sqrt() takes exactly one argument"),
+        ("object_map.rule=math:pi", "confidence rule 'math:pi': 'float' object is not callable"),
+        ("object_map.rule=broken:rule", "confidence rule 'broken:rule': expected ':' (broken.py, line 1)"),
+    ],
+)
+def test_a_users_own_policy_that_does_not_fit_gets_one_line(setting, message, capsys):
+    Path("s.yaml").write_text(GOOD)
+    Path("broken.py").write_text("def rule()\n")
+    assert main(["run", "s.yaml", "--no-report", "--set", f"genie.{setting}"]) == 1
+    _one_line(capsys, message)
+    assert not list(Path().glob("results/*"))
+
+
 def test_list_shows_what_can_be_named(capsys):
     assert main(["list", "devices"]) == 0
     assert "jetson_tx2" in capsys.readouterr().out

@@ -20,6 +20,11 @@ from genie_sim.errors import UserError, unknown
 from genie_sim.experiment.scenario import GenieSettings
 from genie_sim.messages import Header
 
+METHODS: dict[str, tuple[str, ...]] = {  # what a class of the user's own must have
+    "similarity": ("key", "index"),
+    "eviction": ("stored", "used", "removed", "victim", "expires_ns"),
+}
+
 
 def make_genie(
     settings: GenieSettings,
@@ -37,12 +42,16 @@ def make_genie(
     serves the consumer by the miss policy and sends only its misses up. ``alone``: nobody listens to ``-remote``.
     ``middleware`` replaces what depends on it (see ``GenieNode``).
     """
-    similarity = _resolve("similarity", settings.similarity.name, SIMILARITIES)(**settings.similarity.parameters)
+    chosen = settings.similarity
+    similarity = _made(
+        "similarity", chosen.name, _resolve("similarity", chosen.name, SIMILARITIES), **chosen.parameters
+    )
     new_eviction = _resolve("eviction", settings.eviction, EVICTIONS)
     capacity = settings.capacity
 
     def eviction() -> Eviction:
-        made: Eviction = new_eviction() if settings.ttl_ns is None else new_eviction(settings.ttl_ns)
+        ttl = () if settings.ttl_ns is None else (settings.ttl_ns,)
+        made: Eviction = _made("eviction", settings.eviction, new_eviction, *ttl)
         return made
 
     def new_cache() -> MessageCache:
@@ -111,6 +120,14 @@ def _code_of(own: Any) -> str:
         return "unknown"
 
 
+def _made(what: str, name: str, own: Any, *arguments: Any, **parameters: Any) -> Any:
+    """What a class or function, perhaps of the user's own, makes of these arguments."""
+    try:
+        return own(*arguments, **parameters)
+    except (TypeError, ValueError) as error:
+        raise UserError(f"{what} {name!r}: {error}") from error
+
+
 def _resolve(what: str, name: str, registry: Mapping[str, Any]) -> Any:
     """An entry of ``registry``, or a class of the user's own written ``package.module:Class``.
 
@@ -124,6 +141,13 @@ def _resolve(what: str, name: str, registry: Mapping[str, Any]) -> Any:
     if "" not in sys.path:
         sys.path.append("")
     try:
-        return getattr(importlib.import_module(module_name), class_name)
-    except (ImportError, AttributeError) as error:
+        own = getattr(importlib.import_module(module_name), class_name)
+    except (ImportError, AttributeError, SyntaxError) as error:
         raise UserError(f"{what} {name!r}: {error}") from error
+    if what == "confidence rule":
+        _made(what, name, own, 0.5, 0.5, 0.1)
+        return own
+    lacking = [method for method in METHODS[what] if not hasattr(own, method)]
+    if lacking:
+        raise UserError(f"{what} {name!r}: has no method {', '.join(lacking)}; needs {', '.join(METHODS[what])}")
+    return own

@@ -342,7 +342,7 @@ class Scenario(Model):
             expiry_ns = self.genie.request_expiry_ns
             if expiry_ns is not None and expiry_ns <= law.median_ns and "genie" in self.methods:
                 takes, expiry = units.duration_text(law.median_ns), units.duration_text(expiry_ns)
-                over = f"{expiry} is over before {self.model} answers on {device} ({takes}); no answer would be kept"
+                over = f"{expiry} is over before {self.model} answers on {device} ({takes}): lengthen it, or null"
                 problem("genie.request_expiry", over)
         return self
 
