@@ -236,7 +236,7 @@ def scenarios(draw) -> Scenario:
         "second_answer": draw(st.sampled_from(("overwrite", "first_wins", "merge"))),
         "share_answers": draw(st.sampled_from(("broadcast", "on_request"))),
         "share_requests": draw(st.booleans()),
-        "request_expiry": draw(st.sampled_from(("2 s", "200 ms"))),
+        "request_expiry": draw(st.sampled_from(("2 s", "400 ms"))),
         "fresh_objects": draw(st.sampled_from(("confident", "all"))),
     }
     eviction = draw(st.sampled_from(("unlimited", "lru", "lfu", "ttl")))
