@@ -114,7 +114,8 @@ class Detections:
         return replace(self, objects=tuple(objects))
 
     def served(self, source: str, by: str) -> Detections:
-        return replace(self, source=source, served_by=by)
+        """An answer out of an object map stays one, even when a cache replays it: it was never a detection."""
+        return replace(self, source="map" if self.source == "map" else source, served_by=by)
 
 
 @dataclass(frozen=True, slots=True)
