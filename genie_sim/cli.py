@@ -67,21 +67,20 @@ def run(
 
 @app.command()
 def report(
-    folder: Annotated[Path, typer.Argument(help="A result folder of 'run'.")],
+    folder: Annotated[Path, typer.Argument(help="A result folder of 'run', 'reproduce' or 'sweep'.")],
     start: Annotated[str, typer.Option(help="Where the replay of a long run begins, such as '60 s'.")] = "0 s",
     out: Annotated[Path | None, typer.Option(help="The page to write; default: report.html in the folder.")] = None,
 ) -> None:
-    """Write one HTML page to look at a run in a browser."""
+    """Write one HTML page about a run, an evaluation or a sweep."""
     from genie_sim import units
     from genie_sim.experiment import report as page
-    from genie_sim.experiment import results
 
     try:
         start_ns = units.duration_ns(start)
     except ValueError as error:
         raise UserError(f"--start: {error}") from error
     path = out if out is not None else folder / page.NAME
-    page.write(path, results.load(folder), start_ns)
+    page.write_of(folder, path, start_ns)
     typer.echo(f"Report: {path}")
 
 
@@ -100,6 +99,7 @@ def reproduce(
         result = run_evaluation(out, quick, seeds, jobs, progress)
     typer.echo(verdict_table.text(verdict_table.read_rows(result.folder), terminal.width()))
     typer.echo(f"Results: {result.folder} ({result.wall_time_s:.0f} s)\nFigures: {result.folder / 'figures'}")
+    typer.echo(f"Report:  {result.folder / terminal.PAGE}")
 
 
 @app.command()
@@ -148,7 +148,7 @@ def perceive(
     frames: Annotated[Path | None, typer.Option(help="A folder for the frames with what was found drawn in.")] = None,
     video: Annotated[Path | None, typer.Option(help="The same as a video (.mp4).")] = None,
 ) -> None:
-    """Run a detector over a KITTI drive, or a bag; write a trace to replay."""
+    """Run a detector over a drive or a bag; write a trace."""
     from genie_sim.perception import perceive as perception
     from genie_sim.perception.detector import make_detector
     from genie_sim.perception.trace import write_trace
@@ -286,7 +286,7 @@ def sweep(
         done = work.finish()
     if done.complete:
         typer.echo(f"{done.points:,} points, {done.runs:,} runs\nTable: {done.folder / 'table.csv'} (and .parquet)")
-        typer.echo(f"Figures: {done.folder / 'figures'}")
+        typer.echo(f"Figures: {done.folder / 'figures'}\nReport:  {done.folder / terminal.PAGE}")
     else:
         typer.echo(f"{done.done:,} of {done.runs:,} runs are in {done.folder}; the last shard makes the table")
 
@@ -347,7 +347,7 @@ def export(
     format: Annotated[str, typer.Option(help="mcap (Foxglove, ROS 2) or bag (RViz, ROS 1).")] = "mcap",
     out: Annotated[Path | None, typer.Option(help="The file; default: run.mcap or run.bag in the folder.")] = None,
 ) -> None:
-    """Write a run for Foxglove or RViz: cars, object maps, hits and misses."""
+    """Write a run as a bag, for Foxglove or RViz."""
     from genie_sim.experiment import results
     from genie_sim.ros import export as bags
 

@@ -185,17 +185,6 @@ def test_a_report_of_nothing_gets_one_line(arguments, message, capsys):
     assert said.count("\n") == 1
 
 
-@pytest.mark.parametrize(("name", "where"), [("verdicts.json", "verdicts.md"), ("sweep.json", "table.csv")])
-def test_a_folder_of_many_runs_says_where_to_look(name, where, capsys):
-    """Evaluations and sweeps have no page of their own yet."""
-    Path("many").mkdir()
-    (Path("many") / name).write_text("{}")
-    assert main(["report", "many"]) == 1
-    said = capsys.readouterr().err
-    assert "many: holds" in said and where in said
-    assert said.count("\n") == 1
-
-
 def test_a_page_that_cannot_be_written_is_named(run):
     with pytest.raises(gs.UserError, match=r"no/such/folder/r\.html: cannot be written"):
         run.report("no/such/folder/r.html")

@@ -13,7 +13,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from genie_sim.experiment import provenance, quality, verdict_table
+from genie_sim.experiment import provenance, quality, report, verdict_table
 from genie_sim.experiment.assumptions import Assumptions, load_assumptions
 from genie_sim.experiment.calibrate import Calibration, calibrate, most_jobs
 from genie_sim.experiment.checks import ALL, BOTH_IMAGES, BOTH_OBJECTS, CASE, HE, HO, SHARED, improvements, load_claims
@@ -21,6 +21,7 @@ from genie_sim.experiment.claims import VERDICTS, Verdict, judge, supporting_var
 from genie_sim.experiment.evidence import Evidence, Values, interval
 from genie_sim.experiment.facts import Facts
 from genie_sim.experiment.replicate import Job, Outcome, Progress, TimeLeft, in_parallel, run_jobs
+from genie_sim.experiment.report import evaluation
 from genie_sim.experiment.yaml_input import read_mapping
 
 QUICK_SEEDS = 4
@@ -83,6 +84,7 @@ def reproduce(
         wall_time_s = time.perf_counter() - tell.began_s
         about = _provenance(quick, settings, used_seeds, workers, wall_time_s, fitted)
         provenance.write_json(folder / "run.json", about)
+        evaluation.write(folder / report.NAME, folder)
     return Reproduction(out, verdicts, wall_time_s)
 
 

@@ -1,6 +1,6 @@
-"""``report.html``: one page about one run, to be opened in a browser. It needs no network and no other file.
+"""``report.html``: one page about a run, an evaluation or a sweep, for a browser. It needs no network, no other file.
 
-The same run gives the same bytes. Everything that the page shows is in it as JSON; nothing of it is ever taken for
+The same results give the same bytes. Everything that the page shows is in it as JSON; nothing of it is ever taken for
 HTML or for a script, and the page's own security policy forbids it to load or to send anything.
 """
 
@@ -10,6 +10,7 @@ import base64
 import hashlib
 import json
 import re
+from collections.abc import Mapping, Sequence
 from html import escape
 from importlib import resources
 from pathlib import Path
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     from genie_sim.experiment.results import Run
 
 NAME = "report.html"
+STYLES = ("page.css",)
 SCRIPTS = ("charts.js", "replay.js", "story.js", "page.js")
 
 
@@ -30,9 +32,28 @@ def write(path: Path, run: Run, start_ns: int = 0) -> None:
 
     Raises ``UserError`` if ``path`` cannot be written.
     """
+    write_text(path, page(run, start_ns))
+
+
+def write_of(folder: Path, path: Path, start_ns: int = 0) -> None:
+    """Writes the page about whatever a folder holds: a run, an evaluation or a sweep. Raises ``UserError``."""
+    from genie_sim.experiment import results
+    from genie_sim.experiment.report import evaluation, sweep
+
+    of_many = {"verdicts.json": evaluation.write, "sweep.json": sweep.write}
+    for name, write_page in of_many.items():
+        if (folder / name).is_file():
+            if start_ns:
+                raise UserError(f"--start: {folder} holds no single run; only the page of a run has a replay")
+            return write_page(path, folder)
+    return write(path, results.load(folder), start_ns)
+
+
+def write_text(path: Path, text: str) -> None:
+    """Beside and renamed. Raises ``UserError``."""
     beside = path.with_name(f".{path.name}.partial")
     try:
-        beside.write_text(page(run, start_ns), encoding="utf-8")
+        beside.write_text(text, encoding="utf-8")
         beside.replace(path)
     except OSError as error:
         raise UserError(f"{path}: cannot be written: {error.strerror or error}") from error
@@ -42,17 +63,25 @@ def write(path: Path, run: Run, start_ns: int = 0) -> None:
 
 def page(run: Run, start_ns: int = 0) -> str:
     """The text of the page about ``run``."""
-    style = _part("page.css")
-    script = '"use strict";\n' + "\n".join(map(_part, SCRIPTS))
-    policy = f"default-src 'none'; script-src {_source(script)}; style-src {_source(style)}; base-uri 'none'"
+    return assemble("page.html", STYLES, SCRIPTS, f"{run.name}, run {run.run_id}", page_data(run, start_ns))
+
+
+def assemble(
+    frame: str, styles: Sequence[str], scripts: Sequence[str], title: str, data: Mapping[str, Any],
+    pictures: bool = False,
+) -> str:  # fmt: skip
+    """A page from its parts. Its policy allows its own script and style, and ``pictures`` that are in its data."""
+    style = "\n".join(map(_part, styles))
+    script = '"use strict";\n' + "\n".join(map(_part, scripts))
+    allowed = f"script-src {_source(script)}; style-src {_source(style)}{'; img-src data:' if pictures else ''}"
     parts = {
-        "policy": policy,
-        "title": escape(f"{run.name}, run {run.run_id}"),
+        "policy": f"default-src 'none'; {allowed}; base-uri 'none'",
+        "title": escape(title),
         "style": style,
-        "data": as_json(page_data(run, start_ns)),
+        "data": as_json(data),
         "script": script,
     }
-    return re.sub("%([a-z]+)%", lambda mark: parts[mark[1]], _part("page.html"))
+    return re.sub("%([a-z]+)%", lambda mark: parts[mark[1]], _part(frame))
 
 
 def as_json(value: Any) -> str:

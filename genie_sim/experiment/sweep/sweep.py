@@ -1,8 +1,9 @@
-"""Runs a sweep, or what is missing of it, and makes its tables and figures once every run is there."""
+"""Runs a sweep, or what is missing of it, and makes its tables, figures and page once every run is there."""
 
 from __future__ import annotations
 
 import contextlib
+import itertools
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -91,9 +92,9 @@ class Sweep:
         return swept
 
     def _forget_results(self) -> None:
-        """Tables and figures of earlier axes or fewer seeds; the parts stay."""
-        old = [*self.folder.glob("table.*"), *self.folder.glob("runs.parquet"), *self.folder.glob("figures/*")]
-        for path in old:
+        """Tables, figures and page of earlier axes or fewer seeds; the parts stay."""
+        old = ("table.*", "runs.parquet", "figures/*", "report.html")
+        for path in itertools.chain.from_iterable(map(self.folder.glob, old)):
             path.unlink(missing_ok=True)
 
     @property
@@ -102,6 +103,7 @@ class Sweep:
 
     def _write(self) -> None:
         from genie_sim.experiment import figures as of_runs
+        from genie_sim.experiment import report
         from genie_sim.experiment.sweep import figures
 
         columns = list(self.design.columns.values())
@@ -118,6 +120,7 @@ class Sweep:
             of_runs.save(figure, self.folder / "figures", name)
         for leftover in self._parts.glob(f".*{PARTIAL}"):
             leftover.unlink(missing_ok=True)  # of workers that were killed
+        report.write_of(self.folder, self.folder / report.NAME)
 
     def _footer(self) -> str:
         seeds: Sequence[int] = self.design.seeds

@@ -1,0 +1,226 @@
+// The page of an evaluation, from its data.
+
+const DATA = JSON.parse(byId("data").textContent);
+const ABOUT = DATA.about;
+const FIGURES = new Map(DATA.figures.map((one) => [one.name, one]));
+const KINDS = {
+  input: "true by construction, it was put in", near_input: "follows closely from what was put in",
+  calibrated: "one of the two numbers that two parameters were fitted to", prediction: "the simulator could have contradicted it",
+  invariant: "must hold in every run", table: "arithmetic on the paper's own table",
+};
+const words = (name) => name.replaceAll("_", " ");
+const verdictClass = (verdict) => `verdict v${DATA.verdicts.indexOf(verdict)}`;
+const foundText = (claim) => (value) => (claim.unit === "1" ? digits(value) : `${digits(value)} ${claim.unit}`);
+const option = (value, text) => make("option", { value }, text);
+const strong = (text) => make("b", {}, text);
+const scenarioText = (name) => ({ case_study: "case study", all: "all" })[name] || name.replace(/^(\d)car_/, (_, n) => `${n} car${n > 1 ? "s" : ""}, `).replace(/hetero$/, "he").replace(/homo$/, "ho");
+
+function picture(name) {
+  const found = FIGURES.get(name);
+  return found ? make("figure", {}, make("img", { src: found.source, alt: found.title }), make("figcaption", {}, `${found.title}: figures/${name}.svg`)) : null;
+}
+
+function showAbout() {
+  byId("version").textContent = ABOUT.genie_sim;
+  const facts = { evaluation: ABOUT.quick ? "quick" : "full", seeds: ABOUT.seeds.length, settings: ABOUT.settings.join(", "),
+    calibration: ABOUT.calibration, claims: DATA.claims.length };
+  byId("about").replaceChildren(...Object.entries(facts).map(([name, value]) => make("div", {}, make("dt", {}, name), make("dd", {}, String(value)))));
+  byId("notes").replaceChildren(...[...DATA.notes, `Made by genie-sim ${ABOUT.genie_sim}, from traces with the digest ${ABOUT.trace.slice(0, 12)}. ` +
+    "Versions and digests are in run.json beside this page."].map((note) => make("li", {}, note)));
+}
+
+function scale(claim) {
+  if (!isNumber(claim.value) || claim.kind === "table") return null;
+  const ends = [claim.value, claim.low, claim.high, claim.expect - claim.tolerance, claim.expect + claim.tolerance].filter(isNumber);
+  let low = Math.min(...ends), high = Math.max(...ends);
+  const slack = 0.12 * (high - low || Math.abs(high) || 1);
+  low -= slack;
+  high += slack;
+  const at = (value) => (20 + (value - low) / (high - low) * 500).toFixed(1), box = 2 * claim.tolerance > 0;
+  const ticks = linearTicks(low, high, 5).map((tick) => draw("text", { x: at(tick), y: 62, "text-anchor": "middle" }, digits(tick, 4)));
+  return make("div", { class: "scale" }, draw("svg", { viewBox: "0 0 540 68", role: "img", "aria-label": "What was expected and what was found, on one scale" },
+    draw("line", { x1: 20, x2: 520, y1: 46, y2: 46, stroke: "var(--line)" }),
+    box ? draw("rect", { x: at(claim.expect - claim.tolerance), y: 16, width: at(claim.expect + claim.tolerance) - at(claim.expect - claim.tolerance), height: 30, fill: "var(--unsure)" }) : null,
+    draw("line", { x1: at(claim.expect), x2: at(claim.expect), y1: 16, y2: 46, stroke: "var(--sure)", "stroke-dasharray": "4 3", "stroke-width": 1.5 }),
+    draw("text", { x: at(claim.expect), y: 11, "text-anchor": "middle" }, "expected"),
+    isNumber(claim.low) ? draw("line", { x1: at(claim.low), x2: at(claim.high), y1: 31, y2: 31, stroke: "var(--accent)", "stroke-width": 3 }) : null,
+    draw("circle", { cx: at(claim.value), cy: 31, r: 5, fill: "var(--accent)" }), ...ticks));
+}
+
+function expected(claim) {
+  if (claim.kind === "table") return "as printed";
+  return claim.tolerance ? `${digits(claim.expect)} \u00b1 ${digits(claim.tolerance)}` : `bound ${digits(claim.expect)}`;
+}
+
+function evidence(claim) {
+  const list = (items) => make("ul", {}, ...items.map((item) => make("li", {}, item)));
+  const facts = [["Paper", claim.where], ...(claim.says.length ? [["Section V", list(claim.says.map(([part, says]) => `${part}: ${says}`))]] : []),
+    ["Kind", `${words(claim.kind)}: ${KINDS[claim.kind] || ""}`], ["Test", claim.test], ["Expected", expected(claim)],
+    ["Found", isNumber(claim.value) ? `${withInterval([claim.value, claim.low, claim.high], foundText(claim))}, ${claim.n} ${claim.n === 1 ? "value" : "seeds"}` : "not measured"],
+    ...(claim.note ? [["Note", claim.note]] : []),
+    ["Verdict", claim.verdict + (claim.marginal ? "; marginal: another set of seeds could say otherwise" : "")]];
+  if (claim.holds_under && DATA.sensitivity) facts.push(["Would hold under", claim.holds_under.length ? list(claim.holds_under) : "none of the other readings and values that were tried"]);
+  return [make("dl", {}, ...facts.map(([name, value]) => make("div", {}, make("dt", {}, name), make("dd", {}, value)))), scale(claim), ...claim.figures.map(picture)];
+}
+
+function claimRow(claim) {
+  const opener = make("button", { type: "button", class: "open", "aria-expanded": "false" }, claim.id);
+  const row = make("tr", { class: "claim", id: claim.id }, make("th", { scope: "row" }, opener), make("td", {}, claim.claim), make("td", {}, words(claim.kind)),
+    make("td", { class: "number" }, expected(claim)), intervalCell([claim.value, claim.low, claim.high], foundText(claim)),
+    make("td", {}, make("span", { class: verdictClass(claim.verdict) }, claim.verdict), claim.marginal ? make("span", { class: "marginal" }, "marginal") : null));
+  const open = () => {
+    const now = opener.getAttribute("aria-expanded") !== "true";
+    opener.setAttribute("aria-expanded", String(now));
+    if (now) row.after(make("tr", { class: "evidence" }, make("td", { colspan: 6 }, make("div", {}, ...evidence(claim).filter(Boolean)))));
+    else row.nextElementSibling.remove();
+  };
+  row.addEventListener("click", () => { if (!String(window.getSelection())) open(); });
+  return row;
+}
+
+function showVerdicts() {
+  const count = (verdict) => DATA.claims.filter((claim) => claim.verdict === verdict).length;
+  const used = DATA.verdicts.filter(count), hidden = new Set(), marginal = DATA.claims.filter((claim) => claim.marginal).length;
+  const predictions = DATA.claims.filter((claim) => claim.kind === "prediction");
+  byId("headline").replaceChildren("Of ", strong(`${DATA.claims.length} claims`), `, ${used.map((verdict) => `${count(verdict)} ${verdict}`).join("; ")}. Of the `,
+    strong(`${predictions.length} predictions`), ", which the simulator could have contradicted, ", strong(`${predictions.filter((claim) => claim.verdict === "reproduced").length} reproduced`),
+    `. Marginal: ${marginal}.`);
+  byId("bar").replaceChildren(...used.map((verdict) => {
+    const part = make("span", { class: `v${DATA.verdicts.indexOf(verdict)}` });
+    part.style.flexGrow = count(verdict);
+    return part;
+  }));
+  byId("verdict-filter").replaceChildren(...used.map((verdict) => make("button", { type: "button", class: verdictClass(verdict), "aria-pressed": "true", onclick: (event) => {
+    if (!hidden.delete(verdict)) hidden.add(verdict);
+    event.currentTarget.setAttribute("aria-pressed", String(!hidden.has(verdict)));
+    render();
+  } }, `${verdict} ${count(verdict)}`)));
+  const kinds = [...new Set(DATA.claims.map((claim) => claim.kind))];
+  byId("kind").replaceChildren(option("", "all"), ...kinds.map((kind) => option(kind, words(kind))));
+  byId("kinds").textContent = `Kinds: ${kinds.map((kind) => `${words(kind)}, ${KINDS[kind] || ""}`).join("; ")}.`;
+  const render = () => {
+    const asked = byId("search").value.toLowerCase().split(/\s+/).filter(Boolean), kind = byId("kind").value;
+    const shown = DATA.claims.filter((claim) => !hidden.has(claim.verdict) && (!kind || claim.kind === kind) && (!byId("marginal").checked || claim.marginal)
+      && asked.every((word) => `${claim.id} ${claim.claim} ${claim.where} ${claim.test}`.toLowerCase().includes(word)));
+    table(byId("claims"), null, ["", "the paper says", "kind", "expected", "found", "verdict"], []);
+    byId("claims").tBodies[0].replaceChildren(...shown.map(claimRow));
+    byId("count").textContent = `${shown.length} of ${DATA.claims.length}`;
+  };
+  for (const id of ["kind", "marginal", "search"]) byId(id).addEventListener("input", render);
+  render();
+}
+
+function showAnswers() {
+  const [first, fresh] = DATA.improvement;
+  byId("answers-lead").replaceChildren(...(first && fresh ? ["Mean improvement of Genie over local and remote execution, six scenarios: ", strong(withInterval(first, percent)),
+    " by the first answer, ", strong(withInterval(fresh, percent)), " by the fresh answer."] : []));
+  byId("measure").replaceChildren(...DATA.answers.map((one, i) => option(i, one.title)));
+  const render = () => {
+    const { title, unit, scenarios, roles, ...found } = DATA.answers[Number(byId("measure").value)], text = (value) => asText(value, unit);
+    const over = title.startsWith("Improvement") ? "over " : "", names = scenarios.map(scenarioText);
+    byId("answer-charts").replaceChildren();
+    const all = ["first", "fresh"].flatMap((answer) => roles.flatMap((role) => found[answer][role])).filter((one) => one && isNumber(one[0]));
+    const most = Math.max(...all.map((one) => one[2] ?? one[0]), 0) * 1.02;
+    for (const answer of ["first", "fresh"]) {
+      const series = roles.map((role, i) => ({ name: over + METHODS[role], color: ROLE_COLORS[role], hollow: i === 1, line: false,
+        points: found[answer][role].map((one, place) => ({ x: place, found: one })) }));
+      intervalChart(byId("answer-charts").appendChild(make("div")), { title: `${title}: ${answer} answer`, series,
+        x: { names, label: "scenario", read: (place) => names[place] }, y: { label: title, format: unit === "1" ? percent : (value) => digits(value), read: text, most: unit === "1" ? 1 : most } });
+    }
+    const columns = ["first", "fresh"].flatMap((answer) => roles.map((role) => [answer, role]));
+    table(byId("answer-table"), `${title}${unit === "ms" ? " [ms]" : ""}`, ["", ...columns.map(([answer, role]) => `${answer}, ${over}${METHODS[role]}`)],
+      scenarios.map((_, i) => [names[i], ...columns.map(([answer, role]) => intervalCell(found[answer][role][i], unit === "1" ? percent : (value) => digits(value)))]));
+  };
+  byId("measure").addEventListener("change", render);
+  render();
+}
+
+function showWorth() {
+  byId("worth-none").hidden = DATA.worth !== null;
+  if (DATA.worth === null) return;
+  const methods = [...new Set(DATA.worth.map((one) => one.method))], names = [...new Set(DATA.worth.map((one) => one.name))];
+  const units = [[/_s(_|$)/, "s"], [/_m(_|$)/, "m"]];
+  table(byId("worth-table"), null, ["", ...methods.map((method) => METHODS[method] || method)], names.map((name) => {
+    const [pattern, unit] = units.find(([one]) => one.test(name)) || [null, "1"];
+    const text = (value) => asText(value, unit);
+    return [words(pattern ? name.replace(pattern, "$1") : name), ...methods.map((method) => {
+      const one = DATA.worth.find((row) => row.method === method && row.name === name);
+      return intervalCell(one && [one.value, one.low, one.high], text);
+    })];
+  }));
+  const shown = picture("worth");
+  if (shown) byId("worth").append(shown);
+}
+
+function showFigures() {
+  const elsewhere = ["calibration", "sensitivity", "worth"];
+  byId("figure-list").replaceChildren(...DATA.figures.filter((one) => !elsewhere.includes(one.name)).flatMap((one) => [make("h3", {}, one.title), picture(one.name)]));
+}
+
+function showCalibration() {
+  const found = DATA.calibration;
+  byId("tried-all").hidden = found === null;
+  if (found === null) {
+    byId("calibration-lead").textContent = `Not searched here: ${ABOUT.settings.join(", ")}, ${ABOUT.calibration}.`;
+    return;
+  }
+  const { best, targets } = found;
+  byId("calibration-lead").replaceChildren("Two parameters were fitted to the two numbers that the paper publishes. ", strong(found.reached ? "Both were reached" : "They were not both reached"),
+    `: with an overlap of ${digits(best.overlap)} and a gate of ${digits(best.gate_m)} m, object reuse is ${percent(best.object_reuse)} (paper: ${percent(targets.object_reuse_mean)}) ` +
+    `and ${digits(best.ratio)} times image reuse (paper: ${digits(targets.object_to_image_reuse)}). Claims on these two are never called reproduced.`);
+  const shown = picture("calibration");
+  byId("calibration-figure").replaceChildren(...(shown ? [shown] : []));
+  sortable(byId("tried"), ["overlap", "gate [m]", "object reuse", "image reuse", "object / image reuse"], found.tried.map((point) => point.map((value, i) => ({
+    key: value, node: make("td", { class: "number" }, value === null ? "none" : i === 2 || i === 3 ? percent(value) : digits(value)) }))));
+}
+
+function showSensitivity() {
+  const found = DATA.sensitivity;
+  byId("sensitivity-none").hidden = found !== null;
+  byId("sensitivity-all").hidden = found === null;
+  if (found === null) return;
+  const measures = { reuse: ["Object and image reuse", [["object_reuse", "object reuse", "c-genie"], ["image_reuse", "image reuse", "c-local"]], percent],
+    answers: ["First and fresh answer of Genie, mean [ms]", [["first_answer_ms", "first answer", "c-genie"], ["fresh_answer_ms", "fresh answer", "c-remote"]], (value) => asText(value, "ms")] };
+  byId("sensitivity-of").replaceChildren(...Object.entries(measures).map(([name, [title]]) => option(name, title)));
+  const render = () => {
+    const name = byId("sensitivity-of").value, [, lines, text] = measures[name];
+    byId("sensitivity-charts").replaceChildren();
+    for (const sweep of found.sweeps) {
+      const series = lines.map(([measure, label, color], i) => ({ name: label, color, hollow: i === 1, dash: i ? "5 3" : null, line: true,
+        points: sweep.values.map((x, place) => ({ x, found: sweep[measure][place] })) }));
+      const unit = sweep.unit === "1" ? "" : ` [${sweep.unit}]`, log = Math.min(...sweep.values) > 0 && Math.max(...sweep.values) / Math.min(...sweep.values) >= 10;
+      intervalChart(byId("sensitivity-charts").appendChild(make("div")), { title: sweep.title, note: `Paper: ${sweep.paper}.`, height: 220, series,
+        x: { log, label: `${sweep.title}${unit}`, read: (value) => `${sweep.title} ${digits(value)}`, marks: isNumber(sweep.used) ? [{ x: sweep.used, label: "used" }] : [] },
+        y: { label: measures[name][0], format: name === "reuse" ? percent : (value) => digits(value), read: text, most: name === "reuse" ? 1 : undefined,
+          levels: name === "reuse" && DATA.calibration ? [{ y: DATA.calibration.targets.object_reuse_mean, label: "paper: objects" }] : [] } });
+    }
+  };
+  byId("sensitivity-of").addEventListener("change", render);
+  render();
+  const cell = (one, text) => ({ key: one[0], node: intervalCell(one, text) });
+  sortable(byId("variants"), ["reading or value", "plausible", "claims that hold", "object reuse", "image reuse", "first answer [ms]", "fresh answer [ms]"],
+    found.variants.map((one) => [{ key: one.name, node: make("th", { scope: "row" }, words(one.name)) }, { key: one.plausible, node: make("td", {}, one.plausible) },
+      { key: one.holds.length, node: make("td", { class: "number", title: one.holds.join(", ") }, String(one.holds.length)) },
+      cell(one.object_reuse, percent), cell(one.image_reuse, percent), cell(one.first_answer_ms, (value) => digits(value)), cell(one.fresh_answer_ms, (value) => digits(value))]));
+}
+
+function showMetrics() {
+  const render = () => {
+    const asked = byId("metric-filter").value.toLowerCase().split(/\s+/).filter(Boolean);
+    const rows = DATA.metrics.filter(([scenario, name]) => asked.every((word) => `${scenario} ${name}`.toLowerCase().includes(word)));
+    byId("metric-count").textContent = `${rows.length} of ${DATA.metrics.length}`;
+    const text = (value) => (value === null ? "" : digits(value, 4));
+    table(byId("metric-table"), null, ["scenario", "number", "mean", "low", "high", "seeds"], rows.map(([scenario, name, value, low, high, n]) => [scenario, name, text(value), text(low), text(high), String(n)]));
+  };
+  byId("metric-filter").addEventListener("input", render);
+  render();
+}
+
+showAbout();
+showVerdicts();
+showAnswers();
+showWorth();
+showFigures();
+showCalibration();
+showSensitivity();
+showMetrics();

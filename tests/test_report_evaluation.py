@@ -1,0 +1,256 @@
+"""The report of an evaluation: every claim with its evidence, offline, safe, the same bytes each time."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+import genie_sim as gs
+from genie_sim.cli import main
+from genie_sim.experiment import verdict_table
+from genie_sim.experiment.report import evaluation
+from tests.browser import Browser, installed
+from tests.test_report import EVIL, MEGABYTE, embedded, middle, picture
+
+PAPER = Path(__file__).resolve().parent.parent / "results" / "paper"
+ROWS = verdict_table.read_rows(PAPER)
+SHOWN = "[...byId('claims').querySelectorAll('tr.claim')].map(row => row.id)"
+
+
+@pytest.fixture(scope="module")
+def page() -> str:
+    """Of the committed evaluation."""
+    return evaluation.page(PAPER)
+
+
+@pytest.fixture
+def folder() -> Path:
+    """A copy of the committed evaluation, to be changed."""
+    return Path(shutil.copytree(PAPER, "evaluation", ignore=shutil.ignore_patterns("*.png")))
+
+
+def rewritten(path: Path, change) -> None:
+    data = json.loads(path.read_text())
+    change(data)
+    path.write_text(json.dumps(data))
+
+
+# What the page holds
+
+
+def test_every_claim_is_there_with_what_was_expected_found_and_judged(page):
+    shown = embedded(page)["claims"]
+    for name in ("id", "claim", "kind", "expect", "verdict", "marginal", "test", "note", "value", "low", "high"):
+        assert [one[name] for one in shown] == [row[name] for row in ROWS]
+
+
+def test_a_claim_of_section_v_has_its_sentence_and_its_figure(page):
+    by_id = {one["id"]: one for one in embedded(page)["claims"]}
+    assert by_id["C17"]["figures"] == ["object_reuse"]
+    assert "local object map" in by_id["C17"]["says"][0][1]
+    assert by_id["C37"]["figures"] == []
+    figures = {one["name"] for one in embedded(page)["figures"]}
+    assert {name for one in by_id.values() for name in one["figures"]} <= figures
+
+
+def test_first_and_fresh_answers_are_those_of_the_metrics(page):
+    metrics = {(one["scenario"], one["name"]): one for one in json.loads((PAPER / "metrics.json").read_text())}
+    mean = embedded(page)["answers"][0]
+    for answer in ("first", "fresh"):
+        for place, scenario in enumerate(mean["scenarios"]):
+            found = metrics[scenario, f"{answer}_answer_mean:genie"]
+            assert mean[answer]["genie"][place] == [found["value"], found["low"], found["high"]]
+
+
+def test_the_page_is_small_and_does_not_tell_when_where_or_how_fast_it_was_made(page, folder):
+    assert len(page.encode()) < 8 * MEGABYTE
+    rewritten(folder / "run.json", lambda about: about.update(wall_time_s=1, platform="moon", workers=99, commit="x"))
+    assert evaluation.page(folder) == page
+
+
+def test_figures_that_are_too_large_are_named_instead(folder):
+    with (folder / "figures" / "latency_cdf.svg").open("a") as file:
+        file.write(f"<!--{'x' * evaluation.MOST_FIGURE_BYTES}-->")
+    shown = embedded(evaluation.page(folder))
+    assert "latency_cdf" not in {one["name"] for one in shown["figures"]}
+    assert any("figures/latency_cdf.svg" in note for note in shown["notes"])
+
+
+# The command
+
+
+def test_report_writes_the_page_of_an_evaluation(folder, page, capsys):
+    assert main(["report", str(folder)]) == 0
+    assert (folder / "report.html").read_text(encoding="utf-8") == page
+    assert "Report: evaluation/report.html" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("spoil", "message"),
+    [
+        (lambda folder: (folder / "metrics.json").unlink(), "metrics.json: missing"),
+        (lambda folder: (folder / "run.json").write_text("{"), "run.json: cannot be read"),
+        (lambda folder: (folder / "verdicts.json").write_text('[{"id": "C1"}]'), "not the evaluation of this version"),
+        (lambda folder: (folder / "calibration.json").write_text("[]"), "not the evaluation of this version"),
+    ],
+    ids=["incomplete", "broken", "other", "odd"],
+)
+def test_a_folder_that_is_not_whole_gets_one_line(folder, spoil, message, capsys):
+    spoil(folder)
+    assert main(["report", str(folder)]) == 1
+    said = capsys.readouterr().err
+    assert message in said
+    assert said.count("\n") == 1
+    assert not (folder / "report.html").exists()
+
+
+def test_an_evaluation_has_no_replay_to_start(folder):
+    assert main(["report", str(folder), "--start", "2 s"]) == 1
+
+
+@pytest.mark.slow
+def test_reproduce_writes_the_page(monkeypatch):
+    from genie_sim.experiment.reproduce import reproduce
+
+    monkeypatch.delenv("GENIE_SIM_KITTI", raising=False)
+    made = reproduce(Path("out"), quick=True, seeds=1, workers=1).folder
+    assert (made / "report.html").read_text(encoding="utf-8") == evaluation.page(made)
+
+
+# In a browser
+
+
+@pytest.fixture(scope="module")
+def one_browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
+    program = installed()
+    if program is None:
+        pytest.skip("needs Chromium: none of its programs is installed")
+    browser = Browser(program, tmp_path_factory.mktemp("profile"))
+    yield browser
+    browser.close()
+
+
+@pytest.fixture
+def browser(one_browser: Browser) -> Browser:
+    one_browser.errors.clear()
+    one_browser.requests.clear()
+    one_browser.size(1200, 900)
+    return one_browser
+
+
+@pytest.fixture
+def file(page: str) -> Path:
+    path = Path("report.html")
+    path.write_text(page, encoding="utf-8")
+    return path.absolute()
+
+
+def asked_for(browser: Browser) -> list[str]:
+    """Addresses besides the pictures that are in the page itself."""
+    return [address for address in browser.requests if not address.startswith("data:image/svg+xml;base64,")]
+
+
+def choose(browser: Browser, element: str, value: str, event: str = "input") -> None:
+    browser.evaluate(f"byId('{element}').value = {json.dumps(value)}")
+    browser.evaluate(f"byId('{element}').dispatchEvent(new Event('{event}'))")
+
+
+@pytest.mark.parametrize(("width", "dark"), [(1200, False), (1200, True), (360, False)], ids=["wide", "dark", "narrow"])
+def test_the_page_draws_itself_in_any_window(browser, file, width, dark):
+    browser.size(width, 900, dark=dark)
+    browser.open(file)
+    assert browser.errors == []
+    assert asked_for(browser) == [file.as_uri()]
+    shown = picture(browser.screenshot())
+    assert shown.std() > 10
+    assert (shown.mean() < 80) == dark
+    assert browser.evaluate("document.documentElement.scrollWidth") == width
+    assert browser.evaluate("document.querySelectorAll('#sensitivity-charts .chart svg circle').length") > 50
+    decoded = "Promise.all([...document.images].map(one => one.decode().then(() => one.naturalWidth)))"
+    assert min(browser.evaluate(decoded)) > 100
+    words = browser.evaluate("document.body.innerText")
+    assert not any(word in words for word in ("NaN", "undefined", "Infinity", "[object"))
+
+
+def test_claims_are_filtered_by_verdict_kind_words_and_marginality(browser, file):
+    browser.open(file)
+    assert browser.evaluate(SHOWN) == [row["id"] for row in ROWS]
+    choose(browser, "kind", "prediction")
+    predictions = [row for row in ROWS if row["kind"] == "prediction"]
+    assert browser.evaluate(SHOWN) == [row["id"] for row in predictions]
+    browser.evaluate("byId('verdict-filter').querySelector('button').click()")
+    assert browser.evaluate(SHOWN) == [row["id"] for row in predictions if row["verdict"] != "reproduced"] != []
+    browser.evaluate("byId('verdict-filter').querySelector('button').click()")
+    choose(browser, "kind", "")
+    browser.evaluate("byId('marginal').click()")
+    assert browser.evaluate(SHOWN) == [row["id"] for row in ROWS if row["marginal"]]
+    browser.evaluate("byId('marginal').click()")
+    choose(browser, "search", "OBJECT reuse")
+    assert "C14" in browser.evaluate(SHOWN)
+    assert "C27" not in browser.evaluate(SHOWN)
+
+
+def test_a_click_on_a_claim_opens_its_evidence_and_its_figure(browser, file):
+    browser.open(file)
+    browser.click(*middle(browser, "C14"))
+    told = browser.evaluate("byId('C14').nextElementSibling.textContent")
+    row = next(row for row in ROWS if row["id"] == "C14")
+    assert row["test"] in told and row["note"] in told and f"{row['n']} seeds" in told
+    (name,) = browser.evaluate("[...byId('C14').nextElementSibling.querySelectorAll('img')].map(one => one.alt)")
+    assert name == "Object reuse"
+    browser.evaluate("byId('C15').querySelector('button').focus()")
+    browser.press("Tab")
+    browser.evaluate("byId('C14').querySelector('button').click()")
+    assert browser.evaluate("byId('C14').nextElementSibling.id") == "C15"
+
+
+def test_the_measure_of_first_and_fresh_answers_is_chosen(browser, file):
+    browser.open(file)
+    means = browser.evaluate("byId('answer-table').textContent")
+    titles = browser.evaluate("[...byId('answer-charts').querySelectorAll('h3')].map(one => one.textContent)")
+    assert titles == ["Mean: first answer", "Mean: fresh answer"]
+    choose(browser, "measure", "2", "change")
+    assert browser.evaluate("byId('answer-table').textContent") != means
+
+
+def test_an_interval_is_read_off_with_the_pointer_and_with_keys(browser, file):
+    browser.open(file)
+    browser.move(*middle(browser, "answer-charts"))
+    browser.evaluate("byId('answer-charts').querySelector('svg[tabindex]').focus()")
+    browser.press("ArrowRight")
+    told = browser.evaluate("byId('answer-charts').querySelector('.tip').textContent")
+    assert "Genie (DG): " in told and " to " in told
+
+
+def test_a_quick_evaluation_says_what_it_did_not_do(browser, folder):
+    for name in ("calibration", "sensitivity", "quality"):
+        (folder / f"{name}.json").unlink()
+    evaluation.write(Path("report.html"), folder)
+    browser.open(Path("report.html"))
+    assert browser.errors == []
+    assert not browser.evaluate("byId('worth-none').hidden")
+    assert not browser.evaluate("byId('sensitivity-none').hidden")
+    assert "Not searched here" in browser.evaluate("byId('calibration-lead').textContent")
+
+
+def test_markup_in_results_is_shown_as_text_and_figures_run_no_scripts(browser, folder):
+    rewritten(folder / "verdicts.json", lambda rows: rows[0].update(claim=EVIL, note=EVIL, verdict="reproduced"))
+    figure = folder / "figures" / "image_reuse.svg"
+    figure.write_text(figure.read_text().replace("<defs>", "<script>window.parent.hacked = 3</script><defs>", 1))
+    evaluation.write(Path("report.html"), folder)
+    assert Path("report.html").read_text(encoding="utf-8").count("<script") == 2
+    browser.open(Path("report.html"))
+    browser.evaluate("byId('C1').querySelector('button').click()")
+    assert browser.evaluate("byId('C1').cells[1].textContent") == EVIL
+    assert browser.evaluate("typeof window.hacked") == "undefined"
+    assert browser.errors == []
+    assert asked_for(browser) == [Path("report.html").absolute().as_uri()]
+
+
+def test_a_page_that_cannot_be_written_is_named():
+    with pytest.raises(gs.UserError, match=r"no/such/r\.html: cannot be written"):
+        evaluation.write(Path("no/such/r.html"), PAPER)

@@ -1,0 +1,199 @@
+"""The report of a sweep: its points in a table that sorts, and curves of any metric with their intervals."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from genie_sim.cli import main
+from genie_sim.experiment.report import sweep
+from tests.browser import Browser, installed
+from tests.test_report import EVIL, MEGABYTE, embedded, picture
+
+CROSSED = """
+description: DESCRIPTION
+scenario: 2car_homo
+set: {"cars[0].route.window": [0 s, 1 s], "cars[1].route.window": [0.5 s, 1.5 s]}
+seeds: 2
+axes:
+  rate: {set: genie.object_map.rate, grid: {from: 0.01, to: 1, points: 3, scale: log}}
+  rule: {set: genie.object_map.rule, list: [noisy_or, ema]}
+"""
+DRAWN = """
+scenario: 1car_homo
+set: {methods: [genie], "cars[0].route.window": [0 s, 1 s]}
+seeds: 1
+samples: 5
+axes:
+  range: {set: genie.view_range, latin_hypercube: {from: 20 m, to: 80 m}}
+  gate: {set: genie.object_map.gate, random: {from: 0.5 m, to: 8 m, scale: log}}
+"""
+
+
+def swept(text: str, folder: Path, name: str) -> Path:
+    file = folder / f"{name}.yaml"
+    file.write_text(text, encoding="utf-8")
+    assert main(["sweep", str(file), "--out", str(folder), "--jobs", "1"]) == 0
+    return folder / name
+
+
+@pytest.fixture(scope="module")
+def crossed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return swept(CROSSED, tmp_path_factory.mktemp("sweeps"), "crossed")
+
+
+@pytest.fixture(scope="module")
+def drawn(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return swept(DRAWN, tmp_path_factory.mktemp("sweeps"), "drawn")
+
+
+# What the page holds
+
+
+def test_sweep_writes_the_page_and_report_writes_it_again(crossed, capsys):
+    made = (crossed / "report.html").read_bytes()
+    assert len(made) < MEGABYTE
+    assert main(["report", str(crossed), "--out", "again.html"]) == 0
+    assert Path("again.html").read_bytes() == made
+    assert "Report: again.html" in capsys.readouterr().out
+
+
+def test_the_table_is_that_of_the_sweep(crossed):
+    shown = embedded(sweep.page(crossed))["table"]
+    points = pd.read_parquet(crossed / "table.parquet")
+    mine = points[(points["metric"] == "object_reuse") & (points["role"] == "local")]
+    assert shown["levels"] == [mine["rate"].tolist(), mine["rule"].tolist()]
+    for column, name in zip(shown["values"]["object_reuse"]["local"], ("value", "low", "high"), strict=True):
+        assert column == pytest.approx(mine[name].tolist(), rel=1e-4)
+
+
+def test_a_curve_averages_over_the_other_axis_or_keeps_its_levels_apart(crossed):
+    rate, rule = embedded(sweep.page(crossed))["curves"]
+    points = pd.read_parquet(crossed / "table.parquet")
+    mine = points[(points["metric"] == "object_reuse") & (points["role"] == "remote")]
+    assert (rate["log"], rate["levels"], rule["levels"]) == (True, [0.01, 0.1, 1.0], ["noisy_or", "ema"])
+    lines = {line["level"]: line["values"]["object_reuse"]["remote"][0] for line in rate["lines"]}
+    assert lines[None] == pytest.approx(mine.groupby("rate")["value"].mean().tolist(), rel=1e-4)
+    assert lines["ema"] == pytest.approx(mine[mine["rule"] == "ema"]["value"].tolist(), rel=1e-4)
+
+
+def test_one_seed_gives_no_intervals(drawn):
+    assert embedded(sweep.page(drawn))["table"]["values"]["object_reuse"]["local"][1] == [None] * 5
+
+
+def test_a_large_sweep_is_thinned_honestly(crossed, monkeypatch):
+    monkeypatch.setattr(sweep, "MOST_NUMBERS", 3 * 4 * 19)
+    shown = embedded(sweep.page(crossed))
+    assert {one["name"] for one in shown["metrics"]} == set(sweep.MAIN)
+    assert 1 <= len(shown["table"]["points"]) < 6
+    assert any("main metrics only" in note for note in shown["notes"])
+    assert any(" of 6 points" in note for note in shown["notes"])
+
+
+def test_an_unfinished_sweep_gets_one_line(crossed, capsys):
+    Path("half").mkdir()
+    Path("half/sweep.json").write_bytes((crossed / "sweep.json").read_bytes())
+    assert main(["report", "half"]) == 1
+    Path("half/sweep.json").write_text("{}")
+    assert main(["report", "half"]) == 1
+    unfinished, foreign = capsys.readouterr().err.splitlines()
+    assert "runs.parquet: missing; the sweep is not finished" in unfinished
+    assert "sweep.json: cannot be read" in foreign
+
+
+# In a browser
+
+
+@pytest.fixture(scope="module")
+def one_browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
+    program = installed()
+    if program is None:
+        pytest.skip("needs Chromium: none of its programs is installed")
+    browser = Browser(program, tmp_path_factory.mktemp("profile"))
+    yield browser
+    browser.close()
+
+
+@pytest.fixture
+def browser(one_browser: Browser) -> Browser:
+    one_browser.errors.clear()
+    one_browser.requests.clear()
+    one_browser.size(1200, 900)
+    return one_browser
+
+
+def choose(browser: Browser, element: str, value: str) -> None:
+    browser.evaluate(f"byId('{element}').value = '{value}'; byId('{element}').dispatchEvent(new Event('change'))")
+
+
+@pytest.mark.parametrize(("width", "dark"), [(1200, False), (1200, True), (360, False)], ids=["wide", "dark", "narrow"])
+@pytest.mark.parametrize("which", ["crossed", "drawn"])
+def test_the_page_draws_itself_in_any_window(browser, request, which, width, dark):
+    file = request.getfixturevalue(which) / "report.html"
+    browser.size(width, 900, dark=dark)
+    browser.open(file)
+    assert browser.errors == []
+    assert browser.requests == [file.as_uri()]
+    shown = picture(browser.screenshot())
+    assert shown.std() > 8
+    assert (shown.mean() < 80) == dark
+    assert browser.evaluate("document.documentElement.scrollWidth") == width
+    assert browser.evaluate("byId('curves').querySelectorAll('svg[tabindex] circle').length") >= 10
+    words = browser.evaluate("document.body.innerText")
+    assert not any(word in words for word in ("NaN", "undefined", "Infinity", "[object"))
+
+
+def test_the_metric_and_the_lines_are_chosen(browser, crossed):
+    browser.open(crossed / "report.html")
+    keys = "[...byId('curves').querySelectorAll('.chart:first-child .keys button')].map(one => one.textContent)"
+    assert browser.evaluate(keys) == ["on cars", "on edges"]
+    choose(browser, "metric", "fresh_answer_mean")
+    assert browser.evaluate(keys) == ["local (L)", "remote (R)", "Genie (DG)"]
+    assert "fresh answer mean [ms] along rate" in browser.evaluate("byId('curves').textContent")
+    choose(browser, "split", "rule")
+    assert browser.evaluate(keys) == ["rule noisy_or", "rule ema"]
+    assert browser.evaluate("byId('role').value") == "genie"
+    assert browser.evaluate("byId('curves').children.length") == 1, (
+        "along the rule itself nothing is left to tell apart"
+    )
+
+
+def test_an_interval_is_read_off(browser, crossed):
+    browser.open(crossed / "report.html")
+    browser.evaluate("byId('curves').querySelector('svg[tabindex]').focus()")
+    browser.press("ArrowRight")
+    told = browser.evaluate("byId('curves').querySelector('.tip').textContent")
+    assert told.startswith("rate: 0.01\non cars: ")
+    assert " to " in told
+
+
+def test_the_table_sorts_by_a_click_on_a_head(browser, crossed):
+    browser.open(crossed / "report.html")
+    choose(browser, "columns", "object_reuse")
+    points = pd.read_parquet(crossed / "table.parquet")
+    mine = points[(points["metric"] == "object_reuse") & (points["role"] == "local")]
+    heads = browser.evaluate("[...byId('table').tHead.rows[0].cells].map(one => one.textContent)")
+    assert heads == ["point", "rate", "rule", "object reuse, on cars", "object reuse, on edges"]
+    values = dict(zip(mine["point"], mine["value"], strict=True))
+    for direction in ("ascending", "descending"):
+        browser.evaluate("byId('table').tHead.querySelectorAll('button')[3].click()")
+        order = browser.evaluate("[...byId('table').tBodies[0].rows].map(row => Number(row.cells[0].textContent))")
+        shown = [values[point] for point in order]
+        assert shown == sorted(shown, reverse=direction == "descending")
+        assert browser.evaluate("byId('table').tHead.rows[0].cells[3].getAttribute('aria-sort')") == direction
+    browser.evaluate("byId('filter').value = 'EMA 0.1'; byId('filter').dispatchEvent(new Event('input'))")
+    assert browser.evaluate("byId('table').tBodies[0].rows.length") == 1
+
+
+def test_markup_in_a_description_is_shown_as_text(browser, tmp_path):
+    import json
+
+    folder = swept(CROSSED.replace("DESCRIPTION", json.dumps(EVIL)).replace("seeds: 2", "seeds: 1"), tmp_path, "evil")
+    assert (folder / "report.html").read_text(encoding="utf-8").count("<script") == 2
+    browser.open(folder / "report.html")
+    assert browser.evaluate("typeof window.hacked") == "undefined"
+    assert browser.evaluate("byId('description').textContent") == EVIL
+    assert browser.errors == []
