@@ -110,10 +110,11 @@ FOUR_CAMERAS = tuple(
 
 
 class Edge(Model):
-    """An edge server."""
+    """An edge server. It shares with its ``neighbours`` over the edge network; ``None`` for all other edges."""
 
     name: Name
     device: str
+    neighbours: Annotated[tuple[Name, ...], Listed] | None = None
 
 
 class Route(Model):
@@ -300,9 +301,25 @@ class Scenario(Model):
             if car.edge is not None and car.edge not in edges:
                 problem(f"cars[{index}].edge", _unknown_edge(car.edge, edges))
             self._edge_fits(index, car)
+        self._neighbours_fit(edges)
         if self.origin is not None and not (abs(self.origin[0]) <= 90 and abs(self.origin[1]) <= 180):
             problem("origin", "must be [latitude, longitude, altitude] in degrees, degrees and metres")
         return self
+
+    def _neighbours_fit(self, edges: Collection[str]) -> None:
+        """Neighbours exist and agree: what one edge asks another, that one must be able to answer."""
+        named = {edge.name: edge.neighbours for edge in self.edges}
+        for index, edge in enumerate(self.edges):
+            for place, other in enumerate(edge.neighbours or ()):
+                field = f"edges[{index}].neighbours[{place}]"
+                if other not in edges:
+                    problem(field, _unknown_edge(other, edges))
+                if other == edge.name:
+                    problem(field, f"{other} is no neighbour of itself")
+                theirs = named[other]
+                if theirs is not None and edge.name not in theirs:
+                    problem(field, f"{other} does not have {edge.name} among its own neighbours")
+            _unique(f"edges[{index}].neighbours", edge.neighbours or ())
 
     def _edge_fits(self, index: int, car: Car) -> None:
         """A car without cameras has an edge without detector, and asks by position."""

@@ -180,11 +180,19 @@ class World:
         )
 
     def _join_edges(self) -> None:
-        """Every edge's ``-remote`` topics reach all other edges through its port to the edge network."""
+        """Every edge's ``-remote`` topics reach its neighbours through its port to the edge network.
+
+        Two edges are neighbours unless one of them names its own and leaves the other out.
+        """
+        named = {edge.name: edge.neighbours for edge in self.scenario.edges}
+        order = {name: place for place, name in enumerate(self.edges)}
         for edge in self.edges.values():
             port = self._link(f"{edge.name}->edges", self.scenario.edge_network, up=True)
-            for other in self.edges.values():
-                if other is not edge:
+            theirs = named[edge.name]
+            wanted = self.edges if theirs is None else sorted(theirs, key=order.__getitem__)
+            for name in wanted:
+                other, back = self.edges[name], named[name]
+                if other is not edge and (back is None or edge.name in back):
                     # An edge without detector has nothing of its own to answer neighbours with; it only listens.
                     topics = (IMAGES + REMOTE, OBJECTS + REMOTE) if other.detector is not None else (OBJECTS + REMOTE,)
                     for topic in topics:
