@@ -53,6 +53,11 @@ LITERAL: dict[str, Any] = {
 }
 
 
+# How long a car that changes its edge can send and receive nothing. Drive tests see 30 to 80 ms within LTE and 50 to
+# 150 ms within 5G [S: 5g6gacademy.com, 5G drive testing, lesson 12.3.5]: what both have in common.
+HAND_OVER_GAP_NS = 50 * units.NS_PER_MS
+
+
 class Recorded(Model):
     """What the cameras show comes from a perception trace."""
 
@@ -137,10 +142,18 @@ class Route(Model):
         return self
 
 
+class HandOver(Model):
+    """At this instant of simulated time a car leaves its edge for another."""
+
+    at_ns: Duration = Field(alias="at")
+    edge: str
+
+
 class Car(Model):
     """A car, its computer, and its link to its edge (both ``None`` for a car on its own).
 
-    A car without ``cameras`` has no detector either: it asks with its position and lives on what others have seen.
+    ``hand_overs``, in order of time, say when it changes to which other edge; the link stays of the same kind. A car
+    without ``cameras`` has no detector either: it asks with its position and lives on what others have seen.
     """
 
     name: Name
@@ -150,6 +163,7 @@ class Car(Model):
     route: Route = Route()
     cameras: bool = True
     genie: bool = True
+    hand_overs: Annotated[tuple[HandOver, ...], Listed] = ()
 
     @model_validator(mode="before")
     @classmethod
@@ -164,6 +178,10 @@ class Car(Model):
             problem("link", "leads nowhere: the car has no 'edge'")
         if not self.cameras and (self.edge is None or not self.genie):
             problem("cameras", "a car without cameras needs an 'edge' and 'genie: true', or nobody answers it")
+        if self.hand_overs and self.edge is None:
+            problem("hand_overs", "the car has no 'edge' to leave")
+        if self.hand_overs and not self.cameras:
+            problem("hand_overs", "a car without cameras stays with the edge that serves it")
         return self
 
 
@@ -287,6 +305,7 @@ class Scenario(Model):
     queue_length: Count = 1
     edges: Annotated[tuple[Edge, ...], Listed] = ()
     edge_network: Link = LINKS["ethernet_1g"]
+    hand_over_gap_ns: Duration = Field(default=HAND_OVER_GAP_NS, alias="hand_over_gap")
     cars: Annotated[tuple[Car, ...], Listed, Field(min_length=1)]
     genie: GenieSettings = GenieSettings()
 
@@ -300,11 +319,25 @@ class Scenario(Model):
         for index, car in enumerate(self.cars):
             if car.edge is not None and car.edge not in edges:
                 problem(f"cars[{index}].edge", _unknown_edge(car.edge, edges))
+            self._hand_overs_fit(index, car, edges)
             self._edge_fits(index, car)
         self._neighbours_fit(edges)
         if self.origin is not None and not (abs(self.origin[0]) <= 90 and abs(self.origin[1]) <= 180):
             problem("origin", "must be [latitude, longitude, altitude] in degrees, degrees and metres")
         return self
+
+    def _hand_overs_fit(self, index: int, car: Car, edges: Collection[str]) -> None:
+        """Each leads to another edge that exists, after the one before is over."""
+        edge, free_ns = car.edge, 0
+        for place, one in enumerate(car.hand_overs):
+            field = f"cars[{index}].hand_overs[{place}]"
+            if one.edge not in edges:
+                problem(f"{field}.edge", _unknown_edge(one.edge, edges))
+            if one.edge == edge:
+                problem(f"{field}.edge", f"the car is with {edge} already")
+            if one.at_ns < free_ns:
+                problem(f"{field}.at", f"comes before the one before it is over, at {units.duration_text(free_ns)}")
+            edge, free_ns = one.edge, one.at_ns + self.hand_over_gap_ns
 
     def _neighbours_fit(self, edges: Collection[str]) -> None:
         """Neighbours exist and agree: what one edge asks another, that one must be able to answer."""
@@ -326,7 +359,7 @@ class Scenario(Model):
         if car.cameras:
             return
         for other in self.cars:
-            if other.cameras and other.edge == car.edge:
+            if other.cameras and car.edge in (other.edge, *(one.edge for one in other.hand_overs)):
                 problem(f"cars[{index}].edge", f"serves {other.name}'s cameras; a car without needs one of its own")
         if self.genie.similarity.name != "pose_grid":
             problem(f"cars[{index}].cameras", "a car without cameras has only its position: similarity 'pose_grid'")

@@ -122,8 +122,9 @@ class Link:
 class Bridge:
     """Carries a topic of one graph over a link to a topic of another.
 
-    ``reaches`` is the address of the node at the far end, for messages meant for one receiver. With ``origin`` only
-    the messages about that car's pictures are carried. ``carried`` is told of each message that was on the wire.
+    ``reaches`` is the address of the node at the far end, for messages meant for one receiver. ``carried`` is told of
+    each message that was on the wire. After ``take_down`` nothing gets across any more, neither what comes then nor
+    what was on its way; ``lost`` is told of each such message at the moment it would have begun or ended its way.
     """
 
     def __init__(
@@ -132,18 +133,55 @@ class Bridge:
         target: Graph,
         topic: str,
         reaches: str,
-        origin: str | None = None,
         carried: Carried | None = None,
+        lost: Carried | None = None,
     ) -> None:
         self.address = reaches
         self._link = link
         self._target = target
         self._topic = topic
-        self._origin = origin
         self._carried = carried
+        self._lost = lost
+        self._is_up = True
+        self._times_up = 1
+
+    def take_down(self) -> None:
+        """The connection breaks."""
+        self._is_up = False
+
+    def put_up(self) -> None:
+        """The connection is there again; what was on its way before stays lost."""
+        self._is_up = True
+        self._times_up += 1
 
     def deliver(self, topic: str, message: Message, sender: str) -> None:
-        if self._origin is not None and message.header.origin != self._origin:
+        if not self._is_up:
+            self._lose(message)
             return
         channel = (self.address, self._topic, message.header.frame_id)
-        self._link.send(channel, message, lambda: self._target.inject(self._topic, message, sender), self._carried)
+        times_up = self._times_up
+        self._link.send(channel, message, lambda: self._arrive(message, sender, times_up), self._carried)
+
+    def _arrive(self, message: Message, sender: str, times_up: int) -> None:
+        if self._is_up and times_up == self._times_up:
+            self._target.inject(self._topic, message, sender)
+        else:
+            self._lose(message)
+
+    def _lose(self, message: Message) -> None:
+        if self._lost is not None:
+            self._lost(message)
+
+
+class Downlinks:
+    """The way from an edge to the cars that it has served: an answer goes down the bridge to the car whose picture it
+    is about. A look-up by the header's origin, however many cars there are."""
+
+    def __init__(self, address: str) -> None:
+        self.address = address
+        self.of_car: dict[str, Bridge] = {}
+
+    def deliver(self, topic: str, message: Message, sender: str) -> None:
+        bridge = self.of_car.get(message.header.origin)
+        if bridge is not None:
+            bridge.deliver(topic, message, sender)

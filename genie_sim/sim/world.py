@@ -17,7 +17,7 @@ from genie_sim.messages import Detections, Expired, ImageLookup, Message, Object
 from genie_sim.perception.trace import Trace
 from genie_sim.sim.camera import Camera
 from genie_sim.sim.device import Host
-from genie_sim.sim.link import Bridge, Link
+from genie_sim.sim.link import Bridge, Downlinks, Link
 from genie_sim.sim.log import Log, Resource
 from genie_sim.sim.nodes import Consumer, Detector, Genie, attach_genie
 from genie_sim.sim.phantom import POSITION_BYTES, Coordinator, positions
@@ -40,6 +40,55 @@ class _Edge:
         self.graph = Graph(world.env, name)
         self.detector = world.add_detector(name, host, self.graph) if detects else None
         self.genie: Genie | None = None
+        self.downlinks = Downlinks(f"{name}/cars")
+        self.graph.bridge(OBJECTS, self.downlinks)
+
+
+class _Uplink:
+    """A car's way to its edge and back: frames go up, the answers to them come down.
+
+    A hand-over is hard, as that of a mobile network and of a ROS node that connects to another master: the connection
+    to the old edge breaks, and after the scenario's ``hand_over_gap`` there is one to the new edge. What the car sends
+    in between is lost, and so is whatever waits for the old link or is on it, and what the old edge answers while the
+    car is away: it is dropped by ``CAR:hand_over``. Each edge has its own link to the car, which is there again when
+    the car comes back.
+    """
+
+    def __init__(self, world: World, car: Car, graph: Graph, topics: tuple[str, str]) -> None:
+        assert car.edge is not None
+        self.address = f"{car.name}/uplink"
+        self.edge = car.edge
+        self._world = world
+        self._car = car
+        self._graph = graph
+        self._up_topic, self._down_topic = topics
+        self._bridges: dict[str, tuple[Bridge, Bridge]] = {}  # up and down, by the edge
+        self._up = self._connect(car.edge)
+        graph.bridge(self._up_topic, self)
+        if car.hand_overs:
+            world.env.process(self._hand_overs())
+
+    def deliver(self, topic: str, message: Message, sender: str) -> None:
+        self._up.deliver(topic, message, sender)
+
+    def _connect(self, name: str) -> Bridge:
+        """Puts up the bridges to an edge, and returns the one that leads up."""
+        self.edge = name
+        if name in self._bridges:
+            for bridge in self._bridges[name]:
+                bridge.put_up()
+        else:
+            self._bridges[name] = self._world.bridges(self._car, self._graph, self._world.edges[name], self._down_topic)
+        return self._bridges[name][0]
+
+    def _hand_overs(self) -> Iterable[simpy.Event]:
+        env = self._world.env
+        for hand_over in self._car.hand_overs:
+            yield env.timeout(hand_over.at_ns - env.now)
+            for bridge in self._bridges[self.edge]:
+                bridge.take_down()
+            yield env.timeout(self._world.scenario.hand_over_gap_ns)
+            self._up = self._connect(hand_over.edge)
 
 
 class World:
@@ -66,6 +115,7 @@ class World:
         self._log = log
         self._end_ns = 0
         self.edges: dict[str, _Edge] = {}
+        self._uplinks: dict[str, _Uplink] = {}
         without_cameras = {car.edge for car in scenario.cars if not car.cameras}
         for edge in scenario.edges:
             host = self._add_host(edge.name, edge.device)
@@ -110,9 +160,9 @@ class World:
         if self.method == "genie" and car.genie:
             self._attach(car.name, graph, role="local", alone=edge is None)
             if edge is not None:
-                self._join_car(car, graph, edge, IMAGES + REMOTE, OBJECTS + REMOTE)
+                self._join_car(car, graph, IMAGES + REMOTE, OBJECTS + REMOTE)
         elif self.method == "remote" and edge is not None:
-            self._join_car(car, graph, edge, IMAGES, OBJECTS)
+            self._join_car(car, graph, IMAGES, OBJECTS)
         self._add_frames(car, host, graph, trace)
 
     def _add_car_without_cameras(self, car: Car, trace: Trace) -> None:
@@ -124,7 +174,7 @@ class World:
         coordinator = Coordinator(self.scenario.genie, self.scenario.queue_length, self._log)
         for phantom in coordinator.assign(IMAGES, OBJECTS, (graph, host, "local"), (edge.graph, edge.host, "remote")):
             self.resources.append(phantom)
-        self._join_car(car, graph, edge, IMAGES + REMOTE, OBJECTS + REMOTE)
+        self._join_car(car, graph, IMAGES + REMOTE, OBJECTS + REMOTE)
         self._add_frames(car, host, graph, trace)
 
     def _add_frames(self, car: Car, host: Host, graph: Graph, trace: Trace) -> None:
@@ -169,15 +219,24 @@ class World:
         self.resources.append(genie)
         return genie
 
-    def _join_car(self, car: Car, graph: Graph, edge: _Edge, up_topic: str, down_topic: str) -> None:
-        """The car and its edge become one virtual network: frames go up, the answers to them come down."""
+    def _join_car(self, car: Car, graph: Graph, *topics: str) -> None:
+        """The car and its edge become one virtual network. ``topics``: what goes up, and what comes down to."""
+        up_topic, down_topic = topics
+        self._uplinks[car.name] = _Uplink(self, car, graph, (up_topic, down_topic))
+
+    def bridges(self, car: Car, graph: Graph, edge: _Edge, down_topic: str) -> tuple[Bridge, Bridge]:
+        """What carries a car's frames up to an edge, and the answers to them down."""
         up = self._link(f"{car.name}->{edge.name}", car.link, up=True)
         down = self._link(f"{edge.name}->{car.name}", car.link, up=False)
         sent, received = partial(self._log.carried, "bytes_up"), partial(self._log.carried, "bytes_down")
-        graph.bridge(up_topic, Bridge(up, edge.graph, IMAGES, f"{edge.name}/{DETECTOR}", carried=sent))
-        edge.graph.bridge(
-            OBJECTS, Bridge(down, graph, down_topic, f"{car.name}/genie", origin=car.name, carried=received)
-        )
+        lost = partial(self._lost, f"{car.name}:hand_over")
+        upwards = Bridge(up, edge.graph, IMAGES, f"{edge.name}/{DETECTOR}", sent, lost)
+        downwards = Bridge(down, graph, down_topic, f"{car.name}/genie", received, lost)
+        edge.downlinks.of_car[car.name] = downwards
+        return upwards, downwards
+
+    def _lost(self, where: str, message: Message) -> None:
+        self._log.dropped(message, where)
 
     def _join_edges(self) -> None:
         """Every edge's ``-remote`` topics reach its neighbours through its port to the edge network.
@@ -208,11 +267,12 @@ class World:
         self._log.answered(answer, self._source(car, answer), now_ns)
 
     def _source(self, car: Car, answer: Detections) -> str:
-        """Where an answer comes from, seen from the car."""
+        """Where an answer comes from, seen from the car at this moment."""
         place = answer.served_by.split("/")[0]
         if answer.source == "map":
             return "map"
-        whose = "own" if place == car.name else "edge" if place == car.edge else "peer"
+        uplink = self._uplinks.get(car.name)
+        whose = "own" if place == car.name else "edge" if uplink is not None and place == uplink.edge else "peer"
         if answer.source == "detector":
             return "own_detector" if whose == "own" else "edge_detector"
         return f"{whose}_cache"

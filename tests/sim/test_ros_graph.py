@@ -11,9 +11,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from sim.street import build, fixed_device, scenario
 
+from genie_sim.experiment.links import LINKS
 from genie_sim.messages import Header, Publish
 from genie_sim.sim.device import Host
-from genie_sim.sim.link import Bridge, Link
+from genie_sim.sim.link import Bridge, Downlinks, Link
 from genie_sim.sim.nodes import Detector, Genie
 from genie_sim.sim.ros_graph import Graph, Node
 from genie_sim.sim.world import DETECTOR, IMAGES, OBJECTS
@@ -283,20 +284,45 @@ def test_a_note_for_one_neighbour_crosses_only_the_bridge_to_it():
     assert three.ports["edge1"].completed == 1
 
 
-def test_a_bridge_for_a_car_carries_only_what_is_about_that_car():
+def test_an_answer_goes_down_to_the_car_that_it_is_about():
     env = simpy.Environment(initial_time=0)
-    (edge, host), (car, _) = office("edge1", env), office("car1", env)
-    heard = Listener()
-    car.subscribe("/objects", heard)
-    link = Link(env, "edge1->car1", scenario(1).edge_network, False, np.random.default_rng(1))
-    edge.bridge("/objects", Bridge(link, car, "/objects", "car1/genie", origin="car1"))
+    edge, host = office("edge1", env)
+    downlinks = Downlinks("edge1/cars")
+    edge.bridge("/objects", downlinks)
+    heard = {}
+    for name in ("car1", "car2"):
+        car, _ = office(name, env)
+        heard[name] = Listener()
+        car.subscribe("/objects", heard[name])
+        link = Link(env, f"edge1->{name}", scenario(1).edge_network, False, np.random.default_rng(1))
+        downlinks.of_car[name] = Bridge(link, car, "/objects", f"{name}/genie")
     node = Clerk("node", host, edge, (), ("/objects",))
-    others = Note(2)
-    others.header = Header(2, "camera_02", "car2")
-    for note in (Note(1), others, Note(3)):
+    for number, about in enumerate(("car1", "car2", "car3", "car1"), 1):
+        note = Note(number)
+        note.header = Header(number, "camera_02", about)
         node.publish("/objects", note)
         env.run()
-    assert [number for _, number, _ in heard.heard] == [1, 3]
+    numbers = {name: [number for _, number, _ in listener.heard] for name, listener in heard.items()}
+    assert numbers == {"car1": [1, 4], "car2": [2]}
+
+
+def test_a_bridge_that_was_taken_down_loses_what_comes_and_what_was_on_its_way():
+    """0.2 ms of delay: the first note arrives, the second is on its way, the third comes in between, the last after."""
+    env = simpy.Environment(initial_time=0)
+    here, there = Graph(env, "here"), Graph(env, "there")
+    heard, lost = Listener(), []
+    there.subscribe("/notes", heard)
+    link = Link(env, "link", LINKS["ethernet_1g"], True, np.random.default_rng(1))
+    bridge = Bridge(link, there, "/notes", "there/node", lost=lambda note: lost.append((env.now, note.header.stamp_ns)))
+    here.bridge("/notes", bridge)
+    events = [(0, Note(1)), (300_000, Note(2)), (310_000, bridge.take_down), (320_000, Note(3))]
+    for at_ns, what in [*events, (330_000, bridge.put_up), (600_000, Note(4))]:
+        env.run(until=max(at_ns, 1))
+        what() if callable(what) else bridge.deliver("/notes", what, "here/node")
+    env.run()
+    arrival_ns = 300_000 + link.serialisation_ns(Note(2).size_bytes) + 200_000
+    assert [number for _, number, _ in heard.heard] == [1, 4]
+    assert lost == [(320_000, 3), (arrival_ns, 2)]
 
 
 def test_requests_of_one_edge_are_not_passed_on_by_the_others():
