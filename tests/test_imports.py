@@ -16,13 +16,15 @@ PACKAGE = REPOSITORY / "genie_sim"
 
 # Each layer, and what of genie_sim it may import. A module belongs to the first layer that its name starts with.
 GROUND = ("units", "messages", "errors")
-SETTINGS = tuple(f"experiment.{name}" for name in ("scenario", "genies", "fields", "profiles", "links", "seeds"))
+SETTINGS = tuple(
+    f"experiment.{name}" for name in ("scenario", "genie_settings", "genies", "fields", "profiles", "links", "seeds")
+)
 LAYERS: dict[str, tuple[str, ...]] = {
     "errors": (),
     "units": ("errors",),
     "messages": ("units", "errors"),
     "core": (*GROUND, "core"),
-    "perception": (*GROUND, "core", "perception"),
+    "perception": (*GROUND, "core", "perception", "experiment.seeds"),
     "sim": (*GROUND, "core", "sim", "perception.trace", *SETTINGS, "experiment.records"),
     "ros.bags": (*GROUND, "core", "ros", "perception"),
     "ros.export": (*GROUND, "ros", "experiment"),
@@ -149,7 +151,11 @@ def _loaded_by(statement: str) -> set[str]:
     """Every module that a fresh Python has loaded after a statement."""
     told = subprocess.run(
         [sys.executable, "-c", f"import sys; {statement}; print(*sys.modules)"],
-        cwd=REPOSITORY, capture_output=True, text=True, check=True, timeout=60,
+        cwd=REPOSITORY,
+        capture_output=True,
+        text=True,
+        check=True,
+        timeout=60,
     )
     return set(told.stdout.split())
 

@@ -1,0 +1,220 @@
+"""What a car's camera sees, frame by frame, made when it is asked for and not kept."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING, overload
+
+from genie_sim.messages import CameraPose, Detection
+from genie_sim.perception.city.laws import (
+    LOWEST_Z,
+    RANGES,
+    STEPS,
+    STEPS_PER_Z,
+    VIEW_STEP_M,
+    DetectorLaws,
+    GroupLaws,
+    group_of,
+)
+from genie_sim.perception.city.noise import MASK, NORMAL_MASK, SMOOTH_MASK, mix, normals, smooth_normals
+from genie_sim.perception.city.rules import TrueObject
+from genie_sim.perception.city.streets import Seen, Streets
+from genie_sim.perception.trace import IMAGE_HEADER_BYTES, POSITION_DECIMALS, SCORE_DECIMALS
+
+if TYPE_CHECKING:
+    from genie_sim.perception.city.town import Drive
+
+# The colour cameras of KITTI's drive 2011_09_26/0005, as its trace has them (A. Geiger et al., IJRR 2013).
+WIDTH, HEIGHT = 1242, 375
+HORIZONTAL_FOV_RAD = 1.42116
+CAMERA_UP_M = 1.65
+BASELINES_M = {"02": 0.27, "03": -0.27}  # to the left of the car's middle
+NEAREST_M = 3.5  # KITTI's nearest labelled object is 3 m away: nearer ones leave the picture
+TABLE_END = STEPS - 1e-9
+
+
+class CityFrame:
+    """One camera frame of the town; stands in for a ``TraceFrame``, except that boxes are ``None``.
+
+    ``digest`` names the town, the car, the camera and the frame: no two frames are byte for byte the same picture.
+    ``dhash`` are bits of their own for each frame, so that pictures are never alike by it, however near their poses.
+    ``detections`` are made when they are first asked for, from the town's seed, the car and the frame alone.
+    """
+
+    __slots__ = ("_detections", "_drive", "_place", "camera", "dhash", "digest", "index", "pose", "stamp_ns")
+
+    width = WIDTH
+    height = HEIGHT
+    size_bytes = WIDTH * HEIGHT * 3 + IMAGE_HEADER_BYTES
+    horizontal_fov_rad = HORIZONTAL_FOV_RAD
+
+    def __init__(self, drive: Drive, camera: str, index: int) -> None:
+        self._drive = drive
+        self.camera = camera
+        self.index = index
+        self.stamp_ns = stamp_ns = index * drive.interval_ns
+        self.dhash = mix(drive.car_key ^ (index << 8) ^ int(camera))
+        self.digest = f"{drive.picture_prefix}{camera}{index:014x}"
+        east_m, north_m, heading, c, s, _ = drive.course.at((drive.start_ns + stamp_ns) * 1e-9)
+        left_m = BASELINES_M[camera]
+        east_m = round(east_m - left_m * s, POSITION_DECIMALS)
+        north_m = round(north_m + left_m * c, POSITION_DECIMALS)
+        self.pose = CameraPose(east_m, north_m, CAMERA_UP_M, round(math.remainder(heading, math.tau), 6))
+        self._place = (c, s)
+        self._detections: tuple[Detection, ...] | None = None
+
+    @property
+    def detections(self) -> tuple[Detection, ...]:
+        """What the detector finds in this frame, best score first."""
+        if self._detections is None:
+            drive = self._drive
+            self._detections = drive.town.eye.look(self.pose, *self._place, self._t_s, self.dhash)
+        return self._detections
+
+    def truth(self) -> tuple[TrueObject, ...]:
+        """What is really in view: not hidden by houses, in the field of view, within ``TownRules.view_m``."""
+        return self._drive.town.eye.truth(self.pose, *self._place, self._t_s)
+
+    @property
+    def _t_s(self) -> float:
+        return (self._drive.start_ns + self.stamp_ns) * 1e-9
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, CityFrame) and self.digest == other.digest
+
+    def __hash__(self) -> int:
+        return hash(self.digest)
+
+    def __repr__(self) -> str:
+        return f"<CityFrame {self._drive.name} {self.camera} {self.index}>"
+
+
+class CityFrames(Sequence[CityFrame]):
+    """All frames of one camera of a drive; each look makes them anew."""
+
+    __slots__ = ("_camera", "_count", "_drive")
+
+    def __init__(self, drive: Drive, camera: str, count: int) -> None:
+        self._drive, self._camera, self._count = drive, camera, count
+
+    def __len__(self) -> int:
+        return self._count
+
+    @overload
+    def __getitem__(self, index: int) -> CityFrame: ...
+
+    @overload
+    def __getitem__(self, index: slice) -> tuple[CityFrame, ...]: ...
+
+    def __getitem__(self, index: int | slice) -> CityFrame | tuple[CityFrame, ...]:
+        if isinstance(index, slice):
+            return tuple(CityFrame(self._drive, self._camera, i) for i in range(*index.indices(self._count)))
+        if not -self._count <= index < self._count:
+            raise IndexError(f"frame {index} of {self._count}")
+        return CityFrame(self._drive, self._camera, index % self._count)
+
+    def __iter__(self) -> Iterator[CityFrame]:
+        return (CityFrame(self._drive, self._camera, index) for index in range(self._count))
+
+
+class Eye:
+    """A camera with its detector, anywhere in the town."""
+
+    def __init__(self, streets: Streets, laws: DetectorLaws, view_m: float) -> None:
+        self._streets, self._view_m = streets, view_m
+        self._laws, self._ghosts = laws.groups, laws.ghosts
+        self._smooth = smooth_normals(VIEW_STEP_M / laws.smooth_m)
+        self._normals = normals()
+        half = HORIZONTAL_FOV_RAD / 2
+        self._half_c, self._half_s, self._slope = math.cos(half), math.sin(half), math.tan(half)
+        self._names: list[tuple[float, str]] = []
+        share = 0.0
+        for name, part in laws.other_names:
+            share += part
+            self._names.append((share, name))
+
+    def truth(self, pose: CameraPose, c: float, s: float, t_s: float) -> tuple[TrueObject, ...]:
+        return tuple(
+            TrueObject(thing.number, thing.label, (thing.east_m, thing.north_m, thing.up_m), thing.moving)
+            for thing, _ in self._in_view(pose, c, s, t_s)
+            if thing.real
+        )
+
+    def look(self, pose: CameraPose, c: float, s: float, t_s: float, look_key: int) -> tuple[Detection, ...]:
+        """Every object in view by its law; ``look_key`` is this look's own."""
+        table, smooth = self._normals, self._smooth
+        # The view changes as the camera goes on and the range shrinks; turning into another street is another view.
+        if abs(c) > abs(s):
+            gone_m, quarter = (pose.east_m, 0) if c > 0 else (-pose.east_m, 1)
+        else:
+            gone_m, quarter = (pose.north_m, 2) if s > 0 else (-pose.north_m, 3)
+        found = []
+        for thing, range_m in self._in_view(pose, c, s, t_s):
+            east_m, north_m, up_m, label, _, key, score_z, along_z, across_z, _, real = thing
+            laws: GroupLaws = (self._laws if real else self._ghosts)[group_of(label)]
+            bits = ((key ^ look_key) * 0xBF58476D1CE4E5B9) & MASK
+            bits ^= bits >> 32
+            view = int((range_m - gone_m) / VIEW_STEP_M) + (key >> 36) + quarter * 16411
+            of_object, of_view, of_look = laws.weights
+            row = laws.scores[int(range_m + 0.5)]
+            z = of_object * score_z + of_view * smooth[view & SMOOTH_MASK] + of_look * table[bits & NORMAL_MASK]
+            place = min(max((z - LOWEST_Z) * STEPS_PER_Z, 0.0), TABLE_END)
+            i = int(place)
+            score = row[i]
+            if score == 0.0:
+                continue
+            score = round(score + (row[i + 1] - score) * (place - i), SCORE_DECIMALS)
+            of_object, of_view, of_look = laws.place_weights
+            z = (
+                of_object * along_z
+                + of_view * smooth[view + 21 * 1021 & SMOOTH_MASK]
+                + of_look * table[bits >> 12 & NORMAL_MASK]
+            )
+            along_m = laws.along_m[int(range_m + 0.5)][int(min(max((z - LOWEST_Z) * STEPS_PER_Z, 0.0), TABLE_END))]
+            z = (
+                of_object * across_z
+                + of_view * smooth[view + 43 * 1021 & SMOOTH_MASK]
+                + of_look * table[bits >> 24 & NORMAL_MASK]
+            )
+            across_m = laws.across_m[int(range_m + 0.5)][int(min(max((z - LOWEST_Z) * STEPS_PER_Z, 0.0), TABLE_END))]
+            ux, uy = (east_m - pose.east_m) / range_m, (north_m - pose.north_m) / range_m
+            location = (
+                round(east_m + along_m * ux - across_m * uy, POSITION_DECIMALS),
+                round(north_m + along_m * uy + across_m * ux, POSITION_DECIMALS),
+                up_m,
+            )
+            if label == "car":
+                u = (bits >> 40 & 0xFFFF) / 0x10000
+                for share, name in self._names:
+                    if u < share:
+                        label = name
+                        break
+            found.append(Detection(label, score, None, location, score, "city"))
+        found.sort(key=_best_first)
+        return tuple(found)
+
+    def _in_view(self, pose: CameraPose, c: float, s: float, t_s: float) -> Iterator[tuple[Seen, float]]:
+        """Everything in view, ghosts too, with its range [m]."""
+        view_m, slope = min(self._view_m, RANGES - 1.0), self._slope
+        x, y = pose.east_m, pose.north_m
+        c1, s1 = c * self._half_c - s * self._half_s, s * self._half_c + c * self._half_s
+        c2, s2 = c * self._half_c + s * self._half_s, s * self._half_c - c * self._half_s
+        box = (
+            x + view_m * (-1.0 if -c >= self._half_c else min(0.0, c1, c2)),
+            y + view_m * (-1.0 if -s >= self._half_c else min(0.0, s1, s2)),
+            x + view_m * (1.0 if c >= self._half_c else max(0.0, c1, c2)),
+            y + view_m * (1.0 if s >= self._half_c else max(0.0, s1, s2)),
+        )
+        for thing in self._streets.ahead(x, y, box, t_s):
+            dx, dy = thing[0] - x, thing[1] - y
+            ahead_m = dx * c + dy * s
+            left_m = dy * c - dx * s
+            if ahead_m > 0.0 and abs(left_m) <= ahead_m * slope:
+                range_m = math.sqrt(dx * dx + dy * dy)
+                if NEAREST_M <= range_m <= view_m:
+                    yield thing, range_m
+
+
+def _best_first(detection: Detection) -> tuple[float, str]:
+    return -detection.score, detection.label

@@ -1,0 +1,262 @@
+"""Fits the laws of a detector on a real trace that was judged by KITTI's labels (``evaluation``)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
+from statistics import NormalDist
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from genie_sim.core.geometry import Array
+from genie_sim.messages import Detection
+from genie_sim.perception.evaluation import LABELS, evaluate
+from genie_sim.perception.trace import Trace, TraceFrame
+from genie_sim.perception.truth import Truth
+
+SCORE_EDGES_M = {"vehicles": (0, 12, 18, 24, 30, 40, 60), "persons": (0, 8, 10, 12, 20)}
+PLACE_EDGES_M = {"vehicles": (0, 12, 18, 24, 32, 60), "persons": (0, 10, 20)}
+QUANTILES = 21
+DECIMALS = 4
+GHOST_M = 2.0  # two wrong detections nearer than this are of one ghost
+GHOST_VIEW_M = 60.0
+LAGS_M = (0.0, 0.25, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0)
+OBJECT_SHARES = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5)
+LOOK_SHARES = (0.0, 0.03, 0.06, 0.1, 0.15, 0.2, 0.3)
+SMOOTH_M = (3.0, 6.0, 12.0, 24.0)
+REPLICATIONS = 20
+
+
+class Look(NamedTuple):
+    """One labelled object in one picture that counts: which one, from how far, and what the detector made of it.
+
+    ``view_m`` is the coordinate of the gradual effect: the range less the way that the camera had gone. ``along_m``
+    and ``across_m`` are the error of the place, away from the camera and to the left of it.
+    """
+
+    track: int
+    camera: str
+    range_m: float
+    view_m: float
+    detection: Detection | None
+    along_m: float | None
+    across_m: float | None
+
+
+def looks(trace: Trace, truth: Truth, min_score: float = 0.3) -> dict[str, list[Look]]:
+    """Every labelled object in every picture that counts, by group."""
+    evaluation = evaluate(trace, truth, min_score)
+    frames = {(camera, frame.index): frame for camera in trace.frames for frame in trace.frames[camera]}
+    gone_m = _gone_m(trace)
+    rows: dict[str, list[Look]] = {}
+    for name, group in evaluation.groups.items():
+        found = {id(j.label): j.detection for j in group.judged if j.label is not None}
+        rows[name] = []
+        for (camera, index), labels in truth.pictures.items():
+            pose = frames[camera, index].pose
+            for label in labels:
+                if not label.counts or label.group != name or label.centre is None:
+                    continue
+                east_m, north_m = label.centre[0] - pose.east_m, label.centre[1] - pose.north_m
+                range_m = math.hypot(east_m, north_m)
+                detection = found.get(id(label))
+                along_m = across_m = None
+                if detection is not None and detection.location is not None:
+                    off = detection.location[0] - label.centre[0], detection.location[1] - label.centre[1]
+                    along_m = (off[0] * east_m + off[1] * north_m) / range_m
+                    across_m = (off[1] * east_m - off[0] * north_m) / range_m
+                view_m = range_m - gone_m[camera, index]
+                rows[name].append(Look(label.track, camera, range_m, view_m, detection, along_m, across_m))
+    return rows
+
+
+def fit(trace: Trace, truth: Truth, ghost_truth: Truth, seed: int = 1) -> dict[str, Any]:
+    """The laws of the trace's detector. ``ghost_truth`` must say which areas nobody labelled (``DontCare``)."""
+    by_group = looks(trace, truth)
+    correlations = {
+        name: {"score": _correlation(name, rows, seed), "place": _place_correlation(name, rows, seed)}
+        for name, rows in by_group.items()
+    }
+    pooled = correlations["vehicles"]["score"]
+    groups = {
+        name: {
+            "found": _found(name, rows),
+            "place": _place(name, rows),
+            "score_correlation": correlations[name]["score"],
+            "place_correlation": correlations[name]["place"],
+        }
+        for name, rows in by_group.items()
+    }
+    names = [look.detection.label for look in by_group["vehicles"] if look.detection is not None]
+    return {
+        "groups": groups,
+        "ghosts": _ghosts(trace, ghost_truth, groups),
+        "vehicle_names": [[name, round(names.count(name) / len(names), DECIMALS)] for name in ("truck", "bus")],
+        "smooth_m": pooled["smooth_m"],
+    }
+
+
+def _gone_m(trace: Trace) -> dict[tuple[str, int], float]:
+    """How far each camera had gone by each of its frames."""
+    gone = {}
+    for camera, frames in trace.frames.items():
+        way_m = 0.0
+        gone[camera, frames[0].index] = way_m
+        for before, after in pairwise(frames):
+            way_m += math.dist(before.pose[:2], after.pose[:2])
+            gone[camera, after.index] = way_m
+    return gone
+
+
+def _binned(rows: Sequence[Look], edges_m: Sequence[float]) -> list[list[Look]]:
+    return [[row for row in rows if low <= row.range_m < high] for low, high in pairwise(edges_m)]
+
+
+def _quantiles(values: Sequence[float]) -> list[float]:
+    return [round(float(q), DECIMALS) for q in np.quantile(values, np.linspace(0, 1, QUANTILES))]
+
+
+def _found(name: str, rows: Sequence[Look]) -> dict[str, Any]:
+    bins = [here for here in _binned(rows, SCORE_EDGES_M[name]) if any(look.detection for look in here)]
+    return {
+        "range_m": [round(float(np.mean([look.range_m for look in here])), DECIMALS) for here in bins],
+        "looks": [len(here) for here in bins],
+        "miss": [round(sum(look.detection is None for look in here) / len(here), DECIMALS) for here in bins],
+        "scores": [_quantiles([look.detection.score for look in here if look.detection]) for here in bins],
+    }
+
+
+def _place(name: str, rows: Sequence[Look]) -> dict[str, Any]:
+    placed = [look for look in rows if look.along_m is not None]
+    bins = [here for here in _binned(placed, PLACE_EDGES_M[name]) if here]
+    return {
+        "range_m": [round(float(np.mean([look.range_m for look in here])), DECIMALS) for here in bins],
+        "looks": [len(here) for here in bins],
+        "along_m": [_quantiles([look.along_m or 0.0 for look in here]) for here in bins],
+        "across_m": [_quantiles([look.across_m or 0.0 for look in here]) for here in bins],
+    }
+
+
+def normal_scores(values: Sequence[float], bins: Sequence[int]) -> Array:
+    """Each value's rank within its bin as a standard normal number; equal values (misses) share the middle rank."""
+    from scipy.stats import norm, rankdata
+
+    values_, bins_ = np.asarray(values, dtype=float), np.asarray(bins)
+    z = np.empty(len(values_))
+    for k in np.unique(bins_):
+        here = bins_ == k
+        z[here] = norm.ppf((rankdata(values_[here]) - 0.5) / here.sum())
+    z -= z.mean()
+    scaled: Array = z / max(float(z.std()), 1e-9)
+    return scaled
+
+
+def correlogram(tracks: Array, views_m: Array, z: Array) -> Array:
+    """Mean product of normal scores of two looks at one object, by the distance of their views (``LAGS_M``)."""
+    total, count = np.zeros(len(LAGS_M)), np.zeros(len(LAGS_M))
+    for track in np.unique(tracks):
+        here = np.flatnonzero(tracks == track)
+        a, b = np.triu_indices(len(here), 1)
+        lag = np.digitize(np.abs(views_m[here[a]] - views_m[here[b]]), LAGS_M) - 1
+        # Each object counts alike, however often it was seen.
+        np.add.at(total, lag, z[here[a]] * z[here[b]] / len(here))
+        np.add.at(count, lag, 1.0 / len(here))
+    with np.errstate(invalid="ignore"):
+        means: Array = total / count
+    return means
+
+
+def _correlation(name: str, rows: Sequence[Look], seed: int) -> dict[str, float]:
+    values = [look.detection.score if look.detection else 0.0 for look in rows]
+    return _fit_correlation(rows, values, SCORE_EDGES_M[name], seed)
+
+
+def _place_correlation(name: str, rows: Sequence[Look], seed: int) -> dict[str, float]:
+    placed = [look for look in rows if look.along_m is not None]
+    return _fit_correlation(placed, [look.along_m or 0.0 for look in placed], PLACE_EDGES_M[name], seed)
+
+
+def _fit_correlation(
+    rows: Sequence[Look], values: Sequence[float], edges_m: Sequence[float], seed: int
+) -> dict[str, float]:
+    """The shares of the copula whose looks, made at the same places, are alike to the same degree as the real ones."""
+    tracks = np.array([look.track for look in rows])
+    views_m = np.array([look.view_m for look in rows])
+    bins = np.digitize([look.range_m for look in rows], edges_m)
+    real = correlogram(tracks, views_m, normal_scores(values, bins.tolist()))
+    missing = {k: float(np.mean([v == 0.0 for v, b in zip(values, bins, strict=True) if b == k])) for k in set(bins)}
+    random = np.random.default_rng(seed)
+    draws = random.standard_normal((REPLICATIONS, 3, len(rows)))
+    best: tuple[float, dict[str, float]] = (math.inf, {})
+    cut = np.array([NormalDist().inv_cdf(min(max(missing[k], 1e-9), 1 - 1e-9)) for k in bins])
+    for smooth_m in SMOOTH_M:
+        gradual = _gradual(tracks, views_m, smooth_m, draws[:, 1])
+        for of_object in OBJECT_SHARES:
+            for of_look in LOOK_SHARES:
+                of_view = 1 - of_object - of_look
+                made = []
+                for k in range(REPLICATIONS):
+                    lasting = draws[k, 0][np.searchsorted(np.unique(tracks), tracks)]
+                    z = of_object**0.5 * lasting + of_view**0.5 * gradual[k] + of_look**0.5 * draws[k, 2]
+                    z = np.where(z < cut, -9.0, z)
+                    made.append(correlogram(tracks, views_m, normal_scores(z.tolist(), bins.tolist())))
+                gap = float(np.nansum((np.nanmean(made, axis=0) - real) ** 2))
+                if gap < best[0]:
+                    shares = {"object": of_object, "view": round(of_view, DECIMALS), "smooth_m": smooth_m}
+                    best = gap, shares
+    return best[1]
+
+
+def _gradual(tracks: Array, views_m: Array, smooth_m: float, draws: Array) -> Array:
+    """Standard normal numbers (replications, looks), correlated by exp(-distance of views / smooth_m) per object."""
+    made = np.empty_like(draws)
+    for track in np.unique(tracks):
+        here = np.flatnonzero(tracks == track)
+        gaps = np.abs(views_m[here, None] - views_m[None, here])
+        factor = np.linalg.cholesky(np.exp(-gaps / smooth_m) + 1e-9 * np.eye(len(here)))
+        made[:, here] = draws[:, here] @ factor.T
+    return made
+
+
+def _ghosts(trace: Trace, truth: Truth, groups: Mapping[str, Any]) -> dict[str, Any]:
+    """Wrong detections as places where the detector sees what is not there: how many, how often, how sure."""
+    evaluation = evaluate(trace, truth, 0.3)
+    cameras = sorted({camera for camera, _ in truth.pictures})
+    frames = [frame for camera in cameras for frame in trace.frames[camera]]
+    where = {id(detection): frame for frame in frames for detection in frame.detections}
+    way_m = sum(math.dist(a.pose[:2], b.pose[:2]) for a, b in pairwise(trace.frames[cameras[0]]))
+    ghosts = {}
+    for name in LABELS:
+        wrong = [j.detection for j in evaluation.groups[name].judged if j.label is None]
+        places: list[tuple[float, float]] = []
+        ranges_m = []
+        for detection in wrong:
+            if detection.location is None:
+                continue
+            here = where[id(detection)].pose
+            ranges_m.append(math.dist(here[:2], detection.location[:2]))
+            if all(math.dist(place, detection.location[:2]) >= GHOST_M for place in places):
+                places.append((detection.location[0], detection.location[1]))
+        in_view = sum(_in_view(frame, place) for frame in frames for place in places)
+        rate = len(wrong) / len(frames)
+        ghosts[name] = {
+            "places": len(places),
+            "a_frame": round(rate, DECIMALS),
+            "per_100m": round(100 * len(places) / (way_m + GHOST_VIEW_M), DECIMALS),
+            "found": {
+                "range_m": [round(float(np.mean(ranges_m)), DECIMALS)],
+                "looks": [in_view],
+                "miss": [round(1 - len(wrong) / max(in_view, len(wrong)), DECIMALS)],
+                "scores": [_quantiles([d.score for d in wrong])],
+            },
+            **{key: groups[name][key] for key in ("place", "score_correlation", "place_correlation")},
+        }
+    return ghosts
+
+
+def _in_view(frame: TraceFrame, place: tuple[float, float]) -> bool:
+    east_m, north_m = place[0] - frame.pose.east_m, place[1] - frame.pose.north_m
+    bearing = math.remainder(math.atan2(north_m, east_m) - frame.pose.heading_rad, 2 * math.pi)
+    return abs(bearing) <= frame.horizontal_fov_rad / 2 and math.hypot(east_m, north_m) <= GHOST_VIEW_M

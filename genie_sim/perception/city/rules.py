@@ -1,0 +1,91 @@
+"""What a town is made of: its streets, what stands and moves there, and how its people commute."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields
+
+from genie_sim.errors import UserError
+
+JUNCTION_M = 6.0  # from the middle of a junction to where a car begins to turn, and to its stop lines
+LANE_M = 1.75  # from the middle of a street to the middle of its right-hand lane
+
+
+@dataclass(frozen=True, slots=True)
+class TownRules:
+    """A grid of streets; lengths in metres, speeds in m/s, densities per 100 m of street, both sides together.
+
+    ``blocks`` are counted to the east and to the north. Every ``main_every``-th street is a main street with a speed
+    limit of its own; lights stand where two of them cross, stop signs where another street meets one. ``popularity``
+    is the exponent of Zipf's law: the k-th of the ``destinations`` is chosen in proportion to k ** -popularity, and 0
+    makes all equal. ``view_m`` is how far a camera's detector looks.
+
+    The densities are assumed ones: chosen so that a frame shows as many objects of each group as the KITTI trace
+    does, which ``benchmarks/city_laws.py`` prints. Raises UserError for values that make no town.
+    """
+
+    blocks: tuple[int, int] = (8, 8)
+    block_m: float = 150.0
+    main_every: int = 4
+    street_half_m: float = 10.0
+    speed_mps: float = 30 / 3.6
+    main_speed_mps: float = 50 / 3.6
+    acceleration_mps2: float = 1.5
+    braking_mps2: float = 2.0
+    parked_cars_per_100m: float = 10.0
+    truck_share: float = 0.05
+    parked_bicycles_per_100m: float = 0.6
+    standing_people_per_100m: float = 0.8
+    furniture_per_100m: float = 0.5
+    moving_cars_per_100m: float = 1.0
+    walkers_per_100m: float = 1.0
+    cyclists_per_100m: float = 0.3
+    destinations: int = 12
+    popularity: float = 1.0
+    view_m: float = 60.0
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "blocks", tuple(self.blocks))
+        for field in fields(self):
+            value = getattr(self, field.name)
+            numbers = value if isinstance(value, tuple) else (value,)
+            if any(isinstance(x, bool) or not isinstance(x, int | float) or not math.isfinite(x) for x in numbers):
+                raise UserError(f"town: {field.name}: {value!r} is not a finite number")
+        if len(self.blocks) != 2 or any(not isinstance(n, int) or not 1 <= n <= 1000 for n in self.blocks):
+            raise UserError(f"town: blocks: {self.blocks!r} is not two whole numbers from 1 to 1000")
+        for name in ("main_every", "destinations"):
+            if not isinstance(getattr(self, name), int) or getattr(self, name) < 1:
+                raise UserError(f"town: {name}: {getattr(self, name)!r} is not a whole number from 1 on")
+        for name in ("speed_mps", "main_speed_mps", "acceleration_mps2", "braking_mps2", "view_m"):
+            if getattr(self, name) <= 0:
+                raise UserError(f"town: {name}: {getattr(self, name)!r} is not positive")
+        for field in fields(self):
+            if (field.name.endswith("_100m") or field.name == "popularity") and getattr(self, field.name) < 0:
+                raise UserError(f"town: {field.name}: {getattr(self, field.name)!r} is negative")
+        if not 0 <= self.truck_share <= 1:
+            raise UserError(f"town: truck_share: {self.truck_share!r} is not between 0 and 1")
+        if not 8.0 <= self.street_half_m <= self.block_m / 4:
+            raise UserError(f"town: street_half_m: {self.street_half_m!r} is not between 8 and a quarter of block_m")
+        braking_m = max(self.speed_mps, self.main_speed_mps) ** 2 / (2 * self.braking_mps2)
+        if self.block_m < braking_m + 4 * JUNCTION_M:
+            raise UserError(
+                f"town: block_m: {self.block_m!r} is too short to stop in from the speed limit; "
+                f"at least {braking_m + 4 * JUNCTION_M:.0f}"
+            )
+
+    def main(self, street: int) -> bool:
+        """Whether the n-th street, counted from the west or the south, is a main street."""
+        return street % self.main_every == 0
+
+    def limit_mps(self, street: int) -> float:
+        return self.main_speed_mps if self.main(street) else self.speed_mps
+
+
+@dataclass(frozen=True, slots=True)
+class TrueObject:
+    """An object of the town: its number, its class, where its middle is [m] at the time it was asked for."""
+
+    number: int
+    label: str
+    location: tuple[float, float, float]
+    moving: bool

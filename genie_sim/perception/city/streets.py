@@ -1,0 +1,277 @@
+"""What stands and moves along the streets, found again by place and time.
+
+Everything belongs to one street and is kept in the order of its place along it, so what a camera may see is a few
+slices: of the streets that it stands on, and of those that cross them. Houses fill the blocks and hide the rest.
+
+Traffic flows evenly: of each kind and direction a street carries a stream whose members keep their speed and their
+distances, stop for nobody, and leave at one end of the town as others enter at its other end. So where they are at any
+time is one sum, whoever asks.
+"""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_left
+from collections.abc import Callable, Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from genie_sim.perception.city.noise import NORMAL_MASK, mix, normals
+from genie_sim.perception.city.rules import JUNCTION_M, LANE_M, TownRules
+
+SLOT_M = 6.5  # of kerb that a parked car takes
+PARKED_M, PAVEMENT_M, BIKE_M = 5.0, 7.5, 3.2  # from the middle of the street
+WALK_MPS, CYCLE_MPS, FLOW = 1.4, 4.5, 0.9  # assumed; FLOW is the share of the speed limit that traffic drives
+HEIGHTS_M = {"car": 0.75, "truck": 1.5, "person": 0.9, "bicycle": 0.6, "traffic light": 2.7, "stop sign": 2.2}
+FURNITURE = (("fire hydrant", 0.4), ("bench", 0.5))
+STREAM_BITS = 32
+CLEAR_M = 14.0  # from a crossing, free of parked cars
+
+
+class Seen(NamedTuple):
+    """Something that a camera may see: where it is, what it is, its number, the key of its random numbers and its
+    lasting effect on the detector's score and on the error of its place, along the line of sight and across."""
+
+    east_m: float
+    north_m: float
+    up_m: float
+    label: str
+    number: int
+    key: int
+    score_z: float
+    along_z: float
+    across_z: float
+    moving: bool
+    real: bool
+
+
+def seen(
+    seed_key: int, number: int, label: str, east_m: float, north_m: float, moving: bool, real: bool = True
+) -> Seen:
+    key = mix(seed_key ^ mix(number))
+    table = normals()
+    return Seen(
+        east_m,
+        north_m,
+        HEIGHTS_M.get(label, 0.5),
+        label,
+        number,
+        key,
+        table[key & NORMAL_MASK],
+        table[key >> 12 & NORMAL_MASK],
+        table[key >> 24 & NORMAL_MASK],
+        moving,
+        real,
+    )
+
+
+class Stream:
+    """One kind of traffic in one direction of one street; ``starts_m`` are places along it at time 0, in order."""
+
+    __slots__ = ("_lateral_m", "_length_m", "_number", "_speed_mps", "_starts_m", "direction", "label")
+
+    def __init__(
+        self,
+        label: str,
+        direction: int,
+        lateral_m: float,
+        speed_mps: float,
+        length_m: float,
+        starts_m: list[float],
+        number: int,
+    ) -> None:
+        self.label, self.direction = label, direction
+        self._lateral_m, self._speed_mps, self._length_m = lateral_m, speed_mps, length_m
+        self._starts_m, self._number = starts_m, number
+
+    def between(self, low_m: float, high_m: float, t_s: float) -> Iterator[tuple[float, float, int]]:
+        """Place along the street, beside its middle, and number of each that is between two places at a time."""
+        starts_m, length_m = self._starts_m, self._length_m
+        if not starts_m:
+            return
+        low_m, high_m = max(low_m, 0.0), min(high_m, length_m)
+        first_m, last_m = (low_m, high_m) if self.direction > 0 else (length_m - high_m, length_m - low_m)
+        gone_m = self._speed_mps * t_s
+        lap, begin_m = divmod(first_m - gone_m, length_m)
+        end_m = begin_m + last_m - first_m
+        count = len(starts_m)
+        k = bisect_left(starts_m, begin_m)
+        round_m = 0.0
+        while True:
+            if k == count:
+                k, round_m = 0, round_m + length_m
+            start_m = starts_m[k] + round_m
+            if start_m > end_m:
+                return
+            place_m = first_m + start_m - begin_m
+            turns = int(-lap) + (1 if round_m == 0.0 else 0)
+            along_m = place_m if self.direction > 0 else length_m - place_m
+            yield along_m, self._lateral_m, self._number + turns * count + k
+            k += 1
+
+
+class Street:
+    """One street: what stands on it in the order of its place along it, and what moves along it."""
+
+    __slots__ = ("middle_m", "northbound", "places_m", "standing", "streams")
+
+    def __init__(self, northbound: bool, middle_m: float, standing: list[Seen], streams: list[Stream]) -> None:
+        self.northbound, self.middle_m, self.streams = northbound, middle_m, streams
+        along: Callable[[Seen], float] = (lambda s: s.north_m) if northbound else (lambda s: s.east_m)
+        self.standing = sorted(standing, key=lambda s: (along(s), s.number))
+        self.places_m = [along(s) for s in self.standing]
+
+    def between(self, low_m: float, high_m: float, t_s: float, seed_key: int) -> list[Seen]:
+        """All that is between two places along the street at a time."""
+        places_m = self.places_m
+        found = self.standing[bisect_left(places_m, low_m) : bisect_left(places_m, high_m)]
+        for stream in self.streams:
+            for along_m, beside_m, number in stream.between(low_m, high_m, t_s):
+                beside_m += self.middle_m
+                place = (beside_m, along_m) if self.northbound else (along_m, beside_m)
+                found.append(seen(seed_key, number, stream.label, *place, True))
+        return found
+
+
+def lay_out(
+    rules: TownRules,
+    northbound: bool,
+    index: int,
+    seed_key: int,
+    random: np.random.Generator,
+    ghosts_per_100m: dict[str, float],
+) -> Street:
+    """One street with all that is on it; ``ghosts_per_100m`` are places where a detector sees what is not there."""
+    crossings = rules.blocks[1] if northbound else rules.blocks[0]
+    length_m, middle_m = crossings * rules.block_m, index * rules.block_m
+    base = (index * 2 + northbound) << (STREAM_BITS + 4)
+    standing: list[Seen] = []
+
+    def stand(label: str, along_m: float, beside_m: float, real: bool = True) -> None:
+        place = (middle_m + beside_m, along_m) if northbound else (along_m, middle_m + beside_m)
+        standing.append(seen(seed_key, base + len(standing), label, *place, False, real))
+
+    for side in (-1, 1):
+        for along_m, is_truck in _parked(rules, crossings, random):
+            stand("truck" if is_truck else "car", along_m, side * PARKED_M)
+    for label, density, beside_m in (
+        ("bicycle", rules.parked_bicycles_per_100m, PAVEMENT_M - 1.0),
+        ("person", rules.standing_people_per_100m, PAVEMENT_M),
+        *((label, rules.furniture_per_100m * share, PAVEMENT_M + 1.0) for label, share in FURNITURE),
+    ):
+        for along_m, side in _scattered(density, length_m, random):
+            stand(label, along_m, side * beside_m)
+    for label, density in sorted(ghosts_per_100m.items()):
+        for along_m, side in _scattered(density, length_m, random):
+            stand(label, along_m, side * (PAVEMENT_M + 1.5), real=False)
+    for crossing in range(crossings + 1):
+        other = rules.main(crossing)
+        if not other:
+            continue
+        sign = "traffic light" if rules.main(index) else "stop sign"
+        for direction in (-1, 1):
+            along_m = crossing * rules.block_m - direction * JUNCTION_M
+            if 0.0 <= along_m <= length_m:
+                # On the right of those who come along: right of the heading east is south.
+                stand(sign, along_m, direction * PAVEMENT_M * (1 if northbound else -1))
+    streams = []
+    cars_mps = FLOW * rules.limit_mps(index)
+    for slot, (label, density, beside_m, speed_mps) in enumerate(
+        (
+            ("car", rules.moving_cars_per_100m, LANE_M, cars_mps),
+            ("bicycle", rules.cyclists_per_100m, BIKE_M, CYCLE_MPS),
+            ("person", rules.walkers_per_100m, PAVEMENT_M, WALK_MPS),
+        )
+    ):
+        for direction in (-1, 1):
+            starts_m = np.sort(random.random(random.poisson(density / 2 * length_m / 100)) * length_m).tolist()
+            number = base + ((slot * 2 + (direction > 0) + 1) << STREAM_BITS)
+            lateral_m = direction * beside_m * (1 if northbound else -1)
+            streams.append(Stream(label, direction, lateral_m, speed_mps, length_m, starts_m, number))
+    return Street(northbound, middle_m, standing, streams)
+
+
+def _parked(rules: TownRules, crossings: int, random: np.random.Generator) -> Iterator[tuple[float, bool]]:
+    """Place along one side of a street, and whether it is a truck, of each parked car; some blocks have none."""
+    slots = int((rules.block_m - 2 * CLEAR_M) / SLOT_M)
+    busy = min(1.0, rules.parked_cars_per_100m / 2 * rules.block_m / 100 / max(slots, 1))
+    for block in range(crossings):
+        share = random.beta(2 * busy, 2 * (1 - busy)) if 0 < busy < 1 else busy
+        taken = np.flatnonzero(random.random(slots) < share)
+        places_m = block * rules.block_m + CLEAR_M + (taken + 0.4 + 0.2 * random.random(len(taken))) * SLOT_M
+        yield from zip(places_m.tolist(), (random.random(len(taken)) < rules.truck_share).tolist(), strict=True)
+
+
+def _scattered(per_100m: float, length_m: float, random: np.random.Generator) -> Iterator[tuple[float, int]]:
+    """Place along a street and side (-1 or 1) of things that stand anywhere."""
+    count = random.poisson(per_100m * length_m / 100)
+    places_m = random.random(count) * length_m
+    yield from zip(places_m.tolist(), np.where(random.random(count) < 0.5, -1, 1).tolist(), strict=True)
+
+
+class Streets:
+    """All streets of a town, and what can be seen of them from where."""
+
+    def __init__(self, rules: TownRules, seed_key: int, east: list[Street], north: list[Street]) -> None:
+        self._rules, self._seed_key = rules, seed_key
+        self._east, self._north = east, north  # by number from the south, and from the west
+
+    def near(self, east_m: float, north_m: float, range_m: float, t_s: float) -> list[Seen]:
+        """All that is within a distance, seen or not."""
+        found = []
+        for streets, across_m, along_m in ((self._east, north_m, east_m), (self._north, east_m, north_m)):
+            reach_m = range_m + self._rules.street_half_m
+            for k in self._crossed(across_m - reach_m, across_m + reach_m, len(streets)):
+                found += streets[k].between(along_m - range_m, along_m + range_m, t_s, self._seed_key)
+        return [s for s in found if math.hypot(s.east_m - east_m, s.north_m - north_m) <= range_m]
+
+    def _crossed(self, low_m: float, high_m: float, count: int) -> range:
+        block_m = self._rules.block_m
+        return range(max(0, math.ceil(low_m / block_m)), min(count - 1, math.floor(high_m / block_m)) + 1)
+
+    def ahead(self, east_m: float, north_m: float, box: tuple[float, float, float, float], t_s: float) -> list[Seen]:
+        """All that no house hides from a place, in a box (west, south, east, north) around what a camera looks at."""
+        block_m, half_m = self._rules.block_m, self._rules.street_half_m
+        west_m, south_m, far_east_m, far_north_m = box
+        found: list[Seen] = []
+        j, i = round(north_m / block_m), round(east_m / block_m)
+        on_east = abs(north_m - j * block_m) <= half_m and 0 <= j < len(self._east)
+        on_north = abs(east_m - i * block_m) <= half_m and 0 <= i < len(self._north)
+        if on_east:
+            found += self._east[j].between(west_m, far_east_m, t_s, self._seed_key)
+        if on_north:
+            found += self._north[i].between(south_m, far_north_m, t_s, self._seed_key)
+        if on_east:
+            for k in self._crossed(west_m, far_east_m, len(self._north)):
+                if not (on_north and k == i):
+                    found += self._through_gap(self._north[k], north_m, east_m, j * block_m, south_m, far_north_m, t_s)
+        if on_north:
+            for k in self._crossed(south_m, far_north_m, len(self._east)):
+                if not (on_east and k == j):
+                    found += self._through_gap(self._east[k], east_m, north_m, i * block_m, west_m, far_east_m, t_s)
+        return found
+
+    def _through_gap(
+        self, street: Street, along_m: float, across_m: float, middle_m: float, low_m: float, high_m: float, t_s: float
+    ) -> list[Seen]:
+        """What can be seen of a crossing street past the corners of the houses.
+
+        The camera is at ``along_m`` along that street and at ``across_m`` across it, on a street whose middle is at
+        ``middle_m``; a line of sight must pass between the houses where it enters the crossing street.
+        """
+        half_m = self._rules.street_half_m
+        to_m = street.middle_m - across_m
+        near_m, far_m = abs(to_m) - half_m, abs(to_m) + half_m
+        if near_m <= 0:
+            return []
+        widest = far_m / near_m
+        low_m = max(low_m, along_m + (middle_m - half_m - along_m) * widest)
+        high_m = min(high_m, along_m + (middle_m + half_m - along_m) * widest)
+        found = []
+        for s in street.between(low_m, high_m, t_s, self._seed_key):
+            there_m, beyond_m = (s.north_m, s.east_m) if street.northbound else (s.east_m, s.north_m)
+            entry_m = along_m + (there_m - along_m) * near_m / abs(beyond_m - across_m)
+            if abs(entry_m - middle_m) <= half_m:
+                found.append(s)
+        return found

@@ -1,0 +1,130 @@
+"""The town: its streets and people, made from rules and a seed alone, and the drives of any cars through it."""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from typing import Any
+
+from genie_sim.core.geometry import Geodetic
+from genie_sim.errors import UserError
+from genie_sim.experiment.seeds import stream
+from genie_sim.perception.city import routes
+from genie_sim.perception.city.camera import BASELINES_M, CityFrame, CityFrames, Eye
+from genie_sim.perception.city.laws import DetectorLaws, detector_laws
+from genie_sim.perception.city.rules import TownRules, TrueObject
+from genie_sim.perception.city.streets import Streets, lay_out
+
+ORIGIN: Geodetic = (49.0, 8.4, 115.0)  # near Karlsruhe, where KITTI was recorded; the town itself is made up
+
+
+class Town:
+    """A town with everything that stands and moves in it.
+
+    The same rules and seed give the same town. Its clock starts at 0; what moves is where it is at that time for
+    every car that looks.
+    """
+
+    def __init__(self, rules: TownRules, seed: int) -> None:
+        if seed < 0:
+            raise UserError(f"town: seed: {seed} is negative")
+        self.rules, self.seed = rules, seed
+        self.laws: DetectorLaws = detector_laws()
+        text = json.dumps(["city 1", asdict(rules), seed, self.laws.digest], sort_keys=True)
+        self.digest = hashlib.sha256(text.encode()).hexdigest()
+        self.key = int.from_bytes(hashlib.sha256(f"city {seed}".encode()).digest()[:8], "big")
+        self.size_m = (rules.blocks[0] * rules.block_m, rules.blocks[1] * rules.block_m)
+        ways: list[list[Any]] = [
+            [
+                lay_out(
+                    rules,
+                    northbound,
+                    k,
+                    self.key,
+                    stream(seed, "city", "north" if northbound else "east", k),
+                    self.laws.ghosts_per_100m,
+                )
+                for k in range(rules.blocks[0 if northbound else 1] + 1)
+            ]
+            for northbound in (False, True)
+        ]
+        self._streets = Streets(rules, self.key, *ways)
+        self._commuting = routes.Commuting(rules, stream(seed, "city", "destinations"))
+        self.eye = Eye(self._streets, self.laws, rules.view_m)
+
+    def drive(self, car: str, duration_ns: int, interval_ns: int = 100_000_000, start_ns: int = 0) -> Drive:
+        """What the cameras of one car see, a frame every ``interval_ns``, from ``start_ns`` on the town's clock on.
+
+        The route is the car's own: it depends on the town and the car's name alone. Raises UserError for times that
+        leave no frame.
+        """
+        return Drive(self, car, duration_ns, interval_ns, start_ns)
+
+    def course(self, car: str, start_ns: int, end_ns: int) -> routes.Course:
+        """Where a car is from ``start_ns`` to ``end_ns``."""
+        random = stream(self.seed, "city", "car", car)
+        return routes.drive(self.rules, self._commuting, random, start_ns * 1e-9, end_ns * 1e-9)
+
+    def truth_near(self, east_m: float, north_m: float, range_m: float, t_ns: int) -> tuple[TrueObject, ...]:
+        """Everything that really is within a distance of a place at a time, by number."""
+        found = (s for s in self._streets.near(east_m, north_m, range_m, t_ns * 1e-9) if s.real)
+        objects = (TrueObject(s.number, s.label, (s.east_m, s.north_m, s.up_m), s.moving) for s in found)
+        return tuple(sorted(objects, key=lambda one: one.number))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return town, (self.rules, self.seed)
+
+
+@functools.lru_cache(maxsize=2)
+def town(rules: TownRules, seed: int) -> Town:
+    """The town of these rules and this seed; a process keeps the last two, so that drives travel light."""
+    return Town(rules, seed)
+
+
+class Drive:
+    """What the cameras of one car see in a town; stands in for a ``Trace``.
+
+    ``origin`` is latitude [deg], longitude [deg], altitude [m]. ``frames`` are made when they are looked at.
+    ``digest`` is the sha256 of all that decides them: rules, laws, seed, car, times.
+    """
+
+    def __init__(self, town: Town, car: str, duration_ns: int, interval_ns: int, start_ns: int) -> None:
+        if interval_ns <= 0 or duration_ns <= 0 or start_ns < 0:
+            raise UserError(
+                f"town: drive of {car}: duration {duration_ns} ns and interval {interval_ns} ns must be positive, "
+                f"start {start_ns} ns not negative"
+            )
+        self.town, self.car, self.duration_ns = town, car, duration_ns
+        self.interval_ns, self.start_ns = interval_ns, start_ns
+        self.name = f"city_{car}"
+        self.origin: Geodetic = ORIGIN
+        text = json.dumps([town.digest, car, start_ns, interval_ns])
+        self.picture_prefix = hashlib.sha256(text.encode()).hexdigest()[:48]
+        self.car_key = int(self.picture_prefix[:16], 16)
+        self.digest = hashlib.sha256(f"{text} {duration_ns}".encode()).hexdigest()
+        self.course = town.course(car, start_ns, start_ns + duration_ns)
+        count = math.ceil(duration_ns / interval_ns)
+        self.frames: Mapping[str, Sequence[CityFrame]] = {name: CityFrames(self, name, count) for name in BASELINES_M}
+
+    @property
+    def provenance(self) -> Mapping[str, object]:
+        return {
+            "source": "city",
+            "rules": asdict(self.town.rules),
+            "seed": self.town.seed,
+            "car": self.car,
+            "laws": dict(self.town.laws.provenance),
+            "laws_digest": self.town.laws.digest,
+        }
+
+    def position(self, t_ns: int) -> tuple[float, float]:
+        """East and north of the car [m], ``t_ns`` after the drive's first frame."""
+        east_m, north_m, *_ = self.course.at((self.start_ns + t_ns) * 1e-9)
+        return east_m, north_m
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Drive, (self.town, self.car, self.duration_ns, self.interval_ns, self.start_ns)
