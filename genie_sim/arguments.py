@@ -25,7 +25,8 @@ def kinds(incomplete: str) -> list[str]:
 
 def _setting_paths(incomplete: str) -> list[str]:
     """``PATH=`` of every field that ``--set`` takes; of lists, the first entry's."""
-    from genie_sim.experiment.scenario import Car, Edge, GenieSettings, ObjectMapSettings, Route, Scenario
+    from genie_sim.experiment.genie_settings import GenieSettings, ObjectMapSettings
+    from genie_sim.experiment.scenario import Car, Edge, Route, Scenario
 
     places = {
         "": Scenario,

@@ -16,8 +16,9 @@ from genie_sim.core.eviction import EVICTIONS
 from genie_sim.core.similarity import SIMILARITIES
 from genie_sim.errors import UserError
 from genie_sim.experiment import files
+from genie_sim.experiment.genie_settings import LITERAL
 from genie_sim.experiment.links import LINKS
-from genie_sim.experiment.scenario import LITERAL, Live, Recorded, Scenario, load_scenario, read_scenario
+from genie_sim.experiment.scenario import Live, Recorded, Scenario, load_scenario, read_scenario
 from genie_sim.experiment.yaml_input import parse, read_mapping
 
 ROOT = Path(__file__).parent.parent
