@@ -1,13 +1,13 @@
 """What travels through the system: headers, images, detections, and the effects a Genie asks for.
 
-Everything here is immutable. Locations are metres in the scenario's one east-north-up frame, angles radians,
-times integer nanoseconds, boxes pixels ``(x1, y1, x2, y2)``.
+Everything here is immutable. These are named tuples because very many are made: they cost a third of frozen
+dataclasses. Locations are metres in the scenario's one east-north-up frame, angles radians, times integer nanoseconds,
+boxes pixels ``(x1, y1, x2, y2)``.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 from typing import Any, NamedTuple, Protocol, Self
 
 Location = tuple[float, float, float]
@@ -64,8 +64,7 @@ class Answer(Message, Protocol):
     def served(self, source: str, by: str) -> Self: ...
 
 
-@dataclass(frozen=True, slots=True)
-class Image:
+class Image(NamedTuple):
     """One camera frame. ``content`` is what a detector would look at; a Genie never reads it."""
 
     header: Header
@@ -77,8 +76,7 @@ class Image:
     content: Any = None
 
 
-@dataclass(frozen=True, slots=True)
-class Detection:
+class Detection(NamedTuple):
     """One object found in an image.
 
     ``score`` is the detector's, ``confidence`` the object map's (equal to the score until a map has seen it).
@@ -93,9 +91,11 @@ class Detection:
     confidence: float
     method: str = "unknown"
 
+    def with_confidence(self, confidence: float) -> Detection:
+        return Detection(self.label, self.score, self.box, self.location, confidence, self.method)
 
-@dataclass(frozen=True, slots=True)
-class Detections:
+
+class Detections(NamedTuple):
     """A detector's answer to one image, in the manner of ``autoware_msgs/DetectedObjectArray``."""
 
     header: Header
@@ -108,18 +108,17 @@ class Detections:
         return ARRAY_BYTES + OBJECT_BYTES * len(self.objects)
 
     def restamped(self, header: Header) -> Detections:
-        return replace(self, header=header)
+        return Detections(header, self.objects, self.source, self.served_by)
 
     def with_objects(self, objects: Sequence[Detection]) -> Detections:
-        return replace(self, objects=tuple(objects))
+        return Detections(self.header, tuple(objects), self.source, self.served_by)
 
     def served(self, source: str, by: str) -> Detections:
         """An answer out of an object map stays one, even when a cache replays it: it was never a detection."""
-        return replace(self, source="map" if self.source == "map" else source, served_by=by)
+        return Detections(self.header, self.objects, "map" if self.source == "map" else source, by)
 
 
-@dataclass(frozen=True, slots=True)
-class Publish:
+class Publish(NamedTuple):
     """Effect: publish ``message`` on ``topic``; ``to`` names one receiver, ``None`` every subscriber."""
 
     topic: str
@@ -127,8 +126,7 @@ class Publish:
     to: str | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class ImageLookup:
+class ImageLookup(NamedTuple):
     """The message cache was asked once. ``outcome`` is ``hit``, ``miss`` or ``coalesced``; ``asker`` is ``client``
     (its own network) or ``neighbour`` (another Genie on the edge network)."""
 
@@ -149,8 +147,7 @@ class MapChange(NamedTuple):
     confidence: float
 
 
-@dataclass(frozen=True, slots=True)
-class ObjectLookups:
+class ObjectLookups(NamedTuple):
     """The object map was asked ``requests`` times for one message.
 
     ``kind`` is ``sighting`` (Algorithm 2, line 4) or ``boost`` (line 10). ``hits`` counts the look-ups answered by a
@@ -168,15 +165,13 @@ class ObjectLookups:
     changes: tuple[MapChange, ...] = ()
 
 
-@dataclass(frozen=True, slots=True)
-class Expired:
+class Expired(NamedTuple):
     """A client's request was forgotten before anybody answered it."""
 
     header: Header
 
 
-@dataclass(frozen=True, slots=True)
-class Observe:
+class Observe(NamedTuple):
     """Effect: a fact for the log."""
 
     record: ImageLookup | ObjectLookups | Expired

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from genie_sim.experiment.records import FrameTable, LookupTable, ResourceTable
+from genie_sim.experiment.records import Frame, FrameTable, LookupTable, ResourceTable
 
 MS = 1_000_000
 STREAMS = ("camera_00", "camera_01", "camera_02", "camera_03")
@@ -25,43 +25,44 @@ def frames(cars: int = 3, seconds: int = 10, seed: int = 1, speed: float = 1.0) 
             for s, stream in enumerate(STREAMS):
                 for frame in range(10 * seconds):
                     stamp_ns = (100 * frame + 25 * s) * MS
-                    row = table.add(method, f"car{car}", stream, frame, 0, stamp_ns)
+                    row = Frame(method, f"car{car}", stream, frame, 0, stamp_ns)
                     received_ns = stamp_ns + 3 * MS
-                    table.set(row, "received_ns", received_ns)
+                    row.received_ns = received_ns
                     if method == "genie":
-                        _answer_by_genie(table, row, received_ns, rng, speed)
+                        _answer_by_genie(row, received_ns, rng, speed)
                     elif rng.random() < KEPT[method] * (speed if method == "remote" else 1):
                         fast = speed if method == "remote" else 1.0
                         took_ms = DETECTOR_MS[method] / fast * (0.85 + 0.15 * np.exp(0.6 * rng.standard_normal()))
-                        _set(table, row, received_ns + int(took_ms * MS), "own_detector", rng.poisson(3))
+                        _set(row, received_ns + int(took_ms * MS), "own_detector", rng.poisson(3))
                     else:
-                        table.set(row, "drop", f"{method}/detector:/image_raw")
+                        row.drop = f"{method}/detector:/image_raw"
+                    table.add(row)
     return table
 
 
-def _set(table: FrameTable, row: int, t_ns: int, source: str, objects: int) -> None:
+def _set(row: Frame, t_ns: int, source: str, objects: int) -> None:
     for column in ("first_answer_ns", "fresh_answer_ns"):
-        table.set(row, column, t_ns)
+        setattr(row, column, t_ns)
     for column in ("objects_served", "objects_detected"):
-        table.set(row, column, int(objects))
-    table.set(row, "source", source)
+        setattr(row, column, int(objects))
+    row.source = source
 
 
-def _answer_by_genie(table: FrameTable, row: int, received_ns: int, rng: np.random.Generator, speed: float) -> None:
+def _answer_by_genie(row: Frame, received_ns: int, rng: np.random.Generator, speed: float) -> None:
     genie_ms = 8.8 * (0.6 + 0.4 * np.exp(0.5 * rng.standard_normal()))
     first_ns = received_ns + int(genie_ms * MS)
     hit = bool(rng.random() < 0.2)
-    table.set(row, "image_hit", hit)
-    table.set(row, "coalesced", False)
+    row.image_hit = hit
+    row.coalesced = False
     if hit:
-        _set(table, row, first_ns, "own_cache", rng.poisson(3))
+        _set(row, first_ns, "own_cache", rng.poisson(3))
         return
-    table.set(row, "first_answer_ns", first_ns)
-    table.set(row, "source", "map")
-    table.set(row, "objects_served", int(rng.poisson(1)))
+    row.first_answer_ns = first_ns
+    row.source = "map"
+    row.objects_served = int(rng.poisson(1))
     if rng.random() < 0.4 * speed:
-        table.set(row, "fresh_answer_ns", first_ns + int((20 + 65 / speed * rng.gamma(4, 0.3)) * MS))
-        table.set(row, "objects_detected", int(rng.poisson(3)))
+        row.fresh_answer_ns = first_ns + int((20 + 65 / speed * rng.gamma(4, 0.3)) * MS)
+        row.objects_detected = int(rng.poisson(3))
 
 
 def lookups(cars: int = 3, messages: int = 400, seed: int = 1, lift: float = 1.0) -> LookupTable:

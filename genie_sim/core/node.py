@@ -22,7 +22,7 @@ On a car ``-remote`` leads to its edge, where the car is a client; between edges
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, Protocol
 
 from genie_sim.core.message_cache import Answers, Asker, MessageCache, PendingIndex, Waiting
@@ -139,6 +139,9 @@ class GenieNode:
     def on_message(self, topic: str, message: Message, now_ns: int, sender: str | None = None) -> list[Effect]:
         """Algorithm 1, OnMessageArrival. ``sender`` names the neighbour that a reply goes to, ``None`` where the
         middleware does not tell: then it goes to all of them."""
+        deadline_ns = self._pending.next_deadline_ns()
+        if deadline_ns is None or deadline_ns > now_ns:
+            return self._on_arrival(topic, message, now_ns, sender)
         return [*self.on_deadline(now_ns), *self._on_arrival(topic, message, now_ns, sender)]
 
     def next_deadline_ns(self) -> int | None:
@@ -227,12 +230,13 @@ class GenieNode:
             answer = stored if self.rules.replay_stamp == "stored" else stored.restamped(asker.header)
             answer, lookups = self._boost_data(answer.served("cache", self.name))
             effects.extend(lookups)
-            effects.append(self._deliver(topic, answer, asker))
+            effects.append(self._deliver(topic, self._confident(answer), asker))
         return effects
 
     def _on_answer(self, topic: str, answer: Answer, now_ns: int, *, own: bool) -> list[Effect]:
         """Lines 8 to 11, and delivery to everyone who waits. ``own``: the encapsulated node's answer."""
         answer, effects = self._new_data(answer)  # line 9
+        confident = self._confident(answer)
         waiting = self._pending.by_header(answer.header)
         if waiting is not None:
             self._store(topic, waiting, answer, now_ns)  # line 10
@@ -240,9 +244,10 @@ class GenieNode:
                 waiting.answered.add(topic)
                 if len(waiting.answered) == len(self._published):
                     self._pending.close(waiting)
-                effects += self._release(topic, waiting, answer, own)
+                to_clients = answer if own and self.rules.fresh_objects == "all" else confident
+                effects += self._release(topic, waiting, to_clients, confident, own)
         if own and self.rules.share_answers == "broadcast":
-            effects.append(Publish(topic + self._remote, self._confident(answer)))
+            effects.append(Publish(topic + self._remote, confident))
         return effects
 
     def _store(self, topic: str, waiting: Waiting, answer: Answer, now_ns: int) -> None:
@@ -257,25 +262,26 @@ class GenieNode:
                 answer = held.with_objects([*held.objects, *added])
         database.put(waiting.key, topic, answer, now_ns)
 
-    def _release(self, topic: str, waiting: Waiting, answer: Answer, own: bool) -> list[Effect]:
+    def _release(
+        self, topic: str, waiting: Waiting, to_clients: Answer, to_neighbours: Answer, own: bool
+    ) -> list[Effect]:
         """The first answer goes to everyone who waits for it, under each one's own header."""
         effects: list[Effect] = []
         broadcast = own and self.rules.share_answers == "broadcast"
         for asker in waiting.askers:
             hits_only = not asker.neighbour and self.rules.miss_policy == "hits_only"
-            told_anyway = asker.neighbour and broadcast and asker.header == answer.header
+            told_anyway = asker.neighbour and broadcast and asker.header == to_neighbours.header
             if topic in asker.served or hits_only or told_anyway:
                 continue
+            answer = to_neighbours if asker.neighbour else to_clients
             mine = answer if asker.header == answer.header else answer.restamped(asker.header)
-            effects.append(self._deliver(topic, mine, asker, fresh=own))
+            effects.append(self._deliver(topic, mine, asker))
         return effects
 
-    def _deliver(self, topic: str, answer: Answer, asker: Asker, fresh: bool = False) -> Publish:
+    def _deliver(self, topic: str, answer: Answer, asker: Asker) -> Publish:
         if asker.neighbour:
-            return Publish(topic + self._remote, self._confident(answer), to=asker.name)
-        if fresh and self.rules.fresh_objects == "all":
-            return Publish(topic, answer)
-        return Publish(topic, self._confident(answer))
+            return Publish(topic + self._remote, answer, to=asker.name)
+        return Publish(topic, answer)
 
     def _confident(self, answer: Answer) -> Answer:
         """The answer without the objects below C_T: those never leave a Genie (Section III-D)."""
@@ -303,7 +309,7 @@ class GenieNode:
                 hits += before >= threshold
                 updates += 1
                 boost += stored.confidence - before
-            objects.append(replace(seen, confidence=stored.confidence))
+            objects.append(seen.with_confidence(stored.confidence))
             changes.append(MapChange(stored.label, stored.location, stored.confidence))
         stored_objects = len(self.object_map)
         facts = ObjectLookups(answer.header, "sighting", requests, hits, updates, boost, stored_objects, tuple(changes))
@@ -323,11 +329,12 @@ class GenieNode:
                 objects.append(held)
                 continue
             requests += 1
-            there = [one for one in self.object_map.at(held.location) if one.confidence >= threshold]
-            stored = self.object_map.match(held.label, held.location)
+            around = self.object_map.at(held.location)
+            there = [one for one in around if one.confidence >= threshold]
+            stored = self.object_map.nearest(held.label, held.location, around)
             if stored is not None:
                 included.add(id(stored))
-                held = replace(held, confidence=stored.confidence)
+                held = held.with_confidence(stored.confidence)
             objects.append(held)
             hits += bool(there)
             others += there

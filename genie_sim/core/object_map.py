@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bisect
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,7 +12,8 @@ from genie_sim.core.confidence import ConfidenceRule
 from genie_sim.messages import CameraPose, Detection, Location
 
 RANGE_60 = 0.30 + 0.60 * (1.0 - 0.30)  # 60 % of the way up the range of scores that the detector reports
-MOST_CELLS_REACHED = 20  # to either side; of a gate that reaches further only cells that hold something are looked at
+CELL_GATES = 4.0  # width of a cell, in gates
+REACH_GATES = 1.01  # how far around a location cells are looked into: a gate, and room for rounding
 
 
 @dataclass(slots=True)
@@ -24,40 +25,50 @@ class StoredObject:
     score: float
     confidence: float
     sightings: int = 1
+    _detection: Detection | None = None
+
+    def boost(self, confidence: float) -> None:
+        """Another sighting has changed the confidence to this."""
+        self.confidence = confidence
+        self.sightings += 1
+        self._detection = None
 
     def as_detection(self) -> Detection:
-        return Detection(self.label, self.score, None, self.location, self.confidence, "map")
+        if self._detection is None:  # the same one until the next sighting: most are asked for often
+            self._detection = Detection(self.label, self.score, None, self.location, self.confidence, "map")
+        return self._detection
 
 
 @dataclass(frozen=True, slots=True)
 class ObjectMapRules:
     """How the paper's object map is read.
 
-    ``location_key``: ``grid`` (cells of ``cell_m``; the nearest object of the class within ``gate_m``, in the cell or
-    in as many neighbouring cells as the gate reaches into), ``gate`` (the same, with cells of ``gate_m``), ``exact``
-    (equal coordinates).
+    ``location_key``: ``gate`` (the nearest object of the class within ``gate_m``) or ``exact`` (equal coordinates).
     ``one_per_location``: any object at a location blocks a second (lines 4 and 7 as printed), classes not told apart.
     ``threshold``: C_T as a number, ``range_60`` or ``empirical`` (60th percentile of the first scores seen so far).
     """
 
     rule: ConfidenceRule
     rate: float = 0.1
-    location_key: str = "grid"
-    cell_m: float = 1.0
+    location_key: str = "gate"
     gate_m: float = 1.0
     one_per_location: bool = False
     threshold: float | str = 0.60
 
 
 class ObjectMap:
-    """Location -> objects, in metres of one east-north-up frame; keys use the ground plane."""
+    """Location -> objects, in metres of one east-north-up frame; keys use the ground plane.
 
-    def __init__(self, rules: ObjectMapRules, view_cell_m: float = 50.0) -> None:
+    Objects lie in square cells, wide enough that a gate mostly touches one; a second grid of ``view_cell_m`` serves the
+    question what is in view. Neither decides what is found.
+    """
+
+    def __init__(self, rules: ObjectMapRules, view_cell_m: float = 25.0) -> None:
         self._rules = rules
         self._exact = rules.location_key == "exact"
-        self._cell_m = rules.gate_m if rules.location_key == "gate" else rules.cell_m
-        self._gate2 = 0.0 if self._exact else rules.gate_m**2
-        self._reach = math.ceil(rules.gate_m / self._cell_m)  # cells to either side that the gate may touch
+        self._cell_m = CELL_GATES * rules.gate_m
+        self._reach_m = REACH_GATES * rules.gate_m
+        self._gate2 = rules.gate_m**2
         self._cells: dict[Any, list[StoredObject]] = {}  # by location if exact, else by cell
         self._view_cell_m = view_cell_m
         self._view_cells: dict[tuple[int, int], list[StoredObject]] = {}
@@ -90,12 +101,12 @@ class ObjectMap:
         stored = self.match(seen.label, seen.location)
         if stored is not None:
             before = stored.confidence
-            stored.confidence = self._rules.rule(before, seen.confidence, self._rules.rate)
-            stored.sightings += 1
+            stored.boost(self._rules.rule(before, seen.confidence, self._rules.rate))
             return before, stored
         stored = StoredObject(seen.label, seen.location, seen.score, seen.confidence)
-        self._cells.setdefault(self._key(seen.location), []).append(stored)
-        self._view_cells.setdefault(self._view_key(seen.location), []).append(stored)
+        key = seen.location if self._exact else _cell(seen.location, self._cell_m)
+        self._cells.setdefault(key, []).append(stored)
+        self._view_cells.setdefault(_cell(seen.location, self._view_cell_m), []).append(stored)
         if self._rules.threshold == "empirical":
             bisect.insort(self._first_scores, seen.score)
         self._count += 1
@@ -103,66 +114,64 @@ class ObjectMap:
 
     def match(self, label: str, location: Location) -> StoredObject | None:
         """The stored object that a sighting of class ``label`` at ``location`` shows: the nearest that fits."""
-        best, best2 = None, math.inf
+        return self.nearest(label, location, self.at(location))
+
+    def nearest(self, label: str, location: Location, among: Sequence[StoredObject]) -> StoredObject | None:
+        """The one of the objects ``at`` a location that a sighting of class ``label`` shows."""
         any_class = self._rules.one_per_location
-        for distance2, stored in self._around(location):
-            if distance2 < best2 and (any_class or stored.label == label):
-                best, best2 = stored, distance2
-        return best
+        fitting = [one for one in among if any_class or one.label == label]
+        if len(fitting) > 1:
+            return min(fitting, key=lambda one: math.dist(one.location[:2], location[:2]))
+        return fitting[0] if fitting else None
 
-    def at(self, location: Location) -> list[StoredObject]:
+    def at(self, location: Location) -> Sequence[StoredObject]:
         """``OBJECT_MAP[location]``: every stored object, of any class, that counts as being there."""
-        return [stored for _, stored in self._around(location)]
-
-    def in_view(self, pose: CameraPose, horizontal_fov_rad: float, range_m: float) -> list[StoredObject]:
-        """The objects with C >= C_T inside a camera's horizontal field of view, up to ``range_m`` away."""
-        threshold = self.threshold
-        half = horizontal_fov_rad / 2
+        cells = self._cells
+        if self._exact:
+            return cells.get(location, ())
+        east_m, north_m, _ = location
+        cell_m, reach_m, gate2 = self._cell_m, self._reach_m, self._gate2
+        norths = range(math.floor((north_m - reach_m) / cell_m), math.floor((north_m + reach_m) / cell_m) + 1)
         found = []
-        reach = math.ceil(range_m / self._view_cell_m)
-        east_cell, north_cell = self._view_key((pose.east_m, pose.north_m, pose.up_m))
-        for i in range(east_cell - reach, east_cell + reach + 1):
-            for j in range(north_cell - reach, north_cell + reach + 1):
-                for stored in self._view_cells.get((i, j), ()):
-                    if stored.confidence < threshold:
-                        continue
-                    east_m, north_m = stored.location[0] - pose.east_m, stored.location[1] - pose.north_m
-                    if math.hypot(east_m, north_m) > range_m:
-                        continue
-                    bearing = math.atan2(north_m, east_m) - pose.heading_rad
-                    if abs(math.remainder(bearing, 2 * math.pi)) <= half:
+        for i in range(math.floor((east_m - reach_m) / cell_m), math.floor((east_m + reach_m) / cell_m) + 1):
+            for j in norths:
+                for stored in cells.get((i, j), ()):
+                    away_east_m, away_north_m = stored.location[0] - east_m, stored.location[1] - north_m
+                    if away_east_m * away_east_m + away_north_m * away_north_m <= gate2:
                         found.append(stored)
         return found
 
-    def _around(self, location: Location) -> Iterator[tuple[float, StoredObject]]:
-        """The objects that count as being at ``location``, each with its squared distance in the ground plane."""
-        if self._exact:
-            for stored in self._cells.get(location, ()):
-                yield 0.0, stored
-            return
-        for cell in self._near(*self._grid_cell(location)):
-            for stored in self._cells.get(cell, ()):
-                distance2 = (stored.location[0] - location[0]) ** 2 + (stored.location[1] - location[1]) ** 2
-                if distance2 <= self._gate2:
-                    yield distance2, stored
+    def in_view(self, pose: CameraPose, horizontal_fov_rad: float, range_m: float) -> list[StoredObject]:
+        """The objects with C >= C_T inside a camera's horizontal field of view, up to ``range_m`` away."""
+        threshold, range2 = self.threshold, range_m**2
+        ahead_east, ahead_north = math.cos(pose.heading_rad), math.sin(pose.heading_rad)
+        half_rad = min(horizontal_fov_rad / 2, math.pi)
+        least_ahead = math.cos(half_rad) if half_rad < math.pi else -math.inf  # per metre of distance
+        found = []
+        for cell in self._cells_in_view(pose, half_rad, range_m):
+            for stored in self._view_cells.get(cell, ()):
+                if stored.confidence < threshold:
+                    continue
+                east_m, north_m = stored.location[0] - pose.east_m, stored.location[1] - pose.north_m
+                distance2 = east_m * east_m + north_m * north_m
+                ahead_m = east_m * ahead_east + north_m * ahead_north
+                if distance2 <= range2 and ahead_m >= least_ahead * math.sqrt(distance2):
+                    found.append(stored)
+        return found
 
-    def _near(self, east_cell: int, north_cell: int) -> Iterator[tuple[int, int]]:
-        """The cells that the gate may touch, west to east; of a gate over very many cells those that hold something."""
-        reach = self._reach
-        if reach <= MOST_CELLS_REACHED:
-            for i in range(east_cell - reach, east_cell + reach + 1):
-                for j in range(north_cell - reach, north_cell + reach + 1):
-                    yield i, j
-            return
-        for i, j in sorted(self._cells):
-            if abs(i - east_cell) <= reach and abs(j - north_cell) <= reach:
+    def _cells_in_view(self, pose: CameraPose, half_rad: float, range_m: float) -> Iterator[tuple[int, int]]:
+        """The cells of the smallest upright rectangle around a circle sector, west to east."""
+        turns = [pose.heading_rad - half_rad, pose.heading_rad + half_rad]
+        quarter = math.pi / 2
+        turns += [k * quarter for k in range(math.ceil(turns[0] / quarter), math.floor(turns[1] / quarter) + 1)]
+        easts = [pose.east_m, *(pose.east_m + range_m * math.cos(turn) for turn in turns)]
+        norths = [pose.north_m, *(pose.north_m + range_m * math.sin(turn) for turn in turns)]
+        cell_m = self._view_cell_m
+        rows = range(math.floor(min(norths) / cell_m), math.floor(max(norths) / cell_m) + 1)
+        for i in range(math.floor(min(easts) / cell_m), math.floor(max(easts) / cell_m) + 1):
+            for j in rows:
                 yield i, j
 
-    def _key(self, location: Location) -> tuple[float, ...]:
-        return location if self._exact else self._grid_cell(location)
 
-    def _grid_cell(self, location: Location) -> tuple[int, int]:
-        return math.floor(location[0] / self._cell_m), math.floor(location[1] / self._cell_m)
-
-    def _view_key(self, location: Location) -> tuple[int, int]:
-        return math.floor(location[0] / self._view_cell_m), math.floor(location[1] / self._view_cell_m)
+def _cell(location: Location, side_m: float) -> tuple[int, int]:
+    return math.floor(location[0] / side_m), math.floor(location[1] / side_m)

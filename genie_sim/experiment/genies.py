@@ -88,13 +88,12 @@ def _object_map(settings: GenieSettings) -> ObjectMap:
     rules = ObjectMapRules(
         rule=_resolve("confidence rule", chosen.rule, CONFIDENCE_RULES),
         rate=chosen.rate,
-        location_key=chosen.location_key,
-        cell_m=chosen.cell_m,
+        location_key="exact" if chosen.location_key == "exact" else "gate",
         gate_m=chosen.gate_m,
         one_per_location=chosen.one_per_location,
         threshold=chosen.threshold,
     )
-    return ObjectMap(rules, view_cell_m=settings.view_range_m)
+    return ObjectMap(rules, view_cell_m=settings.view_range_m / 2)
 
 
 def _identity(name: str) -> Callable[[Header], Hashable]:

@@ -6,17 +6,43 @@ that is not known stays ``None``.
 
 from __future__ import annotations
 
-from genie_sim.experiment.tables import Column, Table, Value, read
+from dataclasses import dataclass
+from operator import attrgetter
 
-__all__ = ["FrameTable", "LookupTable", "ObjectTable", "PoseTable", "ResourceTable", "read"]
+from genie_sim.experiment.tables import Column, Table, read
+
+__all__ = ["Frame", "FrameTable", "LookupTable", "ObjectTable", "PoseTable", "ResourceTable", "read"]
+
+
+@dataclass(slots=True)
+class Frame:
+    """One row of ``frames``, as long as something may still become known of it."""
+
+    method: str
+    car: str
+    stream: str
+    frame: int
+    lap: int
+    stamp_ns: int
+    received_ns: int | None = None
+    first_answer_ns: int | None = None
+    fresh_answer_ns: int | None = None
+    source: str = "none"
+    served_by: str | None = None
+    image_hit: bool | None = None
+    coalesced: bool | None = None
+    objects_detected: int | None = None
+    objects_served: int | None = None
+    bytes_up: int = 0
+    bytes_down: int = 0
+    drop: str | None = None
 
 
 class FrameTable(Table):
-    """One row per method, car, stream and frame, entered when the camera publishes and completed by what follows."""
+    """One row per method, car, stream and frame."""
 
     name = "frames"
     sorted_by = ("method", "car", "stream", "frame")
-    filled_later = 12
     columns = (
         Column("method", "text", "", "local, remote or genie"),
         Column("car", "text", "", "the car whose camera took the frame"),
@@ -27,35 +53,27 @@ class FrameTable(Table):
         Column("received_ns", "int64", "ns", "when it reached the queue of the first node; null: never", True),
         Column("first_answer_ns", "int64", "ns", "when the consumer got the first answer; null: none", True),
         Column("fresh_answer_ns", "int64", "ns", "when it got a detection or cached answer of this frame", True),
-        Column("source", "text", "", "what produced the first answer", default="none"),
+        Column("source", "text", "", "what produced the first answer"),
         Column("served_by", "text", "", "the node that gave the first answer", True),
         Column("image_hit", "bool", "", "found in the message cache of the first Genie", True),
         Column("coalesced", "bool", "", "waited at the first Genie for an equal frame's answer", True),
         Column("objects_detected", "int32", "objects", "in the fresh answer", True),
         Column("objects_served", "int32", "objects", "in the first answer", True),
-        Column("bytes_up", "int64", "B", "sent from the car to its edge for this frame", default=0),
-        Column("bytes_down", "int64", "B", "sent from the edge to the car for this frame", default=0),
+        Column("bytes_up", "int64", "B", "sent from the car to its edge for this frame"),
+        Column("bytes_down", "int64", "B", "sent from the edge to the car for this frame"),
         Column("drop", "text", "", "the queue or link that dropped it before any answer", True),
     )
 
-    def add(self, method: str, car: str, stream: str, frame: int, lap: int, stamp_ns: int) -> int:
-        """A camera publishes a frame. Returns the row, for ``set`` and ``increase``."""
-        return self._append(method, car, stream, frame, lap, stamp_ns)
+    _values = attrgetter(*(column.name for column in columns))
 
-    def set(self, row: int, column: str, value: Value) -> None:
-        """Enters what has become known of a frame."""
-        buffer = self._buffers[column]
-        buffer.values[row] = buffer.encode(value)
+    def add(self, frame: Frame) -> None:
+        """Nothing more is expected to become known of this frame."""
+        self._append(FrameTable._values(frame))
 
-    def increase(self, row: int, column: str, amount: int) -> None:
-        """Adds to a count such as ``bytes_up``."""
-        self._buffers[column].values[row] += amount
-
-    def get(self, row: int, column: str) -> Value:
-        """What is known of a frame so far."""
-        buffer = self._buffers[column]
-        value: Value = buffer.decode(buffer.values[row])
-        return value
+    def take(self, method: str, car: str, stream: str, stamp_ns: int) -> Frame | None:
+        """Takes a frame out again, of which more has become known after all."""
+        values = self._take(method=method, car=car, stream=stream, stamp_ns=stamp_ns)
+        return None if values is None else Frame(*values)  # type: ignore[arg-type]  # in the order of the columns
 
 
 class LookupTable(Table):
@@ -98,9 +116,8 @@ class LookupTable(Table):
         entries: int,
     ) -> None:
         """A Genie asked its message cache once, or its object map ``requests`` times, for one message."""
-        self._append(
-            t_ns, genie, role, kind, asker, car, stream, stamp_ns, outcome, requests, hits, updates, boost_sum, entries
-        )
+        what = outcome, requests, hits, updates, boost_sum, entries
+        self._append((t_ns, genie, role, kind, asker, car, stream, stamp_ns, *what))
 
 
 class ResourceTable(Table):
@@ -135,7 +152,7 @@ class ResourceTable(Table):
         size_bytes: int | None,
     ) -> None:
         """A resource's counters at one instant; ``size_bytes`` is what a link has carried so far."""
-        self._append(method, t_ns, resource, kind, capacity, busy_ns, queue, completed, dropped, size_bytes)
+        self._append((method, t_ns, resource, kind, capacity, busy_ns, queue, completed, dropped, size_bytes))
 
 
 class PoseTable(Table):
@@ -166,7 +183,7 @@ class PoseTable(Table):
         horizontal_fov_rad: float,
     ) -> None:
         """A camera took a frame there."""
-        self._append(car, stream, frame, stamp_ns, east_m, north_m, heading_rad, horizontal_fov_rad)
+        self._append((car, stream, frame, stamp_ns, east_m, north_m, heading_rad, horizontal_fov_rad))
 
 
 class ObjectTable(Table):
@@ -187,4 +204,4 @@ class ObjectTable(Table):
 
     def add(self, t_ns: int, genie: str, label: str, east_m: float, north_m: float, confidence: float) -> None:
         """A Genie's map has a new object, or another confidence for a stored one."""
-        self._append(t_ns, genie, label, east_m, north_m, confidence)
+        self._append((t_ns, genie, label, east_m, north_m, confidence))

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 from array import array
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -33,19 +33,26 @@ _BUFFERS: dict[str, tuple[str, int | float]] = {
     "bool": ("b", -1),
     "text": ("i", -1),
 }
-_GROWTH = 4096  # rows by which the columns that are filled in later grow at once
+_BUFFERED = 4096  # rows that go into the columns at once, which is several times faster than one by one
 
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """A column's name, type, unit and meaning; ``default`` is what a row holds until something is known."""
+    """A column's name, type, unit and meaning."""
 
     name: str
     kind: str
     unit: str
     description: str
     nullable: bool = False
-    default: Value = None
+
+
+class _Codes(dict[str, int]):
+    """Text -> the small integer that stands for it, counted up as new ones come."""
+
+    def __missing__(self, text: str) -> int:
+        self[text] = code = len(self)
+        return code
 
 
 class _Buffer:
@@ -55,31 +62,30 @@ class _Buffer:
         code, self._none = _BUFFERS[column.kind]
         self.column = column
         self.values = array(code)
-        self.codes: dict[str, int] = {}
+        self.codes = _Codes()
         self._is_text = column.kind == "text"
 
-    def encode(self, value: Any) -> Any:
-        if value is not None:
-            return self.codes.setdefault(value, len(self.codes)) if self._is_text else value
-        if not self.column.nullable:
+    def extend(self, values: Sequence[Any]) -> None:
+        """Raises TypeError for a None in a column that is never empty."""
+        if self.column.nullable:
+            none, codes = self._none, self.codes if self._is_text else None
+            if codes is not None:
+                values = [none if value is None else codes[value] for value in values]
+            else:
+                values = [none if value is None else value for value in values]
+            self.values.extend(values)
+            return
+        if None in values:
             raise TypeError(f"column {self.column.name!r} is never empty")
-        return self._none
+        self.values.extend(map(self.codes.__getitem__, values) if self._is_text else values)
 
     def decode(self, value: Any) -> Any:
-        if value == self._none or value != value:
+        """What ``extend`` was given for it."""
+        if self.column.nullable and (value == self._none or value != value):
             return None
         if self._is_text:
             return list(self.codes)[value]
         return bool(value) if self.column.kind == "bool" else value
-
-    def appender(self) -> Callable[[Any], None]:
-        """Appends one value; a number that is never empty goes straight into the array, which refuses None."""
-        append, encode = self.values.append, self.encode
-        return append if not (self._is_text or self.column.nullable) else lambda value: append(encode(value))
-
-    def grow(self) -> None:
-        default = self.encode(self.column.default)
-        self.values.extend(array(self.values.typecode, [default]) * _GROWTH)
 
     def numpy(self, rows: int) -> np.ndarray[Any, np.dtype[Any]]:
         import numpy as np
@@ -113,39 +119,55 @@ class _Buffer:
 
 
 class Table:
-    """Rows in memory, a Parquet file afterwards. Subclasses name their columns and give ``add`` its arguments."""
+    """Rows in memory, a Parquet file afterwards. Subclasses name their columns and say how a row is added."""
 
     name: ClassVar[str]
     columns: ClassVar[tuple[Column, ...]]
-    filled_later: ClassVar[int] = 0  # how many of the last columns ``add`` leaves at their default
-    sorted_by: ClassVar[tuple[str, ...]] = ()  # none: in order of ``add``
+    sorted_by: ClassVar[tuple[str, ...]] = ()  # none: in the order in which they were added
 
     def __init__(self) -> None:
-        buffers = [_Buffer(column) for column in self.columns]
-        self._buffers = {buffer.column.name: buffer for buffer in buffers}
-        split = len(buffers) - self.filled_later
-        self._appends = [buffer.appender() for buffer in buffers[:split]]
-        self._later = buffers[split:]
+        self._buffers = {column.name: _Buffer(column) for column in self.columns}
+        self._new: list[tuple[Value, ...]] = []
         self._rows = 0
-        self._grown = 0
 
     def __len__(self) -> int:
-        return self._rows
+        return self._rows + len(self._new)
 
-    def _append(self, *values: Value) -> int:
-        row = self._rows
-        for append, value in zip(self._appends, values, strict=True):
-            append(value)
-        if self._later and row == self._grown:
-            for buffer in self._later:
-                buffer.grow()
-            self._grown += _GROWTH
-        self._rows = row + 1
-        return row
+    def _append(self, row: tuple[Value, ...]) -> None:
+        self._new.append(row)
+        if len(self._new) == _BUFFERED:
+            self._store()
+
+    def _store(self) -> None:
+        """Moves the new rows into the columns."""
+        for buffer, values in zip(self._buffers.values(), zip(*self._new, strict=True), strict=False):
+            buffer.extend(values)
+        self._rows += len(self._new)
+        self._new.clear()
+
+    def _take(self, **known: Value) -> tuple[Value, ...] | None:
+        """Takes the row with these values out again, ``None`` if there is none; slow. The last row takes its place."""
+        import numpy as np
+
+        self._store()
+        found = np.ones(self._rows, dtype=bool)
+        for name, value in known.items():
+            buffer = self._buffers[name]
+            found &= buffer.numpy(self._rows) == (buffer.codes.get(str(value), -1) if buffer.codes else value)
+        if not found.any():
+            return None
+        row, values = int(found.argmax()), []
+        for buffer in self._buffers.values():
+            values.append(buffer.decode(buffer.values[row]))
+            buffer.values[row] = buffer.values[-1]
+            buffer.values.pop()
+        self._rows -= 1
+        return tuple(values)
 
     @property
     def size_bytes(self) -> int:
         """Memory the rows take."""
+        self._store()
         return sum(len(buffer.values) * buffer.values.itemsize for buffer in self._buffers.values())
 
     def write(self, path: Path) -> None:
@@ -204,6 +226,7 @@ class Table:
         import numpy as np
         import pyarrow as pa
 
+        self._store()
         schema, rows = self.schema(), self._rows
         order = None
         if self.sorted_by:

@@ -105,7 +105,7 @@ class Recorder:
 
     def __call__(self, record: Record, now_ns: int) -> None:
         if self._file is not None:
-            line = {"t_ns": now_ns, "record": type(record).__name__, **asdict(record)}
+            line = {"t_ns": now_ns, "record": type(record).__name__, **record._asdict()}
             line["header"] = record.header._asdict()
             self._file.write(json.dumps(line) + "\n")
 

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections import deque
+from collections.abc import Callable, Iterator
 
 import numpy as np
 import simpy
 
 from genie_sim.experiment.profiles import DeviceProfile, ServiceTime
+from genie_sim.sim.clock import after
+
+Done = Callable[[], None]
 
 
 class Processor:
@@ -19,28 +23,42 @@ class Processor:
         self.kind = kind
         self.capacity = capacity
         self.completed = 0
-        self._busy_ns = 0
-        self._started_ns: dict[int, int] = {}
-        self._resource = simpy.Resource(env, capacity)
+        self._serving = 0
+        self._waiting: deque[tuple[int, Done]] = deque()
+        self._busy_ns = 0  # until ``_since_ns``
+        self._since_ns = 0
 
     @property
     def queued(self) -> int:
-        return len(self._resource.queue)
+        return len(self._waiting)
 
     @property
     def busy_ns(self) -> int:
         """Server time used until now, jobs in service included."""
-        return self._busy_ns + sum(self.env.now - start_ns for start_ns in self._started_ns.values())
+        return self._busy_ns + self._serving * (self.env.now - self._since_ns)
 
-    def run(self, service_ns: int) -> Iterable[simpy.Event]:
-        """A process that waits for a free server and keeps it for ``service_ns``."""
-        with self._resource.request() as server:
-            yield server
-            job = id(server)
-            self._started_ns[job] = self.env.now
-            yield self.env.timeout(service_ns)
-            self._busy_ns += self.env.now - self._started_ns.pop(job)
-            self.completed += 1
+    def run(self, service_ns: int, done: Done) -> None:
+        """A job that waits for a free server, keeps it for ``service_ns``, and calls ``done`` then."""
+        if self._serving < self.capacity:
+            self._change(+1)
+            after(self.env, service_ns, self._finished, done)
+        else:
+            self._waiting.append((service_ns, done))
+
+    def _finished(self, done: Done) -> None:
+        self.completed += 1
+        if self._waiting:
+            service_ns, its_done = self._waiting.popleft()
+            after(self.env, service_ns, self._finished, its_done)
+        else:
+            self._change(-1)
+        done()
+
+    def _change(self, serving: int) -> None:
+        now_ns = self.env.now
+        self._busy_ns += self._serving * (now_ns - self._since_ns)
+        self._since_ns = now_ns
+        self._serving += serving
 
 
 class Host:
@@ -66,13 +84,13 @@ class Host:
         """How long a message takes from one node to another on this host."""
         return self.profile.hop.duration_ns(size_bytes)
 
-    def infer(self) -> Iterable[simpy.Event]:
+    def infer(self, done: Done) -> None:
         """The detector looks at one image."""
-        return self.accelerator.run(next(self._model_times))
+        self.accelerator.run(next(self._model_times), done)
 
-    def serve_message(self) -> Iterable[simpy.Event]:
+    def serve_message(self, done: Done) -> None:
         """A Genie handles one message."""
-        return self.cpu.run(next(self._genie_times))
+        self.cpu.run(next(self._genie_times), done)
 
 
 def draws(law: ServiceTime, rng: np.random.Generator) -> Iterator[int]:

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections import Counter, deque
-from collections.abc import Callable, Hashable, Iterable
+from collections.abc import Callable, Hashable
 
 import numpy as np
 import simpy
 
 from genie_sim.experiment.links import LinkProfile
 from genie_sim.messages import Message
-from genie_sim.sim.ros_graph import Dropped, Graph, after
+from genie_sim.sim.clock import after
+from genie_sim.sim.ros_graph import Dropped, Graph
 
 Deliver = Callable[[], None]
 Carried = Callable[[Message], None]
@@ -75,7 +76,7 @@ class Link:
         if not self._busy:
             self._busy = True
             self._busy_since_ns = self.env.now
-            self.env.process(self._transmit())
+            self._transmit()
 
     def serialisation_ns(self, size_bytes: int) -> int:
         """How long the wire is in use for a message, headers of all its segments included."""
@@ -86,25 +87,31 @@ class Link:
     def is_down(self, now_ns: int) -> bool:
         return any(start_ns <= now_ns < end_ns for start_ns, end_ns in self._profile.outages_ns)
 
-    def _transmit(self) -> Iterable[simpy.Event]:
-        while self._waiting:
-            channel, message, deliver, carried = self._waiting.popleft()
-            self._channels[channel] -= 1
-            yield self.env.timeout(self.serialisation_ns(message.size_bytes))
-            self.sent_bytes += message.size_bytes
-            if carried is not None:
-                carried(message)
-            loss = self._profile.loss
-            if self.is_down(self.env.now) or (loss and self._rng.random() < loss):
-                self._lose(message)
-                continue
+    def _transmit(self) -> None:
+        """The next message goes on the wire."""
+        channel, message, deliver, carried = self._waiting.popleft()
+        self._channels[channel] -= 1
+        after(self.env, self.serialisation_ns(message.size_bytes), self._transmitted, message, deliver, carried)
+
+    def _transmitted(self, message: Message, deliver: Deliver, carried: Carried | None) -> None:
+        """Its last bit is on the wire: it arrives after the delay, or is lost."""
+        now_ns = self.env.now
+        self.sent_bytes += message.size_bytes
+        if carried is not None:
+            carried(message)
+        loss = self._profile.loss
+        if self.is_down(now_ns) or (loss and self._rng.random() < loss):
+            self._lose(message)
+        else:
             self.completed += 1
             jitter_ns = int(self._rng.integers(self._profile.jitter_ns + 1)) if self._profile.jitter_ns else 0
-            arrival_ns = self.env.now + self._profile.delay_ns + jitter_ns
-            self._last_arrival_ns = max(arrival_ns, self._last_arrival_ns)
-            after(self.env, self._last_arrival_ns - self.env.now, deliver)
-        self._busy = False
-        self._busy_ns += self.env.now - self._busy_since_ns
+            self._last_arrival_ns = max(now_ns + self._profile.delay_ns + jitter_ns, self._last_arrival_ns)
+            after(self.env, self._last_arrival_ns - now_ns, deliver)
+        if self._waiting:
+            self._transmit()
+        else:
+            self._busy = False
+            self._busy_ns += now_ns - self._busy_since_ns
 
     def _drop_oldest(self, channel: Hashable) -> None:
         oldest = next(i for i, entry in enumerate(self._waiting) if entry[0] == channel)

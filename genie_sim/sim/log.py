@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Protocol
 
-from genie_sim.experiment.records import FrameTable, LookupTable, ObjectTable, PoseTable, ResourceTable
+from genie_sim.experiment.records import Frame, FrameTable, LookupTable, ObjectTable, PoseTable, ResourceTable
 from genie_sim.messages import Detections, Expired, Header, Image, ImageLookup, Message, ObjectLookups
 
 if TYPE_CHECKING:
@@ -27,8 +27,12 @@ class Resource(Protocol):
     def queued(self) -> int: ...
 
 
+SETTLED_NS = 20_000_000_000  # a frame this old has nearly always seen its last answer
+
+
 class Log:
-    """The rows of one method's run. A frame's row is found by its header and completed as the frame moves on.
+    """The rows of one method's run. A frame's row is found by its header and completed as the frame moves on. Then it
+    goes into the table, which is compact; in the rare case that more becomes known, it is taken out again.
 
     ``poses`` and ``objects`` are what a replay needs besides; ``None`` leaves them out.
     """
@@ -48,76 +52,96 @@ class Log:
         self._frames = frames
         self._lookups = lookups
         self._resources = resources
-        self._rows: dict[Header, int] = {}
+        self._open: dict[Header, Frame] = {}  # in order of their stamps
+        self.published_frames = 0
 
     def published(self, image: Image, number: int, lap: int) -> None:
         header = image.header
-        self._rows[header] = self._frames.add(self.method, header.origin, header.frame_id, number, lap, header.stamp_ns)
+        stamp_ns, stream, car = header
+        self._open[header] = Frame(self.method, car, stream, number, lap, stamp_ns)
+        self.published_frames += 1
         if self._poses is not None:
             at, fov_rad = image.pose, image.horizontal_fov_rad
-            place = (at.east_m, at.north_m, at.heading_rad, fov_rad)
-            self._poses.add(header.origin, header.frame_id, number, header.stamp_ns, *place)
+            self._poses.add(car, stream, number, stamp_ns, at.east_m, at.north_m, at.heading_rad, fov_rad)
+
+    def close(self, before_ns: int | None = None) -> None:
+        """Frames taken before this go into the table; ``None``: all do."""
+        while self._open:
+            header = next(iter(self._open))
+            if before_ns is not None and header.stamp_ns >= before_ns:
+                return
+            self._frames.add(self._open.pop(header))
+
+    def _frame(self, header: Header) -> Frame | None:
+        frame = self._open.get(header)
+        if frame is None:
+            frame = self._frames.take(self.method, header.origin, header.frame_id, header.stamp_ns)
+            if frame is not None:
+                self._open[header] = frame
+        return frame
 
     def received(self, header: Header, now_ns: int) -> None:
         """The frame is in the queue of the first node that handles it."""
-        self._frames.set(self._rows[header], "received_ns", now_ns)
+        frame = self._frame(header)
+        assert frame is not None, "every frame is published first"
+        frame.received_ns = now_ns
 
     def carried(self, column: str, message: Message) -> None:
         """A message about a frame was on the wire of the car's link; ``column`` is ``bytes_up`` or ``bytes_down``."""
-        row = self._rows.get(message.header)
-        if row is not None:
-            self._frames.increase(row, column, message.size_bytes)
+        frame = self._frame(message.header)
+        if frame is not None:
+            setattr(frame, column, getattr(frame, column) + message.size_bytes)
 
     def answered(self, answer: Detections, source: str, now_ns: int) -> None:
         """An answer is in the consumer's hands. One under a stale stamp is no answer to this frame."""
-        row = self._rows.get(answer.header)
-        if row is None:
+        frame = self._frame(answer.header)
+        if frame is None:
             return
-        frames = self._frames
-        if frames.get(row, "first_answer_ns") is None:
-            frames.set(row, "first_answer_ns", now_ns)
-            frames.set(row, "source", source)
-            frames.set(row, "served_by", answer.served_by)
-            frames.set(row, "objects_served", len(answer.objects))
-            frames.set(row, "drop", None)
-        if answer.source != "map" and frames.get(row, "fresh_answer_ns") is None:
-            frames.set(row, "fresh_answer_ns", now_ns)
-            frames.set(row, "objects_detected", len(answer.objects))
+        if frame.first_answer_ns is None:
+            frame.first_answer_ns = now_ns
+            frame.source = source
+            frame.served_by = answer.served_by
+            frame.objects_served = len(answer.objects)
+            frame.drop = None
+        if answer.source != "map" and frame.fresh_answer_ns is None:
+            frame.fresh_answer_ns = now_ns
+            frame.objects_detected = len(answer.objects)
 
     def dropped(self, message: Message, where: str) -> None:
         """A copy of a frame, or an answer to it, was lost. It counts as long as the frame has no answer at all."""
-        row = self._rows.get(message.header)
-        if row is not None and self._frames.get(row, "first_answer_ns") is None:
-            self._frames.set(row, "drop", where)
+        frame = self._frame(message.header)
+        if frame is not None and frame.first_answer_ns is None:
+            frame.drop = where
 
     def observe(self, genie: Genie, record: ImageLookup | ObjectLookups | Expired, role: str, now_ns: int) -> None:
         """One look-up of a Genie's cache or map. ``role``: ``local`` on a car, ``remote`` on an edge."""
         header = record.header
-        if isinstance(record, Expired):
-            row = self._rows.get(header)
-            known = row is not None and role == "local"
-            if known and self._frames.get(row, "drop") is None and self._frames.get(row, "first_answer_ns") is None:
-                self._frames.set(row, "drop", f"{genie.name}:expired")
-            return
-        place = (now_ns, genie.name, role)
-        frame = (header.origin, header.frame_id, header.stamp_ns)
-        if isinstance(record, ImageLookup):
-            hit = record.outcome == "hit"
-            self._lookups.add(
-                *place, "image", record.asker, *frame, record.outcome, 1, int(hit), 0, 0.0, record.entries
-            )
-            if role == "local" and record.asker == "client":
-                self._frames.set(self._rows[header], "image_hit", hit)
-                self._frames.set(self._rows[header], "coalesced", record.outcome == "coalesced")
-            return
-        counts = (record.requests, record.hits, record.updates, record.boost_sum, record.objects)
-        self._lookups.add(*place, record.kind, None, *frame, None, *counts)
-        if self._objects is not None:
-            for label, location, confidence in record.changes:
-                self._objects.add(now_ns, genie.name, label, location[0], location[1], confidence)
+        stamp_ns, stream, car = header
+        if isinstance(record, ObjectLookups):
+            _, kind, requests, hits, updates, boost_sum, objects, changes = record
+            counts = (requests, hits, updates, boost_sum, objects)
+            self._lookups.add(now_ns, genie.name, role, kind, None, car, stream, stamp_ns, None, *counts)
+            if self._objects is not None:
+                for label, location, confidence in changes:
+                    self._objects.add(now_ns, genie.name, label, location[0], location[1], confidence)
+        elif isinstance(record, ImageLookup):
+            _, outcome, asker, entries = record
+            hit = outcome == "hit"
+            counts = (1, int(hit), 0, 0.0, entries)
+            self._lookups.add(now_ns, genie.name, role, "image", asker, car, stream, stamp_ns, outcome, *counts)
+            if role == "local" and asker == "client":
+                frame = self._frame(header)
+                assert frame is not None, "every frame is published first"
+                frame.image_hit = hit
+                frame.coalesced = outcome == "coalesced"
+        elif role == "local":
+            lost = self._frame(header)
+            if lost is not None and lost.drop is None and lost.first_answer_ns is None:
+                lost.drop = f"{genie.name}:expired"
 
     def sample(self, resources: Sequence[Resource], now_ns: int) -> None:
         """The state of every device, link and queue at this instant."""
+        self.close(now_ns - SETTLED_NS)
         for one in resources:
             self._resources.add(
                 self.method,

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
-
-import simpy
+from collections.abc import Callable
 
 from genie_sim.core.node import GenieNode
 from genie_sim.messages import Detections, Effect, Expired, Image, ImageLookup, Message, ObjectLookups, Publish
-from genie_sim.sim.device import Host
-from genie_sim.sim.ros_graph import Dropped, Graph, Node, after
+from genie_sim.sim.clock import after
+from genie_sim.sim.device import Done, Host
+from genie_sim.sim.ros_graph import Dropped, Graph, Node
 
+TIMER_LATE_NS = 500_000_000
 Observer = Callable[["Genie", ImageLookup | ObjectLookups | Expired], None]
 
 
@@ -25,8 +25,8 @@ class Detector(Node):
     ) -> None:
         super().__init__(name, host, graph, (images,), (objects,), queue_length, dropped=drop)
 
-    def work(self, message: Message) -> Iterable[simpy.Event]:
-        return self.host.infer()
+    def work(self, message: Message, done: Done) -> None:
+        self.host.infer(done)
 
     def handle(self, topic: str, message: Message, sender: str) -> None:
         assert isinstance(message, Image)
@@ -43,8 +43,8 @@ class Genie(Node):
         self._observe = observe
         self._timer_set = False
 
-    def work(self, message: Message) -> Iterable[simpy.Event]:
-        return self.host.serve_message()
+    def work(self, message: Message, done: Done) -> None:
+        self.host.serve_message(done)
 
     def handle(self, topic: str, message: Message, sender: str) -> None:
         self._carry_out(self.genie.on_message(topic, message, self.env.now, sender))
@@ -58,10 +58,11 @@ class Genie(Node):
                 self._observe(self, effect.record)
 
     def _set_timer(self) -> None:
+        """Any message that comes tells the Genie the time. The timer is for when none does, so it may be late."""
         deadline_ns = self.genie.next_deadline_ns()
         if deadline_ns is not None and not self._timer_set:
             self._timer_set = True
-            after(self.env, max(deadline_ns - self.env.now, 0), self._on_timer)
+            after(self.env, max(deadline_ns - self.env.now, 0) + TIMER_LATE_NS, self._on_timer)
 
     def _on_timer(self) -> None:
         self._timer_set = False

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Protocol
 import simpy
 
 from genie_sim.messages import Message
+from genie_sim.sim.clock import after
 
 if TYPE_CHECKING:
     from genie_sim.sim.device import Host
@@ -25,11 +26,6 @@ class Subscriber(Protocol):
     def deliver(self, topic: str, message: Message, sender: str) -> None: ...
 
 
-def after(env: simpy.Environment, delay_ns: int, call: Callable[[], None]) -> None:
-    """Calls ``call`` in ``delay_ns`` of simulated time."""
-    env.timeout(delay_ns).callbacks.append(lambda _: call())
-
-
 class Graph:
     """The topics known to one ROS master, and the nodes that use them.
 
@@ -44,6 +40,7 @@ class Graph:
         self._bridges: dict[str, list[Subscriber]] = {}
         self._nodes: dict[str, Node] = {}
         self._remapped: dict[str, dict[str, str]] = {}
+        self._receivers: dict[tuple[Node, str], list[Subscriber]] = {}  # of what a node publishes on a topic
 
     def register(self, node: Node) -> None:
         """A node announces itself and its topics to the master."""
@@ -75,39 +72,43 @@ class Graph:
                 self._subscribers[names.get(old, old)].remove(node)
                 self.subscribe(new, node)
             names[old] = new
+        self._receivers.clear()
 
     def subscribe(self, topic: str, subscriber: Subscriber) -> None:
         self._subscribers.setdefault(topic, []).append(subscriber)
+        self._receivers.clear()
 
     def bridge(self, topic: str, bridge: Subscriber) -> None:
         """What is published here on the topic goes to another graph too; what came from another graph does not."""
         self._bridges.setdefault(topic, []).append(bridge)
+        self._receivers.clear()
 
     def publish(self, node: Node, topic: str, message: Message, to: str | None = None) -> None:
         """Delivers to every other node that subscribes to the topic, or only to the one whose address is ``to``."""
+        receivers = self._receivers.get((node, topic))
         topic = self._remapped[node.name].get(topic, topic)
-        listeners = (*self._subscribers.get(topic, ()), *self._bridges.get(topic, ()))
-        receivers = [one for one in listeners if one is not node and (to is None or one.address == to)]
+        if receivers is None:
+            listeners = (*self._subscribers.get(topic, ()), *self._bridges.get(topic, ()))
+            receivers = self._receivers[node, topic] = [one for one in listeners if one is not node]
+        if to is not None:
+            receivers = [one for one in receivers if one.address == to]
         if receivers:
-            self._hand_over(receivers, node.host.hop_ns(message.size_bytes), topic, message, node.address)
+            hop_ns = node.host.hop_ns(message.size_bytes)
+            after(self.env, hop_ns, self._arrive, receivers, topic, message, node.address)
 
     def inject(self, topic: str, message: Message, sender: str) -> None:
         """A message comes in from another graph: the link has already taken its time."""
-        for receiver in self._subscribers.get(topic, ()):
+        self._arrive(self._subscribers.get(topic, ()), topic, message, sender)
+
+    def _arrive(self, receivers: Iterable[Subscriber], topic: str, message: Message, sender: str) -> None:
+        for receiver in receivers:
             receiver.deliver(topic, message, sender)
-
-    def _hand_over(self, receivers: list[Subscriber], hop_ns: int, topic: str, message: Message, sender: str) -> None:
-        def arrive() -> None:
-            for receiver in receivers:
-                receiver.deliver(topic, message, sender)
-
-        after(self.env, hop_ns, arrive)
 
 
 class Node:
     """A ROS node: a queue a topic that keeps the newest messages, and callback threads that serve them.
 
-    Subclasses say how long a message takes (``work``, a process that waits for a device) and what follows (``handle``).
+    Subclasses say how long a message takes (``work``, which waits for a device) and what follows (``handle``).
     """
 
     kind = "queue"
@@ -153,7 +154,7 @@ class Node:
         """An idle thread takes the message, or it joins its topic's queue; the oldest makes room in a full one."""
         if self._idle_threads:
             self._idle_threads -= 1
-            self.env.process(self._thread(topic, message, sender))
+            self._serve(topic, message, sender)
             return
         queue = self._queues.get(topic)
         if queue is None:
@@ -169,23 +170,25 @@ class Node:
     def publish(self, topic: str, message: Message, to: str | None = None) -> None:
         self.graph.publish(self, topic, message, to)
 
-    def work(self, message: Message) -> Iterable[simpy.Event]:
-        """What handling a message costs: a SimPy process."""
+    def work(self, message: Message, done: Callable[[], None]) -> None:
+        """Handling a message takes until ``done`` is called."""
         raise NotImplementedError
 
     def handle(self, topic: str, message: Message, sender: str) -> None:
         """What follows when the work is done."""
         raise NotImplementedError
 
-    def _thread(self, topic: str, message: Message, sender: str) -> Iterable[simpy.Event]:
-        """Works on a message, then on what waits, first come first served, until nothing does."""
-        while True:
-            yield from self.work(message)
-            self.completed += 1
-            self.handle(topic, message, sender)
-            waiting = [one for one, queue in self._queues.items() if queue]
-            if not waiting:
-                break
-            topic = min(waiting, key=lambda one: self._queues[one][0][0])
-            _, message, sender = self._queues[topic].popleft()
-        self._idle_threads += 1
+    def _serve(self, topic: str, message: Message, sender: str) -> None:
+        self.work(message, lambda: self._served(topic, message, sender))
+
+    def _served(self, topic: str, message: Message, sender: str) -> None:
+        """The thread goes on with what waits, first come first served, or is idle."""
+        self.completed += 1
+        self.handle(topic, message, sender)
+        waiting = [one for one, queue in self._queues.items() if queue]
+        if not waiting:
+            self._idle_threads += 1
+            return
+        topic = min(waiting, key=lambda one: self._queues[one][0][0])
+        _, message, sender = self._queues[topic].popleft()
+        self._serve(topic, message, sender)

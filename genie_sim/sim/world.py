@@ -136,6 +136,7 @@ class World:
         self.env.process(self._sampler(progress))
         self.env.run(until=self._end_ns + DRAIN_NS)
         self._log.sample(self.resources, self.env.now)
+        self._log.close()
 
     def add_detector(self, place: str, host: Host, graph: Graph) -> Detector:
         name = f"{place}/{DETECTOR}"

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import pytest
 
 from genie_sim.core.eviction import LRU
@@ -134,7 +132,7 @@ def test_a_hit_is_replayed_under_the_new_header_with_what_the_map_knows():
     asked = genie(miss_policy="blocking")
     asked.on_message(IMAGES, frame(0), 0)
     asked.on_message(FROM_NODE, answer(frame(0), CAR, bus), 1)
-    asked.on_message(FROM_OTHERS, answer(frame(5, car="car9"), replace(bus, score=0.9, confidence=0.9), person), 2)
+    asked.on_message(FROM_OTHERS, answer(frame(5, car="car9"), bus._replace(score=0.9, confidence=0.9), person), 2)
 
     again = frame(10)
     [hit, boost, delivered] = asked.on_message(IMAGES, again, 10 * S)
@@ -364,7 +362,7 @@ def test_a_neighbour_never_gets_the_map_for_a_miss():
 
 def test_without_a_pose_there_is_no_view_and_no_map_answer():
     asked = genie(similarity=Exact())
-    assert answers(asked.on_message(IMAGES, replace(frame(0), pose=None), 0)) == []
+    assert answers(asked.on_message(IMAGES, frame(0)._replace(pose=None), 0)) == []
 
 
 def test_objects_beyond_the_view_range_are_not_in_view():

@@ -29,7 +29,7 @@ READINGS = {
 }
 MAP_READINGS = {
     "rule": list(CONFIDENCE_RULES.values()),
-    "location_key": ["grid", "gate", "exact"],
+    "location_key": ["gate", "exact"],
     "one_per_location": [False, True],
     "threshold": [0.6, 0.0, 1.0, "range_60", "empirical"],
 }

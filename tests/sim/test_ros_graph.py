@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -13,6 +13,7 @@ from sim.street import build, fixed_device, scenario
 
 from genie_sim.experiment.links import LINKS
 from genie_sim.messages import Header, Publish
+from genie_sim.sim.clock import after
 from genie_sim.sim.device import Host
 from genie_sim.sim.link import Bridge, Downlinks, Link
 from genie_sim.sim.nodes import Detector, Genie
@@ -39,8 +40,8 @@ class Clerk(Node):
         super().__init__(*arguments, **settings)
         self.done: list[tuple[int, int, str]] = []
 
-    def work(self, message) -> Iterable[simpy.Event]:
-        yield self.env.timeout(WORK_NS)
+    def work(self, message, done: Callable[[], None]) -> None:
+        after(self.env, WORK_NS, done)
 
     def handle(self, topic: str, message, sender: str) -> None:
         self.done.append((self.env.now, message.header.stamp_ns, topic))

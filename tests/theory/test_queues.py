@@ -75,12 +75,11 @@ def processor_waits(rho: float, service: Law, servers: int = 1, customers: int =
         processor = Processor(env, "edge1.accelerator", "accelerator", servers)
         waits: list[int] = []
 
-        def customer():
+        def customer() -> None:
             service_ns, came_ns = service(rng), env.now
-            yield from processor.run(service_ns)
-            waits.append(env.now - came_ns - service_ns)
+            processor.run(service_ns, lambda: waits.append(env.now - came_ns - service_ns))
 
-        env.process(arrivals(env, rng, rho, servers, customers, lambda _: env.process(customer())))
+        env.process(arrivals(env, rng, rho, servers, customers, lambda _: customer()))
         env.run()
         assert processor.completed == customers and processor.queued == 0
         return float(np.mean(waits[WARM_UP:])) / SERVICE_NS
@@ -132,17 +131,16 @@ def test_little_s_law_and_utilisation():
         waits: list[int] = []
         queues: list[int] = []
 
-        def customer():
+        def customer() -> None:
             came_ns = env.now
-            yield from processor.run(SERVICE_NS)
-            waits.append(env.now - came_ns - SERVICE_NS)
+            processor.run(SERVICE_NS, lambda: waits.append(env.now - came_ns - SERVICE_NS))
 
         def sampler():
             while processor.completed < customers:
                 queues.append(processor.queued)
                 yield env.timeout(SERVICE_NS // 3)
 
-        env.process(arrivals(env, rng, rho, 1, customers, lambda _: env.process(customer())))
+        env.process(arrivals(env, rng, rho, 1, customers, lambda _: customer()))
         env.run(env.process(sampler()))
         rate_per_ns = customers / env.now
         return np.mean(queues) / (rate_per_ns * np.mean(waits)), processor.busy_ns / (customers * SERVICE_NS)
@@ -157,7 +155,7 @@ def test_time_in_use_counts_the_job_under_way():
     env = simpy.Environment(initial_time=0)
     processor = Processor(env, "edge1.accelerator", "accelerator", 2)
     for service_ns in (100, 300, 500):
-        env.process(processor.run(service_ns))
+        processor.run(service_ns, lambda: None)
     env.run(until=50)
     assert (processor.busy_ns, processor.queued, processor.completed) == (100, 1, 0)
     env.run(until=250)

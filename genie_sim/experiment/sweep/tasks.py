@@ -45,7 +45,7 @@ class PartTable(Table):
     def add(self, run_id: str, metric: Metric) -> None:
         """One metric of a run."""
         of_metric = metric.name, metric.role, metric.unit, metric.value, metric.low, metric.high, metric.n
-        self._append(run_id, *of_metric)
+        self._append((run_id, *of_metric))
 
 
 @dataclass(frozen=True, slots=True)
