@@ -35,6 +35,7 @@ images = st.builds(
     dhash=st.integers(0, 2**64 - 1),
     pose=poses,
     horizontal_fov_rad=st.just(math.radians(81.4)),
+    content=st.none(),
 )
 units = st.floats(0.0, 1.0)
 
