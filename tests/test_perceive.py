@@ -10,8 +10,10 @@ from kitti_folder import DATE, FIRST_STAMP_S, HEIGHT, WIDTH, make_drive, make_ne
 
 from genie_sim.core.geometry import inverse, project, transform
 from genie_sim.errors import UserError
+from genie_sim.perception import placement
+from genie_sim.perception.fingerprint import difference_hash
 from genie_sim.perception.kitti import open_drive
-from genie_sim.perception.perceive import difference_hash, perceive
+from genie_sim.perception.perceive import perceive
 from genie_sim.perception.placement import HALF_DEPTH_M
 from genie_sim.perception.trace import read_trace, write_trace
 
@@ -51,6 +53,18 @@ def test_a_drive_becomes_a_trace(street):
     (car,) = frame.detections
     assert (car.label, car.method, car.confidence) == ("car", "scan", car.score)
     assert car.location == pytest.approx((2.0 + 15.0 + HALF_DEPTH_M["car"], 0.0, 0.0), abs=0.2)
+
+
+def test_cameras_share_a_scan_and_opencv_gets_its_threads_back(street, monkeypatch):
+    root, weights = street
+    fitted = []
+    fit = placement.fit_ground
+    monkeypatch.setattr(placement, "fit_ground", lambda scan: fitted.append(len(scan)) or fit(scan))
+    monkeypatch.setattr("os.cpu_count", lambda: 2)  # one worker: two might fit the same ground at the same time
+    before = cv2.getNumThreads()
+    assert sum(map(len, perceive(root, DRIVE, weights=weights).frames.values())) == 6
+    assert len(fitted) == 3
+    assert cv2.getNumThreads() == before
 
 
 def test_the_same_frames_give_the_same_bytes(street, tmp_path):

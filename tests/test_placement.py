@@ -18,6 +18,7 @@ from genie_sim.perception.placement import (
     near_group,
     surface,
 )
+from genie_sim.perception.shape import percentile
 
 SIZE = (1242, 375)
 INTRINSICS = np.array([[721.5, 0.0, 609.6], [0.0, 721.5, 172.9], [0.0, 0.0, 1.0]])
@@ -154,3 +155,8 @@ def test_the_surface_is_the_near_end_of_a_dense_group():
 
 def test_every_road_label_has_a_depth():
     assert set(HALF_DEPTH_M) == ROAD_LABELS
+
+
+@given(st.lists(st.floats(-100, 100), min_size=1, max_size=60), st.floats(0, 100))
+def test_a_percentile_is_numpy_s(values, percent):
+    assert percentile(np.sort(values), percent) == pytest.approx(float(np.percentile(values, percent)), abs=1e-9)

@@ -75,10 +75,10 @@ class Drive:
             return None
         if path.stat().st_size % 16:
             raise UserError(f"{path}: {path.stat().st_size} bytes are not a whole number of 16-byte points: truncated?")
-        points = pykitti.utils.load_velo_scan(str(path))[:, :3].astype(np.float64)
-        if not np.isfinite(points).all():
+        columns = pykitti.utils.load_velo_scan(str(path))[:, :3].T.astype(np.float64, order="C")
+        if not np.isfinite(columns).all():
             raise UserError(f"{path}: the scan has points that are not finite numbers")
-        return points
+        return columns.T  # so that each coordinate of all points lies together, which is how they are used
 
     def camera_SE3_velo(self, camera: str) -> Array:
         """From the laser's frame to that of a rectified camera."""
@@ -134,9 +134,13 @@ def open_drive(
 
 def read_image(path: Path) -> np.ndarray:
     """A picture as (height, width, 3) bytes in OpenCV's order blue, green, red. UserError for an unreadable file."""
+    return decode_image(path, path.read_bytes())
+
+
+def decode_image(path: Path, data: bytes) -> np.ndarray:
+    """As ``read_image``, of a file whose bytes have been read."""
     import cv2
 
-    data = path.read_bytes()
     # Some versions of OpenCV show the upper half of half a file, so its end is looked at first.
     whole = data.endswith(LAST_BYTES[path.suffix])
     image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR) if whole else None

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import ClassVar
 
+import cv2
 import numpy as np
 
 from genie_sim.errors import UserError
@@ -31,7 +32,10 @@ class YoloxNano(OnnxDetector):
     def prepare(self, image_bgr: np.ndarray) -> tuple[np.ndarray, float]:
         """BGR from 0 to 255, as it is."""
         picture, scale = letterbox(image_bgr, self.size)
-        return picture.transpose(2, 0, 1)[None].astype(np.float32), scale
+        blob = np.empty((1, 3, *picture.shape[:2]), np.float32)
+        for plane, channel in zip(blob[0], cv2.split(picture), strict=True):
+            plane[:] = channel
+        return blob, scale
 
     def output_shapes(self) -> list[tuple[int, ...]]:
         return [(len(self.cells), 5 + len(self.labels))]
@@ -81,7 +85,7 @@ class NanodetM(OnnxDetector):
 
     def prepare(self, image_bgr: np.ndarray) -> tuple[np.ndarray, float]:
         picture, scale = letterbox(image_bgr, self.size)
-        return ((picture - self.MEAN) / self.STD).transpose(2, 0, 1)[None], scale
+        return np.ascontiguousarray(((picture - self.MEAN) / self.STD).transpose(2, 0, 1)[None]), scale
 
     def output_shapes(self) -> list[tuple[int, ...]]:
         cells = [self.size[0] // stride * (self.size[1] // stride) for stride in self.strides]

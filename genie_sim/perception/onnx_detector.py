@@ -94,7 +94,7 @@ class OnnxDetector(ABC):
         self.size = size or self.default_size or _own_size(weights, network)
         if any(side <= 0 or side % max(self.strides) for side in self.size):
             raise UserError(f"detector {self.name}: size {self.size} must be multiples of {max(self.strides)}")
-        self.min_score = min_score
+        self.min_score, self.threads = min_score, threads
         self.sha256 = hashlib.sha256(weights.read_bytes()).hexdigest()
         self.labels = self.labels_of(weights, {entry.key: entry.value for entry in network.metadata_props})
         self.cells, self.cell_strides = _cells(self.size, self.strides)
@@ -206,9 +206,8 @@ def letterbox(image_bgr: np.ndarray, size: tuple[int, int]) -> tuple[np.ndarray,
     scale = min(size[0] / width, size[1] / height)
     extent = (max(1, int(width * scale)), max(1, int(height * scale)))
     scaled = cv2.resize(image_bgr, extent, interpolation=cv2.INTER_LINEAR)
-    picture = np.full((size[1], size[0], 3), GREY, np.uint8)
-    picture[: scaled.shape[0], : scaled.shape[1]] = scaled
-    return picture, scale
+    below, right = size[1] - scaled.shape[0], size[0] - scaled.shape[1]
+    return cv2.copyMakeBorder(scaled, 0, below, 0, right, cv2.BORDER_CONSTANT, value=(GREY,) * 3), scale
 
 
 def best_boxes(

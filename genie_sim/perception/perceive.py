@@ -7,30 +7,34 @@ import importlib.metadata
 import os
 from collections import deque
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import contextmanager
+from functools import lru_cache, partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import cv2
 import numpy as np
 
-from genie_sim.core.geometry import Geodetic, transform
+from genie_sim.core.geometry import Array, Geodetic, transform
 from genie_sim.errors import UserError
 from genie_sim.perception import placement
 from genie_sim.perception.detector import Detector, Found, make_detector
-from genie_sim.perception.kitti import ATTRIBUTION, CameraFrame, Drive, open_drive, read_image
+from genie_sim.perception.fingerprint import difference_hash
+from genie_sim.perception.kitti import ATTRIBUTION, CameraFrame, Drive, decode_image, open_drive
 from genie_sim.perception.onnx_detector import CPU, MIN_SCORE, NMS_IOU, OnnxDetector
-from genie_sim.perception.placement import Placement
+from genie_sim.perception.placement import Placement, Plane
 from genie_sim.perception.trace import Trace, TraceFrame, detection, trace_frame
 from genie_sim.perception.tracking import tracking_trace
 
 PACKAGES = ("numpy", "onnxruntime", "opencv-python-headless", "pykitti", "pymap3d")
 LOWEST_SCORE = 0.01  # for an evaluation: weak detections count for average precision
 READ_AHEAD = 4  # frames read while the network runs, and frames placed after it
-READERS = 2
+MOST_WORKERS = 3  # read and place; more than the fastest networks here can use
 TRACKING = "tracking/"  # a drive of this name is a sequence of the tracking benchmark
 
 Progress = Callable[[int, int], None]
+Result = TypeVar("Result")
 
 
 class _Picture(NamedTuple):
@@ -93,12 +97,7 @@ def perceive(
         return tracking_trace(root / "tracking", drive.removeprefix(TRACKING), detector_name, min_score, origin)
     opened = open_drive(root, drive, cameras, origin, allow_missing_scans)
     detector = make_detector(detector_name, weights, size, min_score, providers)
-    wanted = [
-        frame
-        for camera in sorted(opened.frames)
-        for frame in opened.frames[camera]
-        if frames is None or frame.index in frames
-    ]
+    wanted = [frame for frame in in_turn(opened) if frames is None or frame.index in frames]
     if not wanted:
         raise UserError(f"{root}: drive {drive} has none of the frames that were asked for")
     perceived: dict[str, list[TraceFrame]] = {}
@@ -107,8 +106,14 @@ def perceive(
         if progress is not None:
             progress(done, len(wanted))
     provenance = _provenance(opened, detector, min_score)
-    by_camera = {camera: tuple(rows) for camera, rows in perceived.items()}
+    by_camera = {camera: tuple(perceived[camera]) for camera in sorted(perceived)}
     return Trace(f"kitti_{drive.split('/')[1]}", opened.origin, by_camera, provenance)
+
+
+def in_turn(drive: Drive) -> list[CameraFrame]:
+    """Frame by frame, all cameras of each: they share a scan."""
+    frames = (frame for sequence in drive.frames.values() for frame in sequence)
+    return sorted(frames, key=lambda frame: (frame.index, frame.camera))
 
 
 def images(root: Path, drive: str, cameras: Sequence[str]) -> dict[tuple[str, int], Path]:
@@ -122,57 +127,61 @@ def images(root: Path, drive: str, cameras: Sequence[str]) -> dict[tuple[str, in
 def trace_frames(
     drive: Drive, frames: Iterable[CameraFrame], detector: Detector, place_from: float = 0.0
 ) -> Iterator[TraceFrame]:
-    """The frames as a trace keeps them, in order. The network has this thread for itself: other threads read the
-    frames that come, and one places what was found in those that went."""
+    """The frames as a trace keeps them, in order. The network has this thread for itself: the processors it leaves
+    free read the frames that come, and place what was found in those that went."""
     steps = detector if isinstance(detector, OnnxDetector) else _InOneStep(detector)
-    with ThreadPoolExecutor(READERS) as reading, ThreadPoolExecutor(1) as placing:
-
-        def read(frame: CameraFrame) -> _Picture:
-            return _read(drive, frame, steps)
-
-        def place(picture: _Picture, outputs: Any) -> TraceFrame:
-            return _placed(drive, picture, outputs, steps, place_from)
-
-        placed: deque[Any] = deque()
-        for picture in _ahead(reading, read, frames):
-            placed.append(placing.submit(place, picture, steps.infer(picture.blob)))
-            if len(placed) > READ_AHEAD:
-                yield placed.popleft().result()
-        while placed:
-            yield placed.popleft().result()
+    free = (os.cpu_count() or 1) - (detector.threads if isinstance(detector, OnnxDetector) else 1)
+    scanned = lru_cache(2 * READ_AHEAD)(partial(_scanned, drive))
+    with _one_thread_of_opencv(), ThreadPoolExecutor(min(max(free, 1), MOST_WORKERS)) as workers:
+        read = partial(workers.submit, partial(_read, drive, steps, scanned))
+        place = partial(workers.submit, partial(_placed, drive, steps, place_from))
+        pictures = _in_order(map(read, frames))
+        yield from _in_order(place(picture, steps.infer(picture.blob)) for picture in pictures)
 
 
-def _ahead(
-    thread: ThreadPoolExecutor, read: Callable[[CameraFrame], _Picture], frames: Iterable[CameraFrame]
-) -> Iterator[_Picture]:
-    pending: deque[Any] = deque()
-    for frame in frames:
-        pending.append(thread.submit(read, frame))
+@contextmanager
+def _one_thread_of_opencv() -> Iterator[None]:
+    """OpenCV would put its own threads on the network's processor."""
+    before = cv2.getNumThreads()
+    cv2.setNumThreads(1)
+    try:
+        yield
+    finally:
+        cv2.setNumThreads(before)
+
+
+def _in_order(futures: Iterator[Future[Result]]) -> Iterator[Result]:
+    """The results of what was submitted, while ``READ_AHEAD`` more are under way."""
+    pending: deque[Future[Result]] = deque()
+    for future in futures:
+        pending.append(future)
         if len(pending) > READ_AHEAD:
             yield pending.popleft().result()
     while pending:
         yield pending.popleft().result()
 
 
-def difference_hash(image_bgr: np.ndarray) -> int:
-    """64-bit dHash: of the grey picture shrunk to 9x8, one bit for each pixel brighter than its left neighbour."""
-    grey = cv2.cvtColor(image_bgr, cv2.COLOR_BGR2GRAY)
-    small = cv2.resize(grey, (9, 8), interpolation=cv2.INTER_AREA).astype(np.int16)
-    bits = np.packbits(small[:, 1:] > small[:, :-1])
-    return int.from_bytes(bits.tobytes(), "big")
+def _scanned(drive: Drive, index: int) -> tuple[Array | None, Plane]:
+    scan = drive.scan(index)
+    return scan, placement.TYPICAL_GROUND if scan is None else placement.fit_ground(scan)
 
 
-def _read(drive: Drive, frame: CameraFrame, steps: OnnxDetector | _InOneStep) -> _Picture:
-    image = read_image(frame.image_path)
+def _read(
+    drive: Drive,
+    steps: OnnxDetector | _InOneStep,
+    scanned: Callable[[int], tuple[Array | None, Plane]],
+    frame: CameraFrame,
+) -> _Picture:
+    data = frame.image_path.read_bytes()
+    image = decode_image(frame.image_path, data)
     size = (image.shape[1], image.shape[0])
-    fingerprints = (hashlib.sha256(frame.image_path.read_bytes()).hexdigest(), difference_hash(image))
-    scan = drive.scan(frame.index)
-    here = Placement(frame.intrinsics, size, drive.camera_SE3_velo(frame.camera), scan)
+    fingerprints = (hashlib.sha256(data).hexdigest(), difference_hash(image))
+    here = Placement(frame.intrinsics, size, drive.camera_SE3_velo(frame.camera), *scanned(frame.index))
     return _Picture(frame, size, fingerprints, here, *steps.prepare(image))
 
 
 def _placed(
-    drive: Drive, picture: _Picture, outputs: Any, steps: OnnxDetector | _InOneStep, place_from: float
+    drive: Drive, steps: OnnxDetector | _InOneStep, place_from: float, picture: _Picture, outputs: Any
 ) -> TraceFrame:
     frame = picture.frame
     detections = []

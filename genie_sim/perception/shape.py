@@ -38,7 +38,8 @@ def centre(points: Array, size: Size, cut: str | None = None) -> tuple[float, fl
     points = points[:: math.ceil(len(points) / MOST_POINTS)]
     turn = _turn(points)
     axes = np.array([[math.cos(turn), math.sin(turn)], [-math.sin(turn), math.cos(turn)]])
-    low, high = np.percentile(points @ axes.T, [STRAY_PERCENT, 100 - STRAY_PERCENT], axis=0)
+    ordered = np.sort(points @ axes.T, axis=0)
+    low, high = percentile(ordered, STRAY_PERCENT), percentile(ordered, 100 - STRAY_PERCENT)
     extents, middle = high - low, (low + high) / 2
     if extents.max() >= size.width_m + SLACK_M:
         along = int(extents.argmax())
@@ -53,6 +54,15 @@ def centre(points: Array, size: Size, cut: str | None = None) -> tuple[float, fl
             middle[axis] = low[axis] + wanted / 2 if seen_low else high[axis] - wanted / 2
     x, z = (middle @ axes).tolist()
     return x, z
+
+
+def percentile(ordered: Array, percent: float) -> Array:
+    """Of values in ascending order along the first axis; as ``numpy.percentile``, which takes ten times as long."""
+    place = percent / 100 * (len(ordered) - 1)
+    before = int(place)
+    low, high = ordered[before], ordered[min(before + 1, len(ordered) - 1)]
+    between: Array = low + (high - low) * (place - before)
+    return between
 
 
 def _low_end_is_seen(axis: int, low: Array, high: Array, axes: Array, cut: str | None) -> bool:
@@ -70,7 +80,7 @@ def _low_end_is_seen(axis: int, low: Array, high: Array, axes: Array, cut: str |
 def _turn(points: Array) -> float:
     turned = np.concatenate([TURNED_AXES, TURNED_AXES[:, ::-1] * [-1, 1]]) @ points.T  # (2 turns, n)
     stray = int(len(points) * STRAY_PERCENT / 100)
-    ordered = np.partition(turned, (stray, len(points) - 1 - stray), axis=1)
+    ordered = np.sort(turned, axis=1)
     off = np.minimum(np.abs(turned - ordered[:, [stray]]), np.abs(ordered[:, [-1 - stray]] - turned))
     on_either = np.minimum(off[: len(TURNS_RAD)], off[len(TURNS_RAD) :])
     return float(TURNS_RAD[int((1.0 / np.maximum(on_either, NEAR_M)).sum(axis=1).argmax())])

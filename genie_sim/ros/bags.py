@@ -21,8 +21,8 @@ import numpy as np
 from genie_sim.core.geometry import Array, Geodetic, rigid, transform
 from genie_sim.errors import UserError, unknown
 from genie_sim.messages import Box, Detection
+from genie_sim.perception.fingerprint import difference_hash
 from genie_sim.perception.geodesy import enu_SE3_enu
-from genie_sim.perception.perceive import difference_hash
 from genie_sim.perception.placement import HALF_DEPTH_M, Placement
 from genie_sim.perception.trace import Trace, TraceFrame, detection, trace_frame
 from genie_sim.ros.bag_messages import NS_PER_S
