@@ -47,7 +47,12 @@ def main() -> None:
             group["place_correlation"],
         )
     for name, group in laws["ghosts"].items():
-        print("ghosts", name, {key: group[key] for key in ("places", "a_frame", "per_100m")}, group["found"]["miss"])
+        print(
+            "ghosts",
+            name,
+            {key: group[key] for key in ("places", "per_100m", "fleeting_a_frame", "score_correlation")},
+            group["found"]["miss"],
+        )
 
 
 if __name__ == "__main__":

@@ -4,22 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from operator import attrgetter
 from typing import TYPE_CHECKING, overload
 
 from genie_sim.messages import CameraPose, Detection
-from genie_sim.perception.city.laws import (
-    LOWEST_Z,
-    RANGES,
-    STEPS,
-    STEPS_PER_Z,
-    VIEW_STEP_M,
-    DetectorLaws,
-    GroupLaws,
-    group_of,
-)
-from genie_sim.perception.city.noise import MASK, NORMAL_MASK, SMOOTH_MASK, mix, normals, smooth_normals
+from genie_sim.perception.city.laws import MIDDLE, RANGES, STEPS_PER_Z, VIEW_STEP_M, DetectorLaws, Fleeting, quantile
+from genie_sim.perception.city.noise import MASK, NORMAL_MASK, SMOOTH_MASK, mix, normals
 from genie_sim.perception.city.rules import TrueObject
-from genie_sim.perception.city.streets import Seen, Streets
+from genie_sim.perception.city.streets import HEIGHTS_M, Seen, Streets
 from genie_sim.perception.trace import IMAGE_HEADER_BYTES, POSITION_DECIMALS, SCORE_DECIMALS
 
 if TYPE_CHECKING:
@@ -31,7 +23,9 @@ HORIZONTAL_FOV_RAD = 1.42116
 CAMERA_UP_M = 1.65
 BASELINES_M = {"02": 0.27, "03": -0.27}  # to the left of the car's middle
 NEAREST_M = 3.5  # KITTI's nearest labelled object is 3 m away: nearer ones leave the picture
-TABLE_END = STEPS - 1e-9
+MOST_Z = 3.7  # the largest number of the table of normal ones is smaller
+ALONG, ACROSS = 21 * 1021, 43 * 1021  # far apart in the gradual numbers: these are not the score's
+_score = attrgetter("score")
 
 
 class CityFrame:
@@ -122,19 +116,14 @@ class Eye:
     """A camera with its detector, anywhere in the town."""
 
     def __init__(self, streets: Streets, laws: DetectorLaws, view_m: float) -> None:
-        self._streets, self._view_m = streets, view_m
-        self._laws, self._ghosts = laws.groups, laws.ghosts
-        self._smooth = smooth_normals(VIEW_STEP_M / laws.smooth_m)
+        self._streets, self._view_m = streets, min(view_m, RANGES - 1.0)
+        self._fleeting = laws.fleeting
         self._normals = normals()
         half = HORIZONTAL_FOV_RAD / 2
         self._half_c, self._half_s, self._slope = math.cos(half), math.sin(half), math.tan(half)
-        self._names: list[tuple[float, str]] = []
-        share = 0.0
-        for name, part in laws.other_names:
-            share += part
-            self._names.append((share, name))
 
     def truth(self, pose: CameraPose, c: float, s: float, t_s: float) -> tuple[TrueObject, ...]:
+        """What is really in view of a camera whose heading has this cosine and sine."""
         return tuple(
             TrueObject(thing.number, thing.label, (thing.east_m, thing.north_m, thing.up_m), thing.moving)
             for thing, _ in self._in_view(pose, c, s, t_s)
@@ -142,61 +131,65 @@ class Eye:
         )
 
     def look(self, pose: CameraPose, c: float, s: float, t_s: float, look_key: int) -> tuple[Detection, ...]:
-        """Every object in view by its law; ``look_key`` is this look's own."""
-        table, smooth = self._normals, self._smooth
+        """What the detector finds, best score first; ``look_key`` is this look's own."""
+        table = self._normals
+        x, y = pose.east_m, pose.north_m
         # The view changes as the camera goes on and the range shrinks; turning into another street is another view.
         if abs(c) > abs(s):
-            gone_m, quarter = (pose.east_m, 0) if c > 0 else (-pose.east_m, 1)
+            gone_m, quarter = (x, 0) if c > 0 else (-x, 16411)
         else:
-            gone_m, quarter = (pose.north_m, 2) if s > 0 else (-pose.north_m, 3)
+            gone_m, quarter = (y, 2 * 16411) if s > 0 else (-y, 3 * 16411)
         found = []
         for thing, range_m in self._in_view(pose, c, s, t_s):
-            east_m, north_m, up_m, label, _, key, score_z, along_z, across_z, _, real = thing
-            laws: GroupLaws = (self._laws if real else self._ghosts)[group_of(label)]
+            east_m, north_m, up_m, label, _, key, offset, score_z, along_z, across_z, laws, _, _ = thing
+            row = laws.scores[int(range_m + 0.5)]
+            view = int((range_m - gone_m) / VIEW_STEP_M) + offset + quarter
+            _, of_view, of_look = laws.weights
+            z = score_z + of_view * laws.smooth[view & SMOOTH_MASK]
+            if row[int((z + MOST_Z * of_look) * STEPS_PER_Z + MIDDLE)] == 0.0:
+                continue  # whatever this look's own number is
             bits = ((key ^ look_key) * 0xBF58476D1CE4E5B9) & MASK
             bits ^= bits >> 32
-            view = int((range_m - gone_m) / VIEW_STEP_M) + (key >> 36) + quarter * 16411
-            of_object, of_view, of_look = laws.weights
-            row = laws.scores[int(range_m + 0.5)]
-            z = of_object * score_z + of_view * smooth[view & SMOOTH_MASK] + of_look * table[bits & NORMAL_MASK]
-            place = min(max((z - LOWEST_Z) * STEPS_PER_Z, 0.0), TABLE_END)
-            i = int(place)
-            score = row[i]
+            score = row[int((z + of_look * table[bits & NORMAL_MASK]) * STEPS_PER_Z + MIDDLE)]
             if score == 0.0:
                 continue
-            score = round(score + (row[i + 1] - score) * (place - i), SCORE_DECIMALS)
-            of_object, of_view, of_look = laws.place_weights
-            z = (
-                of_object * along_z
-                + of_view * smooth[view + 21 * 1021 & SMOOTH_MASK]
-                + of_look * table[bits >> 12 & NORMAL_MASK]
-            )
-            along_m = laws.along_m[int(range_m + 0.5)][int(min(max((z - LOWEST_Z) * STEPS_PER_Z, 0.0), TABLE_END))]
-            z = (
-                of_object * across_z
-                + of_view * smooth[view + 43 * 1021 & SMOOTH_MASK]
-                + of_look * table[bits >> 24 & NORMAL_MASK]
-            )
-            across_m = laws.across_m[int(range_m + 0.5)][int(min(max((z - LOWEST_Z) * STEPS_PER_Z, 0.0), TABLE_END))]
-            ux, uy = (east_m - pose.east_m) / range_m, (north_m - pose.north_m) / range_m
+            _, of_view, of_look = laws.place_weights
+            z = along_z + of_view * laws.place_smooth[view + ALONG & SMOOTH_MASK]
+            z += of_look * table[bits >> 12 & NORMAL_MASK]
+            along_m = laws.along_m[int(range_m + 0.5)][int(z * STEPS_PER_Z + MIDDLE)] / range_m
+            z = across_z + of_view * laws.place_smooth[view + ACROSS & SMOOTH_MASK]
+            z += of_look * table[bits >> 24 & NORMAL_MASK]
+            across_m = laws.across_m[int(range_m + 0.5)][int(z * STEPS_PER_Z + MIDDLE)] / range_m
+            dx, dy = east_m - x, north_m - y
             location = (
-                round(east_m + along_m * ux - across_m * uy, POSITION_DECIMALS),
-                round(north_m + along_m * uy + across_m * ux, POSITION_DECIMALS),
+                round(east_m + along_m * dx - across_m * dy, POSITION_DECIMALS),
+                round(north_m + along_m * dy + across_m * dx, POSITION_DECIMALS),
                 up_m,
             )
-            if label == "car":
+            if laws.names:
                 u = (bits >> 40 & 0xFFFF) / 0x10000
-                for share, name in self._names:
-                    if u < share:
-                        label = name
-                        break
+                label = next((name for share, name in laws.names if u < share), label)
             found.append(Detection(label, score, None, location, score, "city"))
-        found.sort(key=_best_first)
+        for number, kind in enumerate(self._fleeting):
+            bits = mix(look_key ^ number + 1)
+            if (bits & 0xFFFF) / 0x10000 < kind.a_frame:
+                found.append(self._fleeting_ghost(kind, bits, x, y, c, s))
+        found.sort(key=_score, reverse=True)
         return tuple(found)
 
-    def _in_view(self, pose: CameraPose, c: float, s: float, t_s: float) -> Iterator[tuple[Seen, float]]:
+    def _fleeting_ghost(self, kind: Fleeting, bits: int, x: float, y: float, c: float, s: float) -> Detection:
+        """A detection of nothing, anywhere in view."""
+        range_m = quantile(kind.range_m, (bits >> 16 & 0xFFFF) / 0x10000)
+        angle = ((bits >> 32 & 0xFFFF) / 0x10000 - 0.5) * HORIZONTAL_FOV_RAD
+        score = round(quantile(kind.scores, (bits >> 48) / 0x10000), SCORE_DECIMALS)
+        ahead_m, left_m = range_m * math.cos(angle), range_m * math.sin(angle)
+        east_m, north_m = x + ahead_m * c - left_m * s, y + ahead_m * s + left_m * c
+        location = (round(east_m, POSITION_DECIMALS), round(north_m, POSITION_DECIMALS), HEIGHTS_M[kind.label])
+        return Detection(kind.label, score, None, location, score, "city")
+
+    def _in_view(self, pose: CameraPose, c: float, s: float, t_s: float) -> list[tuple[Seen, float]]:
         """Everything in view, ghosts too, with its range [m]."""
-        view_m, slope = min(self._view_m, RANGES - 1.0), self._slope
+        view_m, slope = self._view_m, self._slope
         x, y = pose.east_m, pose.north_m
         c1, s1 = c * self._half_c - s * self._half_s, s * self._half_c + c * self._half_s
         c2, s2 = c * self._half_c + s * self._half_s, s * self._half_c - c * self._half_s
@@ -206,15 +199,12 @@ class Eye:
             x + view_m * (1.0 if c >= self._half_c else max(0.0, c1, c2)),
             y + view_m * (1.0 if s >= self._half_c else max(0.0, s1, s2)),
         )
+        found = []
         for thing in self._streets.ahead(x, y, box, t_s):
             dx, dy = thing[0] - x, thing[1] - y
-            ahead_m = dx * c + dy * s
-            left_m = dy * c - dx * s
-            if ahead_m > 0.0 and abs(left_m) <= ahead_m * slope:
+            reach_m = (dx * c + dy * s) * slope
+            if -reach_m <= dy * c - dx * s <= reach_m:  # behind the camera no number is
                 range_m = math.sqrt(dx * dx + dy * dy)
                 if NEAREST_M <= range_m <= view_m:
-                    yield thing, range_m
-
-
-def _best_first(detection: Detection) -> tuple[float, str]:
-    return -detection.score, detection.label
+                    found.append((thing, range_m))
+        return found

@@ -21,6 +21,7 @@ PLACE_EDGES_M = {"vehicles": (0, 12, 18, 24, 32, 60), "persons": (0, 10, 20)}
 QUANTILES = 21
 DECIMALS = 4
 GHOST_M = 2.0  # two wrong detections nearer than this are of one ghost
+GHOST_SIGHTINGS = 3  # from so many on at one place they are of a lasting ghost
 GHOST_VIEW_M = 60.0
 LAGS_M = (0.0, 0.25, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0)
 OBJECT_SHARES = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5)
@@ -75,26 +76,20 @@ def looks(trace: Trace, truth: Truth, min_score: float = 0.3) -> dict[str, list[
 def fit(trace: Trace, truth: Truth, ghost_truth: Truth, seed: int = 1) -> dict[str, Any]:
     """The laws of the trace's detector. ``ghost_truth`` must say which areas nobody labelled (``DontCare``)."""
     by_group = looks(trace, truth)
-    correlations = {
-        name: {"score": _correlation(name, rows, seed), "place": _place_correlation(name, rows, seed)}
-        for name, rows in by_group.items()
-    }
-    pooled = correlations["vehicles"]["score"]
     groups = {
         name: {
             "found": _found(name, rows),
             "place": _place(name, rows),
-            "score_correlation": correlations[name]["score"],
-            "place_correlation": correlations[name]["place"],
+            "score_correlation": _correlation(name, rows, seed),
+            "place_correlation": _place_correlation(name, rows, seed),
         }
         for name, rows in by_group.items()
     }
     names = [look.detection.label for look in by_group["vehicles"] if look.detection is not None]
     return {
         "groups": groups,
-        "ghosts": _ghosts(trace, ghost_truth, groups),
+        "ghosts": _ghosts(trace, ghost_truth, groups, seed),
         "vehicle_names": [[name, round(names.count(name) / len(names), DECIMALS)] for name in ("truck", "bus")],
-        "smooth_m": pooled["smooth_m"],
     }
 
 
@@ -163,8 +158,7 @@ def correlogram(tracks: Array, views_m: Array, z: Array) -> Array:
         # Each object counts alike, however often it was seen.
         np.add.at(total, lag, z[here[a]] * z[here[b]] / len(here))
         np.add.at(count, lag, 1.0 / len(here))
-    with np.errstate(invalid="ignore"):
-        means: Array = total / count
+    means: Array = np.divide(total, count, out=np.full(len(LAGS_M), np.nan), where=count > 0)
     return means
 
 
@@ -202,7 +196,7 @@ def _fit_correlation(
                     z = of_object**0.5 * lasting + of_view**0.5 * gradual[k] + of_look**0.5 * draws[k, 2]
                     z = np.where(z < cut, -9.0, z)
                     made.append(correlogram(tracks, views_m, normal_scores(z.tolist(), bins.tolist())))
-                gap = float(np.nansum((np.nanmean(made, axis=0) - real) ** 2))
+                gap = float(np.nansum((np.mean(made, axis=0) - real) ** 2))
                 if gap < best[0]:
                     shares = {"object": of_object, "view": round(of_view, DECIMALS), "smooth_m": smooth_m}
                     best = gap, shares
@@ -220,43 +214,65 @@ def _gradual(tracks: Array, views_m: Array, smooth_m: float, draws: Array) -> Ar
     return made
 
 
-def _ghosts(trace: Trace, truth: Truth, groups: Mapping[str, Any]) -> dict[str, Any]:
-    """Wrong detections as places where the detector sees what is not there: how many, how often, how sure."""
+def _ghosts(trace: Trace, truth: Truth, groups: Mapping[str, Any], seed: int) -> dict[str, Any]:
+    """Wrong detections. Those that come back at a place are ghosts of that place, seen again and again as an object
+    would be; the others are fleeting, anywhere in view, once."""
     evaluation = evaluate(trace, truth, 0.3)
     cameras = sorted({camera for camera, _ in truth.pictures})
     frames = [frame for camera in cameras for frame in trace.frames[camera]]
-    where = {id(detection): frame for frame in frames for detection in frame.detections}
     way_m = sum(math.dist(a.pose[:2], b.pose[:2]) for a, b in pairwise(trace.frames[cameras[0]]))
+    gone_m = _gone_m(trace)
     ghosts = {}
     for name in LABELS:
-        wrong = [j.detection for j in evaluation.groups[name].judged if j.label is None]
-        places: list[tuple[float, float]] = []
-        ranges_m = []
-        for detection in wrong:
-            if detection.location is None:
-                continue
-            here = where[id(detection)].pose
-            ranges_m.append(math.dist(here[:2], detection.location[:2]))
-            if all(math.dist(place, detection.location[:2]) >= GHOST_M for place in places):
-                places.append((detection.location[0], detection.location[1]))
-        in_view = sum(_in_view(frame, place) for frame in frames for place in places)
-        rate = len(wrong) / len(frames)
+        wrong = {id(j.detection): j.detection for j in evaluation.groups[name].judged if j.label is None}
+        sightings = [
+            (frame, found, np.array(found.location[:2]))
+            for frame in frames
+            for found in frame.detections
+            if id(found) in wrong and found.location is not None
+        ]
+        places: list[list[tuple[TraceFrame, Detection, Array]]] = []
+        for sighting in sightings:
+            near = [p for p in places if math.dist(p[0][2], sighting[2]) < GHOST_M]
+            if near:
+                near[0].append(sighting)
+            else:
+                places.append([sighting])
+        lasting = [place for place in places if len(place) >= GHOST_SIGHTINGS]
+        rows = []
+        for number, place in enumerate(lasting):
+            seen = {(frame.camera, frame.index): found for frame, found, _ in place}
+            middle = np.mean([where for _, _, where in place], axis=0)
+            for frame in frames:
+                picture = (frame.camera, frame.index)
+                range_m = math.dist(frame.pose[:2], middle)
+                if picture in seen or _in_view(frame, middle):
+                    view_m = range_m - gone_m[picture]
+                    rows.append(Look(number, frame.camera, range_m, view_m, seen.get(picture), None, None))
+        found_rows = [row.detection for row in rows if row.detection]
+        fleeting = [found for found in wrong.values() if all(found is not kept for kept in found_rows)]
+        edges_m = (0.0, GHOST_VIEW_M + 1)
+        values = [row.detection.score if row.detection else 0.0 for row in rows]
         ghosts[name] = {
-            "places": len(places),
-            "a_frame": round(rate, DECIMALS),
-            "per_100m": round(100 * len(places) / (way_m + GHOST_VIEW_M), DECIMALS),
+            "places": len(lasting),
+            "per_100m": round(100 * len(lasting) / (way_m + GHOST_VIEW_M), DECIMALS),
+            "fleeting_a_frame": round(len(fleeting) / len(frames), DECIMALS),
+            "fleeting_range_m": _quantiles([math.dist(frame.pose[:2], where) for frame, _, where in sightings]),
+            "fleeting_scores": _quantiles([d.score for d in fleeting]),
             "found": {
-                "range_m": [round(float(np.mean(ranges_m)), DECIMALS)],
-                "looks": [in_view],
-                "miss": [round(1 - len(wrong) / max(in_view, len(wrong)), DECIMALS)],
-                "scores": [_quantiles([d.score for d in wrong])],
+                "range_m": [round(float(np.mean([row.range_m for row in rows])), DECIMALS)],
+                "looks": [len(rows)],
+                "miss": [round(1 - len(found_rows) / len(rows), DECIMALS)],
+                "scores": [_quantiles([found.score for found in found_rows])],
             },
-            **{key: groups[name][key] for key in ("place", "score_correlation", "place_correlation")},
+            "place": groups[name]["place"],
+            "score_correlation": _fit_correlation(rows, values, edges_m, seed),
+            "place_correlation": groups[name]["place_correlation"],
         }
     return ghosts
 
 
-def _in_view(frame: TraceFrame, place: tuple[float, float]) -> bool:
+def _in_view(frame: TraceFrame, place: Array) -> bool:
     east_m, north_m = place[0] - frame.pose.east_m, place[1] - frame.pose.north_m
     bearing = math.remainder(math.atan2(north_m, east_m) - frame.pose.heading_rad, 2 * math.pi)
     return abs(bearing) <= frame.horizontal_fov_rad / 2 and math.hypot(east_m, north_m) <= GHOST_VIEW_M

@@ -16,55 +16,80 @@ from __future__ import annotations
 import functools
 import hashlib
 import json
-from bisect import bisect_right
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from importlib import resources
+from itertools import accumulate
 from statistics import NormalDist
-from typing import Any
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from genie_sim.core.geometry import Array
+from genie_sim.perception.city.noise import smooth_normals
+from genie_sim.perception.trace import SCORE_DECIMALS
 
 GROUP_OF = {"car": "vehicles", "truck": "vehicles", "bus": "vehicles"}  # all others: persons
-LOWEST_Z, STEPS_PER_Z, STEPS = -4.0, 16.0, 128
+STEPS_PER_Z, MIDDLE = 32.0, 32 * 7  # tables cover z from -7 to 7: three numbers of at most 3.7, weights of norm 1
 VIEW_STEP_M = 0.25
+PLACE_DECIMALS = 6
+GHOST_LABELS = {"vehicles": "car", "persons": "person"}
 RANGES = 101  # rows of a table, one a metre
 
 Table = tuple[tuple[float, ...], ...]
 
 
-def group_of(label: str) -> str:
-    """Whose laws hold for a class. Lights, signs and furniture have no labels in KITTI: those of persons, assumed."""
-    return GROUP_OF.get(label, "persons")
-
-
 class GroupLaws:
     """One group's laws as tables by range [m] and z; a score of 0 is a miss."""
 
-    __slots__ = ("across_m", "along_m", "place_weights", "scores", "weights")
+    __slots__ = ("across_m", "along_m", "names", "place_smooth", "place_weights", "scores", "smooth", "weights")
 
-    def __init__(self, fitted: Mapping[str, Any]) -> None:
+    def __init__(self, fitted: Mapping[str, Any], names: tuple[tuple[float, str], ...] = ()) -> None:
         found, place = fitted["found"], fitted["place"]
-        self.weights = _weights(fitted["score_correlation"])
-        self.place_weights = _weights(fitted["place_correlation"])
-        self.scores: Table = tuple(_score_row(found, r) for r in range(RANGES))
-        self.along_m: Table = tuple(_quantile_row(place, "along_m", r) for r in range(RANGES))
-        self.across_m: Table = tuple(_quantile_row(place, "across_m", r) for r in range(RANGES))
+        self.weights, self.smooth = _copula(fitted["score_correlation"])
+        self.place_weights, self.place_smooth = _copula(fitted["place_correlation"])
+        self.scores: Table = _score_table(found)
+        self.along_m: Table = _place_table(place, "along_m")
+        self.across_m: Table = _place_table(place, "across_m")
+        self.names = names
+
+
+class Fleeting(NamedTuple):
+    """Ghosts that are seen once and nowhere again: how many a frame, how far away and how sure (quantiles)."""
+
+    label: str
+    a_frame: float
+    range_m: tuple[float, ...]
+    scores: tuple[float, ...]
 
 
 class DetectorLaws:
-    """All laws: per group those of real objects, and those of ghosts, which stand at places where nothing is."""
+    """All laws: of real objects, of ghosts that stand at places where nothing is, and of fleeting ones.
+
+    ``names`` are what the detector calls a car at times: running share and name.
+    """
 
     def __init__(self, fitted: Mapping[str, Any]) -> None:
-        self.fitted = fitted
         self.provenance: Mapping[str, Any] = fitted["provenance"]
         self.digest = hashlib.sha256(json.dumps(fitted, sort_keys=True).encode()).hexdigest()
-        self.smooth_m = float(fitted["smooth_m"])
-        self.groups = {name: GroupLaws(group) for name, group in fitted["groups"].items()}
-        self.ghosts = {name: GroupLaws(group) for name, group in fitted["ghosts"].items()}
-        self.ghosts_per_100m = {
-            {"vehicles": "car", "persons": "person"}[name]: float(group["per_100m"])
-            for name, group in fitted["ghosts"].items()
+        shares = accumulate(float(share) for _, share in fitted["vehicle_names"])
+        names = tuple((share, str(name)) for share, (name, _) in zip(shares, fitted["vehicle_names"], strict=True))
+        self._real = {
+            name: GroupLaws(group, names if name == "vehicles" else ()) for name, group in fitted["groups"].items()
         }
-        # For a true vehicle: from which z on the detector calls it something else.
-        self.other_names = tuple((str(name), float(share)) for name, share in fitted["vehicle_names"])
+        self._ghosts = {name: GroupLaws(group) for name, group in fitted["ghosts"].items()}
+        ghosts = [(GHOST_LABELS[name], group) for name, group in sorted(fitted["ghosts"].items())]
+        self.ghosts_per_100m = {label: float(group["per_100m"]) for label, group in ghosts}
+        self.fleeting = tuple(
+            Fleeting(
+                label, group["fleeting_a_frame"], tuple(group["fleeting_range_m"]), tuple(group["fleeting_scores"])
+            )
+            for label, group in ghosts
+        )
+
+    def of(self, label: str, real: bool = True) -> GroupLaws:
+        """The laws for a class. Lights, signs, furniture and bicycles have no labels in KITTI that the detector could
+        be judged by: they follow the laws of persons, which is assumed."""
+        return (self._real if real else self._ghosts)[GROUP_OF.get(label, "persons")]
 
 
 @functools.cache
@@ -74,46 +99,51 @@ def detector_laws() -> DetectorLaws:
     return DetectorLaws(json.loads(text))
 
 
-def _weights(correlation: Mapping[str, float]) -> tuple[float, float, float]:
-    """Weights of object, view and look, from the shares of the variance."""
-    shares = correlation["object"], correlation["view"]
-    return shares[0] ** 0.5, shares[1] ** 0.5, max(0.0, 1.0 - sum(shares)) ** 0.5
+def _copula(fitted: Mapping[str, float]) -> tuple[tuple[float, float, float], tuple[float, ...]]:
+    """Weights of object, view and look from their shares of the variance, and the gradual numbers."""
+    shares = fitted["object"], fitted["view"]
+    weights = shares[0] ** 0.5, shares[1] ** 0.5, max(0.0, 1.0 - sum(shares)) ** 0.5
+    return weights, smooth_normals(VIEW_STEP_M / fitted["smooth_m"])
 
 
-def _between(centres: list[float], r: float) -> tuple[int, int, float]:
-    """The two bins around a range, and the weight of the second."""
-    k = bisect_right(centres, r)
-    if k == 0 or k == len(centres):
-        k = min(max(k - 1, 0), len(centres) - 1)
-        return k, k, 0.0
-    return k - 1, k, (r - centres[k - 1]) / (centres[k] - centres[k - 1])
-
-
-def _at(quantiles: list[float], u: float) -> float:
-    place = min(max(u, 0.0), 1.0) * (len(quantiles) - 1)
-    i = min(int(place), len(quantiles) - 2)
+def quantile(quantiles: Sequence[float], u: float) -> float:
+    """The value below which a share ``u`` in [0, 1) lies, of evenly spaced quantiles."""
+    place = u * (len(quantiles) - 1)
+    i = int(place)
     return quantiles[i] + (quantiles[i + 1] - quantiles[i]) * (place - i)
 
 
-def _mixed(rows: list[list[float]], a: int, b: int, weight: float, u: float) -> float:
-    return _at(rows[a], u) * (1 - weight) + _at(rows[b], u) * weight
+def _by_range(centres_m: Sequence[float], values: Sequence[float]) -> Array:
+    """Values at every metre, in straight lines between the middles of the bins."""
+    values_at: Array = np.interp(np.arange(RANGES), centres_m, values)
+    return values_at
 
 
-def _score_row(found: Mapping[str, Any], r: float) -> tuple[float, ...]:
-    a, b, weight = _between(found["range_m"], r)
-    miss = found["miss"][a] * (1 - weight) + found["miss"][b] * weight
-    cdf = NormalDist().cdf
-    row = []
-    for i in range(STEPS + 2):
-        z = LOWEST_Z + i / STEPS_PER_Z
-        if cdf(z + 0.5 / STEPS_PER_Z) <= miss:
-            row.append(0.0)
-        else:
-            row.append(_mixed(found["scores"], a, b, weight, (cdf(z) - miss) / (1 - miss)))
-    return tuple(row)
+def _quantiles_by_range(centres_m: Sequence[float], rows: Sequence[Sequence[float]]) -> Array:
+    """Quantiles (RANGES, n) at every metre."""
+    return np.array([_by_range(centres_m, column) for column in zip(*rows, strict=True)]).T
 
 
-def _quantile_row(place: Mapping[str, Any], name: str, r: float) -> tuple[float, ...]:
-    a, b, weight = _between(place["range_m"], r)
-    cdf = NormalDist().cdf
-    return tuple(_mixed(place[name], a, b, weight, cdf(LOWEST_Z + i / STEPS_PER_Z)) for i in range(STEPS + 2))
+def _score_table(found: Mapping[str, Any]) -> Table:
+    miss = _by_range(found["range_m"], found["miss"])[:, None]
+    quantiles = _quantiles_by_range(found["range_m"], found["scores"])
+    share = (_share(0.5) - miss) / (1.0 - miss)
+    levels = np.linspace(0.0, 1.0, quantiles.shape[1])
+    scores = np.array([np.interp(u, levels, row) for u, row in zip(share, quantiles, strict=True)])
+    return _table(np.where(_share(0.5) > miss, scores, 0.0), SCORE_DECIMALS)
+
+
+def _place_table(place: Mapping[str, Any], name: str) -> Table:
+    quantiles = _quantiles_by_range(place["range_m"], place[name])
+    levels = np.linspace(0.0, 1.0, quantiles.shape[1])
+    return _table(np.array([np.interp(_share(0.5), levels, row) for row in quantiles]), PLACE_DECIMALS)
+
+
+def _share(step: float) -> Array:
+    """The share of z below each column of a table, or so many steps above it."""
+    columns = np.arange(2 * MIDDLE + 2)
+    return np.array([NormalDist().cdf(z) for z in ((columns + step - MIDDLE) / STEPS_PER_Z).tolist()])
+
+
+def _table(values: Array, decimals: int) -> Table:
+    return tuple(tuple(row) for row in np.round(values, decimals).tolist())

@@ -12,26 +12,37 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_left
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
 
+from genie_sim.perception.city.laws import DetectorLaws, GroupLaws
 from genie_sim.perception.city.noise import NORMAL_MASK, mix, normals
 from genie_sim.perception.city.rules import JUNCTION_M, LANE_M, TownRules
 
 SLOT_M = 6.5  # of kerb that a parked car takes
 PARKED_M, PAVEMENT_M, BIKE_M = 5.0, 7.5, 3.2  # from the middle of the street
 WALK_MPS, CYCLE_MPS, FLOW = 1.4, 4.5, 0.9  # assumed; FLOW is the share of the speed limit that traffic drives
-HEIGHTS_M = {"car": 0.75, "truck": 1.5, "person": 0.9, "bicycle": 0.6, "traffic light": 2.7, "stop sign": 2.2}
+HEIGHTS_M = {
+    "car": 0.75,
+    "truck": 1.5,
+    "person": 0.9,
+    "bicycle": 0.6,
+    "traffic light": 2.7,
+    "stop sign": 2.2,
+    "fire hydrant": 0.4,
+    "bench": 0.4,
+}
 FURNITURE = (("fire hydrant", 0.4), ("bench", 0.5))
 STREAM_BITS = 32
 CLEAR_M = 14.0  # from a crossing, free of parked cars
 
 
 class Seen(NamedTuple):
-    """Something that a camera may see: where it is, what it is, its number, the key of its random numbers and its
-    lasting effect on the detector's score and on the error of its place, along the line of sight and across."""
+    """Something that a camera may see: where it is, what it is, its number, the key of its random numbers, where its
+    gradual numbers begin, its lasting share in the copula of the score and of the errors along the line of sight and
+    across, and its laws."""
 
     east_m: float
     north_m: float
@@ -39,110 +50,114 @@ class Seen(NamedTuple):
     label: str
     number: int
     key: int
+    offset: int
     score_z: float
     along_z: float
     across_z: float
+    laws: GroupLaws
     moving: bool
     real: bool
 
 
 def seen(
-    seed_key: int, number: int, label: str, east_m: float, north_m: float, moving: bool, real: bool = True
+    laws: GroupLaws,
+    seed_key: int,
+    number: int,
+    label: str,
+    east_m: float,
+    north_m: float,
+    moving: bool,
+    real: bool = True,
 ) -> Seen:
+    """An object of this number, with the numbers that stay with it."""
     key = mix(seed_key ^ mix(number))
     table = normals()
+    of_object, of_place = laws.weights[0], laws.place_weights[0]
     return Seen(
         east_m,
         north_m,
-        HEIGHTS_M.get(label, 0.5),
+        HEIGHTS_M[label],
         label,
         number,
         key,
-        table[key & NORMAL_MASK],
-        table[key >> 12 & NORMAL_MASK],
-        table[key >> 24 & NORMAL_MASK],
+        key >> 36,
+        of_object * table[key & NORMAL_MASK],
+        of_place * table[key >> 12 & NORMAL_MASK],
+        of_place * table[key >> 24 & NORMAL_MASK],
+        laws,
         moving,
         real,
     )
 
 
-class Stream:
-    """One kind of traffic in one direction of one street; ``starts_m`` are places along it at time 0, in order."""
+class Stream(NamedTuple):
+    """One kind of traffic in one direction of one street: places along it at time 0, in order.
 
-    __slots__ = ("_lateral_m", "_length_m", "_number", "_speed_mps", "_starts_m", "direction", "label")
+    ``speed_mps`` is negative for those who come back along it. A cyclist is a bicycle and a person at one place.
+    """
 
-    def __init__(
-        self,
-        label: str,
-        direction: int,
-        lateral_m: float,
-        speed_mps: float,
-        length_m: float,
-        starts_m: list[float],
-        number: int,
-    ) -> None:
-        self.label, self.direction = label, direction
-        self._lateral_m, self._speed_mps, self._length_m = lateral_m, speed_mps, length_m
-        self._starts_m, self._number = starts_m, number
+    labels: tuple[str, ...]
+    laws: tuple[GroupLaws, ...]
+    beside_m: float
+    speed_mps: float
+    length_m: float
+    starts_m: list[float]
+    number: int
 
-    def between(self, low_m: float, high_m: float, t_s: float) -> Iterator[tuple[float, float, int]]:
-        """Place along the street, beside its middle, and number of each that is between two places at a time."""
-        starts_m, length_m = self._starts_m, self._length_m
-        if not starts_m:
-            return
-        low_m, high_m = max(low_m, 0.0), min(high_m, length_m)
-        first_m, last_m = (low_m, high_m) if self.direction > 0 else (length_m - high_m, length_m - low_m)
-        gone_m = self._speed_mps * t_s
-        lap, begin_m = divmod(first_m - gone_m, length_m)
-        end_m = begin_m + last_m - first_m
-        count = len(starts_m)
-        k = bisect_left(starts_m, begin_m)
-        round_m = 0.0
+    def between(self, low_m: float, high_m: float, t_s: float) -> list[tuple[float, int]]:
+        """Place along the street and number of each that is between two places at a time.
+
+        Who has come to the end begins again as somebody else, with a number of its own.
+        """
+        starts_m, length_m = self.starts_m, self.length_m
+        lap, begin_m = divmod(low_m - self.speed_mps * t_s, length_m)
+        end_m = begin_m + high_m - low_m
+        k, count = bisect_left(starts_m, begin_m), len(starts_m)
+        found: list[tuple[float, int]] = []
         while True:
             if k == count:
-                k, round_m = 0, round_m + length_m
-            start_m = starts_m[k] + round_m
-            if start_m > end_m:
-                return
-            place_m = first_m + start_m - begin_m
-            turns = int(-lap) + (1 if round_m == 0.0 else 0)
-            along_m = place_m if self.direction > 0 else length_m - place_m
-            yield along_m, self._lateral_m, self._number + turns * count + k
+                if end_m < length_m:
+                    return found
+                k, begin_m, end_m, lap = 0, begin_m - length_m, end_m - length_m, lap + 1
+            if starts_m[k] > end_m:
+                return found
+            found.append((low_m + starts_m[k] - begin_m, self.number + k - int(lap) * count))
             k += 1
 
 
 class Street:
     """One street: what stands on it in the order of its place along it, and what moves along it."""
 
-    __slots__ = ("middle_m", "northbound", "places_m", "standing", "streams")
+    __slots__ = ("length_m", "middle_m", "northbound", "places_m", "standing", "streams")
 
-    def __init__(self, northbound: bool, middle_m: float, standing: list[Seen], streams: list[Stream]) -> None:
-        self.northbound, self.middle_m, self.streams = northbound, middle_m, streams
-        along: Callable[[Seen], float] = (lambda s: s.north_m) if northbound else (lambda s: s.east_m)
-        self.standing = sorted(standing, key=lambda s: (along(s), s.number))
-        self.places_m = [along(s) for s in self.standing]
+    def __init__(
+        self, northbound: bool, middle_m: float, length_m: float, standing: list[Seen], streams: list[Stream]
+    ) -> None:
+        self.northbound, self.middle_m, self.length_m = northbound, middle_m, length_m
+        self.streams = [stream for stream in streams if stream.starts_m]
+        self.standing = sorted(standing, key=lambda s: (s.north_m if northbound else s.east_m, s.number))
+        self.places_m = [s.north_m if northbound else s.east_m for s in self.standing]
 
     def between(self, low_m: float, high_m: float, t_s: float, seed_key: int) -> list[Seen]:
         """All that is between two places along the street at a time."""
         places_m = self.places_m
         found = self.standing[bisect_left(places_m, low_m) : bisect_left(places_m, high_m)]
+        low_m, high_m = max(low_m, 0.0), min(high_m, self.length_m)
+        if low_m >= high_m:
+            return found
         for stream in self.streams:
-            for along_m, beside_m, number in stream.between(low_m, high_m, t_s):
-                beside_m += self.middle_m
-                place = (beside_m, along_m) if self.northbound else (along_m, beside_m)
-                found.append(seen(seed_key, number, stream.label, *place, True))
+            for along_m, number in stream.between(low_m, high_m, t_s):
+                east_m, north_m = (stream.beside_m, along_m) if self.northbound else (along_m, stream.beside_m)
+                for kind, label in enumerate(stream.labels):
+                    mover = number + (kind << STREAM_BITS)
+                    found.append(seen(stream.laws[kind], seed_key, mover, label, east_m, north_m, True))
         return found
 
 
 def lay_out(
-    rules: TownRules,
-    northbound: bool,
-    index: int,
-    seed_key: int,
-    random: np.random.Generator,
-    ghosts_per_100m: dict[str, float],
+    rules: TownRules, laws: DetectorLaws, northbound: bool, index: int, seed_key: int, random: np.random.Generator
 ) -> Street:
-    """One street with all that is on it; ``ghosts_per_100m`` are places where a detector sees what is not there."""
+    """One street with all that is on it, and the places where the detector sees what is not there."""
     crossings = rules.blocks[1] if northbound else rules.blocks[0]
     length_m, middle_m = crossings * rules.block_m, index * rules.block_m
     base = (index * 2 + northbound) << (STREAM_BITS + 4)
@@ -150,7 +165,8 @@ def lay_out(
 
     def stand(label: str, along_m: float, beside_m: float, real: bool = True) -> None:
         place = (middle_m + beside_m, along_m) if northbound else (along_m, middle_m + beside_m)
-        standing.append(seen(seed_key, base + len(standing), label, *place, False, real))
+        number = base + len(standing)
+        standing.append(seen(laws.of(label, real), seed_key, number, label, *place, False, real))
 
     for side in (-1, 1):
         for along_m, is_truck in _parked(rules, crossings, random):
@@ -162,7 +178,7 @@ def lay_out(
     ):
         for along_m, side in _scattered(density, length_m, random):
             stand(label, along_m, side * beside_m)
-    for label, density in sorted(ghosts_per_100m.items()):
+    for label, density in laws.ghosts_per_100m.items():
         for along_m, side in _scattered(density, length_m, random):
             stand(label, along_m, side * (PAVEMENT_M + 1.5), real=False)
     for crossing in range(crossings + 1):
@@ -175,21 +191,27 @@ def lay_out(
             if 0.0 <= along_m <= length_m:
                 # On the right of those who come along: right of the heading east is south.
                 stand(sign, along_m, direction * PAVEMENT_M * (1 if northbound else -1))
-    streams = []
-    cars_mps = FLOW * rules.limit_mps(index)
-    for slot, (label, density, beside_m, speed_mps) in enumerate(
-        (
-            ("car", rules.moving_cars_per_100m, LANE_M, cars_mps),
-            ("bicycle", rules.cyclists_per_100m, BIKE_M, CYCLE_MPS),
-            ("person", rules.walkers_per_100m, PAVEMENT_M, WALK_MPS),
-        )
+    return Street(northbound, middle_m, length_m, standing, _streams(rules, laws, northbound, index, base, random))
+
+
+def _streams(
+    rules: TownRules, laws: DetectorLaws, northbound: bool, index: int, base: int, random: np.random.Generator
+) -> list[Stream]:
+    """Traffic in both directions."""
+    length_m = (rules.blocks[1] if northbound else rules.blocks[0]) * rules.block_m
+    streams: list[Stream] = []
+    for labels, density, off_m, speed_mps in (
+        (("car",), rules.moving_cars_per_100m, LANE_M, FLOW * rules.limit_mps(index)),
+        (("bicycle", "person"), rules.cyclists_per_100m, BIKE_M, CYCLE_MPS),
+        (("person",), rules.walkers_per_100m, PAVEMENT_M, WALK_MPS),
     ):
         for direction in (-1, 1):
             starts_m = np.sort(random.random(random.poisson(density / 2 * length_m / 100)) * length_m).tolist()
-            number = base + ((slot * 2 + (direction > 0) + 1) << STREAM_BITS)
-            lateral_m = direction * beside_m * (1 if northbound else -1)
-            streams.append(Stream(label, direction, lateral_m, speed_mps, length_m, starts_m, number))
-    return Street(northbound, middle_m, standing, streams)
+            beside_m = index * rules.block_m + direction * off_m * (1 if northbound else -1)  # on their right
+            number = base + ((2 * len(streams) + 1) << STREAM_BITS) + (1 << STREAM_BITS - 1)
+            of = tuple(laws.of(label) for label in labels)
+            streams.append(Stream(labels, of, beside_m, direction * speed_mps, length_m, starts_m, number))
+    return streams
 
 
 def _parked(rules: TownRules, crossings: int, random: np.random.Generator) -> Iterator[tuple[float, bool]]:

@@ -42,11 +42,11 @@ class Town:
             [
                 lay_out(
                     rules,
+                    self.laws,
                     northbound,
                     k,
                     self.key,
                     stream(seed, "city", "north" if northbound else "east", k),
-                    self.laws.ghosts_per_100m,
                 )
                 for k in range(rules.blocks[0 if northbound else 1] + 1)
             ]
