@@ -13,7 +13,7 @@ from genie_sim.messages import CameraPose, Detection, Location
 
 RANGE_60 = 0.30 + 0.60 * (1.0 - 0.30)  # 60 % of the way up the range of scores that the detector reports
 CELL_GATES = 4.0  # width of a cell, in gates
-REACH_GATES = 1.01  # how far around a location cells are looked into: a gate, and room for rounding
+REACH_GATES = 1.01  # how far around an object the cells list it: a gate, and room for rounding
 
 
 @dataclass(slots=True)
@@ -59,15 +59,14 @@ class ObjectMapRules:
 class ObjectMap:
     """Location -> objects, in metres of one east-north-up frame; keys use the ground plane.
 
-    Objects lie in square cells, wide enough that a gate mostly touches one; a second grid of ``view_cell_m`` serves the
-    question what is in view. Neither decides what is found.
+    Every square cell lists the objects within a gate of it, so one cell answers what is at a location. A second grid of
+    ``view_cell_m`` serves the question what is in view. Neither decides what is found.
     """
 
     def __init__(self, rules: ObjectMapRules, view_cell_m: float = 25.0) -> None:
         self._rules = rules
         self._exact = rules.location_key == "exact"
         self._cell_m = CELL_GATES * rules.gate_m
-        self._reach_m = REACH_GATES * rules.gate_m
         self._gate2 = rules.gate_m**2
         self._cells: dict[Any, list[StoredObject]] = {}  # by location if exact, else by cell
         self._view_cell_m = view_cell_m
@@ -79,7 +78,7 @@ class ObjectMap:
         return self._count
 
     def __iter__(self) -> Iterator[StoredObject]:
-        return (stored for cell in self._cells.values() for stored in cell)
+        return (stored for cell in self._view_cells.values() for stored in cell)
 
     @property
     def threshold(self) -> float:
@@ -104,8 +103,8 @@ class ObjectMap:
             stored.boost(self._rules.rule(before, seen.confidence, self._rules.rate))
             return before, stored
         stored = StoredObject(seen.label, seen.location, seen.score, seen.confidence)
-        key = seen.location if self._exact else _cell(seen.location, self._cell_m)
-        self._cells.setdefault(key, []).append(stored)
+        for cell in self._cells_within_reach(seen.location):
+            self._cells.setdefault(cell, []).append(stored)
         self._view_cells.setdefault(_cell(seen.location, self._view_cell_m), []).append(stored)
         if self._rules.threshold == "empirical":
             bisect.insort(self._first_scores, seen.score)
@@ -118,27 +117,23 @@ class ObjectMap:
 
     def nearest(self, label: str, location: Location, among: Sequence[StoredObject]) -> StoredObject | None:
         """The one of the objects ``at`` a location that a sighting of class ``label`` shows."""
-        any_class = self._rules.one_per_location
-        fitting = [one for one in among if any_class or one.label == label]
-        if len(fitting) > 1:
-            return min(fitting, key=lambda one: math.dist(one.location[:2], location[:2]))
-        return fitting[0] if fitting else None
+        if not self._rules.one_per_location:
+            among = [one for one in among if one.label == label]
+        if len(among) > 1:
+            return min(among, key=lambda one: math.dist(one.location[:2], location[:2]))
+        return among[0] if among else None
 
     def at(self, location: Location) -> Sequence[StoredObject]:
         """``OBJECT_MAP[location]``: every stored object, of any class, that counts as being there."""
-        cells = self._cells
         if self._exact:
-            return cells.get(location, ())
+            return self._cells.get(location, ())
         east_m, north_m, _ = location
-        cell_m, reach_m, gate2 = self._cell_m, self._reach_m, self._gate2
-        norths = range(math.floor((north_m - reach_m) / cell_m), math.floor((north_m + reach_m) / cell_m) + 1)
+        gate2 = self._gate2
         found = []
-        for i in range(math.floor((east_m - reach_m) / cell_m), math.floor((east_m + reach_m) / cell_m) + 1):
-            for j in norths:
-                for stored in cells.get((i, j), ()):
-                    away_east_m, away_north_m = stored.location[0] - east_m, stored.location[1] - north_m
-                    if away_east_m * away_east_m + away_north_m * away_north_m <= gate2:
-                        found.append(stored)
+        for one in self._cells.get((math.floor(east_m / self._cell_m), math.floor(north_m / self._cell_m)), ()):
+            away_east_m, away_north_m = one.location[0] - east_m, one.location[1] - north_m
+            if away_east_m * away_east_m + away_north_m * away_north_m <= gate2:
+                found.append(one)
         return found
 
     def in_view(self, pose: CameraPose, horizontal_fov_rad: float, range_m: float) -> list[StoredObject]:
@@ -159,19 +154,29 @@ class ObjectMap:
                     found.append(stored)
         return found
 
-    def _cells_in_view(self, pose: CameraPose, half_rad: float, range_m: float) -> Iterator[tuple[int, int]]:
-        """The cells of the smallest upright rectangle around a circle sector, west to east."""
+    def _cells_within_reach(self, location: Location) -> list[Any]:
+        if self._exact:
+            return [location]
+        reach_m = REACH_GATES * self._rules.gate_m
+        east_m, north_m, _ = location
+        return _cells((east_m - reach_m, east_m + reach_m), (north_m - reach_m, north_m + reach_m), self._cell_m)
+
+    def _cells_in_view(self, pose: CameraPose, half_rad: float, range_m: float) -> list[tuple[int, int]]:
+        """The cells of the smallest upright rectangle around a circle sector."""
         turns = [pose.heading_rad - half_rad, pose.heading_rad + half_rad]
         quarter = math.pi / 2
         turns += [k * quarter for k in range(math.ceil(turns[0] / quarter), math.floor(turns[1] / quarter) + 1)]
         easts = [pose.east_m, *(pose.east_m + range_m * math.cos(turn) for turn in turns)]
         norths = [pose.north_m, *(pose.north_m + range_m * math.sin(turn) for turn in turns)]
-        cell_m = self._view_cell_m
-        rows = range(math.floor(min(norths) / cell_m), math.floor(max(norths) / cell_m) + 1)
-        for i in range(math.floor(min(easts) / cell_m), math.floor(max(easts) / cell_m) + 1):
-            for j in rows:
-                yield i, j
+        return _cells(easts, norths, self._view_cell_m)
 
 
 def _cell(location: Location, side_m: float) -> tuple[int, int]:
     return math.floor(location[0] / side_m), math.floor(location[1] / side_m)
+
+
+def _cells(easts: Sequence[float], norths: Sequence[float], side_m: float) -> list[tuple[int, int]]:
+    """The cells of an upright rectangle, west to east."""
+    columns = range(math.floor(min(easts) / side_m), math.floor(max(easts) / side_m) + 1)
+    rows = range(math.floor(min(norths) / side_m), math.floor(max(norths) / side_m) + 1)
+    return [(i, j) for i in columns for j in rows]
