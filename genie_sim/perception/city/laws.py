@@ -16,6 +16,7 @@ from __future__ import annotations
 import functools
 import hashlib
 import json
+from array import array
 from collections.abc import Mapping, Sequence
 from importlib import resources
 from itertools import accumulate
@@ -35,7 +36,7 @@ PLACE_DECIMALS = 6
 GHOST_LABELS = {"vehicles": "car", "persons": "person"}
 RANGES = 101  # rows of a table, one a metre
 
-Table = tuple[tuple[float, ...], ...]
+Table = Sequence[Sequence[float]]
 
 
 class GroupLaws:
@@ -43,7 +44,7 @@ class GroupLaws:
 
     __slots__ = ("across_m", "along_m", "names", "place_smooth", "place_weights", "scores", "smooth", "weights")
 
-    def __init__(self, fitted: Mapping[str, Any], names: tuple[tuple[float, str], ...] = ()) -> None:
+    def __init__(self, fitted: Mapping[str, Any], names: tuple[tuple[int, str], ...] = ()) -> None:
         found, place = fitted["found"], fitted["place"]
         self.weights, self.smooth = _copula(fitted["score_correlation"])
         self.place_weights, self.place_smooth = _copula(fitted["place_correlation"])
@@ -65,14 +66,17 @@ class Fleeting(NamedTuple):
 class DetectorLaws:
     """All laws: of real objects, of ghosts that stand at places where nothing is, and of fleeting ones.
 
-    ``names`` are what the detector calls a car at times: running share and name.
+    ``names`` are what the detector calls a vehicle at times: running share of 65,536, and name.
     """
 
     def __init__(self, fitted: Mapping[str, Any]) -> None:
         self.provenance: Mapping[str, Any] = fitted["provenance"]
         self.digest = hashlib.sha256(json.dumps(fitted, sort_keys=True).encode()).hexdigest()
         shares = accumulate(float(share) for _, share in fitted["vehicle_names"])
-        names = tuple((share, str(name)) for share, (name, _) in zip(shares, fitted["vehicle_names"], strict=True))
+        names = tuple(
+            (round(share * 0x10000), str(name))
+            for share, (name, _) in zip(shares, fitted["vehicle_names"], strict=True)
+        )
         self._real = {
             name: GroupLaws(group, names if name == "vehicles" else ()) for name, group in fitted["groups"].items()
         }
@@ -99,7 +103,7 @@ def detector_laws() -> DetectorLaws:
     return DetectorLaws(json.loads(text))
 
 
-def _copula(fitted: Mapping[str, float]) -> tuple[tuple[float, float, float], tuple[float, ...]]:
+def _copula(fitted: Mapping[str, float]) -> tuple[tuple[float, float, float], array[float]]:
     """Weights of object, view and look from their shares of the variance, and the gradual numbers."""
     shares = fitted["object"], fitted["view"]
     weights = shares[0] ** 0.5, shares[1] ** 0.5, max(0.0, 1.0 - sum(shares)) ** 0.5
@@ -146,4 +150,4 @@ def _share(step: float) -> Array:
 
 
 def _table(values: Array, decimals: int) -> Table:
-    return tuple(tuple(row) for row in np.round(values, decimals).tolist())
+    return tuple(array("d", row) for row in np.round(values, decimals).tolist())

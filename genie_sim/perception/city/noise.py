@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import functools
 import math
+from array import array
 from statistics import NormalDist
 
 MASK = (1 << 64) - 1
@@ -33,12 +34,12 @@ def normals() -> tuple[float, ...]:
 
 
 @functools.cache
-def smooth_normals(step: float) -> tuple[float, ...]:
+def smooth_normals(step: float) -> array[float]:
     """65,536 standard normal numbers in a row, in which numbers n places apart are correlated by exp(-n step)."""
     table, kept = normals(), math.exp(-step)
     fresh = math.sqrt(1.0 - kept * kept)
-    value, row = 0.0, []
+    value, row = 0.0, array("d")
     for i in range(-1024, SMOOTH_MASK + 1):
         value = kept * value + fresh * table[mix(i & MASK) & NORMAL_MASK]
         row.append(round(value, 9))
-    return tuple(row[1024:])
+    return row[1024:]
