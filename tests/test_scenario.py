@@ -16,6 +16,7 @@ from genie_sim.core.eviction import EVICTIONS
 from genie_sim.core.similarity import SIMILARITIES
 from genie_sim.errors import UserError
 from genie_sim.experiment import files
+from genie_sim.experiment.fleet import City, Fleet
 from genie_sim.experiment.genie_settings import LITERAL
 from genie_sim.experiment.links import LINKS
 from genie_sim.experiment.scenario import Live, Recorded, Scenario, load_scenario, read_scenario
@@ -110,7 +111,7 @@ def unwritten(model: type[BaseModel], written: dict[str, Any], path: str = "") -
             found.append(f"{path}{key}")
             continue
         value = written[key][0] if isinstance(written[key], list) and written[key] else written[key]
-        inner = [kind for kind in model_types(field.annotation) if kind is not Live]
+        inner = [kind for kind in model_types(field.annotation) if kind not in (Live, City)]
         if isinstance(value, dict) and inner and "parameters" not in inner[0].model_fields:
             found += unwritten(inner[0], value, f"{path}{key}.")
     return found
@@ -126,7 +127,8 @@ def model_types(annotation: Any) -> Iterator[type[BaseModel]]:
 def test_the_file_of_all_settings_names_every_choice() -> None:
     text = (ROOT / "scenarios/all_settings.yaml").read_text()
     literals = {choice for line in literal_choices(Scenario) for choice in line}
-    for choice in (*literals, *SIMILARITIES, *EVICTIONS, *CONFIDENCE_RULES, *LINKS, *Live.yaml_names()):
+    of_sections = (*Live.yaml_names(), *City.yaml_names(), *Fleet.yaml_names())
+    for choice in (*literals, *SIMILARITIES, *EVICTIONS, *CONFIDENCE_RULES, *LINKS, *of_sections):
         assert choice in text, choice
     for device in files.available(files.DEVICE):
         assert device in text, device
@@ -303,7 +305,7 @@ MISTAKES = [
     (with_car(route="{trace: ./gone.parquet}"), "cars[1].route.trace: ./gone.parquet: no such file"),
     (
         TWO_CARS + "perception: {source: alive}\n",
-        "perception: unknown source 'alive' (did you mean 'live'?); known: live, recorded",
+        "perception: unknown source 'alive' (did you mean 'live'?); known: city, live, recorded",
     ),
     (
         TWO_CARS + "perception: {source: live, drive: 0005}\n",
@@ -463,7 +465,8 @@ def test_unknown_scenarios() -> None:
 
 def test_a_schema_for_editors_comes_for_free() -> None:
     schema = Scenario.model_json_schema(by_alias=True)
-    assert schema["required"] == ["name", "cars"]
+    assert schema["required"] == ["name"]
+    assert schema["anyOf"] == [{"required": ["cars"]}, {"required": ["fleet"]}]
     assert schema["properties"]["start_jitter"]["examples"] == ["30 ms"]
 
 

@@ -180,6 +180,7 @@ PositiveDuration = Annotated[int, BeforeValidator(_above_zero(units.duration_ns)
 Size = Annotated[int, BeforeValidator(_at_least_zero(units.size_bytes)), _size, _example("1.4 MB")]
 PositiveSize = Annotated[int, BeforeValidator(_above_zero(units.size_bytes)), _size, _example("1.4 MB")]
 PositiveRate = Annotated[int, BeforeValidator(_above_zero(units.rate_bps)), _rate, _example("100 Mbit/s")]
+Length = Annotated[float, BeforeValidator(_at_least_zero(units.length_m)), _length, _example("1 m")]
 PositiveLength = Annotated[float, BeforeValidator(_above_zero(units.length_m)), _length, _example("1 m")]
 Count = Annotated[int, Field(ge=1)]
 Probability = Annotated[float, Field(ge=0, le=1)]

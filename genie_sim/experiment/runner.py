@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import itertools
 import os
 import tempfile
 import time
@@ -10,24 +11,26 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import genie_sim
 from genie_sim.errors import UserError, unknown
 from genie_sim.experiment import files, provenance
 from genie_sim.experiment.fields import shown, validate
+from genie_sim.experiment.fleet import City
 from genie_sim.experiment.genies import own_code
 from genie_sim.experiment.profiles import DeviceProfile, load_profile
 from genie_sim.experiment.records import FrameTable, LookupTable, ObjectTable, PoseTable, ResourceTable
 from genie_sim.experiment.results import Run
 from genie_sim.experiment.scenario import Live, Route, Scenario, load_scenario, read_scenario
-from genie_sim.experiment.tables import Table
+from genie_sim.experiment.tables import Table, Value
 from genie_sim.perception.trace import Trace, read_trace
 from genie_sim.sim.log import Log
 from genie_sim.sim.world import World
 
 if TYPE_CHECKING:
     from genie_sim.experiment.metrics import Metric
+    from genie_sim.perception.city import Town
 
 Progress = Callable[[float, float, str], None]
 NS = 1_000_000_000
@@ -35,11 +38,17 @@ NS = 1_000_000_000
 
 @dataclass(frozen=True)
 class Prepared:
-    """A scenario with everything it names: devices by name, and the trace of each car by the car's name."""
+    """A scenario with everything it names: devices by name, and the trace of each car by the car's name.
+
+    In a ``town`` a car's trace is its ``Drive``, which stands in for one. ``spelled_out`` is the scenario with every
+    car and edge of its fleet.
+    """
 
     scenario: Scenario
     devices: Mapping[str, DeviceProfile]
     traces: Mapping[str, Trace]
+    spelled_out: Scenario | None = None
+    town: Town | None = None
 
 
 @dataclass(frozen=True)
@@ -136,9 +145,15 @@ def facts(prepared: Prepared) -> dict[str, Any]:
         "genie_sim": genie_sim.__version__,
         "scenario": prepared.scenario.model_dump(mode="json", by_alias=True),
         "devices": {name: device.model_dump(mode="json", by_alias=True) for name, device in prepared.devices.items()},
-        "traces": {car: trace.digest for car, trace in prepared.traces.items()},
+        "traces": {car: trace.digest for car, trace in _telling(prepared).items()},
         "own_code": own_code(prepared.scenario.genie),
     }
+
+
+def _telling(prepared: Prepared) -> Mapping[str, Trace]:
+    """The traces that tell what was driven: of a fleet the first car's, as all are made from the same town."""
+    some = 1 if prepared.scenario.fleet is not None else None
+    return dict(itertools.islice(prepared.traces.items(), some))
 
 
 def _finished(prepared: Prepared, run_id: str, tables: Tables) -> Run:
@@ -181,7 +196,7 @@ def _fill(
             "facts": made.facts,
             "digests": provenance.digests(folder),
             "rows": {table.name: len(table) for table in tables},
-            "traces": {trace.name: dict(trace.provenance) for trace in prepared.traces.values()},
+            "traces": {trace.name: dict(trace.provenance) for trace in _telling(prepared).values()},
             "wall_time_s": round(time.perf_counter() - began_s, 3),
             **provenance.environment(),
         },
@@ -191,8 +206,9 @@ def _fill(
 
 def prepare(scenario: Scenario, progress: Progress | None = None) -> Prepared:
     """Reads the device profiles and traces, and moves all traces into one world. Raises ``UserError``."""
-    names = [car.device for car in scenario.cars] + [edge.device for edge in scenario.edges]
-    devices = {name: load_profile(name) for name in names}
+    if isinstance(scenario.perception, City):
+        return _in_town(scenario, scenario.perception)
+    devices = _devices(scenario)
     if isinstance(scenario.perception, Live):
         main = _perceived(scenario.perception, progress)
     else:
@@ -209,16 +225,40 @@ def prepare(scenario: Scenario, progress: Progress | None = None) -> Prepared:
     return Prepared(scenario, devices, traces)
 
 
+def _in_town(scenario: Scenario, city: City) -> Prepared:
+    """Builds the town, and every car's way through it."""
+    from genie_sim.experiment import cells
+    from genie_sim.perception.city import Town
+
+    town = Town(city.town, scenario.seed)
+    if scenario.fleet is not None:
+        spelled_out, drives = cells.spelled_out(scenario, scenario.fleet, city, town)
+    else:
+        spelled_out = None
+        drives = {car.name: cells.drive(scenario, city, town, car) for car in scenario.cars}
+    traces = cast("dict[str, Trace]", drives)
+    for index, car in enumerate(scenario.cars if spelled_out is None else spelled_out.cars[:1]):
+        _check_route(f"{scenario.name}: cars[{index}].route.window", scenario, car.route, traces[car.name])
+    return Prepared(scenario, _devices(spelled_out or scenario), traces, spelled_out, town)
+
+
+def _devices(scenario: Scenario) -> dict[str, DeviceProfile]:
+    names = [car.device for car in scenario.cars] + [edge.device for edge in scenario.edges]
+    return {name: load_profile(name) for name in dict.fromkeys(names)}
+
+
 def simulate(prepared: Prepared, progress: Progress | None = None) -> Tables:
     """Every method of the scenario, one after the other, on the same random streams."""
-    tables = Tables(FrameTable(), LookupTable(), ResourceTable())
-    methods = prepared.scenario.methods
+    scenario = prepared.scenario if prepared.spelled_out is None else prepared.spelled_out
+    record, methods = scenario.record, scenario.methods
+    tables = Tables(FrameTable(), LookupTable() if "lookups" in record else _NoLookups(), ResourceTable())
+    objects = tables.objects if "objects" in record else None
     drives = "genie" if "genie" in methods else methods[0]  # without Genie, cars without cameras stay at home
     for number, method in enumerate(methods):
-        poses = tables.poses if method == drives else None
-        log = Log(method, tables.frames, tables.lookups, tables.resources, poses, tables.objects)
+        poses = tables.poses if method == drives and "poses" in record else None
+        log = Log(method, tables.frames, tables.lookups, tables.resources, poses, objects)
         began_s = time.perf_counter()
-        world = World(prepared.scenario, prepared.devices, prepared.traces, method, log)
+        world = World(scenario, prepared.devices, prepared.traces, method, log)
 
         def tell(
             now_ns: int, end_ns: int, done: int = number, method: str = method, log: Log = log, began_s: float = began_s
@@ -231,6 +271,13 @@ def simulate(prepared: Prepared, progress: Progress | None = None) -> Tables:
         with _rare_collections():
             world.run(tell)
     return tables
+
+
+class _NoLookups(LookupTable):
+    """Look-ups that the scenario does not want on record."""
+
+    def _append(self, row: tuple[Value, ...]) -> None:
+        pass
 
 
 @contextmanager

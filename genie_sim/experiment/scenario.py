@@ -12,7 +12,7 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import AfterValidator, BeforeValidator, Field, model_validator
+from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, model_validator
 
 from genie_sim import units
 from genie_sim.errors import UserError, unknown
@@ -29,13 +29,17 @@ from genie_sim.experiment.fields import (
     shown,
     validate,
 )
+from genie_sim.experiment.fleet import City, Fleet
 from genie_sim.experiment.genie_settings import GenieSettings
 from genie_sim.experiment.links import LINKS, Link
 from genie_sim.experiment.overrides import Override, apply_overrides
 from genie_sim.experiment.profiles import load_profile
+from genie_sim.experiment.seeds import stream
 from genie_sim.experiment.yaml_input import dump, read_mapping
 
 Method = Literal["local", "remote", "genie"]
+Record = Literal["lookups", "resources", "poses", "objects", "truth"]
+RECORDS: tuple[Record, ...] = ("lookups", "resources", "poses", "objects", "truth")
 
 # How long a car that changes its edge can send and receive nothing. Drive tests see 30 to 80 ms within LTE and 50 to
 # 150 ms within 5G [S: 5g6gacademy.com, 5G drive testing, lesson 12.3.5]: what both have in common.
@@ -170,7 +174,13 @@ class Car(Model):
 
 
 class Scenario(Model):
-    """Everything that decides the outcome of a run, but for the files it names."""
+    """Everything that decides the outcome of a run, but for the files it names.
+
+    Who drives is said by ``cars`` and ``edges``, or by ``fleet``. Of the tables beside the frames only those in
+    ``record`` are written down, and of a fleet's resources only those of its edges.
+    """
+
+    model_config = ConfigDict(json_schema_extra={"anyOf": [{"required": ["cars"]}, {"required": ["fleet"]}]})
 
     name: Name
     description: str = ""
@@ -178,7 +188,9 @@ class Scenario(Model):
     methods: Annotated[tuple[Method, ...], Listed, Field(min_length=1)] = ("local", "remote", "genie")
     model: str = "autoware_vision_detector"
     spread: Literal["isolated", "default", "loaded"] = "default"
-    perception: Annotated[Recorded | Live, Field(discriminator="source"), BeforeValidator(_default_source)] = Recorded()
+    perception: Annotated[Recorded | Live | City, Field(discriminator="source"), BeforeValidator(_default_source)] = (
+        Recorded()
+    )
     origin: Annotated[tuple[float, float, float], Listed] | None = None
     cameras: Annotated[tuple[Camera, ...], Listed, Field(min_length=1)] = FOUR_CAMERAS
     start_jitter_ns: Duration = Field(default=100 * units.NS_PER_MS, alias="start_jitter")
@@ -186,14 +198,25 @@ class Scenario(Model):
     edges: Annotated[tuple[Edge, ...], Listed] = ()
     edge_network: Link = LINKS["ethernet_1g"]
     hand_over_gap_ns: Duration = Field(default=HAND_OVER_GAP_NS, alias="hand_over_gap")
-    cars: Annotated[tuple[Car, ...], Listed, Field(min_length=1)]
+    cars: Annotated[tuple[Car, ...], Listed] = ()
+    fleet: Fleet | None = None
     genie: GenieSettings = GenieSettings()
+    record: Annotated[tuple[Record, ...], Listed] = RECORDS
+
+    @model_validator(mode="before")
+    @classmethod
+    def _somebody_drives(cls, data: Any) -> Any:
+        if isinstance(data, Mapping) and data.get("fleet") is None and "cars" not in data:
+            problem("cars", "missing")
+        return data
 
     @model_validator(mode="after")
     def _fits_together(self) -> Self:
         _unique("methods", self.methods)
+        _unique("record", self.record)
         _unique("cameras", [camera.name for camera in self.cameras], ".name")
         _unique("edges", [edge.name for edge in self.edges], ".name")
+        self._cars_or_fleet()
         edges = {edge.name for edge in self.edges}
         _unique("cars", [car.name for car in self.cars], ".name", also=edges)
         for index, car in enumerate(self.cars):
@@ -205,6 +228,22 @@ class Scenario(Model):
         if self.origin is not None and not (abs(self.origin[0]) <= 90 and abs(self.origin[1]) <= 180):
             problem("origin", "must be [latitude, longitude, altitude] in degrees, degrees and metres")
         return self
+
+    def _cars_or_fleet(self) -> None:
+        if self.fleet is None and not self.cars:
+            problem("cars", "must not be empty")
+        in_town = isinstance(self.perception, City)
+        if self.fleet is not None:
+            for field in ("cars", "edges"):
+                if getattr(self, field):
+                    problem(field, "a fleet brings its own; leave them out, or 'fleet'")
+            if not in_town:
+                problem("fleet", "needs a town to drive in: 'perception: {source: city}'")
+        if in_town and self.origin is not None:
+            problem("origin", "a town is where it is; leave it out")
+        for index, car in enumerate(self.cars):
+            if in_town and car.route.trace is not None:
+                problem(f"cars[{index}].route.trace", "cars in a town make their own way; leave it out")
 
     def _hand_overs_fit(self, index: int, car: Car, edges: Collection[str]) -> None:
         """Each leads to another edge that exists, after the one before is over."""
@@ -260,6 +299,9 @@ class Scenario(Model):
             first_use.setdefault(car.device, f"cars[{index}].device")
         for index, edge in enumerate(self.edges):
             first_use.setdefault(edge.device, f"edges[{index}].device")
+        if self.fleet is not None:
+            first_use |= dict.fromkeys(self.fleet.devices, "fleet.devices")
+            first_use.setdefault(self.fleet.edge_device, "fleet.edge_device")
         for device, field in first_use.items():
             try:
                 profile = load_profile(device)
@@ -275,6 +317,12 @@ class Scenario(Model):
                 over = f"{expiry} is over before {self.model} answers on {device} ({takes}): lengthen it, or null"
                 problem("genie.request_expiry", over)
         return self
+
+    def set_off_ns(self, car: Car) -> int:
+        """When a car sets off: at its route's start, and up to ``start_jitter`` later, drawn for every car."""
+        jitter_ns = self.start_jitter_ns
+        late_ns = int(stream(self.seed, car.name, "start").integers(jitter_ns)) if jitter_ns else 0
+        return car.route.start_ns + late_ns
 
     def to_yaml(self) -> str:
         """Every setting written out; reads back to an equal scenario."""

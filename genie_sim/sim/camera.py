@@ -42,7 +42,8 @@ class Camera(Node):
         self._car = car
         begin_ns, end_ns = window_ns if window_ns is not None else (frames[0].stamp_ns, frames[-1].stamp_ns + 1)
         self._begin_ns = begin_ns
-        self._frames = [frame for frame in frames if begin_ns <= frame.stamp_ns < end_ns]
+        inside = frames if window_ns is None else [frame for frame in frames if begin_ns <= frame.stamp_ns < end_ns]
+        self._frames: Sequence[TraceFrame] = inside
         self._start_ns = start_ns
         self._laps = laps
         self._lap_ns = end_ns - begin_ns + pause_ns

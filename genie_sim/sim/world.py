@@ -125,17 +125,21 @@ class World:
                 if edge_.detector is not None:
                     edge_.genie = self._attach(name, edge_.graph, role="remote")
             self._join_edges()
+        of_edges = len(self.resources)
         for car in scenario.cars:
             if car.cameras:
                 self._add_car(car, traces[car.name])
             elif method == "genie":  # nobody else answers a car without cameras
                 self._add_car_without_cameras(car, traces[car.name])
+        self._sampled: list[Resource] = []
+        if "resources" in scenario.record:
+            self._sampled = self.resources if scenario.fleet is None else self.resources[:of_edges]
 
     def run(self, progress: Callable[[int, int], None] | None = None) -> None:
         """Runs until every frame's answer must have come. ``progress`` gets the time now and at the end [ns]."""
         self.env.process(self._sampler(progress))
         self.env.run(until=self._end_ns + DRAIN_NS)
-        self._log.sample(self.resources, self.env.now)
+        self._log.sample(self._sampled, self.env.now)
         self._log.close()
 
     def add_detector(self, place: str, host: Host, graph: Graph) -> Detector:
@@ -186,8 +190,7 @@ class World:
         self._add_cameras(car, host, graph, trace)
 
     def _add_cameras(self, car: Car, host: Host, graph: Graph, trace: Trace) -> None:
-        jitter_ns = self.scenario.start_jitter_ns
-        late_ns = int(stream(self.scenario.seed, car.name, "start").integers(jitter_ns)) if jitter_ns else 0
+        set_off_ns = self.scenario.set_off_ns(car)
         for camera in self.scenario.cameras:
             frames = trace.frames[camera.recording]
             node = Camera(
@@ -198,7 +201,7 @@ class World:
                 car.name,
                 frames if car.cameras else positions(frames),
                 car.route.window_ns,
-                car.route.start_ns + camera.phase_ns + late_ns,
+                set_off_ns + camera.phase_ns,
                 car.route.laps,
                 car.route.pause_ns,
                 camera.size_bytes if car.cameras else POSITION_BYTES,
@@ -280,7 +283,7 @@ class World:
 
     def _sampler(self, progress: Callable[[int, int], None] | None) -> Iterable[simpy.Event]:
         while True:
-            self._log.sample(self.resources, self.env.now)
+            self._log.sample(self._sampled, self.env.now)
             if progress is not None:
                 progress(min(self.env.now, self._end_ns), self._end_ns)
             yield self.env.timeout(SAMPLE_NS)

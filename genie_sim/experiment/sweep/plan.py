@@ -8,6 +8,7 @@ from pathlib import Path
 
 from genie_sim.errors import UserError
 from genie_sim.experiment import provenance, runner
+from genie_sim.experiment.fleet import City
 from genie_sim.experiment.profiles import DeviceProfile
 from genie_sim.experiment.runner import Prepared, Progress
 from genie_sim.experiment.scenario import Scenario, load_scenario
@@ -52,13 +53,17 @@ def plan(design: Design, where: str, progress: Progress | None = None) -> Plan:
     for number, point in enumerate(design.points()):
         try:
             scenario = load_scenario(point.scenario, point.overrides)
+            in_town = isinstance(scenario.perception, City)
             prepared = world.prepare(scenario)
         except UserError as error:
             raise UserError(f"{where}: {str(error).removeprefix('--set ')}") from error
-        keys = {car: _key(trace) for car, trace in prepared.traces.items()}
+        # Cars in a town drive another way with every seed; whoever simulates a run makes them anew.
+        keys = {} if in_town else {car: _key(trace) for car, trace in prepared.traces.items()}
         frames = _frames(prepared)
         for seed in design.seeds:
             seeded = replace(prepared, scenario=scenario.model_copy(update={"seed": seed}))
+            if in_town:
+                seeded = runner.prepare(seeded.scenario)
             run_id = provenance.run_id(runner.facts(seeded))
             made.entries.append(Entry(number, seed, run_id, point.levels))
             made.runs.setdefault(run_id, Run(run_id, seeded.scenario, keys, frames))
@@ -102,6 +107,8 @@ class _World:
         if needs not in self._known:
             fresh = runner.prepare(scenario)
             self._devices.update(fresh.devices)
+            if isinstance(scenario.perception, City):
+                return fresh
             traces = {car: self._traces.setdefault(_key(trace), trace) for car, trace in fresh.traces.items()}
             self._known[needs] = replace(fresh, traces=traces)
         return replace(self._known[needs], scenario=scenario)
@@ -118,7 +125,7 @@ def _key(trace: Trace) -> str:
 
 def _frames(prepared: Prepared) -> float:
     """About how many frames the cameras take, under all methods."""
-    scenario, frames = prepared.scenario, 0.0
+    scenario, frames = prepared.spelled_out or prepared.scenario, 0.0
     for car in scenario.cars:
         for camera in scenario.cameras:
             recorded = prepared.traces[car.name].frames[camera.recording]

@@ -12,12 +12,13 @@ import os
 import pickle
 import uuid
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import genie_sim
 from genie_sim.errors import UserError
 from genie_sim.experiment import metrics, runner
+from genie_sim.experiment.fleet import City
 from genie_sim.experiment.metrics import Metric
 from genie_sim.experiment.profiles import DeviceProfile
 from genie_sim.experiment.scenario import Scenario
@@ -92,7 +93,10 @@ def run_task(task: Task, packed: bytes) -> int:
     devices, traces = _unpacked(packed)
     table = PartTable()
     for run in task.runs:
-        prepared = runner.Prepared(run.scenario, devices, {car: traces[key] for car, key in run.traces.items()})
+        if isinstance(run.scenario.perception, City):
+            prepared = replace(runner.prepare(run.scenario), devices=devices)
+        else:
+            prepared = runner.Prepared(run.scenario, devices, {car: traces[key] for car, key in run.traces.items()})
         for metric in measured(prepared):
             table.add(run.run_id, metric)
     try:

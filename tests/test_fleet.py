@@ -1,0 +1,234 @@
+"""A fleet: its cells, its cars, their hand-overs, and that a run of it is as reproducible as any other."""
+
+from __future__ import annotations
+
+from collections import Counter
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from genie_sim.errors import UserError
+from genie_sim.experiment import runner
+from genie_sim.experiment.cells import CHECK_NS, Cells, device_of_each
+from genie_sim.experiment.fleet import Fleet
+from genie_sim.experiment.runner import prepare, simulate
+from genie_sim.experiment.scenario import Scenario, read_scenario
+from genie_sim.experiment.yaml_input import parse
+from genie_sim.units import NS_PER_MS, NS_PER_S
+
+SMALL: dict[str, Any] = {
+    "name": "small",
+    "methods": ["genie"],
+    "perception": {"source": "city", "duration": "6 s", "town": {"blocks": [3, 2], "block": "100 m"}},
+    "cameras": [{"name": "camera_02", "recording": "02", "size": "100 kB"}],
+    "fleet": {"cars": 5, "devices": "jetson_tx2", "edge_device": "rtx_a4500", "cell": "100 m", "hysteresis": "5 m"},
+}
+
+
+def small(**settings: Any) -> Scenario:
+    return read_scenario({**SMALL, **settings})
+
+
+def fleet(**settings: Any) -> dict[str, Any]:
+    return {**SMALL["fleet"], **settings}
+
+
+# Cells
+
+
+def test_cells_fill_the_town_in_rows_from_the_south_west():
+    cells = Cells((300.0, 200.0), 100.0)
+    assert (len(cells), cells.columns, cells.rows) == (6, 3, 2)
+    assert [cells.name(cell) for cell in range(6)] == [f"edge_{c}_{r}" for r in range(2) for c in range(3)]
+    assert [cells.at(*place) for place in ((1, 1), (150, 99), (299, 1), (1, 101), (299, 199))] == [0, 1, 2, 3, 5]
+    assert cells.at(-5, -5) == 0 and cells.at(305, 205) == 5, "streets along the rim lie half outside"
+    assert cells.distance_m(4, 150.0, 110.0) == 40.0
+    assert len(Cells((300.0, 200.0), 130.0)) == 4, "as many as fit best: 2.3 and 1.5 in a row are 2 and 2"
+    assert len(Cells((300.0, 200.0), 5000.0)) == 1
+
+
+def test_neighbours_are_the_cells_around_and_have_each_other():
+    cells = Cells((300.0, 300.0), 100.0)
+    assert cells.neighbours(4) == [0, 1, 2, 3, 5, 6, 7, 8]
+    assert cells.neighbours(0) == [1, 3, 4]
+    assert all(cell in cells.neighbours(other) for cell in range(9) for other in cells.neighbours(cell))
+
+
+@given(st.floats(-50, 450), st.floats(-50, 350), st.floats(30, 500))
+def test_no_other_middle_is_nearer(east_m: float, north_m: float, cell_m: float):
+    cells = Cells((400.0, 300.0), cell_m)
+    nearest = min(cells.distance_m(cell, east_m, north_m) for cell in range(len(cells)))
+    assert cells.distance_m(cells.at(east_m, north_m), east_m, north_m) == pytest.approx(nearest)
+
+
+def test_a_car_on_a_straight_way_is_handed_over_the_hysteresis_behind_each_border():
+    """10 m/s east through cells of 100 m, 50 m from their middles: ``x`` behind a border the old middle is farther by
+    hypot(50 + x, 50) - hypot(50 - x, 50) = 2 x / sqrt(2) or a little less; 14 m then need 10 m, just over a second."""
+    cells = Cells((400.0, 200.0), 100.0)
+    found = cells.passed(lambda t_ns: (t_ns / NS_PER_S * 10.0, 100.0 - 1e-9), 39 * NS_PER_S, 14.0, 0)
+    assert [cell for _, cell in found] == [0, 1, 2, 3]
+    for number, (since_ns, _) in enumerate(found[1:], 1):
+        behind_m = since_ns / NS_PER_S * 10.0 - 100.0 * number
+        assert 9.9 < behind_m < 10.1 + CHECK_NS / NS_PER_S * 10.0
+        assert since_ns % CHECK_NS == 0
+
+
+def test_a_car_to_and_fro_over_a_border_is_not_handed_over_by_less_than_the_hysteresis():
+    cells = Cells((200.0, 100.0), 100.0)
+
+    def swaying(t_ns: int) -> tuple[float, float]:
+        return 100.0 + (4.0 if t_ns // NS_PER_S % 2 else -4.0), 50.0
+
+    assert len(cells.passed(swaying, 60 * NS_PER_S, 10.0, 0)) == 1
+    assert len(cells.passed(swaying, 60 * NS_PER_S, 7.0, 0)) == 60, "8 m of difference"
+    slow = cells.passed(swaying, 60 * NS_PER_S, 7.0, 3 * NS_PER_S)
+    assert all(later - earlier >= 3 * NS_PER_S for (earlier, _), (later, _) in pairwise(slow))
+
+
+# Cars
+
+
+def test_devices_have_their_shares_and_one_more_car_changes_nobody_elses():
+    shares = {"jetson_tx2": 0.7, "orin_nano": 0.2, "agx_orin": 0.1}
+    several = [
+        list(device_of_each(Fleet.model_validate({"cars": cars, "devices": shares, "edge_device": "x"})))
+        for cars in (1000, 1001)
+    ]
+    assert several[1][:1000] == several[0]
+    assert {name: count / 1000 for name, count in Counter(several[0]).items()} == pytest.approx(shares, abs=0.005)
+
+
+def test_every_car_drives_alone_begins_at_the_nearest_edge_and_changes_to_real_ones():
+    prepared = prepare(small(fleet=fleet(cars=40)))
+    whole = prepared.spelled_out
+    assert whole is not None and prepared.town is not None
+    names = {edge.name for edge in whole.edges}
+    assert len(whole.cars) == 40 == len({trace.digest for trace in prepared.traces.values()})
+    cells = Cells(prepared.town.size_m, 100.0)
+    assert len(names) == len(cells) == 6
+    assert sum(len(car.hand_overs) for car in whole.cars) > 5
+    for car in whole.cars:
+        drive: Any = prepared.traces[car.name]
+        assert car.edge == cells.name(cells.at(*drive.position(0)))
+        assert drive.start_ns == whole.set_off_ns(car), "it sees the town as it is when it is there"
+        for one in car.hand_overs:
+            assert one.edge == cells.name(cells.at(*drive.position(one.at_ns - drive.start_ns)))
+    checked = read_scenario(whole.model_copy(update={"fleet": None}).model_dump(mode="json", by_alias=True))
+    assert (checked.cars, checked.edges) == (whole.cars, whole.edges), "what was not validated would have passed"
+
+
+def test_what_is_written_down_stays_small_and_reads_back():
+    setting = small(fleet=fleet(cars=1000, devices={"jetson_tx2": 0.5, "orin_nano": 0.5}))
+    assert len(setting.to_yaml()) < 6000
+    assert read_scenario(parse(setting.to_yaml(), "resolved")) == setting
+    assert len(str(runner.facts(prepare(setting)))) < 20_000
+
+
+def test_another_seed_is_another_town_with_other_ways():
+    first, again, other = (prepare(small(seed=seed)).traces["car1"].digest for seed in (1, 1, 2))
+    assert first == again != other
+
+
+def test_explicit_cars_may_drive_in_a_town_too():
+    cars = [{"name": "a", "device": "jetson_tx2", "edge": "e", "route": {"window": ["1 s", "3 s"]}}]
+    setting = small(fleet=None, cars=cars, edges=[{"name": "e", "device": "agx_xavier"}])
+    frames = simulate(prepare(setting)).frames.to_frame()
+    assert len(frames) == 20 and set(frames["car"]) == {"a"}
+
+
+def test_what_a_fleet_costs_to_spell_out_grows_with_its_cars_only(monkeypatch: pytest.MonkeyPatch):
+    """Every car looks for its cell at its start and at every check, however many others there are."""
+    looks: Counter[str] = Counter()
+    at = Cells.at
+
+    def counted(self: Cells, east_m: float, north_m: float) -> int:
+        looks["at"] += 1
+        return at(self, east_m, north_m)
+
+    monkeypatch.setattr(Cells, "at", counted)
+    checks = -(-6 * NS_PER_S // CHECK_NS)
+    for cars in (10, 100):
+        looks.clear()
+        prepare(small(fleet=fleet(cars=cars)))
+        assert looks["at"] == cars * (checks + 1)
+
+
+# Runs
+
+
+@pytest.fixture(scope="module")
+def tables() -> runner.Tables:
+    return simulate(prepare(small()))
+
+
+def test_every_frame_of_every_car_is_answered_dropped_or_in_flight(tables: runner.Tables):
+    frames = tables.frames.to_frame()
+    assert Counter(frames["car"]) == dict.fromkeys((f"car{n}" for n in range(1, 6)), 60)
+    assert not (frames["first_answer_ns"].notna() & frames["drop"].notna()).any()
+    assert frames["first_answer_ns"].notna().mean() > 0.9
+
+
+def test_the_resources_of_a_fleet_are_those_of_its_edges(tables: runner.Tables):
+    resources = set(tables.resources.to_frame()["resource"].astype(str))
+    assert resources and all(name.startswith("edge_") and "car" not in name for name in resources)
+
+
+@pytest.mark.parametrize("left_out", ["lookups", "resources", "poses", "objects"])
+def test_a_table_that_is_left_out_is_empty_and_changes_no_other(tables: runner.Tables, left_out: str):
+    record = [name for name in ("lookups", "resources", "poses", "objects") if name != left_out]
+    without = simulate(prepare(small(record=record)))
+    for all_of, fewer in zip(tables, without, strict=True):
+        if all_of.name == left_out:
+            assert len(all_of) > 0 and len(fewer) == 0
+        elif all_of.name in (*record, "frames"):
+            assert fewer.to_frame().equals(all_of.to_frame()), all_of.name
+
+
+def test_a_fleets_folder_is_made_again_byte_for_byte(tmp_path: Path):
+    result = runner.run_to_folder(small(), tmp_path)
+    assert all(runner.rerun(result.folder).values())
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"cars": [{"name": "a", "device": "jetson_tx2"}]}, "cars: a fleet brings its own; leave them out, or 'fleet'"),
+        ({"perception": {"source": "recorded"}}, "fleet: needs a town to drive in: 'perception: {source: city}'"),
+        ({"fleet": None}, "cars: missing"),
+        ({"origin": [49, 8, 100]}, "origin: a town is where it is; leave it out"),
+        ({"fleet": fleet(devices={"jetson_tx2": 0.5})}, "fleet.devices: shares must add up to 1, not to 0.5"),
+        ({"fleet": fleet(devices="tx3")}, "fleet.devices: unknown device 'tx3'; known: "),
+        ({"fleet": fleet(edge_device="tx3")}, "fleet.edge_device: unknown device 'tx3'; known: "),
+        ({"fleet": fleet(cars=0)}, "fleet.cars: must be at least 1, not 0"),
+        ({"fleet": fleet(cell=100)}, "fleet.cell: length 100 has no unit; write for example '1 m'"),
+        (
+            {"perception": {"source": "city", "town": {"blok": 3}}},
+            "perception.town.blok: unknown field of a town 'blok'",
+        ),
+        ({"perception": {"source": "city", "town": {"block": "5 m"}}}, "perception.town: street_half_m: "),
+        ({"record": ["frames"]}, "record[0]: unknown record 'frames'; known: "),
+    ],
+)
+def test_mistakes_are_told_in_one_line(settings: dict[str, Any], message: str):
+    with pytest.raises(UserError) as error:
+        small(**settings)
+    assert str(error.value).startswith(f"scenario: {message}") and "\n" not in str(error.value)
+
+
+def test_a_camera_that_no_car_in_town_has_is_told():
+    with pytest.raises(UserError, match=r"small: cameras\[0\].recording: unknown recording '04'"):
+        prepare(small(cameras=[{"name": "camera_04", "recording": "04"}]))
+
+
+def test_a_fleet_changes_edges_without_delay_between_old_and_new():
+    """The gap is the scenario's, also in a fleet: a car with a gap of 2 s is not handed over twice within it."""
+    setting = small(fleet=fleet(cars=40, hysteresis="0 m"), hand_over_gap="2 s")
+    whole = prepare(setting).spelled_out
+    assert whole is not None
+    for car in whole.cars:
+        for earlier, later in pairwise(car.hand_overs):
+            assert later.at_ns - earlier.at_ns >= 2000 * NS_PER_MS
