@@ -9,7 +9,7 @@ import pytest
 
 from genie_sim.experiment import metrics
 from genie_sim.experiment.metrics import Metric, compute
-from genie_sim.experiment.records import FrameTable, LookupTable, ResourceTable
+from genie_sim.experiment.records import Frame, FrameTable, LookupTable, ResourceTable
 
 MS = 1_000_000
 S = 1_000_000_000
@@ -25,16 +25,15 @@ def six_frames() -> pd.DataFrame:
     took = {"local": [(300, 300, 4), None, (200, 200, 5)], "genie": [(10, 10, 4), (30, 80, 0), None]}
     for method, answers in took.items():
         for frame, answer in enumerate(answers):
-            row = table.add(method, "car1", "camera_02", frame, 0, frame * S)
             received_ns = frame * S + 2 * MS
-            table.set(row, "received_ns", received_ns)
+            row = Frame(method, "car1", "camera_02", frame, 0, frame * S, received_ns)
             if answer is not None:
-                first_ms, fresh_ms, objects = answer
-                table.set(row, "first_answer_ns", received_ns + first_ms * MS)
-                table.set(row, "fresh_answer_ns", received_ns + fresh_ms * MS)
-                table.set(row, "objects_served", objects)
+                first_ms, fresh_ms, row.objects_served = answer
+                row.first_answer_ns = received_ns + first_ms * MS
+                row.fresh_answer_ns = received_ns + fresh_ms * MS
             elif method == "local":
-                table.set(row, "drop", "car1/detector:/image_raw")
+                row.drop = "car1/detector:/image_raw"
+            table.add(row)
     return table.to_frame()
 
 
@@ -99,9 +98,8 @@ def test_every_published_frame_is_answered_or_dropped_or_in_flight(seed):
 def test_a_frame_that_is_dropped_after_a_first_answer_is_not_a_dropped_frame():
     """Genie answers from the map, then the detector's queue drops the frame: the car did get an answer."""
     table = FrameTable()
-    row = table.add("genie", "car1", "camera_02", 0, 0, 0)
-    for column, value in (("received_ns", 0), ("first_answer_ns", 9 * MS), ("drop", "car1/detector:/image_raw")):
-        table.set(row, column, value)
+    dropped = {"received_ns": 0, "first_answer_ns": 9 * MS, "drop": "car1/detector:/image_raw"}
+    table.add(Frame("genie", "car1", "camera_02", 0, 0, 0, **dropped))
     result = of_tables(frames=table.to_frame())
     assert result["frames_answered", "genie"].value == 1
     assert result["frames_dropped", "genie"].value == 0
@@ -110,7 +108,7 @@ def test_a_frame_that_is_dropped_after_a_first_answer_is_not_a_dropped_frame():
 def test_what_is_not_defined_is_none():
     """No frame was ever answered, and the run was over within one second: no latency, and no interval."""
     table = FrameTable()
-    table.add("local", "car1", "camera_02", 0, 0, 0)
+    table.add(Frame("local", "car1", "camera_02", 0, 0, 0))
     result = of_tables(frames=table.to_frame())
     assert result["first_answer_mean", "local"] == Metric("first_answer_mean", "local", None, "ms")
     assert result["under_deadline_share_of_answered", "local"].value is None
@@ -126,9 +124,8 @@ def autocorrelated_run(rng: np.random.Generator, mean_ms: float) -> pd.DataFrame
         deviation = 0.0
         for frame in range(800):
             deviation = 0.8 * deviation + rng.standard_normal()
-            row = table.add("genie", car, "camera_02", frame, 0, frame * 50 * MS)
-            table.set(row, "received_ns", 0)
-            table.set(row, "first_answer_ns", int((mean_ms + deviation) * MS))
+            answer_ns = int((mean_ms + deviation) * MS)
+            table.add(Frame("genie", car, "camera_02", frame, 0, frame * 50 * MS, 0, answer_ns))
     return table.to_frame()
 
 
@@ -155,9 +152,8 @@ def test_the_interval_of_an_improvement_narrows_when_both_arms_share_their_ups_a
     table = FrameTable()
     for method, factor in (("local", 1.0), ("genie", 0.1)):
         for frame in range(100):
-            row = table.add(method, "car1", "camera_02", frame, 0, frame * 100 * MS)
-            table.set(row, "received_ns", 0)
-            table.set(row, "first_answer_ns", int(factor * (200 + 10 * (frame // 10)) * MS))
+            answer_ns = int(factor * (200 + 10 * (frame // 10)) * MS)
+            table.add(Frame(method, "car1", "camera_02", frame, 0, frame * 100 * MS, 0, answer_ns))
     result = of_tables(frames=table.to_frame())
     improvement, mean = result["improvement_first_answer", "local"], result["first_answer_mean", "local"]
     assert improvement.value == pytest.approx(0.9)
@@ -248,8 +244,8 @@ def test_resources_tell_utilisation_queue_and_throughput():
 def test_utilisation_is_not_diluted_by_the_wait_for_the_last_answers():
     """Busy all the time until the last frame at 2 s; the run goes on for 8 s to see what still comes."""
     frames, resources = FrameTable(), ResourceTable()
-    frames.add("local", "car1", "camera_02", 0, 0, 0)
-    frames.add("local", "car1", "camera_02", 1, 0, 2 * S)
+    frames.add(Frame("local", "car1", "camera_02", 0, 0, 0))
+    frames.add(Frame("local", "car1", "camera_02", 1, 0, 2 * S))
     for second in range(11):
         busy_ns, done = min(second, 2) * S, min(3 * second, 7)
         resources.add("local", second * S, "car1.accelerator", "accelerator", 1, busy_ns, 0, done, 0, None)

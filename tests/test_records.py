@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pyarrow.parquet as pq
 import pytest
 
@@ -67,11 +68,44 @@ def test_frames_are_sorted_by_method_car_stream_and_frame_whatever_the_order_of_
     assert keys == sorted(keys) and keys[0][1] == "car1"
 
 
-def test_events_at_the_same_instant_keep_their_order():
+def test_events_keep_their_order():
     lookups = LookupTable()
-    for t_ns, genie in ((7, "b"), (7, "a"), (3, "c"), (7, "d")):
+    for t_ns, genie in ((3, "c"), (7, "b"), (7, "a"), (7, "d")):
         lookups.add(t_ns, genie, "local", "image", "client", "car1", "camera_02", 0, "hit", 1, 1, 0, 0.0, 1)
     assert list(lookups.to_frame().genie) == ["c", "b", "a", "d"]
+
+
+def some_objects(table: ObjectTable) -> ObjectTable:
+    for t_ns in range(150_000):
+        table.add(t_ns, f"car{9 - t_ns // 20_000}/genie", "car" if t_ns % 3 else "bus", float(t_ns), -1.0, 0.5)
+    return table
+
+
+def test_rows_that_went_to_the_file_at_once_are_the_same_rows(tmp_path):
+    """And few of them are in memory: that is what it is for."""
+    here, spilled = some_objects(ObjectTable()), some_objects(ObjectTable(tmp_path / "objects.partial"))
+    assert len(spilled) == len(here) == 150_000
+    assert spilled.size_bytes < here.size_bytes / 5
+    spilled.write(tmp_path / "objects.parquet")
+    pd.testing.assert_frame_equal(spilled.to_frame(), here.to_frame())
+    assert [path.name for path in tmp_path.iterdir()] == ["objects.parquet"]
+    assert list(spilled.to_frame().genie.cat.categories) == sorted(here.to_frame().genie.unique())
+
+
+def test_a_table_that_is_sorted_stays_in_memory(tmp_path):
+    with pytest.raises(ValueError, match="frames"):
+        FrameTable(tmp_path / "frames.partial")
+
+
+def test_more_that_becomes_known_of_a_frame_after_all_is_entered():
+    table = a_short_drive()
+    late = table.take("genie", "car2", "camera_02", 200 * MS)
+    assert late.drop == "car2/detector:/image_raw" and late.image_hit is None and len(table) == 5
+    late.bytes_up = 7
+    table.add(late)
+    frames = table.to_frame()
+    assert list(frames.bytes_up) == [1_397_297, 1_397_297, 0, 1_397_297, 1_397_297, 7]
+    assert table.take("genie", "car3", "camera_02", 0) is None and len(table) == 6
 
 
 @pytest.mark.parametrize("table", one_of_each(), ids=lambda table: table.name)

@@ -80,7 +80,6 @@ class LookupTable(Table):
     """One row per message for which a Genie asked its message cache or its object map; in order of time."""
 
     name = "lookups"
-    sorted_by = ("t_ns",)
     columns = (
         Column("t_ns", "int64", "ns", "simulated time"),
         Column("genie", "text", "", "the Genie that looked up"),
@@ -121,10 +120,9 @@ class LookupTable(Table):
 
 
 class ResourceTable(Table):
-    """One row per resource and sample; counts since the start of the run."""
+    """One row per resource and sample; counts since the start of the run. Method by method, in order of time."""
 
     name = "resources"
-    sorted_by = ("method", "t_ns")
     columns = (
         Column("method", "text", "", "local, remote or genie"),
         Column("t_ns", "int64", "ns", "simulated time of the sample"),
@@ -156,10 +154,9 @@ class ResourceTable(Table):
 
 
 class PoseTable(Table):
-    """One row per car, stream and frame: where the camera stood. The same under every method."""
+    """One row per car, stream and frame, in order of time: where the camera stood. The same under every method."""
 
     name = "poses"
-    sorted_by = ("car", "stream", "frame")
     columns = (
         Column("car", "text", "", "the car whose camera took the frame"),
         Column("stream", "text", "", "camera stream of that car (frame_id)"),
@@ -192,7 +189,6 @@ class ObjectTable(Table):
     """
 
     name = "objects"
-    sorted_by = ("t_ns",)
     columns = (
         Column("t_ns", "int64", "ns", "simulated time"),
         Column("genie", "text", "", "the Genie whose map it is"),

@@ -8,9 +8,10 @@ from __future__ import annotations
 import json
 from array import array
 from collections.abc import Iterator, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, BinaryIO, ClassVar
 
 from genie_sim.errors import UserError
 
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
     import numpy as np
     import pandas as pd
     import pyarrow as pa
+    import pyarrow.parquet as pq
 
 FORMAT_VERSION = 1
 METADATA_KEY = b"genie_sim"
@@ -119,19 +121,30 @@ class _Buffer:
 
 
 class Table:
-    """Rows in memory, a Parquet file afterwards. Subclasses name their columns and say how a row is added."""
+    """Rows in memory, a Parquet file afterwards. Subclasses name their columns and say how a row is added.
+
+    With ``spill``, a path, rows go to a file there as they come, 65,536 at a time, and few are in memory at any time.
+    ``write`` gives the file its name. That is for tables that keep the order in which rows were added.
+    """
 
     name: ClassVar[str]
     columns: ClassVar[tuple[Column, ...]]
     sorted_by: ClassVar[tuple[str, ...]] = ()  # none: in the order in which they were added
 
-    def __init__(self) -> None:
+    def __init__(self, spill: Path | None = None) -> None:
+        if spill is not None and self.sorted_by:
+            raise ValueError(f"{self.name}: rows that are to be sorted have to stay in memory")
         self._buffers = {column.name: _Buffer(column) for column in self.columns}
         self._new: list[tuple[Value, ...]] = []
         self._rows = 0
+        self._spill = spill
+        self._spilled = 0
+        self._writer: pq.ParquetWriter | None = None
+        self._open = ExitStack()
+        self._written: Path | None = None
 
     def __len__(self) -> int:
-        return self._rows + len(self._new)
+        return self._spilled + self._rows + len(self._new)
 
     def _append(self, row: tuple[Value, ...]) -> None:
         self._new.append(row)
@@ -144,6 +157,8 @@ class Table:
             buffer.extend(values)
         self._rows += len(self._new)
         self._new.clear()
+        if self._spill is not None and self._rows >= ROWS_PER_GROUP:
+            self._spill_rows(self._spill)
 
     def _take(self, **known: Value) -> tuple[Value, ...] | None:
         """Takes the row with these values out again, ``None`` if there is none; slow. The last row takes its place."""
@@ -171,27 +186,21 @@ class Table:
         return sum(len(buffer.values) * buffer.values.itemsize for buffer in self._buffers.values())
 
     def write(self, path: Path) -> None:
-        """Writes the table beside ``path`` and renames it: zstd, groups of 65,536 rows, no time, no host.
+        """Writes the table beside ``path`` and renames it: zstd, groups of 65,536 rows, no time, no host. A table that
+        spilled is complete then.
 
         Raises OSError where the folder cannot be written.
         """
-        import pyarrow.parquet as pq
-
+        self._store()
+        if self._writer is not None and self._spill is not None:
+            self._write_rows(self._writer)
+            self._open.close()
+            self._written = self._spill.replace(path)
+            return
         beside = path.with_name(path.name + ".partial")
         try:
-            # An open file: of a path pyarrow makes a URI, and of a leading "~" a home.
-            with (
-                beside.open("wb") as file,
-                pq.ParquetWriter(
-                    file,
-                    self.schema(),
-                    compression="zstd",
-                    version="2.6",
-                    use_dictionary=[column.name for column in self.columns if column.kind == "text"],
-                ) as writer,
-            ):
-                for batch in self._batches():
-                    writer.write_batch(batch, row_group_size=ROWS_PER_GROUP)
+            with beside.open("wb") as file, self._parquet(file) as writer:
+                self._write_rows(writer)
             beside.replace(path)
         finally:
             beside.unlink(missing_ok=True)
@@ -200,6 +209,10 @@ class Table:
         """The same table that ``read`` finds in the file. Text is categorical, an unknown number NaN."""
         import pyarrow as pa
 
+        if self._spilled:
+            assert self._written is not None, "what went to a file is read when all of it is there"
+            return read(self._written, type(self))
+        self._store()
         frame: pd.DataFrame = pa.Table.from_batches(self._batches(), schema=self.schema()).to_pandas()
         return frame
 
@@ -222,11 +235,30 @@ class Table:
         about = json.dumps({"format_version": FORMAT_VERSION, "table": cls.name}, sort_keys=True)
         return pa.schema(fields, metadata={METADATA_KEY: about.encode()})
 
+    def _parquet(self, file: BinaryIO) -> pq.ParquetWriter:
+        """A writer into an open file: of a path pyarrow makes a URI, and of a leading "~" a home."""
+        import pyarrow.parquet as pq
+
+        texts = [column.name for column in self.columns if column.kind == "text"]
+        return pq.ParquetWriter(file, self.schema(), compression="zstd", version="2.6", use_dictionary=texts)
+
+    def _write_rows(self, writer: pq.ParquetWriter) -> None:
+        for batch in self._batches():
+            writer.write_batch(batch, row_group_size=ROWS_PER_GROUP)
+
+    def _spill_rows(self, spill: Path) -> None:
+        if self._writer is None:
+            self._writer = self._open.enter_context(self._parquet(self._open.enter_context(spill.open("wb"))))
+        self._write_rows(self._writer)
+        for buffer in self._buffers.values():
+            del buffer.values[:]
+        self._spilled += self._rows
+        self._rows = 0
+
     def _batches(self) -> Iterator[pa.RecordBatch]:
         import numpy as np
         import pyarrow as pa
 
-        self._store()
         schema, rows = self.schema(), self._rows
         order = None
         if self.sorted_by:
@@ -263,4 +295,6 @@ def read(path: Path, kind: type[Table]) -> pd.DataFrame:
         version = about.get("format_version")
         raise UserError(f"{path}: format_version {version!r}, this genie-sim reads {FORMAT_VERSION}")
     frame: pd.DataFrame = table.to_pandas()
+    for name in frame.select_dtypes("category"):  # the groups of a file may know different names
+        frame[name] = frame[name].cat.reorder_categories(sorted(frame[name].cat.categories))
     return frame

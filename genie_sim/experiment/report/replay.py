@@ -59,7 +59,7 @@ def replay_data(run: Run, start_ns: int, notes: list[str]) -> dict[str, Any] | N
             "Everything else covers the whole run. Another stretch: genie-sim report DIR --start '60 s'"
         )
     names = _Names()
-    poses = _between(run.poses, "stamp_ns", begin_ns, end_ns).reset_index(drop=True)
+    poses = _between(run.poses, "stamp_ns", begin_ns, end_ns).sort_values(["car", "stream", "frame"], ignore_index=True)
     return {
         "begin_us": begin_ns // US,
         "end_us": end_ns // US,
