@@ -46,8 +46,10 @@ class Metric:
     n: int = 0
 
 
-def compute(frames: pd.DataFrame, lookups: pd.DataFrame, resources: pd.DataFrame) -> list[Metric]:
-    """All metrics of one run from its three tables (columns: ``records``), in a fixed order.
+def compute(
+    frames: pd.DataFrame, lookups: pd.DataFrame, resources: pd.DataFrame, truth: pd.DataFrame | None = None
+) -> list[Metric]:
+    """All metrics of one run from its tables (columns: ``records`` and ``truth``), in a fixed order.
 
     Numbers have ten digits: what follows may differ between processors, which add up in different orders.
     """
@@ -55,6 +57,7 @@ def compute(frames: pd.DataFrame, lookups: pd.DataFrame, resources: pd.DataFrame
         *_of_frames(frames),
         *(metric for role in ROLES for metric in _of_lookups(lookups[lookups["role"] == role], role)),
         *_of_resources(resources, frames),
+        *(_of_truth(truth) if truth is not None and len(truth) else ()),
     ]
     return [replace(one, value=_ten(one.value), low=_ten(one.low), high=_ten(one.high)) for one in found]
 
@@ -316,6 +319,22 @@ def _of_resource(samples: pd.DataFrame, role: str, last_stamp_ns: float) -> Iter
     carried = _number(last["bytes"])
     if carried is not None:
         yield Metric("bytes", role, int(carried), "B", n=n)
+
+
+def _of_truth(truth: pd.DataFrame) -> Iterator[Metric]:
+    """Of the first answers: served objects that are not there, cache hits that show an object which is not in view,
+    and objects in view that were served (recall)."""
+    blocks = _Blocks(truth["car"], truth["stamp_ns"])
+    method = truth["method"].to_numpy(dtype=str)
+    hit = truth["source"].astype(str).str.endswith("_cache").to_numpy()
+    count = {name: _floats(truth[name]) for name in ("served", "true", "not_in_view", "in_view", "found")}
+    for name in METHODS:
+        mine = method == name
+        if mine.any():
+            yield _share(blocks, "ghost_share", name, mine * (count["served"] - count["true"]), mine * count["served"])
+            wrong = mine & hit & (count["not_in_view"] > 0)
+            yield _share(blocks, "wrong_hit_share", name, wrong, mine & hit)
+            yield _share(blocks, "object_recall", name, mine * count["found"], mine * count["in_view"])
 
 
 def _over_runs(name: str, role: str, unit: str, values: Sequence[float]) -> Metric:

@@ -21,6 +21,7 @@ from genie_sim.errors import UserError
 
 RESULT_FORMAT = 1
 TABLES = ("frames.parquet", "lookups.parquet", "resources.parquet", "poses.parquet", "objects.parquet")
+SOME_TABLES = ("truth.parquet",)  # of some runs only
 PACKAGES = ("simpy", "numpy", "pandas", "pyarrow", "pydantic", "matplotlib")
 
 
@@ -36,7 +37,8 @@ def canonical(facts: Mapping[str, Any]) -> str:
 
 def digests(folder: Path) -> dict[str, str]:
     """sha256 of each table of a result folder."""
-    return {name: hashlib.sha256((folder / name).read_bytes()).hexdigest() for name in TABLES}
+    names = (*TABLES, *(name for name in SOME_TABLES if (folder / name).is_file()))
+    return {name: hashlib.sha256((folder / name).read_bytes()).hexdigest() for name in names}
 
 
 def environment() -> dict[str, Any]:

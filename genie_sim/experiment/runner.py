@@ -24,13 +24,15 @@ from genie_sim.experiment.records import FrameTable, LookupTable, ObjectTable, P
 from genie_sim.experiment.results import Run
 from genie_sim.experiment.scenario import Live, Route, Scenario, load_scenario, read_scenario
 from genie_sim.experiment.tables import Table, Value
+from genie_sim.experiment.truth import TruthTable
 from genie_sim.perception.trace import Trace, read_trace
 from genie_sim.sim.log import Log
+from genie_sim.sim.truth import Truth
 from genie_sim.sim.world import World
 
 if TYPE_CHECKING:
     from genie_sim.experiment.metrics import Metric
-    from genie_sim.perception.city import Town
+    from genie_sim.perception.city import Drive, Town
 
 Progress = Callable[[float, float, str], None]
 NS = 1_000_000_000
@@ -60,9 +62,11 @@ class Tables:
     resources: ResourceTable
     poses: PoseTable = field(default_factory=PoseTable)
     objects: ObjectTable = field(default_factory=ObjectTable)
+    truth: TruthTable | None = None
 
     def __iter__(self) -> Iterator[Table]:
-        return iter((self.frames, self.lookups, self.resources, self.poses, self.objects))
+        usual: tuple[Table, ...] = (self.frames, self.lookups, self.resources, self.poses, self.objects)
+        return iter(usual if self.truth is None else (*usual, self.truth))
 
 
 @dataclass(frozen=True)
@@ -160,10 +164,11 @@ def _finished(prepared: Prepared, run_id: str, tables: Tables) -> Run:
     """The run that wrote these tables."""
     from genie_sim.experiment import metrics
 
-    frames, lookups, resources, poses, objects = (table.to_frame() for table in tables)
-    measured = metrics.compute(frames, lookups, resources)
+    frames, lookups, resources, poses, objects, *more = (table.to_frame() for table in tables)
+    truth = more[0] if more else None
+    measured = metrics.compute(frames, lookups, resources, truth)
     yaml = prepared.scenario.to_yaml()
-    return Run(run_id, facts(prepared), yaml, frames, lookups, resources, poses, objects, measured)
+    return Run(run_id, facts(prepared), yaml, frames, lookups, resources, poses, objects, measured, truth=truth)
 
 
 def _fill(
@@ -253,12 +258,14 @@ def simulate(prepared: Prepared, progress: Progress | None = None) -> Tables:
     record, methods = scenario.record, scenario.methods
     tables = Tables(FrameTable(), LookupTable() if "lookups" in record else _NoLookups(), ResourceTable())
     objects = tables.objects if "objects" in record else None
+    if prepared.town is not None and "truth" in record:
+        tables = replace(tables, truth=TruthTable())
     drives = "genie" if "genie" in methods else methods[0]  # without Genie, cars without cameras stay at home
     for number, method in enumerate(methods):
         poses = tables.poses if method == drives and "poses" in record else None
         log = Log(method, tables.frames, tables.lookups, tables.resources, poses, objects)
         began_s = time.perf_counter()
-        world = World(scenario, prepared.devices, prepared.traces, method, log)
+        world = World(scenario, prepared.devices, prepared.traces, method, log, _truth(prepared, method, tables.truth))
 
         def tell(
             now_ns: int, end_ns: int, done: int = number, method: str = method, log: Log = log, began_s: float = began_s
@@ -271,6 +278,16 @@ def simulate(prepared: Prepared, progress: Progress | None = None) -> Tables:
         with _rare_collections():
             world.run(tell)
     return tables
+
+
+def _truth(prepared: Prepared, method: str, table: TruthTable | None) -> Truth | None:
+    """What judges the answers of one method, where the truth is known and wanted."""
+    scenario, city = prepared.scenario, prepared.scenario.perception
+    if table is None or prepared.town is None or not isinstance(city, City):
+        return None
+    begin_ns = {car: cast("Drive", trace).start_ns for car, trace in prepared.traces.items()}
+    reach_m = scenario.genie.object_map.gate_m + city.tolerance_m
+    return Truth(method, prepared.town, begin_ns, reach_m, scenario.genie.view_range_m, table.add)
 
 
 class _NoLookups(LookupTable):

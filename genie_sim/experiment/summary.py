@@ -34,6 +34,11 @@ FRAME_ROWS = (
     ("in flight", "in_flight_share"),
     ("fresh answers a second", "fresh_answer_throughput"),
 )
+TRUTH_ROWS = (
+    ("served objects that are not there", "ghost_share"),
+    ("cache hits that show what is not in view", "wrong_hit_share"),
+    ("objects in view that were served", "object_recall"),
+)
 IMPROVEMENT_ROWS = (
     ("first answer", "improvement_first_answer"),
     ("fresh answer", "improvement_fresh_answer"),
@@ -95,6 +100,9 @@ def _tables(metrics: Sequence[Metric]) -> Iterator[_Table]:
     if methods:
         yield _latencies(methods, found)
         yield _Table("Published frames", methods, _rows(FRAME_ROWS, methods, found))
+    judged = [method for method in methods if ("ghost_share", method) in found]
+    if judged:
+        yield _Table("First answers against the truth", judged, _rows(TRUTH_ROWS, judged, found))
     baselines = [role for role in ROLES if (IMPROVEMENT_ROWS[0][1], role) in found]
     if baselines:
         over = [f"over {role}" for role in baselines]

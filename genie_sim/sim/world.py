@@ -13,7 +13,7 @@ from genie_sim.experiment.links import LinkProfile
 from genie_sim.experiment.profiles import DeviceProfile
 from genie_sim.experiment.scenario import Car, Scenario
 from genie_sim.experiment.seeds import stream
-from genie_sim.messages import Detections, Expired, ImageLookup, Message, ObjectLookups
+from genie_sim.messages import Detections, Expired, Image, ImageLookup, Message, ObjectLookups
 from genie_sim.perception.trace import Trace
 from genie_sim.sim.camera import Camera
 from genie_sim.sim.device import Host
@@ -22,6 +22,7 @@ from genie_sim.sim.log import Log, Resource
 from genie_sim.sim.nodes import Consumer, Detector, Genie, attach_genie
 from genie_sim.sim.phantom import POSITION_BYTES, Coordinator, positions
 from genie_sim.sim.ros_graph import Graph
+from genie_sim.sim.truth import Truth
 
 IMAGES = "/image_raw"
 OBJECTS = "/detection/image_detector/objects"
@@ -106,6 +107,7 @@ class World:
         traces: Mapping[str, Trace],
         method: str,
         log: Log,
+        truth: Truth | None = None,
     ) -> None:
         self.env = simpy.Environment(initial_time=0)
         self.scenario = scenario
@@ -113,6 +115,7 @@ class World:
         self.resources: list[Resource] = []
         self._devices = devices
         self._log = log
+        self._truth = truth
         self._end_ns = 0
         self.edges: dict[str, _Edge] = {}
         self._uplinks: dict[str, _Uplink] = {}
@@ -205,7 +208,7 @@ class World:
                 car.route.laps,
                 car.route.pause_ns,
                 camera.size_bytes if car.cameras else POSITION_BYTES,
-                self._log.published,
+                self._log.published if self._truth is None else self._published,
             )
             self._end_ns = max(self._end_ns, node.last_stamp_ns)
 
@@ -267,8 +270,16 @@ class World:
         self.resources.append(link)
         return link
 
+    def _published(self, image: Image, number: int, lap: int) -> None:
+        assert self._truth is not None
+        self._truth.published(image)
+        self._log.published(image, number, lap)
+
     def _answered(self, car: Car, answer: Detections, now_ns: int) -> None:
-        self._log.answered(answer, self._source(car, answer), now_ns)
+        source = self._source(car, answer)
+        self._log.answered(answer, source, now_ns)
+        if self._truth is not None:
+            self._truth.answered(answer, source)
 
     def _source(self, car: Car, answer: Detections) -> str:
         """Where an answer comes from, seen from the car at this moment."""

@@ -111,7 +111,8 @@ def measured(prepared: runner.Prepared) -> Sequence[Metric]:
     """Simulates one run: the metrics of its methods and roles, not of single resources, of which a fleet has many."""
     tables = runner.simulate(prepared)
     frames, lookups, resources = (table.to_frame() for table in (tables.frames, tables.lookups, tables.resources))
-    return metrics.compute(frames, lookups, resources.iloc[:0])
+    truth = tables.truth.to_frame() if tables.truth is not None else None
+    return metrics.compute(frames, lookups, resources.iloc[:0], truth)
 
 
 @functools.lru_cache(maxsize=1)
