@@ -116,6 +116,7 @@ class PendingIndex:
         self._by_header: dict[Hashable, Waiting] = {}
         self._keys: dict[str, KeyIndex] = {}
         self._open: dict[tuple[str, Hashable], Waiting] = {}
+        self.next_deadline_ns: int | None = None  # when the oldest request expires
 
     def __len__(self) -> int:
         return len(self._by_header)
@@ -132,26 +133,24 @@ class PendingIndex:
 
     def open(self, header: Header, waiting: Waiting) -> None:
         """A request waits from now on. Deadlines must not decrease from call to call."""
+        if not self._by_header:
+            self.next_deadline_ns = waiting.deadline_ns
         self._by_header[self._identity(header)] = waiting
         if waiting.forwarded:
             self._keys.setdefault(waiting.topic, self._new_keys()).add(waiting.key)
             self._open[waiting.topic, waiting.key] = waiting
 
-    def next_deadline_ns(self) -> int | None:
-        """When the oldest request expires."""
-        oldest = next(iter(self._by_header.values()), None)
-        return oldest.deadline_ns if oldest is not None else None
-
     def expire(self, now_ns: int) -> Iterator[Waiting]:
         """Removes and yields the requests whose deadline has come."""
         while self._by_header:
-            identity = next(iter(self._by_header))
-            waiting = self._by_header[identity]
+            identity, waiting = next(iter(self._by_header.items()))
+            self.next_deadline_ns = waiting.deadline_ns
             if waiting.deadline_ns is None or waiting.deadline_ns > now_ns:
                 return
             del self._by_header[identity]
             self.close(waiting)
             yield waiting
+        self.next_deadline_ns = None
 
     def close(self, waiting: Waiting) -> None:
         """Nobody needs to join this request any more; its header stays known for a second answer."""

@@ -139,14 +139,14 @@ class GenieNode:
     def on_message(self, topic: str, message: Message, now_ns: int, sender: str | None = None) -> list[Effect]:
         """Algorithm 1, OnMessageArrival. ``sender`` names the neighbour that a reply goes to, ``None`` where the
         middleware does not tell: then it goes to all of them."""
-        deadline_ns = self._pending.next_deadline_ns()
+        deadline_ns = self._pending.next_deadline_ns
         if deadline_ns is None or deadline_ns > now_ns:
             return self._on_arrival(topic, message, now_ns, sender)
         return [*self.on_deadline(now_ns), *self._on_arrival(topic, message, now_ns, sender)]
 
     def next_deadline_ns(self) -> int | None:
         """When ``on_deadline`` wants to be called, if no message comes before."""
-        return self._pending.next_deadline_ns()
+        return self._pending.next_deadline_ns
 
     def on_deadline(self, now_ns: int) -> list[Effect]:
         """Forgets the requests that nobody answered in time: the node dropped them, or the link did."""

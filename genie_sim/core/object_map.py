@@ -14,6 +14,7 @@ from genie_sim.messages import CameraPose, Detection, Location
 RANGE_60 = 0.30 + 0.60 * (1.0 - 0.30)  # 60 % of the way up the range of scores that the detector reports
 CELL_GATES = 4.0  # width of a cell, in gates
 REACH_GATES = 1.01  # how far around an object the cells list it: a gate, and room for rounding
+WIDE_RAD = math.radians(60.0)  # half of a view that is looked for in a whole circle
 
 
 @dataclass(slots=True)
@@ -63,7 +64,7 @@ class ObjectMap:
     ``view_cell_m`` serves the question what is in view. Neither decides what is found.
     """
 
-    def __init__(self, rules: ObjectMapRules, view_cell_m: float = 25.0) -> None:
+    def __init__(self, rules: ObjectMapRules, view_cell_m: float = 50.0) -> None:
         self._rules = rules
         self._exact = rules.location_key == "exact"
         self._cell_m = CELL_GATES * rules.gate_m
@@ -139,7 +140,8 @@ class ObjectMap:
     def in_view(self, pose: CameraPose, horizontal_fov_rad: float, range_m: float) -> list[StoredObject]:
         """The objects with C >= C_T inside a camera's horizontal field of view, up to ``range_m`` away."""
         threshold, range2 = self.threshold, range_m**2
-        ahead_east, ahead_north = math.cos(pose.heading_rad), math.sin(pose.heading_rad)
+        east_m, north_m, _, heading_rad = pose
+        ahead_east, ahead_north = math.cos(heading_rad), math.sin(heading_rad)
         half_rad = min(horizontal_fov_rad / 2, math.pi)
         least_ahead = math.cos(half_rad) if half_rad < math.pi else -math.inf  # per metre of distance
         found = []
@@ -147,11 +149,12 @@ class ObjectMap:
             for stored in self._view_cells.get(cell, ()):
                 if stored.confidence < threshold:
                     continue
-                east_m, north_m = stored.location[0] - pose.east_m, stored.location[1] - pose.north_m
-                distance2 = east_m * east_m + north_m * north_m
-                ahead_m = east_m * ahead_east + north_m * ahead_north
-                if distance2 <= range2 and ahead_m >= least_ahead * math.sqrt(distance2):
-                    found.append(stored)
+                away_east_m, away_north_m = stored.location[0] - east_m, stored.location[1] - north_m
+                distance2 = away_east_m * away_east_m + away_north_m * away_north_m
+                if distance2 <= range2:
+                    ahead_m = away_east_m * ahead_east + away_north_m * ahead_north
+                    if ahead_m >= least_ahead * math.sqrt(distance2):
+                        found.append(stored)
         return found
 
     def _cells_within_reach(self, location: Location) -> list[Any]:
@@ -162,21 +165,24 @@ class ObjectMap:
         return _cells((east_m - reach_m, east_m + reach_m), (north_m - reach_m, north_m + reach_m), self._cell_m)
 
     def _cells_in_view(self, pose: CameraPose, half_rad: float, range_m: float) -> list[tuple[int, int]]:
-        """The cells of the smallest upright rectangle around a circle sector."""
-        turns = [pose.heading_rad - half_rad, pose.heading_rad + half_rad]
-        quarter = math.pi / 2
-        turns += [k * quarter for k in range(math.ceil(turns[0] / quarter), math.floor(turns[1] / quarter) + 1)]
-        easts = [pose.east_m, *(pose.east_m + range_m * math.cos(turn) for turn in turns)]
-        norths = [pose.north_m, *(pose.north_m + range_m * math.sin(turn) for turn in turns)]
-        return _cells(easts, norths, self._view_cell_m)
+        """The cells of the upright rectangle around the kite that touches a circle sector's arc at its ends and middle;
+        around the whole circle if the sector is wide."""
+        east_m, north_m, _, heading_rad = pose
+        if half_rad > WIDE_RAD:
+            west, east, south, north = -range_m, range_m, -range_m, range_m
+        else:
+            left, right, tip_m = heading_rad + half_rad, heading_rad - half_rad, range_m / math.cos(half_rad)
+            easts = 0.0, range_m * math.cos(left), range_m * math.cos(right), tip_m * math.cos(heading_rad)
+            norths = 0.0, range_m * math.sin(left), range_m * math.sin(right), tip_m * math.sin(heading_rad)
+            west, east, south, north = min(easts), max(easts), min(norths), max(norths)
+        return _cells((east_m + west, east_m + east), (north_m + south, north_m + north), self._view_cell_m)
 
 
 def _cell(location: Location, side_m: float) -> tuple[int, int]:
     return math.floor(location[0] / side_m), math.floor(location[1] / side_m)
 
 
-def _cells(easts: Sequence[float], norths: Sequence[float], side_m: float) -> list[tuple[int, int]]:
+def _cells(easts: tuple[float, float], norths: tuple[float, float], side_m: float) -> list[tuple[int, int]]:
     """The cells of an upright rectangle, west to east."""
-    columns = range(math.floor(min(easts) / side_m), math.floor(max(easts) / side_m) + 1)
-    rows = range(math.floor(min(norths) / side_m), math.floor(max(norths) / side_m) + 1)
-    return [(i, j) for i in columns for j in rows]
+    rows = range(math.floor(norths[0] / side_m), math.floor(norths[1] / side_m) + 1)
+    return [(i, j) for i in range(math.floor(easts[0] / side_m), math.floor(easts[1] / side_m) + 1) for j in rows]

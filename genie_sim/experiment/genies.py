@@ -93,7 +93,7 @@ def _object_map(settings: GenieSettings) -> ObjectMap:
         one_per_location=chosen.one_per_location,
         threshold=chosen.threshold,
     )
-    return ObjectMap(rules, view_cell_m=settings.view_range_m / 2)
+    return ObjectMap(rules, view_cell_m=settings.view_range_m)
 
 
 def _identity(name: str) -> Callable[[Header], Hashable]:

@@ -59,8 +59,10 @@ class Genie(Node):
 
     def _set_timer(self) -> None:
         """Any message that comes tells the Genie the time. The timer is for when none does, so it may be late."""
+        if self._timer_set:
+            return
         deadline_ns = self.genie.next_deadline_ns()
-        if deadline_ns is not None and not self._timer_set:
+        if deadline_ns is not None:
             self._timer_set = True
             after(self.env, max(deadline_ns - self.env.now, 0) + TIMER_LATE_NS, self._on_timer)
 

@@ -191,10 +191,10 @@ def test_requests_expire_in_the_order_they_came():
     index = pending()
     for stamp, deadline_ns in enumerate((10, 20, 20, 30)):
         index.open(frame(stamp).header, waiting(deadline_ns, key=f"picture {stamp}"))
-    assert index.next_deadline_ns() == 10
+    assert index.next_deadline_ns == 10
     assert [one.key for one in index.expire(9)] == []
     assert [one.key for one in index.expire(20)] == ["picture 0", "picture 1", "picture 2"]
-    assert (len(index), index.next_deadline_ns()) == (1, 30)
+    assert (len(index), index.next_deadline_ns) == (1, 30)
     assert index.by_key("/image_raw", "picture 1") is None
 
 
