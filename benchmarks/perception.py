@@ -20,7 +20,8 @@ from collections.abc import Callable, Iterable
 from genie_sim.perception.detector import make_detector
 from genie_sim.perception.kitti import open_drive, read_image
 from genie_sim.perception.onnx_detector import OnnxDetector
-from genie_sim.perception.perceive import in_turn, kitti_folder, trace_frames
+from genie_sim.perception.perceive import in_turn, kitti_folder
+from genie_sim.perception.pipeline import trace_frames
 
 
 def main() -> None:

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+import math
+from typing import Annotated
 
 import typer
 
 from genie_sim.errors import UserError
+
+MOST_COUNT = 1024
 
 
 def _scenarios(incomplete: str) -> list[str]:
@@ -60,17 +63,39 @@ SetOption = Annotated[
 SeedOption = Annotated[int | None, typer.Option(min=0, help="Root of all random streams; default: the scenario's.")]
 
 
-def numbers(option: str, text: str | None, separator: str, count: int) -> tuple[Any, ...] | None:
-    """``832x256`` or ``49.01,8.42,112.8``: whole numbers where they have no decimal point."""
+def width_height(option: str, text: str | None) -> tuple[int, int] | None:
+    """``832x256``."""
+    if text is None:
+        return None
+    width, _, height = text.partition("x")
+    if not (width.isdecimal() and height.isdecimal()):
+        raise UserError(f"{option}: {text!r} is no width and height in pixels, such as 832x256")
+    return int(width), int(height)
+
+
+def geodetic(option: str, text: str | None) -> tuple[float, float, float] | None:
+    """``49.01,8.42,112.8``: latitude and longitude in degrees, altitude in metres."""
     if text is None:
         return None
     try:
-        found = tuple(float(part) if "." in part else int(part) for part in text.split(separator))
+        latitude, longitude, altitude_m = map(float, text.split(","))
     except ValueError as error:
-        raise UserError(f"{option}: {text!r}: {error}") from error
-    if len(found) != count:
-        raise UserError(f"{option}: {text!r} has {len(found)} numbers, expected {count} with {separator!r} between")
-    return found
+        raise UserError(f"{option}: {text!r} is no latitude, longitude, altitude, such as 49.01,8.42,112.8") from error
+    for name, value, most in (("latitude", latitude, 90), ("longitude", longitude, 180)):
+        if not abs(value) <= most:
+            raise UserError(f"{option}: {text!r}: {name} {value:g} is not between -{most} and {most} degrees")
+    if not math.isfinite(altitude_m):
+        raise UserError(f"{option}: {text!r}: altitude {altitude_m} is no number of metres")
+    return latitude, longitude, altitude_m
+
+
+def count_or_auto(option: str, text: str) -> int | None:
+    """``4`` or ``auto``, which is ``None``: to be found out."""
+    if text == "auto":
+        return None
+    if not text.isdecimal() or not 1 <= int(text) <= MOST_COUNT:
+        raise UserError(f"{option}: {text!r} is neither auto nor a number from 1 to {MOST_COUNT}")
+    return int(text)
 
 
 def shard(text: str) -> tuple[int, int]:

@@ -36,7 +36,8 @@ LAYERS: dict[str, tuple[str, ...]] = {
     "api": (*GROUND, "experiment"),
     "terminal": GROUND,
     "arguments": (*GROUND, "experiment"),
-    "cli": (*GROUND, "core", "sim", "ros", "perception", "experiment", "terminal", "arguments"),
+    "cli_perceive": (*GROUND, "perception", "ros.bags", "terminal", "arguments"),
+    "cli": (*GROUND, "core", "sim", "ros", "perception", "experiment", "terminal", "arguments", "cli_perceive"),
     "__main__": ("cli",),
 }
 SIMULATE = {  # everything else reads settings and tables

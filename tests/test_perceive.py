@@ -1,6 +1,7 @@
 """From frames to a trace: a made-up drive with a stand-in network, and the real drive against KITTI's labels."""
 
 import os
+import re
 from pathlib import Path
 
 import cv2
@@ -16,6 +17,7 @@ from genie_sim.perception.kitti import open_drive
 from genie_sim.perception.perceive import perceive
 from genie_sim.perception.placement import HALF_DEPTH_M
 from genie_sim.perception.trace import read_trace, write_trace
+from genie_sim.perception.tuning import simplest
 
 DRIVE = f"{DATE}/0005"
 SHIPPED = Path(__file__).parents[1] / "scenarios" / "traces" / "kitti_0005.parquet"
@@ -90,6 +92,45 @@ def test_a_part_of_the_drive_keeps_its_stamps(street):
     assert (frame.index, frame.stamp_ns) == (2, 200_000_000)
     with pytest.raises(UserError, match="none of the frames"):
         perceive(root, DRIVE, weights=weights, frames=[99])
+
+
+def test_threads_and_batches_make_the_same_trace(street):
+    """Six frames, four at a time. Only what is not usual stands in the provenance."""
+    root, weights = street
+    plain = perceive(root, DRIVE, weights=weights)
+    other = perceive(root, DRIVE, weights=weights, threads=2, batch=4)
+    assert other.frames == plain.frames
+    assert other.provenance["parameters"] == plain.provenance["parameters"] | {"threads": 2, "batch": 4}
+
+
+def test_what_is_fastest_is_found_out_and_told(street, monkeypatch):
+    """Whatever is chosen here, the trace is the same."""
+    root, weights = street
+    monkeypatch.setattr("os.cpu_count", lambda: 2)
+    said = []
+    made = perceive(root, DRIVE, weights=weights, threads=None, batch=None, say=said.append)
+    assert made.frames == perceive(root, DRIVE, weights=weights).frames
+    assert re.match(r"auto: --threads [12] --batch [124], .*1 x 1: \d+, 2 x 1: \d+, 1 x 2: .* 2 x 4: \d+$", *said)
+    perceive(root, DRIVE, weights=weights, threads=2, batch=None, say=said.append)
+    assert "--threads 2" in said[1]
+    assert " 1 x" not in said[1]
+
+
+@pytest.mark.parametrize(
+    ("rates_fps", "chosen"),
+    [
+        ({(1, 1): 96, (2, 1): 100, (1, 4): 99}, (1, 1)),
+        ({(1, 1): 90, (2, 1): 100, (1, 2): 101}, (2, 1)),
+        ({(1, 1): 50, (1, 2): 80, (2, 4): 100}, (2, 4)),
+    ],
+)
+def test_of_settings_that_are_nearly_as_fast_the_simplest_is_taken(rates_fps, chosen):
+    assert simplest(rates_fps) == chosen
+
+
+def test_published_detections_have_no_threads(street):
+    with pytest.raises(UserError, match="published"):
+        perceive(street[0], "tracking/0000", detector_name="rrc", threads=2)
 
 
 def test_provenance_says_what_the_trace_was_made_of(street):

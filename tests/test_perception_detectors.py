@@ -78,6 +78,19 @@ class Conformance:
         image = self.picture((20, 12))
         assert threaded.detect(image)[0].box == pytest.approx(detector.detect(image)[0].box, abs=0.01)
 
+    def test_several_pictures_at_a_time_give_the_same(self, detector, tmp_path):
+        """Three at a time, and two of three."""
+        together = make_detector(self.name, self.network(tmp_path), self.size, 0.05, batch=3)
+        images = [self.picture((20, 12)), self.picture(), self.picture((5, 6))]
+        blobs, scales = zip(*map(together.prepare, images), strict=True)
+        for count in (3, 2):
+            outputs = together.infer_many(blobs[:count])
+            assert len(outputs) == count
+            for image, output, scale in zip(images, outputs, scales, strict=False):
+                found, alone = together.found(output, scale, image.shape[1::-1]), detector.detect(image)
+                assert [one.label for one in found] == [one.label for one in alone]
+                assert [one.box for one in found] == [pytest.approx(one.box, abs=0.01) for one in alone]
+
     @pytest.mark.parametrize("size", [(640, 100), (0, 0), (-32, 32)])
     def test_an_impossible_size_is_refused(self, tmp_path, size):
         with pytest.raises(UserError, match="multiples of 32"):
@@ -144,6 +157,22 @@ class TestYolov8(Conformance):
     def test_broken_names_are_refused_not_run(self, names):
         with pytest.raises(UserError, match=r"x.onnx: metadata: names"):
             Yolov8.labels_of(Path("x.onnx"), {"names": names})
+
+
+def test_a_network_for_one_picture_only_says_so(tmp_path):
+    """Its shapes go through a node of their own, so they cannot be told from other numbers."""
+    import onnx
+    from onnx import helper
+
+    network = onnx.load(make_network(tmp_path / "yolox_nano.onnx"))
+    for node in network.graph.node:
+        if node.op_type == "Reshape":
+            node.input[1] = "copied"
+    network.graph.node.insert(0, helper.make_node("Identity", ["shape"], ["copied"]))
+    onnx.save(network, tmp_path / "one.onnx")
+    assert make_detector("yolox_nano", tmp_path / "one.onnx").batch == 1
+    with pytest.raises(UserError, match=r"one.onnx: cannot take 2 pictures at a time"):
+        make_detector("yolox_nano", tmp_path / "one.onnx", batch=2)
 
 
 def test_every_detector_is_tested():

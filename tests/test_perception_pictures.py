@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from kitti_folder import DATE, HEIGHT, WIDTH, make_drive, make_network
 
+from genie_sim.cli import main
 from genie_sim.messages import CameraPose
 from genie_sim.perception.pictures import PANEL_PX, _from_camera
 from genie_sim.perception.trace import read_trace
@@ -70,7 +71,7 @@ def test_origin_and_missing_scans(street, run_cli, tmp_path):
     ("arguments", "message"),
     [
         ((), "say what you want"),
-        (("--out", "x.parquet", "--origin", "49.0,8.4"), "--origin: '49.0,8.4' has 2 numbers, expected 3"),
+        (("--out", "x.parquet", "--origin", "49.0,8.4"), "--origin: '49.0,8.4' is no latitude"),
         (("--out", "x.parquet", "--size", "640:192"), "--size: '640:192'"),
         (("--out", "x.parquet", "--providers", "TPU"), "unknown provider 'TPU'"),
         (("--video", "x.avi"), "x.avi: a video's name must end in .mp4"),
@@ -87,3 +88,30 @@ def test_mistakes_are_one_line(street, run_cli, arguments, message):
 def test_right_and_ahead_are_the_camera_s():
     pose = CameraPose(10.0, 20.0, 0.0, math.pi / 2)  # looks north
     assert _from_camera(pose, (13.0, 25.0, 0.0)) == pytest.approx((3.0, 5.0))
+
+
+@pytest.mark.parametrize(
+    ("option", "message"),
+    [
+        ("--origin=91,1,2", "latitude 91 is not between -90 and 90 degrees"),
+        ("--origin=49,-180.5,2", "longitude -180.5 is not between -180 and 180 degrees"),
+        ("--origin=nan,1,2", "latitude nan is not between"),
+        ("--origin=49,8,inf", "altitude inf is no number of metres"),
+        ("--origin=49,8", "'49,8' is no latitude, longitude, altitude, such as 49.01,8.42,112.8"),
+        ("--size=x", "--size: 'x' is no width and height in pixels, such as 832x256"),
+        ("--size=640x192x3", "--size: '640x192x3' is no width and height in pixels"),
+        ("--size=640x-32", "--size: '640x-32' is no width and height in pixels"),
+        ("--threads=0", "--threads: '0' is neither auto nor a number from 1 to 1024"),
+        ("--batch=many", "--batch: 'many' is neither auto nor a number from 1 to 1024"),
+    ],
+)
+def test_a_value_that_cannot_be_gets_one_line(option, message, capsys):
+    assert main(["perceive", "--drive", f"{DATE}/0005", "--out", "x.parquet", option]) == 1
+    error = capsys.readouterr().err
+    assert message in error
+    assert error.count("\n") == 1
+
+
+def test_a_bag_s_pictures_go_one_at_a_time(capsys):
+    assert main(["perceive", "--bag", "drive.bag", "--out", "x.parquet", "--batch", "2"]) == 1
+    assert "a bag's pictures go one at a time" in capsys.readouterr().err

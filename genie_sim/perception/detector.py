@@ -43,18 +43,20 @@ def make_detector(
     min_score: float = MIN_SCORE,
     providers: Sequence[str] = (CPU,),
     threads: int = 1,
+    batch: int = 1,
 ) -> Detector:
     """The detector of that name, or of a class of your own, ``package.module:Class``.
 
     ``weights`` is its file or a folder, by default the folder GENIE_SIM_WEIGHTS; ``providers`` are ONNX Runtime's
-    execution providers, best first. Raises UserError.
+    execution providers, best first; ``threads`` are the network's, ``batch`` is how many pictures it gets at a time.
+    Detectors that are no ``OnnxDetector`` have neither. Raises UserError.
     """
     kind = _own_class(name) if ":" in name else DETECTORS.get(name)
     if kind is None:
         raise UserError(unknown("detector", name, DETECTORS))
     path = find_weights(kind.file_name, weights)
     if issubclass(kind, OnnxDetector):
-        return kind(path, size, min_score, providers, threads)
+        return kind(path, size, min_score, providers, threads, batch)
     return kind(path, size, min_score)
 
 

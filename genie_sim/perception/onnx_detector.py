@@ -86,6 +86,7 @@ class OnnxDetector(ABC):
         min_score: float = MIN_SCORE,
         providers: Sequence[str] = (CPU,),
         threads: int = 1,
+        batch: int = 1,
     ) -> None:
         """Loads ``weights``. Raises UserError where they are no such network, or a setting is impossible."""
         if not 0 < min_score < 1:
@@ -94,11 +95,11 @@ class OnnxDetector(ABC):
         self.size = size or self.default_size or _own_size(weights, network)
         if any(side <= 0 or side % max(self.strides) for side in self.size):
             raise UserError(f"detector {self.name}: size {self.size} must be multiples of {max(self.strides)}")
-        self.min_score, self.threads = min_score, threads
+        self.min_score, self.threads, self.batch = min_score, threads, batch
         self.sha256 = hashlib.sha256(weights.read_bytes()).hexdigest()
         self.labels = self.labels_of(weights, {entry.key: entry.value for entry in network.metadata_props})
         self.cells, self.cell_strides = _cells(self.size, self.strides)
-        self._session = open_session(weights, network, self.size, providers, threads)
+        self._session = open_session(weights, network, self.size, providers, threads, batch)
         self._input = self._session.get_inputs()[0].name
         self._check(weights)
 
@@ -121,7 +122,13 @@ class OnnxDetector(ABC):
 
     def infer(self, blob: np.ndarray) -> list[np.ndarray]:
         """The outputs for one prepared picture: nothing but the network itself."""
-        return [output[0] for output in self._session.run(None, {self._input: blob})]
+        return self.infer_many([blob])[0]
+
+    def infer_many(self, blobs: Sequence[np.ndarray]) -> list[list[np.ndarray]]:
+        """The outputs for each of up to ``batch`` prepared pictures; where there are fewer, the last fills the rest."""
+        filled = [*blobs, *[blobs[-1]] * (self.batch - len(blobs))]
+        outputs = self._session.run(None, {self._input: filled[0] if self.batch == 1 else np.concatenate(filled)})
+        return [[output[i] for output in outputs] for i in range(len(blobs))]
 
     def found(self, outputs: Sequence[np.ndarray], scale: float, image_size: tuple[int, int]) -> list[Found]:
         """Road users and furniture in a picture of (width, height), best score first."""
@@ -138,13 +145,26 @@ class OnnxDetector(ABC):
         """One run on a grey picture tells a network with other inputs or outputs."""
         blob, _ = self.prepare(np.full((self.size[1], self.size[0], 3), GREY, np.uint8))
         try:
-            shapes = [output.shape for output in self.infer(blob)]
+            shapes = [output.shape for output in self.infer_many([blob] * self.batch)[-1]]
         except Exception as error:  # ONNX Runtime's exceptions have no common base of their own
+            if self.batch > 1:
+                raise UserError(
+                    f"{weights}: cannot take {self.batch} pictures at a time: {first_line(error)}"
+                ) from error
             raise UserError(f"{weights}: is no {self.name} network: {first_line(error)}") from error
         expected = self.output_shapes()
         if shapes != expected:
             one, other = (", ".join(map(str, many)) for many in (shapes, expected))
             raise UserError(f"{weights}: is no {self.name} network: its output is {one}, expected {other}")
+        if self.batch > 1 and not self._tells_pictures_apart():
+            raise UserError(f"{weights}: cannot take {self.batch} pictures at a time: it mixes them up")
+
+    def _tells_pictures_apart(self) -> bool:
+        """Whether a picture of a batch gives the same wherever it stands, and not what another one gives."""
+        grey, white = (self.prepare(np.full((self.size[1], self.size[0], 3), c, np.uint8))[0] for c in (GREY, 255))
+        first, second = self.infer_many([grey, white]), self.infer_many([white, grey])
+        same = [np.allclose(a, b, atol=1e-4) for a, b in zip(first[0] + first[1], second[1] + second[0], strict=True)]
+        return all(same) and not all(map(np.array_equal, first[0], first[1]))
 
 
 def read_network(weights: Path, outputs: int) -> Any:
@@ -173,19 +193,27 @@ def read_network(weights: Path, outputs: int) -> Any:
 
 
 def open_session(
-    weights: Path, network: Any, size: tuple[int, int], providers: Sequence[str] = (CPU,), threads: int = 1
+    weights: Path,
+    network: Any,
+    size: tuple[int, int],
+    providers: Sequence[str] = (CPU,),
+    threads: int = 1,
+    batch: int = 1,
 ) -> Any:
-    """An ONNX Runtime session for pictures of (width, height), which may not be the size the network was made for."""
+    """An ONNX Runtime session for pictures of (width, height), so many at a time; the network may have been made for
+    another size and for one picture."""
     import onnxruntime
 
     for provider in providers:
         if provider not in onnxruntime.get_available_providers():
             raise UserError(unknown("provider", provider, onnxruntime.get_available_providers()))
-    for dim, value in zip(network.graph.input[0].type.tensor_type.shape.dim, (1, 3, size[1], size[0]), strict=True):
+    for dim, value in zip(network.graph.input[0].type.tensor_type.shape.dim, (batch, 3, size[1], size[0]), strict=True):
         dim.dim_value = value
     for number, output in enumerate(network.graph.output):
         for axis, dim in enumerate(output.type.tensor_type.shape.dim):
             dim.dim_param = f"output_{number}_{axis}"
+    if batch > 1:
+        _reshape_for(network.graph, batch)
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = threads
     options.inter_op_num_threads = 1
@@ -198,6 +226,22 @@ def open_session(
         return onnxruntime.InferenceSession(network.SerializeToString(), options, providers=list(providers))
     except Exception as error:  # ONNX Runtime's exceptions have no common base of their own
         raise UserError(f"{weights}: ONNX Runtime cannot use this network: {first_line(error)}") from error
+
+
+def _reshape_for(graph: Any, batch: int) -> None:
+    """Where the network brings one picture's numbers into another shape, it does so with those of a batch."""
+    from onnx import numpy_helper
+
+    constants = {tensor.name: tensor for tensor in graph.initializer}
+    constants |= {node.output[0]: node.attribute[0].t for node in graph.node if node.op_type == "Constant"}
+    for number, node in enumerate(graph.node):
+        if node.op_type != "Reshape" or node.input[1] not in constants:
+            continue
+        shape = numpy_helper.to_array(constants[node.input[1]]).copy()
+        if len(shape) and shape[0] == 1:
+            shape[0] = batch
+            node.input[1] = f"shape_of_batch_{number}"
+            graph.initializer.append(numpy_helper.from_array(shape, node.input[1]))
 
 
 def letterbox(image_bgr: np.ndarray, size: tuple[int, int]) -> tuple[np.ndarray, float]:

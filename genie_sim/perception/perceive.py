@@ -2,63 +2,28 @@
 
 from __future__ import annotations
 
-import hashlib
 import importlib.metadata
 import os
-from collections import deque
-from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import contextmanager
-from functools import lru_cache, partial
+from collections.abc import Callable, Collection, Sequence
+from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple, TypeVar
+from typing import Any
 
-import cv2
-import numpy as np
-
-from genie_sim.core.geometry import Array, Geodetic, transform
+from genie_sim.core.geometry import Geodetic
 from genie_sim.errors import UserError
-from genie_sim.perception import placement
-from genie_sim.perception.detector import Detector, Found, make_detector
-from genie_sim.perception.fingerprint import difference_hash
-from genie_sim.perception.kitti import ATTRIBUTION, CameraFrame, Drive, decode_image, open_drive
-from genie_sim.perception.onnx_detector import CPU, MIN_SCORE, NMS_IOU, OnnxDetector
-from genie_sim.perception.placement import Placement, Plane
-from genie_sim.perception.trace import Trace, TraceFrame, detection, trace_frame
+from genie_sim.perception import placement, tuning
+from genie_sim.perception.detector import Detector, make_detector
+from genie_sim.perception.kitti import ATTRIBUTION, CameraFrame, Drive, open_drive
+from genie_sim.perception.onnx_detector import CPU, MIN_SCORE, NMS_IOU
+from genie_sim.perception.pipeline import trace_frames
+from genie_sim.perception.trace import Trace, TraceFrame
 from genie_sim.perception.tracking import tracking_trace
 
 PACKAGES = ("numpy", "onnxruntime", "opencv-python-headless", "pykitti", "pymap3d")
 LOWEST_SCORE = 0.01  # for an evaluation: weak detections count for average precision
-READ_AHEAD = 4  # frames read while the network runs, and frames placed after it
-MOST_WORKERS = 3  # read and place; more than the fastest networks here can use
 TRACKING = "tracking/"  # a drive of this name is a sequence of the tracking benchmark
 
 Progress = Callable[[int, int], None]
-Result = TypeVar("Result")
-
-
-class _Picture(NamedTuple):
-    """A frame that has been read: what the network gets, how much it was scaled, and what the rest needs."""
-
-    frame: CameraFrame
-    size: tuple[int, int]
-    fingerprints: tuple[str, int]
-    placement: Placement
-    blob: np.ndarray
-    scale: float
-
-
-class _InOneStep:
-    """A detector that runs no network of its own: a whole picture goes in, and what comes out is found."""
-
-    def __init__(self, detector: Detector) -> None:
-        self.infer = detector.detect
-
-    def prepare(self, image_bgr: np.ndarray) -> tuple[np.ndarray, float]:
-        return image_bgr, 1.0
-
-    def found(self, outputs: Any, scale: float, image_size: tuple[int, int]) -> list[Found]:
-        return list(outputs)
 
 
 def kitti_folder(root: str | Path | None) -> Path:
@@ -83,6 +48,9 @@ def perceive(
     allow_missing_scans: bool = False,
     providers: Sequence[str] = (CPU,),
     place_from: float = 0.0,
+    threads: int | None = 1,
+    batch: int | None = 1,
+    say: Callable[[str], None] | None = None,
 ) -> Trace:
     """The trace of a KITTI drive such as ``2011_09_26/0005``. The same input gives the same trace.
 
@@ -90,22 +58,34 @@ def perceive(
     published detections, ``pointrcnn`` or ``rrc``. ``kitti_root`` and ``weights`` are by default what GENIE_SIM_KITTI
     and GENIE_SIM_WEIGHTS say; ``origin`` is the geodetic origin, by default the drive's first GPS fix; ``size`` the
     network's (width, height); ``frames`` the frame numbers wanted, by default all; detections below ``place_from`` are
-    kept without a location. ``progress`` is called with the frames done and all frames. Raises UserError.
+    kept without a location. ``threads`` are the network's, ``batch`` is how many pictures it gets at a time; ``None``:
+    what is fastest on the first frames, and ``say`` is told. ``progress`` is called with the frames done and all
+    frames. Raises UserError.
     """
     root = kitti_folder(kitti_root)
     if drive.startswith(TRACKING):
+        if (threads, batch) != (1, 1):
+            raise UserError(f"{drive}: its detections are published ones, so threads and batch say nothing")
         return tracking_trace(root / "tracking", drive.removeprefix(TRACKING), detector_name, min_score, origin)
     opened = open_drive(root, drive, cameras, origin, allow_missing_scans)
-    detector = make_detector(detector_name, weights, size, min_score, providers)
+    make = partial(make_detector, detector_name, weights, size, min_score, providers)
     wanted = [frame for frame in in_turn(opened) if frames is None or frame.index in frames]
     if not wanted:
         raise UserError(f"{root}: drive {drive} has none of the frames that were asked for")
+    if threads is None or batch is None:
+        chosen = tuning.fastest(opened, wanted, make, threads, batch)
+        threads, batch = chosen.threads, chosen.batch
+        if say is not None:
+            say(str(chosen))
+    detector = make(threads, batch)
     perceived: dict[str, list[TraceFrame]] = {}
     for done, row in enumerate(trace_frames(opened, wanted, detector, place_from), start=1):
         perceived.setdefault(row.camera, []).append(row)
         if progress is not None:
             progress(done, len(wanted))
     provenance = _provenance(opened, detector, min_score)
+    if (threads, batch) != (1, 1):
+        provenance["parameters"] |= {"threads": threads, "batch": batch}
     by_camera = {camera: tuple(perceived[camera]) for camera in sorted(perceived)}
     return Trace(f"kitti_{drive.split('/')[1]}", opened.origin, by_camera, provenance)
 
@@ -122,78 +102,6 @@ def images(root: Path, drive: str, cameras: Sequence[str]) -> dict[tuple[str, in
         return {}
     opened = open_drive(root, drive, cameras, allow_missing_scans=True)
     return {(camera, frame.index): frame.image_path for camera in opened.frames for frame in opened.frames[camera]}
-
-
-def trace_frames(
-    drive: Drive, frames: Iterable[CameraFrame], detector: Detector, place_from: float = 0.0
-) -> Iterator[TraceFrame]:
-    """The frames as a trace keeps them, in order. The network has this thread for itself: the processors it leaves
-    free read the frames that come, and place what was found in those that went."""
-    steps = detector if isinstance(detector, OnnxDetector) else _InOneStep(detector)
-    free = (os.cpu_count() or 1) - (detector.threads if isinstance(detector, OnnxDetector) else 1)
-    scanned = lru_cache(2 * READ_AHEAD)(partial(_scanned, drive))
-    with _one_thread_of_opencv(), ThreadPoolExecutor(min(max(free, 1), MOST_WORKERS)) as workers:
-        read = partial(workers.submit, partial(_read, drive, steps, scanned))
-        place = partial(workers.submit, partial(_placed, drive, steps, place_from))
-        pictures = _in_order(map(read, frames))
-        yield from _in_order(place(picture, steps.infer(picture.blob)) for picture in pictures)
-
-
-@contextmanager
-def _one_thread_of_opencv() -> Iterator[None]:
-    """OpenCV would put its own threads on the network's processor."""
-    before = cv2.getNumThreads()
-    cv2.setNumThreads(1)
-    try:
-        yield
-    finally:
-        cv2.setNumThreads(before)
-
-
-def _in_order(futures: Iterator[Future[Result]]) -> Iterator[Result]:
-    """The results of what was submitted, while ``READ_AHEAD`` more are under way."""
-    pending: deque[Future[Result]] = deque()
-    for future in futures:
-        pending.append(future)
-        if len(pending) > READ_AHEAD:
-            yield pending.popleft().result()
-    while pending:
-        yield pending.popleft().result()
-
-
-def _scanned(drive: Drive, index: int) -> tuple[Array | None, Plane]:
-    scan = drive.scan(index)
-    return scan, placement.TYPICAL_GROUND if scan is None else placement.fit_ground(scan)
-
-
-def _read(
-    drive: Drive,
-    steps: OnnxDetector | _InOneStep,
-    scanned: Callable[[int], tuple[Array | None, Plane]],
-    frame: CameraFrame,
-) -> _Picture:
-    data = frame.image_path.read_bytes()
-    image = decode_image(frame.image_path, data)
-    size = (image.shape[1], image.shape[0])
-    fingerprints = (hashlib.sha256(data).hexdigest(), difference_hash(image))
-    here = Placement(frame.intrinsics, size, drive.camera_SE3_velo(frame.camera), *scanned(frame.index))
-    return _Picture(frame, size, fingerprints, here, *steps.prepare(image))
-
-
-def _placed(
-    drive: Drive, steps: OnnxDetector | _InOneStep, place_from: float, picture: _Picture, outputs: Any
-) -> TraceFrame:
-    frame = picture.frame
-    detections = []
-    for label, score, box in steps.found(outputs, picture.scale, picture.size):
-        point, method = picture.placement.place(label, box) if score >= place_from else (None, "none")
-        place = None if point is None else transform(frame.world_SE3_camera, point)
-        detections.append(detection(label, score, box, place, method))
-    stamp_ns = frame.stamp_ns - drive.first_stamp_ns
-    pose = frame.world_SE3_camera
-    return trace_frame(
-        frame.camera, frame.index, stamp_ns, picture.size, picture.fingerprints, pose, frame.intrinsics, detections
-    )
 
 
 def _provenance(drive: Drive, detector: Detector, min_score: float) -> dict[str, Any]:

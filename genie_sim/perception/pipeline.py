@@ -1,0 +1,137 @@
+"""Frames through a detector, one stage beside the other: reading ahead, the network, placing what was found."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import contextmanager
+from functools import lru_cache, partial
+from itertools import islice, starmap
+from typing import Any, NamedTuple, TypeVar
+
+import cv2
+import numpy as np
+
+from genie_sim.core.geometry import Array, transform
+from genie_sim.perception import placement
+from genie_sim.perception.detector import Detector, Found
+from genie_sim.perception.fingerprint import difference_hash
+from genie_sim.perception.kitti import CameraFrame, Drive, decode_image
+from genie_sim.perception.onnx_detector import OnnxDetector
+from genie_sim.perception.placement import Placement, Plane
+from genie_sim.perception.trace import TraceFrame, detection, trace_frame
+
+READ_AHEAD = 4  # frames read while the network runs, and frames placed after it
+MOST_WORKERS = 3  # read and place; more than the fastest networks here can use
+
+Result = TypeVar("Result")
+
+
+class _Picture(NamedTuple):
+    """A frame that has been read: what the network gets, how much it was scaled, and what the rest needs."""
+
+    frame: CameraFrame
+    size: tuple[int, int]
+    fingerprints: tuple[str, int]
+    placement: Placement
+    blob: np.ndarray
+    scale: float
+
+
+class _InOneStep:
+    """A detector that runs no network of its own: a whole picture goes in, and what comes out is found."""
+
+    threads = batch = 1
+
+    def __init__(self, detector: Detector) -> None:
+        self._detect = detector.detect
+
+    def infer_many(self, images: Sequence[np.ndarray]) -> list[list[Found]]:
+        return [self._detect(image) for image in images]
+
+    def prepare(self, image_bgr: np.ndarray) -> tuple[np.ndarray, float]:
+        return image_bgr, 1.0
+
+    def found(self, outputs: Any, scale: float, image_size: tuple[int, int]) -> list[Found]:
+        return list(outputs)
+
+
+def trace_frames(
+    drive: Drive, frames: Iterable[CameraFrame], detector: Detector, place_from: float = 0.0
+) -> Iterator[TraceFrame]:
+    """The frames as a trace keeps them, in order. The network has this thread for itself: the processors it leaves
+    free read the frames that come, and place what was found in those that went."""
+    steps = detector if isinstance(detector, OnnxDetector) else _InOneStep(detector)
+    free = (os.cpu_count() or 1) - steps.threads
+    scanned = lru_cache(2 * READ_AHEAD)(partial(_scanned, drive))
+    with _one_thread_of_opencv(), ThreadPoolExecutor(min(max(free, 1), MOST_WORKERS)) as workers:
+        read = partial(workers.submit, partial(_read, drive, steps, scanned))
+        place = partial(workers.submit, partial(_placed, drive, steps, place_from))
+        pictures = _in_order(map(read, frames), READ_AHEAD + steps.batch)
+        yield from _in_order(starmap(place, _inferred(steps, pictures)), READ_AHEAD)
+
+
+def _inferred(steps: OnnxDetector | _InOneStep, pictures: Iterator[_Picture]) -> Iterator[tuple[_Picture, Any]]:
+    """Each picture with the network's outputs for it."""
+    while together := list(islice(pictures, steps.batch)):
+        yield from zip(together, steps.infer_many([picture.blob for picture in together]), strict=True)
+
+
+@contextmanager
+def _one_thread_of_opencv() -> Iterator[None]:
+    """OpenCV would put its own threads on the network's processor."""
+    before = cv2.getNumThreads()
+    cv2.setNumThreads(1)
+    try:
+        yield
+    finally:
+        cv2.setNumThreads(before)
+
+
+def _in_order(futures: Iterable[Future[Result]], ahead: int) -> Iterator[Result]:
+    """The results of what was submitted, while so many more are under way."""
+    pending: deque[Future[Result]] = deque()
+    for future in futures:
+        pending.append(future)
+        if len(pending) > ahead:
+            yield pending.popleft().result()
+    while pending:
+        yield pending.popleft().result()
+
+
+def _scanned(drive: Drive, index: int) -> tuple[Array | None, Plane]:
+    scan = drive.scan(index)
+    return scan, placement.TYPICAL_GROUND if scan is None else placement.fit_ground(scan)
+
+
+def _read(
+    drive: Drive,
+    steps: OnnxDetector | _InOneStep,
+    scanned: Callable[[int], tuple[Array | None, Plane]],
+    frame: CameraFrame,
+) -> _Picture:
+    data = frame.image_path.read_bytes()
+    image = decode_image(frame.image_path, data)
+    size = (image.shape[1], image.shape[0])
+    fingerprints = (hashlib.sha256(data).hexdigest(), difference_hash(image))
+    here = Placement(frame.intrinsics, size, drive.camera_SE3_velo(frame.camera), *scanned(frame.index))
+    return _Picture(frame, size, fingerprints, here, *steps.prepare(image))
+
+
+def _placed(
+    drive: Drive, steps: OnnxDetector | _InOneStep, place_from: float, picture: _Picture, outputs: Any
+) -> TraceFrame:
+    frame = picture.frame
+    detections = []
+    for label, score, box in steps.found(outputs, picture.scale, picture.size):
+        point, method = picture.placement.place(label, box) if score >= place_from else (None, "none")
+        place = None if point is None else transform(frame.world_SE3_camera, point)
+        detections.append(detection(label, score, box, place, method))
+    stamp_ns = frame.stamp_ns - drive.first_stamp_ns
+    pose = frame.world_SE3_camera
+    return trace_frame(
+        frame.camera, frame.index, stamp_ns, picture.size, picture.fingerprints, pose, frame.intrinsics, detections
+    )

@@ -1,0 +1,82 @@
+"""How many threads a network gets, and how many pictures at a time: what is fastest here, by measurement.
+
+What is measured is what counts, frames a second from file to placed detections: a thread of the network's is one less
+for reading and placing. Of settings that differ by less than ``NOT_WORTH_IT`` the simplest is taken.
+"""
+
+from __future__ import annotations
+
+import os
+import statistics
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+from genie_sim.errors import UserError
+from genie_sim.perception.detector import Detector
+from genie_sim.perception.kitti import CameraFrame, Drive
+from genie_sim.perception.pipeline import trace_frames
+
+BATCHES = (1, 2, 4)
+FRAMES = 24
+ROUNDS = 3
+NOT_WORTH_IT = 0.05
+
+Setting = tuple[int, int]  # threads, pictures at a time
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """Threads and batch that were chosen, and the frames a second that each setting reached."""
+
+    threads: int
+    batch: int
+    rates_fps: Mapping[Setting, float]
+    refused: Mapping[Setting, str]
+
+    def __str__(self) -> str:
+        rates = ", ".join(f"{threads} x {batch}: {rate:.0f}" for (threads, batch), rate in self.rates_fps.items())
+        text = f"auto: --threads {self.threads} --batch {self.batch}, the simplest within {NOT_WORTH_IT:.0%} of the "
+        text += f"fastest; frames/s of threads x batch: {rates}"
+        return "\n".join([text, *(dict.fromkeys(self.refused.values()))])
+
+
+def fastest(
+    drive: Drive,
+    frames: Sequence[CameraFrame],
+    make: Callable[[int, int], Detector],
+    threads: int | None = None,
+    batch: int | None = None,
+) -> Choice:
+    """Tries the first frames with 1 to all processors and a few batches; what is given is not tried.
+
+    ``make`` opens the detector with so many threads and so large a batch. Raises UserError where none can be opened.
+    """
+    counts = range(1, (os.cpu_count() or 1) + 1) if threads is None else [threads]
+    detectors: dict[Setting, Detector] = {}
+    refused: dict[Setting, str] = {}
+    for setting in [(count, size) for size in (BATCHES if batch is None else [batch]) for count in counts]:
+        try:
+            detectors[setting] = make(*setting)
+        except UserError as error:
+            if setting[1] == 1:
+                raise
+            refused[setting] = str(error)
+    if not detectors:
+        raise UserError(next(iter(refused.values())))
+    first = list(frames[:FRAMES])
+    seconds: dict[Setting, list[float]] = {setting: [] for setting in detectors}
+    for _ in range(ROUNDS):  # in turns: the machine may be faster now than then
+        for setting, detector in detectors.items():
+            begin = time.perf_counter()
+            for _row in trace_frames(drive, first, detector):
+                pass
+            seconds[setting].append(time.perf_counter() - begin)
+    rates_fps = {setting: len(first) / statistics.median(taken) for setting, taken in seconds.items()}
+    return Choice(*simplest(rates_fps), rates_fps, refused)
+
+
+def simplest(rates_fps: Mapping[Setting, float]) -> Setting:
+    """Of the settings that are nearly as fast as the fastest, the one with the smallest batch, then fewest threads."""
+    enough = (1 - NOT_WORTH_IT) * max(rates_fps.values())
+    return min((setting for setting, rate in rates_fps.items() if rate >= enough), key=lambda s: (s[1], s[0]))
