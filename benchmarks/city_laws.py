@@ -38,21 +38,9 @@ def main() -> None:
         "licence": "CC BY-NC-SA 3.0, as a work derived from KITTI",
     }
     arguments.out.write_text(json.dumps(laws, indent=1, sort_keys=True) + "\n", encoding="utf-8")
-    for name, group in laws["groups"].items():
-        print(
-            name,
-            group["found"]["range_m"],
-            group["found"]["miss"],
-            group["score_correlation"],
-            group["place_correlation"],
-        )
-    for name, group in laws["ghosts"].items():
-        print(
-            "ghosts",
-            name,
-            {key: group[key] for key in ("places", "per_100m", "fleeting_a_frame", "score_correlation")},
-            group["found"]["miss"],
-        )
+    for kind in ("groups", "ghosts"):
+        for name, group in laws[kind].items():
+            print(kind, name, {key: group[key] for key in group if key.endswith(("_correlation", "places", "_frame"))})
 
 
 if __name__ == "__main__":

@@ -2,13 +2,24 @@
 
 from __future__ import annotations
 
+import dataclasses
+import os
 import pickle
+import subprocess
+import sys
+from pathlib import Path
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from genie_sim.errors import UserError
+from genie_sim.experiment import files
 from genie_sim.perception.city import Drive, Town, TownRules
+from genie_sim.perception.trace import TraceFrame, read_trace
 from genie_sim.units import NS_PER_S
+
+REPOSITORY = Path(__file__).resolve().parent.parent
 
 RULES = TownRules(blocks=(4, 4))
 DURATION_NS = 20 * NS_PER_S
@@ -65,3 +76,89 @@ def test_no_two_pictures_are_the_same(town):
 def test_rules_that_make_no_town_are_refused(settings, message):
     with pytest.raises(UserError, match=message):
         TownRules(**settings)
+
+
+def test_a_new_car_changes_nobody(town):
+    alone = content(Town(RULES, seed=7).drive("car1", DURATION_NS))
+    crowded = Town(RULES, seed=7)
+    for k in range(20):
+        content(crowded.drive(f"other{k}", NS_PER_S))
+    assert content(crowded.drive("car1", DURATION_NS)) == alone
+
+
+def test_a_longer_drive_begins_as_the_shorter_one(town):
+    short, long = town.drive("car1", DURATION_NS), town.drive("car1", 2 * DURATION_NS)
+    assert short.digest != long.digest
+    assert list(long.frames["03"][: len(short.frames["03"])]) == list(short.frames["03"])
+    assert content(long)[: len(short.frames["02"])] == content(short)[: len(short.frames["02"])]
+
+
+@pytest.mark.parametrize("hash_seed", ["0", "12345"])
+def test_the_same_drive_under_any_hash_seed(town, hash_seed):
+    script = (
+        "from genie_sim.perception.city import Town, TownRules\n"
+        "drive = Town(TownRules(blocks=(4, 4)), 7).drive('car1', 2 * 10**9)\n"
+        "print(repr([(f.digest, f.pose, f.detections) for f in drive.frames['02']]))"
+    )
+    environment = {**os.environ, "PYTHONHASHSEED": hash_seed, "PYTHONPATH": str(REPOSITORY)}
+    told = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, env=environment, check=True)
+    here = [(f.digest, f.pose, f.detections) for f in town.drive("car1", 2 * NS_PER_S).frames["02"]]
+    assert told.stdout.strip() == repr(here)
+
+
+def test_frames_look_like_those_of_a_trace(town):
+    """Everything that a TraceFrame tells, a frame of the town tells as well, from KITTI's own camera."""
+    real = read_trace(files.find(files.TRACE, "kitti_0005")).frames["02"][0]
+    frames = town.drive("car1", DURATION_NS).frames
+    assert sorted(frames) == ["02", "03"]
+    assert len(frames["02"]) == 200
+    made = frames["02"][-1]
+    for field in dataclasses.fields(TraceFrame):
+        assert type(getattr(made, field.name)) is type(getattr(real, field.name)), field.name
+    for name in ("width", "height", "size_bytes", "horizontal_fov_rad"):
+        assert getattr(made, name) == getattr(real, name)
+    assert (made.camera, made.index, made.stamp_ns) == ("02", 199, 19_900_000_000)
+    with pytest.raises(IndexError):
+        frames["02"][200]
+
+
+def test_detections_are_kept_while_the_frame_is(town):
+    frame = town.drive("car1", DURATION_NS).frames["02"][0]
+    assert frame.detections is frame.detections
+
+
+def test_what_moves_is_at_one_place_for_all(town):
+    """Two drives that begin at different times see one town: its clock is that of start_ns plus the stamp."""
+    early, late = town.drive("car1", DURATION_NS), town.drive("car2", DURATION_NS, start_ns=5 * NS_PER_S)
+    for drive, begin_ns in ((early, 0), (late, 5 * NS_PER_S)):
+        for frame in drive.frames["02"][::20]:
+            there = town.truth_near(frame.pose.east_m, frame.pose.north_m, 61.0, begin_ns + frame.stamp_ns)
+            assert set(frame.truth()) <= set(there)
+
+
+@pytest.mark.parametrize("times", [(0, 1, 0), (1, 0, 0), (1, 1, -1)])
+def test_times_that_leave_no_frame_are_refused(town, times):
+    with pytest.raises(UserError, match="town: drive of car1"):
+        town.drive("car1", times[0], times[1], start_ns=times[2])
+    with pytest.raises(UserError, match="town: seed: -1 is negative"):
+        Town(RULES, -1)
+
+
+@given(
+    blocks=st.tuples(st.integers(1, 4), st.integers(1, 4)),
+    block_m=st.floats(90, 300),
+    main_every=st.integers(1, 5),
+    destinations=st.integers(1, 30),
+    seed=st.integers(0, 2**31),
+)
+@settings(max_examples=25)
+def test_any_town_can_be_driven_in(blocks, block_m, main_every, destinations, seed):
+    rules = TownRules(blocks=blocks, block_m=block_m, main_every=main_every, destinations=destinations)
+    town = Town(rules, seed)
+    drive = town.drive("car1", 30 * NS_PER_S)
+    for frame in drive.frames["02"][::30]:
+        assert -2 <= frame.pose.east_m <= town.size_m[0] + 2
+        assert -2 <= frame.pose.north_m <= town.size_m[1] + 2
+        assert all(0 <= d.score <= 1 and d.box is None and d.method == "city" for d in frame.detections)
+        scores = [d.score for d in frame.detections]
+        assert scores == sorted(scores, reverse=True)

@@ -5,21 +5,18 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from operator import attrgetter
-from typing import TYPE_CHECKING, overload
+from typing import TYPE_CHECKING, Protocol, overload
 
 from genie_sim.messages import CameraPose, Detection
 from genie_sim.perception.city.laws import MIDDLE, RANGES, STEPS_PER_Z, VIEW_STEP_M, DetectorLaws, Fleeting, quantile
 from genie_sim.perception.city.noise import MASK, NORMAL_MASK, SMOOTH_MASK, mix, normals
 from genie_sim.perception.city.rules import TrueObject
-from genie_sim.perception.city.streets import HEIGHTS_M, Seen, Streets
+from genie_sim.perception.city.things import HEIGHT, HORIZONTAL_FOV_RAD, MIDDLES_M, WIDTH, Seen
 from genie_sim.perception.trace import IMAGE_HEADER_BYTES, POSITION_DECIMALS, SCORE_DECIMALS
 
 if TYPE_CHECKING:
     from genie_sim.perception.city.town import Drive
 
-# The colour cameras of KITTI's drive 2011_09_26/0005, as its trace has them (A. Geiger et al., IJRR 2013).
-WIDTH, HEIGHT = 1242, 375
-HORIZONTAL_FOV_RAD = 1.42116
 CAMERA_UP_M = 1.65
 BASELINES_M = {"02": 0.27, "03": -0.27}  # to the left of the car's middle
 NEAREST_M = 3.5  # KITTI's nearest labelled object is 3 m away: nearer ones leave the picture
@@ -67,7 +64,8 @@ class CityFrame:
         return self._detections
 
     def truth(self) -> tuple[TrueObject, ...]:
-        """What is really in view: not hidden by houses, in the field of view, within ``TownRules.view_m``."""
+        """What is really in view: in the field of view, not hidden by houses, within ``TownRules.view_m``, and at least
+        25 pixels high in the picture, as KITTI's labels that count."""
         return self._drive.town.eye.truth(self.pose, *self._place, self._t_s)
 
     @property
@@ -112,10 +110,17 @@ class CityFrames(Sequence[CityFrame]):
         return (CityFrame(self._drive, self._camera, index) for index in range(self._count))
 
 
+class World(Protocol):
+    """What a camera looks at."""
+
+    def ahead(self, east_m: float, north_m: float, box: tuple[float, float, float, float], t_s: float) -> list[Seen]:
+        """All that is not hidden from a place, in a box (west, south, east, north)."""
+
+
 class Eye:
     """A camera with its detector, anywhere in the town."""
 
-    def __init__(self, streets: Streets, laws: DetectorLaws, view_m: float) -> None:
+    def __init__(self, streets: World, laws: DetectorLaws, view_m: float) -> None:
         self._streets, self._view_m = streets, min(view_m, RANGES - 1.0)
         self._fleeting = laws.fleeting
         self._normals = normals()
@@ -141,11 +146,11 @@ class Eye:
             gone_m, quarter = (y, 2 * 16411) if s > 0 else (-y, 3 * 16411)
         found = []
         for thing, range_m in self._in_view(pose, c, s, t_s):
-            east_m, north_m, up_m, label, _, key, offset, score_z, along_z, across_z, laws, _, _ = thing
+            east_m, north_m, up_m, _, label, _, key, offset, score_z, along_z, across_z, laws, _, _ = thing
             row = laws.scores[int(range_m + 0.5)]
             view = int((range_m - gone_m) / VIEW_STEP_M) + offset + quarter
-            _, of_view, of_look = laws.weights
-            z = score_z + of_view * laws.smooth[view & SMOOTH_MASK]
+            _, of_view, of_look, views = laws.score
+            z = score_z + of_view * views[view & SMOOTH_MASK]
             if row[int((z + MOST_Z * of_look) * STEPS_PER_Z + MIDDLE)] == 0.0:
                 continue  # whatever this look's own number is
             bits = ((key ^ look_key) * 0xBF58476D1CE4E5B9) & MASK
@@ -153,11 +158,12 @@ class Eye:
             score = row[int((z + of_look * table[bits & NORMAL_MASK]) * STEPS_PER_Z + MIDDLE)]
             if score == 0.0:
                 continue
-            _, of_view, of_look = laws.place_weights
-            z = along_z + of_view * laws.place_smooth[view + ALONG & SMOOTH_MASK]
+            _, of_view, of_look, views = laws.along
+            z = along_z + of_view * views[view + ALONG & SMOOTH_MASK]
             z += of_look * table[bits >> 12 & NORMAL_MASK]
             along_m = laws.along_m[int(range_m + 0.5)][int(z * STEPS_PER_Z + MIDDLE)] / range_m
-            z = across_z + of_view * laws.place_smooth[view + ACROSS & SMOOTH_MASK]
+            _, of_view, of_look, views = laws.across
+            z = across_z + of_view * views[view + ACROSS & SMOOTH_MASK]
             z += of_look * table[bits >> 24 & NORMAL_MASK]
             across_m = laws.across_m[int(range_m + 0.5)][int(z * STEPS_PER_Z + MIDDLE)] / range_m
             dx, dy = east_m - x, north_m - y
@@ -186,7 +192,7 @@ class Eye:
         score = round(quantile(kind.scores, (bits >> 48) / 0x10000), SCORE_DECIMALS)
         ahead_m, left_m = range_m * math.cos(angle), range_m * math.sin(angle)
         east_m, north_m = x + ahead_m * c - left_m * s, y + ahead_m * s + left_m * c
-        location = (round(east_m, POSITION_DECIMALS), round(north_m, POSITION_DECIMALS), HEIGHTS_M[kind.label])
+        location = (round(east_m, POSITION_DECIMALS), round(north_m, POSITION_DECIMALS), MIDDLES_M[kind.label])
         return Detection(kind.label, score, None, location, score, "city")
 
     def _in_view(self, pose: CameraPose, c: float, s: float, t_s: float) -> list[tuple[Seen, float]]:
@@ -207,6 +213,6 @@ class Eye:
             reach_m = (dx * c + dy * s) * slope
             if -reach_m <= dy * c - dx * s <= reach_m:  # behind the camera no number is
                 range_m = math.sqrt(dx * dx + dy * dy)
-                if NEAREST_M <= range_m <= view_m:
+                if NEAREST_M <= range_m <= thing[3] and range_m <= view_m:
                     found.append((thing, range_m))
         return found

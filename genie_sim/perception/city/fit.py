@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from genie_sim.core.geometry import Array
-from genie_sim.messages import Detection
+from genie_sim.messages import CameraPose, Detection, Location
 from genie_sim.perception.evaluation import LABELS, evaluate
 from genie_sim.perception.trace import Trace, TraceFrame
 from genie_sim.perception.truth import Truth
@@ -22,7 +22,7 @@ QUANTILES = 21
 DECIMALS = 4
 GHOST_M = 2.0  # two wrong detections nearer than this are of one ghost
 GHOST_SIGHTINGS = 3  # from so many on at one place they are of a lasting ghost
-GHOST_VIEW_M = 60.0
+GHOST_VIEW_M = 45.0  # as far as a car is seen
 LAGS_M = (0.0, 0.25, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0)
 OBJECT_SHARES = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5)
 LOOK_SHARES = (0.0, 0.03, 0.06, 0.1, 0.15, 0.2, 0.3)
@@ -39,6 +39,8 @@ class Look(NamedTuple):
 
     track: int
     camera: str
+    pose: CameraPose
+    centre: Location
     range_m: float
     view_m: float
     detection: Detection | None
@@ -63,14 +65,25 @@ def looks(trace: Trace, truth: Truth, min_score: float = 0.3) -> dict[str, list[
                 east_m, north_m = label.centre[0] - pose.east_m, label.centre[1] - pose.north_m
                 range_m = math.hypot(east_m, north_m)
                 detection = found.get(id(label))
-                along_m = across_m = None
-                if detection is not None and detection.location is not None:
-                    off = detection.location[0] - label.centre[0], detection.location[1] - label.centre[1]
-                    along_m = (off[0] * east_m + off[1] * north_m) / range_m
-                    across_m = (off[1] * east_m - off[0] * north_m) / range_m
+                along_m, across_m = errors_m(detection, label.centre, pose)
                 view_m = range_m - gone_m[camera, index]
-                rows[name].append(Look(label.track, camera, range_m, view_m, detection, along_m, across_m))
+                rows[name].append(
+                    Look(label.track, camera, pose, label.centre, range_m, view_m, detection, along_m, across_m)
+                )
     return rows
+
+
+def errors_m(
+    detection: Detection | None, centre: Location, pose: CameraPose
+) -> tuple[float, float] | tuple[None, None]:
+    """How far behind an object's middle, as the camera sees it, and how far to the left of it a detection lies."""
+    if detection is None or detection.location is None:
+        return None, None
+    sight = centre[0] - pose.east_m, centre[1] - pose.north_m
+    off = detection.location[0] - centre[0], detection.location[1] - centre[1]
+    range_m = math.hypot(*sight)
+    along_m = (off[0] * sight[0] + off[1] * sight[1]) / range_m
+    return along_m, (off[1] * sight[0] - off[0] * sight[1]) / range_m
 
 
 def fit(trace: Trace, truth: Truth, ghost_truth: Truth, seed: int = 1) -> dict[str, Any]:
@@ -81,7 +94,8 @@ def fit(trace: Trace, truth: Truth, ghost_truth: Truth, seed: int = 1) -> dict[s
             "found": _found(name, rows),
             "place": _place(name, rows),
             "score_correlation": _correlation(name, rows, seed),
-            "place_correlation": _place_correlation(name, rows, seed),
+            "along_correlation": _place_correlation(name, rows, "along_m", seed),
+            "across_correlation": _place_correlation(name, rows, "across_m", seed),
         }
         for name, rows in by_group.items()
     }
@@ -115,10 +129,16 @@ def _quantiles(values: Sequence[float]) -> list[float]:
 
 def _found(name: str, rows: Sequence[Look]) -> dict[str, Any]:
     bins = [here for here in _binned(rows, SCORE_EDGES_M[name]) if any(look.detection for look in here)]
+    centres_m = [round(float(np.mean([look.range_m for look in here])), DECIMALS) for here in bins]
+    # Between two bins' middles the law is a straight line: regression on these lines, so that bins keep their means.
+    ranges_m = [look.range_m for look in rows]
+    parts = np.array([np.interp(ranges_m, centres_m, row) for row in np.eye(len(centres_m))]).T
+    missed = np.array([look.detection is None for look in rows], dtype=float)
+    miss = np.linalg.lstsq(parts, missed, rcond=None)[0]
     return {
-        "range_m": [round(float(np.mean([look.range_m for look in here])), DECIMALS) for here in bins],
+        "range_m": centres_m,
         "looks": [len(here) for here in bins],
-        "miss": [round(sum(look.detection is None for look in here) / len(here), DECIMALS) for here in bins],
+        "miss": [round(float(share), DECIMALS) for share in np.clip(miss, 0.005, 0.995)],
         "scores": [_quantiles([look.detection.score for look in here if look.detection]) for here in bins],
     }
 
@@ -167,9 +187,9 @@ def _correlation(name: str, rows: Sequence[Look], seed: int) -> dict[str, float]
     return _fit_correlation(rows, values, SCORE_EDGES_M[name], seed)
 
 
-def _place_correlation(name: str, rows: Sequence[Look], seed: int) -> dict[str, float]:
+def _place_correlation(name: str, rows: Sequence[Look], error: str, seed: int) -> dict[str, float]:
     placed = [look for look in rows if look.along_m is not None]
-    return _fit_correlation(placed, [look.along_m or 0.0 for look in placed], PLACE_EDGES_M[name], seed)
+    return _fit_correlation(placed, [getattr(look, error) for look in placed], PLACE_EDGES_M[name], seed)
 
 
 def _fit_correlation(
@@ -180,11 +200,11 @@ def _fit_correlation(
     views_m = np.array([look.view_m for look in rows])
     bins = np.digitize([look.range_m for look in rows], edges_m)
     real = correlogram(tracks, views_m, normal_scores(values, bins.tolist()))
-    missing = {k: float(np.mean([v == 0.0 for v, b in zip(values, bins, strict=True) if b == k])) for k in set(bins)}
+    missing = {k: float(np.mean(np.array(values)[bins == k] == 0.0)) for k in set(bins.tolist())}
     random = np.random.default_rng(seed)
     draws = random.standard_normal((REPLICATIONS, 3, len(rows)))
     best: tuple[float, dict[str, float]] = (math.inf, {})
-    cut = np.array([NormalDist().inv_cdf(min(max(missing[k], 1e-9), 1 - 1e-9)) for k in bins])
+    cut = np.array([NormalDist().inv_cdf(min(max(missing[k], 1e-9), 1 - 1e-9)) for k in bins.tolist()])
     for smooth_m in SMOOTH_M:
         gradual = _gradual(tracks, views_m, smooth_m, draws[:, 1])
         for of_object in OBJECT_SHARES:
@@ -248,7 +268,9 @@ def _ghosts(trace: Trace, truth: Truth, groups: Mapping[str, Any], seed: int) ->
                 range_m = math.dist(frame.pose[:2], middle)
                 if picture in seen or _in_view(frame, middle):
                     view_m = range_m - gone_m[picture]
-                    rows.append(Look(number, frame.camera, range_m, view_m, seen.get(picture), None, None))
+                    where = (float(middle[0]), float(middle[1]), 0.0)
+                    found = seen.get(picture)
+                    rows.append(Look(number, frame.camera, frame.pose, where, range_m, view_m, found, None, None))
         found_rows = [row.detection for row in rows if row.detection]
         fleeting = [found for found in wrong.values() if all(found is not kept for kept in found_rows)]
         edges_m = (0.0, GHOST_VIEW_M + 1)
@@ -265,9 +287,8 @@ def _ghosts(trace: Trace, truth: Truth, groups: Mapping[str, Any], seed: int) ->
                 "miss": [round(1 - len(found_rows) / len(rows), DECIMALS)],
                 "scores": [_quantiles([found.score for found in found_rows])],
             },
-            "place": groups[name]["place"],
             "score_correlation": _fit_correlation(rows, values, edges_m, seed),
-            "place_correlation": groups[name]["place_correlation"],
+            **{key: groups[name][key] for key in ("place", "along_correlation", "across_correlation")},
         }
     return ghosts
 

@@ -39,15 +39,26 @@ RANGES = 101  # rows of a table, one a metre
 Table = Sequence[Sequence[float]]
 
 
+class Copula(NamedTuple):
+    """The weights of what stays with the object, of what changes with the view and of what is new at each look, and
+    the normal numbers of the views, in steps of ``VIEW_STEP_M``."""
+
+    object_weight: float
+    view_weight: float
+    look_weight: float
+    views: Sequence[float]
+
+
 class GroupLaws:
     """One group's laws as tables by range [m] and z; a score of 0 is a miss."""
 
-    __slots__ = ("across_m", "along_m", "names", "place_smooth", "place_weights", "scores", "smooth", "weights")
+    __slots__ = ("across", "across_m", "along", "along_m", "names", "score", "scores")
 
     def __init__(self, fitted: Mapping[str, Any], names: tuple[tuple[int, str], ...] = ()) -> None:
         found, place = fitted["found"], fitted["place"]
-        self.weights, self.smooth = _copula(fitted["score_correlation"])
-        self.place_weights, self.place_smooth = _copula(fitted["place_correlation"])
+        self.score, self.along, self.across = (
+            _copula(fitted[f"{name}_correlation"]) for name in ("score", "along", "across")
+        )
         self.scores: Table = _score_table(found)
         self.along_m: Table = _place_table(place, "along_m")
         self.across_m: Table = _place_table(place, "across_m")
@@ -103,11 +114,10 @@ def detector_laws() -> DetectorLaws:
     return DetectorLaws(json.loads(text))
 
 
-def _copula(fitted: Mapping[str, float]) -> tuple[tuple[float, float, float], array[float]]:
-    """Weights of object, view and look from their shares of the variance, and the gradual numbers."""
-    shares = fitted["object"], fitted["view"]
-    weights = shares[0] ** 0.5, shares[1] ** 0.5, max(0.0, 1.0 - sum(shares)) ** 0.5
-    return weights, smooth_normals(VIEW_STEP_M / fitted["smooth_m"])
+def _copula(fitted: Mapping[str, float]) -> Copula:
+    shares = fitted["object"], fitted["view"], max(0.0, 1.0 - fitted["object"] - fitted["view"])
+    of_object, of_view, of_look = (share**0.5 for share in shares)
+    return Copula(of_object, of_view, of_look, smooth_normals(VIEW_STEP_M / fitted["smooth_m"]))
 
 
 def quantile(quantiles: Sequence[float], u: float) -> float:

@@ -18,76 +18,15 @@ from typing import NamedTuple
 import numpy as np
 
 from genie_sim.perception.city.laws import DetectorLaws, GroupLaws
-from genie_sim.perception.city.noise import NORMAL_MASK, mix, normals
 from genie_sim.perception.city.rules import JUNCTION_M, LANE_M, TownRules
+from genie_sim.perception.city.things import Seen, seen
 
 SLOT_M = 6.5  # of kerb that a parked car takes
 PARKED_M, PAVEMENT_M, BIKE_M = 5.0, 7.5, 3.2  # from the middle of the street
 WALK_MPS, CYCLE_MPS, FLOW = 1.4, 4.5, 0.9  # assumed; FLOW is the share of the speed limit that traffic drives
-HEIGHTS_M = {
-    "car": 0.75,
-    "truck": 1.5,
-    "person": 0.9,
-    "bicycle": 0.6,
-    "traffic light": 2.7,
-    "stop sign": 2.2,
-    "fire hydrant": 0.4,
-    "bench": 0.4,
-}
 FURNITURE = (("fire hydrant", 0.4), ("bench", 0.5))
 STREAM_BITS = 32
 CLEAR_M = 14.0  # from a crossing, free of parked cars
-
-
-class Seen(NamedTuple):
-    """Something that a camera may see: where it is, what it is, its number, the key of its random numbers, where its
-    gradual numbers begin, its lasting share in the copula of the score and of the errors along the line of sight and
-    across, and its laws."""
-
-    east_m: float
-    north_m: float
-    up_m: float
-    label: str
-    number: int
-    key: int
-    offset: int
-    score_z: float
-    along_z: float
-    across_z: float
-    laws: GroupLaws
-    moving: bool
-    real: bool
-
-
-def seen(
-    laws: GroupLaws,
-    seed_key: int,
-    number: int,
-    label: str,
-    east_m: float,
-    north_m: float,
-    moving: bool,
-    real: bool = True,
-) -> Seen:
-    """An object of this number, with the numbers that stay with it."""
-    key = mix(seed_key ^ mix(number))
-    table = normals()
-    of_object, of_place = laws.weights[0], laws.place_weights[0]
-    return Seen(
-        east_m,
-        north_m,
-        HEIGHTS_M[label],
-        label,
-        number,
-        key,
-        key >> 36,
-        of_object * table[key & NORMAL_MASK],
-        of_place * table[key >> 12 & NORMAL_MASK],
-        of_place * table[key >> 24 & NORMAL_MASK],
-        laws,
-        moving,
-        real,
-    )
 
 
 class Stream(NamedTuple):
@@ -110,7 +49,8 @@ class Stream(NamedTuple):
         Who has come to the end begins again as somebody else, with a number of its own.
         """
         starts_m, length_m = self.starts_m, self.length_m
-        lap, begin_m = divmod(low_m - self.speed_mps * t_s, length_m)
+        gone_m = self.speed_mps * t_s
+        lap, begin_m = divmod(low_m - gone_m, length_m)
         end_m = begin_m + high_m - low_m
         k, count = bisect_left(starts_m, begin_m), len(starts_m)
         found: list[tuple[float, int]] = []
@@ -118,10 +58,10 @@ class Stream(NamedTuple):
             if k == count:
                 if end_m < length_m:
                     return found
-                k, begin_m, end_m, lap = 0, begin_m - length_m, end_m - length_m, lap + 1
+                k, end_m, lap = 0, end_m - length_m, lap + 1
             if starts_m[k] > end_m:
                 return found
-            found.append((low_m + starts_m[k] - begin_m, self.number + k - int(lap) * count))
+            found.append((starts_m[k] + (gone_m + lap * length_m), self.number + k - int(lap) * count))
             k += 1
 
 
