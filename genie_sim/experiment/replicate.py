@@ -39,6 +39,7 @@ RECORDED_HZ = 10.0
 
 Progress = Callable[[float, float, str], None]
 T = TypeVar("T")
+Work = TypeVar("Work")
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +68,7 @@ def run_jobs(jobs: Sequence[Job], workers: int, progress: Progress | None = None
 
 
 def in_parallel(
-    run: Callable[[Job], T], jobs: Sequence[Job], workers: int, progress: Progress | None, what: str
+    run: Callable[[Work], T], jobs: Sequence[Work], workers: int, progress: Progress | None, what: str
 ) -> list[T]:
     """``run`` of each job, in the order of the jobs."""
     done: list[T] = []
@@ -81,10 +82,11 @@ def in_parallel(
 
 def run_job(job: Job) -> Outcome:
     """Simulates one job and computes its facts."""
-    return _outcome(job, prepare_job(job))
+    return outcome_of(prepare_job(job), job.keep_tables)
 
 
-def _outcome(job: Job, prepared: Prepared) -> Outcome:
+def outcome_of(prepared: Prepared, keep_tables: bool = False) -> Outcome:
+    """Simulates what is prepared and computes its facts."""
     tables = FrameTable(), LookupTable(), ResourceTable()
     shared = _Shared(prepared.scenario.genie.object_map.threshold)
     stored: dict[str, list[float]] = {"local": [], "remote": []}
@@ -109,7 +111,7 @@ def _outcome(job: Job, prepared: Prepared) -> Outcome:
     facts["detector_untouched"] = float(all(len(seen) == 1 for seen in detectors.values()))
     facts["objects_shared"] = shared.objects
     facts["unconfident_objects_shared"] = shared.unconfident
-    return Outcome(facts, frames, lookups) if job.keep_tables else Outcome(facts)
+    return Outcome(facts, frames, lookups) if keep_tables else Outcome(facts)
 
 
 @dataclass(frozen=True, slots=True)
@@ -294,4 +296,3 @@ class TimeLeft:
             self._progress(self._before + done, max(self._total, self._before + of), what)
         if done == of:
             self._before += int(of)
-
