@@ -11,7 +11,7 @@ import numpy as np
 from genie_sim.core.geometry import Array
 from genie_sim.messages import Detection
 from genie_sim.perception.city.camera import Eye
-from genie_sim.perception.city.fit import SCORE_EDGES_M, Look, correlogram, errors_m, normal_scores
+from genie_sim.perception.city.fit import SCORE_EDGES_M, Look, Pairs, errors_m, normal_scores
 from genie_sim.perception.city.laws import GHOST_LABELS, DetectorLaws
 from genie_sim.perception.city.noise import mix
 from genie_sim.perception.city.things import Seen, seen
@@ -84,9 +84,9 @@ def likeness(group: str, looks: Sequence[Look], name: str = "score") -> Array:
     """How alike two looks at one object are, by the distance of their views (``fit.LAGS_M``)."""
     chosen = [look for look in looks if name == "score" or look.along_m is not None]
     values = [_value(look.detection) if name == "score" else getattr(look, name) for look in chosen]
-    bins = np.digitize([look.range_m for look in chosen], SCORE_EDGES_M[group]).tolist()
+    bins = np.digitize([look.range_m for look in chosen], SCORE_EDGES_M[group])
     tracks, views_m = np.array([look.track for look in chosen]), np.array([look.view_m for look in chosen])
-    return correlogram(tracks, views_m, normal_scores(values, bins))
+    return Pairs(tracks, views_m).likeness(normal_scores(values, bins))
 
 
 def _value(detection: Detection | None) -> float:

@@ -9,6 +9,7 @@ from statistics import NormalDist
 from typing import Any, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from genie_sim.core.geometry import Array
 from genie_sim.messages import CameraPose, Detection, Location
@@ -154,7 +155,7 @@ def _place(name: str, rows: Sequence[Look]) -> dict[str, Any]:
     }
 
 
-def normal_scores(values: Sequence[float], bins: Sequence[int]) -> Array:
+def normal_scores(values: npt.ArrayLike, bins: npt.ArrayLike) -> Array:
     """Each value's rank within its bin as a standard normal number; equal values (misses) share the middle rank."""
     from scipy.stats import norm, rankdata
 
@@ -168,41 +169,60 @@ def normal_scores(values: Sequence[float], bins: Sequence[int]) -> Array:
     return scaled
 
 
-def correlogram(tracks: Array, views_m: Array, z: Array) -> Array:
-    """Mean product of normal scores of two looks at one object, by the distance of their views (``LAGS_M``)."""
-    total, count = np.zeros(len(LAGS_M)), np.zeros(len(LAGS_M))
-    for track in np.unique(tracks):
-        here = np.flatnonzero(tracks == track)
-        a, b = np.triu_indices(len(here), 1)
-        lag = np.digitize(np.abs(views_m[here[a]] - views_m[here[b]]), LAGS_M) - 1
-        # Each object counts alike, however often it was seen.
-        np.add.at(total, lag, z[here[a]] * z[here[b]] / len(here))
-        np.add.at(count, lag, 1.0 / len(here))
-    means: Array = np.divide(total, count, out=np.full(len(LAGS_M), np.nan), where=count > 0)
-    return means
+class Pairs:
+    """All pairs of looks at one object, by the distance of their views; each object counts alike, however often it
+    was seen."""
+
+    def __init__(self, tracks: Array, views_m: Array) -> None:
+        firsts, seconds, weights = [], [], []
+        for track in np.unique(tracks):
+            here = np.flatnonzero(tracks == track)
+            a, b = np.triu_indices(len(here), 1)
+            firsts.append(here[a])
+            seconds.append(here[b])
+            weights.append(np.full(len(a), 1.0 / len(here)))
+        self._a, self._b, self._weights = map(np.concatenate, (firsts, seconds, weights))
+        self._lag = np.digitize(np.abs(views_m[self._a] - views_m[self._b]), LAGS_M) - 1
+        self._count = np.bincount(self._lag, self._weights, len(LAGS_M))
+
+    def likeness(self, z: Array) -> Array:
+        """Mean product of the normal scores of two looks at one object, for each of ``LAGS_M``; nan without pairs."""
+        total = np.bincount(self._lag, self._weights * z[self._a] * z[self._b], len(LAGS_M))
+        means: Array = np.divide(total, self._count, out=np.full(len(LAGS_M), np.nan), where=self._count > 0)
+        return means
 
 
 def _correlation(name: str, rows: Sequence[Look], seed: int) -> dict[str, float]:
     values = [look.detection.score if look.detection else 0.0 for look in rows]
-    return _fit_correlation(rows, values, SCORE_EDGES_M[name], seed)
+    return fit_correlation(rows, values, SCORE_EDGES_M[name], seed)
 
 
 def _place_correlation(name: str, rows: Sequence[Look], error: str, seed: int) -> dict[str, float]:
     placed = [look for look in rows if look.along_m is not None]
-    return _fit_correlation(placed, [getattr(look, error) for look in placed], PLACE_EDGES_M[name], seed)
+    return fit_correlation(placed, [getattr(look, error) for look in placed], PLACE_EDGES_M[name], seed)
 
 
-def _fit_correlation(
-    rows: Sequence[Look], values: Sequence[float], edges_m: Sequence[float], seed: int
+def fit_correlation(
+    rows: Sequence[Look],
+    values: Sequence[float],
+    edges_m: Sequence[float],
+    seed: int,
+    replications: int = REPLICATIONS,
 ) -> dict[str, float]:
-    """The shares of the copula whose looks, made at the same places, are alike to the same degree as the real ones."""
+    """The shares of the copula whose looks, made at the same places, are alike to the same degree as the real ones.
+
+    ``values`` are scores (0: missed) or errors. Every combination of ``OBJECT_SHARES``, ``LOOK_SHARES`` and
+    ``SMOOTH_M`` is simulated; the one nearest to the real likeness, in squares over ``LAGS_M``, is taken.
+    """
     tracks = np.array([look.track for look in rows])
     views_m = np.array([look.view_m for look in rows])
     bins = np.digitize([look.range_m for look in rows], edges_m)
-    real = correlogram(tracks, views_m, normal_scores(values, bins.tolist()))
+    pairs = Pairs(tracks, views_m)
+    real = pairs.likeness(normal_scores(values, bins))
     missing = {k: float(np.mean(np.array(values)[bins == k] == 0.0)) for k in set(bins.tolist())}
+    objects = np.searchsorted(np.unique(tracks), tracks)
     random = np.random.default_rng(seed)
-    draws = random.standard_normal((REPLICATIONS, 3, len(rows)))
+    draws = random.standard_normal((replications, 3, len(rows)))
     best: tuple[float, dict[str, float]] = (math.inf, {})
     cut = np.array([NormalDist().inv_cdf(min(max(missing[k], 1e-9), 1 - 1e-9)) for k in bins.tolist()])
     for smooth_m in SMOOTH_M:
@@ -211,11 +231,11 @@ def _fit_correlation(
             for of_look in LOOK_SHARES:
                 of_view = 1 - of_object - of_look
                 made = []
-                for k in range(REPLICATIONS):
-                    lasting = draws[k, 0][np.searchsorted(np.unique(tracks), tracks)]
+                for k in range(replications):
+                    lasting = draws[k, 0][objects]
                     z = of_object**0.5 * lasting + of_view**0.5 * gradual[k] + of_look**0.5 * draws[k, 2]
                     z = np.where(z < cut, -9.0, z)
-                    made.append(correlogram(tracks, views_m, normal_scores(z.tolist(), bins.tolist())))
+                    made.append(pairs.likeness(normal_scores(z, bins)))
                 gap = float(np.nansum((np.mean(made, axis=0) - real) ** 2))
                 if gap < best[0]:
                     shares = {"object": of_object, "view": round(of_view, DECIMALS), "smooth_m": smooth_m}
@@ -287,7 +307,7 @@ def _ghosts(trace: Trace, truth: Truth, groups: Mapping[str, Any], seed: int) ->
                 "miss": [round(1 - len(found_rows) / len(rows), DECIMALS)],
                 "scores": [_quantiles([found.score for found in found_rows])],
             },
-            "score_correlation": _fit_correlation(rows, values, edges_m, seed),
+            "score_correlation": fit_correlation(rows, values, edges_m, seed),
             **{key: groups[name][key] for key in ("place", "along_correlation", "across_correlation")},
         }
     return ghosts

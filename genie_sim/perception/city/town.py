@@ -52,9 +52,9 @@ class Town:
             ]
             for northbound in (False, True)
         ]
-        self._streets = Streets(rules, self.key, *ways)
+        self.streets = Streets(rules, self.key, *ways)
         self._commuting = routes.Commuting(rules, stream(seed, "city", "destinations"))
-        self.eye = Eye(self._streets, self.laws, rules.view_m)
+        self.eye = Eye(self.streets, self.laws, rules.view_m)
 
     def drive(self, car: str, duration_ns: int, interval_ns: int = 100_000_000, start_ns: int = 0) -> Drive:
         """What the cameras of one car see, a frame every ``interval_ns``, from ``start_ns`` on the town's clock on.
@@ -71,7 +71,7 @@ class Town:
 
     def truth_near(self, east_m: float, north_m: float, range_m: float, t_ns: int) -> tuple[TrueObject, ...]:
         """Everything that really is within a distance of a place at a time, by number."""
-        found = (s for s in self._streets.near(east_m, north_m, range_m, t_ns * 1e-9) if s.real)
+        found = (s for s in self.streets.near(east_m, north_m, range_m, t_ns * 1e-9) if s.real)
         objects = (TrueObject(s.number, s.label, (s.east_m, s.north_m, s.up_m), s.moving) for s in found)
         return tuple(sorted(objects, key=lambda one: one.number))
 
