@@ -100,8 +100,8 @@ def _counted(prepared: Prepared, progress: Progress | None = None) -> tuple[Tabl
     """A run's tables, and how many events its worlds had."""
     worlds: list[World] = []
 
-    def remembered(*arguments: Any) -> World:
-        worlds.append(World(*arguments))
+    def remembered(*arguments: Any, **named: Any) -> World:
+        worlds.append(World(*arguments, **named))
         return worlds[-1]
 
     with mock.patch.object(runner, "World", remembered):
