@@ -15,8 +15,9 @@ from genie_sim.errors import UserError
 from genie_sim.experiment import runner
 from genie_sim.experiment.cells import CHECK_NS, Cells, device_of_each
 from genie_sim.experiment.fleet import Fleet
+from genie_sim.experiment.report import data
 from genie_sim.experiment.runner import prepare, simulate
-from genie_sim.experiment.scenario import Scenario, read_scenario
+from genie_sim.experiment.scenario import Scenario, load_scenario, read_scenario
 from genie_sim.experiment.yaml_input import parse
 from genie_sim.units import NS_PER_MS, NS_PER_S
 
@@ -180,12 +181,42 @@ def test_the_resources_of_a_fleet_are_those_of_its_edges(tables: runner.Tables):
 @pytest.mark.parametrize("left_out", ["lookups", "resources", "poses", "objects"])
 def test_a_table_that_is_left_out_is_empty_and_changes_no_other(tables: runner.Tables, left_out: str):
     record = [name for name in ("lookups", "resources", "poses", "objects") if name != left_out]
-    without = simulate(prepare(small(record=record)))
+    without = simulate(prepare(small(record=[*record, "truth"])))
     for all_of, fewer in zip(tables, without, strict=True):
         if all_of.name == left_out:
             assert len(all_of) > 0 and len(fewer) == 0
-        elif all_of.name in (*record, "frames"):
+        else:
             assert fewer.to_frame().equals(all_of.to_frame()), all_of.name
+
+
+def test_the_page_of_a_fleet_tells_of_its_cars_together_and_stays_small(monkeypatch: pytest.MonkeyPatch):
+    setting = small(fleet=fleet(devices={"jetson_tx2": 0.6, "orin_nano": 0.4}))
+    run = runner.run_in_memory(setting)
+    monkeypatch.setattr(data, "RESOURCES_ON_PAGE", 10)
+    shown = data.page_data(run)
+    assert [car["name"] for car in shown["about"]["cars"]] == ["0.6 of 5 cars", "0.4 of 5 cars"]
+    assert [edge["name"] for edge in shown["about"]["edges"]] == ["an edge about every 100 m"]
+    assert shown["replay"] is None
+    of_resources = {role for _, role, *_ in shown["metrics"] if ": " in role}
+    everywhere = {metric.role for metric in run.measured if ": " in metric.role}
+    assert len(of_resources) == 10 < len(everywhere)
+    use = {metric.role: metric.value or 0 for metric in run.measured if metric.name == "utilisation"}
+    assert min(use.get(role, 0) for role in of_resources) >= max(use.get(role, 0) for role in everywhere - of_resources)
+    told = " ".join(shown["notes"])
+    assert "There is no replay of a fleet" in told and f"the 10 busiest of {len(everywhere)}" in told
+    assert {metric.name for metric in run.measured if ": " not in metric.role} == {
+        name for name, role, *_ in shown["metrics"] if ": " not in role
+    }
+
+
+@pytest.mark.parametrize("name", ["fleet_30", "fleet_1000", "fleet_10000"])
+def test_shipped_fleets_can_be_spelled_out(name: str):
+    """Eight cars to a cell in the mean, as their comments say; one short drive each here."""
+    setting = load_scenario(name, ["perception.duration=1 s"])
+    assert setting.fleet is not None and setting.fleet.cars == int(name.removeprefix("fleet_"))
+    if setting.fleet.cars <= 1000:
+        whole = prepare(setting).spelled_out
+        assert whole is not None and 7 < len(whole.cars) / len(whole.edges) < 9
 
 
 def test_a_fleets_folder_is_made_again_byte_for_byte(tmp_path: Path):

@@ -82,15 +82,17 @@ def windowed_reuse(lookups: pd.DataFrame, window: int = WINDOW_REQUESTS) -> pd.D
     """
     import pandas as pd
 
-    parts = []
+    genies: list[Any] = []
+    instants, ratios = [np.zeros(0, dtype=np.int64)], [np.zeros(0)]
     for genie, events in lookups.groupby("genie", observed=True):
         requests = np.concatenate([[0], np.cumsum(events["requests"].to_numpy())])
         hits = np.concatenate([[0], np.cumsum(events["hits"].to_numpy())])
         ends = np.flatnonzero(requests >= window)
         starts = np.searchsorted(requests, requests[ends] - window, side="right") - 1
-        ratio = (hits[ends] - hits[starts]) / (requests[ends] - requests[starts])
-        parts.append(pd.DataFrame({"genie": genie, "t_ns": events["t_ns"].to_numpy()[ends - 1], "ratio": ratio}))
-    return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame(columns=["genie", "t_ns", "ratio"])
+        ratios.append((hits[ends] - hits[starts]) / (requests[ends] - requests[starts]))
+        instants.append(events["t_ns"].to_numpy()[ends - 1])
+        genies += [genie] * len(ends)
+    return pd.DataFrame({"genie": genies, "t_ns": np.concatenate(instants), "ratio": np.concatenate(ratios)})
 
 
 def running_boost(lookups: pd.DataFrame) -> pd.DataFrame:

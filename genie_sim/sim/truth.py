@@ -78,8 +78,11 @@ class Truth:
         places: dict[str, list[Location]] = {}
         for label, at in others:
             places.setdefault(label, []).append(at)
-        reach_m = self._reach_m
-        return sum(
-            any(math.hypot(at[0] - there[0], at[1] - there[1]) <= reach_m for there in places.get(label, ()))
-            for label, at in objects
-        )
+        count, reach_m2 = 0, self._reach_m**2
+        for label, at in objects:
+            east_m, north_m = at[0], at[1]
+            for there in places.get(label, ()):
+                if (there[0] - east_m) ** 2 + (there[1] - north_m) ** 2 <= reach_m2:
+                    count += 1
+                    break
+        return count

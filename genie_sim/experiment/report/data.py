@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,6 +14,7 @@ from genie_sim.experiment.report.replay import replay_data
 if TYPE_CHECKING:
     import pandas as pd
 
+    from genie_sim.experiment.metrics import Metric
     from genie_sim.experiment.results import Run
 
     Floats = np.ndarray[Any, np.dtype[np.float64]]
@@ -24,6 +25,7 @@ LEAST_BIN_NS, SAMPLE_NS = 500_000_000, 100_000_000
 LEAST_USE = 0.01
 GENIES_PER_ROLE = 8
 RESOURCES_PER_KIND = 8
+RESOURCES_ON_PAGE = 300
 NS = 1e9
 
 
@@ -34,7 +36,7 @@ def page_data(run: Run, start_ns: int = 0) -> dict[str, Any]:
         "about": _about(run),
         "metrics": [
             [one.name, one.role, _round(one.value), one.unit, _round(one.low), _round(one.high), one.n]
-            for one in run.measured
+            for one in _shown(run.measured, notes)
         ],
         "deadline_ms": DEADLINE_MS,
         "cdf": list(_cdfs(run.frames)),
@@ -56,18 +58,7 @@ def _about(run: Run) -> dict[str, Any]:
     devices = {name: device["title"] for name, device in run.facts["devices"].items()}
     genie = scenario["genie"]
     similarity = genie["similarity"]
-    cars = [
-        {
-            "name": car["name"],
-            "device": devices[car["device"]],
-            "edge": car["edge"],
-            "link": car["link"] if isinstance(car["link"], str | None) else "a link of its own",
-            "route": _route(car["route"]),
-            "cameras": car["cameras"],
-            "genie": car["genie"],
-        }
-        for car in scenario["cars"]
-    ]
+    cars, edges = _who(scenario, devices)
     return {
         "name": run.name,
         "description": scenario["description"],
@@ -80,7 +71,7 @@ def _about(run: Run) -> dict[str, Any]:
         "from_map": _from_map(frames),
         "frames": {str(method): int(n) for method, n in frames.groupby("method", observed=True).size().items()},
         "cars": cars,
-        "edges": [{"name": edge["name"], "device": devices[edge["device"]]} for edge in scenario["edges"]],
+        "edges": edges,
         "cameras": [camera["name"] for camera in scenario["cameras"]],
         "similarity": similarity if isinstance(similarity, str) else similarity["name"],
         "eviction": genie["eviction"],
@@ -89,6 +80,50 @@ def _about(run: Run) -> dict[str, Any]:
         "miss_policy": genie["miss_policy"],
         "yaml": run.yaml,
     }
+
+
+def _who(scenario: Mapping[str, Any], devices: Mapping[str, str]) -> tuple[list[Any], list[Any]]:
+    """Cars and edges, one by one; of a fleet the cars of each device and all edges together."""
+    fleet = scenario.get("fleet")
+    if fleet is None:
+        cars = [{"name": car["name"], **_car(car, devices[car["device"]])} for car in scenario["cars"]]
+        return cars, [{"name": edge["name"], "device": devices[edge["device"]]} for edge in scenario["edges"]]
+    way = f"{scenario['perception']['duration']} of commuting through the town"
+    of_all = {"edge": "the nearest", "link": _link(fleet["link"]), "route": way, "cameras": True, "genie": True}
+    cars = [
+        {"name": f"{share:.4g} of {fleet['cars']:,} cars", "device": devices[name], **of_all}
+        for name, share in fleet["devices"].items()
+    ]
+    return cars, [{"name": f"an edge about every {fleet['cell']}", "device": devices[fleet["edge_device"]]}]
+
+
+def _car(car: Mapping[str, Any], device: str) -> dict[str, Any]:
+    return {
+        "device": device,
+        "edge": car["edge"],
+        "link": _link(car["link"]),
+        "route": _route(car["route"]),
+        "cameras": car["cameras"],
+        "genie": car["genie"],
+    }
+
+
+def _link(link: object) -> str | None:
+    return link if isinstance(link, str | None) else "a link of its own"
+
+
+def _shown(measured: Sequence[Metric], notes: list[str]) -> list[Metric]:
+    """All metrics but those of the less busy of very many resources."""
+    use = {one.role: one.value or 0.0 for one in measured if one.name == "utilisation"}
+    of_resources = dict.fromkeys(one.role for one in measured if ": " in one.role)
+    if len(of_resources) <= RESOURCES_ON_PAGE:
+        return list(measured)
+    notes.append(
+        f"The table of metrics shows the {RESOURCES_ON_PAGE} busiest of {len(of_resources):,} devices, links and "
+        "queues; all are in metrics.json."
+    )
+    busiest = set(sorted(of_resources, key=lambda role: (-use.get(role, 0.0), role))[:RESOURCES_ON_PAGE])
+    return [one for one in measured if ": " not in one.role or one.role in busiest]
 
 
 def _from_map(frames: pd.DataFrame) -> float | None:
