@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from genie_sim.perception.city.laws import DetectorLaws, GroupLaws
+from genie_sim.perception.city.laws import DetectorLaws
 from genie_sim.perception.city.rules import JUNCTION_M, LANE_M, TownRules
 from genie_sim.perception.city.things import Seen, seen
 
@@ -32,19 +32,19 @@ CLEAR_M = 14.0  # from a crossing, free of parked cars
 class Stream(NamedTuple):
     """One kind of traffic in one direction of one street: places along it at time 0, in order.
 
-    ``speed_mps`` is negative for those who come back along it. A cyclist is a bicycle and a person at one place.
+    ``movers`` are those who begin at each place: one, or for a cyclist a bicycle and a person.
+    ``speed_mps`` is negative for those who come back along the street.
     """
 
-    labels: tuple[str, ...]
-    laws: tuple[GroupLaws, ...]
+    movers: list[tuple[Seen, ...]]
+    northbound: bool
     beside_m: float
     speed_mps: float
     length_m: float
     starts_m: list[float]
-    number: int
 
-    def between(self, low_m: float, high_m: float, t_s: float) -> list[tuple[float, int]]:
-        """Place along the street and number of each that is between two places at a time.
+    def between(self, low_m: float, high_m: float, t_s: float) -> list[Seen]:
+        """All that are between two places along the street at a time.
 
         Who has come to the end begins again as somebody else, with a number of its own.
         """
@@ -52,16 +52,20 @@ class Stream(NamedTuple):
         gone_m = self.speed_mps * t_s
         lap, begin_m = divmod(low_m - gone_m, length_m)
         end_m = begin_m + high_m - low_m
-        k, count = bisect_left(starts_m, begin_m), len(starts_m)
-        found: list[tuple[float, int]] = []
+        k = bisect_left(starts_m, begin_m)
+        found: list[Seen] = []
         while True:
-            if k == count:
+            if k == len(starts_m):
                 if end_m < length_m:
                     return found
                 k, end_m, lap = 0, end_m - length_m, lap + 1
             if starts_m[k] > end_m:
                 return found
-            found.append((starts_m[k] + (gone_m + lap * length_m), self.number + k - int(lap) * count))
+            along_m = starts_m[k] + (gone_m + lap * length_m)
+            east_m, north_m = (self.beside_m, along_m) if self.northbound else (along_m, self.beside_m)
+            for mover in self.movers[k]:
+                number = mover.number - int(lap) * len(starts_m)
+                found.append(Seen._make((east_m, north_m, *mover[2:5], number, *mover[6:])))
             k += 1
 
 
@@ -78,7 +82,7 @@ class Street:
         self.standing = sorted(standing, key=lambda s: (s.north_m if northbound else s.east_m, s.number))
         self.places_m = [s.north_m if northbound else s.east_m for s in self.standing]
 
-    def between(self, low_m: float, high_m: float, t_s: float, seed_key: int) -> list[Seen]:
+    def between(self, low_m: float, high_m: float, t_s: float) -> list[Seen]:
         """All that is between two places along the street at a time."""
         places_m = self.places_m
         found = self.standing[bisect_left(places_m, low_m) : bisect_left(places_m, high_m)]
@@ -86,11 +90,7 @@ class Street:
         if low_m >= high_m:
             return found
         for stream in self.streams:
-            for along_m, number in stream.between(low_m, high_m, t_s):
-                east_m, north_m = (stream.beside_m, along_m) if self.northbound else (along_m, stream.beside_m)
-                for kind, label in enumerate(stream.labels):
-                    mover = number + (kind << STREAM_BITS)
-                    found.append(seen(stream.laws[kind], seed_key, mover, label, east_m, north_m, True))
+            found += stream.between(low_m, high_m, t_s)
         return found
 
 
@@ -131,11 +131,19 @@ def lay_out(
             if 0.0 <= along_m <= length_m:
                 # On the right of those who come along: right of the heading east is south.
                 stand(sign, along_m, direction * PAVEMENT_M * (1 if northbound else -1))
-    return Street(northbound, middle_m, length_m, standing, _streams(rules, laws, northbound, index, base, random))
+    return Street(
+        northbound, middle_m, length_m, standing, _streams(rules, laws, northbound, index, base, seed_key, random)
+    )
 
 
 def _streams(
-    rules: TownRules, laws: DetectorLaws, northbound: bool, index: int, base: int, random: np.random.Generator
+    rules: TownRules,
+    laws: DetectorLaws,
+    northbound: bool,
+    index: int,
+    base: int,
+    seed_key: int,
+    random: np.random.Generator,
 ) -> list[Stream]:
     """Traffic in both directions."""
     length_m = (rules.blocks[1] if northbound else rules.blocks[0]) * rules.block_m
@@ -149,8 +157,14 @@ def _streams(
             starts_m = np.sort(random.random(random.poisson(density / 2 * length_m / 100)) * length_m).tolist()
             beside_m = index * rules.block_m + direction * off_m * (1 if northbound else -1)  # on their right
             number = base + ((2 * len(streams) + 1) << STREAM_BITS) + (1 << STREAM_BITS - 1)
-            of = tuple(laws.of(label) for label in labels)
-            streams.append(Stream(labels, of, beside_m, direction * speed_mps, length_m, starts_m, number))
+            movers = [
+                tuple(
+                    seen(laws.of(label), seed_key, number + k + (kind << STREAM_BITS), label, 0.0, 0.0, True)
+                    for kind, label in enumerate(labels)
+                )
+                for k in range(len(starts_m))
+            ]
+            streams.append(Stream(movers, northbound, beside_m, direction * speed_mps, length_m, starts_m))
     return streams
 
 
@@ -175,8 +189,8 @@ def _scattered(per_100m: float, length_m: float, random: np.random.Generator) ->
 class Streets:
     """All streets of a town, and what can be seen of them from where."""
 
-    def __init__(self, rules: TownRules, seed_key: int, east: list[Street], north: list[Street]) -> None:
-        self._rules, self._seed_key = rules, seed_key
+    def __init__(self, rules: TownRules, east: list[Street], north: list[Street]) -> None:
+        self._rules = rules
         self._east, self._north = east, north  # by number from the south, and from the west
 
     def near(self, east_m: float, north_m: float, range_m: float, t_s: float) -> list[Seen]:
@@ -185,7 +199,7 @@ class Streets:
         for streets, across_m, along_m in ((self._east, north_m, east_m), (self._north, east_m, north_m)):
             reach_m = range_m + self._rules.street_half_m
             for k in self._crossed(across_m - reach_m, across_m + reach_m, len(streets)):
-                found += streets[k].between(along_m - range_m, along_m + range_m, t_s, self._seed_key)
+                found += streets[k].between(along_m - range_m, along_m + range_m, t_s)
         return [s for s in found if math.hypot(s.east_m - east_m, s.north_m - north_m) <= range_m]
 
     def _crossed(self, low_m: float, high_m: float, count: int) -> range:
@@ -201,9 +215,9 @@ class Streets:
         on_east = abs(north_m - j * block_m) <= half_m and 0 <= j < len(self._east)
         on_north = abs(east_m - i * block_m) <= half_m and 0 <= i < len(self._north)
         if on_east:
-            found += self._east[j].between(west_m, far_east_m, t_s, self._seed_key)
+            found += self._east[j].between(west_m, far_east_m, t_s)
         if on_north:
-            found += self._north[i].between(south_m, far_north_m, t_s, self._seed_key)
+            found += self._north[i].between(south_m, far_north_m, t_s)
         if on_east:
             for k in self._crossed(west_m, far_east_m, len(self._north)):
                 if not (on_north and k == i):
@@ -231,7 +245,7 @@ class Streets:
         low_m = max(low_m, along_m + (middle_m - half_m - along_m) * widest)
         high_m = min(high_m, along_m + (middle_m + half_m - along_m) * widest)
         found = []
-        for s in street.between(low_m, high_m, t_s, self._seed_key):
+        for s in street.between(low_m, high_m, t_s):
             there_m, beyond_m = (s.north_m, s.east_m) if street.northbound else (s.east_m, s.north_m)
             entry_m = along_m + (there_m - along_m) * near_m / abs(beyond_m - across_m)
             if abs(entry_m - middle_m) <= half_m:

@@ -52,7 +52,7 @@ class Town:
             ]
             for northbound in (False, True)
         ]
-        self.streets = Streets(rules, self.key, *ways)
+        self.streets = Streets(rules, *ways)
         self._commuting = routes.Commuting(rules, stream(seed, "city", "destinations"))
         self.eye = Eye(self.streets, self.laws, rules.view_m)
 
