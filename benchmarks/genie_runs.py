@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import cProfile
 import json
+import math
 import pstats
 import subprocess
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -26,6 +27,7 @@ from genie_sim.sim.world import World
 REPOSITORY = Path(__file__).resolve().parent.parent
 CARS_PER_EDGE = 10
 ROUTE_S = 12  # where on the 15.4 s drive cars may set off
+BLOCKS = 22  # each way, of fleet_1000's town
 LAP_S = 10.2  # 3car_hetero: a window of 9.2 s and a pause of 1 s
 
 
@@ -41,6 +43,16 @@ def fleet(cars: int, drive_s: float) -> Scenario:
     """So many cars on the one shipped street, each a tenth of a second of the drive ahead of the one before, with an
     edge for every ten that shares with the edges before and after it. Each drives for ``drive_s``."""
     return read_scenario({"name": "fleet", "methods": ["genie"], "edges": _edges(cars), "cars": _cars(cars, drive_s)})
+
+
+def town(cars: int, drive_s: float) -> Scenario:
+    """``fleet_1000`` with so many cars in a town as densely driven, and so with as many edges to a car."""
+    blocks = max(round(BLOCKS * math.sqrt(cars / 1000)), 2)
+    of_town = (f"perception.duration={drive_s} s", f"perception.town.blocks=[{blocks}, {blocks}]")
+    return load_scenario("fleet_1000", ["methods=[genie]", f"fleet.cars={cars}", *of_town])
+
+
+FLEETS: dict[str, Callable[[int, float], Scenario]] = {"street": fleet, "town": town}
 
 
 def _edges(cars: int) -> list[dict[str, Any]]:
@@ -118,6 +130,7 @@ class Drive:
     cpu_s: tuple[float, ...]
     frames: int
     events: int
+    cameras: int
 
     @property
     def cost_s(self) -> float:
@@ -141,7 +154,8 @@ def drive(prepared: Prepared) -> Drive:
 
     tables, events = _counted(prepared, tell)
     simulated_s, cpu_s = zip(*instants, strict=True)
-    return Drive(simulated_s, cpu_s, len(tables.frames), events)
+    cameras = len(prepared.traces) * len(prepared.scenario.cameras)
+    return Drive(simulated_s, cpu_s, len(tables.frames), events, cameras)
 
 
 @dataclass(frozen=True)

@@ -30,12 +30,13 @@ from genie_sim.errors import UserError
 from genie_sim.experiment import provenance
 from genie_sim.experiment.runner import Prepared, prepare
 
+CAMERAS_PER_CAR = 4
 FIRST_LAP, ALL_LAPS, FLEET = "Genie, first lap", "Genie, {} laps", "Genie"
 
 
 @dataclass(frozen=True)
 class Sizes:
-    """How much is measured. ``fleets``: how long [s] so many cars drive; ``curve``: the fleets of the cost curve, the
+    """How much is measured. ``fleets``: how long [s] so many cars drive; ``curves``: the fleets of the cost curves, the
     first being what the others are compared with, each driving for ``curve_s`` as often as gives ``curve_frames``, and
     none that would take longer than ``longest_s``; ``memory_laps``: the two lengths of run between which memory grows.
     """
@@ -43,7 +44,7 @@ class Sizes:
     rounds: int
     laps: int
     fleets: Mapping[int, float]
-    curve: tuple[int, ...]
+    curves: Mapping[str, tuple[int, ...]]
     curve_s: float
     curve_frames: int
     longest_s: float
@@ -53,11 +54,12 @@ class Sizes:
 
 
 FULL = Sizes(
-    rounds=3, laps=10, fleets={100: 2.0, 1000: 1.0}, curve=(3, 10, 30, 100, 300, 1000, 3000), curve_s=1.0,
+    rounds=3, laps=10, fleets={100: 2.0, 1000: 1.0},
+    curves={"street": (3, 10, 30, 100, 300, 1000), "town": (3, 30, 300, 3000)}, curve_s=1.0,
     curve_frames=3000, longest_s=75, minutes=60, memory_laps=(10, 40), profile_entries=15,
 )  # fmt: skip
 QUICK = Sizes(
-    rounds=2, laps=2, fleets={100: 1.0}, curve=(3, 10, 30, 100), curve_s=0.5,
+    rounds=2, laps=2, fleets={100: 1.0}, curves={"street": (3, 30, 100), "town": (3, 30)}, curve_s=0.5,
     curve_frames=1500, longest_s=5, minutes=4, memory_laps=(5, 20), profile_entries=8,
 )  # fmt: skip
 
@@ -110,7 +112,7 @@ class Measured:
     races: Sequence[Race]
     skipped: Mapping[str, str]
     work: Mapping[str, Work]
-    curve: Sequence[Point]
+    curves: Mapping[str, Sequence[Point]]
     hour: Drive
     memory: Mapping[str, float]
     profile: Sequence[Hot]
@@ -141,8 +143,9 @@ def measure(sizes: Sizes, peers_python: str, command: str, tell: Callable[[str],
     tell(f"{sizes.minutes} simulated minutes")
     laps = math.ceil(60 * sizes.minutes / genie_runs.LAP_S)
     hour = drive(prepare(three_cars(laps, cameras=1)))
+    curves = {name: cost_curve(name, sizes, tell) for name in sizes.curves}
     return Measured(
-        command, machine(), races, skipped, work, cost_curve(sizes, tell), hour,
+        command, machine(), races, skipped, work, curves, hour,
         genie_runs.bytes_per_frame(short, long), hot, versions,
     )  # fmt: skip
 
@@ -159,7 +162,7 @@ def race(
 ) -> Race:
     """All engines take turns with as many frames of as many cameras. What cannot run is left out, with the reason in
     ``skipped``."""
-    station = station_of(cars, frames, genie_runs.phases_ns(4 * cars))
+    station = station_of(frames, genie_runs.phases_ns(CAMERAS_PER_CAR * cars))
     found: dict[str, list[Outcome]] = {}
     for _ in range(rounds):
         for name, run in genie.items():
@@ -201,26 +204,27 @@ class Costs:
     events_per_frame: float
 
 
-def cost_curve(sizes: Sizes, tell: Callable[[str], None]) -> list[Point]:
+def cost_curve(name: str, sizes: Sizes, tell: Callable[[str], None]) -> list[Point]:
     """The cost of a frame for ever larger fleets, each compared with the smallest just before and after it."""
-    least = sizes.curve[0]
-    smallest = prepare(fleet(least, sizes.curve_s))
-    before = costs(smallest, least, sizes.curve_frames)
+    make = genie_runs.FLEETS[name]
+    least = sizes.curves[name][0]
+    smallest = prepare(make(least, sizes.curve_s))
+    before = costs(smallest, sizes.curve_frames)
     points: list[Point] = []
     took: list[tuple[int, float]] = []
-    for cars in sizes.curve:
+    for cars in sizes.curves[name]:
         expected_s = _expected_s(took, cars)
         if expected_s > sizes.longest_s:
             points.append(Point(cars, missing=f"not measured: it would take about {expected_s:,.0f} s"))
             continue
-        tell(f"{cars:,} cars for the cost curve")
+        tell(f"{name}, {cars:,} cars")
         began_s = time.process_time()
-        prepared = prepare(fleet(cars, sizes.curve_s))
+        prepared = prepare(make(cars, sizes.curve_s))
         prepare_s = time.process_time() - began_s
-        here = costs(prepared, cars, sizes.curve_frames)
+        here = costs(prepared, sizes.curve_frames)
         took.append((cars, time.process_time() - began_s))
         del prepared
-        after = costs(smallest, least, sizes.curve_frames)
+        after = costs(smallest, sizes.curve_frames)
         growth = 2 * here.genie_s / (before.genie_s + after.genie_s)
         anchor_growth = 2 * here.anchor_s / (before.anchor_s + after.anchor_s)
         prepare_ms = 1000 * prepare_s / cars
@@ -229,7 +233,7 @@ def cost_curve(sizes: Sizes, tell: Callable[[str], None]) -> list[Point]:
     return points
 
 
-def costs(prepared: Prepared, cars: int, least_frames: int) -> Costs:
+def costs(prepared: Prepared, least_frames: int) -> Costs:
     """Median costs of a frame in as many runs as give so many frames."""
     genie_s, anchor_s, frames, events = [], [], 0, 0
     while frames < least_frames:
@@ -238,7 +242,7 @@ def costs(prepared: Prepared, cars: int, least_frames: int) -> Costs:
         genie_s.append(drove.cost_s)
         frames += drove.frames
         events += drove.events
-        station = station_of(cars, drove.frames, genie_runs.phases_ns(4 * cars))
+        station = station_of(drove.frames, genie_runs.phases_ns(drove.cameras))
         gc.collect()
         began_s = time.process_time()
         ENGINES["simpy"](station)

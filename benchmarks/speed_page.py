@@ -82,10 +82,11 @@ def _goals(measured: Measured) -> str:
                 ratio = race.ratio(engine, ANCHOR)
                 what = f"{race.cars:,} cars, {engine}: frames/s, over SimPy's"
                 rows.append((what, "at least 1", f"{ratio:.3f}", _met(ratio >= 1)))
-    known = [(point.cars, point.growth) for point in measured.curve if point.growth is not None]
-    (first, _), (last, growth) = known[0], known[-1]
-    what = f"cost of a frame, {last:,} cars over {first} cars"
-    rows.append((what, f"below {GROWTH_GOAL}", f"{growth:.2f}", _met(growth < GROWTH_GOAL)))
+    for roads, curve in measured.curves.items():
+        known = [(point.cars, point.growth) for point in curve if point.growth is not None]
+        (first, _), (last, growth) = known[0], known[-1]
+        what = f"cost of a frame in the {roads}, {last:,} cars over {first} cars"
+        rows.append((what, f"below {GROWTH_GOAL}", f"{growth:.2f}", _met(growth < GROWTH_GOAL)))
     for what in ("frames", "all tables", "whole process"):
         text = f"bytes a logged frame: {'`frames` table alone' if what == 'frames' else what}"
         value = measured.memory[what]
@@ -134,14 +135,15 @@ def _work(measured: Measured) -> str:
 
 def _growth(measured: Measured) -> str:
     rows = []
-    for point in measured.curve:
-        frames = f"{point.frames:,}" if point.frames else ""
-        values = (point.events_per_frame, point.anchor_growth, point.prepare_ms_per_car)
-        events, anchor, preparing = ("" if value is None else f"{value:.3g}" for value in values)
-        cost = point.missing if point.growth is None else f"{point.growth:.2f}"
-        rows.append((f"{point.cars:,}", frames, cost, anchor, events, preparing))
-    over = f"cost of a frame, over that with {measured.curve[0].cars} cars"
-    return table(("cars", "frames", over, "SimPy's station", "events a frame", "preparing, ms a car"), rows)
+    for roads, curve in measured.curves.items():
+        for point in curve:
+            frames = f"{point.frames:,}" if point.frames else ""
+            values = (point.anchor_growth, point.events_per_frame, point.prepare_ms_per_car)
+            cost = point.missing if point.growth is None else f"{point.growth:.2f}"
+            numbers = ("" if value is None else f"{value:.3g}" for value in values)
+            rows.append((roads, f"{point.cars:,}", frames, cost, *numbers))
+    over = "cost of a frame, over that of the smallest"
+    return table(("roads", "cars", "frames", over, "SimPy's station", "events a frame", "preparing, ms a car"), rows)
 
 
 def _over_time(measured: Measured) -> tuple[int, float, float]:
@@ -179,19 +181,24 @@ def _profile(measured: Measured) -> str:
 def cars_figure(measured: Measured) -> Figure:
     """The cost of a frame over the size of the fleet, and SimPy's own beside it."""
     figure, axis = _figure()
-    cars = [point.cars for point in measured.curve if point.growth is not None]
-    growth = [point.growth for point in measured.curve if point.growth is not None]
-    axis.plot(cars, growth, **_line("genie", "Genie", "o"))
-    anchors = [point.anchor_growth for point in measured.curve if point.anchor_growth is not None]
-    axis.plot(cars, anchors, **_line("local", "SimPy's station", "s"))
+    ticks: set[int] = set()
+    for roads, line in (
+        ("street", _line("genie", "Genie, street", "o")),
+        ("town", _line("remote", "Genie, town", "^")),
+    ):
+        known = [point for point in measured.curves.get(roads, ()) if point.growth is not None]
+        ticks.update(point.cars for point in known)
+        axis.plot([point.cars for point in known], [point.growth for point in known], **line)
+    known = [point for point in measured.curves["street"] if point.anchor_growth is not None]
+    anchors = [point.anchor_growth for point in known]
+    axis.plot([point.cars for point in known], anchors, **_line("local", "SimPy's station", "s"))
     axis.axhline(GROWTH_GOAL, color="black", linewidth=0.9, linestyle="--", label=f"goal: below {GROWTH_GOAL}")
     axis.set_xscale("log")
-    ticks = [point.cars for point in measured.curve]
-    axis.xaxis.set_major_locator(FixedLocator(ticks))
+    axis.xaxis.set_major_locator(FixedLocator(sorted(ticks)))
     axis.xaxis.set_minor_locator(NullLocator())
     axis.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:,.0f}"))
     axis.set_ylim(0, None)
-    return _labelled(figure, axis, "cars, logarithmic", f"cost of a frame [{ticks[0]} cars = 1]")
+    return _labelled(figure, axis, "cars, logarithmic", f"cost of a frame [{min(ticks)} cars = 1]")
 
 
 @style.context(["default", STYLE])

@@ -16,7 +16,6 @@ from statistics import fmean
 from typing import Any
 
 PERIOD_NS = 100_000_000  # KITTI's cameras take ten frames a second
-CAMERAS_PER_CAR = 4
 CAMERAS_PER_SERVER = 3
 UTILISATION = 0.7
 
@@ -63,11 +62,9 @@ class Outcome:
         return fmean(self.responses_ns)
 
 
-def station_of(cars: int, frames: int, phases_ns: tuple[int, ...]) -> Station:
-    """A station for so many cars with four cameras each, with one server to three cameras, used to 70 %."""
-    cameras = CAMERAS_PER_CAR * cars
-    if len(phases_ns) != cameras:
-        raise ValueError(f"{cars} cars have {cameras} cameras, not {len(phases_ns)}")
+def station_of(frames: int, phases_ns: tuple[int, ...]) -> Station:
+    """A station for so many cameras, with one server to three of them, used to 70 %."""
+    cameras = len(phases_ns)
     servers = max(cameras // CAMERAS_PER_SERVER, 1)
     return Station(phases_ns, frames, servers, round(UTILISATION * servers * PERIOD_NS / cameras))
 

@@ -22,7 +22,8 @@ from genie_sim.experiment.runner import prepare
 MS = 1_000_000
 NO_PYTHON = "/no/such/python"
 TINY = Sizes(
-    rounds=2, laps=1, fleets={5: 0.2}, curve=(3, 6), curve_s=0.2, curve_frames=50, longest_s=60, minutes=2,
+    rounds=2, laps=1, fleets={5: 0.2},
+    curves={"street": (3, 6), "town": (2, 4)}, curve_s=0.2, curve_frames=50, longest_s=60, minutes=2,
     memory_laps=(1, 3), profile_entries=3,
 )  # fmt: skip
 
@@ -54,7 +55,7 @@ def test_the_station_is_a_queue(engine):
 
 
 def test_the_anchor_and_the_ceiling_agree_on_every_response():
-    station = station_of(3, 500, genie_runs.phases_ns(12))
+    station = station_of(500, genie_runs.phases_ns(12))
     anchor, ceiling = simpy_station(station), heapq_station(station)
     assert anchor.frames == ceiling.frames == 500
     assert sorted(anchor.responses_ns) == sorted(ceiling.responses_ns)
@@ -64,16 +65,14 @@ def test_the_anchor_and_the_ceiling_agree_on_every_response():
 
 def test_stations_of_all_sizes_are_used_alike():
     for cars in (1, 3, 100, 1000):
-        station = station_of(cars, 10, genie_runs.phases_ns(4 * cars))
+        station = station_of(10, genie_runs.phases_ns(4 * cars))
         assert station.utilisation == pytest.approx(0.7, rel=1e-6)
         assert all(0 <= phase_ns < PERIOD_NS for phase_ns in station.phases_ns)
-    with pytest.raises(ValueError, match="3 cars have 12 cameras, not 5"):
-        station_of(3, 10, genie_runs.phases_ns(5))
 
 
 @pytest.mark.parametrize("name", peers.PEERS)
 def test_other_simulators_agree_on_the_mean_response(name: str):
-    station = station_of(3, 200, genie_runs.phases_ns(12))
+    station = station_of(200, genie_runs.phases_ns(12))
     answer = peers.run_peer(sys.executable, name, station)
     if "skipped" in answer:
         pytest.skip(f"{name}: {answer['skipped']}")
@@ -82,7 +81,7 @@ def test_other_simulators_agree_on_the_mean_response(name: str):
 
 
 def test_a_peer_that_cannot_run_is_left_out_with_the_reason():
-    assert "No such file" in peers.run_peer(NO_PYTHON, "ciw", station_of(1, 5, genie_runs.phases_ns(4)))["skipped"]
+    assert "No such file" in peers.run_peer(NO_PYTHON, "ciw", station_of(5, genie_runs.phases_ns(4)))["skipped"]
 
 
 def test_all_engines_take_turns_with_the_same_number_of_frames():
@@ -110,6 +109,13 @@ def test_a_fleet_has_the_cars_edges_and_frames_asked_for():
     assert work_of(prepare(scenario)).frames == pytest.approx(25 * 4 * 2, rel=0.1), "10 frames/s from four cameras"
 
 
+def test_towns_of_all_sizes_are_as_densely_driven():
+    small, large = genie_runs.town(10, 0.3), genie_runs.town(1000, 0.3)
+    cells = [scenario.perception.town.blocks[0] * scenario.perception.town.blocks[1] for scenario in (small, large)]
+    assert cells[1] / cells[0] == pytest.approx(1000 / 10, rel=0.4), "whole blocks"
+    assert work_of(prepare(small)).frames == pytest.approx(10 * 3, rel=0.4), "one camera a car"
+
+
 def test_longer_runs_are_more_of_the_same():
     assert {car.route.laps for car in three_cars(3).cars} == {3}
     assert len(three_cars(1).cameras) == 4 and len(three_cars(1, cameras=1).cameras) == 1
@@ -123,11 +129,11 @@ def test_a_drive_is_timed_from_the_first_to_the_last_frame():
     assert drove.simulated_s[0] == 0 and 0.4 < drove.simulated_s[-1] < 0.8, "5 s for late answers are left out"
     assert list(drove.cpu_s) == sorted(drove.cpu_s)
     work = work_of(prepared)
-    assert (drove.frames, drove.events) == (work.frames, work.events)
+    assert (drove.frames, drove.events, drove.cameras) == (work.frames, work.events, 2 * 4)
 
 
 def test_costs_of_a_drive():
-    drove = Drive(simulated_s=(0.0, 10.0, 20.0), cpu_s=(5.0, 6.0, 9.0), frames=8, events=80)
+    drove = Drive(simulated_s=(0.0, 10.0, 20.0), cpu_s=(5.0, 6.0, 9.0), frames=8, events=80, cameras=2)
     assert drove.cost_s == 0.5
     assert drove.between(0, 10) == 1 and drove.between(10, 20) == 3 and drove.between(5, 15) == 2
 
@@ -154,14 +160,15 @@ def test_the_cost_curve_compares_with_the_smallest_fleet_around_it(monkeypatch: 
     """A machine that gets slower all the time makes no fleet look dearer; one that would take too long is left out."""
     genie_s, clock_s = iter([1.0, 2.0, 3.0, 8.0, 5.0]), iter([0, 0, 10, 10, 10, 40])
 
-    def fake(prepared: object, cars: int, least_frames: int) -> Costs:
-        return Costs(next(genie_s), anchor_s=1.0 + (cars == 30), frames=least_frames, events_per_frame=6.0)
+    def fake(prepared: object, least_frames: int) -> Costs:
+        return Costs(next(genie_s), anchor_s=1.0 + (prepared == 30), frames=least_frames, events_per_frame=6.0)
 
     monkeypatch.setattr(speed, "costs", fake)
     monkeypatch.setattr(speed, "prepare", lambda scenario: scenario)
-    monkeypatch.setattr(speed, "fleet", lambda cars, drive_s: cars)
+    monkeypatch.setitem(genie_runs.FLEETS, "made_up", lambda cars, drive_s: cars)
     monkeypatch.setattr(speed.time, "process_time", lambda: next(clock_s))
-    first, second, third = speed.cost_curve(replace(TINY, curve=(3, 30, 300), longest_s=50), lambda _: None)
+    sizes = replace(TINY, curves={"made_up": (3, 30, 300)}, longest_s=50)
+    first, second, third = speed.cost_curve("made_up", sizes, lambda _: None)
     assert (first.growth, first.anchor_growth) == (1.0, 1.0)
     assert (second.growth, second.anchor_growth) == (2.0, 2.0)
     assert third.growth is None and third.missing == "not measured: it would take about 300 s", "ten times 30 s"
@@ -169,8 +176,8 @@ def test_the_cost_curve_compares_with_the_smallest_fleet_around_it(monkeypatch: 
 
 def test_costs_are_of_as_many_frames_as_asked_for():
     prepared = prepare(fleet(2, 0.2))
-    once = speed.costs(prepared, 2, least_frames=1)
-    several = speed.costs(prepared, 2, least_frames=once.frames + 1)
+    once = speed.costs(prepared, least_frames=1)
+    several = speed.costs(prepared, least_frames=once.frames + 1)
     assert several.frames == 2 * once.frames and several.events_per_frame == once.events_per_frame > 1
     assert once.genie_s > 0 and once.anchor_s > 0
 
@@ -189,7 +196,8 @@ def test_the_whole_benchmark_fills_the_page(tmp_path: Path):
     assert [race.cars for race in measured.races] == [3, 5]
     assert measured.work["Genie, first lap"] == measured.work["Genie, 1 laps"], "one lap is the first lap"
     assert measured.memory["frames"] > 0 and len(measured.profile) == 3
-    assert [point.cars for point in measured.curve] == [3, 6] and all(point.growth for point in measured.curve)
+    assert {name: tuple(point.cars for point in curve) for name, curve in measured.curves.items()} == TINY.curves
+    assert all(point.growth and point.anchor_growth for curve in measured.curves.values() for point in curve)
     docs = Path(tmp_path / "docs")
     (docs / "images").mkdir(parents=True)
     shutil.copy(speed_page.DOCS / "speed.md", docs)
