@@ -32,7 +32,7 @@ set: {"cars[0].route.window": [0 s, 1 s], methods: [genie]}
 seeds: 3
 axes:
   rate: {set: genie.object_map.rate, list: [0.1, 0.5]}
-  gate: {set: [genie.object_map.gate, genie.object_map.cell], grid: {from: 1 m, to: 3 m, points: 2}}
+  gate: {set: [genie.object_map.gate, genie.view_range], grid: {from: 1 m, to: 3 m, points: 2}}
 """
 TABLES = ("table.parquet", "table.csv", "runs.parquet", "figures/rate.svg", "figures/gate.svg", "figures/gate.png")
 
@@ -68,7 +68,7 @@ def test_crossed_axes_make_every_combination():
 def test_every_setting_of_an_axis_gets_the_value_with_its_unit():
     (first, *_) = load_design(Path(write(SMALL))).points()
     assert first.overrides[2:] == (
-        "genie.object_map.rate=0.1", 'genie.object_map.gate="1 m"', 'genie.object_map.cell="1 m"',
+        "genie.object_map.rate=0.1", 'genie.object_map.gate="1 m"', 'genie.view_range="1 m"',
     )  # fmt: skip
 
 
@@ -146,7 +146,7 @@ MISTAKES = {
     "a seed twice": ("seeds: 3", "seeds: [1, 2, 1]", "s.yaml: seeds: the seed 1 comes twice"),
     "samples of nothing": ("seeds: 3", "samples: 3", "s.yaml: samples: has no effect without an axis"),
     "no samples": ("list: [0.1, 0.5]", "random: {from: 0, to: 1}", "s.yaml: samples: missing; axis 'rate' needs"),
-    "one setting in two axes": ("gate, genie.object_map.cell]", "rate]", "would undo genie.object_map.rate, set by"),
+    "one setting in two axes": ("gate, genie.view_range]", "rate]", "would undo genie.object_map.rate, set by"),
     "seeds by an axis": ("set: genie.object_map.rate", "set: seed", "s.yaml: seeds: say which seeds are run; axis"),
     "a column of the table": ("rate: {", "metric: {", "s.yaml: axes.metric: is a column of the table already"),
     "too many runs": ("seeds: 3", "seeds: 1000000", "s.yaml: axes: make 4,000,000 runs; at most 1,000,000"),
@@ -197,7 +197,7 @@ def uninterrupted(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_the_table_holds_mean_and_interval_of_separate_runs(uninterrupted):
     """Source: the same runs, one by one, and ``metrics.across``: t intervals over seeds 1 to 3."""
     overrides = ["cars[0].route.window=[0 s, 1 s]", "methods=[genie]", "genie.object_map.rate=0.5"]
-    overrides += ["genie.object_map.gate=3 m", "genie.object_map.cell=3 m"]
+    overrides += ["genie.object_map.gate=3 m", "genie.view_range=3 m"]
     ran = []
     for seed in (1, 2, 3):
         made = runner.simulate(runner.prepare(load_scenario("1car_homo", overrides, seed)))

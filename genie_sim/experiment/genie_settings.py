@@ -50,8 +50,7 @@ _THRESHOLD_SCHEMA = WithJsonSchema(
 class ObjectMapSettings(Model):
     """How Algorithm 2 is read; see ``core.object_map.ObjectMapRules``."""
 
-    location_key: Literal["grid", "gate", "exact"] = "grid"
-    cell_m: PositiveLength = Field(default=1.0, alias="cell")
+    location_key: Literal["gate", "exact"] = "gate"
     gate_m: PositiveLength = Field(default=1.0, alias="gate")
     one_per_location: bool = False
     rule: RuleName = "noisy_or"

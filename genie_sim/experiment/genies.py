@@ -88,7 +88,7 @@ def _object_map(settings: GenieSettings) -> ObjectMap:
     rules = ObjectMapRules(
         rule=_resolve("confidence rule", chosen.rule, CONFIDENCE_RULES),
         rate=chosen.rate,
-        location_key="exact" if chosen.location_key == "exact" else "gate",
+        location_key=chosen.location_key,
         gate_m=chosen.gate_m,
         one_per_location=chosen.one_per_location,
         threshold=chosen.threshold,

@@ -231,9 +231,8 @@ def _spelled_out(scenario: Scenario, words: Mapping[str, str], seed: int) -> Ite
             yield f"edges[{index}].device={words['quadro']}"
     if "links" in words:
         yield f"edge_network={words['links']}"
-    if "gate_m" in words:  # the cell is only where the map looks, so it is as wide as the gate
+    if "gate_m" in words:
         yield f"genie.object_map.gate={words['gate_m']} m"
-        yield f"genie.object_map.cell={words['gate_m']} m"
     if "image_cell_m" in words:
         yield f"genie.similarity={{name: pose_grid, cell: {words['image_cell_m']} m}}"
     if "view_range_m" in words:
