@@ -212,9 +212,7 @@ def test_the_town_detector_misses_in_runs_as_the_real_one(laws, looks, group):
     replications, and less than half of what independent misses would give."""
     real = looks[group]
     made = [beside.changes(beside.looked_again(laws, group, real, seed)) for seed in range(REPLICATIONS)]
-    found = np.array([beside.found_share(here) for _, here in _bins(group, real)])
-    weights = np.array([len(here) for _, here in _bins(group, real)])
-    independent = float((2 * found * (1 - found) * weights).sum() / weights.sum())
+    independent = beside.independent_changes(group, real)
     print(f"{group}: real {beside.changes(real):.3f}, town {np.mean(made):.3f}, independent {independent:.3f}")
     assert min(made) <= beside.changes(real) <= max(made)
     assert np.mean(made) < 0.65 * independent

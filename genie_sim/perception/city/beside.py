@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -97,3 +97,35 @@ def a_frame(trace: Trace, labels: Sequence[str]) -> list[int]:
     """Detections of these classes in each frame of a trace."""
     frames = (frame for camera in sorted(trace.frames) for frame in trace.frames[camera])
     return [sum(detection.label in labels for detection in frame.detections) for frame in frames]
+
+
+def table(laws: DetectorLaws, looks: Mapping[str, Sequence[Look]], replications: int = 40) -> str:
+    """The comparison as a Markdown table; the town's figures are of so many replications (seeds from 0 on)."""
+    text = ["| | looks | found | score | along | across | changes | independent |", "|---|---|---|---|---|---|---|---|"]
+    for group, real in looks.items():
+        again = [looked_again(laws, group, real, seed) for seed in range(replications)]
+        made = [look for one in again for look in one]
+        rows = [
+            ("real", len(real), found_share(real), None, None, None, changes(real), None),
+            (
+                "town",
+                len(made) // replications,
+                found_share(made),
+                distance(scores(real), scores(made)),
+                *(distance(errors(real, name), errors(made, name)) for name in ("along_m", "across_m")),
+                sum(map(changes, again)) / replications,
+                independent_changes(group, real),
+            ),
+        ]
+        for who, count, *figures in rows:
+            cells = ["-" if figure is None else f"{figure:.3f}" for figure in figures]
+            text.append(f"| {group}, {who} | {count} | {' | '.join(cells)} |")
+    return "\n".join(text) + "\n"
+
+
+def independent_changes(group: str, looks: Sequence[Look]) -> float:
+    """How often found and missed would change if every look were independent, at the shares found in each bin."""
+    bins = np.digitize([look.range_m for look in looks], SCORE_EDGES_M[group])
+    found = np.array([look.detection is not None for look in looks])
+    shares = [found[bins == k].mean() for k in bins]
+    return float(np.mean([2 * share * (1 - share) for share in shares]))

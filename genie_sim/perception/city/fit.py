@@ -92,8 +92,8 @@ def fit(trace: Trace, truth: Truth, ghost_truth: Truth, seed: int = 1) -> dict[s
     by_group = looks(trace, truth)
     groups = {
         name: {
-            "found": _found(name, rows),
-            "place": _place(name, rows),
+            "found": found_law(name, rows),
+            "place": place_law(name, rows),
             "score_correlation": _correlation(name, rows, seed),
             "along_correlation": _place_correlation(name, rows, "along_m", seed),
             "across_correlation": _place_correlation(name, rows, "across_m", seed),
@@ -128,7 +128,8 @@ def _quantiles(values: Sequence[float]) -> list[float]:
     return [round(float(q), DECIMALS) for q in np.quantile(values, np.linspace(0, 1, QUANTILES))]
 
 
-def _found(name: str, rows: Sequence[Look]) -> dict[str, Any]:
+def found_law(name: str, rows: Sequence[Look]) -> dict[str, Any]:
+    """By range: the probability of a miss and the quantiles of the scores."""
     bins = [here for here in _binned(rows, SCORE_EDGES_M[name]) if any(look.detection for look in here)]
     centres_m = [round(float(np.mean([look.range_m for look in here])), DECIMALS) for here in bins]
     # Between two bins' middles the law is a straight line: regression on these lines, so that bins keep their means.
@@ -144,7 +145,8 @@ def _found(name: str, rows: Sequence[Look]) -> dict[str, Any]:
     }
 
 
-def _place(name: str, rows: Sequence[Look]) -> dict[str, Any]:
+def place_law(name: str, rows: Sequence[Look]) -> dict[str, Any]:
+    """By range: the quantiles of the errors along the line of sight and across."""
     placed = [look for look in rows if look.along_m is not None]
     bins = [here for here in _binned(placed, PLACE_EDGES_M[name]) if here]
     return {
