@@ -91,6 +91,9 @@ def reproduce(
     quick: Annotated[bool, typer.Option("--quick", help="A coarse answer in under a minute.")] = False,
     seeds: Annotated[int | None, typer.Option(min=1, help="How many seeds; default: those of the assumptions.")] = None,
     jobs: Annotated[int | None, typer.Option(min=1, help="Parallel processes; default: one per core.")] = None,
+    drives: Annotated[
+        bool, typer.Option("--drives", help="The main claims on each of KITTI's tracking sequences, too.")
+    ] = False,
     out: Annotated[Path, typer.Option(help="The folder that gets the evaluation.")] = Path("results/reproduce"),
 ) -> None:
     """Run the paper's evaluation: figures and verdicts."""
@@ -98,8 +101,10 @@ def reproduce(
     from genie_sim.experiment.reproduce import reproduce as run_evaluation
 
     with Progress(unit="runs") as progress:
-        result = run_evaluation(out, quick, seeds, jobs, progress)
+        result = run_evaluation(out, quick, seeds, jobs, progress, drives)
     typer.echo(verdict_table.text(verdict_table.read_rows(result.folder), terminal.width()))
+    if result.drives:
+        typer.echo(f"\n{result.drives}\n")
     typer.echo(f"Results: {result.folder} ({result.wall_time_s:.0f} s)\nFigures: {result.folder / 'figures'}")
     typer.echo(f"Report:  {result.folder / terminal.PAGE}")
 

@@ -13,7 +13,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from genie_sim.experiment import provenance, quality, report, verdict_table
+from genie_sim.experiment import drives, provenance, quality, report, verdict_table
 from genie_sim.experiment.assumptions import Assumptions, load_assumptions
 from genie_sim.experiment.calibrate import Calibration, calibrate, most_jobs
 from genie_sim.experiment.checks import ALL, BOTH_IMAGES, BOTH_OBJECTS, CASE, HE, HO, SHARED, improvements, load_claims
@@ -49,27 +49,30 @@ Key = tuple[str, str]  # variant, scenario
 
 @dataclass(frozen=True)
 class Reproduction:
-    """A finished evaluation."""
+    """A finished evaluation; ``drives`` is the table of the claims on other drives, where it was wanted."""
 
     folder: Path
     verdicts: list[Verdict]
     wall_time_s: float
+    drives: str = ""
 
 
 def reproduce(
     out: Path, quick: bool = False, seeds: int | None = None, workers: int | None = None,
-    progress: Progress | None = None,
+    progress: Progress | None = None, with_drives: bool = False,
 ) -> Reproduction:  # fmt: skip
     """Runs the evaluation and puts everything into ``out``, which appears when it is complete.
 
     ``quick``: few seeds, the calibration of the last full run, no variants and sweeps. ``seeds``: how many, instead of
-    those of assumptions.yaml. Raises ``UserError`` where ``out`` cannot be written.
+    those of assumptions.yaml. ``with_drives``: the main claims on every sequence of KITTI's tracking benchmark, too.
+    Raises ``UserError`` where ``out`` cannot be written, or where there are no such sequences.
     """
     provenance.check_writable(out.parent)
+    on_drives = drives.jobs() if with_drives else []
     assumptions = load_assumptions()
     workers = workers or os.cpu_count() or 1
     used_seeds = _seeds(assumptions, quick, seeds)
-    tell = TimeLeft(_total(assumptions, quick, len(used_seeds)), progress)
+    tell = TimeLeft(_total(assumptions, quick, len(used_seeds)) + len(on_drives), progress)
     fitted = None if quick else calibrate(assumptions, workers, tell)
     settings = (*assumptions.settings, *(last_calibration() if fitted is None else fitted.best.settings))
     runs, tables = _base_runs(settings, used_seeds, workers, tell)
@@ -77,15 +80,17 @@ def reproduce(
     verdicts = judge(evidence)
     sensitivity = _Sensitivity.nothing() if quick else _sensitivity(assumptions, settings, workers, tell)
     worth = _worth(settings, used_seeds, workers, tell)
+    driven = drives.run_drives(on_drives, workers, tell) if on_drives else []
     with provenance.result_folder(out) as folder:
         supporting = sensitivity.supporting(verdicts)
         _write(folder, evidence, verdicts, supporting, fitted, sensitivity, worth, settings)
+        table = drives.write(folder, driven) if driven else ""
         _draw(folder / "figures", tables, fitted, sensitivity, worth, settings, used_seeds)
         wall_time_s = time.perf_counter() - tell.began_s
         about = _provenance(quick, settings, used_seeds, workers, wall_time_s, fitted)
         provenance.write_json(folder / "run.json", about)
         evaluation.write(folder / report.NAME, folder)
-    return Reproduction(out, verdicts, wall_time_s)
+    return Reproduction(out, verdicts, wall_time_s, table)
 
 
 def last_calibration() -> tuple[str, ...]:
@@ -159,9 +164,7 @@ def _base_runs(
     return facts, {scenario: group for (variant, scenario), group in grouped.items() if variant == "base"}
 
 
-def _sensitivity(
-    assumptions: Assumptions, settings: tuple[str, ...], workers: int, progress: Progress
-) -> _Sensitivity:
+def _sensitivity(assumptions: Assumptions, settings: tuple[str, ...], workers: int, progress: Progress) -> _Sensitivity:
     """Every variant with all methods, every sweep value with Genie alone, on the sensitivity seeds."""
     points: list[tuple[str, tuple[str, ...], tuple[str, ...]]] = []
     plausible = {}
