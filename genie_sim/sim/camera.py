@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
-
-import simpy
+from collections.abc import Callable, Sequence
 
 from genie_sim.messages import Header, Image
 from genie_sim.perception.trace import TraceFrame
+from genie_sim.sim.clock import Process
 from genie_sim.sim.device import Host
 from genie_sim.sim.ros_graph import Graph, Node
 
@@ -59,7 +58,7 @@ class Camera(Node):
     def _stamp_ns(self, lap: int, frame: TraceFrame) -> int:
         return self._start_ns + lap * self._lap_ns + frame.stamp_ns - self._begin_ns
 
-    def _replay(self) -> Iterable[simpy.Event]:
+    def _replay(self) -> Process:
         number = 0
         for lap in range(self._laps):
             for frame in self._frames:

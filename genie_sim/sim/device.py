@@ -6,10 +6,9 @@ from collections import deque
 from collections.abc import Callable, Iterator
 
 import numpy as np
-import simpy
 
 from genie_sim.experiment.profiles import DeviceProfile, ServiceTime
-from genie_sim.sim.clock import after
+from genie_sim.sim.clock import Clock
 
 Done = Callable[[], None]
 
@@ -17,7 +16,7 @@ Done = Callable[[], None]
 class Processor:
     """``capacity`` equal servers behind one first-come-first-served queue: an accelerator, or the cores of a CPU."""
 
-    def __init__(self, env: simpy.Environment, name: str, kind: str, capacity: int = 1) -> None:
+    def __init__(self, env: Clock, name: str, kind: str, capacity: int = 1) -> None:
         self.env = env
         self.name = name
         self.kind = kind
@@ -41,7 +40,7 @@ class Processor:
         """A job that waits for a free server, keeps it for ``service_ns``, and calls ``done`` then."""
         if self._serving < self.capacity:
             self._change(+1)
-            after(self.env, service_ns, self._finished, done)
+            self.env.after(service_ns, self._finished, done)
         else:
             self._waiting.append((service_ns, done))
 
@@ -49,7 +48,7 @@ class Processor:
         self.completed += 1
         if self._waiting:
             service_ns, its_done = self._waiting.popleft()
-            after(self.env, service_ns, self._finished, its_done)
+            self.env.after(service_ns, self._finished, its_done)
         else:
             self._change(-1)
         done()
@@ -66,7 +65,7 @@ class Host:
 
     def __init__(
         self,
-        env: simpy.Environment,
+        env: Clock,
         name: str,
         profile: DeviceProfile,
         model_time: ServiceTime,

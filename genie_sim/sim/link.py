@@ -6,11 +6,10 @@ from collections import Counter, deque
 from collections.abc import Callable, Hashable
 
 import numpy as np
-import simpy
 
 from genie_sim.experiment.links import LinkProfile
 from genie_sim.messages import Message
-from genie_sim.sim.clock import after
+from genie_sim.sim.clock import Clock
 from genie_sim.sim.ros_graph import Dropped, Graph
 
 Deliver = Callable[[], None]
@@ -30,7 +29,7 @@ class Link:
 
     def __init__(
         self,
-        env: simpy.Environment,
+        env: Clock,
         name: str,
         profile: LinkProfile,
         up: bool,
@@ -91,7 +90,7 @@ class Link:
         """The next message goes on the wire."""
         channel, message, deliver, carried = self._waiting.popleft()
         self._channels[channel] -= 1
-        after(self.env, self.serialisation_ns(message.size_bytes), self._transmitted, message, deliver, carried)
+        self.env.after(self.serialisation_ns(message.size_bytes), self._transmitted, message, deliver, carried)
 
     def _transmitted(self, message: Message, deliver: Deliver, carried: Carried | None) -> None:
         """Its last bit is on the wire: it arrives after the delay, or is lost."""
@@ -106,7 +105,7 @@ class Link:
             self.completed += 1
             jitter_ns = int(self._rng.integers(self._profile.jitter_ns + 1)) if self._profile.jitter_ns else 0
             self._last_arrival_ns = max(now_ns + self._profile.delay_ns + jitter_ns, self._last_arrival_ns)
-            after(self.env, self._last_arrival_ns - now_ns, deliver)
+            self.env.after(self._last_arrival_ns - now_ns, deliver)
         if self._waiting:
             self._transmit()
         else:

@@ -17,8 +17,10 @@ class Resource(Protocol):
 
     name: str
     kind: str
-    capacity: int | None
     completed: int
+
+    @property
+    def capacity(self) -> int | None: ...
 
     @property
     def busy_ns(self) -> int: ...

@@ -6,7 +6,6 @@ from collections.abc import Callable
 
 from genie_sim.core.node import GenieNode
 from genie_sim.messages import Detections, Effect, Expired, Image, ImageLookup, Message, ObjectLookups, Publish
-from genie_sim.sim.clock import after
 from genie_sim.sim.device import Done, Host
 from genie_sim.sim.ros_graph import Dropped, Graph, Node
 
@@ -64,7 +63,7 @@ class Genie(Node):
         deadline_ns = self.genie.next_deadline_ns()
         if deadline_ns is not None:
             self._timer_set = True
-            after(self.env, max(deadline_ns - self.env.now, 0) + TIMER_LATE_NS, self._on_timer)
+            self.env.after(max(deadline_ns - self.env.now, 0) + TIMER_LATE_NS, self._on_timer)
 
     def _on_timer(self) -> None:
         self._timer_set = False

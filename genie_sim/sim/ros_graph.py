@@ -6,10 +6,8 @@ from collections import deque
 from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, Protocol
 
-import simpy
-
 from genie_sim.messages import Message
-from genie_sim.sim.clock import after
+from genie_sim.sim.clock import Clock
 
 if TYPE_CHECKING:
     from genie_sim.sim.device import Host
@@ -33,7 +31,7 @@ class Graph:
     reaches the subscribers of its topic after the publishing host's hop time.
     """
 
-    def __init__(self, env: simpy.Environment, name: str) -> None:
+    def __init__(self, env: Clock, name: str) -> None:
         self.env = env
         self.name = name
         self._subscribers: dict[str, list[Subscriber]] = {}
@@ -94,7 +92,7 @@ class Graph:
             receivers = [one for one in receivers if one.address == to]
         if receivers:
             hop_ns = node.host.hop_ns(message.size_bytes)
-            after(self.env, hop_ns, self._arrive, receivers, topic, message, node.address)
+            self.env.after(hop_ns, self._arrive, receivers, topic, message, node.address)
 
     def inject(self, topic: str, message: Message, sender: str) -> None:
         """A message comes in from another graph: the link has already taken its time."""

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from functools import partial
-
-import simpy
 
 from genie_sim.core.node import GenieNode
 from genie_sim.experiment.genies import make_genie
@@ -16,6 +14,7 @@ from genie_sim.experiment.seeds import stream
 from genie_sim.messages import Detections, Expired, Image, ImageLookup, Message, ObjectLookups
 from genie_sim.perception.trace import Trace
 from genie_sim.sim.camera import Camera
+from genie_sim.sim.clock import Clock, Process
 from genie_sim.sim.device import Host
 from genie_sim.sim.link import Bridge, Downlinks, Link
 from genie_sim.sim.log import Log, Resource
@@ -82,7 +81,7 @@ class _Uplink:
             self._bridges[name] = self._world.bridges(self._car, self._graph, self._world.edges[name], self._down_topic)
         return self._bridges[name][0]
 
-    def _hand_overs(self) -> Iterable[simpy.Event]:
+    def _hand_overs(self) -> Process:
         env = self._world.env
         for hand_over in self._car.hand_overs:
             yield env.timeout(hand_over.at_ns - env.now)
@@ -109,7 +108,7 @@ class World:
         log: Log,
         truth: Truth | None = None,
     ) -> None:
-        self.env = simpy.Environment(initial_time=0)
+        self.env = Clock()
         self.scenario = scenario
         self.method = method
         self.resources: list[Resource] = []
@@ -233,6 +232,7 @@ class World:
 
     def bridges(self, car: Car, graph: Graph, edge: _Edge, down_topic: str) -> tuple[Bridge, Bridge]:
         """What carries a car's frames up to an edge, and the answers to them down."""
+        assert car.link is not None, "a car with an edge has a link"
         up = self._link(f"{car.name}->{edge.name}", car.link, up=True)
         down = self._link(f"{edge.name}->{car.name}", car.link, up=False)
         sent, received = partial(self._log.carried, "bytes_up"), partial(self._log.carried, "bytes_down")
@@ -292,7 +292,7 @@ class World:
             return "own_detector" if whose == "own" else "edge_detector"
         return f"{whose}_cache"
 
-    def _sampler(self, progress: Callable[[int, int], None] | None) -> Iterable[simpy.Event]:
+    def _sampler(self, progress: Callable[[int, int], None] | None) -> Process:
         while True:
             self._log.sample(self._sampled, self.env.now)
             if progress is not None:

@@ -74,10 +74,10 @@ def measured_ms(rate_bps: int, size_bytes: int, count: int) -> list[float]:
 def simulated_ms(rate_bps: int, size_bytes: int, count: int) -> list[float]:
     """The same over the simulator's link."""
     import numpy as np
-    import simpy
 
     from genie_sim.experiment.links import LinkProfile
     from genie_sim.messages import Detections, Header
+    from genie_sim.sim.clock import Clock
     from genie_sim.sim.link import Link
 
     class Message(Detections):
@@ -85,7 +85,7 @@ def simulated_ms(rate_bps: int, size_bytes: int, count: int) -> list[float]:
 
     rate, overhead = f"{rate_bps} bit/s", f"{TBF_OVERHEAD_BYTES} B"
     fields = {"rate_up": rate, "rate_down": rate, "delay": "0 s", "overhead": overhead}
-    env = simpy.Environment(initial_time=0)
+    env = Clock()
     link = Link(env, "veth", LinkProfile.model_validate(fields), True, np.random.default_rng(0), queue_length=count)
     arrived_ms: list[float] = []
     for number in range(count):

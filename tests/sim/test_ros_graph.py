@@ -6,14 +6,13 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-import simpy
 from hypothesis import given
 from hypothesis import strategies as st
 from sim.street import build, fixed_device, scenario
 
 from genie_sim.experiment.links import LINKS
 from genie_sim.messages import Header, Publish
-from genie_sim.sim.clock import after
+from genie_sim.sim.clock import Clock
 from genie_sim.sim.device import Host
 from genie_sim.sim.link import Bridge, Downlinks, Link
 from genie_sim.sim.nodes import Detector, Genie
@@ -41,7 +40,7 @@ class Clerk(Node):
         self.done: list[tuple[int, int, str]] = []
 
     def work(self, message, done: Callable[[], None]) -> None:
-        after(self.env, WORK_NS, done)
+        self.env.after(WORK_NS, done)
 
     def handle(self, topic: str, message, sender: str) -> None:
         self.done.append((self.env.now, message.header.stamp_ns, topic))
@@ -58,9 +57,9 @@ class Listener:
         self.heard.append((topic, message.header.stamp_ns, sender))
 
 
-def office(name: str = "car1", env: simpy.Environment | None = None) -> tuple[Graph, Host]:
+def office(name: str = "car1", env: Clock | None = None) -> tuple[Graph, Host]:
     """An empty graph, and a host on which each message takes ``HOP_NS`` to the next node."""
-    env = env if env is not None else simpy.Environment(initial_time=0)
+    env = env if env is not None else Clock()
     device = fixed_device(name, detector="1 ms", hop=f"{HOP_NS} ns", per_megabyte="0 ms")
     rng = np.random.default_rng(1)
     return Graph(env, name), Host(env, name, device, device.service_time("autoware_vision_detector"), rng, rng)
@@ -251,7 +250,7 @@ class Offices:
     """Three graphs, each bridged to the two others on ``/notes``, all over one port a graph."""
 
     def __init__(self) -> None:
-        self.env = simpy.Environment(initial_time=0)
+        self.env = Clock()
         self.graphs, self.ports, self.listeners, self.nodes = {}, {}, {}, {}
         names = ("edge1", "edge2", "edge3")
         for name in names:
@@ -286,7 +285,7 @@ def test_a_note_for_one_neighbour_crosses_only_the_bridge_to_it():
 
 
 def test_an_answer_goes_down_to_the_car_that_it_is_about():
-    env = simpy.Environment(initial_time=0)
+    env = Clock()
     edge, host = office("edge1", env)
     downlinks = Downlinks("edge1/cars")
     edge.bridge("/objects", downlinks)
@@ -309,7 +308,7 @@ def test_an_answer_goes_down_to_the_car_that_it_is_about():
 
 def test_a_bridge_that_was_taken_down_loses_what_comes_and_what_was_on_its_way():
     """0.2 ms of delay: the first note arrives, the second is on its way, the third comes in between, the last after."""
-    env = simpy.Environment(initial_time=0)
+    env = Clock()
     here, there = Graph(env, "here"), Graph(env, "there")
     heard, lost = Listener(), []
     there.subscribe("/notes", heard)

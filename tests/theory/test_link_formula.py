@@ -7,12 +7,12 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-import simpy
 from hypothesis import given
 from hypothesis import strategies as st
 
 from genie_sim.experiment.links import LINKS, LinkProfile
 from genie_sim.messages import Detections, Header
+from genie_sim.sim.clock import Clock
 from genie_sim.sim.link import Link
 
 IMAGE_BYTES = 1_397_297  # sensor_msgs/Image, bgr8, 1242 x 375
@@ -31,7 +31,7 @@ class Wire:
     """A link, and what happened on it: arrivals as (message's number, when), what was lost, what was carried."""
 
     def __init__(self, profile: LinkProfile, up: bool = True, queue_length: int = 10**9, seed: int = 1) -> None:
-        self.env = simpy.Environment(initial_time=0)
+        self.env = Clock()
         self.arrived: list[tuple[int, int]] = []
         self.lost: list[int] = []
         self.carried: list[int] = []

@@ -12,13 +12,13 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-import simpy
 from sim.street import FOV_RAD, fixed_device
 from theory.replications import equivalent, replicate
 
 from genie_sim.experiment.links import LINKS
 from genie_sim.messages import CameraPose, Detections, Header, Image
 from genie_sim.perception.trace import TraceFrame
+from genie_sim.sim.clock import Clock
 from genie_sim.sim.device import Host, Processor
 from genie_sim.sim.link import Link
 from genie_sim.sim.nodes import Consumer, Detector
@@ -38,7 +38,7 @@ def exponential(rng: np.random.Generator) -> int:
     return max(1, round(rng.exponential(SERVICE_NS)))
 
 
-def arrivals(env: simpy.Environment, rng: np.random.Generator, rho: float, servers: int, customers: int, come):
+def arrivals(env: Clock, rng: np.random.Generator, rho: float, servers: int, customers: int, come):
     """A Poisson process that keeps ``servers`` busy for a share ``rho`` of the time."""
     for number in range(customers):
         yield env.timeout(round(rng.exponential(SERVICE_NS / (rho * servers))))
@@ -71,7 +71,7 @@ def processor_waits(rho: float, service: Law, servers: int = 1, customers: int =
     """An experiment: the mean wait before a processor with an unbounded queue, in service times."""
 
     def experiment(rng: np.random.Generator) -> float:
-        env = simpy.Environment(initial_time=0)
+        env = Clock()
         processor = Processor(env, "edge1.accelerator", "accelerator", servers)
         waits: list[int] = []
 
@@ -126,7 +126,7 @@ def test_little_s_law_and_utilisation():
     rho, customers = 0.7, 3000
 
     def experiment(rng: np.random.Generator) -> tuple[float, float]:
-        env = simpy.Environment(initial_time=0)
+        env = Clock()
         processor = Processor(env, "edge1.accelerator", "accelerator")
         waits: list[int] = []
         queues: list[int] = []
@@ -152,7 +152,7 @@ def test_little_s_law_and_utilisation():
 
 
 def test_time_in_use_counts_the_job_under_way():
-    env = simpy.Environment(initial_time=0)
+    env = Clock()
     processor = Processor(env, "edge1.accelerator", "accelerator", 2)
     for service_ns in (100, 300, 500):
         processor.run(service_ns, lambda: None)
@@ -171,7 +171,7 @@ def image(number: int, stamp_ns: int) -> Image:
 
 def detector_run(rng: np.random.Generator, rho: float, queue_length: int, images: int):
     """Images come to a detector at random: stamps of those answered, of those dropped, and the waits [ns]."""
-    env = simpy.Environment(initial_time=0)
+    env = Clock()
     device = fixed_device("edge1", detector=f"{SERVICE_NS} ns", hop="0 ms", per_megabyte="0 ms")
     host = Host(env, "edge1", device, device.service_time("autoware_vision_detector"), rng, rng)
     graph = Graph(env, "edge1")
@@ -247,7 +247,7 @@ def test_a_link_with_poisson_messages_matches_m_d_1():
     rho = 0.6
 
     def experiment(rng: np.random.Generator) -> float:
-        env = simpy.Environment(initial_time=0)
+        env = Clock()
         profile = LINKS["ethernet_1g"].model_copy(update={"delay_ns": 0})
         link = Link(env, "car1->edge1", profile, True, rng, queue_length=10**9)
         wire_ns = link.serialisation_ns(1_397_297)
