@@ -31,6 +31,7 @@ LAYERS: dict[str, tuple[str, ...]] = {
     "ros": (*GROUND, "core", "ros", *SETTINGS, "experiment.records"),
     "experiment.runner": (*GROUND, "core", "sim", "perception", "experiment"),
     "experiment.replicate": (*GROUND, "core", "sim", "perception", "experiment"),
+    "experiment.drives": (*GROUND, "core", "sim", "perception", "experiment"),
     "experiment.sweep": (*GROUND, "core", "sim", "perception", "experiment"),
     "experiment": (*GROUND, "core", "perception", "experiment"),
     "api": (*GROUND, "experiment"),
@@ -41,7 +42,7 @@ LAYERS: dict[str, tuple[str, ...]] = {
     "__main__": ("cli",),
 }
 SIMULATE = {  # everything else reads settings and tables
-    "experiment.runner", "experiment.replicate", "api", "cli",
+    "experiment.runner", "experiment.replicate", "experiment.drives", "api", "cli",
     "experiment.sweep.plan", "experiment.sweep.sweep", "experiment.sweep.tasks",
 }  # fmt: skip
 
