@@ -118,6 +118,8 @@ PEERS: dict[str, tuple[Callable[[Station], Responses], str]] = {
     "salabim": (salabim, "salabim"),
 }
 
+MOST_CARS = {"salabim": 100}  # more would take as long as all the rest of the benchmark
+
 
 def run_peer(python: str, name: str, station: Station) -> dict[str, Any]:
     """Simulates the station with a peer in another process: ``frames``, ``wall_s``, ``mean_response_ns`` and

@@ -84,6 +84,15 @@ def test_a_peer_that_cannot_run_is_left_out_with_the_reason():
     assert "No such file" in peers.run_peer(NO_PYTHON, "ciw", station_of(5, genie_runs.phases_ns(4)))["skipped"]
 
 
+def test_a_slow_peer_is_left_out_of_large_fleets_only(monkeypatch: pytest.MonkeyPatch):
+    asked: list[str] = []
+    answer = {"frames": 8, "wall_s": 1.0, "version": "1.0"}
+    monkeypatch.setattr(peers, "run_peer", lambda python, name, station: asked.append(name) or answer)
+    speed.race(100, {}, {}, 8, 1, NO_PYTHON, {}, {})
+    speed.race(101, {}, {}, 8, 1, NO_PYTHON, {}, {})
+    assert asked == ["leafsim", "ciw", "salabim", "leafsim", "ciw"]
+
+
 def test_all_engines_take_turns_with_the_same_number_of_frames():
     prepared = prepare(fleet(2, 0.3))
     work = work_of(prepared)
