@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from typing import Protocol
 
 from genie_sim.messages import Detections, Header, Image, Location
+
+Placed = tuple[str, Location]  # an object's class, and where it is
 
 
 class TrueObject(Protocol):
@@ -60,29 +62,32 @@ class Truth:
         header, pose = answer.header, image.pose
         served = [(one.label, one.location) for one in answer.objects if one.location is not None]
         view = [(one.label, one.location) for one in image.content.truth()]
-        true = 0
-        if served:
-            farthest_m = max(math.hypot(at[0] - pose.east_m, at[1] - pose.north_m) for _, at in served)
+        not_in_view = self._without(served, view)
+        ghosts = not_in_view
+        if not_in_view:
+            farthest_m = max(math.hypot(at[0] - pose.east_m, at[1] - pose.north_m) for _, at in not_in_view)
             t_ns = self._begin_ns[header.origin] + image.content.stamp_ns
             near = self._town.truth_near(pose.east_m, pose.north_m, farthest_m + self._reach_m, t_ns)
-            true = self._matched(served, ((one.label, one.location) for one in near))
+            ghosts = self._without(not_in_view, [(one.label, one.location) for one in near])
         wanted = [
             (label, at) for label, at in view if math.hypot(at[0] - pose.east_m, at[1] - pose.north_m) <= self._range_m
         ]
-        not_in_view = len(served) - self._matched(served, view)
-        counts = len(served), true, not_in_view, len(wanted), self._matched(wanted, served)
+        found = len(wanted) - len(self._without(wanted, served))
+        counts = len(served), len(served) - len(ghosts), len(not_in_view), len(wanted), found
         self._add(self._method, header.origin, header.frame_id, header.stamp_ns, source, *counts)
 
-    def _matched(self, objects: Iterable[tuple[str, Location]], others: Iterable[tuple[str, Location]]) -> int:
-        """How many objects have one of their class within reach among the others."""
+    def _without(self, objects: list[Placed], others: list[Placed]) -> list[Placed]:
+        """The objects that have none of their class within reach among the others."""
         places: dict[str, list[Location]] = {}
         for label, at in others:
             places.setdefault(label, []).append(at)
-        count, reach_m2 = 0, self._reach_m**2
-        for label, at in objects:
-            east_m, north_m = at[0], at[1]
+        reach_m2 = self._reach_m**2
+        found = []
+        for one in objects:
+            label, (east_m, north_m, _) = one
             for there in places.get(label, ()):
                 if (there[0] - east_m) ** 2 + (there[1] - north_m) ** 2 <= reach_m2:
-                    count += 1
                     break
-        return count
+            else:
+                found.append(one)
+        return found
