@@ -56,11 +56,11 @@ class Sizes:
 FULL = Sizes(
     rounds=3, laps=10, fleets={100: 2.0, 1000: 1.0},
     curves={"street": (3, 10, 30, 100, 300, 1000), "town": (3, 30, 300, 3000)}, curve_s=1.0,
-    curve_frames=3000, longest_s=75, minutes=60, memory_laps=(10, 30), profile_entries=15,
+    curve_frames=1000, longest_s=75, minutes=60, memory_laps=(10, 30), profile_entries=15,
 )  # fmt: skip
 QUICK = Sizes(
     rounds=2, laps=2, fleets={100: 1.0}, curves={"street": (3, 30, 100), "town": (3, 30)}, curve_s=0.5,
-    curve_frames=1500, longest_s=5, minutes=4, memory_laps=(5, 20), profile_entries=8,
+    curve_frames=300, longest_s=5, minutes=4, memory_laps=(5, 20), profile_entries=8,
 )  # fmt: skip
 
 
