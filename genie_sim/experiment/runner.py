@@ -178,7 +178,7 @@ def _fill(
     from genie_sim.experiment import figures, report, summary
 
     began_s = time.perf_counter()
-    tables = simulate(prepared, progress)
+    tables = simulate(prepared, progress, spill=folder)
     for table in tables:
         table.write(folder / f"{table.name}.parquet")
     made = _finished(prepared, run_id, tables)
@@ -252,11 +252,24 @@ def _devices(scenario: Scenario) -> dict[str, DeviceProfile]:
     return {name: load_profile(name) for name in dict.fromkeys(names)}
 
 
-def simulate(prepared: Prepared, progress: Progress | None = None) -> Tables:
-    """Every method of the scenario, one after the other, on the same random streams."""
+def simulate(prepared: Prepared, progress: Progress | None = None, spill: Path | None = None) -> Tables:
+    """Every method of the scenario, one after the other, on the same random streams.
+
+    With ``spill``, a folder, the rows of long tables wait there and not in memory; ``write`` completes their files.
+    """
     scenario = prepared.scenario if prepared.spelled_out is None else prepared.spelled_out
     record, methods = scenario.record, scenario.methods
-    tables = Tables(FrameTable(), LookupTable() if "lookups" in record else _NoLookups(), ResourceTable())
+
+    def waiting(name: str) -> Path | None:
+        return None if spill is None else spill / f"{name}.rows"
+
+    tables = Tables(
+        FrameTable(),
+        LookupTable(waiting("lookups")) if "lookups" in record else _NoLookups(),
+        ResourceTable(waiting("resources")),
+        PoseTable(waiting("poses")),
+        ObjectTable(waiting("objects")),
+    )
     objects = tables.objects if "objects" in record else None
     if prepared.town is not None and "truth" in record:
         tables = replace(tables, truth=TruthTable())
