@@ -70,6 +70,11 @@ def test_no_two_pictures_are_the_same(town):
         ({"destinations": 0}, "town: destinations: 0 is not a whole number from 1 on"),
         ({"view_m": float("nan")}, "town: view_m: nan is not a finite number"),
         ({"street_half_m": 3.0}, "town: street_half_m: 3.0 is not between 8"),
+        ({"blocks": (400, 4)}, "town: blocks: .* is not two whole numbers from 1 to 100"),
+        ({"view_m": 200.0}, "town: view_m: 200.0 is more than 100, where no law is known"),
+        ({"parked_cars_per_100m": 30.0}, "town: parked_cars_per_100m: 30.0 do not fit; .* room for 24.0"),
+        ({"cyclists_per_100m": 1e6}, "town: cyclists_per_100m: 1000000.0 is not between 0 and 100"),
+        ({"speed_mps": 0.0}, "town: speed_mps: 0.0 is not positive"),
         ({"truck_share": 1.5}, "town: truck_share: 1.5 is not between 0 and 1"),
     ],
 )
@@ -146,7 +151,7 @@ def test_times_that_leave_no_frame_are_refused(town, times):
 
 @given(
     blocks=st.tuples(st.integers(1, 4), st.integers(1, 4)),
-    block_m=st.floats(90, 300),
+    block_m=st.floats(100, 300),
     main_every=st.integers(1, 5),
     destinations=st.integers(1, 30),
     seed=st.integers(0, 2**31),

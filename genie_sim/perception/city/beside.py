@@ -11,9 +11,11 @@ import numpy as np
 from genie_sim.core.geometry import Array
 from genie_sim.messages import Detection
 from genie_sim.perception.city.camera import Eye
-from genie_sim.perception.city.fit import SCORE_EDGES_M, Look, Pairs, errors_m, normal_scores
+from genie_sim.perception.city.fit import SCORE_EDGES_M, Look, errors_m
 from genie_sim.perception.city.laws import GHOST_LABELS, DetectorLaws
+from genie_sim.perception.city.likeness import Pairs, normal_scores
 from genie_sim.perception.city.noise import mix
+from genie_sim.perception.city.rules import MOST_VIEW_M
 from genie_sim.perception.city.things import Seen, seen
 from genie_sim.perception.trace import Trace
 
@@ -34,7 +36,8 @@ def looked_again(laws: DetectorLaws, group: str, looks: Sequence[Look], seed: in
     outside the picture, or a small thing of its group from too far away.
     """
     world = _Alone()
-    eye = Eye(world, laws, math.inf)
+    eye = Eye(world, laws, MOST_VIEW_M)
+    eye.fleeting = ()
     label, again = GHOST_LABELS[group], []
     for look in looks:
         pose = look.pose
@@ -43,7 +46,7 @@ def looked_again(laws: DetectorLaws, group: str, looks: Sequence[Look], seed: in
         if not eye.truth(pose, c, s, 0.0):
             continue
         picture = mix(seed ^ mix(round(pose.east_m * 1000) ^ mix(round(pose.north_m * 1000) ^ int(look.camera))))
-        detections = eye.look(pose, c, s, 0.0, picture & (1 << 63) - 1 | 1 << 63)  # without fleeting ghosts
+        detections = eye.look(pose, c, s, 0.0, picture)
         detection = detections[0] if detections else None
         along_m, across_m = errors_m(detection, look.centre, pose)
         again.append(look._replace(detection=detection, along_m=along_m, across_m=across_m))
@@ -81,7 +84,7 @@ def changes(looks: Sequence[Look]) -> float:
 
 
 def likeness(group: str, looks: Sequence[Look], name: str = "score") -> Array:
-    """How alike two looks at one object are, by the distance of their views (``fit.LAGS_M``)."""
+    """How alike two looks at one object are, by the distance of their views (``likeness.LAGS_M``)."""
     chosen = [look for look in looks if name == "score" or look.along_m is not None]
     values = [_value(look.detection) if name == "score" else getattr(look, name) for look in chosen]
     bins = np.digitize([look.range_m for look in chosen], SCORE_EDGES_M[group])

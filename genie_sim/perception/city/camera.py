@@ -8,7 +8,7 @@ from operator import attrgetter
 from typing import TYPE_CHECKING, Protocol, overload
 
 from genie_sim.messages import CameraPose, Detection
-from genie_sim.perception.city.laws import MIDDLE, RANGES, STEPS_PER_Z, VIEW_STEP_M, DetectorLaws, Fleeting, quantile
+from genie_sim.perception.city.laws import MIDDLE, STEPS_PER_Z, VIEW_STEP_M, DetectorLaws, Fleeting, quantile
 from genie_sim.perception.city.noise import MASK, NORMAL_MASK, SMOOTH_MASK, mix, normals
 from genie_sim.perception.city.rules import TrueObject
 from genie_sim.perception.city.things import HEIGHT, HORIZONTAL_FOV_RAD, MIDDLES_M, WIDTH, Seen
@@ -121,8 +121,8 @@ class Eye:
     """A camera with its detector, anywhere in the town."""
 
     def __init__(self, streets: World, laws: DetectorLaws, view_m: float) -> None:
-        self._streets, self._view_m = streets, min(view_m, RANGES - 1.0)
-        self._fleeting = laws.fleeting
+        self._streets, self._view_m = streets, view_m
+        self.fleeting = laws.fleeting
         self._normals = normals()
         half = HORIZONTAL_FOV_RAD / 2
         self._half_c, self._half_s, self._slope = math.cos(half), math.sin(half), math.tan(half)
@@ -168,8 +168,8 @@ class Eye:
             across_m = laws.across_m[int(range_m + 0.5)][int(z * STEPS_PER_Z + MIDDLE)] / range_m
             dx, dy = east_m - x, north_m - y
             location = (  # rounded to millimetres; round() takes five times as long
-                (east_m + along_m * dx - across_m * dy) * 1000.0 // 1.0 / 1000.0,
-                (north_m + along_m * dy + across_m * dx) * 1000.0 // 1.0 / 1000.0,
+                ((east_m + along_m * dx - across_m * dy) * 1000.0 + 0.5) // 1.0 / 1000.0,
+                ((north_m + along_m * dy + across_m * dx) * 1000.0 + 0.5) // 1.0 / 1000.0,
                 up_m,
             )
             for share, name in laws.names:
@@ -178,7 +178,7 @@ class Eye:
                     break
             found.append(Detection(label, score, None, location, score, "city"))
         draw = (look_key >> 48) / 0x10000
-        for kind in self._fleeting:
+        for kind in self.fleeting:
             if 0.0 <= draw < kind.a_frame:
                 found.append(self._fleeting_ghost(kind, mix(look_key), x, y, c, s))
             draw -= kind.a_frame

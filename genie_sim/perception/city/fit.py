@@ -5,15 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
-from statistics import NormalDist
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from genie_sim.core.geometry import Array
 from genie_sim.messages import CameraPose, Detection, Location
-from genie_sim.perception.evaluation import LABELS, evaluate
+from genie_sim.perception.city.laws import GHOST_LABELS
+from genie_sim.perception.city.likeness import fit_shares
+from genie_sim.perception.city.rules import GHOST_BESIDE_M
+from genie_sim.perception.city.things import HORIZONTAL_FOV_RAD, REACHES_M
+from genie_sim.perception.evaluation import LABELS, MIN_SIGHTINGS, evaluate
 from genie_sim.perception.trace import Trace, TraceFrame
 from genie_sim.perception.truth import Truth
 
@@ -22,13 +24,6 @@ PLACE_EDGES_M = {"vehicles": (0, 12, 18, 24, 32, 60), "persons": (0, 10, 20)}
 QUANTILES = 21
 DECIMALS = 4
 GHOST_M = 2.0  # two wrong detections nearer than this are of one ghost
-GHOST_SIGHTINGS = 3  # from so many on at one place they are of a lasting ghost
-GHOST_VIEW_M = 45.0  # as far as a car is seen
-LAGS_M = (0.0, 0.25, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0)
-OBJECT_SHARES = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5)
-LOOK_SHARES = (0.0, 0.03, 0.06, 0.1, 0.15, 0.2, 0.3)
-SMOOTH_M = (3.0, 6.0, 12.0, 24.0)
-REPLICATIONS = 20
 
 
 class Look(NamedTuple):
@@ -157,103 +152,23 @@ def place_law(name: str, rows: Sequence[Look]) -> dict[str, Any]:
     }
 
 
-def normal_scores(values: npt.ArrayLike, bins: npt.ArrayLike) -> Array:
-    """Each value's rank within its bin as a standard normal number; equal values (misses) share the middle rank."""
-    from scipy.stats import norm, rankdata
-
-    values_, bins_ = np.asarray(values, dtype=float), np.asarray(bins)
-    z = np.empty(len(values_))
-    for k in np.unique(bins_):
-        here = bins_ == k
-        z[here] = norm.ppf((rankdata(values_[here]) - 0.5) / here.sum())
-    z -= z.mean()
-    scaled: Array = z / max(float(z.std()), 1e-9)
-    return scaled
-
-
-class Pairs:
-    """All pairs of looks at one object, by the distance of their views; each object counts alike, however often it
-    was seen."""
-
-    def __init__(self, tracks: Array, views_m: Array) -> None:
-        firsts, seconds, weights = [], [], []
-        for track in np.unique(tracks):
-            here = np.flatnonzero(tracks == track)
-            a, b = np.triu_indices(len(here), 1)
-            firsts.append(here[a])
-            seconds.append(here[b])
-            weights.append(np.full(len(a), 1.0 / len(here)))
-        self._a, self._b, self._weights = map(np.concatenate, (firsts, seconds, weights))
-        self._lag = np.digitize(np.abs(views_m[self._a] - views_m[self._b]), LAGS_M) - 1
-        self._count = np.bincount(self._lag, self._weights, len(LAGS_M))
-
-    def likeness(self, z: Array) -> Array:
-        """Mean product of the normal scores of two looks at one object, for each of ``LAGS_M``; nan without pairs."""
-        total = np.bincount(self._lag, self._weights * z[self._a] * z[self._b], len(LAGS_M))
-        means: Array = np.divide(total, self._count, out=np.full(len(LAGS_M), np.nan), where=self._count > 0)
-        return means
+def shares_of(
+    rows: Sequence[Look], values: Sequence[float], edges_m: Sequence[float], seed: int, **how: int
+) -> dict[str, float]:
+    """The shares of the copula (``likeness.fit_shares``) of these looks' scores or errors, ranked in bins of ranges."""
+    tracks, views_m = np.array([look.track for look in rows]), np.array([look.view_m for look in rows])
+    bins = np.digitize([look.range_m for look in rows], edges_m)
+    return fit_shares(tracks, views_m, bins, np.array(values), seed, **how)
 
 
 def _correlation(name: str, rows: Sequence[Look], seed: int) -> dict[str, float]:
     values = [look.detection.score if look.detection else 0.0 for look in rows]
-    return fit_correlation(rows, values, SCORE_EDGES_M[name], seed)
+    return shares_of(rows, values, SCORE_EDGES_M[name], seed)
 
 
 def _place_correlation(name: str, rows: Sequence[Look], error: str, seed: int) -> dict[str, float]:
     placed = [look for look in rows if look.along_m is not None]
-    return fit_correlation(placed, [getattr(look, error) for look in placed], PLACE_EDGES_M[name], seed)
-
-
-def fit_correlation(
-    rows: Sequence[Look],
-    values: Sequence[float],
-    edges_m: Sequence[float],
-    seed: int,
-    replications: int = REPLICATIONS,
-) -> dict[str, float]:
-    """The shares of the copula whose looks, made at the same places, are alike to the same degree as the real ones.
-
-    ``values`` are scores (0: missed) or errors. Every combination of ``OBJECT_SHARES``, ``LOOK_SHARES`` and
-    ``SMOOTH_M`` is simulated; the one nearest to the real likeness, in squares over ``LAGS_M``, is taken.
-    """
-    tracks = np.array([look.track for look in rows])
-    views_m = np.array([look.view_m for look in rows])
-    bins = np.digitize([look.range_m for look in rows], edges_m)
-    pairs = Pairs(tracks, views_m)
-    real = pairs.likeness(normal_scores(values, bins))
-    missing = {k: float(np.mean(np.array(values)[bins == k] == 0.0)) for k in set(bins.tolist())}
-    objects = np.searchsorted(np.unique(tracks), tracks)
-    random = np.random.default_rng(seed)
-    draws = random.standard_normal((replications, 3, len(rows)))
-    best: tuple[float, dict[str, float]] = (math.inf, {})
-    cut = np.array([NormalDist().inv_cdf(min(max(missing[k], 1e-9), 1 - 1e-9)) for k in bins.tolist()])
-    for smooth_m in SMOOTH_M:
-        gradual = _gradual(tracks, views_m, smooth_m, draws[:, 1])
-        for of_object in OBJECT_SHARES:
-            for of_look in LOOK_SHARES:
-                of_view = 1 - of_object - of_look
-                made = []
-                for k in range(replications):
-                    lasting = draws[k, 0][objects]
-                    z = of_object**0.5 * lasting + of_view**0.5 * gradual[k] + of_look**0.5 * draws[k, 2]
-                    z = np.where(z < cut, -9.0, z)
-                    made.append(pairs.likeness(normal_scores(z, bins)))
-                gap = float(np.nansum((np.mean(made, axis=0) - real) ** 2))
-                if gap < best[0]:
-                    shares = {"object": of_object, "view": round(of_view, DECIMALS), "smooth_m": smooth_m}
-                    best = gap, shares
-    return best[1]
-
-
-def _gradual(tracks: Array, views_m: Array, smooth_m: float, draws: Array) -> Array:
-    """Standard normal numbers (replications, looks), correlated by exp(-distance of views / smooth_m) per object."""
-    made = np.empty_like(draws)
-    for track in np.unique(tracks):
-        here = np.flatnonzero(tracks == track)
-        gaps = np.abs(views_m[here, None] - views_m[None, here])
-        factor = np.linalg.cholesky(np.exp(-gaps / smooth_m) + 1e-9 * np.eye(len(here)))
-        made[:, here] = draws[:, here] @ factor.T
-    return made
+    return shares_of(placed, [getattr(look, error) for look in placed], PLACE_EDGES_M[name], seed)
 
 
 def _ghosts(trace: Trace, truth: Truth, groups: Mapping[str, Any], seed: int) -> dict[str, Any]:
@@ -262,10 +177,10 @@ def _ghosts(trace: Trace, truth: Truth, groups: Mapping[str, Any], seed: int) ->
     evaluation = evaluate(trace, truth, 0.3)
     cameras = sorted({camera for camera, _ in truth.pictures})
     frames = [frame for camera in cameras for frame in trace.frames[camera]]
-    way_m = sum(math.dist(a.pose[:2], b.pose[:2]) for a, b in pairwise(trace.frames[cameras[0]]))
     gone_m = _gone_m(trace)
     ghosts = {}
     for name in LABELS:
+        reach_m = REACHES_M[GHOST_LABELS[name]]
         wrong = {id(j.detection): j.detection for j in evaluation.groups[name].judged if j.label is None}
         sightings = [
             (frame, found, np.array(found.location[:2]))
@@ -280,7 +195,7 @@ def _ghosts(trace: Trace, truth: Truth, groups: Mapping[str, Any], seed: int) ->
                 near[0].append(sighting)
             else:
                 places.append([sighting])
-        lasting = [place for place in places if len(place) >= GHOST_SIGHTINGS]
+        lasting = [place for place in places if len(place) >= MIN_SIGHTINGS]
         rows = []
         for number, place in enumerate(lasting):
             seen = {(frame.camera, frame.index): found for frame, found, _ in place}
@@ -288,34 +203,42 @@ def _ghosts(trace: Trace, truth: Truth, groups: Mapping[str, Any], seed: int) ->
             for frame in frames:
                 picture = (frame.camera, frame.index)
                 range_m = math.dist(frame.pose[:2], middle)
-                if picture in seen or _in_view(frame, middle):
+                if picture in seen or _in_view(frame, middle, reach_m):
                     view_m = range_m - gone_m[picture]
                     where = (float(middle[0]), float(middle[1]), 0.0)
                     found = seen.get(picture)
                     rows.append(Look(number, frame.camera, frame.pose, where, range_m, view_m, found, None, None))
-        found_rows = [row.detection for row in rows if row.detection]
-        fleeting = [found for found in wrong.values() if all(found is not kept for kept in found_rows)]
-        edges_m = (0.0, GHOST_VIEW_M + 1)
-        values = [row.detection.score if row.detection else 0.0 for row in rows]
+        came_back = [row.detection for row in rows if row.detection]
+        fleeting = [found for found in wrong.values() if all(found is not kept for kept in came_back)]
         ghosts[name] = {
-            "places": len(lasting),
-            "per_100m": round(100 * len(lasting) / (way_m + GHOST_VIEW_M), DECIMALS),
             "fleeting_a_frame": round(len(fleeting) / len(frames), DECIMALS),
             "fleeting_range_m": _quantiles([math.dist(frame.pose[:2], where) for frame, _, where in sightings]),
-            "fleeting_scores": _quantiles([d.score for d in fleeting]),
-            "found": {
-                "range_m": [round(float(np.mean([row.range_m for row in rows])), DECIMALS)],
-                "looks": [len(rows)],
-                "miss": [round(1 - len(found_rows) / len(rows), DECIMALS)],
-                "scores": [_quantiles([found.score for found in found_rows])],
-            },
-            "score_correlation": fit_correlation(rows, values, edges_m, seed),
-            **{key: groups[name][key] for key in ("place", "along_correlation", "across_correlation")},
+            "fleeting_scores": _quantiles([found.score for found in fleeting]),
+            "places": len(lasting),
         }
+        if lasting:
+            edges_m = (0.0, math.inf)
+            values = [row.detection.score if row.detection else 0.0 for row in rows]
+            ghosts[name] |= {
+                "per_100m": round(100 * len(rows) / len(frames) / _street_in_view_m(reach_m), DECIMALS),
+                "found": {
+                    "range_m": [round(float(np.mean([row.range_m for row in rows])), DECIMALS)],
+                    "looks": [len(rows)],
+                    "miss": [round(1 - len(came_back) / len(rows), DECIMALS)],
+                    "scores": [_quantiles([found.score for found in came_back])],
+                },
+                "score_correlation": shares_of(rows, values, edges_m, seed),
+                **{key: groups[name][key] for key in ("place", "along_correlation", "across_correlation")},
+            }
     return ghosts
 
 
-def _in_view(frame: TraceFrame, place: Array) -> bool:
+def _street_in_view_m(reach_m: float) -> float:
+    """How much of a town's street a camera sees the ghosts of, which stand ``GHOST_BESIDE_M`` from its middle."""
+    return math.sqrt(reach_m**2 - GHOST_BESIDE_M**2) - GHOST_BESIDE_M / math.tan(HORIZONTAL_FOV_RAD / 2)
+
+
+def _in_view(frame: TraceFrame, place: Array, reach_m: float) -> bool:
     east_m, north_m = place[0] - frame.pose.east_m, place[1] - frame.pose.north_m
     bearing = math.remainder(math.atan2(north_m, east_m) - frame.pose.heading_rad, 2 * math.pi)
-    return abs(bearing) <= frame.horizontal_fov_rad / 2 and math.hypot(east_m, north_m) <= GHOST_VIEW_M
+    return abs(bearing) <= frame.horizontal_fov_rad / 2 and math.hypot(east_m, north_m) <= reach_m

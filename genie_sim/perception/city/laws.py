@@ -27,6 +27,7 @@ import numpy as np
 
 from genie_sim.core.geometry import Array
 from genie_sim.perception.city.noise import smooth_normals
+from genie_sim.perception.city.rules import MOST_VIEW_M
 from genie_sim.perception.trace import SCORE_DECIMALS
 
 GROUP_OF = {"car": "vehicles", "truck": "vehicles", "bus": "vehicles"}  # all others: persons
@@ -34,7 +35,7 @@ STEPS_PER_Z, MIDDLE = 32.0, 32 * 7  # tables cover z from -7 to 7: three numbers
 VIEW_STEP_M = 0.25
 PLACE_DECIMALS = 6
 GHOST_LABELS = {"vehicles": "car", "persons": "person"}
-RANGES = 101  # rows of a table, one a metre
+RANGES = MOST_VIEW_M + 2  # rows of a table, one a metre
 
 Table = Sequence[Sequence[float]]
 
@@ -91,9 +92,9 @@ class DetectorLaws:
         self._real = {
             name: GroupLaws(group, names if name == "vehicles" else ()) for name, group in fitted["groups"].items()
         }
-        self._ghosts = {name: GroupLaws(group) for name, group in fitted["ghosts"].items()}
+        self._ghosts = {name: GroupLaws(group) for name, group in fitted["ghosts"].items() if group["places"]}
         ghosts = [(GHOST_LABELS[name], group) for name, group in sorted(fitted["ghosts"].items())]
-        self.ghosts_per_100m = {label: float(group["per_100m"]) for label, group in ghosts}
+        self.ghosts_per_100m = {label: float(group["per_100m"]) for label, group in ghosts if group["places"]}
         self.fleeting = tuple(
             Fleeting(
                 label, group["fleeting_a_frame"], tuple(group["fleeting_range_m"]), tuple(group["fleeting_scores"])

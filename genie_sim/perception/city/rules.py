@@ -9,6 +9,12 @@ from genie_sim.errors import UserError
 
 JUNCTION_M = 6.0  # from the middle of a junction to where a car begins to turn, and to its stop lines
 LANE_M = 1.75  # from the middle of a street to the middle of its right-hand lane
+SLOT_M = 6.5  # of kerb that a parked car takes
+CLEAR_M = 14.0  # from a crossing, free of parked cars
+GHOST_BESIDE_M = 9.0  # from the middle of a street to what a detector takes for something
+MOST_VIEW_M = 100
+MOST_BLOCKS = 100
+MOST_PER_100M = 100.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,10 +41,10 @@ class TownRules:
     parked_cars_per_100m: float = 15.0
     truck_share: float = 0.05
     parked_bicycles_per_100m: float = 0.6
-    standing_people_per_100m: float = 0.4
+    standing_people_per_100m: float = 0.3
     furniture_per_100m: float = 0.1
     moving_cars_per_100m: float = 1.0
-    walkers_per_100m: float = 0.4
+    walkers_per_100m: float = 0.3
     cyclists_per_100m: float = 2.5
     destinations: int = 12
     popularity: float = 1.0
@@ -51,17 +57,23 @@ class TownRules:
             numbers = value if isinstance(value, tuple) else (value,)
             if any(isinstance(x, bool) or not isinstance(x, int | float) or not math.isfinite(x) for x in numbers):
                 raise UserError(f"town: {field.name}: {value!r} is not a finite number")
-        if len(self.blocks) != 2 or any(not isinstance(n, int) or not 1 <= n <= 1000 for n in self.blocks):
-            raise UserError(f"town: blocks: {self.blocks!r} is not two whole numbers from 1 to 1000")
+        if len(self.blocks) != 2 or any(not isinstance(n, int) or not 1 <= n <= MOST_BLOCKS for n in self.blocks):
+            raise UserError(f"town: blocks: {self.blocks!r} is not two whole numbers from 1 to {MOST_BLOCKS}")
         for name in ("main_every", "destinations"):
             if not isinstance(getattr(self, name), int) or getattr(self, name) < 1:
                 raise UserError(f"town: {name}: {getattr(self, name)!r} is not a whole number from 1 on")
         for name in ("speed_mps", "main_speed_mps", "acceleration_mps2", "braking_mps2", "view_m"):
             if getattr(self, name) <= 0:
                 raise UserError(f"town: {name}: {getattr(self, name)!r} is not positive")
+        if self.view_m > MOST_VIEW_M:
+            raise UserError(f"town: view_m: {self.view_m!r} is more than {MOST_VIEW_M}, where no law is known")
+        if self.popularity < 0:
+            raise UserError(f"town: popularity: {self.popularity!r} is negative")
         for field in fields(self):
-            if (field.name.endswith("_100m") or field.name == "popularity") and getattr(self, field.name) < 0:
-                raise UserError(f"town: {field.name}: {getattr(self, field.name)!r} is negative")
+            if field.name.endswith("_100m") and not 0 <= getattr(self, field.name) <= MOST_PER_100M:
+                raise UserError(
+                    f"town: {field.name}: {getattr(self, field.name)!r} is not between 0 and {MOST_PER_100M:g}"
+                )
         if not 0 <= self.truck_share <= 1:
             raise UserError(f"town: truck_share: {self.truck_share!r} is not between 0 and 1")
         if not 8.0 <= self.street_half_m <= self.block_m / 4:
@@ -72,6 +84,18 @@ class TownRules:
                 f"town: block_m: {self.block_m!r} is too short to stop in from the speed limit; "
                 f"at least {braking_m + 4 * JUNCTION_M:.0f}"
             )
+
+        room = 200 * self.parking_slots / self.block_m
+        if self.parked_cars_per_100m > room:
+            raise UserError(
+                f"town: parked_cars_per_100m: {self.parked_cars_per_100m!r} do not fit; "
+                f"between junctions there is room for {room:.1f}"
+            )
+
+    @property
+    def parking_slots(self) -> int:
+        """How many cars can be parked on one side of a street between two junctions."""
+        return int((self.block_m - 2 * CLEAR_M) / SLOT_M)
 
     def main(self, street: int) -> bool:
         """Whether the n-th street, counted from the west or the south, is a main street."""

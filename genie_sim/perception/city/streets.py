@@ -18,15 +18,13 @@ from typing import NamedTuple
 import numpy as np
 
 from genie_sim.perception.city.laws import DetectorLaws
-from genie_sim.perception.city.rules import JUNCTION_M, LANE_M, TownRules
+from genie_sim.perception.city.rules import CLEAR_M, GHOST_BESIDE_M, JUNCTION_M, LANE_M, SLOT_M, TownRules
 from genie_sim.perception.city.things import Seen, seen
 
-SLOT_M = 6.5  # of kerb that a parked car takes
 PARKED_M, PAVEMENT_M, BIKE_M = 5.0, 7.5, 3.2  # from the middle of the street
 WALK_MPS, CYCLE_MPS, FLOW = 1.4, 4.5, 0.9  # assumed; FLOW is the share of the speed limit that traffic drives
 FURNITURE = (("fire hydrant", 0.4), ("bench", 0.5))
 STREAM_BITS = 32
-CLEAR_M = 14.0  # from a crossing, free of parked cars
 
 
 class Stream(NamedTuple):
@@ -120,7 +118,7 @@ def lay_out(
             stand(label, along_m, side * beside_m)
     for label, density in laws.ghosts_per_100m.items():
         for along_m, side in _scattered(density, length_m, random):
-            stand(label, along_m, side * (PAVEMENT_M + 1.5), real=False)
+            stand(label, along_m, side * GHOST_BESIDE_M, real=False)
     for crossing in range(crossings + 1):
         other = rules.main(crossing)
         if not other:
@@ -170,8 +168,8 @@ def _streams(
 
 def _parked(rules: TownRules, crossings: int, random: np.random.Generator) -> Iterator[tuple[float, bool]]:
     """Place along one side of a street, and whether it is a truck, of each parked car; some blocks have none."""
-    slots = int((rules.block_m - 2 * CLEAR_M) / SLOT_M)
-    busy = min(1.0, rules.parked_cars_per_100m / 2 * rules.block_m / 100 / max(slots, 1))
+    slots = rules.parking_slots
+    busy = rules.parked_cars_per_100m / 200 * rules.block_m / slots
     for block in range(crossings):
         share = random.beta(2 * busy, 2 * (1 - busy)) if 0 < busy < 1 else busy
         taken = np.flatnonzero(random.random(slots) < share)
