@@ -7,6 +7,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
+import pandas as pd
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -18,6 +19,9 @@ from genie_sim.experiment.fleet import Fleet
 from genie_sim.experiment.report import data
 from genie_sim.experiment.runner import prepare, simulate
 from genie_sim.experiment.scenario import Scenario, load_scenario, read_scenario
+from genie_sim.experiment.sweep.design import load_design
+from genie_sim.experiment.sweep.plan import plan
+from genie_sim.experiment.sweep.tasks import Task, run_task
 from genie_sim.experiment.yaml_input import parse
 from genie_sim.units import NS_PER_MS, NS_PER_S
 
@@ -222,6 +226,22 @@ def test_shipped_fleets_can_be_spelled_out(name: str):
 def test_a_fleets_folder_is_made_again_byte_for_byte(tmp_path: Path):
     result = runner.run_to_folder(small(), tmp_path)
     assert all(runner.rerun(result.folder).values())
+
+
+def test_a_sweep_over_fleets_gives_each_run_what_it_gives_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.chdir(tmp_path)
+    Path("small.yaml").write_text(small().to_yaml())
+    Path("s.yaml").write_text("scenario: ./small.yaml\nseeds: [1, 2]\naxes: {cars: {set: fleet.cars, list: [1, 2]}}\n")
+    made = plan(load_design(Path("s.yaml")), "s.yaml")
+    assert len(made.runs) == 4 and not made.shared.traces, "no worker is sent thousands of drives"
+    task = Task(tuple(made.runs.values()), str(tmp_path / "parts"))
+    assert run_task(task, made.shared.packed()) == 4
+    table = pd.read_parquet(task.part)
+    for run_id, one in made.runs.items():
+        mine = table[table["run_id"].astype(str) == run_id].set_index("metric")["value"]
+        alone = {metric.name: metric.value for metric in runner.run_in_memory(one.scenario).measured}
+        for name in ("frames_published", "first_answer_mean", "ghost_share"):
+            assert mine[name] == alone[name], (one.scenario.seed, name)
 
 
 @pytest.mark.parametrize(
