@@ -88,7 +88,7 @@ class City(Model):
         BeforeValidator(_read_town),
         PlainSerializer(_write_town, when_used="json"),
         WithJsonSchema(_town_schema()),
-    ] = TownRules()
+    ] = Field(default_factory=TownRules)
 
 
 def _shares(value: object) -> object:
