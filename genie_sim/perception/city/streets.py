@@ -11,6 +11,7 @@ time is one sum, whoever asks.
 from __future__ import annotations
 
 import math
+from array import array
 from bisect import bisect_left
 from collections.abc import Iterator
 from typing import NamedTuple
@@ -39,7 +40,7 @@ class Stream(NamedTuple):
     beside_m: float
     speed_mps: float
     length_m: float
-    starts_m: list[float]
+    starts_m: array[float]
 
     def between(self, low_m: float, high_m: float, t_s: float) -> list[Seen]:
         """All that are between two places along the street at a time.
@@ -78,7 +79,7 @@ class Street:
         self.northbound, self.middle_m, self.length_m = northbound, middle_m, length_m
         self.streams = [stream for stream in streams if stream.starts_m]
         self.standing = sorted(standing, key=lambda s: (s.north_m if northbound else s.east_m, s.number))
-        self.places_m = [s.north_m if northbound else s.east_m for s in self.standing]
+        self.places_m = array("d", (s.north_m if northbound else s.east_m for s in self.standing))
 
     def between(self, low_m: float, high_m: float, t_s: float) -> list[Seen]:
         """All that is between two places along the street at a time."""
@@ -152,7 +153,7 @@ def _streams(
         (("person",), rules.walkers_per_100m, PAVEMENT_M, WALK_MPS),
     ):
         for direction in (-1, 1):
-            starts_m = np.sort(random.random(random.poisson(density / 2 * length_m / 100)) * length_m).tolist()
+            starts_m = array("d", np.sort(random.random(random.poisson(density / 2 * length_m / 100)) * length_m))
             beside_m = index * rules.block_m + direction * off_m * (1 if northbound else -1)  # on their right
             number = base + ((2 * len(streams) + 1) << STREAM_BITS) + (1 << STREAM_BITS - 1)
             movers = [
