@@ -31,23 +31,26 @@ def main() -> None:
     parser.add_argument("--cameras", default="02,03")
     parser.add_argument("--size", help="the network's input, such as 832x256")
     parser.add_argument("--threads", type=int, default=1)
+    parser.add_argument("--batch", type=int, default=1, help="pictures at a time")
     parser.add_argument("--frames", type=int, default=200, help="of all cameras together")
     parser.add_argument("--rounds", type=int, default=9)
     arguments = parser.parse_args()
 
     width_height = arguments.size and tuple(map(int, arguments.size.split("x")))
-    detector = make_detector(arguments.detector, None, width_height, threads=arguments.threads)
+    detector = make_detector(arguments.detector, None, width_height, threads=arguments.threads, batch=arguments.batch)
     assert isinstance(detector, OnnxDetector)
     drive = open_drive(kitti_folder(None), arguments.drive, arguments.cameras.split(","))
     frames = in_turn(drive)[: arguments.frames]
     blobs = [detector.prepare(read_image(frame.image_path))[0] for frame in frames]
+    together = [blobs[i : i + detector.batch] for i in range(0, len(blobs), detector.batch)]
     bare, pipeline = [], []
     for _ in range(arguments.rounds):
-        bare.append(_timed(lambda: map(detector.infer, blobs)))
+        bare.append(_timed(lambda: map(detector.infer_many, together)))
         pipeline.append(_timed(lambda: trace_frames(drive, frames, detector)))
     shares = [one[0] / other[0] for one, other in zip(bare, pipeline, strict=True)]
     size = "x".join(map(str, detector.size))
-    print(f"{detector.name} {size}, {len(frames)} frames, {arguments.threads} threads, {os.cpu_count()} processors")
+    print(f"{detector.name} {size}, {len(frames)} frames, {detector.batch} at a time", end=", ")
+    print(f"{arguments.threads} threads, {os.cpu_count()} processors")
     (bare_s, bare_processor_s), (pipeline_s, pipeline_processor_s) = (
         [statistics.median(column) / len(frames) for column in zip(*rows, strict=True)] for rows in (bare, pipeline)
     )

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import hashlib
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, ClassVar, NamedTuple
 
@@ -260,9 +260,10 @@ def best_boxes(
     min_score: float,
     classes: Sequence[str] = COCO_LABELS,
     iou: float = NMS_IOU,
+    same_object: Mapping[str, str] = SAME_OBJECT,
 ) -> list[Found]:
-    """Non-maximum suppression: of boxes (n, 4) of one class that overlap by more than ``iou``, the best stays. Cars,
-    trucks and buses are one class here."""
+    """Non-maximum suppression: of boxes (n, 4) of one class that overlap by more than ``iou``, the best stays. Classes
+    in ``same_object`` count as the one they are mapped to: cars, trucks and buses are one."""
     if not len(scores):
         return []
     # As in a trace, so that an object at the threshold is in or out whatever the last bits are.
@@ -277,7 +278,7 @@ def best_boxes(
     if not found:
         return []
     kinds = sorted(ROAD_LABELS)
-    groups = [kinds.index(SAME_OBJECT.get(f.label, f.label)) for f in found]
+    groups = [kinds.index(same_object.get(f.label, f.label)) for f in found]
     extents = [(x1, y1, x2 - x1, y2 - y1) for _, _, (x1, y1, x2, y2) in found]
     order = cv2.dnn.NMSBoxesBatched(extents, [f.score for f in found], groups, 0.0, iou)
     return sorted((found[i] for i in np.ravel(order)), key=lambda f: (-f.score, f.label, f.box))
