@@ -329,9 +329,8 @@ class GenieNode:
                 objects.append(held)
                 continue
             requests += 1
-            around = self.object_map.at(held.location)
-            there = [one for one in around if one.confidence >= threshold]
-            stored = self.object_map.nearest(held.label, held.location, around)
+            there = [one for one in self.object_map.at(held.location) if one.confidence >= threshold]
+            stored = self.object_map.match(held.label, held.location)
             if stored is not None:
                 included.add(id(stored))
                 held = held.with_confidence(stored.confidence)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bisect
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -68,7 +68,7 @@ class ObjectMap:
         self._rules = rules
         self._exact = rules.location_key == "exact"
         self._cell_m = CELL_GATES * rules.gate_m
-        self._gate2 = rules.gate_m**2
+        self._gate2 = 0.0 if self._exact else rules.gate_m**2
         self._cells: dict[Any, list[StoredObject]] = {}  # by location if exact, else by cell
         self._view_cell_m = view_cell_m
         self._view_cells: dict[tuple[int, int], list[StoredObject]] = {}
@@ -106,7 +106,8 @@ class ObjectMap:
         stored = StoredObject(seen.label, seen.location, seen.score, seen.confidence)
         for cell in self._cells_within_reach(seen.location):
             self._cells.setdefault(cell, []).append(stored)
-        self._view_cells.setdefault(_cell(seen.location, self._view_cell_m), []).append(stored)
+        view_cell = math.floor(seen.location[0] / self._view_cell_m), math.floor(seen.location[1] / self._view_cell_m)
+        self._view_cells.setdefault(view_cell, []).append(stored)
         if self._rules.threshold == "empirical":
             bisect.insort(self._first_scores, seen.score)
         self._count += 1
@@ -114,26 +115,24 @@ class ObjectMap:
 
     def match(self, label: str, location: Location) -> StoredObject | None:
         """The stored object that a sighting of class ``label`` at ``location`` shows: the nearest that fits."""
-        return self.nearest(label, location, self.at(location))
-
-    def nearest(self, label: str, location: Location, among: Sequence[StoredObject]) -> StoredObject | None:
-        """The one of the objects ``at`` a location that a sighting of class ``label`` shows."""
-        if not self._rules.one_per_location:
-            among = [one for one in among if one.label == label]
-        if len(among) > 1:
-            return min(among, key=lambda one: math.dist(one.location[:2], location[:2]))
-        return among[0] if among else None
-
-    def at(self, location: Location) -> Sequence[StoredObject]:
-        """``OBJECT_MAP[location]``: every stored object, of any class, that counts as being there."""
-        if self._exact:
-            return self._cells.get(location, ())
         east_m, north_m, _ = location
-        gate2 = self._gate2
+        any_class = self._rules.one_per_location
+        best, best2 = None, self._gate2
+        for one in self._cells.get(self._cell(location), ()):
+            if any_class or one.label == label:
+                away_east_m, away_north_m = one.location[0] - east_m, one.location[1] - north_m
+                distance2 = away_east_m * away_east_m + away_north_m * away_north_m
+                if distance2 < best2 or (best is None and distance2 == best2):
+                    best, best2 = one, distance2
+        return best
+
+    def at(self, location: Location) -> list[StoredObject]:
+        """``OBJECT_MAP[location]``: every stored object, of any class, that counts as being there."""
+        east_m, north_m, _ = location
         found = []
-        for one in self._cells.get((math.floor(east_m / self._cell_m), math.floor(north_m / self._cell_m)), ()):
+        for one in self._cells.get(self._cell(location), ()):
             away_east_m, away_north_m = one.location[0] - east_m, one.location[1] - north_m
-            if away_east_m * away_east_m + away_north_m * away_north_m <= gate2:
+            if away_east_m * away_east_m + away_north_m * away_north_m <= self._gate2:
                 found.append(one)
         return found
 
@@ -157,6 +156,12 @@ class ObjectMap:
                         found.append(stored)
         return found
 
+    def _cell(self, location: Location) -> Any:
+        """The cell that lists what may be at a location: the location itself if it has to be equal."""
+        if self._exact:
+            return location
+        return math.floor(location[0] / self._cell_m), math.floor(location[1] / self._cell_m)
+
     def _cells_within_reach(self, location: Location) -> list[Any]:
         if self._exact:
             return [location]
@@ -176,10 +181,6 @@ class ObjectMap:
             norths = 0.0, range_m * math.sin(left), range_m * math.sin(right), tip_m * math.sin(heading_rad)
             west, east, south, north = min(easts), max(easts), min(norths), max(norths)
         return _cells((east_m + west, east_m + east), (north_m + south, north_m + north), self._view_cell_m)
-
-
-def _cell(location: Location, side_m: float) -> tuple[int, int]:
-    return math.floor(location[0] / side_m), math.floor(location[1] / side_m)
 
 
 def _cells(easts: tuple[float, float], norths: tuple[float, float], side_m: float) -> list[tuple[int, int]]:
