@@ -17,7 +17,7 @@ from genie_sim.perception.kitti import open_drive
 from genie_sim.perception.perceive import perceive
 from genie_sim.perception.placement import HALF_DEPTH_M
 from genie_sim.perception.trace import read_trace, write_trace
-from genie_sim.perception.tuning import simplest
+from genie_sim.perception.tuning import simplest, thread_counts
 
 DRIVE = f"{DATE}/0005"
 SHIPPED = Path(__file__).parents[1] / "scenarios" / "traces" / "kitti_0005.parquet"
@@ -126,6 +126,13 @@ def test_what_is_fastest_is_found_out_and_told(street, monkeypatch):
 )
 def test_of_settings_that_are_nearly_as_fast_the_simplest_is_taken(rates_fps, chosen):
     assert simplest(rates_fps) == chosen
+
+
+@pytest.mark.parametrize(
+    ("processors", "counts"), [(1, [1]), (2, [1, 2]), (6, [1, 2, 4, 6]), (64, [1, 2, 4, 8, 16, 32, 64])]
+)
+def test_thread_counts_that_are_tried(processors, counts):
+    assert thread_counts(processors) == counts
 
 
 def test_published_detections_have_no_threads(street):

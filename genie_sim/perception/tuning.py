@@ -48,11 +48,11 @@ def fastest(
     threads: int | None = None,
     batch: int | None = None,
 ) -> Choice:
-    """Tries the first frames with 1 to all processors and a few batches; what is given is not tried.
+    """Tries the first frames with 1, 2, 4 ... to all processors and a few batches; what is given is not tried.
 
     ``make`` opens the detector with so many threads and so large a batch. Raises UserError where none can be opened.
     """
-    counts = range(1, (os.cpu_count() or 1) + 1) if threads is None else [threads]
+    counts = thread_counts(os.cpu_count() or 1) if threads is None else [threads]
     detectors: dict[Setting, Detector] = {}
     refused: dict[Setting, str] = {}
     for setting in [(count, size) for size in (BATCHES if batch is None else [batch]) for count in counts]:
@@ -74,6 +74,12 @@ def fastest(
             seconds[setting].append(time.perf_counter() - begin)
     rates_fps = {setting: len(first) / statistics.median(taken) for setting, taken in seconds.items()}
     return Choice(*simplest(rates_fps), rates_fps, refused)
+
+
+def thread_counts(processors: int) -> list[int]:
+    """1, 2, 4 ... and as many as there are: each count would take long on a large machine, and say little more."""
+    powers = (2**power for power in range(processors.bit_length()))
+    return sorted({*powers, processors})
 
 
 def simplest(rates_fps: Mapping[Setting, float]) -> Setting:
