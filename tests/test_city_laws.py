@@ -14,8 +14,8 @@ import pytest
 from genie_sim.experiment import files
 from genie_sim.messages import CameraPose
 from genie_sim.perception.city import Town, TownRules, beside, fit
-from genie_sim.perception.city.camera import Eye
-from genie_sim.perception.city.laws import DetectorLaws, detector_laws
+from genie_sim.perception.city.camera import MOST_Z, Eye
+from genie_sim.perception.city.laws import MIDDLE, STEPS_PER_Z, DetectorLaws, detector_laws
 from genie_sim.perception.city.noise import mix, normals, smooth_normals
 from genie_sim.perception.evaluation import evaluate
 from genie_sim.perception.trace import read_trace
@@ -76,7 +76,8 @@ def _known(miss: float, of_object: float, of_view: float) -> DetectorLaws:
     ghost = {**group, "places": 0, "fleeting_a_frame": 0.0, "fleeting_range_m": [9, 9], "fleeting_scores": [1, 1]}
     groups = {"vehicles": group, "persons": group}
     ghosts = {"vehicles": ghost, "persons": ghost}
-    return DetectorLaws({"groups": groups, "ghosts": ghosts, "vehicle_names": [], "provenance": {}})
+    names = {"prone": 0.0, "names": []}
+    return DetectorLaws({"groups": groups, "ghosts": ghosts, "vehicle_names": names, "provenance": {}})
 
 
 def _drive_by(objects: int = 150) -> list[fit.Look]:
@@ -119,6 +120,28 @@ def test_the_copula_is_fitted_from_looks_alone():
     found = fit.shares_of(again, values, (0, 60), seed=1, replications=3)
     assert found["object"] == pytest.approx(0.5, abs=0.15)
     assert found["object"] + found["view"] == pytest.approx(0.8, abs=0.15)
+
+
+def test_numbers_stay_within_the_tables(laws):
+    """The largest and the least number that a look can have lie between -7 and 7."""
+    for label, real in (("car", True), ("person", True), ("car", False)):
+        of = laws.of(label, real)
+        for copula in (of.score, of.along, of.across):
+            most = max(map(abs, normals())), max(map(abs, copula.views)), max(map(abs, normals()))
+            assert sum(weight * z for weight, z in zip(copula[:3], most, strict=True)) * STEPS_PER_Z < MIDDLE
+        assert max(normals()) <= MOST_Z
+
+
+def test_some_vehicles_are_called_something_else_at_times(laws):
+    """On drive 0005 two of the labelled vehicles: most are always cars, the others now and then a truck or a bus."""
+    again = beside.looked_again(laws, "vehicles", _drive_by(400), seed=4)
+    names: dict[int, set[str]] = {}
+    for look in again:
+        if look.detection is not None:
+            names.setdefault(look.track, set()).add(look.detection.label)
+    assert set().union(*names.values()) == {"car", "truck", "bus"}
+    prone = sum(one != {"car"} for one in names.values()) / len(names)
+    assert prone == pytest.approx(2 / 11, abs=0.07)
 
 
 def test_the_laws_are_those_of_the_shipped_trace(laws, trace):

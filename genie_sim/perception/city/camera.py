@@ -172,10 +172,11 @@ class Eye:
                 ((north_m + along_m * dy + across_m * dx) * 1000.0 + 0.5) // 1.0 / 1000.0,
                 up_m,
             )
-            for share, name in laws.names:
-                if bits >> 40 & 0xFFFF < share:
-                    label = name
-                    break
+            if key >> 52 < laws.prone:
+                for share, name in laws.names:
+                    if bits >> 40 & 0xFFFF < share:
+                        label = name
+                        break
             found.append(Detection(label, score, None, location, score, "city"))
         draw = (look_key >> 48) / 0x10000
         for kind in self.fleeting:

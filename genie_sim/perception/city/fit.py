@@ -95,11 +95,25 @@ def fit(trace: Trace, truth: Truth, ghost_truth: Truth, seed: int = 1) -> dict[s
         }
         for name, rows in by_group.items()
     }
-    names = [look.detection.label for look in by_group["vehicles"] if look.detection is not None]
     return {
         "groups": groups,
         "ghosts": _ghosts(trace, ghost_truth, groups, seed),
-        "vehicle_names": [[name, round(names.count(name) / len(names), DECIMALS)] for name in ("truck", "bus")],
+        "vehicle_names": _names(by_group["vehicles"]),
+    }
+
+
+def _names(vehicles: Sequence[Look]) -> dict[str, Any]:
+    """What the detector calls a vehicle that is no car to it: the share of vehicles to which that ever happens, and of
+    the looks at these the share of each name."""
+    names: dict[int, list[str]] = {}
+    for look in vehicles:
+        if look.detection is not None:
+            names.setdefault(look.track, []).append(look.detection.label)
+    prone = [name for one in names.values() if set(one) != {"car"} for name in one]
+    return {
+        "vehicles": len(names),
+        "prone": round(sum(set(one) != {"car"} for one in names.values()) / len(names), DECIMALS),
+        "names": [[name, round(prone.count(name) / max(len(prone), 1), DECIMALS)] for name in ("truck", "bus")],
     }
 
 

@@ -34,6 +34,7 @@ GROUP_OF = {"car": "vehicles", "truck": "vehicles", "bus": "vehicles"}  # all ot
 STEPS_PER_Z, MIDDLE = 32.0, 32 * 7  # tables cover z from -7 to 7: three numbers of at most 3.7, weights of norm 1
 VIEW_STEP_M = 0.25
 PLACE_DECIMALS = 6
+PRONE = 1 << 12
 GHOST_LABELS = {"vehicles": "car", "persons": "person"}
 RANGES = MOST_VIEW_M + 2  # rows of a table, one a metre
 
@@ -51,11 +52,15 @@ class Copula(NamedTuple):
 
 
 class GroupLaws:
-    """One group's laws as tables by range [m] and z; a score of 0 is a miss."""
+    """One group's laws as tables by range [m] and z; a score of 0 is a miss.
 
-    __slots__ = ("across", "across_m", "along", "along_m", "names", "score", "scores")
+    Of ``PRONE`` objects so many are ``prone`` to be called something else at times: ``names`` are the running shares of
+    65,536 looks, and the names.
+    """
 
-    def __init__(self, fitted: Mapping[str, Any], names: tuple[tuple[int, str], ...] = ()) -> None:
+    __slots__ = ("across", "across_m", "along", "along_m", "names", "prone", "score", "scores")
+
+    def __init__(self, fitted: Mapping[str, Any]) -> None:
         found, place = fitted["found"], fitted["place"]
         self.score, self.along, self.across = (
             _copula(fitted[f"{name}_correlation"]) for name in ("score", "along", "across")
@@ -63,7 +68,8 @@ class GroupLaws:
         self.scores: Table = _score_table(found)
         self.along_m: Table = _place_table(place, "along_m")
         self.across_m: Table = _place_table(place, "across_m")
-        self.names = names
+        self.names: tuple[tuple[int, str], ...] = ()
+        self.prone = 0
 
 
 class Fleeting(NamedTuple):
@@ -76,22 +82,16 @@ class Fleeting(NamedTuple):
 
 
 class DetectorLaws:
-    """All laws: of real objects, of ghosts that stand at places where nothing is, and of fleeting ones.
-
-    ``names`` are what the detector calls a vehicle at times: running share of 65,536, and name.
-    """
+    """All laws: of real objects, of ghosts that stand at places where nothing is, and of fleeting ones."""
 
     def __init__(self, fitted: Mapping[str, Any]) -> None:
         self.provenance: Mapping[str, Any] = fitted["provenance"]
         self.digest = hashlib.sha256(json.dumps(fitted, sort_keys=True).encode()).hexdigest()
-        shares = accumulate(float(share) for _, share in fitted["vehicle_names"])
-        names = tuple(
-            (round(share * 0x10000), str(name))
-            for share, (name, _) in zip(shares, fitted["vehicle_names"], strict=True)
-        )
-        self._real = {
-            name: GroupLaws(group, names if name == "vehicles" else ()) for name, group in fitted["groups"].items()
-        }
+        called = fitted["vehicle_names"]
+        running = accumulate(round(share * 0x10000) for _, share in called["names"])
+        names = tuple((share, str(name)) for share, (name, _) in zip(running, called["names"], strict=True))
+        self._real = {name: GroupLaws(group) for name, group in fitted["groups"].items()}
+        self._real["vehicles"].names, self._real["vehicles"].prone = names, round(called["prone"] * PRONE)
         self._ghosts = {name: GroupLaws(group) for name, group in fitted["ghosts"].items() if group["places"]}
         ghosts = [(GHOST_LABELS[name], group) for name, group in sorted(fitted["ghosts"].items())]
         self.ghosts_per_100m = {label: float(group["per_100m"]) for label, group in ghosts if group["places"]}
