@@ -1,0 +1,99 @@
+"""A town that is cut into cells has the same cars, frames and detections as the whole one."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchmarks import cells
+from benchmarks.cells import CUTS, FIGURES, JOINT, Compared, Setting, Tabled, apart, small_town, together, visits
+from genie_sim.errors import UserError
+from genie_sim.experiment.runner import Prepared
+
+TINY = Setting(columns=2, rows=1, cars=4, drive_s=12.0)
+SEED = 1  # with which two cars are handed over
+
+
+@pytest.fixture(scope="module")
+def joint() -> Prepared:
+    return small_town(TINY, SEED)
+
+
+@pytest.fixture(scope="module")
+def ran(joint: Prepared) -> dict[str, Tabled]:
+    return {cut: together(make(joint)) for cut, make in CUTS.items()}
+
+
+def test_every_cut_has_the_frames_of_the_joint_run(joint: Prepared, ran: dict[str, Tabled]):
+    assert sum(len(car.hand_overs) for car in joint.spelled_out.cars) == 2, "or nothing is cut"
+    keys = {cut: sorted(one.frames[["car", "stream", "stamp_ns"]].itertuples(False, None)) for cut, one in ran.items()}
+    assert len(keys[JOINT]) == len(set(keys[JOINT])) == 4 * 120
+    assert all(keys[cut] == keys[JOINT] for cut in CUTS)
+
+
+def test_a_cut_run_is_judged_by_the_same_truth(ran: dict[str, Tabled]):
+    """What is in view depends on the place, the time and the town: a visit that was shifted would see other things."""
+    columns = ["car", "stream", "stamp_ns", "in_view"]
+    seen = {cut: {row[:3]: row[3] for row in one.truth[columns].itertuples(False, None)} for cut, one in ran.items()}
+    assert sum(seen[JOINT].values()) > 0
+    for cut in CUTS:
+        both = seen[JOINT].keys() & seen[cut].keys()
+        assert len(both) > 400 and all(seen[cut][one] == seen[JOINT][one] for one in both)
+
+
+def test_visits_follow_each_other_without_a_gap(joint: Prepared):
+    cars, drives = visits(joint)
+    for car in joint.spelled_out.cars:
+        mine = [one for one in cars if one.name.partition(".")[0] == car.name]
+        assert [one.edge for one in mine] == [car.edge, *(there.edge for there in car.hand_overs)]
+        assert all(before.route.window_ns[1] == after.route.window_ns[0] for before, after in pairwise(mine))
+        assert (mine[0].route.window_ns[0], mine[-1].route.window_ns[1]) == (0, drives[car.name].duration_ns)
+        for one, there in zip(mine[1:], car.hand_overs, strict=True):
+            assert one.route.start_ns == there.at_ns and not one.hand_overs and drives[one.name] is drives[car.name]
+
+
+def test_a_cell_by_itself_knows_its_own_edge_and_visits_only(joint: Prepared):
+    found = apart(joint)
+    for cell in found:
+        (edge,) = cell.spelled_out.edges
+        assert edge.neighbours == () and {car.edge for car in cell.spelled_out.cars} <= {edge.name}
+        assert set(cell.traces) == {car.name for car in cell.spelled_out.cars}
+    names = sorted(name for cell in found for name in cell.traces)
+    assert names == sorted(visits(joint)[1])
+
+
+def test_cells_apart_are_one_town_without_sharing_whose_cars_arrive_empty(joint: Prepared):
+    """The two cuts are all that separates cells: nothing else crosses, or these would differ in some look-up."""
+    both = together([cells.without_sharing(cells.arriving_empty(joint))])
+    by_itself = together(apart(joint))
+    for name in ("frames", "lookups"):
+        one, other = (getattr(tabled, name) for tabled in (both, by_itself))
+        order = [column for column in ("t_ns", "car", "stamp_ns", "genie", "kind", "asker") if column in one]
+        one, other = (table.sort_values(order, kind="stable", ignore_index=True) for table in (one, other))
+        assert one.astype(str).equals(other.astype(str)), name
+
+
+def test_caches_can_be_unlimited():
+    limited, unlimited = (small_town(replace(TINY, unlimited=one), SEED).scenario.genie for one in (False, True))
+    assert limited.capacity is not None and unlimited.capacity is None
+
+
+def test_the_table_shows_paired_differences(tmp_path: Path):
+    """A seed that is high in both runs makes no difference; here the cut adds one or three: 2, and the t interval over
+    two seeds is 12.7062 standard errors of 1 wide on each side."""
+    base = np.outer([10.0, 500.0], np.ones(len(FIGURES)))
+    values = {cut: base + (cut != JOINT) * np.array([[1.0], [3.0]]) for cut in CUTS}
+    text = cells.markdown(Compared(TINY, values, frames=960, hand_overs=4))
+    assert "960 frames a column, 2.50 hand-overs a car and minute" in text
+    (row,) = (line for line in text.splitlines() if line.startswith("| fresh answer, mean"))
+    assert row.split(" | ")[1:3] == ["255.0", "+2.0 (-10.7 to +14.7)"]
+    page = tmp_path / "page.md"
+    page.write_text(f"<!-- measured: {TINY.name} -->\n<!-- end -->\n", encoding="utf-8")
+    cells.write(TINY.name, text, page)
+    assert text in page.read_text(encoding="utf-8")
+    with pytest.raises(UserError, match="no place for 'cut 9 x 1'"):
+        cells.write("cut 9 x 1", text, page)
