@@ -56,10 +56,10 @@ def test_cells_fill_the_town_in_rows_from_the_south_west():
     assert len(Cells((300.0, 200.0), 5000.0)) == 1
 
 
-def test_neighbours_are_the_cells_around_and_have_each_other():
+def test_neighbours_are_the_cells_beyond_a_border_and_have_each_other():
     cells = Cells((300.0, 300.0), 100.0)
-    assert cells.neighbours(4) == [0, 1, 2, 3, 5, 6, 7, 8]
-    assert cells.neighbours(0) == [1, 3, 4]
+    assert cells.neighbours(4) == [1, 3, 5, 7]
+    assert cells.neighbours(0) == [1, 3]
     assert all(cell in cells.neighbours(other) for cell in range(9) for other in cells.neighbours(cell))
 
 
@@ -221,6 +221,12 @@ def test_shipped_fleets_can_be_spelled_out(name: str):
     if setting.fleet.cars <= 1000:
         whole = prepare(setting).spelled_out
         assert whole is not None and 7 < len(whole.cars) / len(whole.edges) < 9
+
+
+def test_caches_on_cars_may_have_a_capacity_of_their_own():
+    limits = {"eviction": "lru", "capacity": "40 entries", "car_capacity": "3 entries"}
+    rows = simulate(prepare(small(genie=limits))).lookups.to_frame().query("kind == 'image'")
+    assert dict(rows.groupby("role", observed=True)["entries"].max()) == {"local": 3, "remote": 40}
 
 
 def test_a_fleets_folder_is_made_again_byte_for_byte(tmp_path: Path):

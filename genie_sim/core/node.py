@@ -139,6 +139,7 @@ class GenieNode:
     def on_message(self, topic: str, message: Message, now_ns: int, sender: str | None = None) -> list[Effect]:
         """Algorithm 1, OnMessageArrival. ``sender`` names the neighbour that a reply goes to, ``None`` where the
         middleware does not tell: then it goes to all of them."""
+        self.object_map.forget(now_ns)
         deadline_ns = self._pending.next_deadline_ns
         if deadline_ns is None or deadline_ns > now_ns:
             return self._on_arrival(topic, message, now_ns, sender)
@@ -235,7 +236,7 @@ class GenieNode:
 
     def _on_answer(self, topic: str, answer: Answer, now_ns: int, *, own: bool) -> list[Effect]:
         """Lines 8 to 11, and delivery to everyone who waits. ``own``: the encapsulated node's answer."""
-        answer, effects = self._new_data(answer)  # line 9
+        answer, effects = self._new_data(answer, now_ns)  # line 9
         confident = self._confident(answer)
         waiting = self._pending.by_header(answer.header)
         if waiting is not None:
@@ -290,7 +291,7 @@ class GenieNode:
         threshold = self.object_map.threshold
         return answer.with_objects([one for one in answer.objects if one.confidence >= threshold])
 
-    def _new_data(self, answer: Answer) -> tuple[Answer, list[Effect]]:
+    def _new_data(self, answer: Answer, now_ns: int) -> tuple[Answer, list[Effect]]:
         """Algorithm 2, EnhancedCacheNewData: every object of an answer is a sighting."""
         if answer.objects is None:
             return answer, []
@@ -304,7 +305,7 @@ class GenieNode:
                 objects.append(seen)
                 continue
             requests += 1
-            before, stored = self.object_map.sight(seen)
+            before, stored = self.object_map.sight(seen, now_ns)
             if before is not None:
                 hits += before >= threshold
                 updates += 1

@@ -25,12 +25,14 @@ class StoredObject:
     location: Location
     score: float
     confidence: float
+    seen_ns: int
     sightings: int = 1
     _detection: Detection | None = None
 
-    def boost(self, confidence: float) -> None:
+    def boost(self, confidence: float, now_ns: int) -> None:
         """Another sighting has changed the confidence to this."""
         self.confidence = confidence
+        self.seen_ns = now_ns
         self.sightings += 1
         self._detection = None
 
@@ -47,6 +49,7 @@ class ObjectMapRules:
     ``location_key``: ``gate`` (the nearest object of the class within ``gate_m``) or ``exact`` (equal coordinates).
     ``one_per_location``: any object at a location blocks a second (lines 4 and 7 as printed), classes not told apart.
     ``threshold``: C_T as a number, ``range_60`` or ``empirical`` (60th percentile of the first scores seen so far).
+    ``forget_ns``: an object that nobody has seen for so long is forgotten; ``None`` for never, as in the paper.
     """
 
     rule: ConfidenceRule
@@ -55,6 +58,7 @@ class ObjectMapRules:
     gate_m: float = 1.0
     one_per_location: bool = False
     threshold: float | str = 0.60
+    forget_ns: int | None = None
 
 
 class ObjectMap:
@@ -74,6 +78,7 @@ class ObjectMap:
         self._view_cells: dict[tuple[int, int], list[StoredObject]] = {}
         self._first_scores: list[float] = []
         self._count = 0
+        self._by_age: dict[int, StoredObject] = {}  # by identity, the longest unseen first; only if it may be forgotten
 
     def __len__(self) -> int:
         return self._count
@@ -92,7 +97,20 @@ class ObjectMap:
         scores = self._first_scores
         return scores[math.ceil(0.6 * len(scores)) - 1] if scores else 1.0
 
-    def sight(self, seen: Detection) -> tuple[float | None, StoredObject]:
+    def forget(self, now_ns: int) -> None:
+        """Removes the objects that nobody has seen for the rules' ``forget_ns``."""
+        forget_ns = self._rules.forget_ns
+        while self._by_age and forget_ns is not None:
+            key, oldest = next(iter(self._by_age.items()))
+            if now_ns - oldest.seen_ns < forget_ns:
+                return
+            del self._by_age[key]
+            self._count -= 1
+            for cell in self._cells_within_reach(oldest.location):
+                _remove(self._cells, cell, oldest)
+            _remove(self._view_cells, self._view_cell(oldest.location), oldest)
+
+    def sight(self, seen: Detection, now_ns: int = 0) -> tuple[float | None, StoredObject]:
         """Lines 3 to 7: boosts the stored object that ``seen`` shows, or adds it.
 
         Returns the confidence before (``None`` for a new object) and the stored object.
@@ -101,13 +119,16 @@ class ObjectMap:
         stored = self.match(seen.label, seen.location)
         if stored is not None:
             before = stored.confidence
-            stored.boost(self._rules.rule(before, seen.confidence, self._rules.rate))
+            stored.boost(self._rules.rule(before, seen.confidence, self._rules.rate), now_ns)
+            if self._rules.forget_ns is not None:
+                self._by_age[id(stored)] = self._by_age.pop(id(stored))
             return before, stored
-        stored = StoredObject(seen.label, seen.location, seen.score, seen.confidence)
+        stored = StoredObject(seen.label, seen.location, seen.score, seen.confidence, now_ns)
+        if self._rules.forget_ns is not None:
+            self._by_age[id(stored)] = stored
         for cell in self._cells_within_reach(seen.location):
             self._cells.setdefault(cell, []).append(stored)
-        view_cell = math.floor(seen.location[0] / self._view_cell_m), math.floor(seen.location[1] / self._view_cell_m)
-        self._view_cells.setdefault(view_cell, []).append(stored)
+        self._view_cells.setdefault(self._view_cell(seen.location), []).append(stored)
         if self._rules.threshold == "empirical":
             bisect.insort(self._first_scores, seen.score)
         self._count += 1
@@ -162,6 +183,9 @@ class ObjectMap:
             return location
         return math.floor(location[0] / self._cell_m), math.floor(location[1] / self._cell_m)
 
+    def _view_cell(self, location: Location) -> tuple[int, int]:
+        return math.floor(location[0] / self._view_cell_m), math.floor(location[1] / self._view_cell_m)
+
     def _cells_within_reach(self, location: Location) -> list[Any]:
         if self._exact:
             return [location]
@@ -187,3 +211,10 @@ def _cells(easts: tuple[float, float], norths: tuple[float, float], side_m: floa
     """The cells of an upright rectangle, west to east."""
     rows = range(math.floor(norths[0] / side_m), math.floor(norths[1] / side_m) + 1)
     return [(i, j) for i in range(math.floor(easts[0] / side_m), math.floor(easts[1] / side_m) + 1) for j in rows]
+
+
+def _remove(cells: dict[Any, list[StoredObject]], cell: Any, stored: StoredObject) -> None:
+    """Takes an object out of a cell's list, and a list that is empty then out of the grid."""
+    cells[cell] = [one for one in cells[cell] if one is not stored]
+    if not cells[cell]:
+        del cells[cell]

@@ -117,7 +117,7 @@ class Fleet(Model):
     """Cars that are alike but for their devices, and an edge server in the middle of each cell of the town.
 
     The cells are squares of about ``cell_m``: as many as fit the town best. A car is with the nearest edge; it changes
-    when another is nearer by ``hysteresis_m``. Edges share with those of the eight cells around theirs.
+    when another is nearer by ``hysteresis_m``. Edges share with those of the cells that have a border with theirs.
     """
 
     cars: Count

@@ -56,6 +56,7 @@ class ObjectMapSettings(Model):
     rule: RuleName = "noisy_or"
     rate: Probability = 0.1
     threshold: Annotated[float | str, BeforeValidator(_threshold), _THRESHOLD_SCHEMA] = 0.60
+    forget_ns: PositiveDuration | None = Field(default=None, alias="forget")
 
 
 class Capacity(Model):
@@ -103,6 +104,7 @@ class GenieSettings(Model):
     similarity: SimilarityChoice = Field(default_factory=lambda: read_similarity("pose_grid"))
     eviction: EvictionName = "unlimited"
     capacity: Annotated[Capacity | None, BeforeValidator(_capacity), _CAPACITY_SCHEMA] = None
+    car_capacity: Annotated[Capacity | None, BeforeValidator(_capacity), _CAPACITY_SCHEMA] = None
     ttl_ns: PositiveDuration | None = Field(default=None, alias="ttl")
     pending_index: Literal["across_topics", "per_topic"] = "across_topics"
     header_identity: Literal["stamp_frame_origin", "stamp"] = "stamp_frame_origin"

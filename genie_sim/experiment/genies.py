@@ -47,7 +47,7 @@ def make_genie(
         "similarity", chosen.name, _resolve("similarity", chosen.name, SIMILARITIES), **chosen.parameters
     )
     new_eviction = _resolve("eviction", settings.eviction, EVICTIONS)
-    capacity = settings.capacity
+    capacity = settings.capacity if on_edge or settings.car_capacity is None else settings.car_capacity
 
     def eviction() -> Eviction:
         ttl = () if settings.ttl_ns is None else (settings.ttl_ns,)
@@ -92,6 +92,7 @@ def _object_map(settings: GenieSettings) -> ObjectMap:
         gate_m=chosen.gate_m,
         one_per_location=chosen.one_per_location,
         threshold=chosen.threshold,
+        forget_ns=chosen.forget_ns,
     )
     return ObjectMap(rules, view_cell_m=settings.view_range_m)
 

@@ -260,3 +260,43 @@ def test_a_gate_as_wide_as_the_world_takes_no_longer():
     objects = told(object_map(gate_m=1e12), seen("car", 0.3, at=(20.0, 0.0)))
     before, _ = objects.sight(seen("car", 0.8, at=(400.0, 300.0)))
     assert before == 0.3 and len(objects) == 1
+
+
+def test_an_object_that_nobody_sees_for_long_enough_is_forgotten():
+    objects = object_map(forget_ns=10)
+    objects.sight(seen("car", 0.9, at=(5.0, 0.0)), 0)
+    objects.sight(seen("bus", 0.9, at=(40.0, 1.0)), 3)
+    objects.sight(seen("car", 0.9, at=(5.1, 0.0)), 8)
+    objects.forget(12)
+    assert {one.label for one in objects} == {"car", "bus"}
+    objects.forget(13)
+    assert [one.label for one in objects] == ["car"] and len(objects) == 1, "the car was seen again at 8"
+    assert object_at(objects, "bus", (40.0, 1.0)) is None and in_view(objects) == {"car"}
+    objects.forget(18)
+    assert list(objects) == [] and len(objects) == 0
+    before, _ = objects.sight(seen("car", 0.4, at=(5.0, 0.0)), 20)
+    assert before is None, "who comes again is new"
+
+
+def test_nothing_is_forgotten_unless_it_is_said():
+    objects = told(object_map(), seen("car", 0.9, at=(5.0, 0.0)))
+    objects.forget(10**18)
+    assert len(objects) == 1
+
+
+@given(st.lists(st.tuples(sightings, st.integers(0, 30)), max_size=8), st.sampled_from([0.3, 2.5]))
+def test_a_map_that_forgets_holds_what_was_seen_lately(rounds, gate_m):
+    """Whatever cells it lies in, an object is there for as long as it was sighted within the time, and not longer."""
+    objects, now_ns, last_ns = object_map(gate_m=gate_m, forget_ns=20), 0, {}
+    for many, later_ns in rounds:
+        now_ns += later_ns
+        objects.forget(now_ns)
+        for one in many:
+            _, stored = objects.sight(one, now_ns)
+            last_ns[id(stored)] = (stored, now_ns)
+        held = {id(one) for one in objects}
+        assert held == {key for key, (_, seen_ns) in last_ns.items() if now_ns - seen_ns < 20}
+        assert len(objects) == len(held)
+        for stored, _ in last_ns.values():
+            there = {id(one) for one in objects.at(stored.location)}
+            assert there <= held and (id(stored) in there) is (id(stored) in held)
