@@ -31,6 +31,7 @@ from genie_sim.experiment.evidence import Values, interval
 from genie_sim.experiment.parallel import in_processes, workers_here
 from genie_sim.experiment.runner import Prepared, Tables, prepare, simulate
 from genie_sim.experiment.scenario import Car, Edge, Route, Scenario, load_scenario
+from genie_sim.units import NS_PER_S
 
 if TYPE_CHECKING:
     from genie_sim.perception.city import Drive
@@ -99,6 +100,8 @@ FIGURES = (
     _share("ghosts among the objects served", "ghost_share"),
     _share("objects in view that are served", "object_recall"),
 )
+AFTER_NS = 5 * NS_PER_S  # how long the frames after a hand-over are looked at by themselves
+AFTER = _share("the same, 5 s after a hand-over", "object_recall")  # last in every row of values
 
 
 def small_town(setting: Setting, seed: int) -> Prepared:
@@ -207,9 +210,20 @@ def figures_of(tabled: Tabled) -> list[float]:
     return [np.nan if value is None else value * figure.factor for value, figure in zip(values, FIGURES, strict=True)]
 
 
+def recall_after_hand_overs(truth: pd.DataFrame, cars: Sequence[Car]) -> float:
+    """The share of objects in view that are served, of the frames taken soon after their car was handed over."""
+    soon = np.zeros(len(truth), dtype=bool)
+    for car in cars:
+        mine = (truth["car"] == car.name).to_numpy()
+        for one in car.hand_overs:
+            soon |= mine & truth["stamp_ns"].between(one.at_ns, one.at_ns + AFTER_NS).to_numpy()
+    in_view = int(truth["in_view"][soon].sum())
+    return float(truth["found"][soon].sum()) / in_view if in_view else np.nan
+
+
 @dataclass(frozen=True)
 class Compared:
-    """``values[cut][seed, figure]``, and the frames and hand-overs of the joint runs."""
+    """``values[cut][seed, figure]``, the last of them ``AFTER``, and the frames and hand-overs of the joint runs."""
 
     setting: Setting
     values: Mapping[str, Values]
@@ -231,8 +245,11 @@ def _of_seed(setting: Setting, seed: int) -> tuple[dict[str, list[float]], int, 
     """The figures of each cut; frames and hand-overs of the joint run."""
     joint = small_town(setting, seed)
     tables = {cut: together(make(joint)) for cut, make in CUTS.items()}
-    hand_overs = sum(len(car.hand_overs) for car in _whole(joint).cars)
-    return {cut: figures_of(one) for cut, one in tables.items()}, len(tables[JOINT].frames), hand_overs
+    cars = _whole(joint).cars
+    figures = {
+        cut: [*figures_of(one), recall_after_hand_overs(one.truth, cars) * AFTER.factor] for cut, one in tables.items()
+    }
+    return figures, len(tables[JOINT].frames), sum(len(car.hand_overs) for car in cars)
 
 
 def markdown(compared: Compared) -> str:
@@ -245,13 +262,13 @@ def markdown(compared: Compared) -> str:
         f"{seeds} seeds: {compared.frames:,} frames a column, {per_minute:.2f} hand-overs a car and minute."
     )
     rows = []
-    for place, figure in enumerate(FIGURES):
+    for place, figure in enumerate((*FIGURES, AFTER)):
         joint = compared.values[JOINT][:, place]
-        cells = [f"{figure.text} [{figure.unit}]", f"{np.mean(joint):.{figure.digits}f}"]
+        known = ~np.isnan(joint)  # a seed without hand-overs has no frames after one
+        cells = [f"{figure.text} [{figure.unit}]", f"{np.mean(joint[known]):.{figure.digits}f}"]
         for cut in list(CUTS)[1:]:
-            mean, low, high = (
-                _signed(value, figure.digits) for value in interval(compared.values[cut][:, place] - joint)
-            )
+            differences = (compared.values[cut][:, place] - joint)[known]
+            mean, low, high = (_signed(value, figure.digits) for value in interval(differences))
             cells.append(f"{mean} ({low} to {high})")
         rows.append(cells)
     return f"{about}\n\n{table(('', JOINT, *list(CUTS)[1:]), rows)}"

@@ -7,12 +7,15 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from benchmarks import cells
 from benchmarks.cells import CUTS, FIGURES, JOINT, Compared, Setting, Tabled, apart, small_town, together, visits
 from genie_sim.errors import UserError
 from genie_sim.experiment.runner import Prepared
+from genie_sim.experiment.scenario import Car, HandOver
+from genie_sim.units import NS_PER_S
 
 TINY = Setting(columns=2, rows=1, cars=4, drive_s=12.0)
 SEED = 1  # with which two cars are handed over
@@ -77,6 +80,17 @@ def test_cells_apart_are_one_town_without_sharing_whose_cars_arrive_empty(joint:
         assert one.astype(str).equals(other.astype(str)), name
 
 
+def test_frames_after_a_hand_over_are_those_of_its_car_and_the_next_five_seconds():
+    at_ns = 7 * NS_PER_S
+    rows = [("car1", -1, 4, 4), ("car1", 0, 10, 3), ("car1", 5, 10, 5), ("car1", 6, 4, 4), ("car2", 1, 4, 4)]
+    columns = ["car", "stamp_ns", "in_view", "found"]
+    truth = pd.DataFrame([(car, at_ns + s * NS_PER_S, seen, found) for car, s, seen, found in rows], columns=columns)
+    usual = Car.model_construct(name="car1", hand_overs=(HandOver.model_construct(at_ns=at_ns, edge="e"),))
+    other = Car.model_construct(name="car2", hand_overs=())
+    assert cells.recall_after_hand_overs(truth, [usual, other]) == 8 / 20
+    assert np.isnan(cells.recall_after_hand_overs(truth, [other]))
+
+
 def test_caches_can_be_unlimited():
     limited, unlimited = (small_town(replace(TINY, unlimited=one), SEED).scenario.genie for one in (False, True))
     assert limited.capacity is not None and unlimited.capacity is None
@@ -85,7 +99,7 @@ def test_caches_can_be_unlimited():
 def test_the_table_shows_paired_differences(tmp_path: Path):
     """A seed that is high in both runs makes no difference; here the cut adds one or three: 2, and the t interval over
     two seeds is 12.7062 standard errors of 1 wide on each side."""
-    base = np.outer([10.0, 500.0], np.ones(len(FIGURES)))
+    base = np.outer([10.0, 500.0], np.ones(len(FIGURES) + 1))
     values = {cut: base + (cut != JOINT) * np.array([[1.0], [3.0]]) for cut in CUTS}
     text = cells.markdown(Compared(TINY, values, frames=960, hand_overs=4))
     assert "960 frames a column, 2.50 hand-overs a car and minute" in text
