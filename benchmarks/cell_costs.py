@@ -19,7 +19,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
-from benchmarks.cells import Setting, apart, small_town, write
+from benchmarks.cells import BLOCKS_A_CELL, CARS_A_CELL, Setting, apart, small_town, write
 from benchmarks.genie_runs import REPOSITORY
 from benchmarks.speed import machine
 from benchmarks.speed_page import table
@@ -28,12 +28,12 @@ from genie_sim.experiment.runner import Prepared, simulate
 from genie_sim.experiment.scenario import Record
 from genie_sim.perception.city import Town, TownRules
 
-CARS_A_CELL, BLOCKS_A_CELL, FRAMES_A_S = 8, 4, 10  # as in fleet_1000
+FRAMES_A_S = 10
 FLEET_1000: tuple[Record, ...] = ("lookups", "resources", "truth")
 CARS, HOUR_S = 1_000_000, 3600
-# What is timed, and the memory of one cell: right at the beginning, when its caches are full, and as long again later.
-FULL = (Setting(3, 3, 72, 60.0), Setting(1, 1, 8, 1.0), Setting(1, 1, 8, 600.0), Setting(1, 1, 8, 1200.0))
-QUICK = (Setting(2, 1, 16, 5.0), Setting(1, 1, 8, 1.0), Setting(1, 1, 8, 20.0), Setting(1, 1, 8, 40.0))
+# What is timed, and the memory of one cell: right at the beginning, when its caches are full, and later.
+FULL = (Setting(3, 3, 180, 30.0), Setting(1, 1, 20, 1.0), Setting(1, 1, 20, 120.0), Setting(1, 1, 20, 360.0))
+QUICK = (Setting(2, 1, 40, 5.0), Setting(1, 1, 20, 1.0), Setting(1, 1, 20, 10.0), Setting(1, 1, 20, 30.0))
 TOWNS = (4, 40)  # blocks each way
 
 
@@ -173,7 +173,7 @@ def million(costs: Costs) -> str:
     frames = CARS * FRAMES_A_S * HOUR_S
     cells = CARS // CARS_A_CELL
     of_cell = CARS_A_CELL * FRAMES_A_S * HOUR_S
-    blocks = cells * BLOCKS_A_CELL
+    blocks = cells * BLOCKS_A_CELL**2
     least_h, usual_h, jointly_h = (frames * one / 3600 for one in (costs.least_s, costs.usual_s, costs.jointly_s))
     of_frames, all_tables = costs.disk["frames"], sum(costs.disk.values())
     later = (HOUR_S - costs.filled_s) * FRAMES_A_S  # frames of a car

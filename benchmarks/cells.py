@@ -1,11 +1,11 @@
 r"""What is lost where a town is cut into cells that are simulated by themselves: joint and cut runs of the same cars.
 
-    python benchmarks/cells.py [--columns 2] [--rows 1] [--cars 20] [--seconds 60] [--seeds 8] [--unlimited] \
+    python benchmarks/cells.py [--columns 2] [--rows 1] [--cars 40] [--seconds 60] [--seeds 6] [--set PATH=VALUE] \
         [--markdown]
 
-A small town of some cells of 300 m is simulated as it is, and again with a part of what crosses the borders left out. A
-cut run has the same cars, frames and detections at the same instants, so differences are taken seed by seed. The time
-that a car is in a cell for is a *visit*. ``--markdown`` writes the setting's table in
+A small town of some cells of ``fleet_1000`` is simulated as it is, and again with a part of what crosses the borders
+left out. A cut run has the same cars, frames and detections at the same instants: differences are taken seed by seed.
+The time that a car is in a cell for is a *visit*. ``--markdown`` writes the setting's table in
 docs/explanation/million-cars.md.
 """
 
@@ -38,25 +38,27 @@ if TYPE_CHECKING:
     from genie_sim.perception.trace import Trace
 
 PAGE = DOCS / "explanation" / "million-cars.md"
-BLOCKS_A_CELL = 2  # of 150 m each way, as in the shipped fleets
+BLOCKS_A_CELL = 3  # each way, and
+CARS_A_CELL = 20  # as in fleet_1000
 VISIT = "."  # car07.2 is the second visit of car07
 JOINT = "joint"
 
 
 @dataclass(frozen=True)
 class Setting:
-    """What is compared: a town of so many cells, in which every car drives for ``drive_s``."""
+    """What is compared: a town of so many cells, in which every car drives for ``drive_s``. ``overrides``: what is
+    otherwise than in ``fleet_1000``, as for ``--set``."""
 
     columns: int = 2
     rows: int = 1
-    cars: int = 20
+    cars: int = 2 * CARS_A_CELL
     drive_s: float = 60.0
-    unlimited: bool = False
+    overrides: tuple[str, ...] = ()
 
     @property
     def name(self) -> str:
         """Its place in the page."""
-        return f"cut {self.columns} x {self.rows}" + ", unlimited" * self.unlimited
+        return ", ".join((f"cut {self.columns} x {self.rows}", *self.overrides))
 
 
 @dataclass(frozen=True)
@@ -106,14 +108,13 @@ AFTER = _share("the same, 5 s after a hand-over", "object_recall")  # last in ev
 
 def small_town(setting: Setting, seed: int) -> Prepared:
     """``fleet_1000``, with as many cells and cars as the setting says. Raises ``UserError``."""
-    settings = [
+    settings = (
         f"fleet.cars={setting.cars}",
         f"perception.duration={setting.drive_s} s",
         f"perception.town.blocks=[{BLOCKS_A_CELL * setting.columns}, {BLOCKS_A_CELL * setting.rows}]",
         "record=[lookups, truth]",
-    ]
-    if setting.unlimited:
-        settings += ["genie.eviction=unlimited", "genie.capacity=null"]
+        *setting.overrides,
+    )
     return prepare(load_scenario("fleet_1000", settings, seed))
 
 
@@ -255,10 +256,10 @@ def _of_seed(setting: Setting, seed: int) -> tuple[dict[str, list[float]], int, 
 def markdown(compared: Compared) -> str:
     """What was run, the joint run's figures, and by how much each cut misses them, with the interval over seeds."""
     setting, seeds = compared.setting, len(compared.values[JOINT])
-    caches = "unlimited caches" if setting.unlimited else "caches as in `fleet_1000`"
+    settings = ", ".join(f"`{one}`" for one in setting.overrides) or "as in `fleet_1000`"
     per_minute = compared.hand_overs / (seeds * setting.cars * setting.drive_s / 60)
     about = (
-        f"{setting.columns} x {setting.rows} cells, {setting.cars} cars for {setting.drive_s:g} s, {caches}, "
+        f"{setting.columns} x {setting.rows} cells, {setting.cars} cars for {setting.drive_s:g} s, {settings}, "
         f"{seeds} seeds: {compared.frames:,} frames a column, {per_minute:.2f} hand-overs a car and minute."
     )
     rows = []
@@ -290,11 +291,11 @@ def main() -> None:
     parser.add_argument("--rows", type=int, default=usual.rows, help="cells from south to north")
     parser.add_argument("--cars", type=int, default=usual.cars)
     parser.add_argument("--seconds", type=float, default=usual.drive_s, help="that every car drives")
-    parser.add_argument("--unlimited", action="store_true", help="caches that keep everything")
-    parser.add_argument("--seeds", type=int, default=8)
+    parser.add_argument("--set", action="append", default=[], metavar="PATH=VALUE", help="other than in fleet_1000")
+    parser.add_argument("--seeds", type=int, default=6)
     parser.add_argument("--markdown", action="store_true", help="write the table of docs/explanation/million-cars.md")
     given = parser.parse_args()
-    setting = Setting(given.columns, given.rows, given.cars, given.seconds, given.unlimited)
+    setting = Setting(given.columns, given.rows, given.cars, given.seconds, tuple(given.set))
     try:
         compared = compare(setting, given.seeds, workers_here(), lambda done: print(f"... {done}", file=sys.stderr))
         text = markdown(compared)

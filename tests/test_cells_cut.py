@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -14,11 +13,11 @@ from benchmarks import cells
 from benchmarks.cells import CUTS, FIGURES, JOINT, Compared, Setting, Tabled, apart, small_town, together, visits
 from genie_sim.errors import UserError
 from genie_sim.experiment.runner import Prepared
-from genie_sim.experiment.scenario import Car, HandOver
+from genie_sim.experiment.scenario import Car, HandOver, load_scenario
 from genie_sim.units import NS_PER_S
 
 TINY = Setting(columns=2, rows=1, cars=4, drive_s=12.0)
-SEED = 1  # with which two cars are handed over
+SEED = 28  # with which two cars are handed over
 
 
 @pytest.fixture(scope="module")
@@ -91,9 +90,14 @@ def test_frames_after_a_hand_over_are_those_of_its_car_and_the_next_five_seconds
     assert np.isnan(cells.recall_after_hand_overs(truth, [other]))
 
 
-def test_caches_can_be_unlimited():
-    limited, unlimited = (small_town(replace(TINY, unlimited=one), SEED).scenario.genie for one in (False, True))
-    assert limited.capacity is not None and unlimited.capacity is None
+def test_a_cell_is_one_of_fleet_1000():
+    whole = load_scenario("fleet_1000")
+    town = whole.perception.town
+    columns, rows = (round(count * town.block_m / whole.fleet.cell_m) for count in town.blocks)
+    assert whole.fleet.cell_m == cells.BLOCKS_A_CELL * town.block_m
+    assert whole.fleet.cars / (columns * rows) == pytest.approx(cells.CARS_A_CELL, rel=0.1)
+    mine = small_town(Setting(columns=2, rows=1, cars=4, drive_s=1.0, overrides=("genie.capacity=7 entries",)), SEED)
+    assert len(mine.spelled_out.edges) == 2 and mine.scenario.genie.capacity.entries == 7
 
 
 def test_the_table_shows_paired_differences(tmp_path: Path):
