@@ -1,6 +1,6 @@
 r"""What is lost where a town is cut into cells that are simulated by themselves: joint and cut runs of the same cars.
 
-    python benchmarks/cells.py [--columns 2] [--rows 1] [--cars 40] [--seconds 60] [--seeds 6] [--set PATH=VALUE] \
+    python benchmarks/cells.py [--columns 2] [--rows 1] [--cars 40] [--seconds 60] [--seeds 4] [--set PATH=VALUE] \
         [--markdown]
 
 A small town of some cells of ``fleet_1000`` is simulated as it is, and again with a part of what crosses the borders
@@ -292,7 +292,7 @@ def main() -> None:
     parser.add_argument("--cars", type=int, default=usual.cars)
     parser.add_argument("--seconds", type=float, default=usual.drive_s, help="that every car drives")
     parser.add_argument("--set", action="append", default=[], metavar="PATH=VALUE", help="other than in fleet_1000")
-    parser.add_argument("--seeds", type=int, default=6)
+    parser.add_argument("--seeds", type=int, default=4)
     parser.add_argument("--markdown", action="store_true", help="write the table of docs/explanation/million-cars.md")
     given = parser.parse_args()
     setting = Setting(given.columns, given.rows, given.cars, given.seconds, tuple(given.set))
