@@ -22,7 +22,7 @@ from genie_sim.errors import UserError
 from genie_sim.experiment import files, metrics, runner
 from genie_sim.experiment.scenario import load_scenario
 from genie_sim.experiment.sweep import tasks
-from genie_sim.experiment.sweep.design import SWEEP, load_design
+from genie_sim.experiment.sweep.design import load_design
 from genie_sim.experiment.sweep.plan import plan
 from tests.conftest import REPOSITORY
 
@@ -174,7 +174,7 @@ def test_usage_errors_have_status_2(arguments, capsys):
     assert "Traceback" not in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("name", files.available(SWEEP))
+@pytest.mark.parametrize("name", files.available(files.SWEEP))
 def test_the_shipped_sweeps_are_right(name):
     """Every point of them can be run; not that anybody has the time to do so here."""
     planned = plan(load_design(name), name)

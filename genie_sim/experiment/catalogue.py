@@ -16,8 +16,8 @@ from genie_sim.units import duration_text, rate_text
 Listing = Iterable[tuple[str, str]]
 
 
-def _scenarios() -> Listing:
-    for name, path in files.available(files.SCENARIO).items():
+def _described(kind: files.Kind) -> Listing:
+    for name, path in files.available(kind).items():
         yield name, str(read_mapping(path).get("description", ""))
 
 
@@ -59,7 +59,8 @@ def _first_lines(registry: Mapping[str, object]) -> Listing:
 
 
 KINDS: dict[str, Callable[[], Listing]] = {
-    "scenarios": _scenarios,
+    "scenarios": lambda: _described(files.SCENARIO),
+    "sweeps": lambda: _described(files.SWEEP),
     "devices": _devices,
     "models": _models,
     "links": _links,

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from genie_sim.experiment import metrics
+from genie_sim.units import NS_PER_MS, NS_PER_S
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -60,12 +61,12 @@ def _of_resources(resources: pd.DataFrame, lap_ns: int | None) -> Facts:
     last = resources.sort_values("t_ns", kind="stable").groupby(["method", "resource"], observed=True).last()
     last = last.reset_index()
     cpus = last[(last["method"] == "genie") & (last["kind"] == "cpu")]
-    facts["handling_ms"] = _ratio(cpus["busy_ns"].sum() / metrics.NS_PER_MS, cpus["completed"].sum())
+    facts["handling_ms"] = _ratio(cpus["busy_ns"].sum() / NS_PER_MS, cpus["completed"].sum())
     accelerators = last[last["kind"] == "accelerator"]
     columns = (accelerators[name].tolist() for name in ("method", "resource", "completed", "busy_ns"))
     for method, resource, completed, busy_ns in zip(*columns, strict=True):
         host = str(resource).removesuffix(".accelerator")
-        facts[f"accelerator_rate:{method}:{host}"] = _ratio(completed, busy_ns / metrics.NS_PER_S)
+        facts[f"accelerator_rate:{method}:{host}"] = _ratio(completed, busy_ns / NS_PER_S)
     of_genie = resources[(resources["method"] == "genie") & (resources["kind"] == "accelerator")]
     facts["detector_runs"] = float(accelerators.loc[accelerators["method"] == "genie", "completed"].sum())
     if lap_ns is not None:

@@ -22,6 +22,7 @@ class Kind(NamedTuple):
 
 
 SCENARIO = Kind("scenario", "scenarios", ".yaml")
+SWEEP = Kind("sweep", "scenarios/sweeps", ".yaml")
 DEVICE = Kind("device", "device_profiles", ".yaml")
 TRACE = Kind("trace", "scenarios/traces", ".parquet")
 

@@ -17,6 +17,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from genie_sim.units import NS_PER_MS, NS_PER_S
+
 if TYPE_CHECKING:
     import pandas as pd
 
@@ -24,10 +26,9 @@ METHODS = ("local", "remote", "genie")
 ROLES = ("local", "remote")
 DEADLINE_MS = 33.0  # Section V-B: 30 frames/s
 WINDOW_REQUESTS = 50
-BLOCK_NS = 1_000_000_000
+BLOCK_NS = NS_PER_S
 CONFIDENCE = 0.95
 PERCENTILES = (50, 95, 99)
-NS_PER_MS, NS_PER_S = 1e6, 1e9
 
 Floats = np.ndarray[Any, np.dtype[np.float64]]
 

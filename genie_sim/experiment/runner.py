@@ -29,13 +29,13 @@ from genie_sim.perception.trace import Trace, read_trace
 from genie_sim.sim.log import Log
 from genie_sim.sim.truth import Truth
 from genie_sim.sim.world import World
+from genie_sim.units import NS_PER_S
 
 if TYPE_CHECKING:
     from genie_sim.experiment.metrics import Metric
     from genie_sim.perception.city import Drive, Town
 
 Progress = Callable[[float, float, str], None]
-NS = 1_000_000_000
 
 
 @dataclass(frozen=True)
@@ -286,7 +286,7 @@ def simulate(prepared: Prepared, progress: Progress | None = None, spill: Path |
             if progress is not None:
                 rate = log.published_frames / max(time.perf_counter() - began_s, 1e-9)
                 what = f"{method}, {rate:,.0f} frames/s"
-                progress((done * end_ns + now_ns) / NS, len(methods) * end_ns / NS, what)
+                progress((done * end_ns + now_ns) / NS_PER_S, len(methods) * end_ns / NS_PER_S, what)
 
         with _rare_collections():
             world.run(tell)
@@ -349,8 +349,8 @@ def _check_route(where: str, scenario: Scenario, route: Route, trace: Trace) -> 
     begin_ns, end_ns = route.window_ns
     stamps_ns = [frame.stamp_ns for camera in scenario.cameras for frame in trace.frames[camera.recording]]
     if begin_ns > max(stamps_ns):
-        begin_s, last_s = begin_ns / NS, max(stamps_ns) / NS
+        begin_s, last_s = begin_ns / NS_PER_S, max(stamps_ns) / NS_PER_S
         raise UserError(f"{where}: begins at {begin_s:g} s, after the last frame of {trace.name} at {last_s:g} s")
     if not any(begin_ns <= stamp_ns < end_ns for stamp_ns in stamps_ns):
-        after_s = min(stamp_ns for stamp_ns in stamps_ns if stamp_ns >= end_ns) / NS
+        after_s = min(stamp_ns for stamp_ns in stamps_ns if stamp_ns >= end_ns) / NS_PER_S
         raise UserError(f"{where}: no camera takes a frame in it; the next one of {trace.name} is at {after_s:g} s")

@@ -5,11 +5,11 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from genie_sim.errors import UserError
+from genie_sim.units import NS_PER_S
 
 if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore
 
-NS_PER_S = 1_000_000_000
 TF = "tf2_msgs/msg/TFMessage"
 _TF_DEFINITION = "geometry_msgs/TransformStamped[] transforms\n"
 

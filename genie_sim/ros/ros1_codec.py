@@ -17,8 +17,8 @@ from genie_sim.errors import UserError
 from genie_sim.messages import Detection, Header
 from genie_sim.ros.images import difference_hash
 from genie_sim.ros.message import Codec, RosObject, WireType
+from genie_sim.units import NS_PER_S
 
-NS_PER_S = 1_000_000_000
 HEADER_TYPES = ("Header", "std_msgs/Header", "roslib/Header")
 ABSOLUTE_FRAMES = ("map", "world")  # frames whose coordinates are the object map's
 

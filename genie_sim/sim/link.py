@@ -11,6 +11,7 @@ from genie_sim.experiment.links import LinkProfile
 from genie_sim.messages import Message
 from genie_sim.sim.clock import Clock
 from genie_sim.sim.ros_graph import Dropped, Graph
+from genie_sim.units import NS_PER_S
 
 Deliver = Callable[[], None]
 Carried = Callable[[Message], None]
@@ -81,7 +82,7 @@ class Link:
         """How long the wire is in use for a message, headers of all its segments included."""
         if self._rate_bps is None:
             return 0
-        return -(-self._profile.wire_bits(size_bytes) * 1_000_000_000 // self._rate_bps)
+        return -(-self._profile.wire_bits(size_bytes) * NS_PER_S // self._rate_bps)
 
     def is_down(self, now_ns: int) -> bool:
         return any(start_ns <= now_ns < end_ns for start_ns, end_ns in self._profile.outages_ns)

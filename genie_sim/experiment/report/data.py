@@ -10,6 +10,7 @@ import numpy as np
 from genie_sim import units
 from genie_sim.experiment.metrics import DEADLINE_MS, METHODS, ROLES, WINDOW_REQUESTS, response_ms, windowed_reuse
 from genie_sim.experiment.report.replay import replay_data
+from genie_sim.units import NS_PER_S
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -26,7 +27,6 @@ LEAST_USE = 0.01
 GENIES_PER_ROLE = 8
 RESOURCES_PER_KIND = 8
 RESOURCES_ON_PAGE = 300
-NS = 1e9
 
 
 def page_data(run: Run, start_ns: int = 0) -> dict[str, Any]:
@@ -67,7 +67,7 @@ def _about(run: Run) -> dict[str, Any]:
         "seed": scenario["seed"],
         "methods": [method for method in METHODS if method in scenario["methods"]],
         "model": scenario["model"],
-        "seconds": round(int(frames["stamp_ns"].max()) / NS, 3) if len(frames) else 0,
+        "seconds": round(int(frames["stamp_ns"].max()) / NS_PER_S, 3) if len(frames) else 0,
         "from_map": _from_map(frames),
         "frames": {str(method): int(n) for method, n in frames.groupby("method", observed=True).size().items()},
         "cars": cars,
@@ -180,7 +180,7 @@ def _reuse(lookups: pd.DataFrame, notes: list[str]) -> Iterator[dict[str, Any]]:
         for genie in genies[:GENIES_PER_ROLE]:
             mine = windows[windows["genie"] == genie]
             kept = _thinned(len(mine))
-            t_s, ratio = mine["t_ns"].to_numpy(float) / NS, mine["ratio"].to_numpy(float)
+            t_s, ratio = mine["t_ns"].to_numpy(float) / NS_PER_S, mine["ratio"].to_numpy(float)
             yield {"name": genie, "role": role, "x": _list(t_s[kept], 2), "y": _list(ratio[kept], 3)}
 
 
@@ -191,7 +191,7 @@ def _boost(lookups: pd.DataFrame) -> Iterator[dict[str, Any]]:
         if len(events):
             kept = _thinned(len(events))
             mean = events["boost_sum"].cumsum().to_numpy(float) / events["updates"].cumsum().to_numpy(float)
-            t_s = events["t_ns"].to_numpy(float) / NS
+            t_s = events["t_ns"].to_numpy(float) / NS_PER_S
             yield {"name": role, "role": role, "x": _list(t_s[kept], 2), "y": _list(mean[kept], 5)}
 
 
@@ -202,7 +202,7 @@ def _use(run: Run, notes: list[str]) -> Iterator[dict[str, Any]]:
         return
     width_ns = max(LEAST_BIN_NS, -(-end_ns // (BINS * SAMPLE_NS)) * SAMPLE_NS)
     edges_ns = np.arange(0, end_ns + width_ns, width_ns, dtype=np.float64)
-    middles = _list((edges_ns[1:] + edges_ns[:-1]) / 2 / NS, 2)
+    middles = _list((edges_ns[1:] + edges_ns[:-1]) / 2 / NS_PER_S, 2)
     for (method, kind), group in resources.groupby(["method", "kind"], observed=True):
         curves = {str(name): _mean_use(samples, edges_ns) for name, samples in group.groupby("resource", observed=True)}
         busiest = sorted(curves, key=lambda name: (-float(curves[name].sum()), name))

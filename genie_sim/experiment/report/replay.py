@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from genie_sim.experiment.metrics import METHODS
+from genie_sim.units import NS_PER_MS, NS_PER_S
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
     Column = np.ndarray[Any, Any]
 
 MOST_ROWS = 200_000  # of frames, look-ups and map changes together: about 7 MB of JSON
-NS, US, MS = 1_000_000_000, 1_000, 1_000_000
+US = 1_000
 KINDS = ("image", "sighting", "boost")
 OUTCOMES = ("miss", "hit", "coalesced")
 UNKNOWN = -1
@@ -57,8 +58,9 @@ def replay_data(run: Run, start_ns: int, notes: list[str]) -> dict[str, Any] | N
     end_ns = _end_ns(run, begin_ns)
     if begin_ns > 0 or end_ns <= last_ns:
         notes.append(
-            f"The replay and the stories cover every frame from {begin_ns / NS:.1f} s to "
-            f"{min(end_ns, last_ns) / NS:.1f} s of {last_ns / NS:.1f} s: the page would be too large otherwise. "
+            f"The replay and the stories cover every frame from {begin_ns / NS_PER_S:.1f} s to "
+            f"{min(end_ns, last_ns) / NS_PER_S:.1f} s of {last_ns / NS_PER_S:.1f} s: "
+            "the page would be too large otherwise. "
             "Everything else covers the whole run. Another stretch: genie-sim report DIR --start '60 s'"
         )
     names = _Names()
@@ -83,7 +85,7 @@ def _end_ns(run: Run, begin_ns: int) -> int:
     first = int(np.searchsorted(instants, begin_ns))
     if len(instants) - first <= MOST_ROWS:
         return int(instants[-1]) + 1
-    return begin_ns + max((int(instants[first + MOST_ROWS]) - begin_ns) // NS, 1) * NS
+    return begin_ns + max((int(instants[first + MOST_ROWS]) - begin_ns) // NS_PER_S, 1) * NS_PER_S
 
 
 def _between(table: pd.DataFrame, column: str, begin_ns: int, end_ns: int) -> pd.DataFrame:
@@ -180,7 +182,7 @@ def _objects(run: Run, begin_ns: int, end_ns: int, names: _Names) -> Any:
             names.code(label),
             round(100 * east_m),
             round(100 * north_m),
-            _deltas(np.maximum(t_ns[first:], begin_ns) // MS),
+            _deltas(np.maximum(t_ns[first:], begin_ns) // NS_PER_MS),
             _scaled(mine["confidence"].iloc[first:], 1000).tolist(),
         ]
 

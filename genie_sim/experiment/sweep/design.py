@@ -23,7 +23,6 @@ from genie_sim.experiment.fields import Model, Name, problem, shown, validate
 from genie_sim.experiment.seeds import stream
 from genie_sim.experiment.yaml_input import read_mapping
 
-SWEEP = files.Kind("sweep", "scenarios/sweeps", ".yaml")
 SCENARIO = "scenario"  # the one path of an axis that is no setting of a scenario but names another one
 MOST_RUNS = 1_000_000
 COLUMNS = ("point", "seed", "run_id", "metric", "role", "unit", "value", "low", "high", "n", "runs")  # of the tables
@@ -292,7 +291,7 @@ def _overrides(settings: Mapping[str, Any]) -> tuple[str, ...]:
 
 def load_design(path_or_name: str | Path) -> Design:
     """A sweep file, by path or by name. Raises ``UserError``."""
-    path = files.find(SWEEP, path_or_name)
+    path = files.find(files.SWEEP, path_or_name)
     data = read_mapping(path)
     data.setdefault("name", path.stem)
     return validate(Design, data, lambda field: str(path))

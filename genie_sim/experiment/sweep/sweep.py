@@ -14,7 +14,7 @@ from genie_sim.experiment import files, provenance
 from genie_sim.experiment.runner import Progress
 from genie_sim.experiment.sweep import tables
 from genie_sim.experiment.sweep.backends import Dask, Local
-from genie_sim.experiment.sweep.design import SWEEP, Design, load_design
+from genie_sim.experiment.sweep.design import Design, load_design
 from genie_sim.experiment.sweep.plan import Plan, plan, share, tasks
 from genie_sim.experiment.sweep.tasks import PARTIAL
 
@@ -54,7 +54,7 @@ class Sweep:
         design = load_design(path_or_name)
         folder = out / design.name
         _check(folder)
-        return cls(design, folder, plan(design, str(files.find(SWEEP, path_or_name)), progress))
+        return cls(design, folder, plan(design, str(files.find(files.SWEEP, path_or_name)), progress))
 
     def run(self, backend: Local | Dask, shard: tuple[int, int] = (1, 1), progress: Progress | None = None) -> None:
         """Runs what is missing of a shard ``(i, n)``. Raises ``UserError``."""
