@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, NamedTuple, Protocol
 
-from genie_sim.messages import CameraPose, Detection, Header
+from genie_sim.messages import Box, CameraPose, Detection, Header, Location
 
 
 class WireType(NamedTuple):
@@ -44,11 +44,27 @@ class Codec(Protocol):
         """The message with other objects; ``payload`` may be empty."""
 
 
-@dataclass(frozen=True, slots=True)
 class RosObject(Detection):
-    """A detection that remembers the ROS object it was read from, so that no field of it gets lost."""
+    """A detection that remembers the ROS object it was read from (``raw``), so that no field of it gets lost."""
 
-    raw: Any = None
+    raw: Any
+
+    def __new__(
+        cls,
+        label: str,
+        score: float,
+        box: Box | None,
+        location: Location | None,
+        confidence: float,
+        method: str,
+        raw: Any,
+    ) -> RosObject:
+        made = super().__new__(cls, label, score, box, location, confidence, method)
+        made.raw = raw
+        return made
+
+    def with_confidence(self, confidence: float) -> RosObject:
+        return RosObject(self.label, self.score, self.box, self.location, confidence, self.method, self.raw)
 
 
 @dataclass(frozen=True)
