@@ -215,6 +215,7 @@ def _cells(easts: tuple[float, float], norths: tuple[float, float], side_m: floa
 
 def _remove(cells: dict[Any, list[StoredObject]], cell: Any, stored: StoredObject) -> None:
     """Takes an object out of a cell's list, and a list that is empty then out of the grid."""
-    cells[cell] = [one for one in cells[cell] if one is not stored]
-    if not cells[cell]:
+    held = cells[cell]
+    del held[next(place for place, one in enumerate(held) if one is stored)]  # what goes is mostly among the first
+    if not held:
         del cells[cell]
