@@ -59,7 +59,7 @@ def test_the_wheel_carries_the_licence_of_the_trace_beside_it(wheel: Path):
 def test_the_wheel_carries_nothing_else(wheel: Path):
     """No tests, caches, frames or weights, and small enough to download in a moment."""
     information = f"genie_sim-{version()}.dist-info/"
-    code = (".py", ".typed", ".yaml", ".parquet", ".md", ".html", ".css", ".js", ".schema.json")
+    code = (".py", ".typed", ".yaml", ".parquet", ".md", ".html", ".css", ".js", ".schema.json", "/laws.json")
     foreign = [
         name for name in zipfile.ZipFile(wheel).namelist()
         if not name.startswith(information) and not (name.startswith("genie_sim/") and name.endswith(code))
