@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import contextlib
+import json
 import os
 import socket
 import subprocess
@@ -68,7 +69,24 @@ def measured_ms(rate_bps: int, size_bytes: int, count: int) -> list[float]:
         send = ["ip", "netns", "exec", car, *python, "send", "10.99.0.2", str(PORT), str(size_bytes), str(count)]
         began_ns = int(subprocess.run(send, check=True, capture_output=True, text=True, timeout=60).stdout)
         output, _ = receive.communicate(timeout=60)
+        _sent_bytes[rate_bps] = _counted_bytes(car)
         return [(int(line) - began_ns) / NS_PER_MS for line in output.splitlines()]
+
+
+_sent_bytes: dict[int, int] = {}  # by rate: what the shaper itself counted in the last measurement
+
+
+def _counted_bytes(car: str) -> int:
+    told = subprocess.run(
+        ["tc", "-n", car, "-s", "-j", "qdisc", "show", "dev", "veth0"], check=True, capture_output=True, text=True
+    )
+    return int(json.loads(told.stdout)[0]["bytes"])
+
+
+def held_rate(rate_bps: int) -> float:
+    """Which share of the rate that it was told the host's shaper keeps up, by its own count of bytes."""
+    (took_ms,) = measured_ms(rate_bps, rate_bps // 40, 1)  # of a fifth of a second
+    return _sent_bytes[rate_bps] * 8 * 1000 / took_ms / rate_bps
 
 
 def simulated_ms(rate_bps: int, size_bytes: int, count: int) -> list[float]:

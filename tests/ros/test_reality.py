@@ -53,6 +53,9 @@ def test_another_detector_would_be_noticed(tmp_path: Path):
     assert as_it_is.outcomes != slower.outcomes
 
 
+SHAPER_HOLDS = 0.97  # below it is not the simulated link that is off: the real one has another rate than it was given
+
+
 @pytest.mark.parametrize("size_bytes, count", [(100_000, 1), (1_397_297, 1), (465_800, 3)])
 @pytest.mark.parametrize("rate_bps", [20_000_000, 100_000_000])
 @pytest.mark.skipif(sys.platform != "linux", reason="network namespaces are Linux's")
@@ -68,4 +71,7 @@ def test_a_shaped_link_takes_as_long_as_the_simulated_one(rate_bps: int, size_by
     agree = [within(one, other, 0.05) for one, other in zip(real, simulated, strict=True)]
     if not all(agree) and busy > reality.BUSY_LIMIT:
         pytest.skip(f"{real} ms, simulated {simulated} ms; others kept the processors {busy:.0%} busy")
-    assert all(agree), f"{real} ms, simulated {simulated} ms"
+    held = 1.0 if all(agree) else reality_link.held_rate(rate_bps)
+    if held < SHAPER_HOLDS:
+        pytest.skip(f"{real} ms, simulated {simulated} ms; this host's shaper keeps up {held:.1%} of its rate only")
+    assert all(agree), f"{real} ms, simulated {simulated} ms; the shaper keeps up {held:.1%} of its rate"
