@@ -227,8 +227,9 @@ a wire does not. Delay and loss are not compared: `netem` would be needed.
     return text + """
 ![Transfers, real and simulated](images/reality_link.png)
 
-A host whose timers come late shapes a link below its rate: on another day one kept up 87 % of its 100 Mbit/s, by the kernel's
-own count of bytes, and 99 % of 20 Mbit/s. There the test compares nothing at the rate that is not there, and says so.
+A host whose timers come late shapes a link below its rate: on another day one kept up 87 % of its 100 Mbit/s, by the
+kernel's own count of bytes, and 99 % of 20 Mbit/s. There the test compares nothing at the rate that is not there, and
+says so.
 """
 
 
