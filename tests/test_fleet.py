@@ -200,6 +200,7 @@ def test_the_page_of_a_fleet_tells_of_its_cars_together_and_stays_small(monkeypa
     shown = data.page_data(run)
     assert [car["name"] for car in shown["about"]["cars"]] == ["0.6 of 5 cars", "0.4 of 5 cars"]
     assert [edge["name"] for edge in shown["about"]["edges"]] == ["an edge about every 100 m"]
+    assert shown["about"]["how_many"] == {"cars": 5, "edges": 6}
     assert shown["replay"] is None
     of_resources = {role for _, role, *_ in shown["metrics"] if ": " in role}
     everywhere = {metric.role for metric in run.measured if ": " in metric.role}

@@ -419,6 +419,7 @@ def test_a_page_without_replay_still_draws(browser, tmp_path, run):
     browser.open(replace(run, poses=run.poses.iloc[:0]).report(tmp_path / "r.html"))
     assert browser.errors == []
     assert browser.evaluate("byId('street').hidden")
+    assert "Street" not in browser.evaluate("document.querySelector('nav').innerText"), "no way to what is not there"
 
 
 def test_markup_in_names_is_shown_as_text(browser, tmp_path, run):

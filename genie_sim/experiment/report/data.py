@@ -72,6 +72,7 @@ def _about(run: Run) -> dict[str, Any]:
         "frames": {str(method): int(n) for method, n in frames.groupby("method", observed=True).size().items()},
         "cars": cars,
         "edges": edges,
+        "how_many": _how_many(run),
         "cameras": [camera["name"] for camera in scenario["cameras"]],
         "similarity": similarity if isinstance(similarity, str) else similarity["name"],
         "eviction": genie["eviction"],
@@ -95,6 +96,16 @@ def _who(scenario: Mapping[str, Any], devices: Mapping[str, str]) -> tuple[list[
         for name, share in fleet["devices"].items()
     ]
     return cars, [{"name": f"an edge about every {fleet['cell']}", "device": devices[fleet["edge_device"]]}]
+
+
+def _how_many(run: Run) -> dict[str, int | None]:
+    """Cars and edges. A fleet's resources are those of its edges; without them nobody counted the edges."""
+    scenario, resources = run.facts["scenario"], run.resources
+    fleet = scenario.get("fleet")
+    if fleet is None:
+        return {"cars": len(scenario["cars"]), "edges": len(scenario["edges"])}
+    accelerators = resources.loc[resources["kind"] == "accelerator", "resource"]
+    return {"cars": fleet["cars"], "edges": accelerators.nunique() or None}
 
 
 def _car(car: Mapping[str, Any], device: str) -> dict[str, Any]:

@@ -12,7 +12,7 @@ function showAbout() {
   byId("description").textContent = ABOUT.description;
   const frames = Math.max(...Object.values(ABOUT.frames), 0);
   const facts = { run: ABOUT.run_id, seed: ABOUT.seed, "simulated": `${digits(ABOUT.seconds)} s`,
-    cars: ABOUT.cars.length, edges: ABOUT.edges.length, "cameras a car": ABOUT.cameras.length,
+    cars: ABOUT.how_many.cars.toLocaleString("en"), edges: ABOUT.how_many.edges ?? "not counted", "cameras a car": ABOUT.cameras.length,
     frames: `${frames.toLocaleString("en")} under each method`, model: ABOUT.model, similarity: ABOUT.similarity,
     eviction: ABOUT.eviction, "confidence rule": ABOUT.rule, "C_T": ABOUT.threshold, "on a miss": ABOUT.miss_policy };
   byId("about").replaceChildren(...Object.entries(facts).map(([name, value]) => make("div", {}, make("dt", {}, name), make("dd", {}, String(value)))));
@@ -272,3 +272,4 @@ showOverTime();
 showUse();
 showMetrics();
 showReplay();
+for (const link of document.querySelectorAll("nav a")) link.hidden = byId(link.hash.slice(1)).hidden;
