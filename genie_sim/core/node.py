@@ -237,8 +237,11 @@ class GenieNode:
     def _on_answer(self, topic: str, answer: Answer, now_ns: int, *, own: bool) -> list[Effect]:
         """Lines 8 to 11, and delivery to everyone who waits. ``own``: the encapsulated node's answer."""
         answer, effects = self._new_data(answer, now_ns)  # line 9
-        confident = self._confident(answer)
         waiting = self._pending.by_header(answer.header)
+        broadcast = own and self.rules.share_answers == "broadcast"
+        if waiting is None and not broadcast:
+            return effects
+        confident = self._confident(answer)
         if waiting is not None:
             self._store(topic, waiting, answer, now_ns)  # line 10
             if topic not in waiting.answered:
@@ -247,7 +250,7 @@ class GenieNode:
                     self._pending.close(waiting)
                 to_clients = answer if own and self.rules.fresh_objects == "all" else confident
                 effects += self._release(topic, waiting, to_clients, confident, own)
-        if own and self.rules.share_answers == "broadcast":
+        if broadcast:
             effects.append(Publish(topic + self._remote, confident))
         return effects
 

@@ -23,7 +23,7 @@ from genie_sim.experiment.profiles import DeviceProfile, load_profile
 from genie_sim.experiment.records import FrameTable, LookupTable, ObjectTable, PoseTable, ResourceTable
 from genie_sim.experiment.results import Run
 from genie_sim.experiment.scenario import Live, Route, Scenario, load_scenario, read_scenario
-from genie_sim.experiment.tables import Table, Value
+from genie_sim.experiment.tables import Table
 from genie_sim.experiment.truth import TruthTable
 from genie_sim.perception.trace import Trace, read_trace
 from genie_sim.sim.log import Log
@@ -265,18 +265,19 @@ def simulate(prepared: Prepared, progress: Progress | None = None, spill: Path |
 
     tables = Tables(
         FrameTable(),
-        LookupTable(waiting("lookups")) if "lookups" in record else _NoLookups(),
+        LookupTable(waiting("lookups")),
         ResourceTable(waiting("resources")),
         PoseTable(waiting("poses")),
         ObjectTable(waiting("objects")),
     )
+    lookups = tables.lookups if "lookups" in record else None
     objects = tables.objects if "objects" in record else None
     if prepared.town is not None and "truth" in record:
         tables = replace(tables, truth=TruthTable())
     drives = "genie" if "genie" in methods else methods[0]  # without Genie, cars without cameras stay at home
     for number, method in enumerate(methods):
         poses = tables.poses if method == drives and "poses" in record else None
-        log = Log(method, tables.frames, tables.lookups, tables.resources, poses, objects)
+        log = Log(method, tables.frames, lookups, tables.resources, poses, objects)
         began_s = time.perf_counter()
         world = World(scenario, prepared.devices, prepared.traces, method, log, _truth(prepared, method, tables.truth))
 
@@ -301,13 +302,6 @@ def _truth(prepared: Prepared, method: str, table: TruthTable | None) -> Truth |
     begin_ns = {car: cast("Drive", trace).start_ns for car, trace in prepared.traces.items()}
     reach_m = scenario.genie.object_map.gate_m + city.tolerance_m
     return Truth(method, prepared.town, begin_ns, reach_m, scenario.genie.view_range_m, table.add)
-
-
-class _NoLookups(LookupTable):
-    """Look-ups that the scenario does not want on record."""
-
-    def _append(self, row: tuple[Value, ...]) -> None:
-        pass
 
 
 @contextmanager

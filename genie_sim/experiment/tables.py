@@ -153,7 +153,9 @@ class Table:
 
     def _store(self) -> None:
         """Moves the new rows into the columns."""
-        for buffer, values in zip(self._buffers.values(), zip(*self._new, strict=True), strict=False):
+        if not self._new:
+            return
+        for buffer, values in zip(self._buffers.values(), zip(*self._new, strict=True), strict=True):
             buffer.extend(values)
         self._rows += len(self._new)
         self._new.clear()
@@ -168,7 +170,8 @@ class Table:
         found = np.ones(self._rows, dtype=bool)
         for name, value in known.items():
             buffer = self._buffers[name]
-            found &= buffer.numpy(self._rows) == (buffer.codes.get(str(value), -1) if buffer.codes else value)
+            is_text = buffer.column.kind == "text"
+            found &= buffer.numpy(self._rows) == (buffer.codes.get(str(value), -1) if is_text else value)
         if not found.any():
             return None
         row, values = int(found.argmax()), []

@@ -36,14 +36,14 @@ class Log:
     """The rows of one method's run. A frame's row is found by its header and completed as the frame moves on. Then it
     goes into the table, which is compact; in the rare case that more becomes known, it is taken out again.
 
-    ``poses`` and ``objects`` are what a replay needs besides; ``None`` leaves them out.
+    ``poses`` and ``objects`` are what a replay needs besides. ``None`` leaves them, or ``lookups``, out.
     """
 
     def __init__(
         self,
         method: str,
         frames: FrameTable,
-        lookups: LookupTable,
+        lookups: LookupTable | None,
         resources: ResourceTable,
         poses: PoseTable | None = None,
         objects: ObjectTable | None = None,
@@ -121,16 +121,18 @@ class Log:
         stamp_ns, stream, car = header
         if isinstance(record, ObjectLookups):
             _, kind, requests, hits, updates, boost_sum, objects, changes = record
-            counts = (requests, hits, updates, boost_sum, objects)
-            self._lookups.add(now_ns, genie.name, role, kind, None, car, stream, stamp_ns, None, *counts)
+            if self._lookups is not None:
+                counts = (requests, hits, updates, boost_sum, objects)
+                self._lookups.add(now_ns, genie.name, role, kind, None, car, stream, stamp_ns, None, *counts)
             if self._objects is not None:
                 for label, location, confidence in changes:
                     self._objects.add(now_ns, genie.name, label, location[0], location[1], confidence)
         elif isinstance(record, ImageLookup):
             _, outcome, asker, entries = record
             hit = outcome == "hit"
-            counts = (1, int(hit), 0, 0.0, entries)
-            self._lookups.add(now_ns, genie.name, role, "image", asker, car, stream, stamp_ns, outcome, *counts)
+            if self._lookups is not None:
+                counts = (1, int(hit), 0, 0.0, entries)
+                self._lookups.add(now_ns, genie.name, role, "image", asker, car, stream, stamp_ns, outcome, *counts)
             if role == "local" and asker == "client":
                 frame = self._frame(header)
                 assert frame is not None, "every frame is published first"
