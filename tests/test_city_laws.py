@@ -263,9 +263,9 @@ def test_a_frame_of_the_town_shows_as_many_ghosts(laws, kitti_root, trace, town_
     made = 0
     for frame in town_frames:
         world = _Ghosts(frame._drive.town.streets)
-        pose, heading = frame.pose, frame.pose.heading_rad
-        eye = Eye(world, laws, TownRules().view_m)
-        made += len(eye.look(pose, math.cos(heading), math.sin(heading), frame.stamp_ns * 1e-9, frame.dhash))
+        pose, eye = frame.pose, Eye(world, laws, TownRules().view_m)
+        c, s = math.cos(pose.heading_rad), math.sin(pose.heading_rad)
+        made += len(eye.look(eye.view(pose, c, s, frame.stamp_ns * 1e-9), pose, c, s, frame.dhash))
     print(f"ghosts a frame: real {real:.2f}, town {made / len(town_frames):.2f}")
     assert made / len(town_frames) == pytest.approx(real, rel=0.2)
 

@@ -124,6 +124,18 @@ def test_traffic_flows(town):
     assert {one.number for one in stay} <= after.keys()
 
 
+def test_what_is_there_is_found_by_its_class(town):
+    t_ns, (east_m, north_m) = 10 * NS_PER_S, (450.0, 375.0)
+    everything = town.truth_near(east_m, north_m, 150.0, t_ns)
+    labels = {one.label for one in everything}
+    assert {"car", "person", "bicycle"} <= labels
+    for step_m in range(-50, 50, 4):
+        at = east_m + step_m, north_m
+        for label in (*labels, "elephant"):
+            near = any(one.label == label and math.dist(one.location[:2], at) <= 9.0 for one in everything)
+            assert town.is_there(label, *at, 9.0, t_ns) == near
+
+
 def test_nobody_has_the_number_of_another(town):
     for t_ns in (0, 100 * NS_PER_S, 3600 * NS_PER_S):
         everything = town.truth_near(450.0, 375.0, 1000.0, t_ns)

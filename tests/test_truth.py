@@ -49,14 +49,14 @@ class Street:
 
     def __init__(self, *objects: TrueObject) -> None:
         self.objects = objects
-        self.asked: list[tuple[float, float, float, int]] = []
+        self.asked: list[tuple[str, float, float, float, int]] = []
 
     def frame(self) -> Frame:
         return Frame([one for one in self.objects if one.location[0] > 0])
 
-    def truth_near(self, east_m: float, north_m: float, range_m: float, t_ns: int) -> Sequence[TrueObject]:
-        self.asked.append((east_m, north_m, range_m, t_ns))
-        return [one for one in self.objects if abs(one.location[0] - east_m) <= range_m]
+    def is_there(self, label: str, east_m: float, north_m: float, range_m: float, t_ns: int) -> bool:
+        self.asked.append((label, east_m, north_m, range_m, t_ns))
+        return any(one.label == label and abs(one.location[0] - east_m) <= range_m for one in self.objects)
 
 
 def judged(town: Street, *answers: tuple[str, Sequence[Detection]]) -> list[tuple[str, tuple[int, ...]]]:
@@ -108,10 +108,10 @@ def test_objects_without_a_place_are_not_counted():
     assert judged(Street(), ("map", [served("car", None)])) == [("map", (0, 0, 0, 0, 0))]
 
 
-def test_the_truth_is_asked_for_at_the_time_of_the_frame_and_as_far_as_the_answer_reaches():
+def test_the_truth_is_asked_for_where_something_out_of_view_was_served_at_the_time_of_the_frame():
     town = Street(real("car", 10.0))
     judged(town, ("map", [served("car", 30.0, 40.0)]))
-    assert town.asked == [(0.0, 0.0, 50.0 + REACH_M, STAMP_NS + BEGIN_NS)]
+    assert town.asked == [("car", 30.0, 40.0, REACH_M, STAMP_NS + BEGIN_NS)]
 
 
 def rows(*counts: tuple[str, int, int, int, int, int]) -> pd.DataFrame:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import bisect
+import heapq
+import itertools
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -15,6 +17,7 @@ RANGE_60 = 0.30 + 0.60 * (1.0 - 0.30)  # 60 % of the way up the range of scores 
 CELL_GATES = 4.0  # width of a cell, in gates
 REACH_GATES = 1.01  # how far around an object the cells list it: a gate, and room for rounding
 WIDE_RAD = math.radians(60.0)  # half of a view that is looked for in a whole circle
+Cell = tuple[float, float]  # whole numbers, counted east and north
 
 
 @dataclass(slots=True)
@@ -29,17 +32,12 @@ class StoredObject:
     sightings: int = 1
     _detection: Detection | None = None
 
-    def boost(self, confidence: float, now_ns: int) -> None:
-        """Another sighting has changed the confidence to this."""
-        self.confidence = confidence
-        self.seen_ns = now_ns
-        self.sightings += 1
-        self._detection = None
-
     def as_detection(self) -> Detection:
-        if self._detection is None:  # the same one until the next sighting: most are asked for often
-            self._detection = Detection(self.label, self.score, None, self.location, self.confidence, "map")
-        return self._detection
+        detection = self._detection
+        if detection is None or detection.confidence != self.confidence:  # most are asked for often
+            detection = Detection(self.label, self.score, None, self.location, self.confidence, "map")
+            self._detection = detection
+        return detection
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,10 +73,11 @@ class ObjectMap:
         self._gate2 = 0.0 if self._exact else rules.gate_m**2
         self._cells: dict[Any, list[StoredObject]] = {}  # by location if exact, else by cell
         self._view_cell_m = view_cell_m
-        self._view_cells: dict[tuple[int, int], list[StoredObject]] = {}
+        self._view_cells: dict[Cell, list[StoredObject]] = {}
         self._first_scores: list[float] = []
         self._count = 0
-        self._by_age: dict[int, StoredObject] = {}  # by identity, the longest unseen first; only if it may be forgotten
+        self._to_forget: list[tuple[int, int, StoredObject]] = []  # a heap: when to look at it, a number of its own
+        self._numbers = itertools.count()
 
     def __len__(self) -> int:
         return self._count
@@ -99,16 +98,18 @@ class ObjectMap:
 
     def forget(self, now_ns: int) -> None:
         """Removes the objects that nobody has seen for the rules' ``forget_ns``."""
-        forget_ns = self._rules.forget_ns
-        while self._by_age and forget_ns is not None:
-            key, oldest = next(iter(self._by_age.items()))
-            if now_ns - oldest.seen_ns < forget_ns:
-                return
-            del self._by_age[key]
+        waiting, forget_ns = self._to_forget, self._rules.forget_ns
+        while waiting and waiting[0][0] <= now_ns:
+            due_ns, _, stored = waiting[0]
+            assert forget_ns is not None
+            if stored.seen_ns + forget_ns > due_ns:  # it has been seen since
+                heapq.heapreplace(waiting, (stored.seen_ns + forget_ns, next(self._numbers), stored))
+                continue
+            heapq.heappop(waiting)
             self._count -= 1
-            for cell in self._cells_within_reach(oldest.location):
-                _remove(self._cells, cell, oldest)
-            _remove(self._view_cells, self._view_cell(oldest.location), oldest)
+            for cell in self._cells_within_reach(stored.location):
+                _remove(self._cells, cell, stored)
+            _remove(self._view_cells, self._view_cell(stored.location), stored)
 
     def sight(self, seen: Detection, now_ns: int = 0) -> tuple[float | None, StoredObject]:
         """Lines 3 to 7: boosts the stored object that ``seen`` shows, or adds it.
@@ -116,20 +117,21 @@ class ObjectMap:
         Returns the confidence before (``None`` for a new object) and the stored object.
         """
         assert seen.location is not None
+        rules = self._rules
         stored = self.match(seen.label, seen.location)
         if stored is not None:
             before = stored.confidence
-            stored.boost(self._rules.rule(before, seen.confidence, self._rules.rate), now_ns)
-            if self._rules.forget_ns is not None:
-                self._by_age[id(stored)] = self._by_age.pop(id(stored))
+            stored.confidence = rules.rule(before, seen.confidence, rules.rate)
+            stored.seen_ns = now_ns
+            stored.sightings += 1
             return before, stored
         stored = StoredObject(seen.label, seen.location, seen.score, seen.confidence, now_ns)
-        if self._rules.forget_ns is not None:
-            self._by_age[id(stored)] = stored
+        if rules.forget_ns is not None:
+            heapq.heappush(self._to_forget, (now_ns + rules.forget_ns, next(self._numbers), stored))
         for cell in self._cells_within_reach(seen.location):
             self._cells.setdefault(cell, []).append(stored)
         self._view_cells.setdefault(self._view_cell(seen.location), []).append(stored)
-        if self._rules.threshold == "empirical":
+        if rules.threshold == "empirical":
             bisect.insort(self._first_scores, seen.score)
         self._count += 1
         return None, stored
@@ -181,10 +183,10 @@ class ObjectMap:
         """The cell that lists what may be at a location: the location itself if it has to be equal."""
         if self._exact:
             return location
-        return math.floor(location[0] / self._cell_m), math.floor(location[1] / self._cell_m)
+        return location[0] // self._cell_m, location[1] // self._cell_m
 
-    def _view_cell(self, location: Location) -> tuple[int, int]:
-        return math.floor(location[0] / self._view_cell_m), math.floor(location[1] / self._view_cell_m)
+    def _view_cell(self, location: Location) -> Cell:
+        return location[0] // self._view_cell_m, location[1] // self._view_cell_m
 
     def _cells_within_reach(self, location: Location) -> list[Any]:
         if self._exact:
@@ -193,7 +195,7 @@ class ObjectMap:
         east_m, north_m, _ = location
         return _cells((east_m - reach_m, east_m + reach_m), (north_m - reach_m, north_m + reach_m), self._cell_m)
 
-    def _cells_in_view(self, pose: CameraPose, half_rad: float, range_m: float) -> list[tuple[int, int]]:
+    def _cells_in_view(self, pose: CameraPose, half_rad: float, range_m: float) -> list[Cell]:
         """The cells of the upright rectangle around the kite that touches a circle sector's arc at its ends and middle;
         around the whole circle if the sector is wide."""
         east_m, north_m, _, heading_rad = pose
@@ -207,10 +209,13 @@ class ObjectMap:
         return _cells((east_m + west, east_m + east), (north_m + south, north_m + north), self._view_cell_m)
 
 
-def _cells(easts: tuple[float, float], norths: tuple[float, float], side_m: float) -> list[tuple[int, int]]:
+def _cells(easts: tuple[float, float], norths: tuple[float, float], side_m: float) -> list[Cell]:
     """The cells of an upright rectangle, west to east."""
-    rows = range(math.floor(norths[0] / side_m), math.floor(norths[1] / side_m) + 1)
-    return [(i, j) for i in range(math.floor(easts[0] / side_m), math.floor(easts[1] / side_m) + 1) for j in rows]
+    west, east, south, north = easts[0] // side_m, easts[1] // side_m, norths[0] // side_m, norths[1] // side_m
+    if west == east and south == north:  # mostly, where the rectangle is small
+        return [(west, south)]
+    rows = range(int(south), int(north) + 1)
+    return [(i, j) for i in range(int(west), int(east) + 1) for j in rows]
 
 
 def _remove(cells: dict[Any, list[StoredObject]], cell: Any, stored: StoredObject) -> None:

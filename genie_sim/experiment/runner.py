@@ -306,14 +306,17 @@ def _truth(prepared: Prepared, method: str, table: TruthTable | None) -> Truth |
 
 @contextmanager
 def _rare_collections() -> Iterator[None]:
-    """A simulation makes very many small objects and hardly a cycle: Python looks for cycles less often meanwhile, and
-    among new objects only. With ten thousand cars it would spend a fifth of the time on looking through all."""
+    """A simulation makes very many small objects and no cycle, unless somebody's own class does: Python looks for
+    cycles rarely meanwhile, and among the new objects only. With ten thousand cars it would spend a fifth of the time
+    on looking through all."""
     before = gc.get_threshold()
-    gc.set_threshold(50_000, 20, 1_000_000)
+    gc.freeze()
+    gc.set_threshold(500_000, 20, 1_000_000)
     try:
         yield
     finally:
         gc.set_threshold(*before)
+        gc.unfreeze()
 
 
 def _perceived(live: Live, progress: Progress | None) -> Trace:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Mapping
 from typing import Protocol
 
 from genie_sim.messages import Detections, Header, Image, Location
@@ -11,20 +11,10 @@ from genie_sim.messages import Detections, Header, Image, Location
 Placed = tuple[str, Location]  # an object's class, and where it is
 
 
-class TrueObject(Protocol):
-    """Something that is really there."""
-
-    @property
-    def label(self) -> str: ...
-
-    @property
-    def location(self) -> Location: ...
-
-
 class Town(Protocol):
     """Knows where everything really is."""
 
-    def truth_near(self, east_m: float, north_m: float, range_m: float, t_ns: int) -> Collection[TrueObject]: ...
+    def is_there(self, label: str, east_m: float, north_m: float, range_m: float, t_ns: int) -> bool: ...
 
 
 class Truth:
@@ -59,21 +49,17 @@ class Truth:
         image = self._unanswered.pop(answer.header, None)
         if image is None:
             return
-        header, pose = answer.header, image.pose
+        header, pose, reach_m = answer.header, image.pose, self._reach_m
         served = [(one.label, one.location) for one in answer.objects if one.location is not None]
         view = [(one.label, one.location) for one in image.content.truth()]
         not_in_view = self._without(served, view)
-        ghosts = not_in_view
-        if not_in_view:
-            farthest_m = max(math.hypot(at[0] - pose.east_m, at[1] - pose.north_m) for _, at in not_in_view)
-            t_ns = self._begin_ns[header.origin] + image.content.stamp_ns
-            near = self._town.truth_near(pose.east_m, pose.north_m, farthest_m + self._reach_m, t_ns)
-            ghosts = self._without(not_in_view, [(one.label, one.location) for one in near])
+        t_ns = self._begin_ns[header.origin] + image.content.stamp_ns
+        ghosts = sum(not self._town.is_there(label, at[0], at[1], reach_m, t_ns) for label, at in not_in_view)
         wanted = [
             (label, at) for label, at in view if math.hypot(at[0] - pose.east_m, at[1] - pose.north_m) <= self._range_m
         ]
         found = len(wanted) - len(self._without(wanted, served))
-        counts = len(served), len(served) - len(ghosts), len(not_in_view), len(wanted), found
+        counts = len(served), len(served) - ghosts, len(not_in_view), len(wanted), found
         self._add(self._method, header.origin, header.frame_id, header.stamp_ns, source, *counts)
 
     def _without(self, objects: list[Placed], others: list[Placed]) -> list[Placed]:

@@ -43,10 +43,11 @@ def looked_again(laws: DetectorLaws, group: str, looks: Sequence[Look], seed: in
         pose = look.pose
         world.thing = seen(laws.of(label), mix(seed), look.track, label, *look.centre[:2], False)
         c, s = math.cos(pose.heading_rad), math.sin(pose.heading_rad)
-        if not eye.truth(pose, c, s, 0.0):
+        view = eye.view(pose, c, s, 0.0)
+        if not view:
             continue
         picture = mix(seed ^ mix(round(pose.east_m * 1000) ^ mix(round(pose.north_m * 1000) ^ int(look.camera))))
-        detections = eye.look(pose, c, s, 0.0, picture)
+        detections = eye.look(view, pose, c, s, picture)
         detection = detections[0] if detections else None
         along_m, across_m = errors_m(detection, look.centre, pose)
         again.append(look._replace(detection=detection, along_m=along_m, across_m=across_m))

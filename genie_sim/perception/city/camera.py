@@ -33,7 +33,7 @@ class CityFrame:
     ``detections`` are made when they are first asked for, from the town's seed, the car and the frame alone.
     """
 
-    __slots__ = ("_detections", "_drive", "_place", "camera", "dhash", "digest", "index", "pose", "stamp_ns")
+    __slots__ = ("_detections", "_drive", "_place", "_view", "camera", "dhash", "digest", "index", "pose", "stamp_ns")
 
     width = WIDTH
     height = HEIGHT
@@ -53,24 +53,27 @@ class CityFrame:
         north_m = round(north_m + left_m * c, POSITION_DECIMALS)
         self.pose = CameraPose(east_m, north_m, CAMERA_UP_M, round(math.remainder(heading, math.tau), 6))
         self._place = (c, s)
+        self._view: View | None = None
         self._detections: tuple[Detection, ...] | None = None
 
     @property
     def detections(self) -> tuple[Detection, ...]:
         """What the detector finds in this frame, best score first."""
         if self._detections is None:
-            drive = self._drive
-            self._detections = drive.town.eye.look(self.pose, *self._place, self._t_s, self.dhash)
+            self._detections = self._drive.town.eye.look(self._in_view(), self.pose, *self._place, self.dhash)
         return self._detections
 
     def truth(self) -> tuple[TrueObject, ...]:
         """What is really in view: in the field of view, not hidden by houses, within ``TownRules.view_m``, and at least
         25 pixels high in the picture, as KITTI's labels that count."""
-        return self._drive.town.eye.truth(self.pose, *self._place, self._t_s)
+        return truth(self._in_view())
 
-    @property
-    def _t_s(self) -> float:
-        return (self._drive.start_ns + self.stamp_ns) * 1e-9
+    def _in_view(self) -> View:
+        if self._view is None:
+            drive = self._drive
+            t_s = (drive.start_ns + self.stamp_ns) * 1e-9
+            self._view = drive.town.eye.view(self.pose, *self._place, t_s)
+        return self._view
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, CityFrame) and self.digest == other.digest
@@ -110,6 +113,9 @@ class CityFrames(Sequence[CityFrame]):
         return (CityFrame(self._drive, self._camera, index) for index in range(self._count))
 
 
+View = list[tuple[Seen, float]]  # everything in view, ghosts too, with its range [m]
+
+
 class World(Protocol):
     """What a camera looks at."""
 
@@ -127,16 +133,8 @@ class Eye:
         half = HORIZONTAL_FOV_RAD / 2
         self._half_c, self._half_s, self._slope = math.cos(half), math.sin(half), math.tan(half)
 
-    def truth(self, pose: CameraPose, c: float, s: float, t_s: float) -> tuple[TrueObject, ...]:
-        """What is really in view of a camera whose heading has this cosine and sine."""
-        return tuple(
-            TrueObject(thing.number, thing.label, (thing.east_m, thing.north_m, thing.up_m), thing.moving)
-            for thing, _ in self._in_view(pose, c, s, t_s)
-            if thing.real
-        )
-
-    def look(self, pose: CameraPose, c: float, s: float, t_s: float, look_key: int) -> tuple[Detection, ...]:
-        """What the detector finds, best score first; ``look_key`` is this look's own."""
+    def look(self, view: View, pose: CameraPose, c: float, s: float, look_key: int) -> tuple[Detection, ...]:
+        """What the detector finds in a view, best score first; ``look_key`` is this look's own."""
         table = self._normals
         x, y = pose.east_m, pose.north_m
         # The view changes as the camera goes on and the range shrinks; turning into another street is another view.
@@ -145,7 +143,7 @@ class Eye:
         else:
             gone_m, quarter = (y, 2 * 16411) if s > 0 else (-y, 3 * 16411)
         found = []
-        for thing, range_m in self._in_view(pose, c, s, t_s):
+        for thing, range_m in view:
             east_m, north_m, up_m, _, label, _, key, offset, score_z, along_z, across_z, laws, _, _ = thing
             row = laws.scores[int(range_m + 0.5)]
             view = int((range_m - gone_m) / VIEW_STEP_M) + offset + quarter
@@ -196,8 +194,8 @@ class Eye:
         location = (round(east_m, POSITION_DECIMALS), round(north_m, POSITION_DECIMALS), MIDDLES_M[kind.label])
         return Detection(kind.label, score, None, location, score, "city")
 
-    def _in_view(self, pose: CameraPose, c: float, s: float, t_s: float) -> list[tuple[Seen, float]]:
-        """Everything in view, ghosts too, with its range [m]."""
+    def view(self, pose: CameraPose, c: float, s: float, t_s: float) -> View:
+        """What a camera looks at whose heading has this cosine and sine."""
         view_m, slope = self._view_m, self._slope
         x, y = pose.east_m, pose.north_m
         c1, s1 = c * self._half_c - s * self._half_s, s * self._half_c + c * self._half_s
@@ -217,3 +215,12 @@ class Eye:
                 if NEAREST_M <= range_m <= thing[3] and range_m <= view_m:
                     found.append((thing, range_m))
         return found
+
+
+def truth(view: View) -> tuple[TrueObject, ...]:
+    """What is really in view."""
+    return tuple(
+        TrueObject(thing.number, thing.label, (thing.east_m, thing.north_m, thing.up_m), thing.moving)
+        for thing, _ in view
+        if thing.real
+    )

@@ -31,10 +31,11 @@ STREAM_BITS = 32
 class Stream(NamedTuple):
     """One kind of traffic in one direction of one street: places along it at time 0, in order.
 
-    ``movers`` are those who begin at each place: one, or for a cyclist a bicycle and a person.
+    ``movers`` are those who begin at each place: one, or for a cyclist a bicycle and a person; ``labels`` says which.
     ``speed_mps`` is negative for those who come back along the street.
     """
 
+    labels: tuple[str, ...]
     movers: list[tuple[Seen, ...]]
     northbound: bool
     beside_m: float
@@ -81,15 +82,16 @@ class Street:
         self.standing = sorted(standing, key=lambda s: (s.north_m if northbound else s.east_m, s.number))
         self.places_m = array("d", (s.north_m if northbound else s.east_m for s in self.standing))
 
-    def between(self, low_m: float, high_m: float, t_s: float) -> list[Seen]:
-        """All that is between two places along the street at a time."""
+    def between(self, low_m: float, high_m: float, t_s: float, label: str | None = None) -> list[Seen]:
+        """All that is between two places along the street at a time, or only what may be of one class."""
         places_m = self.places_m
         found = self.standing[bisect_left(places_m, low_m) : bisect_left(places_m, high_m)]
         low_m, high_m = max(low_m, 0.0), min(high_m, self.length_m)
         if low_m >= high_m:
             return found
         for stream in self.streams:
-            found += stream.between(low_m, high_m, t_s)
+            if label is None or label in stream.labels:
+                found += stream.between(low_m, high_m, t_s)
         return found
 
 
@@ -163,7 +165,7 @@ def _streams(
                 )
                 for k in range(len(starts_m))
             ]
-            streams.append(Stream(movers, northbound, beside_m, direction * speed_mps, length_m, starts_m))
+            streams.append(Stream(labels, movers, northbound, beside_m, direction * speed_mps, length_m, starts_m))
     return streams
 
 
@@ -192,14 +194,17 @@ class Streets:
         self._rules = rules
         self._east, self._north = east, north  # by number from the south, and from the west
 
-    def near(self, east_m: float, north_m: float, range_m: float, t_s: float) -> list[Seen]:
-        """All that is within a distance, seen or not."""
-        found = []
+    def near(
+        self, east_m: float, north_m: float, range_m: float, t_s: float, label: str | None = None
+    ) -> Iterator[Seen]:
+        """All that is within a distance, seen or not, or only what is of one class."""
         for streets, across_m, along_m in ((self._east, north_m, east_m), (self._north, east_m, north_m)):
             reach_m = range_m + self._rules.street_half_m
             for k in self._crossed(across_m - reach_m, across_m + reach_m, len(streets)):
-                found += streets[k].between(along_m - range_m, along_m + range_m, t_s)
-        return [s for s in found if math.hypot(s.east_m - east_m, s.north_m - north_m) <= range_m]
+                for s in streets[k].between(along_m - range_m, along_m + range_m, t_s, label):
+                    away_m = math.hypot(s.east_m - east_m, s.north_m - north_m)
+                    if away_m <= range_m and (label is None or s.label == label):
+                        yield s
 
     def _crossed(self, low_m: float, high_m: float, count: int) -> range:
         block_m = self._rules.block_m

@@ -75,6 +75,10 @@ class Town:
         objects = (TrueObject(s.number, s.label, (s.east_m, s.north_m, s.up_m), s.moving) for s in found)
         return tuple(sorted(objects, key=lambda one: one.number))
 
+    def is_there(self, label: str, east_m: float, north_m: float, range_m: float, t_ns: int) -> bool:
+        """Whether anything of a class really is within a distance of a place at a time."""
+        return any(s.real for s in self.streets.near(east_m, north_m, range_m, t_ns * 1e-9, label))
+
     def __reduce__(self) -> tuple[Any, ...]:
         return town, (self.rules, self.seed)
 
