@@ -45,7 +45,10 @@ class ServiceTime(Model):
 
     def sample(self, rng: np.random.Generator) -> int:
         """One service time in whole nanoseconds, at least 1. Takes exactly one normal draw."""
-        z = float(rng.standard_normal())
+        return self.at(float(rng.standard_normal()))
+
+    def at(self, z: float) -> int:
+        """The time for a standard normal number."""
         if self.quantiles_ns:
             share = 0.5 * (1.0 + math.erf(z / math.sqrt(2.0)))
             steps = np.arange(len(self.quantiles_ns))

@@ -38,7 +38,7 @@ class Graph:
         self._bridges: dict[str, list[Subscriber]] = {}
         self._nodes: dict[str, Node] = {}
         self._remapped: dict[str, dict[str, str]] = {}
-        self._receivers: dict[tuple[Node, str], list[Subscriber]] = {}  # of what a node publishes on a topic
+        self._routes: dict[tuple[str, str], tuple[str, list[Subscriber]]] = {}  # of what a node publishes on a topic
 
     def register(self, node: Node) -> None:
         """A node announces itself and its topics to the master."""
@@ -70,29 +70,34 @@ class Graph:
                 self._subscribers[names.get(old, old)].remove(node)
                 self.subscribe(new, node)
             names[old] = new
-        self._receivers.clear()
+        self._routes.clear()
 
     def subscribe(self, topic: str, subscriber: Subscriber) -> None:
         self._subscribers.setdefault(topic, []).append(subscriber)
-        self._receivers.clear()
+        self._routes.clear()
 
     def bridge(self, topic: str, bridge: Subscriber) -> None:
         """What is published here on the topic goes to another graph too; what came from another graph does not."""
         self._bridges.setdefault(topic, []).append(bridge)
-        self._receivers.clear()
+        self._routes.clear()
 
     def publish(self, node: Node, topic: str, message: Message, to: str | None = None) -> None:
         """Delivers to every other node that subscribes to the topic, or only to the one whose address is ``to``."""
-        receivers = self._receivers.get((node, topic))
-        topic = self._remapped[node.name].get(topic, topic)
-        if receivers is None:
-            listeners = (*self._subscribers.get(topic, ()), *self._bridges.get(topic, ()))
-            receivers = self._receivers[node, topic] = [one for one in listeners if one is not node]
+        route = self._routes.get((node.name, topic))
+        if route is None:
+            route = self._routes[node.name, topic] = self._route(node, topic)
+        current, receivers = route
         if to is not None:
             receivers = [one for one in receivers if one.address == to]
         if receivers:
             hop_ns = node.host.hop_ns(message.size_bytes)
-            self.env.after(hop_ns, self._arrive, receivers, topic, message, node.address)
+            self.env.after(hop_ns, self._arrive, receivers, current, message, node.address)
+
+    def _route(self, node: Node, topic: str) -> tuple[str, list[Subscriber]]:
+        """The current name of a node's topic, and who gets what the node publishes on it."""
+        current = self._remapped[node.name].get(topic, topic)
+        listeners = (*self._subscribers.get(current, ()), *self._bridges.get(current, ()))
+        return current, [one for one in listeners if one is not node]
 
     def inject(self, topic: str, message: Message, sender: str) -> None:
         """A message comes in from another graph: the link has already taken its time."""
@@ -183,7 +188,7 @@ class Node:
         """The thread goes on with what waits, first come first served, or is idle."""
         self.completed += 1
         self.handle(topic, message, sender)
-        waiting = [one for one, queue in self._queues.items() if queue]
+        waiting = [one for one, queue in self._queues.items() if queue] if self._queues else None
         if not waiting:
             self._idle_threads += 1
             return
