@@ -29,7 +29,7 @@ class Resource(Protocol):
     def queued(self) -> int: ...
 
 
-SETTLED_NS = 20_000_000_000  # a frame this old has nearly always seen its last answer
+SETTLED_NS = 6_000_000_000  # a frame this old has nearly always seen its last answer
 
 
 class Log:
