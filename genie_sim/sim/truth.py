@@ -72,7 +72,8 @@ class Truth:
         for one in objects:
             label, (east_m, north_m, _) = one
             for there in places.get(label, ()):
-                if (there[0] - east_m) ** 2 + (there[1] - north_m) ** 2 <= reach_m2:
+                away_east_m, away_north_m = there[0] - east_m, there[1] - north_m
+                if away_east_m * away_east_m + away_north_m * away_north_m <= reach_m2:
                     break
             else:
                 found.append(one)

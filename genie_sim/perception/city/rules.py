@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, fields
+from typing import NamedTuple
 
 from genie_sim.errors import UserError
 
@@ -105,8 +106,7 @@ class TownRules:
         return self.main_speed_mps if self.main(street) else self.speed_mps
 
 
-@dataclass(frozen=True, slots=True)
-class TrueObject:
+class TrueObject(NamedTuple):
     """An object of the town: its number, its class, where its middle is [m] at the time it was asked for."""
 
     number: int
