@@ -152,7 +152,7 @@ class ObjectLookups(NamedTuple):
 
     ``kind`` is ``sighting`` (Algorithm 2, line 4) or ``boost`` (line 10). ``hits`` counts the look-ups answered by a
     stored object with C >= C_T; ``updates`` the confidences changed, by ``boost_sum`` in total (C_new - C_old).
-    ``changes`` are the objects that these updates changed, and the new ones.
+    ``changes`` are the objects that these updates changed, and the new ones; none from a Genie that does not tell them.
     """
 
     header: Header

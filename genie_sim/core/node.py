@@ -92,7 +92,7 @@ class GenieNode:
     What depends on the middleware is injected: ``key`` gives a request its similarity key, ``new_cache`` makes the
     message cache of one topic, ``pending`` is empty at first, ``map_answer`` makes an answer out of map
     objects (``None`` for nodes whose answers hold no objects), ``suffixes`` are what is affixed to topics (Section
-    III-C).
+    III-C). ``tells_changes``: whether facts about the object map name the objects that changed.
     """
 
     def __init__(
@@ -107,6 +107,7 @@ class GenieNode:
         object_map: ObjectMap,
         map_answer: Callable[[Header, Sequence[Detection]], Answer] | None = None,
         suffixes: tuple[str, str] = ("-local", "-remote"),
+        tells_changes: bool = True,
     ) -> None:
         self.name = name
         self.rules = rules
@@ -116,6 +117,7 @@ class GenieNode:
         self._pending = pending
         self._map_answer = map_answer
         self._local, self._remote = suffixes
+        self._tells_changes = tells_changes
         self._published = tuple(published)
         self._databases: dict[str, MessageCache] = {}  # H_DB
         self._requests = tuple(subscribed)
@@ -313,8 +315,10 @@ class GenieNode:
                 hits += before >= threshold
                 updates += 1
                 boost += stored.confidence - before
-            objects.append(seen.with_confidence(stored.confidence))
-            changes.append(MapChange(stored.label, stored.location, stored.confidence))
+                seen = seen.with_confidence(stored.confidence)
+            objects.append(seen)
+            if self._tells_changes:
+                changes.append(MapChange(stored.label, stored.location, stored.confidence))
         stored_objects = len(self.object_map)
         facts = ObjectLookups(answer.header, "sighting", requests, hits, updates, boost, stored_objects, tuple(changes))
         return answer.with_objects(objects), [Observe(facts)]

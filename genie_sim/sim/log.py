@@ -54,6 +54,7 @@ class Log:
         self._frames = frames
         self._lookups = lookups
         self._resources = resources
+        self.wants_changes = objects is not None  # of object maps
         self._open: dict[Header, Frame] = {}  # in order of their stamps
         self.published_frames = 0
 

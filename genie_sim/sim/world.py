@@ -215,7 +215,11 @@ class World:
         name = f"{place}/genie"
 
         def make(subscribed: tuple[str, ...], published: tuple[str, ...]) -> GenieNode:
-            return make_genie(self.scenario.genie, name, subscribed, published, on_edge=role == "remote", alone=alone)
+            on_edge, tells_changes = role == "remote", self._log.wants_changes
+            settings = self.scenario.genie
+            return make_genie(
+                settings, name, subscribed, published, on_edge=on_edge, alone=alone, tells_changes=tells_changes
+            )
 
         def observe(genie: Genie, record: ImageLookup | ObjectLookups | Expired) -> None:
             self._log.observe(genie, record, role, self.env.now)

@@ -65,6 +65,18 @@ def test_another_spot_another_camera_and_another_heading_are_misses():
 # Answers of the node: lines 8 to 11
 
 
+def test_a_genie_that_does_not_tell_changes_does_all_else_as_one_that_does():
+    telling, silent = genie(), genie(tells_changes=False)
+    for frames in (frame(0), frame(1)):
+        for asked in (telling, silent):
+            asked.on_message(IMAGES, frames, 0)
+        told, untold = (one.on_message(FROM_NODE, answer(frames, CAR, FAINT_BUS), S) for one in (telling, silent))
+        lookups = facts(told, ObjectLookups)
+        assert [len(one.changes) for one in lookups] == [2]
+        assert facts(untold, ObjectLookups) == [one._replace(changes=()) for one in lookups]
+        assert publications(untold) == publications(told)
+
+
 def test_the_nodes_answer_is_delivered_once_and_shared():
     """The bus, seen with 0.3, is below C_T = 0.60: it is remembered and does not leave."""
     first = frame(0)

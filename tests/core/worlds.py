@@ -81,6 +81,7 @@ def genie(
     capacity: tuple[int | None, int | None] = (None, None),
     published: tuple[str, ...] = (OBJECTS,),
     name: str = "edge1/genie",
+    tells_changes: bool = True,
     **rules: Any,
 ) -> GenieNode:
     """A Genie before an object detector; ``rules`` are those of ``GenieRules``, ``capacity`` entries and bytes."""
@@ -100,6 +101,7 @@ def genie(
         pending=PendingIndex(identity, same.index),
         object_map=objects if objects is not None else object_map(),
         map_answer=detections_of_map,
+        tells_changes=tells_changes,
     )
 
 
