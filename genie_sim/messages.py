@@ -171,10 +171,19 @@ class Expired(NamedTuple):
     header: Header
 
 
+class Forgotten(NamedTuple):
+    """Objects that the map holds no longer, because nobody has seen them for long enough; each as it was last."""
+
+    objects: tuple[MapChange, ...]
+
+
+Fact = ImageLookup | ObjectLookups | Expired | Forgotten
+
+
 class Observe(NamedTuple):
     """Effect: a fact for the log."""
 
-    record: ImageLookup | ObjectLookups | Expired
+    record: Fact
 
 
 Effect = Publish | Observe

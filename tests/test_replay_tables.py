@@ -54,3 +54,24 @@ def test_objects_stay_where_they_were_first_seen(tables):
     assert (objects["east_m"] % 8 == 0).all()
     assert objects["confidence"].between(0, 1).all()
     assert isinstance(objects, pd.DataFrame) and objects["t_ns"].is_monotonic_increasing
+
+
+def test_what_a_map_forgets_has_a_last_row_without_confidence():
+    trace, device = street(), load_profile("jetson_tx2")
+    setting = scenario(genie={"object_map": {"forget": "500 ms"}})
+    tables = simulate(Prepared(setting, dict.fromkeys(("jetson_tx2", "agx_xavier"), device), {"car1": trace}))
+    objects, lookups = tables.objects.to_frame(), tables.lookups.to_frame()
+    sightings = lookups[lookups["kind"] == "sighting"]
+    assert objects["confidence"].isna().sum() > 10
+    for genie, changes in objects.groupby("genie", observed=True):
+        held: set[tuple[object, ...]] = set()
+        told = iter(sightings[sightings["genie"] == genie].itertuples())
+        for t_ns, rows in changes.groupby("t_ns"):
+            for row in rows.itertuples():
+                which = (row.label, row.east_m, row.north_m)
+                if row.confidence != row.confidence:
+                    held.remove(which)
+                else:
+                    held.add(which)
+            sighting = next((one for one in told if one.t_ns == t_ns), None)
+            assert sighting is None or sighting.entries == len(held)

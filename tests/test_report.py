@@ -126,6 +126,13 @@ def test_a_later_stretch_begins_with_the_maps_as_they_were_then(run, monkeypatch
         assert first[key] == round(1000 * changes["confidence"].iloc[-1])
 
 
+def test_what_a_map_forgets_is_gone_from_the_replay():
+    run = short_run("1car_hetero", 1, **{"genie.object_map.forget": "200 ms"})
+    shown = embedded(report.page(run))["replay"]
+    gone = sum(confidences.count(-1) for *_, confidences in shown["objects"])
+    assert gone == run.objects["confidence"].isna().sum() > 5
+
+
 def test_a_run_without_poses_says_so(run):
     told = embedded(report.page(replace(run, poses=run.poses.iloc[:0])))
     assert told["replay"] is None

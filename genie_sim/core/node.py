@@ -26,7 +26,7 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 from genie_sim.core.message_cache import Answers, Asker, MessageCache, PendingIndex, Waiting
-from genie_sim.core.object_map import ObjectMap
+from genie_sim.core.object_map import ObjectMap, StoredObject
 from genie_sim.messages import (
     Answer,
     CameraPose,
@@ -34,6 +34,7 @@ from genie_sim.messages import (
     Detections,
     Effect,
     Expired,
+    Forgotten,
     Header,
     ImageLookup,
     MapChange,
@@ -141,11 +142,15 @@ class GenieNode:
     def on_message(self, topic: str, message: Message, now_ns: int, sender: str | None = None) -> list[Effect]:
         """Algorithm 1, OnMessageArrival. ``sender`` names the neighbour that a reply goes to, ``None`` where the
         middleware does not tell: then it goes to all of them."""
-        self.object_map.forget(now_ns)
+        before: list[Effect] = []
+        forgotten = self.object_map.forget(now_ns)
+        if forgotten and self._tells_changes:
+            before.append(Observe(Forgotten(tuple(map(_as_change, forgotten)))))
         deadline_ns = self._pending.next_deadline_ns
-        if deadline_ns is None or deadline_ns > now_ns:
-            return self._on_arrival(topic, message, now_ns, sender)
-        return [*self.on_deadline(now_ns), *self._on_arrival(topic, message, now_ns, sender)]
+        if deadline_ns is not None and deadline_ns <= now_ns:
+            before += self.on_deadline(now_ns)
+        effects = self._on_arrival(topic, message, now_ns, sender)
+        return before + effects if before else effects
 
     def next_deadline_ns(self) -> int | None:
         """When ``on_deadline`` wants to be called, if no message comes before."""
@@ -318,7 +323,7 @@ class GenieNode:
                 seen = seen.with_confidence(stored.confidence)
             objects.append(seen)
             if self._tells_changes:
-                changes.append(MapChange(stored.label, stored.location, stored.confidence))
+                changes.append(_as_change(stored))
         stored_objects = len(self.object_map)
         facts = ObjectLookups(answer.header, "sighting", requests, hits, updates, boost, stored_objects, tuple(changes))
         return answer.with_objects(objects), [Observe(facts)]
@@ -360,6 +365,10 @@ class GenieNode:
     def _looked_up(self, asker: Asker, outcome: str) -> Observe:
         who = "neighbour" if asker.neighbour else "client"
         return Observe(ImageLookup(asker.header, outcome, who, self.cache_entries()))
+
+
+def _as_change(stored: StoredObject) -> MapChange:
+    return MapChange(stored.label, stored.location, stored.confidence)
 
 
 def detections_of_map(header: Header, objects: Sequence[Detection]) -> Detections:

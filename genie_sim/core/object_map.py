@@ -96,8 +96,9 @@ class ObjectMap:
         scores = self._first_scores
         return scores[math.ceil(0.6 * len(scores)) - 1] if scores else 1.0
 
-    def forget(self, now_ns: int) -> None:
-        """Removes the objects that nobody has seen for the rules' ``forget_ns``."""
+    def forget(self, now_ns: int) -> list[StoredObject]:
+        """Removes and returns the objects that nobody has seen for the rules' ``forget_ns``."""
+        forgotten = []
         waiting, forget_ns = self._to_forget, self._rules.forget_ns
         while waiting and waiting[0][0] <= now_ns:
             due_ns, _, stored = waiting[0]
@@ -106,10 +107,12 @@ class ObjectMap:
                 heapq.heapreplace(waiting, (stored.seen_ns + forget_ns, next(self._numbers), stored))
                 continue
             heapq.heappop(waiting)
+            forgotten.append(stored)
             self._count -= 1
             for cell in self._cells_within_reach(stored.location):
                 _remove(self._cells, cell, stored)
             _remove(self._view_cells, self._view_cell(stored.location), stored)
+        return forgotten
 
     def sight(self, seen: Detection, now_ns: int = 0) -> tuple[float | None, StoredObject]:
         """Lines 3 to 7: boosts the stored object that ``seen`` shows, or adds it.

@@ -184,8 +184,9 @@ class PoseTable(Table):
 
 
 class ObjectTable(Table):
-    """One row per change of an object map (Algorithm 2, lines 3 to 7), in order of time: a new object, or a new
-    confidence. ``label``, ``east_m`` and ``north_m`` are those of the first sighting, so they tell which object it is.
+    """One row per change of an object map (Algorithm 2, lines 3 to 7), in order of time: a new object, a new
+    confidence, or none any more, when the map forgets the object. ``label``, ``east_m`` and ``north_m`` are those of
+    the first sighting, so they tell which object it is.
     """
 
     name = "objects"
@@ -195,9 +196,9 @@ class ObjectTable(Table):
         Column("label", "text", "", "class of the object"),
         Column("east_m", "float64", "m", "where it was first seen, in the scenario's one east-north-up frame"),
         Column("north_m", "float64", "m", "where it was first seen"),
-        Column("confidence", "float64", "", "from now on"),
+        Column("confidence", "float64", "", "from now on; null: the object is forgotten", True),
     )
 
-    def add(self, t_ns: int, genie: str, label: str, east_m: float, north_m: float, confidence: float) -> None:
-        """A Genie's map has a new object, or another confidence for a stored one."""
+    def add(self, t_ns: int, genie: str, label: str, east_m: float, north_m: float, confidence: float | None) -> None:
+        """A Genie's map has a new object, another confidence for a stored one, or has forgotten it."""
         self._append((t_ns, genie, label, east_m, north_m, confidence))

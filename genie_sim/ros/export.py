@@ -40,6 +40,7 @@ LOGS = {1: "rosgraph_msgs/msg/Log", 2: "rcl_interfaces/msg/Log"}
 INFO = {1: 2, 2: 20}
 WARN = {1: 4, 2: 30}
 CUBE, BALL = 1, 2
+ADD, DELETE = 0, 2
 MAP_FRAME = "map"
 # Outcomes differ in lightness as well: dark, middle, light.
 COLOURS = {"hit": (0.0, 0.45, 0.2), "miss": (0.85, 0.2, 0.1), "coalesced": (1.0, 0.85, 0.2)}
@@ -119,9 +120,12 @@ class _Messages:
             which = (row.genie, row.label, row.east_m, row.north_m)
             number = numbers.setdefault(which, len(numbers))
             size = SIZES_M.get(row.label, (1.0, 1.0, 1.0))
-            place, text = (row.east_m, row.north_m, size[2] / 2), f"{row.label} {row.confidence:.2f}"
-            colour = (*confidence_colour(row.confidence), 0.9)
+            forgotten = math.isnan(row.confidence)
+            confidence = 0.0 if forgotten else row.confidence
+            place, text = (row.east_m, row.north_m, size[2] / 2), f"{row.label} {confidence:.2f}"
+            colour = (*confidence_colour(confidence), 0.9)
             box = self._marker(row.t_ns, row.label, number, CUBE, place, size, colour, text)
+            box.action = DELETE if forgotten else ADD
             topic = f"/{_topic(row.genie)}/object_map"
             yield Entry(_ros_ns(row.t_ns), topic, MARKERS, self._make(MARKERS, markers=[box]))
 

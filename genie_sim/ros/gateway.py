@@ -24,14 +24,13 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple, Protocol
 
 from genie_sim.core.node import GenieNode
-from genie_sim.messages import CameraPose, Expired, Header, ImageLookup, ObjectLookups, Publish
+from genie_sim.messages import CameraPose, Fact, Header, Publish
 from genie_sim.ros.message import RosMessage
 
 log = logging.getLogger(__name__)
 LOCAL, REMOTE = "_local", "_remote"  # "-" is not legal in the names of real ROS
 OUTSTANDING = 10_000  # requests remembered at most, where they never expire
 
-Record = ImageLookup | ObjectLookups | Expired
 
 
 class Peer(NamedTuple):
@@ -88,7 +87,7 @@ class Gateway:
         requests: tuple[str, ...],
         answers: tuple[str, ...],
         publish: Callable[[str, RosMessage], None],
-        observe: Callable[[Record, int], None],
+        observe: Callable[[Fact, int], None],
         links: Links | None = None,
     ) -> None:
         self.genie = genie

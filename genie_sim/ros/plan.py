@@ -12,8 +12,8 @@ from genie_sim.errors import UserError, unknown
 from genie_sim.experiment.fields import validate
 from genie_sim.experiment.genie_settings import GenieSettings
 from genie_sim.experiment.genies import make_genie
-from genie_sim.messages import Detection, Header
-from genie_sim.ros.gateway import LOCAL, REMOTE, Gateway, Links, Record
+from genie_sim.messages import Detection, Fact, Forgotten, Header
+from genie_sim.ros.gateway import LOCAL, REMOTE, Gateway, Links
 from genie_sim.ros.message import Codec, RosMessage, WireType
 
 # Where a robot is at stake: equal bytes only, and nothing that the node says is withheld. A scenario's settings win.
@@ -77,7 +77,7 @@ def check(plan: Plan) -> None:
 def make_gateway(
     plan: Plan,
     publish: Callable[[str, RosMessage], None],
-    observe: Callable[[Record, int], None],
+    observe: Callable[[Fact, int], None],
     links: Links,
     object_codec: Codec | None,
 ) -> Gateway:
@@ -103,10 +103,11 @@ class Recorder:
     def __init__(self, path: str | None) -> None:
         self._file = open(path, "a", buffering=1, encoding="utf-8") if path else None  # noqa: PTH123, SIM115
 
-    def __call__(self, record: Record, now_ns: int) -> None:
+    def __call__(self, record: Fact, now_ns: int) -> None:
         if self._file is not None:
             line = {"t_ns": now_ns, "record": type(record).__name__, **record._asdict()}
-            line["header"] = record.header._asdict()
+            if not isinstance(record, Forgotten):
+                line["header"] = record.header._asdict()
             self._file.write(json.dumps(line) + "\n")
 
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Protocol
 
 from genie_sim.experiment.records import Frame, FrameTable, LookupTable, ObjectTable, PoseTable, ResourceTable
-from genie_sim.messages import Detections, Expired, Header, Image, ImageLookup, Message, ObjectLookups
+from genie_sim.messages import Detections, Fact, Forgotten, Header, Image, ImageLookup, Message, ObjectLookups
 
 if TYPE_CHECKING:
     from genie_sim.sim.nodes import Genie
@@ -116,8 +116,13 @@ class Log:
         if frame is not None and frame.first_answer_ns is None:
             frame.drop = where
 
-    def observe(self, genie: Genie, record: ImageLookup | ObjectLookups | Expired, role: str, now_ns: int) -> None:
-        """One look-up of a Genie's cache or map. ``role``: ``local`` on a car, ``remote`` on an edge."""
+    def observe(self, genie: Genie, record: Fact, role: str, now_ns: int) -> None:
+        """A fact about a Genie's cache or map. ``role``: ``local`` on a car, ``remote`` on an edge."""
+        if isinstance(record, Forgotten):
+            if self._objects is not None:
+                for label, location, _ in record.objects:
+                    self._objects.add(now_ns, genie.name, label, location[0], location[1], None)
+            return
         header = record.header
         stamp_ns, stream, car = header
         if isinstance(record, ObjectLookups):

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from genie_sim.core.node import GenieNode
-from genie_sim.messages import Detections, Effect, Expired, Image, ImageLookup, Message, ObjectLookups, Publish
+from genie_sim.messages import Detections, Effect, Fact, Image, Message, Publish
 from genie_sim.sim.device import Done, Host
 from genie_sim.sim.ros_graph import Dropped, Graph, Node
 
 TIMER_LATE_NS = 500_000_000
-Observer = Callable[["Genie", ImageLookup | ObjectLookups | Expired], None]
+Observer = Callable[["Genie", Fact], None]
 
 
 class Detector(Node):

@@ -13,7 +13,7 @@ from dataclasses import replace
 
 from genie_sim.experiment.genie_settings import GenieSettings
 from genie_sim.experiment.genies import make_genie
-from genie_sim.messages import Expired, ImageLookup, ObjectLookups
+from genie_sim.messages import Fact
 from genie_sim.perception.trace import TraceFrame
 from genie_sim.sim.device import Host
 from genie_sim.sim.log import Log
@@ -47,7 +47,7 @@ class Coordinator:
         settings = self._settings.model_copy(update={"miss_policy": MISS_POLICY[role]})
         node = make_genie(settings, f"{graph.name}/genie", (images,), (objects,), on_edge=False)
 
-        def observe(genie: Genie, record: ImageLookup | ObjectLookups | Expired) -> None:
+        def observe(genie: Genie, record: Fact) -> None:
             self._log.observe(genie, record, role, graph.env.now)
 
         return Genie(node, host, graph, self._queue_length, observe, self._log.dropped)

@@ -11,7 +11,7 @@ from genie_sim.experiment.links import LinkProfile
 from genie_sim.experiment.profiles import DeviceProfile
 from genie_sim.experiment.scenario import Car, Scenario
 from genie_sim.experiment.seeds import stream
-from genie_sim.messages import Detections, Expired, Image, ImageLookup, Message, ObjectLookups
+from genie_sim.messages import Detections, Fact, Image, Message
 from genie_sim.perception.trace import Trace
 from genie_sim.sim.camera import Camera
 from genie_sim.sim.clock import Clock, Process
@@ -221,7 +221,7 @@ class World:
                 settings, name, subscribed, published, on_edge=on_edge, alone=alone, tells_changes=tells_changes
             )
 
-        def observe(genie: Genie, record: ImageLookup | ObjectLookups | Expired) -> None:
+        def observe(genie: Genie, record: Fact) -> None:
             self._log.observe(genie, record, role, self.env.now)
 
         detector = f"{place}/{DETECTOR}"

@@ -6,7 +6,7 @@ import pytest
 
 from genie_sim.core.eviction import LRU
 from genie_sim.core.similarity import Exact
-from genie_sim.messages import Detections, Expired, ImageLookup, MapChange, ObjectLookups, Observe, Publish
+from genie_sim.messages import Detections, Expired, Forgotten, ImageLookup, MapChange, ObjectLookups, Observe, Publish
 from tests.core.worlds import (
     BRIDGE,
     CROSSING,
@@ -21,6 +21,7 @@ from tests.core.worlds import (
     frame,
     genie,
     labels,
+    object_map,
     publications,
     seen,
 )
@@ -63,6 +64,19 @@ def test_another_spot_another_camera_and_another_heading_are_misses():
 
 
 # Answers of the node: lines 8 to 11
+
+
+@pytest.mark.parametrize("tells", [True, False])
+def test_a_genie_tells_what_its_map_forgets_before_anything_else(tells):
+    asked = genie(object_map(forget_ns=S), tells_changes=tells)
+    asked.on_message(IMAGES, frame(0), 0)
+    asked.on_message(FROM_NODE, answer(frame(0), CAR, FAINT_BUS), 1)
+    forgotten = Forgotten(tuple(MapChange(one.label, one.location, one.score) for one in (CAR, FAINT_BUS)))
+    later = asked.on_message(IMAGES, frame(1, at=BRIDGE), 3 * S)
+    assert len(asked.object_map) == 0
+    assert facts(later, Forgotten) == ([forgotten] if tells else [])
+    assert later[0] == (Observe(forgotten) if tells else lookup(frame(1), "miss", entries=1))
+    assert facts(asked.on_message(IMAGES, frame(2, at=BRIDGE), 4 * S), Forgotten) == [], "only once"
 
 
 def test_a_genie_that_does_not_tell_changes_does_all_else_as_one_that_does():

@@ -267,9 +267,9 @@ def test_an_object_that_nobody_sees_for_long_enough_is_forgotten():
     objects.sight(seen("car", 0.9, at=(5.0, 0.0)), 0)
     objects.sight(seen("bus", 0.9, at=(40.0, 1.0)), 3)
     objects.sight(seen("car", 0.9, at=(5.1, 0.0)), 8)
-    objects.forget(12)
+    assert objects.forget(12) == []
     assert {one.label for one in objects} == {"car", "bus"}
-    objects.forget(13)
+    assert [one.label for one in objects.forget(13)] == ["bus"]
     assert [one.label for one in objects] == ["car"] and len(objects) == 1, "the car was seen again at 8"
     assert object_at(objects, "bus", (40.0, 1.0)) is None and in_view(objects) == {"car"}
     objects.forget(18)

@@ -23,7 +23,8 @@ START_NS = 10**9  # of ROS time, when the simulation begins
 
 @pytest.fixture(scope="module")
 def run() -> Run:
-    return runner.run_in_memory(load_scenario("1car_hetero", ["cars[0].route.window=[0 s, 2 s]"]))
+    settings = ["cars[0].route.window=[0 s, 2 s]", "genie.object_map.forget=300 ms"]
+    return runner.run_in_memory(load_scenario("1car_hetero", settings))
 
 
 @pytest.fixture(scope="module", params=["mcap", "bag"])
@@ -89,7 +90,9 @@ def test_the_object_map_has_its_confidences_as_colours(read_back, run):
         boxes = [(at, one.markers[0]) for at, one in _of(read_back, f"/{genie}/object_map")]
         assert [at - START_NS for at, _ in boxes] == rows["t_ns"].tolist()
         assert [box.pose.position.y for _, box in boxes] == rows["north_m"].tolist()
-        for (_, box), confidence in zip(boxes, rows["confidence"], strict=True):
+        assert [box.action for _, box in boxes] == [2 if unknown else 0 for unknown in rows["confidence"].isna()]
+        assert rows["confidence"].isna().any(), "what is forgotten is taken away"
+        for (_, box), confidence in zip(boxes, rows["confidence"].fillna(0.0), strict=True):
             assert (box.color.r, box.color.g, box.color.b) == pytest.approx(confidence_colour(confidence), abs=1e-6)
         places = len(rows.drop_duplicates(["label", "east_m", "north_m"]))
         assert len({(box.ns, box.id) for _, box in boxes}) == places, "an object seen again is the same box"

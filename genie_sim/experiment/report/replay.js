@@ -78,6 +78,7 @@ function latestFrame(run, car, t, answered = false) {
   return best;
 }
 
+// Below 0 where no map holds the object, or none holds it any more.
 function confidenceAt(object, t, genie) {
   let best = -1;
   for (const map of object.maps) {
@@ -307,7 +308,8 @@ function streetView(run, canvas, tip, options) {
     }
     tip.hidden = best === null;
     if (best === null) return;
-    const maps = best.object.maps.filter((map) => lastUpTo(map.t, options.now()) >= 0).map((map) => run.names[map.genie]);
+    const holds = (map) => confidenceAt({ maps: [map] }, options.now(), -1) >= 0;
+    const maps = best.object.maps.filter(holds).map((map) => run.names[map.genie]);
     tip.textContent = `${best.object.label}, C = ${best.confidence.toFixed(2)}\nknown to ${maps.join(", ")}`;
     tip.style.left = `${Math.min(best.x + 12, box.width - tip.offsetWidth)}px`;
     tip.style.top = `${best.y + 12}px`;

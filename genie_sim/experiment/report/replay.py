@@ -171,7 +171,7 @@ def _outcome(outcome: object) -> int:
 
 
 def _objects(run: Run, begin_ns: int, end_ns: int, names: _Names) -> Any:
-    """Each object of each map: where it is, and its confidence from each instant on."""
+    """Each object of each map: where it is, and its confidence from each instant on, -1 where it is forgotten."""
     changes = run.objects[run.objects["t_ns"] < end_ns]
     by_object: Any = changes.groupby(["genie", "label", "east_m", "north_m"], observed=True, sort=True)
     for (genie, label, east_m, north_m), mine in by_object:
@@ -183,7 +183,7 @@ def _objects(run: Run, begin_ns: int, end_ns: int, names: _Names) -> Any:
             round(100 * east_m),
             round(100 * north_m),
             _deltas(np.maximum(t_ns[first:], begin_ns) // NS_PER_MS),
-            _scaled(mine["confidence"].iloc[first:], 1000).tolist(),
+            _scaled(mine["confidence"].iloc[first:].fillna(UNKNOWN / 1000), 1000).tolist(),
         ]
 
 
