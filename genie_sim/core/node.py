@@ -23,7 +23,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 from genie_sim.core.message_cache import Answers, Asker, MessageCache, PendingIndex, Waiting
 from genie_sim.core.object_map import ObjectMap, StoredObject
@@ -87,6 +87,15 @@ class Request(Message, Protocol):
     def horizontal_fov_rad(self) -> float: ...
 
 
+class _Boosted(NamedTuple):
+    """What the object map makes of a stored answer: the objects that leave, and the look-ups it took."""
+
+    answer: Answer
+    objects: tuple[Detection, ...]
+    requests: int
+    hits: int
+
+
 class GenieNode:
     """One Genie. ``subscribed`` and ``published`` are the encapsulated node's own topics, T_S and T_P.
 
@@ -119,6 +128,8 @@ class GenieNode:
         self._map_answer = map_answer
         self._local, self._remote = suffixes
         self._tells_changes = tells_changes
+        self._boosted: dict[int, _Boosted] = {}  # by the identity of the stored answer
+        self._boosted_changes = 0  # of the map, when they were made
         self._published = tuple(published)
         self._databases: dict[str, MessageCache] = {}  # H_DB
         self._requests = tuple(subscribed)
@@ -236,9 +247,14 @@ class GenieNode:
         effects: list[Effect] = []
         for topic, stored in answers.items():
             answer = stored if self.rules.replay_stamp == "stored" else stored.restamped(asker.header)
-            answer, lookups = self._boost_data(answer.served("cache", self.name))
-            effects.extend(lookups)
-            effects.append(self._deliver(topic, self._confident(answer), asker))
+            answer = answer.served("cache", self.name)
+            boosted = self._boost_data(stored)
+            if boosted is not None:
+                _, objects, requests, hits = boosted
+                answer = answer.with_objects(objects)
+                known = len(self.object_map)
+                effects.append(Observe(ObjectLookups(answer.header, "boost", requests, hits, 0, 0.0, known)))
+            effects.append(self._deliver(topic, answer, asker))
         return effects
 
     def _on_answer(self, topic: str, answer: Answer, now_ns: int, *, own: bool) -> list[Effect]:
@@ -328,16 +344,26 @@ class GenieNode:
         facts = ObjectLookups(answer.header, "sighting", requests, hits, updates, boost, stored_objects, tuple(changes))
         return answer.with_objects(objects), [Observe(facts)]
 
-    def _boost_data(self, answer: Answer) -> tuple[Answer, list[Effect]]:
-        """Algorithm 2, EnhancedCacheBoostData: adds the stored objects at the answer's locations, each once."""
+    def _boost_data(self, answer: Answer) -> _Boosted | None:
+        """Algorithm 2, EnhancedCacheBoostData: adds the stored objects at the answer's locations, each once, and leaves
+        out what is below C_T. As long as the map stays as it is, so does what it makes of an answer."""
         if answer.objects is None:
-            return answer, []
+            return None
+        if self._boosted_changes != self.object_map.changes:
+            self._boosted.clear()
+            self._boosted_changes = self.object_map.changes
+        boosted = self._boosted.get(id(answer))
+        if boosted is None:
+            boosted = self._boosted[id(answer)] = self._boost(answer, answer.objects)
+        return boosted
+
+    def _boost(self, answer: Answer, held_objects: Sequence[Detection]) -> _Boosted:
         threshold = self.object_map.threshold
         objects: list[Detection] = []
         included: set[int] = set()
         requests = hits = 0
         others = []
-        for held in answer.objects:  # a list of its own: the stored answer stays as it is
+        for held in held_objects:  # a list of its own: the stored answer stays as it is
             if held.location is None:
                 objects.append(held)
                 continue
@@ -354,8 +380,7 @@ class GenieNode:
             if id(one) not in included:
                 included.add(id(one))
                 objects.append(one.as_detection())
-        facts = ObjectLookups(answer.header, "boost", requests, hits, 0, 0.0, len(self.object_map))
-        return answer.with_objects(objects), [Observe(facts)]
+        return _Boosted(answer, tuple(one for one in objects if one.confidence >= threshold), requests, hits)
 
     def _on_unknown(self, topic: str, answer: Answer) -> list[Effect]:
         """An answer under the literal index: no request on its topic has its header, so it is taken for a request."""

@@ -76,6 +76,7 @@ class ObjectMap:
         self._view_cells: dict[Cell, list[StoredObject]] = {}
         self._first_scores: list[float] = []
         self._count = 0
+        self.changes = 0  # counts on whenever anything here becomes different
         self._to_forget: list[tuple[int, int, StoredObject]] = []  # a heap: when to look at it, a number of its own
         self._numbers = itertools.count()
 
@@ -108,6 +109,7 @@ class ObjectMap:
                 continue
             heapq.heappop(waiting)
             forgotten.append(stored)
+            self.changes += 1
             self._count -= 1
             for cell in self._cells_within_reach(stored.location):
                 _remove(self._cells, cell, stored)
@@ -120,6 +122,7 @@ class ObjectMap:
         Returns the confidence before (``None`` for a new object) and the stored object.
         """
         assert seen.location is not None
+        self.changes += 1
         rules = self._rules
         stored = self.match(seen.label, seen.location)
         if stored is not None:
