@@ -11,7 +11,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
-from genie_sim.experiment import catalogue, files, records, truth
+from genie_sim.experiment import catalogue, files, records
 from genie_sim.experiment.links import LINKS
 from genie_sim.experiment.profiles import DeviceProfile, load_profile
 from genie_sim.units import duration_text, rate_text
@@ -26,7 +26,7 @@ def commands() -> Iterator[str]:
 
 def tables() -> Iterator[str]:
     """The columns of every table."""
-    for table in sorted({*records.Table.__subclasses__(), truth.TruthTable}, key=lambda one: one.name):
+    for table in sorted(records.Table.__subclasses__(), key=lambda one: one.name):
         yield f"## {table.name}.parquet\n\n{_paragraph(table.__doc__)}\n"
         yield "| column | type | unit | meaning |\n|---|---|---|---|"
         for column in table.columns:

@@ -13,8 +13,8 @@ from test_fleet import small
 
 from genie_sim.experiment import results, runner
 from genie_sim.experiment.metrics import Metric, compute
+from genie_sim.experiment.records import TruthTable
 from genie_sim.experiment.runner import prepare, simulate
-from genie_sim.experiment.truth import TruthTable
 from genie_sim.messages import CameraPose, Detection, Detections, Header, Image
 from genie_sim.perception.city import TrueObject
 from genie_sim.sim.truth import Truth

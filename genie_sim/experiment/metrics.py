@@ -50,7 +50,7 @@ class Metric:
 def compute(
     frames: pd.DataFrame, lookups: pd.DataFrame, resources: pd.DataFrame, truth: pd.DataFrame | None = None
 ) -> list[Metric]:
-    """All metrics of one run from its tables (columns: ``records`` and ``truth``), in a fixed order.
+    """All metrics of one run from its tables (columns: ``records``), in a fixed order.
 
     Numbers have ten digits: what follows may differ between processors, which add up in different orders.
     """

@@ -1,4 +1,5 @@
-"""What a run writes down: one row per frame, per look-up, per sample of a resource, per pose and per map change.
+"""What a run writes down: one row per frame, per look-up, per sample of a resource, per pose and per map change; where
+the truth is known, per answered frame what its answer was worth.
 
 Rows are facts (instants, counts, names); latencies and ratios are computed from them later, in ``metrics``. A value
 that is not known stays ``None``.
@@ -11,7 +12,7 @@ from operator import attrgetter
 
 from genie_sim.experiment.tables import Column, Table, read
 
-__all__ = ["Frame", "FrameTable", "LookupTable", "ObjectTable", "PoseTable", "ResourceTable", "read"]
+__all__ = ["Frame", "FrameTable", "LookupTable", "ObjectTable", "PoseTable", "ResourceTable", "TruthTable", "read"]
 
 
 @dataclass(slots=True)
@@ -202,3 +203,42 @@ class ObjectTable(Table):
     def add(self, t_ns: int, genie: str, label: str, east_m: float, north_m: float, confidence: float | None) -> None:
         """A Genie's map has a new object, another confidence for a stored one, or has forgotten it."""
         self._append((t_ns, genie, label, east_m, north_m, confidence))
+
+
+class TruthTable(Table):
+    """One row per answered frame of a drive through a city: its first answer, compared with what is really there.
+
+    A served object is true if one of its class really is within the object map's gate and the city's ``tolerance`` of
+    it at the time of the frame. Objects without a place in the world are not counted.
+    """
+
+    name = "truth"
+    sorted_by = ("method", "car", "stream", "stamp_ns")
+    columns = (
+        Column("method", "text", "", "local, remote or genie"),
+        Column("car", "text", "", "the car whose camera took the frame"),
+        Column("stream", "text", "", "camera stream of that car (frame_id)"),
+        Column("stamp_ns", "int64", "ns", "when the camera took it"),
+        Column("source", "text", "", "what produced the first answer"),
+        Column("served", "int32", "objects", "with a place, in the first answer"),
+        Column("true", "int32", "objects", "of those served: one of the class is there; the others are ghosts"),
+        Column("not_in_view", "int32", "objects", "of those served: none of the class that is in view is there"),
+        Column("in_view", "int32", "objects", "really in view, and within genie.view_range"),
+        Column("found", "int32", "objects", "of those in view: one of the class is served there"),
+    )
+
+    def add(
+        self,
+        method: str,
+        car: str,
+        stream: str,
+        stamp_ns: int,
+        source: str,
+        served: int,
+        true: int,
+        not_in_view: int,
+        in_view: int,
+        found: int,
+    ) -> None:
+        """A frame has its first answer."""
+        self._append((method, car, stream, stamp_ns, source, served, true, not_in_view, in_view, found))

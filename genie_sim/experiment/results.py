@@ -13,7 +13,6 @@ from genie_sim.errors import UserError
 from genie_sim.experiment import provenance, records
 from genie_sim.experiment.metrics import Metric
 from genie_sim.experiment.scenario import Scenario, read_scenario
-from genie_sim.experiment.truth import TruthTable
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -30,10 +29,10 @@ NOT_ONE_RUN = {  # the file that tells, and what such a folder holds
 class Run:
     """One finished run.
 
-    The columns of ``frames``, ``lookups``, ``resources``, ``poses`` and ``objects`` are described, with their units, in
-    ``genie_sim.experiment.records``, those of ``truth`` (``None`` where it is not known) in
-    ``genie_sim.experiment.truth``. ``facts`` is everything that decided the outcome, ``yaml`` the scenario with every
-    setting written out; ``folder`` is ``None`` for a run that was not written down.
+    The columns of ``frames``, ``lookups``, ``resources``, ``poses``, ``objects`` and ``truth`` (``None`` where it is
+    not known) are described, with their units, in ``genie_sim.experiment.records``. ``facts`` is everything that
+    decided the outcome, ``yaml`` the scenario with every setting written out; ``folder`` is ``None`` for a run that was
+    not written down.
     """
 
     run_id: str
@@ -144,8 +143,8 @@ def load(folder: str | Path) -> Run:
             records.ObjectTable,
         )
     }
-    known = folder / f"{TruthTable.name}.parquet"
-    truth = records.read(known, TruthTable) if known.is_file() else None
+    known = folder / f"{records.TruthTable.name}.parquet"
+    truth = records.read(known, records.TruthTable) if known.is_file() else None
     measured = _read(folder / "metrics.json", lambda text: [Metric(**metric) for metric in json.loads(text)])
     yaml = _read(folder / "scenario.resolved.yaml", str)
     return Run(made["run_id"], made["facts"], yaml, **tables, measured=measured, folder=folder, truth=truth)

@@ -20,11 +20,10 @@ from genie_sim.experiment.fields import shown, validate
 from genie_sim.experiment.fleet import City
 from genie_sim.experiment.genies import own_code
 from genie_sim.experiment.profiles import DeviceProfile, load_profile
-from genie_sim.experiment.records import FrameTable, LookupTable, ObjectTable, PoseTable, ResourceTable
+from genie_sim.experiment.records import FrameTable, LookupTable, ObjectTable, PoseTable, ResourceTable, TruthTable
 from genie_sim.experiment.results import Run
 from genie_sim.experiment.scenario import Live, Route, Scenario, load_scenario, read_scenario
 from genie_sim.experiment.tables import Table
-from genie_sim.experiment.truth import TruthTable
 from genie_sim.perception.trace import Trace, read_trace
 from genie_sim.sim.log import Log
 from genie_sim.sim.truth import Truth
