@@ -10,11 +10,15 @@ class UserError(Exception):
     """One clear line naming file, field, value and choices. ``genie-sim`` prints it and exits with status 1."""
 
 
+def shown(value: object) -> str:
+    """A value for an error message: short, on one line."""
+    text = repr(value)
+    return text if len(text) <= 60 else f"{text[:57]}..."
+
+
 def unknown(what: str, value: object, choices: Iterable[str]) -> str:
     """``unknown eviction 'lruu' (did you mean 'lru'?); known: lfu, lru, ttl, unlimited``."""
     names = sorted(choices)
     near = difflib.get_close_matches(str(value), names, n=1)
     hint = f" (did you mean {near[0]!r}?)" if near else ""
-    text = repr(value)
-    text = text if len(text) <= 60 else f"{text[:57]}..."
-    return f"unknown {what} {text}{hint}; " + (f"known: {', '.join(names)}" if names else "there are none")
+    return f"unknown {what} {shown(value)}{hint}; " + (f"known: {', '.join(names)}" if names else "there are none")

@@ -83,6 +83,11 @@ def test_arithmetic_is_exact_where_floats_are_not() -> None:
         ),
         (units.length_m, 1.0, "length 1.0 has no unit; write for example '1 m'"),
         (units.angle_rad, "15 m", "angle '15 m' has an unknown unit 'm'; known: deg, rad"),
+        (
+            units.duration_ns,
+            "7" * 1000,
+            f"duration '{'7' * 56}... is not a number with a unit; write for example '30 ms'",
+        ),
     ],
 )
 def test_what_cannot_be_read_says_what_to_write(read: object, value: object, message: str) -> None:

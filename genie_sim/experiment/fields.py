@@ -23,7 +23,7 @@ from pydantic import (
 from pydantic_core import ErrorDetails, PydanticCustomError
 
 from genie_sim import units
-from genie_sim.errors import UserError, unknown
+from genie_sim.errors import UserError, shown, unknown
 
 Number = TypeVar("Number", int, float)
 AnyModel = TypeVar("AnyModel", bound="Model")
@@ -69,12 +69,6 @@ def validate(model: type[AnyModel], data: object, where: Callable[[str], str]) -
         path, text = _path(found[0], data), _text(found[0])
         more = f" (and {len(found) - 1} more)" if len(found) > 1 else ""
         raise UserError(": ".join(part for part in (where(path), path, text) if part) + more) from error
-
-
-def shown(value: object) -> str:
-    """A value for an error message: short, on one line."""
-    text = repr(value)
-    return text if len(text) <= 60 else f"{text[:57]}..."
 
 
 def _path(error: ErrorDetails, data: object) -> str:
@@ -144,7 +138,7 @@ def _at_least_zero(read: Callable[[object], Number]) -> Callable[[object], Numbe
     def checked(value: object) -> Number:
         number = read(value)
         if number < 0:
-            raise ValueError(f"must not be negative, but is {value!r}")
+            raise ValueError(f"must not be negative, but is {shown(value)}")
         return number
 
     return checked
@@ -154,7 +148,7 @@ def _above_zero(read: Callable[[object], Number]) -> Callable[[object], Number]:
     def checked(value: object) -> Number:
         number = read(value)
         if number <= 0:
-            raise ValueError(f"must be more than zero, but is {value!r}")
+            raise ValueError(f"must be more than zero, but is {shown(value)}")
         return number
 
     return checked

@@ -9,8 +9,8 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, BeforeValidator, Field, PlainSerializer, WithJsonSchema
 
 from genie_sim import units
-from genie_sim.errors import UserError, unknown
-from genie_sim.experiment.fields import Count, Length, Model, PositiveDuration, PositiveLength, problem, shown
+from genie_sim.errors import UserError, shown, unknown
+from genie_sim.experiment.fields import Count, Length, Model, PositiveDuration, PositiveLength, problem
 from genie_sim.experiment.links import LINKS, Link
 from genie_sim.perception.city.rules import TownRules
 

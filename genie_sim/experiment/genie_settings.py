@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import BeforeValidator, Field, WithJsonSchema, model_validator
 
 from genie_sim import units
+from genie_sim.errors import shown
 from genie_sim.experiment.fields import (
     Count,
     Model,
@@ -16,7 +17,6 @@ from genie_sim.experiment.fields import (
     PositiveSize,
     Probability,
     problem,
-    shown,
 )
 from genie_sim.experiment.plugins import EvictionName, RuleName, SimilarityChoice, read_similarity
 

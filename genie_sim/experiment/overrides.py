@@ -6,8 +6,7 @@ import re
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-from genie_sim.errors import UserError
-from genie_sim.experiment.fields import shown
+from genie_sim.errors import UserError, shown
 from genie_sim.experiment.yaml_input import parse
 
 _STEP = re.compile(r"\.?([A-Za-z_]\w*)|\[(\d{1,6})\]")

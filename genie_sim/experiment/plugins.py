@@ -13,8 +13,8 @@ from genie_sim import units
 from genie_sim.core.confidence import CONFIDENCE_RULES
 from genie_sim.core.eviction import EVICTIONS
 from genie_sim.core.similarity import SIMILARITIES
-from genie_sim.errors import unknown
-from genie_sim.experiment.fields import Model, problem, shown
+from genie_sim.errors import shown, unknown
+from genie_sim.experiment.fields import Model, problem
 
 Parameter = bool | int | float | str
 

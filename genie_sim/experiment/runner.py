@@ -14,9 +14,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 import genie_sim
-from genie_sim.errors import UserError, unknown
+from genie_sim.errors import UserError, shown, unknown
 from genie_sim.experiment import files, provenance
-from genie_sim.experiment.fields import shown, validate
+from genie_sim.experiment.fields import validate
 from genie_sim.experiment.fleet import City
 from genie_sim.experiment.genies import own_code
 from genie_sim.experiment.profiles import DeviceProfile, load_profile

@@ -15,7 +15,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, model_validator
 
 from genie_sim import units
-from genie_sim.errors import UserError, unknown
+from genie_sim.errors import UserError, shown, unknown
 from genie_sim.experiment import files
 from genie_sim.experiment.fields import (
     Count,
@@ -26,7 +26,6 @@ from genie_sim.experiment.fields import (
     PositiveSize,
     Probability,
     problem,
-    shown,
     validate,
 )
 from genie_sim.experiment.fleet import City, Fleet

@@ -14,7 +14,7 @@ from typing import Any
 
 import yaml
 
-from genie_sim.errors import UserError
+from genie_sim.errors import UserError, shown
 
 MOST_BYTES = 1_000_000
 MOST_NODES = 100_000
@@ -48,7 +48,7 @@ def read_mapping(path: Path) -> dict[str, Any]:
     if value is None:
         raise UserError(f"{path}: is empty; expected a mapping such as 'name: value'")
     if not isinstance(value, dict):
-        what = "a list" if isinstance(value, list) else f"the single value {_short(value)}"
+        what = "a list" if isinstance(value, list) else f"the single value {shown(value)}"
         raise UserError(f"{path}: is {what}; expected a mapping such as 'name: value'")
     return value
 
@@ -151,8 +151,3 @@ def _expanded(root: yaml.Node) -> Iterator[yaml.Node]:
             waiting += [(child, depth + 1) for child in node.value]
         elif isinstance(node, yaml.MappingNode):
             waiting += [(child, depth + 1) for pair in node.value for child in pair]
-
-
-def _short(value: object) -> str:
-    text = repr(value)
-    return text if len(text) <= 60 else f"{text[:57]}..."

@@ -18,8 +18,9 @@ import numpy as np
 from pydantic import BeforeValidator, Field, model_validator
 
 from genie_sim import units
+from genie_sim.errors import shown
 from genie_sim.experiment import files
-from genie_sim.experiment.fields import Model, Name, problem, shown, validate
+from genie_sim.experiment.fields import Model, Name, problem, validate
 from genie_sim.experiment.seeds import stream
 from genie_sim.experiment.yaml_input import read_mapping
 
