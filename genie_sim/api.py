@@ -22,6 +22,7 @@ from genie_sim.experiment import runner, scenario
 from genie_sim.experiment.results import Figures, Run, load
 from genie_sim.experiment.runner import Progress
 from genie_sim.experiment.scenario import Scenario
+from genie_sim.paths import expanded
 
 __all__ = ["Figures", "Run", "Scenario", "UserError", "load", "load_scenario", "run"]
 
@@ -46,7 +47,7 @@ def run(
     setting = load_scenario(scenario, settings, seed=seed)
     if out is None:
         return runner.run_in_memory(setting, progress)
-    return load(runner.run_to_folder(setting, Path(out), progress).folder)
+    return load(runner.run_to_folder(setting, expanded(out), progress).folder)
 
 
 def load_scenario(

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated
+import re
+from pathlib import Path
+from typing import Annotated, Any
 
 import typer
 
-from genie_sim.errors import UserError
+from genie_sim.errors import UserError, shown
+from genie_sim.paths import expanded
 
 MOST_COUNT = 1024
+_UNPRINTABLE = re.compile(r"[\x00-\x1f\x7f\ud800-\udfff]")
 
 
 def _scenarios(incomplete: str) -> list[str]:
@@ -61,6 +65,25 @@ SetOption = Annotated[
     ),
 ]
 SeedOption = Annotated[int | None, typer.Option(min=0, help="Root of all random streams; default: the scenario's.")]
+
+
+def path_option(**about: Any) -> Any:
+    """An option that takes a path; every one of them does so in the same way."""
+    return typer.Option(callback=_path, **about)
+
+
+def path_argument(**about: Any) -> Any:
+    """The same for an argument."""
+    return typer.Argument(callback=_path, **about)
+
+
+def _path(parameter: typer.CallbackParam, value: Path | None) -> Path | None:
+    """With the user's home where the shell has not put it. Raises ``UserError`` for what no screen can show."""
+    if value is None:
+        return None
+    if bad := _UNPRINTABLE.search(str(value)):
+        raise UserError(f"{parameter.opts[0]}: {shown(str(value))} holds the character {bad[0]!r}")
+    return expanded(value)
 
 
 def width_height(option: str, text: str | None) -> tuple[int, int] | None:

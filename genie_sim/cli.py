@@ -11,9 +11,10 @@ from typing import Annotated, Any
 import typer
 
 from genie_sim import __version__, arguments, terminal
-from genie_sim.arguments import ScenarioArgument, SeedOption, SetOption
+from genie_sim.arguments import ScenarioArgument, SeedOption, SetOption, path_argument, path_option
 from genie_sim.cli_perceive import perceive
 from genie_sim.errors import UserError, unknown
+from genie_sim.paths import expanded
 from genie_sim.terminal import Commands, Progress
 
 EXAMPLES = """\b
@@ -45,7 +46,7 @@ def run(
     scenario: ScenarioArgument,
     set_: SetOption = None,
     seed: SeedOption = None,
-    out: Annotated[Path, typer.Option(help="The folder that gets the result folder.")] = Path("results"),
+    out: Annotated[Path, path_option(help="The folder that gets the result folder.")] = Path("results"),
     no_report: Annotated[bool, typer.Option("--no-report", help="Leave out report.html.")] = False,
 ) -> None:
     """Simulate a scenario: local, remote and with Genie.
@@ -55,10 +56,10 @@ def run(
     genie-sim run 3car_hetero --set cars[0].device=orin_nano --set genie.eviction=lru
     genie-sim run mine.yaml --seed 7 --out lab
     """
-    from genie_sim.experiment import files, runner
+    from genie_sim.experiment import runner
 
     with Progress() as progress:
-        result = runner.run(scenario, set_ or (), seed, files.expanded(out), progress, with_report=not no_report)
+        result = runner.run(scenario, set_ or (), seed, out, progress, with_report=not no_report)
     from genie_sim.experiment import summary
 
     typer.echo(summary.text(result.metrics, width=min(terminal.width(), 100)))
@@ -69,9 +70,9 @@ def run(
 
 @app.command()
 def report(
-    folder: Annotated[Path, typer.Argument(help="A result folder of 'run', 'reproduce' or 'sweep'.")],
+    folder: Annotated[Path, path_argument(help="A result folder of 'run', 'reproduce' or 'sweep'.")],
     start: Annotated[str, typer.Option(help="Where the replay of a long run begins, such as '60 s'.")] = "0 s",
-    out: Annotated[Path | None, typer.Option(help="The page to write; default: report.html in the folder.")] = None,
+    out: Annotated[Path | None, path_option(help="The page to write; default: report.html in the folder.")] = None,
 ) -> None:
     """Write one HTML page about a run, an evaluation or a sweep."""
     from genie_sim import units
@@ -94,7 +95,7 @@ def reproduce(
     drives: Annotated[
         bool, typer.Option("--drives", help="The main claims on each of KITTI's tracking sequences, too.")
     ] = False,
-    out: Annotated[Path, typer.Option(help="The folder that gets the evaluation.")] = Path("results/reproduce"),
+    out: Annotated[Path, path_option(help="The folder that gets the evaluation.")] = Path("results/reproduce"),
 ) -> None:
     """Run the paper's evaluation: figures and verdicts."""
     from genie_sim.experiment import verdict_table
@@ -110,7 +111,7 @@ def reproduce(
 
 
 @app.command()
-def rerun(folder: Annotated[Path, typer.Argument(help="A result folder.")]) -> None:
+def rerun(folder: Annotated[Path, path_argument(help="A result folder.")]) -> None:
     """Run a result folder again and compare it byte for byte."""
     from genie_sim.experiment import runner
 
@@ -130,7 +131,7 @@ def fetch(
     what: Annotated[str, typer.Argument(help="model or drive.")],
     name: Annotated[str, typer.Argument(help="Such as yolox-nano, or 2011_09_26_drive_0005.")],
     out: Annotated[
-        Path | None, typer.Option(help="The folder; default: $GENIE_SIM_WEIGHTS or weights, $GENIE_SIM_KITTI or kitti.")
+        Path | None, path_option(help="The folder; default: $GENIE_SIM_WEIGHTS or weights, $GENIE_SIM_KITTI or kitti.")
     ] = None,
 ) -> None:
     """Take the files of a detector or a drive from the network. No other command touches it."""
@@ -139,7 +140,7 @@ def fetch(
     if what not in ("model", "drive"):
         raise UserError(unknown("kind of thing to fetch", what, ("model", "drive")))
     variable, usual = {"model": ("GENIE_SIM_WEIGHTS", "weights"), "drive": ("GENIE_SIM_KITTI", "kitti")}[what]
-    folder = out or Path(os.environ.get(variable) or usual)
+    folder = out or expanded(os.environ.get(variable) or usual)
     take = network.fetch_model if what == "model" else network.fetch_drive
     with Progress(unit="bytes") as progress:
         path = take(name, folder, progress)
@@ -150,18 +151,18 @@ def fetch(
 
 @app.command()
 def profile(
-    out: Annotated[Path, typer.Option(help="The device profile to write, such as device_profiles/here.yaml.")],
+    out: Annotated[Path, path_option(help="The device profile to write, such as device_profiles/here.yaml.")],
     detector: Annotated[
         str | None, typer.Option(help="Measure this detector here ('list detectors', or your own module:Class).")
     ] = None,
     csv: Annotated[
-        Path | None, typer.Option(help="Instead: latencies in milliseconds measured elsewhere, one in a line.")
+        Path | None, path_option(help="Instead: latencies in milliseconds measured elsewhere, one in a line.")
     ] = None,
     model: Annotated[
         str | None, typer.Option(help="What scenarios call the model; default: the detector's name.")
     ] = None,
     weights: Annotated[
-        Path | None, typer.Option(help="The ONNX file, or its folder; default: $GENIE_SIM_WEIGHTS.")
+        Path | None, path_option(help="The ONNX file, or its folder; default: $GENIE_SIM_WEIGHTS.")
     ] = None,
     runs: Annotated[int, typer.Option(min=20, help="How many pictures to measure.")] = 300,
     empirical: Annotated[
@@ -187,7 +188,7 @@ def profile(
 @app.command()
 def sweep(
     sweep: Annotated[str, typer.Argument(help="A sweep file, or the name of one that comes with genie-sim.")],
-    out: Annotated[Path, typer.Option(help="The folder that gets the sweep's folder.")] = Path("results"),
+    out: Annotated[Path, path_option(help="The folder that gets the sweep's folder.")] = Path("results"),
     jobs: Annotated[int | None, typer.Option(min=1, help="Processes on this machine; default: one a core.")] = None,
     backend: Annotated[str, typer.Option(help="joblib (this machine) or dask (a cluster).")] = "joblib",
     scheduler: Annotated[str | None, typer.Option(help="Address of the Dask scheduler, tcp://host:8786.")] = None,
@@ -236,8 +237,8 @@ def attach(
     fov: Annotated[str, typer.Option(help="The camera's horizontal field of view, such as '81 deg'.")] = "0 deg",
     listen: Annotated[str | None, typer.Option(metavar="HOST:PORT", help="Other Genies connect here.")] = None,
     connect: Annotated[list[str] | None, typer.Option(metavar="HOST:PORT", help="Connect to this Genie.")] = None,
-    key: Annotated[Path | None, typer.Option(help="File with the key that linked Genies share.")] = None,
-    record: Annotated[Path | None, typer.Option(help="Write every look-up here, as lines of JSON.")] = None,
+    key: Annotated[Path | None, path_option(help="File with the key that linked Genies share.")] = None,
+    record: Annotated[Path | None, path_option(help="Write every look-up here, as lines of JSON.")] = None,
     pid: Annotated[int | None, typer.Option(help="Process of the node, for ROS 2; without it, ROS 1.")] = None,
 ) -> None:
     """Put a Genie in front of a running ROS node. It stays until Ctrl-C or 'detach'."""
@@ -272,9 +273,9 @@ def detach(
 
 @app.command()
 def export(
-    folder: Annotated[Path, typer.Argument(help="A result folder.")],
+    folder: Annotated[Path, path_argument(help="A result folder.")],
     format: Annotated[str, typer.Option(help="mcap (Foxglove, ROS 2) or bag (RViz, ROS 1).")] = "mcap",
-    out: Annotated[Path | None, typer.Option(help="The file; default: run.mcap or run.bag in the folder.")] = None,
+    out: Annotated[Path | None, path_option(help="The file; default: run.mcap or run.bag in the folder.")] = None,
 ) -> None:
     """Write a run as a bag, for Foxglove or RViz."""
     from genie_sim.experiment import results
@@ -319,11 +320,17 @@ def schema(what: Annotated[str, typer.Argument(help="scenario or device.")]) -> 
 
 def main(argv: list[str] | None = None) -> int:
     """Runs the command line. Exit status: 0 done, 1 the user's input or environment, 2 usage, 130 Ctrl-C."""
+    terminal.open_closed_streams()
+    os.environ["MPLBACKEND"] = "agg"  # figures go to files; a window that is asked for here may not even exist
     try:
         app(args=argv, prog_name="genie-sim")
     except SystemExit as stop:
         return stop.code if isinstance(stop.code, int) else int(stop.code is not None)
     except UserError as error:
-        print(f"genie-sim: {error}", file=sys.stderr)
+        print(f"genie-sim: {terminal.one_line(str(error))}", file=sys.stderr)
+        return 1
+    except (OSError, MemoryError) as error:  # the machine's; where a file is at fault, it is named before it gets here
+        terminal.drop_output()
+        print(f"genie-sim: {terminal.machine_said(error)}", file=sys.stderr)
         return 1
     return 0

@@ -8,23 +8,24 @@ from typing import Annotated
 import typer
 
 from genie_sim import arguments
+from genie_sim.arguments import path_option
 from genie_sim.errors import UserError
 from genie_sim.terminal import Progress
 
 
 def perceive(
     drive: Annotated[str | None, typer.Option(help="A drive, such as 2011_09_26/0005 or tracking/0005.")] = None,
-    bag: Annotated[Path | None, typer.Option(help="Instead: a ROS 1 bag, a ROS 2 bag's folder, an MCAP file.")] = None,
+    bag: Annotated[Path | None, path_option(help="Instead: a ROS 1 bag, a ROS 2 bag's folder, an MCAP file.")] = None,
     topic: Annotated[list[str] | None, typer.Option(metavar="[NAME=]TOPIC", help="Images of the bag, or all.")] = None,
     detections: Annotated[str | None, typer.Option(metavar="TOPIC", help="The bag's own, not a detector's.")] = None,
-    out: Annotated[Path | None, typer.Option(help="The trace file to write.")] = None,
-    kitti: Annotated[Path | None, typer.Option(help="KITTI's root folder; default: $GENIE_SIM_KITTI.")] = None,
+    out: Annotated[Path | None, path_option(help="The trace file to write.")] = None,
+    kitti: Annotated[Path | None, path_option(help="KITTI's root folder; default: $GENIE_SIM_KITTI.")] = None,
     cameras: Annotated[str, typer.Option(help="Colour cameras, separated by commas.")] = "02,03",
     detector: Annotated[
         str, typer.Option(help="A detector ('list detectors'), your own module:Class; for sequences pointrcnn or rrc.")
     ] = "yolox_nano",
     weights: Annotated[
-        Path | None, typer.Option(help="The ONNX file, or its folder; default: $GENIE_SIM_WEIGHTS.")
+        Path | None, path_option(help="The ONNX file, or its folder; default: $GENIE_SIM_WEIGHTS.")
     ] = None,
     size: Annotated[str | None, typer.Option(metavar="WxH", help="The network's input, such as 832x256.")] = None,
     providers: Annotated[
@@ -43,8 +44,8 @@ def perceive(
     labels: Annotated[
         str | None, typer.Option(help="Labels of another layout, such as tracking/0000 for 2011_09_26/0005.")
     ] = None,
-    frames: Annotated[Path | None, typer.Option(help="A folder for the frames with what was found drawn in.")] = None,
-    video: Annotated[Path | None, typer.Option(help="The same as a video (.mp4).")] = None,
+    frames: Annotated[Path | None, path_option(help="A folder for the frames with what was found drawn in.")] = None,
+    video: Annotated[Path | None, path_option(help="The same as a video (.mp4).")] = None,
 ) -> None:
     """Run a detector over a drive or a bag; write a trace."""
     from genie_sim.perception import perceive as perception

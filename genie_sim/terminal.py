@@ -81,8 +81,36 @@ class Commands(typer.core.TyperGroup):
             typer.echo("genie-sim: interrupted; nothing was written", err=True)
             raise SystemExit(130) from None
         except BrokenPipeError:
-            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+            drop_output()
             raise SystemExit(0) from None
+
+
+def open_closed_streams() -> None:
+    """Where the shell has closed one, as with ``>&-``, what is printed goes nowhere."""
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:
+            setattr(sys, name, Path(os.devnull).open("w"))  # noqa: SIM115 - as long as the program runs
+
+
+def drop_output() -> None:
+    """Lets go of what cannot be printed any more, or Python would try again at its end, and complain."""
+    try:
+        sys.stdout.flush()
+    except OSError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+def one_line(text: str) -> str:
+    """With what would break the line, or steer the terminal, spelled out: a name may hold anything."""
+    return "".join(sign if sign.isprintable() else sign.encode("unicode_escape").decode() for sign in text)
+
+
+def machine_said(error: OSError | MemoryError) -> str:
+    """Why the machine would not go on, in one line; with the file if it is known."""
+    if isinstance(error, MemoryError):
+        return "not enough memory"
+    where = "" if error.filename is None else f"{os.fsdecode(error.filename)}: "
+    return f"{where}{error.strerror or error}"
 
 
 class Progress:

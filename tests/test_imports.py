@@ -1,4 +1,4 @@
-"""Who may import whom: ``units, messages, errors <- core <- {sim, ros} <- experiment.runner <- cli``."""
+"""Who may import whom: ``units, messages, errors, paths <- core <- {sim, ros} <- experiment.runner <- cli``."""
 
 from __future__ import annotations
 
@@ -15,12 +15,13 @@ REPOSITORY = Path(__file__).resolve().parent.parent
 PACKAGE = REPOSITORY / "genie_sim"
 
 # Each layer, and what of genie_sim it may import. A module belongs to the first layer that its name starts with.
-GROUND = ("units", "messages", "errors")
+GROUND = ("units", "messages", "errors", "paths")
 SETTINGS = tuple(
     f"experiment.{name}" for name in ("scenario", "genie_settings", "genies", "fields", "profiles", "links", "seeds")
 )
 LAYERS: dict[str, tuple[str, ...]] = {
     "errors": (),
+    "paths": ("errors",),
     "units": ("errors",),
     "messages": ("units", "errors"),
     "core": (*GROUND, "core"),

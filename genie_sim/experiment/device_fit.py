@@ -22,6 +22,7 @@ import yaml
 from genie_sim import __version__, units
 from genie_sim.errors import UserError
 from genie_sim.experiment.profiles import DeviceProfile, load_profile
+from genie_sim.paths import whole_file
 
 LEAST = 20  # latencies; fewer say nothing about a tail
 WARM_UP = 10
@@ -179,17 +180,10 @@ def write(path: Path, measured: Measured, fitted: Fit, empirical: bool = False) 
         "# Tags: P the paper, S a public source, M measured, D derived, A assumed. Written by genie-sim profile.\n"
     )
     text = heading + yaml.safe_dump(profile, sort_keys=False, allow_unicode=True, width=110)
-    beside = path.with_name(path.name + ".partial")
-    try:
+    with whole_file(path) as beside:
         path.parent.mkdir(parents=True, exist_ok=True)
         beside.write_text(text, encoding="utf-8")
-        read = load_profile(beside)
-        beside.replace(path)
-    except OSError as error:
-        raise UserError(f"{path}: cannot be written: {error.strerror}") from error
-    finally:
-        beside.unlink(missing_ok=True)
-    return read
+        return load_profile(beside)
 
 
 def _number(cell: str) -> float | None:

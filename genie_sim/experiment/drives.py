@@ -32,6 +32,7 @@ from genie_sim.experiment.profiles import load_profile
 from genie_sim.experiment.replicate import Progress, in_parallel, outcome_of
 from genie_sim.experiment.runner import Prepared
 from genie_sim.experiment.scenario import load_scenario
+from genie_sim.paths import expanded
 from genie_sim.perception.tracking import CAMERA, FRAME_NS, sequences, tracking_trace
 from genie_sim.units import NS_PER_S
 
@@ -138,7 +139,7 @@ def jobs() -> list[DriveJob]:
     place = os.environ.get(KITTI)
     if not place:
         raise UserError(f"drives: set {KITTI} to KITTI's folder, which holds tracking/training and tracking/detections")
-    root = Path(place) / "tracking"
+    root = expanded(place) / "tracking"
     found = sequences(root)
     if not found:
         raise UserError(f"{root}: no sequences of KITTI's tracking benchmark here (training/oxts/0000.txt)")
@@ -212,7 +213,8 @@ def write(folder: Path, driven: Sequence[Driven]) -> str:
     import pandas as pd
 
     found = directions(driven)
-    pd.DataFrame(rows(driven)).to_csv(folder / "drives.csv", index=False)
+    with (folder / "drives.csv").open("w", encoding="utf-8", newline="") as file:  # of a path pandas makes a URI
+        pd.DataFrame(rows(driven)).to_csv(file, index=False)
     provenance.write_json(folder / "drives.json", found)
     count = len({one.sequence for one in driven})
     about = f"{count} sequences of KITTI's tracking benchmark, three cars, PointRCNN's detections:"

@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import genie_sim
 from genie_sim.errors import UserError, unknown
+from genie_sim.paths import expanded
 
 
 class Kind(NamedTuple):
@@ -42,14 +43,6 @@ def find(kind: Kind, path_or_name: str | Path) -> Path:
     if text not in known:
         raise UserError(unknown(kind.what, text, known))
     return known[text]
-
-
-def expanded(path: str | Path) -> Path:
-    """``~/results`` to a folder of the user, where the shell has not done it, as in ``--out=~/results``."""
-    try:
-        return Path(path).expanduser()
-    except RuntimeError:  # nobody's home: a name like any other
-        return Path(path)
 
 
 def available(kind: Kind) -> dict[str, Path]:

@@ -18,6 +18,7 @@ import numpy as np
 from genie_sim.experiment.evidence import interval
 from genie_sim.experiment.replicate import Answer, Held, Job, prepare_job, run_for_answers
 from genie_sim.messages import CameraPose, Location
+from genie_sim.paths import expanded
 from genie_sim.perception.labels import Labels, Track, distance_m, read_tracklets
 from genie_sim.perception.trace import Trace, TraceFrame
 
@@ -202,7 +203,7 @@ _known_labels: dict[str, Labels] = {}
 
 def _labels(drive: str, trace: Trace) -> Labels:
     if drive not in _known_labels:
-        _known_labels[drive] = read_tracklets(os.environ[KITTI], drive, trace.origin)
+        _known_labels[drive] = read_tracklets(expanded(os.environ[KITTI]), drive, trace.origin)
     return _known_labels[drive]
 
 

@@ -12,6 +12,7 @@ from typing import ClassVar, Protocol
 import numpy as np
 
 from genie_sim.errors import UserError, unknown
+from genie_sim.paths import expanded
 from genie_sim.perception.networks import NanodetM, Yolov8, YoloxNano, YoloxS, YoloxTiny
 from genie_sim.perception.onnx_detector import CPU, MIN_SCORE, Found, OnnxDetector
 
@@ -65,7 +66,8 @@ def find_weights(file_name: str, weights: str | Path | None = None) -> Path:
     place = weights or os.environ.get("GENIE_SIM_WEIGHTS")
     if not place:
         raise UserError(f"weights: where is {file_name}? Name the file, or set GENIE_SIM_WEIGHTS to its folder")
-    path = Path(place) / file_name if Path(place).is_dir() else Path(place)
+    path = expanded(place)
+    path = path / file_name if path.is_dir() else path
     if not path.is_file():
         raise UserError(f"{path}: no such weights file")
     return path

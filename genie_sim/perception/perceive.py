@@ -11,6 +11,7 @@ from typing import Any
 
 from genie_sim.core.geometry import Geodetic
 from genie_sim.errors import UserError
+from genie_sim.paths import expanded
 from genie_sim.perception import placement, tuning
 from genie_sim.perception.detector import Detector, make_detector
 from genie_sim.perception.kitti import ATTRIBUTION, CameraFrame, Drive, open_drive
@@ -31,7 +32,7 @@ def kitti_folder(root: str | Path | None) -> Path:
     place = root or os.environ.get("GENIE_SIM_KITTI")
     if not place:
         raise UserError("kitti: where are the drives? Name KITTI's folder, or set GENIE_SIM_KITTI to it")
-    return Path(place)
+    return expanded(place)
 
 
 def perceive(

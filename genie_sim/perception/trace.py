@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 from genie_sim.core.geometry import Array, Geodetic, heading_of, horizontal_fov_rad, transform
 from genie_sim.errors import UserError
 from genie_sim.messages import Box, CameraPose, Detection
+from genie_sim.paths import whole_file
 
 if TYPE_CHECKING:
     import pyarrow
@@ -166,13 +167,10 @@ def write_trace(path: str | Path, trace: Trace) -> None:
         "provenance": trace.provenance,
     }
     schema = _schema().with_metadata({METADATA_KEY: json.dumps(metadata, sort_keys=True).encode()})
-    beside = path.with_name(path.name + ".partial")
-    try:
+    with whole_file(path) as beside:
         path.parent.mkdir(parents=True, exist_ok=True)
-        pq.write_table(pa.Table.from_pylist(rows, schema=schema), beside, compression="zstd")
-        beside.replace(path)
-    except OSError as error:
-        raise UserError(f"{path}: cannot be written: {error.strerror or error}") from error
+        with beside.open("wb") as file:  # of a path pyarrow makes a URI
+            pq.write_table(pa.Table.from_pylist(rows, schema=schema), file, compression="zstd")
 
 
 def read_trace(path: str | Path) -> Trace:
@@ -211,8 +209,9 @@ def _read_table(path: Path) -> pyarrow.Table:
     if not path.is_file():
         raise UserError(f"{path}: no such trace file")
     try:
-        # ParquetFile reads exactly this file; read_table would take "a=1" in a folder's name for a partition.
-        return pq.ParquetFile(path).read()
+        # Exactly this open file: of a path pyarrow makes a URI, and "a=1" in a folder's name read_table a partition.
+        with path.open("rb") as file:
+            return pq.ParquetFile(file).read()
     except (pa.ArrowException, OSError, ValueError) as error:
         reason = str(error).strip().splitlines()[0] if str(error).strip() else type(error).__name__
         raise UserError(f"{path}: not a readable Parquet file (truncated or of another kind): {reason}") from error

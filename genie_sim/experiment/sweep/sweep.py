@@ -16,7 +16,7 @@ from genie_sim.experiment.sweep import tables
 from genie_sim.experiment.sweep.backends import Dask, Local
 from genie_sim.experiment.sweep.design import Design, load_design
 from genie_sim.experiment.sweep.plan import Plan, plan, share, tasks
-from genie_sim.experiment.sweep.tasks import PARTIAL
+from genie_sim.paths import PARTIAL, whole_file
 
 FORMAT = 1
 ABOUT = "sweep.json"
@@ -139,7 +139,8 @@ class Sweep:
             "runs": len(self.plan.runs),
             **provenance.environment(),
         }
-        tables.beside_and_renamed(self.folder / ABOUT, lambda beside: provenance.write_json(beside, about))
+        with whole_file(self.folder / ABOUT) as beside:
+            provenance.write_json(beside, about)
 
 
 def _check(folder: Path) -> None:
@@ -147,8 +148,8 @@ def _check(folder: Path) -> None:
     provenance.check_writable(folder)
     try:
         if folder.is_dir() and any(folder.iterdir()):
-            about = json.loads((folder / ABOUT).read_text(encoding="utf-8"))
+            about = provenance.read_json(folder / ABOUT)
             if not isinstance(about, dict) or "sweep" not in about or about.get("format") != FORMAT:
                 raise ValueError
-    except (OSError, ValueError):
+    except (OSError, ValueError, UserError):
         raise UserError(f"{folder}: holds something else than a sweep; choose another --out") from None

@@ -6,16 +6,16 @@ order, or how often it was interrupted.
 
 from __future__ import annotations
 
-import uuid
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from genie_sim.errors import UserError
 from genie_sim.experiment import tables
 from genie_sim.experiment.metrics import CONFIDENCE
 from genie_sim.experiment.sweep.plan import Entry
-from genie_sim.experiment.sweep.tasks import PARTIAL, PartTable
+from genie_sim.experiment.sweep.tasks import PartTable
+from genie_sim.paths import whole_file
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -84,27 +84,19 @@ def across_seeds(runs: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
 
 
 def write_parquet(table: pd.DataFrame, path: Path, about: Mapping[bytes, bytes]) -> None:
-    """Beside and renamed; ``about`` is what the file says of itself. Raises OSError."""
+    """``about`` is what the file says of itself. Raises ``UserError``."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
     made = pa.Table.from_pandas(table, preserve_index=False).replace_schema_metadata(dict(about))
-    beside_and_renamed(path, lambda beside: pq.write_table(made, beside, compression="zstd", version="2.6"))
+    with whole_file(path) as beside, beside.open("wb") as file:  # of a path pyarrow makes a URI
+        pq.write_table(made, file, compression="zstd", version="2.6")
 
 
 def write_csv(table: pd.DataFrame, path: Path) -> None:
-    """Beside and renamed; an undefined number is an empty field. Raises OSError."""
-    beside_and_renamed(path, lambda beside: table.to_csv(beside, index=False, lineterminator="\n", encoding="utf-8"))
-
-
-def beside_and_renamed(path: Path, write: Callable[[Path], Any]) -> None:
-    """``write`` gets a name beside ``path`` that nobody else uses; the file takes ``path``'s place when it is whole."""
-    beside = path.with_name(f".{path.name}.{uuid.uuid4().hex}{PARTIAL}")
-    try:
-        write(beside)
-        beside.replace(path)
-    finally:
-        beside.unlink(missing_ok=True)
+    """An undefined number is an empty field. Raises ``UserError``."""
+    with whole_file(path) as beside, beside.open("w", encoding="utf-8", newline="") as file:
+        table.to_csv(file, index=False, lineterminator="\n")
 
 
 def _paths(parts: Path) -> list[Path]:

@@ -10,7 +10,6 @@ import functools
 import hashlib
 import os
 import pickle
-import uuid
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -23,9 +22,8 @@ from genie_sim.experiment.metrics import Metric
 from genie_sim.experiment.profiles import DeviceProfile
 from genie_sim.experiment.scenario import Scenario
 from genie_sim.experiment.tables import Column, Table
+from genie_sim.paths import whole_file
 from genie_sim.perception.trace import Trace
-
-PARTIAL = ".partial"
 
 
 class PartTable(Table):
@@ -99,11 +97,11 @@ def run_task(task: Task, packed: bytes) -> int:
             prepared = runner.Prepared(run.scenario, devices, {car: traces[key] for car, key in run.traces.items()})
         for metric in measured(prepared):
             table.add(run.run_id, metric)
-    try:
+    with whole_file(task.part) as beside:
         task.part.parent.mkdir(parents=True, exist_ok=True)
-        _write(table, task.part)
-    except OSError as error:
-        raise UserError(f"{task.part}: cannot be written: {error.strerror or error}") from error
+        table.write(beside)
+        with beside.open("rb") as written:  # on the disk before it has its name
+            os.fsync(written.fileno())
     return len(task.runs)
 
 
@@ -119,15 +117,3 @@ def measured(prepared: runner.Prepared) -> Sequence[Metric]:
 def _unpacked(packed: bytes) -> tuple[dict[str, DeviceProfile], Mapping[str, Trace]]:
     shared: Shared = pickle.loads(packed)
     return {name: DeviceProfile.model_validate_json(text) for name, text in shared.devices.items()}, shared.traces
-
-
-def _write(table: PartTable, path: Path) -> None:
-    """Beside and renamed, on the disk before it has its name; nobody else writes to the same file beside it."""
-    beside = path.with_name(f".{path.stem}.{uuid.uuid4().hex}{PARTIAL}")
-    try:
-        table.write(beside)
-        with beside.open("rb") as written:
-            os.fsync(written.fileno())
-        beside.replace(path)
-    finally:
-        beside.unlink(missing_ok=True)

@@ -1,0 +1,39 @@
+"""Paths as users write them, and files that are there whole or not at all."""
+
+from __future__ import annotations
+
+import secrets
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from genie_sim.errors import UserError
+
+PARTIAL = ".partial"
+
+
+def expanded(path: str | Path) -> Path:
+    """``~/results`` to a folder of the user, where the shell has not done it, as in ``--out=~/results``."""
+    try:
+        return Path(path).expanduser()
+    except RuntimeError:  # nobody's home: a name like any other
+        return Path(path)
+
+
+@contextmanager
+def whole_file(path: Path) -> Iterator[Path]:
+    """A name beside ``path`` that nobody else uses: what is written there takes ``path``'s place once it is whole, and
+    vanishes if that fails. Raises ``UserError``, and before anything is written if ``path`` is a folder or a device."""
+    beside: Path | None = None
+    try:
+        if path.exists() and not path.is_file():
+            raise UserError(f"{path}: cannot be written: {'a folder' if path.is_dir() else 'no file'} of that name")
+        beside = path.with_name(f".{path.name}.{secrets.token_hex(4)}{PARTIAL}")
+        yield beside
+        beside.replace(path)
+    except OSError as error:
+        raise UserError(f"{path}: cannot be written: {error.strerror or error}") from error
+    finally:
+        if beside is not None:
+            with suppress(OSError):
+                beside.unlink()
