@@ -182,6 +182,8 @@ def test_rerun_notices_a_result_that_was_changed(capsys):
         (lambda made: made.pop("facts"), "facts.scenario: missing"),
         (lambda made: made.update(facts=3), "facts.scenario: missing"),
         (lambda made: made["facts"].pop("devices"), "facts.devices: missing"),
+        (lambda made: made["facts"]["scenario"].pop("name"), "facts.scenario.name: missing"),
+        (lambda made: made["facts"]["scenario"].update(seed="x"), "facts.scenario.seed: missing, or not a whole"),
         (lambda made: made["facts"]["devices"]["jetson_tx2"].update(cores="x"), "run.json: cores: must be a mapping"),
         (lambda made: made["facts"].pop("own_code"), "own_code: None when it was made, {} now"),
         (lambda made: made["facts"]["traces"].update(car1="00"), "traces.car1: '00' when it was made"),

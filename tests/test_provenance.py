@@ -26,6 +26,7 @@ def write_whole_result(final: Path, text: str = "frames") -> None:
         (partial / "figures").mkdir()
         (partial / "figures" / "latency_cdf.svg").write_text(text)
         (partial / "frames.parquet").write_text(text)
+        (partial / "run.json").write_text("{}")
 
 
 def everything_in(folder: Path) -> list[str]:
@@ -99,7 +100,8 @@ def test_a_result_of_the_same_run_is_replaced_and_none_of_its_files_stays(tmp_pa
     write_whole_result(final, "earlier")
     (final / "report.html").write_text("of the earlier result")
     write_whole_result(final, "later")
-    assert everything_in(tmp_path) == ["run", "run/figures", "run/figures/latency_cdf.svg", "run/frames.parquet"]
+    files = ["figures", "figures/latency_cdf.svg", "frames.parquet", "run.json"]
+    assert everything_in(tmp_path) == ["run", *(f"run/{name}" for name in files)]
     assert (final / "frames.parquet").read_text() == "later"
 
 
@@ -121,6 +123,22 @@ def test_a_result_that_cannot_be_replaced_is_still_there(tmp_path, monkeypatch):
         write_whole_result(final, "later")
     assert everything_in(tmp_path) == before
     assert (final / "frames.parquet").read_text() == "earlier"
+
+
+@pytest.mark.parametrize("place", ["thesis", "thesis/chapter.txt", "."])
+def test_what_is_no_result_is_never_replaced(tmp_path, monkeypatch, place):
+    (tmp_path / "thesis").mkdir()
+    (tmp_path / "thesis" / "chapter.txt").write_text("years of work")
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(UserError, match="holds something else than a result"), result_folder(Path(place)):
+        raise AssertionError("nothing is simulated")
+    assert everything_in(tmp_path) == ["thesis", "thesis/chapter.txt"]
+
+
+def test_an_empty_folder_becomes_a_result(tmp_path):
+    (tmp_path / "run").mkdir()
+    write_whole_result(tmp_path / "run")
+    assert (tmp_path / "run" / "run.json").is_file()
 
 
 def test_a_full_disk_is_one_line_and_no_half_result(tmp_path):

@@ -94,8 +94,8 @@ def test_report_writes_the_page_of_an_evaluation(folder, page, capsys):
     [
         (lambda folder: (folder / "metrics.json").unlink(), "metrics.json: missing"),
         (lambda folder: (folder / "run.json").write_text("{"), "run.json: cannot be read"),
-        (lambda folder: (folder / "verdicts.json").write_text('[{"id": "C1"}]'), "not the evaluation of this version"),
-        (lambda folder: (folder / "calibration.json").write_text("[]"), "not the evaluation of this version"),
+        (lambda folder: (folder / "verdicts.json").write_text('[{"id": "C1"}]'), "not the results of this version"),
+        (lambda folder: (folder / "calibration.json").write_text("[]"), "not the results of this version"),
     ],
     ids=["incomplete", "broken", "other", "odd"],
 )

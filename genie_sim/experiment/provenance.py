@@ -17,11 +17,19 @@ from pathlib import Path
 from typing import Any
 
 import genie_sim
-from genie_sim.errors import UserError
+from genie_sim.errors import UserError, shown
 
 RESULT_FORMAT = 1
 TABLES = ("frames.parquet", "lookups.parquet", "resources.parquet", "poses.parquet", "objects.parquet")
 SOME_TABLES = ("truth.parquet",)  # of some runs only
+NEEDED: dict[str, tuple[type, str]] = {  # of run.json, whatever is done with a result; others are told when they lack
+    "run_id": (str, "text"),
+    "facts.scenario": (dict, "a mapping"),
+    "facts.scenario.name": (str, "text"),
+    "facts.scenario.seed": (int, "a whole number"),
+    "facts.devices": (dict, "a mapping"),
+    "facts.traces": (dict, "a mapping"),
+}
 PACKAGES = ("simpy", "numpy", "pandas", "pyarrow", "pydantic", "matplotlib")
 
 
@@ -62,9 +70,20 @@ def check_writable(out: Path) -> None:
         raise UserError(f"{out}: no results can be written there: {error.strerror or error}") from error
 
 
+def check_replaceable(final: Path) -> None:
+    """Raises ``UserError`` unless a result folder can take the place of ``final``: nothing else is ever deleted."""
+    try:
+        free = not final.exists() or (final.is_dir() and ((final / "run.json").is_file() or not any(final.iterdir())))
+    except OSError as error:
+        raise UserError(f"{final}: cannot be read: {error.strerror}") from error
+    if not free or not final.name:
+        raise UserError(f"{final}: holds something else than a result; choose another --out")
+
+
 @contextmanager
 def result_folder(final: Path) -> Iterator[Path]:
     """A folder to fill, which takes the place of ``final`` once it is complete, and vanishes if that fails."""
+    check_replaceable(final)
     partial = final.with_name(f".{final.name}.{secrets.token_hex(4)}")
     try:
         partial.mkdir(parents=True)
@@ -96,24 +115,41 @@ def write_json(path: Path, value: object) -> None:
     path.write_text(json.dumps(value, indent=2, sort_keys=True, ensure_ascii=False) + "\n", encoding="utf-8")
 
 
+def read_json(path: Path) -> Any:
+    """What a file of JSON holds. Raises ``UserError``."""
+    try:
+        return json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError) as error:
+        raise UserError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from error
+
+
+@contextmanager
+def of_this_version(folder: Path | None) -> Iterator[None]:
+    """While the results in a folder are put to use: what another version wrote there, or somebody changed since, may
+    lack anything. Raises ``UserError`` then; without a folder the fault is not the results'."""
+    try:
+        yield
+    except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
+        if folder is None:
+            raise
+        raise UserError(f"{folder}: not the results of this version of genie-sim: {shown(error)}") from error
+
+
 def read_run_json(folder: Path) -> dict[str, Any]:
     """The provenance of a result folder. Raises ``UserError`` for anything else."""
     path = folder / "run.json"
-    try:
-        run = json.loads(path.read_text(encoding="utf-8"))
-    except (FileNotFoundError, NotADirectoryError):
-        raise UserError(f"{folder}: not a result folder: it has no run.json") from None
-    except (OSError, ValueError, RecursionError) as error:
-        raise UserError(f"{path}: cannot be read: {error}") from error
+    if not path.exists():
+        raise UserError(f"{folder}: not a result folder: it has no run.json")
+    run = read_json(path)
     if not isinstance(run, dict) or run.get("format") != RESULT_FORMAT:
         found = run.get("format") if isinstance(run, dict) else None
-        raise UserError(f"{path}: format {found!r}, this genie-sim reads {RESULT_FORMAT}")
-    if not isinstance(run.get("run_id"), str):
-        raise UserError(f"{path}: run_id: missing, or not text")
-    facts = run.get("facts")
-    for name in ("scenario", "devices", "traces"):
-        if not isinstance(facts, dict) or not isinstance(facts.get(name), dict):
-            raise UserError(f"{path}: facts.{name}: missing, or not a mapping")
+        raise UserError(f"{path}: format {shown(found)}, this genie-sim reads {RESULT_FORMAT}")
+    for field, (kind, what) in NEEDED.items():
+        value: Any = run
+        for name in field.split("."):
+            value = value.get(name) if isinstance(value, dict) else None
+        if not isinstance(value, kind):
+            raise UserError(f"{path}: {field}: missing, or not {what}")
     return run
 
 

@@ -68,6 +68,7 @@ def reproduce(
     Raises ``UserError`` where ``out`` cannot be written, or where there are no such sequences.
     """
     provenance.check_writable(out.parent)
+    provenance.check_replaceable(out)
     on_drives = drives.jobs() if with_drives else []
     assumptions = load_assumptions()
     workers = workers or os.cpu_count() or 1

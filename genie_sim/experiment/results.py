@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from pathlib import Path
@@ -13,6 +12,7 @@ from genie_sim.errors import UserError
 from genie_sim.experiment import provenance, records
 from genie_sim.experiment.metrics import Metric
 from genie_sim.experiment.scenario import Scenario, read_scenario
+from genie_sim.paths import expanded
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -81,8 +81,9 @@ class Run:
             if self.folder is None:
                 raise UserError("report: a run without a folder needs a path, such as run.report('report.html')")
             path = self.folder / report.NAME
-        report.write(Path(path), self)
-        return Path(path)
+        path = expanded(path)
+        report.write(path, self)
+        return path
 
 
 @dataclass(frozen=True)
@@ -128,7 +129,7 @@ class Figures:
 
 def load(folder: str | Path) -> Run:
     """The run in a result folder. Raises ``UserError`` for anything else, or for one that is not whole."""
-    folder = Path(folder)
+    folder = expanded(folder)
     for name, what in NOT_ONE_RUN.items():
         if (folder / name).is_file():
             raise UserError(f"{folder}: holds {what}, not one run")
@@ -145,13 +146,14 @@ def load(folder: str | Path) -> Run:
     }
     known = folder / f"{records.TruthTable.name}.parquet"
     truth = records.read(known, records.TruthTable) if known.is_file() else None
-    measured = _read(folder / "metrics.json", lambda text: [Metric(**metric) for metric in json.loads(text)])
-    yaml = _read(folder / "scenario.resolved.yaml", str)
+    with provenance.of_this_version(folder):
+        measured = [Metric(**metric) for metric in provenance.read_json(folder / "metrics.json")]
+    yaml = _text(folder / "scenario.resolved.yaml")
     return Run(made["run_id"], made["facts"], yaml, **tables, measured=measured, folder=folder, truth=truth)
 
 
-def _read(path: Path, understand: Callable[[str], Any]) -> Any:
+def _text(path: Path) -> str:
     try:
-        return understand(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError, TypeError) as error:
+        return path.read_text(encoding="utf-8")
+    except (OSError, ValueError) as error:
         raise UserError(f"{path}: cannot be read: {error}") from error

@@ -285,8 +285,9 @@ def read(path: Path, kind: type[Table]) -> pd.DataFrame:
     if not path.is_file():
         raise UserError(f"{path}: no such file")
     try:
-        # ParquetFile reads exactly this file; read_table would take "a=1" in a folder's name for a partition.
-        table = pq.ParquetFile(path).read()
+        # Exactly this open file: of a path pyarrow makes a URI, and "a=1" in a folder's name read_table a partition.
+        with path.open("rb") as file:
+            table = pq.ParquetFile(file).read()
         about = json.loads((table.schema.metadata or {})[METADATA_KEY])
     except KeyError:
         raise UserError(f"{path}: a Parquet file, but not written by genie-sim") from None
@@ -297,6 +298,10 @@ def read(path: Path, kind: type[Table]) -> pd.DataFrame:
     if about.get("format_version") != FORMAT_VERSION:
         version = about.get("format_version")
         raise UserError(f"{path}: format_version {version!r}, this genie-sim reads {FORMAT_VERSION}")
+    for field in kind.schema():
+        at = table.schema.get_field_index(field.name)
+        if at < 0 or table.schema.field(at).type != field.type:
+            raise UserError(f"{path}: column {field.name}: missing, or not {field.type}")
     frame: pd.DataFrame = table.to_pandas()
     for name in frame.select_dtypes("category"):  # the groups of a file may know different names
         frame[name] = frame[name].cat.reorder_categories(sorted(frame[name].cat.categories))

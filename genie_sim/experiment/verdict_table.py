@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from genie_sim.errors import UserError
-from genie_sim.experiment import table1
+from genie_sim.experiment import provenance, table1
 from genie_sim.experiment.claims import VERDICTS, Verdict
 from genie_sim.experiment.yaml_input import parse
 
@@ -103,11 +101,7 @@ def worth_table(rows: Sequence[Row]) -> str:
 
 def read_rows(folder: Path) -> list[dict[str, Any]]:
     """The verdicts of a result folder. Raises ``UserError``."""
-    path = folder / "verdicts.json"
-    try:
-        rows: list[dict[str, Any]] = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise UserError(f"{path}: no verdicts can be read: {error}") from error
+    rows: list[dict[str, Any]] = provenance.read_json(folder / "verdicts.json")
     return rows
 
 
@@ -129,7 +123,7 @@ def generated_parts(folder: Path) -> dict[str, str]:
     parts = {"verdicts": table(rows), "section V": section_v(rows), "table I": table1.markdown()}
     quality = folder / "quality.json"
     if quality.is_file():
-        parts["worth"] = worth_table(json.loads(quality.read_text(encoding="utf-8")))
+        parts["worth"] = worth_table(provenance.read_json(quality))
     return parts
 
 

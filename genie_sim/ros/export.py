@@ -24,6 +24,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from genie_sim.errors import UserError, unknown
+from genie_sim.experiment import provenance
+from genie_sim.paths import whole_file
 from genie_sim.ros import bag_messages
 from genie_sim.ros.bag_messages import NS_PER_S, TF, typestore
 
@@ -65,17 +67,15 @@ def export(run: Run, out: Path, format: str) -> int:
     """Writes a run to ``out`` and returns how many messages it holds. Raises UserError."""
     if format not in FORMATS:
         raise UserError(unknown("format", format, FORMATS))
+    if run.poses.empty:
+        raise UserError(f"{run.folder or run.name}: holds no poses, so there is nothing to show; 'record' them")
     ros = FORMATS[format]
     store = typestore(ros)
-    entries = sorted(_Messages(run, store, ros), key=lambda entry: entry.t_ns)
-    beside = out.with_name(out.name + ".partial")
-    try:
+    with provenance.of_this_version(run.folder):
+        entries = sorted(_Messages(run, store, ros), key=lambda entry: entry.t_ns)
+    with whole_file(out) as beside:
         out.parent.mkdir(parents=True, exist_ok=True)
-        beside.unlink(missing_ok=True)
         (_write_mcap if ros == 2 else _write_bag)(beside, store, entries)
-        beside.replace(out)
-    except OSError as error:
-        raise UserError(f"{out}: cannot be written: {error.strerror or error}") from error
     return len(entries)
 
 

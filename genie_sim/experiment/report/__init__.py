@@ -17,7 +17,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from genie_sim.errors import UserError
+from genie_sim.experiment import provenance
 from genie_sim.experiment.report.data import page_data
+from genie_sim.paths import whole_file
 
 if TYPE_CHECKING:
     from genie_sim.experiment.results import Run
@@ -51,19 +53,15 @@ def write_of(folder: Path, path: Path, start_ns: int = 0) -> None:
 
 def write_text(path: Path, text: str) -> None:
     """Beside and renamed. Raises ``UserError``."""
-    beside = path.with_name(f".{path.name}.partial")
-    try:
+    with whole_file(path) as beside:
         beside.write_text(text, encoding="utf-8")
-        beside.replace(path)
-    except OSError as error:
-        raise UserError(f"{path}: cannot be written: {error.strerror or error}") from error
-    finally:
-        beside.unlink(missing_ok=True)
 
 
 def page(run: Run, start_ns: int = 0) -> str:
-    """The text of the page about ``run``."""
-    return assemble("page.html", STYLES, SCRIPTS, f"{run.name}, run {run.run_id}", page_data(run, start_ns))
+    """The text of the page about ``run``. Raises ``UserError`` for one from a folder that this version did not write.
+    """
+    with provenance.of_this_version(run.folder):
+        return assemble("page.html", STYLES, SCRIPTS, f"{run.name}, run {run.run_id}", page_data(run, start_ns))
 
 
 def assemble(

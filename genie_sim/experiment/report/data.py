@@ -94,6 +94,7 @@ def _who(scenario: Mapping[str, Any], devices: Mapping[str, str]) -> tuple[list[
     cars = [
         {"name": f"{share:.4g} of {fleet['cars']:,} cars", "device": devices[name], **of_all}
         for name, share in fleet["devices"].items()
+        if name in devices  # of a small fleet, a small share may be no car at all
     ]
     return cars, [{"name": f"an edge about every {fleet['cell']}", "device": devices[fleet["edge_device"]]}]
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import base64
-import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -55,11 +54,9 @@ def write(path: Path, folder: Path) -> None:
 
 def page(folder: Path) -> str:
     """The text of the page. Raises ``UserError`` for a folder that is not whole."""
-    try:
+    with provenance.of_this_version(folder):
         data = page_data(folder)
-    except (KeyError, TypeError, AttributeError) as error:
-        raise UserError(f"{folder}: not the evaluation of this version of genie-sim: {error!r}") from error
-    return report.assemble("evaluation.html", STYLES, SCRIPTS, "The paper's evaluation", data, pictures=True)
+        return report.assemble("evaluation.html", STYLES, SCRIPTS, "The paper's evaluation", data, pictures=True)
 
 
 def page_data(folder: Path) -> dict[str, Any]:
@@ -179,14 +176,11 @@ def _interval(metric: Mapping[str, Any] | None) -> list[float | None] | None:
 
 def _read(path: Path, **default: Any) -> Any:
     """A file's JSON; ``missing`` is what an absent one gives. Raises ``UserError``."""
-    try:
-        return json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        if "missing" in default:
-            return default["missing"]
-        raise UserError(f"{path}: missing; the evaluation is not whole") from None
-    except (OSError, ValueError) as error:
-        raise UserError(f"{path}: cannot be read: {error}") from error
+    if path.exists():
+        return provenance.read_json(path)
+    if "missing" in default:
+        return default["missing"]
+    raise UserError(f"{path}: missing; the evaluation is not whole")
 
 
 def _round(value: float | None) -> float | None:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from genie_sim.errors import UserError
-from genie_sim.experiment import report
+from genie_sim.experiment import provenance, report
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -35,8 +34,9 @@ def write(path: Path, folder: Path) -> None:
 
 def page(folder: Path) -> str:
     """The text of the page. Raises ``UserError`` for a sweep that is not finished."""
-    data = page_data(folder)
-    return report.assemble("sweep.html", STYLES, SCRIPTS, f"{data['about']['name']}, a sweep", data)
+    with provenance.of_this_version(folder):
+        data = page_data(folder)
+        return report.assemble("sweep.html", STYLES, SCRIPTS, f"{data['about']['name']}, a sweep", data)
 
 
 def page_data(folder: Path) -> dict[str, Any]:
@@ -78,13 +78,15 @@ def _read(folder: Path) -> tuple[dict[str, Any], pd.DataFrame, pd.DataFrame]:
 
     path = folder / "sweep.json"
     try:
-        about = json.loads(path.read_text(encoding="utf-8"))
+        about = provenance.read_json(path)
         if not isinstance(about, dict) or "sweep" not in about:
-            raise ValueError("not what a sweep says of itself")
+            raise UserError(f"{path}: cannot be read: not what a sweep says of itself")
         path = folder / "runs.parquet"
-        runs = pd.read_parquet(path)
+        with path.open("rb") as file:  # of a path pandas makes a URI
+            runs = pd.read_parquet(file)
         path = folder / "table.parquet"
-        points = pd.read_parquet(path)
+        with path.open("rb") as file:
+            points = pd.read_parquet(file)
     except FileNotFoundError:
         raise UserError(f"{path}: missing; the sweep is not finished, run it again for the rest") from None
     except (OSError, ValueError) as error:
