@@ -2,25 +2,30 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import MISSING, fields
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self
 
-from pydantic import AfterValidator, BeforeValidator, Field, PlainSerializer, WithJsonSchema
+from pydantic import AfterValidator, BeforeValidator, Field, PlainSerializer, WithJsonSchema, model_validator
 
 from genie_sim import units
 from genie_sim.errors import UserError, shown, unknown
-from genie_sim.experiment.fields import Count, Length, Model, PositiveDuration, PositiveLength, problem
+from genie_sim.experiment.fields import Length, Model, PositiveDuration, PositiveLength, problem
 from genie_sim.experiment.links import LINKS, Link
 from genie_sim.perception.city.rules import TownRules
 
 SHARES_ERROR = 1e-6  # by which shares written in decimals may miss a sum of 1
+# Far beyond what anyone has simulated, see docs/explanation/million-cars.md; more is a slip of the pen, which would
+# fill the memory before anything is said.
+MOST_CARS, MOST_EDGES, MOST_FRAMES, MOST_BLOCK_M = 1_000_000, 100_000, 100_000_000, 10_000.0
 
 
 def _yaml_name(python_name: str) -> str:
     return python_name.removesuffix("_m")
 
 
+DEFAULTS = {one.name: one.default for one in fields(TownRules)}
 YAML_NAMES = {_yaml_name(one.name): one.name for one in fields(TownRules)}
 
 
@@ -39,8 +44,12 @@ def _read_town(value: object) -> TownRules:
             rules[name] = units.length_m(given) if name.endswith("_m") else given
         except ValueError as error:
             problem(key, str(error))
+        if isinstance(DEFAULTS[name], tuple) and not isinstance(rules[name], list | tuple):
+            problem(key, f"must be a list, not {shown(given)}")
         if not isinstance(rules[name], int | float | list | tuple):
             problem(key, f"must be a number, not {shown(given)}")
+        if name == "block_m" and rules[name] > MOST_BLOCK_M:
+            problem(key, f"must be at most {units.length_text(MOST_BLOCK_M)}, but is {shown(given)}")
         if isinstance(rules[name], list):
             rules[name] = tuple(rules[name])
     try:
@@ -90,6 +99,16 @@ class City(Model):
         WithJsonSchema(_town_schema()),
     ] = Field(default_factory=TownRules)
 
+    @model_validator(mode="after")
+    def _not_too_many_frames(self) -> Self:
+        if self.duration_ns / self.interval_ns > MOST_FRAMES:
+            problem("interval", f"makes more than {MOST_FRAMES:,} frames of {units.duration_text(self.duration_ns)}")
+        return self
+
+    def edges(self, cell_m: float) -> float:
+        """About how many cells of that size the town has."""
+        return math.prod(max(1.0, blocks * self.town.block_m / cell_m) for blocks in self.town.blocks)
+
 
 def _shares(value: object) -> object:
     """A device's name, or the share of each."""
@@ -120,7 +139,7 @@ class Fleet(Model):
     when another is nearer by ``hysteresis_m``. Edges share with those of the cells that have a border with theirs.
     """
 
-    cars: Count
+    cars: Annotated[int, Field(ge=1, le=MOST_CARS)]
     devices: Annotated[dict[str, Share], BeforeValidator(_shares), AfterValidator(_sum_to_one), _DEVICES_SCHEMA]
     link: Link = LINKS["nr5g"]
     edge_device: str

@@ -224,7 +224,7 @@ def prepare(scenario: Scenario, progress: Progress | None = None) -> Prepared:
         name = car.route.trace
         if name not in read:
             read[name] = read_trace(files.find(files.TRACE, str(name))).rebased(origin)
-        _check_route(f"{scenario.name}: cars[{index}].route.window", scenario, car.route, read[name])
+        _check_route(f"{scenario.name}: cars[{index}].route", scenario, car.route, read[name])
         traces[car.name] = read[name]
     return Prepared(scenario, devices, traces)
 
@@ -234,6 +234,9 @@ def _in_town(scenario: Scenario, city: City) -> Prepared:
     from genie_sim.experiment import cells
     from genie_sim.perception.city import Town
 
+    routes = {f"cars[{index}].route": car.route for index, car in enumerate(scenario.cars)}
+    for place, route in (routes or {"perception.duration": Route()}).items():
+        scenario.check_time(f"{scenario.name}: {place}", route, city.duration_ns)
     town = Town(city.town, scenario.seed)
     if scenario.fleet is not None:
         spelled_out, drives = cells.spelled_out(scenario, scenario.fleet, city, town)
@@ -242,7 +245,7 @@ def _in_town(scenario: Scenario, city: City) -> Prepared:
         drives = {car.name: cells.drive(scenario, city, town, car) for car in scenario.cars}
     traces = cast("dict[str, Trace]", drives)
     for index, car in enumerate(scenario.cars if spelled_out is None else spelled_out.cars[:1]):
-        _check_route(f"{scenario.name}: cars[{index}].route.window", scenario, car.route, traces[car.name])
+        _check_route(f"{scenario.name}: cars[{index}].route", scenario, car.route, traces[car.name])
     return Prepared(scenario, _devices(spelled_out or scenario), traces, spelled_out, town)
 
 
@@ -340,10 +343,13 @@ def _check_route(where: str, scenario: Scenario, route: Route, trace: Trace) -> 
         if camera.recording not in trace.frames:
             field = f"{scenario.name}: cameras[{index}].recording"
             raise UserError(f"{field}: {unknown('recording', camera.recording, trace.frames)}")
+    recordings = [trace.frames[camera.recording] for camera in scenario.cameras]
+    scenario.check_time(where, route, max(frames[-1].stamp_ns - frames[0].stamp_ns for frames in recordings))
     if route.window_ns is None:
         return
     begin_ns, end_ns = route.window_ns
-    stamps_ns = [frame.stamp_ns for camera in scenario.cameras for frame in trace.frames[camera.recording]]
+    where = f"{where}.window"
+    stamps_ns = [frame.stamp_ns for frames in recordings for frame in frames]
     if begin_ns > max(stamps_ns):
         begin_s, last_s = begin_ns / NS_PER_S, max(stamps_ns) / NS_PER_S
         raise UserError(f"{where}: begins at {begin_s:g} s, after the last frame of {trace.name} at {last_s:g} s")

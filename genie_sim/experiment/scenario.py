@@ -28,7 +28,7 @@ from genie_sim.experiment.fields import (
     problem,
     validate,
 )
-from genie_sim.experiment.fleet import City, Fleet
+from genie_sim.experiment.fleet import MOST_EDGES, City, Fleet
 from genie_sim.experiment.genie_settings import GenieSettings
 from genie_sim.experiment.links import LINKS, Link
 from genie_sim.experiment.overrides import Override, apply_overrides
@@ -43,6 +43,11 @@ RECORDS: tuple[Record, ...] = ("lookups", "resources", "poses", "objects", "trut
 # How long a car that changes its edge can send and receive nothing. Drive tests see 30 to 80 ms within LTE and 50 to
 # 150 ms within 5G [S: 5g6gacademy.com, 5G drive testing, lesson 12.3.5]: what both have in common.
 HAND_OVER_GAP_NS = 50 * units.NS_PER_MS
+
+# How much time a scenario may simulate. One car's frames of so long fill a computer's memory; whoever writes more has
+# slipped by a unit or a few zeros, and would learn it only after hours.
+LONGEST_DAYS = 30
+DAY_NS = 24 * units.DURATIONS["h"]
 
 
 class Recorded(Model):
@@ -236,8 +241,10 @@ class Scenario(Model):
             for field in ("cars", "edges"):
                 if getattr(self, field):
                     problem(field, "a fleet brings its own; leave them out, or 'fleet'")
-            if not in_town:
+            if not isinstance(self.perception, City):
                 problem("fleet", "needs a town to drive in: 'perception: {source: city}'")
+            elif self.perception.edges(self.fleet.cell_m) > MOST_EDGES:
+                problem("fleet.cell", f"makes more than {MOST_EDGES:,} edges of this town")
         if in_town and self.origin is not None:
             problem("origin", "a town is where it is; leave it out")
         for index, car in enumerate(self.cars):
@@ -322,6 +329,14 @@ class Scenario(Model):
         jitter_ns = self.start_jitter_ns
         late_ns = int(stream(self.seed, car.name, "start").integers(jitter_ns)) if jitter_ns else 0
         return car.route.start_ns + late_ns
+
+    def check_time(self, where: str, route: Route, recorded_ns: int) -> None:
+        """Raises ``UserError`` if a car on this route through a drive so long would take frames for too long."""
+        begin_ns, end_ns = route.window_ns or (0, recorded_ns)
+        late_ns = route.start_ns + self.start_jitter_ns + max(camera.phase_ns for camera in self.cameras)
+        total_ns = late_ns + route.laps * (end_ns - begin_ns) + (route.laps - 1) * route.pause_ns
+        if total_ns > LONGEST_DAYS * DAY_NS:
+            raise UserError(f"{where}: ends after {total_ns / DAY_NS:,.1f} days; at most {LONGEST_DAYS} are simulated")
 
     def to_yaml(self) -> str:
         """Every setting written out; reads back to an equal scenario."""
