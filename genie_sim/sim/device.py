@@ -16,6 +16,9 @@ Done = Callable[[], None]
 class Processor:
     """``capacity`` equal servers behind one first-come-first-served queue: an accelerator, or the cores of a CPU."""
 
+    drops = 0  # whoever waits here, waits
+    sent_bytes = None
+
     def __init__(self, env: Clock, name: str, kind: str, capacity: int = 1) -> None:
         self.env = env
         self.name = name

@@ -18,6 +18,7 @@ class Resource(Protocol):
     name: str
     kind: str
     completed: int
+    drops: int
 
     @property
     def capacity(self) -> int | None: ...
@@ -27,6 +28,10 @@ class Resource(Protocol):
 
     @property
     def queued(self) -> int: ...
+
+    @property
+    def sent_bytes(self) -> int | None:
+        """``None`` for what is not a link."""
 
 
 SETTLED_NS = 6_000_000_000  # a frame this old has nearly always seen its last answer
@@ -152,16 +157,7 @@ class Log:
     def sample(self, resources: Sequence[Resource], now_ns: int) -> None:
         """The state of every device, link and queue at this instant."""
         self.close(now_ns - SETTLED_NS)
+        add, method = self._resources.add, self.method
         for one in resources:
-            self._resources.add(
-                self.method,
-                now_ns,
-                one.name,
-                one.kind,
-                one.capacity,
-                one.busy_ns,
-                one.queued,
-                one.completed,
-                getattr(one, "drops", 0),
-                getattr(one, "sent_bytes", None),
-            )
+            used = one.capacity, one.busy_ns, one.queued, one.completed
+            add(method, now_ns, one.name, one.kind, *used, one.drops, one.sent_bytes)

@@ -117,6 +117,7 @@ class Node:
     kind = "queue"
     capacity = None  # nothing is served here: the host's processors do that
     busy_ns = 0
+    sent_bytes = None
 
     def __init__(
         self,
