@@ -160,8 +160,7 @@ class GenieNode:
         deadline_ns = self._pending.next_deadline_ns
         if deadline_ns is not None and deadline_ns <= now_ns:
             before += self.on_deadline(now_ns)
-        effects = self._on_arrival(topic, message, now_ns, sender)
-        return before + effects if before else effects
+        return before + self._on_arrival(topic, message, now_ns, sender)
 
     def next_deadline_ns(self) -> int | None:
         """When ``on_deadline`` wants to be called, if no message comes before."""
@@ -252,8 +251,8 @@ class GenieNode:
             if boosted is not None:
                 _, objects, requests, hits = boosted
                 answer = answer.with_objects(objects)
-                known = len(self.object_map)
-                effects.append(Observe(ObjectLookups(answer.header, "boost", requests, hits, 0, 0.0, known)))
+                lookups = ObjectLookups(answer.header, "boost", requests, hits, 0, 0.0, len(self.object_map))
+                effects.append(Observe(lookups))
             effects.append(self._deliver(topic, answer, asker))
         return effects
 
