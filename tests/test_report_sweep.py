@@ -5,11 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import pytest
 
 from genie_sim.cli import main
 from genie_sim.experiment.report import sweep
+from genie_sim.experiment.sweep import figures
+from genie_sim.experiment.sweep.design import load_design
 from tests.browser import Browser, installed
 from tests.test_report import EVIL, MEGABYTE, embedded, picture
 
@@ -38,6 +41,23 @@ def swept(text: str, folder: Path, name: str) -> Path:
     file.write_text(text, encoding="utf-8")
     assert main(["sweep", str(file), "--out", str(folder), "--jobs", "1"]) == 0
     return folder / name
+
+
+TOWN = """
+scenario: fleet_30
+set: {methods: [genie], perception.duration: 1 s, record: [lookups, truth]}
+seeds: 1
+samples: 4
+axes:
+  size: {set: fleet.cars, list: [2, 3]}
+  forget: {set: genie.object_map.forget, random: {from: 100 ms, to: 5000 ms, scale: log}}
+  mix: {set: fleet.devices, list: [orin_nano, {jetson_tx2: 0.5, orin_nano: 0.5}]}
+"""
+
+
+@pytest.fixture(scope="module")
+def town(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return swept(TOWN, tmp_path_factory.mktemp("sweeps"), "town")
 
 
 @pytest.fixture(scope="module")
@@ -80,6 +100,15 @@ def test_a_curve_averages_over_the_other_axis_or_keeps_its_levels_apart(crossed)
     assert lines["ema"] == pytest.approx(mine[mine["rule"] == "ema"]["value"].tolist(), rel=1e-4)
 
 
+def test_axes_that_are_not_in_the_order_of_their_names_keep_their_settings(drawn, town):
+    assert [(axis["column"], axis["of"]) for axis in embedded(sweep.page(town))["axes"]] == [
+        ("size", ["fleet.cars"]), ("forget [ms]", ["genie.object_map.forget"]), ("mix", ["fleet.devices"]),
+    ]  # fmt: skip
+    assert [curve["sampled"] for curve in embedded(sweep.page(town))["curves"]] == [False, True, False]
+    gate, view = ["genie.object_map.gate"], ["genie.view_range"]
+    assert [axis["of"] for axis in embedded(sweep.page(drawn))["axes"]] == [view, gate]
+
+
 def test_one_seed_gives_no_intervals(drawn):
     assert embedded(sweep.page(drawn))["table"]["values"]["object_reuse"]["local"][1] == [None] * 5
 
@@ -87,7 +116,7 @@ def test_one_seed_gives_no_intervals(drawn):
 def test_a_large_sweep_is_thinned_honestly(crossed, monkeypatch):
     monkeypatch.setattr(sweep, "MOST_NUMBERS", 3 * 4 * 19)
     shown = embedded(sweep.page(crossed))
-    assert {one["name"] for one in shown["metrics"]} == set(sweep.MAIN)
+    assert {one["name"] for one in shown["metrics"]} == set(sweep.MAIN) - {"ghost_share", "object_recall"}, "no town"
     assert 1 <= len(shown["table"]["points"]) < 6
     assert any("main metrics only" in note for note in shown["notes"])
     assert any(" of 6 points" in note for note in shown["notes"])
@@ -102,6 +131,27 @@ def test_an_unfinished_sweep_gets_one_line(crossed, capsys):
     unfinished, foreign = capsys.readouterr().err.splitlines()
     assert "runs.parquet: missing; the sweep is not finished" in unfinished
     assert "sweep.json: cannot be read" in foreign
+
+
+def test_the_figures_of_a_sweep_in_a_town_show_its_ghosts(town):
+    words = (town / "figures" / "forget.svg").read_text()
+    assert "ghost share" in words and "object recall" in words
+    assert "ghost_share" in {one["name"] for one in embedded(sweep.page(town))["metrics"] if one["main"]}
+
+
+def test_values_on_an_axis_can_be_read(town):
+    """Round numbers on a logarithmic axis, long texts cut as in the page, and no marker at the edge of its panel."""
+    axes = load_design(town.parent / "town.yaml").axes
+    runs = pd.read_parquet(town / "runs.parquet")
+    drawn = figures.along(axes["forget"], "forget [ms]", runs, "")
+    assert [tick.get_text() for tick in drawn.axes[0].get_xticklabels()] == ["200", "500", "1000", "2000"]
+    assert drawn.get_suptitle().endswith("one seed, so without intervals")
+    mixes = figures.along(axes["mix"], "mix", runs, "")
+    assert [tick.get_text() for tick in mixes.axes[0].get_xticklabels()] == ["orin_nano", '{"jetson_tx2": …']
+    for panel in (*drawn.axes, *mixes.axes):
+        highest = np.nanmax(np.concatenate([line.get_ydata() for line in panel.get_lines()]))
+        low, high = panel.get_ylim()
+        assert low + 0.98 * (high - low) > highest
 
 
 # In a browser

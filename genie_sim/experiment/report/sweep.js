@@ -10,6 +10,7 @@ function roleText(metric, role) {
   if (/^(image|object)_reuse|^coalesced|^confidence|^stored/.test(metric)) return { local: "on cars", remote: "on edges" }[role] || role;
   return `${metric.startsWith("improvement") ? "over " : ""}${METHODS[role] || role}`;
 }
+const colorOf = (metric, role) => (roleText(metric, role) === "on edges" ? "c-genie" : ROLE_COLORS[role]);   // as in the figures
 const isShare = (metric) => METRICS.get(metric).unit === "1" && metric !== "confidence_boost";
 const unitOf = (metric) => (METRICS.get(metric).unit === "1" ? "" : METRICS.get(metric).unit);
 const readAs = (metric) => (value) => (isShare(metric) ? percent(value) : `${digits(value)} ${unitOf(metric)}`.trim());
@@ -55,11 +56,11 @@ function showCurves() {
       const points = (line, role) => curve.levels.map((level, i) => ({ x: curve.numeric ? level : i, found: found(line.values, metric, role, i) }));
       const look = (i) => ({ dash: dashes[i % 4], hollow: i % 2 === 1, line: curve.numeric && !curve.sampled });
       const series = split ? lines.map((line, i) => ({ ...look(i), name: `${split} ${levelText(line.level)}`, color: `c${i % 8}`, points: points(line, byId("role").value) }))
-        : roles.map((role, i) => ({ ...look(i), name: roleText(metric, role), color: ROLE_COLORS[role] || `c${i % 8}`, points: points(lines[0], role) }));
+        : roles.map((role, i) => ({ ...look(i), name: roleText(metric, role), color: colorOf(metric, role) || `c${i % 8}`, points: points(lines[0], role) }));
       const names = curve.numeric ? null : curve.levels;
       intervalChart(byId("curves").appendChild(make("div")), { title: `${titleOf(metric)} along ${curve.column}`, series,
         x: { names, log: curve.log, label: `${curve.column}${curve.log ? ", logarithmic" : ""}`, read: (value) => `${curve.column}: ${names ? names[value] : levelText(value)}` },
-        y: { label: titleOf(metric), format: bare(metric), read: readAs(metric), most: /reuse|share/.test(metric) && isShare(metric) ? 1 : undefined } });
+        y: { label: titleOf(metric), format: bare(metric), read: readAs(metric), most: /reuse|share|recall/.test(metric) && isShare(metric) ? 1 : undefined } });
     }
     const others = DATA.axes.length > 1 ? ` Over axes that are not shown it is averaged, seed by seed.` : "";
     byId("along-about").textContent = `Here: ${intervals}.${others}${DATA.axes.some((axis) => axis.sampled) ? " Drawn values are points without a line: the other drawn axes differ from one to the next." : ""}`;

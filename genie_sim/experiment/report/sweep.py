@@ -17,7 +17,7 @@ STYLES = ("page.css", "many.css")
 SCRIPTS = ("charts.js", "many.js", "sweep.js")
 MAIN = (
     "image_reuse", "object_reuse", "confidence_boost", "first_answer_mean", "fresh_answer_mean",
-    "under_deadline_share", "fresh_answered_share",
+    "under_deadline_share", "fresh_answered_share", "ghost_share", "object_recall",
 )  # fmt: skip
 BY = ["metric", "role"]
 ENDS = ["value", "low", "high"]
@@ -43,8 +43,9 @@ def page_data(folder: Path) -> dict[str, Any]:
     """Everything on the page, as plain JSON values; nothing of when, where and how fast it was made."""
     about, runs, points = _read(folder)
     notes: list[str] = []
-    settings, axes = about["sweep"], about["sweep"]["axes"]
-    columns = [str(name) for name in points.columns[1 : 1 + len(axes)]]
+    settings, by_name = about["sweep"], about["sweep"]["axes"]
+    columns = [str(name) for name in points.columns[1 : 1 + len(by_name)]]
+    axes = {column: by_name[column.partition(" [")[0]] for column in columns}  # JSON sorts them by name
     found = points.dropna(subset=["metric"])
     kept = _chosen(found, runs, columns, notes)
     return {
@@ -60,14 +61,14 @@ def page_data(folder: Path) -> dict[str, Any]:
         },
         "axes": [
             {"column": column, "of": axis["set"], "sampled": _sampled(axis)}
-            for column, axis in zip(columns, axes.values(), strict=True)
+            for column, axis in axes.items()
         ],
         "metrics": [
             {"name": name, "unit": unit, "roles": list(dict.fromkeys(group["role"])), "main": name in MAIN}
             for (name, unit), group in kept.groupby(["metric", "unit"], sort=False)
         ],
         "table": _table(points, kept, columns, notes),
-        "curves": list(_curves(runs, kept, dict(zip(columns, axes.values(), strict=True)), notes)),
+        "curves": list(_curves(runs, kept, axes, notes)),
         "notes": list(dict.fromkeys(notes)),
     }
 
