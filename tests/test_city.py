@@ -70,6 +70,8 @@ def test_no_two_pictures_are_the_same(town):
         ({"destinations": 0}, "town: destinations: 0 is not a whole number from 1 on"),
         ({"view_m": float("nan")}, "town: view_m: nan is not a finite number"),
         ({"street_half_m": 3.0}, "town: street_half_m: 3.0 is not between 8"),
+        ({"blocks": 8}, "town: blocks: 8 is not two whole numbers from 1 to 100"),
+        ({"speed_mps": [8, 9]}, r"town: speed_mps: \[8, 9\] is not a finite number"),
         ({"blocks": (400, 4)}, "town: blocks: .* is not two whole numbers from 1 to 100"),
         ({"view_m": 200.0}, "town: view_m: 200.0 is more than 100, where no law is known"),
         ({"parked_cars_per_100m": 30.0}, "town: parked_cars_per_100m: 30.0 do not fit; .* room for 24.0"),

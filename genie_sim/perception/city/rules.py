@@ -52,14 +52,16 @@ class TownRules:
     view_m: float = 60.0
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "blocks", tuple(self.blocks))
+        two = tuple(self.blocks) if isinstance(self.blocks, list | tuple) else ()
+        if len(two) != 2 or any(type(n) is not int or not 1 <= n <= MOST_BLOCKS for n in two):
+            raise UserError(f"town: blocks: {self.blocks!r} is not two whole numbers from 1 to {MOST_BLOCKS}")
+        object.__setattr__(self, "blocks", two)
         for field in fields(self):
             value = getattr(self, field.name)
-            numbers = value if isinstance(value, tuple) else (value,)
-            if any(isinstance(x, bool) or not isinstance(x, int | float) or not math.isfinite(x) for x in numbers):
+            if field.name == "blocks":
+                continue
+            if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
                 raise UserError(f"town: {field.name}: {value!r} is not a finite number")
-        if len(self.blocks) != 2 or any(not isinstance(n, int) or not 1 <= n <= MOST_BLOCKS for n in self.blocks):
-            raise UserError(f"town: blocks: {self.blocks!r} is not two whole numbers from 1 to {MOST_BLOCKS}")
         for name in ("main_every", "destinations"):
             if not isinstance(getattr(self, name), int) or getattr(self, name) < 1:
                 raise UserError(f"town: {name}: {getattr(self, name)!r} is not a whole number from 1 on")
