@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -18,6 +19,7 @@ import pandas as pd
 import pytest
 
 from genie_sim.cli import main
+from genie_sim.core.similarity import Exact
 from genie_sim.errors import UserError
 from genie_sim.experiment import files, metrics, runner
 from genie_sim.experiment.scenario import load_scenario
@@ -94,6 +96,12 @@ axes:
 def test_a_latin_hypercube_has_one_value_in_each_part_of_the_span():
     views = np.sort(sampled(VIEW)["view [m]"])
     assert ((views - 10) // 4 == np.arange(20)).all(), "80 m in 20 parts"
+
+
+def test_a_grid_whose_steps_are_whole_fits_settings_that_must_be():
+    cars = "scenario: fleet_30\naxes:\n  cars: {set: fleet.cars, grid: {from: 1, to: 10, points: 4}}"
+    design = load_design(Path(write(cars)))
+    assert [point.overrides for point in design.points()] == [(f"fleet.cars={n}",) for n in (1, 4, 7, 10)]
 
 
 def test_samples_on_a_logarithmic_scale_have_even_decades():
@@ -289,6 +297,22 @@ def test_what_is_done_is_not_run_again_even_along_other_axes(monkeypatch):
     assert len(simulated) == 18, "half of the points were there"
     assert set(pd.read_csv("results/s/table.csv")["weight"]) == {0.2, 0.5}
     assert {path.stem for path in Path("results/s/figures").iterdir()} == {"weight", "gate"}, "not those of before"
+
+
+class Broken(Exact):
+    """An image similarity that fails on the first image."""
+
+    def key(self, request: object) -> object:
+        raise RuntimeError("the lens is dirty")
+
+
+@pytest.mark.parametrize("jobs", ["1", "2"])
+def test_a_run_that_fails_says_which_point_it_was(jobs):
+    write(SMALL.replace("object_map.rate, list: [0.1, 0.5]", "similarity, list: [exact, 'tests.test_sweep:Broken']"))
+    with pytest.raises(RuntimeError, match="the lens is dirty") as raised:
+        main(["sweep", "s.yaml", "--jobs", jobs])
+    (note,) = raised.value.__notes__
+    assert re.fullmatch(r"This was point [23] \(rate = tests.test_sweep:Broken, gate = [13].0\), seed [123], .*", note)
 
 
 def test_points_that_say_the_same_share_their_runs(monkeypatch):

@@ -174,7 +174,7 @@ class Axis(Model):
         return [self._numeric(span, span.at(float(share))) for share in shares]
 
     def _numeric(self, span: Span, value: float) -> tuple[Level, dict[str, Any]]:
-        number = int(value) if span.whole else value
+        number = int(value) if value.is_integer() else value
         text = str(number) if span.whole else f"{number:g}"
         return value, dict.fromkeys(self.paths, f"{text} {span.unit}" if span.unit else number)
 

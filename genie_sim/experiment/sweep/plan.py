@@ -60,13 +60,15 @@ def plan(design: Design, where: str, progress: Progress | None = None) -> Plan:
         # Cars in a town drive another way with every seed; whoever simulates a run makes them anew.
         keys = {} if in_town else {car: _key(trace) for car, trace in prepared.traces.items()}
         frames = _frames(prepared)
+        levels = ", ".join(f"{name} = {level}" for name, level in zip(design.axes, point.levels, strict=True))
         for seed in design.seeds:
             seeded = replace(prepared, scenario=scenario.model_copy(update={"seed": seed}))
             if in_town:
                 seeded = runner.prepare(seeded.scenario)
             run_id = provenance.run_id(runner.facts(seeded))
+            place = f"point {number} ({levels}), seed {seed}"
             made.entries.append(Entry(number, seed, run_id, point.levels))
-            made.runs.setdefault(run_id, Run(run_id, seeded.scenario, keys, frames))
+            made.runs.setdefault(run_id, Run(run_id, seeded.scenario, keys, frames, place))
         if progress is not None:
             progress(number + 1, total, "checking points")
     made.shared = world.shared()

@@ -49,12 +49,16 @@ class PartTable(Table):
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """One run: its scenario, and by car the key of its trace in ``Shared``. ``frames``: about how many it simulates."""
+    """One run: its scenario, and by car the key of its trace in ``Shared``. ``frames``: about how many it simulates.
+
+    ``place``: which point and seed it belongs to, in words.
+    """
 
     run_id: str
     scenario: Scenario
     traces: Mapping[str, str]
     frames: float
+    place: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,12 +95,16 @@ def run_task(task: Task, packed: bytes) -> int:
     devices, traces = _unpacked(packed)
     table = PartTable()
     for run in task.runs:
-        if isinstance(run.scenario.perception, City):
-            prepared = replace(runner.prepare(run.scenario), devices=devices)
-        else:
-            prepared = runner.Prepared(run.scenario, devices, {car: traces[key] for car, key in run.traces.items()})
-        for metric in measured(prepared):
-            table.add(run.run_id, metric)
+        try:
+            if isinstance(run.scenario.perception, City):
+                prepared = replace(runner.prepare(run.scenario), devices=devices)
+            else:
+                prepared = runner.Prepared(run.scenario, devices, {car: traces[key] for car, key in run.traces.items()})
+            for metric in measured(prepared):
+                table.add(run.run_id, metric)
+        except Exception as error:
+            error.add_note(f"This was {run.place}, of the sweep.")
+            raise
     with whole_file(task.part) as beside:
         task.part.parent.mkdir(parents=True, exist_ok=True)
         table.write(beside)
