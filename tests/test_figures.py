@@ -118,6 +118,16 @@ def test_a_fleet_s_resources_are_a_range_and_a_median_not_a_hundred_lines(tmp_pa
     assert "car17" not in words(svg)
 
 
+def test_a_method_of_which_nothing_was_used_says_none_instead_of_empty_panels(tmp_path):
+    table = ResourceTable()
+    for tenth in range(1, 31):
+        t_ns = tenth * 100_000_000
+        table.add("local", t_ns, "edge1.accelerator", "accelerator", 1, 0, 0, 0, 0, None)
+        table.add("remote", t_ns, "edge1.accelerator", "accelerator", 1, t_ns, 0, tenth, 0, None)
+    local, remote = figures.resource_use(table.to_frame()).axes
+    assert [text.get_text() for text in local.texts] == ["none"] and not remote.texts
+
+
 def test_utilisation_is_that_of_the_last_second():
     table = ResourceTable()
     for tenth in range(1, 31):  # idle for 2 s, then busy

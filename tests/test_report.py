@@ -298,6 +298,16 @@ def test_the_page_draws_itself_in_any_window(browser, file, width, dark):
     assert browser.evaluate("document.querySelectorAll('.chart svg path').length") > 20
 
 
+def test_the_page_of_a_town_says_how_much_of_the_answers_was_not_there(browser, tmp_path):
+    in_town = gs.run("fleet_30", {"fleet.cars": 3, "perception.duration": "2 s"})
+    browser.open(in_town.report(tmp_path / "r.html"))
+    assert browser.errors == []
+    ghosts = in_town.metrics.query("name == 'ghost_share' and role == 'genie'")["value"].item()
+    assert f"{100 * ghosts:.3g} % were not there" in browser.evaluate("byId('headline').textContent")
+    shown = browser.evaluate("byId('by-method').innerText")
+    assert "Objects in view that were served" in shown and "Served objects that are not there" in shown
+
+
 def test_the_numbers_on_the_page_are_the_metrics(browser, file, run):
     browser.open(file)
     mean = run.metrics.query("name == 'first_answer_mean' and role == 'genie'")["value"].item()

@@ -193,7 +193,7 @@ def resource_use(resources: pd.DataFrame, footer: str = "") -> Figure:
     """Utilisation of accelerators, CPUs and links, and queue lengths over simulated time; a column a method.
 
     Each point is the mean of the last second. What is never used by 1 % (queues: never holds a message) is left out;
-    more than eight of a kind are drawn as their range and median.
+    more than eight of a kind are drawn as their range and median. A panel in which nothing is left says "none".
     """
     kinds = [kind for kind in RESOURCE_KINDS if (resources["kind"] == kind).any()]
     methods = [method for method in METHODS if (resources["method"] == method).any()]
@@ -355,6 +355,8 @@ def _draw_use(axis: Axes, curves: dict[str, tuple[Any, Any]], names: list[str]) 
         values = np.stack([np.interp(t_s, *curve) for curve in curves.values()])
         axis.fill_between(t_s, values.min(0), values.max(0), color="0.8", label="range")
         axis.plot(t_s, np.median(values, axis=0), color=LINE_COLOURS[0], linewidth=1.2, label="median")
+    if not curves:
+        axis.text(0.5, 0.5, "none", transform=axis.transAxes, ha="center", va="center", color="0.35")
 
 
 def _short(resource: str) -> str:

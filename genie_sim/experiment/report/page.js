@@ -43,6 +43,14 @@ function headline() {
     });
     parts.push(others.length ? ` (${others.join(", ")}).` : ".");
   }
+  const ghosts = valueOf("ghost_share", "genie");
+  if (ghosts !== null) {
+    const others = ["local", "remote"].flatMap((name) => {
+      const other = valueOf("ghost_share", name);
+      return other === null ? [] : [`${percent(other)} ${name}`];
+    });
+    parts.push(" Of the objects in first answers, ", strong(percent(ghosts)), ` were not there${others.length ? ` (${others.join(", ")})` : ""}.`);
+  }
   return parts;
 }
 
@@ -64,6 +72,10 @@ function showResults() {
     [`First answer within ${DATA.deadline_ms} ms`, "under_deadline_share", Math.max], ["Fresh answer, mean", "fresh_answer_mean", Math.min],
     ["Fresh answer, 95th percentile", "fresh_answer_p95", Math.min], [`Fresh answer within ${DATA.deadline_ms} ms`, "fresh_under_deadline_share", Math.max],
     ["Frames answered at all", "answered_share", Math.max], ["Frames answered afresh", "fresh_answered_share", Math.max], ["Frames dropped", "dropped_share", Math.min]];
+  if (ABOUT.methods.some((name) => metric("ghost_share", name))) {   // in a town, where the truth is known
+    rows.push(["Served objects that are not there", "ghost_share", Math.min], ["Cache hits that show what is not in view", "wrong_hit_share", Math.min],
+      ["Objects in view that were served", "object_recall", Math.max]);
+  }
   table(byId("by-method"), null, ["", ...ABOUT.methods.map((name) => METHOD_NAMES[name])], rows.map(([text, name, better]) => {
     const found = ABOUT.methods.map((method) => metric(name, method));
     const known = found.filter((one) => one && one.value !== null).map((one) => one.value);
