@@ -128,6 +128,17 @@ def test_a_method_of_which_nothing_was_used_says_none_instead_of_empty_panels(tm
     assert [text.get_text() for text in local.texts] == ["none"] and not remote.texts
 
 
+def test_use_is_that_of_the_edges_where_no_car_s_was_recorded_and_left_out_without_any():
+    frames, resources = made_up_run.frames().to_frame(), made_up_run.resources().to_frame()
+    edges = resources[~resources["resource"].str.startswith("car")]
+    titles = [
+        figures.of_run("run", frames, LookupTable().to_frame(), some, FOOTER)["resources"].get_suptitle()
+        for some in (resources, edges)
+    ]
+    assert [title.split()[0] for title in titles] == ["Use", "Edges:"]
+    assert "resources" not in figures.of_run("run", frames, LookupTable().to_frame(), edges.iloc[:0], FOOTER)
+
+
 def test_utilisation_is_that_of_the_last_second():
     table = ResourceTable()
     for tenth in range(1, 31):  # idle for 2 s, then busy

@@ -308,6 +308,13 @@ def test_the_page_of_a_town_says_how_much_of_the_answers_was_not_there(browser, 
     assert "Objects in view that were served" in shown and "Served objects that are not there" in shown
 
 
+def test_the_page_of_a_run_that_recorded_frames_alone_has_no_empty_table(browser, tmp_path):
+    settings = {"fleet.cars": 3, "perception.duration": "1 s", "methods": ["genie"], "record": []}
+    browser.open(gs.run("fleet_30", settings).report(tmp_path / "r.html"))
+    assert browser.errors == []
+    assert browser.evaluate("byId('by-role').rows.length") == 0
+
+
 def test_the_numbers_on_the_page_are_the_metrics(browser, file, run):
     browser.open(file)
     mean = run.metrics.query("name == 'first_answer_mean' and role == 'genie'")["value"].item()

@@ -88,12 +88,14 @@ LEAST_USE = 0.01
 def of_run(
     label: str, frames: pd.DataFrame, lookups: pd.DataFrame, resources: pd.DataFrame, footer: str
 ) -> dict[str, Figure]:
-    """Every figure of one run, by file name. Figures of Genies are left out where none was simulated."""
+    """Every figure of one run, by file name, but of Genies and of use only what was simulated and recorded."""
     figures = {
         "latency_cdf": latency_cdf({label: frames}, footer),
         "latency_cdf_of_answered": latency_cdf({label: frames}, footer, of="answered"),
-        "resources": resource_use(resources, footer),
     }
+    if len(resources):
+        of_cars = {f"{car}.accelerator" for car in frames["car"].unique()} & set(resources["resource"].unique())
+        figures["resources"] = resource_use(resources, footer, "" if of_cars else "edges: ")
     if len(lookups):
         figures["image_reuse"] = image_reuse({label: lookups}, footer)
         figures["object_reuse"] = object_reuse({label: lookups}, footer)
@@ -189,11 +191,12 @@ def confidence_boost(panels: Panels, footer: str = "") -> Figure:
 
 
 @style.context(["default", STYLE])
-def resource_use(resources: pd.DataFrame, footer: str = "") -> Figure:
+def resource_use(resources: pd.DataFrame, footer: str = "", whose: str = "") -> Figure:
     """Utilisation of accelerators, CPUs and links, and queue lengths over simulated time; a column a method.
 
     Each point is the mean of the last second. What is never used by 1 % (queues: never holds a message) is left out;
     more than eight of a kind are drawn as their range and median. A panel in which nothing is left says "none".
+    ``whose`` begins the title where the resources are not everybody's.
     """
     kinds = [kind for kind in RESOURCE_KINDS if (resources["kind"] == kind).any()]
     methods = [method for method in METHODS if (resources["method"] == method).any()]
@@ -213,7 +216,8 @@ def resource_use(resources: pd.DataFrame, footer: str = "") -> Figure:
         axis.set_title(str(METHOD_LINES[method]["label"]))
     for axis in grid[-1]:
         axis.set_xlabel("simulated time [s]")
-    _finish(figure, "Use of devices and links, and queues, over simulated time", footer)
+    title = "use of devices and links, and queues, over simulated time"
+    _finish(figure, f"{whose}{title}".capitalize(), footer)
     return figure
 
 

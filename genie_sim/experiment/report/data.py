@@ -212,6 +212,8 @@ def _use(run: Run, notes: list[str]) -> Iterator[dict[str, Any]]:
     resources, end_ns = run.resources, int(run.frames["stamp_ns"].max()) if len(run.frames) else 0
     if resources.empty or not end_ns:
         return
+    if run.facts["scenario"].get("fleet"):
+        notes.append("Of a fleet, devices, links and queues of the edges alone are recorded.")
     width_ns = max(LEAST_BIN_NS, -(-end_ns // (BINS * SAMPLE_NS)) * SAMPLE_NS)
     edges_ns = np.arange(0, end_ns + width_ns, width_ns, dtype=np.float64)
     middles = _list((edges_ns[1:] + edges_ns[:-1]) / 2 / NS_PER_S, 2)

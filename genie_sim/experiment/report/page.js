@@ -83,7 +83,7 @@ function showResults() {
   }));
   const roles = [["Image reuse", "image_reuse"], ["Object reuse", "object_reuse"], ["Confidence boost an update", "confidence_boost"],
     ["Coalesced requests", "coalesced_share"], ["Stored images a Genie", "stored_images"], ["Stored objects a Genie", "stored_objects"]];
-  if (!ABOUT.methods.includes("genie")) return;
+  if (!roles.some(([, name]) => metric(name, "local") || metric(name, "remote"))) return;   // no Genie, or no look-ups recorded
   table(byId("by-role"), null, ["", "Genies on cars", "Genies on edges"],
     roles.map(([text, name]) => [text, ...["local", "remote"].map((role) => {
       const found = metric(name, role);
