@@ -25,7 +25,7 @@ from benchmarks.speed import machine
 from benchmarks.speed_page import table
 from genie_sim.errors import UserError
 from genie_sim.experiment.runner import Prepared, simulate
-from genie_sim.experiment.scenario import Record
+from genie_sim.experiment.settings.scenario import Record
 from genie_sim.perception.city import Town, TownRules
 
 FRAMES_A_S = 10

@@ -27,10 +27,10 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 from benchmarks.speed_page import DOCS, filled, table
 from genie_sim.errors import UserError
 from genie_sim.experiment import metrics
-from genie_sim.experiment.evidence import Values, interval
+from genie_sim.experiment.paper.evidence import Values, interval
 from genie_sim.experiment.parallel import in_processes, workers_here
 from genie_sim.experiment.runner import Prepared, Tables, prepare, simulate
-from genie_sim.experiment.scenario import Car, Edge, Route, Scenario, load_scenario
+from genie_sim.experiment.settings.scenario import Car, Edge, Route, Scenario, load_scenario
 from genie_sim.units import NS_PER_S
 
 if TYPE_CHECKING:

@@ -14,7 +14,7 @@ import json
 import math
 from pathlib import Path
 
-from genie_sim.experiment import files
+from genie_sim.experiment.settings import files
 from genie_sim.perception import evaluation
 from genie_sim.perception.city import Town, TownRules, beside
 from genie_sim.perception.city.fit import Look, fit, found_law, looks, place_law

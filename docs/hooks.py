@@ -11,9 +11,10 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
-from genie_sim.experiment import catalogue, files, records
-from genie_sim.experiment.links import LINKS
-from genie_sim.experiment.profiles import DeviceProfile, load_profile
+from genie_sim.experiment import records
+from genie_sim.experiment.settings import catalogue, files
+from genie_sim.experiment.settings.links import LINKS
+from genie_sim.experiment.settings.profiles import DeviceProfile, load_profile
 from genie_sim.units import duration_text, rate_text
 
 

@@ -18,10 +18,11 @@ from pathlib import Path
 from typing import Any
 
 from genie_sim.errors import UserError
-from genie_sim.experiment import runner, scenario
+from genie_sim.experiment import runner
 from genie_sim.experiment.results import Figures, Run, load
 from genie_sim.experiment.runner import Progress
-from genie_sim.experiment.scenario import Scenario
+from genie_sim.experiment.settings import scenario
+from genie_sim.experiment.settings.scenario import Scenario
 from genie_sim.paths import expanded
 
 __all__ = ["Figures", "Run", "Scenario", "UserError", "load", "load_scenario", "run"]

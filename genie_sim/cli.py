@@ -98,8 +98,8 @@ def reproduce(
     out: Annotated[Path, path_option(help="The folder that gets the evaluation.")] = Path("results/reproduce"),
 ) -> None:
     """Run the paper's evaluation: figures and verdicts."""
-    from genie_sim.experiment import verdict_table
-    from genie_sim.experiment.reproduce import reproduce as run_evaluation
+    from genie_sim.experiment.paper import verdict_table
+    from genie_sim.experiment.paper.reproduce import reproduce as run_evaluation
 
     with Progress(unit="runs") as progress:
         result = run_evaluation(out, quick, seeds, jobs, progress, drives)
@@ -243,7 +243,7 @@ def attach(
 ) -> None:
     """Put a Genie in front of a running ROS node. It stays until Ctrl-C or 'detach'."""
     from genie_sim import units
-    from genie_sim.experiment.overrides import apply_overrides
+    from genie_sim.experiment.settings.overrides import apply_overrides
     from genie_sim.ros import attach as real
 
     settings: dict[str, Any] = {}
@@ -294,7 +294,7 @@ def list_(
     ] = None,
 ) -> None:
     """Show what can be named in a scenario."""
-    from genie_sim.experiment import catalogue
+    from genie_sim.experiment.settings import catalogue
 
     if what is not None and what not in catalogue.KINDS:
         raise UserError(unknown("kind of thing to list", what, catalogue.KINDS))
@@ -311,7 +311,7 @@ def schema(what: Annotated[str, typer.Argument(help="scenario or device.")]) -> 
     """Print the JSON Schema of scenarios or devices, for editors."""
     import json
 
-    from genie_sim.experiment.schema import SCHEMAS, json_schema
+    from genie_sim.experiment.settings.schema import SCHEMAS, json_schema
 
     if what not in SCHEMAS:
         raise UserError(unknown("kind of file", what, SCHEMAS))

@@ -11,7 +11,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from genie_sim.experiment import files
+from genie_sim.experiment.settings import files
 from genie_sim.messages import CameraPose
 from genie_sim.perception.city import Town, TownRules, beside, fit
 from genie_sim.perception.city.camera import MOST_Z, Eye

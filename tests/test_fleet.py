@@ -15,14 +15,14 @@ from hypothesis import strategies as st
 from genie_sim.errors import UserError
 from genie_sim.experiment import runner
 from genie_sim.experiment.cells import CHECK_NS, Cells, device_of_each
-from genie_sim.experiment.fleet import Fleet
 from genie_sim.experiment.report import data
 from genie_sim.experiment.runner import prepare, simulate
-from genie_sim.experiment.scenario import Scenario, load_scenario, read_scenario
+from genie_sim.experiment.settings.fleet import Fleet
+from genie_sim.experiment.settings.scenario import Scenario, load_scenario, read_scenario
+from genie_sim.experiment.settings.yaml_input import parse
 from genie_sim.experiment.sweep.design import load_design
 from genie_sim.experiment.sweep.plan import plan
 from genie_sim.experiment.sweep.tasks import Task, run_task
-from genie_sim.experiment.yaml_input import parse
 from genie_sim.units import NS_PER_MS, NS_PER_S
 
 SMALL: dict[str, Any] = {

@@ -16,9 +16,7 @@ PACKAGE = REPOSITORY / "genie_sim"
 
 # Each layer, and what of genie_sim it may import. A module belongs to the first layer that its name starts with.
 GROUND = ("units", "messages", "errors", "paths")
-SETTINGS = tuple(
-    f"experiment.{name}" for name in ("scenario", "genie_settings", "genies", "fields", "profiles", "links", "seeds")
-)
+SETTINGS = ("experiment.settings", "experiment.genies", "experiment.seeds")
 LAYERS: dict[str, tuple[str, ...]] = {
     "errors": (),
     "paths": ("errors",),
@@ -30,9 +28,12 @@ LAYERS: dict[str, tuple[str, ...]] = {
     "ros.bags": (*GROUND, "core", "ros", "perception"),
     "ros.export": (*GROUND, "ros", "experiment"),
     "ros": (*GROUND, "core", "ros", *SETTINGS, "experiment.records"),
+    "experiment.settings": (
+        *GROUND, "core", "perception.city.rules", "perception.detector", "experiment.settings", "experiment.seeds",
+    ),
     "experiment.runner": (*GROUND, "core", "sim", "perception", "experiment"),
-    "experiment.replicate": (*GROUND, "core", "sim", "perception", "experiment"),
-    "experiment.drives": (*GROUND, "core", "sim", "perception", "experiment"),
+    "experiment.paper.replicate": (*GROUND, "core", "sim", "perception", "experiment"),
+    "experiment.paper.drives": (*GROUND, "core", "sim", "perception", "experiment"),
     "experiment.sweep": (*GROUND, "core", "sim", "perception", "experiment"),
     "experiment": (*GROUND, "core", "perception", "experiment"),
     "api": (*GROUND, "experiment"),
@@ -43,7 +44,7 @@ LAYERS: dict[str, tuple[str, ...]] = {
     "__main__": ("cli",),
 }
 SIMULATE = {  # everything else reads settings and tables
-    "experiment.runner", "experiment.replicate", "experiment.drives", "api", "cli",
+    "experiment.runner", "experiment.paper.replicate", "experiment.paper.drives", "api", "cli",
     "experiment.sweep.plan", "experiment.sweep.sweep", "experiment.sweep.tasks",
 }  # fmt: skip
 

@@ -22,7 +22,7 @@ import genie_sim as gs
 from genie_sim.cli import app, main
 from genie_sim.errors import UserError
 from genie_sim.experiment import records
-from genie_sim.experiment.scenario import LONGEST_DAYS, load_scenario
+from genie_sim.experiment.settings.scenario import LONGEST_DAYS, load_scenario
 from genie_sim.paths import whole_file
 from tests.conftest import REPOSITORY
 

@@ -6,9 +6,9 @@ import pytest
 from sim.street import street
 
 from genie_sim.errors import UserError
-from genie_sim.experiment.profiles import load_profile
 from genie_sim.experiment.records import FrameTable, LookupTable, ResourceTable
-from genie_sim.experiment.scenario import load_scenario, read_scenario
+from genie_sim.experiment.settings.profiles import load_profile
+from genie_sim.experiment.settings.scenario import load_scenario, read_scenario
 from genie_sim.sim.log import Log
 from genie_sim.sim.phantom import POSITION_BYTES, positions
 from genie_sim.sim.world import OBJECTS, World

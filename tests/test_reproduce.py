@@ -9,12 +9,12 @@ from pathlib import Path
 
 import pytest
 
-from genie_sim.experiment import calibrate, verdict_table
-from genie_sim.experiment.assumptions import load_assumptions
-from genie_sim.experiment.calibrate import Point
-from genie_sim.experiment.checks import load_claims
-from genie_sim.experiment.replicate import Job, Outcome, prepare_job, run_jobs
-from genie_sim.experiment.reproduce import last_calibration, reproduce
+from genie_sim.experiment.paper import calibrate, verdict_table
+from genie_sim.experiment.paper.assumptions import load_assumptions
+from genie_sim.experiment.paper.calibrate import Point
+from genie_sim.experiment.paper.checks import load_claims
+from genie_sim.experiment.paper.replicate import Job, Outcome, prepare_job, run_jobs
+from genie_sim.experiment.paper.reproduce import last_calibration, reproduce
 
 REPOSITORY = Path(__file__).resolve().parent.parent
 PAPER = REPOSITORY / "results" / "paper"

@@ -15,12 +15,12 @@ from genie_sim.core.confidence import CONFIDENCE_RULES
 from genie_sim.core.eviction import EVICTIONS
 from genie_sim.core.similarity import SIMILARITIES
 from genie_sim.errors import UserError
-from genie_sim.experiment import files
-from genie_sim.experiment.fleet import City, Fleet
-from genie_sim.experiment.genie_settings import LITERAL
-from genie_sim.experiment.links import LINKS
-from genie_sim.experiment.scenario import Live, Recorded, Scenario, load_scenario, read_scenario
-from genie_sim.experiment.yaml_input import parse, read_mapping
+from genie_sim.experiment.settings import files
+from genie_sim.experiment.settings.fleet import City, Fleet
+from genie_sim.experiment.settings.genie_settings import LITERAL
+from genie_sim.experiment.settings.links import LINKS
+from genie_sim.experiment.settings.scenario import Live, Recorded, Scenario, load_scenario, read_scenario
+from genie_sim.experiment.settings.yaml_input import parse, read_mapping
 
 ROOT = Path(__file__).parent.parent
 PAPER = [f"{cars}car_{kind}" for cars in (1, 2, 3) for kind in ("homo", "hetero")]

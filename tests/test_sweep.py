@@ -21,8 +21,9 @@ import pytest
 from genie_sim.cli import main
 from genie_sim.core.similarity import Exact
 from genie_sim.errors import UserError
-from genie_sim.experiment import files, metrics, runner
-from genie_sim.experiment.scenario import load_scenario
+from genie_sim.experiment import metrics, runner
+from genie_sim.experiment.settings import files
+from genie_sim.experiment.settings.scenario import load_scenario
 from genie_sim.experiment.sweep import tasks
 from genie_sim.experiment.sweep.design import load_design
 from genie_sim.experiment.sweep.plan import plan

@@ -6,8 +6,8 @@ import math
 from collections.abc import Callable, Iterator
 from itertools import accumulate
 
-from genie_sim.experiment.fleet import City, Fleet
-from genie_sim.experiment.scenario import Car, Edge, HandOver, Route, Scenario
+from genie_sim.experiment.settings.fleet import City, Fleet
+from genie_sim.experiment.settings.scenario import Car, Edge, HandOver, Route, Scenario
 from genie_sim.perception.city import Drive, Town
 from genie_sim.units import NS_PER_MS
 

@@ -21,7 +21,7 @@ import yaml
 
 from genie_sim import __version__, units
 from genie_sim.errors import UserError
-from genie_sim.experiment.profiles import DeviceProfile, load_profile
+from genie_sim.experiment.settings.profiles import DeviceProfile, load_profile
 from genie_sim.paths import whole_file
 
 LEAST = 20  # latencies; fewer say nothing about a tail

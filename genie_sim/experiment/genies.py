@@ -17,7 +17,7 @@ from genie_sim.core.node import GenieNode, GenieRules, detections_of_map
 from genie_sim.core.object_map import ObjectMap, ObjectMapRules
 from genie_sim.core.similarity import SIMILARITIES
 from genie_sim.errors import UserError, unknown
-from genie_sim.experiment.genie_settings import GenieSettings
+from genie_sim.experiment.settings.genie_settings import GenieSettings
 from genie_sim.messages import Header
 
 METHODS: dict[str, tuple[str, ...]] = {  # what a class of the user's own must have

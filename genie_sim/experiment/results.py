@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from genie_sim.errors import UserError
 from genie_sim.experiment import provenance, records
 from genie_sim.experiment.metrics import Metric
-from genie_sim.experiment.scenario import Scenario, read_scenario
+from genie_sim.experiment.settings.scenario import Scenario, read_scenario
 from genie_sim.paths import expanded
 
 if TYPE_CHECKING:

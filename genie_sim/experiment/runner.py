@@ -15,14 +15,15 @@ from typing import TYPE_CHECKING, Any, cast
 
 import genie_sim
 from genie_sim.errors import UserError, shown, unknown
-from genie_sim.experiment import files, provenance
-from genie_sim.experiment.fields import validate
-from genie_sim.experiment.fleet import City
+from genie_sim.experiment import provenance
 from genie_sim.experiment.genies import own_code
-from genie_sim.experiment.profiles import DeviceProfile, load_profile
 from genie_sim.experiment.records import FrameTable, LookupTable, ObjectTable, PoseTable, ResourceTable, TruthTable
 from genie_sim.experiment.results import Run
-from genie_sim.experiment.scenario import Live, Route, Scenario, load_scenario, read_scenario
+from genie_sim.experiment.settings import files
+from genie_sim.experiment.settings.fields import validate
+from genie_sim.experiment.settings.fleet import City
+from genie_sim.experiment.settings.profiles import DeviceProfile, load_profile
+from genie_sim.experiment.settings.scenario import Live, Route, Scenario, load_scenario, read_scenario
 from genie_sim.experiment.tables import Table
 from genie_sim.perception.trace import Trace, read_trace
 from genie_sim.sim.log import Log

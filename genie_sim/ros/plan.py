@@ -9,9 +9,9 @@ from typing import Any
 
 from genie_sim.core.similarity import SIMILARITIES
 from genie_sim.errors import UserError, unknown
-from genie_sim.experiment.fields import validate
-from genie_sim.experiment.genie_settings import GenieSettings
 from genie_sim.experiment.genies import make_genie
+from genie_sim.experiment.settings.fields import validate
+from genie_sim.experiment.settings.genie_settings import GenieSettings
 from genie_sim.messages import Detection, Fact, Forgotten, Header
 from genie_sim.ros.gateway import LOCAL, REMOTE, Gateway, Links
 from genie_sim.ros.message import Codec, RosMessage, WireType

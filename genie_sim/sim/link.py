@@ -7,7 +7,7 @@ from collections.abc import Callable, Hashable
 
 import numpy as np
 
-from genie_sim.experiment.links import LinkProfile
+from genie_sim.experiment.settings.links import LinkProfile
 from genie_sim.messages import Message
 from genie_sim.sim.clock import Clock
 from genie_sim.sim.ros_graph import Dropped, Graph

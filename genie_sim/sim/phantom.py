@@ -11,8 +11,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
-from genie_sim.experiment.genie_settings import GenieSettings
 from genie_sim.experiment.genies import make_genie
+from genie_sim.experiment.settings.genie_settings import GenieSettings
 from genie_sim.messages import Fact
 from genie_sim.perception.trace import TraceFrame
 from genie_sim.sim.device import Host

@@ -7,10 +7,10 @@ from functools import partial
 
 from genie_sim.core.node import GenieNode
 from genie_sim.experiment.genies import make_genie
-from genie_sim.experiment.links import LinkProfile
-from genie_sim.experiment.profiles import DeviceProfile
-from genie_sim.experiment.scenario import Car, Scenario
 from genie_sim.experiment.seeds import stream
+from genie_sim.experiment.settings.links import LinkProfile
+from genie_sim.experiment.settings.profiles import DeviceProfile
+from genie_sim.experiment.settings.scenario import Car, Scenario
 from genie_sim.messages import Detections, Fact, Image, Message
 from genie_sim.perception.trace import Trace
 from genie_sim.sim.camera import Camera

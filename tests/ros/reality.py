@@ -23,8 +23,8 @@ import yaml
 
 from genie_sim.core.similarity import PoseGrid
 from genie_sim.experiment import runner
-from genie_sim.experiment.profiles import DeviceProfile
-from genie_sim.experiment.scenario import Scenario, read_scenario
+from genie_sim.experiment.settings.profiles import DeviceProfile
+from genie_sim.experiment.settings.scenario import Scenario, read_scenario
 from genie_sim.perception.trace import TraceFrame, read_trace
 from tests.ros.conftest import DETECTOR, REPOSITORY, Master, until
 

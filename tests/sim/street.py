@@ -11,10 +11,10 @@ from typing import Any
 
 import pandas as pd
 
-from genie_sim.experiment.profiles import DeviceProfile, load_profile
 from genie_sim.experiment.records import FrameTable, LookupTable, ResourceTable
 from genie_sim.experiment.runner import Tables
-from genie_sim.experiment.scenario import Scenario, read_scenario
+from genie_sim.experiment.settings.profiles import DeviceProfile, load_profile
+from genie_sim.experiment.settings.scenario import Scenario, read_scenario
 from genie_sim.messages import CameraPose, Detection
 from genie_sim.perception.trace import Trace, TraceFrame
 from genie_sim.sim.log import Log

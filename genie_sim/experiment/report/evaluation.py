@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import Any
 
 from genie_sim.errors import UserError
-from genie_sim.experiment import provenance, report, verdict_table
-from genie_sim.experiment.claims import VERDICTS
+from genie_sim.experiment import provenance, report
 from genie_sim.experiment.metrics import DEADLINE_MS
-from genie_sim.experiment.yaml_input import parse
+from genie_sim.experiment.paper import verdict_table
+from genie_sim.experiment.paper.claims import VERDICTS
 
 STYLES = ("page.css", "many.css")
 SCRIPTS = ("charts.js", "many.js", "evaluation.js")
@@ -85,8 +85,7 @@ def page_data(folder: Path) -> dict[str, Any]:
 
 def _claims(rows: Sequence[Mapping[str, Any]]) -> Iterator[dict[str, Any]]:
     """Each verdict, with the sentences of Section V that it judges and the figure that shows it."""
-    path = Path(provenance.__file__).with_name("section_v.yaml")
-    sentences = parse(path.read_text(encoding="utf-8"), str(path))
+    sentences = verdict_table.sentences()
     for row in rows:
         mine = [one for one in sentences if row["id"] in one["claims"]]
         figures = list(dict.fromkeys(one["figure"] for one in mine if one["figure"]))

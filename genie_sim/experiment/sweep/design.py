@@ -19,10 +19,10 @@ from pydantic import BeforeValidator, Field, model_validator
 
 from genie_sim import units
 from genie_sim.errors import shown
-from genie_sim.experiment import files
-from genie_sim.experiment.fields import Model, Name, problem, validate
 from genie_sim.experiment.seeds import stream
-from genie_sim.experiment.yaml_input import read_mapping
+from genie_sim.experiment.settings import files
+from genie_sim.experiment.settings.fields import Model, Name, problem, validate
+from genie_sim.experiment.settings.yaml_input import read_mapping
 
 SCENARIO = "scenario"  # the one path of an axis that is no setting of a scenario but names another one
 MOST_RUNS = 1_000_000

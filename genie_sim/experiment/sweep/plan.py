@@ -8,10 +8,10 @@ from pathlib import Path
 
 from genie_sim.errors import UserError
 from genie_sim.experiment import provenance, runner
-from genie_sim.experiment.fleet import City
-from genie_sim.experiment.profiles import DeviceProfile
 from genie_sim.experiment.runner import Prepared, Progress
-from genie_sim.experiment.scenario import Scenario, load_scenario
+from genie_sim.experiment.settings.fleet import City
+from genie_sim.experiment.settings.profiles import DeviceProfile
+from genie_sim.experiment.settings.scenario import Scenario, load_scenario
 from genie_sim.experiment.sweep.design import Design, Level
 from genie_sim.experiment.sweep.tasks import Run, Shared, Task
 from genie_sim.perception.trace import Trace

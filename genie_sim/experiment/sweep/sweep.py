@@ -10,8 +10,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from genie_sim.errors import UserError
-from genie_sim.experiment import files, provenance
+from genie_sim.experiment import provenance
 from genie_sim.experiment.runner import Progress
+from genie_sim.experiment.settings import files
 from genie_sim.experiment.sweep import tables
 from genie_sim.experiment.sweep.backends import Dask, Local
 from genie_sim.experiment.sweep.design import Design, load_design

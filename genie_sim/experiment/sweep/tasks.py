@@ -17,10 +17,10 @@ from pathlib import Path
 import genie_sim
 from genie_sim.errors import UserError
 from genie_sim.experiment import metrics, runner
-from genie_sim.experiment.fleet import City
 from genie_sim.experiment.metrics import Metric
-from genie_sim.experiment.profiles import DeviceProfile
-from genie_sim.experiment.scenario import Scenario
+from genie_sim.experiment.settings.fleet import City
+from genie_sim.experiment.settings.profiles import DeviceProfile
+from genie_sim.experiment.settings.scenario import Scenario
 from genie_sim.experiment.tables import Column, Table
 from genie_sim.paths import whole_file
 from genie_sim.perception.trace import Trace

@@ -6,8 +6,8 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from genie_sim.experiment.checks import CHECKS, Claim, load_claims
-from genie_sim.experiment.evidence import Evidence, Finding
+from genie_sim.experiment.paper.checks import CHECKS, Claim, load_claims
+from genie_sim.experiment.paper.evidence import Evidence, Finding
 from genie_sim.experiment.seeds import stream
 
 RESAMPLES = 200

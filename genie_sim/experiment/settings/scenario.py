@@ -16,8 +16,9 @@ from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, model_v
 
 from genie_sim import units
 from genie_sim.errors import UserError, shown, unknown
-from genie_sim.experiment import files
-from genie_sim.experiment.fields import (
+from genie_sim.experiment.seeds import stream
+from genie_sim.experiment.settings import files
+from genie_sim.experiment.settings.fields import (
     Count,
     Duration,
     Listed,
@@ -28,13 +29,12 @@ from genie_sim.experiment.fields import (
     problem,
     validate,
 )
-from genie_sim.experiment.fleet import MOST_EDGES, City, Fleet
-from genie_sim.experiment.genie_settings import GenieSettings
-from genie_sim.experiment.links import LINKS, Link
-from genie_sim.experiment.overrides import Override, apply_overrides
-from genie_sim.experiment.profiles import load_profile
-from genie_sim.experiment.seeds import stream
-from genie_sim.experiment.yaml_input import dump, read_mapping
+from genie_sim.experiment.settings.fleet import MOST_EDGES, City, Fleet
+from genie_sim.experiment.settings.genie_settings import GenieSettings
+from genie_sim.experiment.settings.links import LINKS, Link
+from genie_sim.experiment.settings.overrides import Override, apply_overrides
+from genie_sim.experiment.settings.profiles import load_profile
+from genie_sim.experiment.settings.yaml_input import dump, read_mapping
 
 Method = Literal["local", "remote", "genie"]
 Record = Literal["lookups", "resources", "poses", "objects", "truth"]

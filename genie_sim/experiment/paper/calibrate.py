@@ -10,10 +10,10 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from genie_sim.experiment.assumptions import Assumptions
-from genie_sim.experiment.checks import BOTH_IMAGES, BOTH_OBJECTS
-from genie_sim.experiment.evidence import Evidence
-from genie_sim.experiment.replicate import Job, Progress, run_jobs
+from genie_sim.experiment.paper.assumptions import Assumptions
+from genie_sim.experiment.paper.checks import BOTH_IMAGES, BOTH_OBJECTS
+from genie_sim.experiment.paper.evidence import Evidence
+from genie_sim.experiment.paper.replicate import Job, Progress, run_jobs
 
 GRID = 5  # values of each parameter, ends of its range included
 REFINEMENTS = 2

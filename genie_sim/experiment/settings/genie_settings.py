@@ -9,7 +9,7 @@ from pydantic import BeforeValidator, Field, WithJsonSchema, model_validator
 
 from genie_sim import units
 from genie_sim.errors import shown
-from genie_sim.experiment.fields import (
+from genie_sim.experiment.settings.fields import (
     Count,
     Model,
     PositiveDuration,
@@ -18,7 +18,7 @@ from genie_sim.experiment.fields import (
     Probability,
     problem,
 )
-from genie_sim.experiment.plugins import EvictionName, RuleName, SimilarityChoice, read_similarity
+from genie_sim.experiment.settings.plugins import EvictionName, RuleName, SimilarityChoice, read_similarity
 
 # What Algorithms 1 and 2 say to the letter; single settings may still be given beside ``algorithm: literal``.
 LITERAL: dict[str, Any] = {

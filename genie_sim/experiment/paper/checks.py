@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
-from genie_sim.experiment import table1
-from genie_sim.experiment.evidence import Evidence, Finding, Values, above, all_positive, below, matches
-from genie_sim.experiment.profiles import load_profile
-from genie_sim.experiment.yaml_input import parse
+from genie_sim.experiment.paper import table1
+from genie_sim.experiment.paper.evidence import Evidence, Finding, Values, above, all_positive, below, matches
+from genie_sim.experiment.settings.profiles import load_profile
+from genie_sim.experiment.settings.yaml_input import parse
 
 HO = ("1car_homo", "2car_homo", "3car_homo")
 HE = ("1car_hetero", "2car_hetero", "3car_hetero")

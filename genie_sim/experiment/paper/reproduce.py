@@ -13,16 +13,27 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from genie_sim.experiment import drives, provenance, quality, report, verdict_table
-from genie_sim.experiment.assumptions import Assumptions, load_assumptions
-from genie_sim.experiment.calibrate import Calibration, calibrate, most_jobs
-from genie_sim.experiment.checks import ALL, BOTH_IMAGES, BOTH_OBJECTS, CASE, HE, HO, SHARED, improvements, load_claims
-from genie_sim.experiment.claims import VERDICTS, Verdict, judge, supporting_variants
-from genie_sim.experiment.evidence import Evidence, Values, interval
+from genie_sim.experiment import provenance, report
 from genie_sim.experiment.facts import Facts
-from genie_sim.experiment.replicate import Job, Outcome, Progress, TimeLeft, in_parallel, run_jobs
+from genie_sim.experiment.paper import drives, quality, verdict_table
+from genie_sim.experiment.paper.assumptions import Assumptions, load_assumptions
+from genie_sim.experiment.paper.calibrate import Calibration, calibrate, most_jobs
+from genie_sim.experiment.paper.checks import (
+    ALL,
+    BOTH_IMAGES,
+    BOTH_OBJECTS,
+    CASE,
+    HE,
+    HO,
+    SHARED,
+    improvements,
+    load_claims,
+)
+from genie_sim.experiment.paper.claims import VERDICTS, Verdict, judge, supporting_variants
+from genie_sim.experiment.paper.evidence import Evidence, Values, interval
+from genie_sim.experiment.paper.replicate import Job, Outcome, Progress, TimeLeft, in_parallel, run_jobs
 from genie_sim.experiment.report import evaluation
-from genie_sim.experiment.yaml_input import read_mapping
+from genie_sim.experiment.settings.yaml_input import read_mapping
 
 QUICK_SEEDS = 4
 
@@ -284,8 +295,8 @@ def _draw(
     settings: Sequence[str],
     seeds: Sequence[int],
 ) -> None:
-    from genie_sim.experiment.paper_figures import draw_paper_figures
-    from genie_sim.experiment.sensitivity import draw_sensitivity
+    from genie_sim.experiment.paper.paper_figures import draw_paper_figures
+    from genie_sim.experiment.paper.sensitivity import draw_sensitivity
 
     folder.mkdir()
     footer = f"genie-sim reproduce, {', '.join(settings)}, {len(seeds)} seeds"
@@ -317,6 +328,6 @@ def _provenance(
 
 
 def _trace_digest() -> str:
-    from genie_sim.experiment.replicate import prepare_job
+    from genie_sim.experiment.paper.replicate import prepare_job
 
     return next(iter(prepare_job(Job(ALL[0], 1)).traces.values())).digest

@@ -26,12 +26,12 @@ import numpy as np
 
 from genie_sim.errors import UserError
 from genie_sim.experiment import provenance
-from genie_sim.experiment.checks import ROLES
 from genie_sim.experiment.facts import Facts
-from genie_sim.experiment.profiles import load_profile
-from genie_sim.experiment.replicate import Progress, in_parallel, outcome_of
+from genie_sim.experiment.paper.checks import ROLES
+from genie_sim.experiment.paper.replicate import Progress, in_parallel, outcome_of
 from genie_sim.experiment.runner import Prepared
-from genie_sim.experiment.scenario import load_scenario
+from genie_sim.experiment.settings.profiles import load_profile
+from genie_sim.experiment.settings.scenario import load_scenario
 from genie_sim.paths import expanded
 from genie_sim.perception.tracking import CAMERA, FRAME_NS, sequences, tracking_trace
 from genie_sim.units import NS_PER_S

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 from genie_sim.errors import UserError, shown
-from genie_sim.experiment.yaml_input import parse
+from genie_sim.experiment.settings.yaml_input import parse
 
 _STEP = re.compile(r"\.?([A-Za-z_]\w*)|\[(\d{1,6})\]")
 _SHORT_FOR = {"link": "like", "edge_network": "like", "similarity": "name"}  # settings that may be a mere name

@@ -11,7 +11,16 @@ from typing import Annotated, Any
 from pydantic import BeforeValidator, Field, PlainSerializer, WithJsonSchema, model_validator
 
 from genie_sim.errors import unknown
-from genie_sim.experiment.fields import Duration, Listed, Model, PositiveRate, PositiveSize, Probability, Size, problem
+from genie_sim.experiment.settings.fields import (
+    Duration,
+    Listed,
+    Model,
+    PositiveRate,
+    PositiveSize,
+    Probability,
+    Size,
+    problem,
+)
 from genie_sim.units import NS_PER_MS
 
 MBIT = 10**6

@@ -7,10 +7,10 @@ from collections.abc import Callable, Iterable, Mapping
 from genie_sim.core.confidence import CONFIDENCE_RULES
 from genie_sim.core.eviction import EVICTIONS
 from genie_sim.core.similarity import SIMILARITIES
-from genie_sim.experiment import files
-from genie_sim.experiment.links import LINKS, LinkProfile
-from genie_sim.experiment.profiles import load_profile
-from genie_sim.experiment.yaml_input import read_mapping
+from genie_sim.experiment.settings import files
+from genie_sim.experiment.settings.links import LINKS, LinkProfile
+from genie_sim.experiment.settings.profiles import load_profile
+from genie_sim.experiment.settings.yaml_input import read_mapping
 from genie_sim.units import duration_text, rate_text
 
 Listing = Iterable[tuple[str, str]]

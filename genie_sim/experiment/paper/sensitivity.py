@@ -13,8 +13,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullLocator, PercentFormatter
 
-from genie_sim.experiment.calibrate import Calibration
 from genie_sim.experiment.figures import METHOD_LINES, PAGE_IN, STYLE, save
+from genie_sim.experiment.paper.calibrate import Calibration
 
 OBJECTS_LINE: dict[str, Any] = {"color": "#0B3C6F", "marker": "o", "markersize": 3.5, "linewidth": 1.6}
 IMAGES_LINE: dict[str, Any] = {

@@ -7,9 +7,9 @@ from typing import Any
 from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
 from pydantic_core import SchemaSerializer, core_schema
 
-from genie_sim.experiment.fields import Model
-from genie_sim.experiment.profiles import DeviceProfile
-from genie_sim.experiment.scenario import Scenario
+from genie_sim.experiment.settings.fields import Model
+from genie_sim.experiment.settings.profiles import DeviceProfile
+from genie_sim.experiment.settings.scenario import Scenario
 
 SCHEMAS: dict[str, type[Model]] = {"scenario": Scenario, "device": DeviceProfile}
 

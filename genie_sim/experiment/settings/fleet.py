@@ -11,8 +11,8 @@ from pydantic import AfterValidator, BeforeValidator, Field, PlainSerializer, Wi
 
 from genie_sim import units
 from genie_sim.errors import UserError, shown, unknown
-from genie_sim.experiment.fields import Length, Model, PositiveDuration, PositiveLength, problem
-from genie_sim.experiment.links import LINKS, Link
+from genie_sim.experiment.settings.fields import Length, Model, PositiveDuration, PositiveLength, problem
+from genie_sim.experiment.settings.links import LINKS, Link
 from genie_sim.perception.city.rules import TownRules
 
 SHARES_ERROR = 1e-6  # by which shares written in decimals may miss a sum of 1

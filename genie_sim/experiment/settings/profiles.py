@@ -13,9 +13,9 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from genie_sim.errors import UserError, unknown
-from genie_sim.experiment import files
-from genie_sim.experiment.fields import Duration, Listed, Model, Name, PositiveDuration, problem, validate
-from genie_sim.experiment.yaml_input import read_mapping
+from genie_sim.experiment.settings import files
+from genie_sim.experiment.settings.fields import Duration, Listed, Model, Name, PositiveDuration, problem, validate
+from genie_sim.experiment.settings.yaml_input import read_mapping
 
 SPREADS = ("isolated", "default", "loaded")
 MEGABYTE = 10**6

@@ -7,7 +7,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from genie_sim.experiment.yaml_input import read_mapping
+from genie_sim.experiment.settings.yaml_input import read_mapping
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,8 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from genie_sim.experiment.evidence import interval
-from genie_sim.experiment.replicate import Answer, Held, Job, prepare_job, run_for_answers
+from genie_sim.experiment.paper.evidence import interval
+from genie_sim.experiment.paper.replicate import Answer, Held, Job, prepare_job, run_for_answers
 from genie_sim.messages import CameraPose, Location
 from genie_sim.paths import expanded
 from genie_sim.perception.labels import Labels, Track, distance_m, read_tracklets

@@ -15,13 +15,13 @@ from contextlib import closing
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from genie_sim.experiment import files
 from genie_sim.experiment.facts import Facts, facts_of
 from genie_sim.experiment.parallel import in_processes
-from genie_sim.experiment.profiles import load_profile
 from genie_sim.experiment.records import FrameTable, LookupTable, ResourceTable
 from genie_sim.experiment.runner import Prepared
-from genie_sim.experiment.scenario import Recorded, Scenario, load_scenario
+from genie_sim.experiment.settings import files
+from genie_sim.experiment.settings.profiles import load_profile
+from genie_sim.experiment.settings.scenario import Recorded, Scenario, load_scenario
 from genie_sim.messages import Detections, Image, Location, Message
 from genie_sim.perception.trace import Trace, TraceFrame, read_trace
 from genie_sim.sim.log import Log

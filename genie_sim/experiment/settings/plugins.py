@@ -14,7 +14,7 @@ from genie_sim.core.confidence import CONFIDENCE_RULES
 from genie_sim.core.eviction import EVICTIONS
 from genie_sim.core.similarity import SIMILARITIES
 from genie_sim.errors import shown, unknown
-from genie_sim.experiment.fields import Model, problem
+from genie_sim.experiment.settings.fields import Model, problem
 
 Parameter = bool | int | float | str
 

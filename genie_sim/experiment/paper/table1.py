@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from genie_sim.experiment.profiles import load_profile
+from genie_sim.experiment.settings.profiles import load_profile
 
 DEVICES = {"Nano": "orin_nano", "AGX": "agx_xavier", "Orin": "agx_orin", "A4500": "rtx_a4500"}
 MODELS = {

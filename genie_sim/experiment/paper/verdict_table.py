@@ -7,9 +7,10 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from genie_sim.experiment import provenance, table1
-from genie_sim.experiment.claims import VERDICTS, Verdict
-from genie_sim.experiment.yaml_input import parse
+from genie_sim.experiment import provenance
+from genie_sim.experiment.paper import table1
+from genie_sim.experiment.paper.claims import VERDICTS, Verdict
+from genie_sim.experiment.settings.yaml_input import parse
 
 MARKERS = {  # of a document's generated parts
     "verdicts": ("<!-- verdicts:begin -->", "<!-- verdicts:end -->"),
@@ -105,12 +106,18 @@ def read_rows(folder: Path) -> list[dict[str, Any]]:
     return rows
 
 
+def sentences() -> list[dict[str, Any]]:
+    """What Section V says, in its order, each with the claims that it makes and the figure that shows it."""
+    path = Path(__file__).with_name("section_v.yaml")
+    found: list[dict[str, Any]] = parse(path.read_text(encoding="utf-8"), str(path))
+    return found
+
+
 def section_v(rows: Sequence[Row]) -> str:
     """Section V sentence by sentence: the figure and the verdicts."""
-    path = Path(__file__).with_name("section_v.yaml")
     said = {one["id"]: f"{one['verdict']}{' (marginal)' if one['marginal'] else ''}" for one in rows}
     lines = ["| Section V | the paper says | figure | here |", "|---|---|---|---|"]
-    for one in parse(path.read_text(encoding="utf-8"), str(path)):
+    for one in sentences():
         figure = f"`{one['figure']}`" if one["figure"] else ""
         here = [f"{claim}: {said[claim]}" for claim in one["claims"]] + ([one["note"]] if one["note"] else [])
         lines.append(f"| {one['part']} | {one['says']} | {figure} | {'; '.join(here)} |")

@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from genie_sim.experiment import figures, metrics, sensitivity
-from genie_sim.experiment.checks import ALL, CASE, HE, HO
-from genie_sim.experiment.replicate import Outcome
+from genie_sim.experiment import figures, metrics
+from genie_sim.experiment.paper import sensitivity
+from genie_sim.experiment.paper.checks import ALL, CASE, HE, HO
+from genie_sim.experiment.paper.replicate import Outcome
 
 if TYPE_CHECKING:
     import pandas as pd
