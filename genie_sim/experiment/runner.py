@@ -282,7 +282,7 @@ def simulate(prepared: Prepared, progress: Progress | None = None, spill: Path |
         poses = tables.poses if method == drives and "poses" in record else None
         log = Log(method, tables.frames, lookups, tables.resources, poses, objects)
         began_s = time.perf_counter()
-        world = World(scenario, prepared.devices, prepared.traces, method, log, _truth(prepared, method, tables.truth))
+        truth = _truth(prepared, method, tables.truth)
 
         def tell(
             now_ns: int, end_ns: int, done: int = number, method: str = method, log: Log = log, began_s: float = began_s
@@ -293,7 +293,7 @@ def simulate(prepared: Prepared, progress: Progress | None = None, spill: Path |
                 progress((done * end_ns + now_ns) / NS_PER_S, len(methods) * end_ns / NS_PER_S, what)
 
         with _rare_collections():
-            world.run(tell)
+            World(scenario, prepared.devices, prepared.traces, method, log, truth).run(tell)
     return tables
 
 
@@ -314,7 +314,7 @@ def _rare_collections() -> Iterator[None]:
     on looking through all."""
     before = gc.get_threshold()
     gc.freeze()
-    gc.set_threshold(500_000, 20, 1_000_000)
+    gc.set_threshold(2_000_000, 20, 1_000_000)
     try:
         yield
     finally:
