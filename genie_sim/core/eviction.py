@@ -7,6 +7,7 @@ To add a policy, write a class with the methods of ``Eviction`` and name it in `
 from __future__ import annotations
 
 import heapq
+from collections import OrderedDict
 from collections.abc import Callable, Hashable
 from typing import Protocol
 
@@ -34,7 +35,7 @@ class Unlimited:
     """Answers never grow old; a cache with a capacity lets the oldest go first (FIFO)."""
 
     def __init__(self) -> None:
-        self._keys: dict[Hashable, None] = {}
+        self._keys: OrderedDict[Hashable, None] = OrderedDict()  # a dict would look for its first key through gaps
 
     def stored(self, key: Hashable, now_ns: int) -> None:
         self._keys.setdefault(key, None)
@@ -59,8 +60,8 @@ class LRU(Unlimited):
         self.used(key, now_ns)
 
     def used(self, key: Hashable, now_ns: int) -> None:
-        self._keys.pop(key, None)
         self._keys[key] = None
+        self._keys.move_to_end(key)
 
 
 class LFU:
@@ -108,8 +109,8 @@ class TTL(Unlimited):
         self._expires_ns: dict[Hashable, int] = {}
 
     def stored(self, key: Hashable, now_ns: int) -> None:
-        self._keys.pop(key, None)
         self._keys[key] = None
+        self._keys.move_to_end(key)
         self._expires_ns[key] = now_ns + self._ttl_ns
 
     def removed(self, key: Hashable) -> None:

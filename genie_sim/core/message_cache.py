@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import OrderedDict
 from collections.abc import Callable, Hashable, Iterator
 from dataclasses import dataclass, field
 from typing import NamedTuple
@@ -113,7 +114,7 @@ class PendingIndex:
     def __init__(self, identity: Callable[[Header], Hashable], new_keys: Callable[[], KeyIndex]) -> None:
         self._identity = identity
         self._new_keys = new_keys
-        self._by_header: dict[Hashable, Waiting] = {}
+        self._by_header: OrderedDict[Hashable, Waiting] = OrderedDict()  # by deadline
         self._keys: dict[str, KeyIndex] = {}
         self._open: dict[tuple[str, Hashable], Waiting] = {}
         self.next_deadline_ns: int | None = None  # when the oldest request expires

@@ -292,7 +292,7 @@ def simulate(prepared: Prepared, progress: Progress | None = None, spill: Path |
                 what = f"{method}, {rate:,.0f} frames/s"
                 progress((done * end_ns + now_ns) / NS_PER_S, len(methods) * end_ns / NS_PER_S, what)
 
-        with _rare_collections():
+        with _without_collections():
             World(scenario, prepared.devices, prepared.traces, method, log, truth).run(tell)
     return tables
 
@@ -308,18 +308,17 @@ def _truth(prepared: Prepared, method: str, table: TruthTable | None) -> Truth |
 
 
 @contextmanager
-def _rare_collections() -> Iterator[None]:
-    """A simulation makes very many small objects and no cycle, unless somebody's own class does: Python looks for
-    cycles rarely meanwhile, and among the new objects only. With ten thousand cars it would spend a fifth of the time
-    on looking through all."""
-    before = gc.get_threshold()
-    gc.freeze()
-    gc.set_threshold(2_000_000, 20, 1_000_000)
+def _without_collections() -> Iterator[None]:
+    """A simulation makes very many small objects, and no cycles that only Python's collector would free; what classes
+    of somebody's own leave in cycles stays until the run is over. With ten thousand cars in memory, looking through
+    all that lives would take longer than the simulation."""
+    was_enabled = gc.isenabled()
+    gc.disable()
     try:
         yield
     finally:
-        gc.set_threshold(*before)
-        gc.unfreeze()
+        if was_enabled:
+            gc.enable()
 
 
 def _perceived(live: Live, progress: Progress | None) -> Trace:

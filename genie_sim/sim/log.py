@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from itertools import takewhile
 from typing import TYPE_CHECKING, Protocol
 
 from genie_sim.experiment.records import Frame, FrameTable, LookupTable, ObjectTable, PoseTable, ResourceTable
@@ -74,10 +75,10 @@ class Log:
 
     def close(self, before_ns: int | None = None) -> None:
         """Frames taken before this go into the table; ``None``: all do."""
-        while self._open:
-            header = next(iter(self._open))
-            if before_ns is not None and header.stamp_ns >= before_ns:
-                return
+        settled: Iterable[Header] = self._open
+        if before_ns is not None:
+            settled = takewhile(lambda header: header.stamp_ns < before_ns, self._open)
+        for header in list(settled):
             self._frames.add(self._open.pop(header))
 
     def _frame(self, header: Header) -> Frame | None:

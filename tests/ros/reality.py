@@ -194,7 +194,7 @@ class KnownTimes:
     def __init__(self, times_ns: Sequence[int]) -> None:
         self._left: Iterator[int] = iter(times_ns)
 
-    def sample(self, rng: object) -> int:
+    def at(self, z: float) -> int:
         return next(self._left)
 
 
