@@ -138,7 +138,7 @@ def test_an_interrupted_evaluation_leaves_nothing(tmp_path):
 
 def test_the_committed_results_are_those_of_the_committed_assumptions():
     about = json.loads((PAPER / "run.json").read_text())
-    here = REPOSITORY / "genie_sim" / "experiment"
+    here = REPOSITORY / "genie_sim" / "experiment" / "paper"
     for name, digest in about["inputs"].items():
         assert hashlib.sha256((here / name).read_bytes()).hexdigest() == digest, f"{name} changed: evaluate anew"
     assert about["quick"] is False
