@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 from collections import Counter
 from itertools import pairwise
 from pathlib import Path
@@ -290,3 +291,20 @@ def test_a_fleet_changes_edges_without_delay_between_old_and_new():
     for car in whole.cars:
         for earlier, later in pairwise(car.hand_overs):
             assert later.at_ns - earlier.at_ns >= 2000 * NS_PER_MS
+
+
+@pytest.mark.parametrize("settings", [("3car_hetero",), ("fleet_30", "perception.duration=3 s")])
+def test_a_run_makes_nothing_that_only_the_cycle_collector_frees(settings):
+    """It is off meanwhile, and on again afterwards."""
+    scenario, *overrides = settings
+    prepared = prepare(load_scenario(scenario, ["methods=[genie]", *overrides]))
+    gc.collect()
+    found: list[int] = []
+
+    def look(simulated_s: float, end_s: float, _: str) -> None:
+        if simulated_s > 0.9 * end_s and not found:
+            assert not gc.isenabled()
+            found.append(gc.collect())
+
+    simulate(prepared, look)
+    assert found == [0] and gc.isenabled()
