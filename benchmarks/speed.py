@@ -56,7 +56,7 @@ class Sizes:
 FULL = Sizes(
     rounds=3, laps=10, fleets={100: 2.0, 1000: 1.0},
     curves={"street": (3, 10, 30, 100, 300, 1000), "town": (3, 30, 300, 3000)}, curve_s=1.0,
-    curve_frames=1000, longest_s=75, minutes=60, memory_laps=(60, 240), profile_entries=15,
+    curve_frames=1000, longest_s=75, minutes=60, memory_laps=(60, 480), profile_entries=15,
 )  # fmt: skip
 QUICK = Sizes(
     rounds=2, laps=2, fleets={100: 1.0}, curves={"street": (3, 30, 100), "town": (3, 30)}, curve_s=0.5,
