@@ -19,6 +19,7 @@ from __future__ import annotations
 
 import logging
 import threading
+from collections import OrderedDict
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass, replace
 from typing import NamedTuple, Protocol
@@ -101,7 +102,8 @@ class Gateway:
         self._remote_answers = {topic + REMOTE for topic in answers}
         self._answers = set(answers)
         self._by_stamp = genie.rules.header_identity == "stamp"
-        self._outstanding: dict[Hashable, tuple[Header, int]] = {}  # as the node sees it -> request, since when
+        # As the node sees it -> request, since when; the oldest first, and found at once.
+        self._outstanding: OrderedDict[Hashable, tuple[Header, int]] = OrderedDict()
         self._lock = threading.Lock()
 
     def from_ros(self, topic: str, message: RosMessage, now_ns: int, sender: str, view: View | None = None) -> None:

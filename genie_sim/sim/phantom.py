@@ -45,7 +45,10 @@ class Coordinator:
 
     def _phantom(self, graph: Graph, host: Host, role: str, images: str, objects: str) -> Genie:
         settings = self._settings.model_copy(update={"miss_policy": MISS_POLICY[role]})
-        node = make_genie(settings, f"{graph.name}/genie", (images,), (objects,), on_edge=False)
+        tells_changes = self._log.wants_changes
+        node = make_genie(
+            settings, f"{graph.name}/genie", (images,), (objects,), on_edge=False, tells_changes=tells_changes
+        )
 
         def observe(genie: Genie, record: Fact) -> None:
             self._log.observe(genie, record, role, graph.env.now)

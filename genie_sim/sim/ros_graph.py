@@ -189,7 +189,7 @@ class Node:
         """The thread goes on with what waits, first come first served, or is idle."""
         self.completed += 1
         self.handle(topic, message, sender)
-        waiting = [one for one, queue in self._queues.items() if queue] if self._queues else None
+        waiting = [one for one, queue in self._queues.items() if queue]
         if not waiting:
             self._idle_threads += 1
             return
