@@ -17,7 +17,8 @@ RANGE_60 = 0.30 + 0.60 * (1.0 - 0.30)  # 60 % of the way up the range of scores 
 CELL_GATES = 4.0  # width of a cell, in gates
 REACH_GATES = 1.01  # how far around an object the cells list it: a gate, and room for rounding
 WIDE_RAD = math.radians(60.0)  # half of a view that is looked for in a whole circle
-Cell = tuple[float, float]  # whole numbers, counted east and north
+ROW = 2.0**26  # cells from one row to the next: no row of cells on earth has as many
+Cell = float  # the number of a cell: a whole number, counted east in rows that are counted north
 
 
 @dataclass(slots=True)
@@ -189,10 +190,10 @@ class ObjectMap:
         """The cell that lists what may be at a location: the location itself if it has to be equal."""
         if self._exact:
             return location
-        return location[0] // self._cell_m, location[1] // self._cell_m
+        return location[0] // self._cell_m + location[1] // self._cell_m * ROW
 
     def _view_cell(self, location: Location) -> Cell:
-        return location[0] // self._view_cell_m, location[1] // self._view_cell_m
+        return location[0] // self._view_cell_m + location[1] // self._view_cell_m * ROW
 
     def _cells_within_reach(self, location: Location) -> list[Any]:
         if self._exact:
@@ -219,9 +220,9 @@ def _cells(easts: tuple[float, float], norths: tuple[float, float], side_m: floa
     """The cells of an upright rectangle, west to east."""
     west, east, south, north = easts[0] // side_m, easts[1] // side_m, norths[0] // side_m, norths[1] // side_m
     if west == east and south == north:  # mostly, where the rectangle is small
-        return [(west, south)]
+        return [west + south * ROW]
     rows = range(int(south), int(north) + 1)
-    return [(i, j) for i in range(int(west), int(east) + 1) for j in rows]
+    return [i + j * ROW for i in range(int(west), int(east) + 1) for j in rows]
 
 
 def _remove(cells: dict[Any, list[StoredObject]], cell: Any, stored: StoredObject) -> None:
