@@ -308,12 +308,25 @@ class Broken(Exact):
 
 
 @pytest.mark.parametrize("jobs", ["1", "2"])
-def test_a_run_that_fails_says_which_point_it_was(jobs):
-    write(SMALL.replace("object_map.rate, list: [0.1, 0.5]", "similarity, list: [exact, 'tests.test_sweep:Broken']"))
-    with pytest.raises(RuntimeError, match="the lens is dirty") as raised:
-        main(["sweep", "s.yaml", "--jobs", jobs])
-    (note,) = raised.value.__notes__
-    assert re.fullmatch(r"This was point [23] \(rate = tests.test_sweep:Broken, gate = [13].0\), seed [123], .*", note)
+def test_runs_that_fail_are_told_and_the_others_are_done(jobs, monkeypatch, capsys):
+    write(SMALL.replace("object_map.rate, list: [0.1, 0.5]", "similarity, list: ['tests.test_sweep:Broken', exact]"))
+    assert main(["sweep", "s.yaml", "--jobs", jobs]) == 1
+    line = capsys.readouterr().err
+    first = r"point 0 \(rate = tests.test_sweep:Broken, gate = 1.0\), seed 1"
+    why = "RuntimeError: the lens is dirty"
+    told = re.fullmatch(
+        rf"genie-sim: results/s: 6 of 12 runs failed, the others are done; {first}: {why}; see (\S+)\n", line
+    )
+    assert told, line
+    text = Path(told[1]).read_text()
+    assert re.match(first, text) and "Traceback" in text and text.endswith(f"{why}\n")
+    assert len(list(Path("results/s/failures").iterdir())) == 6
+    assert not Path("results/s/table.csv").exists(), "a table would lack points"
+
+    simulated = count_runs(monkeypatch)
+    write(SMALL.replace("object_map.rate, list: [0.1, 0.5]", "similarity, list: [exact]"))
+    assert main(["sweep", "s.yaml", "--jobs", "1"]) == 0
+    assert not simulated and not Path("results/s/failures").exists()
 
 
 def test_points_that_say_the_same_share_their_runs(monkeypatch):

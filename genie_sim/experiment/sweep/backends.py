@@ -7,7 +7,7 @@ from collections.abc import Generator, Sequence
 
 from genie_sim.errors import UserError
 from genie_sim.experiment.parallel import in_processes
-from genie_sim.experiment.sweep.tasks import Shared, Task, run_task
+from genie_sim.experiment.sweep.tasks import Finished, Shared, Task, run_task
 
 SCHEDULER_TIMEOUT_S = 10
 WORKERS_TIMEOUT_S = 120
@@ -19,8 +19,8 @@ class Local:
     def __init__(self, jobs: int) -> None:
         self.workers = jobs
 
-    def run(self, tasks: Sequence[Task], shared: Shared) -> Generator[int, None, None]:
-        """The number of runs in each task, as it is done."""
+    def run(self, tasks: Sequence[Task], shared: Shared) -> Generator[Finished, None, None]:
+        """What became of each task, as it is done."""
         return in_processes(functools.partial(run_task, packed=shared.packed()), tasks, self.workers, ordered=False)
 
     def close(self) -> None:
@@ -47,8 +47,8 @@ class Dask:
             raise UserError(f"{self._where}: has no workers, and got none in {WORKERS_TIMEOUT_S} s") from None
         self.workers: int = max(1, sum(self._client.nthreads().values()))
 
-    def run(self, tasks: Sequence[Task], shared: Shared) -> Generator[int, None, None]:
-        """The number of runs in each task, as it is done. Dask gives the tasks of a lost worker to the others.
+    def run(self, tasks: Sequence[Task], shared: Shared) -> Generator[Finished, None, None]:
+        """What became of each task, as it is done. Dask gives the tasks of a lost worker to the others.
 
         What the tasks share is itself the result of a task: each worker fetches it once, and it cannot get lost.
         """

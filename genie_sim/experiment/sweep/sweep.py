@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import itertools
 import json
+import shutil
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,10 +18,12 @@ from genie_sim.experiment.sweep import tables
 from genie_sim.experiment.sweep.backends import Dask, Local
 from genie_sim.experiment.sweep.design import Design, load_design
 from genie_sim.experiment.sweep.plan import Plan, plan, share, tasks
+from genie_sim.experiment.sweep.tasks import Failure
 from genie_sim.paths import PARTIAL, whole_file
 
 FORMAT = 1
 ABOUT = "sweep.json"
+FAILURES = "failures"
 
 
 @dataclass(frozen=True)
@@ -58,7 +61,8 @@ class Sweep:
         return cls(design, folder, plan(design, str(files.find(files.SWEEP, path_or_name)), progress))
 
     def run(self, backend: Local | Dask, shard: tuple[int, int] = (1, 1), progress: Progress | None = None) -> None:
-        """Runs what is missing of a shard ``(i, n)``. Raises ``UserError``."""
+        """Runs what is missing of a shard ``(i, n)``. Raises ``UserError``; where runs failed, when all others are
+        done."""
         try:
             self._parts.mkdir(parents=True, exist_ok=True)
             self._write_about()
@@ -73,11 +77,24 @@ class Sweep:
         if not missing:
             return
         self._forget_results()
+        for run in missing:
+            self._told(run.run_id).unlink(missing_ok=True)
+        failures: list[Failure] = []
         with contextlib.closing(backend.run(tasks(missing, backend.workers, self._parts), self.plan.shared)) as results:
-            for runs in results:
-                count += runs
+            for finished in results:
+                count += finished.runs
+                failures += finished.failures
+                for failure in finished.failures:
+                    self._tell(failure)
                 if progress is not None:
-                    progress(count, len(mine), "")
+                    progress(count, len(mine), f"{len(failures)} failed" if failures else "")
+        if failures:
+            order = list(self.plan.runs)
+            first = min(failures, key=lambda one: order.index(one.run_id))
+            raise UserError(
+                f"{self.folder}: {len(failures):,} of {len(mine):,} runs failed, the others are done; "
+                f"{self.plan.runs[first.run_id].place}: {first.error}; see {self._told(first.run_id)}"
+            )
         if {run.run_id for run in mine} - tables.done_runs(self._parts):
             raise UserError(f"{self._parts}: the workers' parts are not there; they must write to the same file system")
 
@@ -91,6 +108,16 @@ class Sweep:
             except OSError as error:
                 raise UserError(f"{self.folder}: cannot be written: {error.strerror or error}") from error
         return swept
+
+    def _told(self, run_id: str) -> Path:
+        """The file that tells why a run failed."""
+        return self.folder / FAILURES / f"{run_id}.txt"
+
+    def _tell(self, failure: Failure) -> None:
+        with whole_file(self._told(failure.run_id)) as beside:
+            beside.parent.mkdir(exist_ok=True)
+            text = f"{self.plan.runs[failure.run_id].place}\n\n{failure.traceback}"
+            beside.write_text(text, encoding="utf-8", errors="backslashreplace")
 
     def _forget_results(self) -> None:
         """Tables, figures and page of earlier axes or fewer seeds; the parts stay."""
@@ -121,6 +148,7 @@ class Sweep:
             of_runs.save(figure, self.folder / "figures", name)
         for leftover in self._parts.glob(f".*{PARTIAL}"):
             leftover.unlink(missing_ok=True)  # of workers that were killed
+        shutil.rmtree(self.folder / FAILURES, ignore_errors=True)  # of runs that a plug-in has since been mended for
         report.write_of(self.folder, self.folder / report.NAME)
 
     def _footer(self) -> str:

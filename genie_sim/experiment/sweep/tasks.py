@@ -10,6 +10,7 @@ import functools
 import hashlib
 import os
 import pickle
+import traceback
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -77,6 +78,23 @@ class Task:
 
 
 @dataclass(frozen=True, slots=True)
+class Failure:
+    """A run that raised something: what it said, and the whole traceback."""
+
+    run_id: str
+    error: str
+    traceback: str
+
+
+@dataclass(frozen=True, slots=True)
+class Finished:
+    """What became of a task: how many of its runs are in its part, and those that failed."""
+
+    runs: int
+    failures: tuple[Failure, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
 class Shared:
     """The device profiles (as JSON) and traces of all runs."""
 
@@ -88,29 +106,35 @@ class Shared:
         return pickle.dumps(self)
 
 
-def run_task(task: Task, packed: bytes) -> int:
-    """Simulates the runs of a task, writes their part, and tells how many they were. Raises ``UserError``."""
+def run_task(task: Task, packed: bytes) -> Finished:
+    """Simulates the runs of a task and writes their part. What one run raises does not keep the others from being done.
+    Raises ``UserError``."""
     if task.genie_sim != genie_sim.__version__:
         raise UserError(f"a worker has genie-sim {genie_sim.__version__}, the sweep {task.genie_sim}: install the same")
     devices, traces = _unpacked(packed)
     table = PartTable()
+    failures: list[Failure] = []
     for run in task.runs:
         try:
             if isinstance(run.scenario.perception, City):
                 prepared = replace(runner.prepare(run.scenario), devices=devices)
             else:
                 prepared = runner.Prepared(run.scenario, devices, {car: traces[key] for car, key in run.traces.items()})
-            for metric in measured(prepared):
-                table.add(run.run_id, metric)
+            found = measured(prepared)
         except Exception as error:
-            error.add_note(f"This was {run.place}, of the sweep.")
-            raise
+            failures.append(Failure(run.run_id, f"{type(error).__name__}: {error}", traceback.format_exc()))
+            continue
+        for metric in found:
+            table.add(run.run_id, metric)
+    finished = Finished(len(task.runs) - len(failures), tuple(failures))
+    if not finished.runs:
+        return finished
     with whole_file(task.part) as beside:
         task.part.parent.mkdir(parents=True, exist_ok=True)
         table.write(beside)
         with beside.open("rb") as written:  # on the disk before it has its name
             os.fsync(written.fileno())
-    return len(task.runs)
+    return finished
 
 
 def measured(prepared: runner.Prepared) -> Sequence[Metric]:
