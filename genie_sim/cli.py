@@ -319,7 +319,7 @@ def schema(what: Annotated[str, typer.Argument(help="scenario or device.")]) -> 
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Runs the command line. Exit status: 0 done, 1 the user's input or environment, 2 usage, 130 Ctrl-C."""
+    """Runs the command line. Exit status: 0 done, 1 the user's input or environment, 2 usage, 130 Ctrl-C or SIGTERM."""
     terminal.open_closed_streams()
     os.environ["MPLBACKEND"] = "agg"  # figures go to files; a window that is asked for here may not even exist
     try:

@@ -7,9 +7,12 @@ from __future__ import annotations
 
 import os
 import shutil
+import signal
 import sys
 import textwrap
+import threading
 from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -65,8 +68,8 @@ def listing(rows: Iterable[tuple[str, str]], indent: str, columns: int | None) -
 
 
 class Commands(typer.core.TyperGroup):
-    """The commands, under one roof: a misspelt one is answered with the nearest, Ctrl-C ends any with one line and
-    status 130, and a reader that has gone away ends it quietly."""
+    """The commands, under one roof: a misspelt one is answered with the nearest, Ctrl-C or SIGTERM ends any with one line
+    and status 130, and a reader that has gone away ends it quietly."""
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         name = args[0]
@@ -76,13 +79,27 @@ class Commands(typer.core.TyperGroup):
 
     def invoke(self, ctx: Any) -> Any:
         try:
-            return super().invoke(ctx)
+            with _terminable():
+                return super().invoke(ctx)
         except KeyboardInterrupt:
             typer.echo("genie-sim: interrupted; nothing was written", err=True)
             raise SystemExit(130) from None
         except BrokenPipeError:
             drop_output()
             raise SystemExit(0) from None
+
+
+@contextmanager
+def _terminable() -> Iterator[None]:
+    """SIGTERM, which batch systems send when the time is up, is taken for Ctrl-C: what is half done is cleared away."""
+    if threading.current_thread() is not threading.main_thread():  # no other may say what signals do
+        yield
+        return
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 def open_closed_streams() -> None:

@@ -35,10 +35,10 @@ def content(drive: Drive) -> list:
 
 
 def test_the_same_rules_and_seed_give_the_same_drive(town):
-    again = Town(RULES, seed=7).drive("car1", DURATION_NS)
-    assert content(again) == content(town.drive("car1", DURATION_NS))
-    assert again.digest == town.drive("car1", DURATION_NS).digest
-    assert Town(RULES, seed=8).drive("car1", DURATION_NS).digest != again.digest
+    again, other = Town(RULES, seed=7), Town(RULES, seed=8)
+    assert content(again.drive("car1", DURATION_NS)) == content(town.drive("car1", DURATION_NS))
+    assert content(again.drive("car1", DURATION_NS)) != content(other.drive("car1", DURATION_NS))
+    assert again.digest == town.digest != other.digest
 
 
 def test_frames_do_not_depend_on_the_order_in_which_they_are_asked_for(town):
@@ -95,7 +95,6 @@ def test_a_new_car_changes_nobody(town):
 
 def test_a_longer_drive_begins_as_the_shorter_one(town):
     short, long = town.drive("car1", DURATION_NS), town.drive("car1", 2 * DURATION_NS)
-    assert short.digest != long.digest
     assert list(long.frames["03"][: len(short.frames["03"])]) == list(short.frames["03"])
     assert content(long)[: len(short.frames["02"])] == content(short)[: len(short.frames["02"])]
 

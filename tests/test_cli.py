@@ -220,7 +220,8 @@ def test_the_same_run_under_another_hash_seed_gives_the_same_bytes(run_cli):
             assert one.read_bytes() == other.read_bytes(), one
 
 
-def test_ctrl_c_leaves_nothing_behind_and_ends_with_130():
+@pytest.mark.parametrize("asked", [signal.SIGINT, signal.SIGTERM])
+def test_ctrl_c_or_the_end_of_a_batch_job_leaves_nothing_behind_and_ends_with_130(asked):
     Path("s.yaml").write_text(GOOD.replace("[0 s, 1 s]", "[0 s, 15 s], laps: 500"))
     run = subprocess.Popen(
         [sys.executable, "-m", "genie_sim", "run", "s.yaml"],
@@ -231,7 +232,7 @@ def test_ctrl_c_leaves_nothing_behind_and_ends_with_130():
     )
     while not Path("results").exists():  # made just before it simulates
         time.sleep(0.05)
-    run.send_signal(signal.SIGINT)
+    run.send_signal(asked)
     _, error = run.communicate(timeout=60)
     assert run.returncode == 130
     assert "Traceback" not in error

@@ -21,12 +21,13 @@ import pytest
 from genie_sim.cli import main
 from genie_sim.core.similarity import Exact
 from genie_sim.errors import UserError
-from genie_sim.experiment import metrics, runner
+from genie_sim.experiment import metrics, provenance, runner
 from genie_sim.experiment.settings import files
 from genie_sim.experiment.settings.scenario import load_scenario
 from genie_sim.experiment.sweep import tasks
 from genie_sim.experiment.sweep.design import load_design
 from genie_sim.experiment.sweep.plan import plan
+from genie_sim.perception.city import town
 from tests.conftest import REPOSITORY
 
 SMALL = """
@@ -275,10 +276,11 @@ def test_a_sweep_whose_main_process_alone_is_killed_ends_its_workers():
         assert not processes_of(run.pid)
 
 
-def test_ctrl_c_ends_with_130_and_one_line_and_keeps_what_is_done(uninterrupted):
+@pytest.mark.parametrize("asked", [signal.SIGINT, signal.SIGTERM])
+def test_ctrl_c_or_the_end_of_a_batch_job_ends_with_130_and_one_line_and_keeps_what_is_done(asked, uninterrupted):
     write(SMALL)
     with in_the_middle("--jobs", "2") as run:
-        os.killpg(run.pid, signal.SIGINT)  # as a terminal does
+        os.killpg(run.pid, asked)  # as a terminal and Slurm do
         _, error = run.communicate(timeout=60)
     assert run.returncode == 130
     assert error == f"genie-sim: interrupted; finished runs are kept in {Path('results/s')}\n"
@@ -363,6 +365,18 @@ def test_profiles_and_traces_are_read_once(monkeypatch):
 
 
 # Folders that are not as they should be
+
+
+def test_a_town_is_laid_out_once_a_point_and_every_seed_has_the_id_of_its_own(monkeypatch):
+    settings = "scenario: fleet_30\nset: {perception.duration: 1 s}\nseeds: 5"
+    design = load_design(Path(write(f"{settings}\naxes:\n  cars: {{set: fleet.cars, list: [2, 3]}}\n")))
+    laid_out, lay_out = [], town.Streets
+    monkeypatch.setattr(town, "Streets", lambda *ways: laid_out.append(1) or lay_out(*ways))
+    planned = plan(design, "s.yaml")
+    assert len(laid_out) <= 2
+    for entry, seed in zip(planned.entries[5:], range(1, 6), strict=True):
+        scenario = load_scenario("fleet_30", ["perception.duration=1 s", "fleet.cars=3"], seed)
+        assert entry.run_id == provenance.run_id(runner.facts(runner.prepare(scenario)))
 
 
 def test_a_folder_of_something_else_is_left_alone(capsys):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import gc
-import itertools
 import os
 import tempfile
 import time
@@ -149,15 +148,14 @@ def facts(prepared: Prepared) -> dict[str, Any]:
         "genie_sim": genie_sim.__version__,
         "scenario": prepared.scenario.model_dump(mode="json", by_alias=True),
         "devices": {name: device.model_dump(mode="json", by_alias=True) for name, device in prepared.devices.items()},
-        "traces": {car: trace.digest for car, trace in _telling(prepared).items()},
+        "traces": {name: trace.digest for name, trace in _sources(prepared).items()},
         "own_code": own_code(prepared.scenario.genie),
     }
 
 
-def _telling(prepared: Prepared) -> Mapping[str, Trace]:
-    """The traces that tell what was driven: of a fleet the first car's, as all are made from the same town."""
-    some = 1 if prepared.scenario.fleet is not None else None
-    return dict(itertools.islice(prepared.traces.items(), some))
+def _sources(prepared: Prepared) -> Mapping[str, Trace | Town]:
+    """What the frames come from: the trace of each car, or the town that all of them drive in."""
+    return prepared.traces if prepared.town is None else {"town": prepared.town}
 
 
 def _finished(prepared: Prepared, run_id: str, tables: Tables) -> Run:
@@ -201,7 +199,7 @@ def _fill(
             "facts": made.facts,
             "digests": provenance.digests(folder),
             "rows": {table.name: len(table) for table in tables},
-            "traces": {trace.name: dict(trace.provenance) for trace in _telling(prepared).values()},
+            "traces": {trace.name: dict(trace.provenance) for trace in _sources(prepared).values()},
             "wall_time_s": round(time.perf_counter() - began_s, 3),
             **provenance.environment(),
         },

@@ -9,11 +9,11 @@ from pathlib import Path
 from genie_sim.errors import UserError
 from genie_sim.experiment import provenance, runner
 from genie_sim.experiment.runner import Prepared, Progress
-from genie_sim.experiment.settings.fleet import City
 from genie_sim.experiment.settings.profiles import DeviceProfile
 from genie_sim.experiment.settings.scenario import Scenario, load_scenario
 from genie_sim.experiment.sweep.design import Design, Level
 from genie_sim.experiment.sweep.tasks import Run, Shared, Task
+from genie_sim.perception.city import Town
 from genie_sim.perception.trace import Trace
 
 TASK_FRAMES = 30_000  # about ten seconds of work, which is what a kill may cost a worker
@@ -53,18 +53,17 @@ def plan(design: Design, where: str, progress: Progress | None = None) -> Plan:
     for number, point in enumerate(design.points()):
         try:
             scenario = load_scenario(point.scenario, point.overrides)
-            in_town = isinstance(scenario.perception, City)
             prepared = world.prepare(scenario)
         except UserError as error:
             raise UserError(f"{where}: {str(error).removeprefix('--set ')}") from error
-        # Cars in a town drive another way with every seed; whoever simulates a run makes them anew.
-        keys = {} if in_town else {car: _key(trace) for car, trace in prepared.traces.items()}
+        # A town is another with every seed; whoever simulates a run makes it anew.
+        keys = {} if prepared.town else {car: _key(trace) for car, trace in prepared.traces.items()}
         frames = _frames(prepared)
         levels = ", ".join(f"{name} = {level}" for name, level in zip(design.axes, point.levels, strict=True))
         for seed in design.seeds:
             seeded = replace(prepared, scenario=scenario.model_copy(update={"seed": seed}))
-            if in_town:
-                seeded = runner.prepare(seeded.scenario)
+            if prepared.town:
+                seeded = replace(seeded, town=Town(prepared.town.rules, seed))
             run_id = provenance.run_id(runner.facts(seeded))
             place = f"point {number} ({levels}), seed {seed}"
             made.entries.append(Entry(number, seed, run_id, point.levels))
@@ -109,7 +108,7 @@ class _World:
         if needs not in self._known:
             fresh = runner.prepare(scenario)
             self._devices.update(fresh.devices)
-            if isinstance(scenario.perception, City):
+            if fresh.town:
                 return fresh
             traces = {car: self._traces.setdefault(_key(trace), trace) for car, trace in fresh.traces.items()}
             self._known[needs] = replace(fresh, traces=traces)

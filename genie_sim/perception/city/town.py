@@ -17,7 +17,7 @@ from genie_sim.perception.city import routes
 from genie_sim.perception.city.camera import BASELINES_M, CityFrame, CityFrames, Eye
 from genie_sim.perception.city.laws import DetectorLaws, detector_laws
 from genie_sim.perception.city.rules import TownRules, TrueObject
-from genie_sim.perception.city.streets import Streets, lay_out
+from genie_sim.perception.city.streets import Street, Streets, lay_out
 
 ORIGIN: Geodetic = (49.0, 8.4, 115.0)  # near Karlsruhe, where KITTI was recorded; the town itself is made up
 
@@ -25,9 +25,11 @@ ORIGIN: Geodetic = (49.0, 8.4, 115.0)  # near Karlsruhe, where KITTI was recorde
 class Town:
     """A town with everything that stands and moves in it.
 
-    The same rules and seed give the same town. Its clock starts at 0; what moves is where it is at that time for
-    every car that looks.
+    The same rules and seed give the same town; it is laid out when somebody looks. Its clock starts at 0; what moves is
+    where it is at that time for every car that looks. ``digest`` is the sha256 of what decides it: rules, seed, laws.
     """
+
+    name = "city"
 
     def __init__(self, rules: TownRules, seed: int) -> None:
         if seed < 0:
@@ -38,23 +40,29 @@ class Town:
         self.digest = hashlib.sha256(text.encode()).hexdigest()
         self.key = int.from_bytes(hashlib.sha256(f"city {seed}".encode()).digest()[:8], "big")
         self.size_m = (rules.blocks[0] * rules.block_m, rules.blocks[1] * rules.block_m)
-        ways: list[list[Any]] = [
-            [
-                lay_out(
-                    rules,
-                    self.laws,
-                    northbound,
-                    k,
-                    self.key,
-                    stream(seed, "city", "north" if northbound else "east", k),
-                )
-                for k in range(rules.blocks[0 if northbound else 1] + 1)
-            ]
-            for northbound in (False, True)
-        ]
-        self.streets = Streets(rules, *ways)
-        self._commuting = routes.Commuting(rules, stream(seed, "city", "destinations"))
-        self.eye = Eye(self.streets, self.laws, rules.view_m)
+
+    @functools.cached_property
+    def streets(self) -> Streets:
+        """Every street with what stands and moves on it."""
+        rules, ways = self.rules, list[list[Street]]()
+        for northbound, name in enumerate(("east", "north")):
+            streams = (stream(self.seed, "city", name, k) for k in range(rules.blocks[1 - northbound] + 1))
+            ways.append(
+                [
+                    lay_out(rules, self.laws, bool(northbound), k, self.key, random)
+                    for k, random in enumerate(streams)
+                ]
+            )
+        return Streets(rules, *ways)
+
+    @functools.cached_property
+    def eye(self) -> Eye:
+        """Whatever looks at it."""
+        return Eye(self.streets, self.laws, self.rules.view_m)
+
+    @functools.cached_property
+    def _commuting(self) -> routes.Commuting:
+        return routes.Commuting(self.rules, stream(self.seed, "city", "destinations"))
 
     def drive(self, car: str, duration_ns: int, interval_ns: int = 100_000_000, start_ns: int = 0) -> Drive:
         """What the cameras of one car see, a frame every ``interval_ns``, from ``start_ns`` on the town's clock on.
@@ -63,6 +71,12 @@ class Town:
         leave no frame.
         """
         return Drive(self, car, duration_ns, interval_ns, start_ns)
+
+    @property
+    def provenance(self) -> Mapping[str, object]:
+        """Where it comes from, for ``run.json``."""
+        laws = {"laws": dict(self.laws.provenance), "laws_digest": self.laws.digest}
+        return {"source": "city", "rules": asdict(self.rules), "seed": self.seed, **laws}
 
     def course(self, car: str, start_ns: int, end_ns: int) -> routes.Course:
         """Where a car is from ``start_ns`` to ``end_ns``."""
@@ -93,7 +107,6 @@ class Drive:
     """What the cameras of one car see in a town; stands in for a ``Trace``.
 
     ``origin`` is latitude [deg], longitude [deg], altitude [m]. ``frames`` are made when they are looked at.
-    ``digest`` is the sha256 of all that decides them: rules, laws, seed, car, times.
     """
 
     def __init__(self, town: Town, car: str, duration_ns: int, interval_ns: int, start_ns: int) -> None:
@@ -109,21 +122,13 @@ class Drive:
         text = json.dumps([town.digest, car, start_ns, interval_ns])
         self.picture_prefix = hashlib.sha256(text.encode()).hexdigest()[:48]
         self.car_key = int(self.picture_prefix[:16], 16)
-        self.digest = hashlib.sha256(f"{text} {duration_ns}".encode()).hexdigest()
-        self.course = town.course(car, start_ns, start_ns + duration_ns)
         count = math.ceil(duration_ns / interval_ns)
         self.frames: Mapping[str, Sequence[CityFrame]] = {name: CityFrames(self, name, count) for name in BASELINES_M}
 
-    @property
-    def provenance(self) -> Mapping[str, object]:
-        return {
-            "source": "city",
-            "rules": asdict(self.town.rules),
-            "seed": self.town.seed,
-            "car": self.car,
-            "laws": dict(self.town.laws.provenance),
-            "laws_digest": self.town.laws.digest,
-        }
+    @functools.cached_property
+    def course(self) -> routes.Course:
+        """Where the car is, at any time of the drive."""
+        return self.town.course(self.car, self.start_ns, self.start_ns + self.duration_ns)
 
     def position(self, t_ns: int) -> tuple[float, float]:
         """East and north of the car [m], ``t_ns`` after the drive's first frame."""
