@@ -68,8 +68,8 @@ def listing(rows: Iterable[tuple[str, str]], indent: str, columns: int | None) -
 
 
 class Commands(typer.core.TyperGroup):
-    """The commands, under one roof: a misspelt one is answered with the nearest, Ctrl-C or SIGTERM ends any with one line
-    and status 130, and a reader that has gone away ends it quietly."""
+    """The commands, under one roof: a misspelt one is answered with the nearest, Ctrl-C or SIGTERM ends any with one
+    line and status 130, and a reader that has gone away ends it quietly."""
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         name = args[0]
