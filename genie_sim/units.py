@@ -101,21 +101,6 @@ def angle_text(value_rad: float) -> str:
     return f"{_plain(degrees)} deg" if math.radians(degrees) == value_rad else f"{_plain(value_rad)} rad"
 
 
-def show_duration(value_ns: float) -> str:
-    """For tables, three digits: 12,345,678 ns to ``"12.3 ms"``."""
-    return _rounded(value_ns, {unit: DURATIONS[unit] for unit in ("s", "ms", "us", "ns")})
-
-
-def show_size(value_bytes: float) -> str:
-    """For tables, three digits: 1,397,297 bytes to ``"1.4 MB"``."""
-    return _rounded(value_bytes, {unit: SIZES[unit] for unit in ("GB", "MB", "kB", "B")})
-
-
-def show_rate(value_bps: float) -> str:
-    """For tables, three digits: 298,400,000 bit/s to ``"298 Mbit/s"``."""
-    return _rounded(value_bps, {unit: RATES[unit] for unit in ("Gbit/s", "Mbit/s", "kbit/s", "bit/s")})
-
-
 def _whole(value: object, what: str, example: str, units: Mapping[str, int], counted: str) -> int:
     number, unit = _split(value, what, example, units)
     exact = number * units[unit] if unit else Fraction(0)
@@ -164,15 +149,3 @@ def _exact(value: int, units: Mapping[str, int]) -> str:
     if rest:
         digits += "." + f"{rest:0{len(str(units[unit])) - 1}d}".rstrip("0")
     return f"{'-' if value < 0 else ''}{digits} {unit}"
-
-
-def _rounded(value: float, units: Mapping[str, int]) -> str:
-    """Three significant digits in the unit that keeps the number below 1000."""
-    names = list(units)
-    for unit in reversed(names):
-        number = value / units[unit]
-        if abs(number) < 999.5 or unit == names[0]:
-            break
-    if abs(number) >= 999.5:
-        return f"{number:.0f} {unit}"
-    return f"{float(f'{number:.3g}'):g} {unit}"

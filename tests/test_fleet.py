@@ -18,6 +18,7 @@ from genie_sim.experiment import runner
 from genie_sim.experiment.cells import CHECK_NS, Cells, device_of_each
 from genie_sim.experiment.report import data
 from genie_sim.experiment.runner import prepare, simulate
+from genie_sim.experiment.settings import files
 from genie_sim.experiment.settings.fleet import Fleet
 from genie_sim.experiment.settings.scenario import Scenario, load_scenario, read_scenario
 from genie_sim.experiment.settings.yaml_input import parse
@@ -33,6 +34,9 @@ SMALL: dict[str, Any] = {
     "cameras": [{"name": "camera_02", "recording": "02", "size": "100 kB"}],
     "fleet": {"cars": 5, "devices": "jetson_tx2", "edge_device": "rtx_a4500", "cell": "100 m", "hysteresis": "5 m"},
 }
+
+
+WHOLE = {"town": {**SMALL["perception"]["town"], "parked_cars_per_100m": 15, "popularity": 1}}
 
 
 def small(**settings: Any) -> Scenario:
@@ -92,7 +96,8 @@ def test_a_car_to_and_fro_over_a_border_is_not_handed_over_by_less_than_the_hyst
     assert len(cells.passed(swaying, 60 * NS_PER_S, 10.0, 0)) == 1
     assert len(cells.passed(swaying, 60 * NS_PER_S, 7.0, 0)) == 60, "8 m of difference"
     slow = cells.passed(swaying, 60 * NS_PER_S, 7.0, 3 * NS_PER_S)
-    assert all(later - earlier >= 3 * NS_PER_S for (earlier, _), (later, _) in pairwise(slow))
+    assert all(later - earlier >= 3 * NS_PER_S for (earlier, _), (later, _) in pairwise(slow[1:]))
+    assert slow[1] == cells.passed(swaying, 60 * NS_PER_S, 7.0, 0)[1], "before the first, no gap keeps it from looking"
 
 
 # Cars
@@ -106,6 +111,41 @@ def test_devices_have_their_shares_and_one_more_car_changes_nobody_elses():
     ]
     assert several[1][:1000] == several[0]
     assert {name: count / 1000 for name, count in Counter(several[0]).items()} == pytest.approx(shares, abs=0.005)
+
+
+def test_the_order_in_which_shares_are_written_is_nobodys_choice():
+    """Run ids do not see it, so cars must not either."""
+    orders = {"jetson_tx2": 0.5, "orin_nano": 0.5}, {"orin_nano": 0.5, "jetson_tx2": 0.5}
+    one, other = (Fleet.model_validate(fleet(devices=devices)) for devices in orders)
+    assert list(device_of_each(one)) == list(device_of_each(other))
+
+
+def test_one_more_car_changes_nobody_elses_way_or_device():
+    devices = {"jetson_tx2": 0.5, "orin_nano": 0.5}
+    nine, ten = (prepare(small(fleet=fleet(cars=cars, devices=devices))) for cars in (9, 10))
+    assert nine.spelled_out is not None and ten.spelled_out is not None
+    assert ten.spelled_out.cars[:9] == nine.spelled_out.cars
+    for name, drive in nine.traces.items():
+        assert [frame.pose for frame in drive.frames["02"]] == [frame.pose for frame in ten.traces[name].frames["02"]]
+
+
+def test_whole_numbers_and_fractions_make_the_same_town():
+    default, whole = (prepare(small(perception={**SMALL["perception"], **more})) for more in ({}, WHOLE))
+    assert runner.facts(default) == runner.facts(whole)
+    frames = [prepared.traces["car1"].frames["02"][0] for prepared in (default, whole)]
+    assert frames[0].detections == frames[1].detections and frames[0].digest == frames[1].digest
+
+
+def test_a_worker_needs_no_device_file(tmp_path, monkeypatch):
+    Path("mine.yaml").write_text(files.find(files.DEVICE, "jetson_tx2").read_text())
+    Path("small.yaml").write_text(small(fleet=fleet(cars=1, devices="./mine.yaml")).to_yaml())
+    Path("s.yaml").write_text("scenario: ./small.yaml\nseeds: 1\naxes: {cars: {set: fleet.cars, list: [1]}}\n")
+    made = plan(load_design(Path("s.yaml")), "s.yaml")
+    task = Task(tuple(made.runs.values()), str(tmp_path / "parts"))
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    monkeypatch.chdir(elsewhere)
+    assert run_task(task, made.shared.packed()) == Finished(1)
 
 
 def test_every_car_drives_alone_begins_at_the_nearest_edge_and_changes_to_real_ones():

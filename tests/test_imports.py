@@ -151,6 +151,11 @@ def test_the_command_line_starts_without_heavy_libraries():
     assert not set(LATE) & loaded
 
 
+def test_a_scenario_is_read_without_heavy_libraries():
+    """The shell's completion and the real Genies read settings, too."""
+    assert not set(LATE) & _loaded_by("import genie_sim.experiment.settings.scenario")
+
+
 def _loaded_by(statement: str) -> set[str]:
     """Every module that a fresh Python has loaded after a statement."""
     told = subprocess.run(

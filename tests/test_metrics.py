@@ -255,33 +255,18 @@ def test_utilisation_is_not_diluted_by_the_wait_for_the_last_answers():
     assert result["completed", "local: car1.accelerator"].value == 7
 
 
-def test_across_runs_the_interval_is_student_s():
-    """10, 12, 14: mean 12, standard error 2/sqrt(3), t(2, 97.5 %) = 4.302653."""
-    runs = [[Metric("m", "genie", value, "ms", 0.0, 99.0, 500)] for value in (10.0, 12.0, 14.0)]
-    (metric,) = metrics.across(runs)
-    assert (metric.value, metric.unit, metric.n) == (12.0, "ms", 3)
-    assert metric.high - metric.value == pytest.approx(4.302653 * 2 / np.sqrt(3), rel=1e-6)
-    assert metric.value - metric.low == pytest.approx(metric.high - metric.value)
-
-
-def test_across_runs_leaves_out_what_a_run_does_not_define():
-    runs = [[Metric("m", "genie", None, "ms")], [Metric("m", "genie", 3.0, "ms")]]
-    assert metrics.across(runs) == [Metric("m", "genie", 3.0, "ms", None, None, 1)]
-    assert metrics.across(runs[:1]) == [Metric("m", "genie", None, "ms")]
-
-
-def test_paired_ratios_cancel_what_two_arms_of_a_seed_share():
-    hard_and_easy_seeds = [100.0, 10.0, 50.0]
-    metric = metrics.paired_ratio("genie / local", "", [x * 0.2 for x in hard_and_easy_seeds], hard_and_easy_seeds)
-    assert metric.value == pytest.approx(0.2)
-    assert metric.high - metric.low < 1e-9
-    assert metric.n == 3
-
-
-def test_the_order_of_rows_in_time_decides_not_their_order_in_memory():
+def test_the_order_of_frames_in_memory_does_not_matter():
     tables = made_up_run.frames(1, 3), made_up_run.lookups(1, 100), made_up_run.resources(1, 10)
     frames, lookups, resources = (table.to_frame() for table in tables)
     shuffled = frames.sample(frac=1, random_state=3)
     for one, other in zip(compute(frames, lookups, resources), compute(shuffled, lookups, resources), strict=True):
         assert (one.name, one.role, one.n) == (other.name, other.role, other.n)
         assert one.value == pytest.approx(other.value)
+
+
+def test_what_is_stored_is_what_the_last_look_up_found():
+    lookups = LookupTable()
+    for second, entries in enumerate((3, 9, 4)):
+        at = second * S
+        lookups.add(at, "car1/genie", "local", "image", "client", "car1", "c", at, "miss", 1, 0, 0, 0.0, entries)
+    assert of_tables(lookups=lookups.to_frame())["stored_images", "local"].value == 4.0

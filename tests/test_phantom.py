@@ -62,8 +62,8 @@ def test_nobody_detects_anything_where_the_phantoms_are():
     assert accelerators["car2.accelerator"] == accelerators["edge2.accelerator"] == 0
 
 
-def test_the_seeing_car_notices_nothing():
-    """Its frames and answers are the same with and without the other car: phantoms ask and never answer neighbours."""
+def test_the_seeing_car_is_served_as_much():
+    """Phantoms ask and never answer neighbours; their questions come in between, so answers are not the very same."""
     with_it, _, _ = drive(SEEING, BLIND)
     without, _, _ = drive(SEEING)
     ours = with_it[with_it["car"] == "car1"].reset_index(drop=True)
@@ -93,3 +93,17 @@ def test_the_shipped_case_study_can_be_read():
 def test_a_car_without_cameras_needs_somebody_to_ask(car, genie, message):
     with pytest.raises(UserError, match=message):
         read_scenario({"name": "blind", "edges": EDGES, "cars": [SEEING, car], "genie": genie})
+
+
+def test_the_phantom_on_the_edge_is_an_edges_genie():
+    genie = {"car_capacity": "3 entries", "capacity": "1000 entries", "share_requests": False}
+    setting = read_scenario({"name": "case", "edges": EDGES, "cars": [SEEING, BLIND], "genie": genie})
+    tables = FrameTable(), LookupTable(), ResourceTable()
+    devices = {name: load_profile(name) for name in ("jetson_tx2", "agx_xavier")}
+    world = World(setting, devices, {car.name: street() for car in setting.cars}, "genie", Log("genie", *tables))
+    world.run()
+    completed = {one.name: one.completed for one in world.resources}
+    assert completed["edge2->edges"] == 0, "it shares no requests"
+    lookups = tables[1].to_frame()
+    entries = lookups[lookups["kind"] == "image"].groupby("genie", observed=True)["entries"].max()
+    assert entries["car2/genie"] <= 3 < entries["edge1/genie"]

@@ -13,8 +13,11 @@ from genie_sim.experiment.paper import calibrate, verdict_table
 from genie_sim.experiment.paper.assumptions import load_assumptions
 from genie_sim.experiment.paper.calibrate import Point
 from genie_sim.experiment.paper.checks import load_claims
-from genie_sim.experiment.paper.replicate import Job, Outcome, prepare_job, run_jobs
+from genie_sim.experiment.paper.replicate import Job, Outcome, outcome_of, prepare_job, run_jobs
 from genie_sim.experiment.paper.reproduce import last_calibration, reproduce
+from genie_sim.experiment.runner import prepare
+from genie_sim.experiment.settings.scenario import load_scenario
+from genie_sim.sim.nodes import attach_genie
 
 REPOSITORY = Path(__file__).resolve().parent.parent
 PAPER = REPOSITORY / "results" / "paper"
@@ -78,6 +81,25 @@ def test_every_value_of_a_sweep_is_another_run(sweep):
     settings = [("overlap=0.5", "gate_m=1", f"{sweep.parameter}={value:g}") for value in sweep.values]
     prepared = [prepare_job(Job("2car_homo", 1, one)) for one in settings]
     assert len({(one.scenario.to_yaml(), one.traces["car1"].digest) for one in prepared}) == len(sweep.values)
+
+
+@pytest.mark.parametrize("harm", ["nothing", "wraps a method", "changes its topics", "leaves the master alone"])
+def test_it_is_seen_when_attaching_a_genie_touches_the_node(harm, monkeypatch):
+    def attach(graph, name, *arguments):
+        node, names = graph.node(name), graph.topics_of(name)
+        genie = attach_genie(graph, name, *arguments)
+        if harm == "wraps a method":
+            node.publish = node.publish
+        elif harm == "changes its topics":
+            node.subscribes = tuple(f"{topic}-local" for topic in node.subscribes)
+        elif harm == "leaves the master alone":
+            graph.remap(name, {topic: topic for topic in (*names[0], *names[1])})
+        return genie
+
+    monkeypatch.setattr("genie_sim.sim.world.attach_genie", attach)
+    short = load_scenario("1car_homo", ["cars[0].route.window=[0 s, 0.3 s]"])
+    facts = outcome_of(prepare(short)).facts
+    assert facts["detector_untouched"] == (harm == "nothing")
 
 
 def test_the_number_of_processes_does_not_change_a_number():

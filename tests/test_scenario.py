@@ -379,6 +379,7 @@ MISTAKES = [
     ("cars: [car1]\n", "cars[0]: must be a mapping, not 'car1'"),
     ("cars: [{name: a}]\n", "cars[0].device: missing"),
     (with_car(name="car1"), "cars[1].name: duplicate name 'car1'"),
+    (with_car(name="edges"), "cars[1].name: 'edges' is what the network between the edges is called"),
     (with_car(name="edge1"), "cars[1].name: duplicate name 'edge1'"),
     (
         with_car(name="'my car'"),

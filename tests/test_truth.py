@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,7 +17,7 @@ from genie_sim.experiment.metrics import Metric, compute
 from genie_sim.experiment.records import TruthTable
 from genie_sim.experiment.runner import prepare, simulate
 from genie_sim.messages import CameraPose, Detection, Detections, Header, Image
-from genie_sim.perception.city import TrueObject
+from genie_sim.perception.city import Town, TrueObject
 from genie_sim.sim.truth import Truth
 
 STAMP_NS, BEGIN_NS = 500, 7_000
@@ -56,14 +57,17 @@ class Street:
 
     def is_there(self, label: str, east_m: float, north_m: float, range_m: float, t_ns: int) -> bool:
         self.asked.append((label, east_m, north_m, range_m, t_ns))
-        return any(one.label == label and abs(one.location[0] - east_m) <= range_m for one in self.objects)
+        places = [one.location for one in self.objects if one.label == label]
+        return any(math.hypot(place[0] - east_m, place[1] - north_m) <= range_m for place in places)
 
 
-def judged(town: Street, *answers: tuple[str, Sequence[Detection]]) -> list[tuple[str, tuple[int, ...]]]:
+def judged(
+    town: Street, *answers: tuple[str, Sequence[Detection]], at: tuple[float, float] = (0.0, 0.0)
+) -> list[tuple[str, tuple[int, ...]]]:
     """Source and counts (served, true, not in view, in view, found) of each answer that was judged."""
     table = TruthTable()
     truth = Truth("genie", town, {"car1": BEGIN_NS}, REACH_M, RANGE_M, table.add)
-    pose = CameraPose(0.0, 0.0, 1.6, 0.0)
+    pose = CameraPose(*at, 1.6, 0.0)
     truth.published(Image(HEADER, 1000, "", 0, pose, 1.4, town.frame()))
     for source, objects in answers:
         truth.answered(Detections(HEADER, tuple(objects)), source)
@@ -76,6 +80,13 @@ def test_what_is_there_within_reach_is_true_and_everything_else_a_ghost():
     town = Street(real("car", 10.0), real("person", 20.0))
     answer = [served("car", 12.9), served("car", 13.1), served("truck", 10.0), served("person", 20.0)]
     assert judged(town, ("map", answer)) == [("map", (4, 2, 2, 2, 2))]
+
+
+def test_distances_are_those_on_the_ground_wherever_the_camera_is():
+    """4 m east and 40 m north of the camera is 40.2 m away, 4 m and 50 m is too far; 2 m and 2 m are within 3 m."""
+    town = Street(real("car", 104.0, 240.0), real("car", 104.0, 250.0), real("person", 102.0, 200.0))
+    answer = [served("car", 106.0, 242.0), served("car", 106.5, 252.5), served("person", 102.0, 203.5)]
+    assert judged(town, ("map", answer), at=(100.0, 200.0)) == [("map", (3, 1, 2, 2, 1))]
 
 
 def test_an_object_that_is_really_there_but_behind_the_camera_is_true_and_not_in_view():
@@ -145,6 +156,20 @@ def value(measured: Sequence[Metric], name: str, role: str) -> float:
     found = next(metric.value for metric in measured if (metric.name, metric.role) == (name, role))
     assert found is not None
     return found
+
+
+def test_a_run_asks_for_the_truth_at_the_times_of_its_frames_and_within_gate_and_tolerance(monkeypatch):
+    asked, is_there = [], Town.is_there
+    monkeypatch.setattr(Town, "is_there", lambda *given: asked.append(given[4:]) or is_there(*given))
+    city = {"source": "city", "duration": "2 s", "tolerance": "1.75 m", "town": {"blocks": [2, 2]}}
+    genie = {**small().genie.model_dump(mode="json", by_alias=True), "object_map": {"gate": "1.5 m"}}
+    prepared = prepare(small(perception=city, start_jitter="10 s", genie=genie))
+    simulate(prepared)
+    begins = [drive.start_ns for drive in prepared.traces.values()]
+    assert len(set(begins)) > 1
+    frames = {begin_ns + number * 100_000_000 for begin_ns in begins for number in range(20)}
+    assert asked and {range_m for range_m, _ in asked} == {3.25}
+    assert {t_ns for _, t_ns in asked} <= frames
 
 
 def test_a_run_in_a_city_is_judged_its_folder_holds_the_table_and_is_made_again(tmp_path: Path):

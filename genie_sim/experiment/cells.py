@@ -58,13 +58,17 @@ class Cells:
         """
         here = self.at(*position(0))
         found = [(0, here)]
-        for t_ns in range(0, duration_ns, max(CHECK_NS, gap_ns)):
+        free_ns = 0
+        for t_ns in range(0, duration_ns, CHECK_NS):
+            if t_ns < free_ns:
+                continue
             east_m, north_m = position(t_ns)
             nearest = self.at(east_m, north_m)
             if nearest == here:
                 continue
             if self.distance_m(here, east_m, north_m) - self.distance_m(nearest, east_m, north_m) > hysteresis_m:
                 here = nearest
+                free_ns = t_ns + gap_ns
                 found.append((t_ns, here))
         return found
 
@@ -93,7 +97,7 @@ def spelled_out(scenario: Scenario, fleet: Fleet, city: City, town: Town) -> tup
     cars, drives = [], {}
     usual = Car.model_construct(name="", device="", link=fleet.link, route=Route(), cameras=True, genie=True)
     for number, device in enumerate(device_of_each(fleet), 1):
-        name = f"car{number:0{len(str(fleet.cars))}d}"
+        name = f"car{number}"
         car = usual.model_copy(update={"name": name, "device": device})
         drives[name] = mine = drive(scenario, city, town, car)
         (_, first), *others = cells.passed(

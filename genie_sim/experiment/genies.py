@@ -34,13 +34,14 @@ def make_genie(
     *,
     on_edge: bool,
     alone: bool = False,
+    miss_policy: str | None = None,
     **middleware: Any,
 ) -> GenieNode:
     """The Genie called ``name`` for a node with the topics T_S and T_P.
 
     On an edge it serves other Genies, so it answers when it has an answer, and shares what its node finds; on a car it
     serves the consumer by the miss policy and sends only its misses up. ``alone``: nobody listens to ``-remote``.
-    ``middleware`` replaces what depends on it (see ``GenieNode``).
+    ``miss_policy`` overrules all that. ``middleware`` replaces what depends on it (see ``GenieNode``).
     """
     chosen = settings.similarity
     similarity = _made(
@@ -58,7 +59,8 @@ def make_genie(
         limits = (capacity.entries, capacity.size_bytes) if capacity is not None else (None, None)
         return MessageCache(similarity.index(), eviction(), *limits)
 
-    literal = settings.algorithm == "literal"
+    if miss_policy is None:
+        miss_policy = "blocking" if on_edge and settings.algorithm != "literal" else settings.miss_policy
     rules = GenieRules(
         pending_index=settings.pending_index,
         header_identity=settings.header_identity,
@@ -69,7 +71,7 @@ def make_genie(
         share_answers=settings.share_answers if on_edge else "on_request",
         share_requests=settings.share_requests if on_edge else not alone,
         request_expiry_ns=settings.request_expiry_ns,
-        miss_policy="blocking" if on_edge and not literal else settings.miss_policy,
+        miss_policy=miss_policy,
         view_range_m=settings.view_range_m,
         fresh_objects=settings.fresh_objects,
     )

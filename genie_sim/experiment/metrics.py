@@ -6,7 +6,8 @@
   of camera time, each car (for boosts each Genie) a stratum. It covers the variability *inside* this run, with frames
   of one second correlated as they like; it says nothing of other seeds or drives.
 - reuse: the lowest and highest ratio in any window of 50 requests of any Genie (the paper's error bars).
-- ``across`` runs: the 95 % t interval over the runs.
+
+Intervals across runs are ``sweep.tables``'.
 """
 
 from __future__ import annotations
@@ -103,22 +104,6 @@ def running_boost(lookups: pd.DataFrame) -> pd.DataFrame:
     events = lookups[lookups["updates"] > 0]
     updates = events["updates"].cumsum().to_numpy()
     return pd.DataFrame({"updates": updates, "boost": events["boost_sum"].cumsum().to_numpy() / updates})
-
-
-def across(replications: Sequence[Sequence[Metric]]) -> list[Metric]:
-    """The mean of each metric over several runs with its 95 % t interval; ``n`` counts the runs that define it."""
-    found: dict[tuple[str, str, str], list[float]] = {}
-    for metric in (metric for run in replications for metric in run):
-        values = found.setdefault((metric.name, metric.role, metric.unit), [])
-        if metric.value is not None:
-            values.append(metric.value)
-    return [_over_runs(name, role, unit, values) for (name, role, unit), values in found.items()]
-
-
-def paired_ratio(name: str, role: str, numerators: Sequence[float], denominators: Sequence[float]) -> Metric:
-    """Mean and 95 % t interval of the ratios of runs that belong together: same drive, same seed, two arms."""
-    ratios = [above / below for above, below in zip(numerators, denominators, strict=True)]
-    return _over_runs(name, role, "1", ratios)
 
 
 class _Blocks:
@@ -338,17 +323,6 @@ def _of_truth(truth: pd.DataFrame) -> Iterator[Metric]:
             wrong = mine & hit & (count["not_in_view"] > 0)
             yield _share(blocks, "wrong_hit_share", name, wrong, mine & hit)
             yield _share(blocks, "object_recall", name, mine * count["found"], mine * count["in_view"])
-
-
-def _over_runs(name: str, role: str, unit: str, values: Sequence[float]) -> Metric:
-    from scipy.special import stdtrit
-
-    n = len(values)
-    if not n:
-        return Metric(name, role, None, unit)
-    mean = float(np.mean(values))
-    half = None if n == 1 else float(stdtrit(n - 1, (1 + CONFIDENCE) / 2) * np.std(values, ddof=1) / np.sqrt(n))
-    return Metric(name, role, mean, unit, *_around(mean, half), n)
 
 
 def _around(value: float, half: float | None) -> tuple[float | None, float | None]:

@@ -115,7 +115,7 @@ def rerun(folder: Path, progress: Progress | None = None) -> dict[str, bool]:
     devices = {
         name: validate(DeviceProfile, device, lambda _: where) for name, device in made["facts"]["devices"].items()
     }
-    prepared = replace(prepare(scenario, progress), devices=devices)
+    prepared = prepare(scenario, progress, devices)
     again = facts(prepared)
     for key in again:
         before = made["facts"].get(key)
@@ -207,11 +207,15 @@ def _fill(
     return made.measured
 
 
-def prepare(scenario: Scenario, progress: Progress | None = None) -> Prepared:
-    """Reads the device profiles and traces, and moves all traces into one world. Raises ``UserError``."""
+def prepare(
+    scenario: Scenario, progress: Progress | None = None, devices: Mapping[str, DeviceProfile] | None = None
+) -> Prepared:
+    """Reads the traces, and the device profiles if none are given, and moves all traces into one world. Raises
+    ``UserError``."""
     if isinstance(scenario.perception, City):
-        return _in_town(scenario, scenario.perception)
-    devices = _devices(scenario)
+        return _in_town(scenario, scenario.perception, devices)
+    if devices is None:
+        devices = _devices(scenario)
     if isinstance(scenario.perception, Live):
         main = _perceived(scenario.perception, progress)
     else:
@@ -228,7 +232,7 @@ def prepare(scenario: Scenario, progress: Progress | None = None) -> Prepared:
     return Prepared(scenario, devices, traces)
 
 
-def _in_town(scenario: Scenario, city: City) -> Prepared:
+def _in_town(scenario: Scenario, city: City, devices: Mapping[str, DeviceProfile] | None) -> Prepared:
     """Builds the town, and every car's way through it."""
     from genie_sim.experiment import cells
     from genie_sim.perception.city import Town
@@ -245,7 +249,9 @@ def _in_town(scenario: Scenario, city: City) -> Prepared:
     traces = cast("dict[str, Trace]", drives)
     for index, car in enumerate(scenario.cars if spelled_out is None else spelled_out.cars[:1]):
         _check_route(f"{scenario.name}: cars[{index}].route", scenario, car.route, traces[car.name])
-    return Prepared(scenario, _devices(spelled_out or scenario), traces, spelled_out, town)
+    if devices is None:
+        devices = _devices(spelled_out or scenario)
+    return Prepared(scenario, devices, traces, spelled_out, town)
 
 
 def _devices(scenario: Scenario) -> dict[str, DeviceProfile]:

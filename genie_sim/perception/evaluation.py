@@ -17,8 +17,8 @@ import numpy as np
 
 from genie_sim.core.geometry import Array
 from genie_sim.messages import Box, Detection
-from genie_sim.perception.trace import Trace
-from genie_sim.perception.truth import MIN_HEIGHT_PX, Labelled, Truth
+from genie_sim.perception.trace import MIN_HEIGHT_PX, Trace
+from genie_sim.perception.truth import Labelled, Truth
 
 LABELS = {"vehicles": ("car", "truck", "bus"), "persons": ("person",)}
 MIN_IOU = {"vehicles": 0.5, "persons": 0.4}

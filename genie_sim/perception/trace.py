@@ -36,6 +36,8 @@ SCORE_DECIMALS = 4
 PIXEL_DECIMALS = 2
 ANGLE_DECIMALS = 6
 
+MIN_HEIGHT_PX = 25  # KITTI's benchmark judges no object that is lower in the picture
+
 
 @dataclass(frozen=True, slots=True)
 class TraceFrame:

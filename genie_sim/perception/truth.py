@@ -20,10 +20,9 @@ from genie_sim.errors import UserError
 from genie_sim.messages import Box, Location
 from genie_sim.perception.kitti import open_drive
 from genie_sim.perception.labels import KINDS, Track, tracking_labels, tracklets
-from genie_sim.perception.trace import Trace
+from genie_sim.perception.trace import MIN_HEIGHT_PX, Trace
 from genie_sim.perception.tracking import CAMERA, open_sequence
 
-MIN_HEIGHT_PX = 25
 GROUPS = {"vehicle": "vehicles", "person": "persons", "cyclist": "persons"}  # by kind of label
 IGNORED = {"Tram": "vehicles", "Misc": "vehicles", "DontCare": "anything"}  # by KITTI's type
 

@@ -29,6 +29,10 @@ class Clock(simpy.Environment):
 
     now: int  # SimPy allows for fractions; delays here are whole, so this stays whole
 
+    def waits_only_for(self, process: simpy.Process) -> bool:
+        """Whether nothing else is to happen any more. (``run`` leaves an event in the queue that nobody waits for.)"""
+        return all(event is process.target for _, _, _, event in self._queue if event.callbacks)
+
     def after(self, delay_ns: int, call: Callable[..., None], *arguments: Any) -> None:
         """Calls ``call(*arguments)`` in ``delay_ns`` of simulated time."""
         self.schedule(_Call(lambda _: call(*arguments)), delay=delay_ns)

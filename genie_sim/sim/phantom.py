@@ -44,10 +44,14 @@ class Coordinator:
                 yield self._phantom(graph, host, role, images, objects)
 
     def _phantom(self, graph: Graph, host: Host, role: str, images: str, objects: str) -> Genie:
-        settings = self._settings.model_copy(update={"miss_policy": MISS_POLICY[role]})
-        tells_changes = self._log.wants_changes
         node = make_genie(
-            settings, f"{graph.name}/genie", (images,), (objects,), on_edge=False, tells_changes=tells_changes
+            self._settings,
+            f"{graph.name}/genie",
+            (images,),
+            (objects,),
+            on_edge=role == "remote",
+            miss_policy=MISS_POLICY[role],
+            tells_changes=self._log.wants_changes,
         )
 
         def observe(genie: Genie, record: Fact) -> None:

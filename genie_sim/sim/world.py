@@ -10,7 +10,7 @@ from genie_sim.experiment.genies import make_genie
 from genie_sim.experiment.seeds import stream
 from genie_sim.experiment.settings.links import LinkProfile
 from genie_sim.experiment.settings.profiles import DeviceProfile
-from genie_sim.experiment.settings.scenario import Car, Scenario
+from genie_sim.experiment.settings.scenario import EDGES, Car, Scenario
 from genie_sim.messages import Detections, Fact, Image, Message
 from genie_sim.perception.trace import Trace
 from genie_sim.sim.camera import Camera
@@ -28,7 +28,8 @@ OBJECTS = "/detection/image_detector/objects"
 DETECTOR = "vision_darknet_detect"
 REMOTE = "-remote"
 SAMPLE_NS = 100_000_000
-DRAIN_NS = 5_000_000_000  # after the last frame, until its last answer must have come
+DRAIN_NS = 5_000_000_000  # after the last frame, and as often again as something is still on its way
+MOST_DRAIN_NS = 600_000_000_000
 
 
 class _Edge:
@@ -39,7 +40,6 @@ class _Edge:
         self.host = host
         self.graph = Graph(world.env, name)
         self.detector = world.add_detector(name, host, self.graph) if detects else None
-        self.genie: Genie | None = None
         self.downlinks = Downlinks(f"{name}/cars")
         self.graph.bridge(OBJECTS, self.downlinks)
 
@@ -125,7 +125,7 @@ class World:
         if method == "genie":
             for name, edge_ in self.edges.items():
                 if edge_.detector is not None:
-                    edge_.genie = self._attach(name, edge_.graph, role="remote")
+                    self._attach(name, edge_.graph, role="remote")
             self._join_edges()
         of_edges = len(self.resources)
         for car in scenario.cars:
@@ -138,9 +138,14 @@ class World:
             self._sampled = self.resources if scenario.fleet is None else self.resources[:of_edges]
 
     def run(self, progress: Callable[[int, int], None] | None = None) -> None:
-        """Runs until every frame's answer must have come. ``progress`` gets the time now and at the end [ns]."""
-        self.env.process(self._sampler(progress))
-        self.env.run(until=self._end_ns + DRAIN_NS)
+        """Runs until nothing is on its way any more, at most ten minutes after the last frame. ``progress`` gets the
+        time now and at the end [ns]."""
+        sampler = self.env.process(self._sampler(progress))
+        until_ns = self._end_ns + DRAIN_NS
+        self.env.run(until=until_ns)
+        while not self.env.waits_only_for(sampler) and until_ns < self._end_ns + MOST_DRAIN_NS:
+            until_ns += DRAIN_NS
+            self.env.run(until=until_ns)
         self._log.sample(self._sampled, self.env.now)
         self._log.close()
 
@@ -186,8 +191,8 @@ class World:
 
     def _add_frames(self, car: Car, host: Host, graph: Graph, trace: Trace) -> None:
         """What the car sees or where it is, who notes when it does, and who consumes the answers."""
-        if self.method != "remote" or car.edge is not None:  # else nobody takes the car's frames
-            _FirstQueue(graph, self._log)
+        nobody = f"{car.name}:no_edge" if self.method == "remote" and car.edge is None else None
+        _FirstQueue(graph, self._log, nobody)
         Consumer(f"{car.name}/consumer", graph, OBJECTS, partial(self._answered, car))
         self._add_cameras(car, host, graph, trace)
 
@@ -257,7 +262,7 @@ class World:
         named = {edge.name: edge.neighbours for edge in self.scenario.edges}
         order = {name: place for place, name in enumerate(self.edges)}
         for edge in self.edges.values():
-            port = self._link(f"{edge.name}->edges", self.scenario.edge_network, up=True)
+            port = self._link(f"{edge.name}->{EDGES}", self.scenario.edge_network, up=True)
             theirs = named[edge.name]
             wanted = self.edges if theirs is None else sorted(theirs, key=order.__getitem__)
             for name in wanted:
@@ -305,13 +310,18 @@ class World:
 
 
 class _FirstQueue:
-    """Notes when a camera's frame reaches the first node that handles it; takes no time and changes nothing."""
+    """Notes when a camera's frame reaches the first node that handles it; takes no time and changes nothing. Where
+    there is no such node, ``nobody`` is what the frame was lost for."""
 
-    def __init__(self, graph: Graph, log: Log) -> None:
+    def __init__(self, graph: Graph, log: Log, nobody: str | None) -> None:
         self.address = f"{graph.name}/log"
         self._env = graph.env
         self._log = log
+        self._nobody = nobody
         graph.subscribe(IMAGES, self)
 
     def deliver(self, topic: str, message: Message, sender: str) -> None:
-        self._log.received(message.header, self._env.now)
+        if self._nobody is None:
+            self._log.received(message.header, self._env.now)
+        else:
+            self._log.dropped(message, self._nobody)

@@ -96,6 +96,22 @@ def test_the_edge_helps_until_the_link_is_cut_and_again_when_it_is_back():
     assert (instants_ns < CUT_NS).any() and not during.any() and (instants_ns > 2 * CUT_NS).any()
 
 
+def test_remote_frames_of_a_car_without_an_edge_are_lost_and_not_on_their_way():
+    frames = of_methods(scenario([car("car1", "edge1"), car("car2", None)]))["remote"]
+    mine = frames[frames["car"] == "car2"]
+    assert len(mine) and set(mine["drop"]) == {"car2:no_edge"} and answered(mine).empty
+    assert "car1:no_edge" not in set(frames["drop"])
+
+
+def test_a_run_waits_for_whatever_is_still_on_a_slow_link():
+    """1.4 MB at 400 kbit/s take 28 s, the one that waits behind it another 28 s; two cameras share the queue of one."""
+    slow = {"like": "ethernet_1g", "rate_up": "400 kbit/s"}
+    frames = of_methods(scenario([car("car1", "edge1", slow)], cameras=TWO_CAMERAS), devices=STEADY)["remote"]
+    assert not (frames["first_answer_ns"].isna() & frames["drop"].isna()).any(), "nothing is left in flight"
+    late_ns = answered(frames)["first_answer_ns"] - answered(frames)["stamp_ns"]
+    assert late_ns.min() > 20_000_000_000 and frames["first_answer_ns"].max() > 60_000_000_000
+
+
 def test_remote_alone_answers_nothing_while_the_link_is_cut():
     """Why Genie keeps the car's own nodes."""
     remote = of_methods(scenario([car("car1", "edge1", CUT)]))["remote"]

@@ -183,7 +183,6 @@ def check_genie(run: Run) -> None:
 def check_everything_ends(run: Run) -> None:
     """In the end no frame is in flight: it was answered, or something says that it dropped it."""
     rules = run.setting.genie
-    alone = [car.name for car in run.setting.cars if car.edge is None] if run.method == "remote" else []
     if run.method == "genie" and (
         rules.algorithm == "literal"
         or rules.miss_policy == "hits_only"
@@ -191,9 +190,7 @@ def check_everything_ends(run: Run) -> None:
         or rules.header_identity == "stamp"
     ):
         return  # these readings leave frames without an answer, and nobody knows
-    handled = ~run.settled["car"].isin(alone)
-    nowhere = run.settled["first_answer_ns"].isna() & run.settled["drop"].isna()
-    assert not (handled & nowhere).any()
+    assert not (run.settled["first_answer_ns"].isna() & run.settled["drop"].isna()).any()
 
 
 def check(setting: Scenario, devices=None) -> None:
@@ -263,8 +260,9 @@ def test_the_usual_cars(cars: int):
     check(scenario(cars))
 
 
-def test_what_is_in_flight_at_the_end_of_a_run_is_inside_the_world():
-    """An LTE link is far too slow for four cameras: some frames are still on their way when time is over."""
+def test_what_is_in_flight_at_the_end_of_a_run_is_inside_the_world(monkeypatch: pytest.MonkeyPatch):
+    """An LTE link is far too slow for four cameras: some frames are still on their way where nobody waits for them."""
+    monkeypatch.setattr("genie_sim.sim.world.MOST_DRAIN_NS", 0)
     slow = {"name": "car1", "device": "jetson_tx2", "edge": "edge1", "link": {"like": "lte", "rate_up": "1 Mbit/s"}}
     run = Run(scenario([slow], queue_length=2), "remote", USUAL)
     in_flight = run.frames["first_answer_ns"].isna() & run.frames["drop"].isna()

@@ -330,13 +330,14 @@ def test_requests_of_one_edge_are_not_passed_on_by_the_others():
     world, _ = build(scenario(3), "genie")
     published: list[tuple[str, str]] = []
     for edge in world.edges.values():
+        genie = edge.graph.node(f"{edge.name}/genie")
 
-        def spy(topic, message, to=None, edge=edge, publish=edge.genie.publish) -> None:
+        def spy(topic, message, to=None, edge=edge, publish=genie.publish) -> None:
             if topic == f"{IMAGES}-remote":
                 published.append((edge.name, message.header.origin))
             publish(topic, message, to)
 
-        edge.genie.publish = spy
+        genie.publish = spy
     world.run()
     assert set(published) == {("edge1", "car1"), ("edge2", "car2"), ("edge3", "car3")}
 
@@ -346,9 +347,9 @@ def test_even_literal_neighbours_pass_a_request_on_only_once():
     world, _ = build(scenario(3, genie={"neighbour_miss": "process", "same_key_pending": "forward"}), "genie")
     published: list[tuple[str, int, str, str]] = []
     for edge in world.edges.values():
-        on_message = edge.genie.genie.on_message
+        genie = edge.graph.node(f"{edge.name}/genie").genie
 
-        def spy(topic, message, now_ns, sender=None, name=edge.name, on_message=on_message):
+        def spy(topic, message, now_ns, sender=None, name=edge.name, on_message=genie.on_message):
             effects = on_message(topic, message, now_ns, sender)
             published.extend(
                 (name, *effect.message.header)
@@ -357,7 +358,7 @@ def test_even_literal_neighbours_pass_a_request_on_only_once():
             )
             return effects
 
-        edge.genie.genie.on_message = spy
+        genie.on_message = spy
     world.run()
     assert len(published) == len(set(published)) > 0
     assert {(name, origin) for name, _, _, origin in published} >= {("edge2", "car1"), ("edge1", "car2")}

@@ -80,6 +80,13 @@ def in_parallel(
     return done
 
 
+def _as_it_is(node: Detector) -> tuple[object, ...]:
+    """The node itself, whatever the master calls its topics: its class, what it has, and what of that is plain."""
+    has = vars(node)
+    plain = {name: value for name, value in has.items() if isinstance(value, str | int | tuple | None)}
+    return (type(node), tuple(has), tuple(sorted(plain.items())))
+
+
 def run_job(job: Job) -> Outcome:
     """Simulates one job and computes its facts."""
     return outcome_of(prepare_job(job), job.keep_tables)
@@ -91,12 +98,15 @@ def outcome_of(prepared: Prepared, keep_tables: bool = False) -> Outcome:
     shared = _Shared(prepared.scenario.genie.object_map.threshold)
     stored: dict[str, list[float]] = {"local": [], "remote": []}
     detectors: dict[str, set[tuple[object, ...]]] = {}
+    behind_genie: list[bool] = []
     for method in prepared.scenario.methods:
         world = World(prepared.scenario, prepared.devices, prepared.traces, method, Log(method, *tables))
         genies: list[Any] = [one for one in world.resources if isinstance(one, Genie)]
         for one in world.resources:
-            if isinstance(one, Detector):  # the node itself; the master remaps its names, not it
-                detectors.setdefault(one.name, set()).add((type(one), one.subscribes, one.publishes))
+            if isinstance(one, Detector):
+                detectors.setdefault(one.name, set()).add(_as_it_is(one))
+                if method == "genie":
+                    behind_genie.append(one.graph.topics_of(one.name) != (one.subscribes, one.publishes))
         for genie in genies:
             for topic in (OBJECTS, OBJECTS + REMOTE):
                 genie.graph.subscribe(topic, shared)
@@ -108,7 +118,8 @@ def outcome_of(prepared: Prepared, keep_tables: bool = False) -> Outcome:
     facts = facts_of(frames, lookups, resources, lap_ns=_lap_ns(prepared.scenario))
     for role, confidences in stored.items():
         facts[f"stored_confidence:{role}"] = sum(confidences) / len(confidences) if confidences else math.nan
-    facts["detector_untouched"] = float(all(len(seen) == 1 for seen in detectors.values()))
+    same = all(len(seen) == 1 for seen in detectors.values())
+    facts["detector_untouched"] = float(same and all(behind_genie))
     facts["objects_shared"] = shared.objects
     facts["unconfident_objects_shared"] = shared.unconfident
     return Outcome(facts, frames, lookups) if keep_tables else Outcome(facts)

@@ -118,7 +118,7 @@ def _shares(value: object) -> object:
 def _sum_to_one(shares: dict[str, float]) -> dict[str, float]:
     if abs(sum(shares.values()) - 1.0) > SHARES_ERROR:
         raise ValueError(f"shares must add up to 1, not to {sum(shares.values()):g}")
-    return shares
+    return dict(sorted(shares.items()))  # the order decides which car gets which device, and is nobody's choice
 
 
 Share = Annotated[float, Field(gt=0, le=1)]

@@ -40,6 +40,8 @@ Method = Literal["local", "remote", "genie"]
 Record = Literal["lookups", "resources", "poses", "objects", "truth"]
 RECORDS: tuple[Record, ...] = ("lookups", "resources", "poses", "objects", "truth")
 
+EDGES = "edges"  # the network between edges, in the names of links
+
 # How long a car that changes its edge can send and receive nothing. Drive tests see 30 to 80 ms within LTE and 50 to
 # 150 ms within 5G [S: 5g6gacademy.com, 5G drive testing, lesson 12.3.5]: what both have in common.
 HAND_OVER_GAP_NS = 50 * units.NS_PER_MS
@@ -223,6 +225,9 @@ class Scenario(Model):
         self._cars_or_fleet()
         edges = {edge.name for edge in self.edges}
         _unique("cars", [car.name for car in self.cars], ".name", also=edges)
+        for index, car in enumerate(self.cars):
+            if car.name == EDGES:
+                problem(f"cars[{index}].name", f"{EDGES!r} is what the network between the edges is called")
         for index, car in enumerate(self.cars):
             if car.edge is not None and car.edge not in edges:
                 problem(f"cars[{index}].edge", _unknown_edge(car.edge, edges))

@@ -74,9 +74,9 @@ class Sweep:
         count = len(mine) - len(missing)
         if progress is not None:
             progress(count, len(mine), "")
+        self._forget_results()
         if not missing:
             return
-        self._forget_results()
         for run in missing:
             self._told(run.run_id).unlink(missing_ok=True)
         failures: list[Failure] = []

@@ -12,7 +12,7 @@ import os
 import pickle
 import traceback
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import genie_sim
@@ -117,7 +117,7 @@ def run_task(task: Task, packed: bytes) -> Finished:
     for run in task.runs:
         try:
             if isinstance(run.scenario.perception, City):
-                prepared = replace(runner.prepare(run.scenario), devices=devices)
+                prepared = runner.prepare(run.scenario, devices=devices)
             else:
                 prepared = runner.Prepared(run.scenario, devices, {car: traces[key] for car, key in run.traces.items()})
             found = measured(prepared)

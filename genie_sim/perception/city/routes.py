@@ -22,7 +22,6 @@ Node = tuple[int, int]  # the crossing of the i-th street from the west and the 
 RIGHT_MPS, LEFT_MPS, CAREFUL_MPS = 3.0, 4.0, 5.5  # assumed: through right and left turns, and where the right has way
 STOP_S = 2.0  # assumed: at a stop sign
 GREEN_S, CYCLE_S = 28.0, 60.0  # assumed: of a traffic light
-ALL_RED_S = CYCLE_S / 2 - GREEN_S
 
 
 class Course:

@@ -62,6 +62,8 @@ class TownRules:
                 continue
             if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
                 raise UserError(f"town: {field.name}: {value!r} is not a finite number")
+            if isinstance(field.default, float):  # 15 and 15.0 are one town
+                object.__setattr__(self, field.name, float(value))
         for name in ("main_every", "destinations"):
             if not isinstance(getattr(self, name), int) or getattr(self, name) < 1:
                 raise UserError(f"town: {name}: {getattr(self, name)!r} is not a whole number from 1 on")

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from genie_sim.perception.city.laws import GroupLaws
 from genie_sim.perception.city.noise import NORMAL_MASK, mix, normals
-from genie_sim.perception.truth import MIN_HEIGHT_PX
+from genie_sim.perception.trace import MIN_HEIGHT_PX
 
 # The colour cameras of KITTI's drive 2011_09_26/0005, as its trace has them (A. Geiger et al., IJRR 2013).
 WIDTH, HEIGHT = 1242, 375

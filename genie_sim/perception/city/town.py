@@ -8,7 +8,6 @@ import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
-from typing import Any
 
 from genie_sim.core.geometry import Geodetic
 from genie_sim.errors import UserError
@@ -93,15 +92,6 @@ class Town:
         """Whether anything of a class really is within a distance of a place at a time."""
         return any(s.real for s in self.streets.near(east_m, north_m, range_m, t_ns * 1e-9, label))
 
-    def __reduce__(self) -> tuple[Any, ...]:
-        return town, (self.rules, self.seed)
-
-
-@functools.lru_cache(maxsize=2)
-def town(rules: TownRules, seed: int) -> Town:
-    """The town of these rules and this seed; a process keeps the last two, so that drives travel light."""
-    return Town(rules, seed)
-
 
 class Drive:
     """What the cameras of one car see in a town; stands in for a ``Trace``.
@@ -134,6 +124,3 @@ class Drive:
         """East and north of the car [m], ``t_ns`` after the drive's first frame."""
         east_m, north_m, *_ = self.course.at((self.start_ns + t_ns) * 1e-9)
         return east_m, north_m
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return Drive, (self.town, self.car, self.duration_ns, self.interval_ns, self.start_ns)
