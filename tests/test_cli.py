@@ -251,11 +251,16 @@ def test_ctrl_c_or_the_end_of_a_batch_job_leaves_nothing_behind_and_ends_with_13
         ("object_map.rule=math:sqrt", "confidence rule 'math:sqrt': math.sqrt() takes exactly one argument"),
         ("object_map.rule=math:pi", "confidence rule 'math:pi': 'float' object is not callable"),
         ("object_map.rule=broken:rule", "confidence rule 'broken:rule': expected ':' (broken.py, line 1)"),
+        ("object_map.rule=rules:big", "'rules:big': of 0.5, 0.5, 0.1 it makes 1.7, no number from 0 to 1"),
+        ("object_map.rule=rules:late", "confidence rule 'rules:late': of "),
+        ("object_map.rule=rules:text", "it makes 'sure', no number from 0 to 1"),
     ],
 )
 def test_a_users_own_policy_that_does_not_fit_gets_one_line(setting, message, capsys):
     Path("s.yaml").write_text(GOOD)
     Path("broken.py").write_text("def rule()\n")
+    late = 'def late(c, s, r): return c if c == 0.5 else float("nan")\n'
+    Path("rules.py").write_text(f"def big(c, s, r): return 1.7\ndef text(c, s, r): return 'sure'\n{late}")
     assert main(["run", "s.yaml", "--no-report", "--set", f"genie.{setting}"]) == 1
     _one_line(capsys, message)
     assert not list(Path().glob("results/*"))

@@ -181,11 +181,27 @@ def test_another_seed_is_another_town_with_other_ways():
     assert poses[0] == poses[1] != poses[2]
 
 
+def alone(**settings: Any) -> Scenario:
+    car = {"name": "a", "device": "jetson_tx2", "edge": "e", **settings}
+    return small(fleet=None, cars=[car], edges=[{"name": "e", "device": "agx_xavier"}])
+
+
 def test_explicit_cars_may_drive_in_a_town_too():
-    cars = [{"name": "a", "device": "jetson_tx2", "edge": "e", "route": {"window": ["1 s", "3 s"]}}]
-    setting = small(fleet=None, cars=cars, edges=[{"name": "e", "device": "agx_xavier"}])
-    frames = simulate(prepare(setting)).frames.to_frame()
-    assert len(frames) == 20 and set(frames["car"]) == {"a"}
+    frames = simulate(prepare(alone(route={"start": "1 s"}))).frames.to_frame()
+    assert len(frames) == 60 and set(frames["car"]) == {"a"}
+
+
+@pytest.mark.parametrize(
+    ("setting", "message"),
+    [
+        ({"route": {"window": ["1 s", "3 s"]}}, r"cars\[0\].route.window: a town's clock never goes back"),
+        ({"route": {"laps": 2}}, r"cars\[0\].route.laps: a town's clock never goes back; use 'perception.duration'"),
+        ({"cameras": False}, r"cars\[0\].cameras: without cameras, cars drive recorded streets only"),
+    ],
+)
+def test_what_a_town_cannot_do_is_refused(setting: dict[str, Any], message: str):
+    with pytest.raises(UserError, match=message):
+        alone(**setting)
 
 
 def test_what_a_fleet_costs_to_spell_out_grows_with_its_cars_only(monkeypatch: pytest.MonkeyPatch):
@@ -310,7 +326,7 @@ def test_a_sweep_over_fleets_gives_each_run_what_it_gives_alone(tmp_path: Path, 
             {"perception": {"source": "city", "town": {"blok": 3}}},
             "perception.town.blok: unknown field of a town 'blok'",
         ),
-        ({"perception": {"source": "city", "town": {"block": "5 m"}}}, "perception.town: street_half_m: "),
+        ({"perception": {"source": "city", "town": {"block": "5 m"}}}, "perception.town: block: 5.0 m is too short "),
         ({"record": ["frames"]}, "record[0]: unknown record 'frames'; known: "),
     ],
 )

@@ -156,6 +156,7 @@ def test_every_path_is_taken_in_one_way():
 )  # fmt: skip
 def test_home_is_found_wherever_a_path_may_stand(arguments, capsys, monkeypatch):
     monkeypatch.setenv("HOME", str(Path("home").absolute()))
+    monkeypatch.setenv("GENIE_SIM_WEIGHTS", os.environ.get("GENIE_SIM_WEIGHTS", "~/nothing"))
     Path("~").mkdir()
     assert main(arguments) == 1
     said = capsys.readouterr().err

@@ -242,6 +242,27 @@ def test_each_axis_has_a_figure_and_the_folder_says_what_it_is(uninterrupted):
     assert (about["points"], about["runs"], about["sweep"]["scenario"]) == (4, 12, "1car_homo")
 
 
+def test_an_axis_may_be_called_as_the_setting_it_varies():
+    axes = "{spread: {set: spread, list: [isolated, loaded]}, order: {set: genie.object_map.rate, list: [0.1, 0.5]}}"
+    window = '"cars[0].route.window": [0 s, 1 s]'
+    write(f"scenario: 1car_homo\nset: {{{window}, methods: [genie]}}\nseeds: 2\naxes: {axes}\n")
+    assert main(["sweep", "s.yaml", "--jobs", "1"]) == 0
+    table = pd.read_csv("results/s/table.csv")
+    assert set(table["spread"]) == {"isolated", "loaded"} and set(table["order"]) == {0.1, 0.5}
+    assert Path("results/s/report.html").is_file()
+
+
+def test_figures_of_an_axis_that_is_gone_go_though_nothing_is_run_again(monkeypatch):
+    assert main(["sweep", write(SMALL), "--jobs", "1"]) == 0
+    simulated = count_runs(monkeypatch)
+    gate = SMALL.index("  gate:")
+    more = "methods: [genie], genie.object_map.gate: 1 m, genie.view_range: 1 m"
+    write(SMALL[:gate].replace("methods: [genie]", more))
+    assert main(["sweep", "s.yaml", "--jobs", "1"]) == 0
+    assert not simulated
+    assert {path.stem for path in Path("results/s/figures").iterdir()} == {"rate"}
+
+
 def test_one_seed_gives_no_interval():
     assert main(["sweep", write(SMALL.replace("seeds: 3", "seeds: 1")), "--jobs", "1"]) == 0
     table = pd.read_csv("results/s/table.csv")

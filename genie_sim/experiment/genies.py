@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import hashlib
 import importlib
 import inspect
@@ -10,13 +11,13 @@ from collections.abc import Callable, Hashable, Mapping
 from pathlib import Path
 from typing import Any
 
-from genie_sim.core.confidence import CONFIDENCE_RULES
+from genie_sim.core.confidence import CONFIDENCE_RULES, ConfidenceRule
 from genie_sim.core.eviction import EVICTIONS, Eviction
 from genie_sim.core.message_cache import MessageCache, PendingIndex
 from genie_sim.core.node import GenieNode, GenieRules, detections_of_map
 from genie_sim.core.object_map import ObjectMap, ObjectMapRules
 from genie_sim.core.similarity import SIMILARITIES
-from genie_sim.errors import UserError, unknown
+from genie_sim.errors import UserError, shown, unknown
 from genie_sim.experiment.settings.genie_settings import GenieSettings
 from genie_sim.messages import Header
 
@@ -117,7 +118,7 @@ def own_code(settings: GenieSettings) -> dict[str, str]:
 
 def _code_of(own: Any) -> str:
     try:
-        return hashlib.sha256(Path(inspect.getfile(own)).read_bytes()).hexdigest()
+        return hashlib.sha256(Path(inspect.getfile(inspect.unwrap(own))).read_bytes()).hexdigest()
     except (TypeError, OSError):  # made in a notebook, or without a file of its own
         return "unknown"
 
@@ -128,6 +129,21 @@ def _made(what: str, name: str, own: Any, *arguments: Any, **parameters: Any) ->
         return own(*arguments, **parameters)
     except (TypeError, ValueError) as error:
         raise UserError(f"{what} {name!r}: {error}") from error
+
+
+def _checked(name: str, own: Callable[[float, float, float], float]) -> ConfidenceRule:
+    """A rule of the user's own that cannot spoil a map: what is no confidence ends the run with one line."""
+
+    @functools.wraps(own)
+    def rule(before: float, seen: float, rate: float) -> float:
+        confidence = own(before, seen, rate)
+        if isinstance(confidence, int | float) and 0 <= confidence <= 1:
+            return confidence
+        given = f"{before:g}, {seen:g}, {rate:g}"
+        raise UserError(f"confidence rule {name!r}: of {given} it makes {shown(confidence)}, no number from 0 to 1")
+
+    _made("confidence rule", name, rule, 0.5, 0.5, 0.1)
+    return rule
 
 
 def _resolve(what: str, name: str, registry: Mapping[str, Any]) -> Any:
@@ -147,8 +163,7 @@ def _resolve(what: str, name: str, registry: Mapping[str, Any]) -> Any:
     except (ImportError, AttributeError, SyntaxError) as error:
         raise UserError(f"{what} {name!r}: {error}") from error
     if what == "confidence rule":
-        _made(what, name, own, 0.5, 0.5, 0.1)
-        return own
+        return _checked(name, own)
     lacking = [method for method in METHODS[what] if not hasattr(own, method)]
     if lacking:
         raise UserError(f"{what} {name!r}: has no method {', '.join(lacking)}; needs {', '.join(METHODS[what])}")

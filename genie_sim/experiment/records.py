@@ -208,8 +208,8 @@ class ObjectTable(Table):
 class TruthTable(Table):
     """One row per answered frame of a drive through a city: its first answer, compared with what is really there.
 
-    A served object is true if one of its class really is within the object map's gate and the city's ``tolerance`` of
-    it at the time of the frame. Objects without a place in the world are not counted.
+    A served object is true if one of its class really is within the city's ``tolerance`` of it at the time of the
+    frame. Objects without a place in the world are not counted.
     """
 
     name = "truth"

@@ -303,12 +303,11 @@ def simulate(prepared: Prepared, progress: Progress | None = None, spill: Path |
 
 def _truth(prepared: Prepared, method: str, table: TruthTable | None) -> Truth | None:
     """What judges the answers of one method, where the truth is known and wanted."""
-    scenario, city = prepared.scenario, prepared.scenario.perception
+    city = prepared.scenario.perception
     if table is None or prepared.town is None or not isinstance(city, City):
         return None
     begin_ns = {car: cast("Drive", trace).start_ns for car, trace in prepared.traces.items()}
-    reach_m = scenario.genie.object_map.gate_m + city.tolerance_m
-    return Truth(method, prepared.town, begin_ns, reach_m, scenario.genie.view_range_m, table.add)
+    return Truth(method, prepared.town, begin_ns, city.tolerance_m, city.range_m, table.add)
 
 
 @contextmanager

@@ -84,14 +84,16 @@ class City(Model):
     """Every car drives its own way through a made-up town, and what is really there is known.
 
     Each drives for ``duration_ns`` and takes a frame every ``interval_ns``; recordings are "02" and "03". A served
-    object is true if one of its class really is within the object map's gate and ``tolerance_m`` of it: the
-    detector's own error of places. The town is made from ``town`` and the scenario's seed.
+    object is true if one of its class really is within ``tolerance_m`` of it: the detector's own error of places, and
+    the object map's usual gate. Objects up to ``range_m`` away are wanted in an answer. Both are a ruler, the same
+    whatever a Genie is told. The town is made from ``town`` and the scenario's seed.
     """
 
     source: Literal["city"] = "city"
     duration_ns: PositiveDuration = Field(default=60 * units.NS_PER_S, alias="duration")
     interval_ns: PositiveDuration = Field(default=100 * units.NS_PER_MS, alias="interval")
-    tolerance_m: Length = Field(default=2.0, alias="tolerance")
+    tolerance_m: Length = Field(default=3.0, alias="tolerance")
+    range_m: PositiveLength = Field(default=50.0, alias="range")
     town: Annotated[
         TownRules,
         BeforeValidator(_read_town),

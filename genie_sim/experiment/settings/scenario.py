@@ -241,7 +241,6 @@ class Scenario(Model):
     def _cars_or_fleet(self) -> None:
         if self.fleet is None and not self.cars:
             problem("cars", "must not be empty")
-        in_town = isinstance(self.perception, City)
         if self.fleet is not None:
             for field in ("cars", "edges"):
                 if getattr(self, field):
@@ -250,11 +249,18 @@ class Scenario(Model):
                 problem("fleet", "needs a town to drive in: 'perception: {source: city}'")
             elif self.perception.edges(self.fleet.cell_m) > MOST_EDGES:
                 problem("fleet.cell", f"makes more than {MOST_EDGES:,} edges of this town")
-        if in_town and self.origin is not None:
+        if not isinstance(self.perception, City):
+            return
+        if self.origin is not None:
             problem("origin", "a town is where it is; leave it out")
         for index, car in enumerate(self.cars):
-            if in_town and car.route.trace is not None:
+            if car.route.trace is not None:
                 problem(f"cars[{index}].route.trace", "cars in a town make their own way; leave it out")
+            for field, unusual in (("window", car.route.window_ns is not None), ("laps", car.route.laps > 1)):
+                if unusual:
+                    problem(f"cars[{index}].route.{field}", "a town's clock never goes back; use 'perception.duration'")
+            if not car.cameras:
+                problem(f"cars[{index}].cameras", "without cameras, cars drive recorded streets only")
 
     def _hand_overs_fit(self, index: int, car: Car, edges: Collection[str]) -> None:
         """Each leads to another edge that exists, after the one before is over."""

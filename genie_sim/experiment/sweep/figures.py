@@ -30,17 +30,20 @@ PANELS: tuple[tuple[str, str, dict[str, dict[str, Any]]], ...] = (
     ("first_answer_mean", "first answer, mean [ms]", METHOD_LINES),
     ("fresh_answer_mean", "fresh answer, mean [ms]", METHOD_LINES),
     ("under_deadline_share", "answered in 33 ms", METHOD_LINES),
+    ("fresh_answered_share", "answered afresh", METHOD_LINES),
     ("ghost_share", "ghost share", METHOD_LINES),
     ("object_recall", "object recall", METHOD_LINES),
 )
-SHARES = ("image_reuse", "object_reuse", "under_deadline_share", "ghost_share", "object_recall")
+SHARES = (
+    "image_reuse", "object_reuse", "under_deadline_share", "fresh_answered_share", "ghost_share", "object_recall"
+)  # fmt: skip
 MARKER_ROOM = 0.03  # above the highest value, of the panel's height
 MARKERS = {"local": "o", "remote": "s", "genie": "^"}
 
 
 @style.context(["default", STYLE])
 def along(axis: Axis, column: str, runs: pd.DataFrame, footer: str, others: Sequence[str] = ()) -> Figure:
-    """Means along one axis with their 95 % intervals across seeds; over the other axes it is averaged, seed by seed.
+    """Means along one axis with their 95 % intervals across seeds; over ``others`` it is averaged, seed by seed.
 
     Drawn values of a sampled axis are no line but points, for the other sampled axes differ from one to the next.
     ``runs`` is ``tables.of_runs``.
@@ -59,7 +62,7 @@ def along(axis: Axis, column: str, runs: pd.DataFrame, footer: str, others: Sequ
     for panel, (metric, label, looks) in zip(grid.flat, shown, strict=False):
         _draw(panel, axis, column, means[means["metric"] == metric], looks)
         panel.set_ylabel(label)
-        panel.set_xlabel(column)
+        panel.set_xlabel(f"{column}, logarithmic" if panel.get_xscale() == "log" else column)
         if metric in SHARES:
             panel.yaxis.set_major_formatter(FuncFormatter(_percent))
         low, high = panel.get_ylim()

@@ -143,9 +143,11 @@ class Sweep:
         tables.write_csv(points, self.folder / "table.csv")
         (self.folder / "figures").mkdir(exist_ok=True)
         for name, axis in self.design.axes.items():
-            others = [other for other in self.design.axes if other != name]
+            others = [other for other, its in self.design.axes.items() if not (axis.sampled and its.sampled)]
+            others = [other for other in others if other != name]
             figure = figures.along(axis, self.design.columns[name], runs, self._footer(), others)
             of_runs.save(figure, self.folder / "figures", name)
+        self._write_about()  # another sweep of this name may have begun in the meantime
         for leftover in self._parts.glob(f".*{PARTIAL}"):
             leftover.unlink(missing_ok=True)  # of workers that were killed
         shutil.rmtree(self.folder / FAILURES, ignore_errors=True)  # of runs that a plug-in has since been mended for

@@ -29,7 +29,7 @@ def done_runs(parts: Path) -> set[str]:
 
 
 def read_parts(parts: Path, wanted: Collection[str]) -> pd.DataFrame:
-    """The metrics of the wanted runs, each once: the columns of ``PartTable``, and ``order`` within the run."""
+    """The metrics of the wanted runs, each once: the columns of ``PartTable``."""
     import pandas as pd
 
     kept, seen = [], set[str]()
@@ -39,7 +39,7 @@ def read_parts(parts: Path, wanted: Collection[str]) -> pd.DataFrame:
         mine = part[part["run_id"].isin((ids & set(wanted)) - seen)]
         seen |= ids
         if len(mine):
-            kept.append(mine.assign(order=mine.groupby("run_id", observed=True).cumcount()))
+            kept.append(mine)
     return pd.concat([part.astype({"run_id": str, "metric": str, "role": str, "unit": str}) for part in kept])
 
 
@@ -47,10 +47,9 @@ def of_runs(entries: Sequence[Entry], columns: Sequence[str], measured: pd.DataF
     """One row per point, seed and metric: the axes' values, what was measured, and its interval inside the run."""
     import pandas as pd
 
-    rows = [(entry.point, entry.seed, entry.run_id, *entry.levels) for entry in entries]
+    rows = sorted((entry.point, entry.seed, entry.run_id, *entry.levels) for entry in entries)
     places = pd.DataFrame(rows, columns=["point", "seed", "run_id", *columns])
-    merged = places.merge(measured, on="run_id", how="left").sort_values(["point", "seed", "order"], kind="stable")
-    return merged.drop(columns="order").reset_index(drop=True)
+    return places.merge(measured, on="run_id", how="left")  # keeps the order of both
 
 
 def of_points(runs: pd.DataFrame, columns: Sequence[str]) -> pd.DataFrame:
@@ -71,12 +70,12 @@ def across_seeds(runs: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
 
     per_seed = runs.groupby([*by, *METRIC, "seed"], sort=False, dropna=False)["value"].mean()
     grouped = per_seed.groupby([*by, *METRIC], sort=False, dropna=False)
-    found = grouped.agg(value="mean", spread="std", runs="count").reset_index()
+    spread = grouped.std().to_numpy()
+    found = grouped.agg(value="mean", runs="count").reset_index()
     n = found["runs"].to_numpy()
     half = np.full(len(n), np.nan)
     several = n > 1
-    spread = found["spread"].to_numpy()[several]
-    half[several] = stdtrit(n[several] - 1, (1 + CONFIDENCE) / 2) * spread / np.sqrt(n[several])
+    half[several] = stdtrit(n[several] - 1, (1 + CONFIDENCE) / 2) * spread[several] / np.sqrt(n[several])
     found = found.assign(low=found["value"] - half, high=found["value"] + half)
     for name in ("value", "low", "high"):  # ten digits: processors add up in different orders
         found[name] = [float(f"{number:.10g}") for number in found[name]]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, fields
-from typing import NamedTuple
+from typing import NamedTuple, NoReturn
 
 from genie_sim.errors import UserError
 
@@ -61,41 +61,38 @@ class TownRules:
             if field.name == "blocks":
                 continue
             if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-                raise UserError(f"town: {field.name}: {value!r} is not a finite number")
+                self._refuse(field.name, "is not a finite number")
             if isinstance(field.default, float):  # 15 and 15.0 are one town
                 object.__setattr__(self, field.name, float(value))
         for name in ("main_every", "destinations"):
             if not isinstance(getattr(self, name), int) or getattr(self, name) < 1:
-                raise UserError(f"town: {name}: {getattr(self, name)!r} is not a whole number from 1 on")
+                self._refuse(name, "is not a whole number from 1 on")
         for name in ("speed_mps", "main_speed_mps", "acceleration_mps2", "braking_mps2", "view_m"):
             if getattr(self, name) <= 0:
-                raise UserError(f"town: {name}: {getattr(self, name)!r} is not positive")
+                self._refuse(name, "is not positive")
         if self.view_m > MOST_VIEW_M:
-            raise UserError(f"town: view_m: {self.view_m!r} is more than {MOST_VIEW_M}, where no law is known")
+            self._refuse("view_m", f"is more than {MOST_VIEW_M} m, where no law is known")
         if self.popularity < 0:
-            raise UserError(f"town: popularity: {self.popularity!r} is negative")
+            self._refuse("popularity", "is negative")
         for field in fields(self):
             if field.name.endswith("_100m") and not 0 <= getattr(self, field.name) <= MOST_PER_100M:
-                raise UserError(
-                    f"town: {field.name}: {getattr(self, field.name)!r} is not between 0 and {MOST_PER_100M:g}"
-                )
+                self._refuse(field.name, f"is not between 0 and {MOST_PER_100M:g}")
         if not 0 <= self.truck_share <= 1:
-            raise UserError(f"town: truck_share: {self.truck_share!r} is not between 0 and 1")
-        if not 8.0 <= self.street_half_m <= self.block_m / 4:
-            raise UserError(f"town: street_half_m: {self.street_half_m!r} is not between 8 and a quarter of block_m")
+            self._refuse("truck_share", "is not between 0 and 1")
         braking_m = max(self.speed_mps, self.main_speed_mps) ** 2 / (2 * self.braking_mps2)
         if self.block_m < braking_m + 4 * JUNCTION_M:
-            raise UserError(
-                f"town: block_m: {self.block_m!r} is too short to stop in from the speed limit; "
-                f"at least {braking_m + 4 * JUNCTION_M:.0f}"
-            )
-
+            least_m = math.ceil(braking_m + 4 * JUNCTION_M)
+            self._refuse("block_m", f"is too short to stop in from the speed limit; at least {least_m} m")
+        if not 8.0 <= self.street_half_m <= self.block_m / 4:
+            self._refuse("street_half_m", f"is not between 8 m and a quarter of a block, {self.block_m / 4:g} m")
         room = 200 * self.parking_slots / self.block_m
         if self.parked_cars_per_100m > room:
-            raise UserError(
-                f"town: parked_cars_per_100m: {self.parked_cars_per_100m!r} do not fit; "
-                f"between junctions there is room for {room:.1f}"
-            )
+            self._refuse("parked_cars_per_100m", f"do not fit; between junctions there is room for {room:.1f}")
+
+    def _refuse(self, name: str, why: str) -> NoReturn:
+        """Names the rule and its value as scenarios write them: ``view: 500 m``."""
+        value = getattr(self, name)
+        raise UserError(f"town: {name.removesuffix('_m')}: {value!r}{' m' if name.endswith('_m') else ''} {why}")
 
     @property
     def parking_slots(self) -> int:
