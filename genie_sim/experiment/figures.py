@@ -27,6 +27,7 @@ from genie_sim.experiment.metrics import (
     response_ms,
     reuse,
     running_boost,
+    running_use,
     windowed_reuse,
 )
 
@@ -329,16 +330,10 @@ def _step(axis: Axes, values_ms: Any, whole: int, end_ms: float, **line: Any) ->
 
 def _use(samples: pd.DataFrame) -> tuple[Any, Any]:
     """Time [s], and over the last second the mean length of a queue or the share of time spent serving."""
-    t_s = np.concatenate([[0.0], samples["t_ns"].to_numpy(float) / NS_PER_S])
-    if samples["capacity"].isna().any():
-        queue = samples["queue"].to_numpy(float)
-        total, capacity = np.concatenate([[0.0], np.cumsum(queue * np.diff(t_s))]), np.ones(len(queue))
-    else:
-        total = np.concatenate([[0.0], samples["busy_ns"].to_numpy(float) / NS_PER_S])
-        capacity = samples["capacity"].to_numpy(float)
-    begin_s = np.maximum(t_s - 1.0, 0.0)
-    span_s = np.maximum(t_s - begin_s, 1e-9)
-    return t_s[1:], ((total - np.interp(begin_s, t_s, total)) / span_s)[1:] / capacity
+    t_ns, total_ns = running_use(samples)
+    begin_ns = np.maximum(t_ns - NS_PER_S, 0.0)
+    span_ns = np.maximum(t_ns - begin_ns, 1.0)
+    return t_ns[1:] / NS_PER_S, ((total_ns - np.interp(begin_ns, t_ns, total_ns)) / span_ns)[1:]
 
 
 def _used(of_kind: pd.DataFrame) -> dict[str, tuple[Any, Any]]:

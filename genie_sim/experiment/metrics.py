@@ -98,12 +98,22 @@ def windowed_reuse(lookups: pd.DataFrame, window: int = WINDOW_REQUESTS) -> pd.D
 
 
 def running_boost(lookups: pd.DataFrame) -> pd.DataFrame:
-    """Mean of C_new - C_old over all updates so far: columns ``updates`` (how many) and ``boost``, in order of time."""
+    """Mean of C_new - C_old over all updates so far: columns ``t_ns``, ``updates`` (how many) and ``boost``."""
     import pandas as pd
 
     events = lookups[lookups["updates"] > 0]
     updates = events["updates"].cumsum().to_numpy()
-    return pd.DataFrame({"updates": updates, "boost": events["boost_sum"].cumsum().to_numpy() / updates})
+    boost = events["boost_sum"].cumsum().to_numpy() / updates
+    return pd.DataFrame({"t_ns": events["t_ns"].to_numpy(), "updates": updates, "boost": boost})
+
+
+def running_use(samples: pd.DataFrame) -> tuple[Floats, Floats]:
+    """Of one resource, in order of time: the instants of its samples [ns], 0 before them, and the time that each of its
+    servers has worked until then [ns]. For a queue: its length times how long it had that."""
+    t_ns = np.concatenate([[0.0], samples["t_ns"].to_numpy(float)])
+    if samples["capacity"].isna().any():
+        return t_ns, np.concatenate([[0.0], np.cumsum(samples["queue"].to_numpy(float) * np.diff(t_ns))])
+    return t_ns, np.concatenate([[0.0], samples["busy_ns"].to_numpy(float)]) / float(samples["capacity"].iloc[0])
 
 
 class _Blocks:

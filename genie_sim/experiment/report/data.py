@@ -8,7 +8,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from genie_sim import units
-from genie_sim.experiment.metrics import DEADLINE_MS, METHODS, ROLES, WINDOW_REQUESTS, response_ms, windowed_reuse
+from genie_sim.experiment.metrics import (
+    DEADLINE_MS,
+    METHODS,
+    ROLES,
+    WINDOW_REQUESTS,
+    response_ms,
+    running_boost,
+    running_use,
+    windowed_reuse,
+)
 from genie_sim.experiment.report.replay import replay_data
 from genie_sim.units import NS_PER_S
 
@@ -199,12 +208,11 @@ def _reuse(lookups: pd.DataFrame, notes: list[str]) -> Iterator[dict[str, Any]]:
 def _boost(lookups: pd.DataFrame) -> Iterator[dict[str, Any]]:
     """The running mean of C_new - C_old over the updates of all object maps of a role."""
     for role in ROLES:
-        events = lookups[(lookups["role"] == role) & (lookups["updates"] > 0)]
-        if len(events):
-            kept = _thinned(len(events))
-            mean = events["boost_sum"].cumsum().to_numpy(float) / events["updates"].cumsum().to_numpy(float)
-            t_s = events["t_ns"].to_numpy(float) / NS_PER_S
-            yield {"name": role, "role": role, "x": _list(t_s[kept], 2), "y": _list(mean[kept], 5)}
+        running = running_boost(lookups[lookups["role"] == role])
+        if len(running):
+            kept = _thinned(len(running))
+            t_s, boost = running["t_ns"].to_numpy(float) / NS_PER_S, running["boost"].to_numpy(float)
+            yield {"name": role, "role": role, "x": _list(t_s[kept], 2), "y": _list(boost[kept], 5)}
 
 
 def _use(run: Run, notes: list[str]) -> Iterator[dict[str, Any]]:
@@ -231,14 +239,7 @@ def _use(run: Run, notes: list[str]) -> Iterator[dict[str, Any]]:
 
 
 def _mean_use(samples: pd.DataFrame, edges_ns: Floats) -> Floats:
-    t_ns = np.concatenate([[0.0], samples["t_ns"].to_numpy(float)])
-    if samples["capacity"].isna().any():
-        queue = samples["queue"].to_numpy(float)
-        total, servers = np.concatenate([[0.0], np.cumsum(queue * np.diff(t_ns))]), 1.0
-    else:
-        total = np.concatenate([[0.0], samples["busy_ns"].to_numpy(float)])
-        servers = float(samples["capacity"].iloc[0])
-    mean: Floats = np.diff(np.interp(edges_ns, t_ns, total)) / np.maximum(np.diff(edges_ns), 1.0) / servers
+    mean: Floats = np.diff(np.interp(edges_ns, *running_use(samples))) / np.maximum(np.diff(edges_ns), 1.0)
     return mean
 
 

@@ -66,10 +66,10 @@ function comparison(run, id) {
   const narrow = width < 560, row = narrow ? 44 : 30, left = 92;
   const ends = methods.map((name) => Math.max(run.methods[name].first_answer_us[id], run.methods[name].fresh_answer_us[id], 1000));
   const span = 1.05 * Math.max(...ends), across = (us) => left + us / span * (width - left - 40);
-  const svg = draw("svg", { width, height: row * methods.length + 24, role: "img",
+  const svg = draw("svg", { width, height: row * methods.length + 29, role: "img",
     "aria-label": methods.map((name) => `${METHOD_NAMES[name]}: ${inWords(run, run.methods[name], id)}`).join("; ") });
   methods.forEach((name, index) => {
-    const rows = run.methods[name], y = index * row + 15, received = rows.received_us[id];
+    const rows = run.methods[name], y = index * row + 20, received = rows.received_us[id];
     const first = rows.first_answer_us[id], fresh = rows.fresh_answer_us[id], last = Math.max(first, fresh);
     svg.append(draw("text", { x: 0, y: y + 4 }, METHOD_NAMES[name]));
     if (narrow || last < 0) svg.append(draw("text", { class: "quiet", x: narrow ? 0 : left, y: narrow ? y + 20 : y + 4 }, inWords(run, rows, id)));
@@ -79,7 +79,7 @@ function comparison(run, id) {
     if (fresh >= 0) svg.append(draw("circle", { cx: across(fresh), cy: y, r: 5.5, fill: fresh === first ? `var(--${name})` : "var(--bg)", stroke: `var(--${name})`, "stroke-width": 2.5 }));
     if (!narrow) svg.append(draw("text", { class: "quiet", x: Math.min(across(last) + 10, width - 2), y: y - 7, "text-anchor": across(last) > width - 150 ? "end" : "start" }, inWords(run, rows, id)));
   });
-  const y = row * methods.length + 14;
+  const y = row * methods.length + 19;
   for (const tick of linearTicks(0, span / 1000, 5)) svg.append(draw("text", { class: "quiet", x: across(tick * 1000), y, "text-anchor": "middle" }, `${digits(tick)} ms`));
   return make("div", { class: "scroll" }, svg);
 }
