@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 PAGE = DOCS / "explanation" / "million-cars.md"
 BLOCKS_A_CELL = 3  # each way, and
 CARS_A_CELL = 20  # as in fleet_1000
-VISIT = "."  # car07.2 is the second visit of car07
+VISIT = "."  # car7.2 is the second visit of car7
 JOINT = "joint"
 
 
