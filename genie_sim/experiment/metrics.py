@@ -6,8 +6,7 @@
   of camera time, each car (for boosts each Genie) a stratum. It covers the variability *inside* this run, with frames
   of one second correlated as they like; it says nothing of other seeds or drives.
 - reuse: the lowest and highest ratio in any window of 50 requests of any Genie (the paper's error bars).
-
-Intervals across runs are ``sweep.tables``'.
+- ``across_seeds``: the 95 % t interval over runs.
 """
 
 from __future__ import annotations
@@ -30,6 +29,8 @@ WINDOW_REQUESTS = 50
 BLOCK_NS = NS_PER_S
 CONFIDENCE = 0.95
 PERCENTILES = (50, 95, 99)
+
+_METRIC = ["metric", "role", "unit"]  # the columns that tell which
 
 Floats = np.ndarray[Any, np.dtype[np.float64]]
 
@@ -114,6 +115,28 @@ def running_use(samples: pd.DataFrame) -> tuple[Floats, Floats]:
     if samples["capacity"].isna().any():
         return t_ns, np.concatenate([[0.0], np.cumsum(samples["queue"].to_numpy(float) * np.diff(t_ns))])
     return t_ns, np.concatenate([[0.0], samples["busy_ns"].to_numpy(float)]) / float(samples["capacity"].iloc[0])
+
+
+def across_seeds(runs: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
+    """Mean, 95 % t interval and count of each metric within the groups ``by``: columns value, low, high, runs.
+
+    The unit of replication is the seed: with several runs of a group under one seed, their mean counts once. One seed
+    gives no interval.
+    """
+    from scipy.special import stdtrit
+
+    per_seed = runs.groupby([*by, *_METRIC, "seed"], sort=False, dropna=False)["value"].mean()
+    grouped = per_seed.groupby([*by, *_METRIC], sort=False, dropna=False)
+    spread = grouped.std().to_numpy()
+    found = grouped.agg(value="mean", runs="count").reset_index()
+    n = found["runs"].to_numpy()
+    half = np.full(len(n), np.nan)
+    several = n > 1
+    half[several] = stdtrit(n[several] - 1, (1 + CONFIDENCE) / 2) * spread[several] / np.sqrt(n[several])
+    found = found.assign(low=found["value"] - half, high=found["value"] + half)
+    for name in ("value", "low", "high"):  # ten digits: processors add up in different orders
+        found[name] = [float(f"{number:.10g}") for number in found[name]]
+    return found[[*by, *_METRIC, "value", "low", "high", "runs"]]
 
 
 class _Blocks:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from genie_sim.errors import UserError
 from genie_sim.experiment import provenance, report
+from genie_sim.experiment.metrics import across_seeds
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -124,8 +125,6 @@ def _curves(
     runs: pd.DataFrame, kept: pd.DataFrame, axes: Mapping[str, Mapping[str, Any]], notes: list[str]
 ) -> Iterator[dict[str, Any]]:
     """Along each axis: averages over all other axes, and the same at each level of another crossed axis."""
-    from genie_sim.experiment.sweep.tables import across_seeds
-
     of_kept = runs[runs["metric"].isin(kept["metric"].unique())]
     for column, axis in axes.items():
         levels = list(dict.fromkeys(of_kept[column]))

@@ -13,8 +13,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, NullLocator
 
 from genie_sim.experiment.figures import LINE_IN, METHOD_LINES, PAGE_IN, ROLE_LINES, STYLE
+from genie_sim.experiment.metrics import across_seeds
 from genie_sim.experiment.sweep.design import Axis
-from genie_sim.experiment.sweep.tables import across_seeds
 
 if TYPE_CHECKING:
     import pandas as pd

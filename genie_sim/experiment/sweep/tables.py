@@ -12,15 +12,13 @@ from typing import TYPE_CHECKING
 
 from genie_sim.errors import UserError
 from genie_sim.experiment import tables
-from genie_sim.experiment.metrics import CONFIDENCE
+from genie_sim.experiment.metrics import across_seeds
 from genie_sim.experiment.sweep.plan import Entry
 from genie_sim.experiment.sweep.tasks import PartTable
 from genie_sim.paths import whole_file
 
 if TYPE_CHECKING:
     import pandas as pd
-
-METRIC = ["metric", "role", "unit"]
 
 
 def done_runs(parts: Path) -> set[str]:
@@ -57,29 +55,6 @@ def of_points(runs: pd.DataFrame, columns: Sequence[str]) -> pd.DataFrame:
     means = across_seeds(runs, ["point"])
     places = runs[["point", *columns]].drop_duplicates("point")
     return places.merge(means, on="point", how="left")
-
-
-def across_seeds(runs: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
-    """Mean, 95 % t interval and count of each metric within the groups ``by``: columns value, low, high, runs.
-
-    The unit of replication is the seed: with several runs of a group under one seed, their mean counts once. One seed
-    gives no interval.
-    """
-    import numpy as np
-    from scipy.special import stdtrit
-
-    per_seed = runs.groupby([*by, *METRIC, "seed"], sort=False, dropna=False)["value"].mean()
-    grouped = per_seed.groupby([*by, *METRIC], sort=False, dropna=False)
-    spread = grouped.std().to_numpy()
-    found = grouped.agg(value="mean", runs="count").reset_index()
-    n = found["runs"].to_numpy()
-    half = np.full(len(n), np.nan)
-    several = n > 1
-    half[several] = stdtrit(n[several] - 1, (1 + CONFIDENCE) / 2) * spread[several] / np.sqrt(n[several])
-    found = found.assign(low=found["value"] - half, high=found["value"] + half)
-    for name in ("value", "low", "high"):  # ten digits: processors add up in different orders
-        found[name] = [float(f"{number:.10g}") for number in found[name]]
-    return found[[*by, *METRIC, "value", "low", "high", "runs"]]
 
 
 def write_parquet(table: pd.DataFrame, path: Path, about: Mapping[bytes, bytes]) -> None:
