@@ -268,6 +268,7 @@ MISTAKES = [
     (with_car(x="1"), "cars[1].x: unknown field; known: name, device, edge, link, route, cameras, genie"),
     (with_car(genie="no"), "cars[1].genie: must be true or false, not 'no'"),
     ("edge: []\n" + TWO_CARS, "edge: unknown field; did you mean 'edges'?"),
+    ("scenario: 1car_homo\naxes: {}\n", "axes: belongs to a sweep, which 'genie-sim sweep' runs"),
     # what does not exist
     (with_car(edge="edge9"), "cars[1].edge: unknown edge 'edge9' (did you mean 'edge1'?); known: edge1"),
     ("cars: [{name: a, device: jetson_tx2, edge: b}]\n", "cars[0].edge: unknown edge 'b'; there are no edges"),

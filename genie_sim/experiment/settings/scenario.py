@@ -212,6 +212,8 @@ class Scenario(Model):
     @model_validator(mode="before")
     @classmethod
     def _somebody_drives(cls, data: Any) -> Any:
+        if isinstance(data, Mapping) and "axes" in data:
+            problem("axes", "belongs to a sweep, which 'genie-sim sweep' runs")
         if isinstance(data, Mapping) and data.get("fleet") is None and "cars" not in data:
             problem("cars", "missing")
         return data
