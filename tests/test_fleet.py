@@ -232,7 +232,7 @@ def tables() -> runner.Tables:
 def test_every_frame_of_every_car_is_answered_dropped_or_in_flight(tables: runner.Tables):
     frames = tables.frames.to_frame()
     assert Counter(frames["car"]) == dict.fromkeys((f"car{n}" for n in range(1, 6)), 60)
-    assert not (frames["first_answer_ns"].notna() & frames["drop"].notna()).any()
+    assert not (frames["fresh_answer_ns"].notna() & frames["drop"].notna()).any()
     assert frames["first_answer_ns"].notna().mean() > 0.9
 
 

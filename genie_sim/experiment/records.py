@@ -62,7 +62,7 @@ class FrameTable(Table):
         Column("objects_served", "int32", "objects", "in the first answer", True),
         Column("bytes_up", "int64", "B", "sent from the car to its edge for this frame"),
         Column("bytes_down", "int64", "B", "sent from the edge to the car for this frame"),
-        Column("drop", "text", "", "queue or link that dropped it before any answer; CAR:no_edge: there is none", True),
+        Column("drop", "text", "", "queue or link that dropped it before any fresh answer; CAR:no_edge: no link", True),
     )
 
     _values = attrgetter(*(column.name for column in columns))

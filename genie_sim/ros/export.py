@@ -142,7 +142,7 @@ class _Messages:
 
     def _frames(self) -> Iterator[Entry]:
         for row in _rows(self._run.frames):
-            if isinstance(row.drop, str):
+            if isinstance(row.drop, str) and row.source == "none":
                 lost = f"{row.method}: {row.car}/{row.stream} frame {row.frame} dropped at {row.drop}"
                 yield self._event(row.stamp_ns, WARN, row.car, lost)
             first, received = row.first_answer_ns, row.received_ns

@@ -111,15 +111,15 @@ class Log:
             frame.source = source
             frame.served_by = answer.served_by
             frame.objects_served = len(answer.objects)
-            frame.drop = None
         if answer.source != "map" and frame.fresh_answer_ns is None:
+            frame.drop = None
             frame.fresh_answer_ns = now_ns
             frame.objects_detected = len(answer.objects)
 
     def dropped(self, message: Message, where: str) -> None:
-        """A copy of a frame, or an answer to it, was lost. It counts as long as the frame has no answer at all."""
+        """A copy of a frame, or an answer to it, was lost. It counts as long as the frame has no fresh answer."""
         frame = self._frame(message.header)
-        if frame is not None and frame.first_answer_ns is None:
+        if frame is not None and frame.fresh_answer_ns is None:
             frame.drop = where
 
     def observe(self, genie: Genie, record: Fact, role: str, now_ns: int) -> None:
@@ -152,7 +152,7 @@ class Log:
                 frame.coalesced = outcome == "coalesced"
         elif role == "local":
             lost = self._frame(header)
-            if lost is not None and lost.drop is None and lost.first_answer_ns is None:
+            if lost is not None and lost.drop is None and lost.fresh_answer_ns is None:
                 lost.drop = f"{genie.name}:expired"
 
     def sample(self, resources: Sequence[Resource], now_ns: int) -> None:

@@ -141,7 +141,7 @@ def test_other_cars_notice_a_hand_over_only_through_the_edges():
 def test_every_frame_is_answered_dropped_or_in_flight_whatever_the_car_does(
     moves: list[tuple[int, int]], gap_ms: int, method: str
 ):
-    """published = answered + dropped + in flight at any time, and nothing is in flight in the end."""
+    """published = answered afresh + dropped + in flight at any time, and nothing is in flight in the end."""
     at_ms, edge, hand_overs = 0, 1, []
     for wait_ms, step in moves:
         at_ms, edge = at_ms + wait_ms, (edge + step - 1) % 3 + 1
@@ -152,11 +152,11 @@ def test_every_frame_is_answered_dropped_or_in_flight_whatever_the_car_does(
     world, tables = build(setting, method, STREET, DEVICES)
     world.run()
     frames = tables.frames.to_frame()
-    answered, dropped = frames["first_answer_ns"].notna(), frames["drop"].notna()
+    answered, dropped = frames["fresh_answer_ns"].notna(), frames["drop"].notna()
     assert len(frames) == 30 and not (answered & dropped).any()
     world.env.run(until=world.env.now + 60_000 * MS)
     settled = tables.frames.to_frame()
-    assert (settled["first_answer_ns"].notna() ^ settled["drop"].notna()).all()
+    assert (settled["fresh_answer_ns"].notna() ^ settled["drop"].notna()).all()
     check_bytes(world, settled)
     if method == "remote":
         check_remote(world, settled)

@@ -52,7 +52,9 @@ function stepsOf(run, id, stamp) {
       small: received >= 0 ? `${inMs(fresh - received)} after it was received` : null });
   }
   if (first < 0) steps.push({ t: LAST, tone: "miss", text: rows.drop[id] >= 0 ? `Never answered: dropped at ${names[rows.drop[id]]}` : "Never answered" });
-  else if (fresh < 0) steps.push({ t: LAST, tone: "none", text: "No detection of this very frame ever came" });
+  else if (fresh < 0) {
+    steps.push({ t: LAST, tone: "none", text: "No detection of this very frame ever came", small: rows.drop[id] >= 0 ? `dropped at ${names[rows.drop[id]]}` : null });
+  }
   if (rows.bytes_up[id] > 0 || rows.bytes_down[id] > 0) {
     steps.push({ t: 2 * LAST, tone: "none", text: `On the car's link: ${bytes(rows.bytes_up[id])} up, ${bytes(rows.bytes_down[id])} down` });
   }
