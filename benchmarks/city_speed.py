@@ -28,11 +28,11 @@ def main() -> None:
 
     Town(TownRules(blocks=(1, 1)), 1)  # reads the laws
     rules = TownRules(blocks=(arguments.blocks, arguments.blocks))
-    print(f"town of {arguments.blocks} x {arguments.blocks} blocks  {_seconds(lambda: Town(rules, 1)):8.2f} s")
+    print(f"town of {arguments.blocks} x {arguments.blocks} blocks  {_seconds(lambda: Town(rules, 1).streets):8.2f} s")
     town = Town(rules, 1)
     duration_ns = arguments.frames * 100_000_000
     drives = [town.drive(f"car{k}", duration_ns) for k in range(arguments.cars)]
-    _tell("drive", lambda: [town.drive(f"car{k}", duration_ns) for k in range(arguments.cars)], arguments.cars)
+    _tell("drive", lambda: [town.drive(f"car{k}", duration_ns).course for k in range(arguments.cars)], arguments.cars)
     indices = range(0, arguments.frames, EVERY)
     count = len(indices) * len(drives)
     _tell("frame", lambda: [drive.frames["02"][i] for i in indices for drive in drives], count)
