@@ -138,6 +138,7 @@ def test_sampled_axes_are_drawn_together_and_crossed_with_the_others():
     assert (both[0] == both[1]).all()
 
 
+RATES = "genie.object_map.rate, list: [0.1, 0.5]"
 MISTAKES = {
     "an unknown field": ("seeds:", "sedes:", "s.yaml: sedes: unknown field; did you mean 'seeds'?"),
     "no axes": (SMALL[SMALL.index("axes:") :], "axes: {}", "s.yaml: axes: must not be empty"),
@@ -162,6 +163,8 @@ MISTAKES = {
     "a column of the table": ("rate: {", "metric: {", "s.yaml: axes.metric: is a column of the table already"),
     "too many runs": ("seeds: 3", "seeds: 1000000", "s.yaml: axes: make 4,000,000 runs; at most 1,000,000"),
     "an unknown scenario": ("1car_homo", "1car_hom", "s.yaml: unknown scenario '1car_hom' (did you mean '1car_homo'?)"),
+    "no code of that name": (RATES, "genie.similarity, list: ['json:no']", "s.yaml: similarity 'json:no'"),
+    "a setting that a scenario lacks": (RATES, "scenario, list: [fleet_30]", "s.yaml: fleet_30: cars[0]"),
     "a route past the end": ("[0 s, 1 s]", "[90 s, 91 s]", "cars[0].route.window: begins at 90 s, after the last"),
 }
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -51,27 +51,32 @@ def plan(design: Design, where: str, progress: Progress | None = None) -> Plan:
     world = _World()
     total = design.runs // len(design.seeds)
     for number, point in enumerate(design.points()):
+        levels = ", ".join(f"{name} = {level}" for name, level in zip(design.axes, point.levels, strict=True))
         try:
             scenario = load_scenario(point.scenario, point.overrides)
-            prepared = world.prepare(scenario)
+            for run in _runs_of(world.prepare(scenario), design.seeds, f"point {number} ({levels})"):
+                made.entries.append(Entry(number, run.scenario.seed, run.run_id, point.levels))
+                made.runs.setdefault(run.run_id, run)
         except UserError as error:
-            raise UserError(f"{where}: {str(error).removeprefix('--set ')}") from error
-        # A town is another with every seed; whoever simulates a run makes it anew.
-        keys = {} if prepared.town else {car: _key(trace) for car, trace in prepared.traces.items()}
-        frames = _frames(prepared)
-        levels = ", ".join(f"{name} = {level}" for name, level in zip(design.axes, point.levels, strict=True))
-        for seed in design.seeds:
-            seeded = replace(prepared, scenario=scenario.model_copy(update={"seed": seed}))
-            if prepared.town:
-                seeded = replace(seeded, town=Town(prepared.town.rules, seed))
-            run_id = provenance.run_id(runner.facts(seeded))
-            place = f"point {number} ({levels}), seed {seed}"
-            made.entries.append(Entry(number, seed, run_id, point.levels))
-            made.runs.setdefault(run_id, Run(run_id, seeded.scenario, keys, frames, place))
+            which = f"{point.scenario}: " if point.scenario != design.scenario else ""
+            raise UserError(f"{where}: {which}{str(error).removeprefix('--set ')}") from error
         if progress is not None:
             progress(number + 1, total, "checking points")
     made.shared = world.shared()
     return made
+
+
+def _runs_of(prepared: Prepared, seeds: Sequence[int], point: str) -> Iterator[Run]:
+    """A point's run with each seed."""
+    # A town is another with every seed; whoever simulates a run makes it anew.
+    keys = {} if prepared.town else {car: _key(trace) for car, trace in prepared.traces.items()}
+    frames = _frames(prepared)
+    for seed in seeds:
+        seeded = replace(prepared, scenario=prepared.scenario.model_copy(update={"seed": seed}))
+        if prepared.town:
+            seeded = replace(seeded, town=Town(prepared.town.rules, seed))
+        run_id = provenance.run_id(runner.facts(seeded))
+        yield Run(run_id, seeded.scenario, keys, frames, f"{point}, seed {seed}")
 
 
 def share(runs: Iterable[Run], shard: tuple[int, int]) -> list[Run]:
