@@ -133,6 +133,11 @@ def test_an_unfinished_sweep_gets_one_line(crossed, capsys):
     assert "sweep.json: cannot be read" in foreign
 
 
+def test_along_a_drawn_axis_the_other_drawn_ones_vary_and_are_not_averaged_over(drawn, crossed):
+    assert "averaged over" not in (drawn / "figures" / "gate.svg").read_text()
+    assert any("averaged over" in path.read_text() for path in (crossed / "figures").glob("*.svg"))
+
+
 def test_the_figures_of_a_sweep_in_a_town_show_its_ghosts(town):
     words = (town / "figures" / "forget.svg").read_text()
     assert "ghost share" in words and "object recall" in words
@@ -146,6 +151,8 @@ def test_values_on_an_axis_can_be_read(town):
     drawn = figures.along(axes["forget"], "forget [ms]", runs, "")
     assert [tick.get_text() for tick in drawn.axes[0].get_xticklabels()] == ["200", "500", "1000", "2000"]
     assert drawn.get_suptitle().endswith("one seed, so without intervals")
+    assert {panel.get_xlabel() for panel in drawn.axes} == {"forget [ms], logarithmic"}
+    assert "answered afresh" in {panel.get_ylabel() for panel in drawn.axes}, "latencies are of those alone"
     mixes = figures.along(axes["mix"], "mix", runs, "")
     assert [tick.get_text() for tick in mixes.axes[0].get_xticklabels()] == ["orin_nano", '{"jetson_tx2": …']
     for panel in (*drawn.axes, *mixes.axes):

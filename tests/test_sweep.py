@@ -26,8 +26,10 @@ from genie_sim.experiment import metrics, provenance, runner
 from genie_sim.experiment.settings import files
 from genie_sim.experiment.settings.scenario import load_scenario
 from genie_sim.experiment.sweep import tasks
+from genie_sim.experiment.sweep.backends import Local
 from genie_sim.experiment.sweep.design import load_design
 from genie_sim.experiment.sweep.plan import plan
+from genie_sim.experiment.sweep.sweep import Sweep
 from genie_sim.perception.city import town
 from tests.conftest import REPOSITORY
 
@@ -264,6 +266,15 @@ def test_figures_of_an_axis_that_is_gone_go_though_nothing_is_run_again(monkeypa
     assert main(["sweep", "s.yaml", "--jobs", "1"]) == 0
     assert not simulated
     assert {path.stem for path in Path("results/s/figures").iterdir()} == {"rate"}
+
+
+def test_the_folder_says_what_its_tables_are_though_another_sweep_of_its_name_has_begun():
+    first = Sweep.load(write(SMALL), Path("results"))
+    first.run(Local(1))
+    Sweep.load(write(SMALL.replace("seeds: 3", "seeds: 1")), Path("results")).run(Local(1))
+    first.finish()
+    assert json.loads(Path("results/s/sweep.json").read_text())["runs"] == 12
+    assert len(pd.read_parquet("results/s/runs.parquet")["run_id"].unique()) == 12
 
 
 def test_one_seed_gives_no_interval():
