@@ -214,8 +214,7 @@ def prepare(
     ``UserError``."""
     if isinstance(scenario.perception, City):
         return _in_town(scenario, scenario.perception, devices)
-    if devices is None:
-        devices = _devices(scenario)
+    devices = devices or _devices(scenario)
     if isinstance(scenario.perception, Live):
         main = _perceived(scenario.perception, progress)
     else:
@@ -249,9 +248,7 @@ def _in_town(scenario: Scenario, city: City, devices: Mapping[str, DeviceProfile
     traces = cast("dict[str, Trace]", drives)
     for index, car in enumerate(scenario.cars if spelled_out is None else spelled_out.cars[:1]):
         _check_route(f"{scenario.name}: cars[{index}].route", scenario, car.route, traces[car.name])
-    if devices is None:
-        devices = _devices(spelled_out or scenario)
-    return Prepared(scenario, devices, traces, spelled_out, town)
+    return Prepared(scenario, devices or _devices(spelled_out or scenario), traces, spelled_out, town)
 
 
 def _devices(scenario: Scenario) -> dict[str, DeviceProfile]:

@@ -141,11 +141,10 @@ class World:
         """Runs until nothing is on its way any more, at most ten minutes after the last frame. ``progress`` gets the
         time now and at the end [ns]."""
         sampler = self.env.process(self._sampler(progress))
-        until_ns = self._end_ns + DRAIN_NS
-        self.env.run(until=until_ns)
-        while not self.env.waits_only_for(sampler) and until_ns < self._end_ns + MOST_DRAIN_NS:
-            until_ns += DRAIN_NS
-            self.env.run(until=until_ns)
+        for waited_ns in range(DRAIN_NS, MOST_DRAIN_NS + 1, DRAIN_NS):
+            self.env.run(until=self._end_ns + waited_ns)
+            if self.env.waits_only_for(sampler):
+                break
         self._log.sample(self._sampled, self.env.now)
         self._log.close()
 
@@ -191,8 +190,8 @@ class World:
 
     def _add_frames(self, car: Car, host: Host, graph: Graph, trace: Trace) -> None:
         """What the car sees or where it is, who notes when it does, and who consumes the answers."""
-        nobody = f"{car.name}:no_edge" if self.method == "remote" and car.edge is None else None
-        _FirstQueue(graph, self._log, nobody)
+        nobody_takes_them = self.method == "remote" and car.edge is None
+        _Watch(graph, partial(self._lost, f"{car.name}:no_edge") if nobody_takes_them else self._received)
         Consumer(f"{car.name}/consumer", graph, OBJECTS, partial(self._answered, car))
         self._add_cameras(car, host, graph, trace)
 
@@ -250,6 +249,10 @@ class World:
         downwards = Bridge(down, graph, down_topic, f"{car.name}/genie", received, lost)
         edge.downlinks.of_car[car.name] = downwards
         return upwards, downwards
+
+    def _received(self, message: Message) -> None:
+        """A camera's frame is in the queue of the first node that handles it."""
+        self._log.received(message.header, self.env.now)
 
     def _lost(self, where: str, message: Message) -> None:
         self._log.dropped(message, where)
@@ -309,19 +312,13 @@ class World:
             yield self.env.timeout(SAMPLE_NS)
 
 
-class _FirstQueue:
-    """Notes when a camera's frame reaches the first node that handles it; takes no time and changes nothing. Where
-    there is no such node, ``nobody`` is what the frame was lost for."""
+class _Watch:
+    """Notes when a camera's frame is there for the first node that handles it; takes no time and changes nothing."""
 
-    def __init__(self, graph: Graph, log: Log, nobody: str | None) -> None:
+    def __init__(self, graph: Graph, note: Callable[[Message], None]) -> None:
         self.address = f"{graph.name}/log"
-        self._env = graph.env
-        self._log = log
-        self._nobody = nobody
+        self._note = note
         graph.subscribe(IMAGES, self)
 
     def deliver(self, topic: str, message: Message, sender: str) -> None:
-        if self._nobody is None:
-            self._log.received(message.header, self._env.now)
-        else:
-            self._log.dropped(message, self._nobody)
+        self._note(message)

@@ -17,7 +17,7 @@ from genie_sim.experiment.settings.scenario import Scenario
 from genie_sim.sim.link import Link
 from genie_sim.sim.nodes import Detector, Genie
 from genie_sim.sim.ros_graph import Node
-from genie_sim.sim.world import DETECTOR, World
+from genie_sim.sim.world import DETECTOR, DRAIN_NS, World
 
 TRACE = street(seconds=2.0)
 USUAL = {name: load_profile(name) for name in ("jetson_tx2", "agx_xavier")}
@@ -262,7 +262,7 @@ def test_the_usual_cars(cars: int):
 
 def test_what_is_in_flight_at_the_end_of_a_run_is_inside_the_world(monkeypatch: pytest.MonkeyPatch):
     """An LTE link is far too slow for four cameras: some frames are still on their way where nobody waits for them."""
-    monkeypatch.setattr("genie_sim.sim.world.MOST_DRAIN_NS", 0)
+    monkeypatch.setattr("genie_sim.sim.world.MOST_DRAIN_NS", DRAIN_NS)
     slow = {"name": "car1", "device": "jetson_tx2", "edge": "edge1", "link": {"like": "lte", "rate_up": "1 Mbit/s"}}
     run = Run(scenario([slow], queue_length=2), "remote", USUAL)
     in_flight = run.frames["first_answer_ns"].isna() & run.frames["drop"].isna()

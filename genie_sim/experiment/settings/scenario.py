@@ -230,7 +230,6 @@ class Scenario(Model):
         for index, car in enumerate(self.cars):
             if car.name == EDGES:
                 problem(f"cars[{index}].name", f"{EDGES!r} is what the network between the edges is called")
-        for index, car in enumerate(self.cars):
             if car.edge is not None and car.edge not in edges:
                 problem(f"cars[{index}].edge", _unknown_edge(car.edge, edges))
             self._hand_overs_fit(index, car, edges)

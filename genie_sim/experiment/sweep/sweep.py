@@ -89,11 +89,11 @@ class Sweep:
                 if progress is not None:
                     progress(count, len(mine), f"{len(failures)} failed" if failures else "")
         if failures:
-            order = list(self.plan.runs)
-            first = min(failures, key=lambda one: order.index(one.run_id))
+            why = {failure.run_id: failure.error for failure in failures}
+            first = next(run for run_id, run in self.plan.runs.items() if run_id in why)
             raise UserError(
                 f"{self.folder}: {len(failures):,} of {len(mine):,} runs failed, the others are done; "
-                f"{self.plan.runs[first.run_id].place}: {first.error}; see {self._told(first.run_id)}"
+                f"{first.place}: {why[first.run_id]}; see {self._told(first.run_id)}"
             )
         if {run.run_id for run in mine} - tables.done_runs(self._parts):
             raise UserError(f"{self._parts}: the workers' parts are not there; they must write to the same file system")
@@ -143,8 +143,8 @@ class Sweep:
         tables.write_csv(points, self.folder / "table.csv")
         (self.folder / "figures").mkdir(exist_ok=True)
         for name, axis in self.design.axes.items():
-            others = [other for other, its in self.design.axes.items() if not (axis.sampled and its.sampled)]
-            others = [other for other in others if other != name]
+            drawn_together = {other for other, its in self.design.axes.items() if axis.sampled and its.sampled}
+            others = [other for other in self.design.axes if other not in {name, *drawn_together}]
             figure = figures.along(axis, self.design.columns[name], runs, self._footer(), others)
             of_runs.save(figure, self.folder / "figures", name)
         self._write_about()  # another sweep of this name may have begun in the meantime

@@ -43,16 +43,14 @@ class Town:
     @functools.cached_property
     def streets(self) -> Streets:
         """Every street with what stands and moves on it."""
-        rules, ways = self.rules, list[list[Street]]()
-        for northbound, name in enumerate(("east", "north")):
-            streams = (stream(self.seed, "city", name, k) for k in range(rules.blocks[1 - northbound] + 1))
-            ways.append(
-                [
-                    lay_out(rules, self.laws, bool(northbound), k, self.key, random)
-                    for k, random in enumerate(streams)
-                ]
-            )
-        return Streets(rules, *ways)
+        columns, rows = self.rules.blocks
+
+        def ways(name: str, blocks: int) -> list[Street]:
+            streams = (stream(self.seed, "city", name, k) for k in range(blocks + 1))
+            northbound = name == "north"
+            return [lay_out(self.rules, self.laws, northbound, k, self.key, one) for k, one in enumerate(streams)]
+
+        return Streets(self.rules, ways("east", rows), ways("north", columns))
 
     @functools.cached_property
     def eye(self) -> Eye:
