@@ -24,9 +24,9 @@ from benchmarks.genie_runs import REPOSITORY
 from benchmarks.speed import machine
 from benchmarks.speed_page import table
 from genie_sim.errors import UserError
-from genie_sim.experiment.runner import Prepared, simulate
-from genie_sim.experiment.settings.scenario import Record
-from genie_sim.perception.city import Town, TownRules
+from genie_sim.runner import Prepared, simulate
+from genie_sim.scenario.scenario import Record
+from genie_sim.town import Town, TownRules
 
 FRAMES_A_S = 10
 FLEET_1000: tuple[Record, ...] = ("lookups", "resources", "truth")

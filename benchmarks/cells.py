@@ -25,17 +25,17 @@ import pandas as pd
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from benchmarks.speed_page import DOCS, filled, table
+from genie_sim.analysis import metrics
 from genie_sim.errors import UserError
-from genie_sim.experiment import metrics
-from genie_sim.experiment.paper.evidence import Values, interval
-from genie_sim.experiment.parallel import in_processes, workers_here
-from genie_sim.experiment.runner import Prepared, Tables, prepare, simulate
-from genie_sim.experiment.settings.scenario import Car, Edge, Route, Scenario, load_scenario
+from genie_sim.paper.evidence import Values, interval
+from genie_sim.parallel import in_processes, workers_here
+from genie_sim.runner import Prepared, Tables, prepare, simulate
+from genie_sim.scenario.scenario import Car, Edge, Route, Scenario, load_scenario
 from genie_sim.units import NS_PER_S
 
 if TYPE_CHECKING:
-    from genie_sim.perception.city import Drive
     from genie_sim.perception.trace import Trace
+    from genie_sim.town import Drive
 
 PAGE = DOCS / "explanation" / "million-cars.md"
 BLOCKS_A_CELL = 3  # each way, and

@@ -19,10 +19,10 @@ from unittest import mock
 import numpy as np
 
 from benchmarks.station import PERIOD_NS, Outcome, scheduled_events
-from genie_sim.experiment import runner
-from genie_sim.experiment.runner import Prepared, Progress, Tables, prepare, simulate
-from genie_sim.experiment.seeds import stream
-from genie_sim.experiment.settings.scenario import Scenario, load_scenario, read_scenario
+from genie_sim import runner
+from genie_sim.runner import Prepared, Progress, Tables, prepare, simulate
+from genie_sim.scenario.scenario import Scenario, load_scenario, read_scenario
+from genie_sim.seeds import stream
 from genie_sim.sim.world import World
 
 REPOSITORY = Path(__file__).resolve().parent.parent

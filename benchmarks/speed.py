@@ -27,8 +27,8 @@ from benchmarks import genie_runs, peers, speed_page
 from benchmarks.genie_runs import Drive, Hot, Work, drive, fleet, run_genie, three_cars, work_of
 from benchmarks.station import ENGINES, Outcome, Station, station_of
 from genie_sim.errors import UserError
-from genie_sim.experiment import provenance
-from genie_sim.experiment.runner import Prepared, prepare
+from genie_sim.recording import provenance
+from genie_sim.runner import Prepared, prepare
 
 CAMERAS_PER_CAR = 4
 FIRST_LAP, ALL_LAPS, FLEET = "Genie, first lap", "Genie, {} laps", "Genie"

@@ -12,8 +12,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
+from genie_sim.analysis.figures import COLUMN_IN, METHOD_LINES, STYLE
 from genie_sim.errors import UserError
-from genie_sim.experiment.figures import COLUMN_IN, METHOD_LINES, STYLE
 
 if TYPE_CHECKING:
     from benchmarks.speed import Measured

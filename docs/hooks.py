@@ -11,10 +11,11 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
-from genie_sim.experiment import records
-from genie_sim.experiment.settings import catalogue, files
-from genie_sim.experiment.settings.links import LINKS
-from genie_sim.experiment.settings.profiles import DeviceProfile, load_profile
+from genie_sim import catalogue
+from genie_sim.recording import records
+from genie_sim.scenario import files
+from genie_sim.scenario.links import LINKS
+from genie_sim.scenario.profiles import DeviceProfile, load_profile
 from genie_sim.units import duration_text, rate_text
 
 

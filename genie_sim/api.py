@@ -17,13 +17,13 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from genie_sim import runner
 from genie_sim.errors import UserError
-from genie_sim.experiment import runner
-from genie_sim.experiment.results import Figures, Run, load
-from genie_sim.experiment.runner import Progress
-from genie_sim.experiment.settings import scenario
-from genie_sim.experiment.settings.scenario import Scenario
 from genie_sim.paths import expanded
+from genie_sim.recording.results import Figures, Run, load
+from genie_sim.runner import Progress
+from genie_sim.scenario import scenario
+from genie_sim.scenario.scenario import Scenario
 
 __all__ = ["Figures", "Run", "Scenario", "UserError", "load", "load_scenario", "run"]
 

@@ -18,22 +18,22 @@ _UNPRINTABLE = re.compile(r"[\x00-\x1f\x7f\ud800-\udfff]")
 
 def _scenarios(incomplete: str) -> list[str]:
     """Scenarios that a shell may complete; paths it completes itself."""
-    from genie_sim.experiment.settings import files
+    from genie_sim.scenario import files
 
     return [name for name in files.available(files.SCENARIO) if name.startswith(incomplete)]
 
 
 def kinds(incomplete: str) -> list[str]:
     """What ``genie-sim list`` can list."""
-    from genie_sim.experiment.settings.catalogue import KINDS
+    from genie_sim.catalogue import KINDS
 
     return [kind for kind in KINDS if kind.startswith(incomplete)]
 
 
 def _setting_paths(incomplete: str) -> list[str]:
     """``PATH=`` of every field that ``--set`` takes; of lists, the first entry's."""
-    from genie_sim.experiment.settings.genie_settings import GenieSettings, ObjectMapSettings
-    from genie_sim.experiment.settings.scenario import Car, Edge, Route, Scenario
+    from genie_sim.scenario.genie_settings import GenieSettings, ObjectMapSettings
+    from genie_sim.scenario.scenario import Car, Edge, Route, Scenario
 
     places = {
         "": Scenario,

@@ -56,11 +56,11 @@ def run(
     genie-sim run 3car_hetero --set cars[0].device=orin_nano --set genie.eviction=lru
     genie-sim run mine.yaml --seed 7 --out lab
     """
-    from genie_sim.experiment import runner
+    from genie_sim import runner
 
     with Progress() as progress:
         result = runner.run(scenario, set_ or (), seed, out, progress, with_report=not no_report)
-    from genie_sim.experiment import summary
+    from genie_sim.analysis import summary
 
     typer.echo(summary.text(result.metrics, width=min(terminal.width(), 100)))
     typer.echo(f"Results: {result.folder}\nFigures: {result.folder / 'figures'}")
@@ -75,8 +75,8 @@ def report(
     out: Annotated[Path | None, path_option(help="The page to write; default: report.html in the folder.")] = None,
 ) -> None:
     """Write one HTML page about a run, an evaluation or a sweep."""
+    from genie_sim import report as page
     from genie_sim import units
-    from genie_sim.experiment import report as page
 
     try:
         start_ns = units.duration_ns(start)
@@ -98,8 +98,8 @@ def reproduce(
     out: Annotated[Path, path_option(help="The folder that gets the evaluation.")] = Path("results/reproduce"),
 ) -> None:
     """Run the paper's evaluation: figures and verdicts."""
-    from genie_sim.experiment.paper import verdict_table
-    from genie_sim.experiment.paper.reproduce import reproduce as run_evaluation
+    from genie_sim.paper import verdict_table
+    from genie_sim.paper.reproduce import reproduce as run_evaluation
 
     with Progress(unit="runs") as progress:
         result = run_evaluation(out, quick, seeds, jobs, progress, drives)
@@ -113,7 +113,7 @@ def reproduce(
 @app.command()
 def rerun(folder: Annotated[Path, path_argument(help="A result folder.")]) -> None:
     """Run a result folder again and compare it byte for byte."""
-    from genie_sim.experiment import runner
+    from genie_sim import runner
 
     with Progress() as progress:
         compared = runner.rerun(folder, progress)
@@ -170,7 +170,7 @@ def profile(
     ] = False,
 ) -> None:
     """Measure a detector on this machine into a device profile. Or take measured latencies."""
-    from genie_sim.experiment import device_fit
+    from genie_sim.perception import device_fit
 
     if (detector is None) == (csv is None):
         raise UserError("profile: give either --detector, to measure here, or --csv, with latencies measured elsewhere")
@@ -200,9 +200,9 @@ def sweep(
         raise typer.BadParameter(unknown("backend", backend, ("joblib", "dask")))
     if (backend == "dask") != (scheduler is not None):
         raise typer.BadParameter("--backend dask and --scheduler ADDRESS belong together")
-    from genie_sim.experiment import parallel
-    from genie_sim.experiment.sweep.backends import Dask, Local
-    from genie_sim.experiment.sweep.sweep import Sweep
+    from genie_sim import parallel
+    from genie_sim.sweep.backends import Dask, Local
+    from genie_sim.sweep.sweep import Sweep
 
     with Progress(unit="points") as progress:
         work = Sweep.load(sweep, out, progress)
@@ -243,8 +243,8 @@ def attach(
 ) -> None:
     """Put a Genie in front of a running ROS node. It stays until Ctrl-C or 'detach'."""
     from genie_sim import units
-    from genie_sim.experiment.settings.overrides import apply_overrides
     from genie_sim.ros import attach as real
+    from genie_sim.scenario.overrides import apply_overrides
 
     settings: dict[str, Any] = {}
     apply_overrides(settings, set_ or ())
@@ -278,7 +278,7 @@ def export(
     out: Annotated[Path | None, path_option(help="The file; default: run.mcap or run.bag in the folder.")] = None,
 ) -> None:
     """Write a run as a bag, for Foxglove or RViz."""
-    from genie_sim.experiment import results
+    from genie_sim.recording import results
     from genie_sim.ros import export as bags
 
     path = out if out is not None else folder / f"run.{format}"
@@ -294,7 +294,7 @@ def list_(
     ] = None,
 ) -> None:
     """Show what can be named in a scenario."""
-    from genie_sim.experiment.settings import catalogue
+    from genie_sim import catalogue
 
     if what is not None and what not in catalogue.KINDS:
         raise UserError(unknown("kind of thing to list", what, catalogue.KINDS))
@@ -311,7 +311,7 @@ def schema(what: Annotated[str, typer.Argument(help="scenario or device.")]) -> 
     """Print the JSON Schema of scenarios or devices, for editors."""
     import json
 
-    from genie_sim.experiment.settings.schema import SCHEMAS, json_schema
+    from genie_sim.scenario.schema import SCHEMAS, json_schema
 
     if what not in SCHEMAS:
         raise UserError(unknown("kind of file", what, SCHEMAS))

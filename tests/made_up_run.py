@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from genie_sim.experiment.records import Frame, FrameTable, LookupTable, ResourceTable
+from genie_sim.recording.records import Frame, FrameTable, LookupTable, ResourceTable
 
 MS = 1_000_000
 STREAMS = ("camera_00", "camera_01", "camera_02", "camera_03")

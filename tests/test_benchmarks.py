@@ -17,7 +17,7 @@ from benchmarks.genie_runs import Drive, Footprint, bytes_per_frame, drive, flee
 from benchmarks.speed import Costs, Race, Sizes
 from benchmarks.station import ENGINES, PERIOD_NS, Outcome, Station, heapq_station, simpy_station, station_of
 from genie_sim.errors import UserError
-from genie_sim.experiment.runner import prepare
+from genie_sim.runner import prepare
 
 MS = 1_000_000
 NO_PYTHON = "/no/such/python"

@@ -12,8 +12,8 @@ import pytest
 from benchmarks import cells
 from benchmarks.cells import CUTS, FIGURES, JOINT, Compared, Setting, Tabled, apart, small_town, together, visits
 from genie_sim.errors import UserError
-from genie_sim.experiment.runner import Prepared
-from genie_sim.experiment.settings.scenario import Car, HandOver, load_scenario
+from genie_sim.runner import Prepared
+from genie_sim.scenario.scenario import Car, HandOver, load_scenario
 from genie_sim.units import NS_PER_S
 
 TINY = Setting(columns=2, rows=1, cars=4, drive_s=12.0)

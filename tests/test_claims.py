@@ -7,10 +7,10 @@ import math
 import numpy as np
 import pytest
 
-from genie_sim.experiment.paper import table1
-from genie_sim.experiment.paper.checks import ALL, CHECKS, load_claims
-from genie_sim.experiment.paper.claims import VERDICTS, judge, judge_one, supporting_variants, verdict_of
-from genie_sim.experiment.paper.evidence import Evidence, Finding, all_positive, below, interval, matches
+from genie_sim.paper import table1
+from genie_sim.paper.checks import ALL, CHECKS, load_claims
+from genie_sim.paper.claims import VERDICTS, judge, judge_one, supporting_variants, verdict_of
+from genie_sim.paper.evidence import Evidence, Finding, all_positive, below, interval, matches
 
 CLAIMS = {claim.id: claim for claim in load_claims()}
 KINDS = {"input", "near_input", "calibrated", "prediction", "invariant", "table"}

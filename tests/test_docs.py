@@ -69,7 +69,7 @@ def test_the_site_builds_without_a_warning(tmp_path: Path):
 
 def test_every_name_of_the_registries_is_explained():
     """What ``genie-sim list`` knows of similarities, evictions, rules and links stands in the documentation."""
-    from genie_sim.experiment.settings import catalogue
+    from genie_sim import catalogue
 
     text = "".join(path.read_text(encoding="utf-8") for path in PAGES.values())
     for kind in ("similarities", "evictions", "rules", "links"):
@@ -79,7 +79,7 @@ def test_every_name_of_the_registries_is_explained():
 
 def test_every_reading_of_the_paper_is_explained():
     """Each setting under ``genie:`` and each of its choices stands in the page on how the paper is read."""
-    from genie_sim.experiment.settings.schema import json_schema
+    from genie_sim.scenario.schema import json_schema
 
     page = PAGES["explanation/paper-readings.md"].read_text(encoding="utf-8")
     definitions = json_schema("scenario")["$defs"]

@@ -12,10 +12,10 @@ import pytest
 
 from genie_sim.cli import main
 from genie_sim.errors import UserError
-from genie_sim.experiment.paper import drives
-from genie_sim.experiment.paper.checks import load_claims
-from genie_sim.experiment.paper.drives import DIRECTIONS, FACTS, SCENARIOS, DriveJob, Driven
-from genie_sim.experiment.paper.reproduce import reproduce
+from genie_sim.paper import drives
+from genie_sim.paper.checks import load_claims
+from genie_sim.paper.drives import DIRECTIONS, FACTS, SCENARIOS, DriveJob, Driven
+from genie_sim.paper.reproduce import reproduce
 
 REPOSITORY = Path(__file__).resolve().parent.parent
 
@@ -84,7 +84,7 @@ def test_without_sequences_nothing_is_simulated(tmp_path, monkeypatch, capsys):
     def simulated(*_):
         raise AssertionError("it was")
 
-    monkeypatch.setattr("genie_sim.experiment.paper.reproduce.run_jobs", simulated)
+    monkeypatch.setattr("genie_sim.paper.reproduce.run_jobs", simulated)
     monkeypatch.delenv("GENIE_SIM_KITTI", raising=False)
     assert main(["reproduce", "--quick", "--drives", "--out", "out"]) == 1
     assert capsys.readouterr().err.startswith("genie-sim: drives: set GENIE_SIM_KITTI to KITTI's folder")

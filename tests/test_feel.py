@@ -93,7 +93,7 @@ def test_help_begins_with_three_examples_and_lists_every_command_in_one_line(cap
 
 def test_the_examples_of_help_are_right():
     """Their commands and options exist and their scenario loads; running them is the README's test."""
-    from genie_sim.experiment.settings.scenario import load_scenario
+    from genie_sim.scenario.scenario import load_scenario
 
     assert load_scenario("3car_hetero", ["cars[0].device=orin_nano"], 7).cars[0].device == "orin_nano"
     assert load_scenario("3car_hetero", ["genie.eviction=lru"]).genie.eviction == "lru"
@@ -110,7 +110,7 @@ def test_every_screen_fits_its_window(columns):
 
 def test_a_list_has_one_line_a_name_for_other_programs(run_cli):
     """Whatever the window: ``genie-sim list scenarios | grep``."""
-    from genie_sim.experiment.settings import files
+    from genie_sim.scenario import files
 
     lines = run_cli("list", "scenarios", env={"COLUMNS": "30"}).stdout.splitlines()
     assert [line.split()[0] for line in lines] == list(files.available(files.SCENARIO))
@@ -199,7 +199,7 @@ def test_the_shell_completes_commands_names_and_settings():
 def test_every_completed_setting_is_one():
     """Each may be given: the scenario knows it and says nothing of an unknown field."""
     from genie_sim.errors import UserError
-    from genie_sim.experiment.settings.scenario import load_scenario
+    from genie_sim.scenario.scenario import load_scenario
 
     offered = completed("run", "3car_hetero", "--set", "")
     assert len(offered) > 30

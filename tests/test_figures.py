@@ -10,8 +10,8 @@ import matplotlib as mpl
 import pandas as pd
 import pytest
 
-from genie_sim.experiment import figures, metrics
-from genie_sim.experiment.records import FrameTable, LookupTable, ResourceTable
+from genie_sim.analysis import figures, metrics
+from genie_sim.recording.records import FrameTable, LookupTable, ResourceTable
 
 FOOTER = "3car_hetero, run 0123456789ab, seed 1"
 

@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from genie_sim.errors import UserError
-from genie_sim.experiment.settings import files
-from genie_sim.experiment.settings.yaml_input import dump, parse, read_mapping
+from genie_sim.scenario import files
+from genie_sim.scenario.yaml_input import dump, parse, read_mapping
 
 
 def refusal(data: bytes, tmp_path: Path) -> str:

@@ -13,24 +13,24 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from genie_sim import runner
 from genie_sim.errors import UserError
-from genie_sim.experiment import runner
-from genie_sim.experiment.cells import CHECK_NS, Cells, device_of_each
-from genie_sim.experiment.report import data
-from genie_sim.experiment.runner import prepare, simulate
-from genie_sim.experiment.settings import files
-from genie_sim.experiment.settings.fleet import Fleet
-from genie_sim.experiment.settings.scenario import Scenario, load_scenario, read_scenario
-from genie_sim.experiment.settings.yaml_input import parse
-from genie_sim.experiment.sweep.design import load_design
-from genie_sim.experiment.sweep.plan import plan
-from genie_sim.experiment.sweep.tasks import Finished, Task, run_task
+from genie_sim.report import data
+from genie_sim.runner import prepare, simulate
+from genie_sim.scenario import files
+from genie_sim.scenario.fleet import Fleet
+from genie_sim.scenario.scenario import Scenario, load_scenario, read_scenario
+from genie_sim.scenario.yaml_input import parse
+from genie_sim.sweep.design import load_design
+from genie_sim.sweep.plan import plan
+from genie_sim.sweep.tasks import Finished, Task, run_task
+from genie_sim.town.cells import CHECK_NS, Cells, device_of_each
 from genie_sim.units import NS_PER_MS, NS_PER_S
 
 SMALL: dict[str, Any] = {
     "name": "small",
     "methods": ["genie"],
-    "perception": {"source": "city", "duration": "6 s", "town": {"blocks": [3, 2], "block": "100 m"}},
+    "perception": {"source": "town", "duration": "6 s", "town": {"blocks": [3, 2], "block": "100 m"}},
     "cameras": [{"name": "camera_02", "recording": "02", "size": "100 kB"}],
     "fleet": {"cars": 5, "devices": "jetson_tx2", "edge_device": "rtx_a4500", "cell": "100 m", "hysteresis": "5 m"},
 }
@@ -314,7 +314,7 @@ def test_a_sweep_over_fleets_gives_each_run_what_it_gives_alone(tmp_path: Path, 
     ("settings", "message"),
     [
         ({"cars": [{"name": "a", "device": "jetson_tx2"}]}, "cars: a fleet brings its own; leave them out, or 'fleet'"),
-        ({"perception": {"source": "recorded"}}, "fleet: needs a town to drive in: 'perception: {source: city}'"),
+        ({"perception": {"source": "recorded"}}, "fleet: needs a town to drive in: 'perception: {source: town}'"),
         ({"fleet": None}, "cars: missing"),
         ({"origin": [49, 8, 100]}, "origin: a town is where it is; leave it out"),
         ({"fleet": fleet(devices={"jetson_tx2": 0.5})}, "fleet.devices: shares must add up to 1, not to 0.5"),
@@ -323,10 +323,10 @@ def test_a_sweep_over_fleets_gives_each_run_what_it_gives_alone(tmp_path: Path, 
         ({"fleet": fleet(cars=0)}, "fleet.cars: must be at least 1, not 0"),
         ({"fleet": fleet(cell=100)}, "fleet.cell: length 100 has no unit; write for example '1 m'"),
         (
-            {"perception": {"source": "city", "town": {"blok": 3}}},
+            {"perception": {"source": "town", "town": {"blok": 3}}},
             "perception.town.blok: unknown field of a town 'blok'",
         ),
-        ({"perception": {"source": "city", "town": {"block": "5 m"}}}, "perception.town: block: 5.0 m is too short "),
+        ({"perception": {"source": "town", "town": {"block": "5 m"}}}, "perception.town: block: 5.0 m is too short "),
         ({"record": ["frames"]}, "record[0]: unknown record 'frames'; known: "),
     ],
 )

@@ -140,7 +140,7 @@ def test_only_the_runner_builds_a_world():
     """Metrics, figures, summaries, claims and reports read what a run wrote, never the simulator."""
     for module, path in MODULES.items():
         if layer_of(module) != "sim" and module not in SIMULATE:
-            used = [name for _, name in imports(path) if within(name, ("genie_sim.sim", "genie_sim.experiment.runner"))]
+            used = [name for _, name in imports(path) if within(name, ("genie_sim.sim", "genie_sim.runner"))]
             assert not used, f"{path}: imports {used}"
 
 
@@ -153,7 +153,7 @@ def test_the_command_line_starts_without_heavy_libraries():
 
 def test_a_scenario_is_read_without_heavy_libraries():
     """The shell's completion and the real Genies read settings, too."""
-    assert not set(LATE) & _loaded_by("import genie_sim.experiment.settings.scenario")
+    assert not set(LATE) & _loaded_by("import genie_sim.scenario.scenario")
 
 
 def _loaded_by(statement: str) -> set[str]:

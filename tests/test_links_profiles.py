@@ -7,8 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from genie_sim.errors import UserError
-from genie_sim.experiment.settings.fields import Model, validate
-from genie_sim.experiment.settings.links import LINKS, Link, LinkProfile
+from genie_sim.scenario.fields import Model, validate
+from genie_sim.scenario.links import LINKS, Link, LinkProfile
 
 IMAGE_BYTES = 1_397_297
 

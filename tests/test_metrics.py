@@ -7,9 +7,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from genie_sim.experiment import metrics
-from genie_sim.experiment.metrics import Metric, compute
-from genie_sim.experiment.records import Frame, FrameTable, LookupTable, ResourceTable
+from genie_sim.analysis import metrics
+from genie_sim.analysis.metrics import Metric, compute
+from genie_sim.recording.records import Frame, FrameTable, LookupTable, ResourceTable
 
 MS = 1_000_000
 S = 1_000_000_000

@@ -21,9 +21,9 @@ from test_fuzz import SEEDS, mutated, only_clear_errors
 import genie_sim as gs
 from genie_sim.cli import app, main
 from genie_sim.errors import UserError
-from genie_sim.experiment import records
-from genie_sim.experiment.settings.scenario import LONGEST_DAYS, load_scenario
 from genie_sim.paths import whole_file
+from genie_sim.recording import records
+from genie_sim.scenario.scenario import LONGEST_DAYS, load_scenario
 from tests.conftest import REPOSITORY
 
 SHORT = {"cars[0].route.window": ["0 s", "1 s"], "methods": ["genie"]}
@@ -303,6 +303,6 @@ def test_a_fleet_that_fills_the_memory_gets_one_line(setting, message, capsys):
 
 def test_a_share_of_a_fleet_that_is_no_car_is_left_out_of_the_page():
     fleet = {"cars": 1, "devices": {"jetson_tx2": 0.7, "orin_nano": 0.3}, "edge_device": "agx_xavier"}
-    perception = {"source": "city", "duration": "1 s"}
+    perception = {"source": "town", "duration": "1 s"}
     run = gs.run({"fleet": fleet, "perception": perception, "methods": ["local"]})
     assert "NVIDIA Jetson TX2" in run.report("page.html").read_text(encoding="utf-8")

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from kitti_folder import make_network
 
 from genie_sim.errors import UserError
-from genie_sim.experiment import device_fit
-from genie_sim.experiment.settings.profiles import ServiceTime, load_profile
+from genie_sim.perception import device_fit
+from genie_sim.scenario.profiles import ServiceTime, load_profile
 
 
 def drawn(median_ms, loc, sigma, count=5000, seed=1):

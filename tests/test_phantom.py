@@ -6,10 +6,10 @@ import pytest
 from sim.street import street
 
 from genie_sim.errors import UserError
-from genie_sim.experiment.records import FrameTable, LookupTable, ResourceTable
-from genie_sim.experiment.settings.profiles import load_profile
-from genie_sim.experiment.settings.scenario import load_scenario, read_scenario
-from genie_sim.sim.log import Log
+from genie_sim.recording.log import Log
+from genie_sim.recording.records import FrameTable, LookupTable, ResourceTable
+from genie_sim.scenario.profiles import load_profile
+from genie_sim.scenario.scenario import load_scenario, read_scenario
 from genie_sim.sim.phantom import POSITION_BYTES, positions
 from genie_sim.sim.world import OBJECTS, World
 

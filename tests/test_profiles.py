@@ -11,9 +11,9 @@ import pytest
 import yaml
 
 from genie_sim.errors import UserError
-from genie_sim.experiment.seeds import stream
-from genie_sim.experiment.settings import files
-from genie_sim.experiment.settings.profiles import DeviceProfile, ServiceTime, load_profile
+from genie_sim.scenario import files
+from genie_sim.scenario.profiles import DeviceProfile, ServiceTime, load_profile
+from genie_sim.seeds import stream
 
 SHIPPED = ["jetson_tx2", "agx_xavier", "quadro_rtx_4000", "quadro_rtx_4000_q31", "orin_nano", "agx_orin", "rtx_a4500"]
 TABLE_I = {  # milliseconds: Nano, AGX, Orin, A4500

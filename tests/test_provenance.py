@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 
 from genie_sim.errors import UserError
-from genie_sim.experiment import provenance
-from genie_sim.experiment.provenance import check_writable, result_folder, run_id
+from genie_sim.recording import provenance
+from genie_sim.recording.provenance import check_writable, result_folder, run_id
 
 FACTS = {
     "scenario": {"name": "3car_hetero", "seed": 1, "cars": [{"name": "car1"}]},
@@ -54,7 +54,7 @@ def test_whatever_decides_the_outcome_changes_the_run_id(other):
 
 
 def test_the_run_id_is_the_same_in_every_process():
-    script = "import json, sys; from genie_sim.experiment.provenance import run_id; print(run_id(json.load(sys.stdin)))"
+    script = "import json, sys; from genie_sim.recording.provenance import run_id; print(run_id(json.load(sys.stdin)))"
     for hash_seed in ("0", "99"):
         environment = os.environ | {"PYTHONHASHSEED": hash_seed, "PYTHONPATH": os.pathsep.join(sys.path)}
         done = subprocess.run(

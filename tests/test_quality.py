@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from sim.street import street
 
-from genie_sim.experiment.paper.quality import KITTI, measure, summarise
-from genie_sim.experiment.paper.replicate import Answer, Held
+from genie_sim.paper.quality import KITTI, measure, summarise
+from genie_sim.paper.replicate import Answer, Held
 from genie_sim.perception.labels import Labels, Track, distance_m, read_tracking_labels, read_tracklets
 
 SECOND = 1_000_000_000

@@ -13,9 +13,9 @@ import pyarrow.parquet as pq
 import pytest
 
 from genie_sim.errors import UserError
-from genie_sim.experiment import tables
-from genie_sim.experiment.records import Frame, FrameTable, LookupTable, ObjectTable, PoseTable, ResourceTable
-from genie_sim.experiment.tables import Table
+from genie_sim.recording import tables
+from genie_sim.recording.records import Frame, FrameTable, LookupTable, ObjectTable, PoseTable, ResourceTable
+from genie_sim.recording.tables import Table
 
 MS = 1_000_000
 

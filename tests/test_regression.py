@@ -11,7 +11,7 @@ import math
 import sys
 from pathlib import Path
 
-from genie_sim.experiment.paper.reproduce import small_version
+from genie_sim.paper.reproduce import small_version
 
 REPOSITORY = Path(__file__).resolve().parent.parent
 COMMITTED = Path(__file__).with_name("regression.json")

@@ -15,9 +15,9 @@ import pandas as pd
 import pytest
 
 import genie_sim as gs
+from genie_sim import report
 from genie_sim.cli import main
-from genie_sim.experiment import report
-from genie_sim.experiment.report import data, replay
+from genie_sim.report import data, replay
 from tests.browser import Browser, installed
 
 MEGABYTE = 10**6

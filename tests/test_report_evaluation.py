@@ -11,8 +11,8 @@ import pytest
 
 import genie_sim as gs
 from genie_sim.cli import main
-from genie_sim.experiment.paper import verdict_table
-from genie_sim.experiment.report import evaluation
+from genie_sim.paper import page as evaluation
+from genie_sim.paper import verdict_table
 from tests.browser import Browser, installed
 from tests.test_report import EVIL, MEGABYTE, embedded, middle, picture
 
@@ -114,7 +114,7 @@ def test_an_evaluation_has_no_replay_to_start(folder):
 
 @pytest.mark.slow
 def test_reproduce_writes_the_page(monkeypatch):
-    from genie_sim.experiment.paper.reproduce import reproduce
+    from genie_sim.paper.reproduce import reproduce
 
     monkeypatch.delenv("GENIE_SIM_KITTI", raising=False)
     made = reproduce(Path("out"), quick=True, seeds=1, workers=1).folder

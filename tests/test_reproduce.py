@@ -9,14 +9,14 @@ from pathlib import Path
 
 import pytest
 
-from genie_sim.experiment.paper import calibrate, verdict_table
-from genie_sim.experiment.paper.assumptions import load_assumptions
-from genie_sim.experiment.paper.calibrate import Point
-from genie_sim.experiment.paper.checks import load_claims
-from genie_sim.experiment.paper.replicate import Job, Outcome, outcome_of, prepare_job, run_jobs
-from genie_sim.experiment.paper.reproduce import last_calibration, reproduce
-from genie_sim.experiment.runner import prepare
-from genie_sim.experiment.settings.scenario import load_scenario
+from genie_sim.paper import calibrate, verdict_table
+from genie_sim.paper.assumptions import load_assumptions
+from genie_sim.paper.calibrate import Point
+from genie_sim.paper.checks import load_claims
+from genie_sim.paper.replicate import Job, Outcome, outcome_of, prepare_job, run_jobs
+from genie_sim.paper.reproduce import last_calibration, reproduce
+from genie_sim.runner import prepare
+from genie_sim.scenario.scenario import load_scenario
 from genie_sim.sim.nodes import attach_genie
 
 REPOSITORY = Path(__file__).resolve().parent.parent
@@ -160,7 +160,7 @@ def test_an_interrupted_evaluation_leaves_nothing(tmp_path):
 
 def test_the_committed_results_are_those_of_the_committed_assumptions():
     about = json.loads((PAPER / "run.json").read_text())
-    here = REPOSITORY / "genie_sim" / "experiment" / "paper"
+    here = REPOSITORY / "genie_sim" / "paper"
     for name, digest in about["inputs"].items():
         assert hashlib.sha256((here / name).read_bytes()).hexdigest() == digest, f"{name} changed: evaluate anew"
     assert about["quick"] is False
@@ -185,7 +185,7 @@ def test_the_documents_show_the_committed_verdicts(document):
 
 if __name__ == "__main__":
     best = json.loads((PAPER / "calibration.json").read_text())["best"]
-    fitted = REPOSITORY / "genie_sim" / "experiment" / "calibrated.yaml"
+    fitted = REPOSITORY / "genie_sim" / "paper" / "calibrated.yaml"
     comments = [line for line in fitted.read_text(encoding="utf-8").splitlines() if line.startswith("#")]
     fitted.write_text("\n".join([*comments, *(f"{one.name}: {best[one.name]:g}" for one in ASSUMED.fitted)]) + "\n")
     for path in GENERATED:

@@ -15,12 +15,12 @@ from genie_sim.core.confidence import CONFIDENCE_RULES
 from genie_sim.core.eviction import EVICTIONS
 from genie_sim.core.similarity import SIMILARITIES
 from genie_sim.errors import UserError
-from genie_sim.experiment.settings import files
-from genie_sim.experiment.settings.fleet import City, Fleet
-from genie_sim.experiment.settings.genie_settings import LITERAL
-from genie_sim.experiment.settings.links import LINKS
-from genie_sim.experiment.settings.scenario import Live, Recorded, Scenario, load_scenario, read_scenario
-from genie_sim.experiment.settings.yaml_input import parse, read_mapping
+from genie_sim.scenario import files
+from genie_sim.scenario.fleet import Fleet, InTown
+from genie_sim.scenario.genie_settings import LITERAL
+from genie_sim.scenario.links import LINKS
+from genie_sim.scenario.scenario import Live, Recorded, Scenario, load_scenario, read_scenario
+from genie_sim.scenario.yaml_input import parse, read_mapping
 
 ROOT = Path(__file__).parent.parent
 PAPER = [f"{cars}car_{kind}" for cars in (1, 2, 3) for kind in ("homo", "hetero")]
@@ -111,7 +111,7 @@ def unwritten(model: type[BaseModel], written: dict[str, Any], path: str = "") -
             found.append(f"{path}{key}")
             continue
         value = written[key][0] if isinstance(written[key], list) and written[key] else written[key]
-        inner = [kind for kind in model_types(field.annotation) if kind not in (Live, City)]
+        inner = [kind for kind in model_types(field.annotation) if kind not in (Live, InTown)]
         if isinstance(value, dict) and inner and "parameters" not in inner[0].model_fields:
             found += unwritten(inner[0], value, f"{path}{key}.")
     return found
@@ -127,7 +127,7 @@ def model_types(annotation: Any) -> Iterator[type[BaseModel]]:
 def test_the_file_of_all_settings_names_every_choice() -> None:
     text = (ROOT / "scenarios/all_settings.yaml").read_text()
     literals = {choice for line in literal_choices(Scenario) for choice in line}
-    of_sections = (*Live.yaml_names(), *City.yaml_names(), *Fleet.yaml_names())
+    of_sections = (*Live.yaml_names(), *InTown.yaml_names(), *Fleet.yaml_names())
     for choice in (*literals, *SIMILARITIES, *EVICTIONS, *CONFIDENCE_RULES, *LINKS, *of_sections):
         assert choice in text, choice
     for device in files.available(files.DEVICE):
@@ -306,7 +306,7 @@ MISTAKES = [
     (with_car(route="{trace: ./gone.parquet}"), "cars[1].route.trace: ./gone.parquet: no such file"),
     (
         TWO_CARS + "perception: {source: alive}\n",
-        "perception: unknown source 'alive' (did you mean 'live'?); known: city, live, recorded",
+        "perception: unknown source 'alive' (did you mean 'live'?); known: live, recorded, town",
     ),
     (
         TWO_CARS + "perception: {source: live, drive: 0005}\n",

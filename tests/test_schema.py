@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from genie_sim.experiment.settings.schema import SCHEMAS, json_schema
-from genie_sim.experiment.settings.yaml_input import read_mapping
+from genie_sim.scenario.schema import SCHEMAS, json_schema
+from genie_sim.scenario.yaml_input import read_mapping
 
 REPOSITORY = Path(__file__).resolve().parent.parent
 FILES = {"scenario": "scenarios", "device": "device_profiles"}

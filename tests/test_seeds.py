@@ -10,7 +10,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from genie_sim.experiment.seeds import stream
+from genie_sim.seeds import stream
 
 
 def numbers(*names: str | int, seed: int = 1) -> list[int]:
@@ -45,7 +45,7 @@ def test_neighbouring_streams_are_uncorrelated() -> None:
 
 def test_the_hash_seed_of_python_does_not_matter() -> None:
     draw = "print(stream(1, 'car1', 'uplink').integers(0, 2**62, 8).tolist())"
-    script = f"from genie_sim.experiment.seeds import stream; {draw}"
+    script = f"from genie_sim.seeds import stream; {draw}"
     for hash_seed in ("0", "12345"):
         environment = {**os.environ, "PYTHONHASHSEED": hash_seed, "PYTHONPATH": os.pathsep.join(sys.path)}
         done = subprocess.run(

@@ -5,8 +5,8 @@ from __future__ import annotations
 import made_up_run
 import pytest
 
-from genie_sim.experiment import metrics, summary
-from genie_sim.experiment.metrics import Metric
+from genie_sim.analysis import metrics, summary
+from genie_sim.analysis.metrics import Metric
 
 
 @pytest.fixture(scope="module")

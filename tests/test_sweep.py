@@ -19,18 +19,20 @@ import pandas as pd
 import pytest
 from scipy import stats
 
+from genie_sim import runner
+from genie_sim.analysis import metrics
 from genie_sim.cli import main
 from genie_sim.core.similarity import Exact
 from genie_sim.errors import UserError
-from genie_sim.experiment import metrics, provenance, runner
-from genie_sim.experiment.settings import files
-from genie_sim.experiment.settings.scenario import load_scenario
-from genie_sim.experiment.sweep import tasks
-from genie_sim.experiment.sweep.backends import Local
-from genie_sim.experiment.sweep.design import load_design
-from genie_sim.experiment.sweep.plan import plan
-from genie_sim.experiment.sweep.sweep import Sweep
-from genie_sim.perception.city import town
+from genie_sim.recording import provenance
+from genie_sim.scenario import files
+from genie_sim.scenario.scenario import load_scenario
+from genie_sim.sweep import tasks
+from genie_sim.sweep.backends import Local
+from genie_sim.sweep.design import load_design
+from genie_sim.sweep.plan import plan
+from genie_sim.sweep.sweep import Sweep
+from genie_sim.town import town
 from tests.conftest import REPOSITORY
 
 SMALL = """
@@ -471,7 +473,7 @@ def test_a_dask_worker_that_is_killed_loses_nothing(uninterrupted):
 
 def test_a_scheduler_that_is_not_there_gets_one_line(capsys, monkeypatch):
     pytest.importorskip("distributed", reason="Dask comes with '.[dask]'")
-    monkeypatch.setattr("genie_sim.experiment.sweep.backends.SCHEDULER_TIMEOUT_S", 1)
+    monkeypatch.setattr("genie_sim.sweep.backends.SCHEDULER_TIMEOUT_S", 1)
     assert main(["sweep", write(SMALL), "--backend", "dask", "--scheduler", "tcp://127.0.0.1:1"]) == 1
     one_line(capsys, "--scheduler tcp://127.0.0.1:1: no Dask scheduler answers there")
 

@@ -12,13 +12,14 @@ import pytest
 from sim.street import build, scenario
 from test_fleet import small
 
-from genie_sim.experiment import results, runner
-from genie_sim.experiment.metrics import Metric, compute
-from genie_sim.experiment.records import TruthTable
-from genie_sim.experiment.runner import prepare, simulate
+from genie_sim import runner
+from genie_sim.analysis.metrics import Metric, compute
 from genie_sim.messages import CameraPose, Detection, Detections, Header, Image
-from genie_sim.perception.city import Town, TrueObject
-from genie_sim.sim.truth import Truth
+from genie_sim.recording import results
+from genie_sim.recording.records import TruthTable
+from genie_sim.recording.truth import Truth
+from genie_sim.runner import prepare, simulate
+from genie_sim.town import Town, TrueObject
 
 STAMP_NS, BEGIN_NS = 500, 7_000
 REACH_M, RANGE_M = 3.0, 50.0
@@ -31,7 +32,7 @@ def real(label: str, east_m: float, north_m: float = 0.0) -> TrueObject:
 
 def served(label: str, east_m: float | None, north_m: float = 0.0) -> Detection:
     place = None if east_m is None else (east_m, north_m, 0.0)
-    return Detection(label, 0.9, None, place, 0.9, "city")
+    return Detection(label, 0.9, None, place, 0.9, "town")
 
 
 @dataclass
@@ -161,7 +162,7 @@ def value(measured: Sequence[Metric], name: str, role: str) -> float:
 def test_a_run_asks_for_the_truth_at_the_times_of_its_frames_and_by_one_ruler_whatever_the_gate(monkeypatch):
     asked, is_there = [], Town.is_there
     monkeypatch.setattr(Town, "is_there", lambda *given: asked.append(given[4:]) or is_there(*given))
-    city = {"source": "city", "duration": "2 s", "tolerance": "1.75 m", "town": {"blocks": [2, 2]}}
+    city = {"source": "town", "duration": "2 s", "tolerance": "1.75 m", "town": {"blocks": [2, 2]}}
     genie = {**small().genie.model_dump(mode="json", by_alias=True), "object_map": {"gate": "1.5 m"}}
     prepared = prepare(small(perception=city, start_jitter="10 s", genie=genie))
     simulate(prepared)

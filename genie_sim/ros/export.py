@@ -24,8 +24,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from genie_sim.errors import UserError, unknown
-from genie_sim.experiment import provenance
 from genie_sim.paths import whole_file
+from genie_sim.recording import provenance
 from genie_sim.ros import bag_messages
 from genie_sim.ros.bag_messages import NS_PER_S, TF, typestore
 
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     import pandas as pd
     from rosbags.typesys.store import Typestore
 
-    from genie_sim.experiment.results import Run
+    from genie_sim.recording.results import Run
 
 FORMATS = {"mcap": 2, "bag": 1}  # the ROS that reads it
 START_S = 1

@@ -7,14 +7,14 @@ from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
+from genie_sim.core.genies import make_genie
 from genie_sim.core.similarity import SIMILARITIES
 from genie_sim.errors import UserError, unknown
-from genie_sim.experiment.genies import make_genie
-from genie_sim.experiment.settings.fields import validate
-from genie_sim.experiment.settings.genie_settings import GenieSettings
 from genie_sim.messages import Detection, Fact, Forgotten, Header
 from genie_sim.ros.gateway import LOCAL, REMOTE, Gateway, Links
 from genie_sim.ros.message import Codec, RosMessage, WireType
+from genie_sim.scenario.fields import validate
+from genie_sim.scenario.genie_settings import GenieSettings
 
 # Where a robot is at stake: equal bytes only, and nothing that the node says is withheld. A scenario's settings win.
 DEFAULTS: dict[str, Any] = {"similarity": "exact", "fresh_objects": "all"}

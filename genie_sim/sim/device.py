@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from genie_sim.experiment.settings.profiles import DeviceProfile, ServiceTime
+from genie_sim.scenario.profiles import DeviceProfile, ServiceTime
 from genie_sim.sim.clock import Clock
 
 Done = Callable[[], None]

@@ -7,8 +7,8 @@ from collections.abc import Callable, Hashable
 
 import numpy as np
 
-from genie_sim.experiment.settings.links import LinkProfile
 from genie_sim.messages import Message
+from genie_sim.scenario.links import LinkProfile
 from genie_sim.sim.clock import Clock
 from genie_sim.sim.ros_graph import Dropped, Graph
 from genie_sim.units import NS_PER_S

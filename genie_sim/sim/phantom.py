@@ -11,12 +11,12 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
-from genie_sim.experiment.genies import make_genie
-from genie_sim.experiment.settings.genie_settings import GenieSettings
+from genie_sim.core.genies import make_genie
 from genie_sim.messages import Fact
 from genie_sim.perception.trace import TraceFrame
+from genie_sim.recording.log import Log
+from genie_sim.scenario.genie_settings import GenieSettings
 from genie_sim.sim.device import Host
-from genie_sim.sim.log import Log
 from genie_sim.sim.nodes import Genie
 from genie_sim.sim.ros_graph import Graph
 

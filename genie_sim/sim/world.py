@@ -5,23 +5,23 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from functools import partial
 
+from genie_sim.core.genies import make_genie
 from genie_sim.core.node import GenieNode
-from genie_sim.experiment.genies import make_genie
-from genie_sim.experiment.seeds import stream
-from genie_sim.experiment.settings.links import LinkProfile
-from genie_sim.experiment.settings.profiles import DeviceProfile
-from genie_sim.experiment.settings.scenario import EDGES, Car, Scenario
 from genie_sim.messages import Detections, Fact, Image, Message
 from genie_sim.perception.trace import Trace
+from genie_sim.recording.log import Log, Resource
+from genie_sim.recording.truth import Truth
+from genie_sim.scenario.links import LinkProfile
+from genie_sim.scenario.profiles import DeviceProfile
+from genie_sim.scenario.scenario import EDGES, Car, Scenario
+from genie_sim.seeds import stream
 from genie_sim.sim.camera import Camera
 from genie_sim.sim.clock import Clock, Process
 from genie_sim.sim.device import Host
 from genie_sim.sim.link import Bridge, Downlinks, Link
-from genie_sim.sim.log import Log, Resource
 from genie_sim.sim.nodes import Consumer, Detector, Genie, attach_genie
 from genie_sim.sim.phantom import POSITION_BYTES, Coordinator, positions
 from genie_sim.sim.ros_graph import Graph
-from genie_sim.sim.truth import Truth
 
 IMAGES = "/image_raw"
 OBJECTS = "/detection/image_detector/objects"

@@ -21,11 +21,11 @@ from typing import Any
 import numpy as np
 import yaml
 
+from genie_sim import runner
 from genie_sim.core.similarity import PoseGrid
-from genie_sim.experiment import runner
-from genie_sim.experiment.settings.profiles import DeviceProfile
-from genie_sim.experiment.settings.scenario import Scenario, read_scenario
 from genie_sim.perception.trace import TraceFrame, read_trace
+from genie_sim.scenario.profiles import DeviceProfile
+from genie_sim.scenario.scenario import Scenario, read_scenario
 from tests.ros.conftest import DETECTOR, REPOSITORY, Master, until
 
 NS, MS = 10**9, 10**6

@@ -17,7 +17,7 @@ import numpy as np
 from matplotlib import style
 from matplotlib.figure import Figure
 
-from genie_sim.experiment.figures import PAGE_IN, STYLE
+from genie_sim.analysis.figures import PAGE_IN, STYLE
 from tests.ros import reality, reality_link
 from tests.ros.conftest import REPOSITORY, Master
 

@@ -198,9 +198,9 @@ def test_the_same_bag_gives_the_same_content_in_ros_1_and_ros_2(tmp_path: Path):
 
 def test_a_scenario_drives_through_a_bag(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     """From the bag to a run, as on the command line: three frames are shown and answered."""
+    from genie_sim import runner
     from genie_sim.cli import main
-    from genie_sim.experiment import runner
-    from genie_sim.experiment.settings.scenario import read_scenario
+    from genie_sim.scenario.scenario import read_scenario
 
     bag, trace = street(tmp_path / "street.bag").write(), tmp_path / "street.parquet"
     assert main(["perceive", "--bag", str(bag), "--detections", OBJECTS, "--out", str(trace)]) == 0

@@ -8,10 +8,10 @@ from typing import Any
 
 import pytest
 
+from genie_sim import runner
 from genie_sim.errors import UserError
-from genie_sim.experiment import runner
-from genie_sim.experiment.results import Run
-from genie_sim.experiment.settings.scenario import load_scenario
+from genie_sim.recording.results import Run
+from genie_sim.scenario.scenario import load_scenario
 
 pytest.importorskip("rosbags", reason="needs rosbags: pip install 'genie-sim[ros]'")
 pytest.importorskip("mcap_ros2", reason="needs mcap-ros2-support: pip install 'genie-sim[ros]'")

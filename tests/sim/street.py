@@ -11,13 +11,13 @@ from typing import Any
 
 import pandas as pd
 
-from genie_sim.experiment.records import FrameTable, LookupTable, ResourceTable
-from genie_sim.experiment.runner import Tables
-from genie_sim.experiment.settings.profiles import DeviceProfile, load_profile
-from genie_sim.experiment.settings.scenario import Scenario, read_scenario
 from genie_sim.messages import CameraPose, Detection
 from genie_sim.perception.trace import Trace, TraceFrame
-from genie_sim.sim.log import Log
+from genie_sim.recording.log import Log
+from genie_sim.recording.records import FrameTable, LookupTable, ResourceTable
+from genie_sim.runner import Tables
+from genie_sim.scenario.profiles import DeviceProfile, load_profile
+from genie_sim.scenario.scenario import Scenario, read_scenario
 from genie_sim.sim.world import World
 
 FOV_RAD = math.radians(81.4)

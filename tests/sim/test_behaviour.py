@@ -12,7 +12,7 @@ import pandas as pd
 import pytest
 from sim.street import drive, fixed_device, scenario, street
 
-from genie_sim.experiment.settings.scenario import Scenario
+from genie_sim.scenario.scenario import Scenario
 
 MS = 1_000_000
 CUT_NS = 2_000_000_000

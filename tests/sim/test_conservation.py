@@ -12,8 +12,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from sim.street import build, fixed_device, scenario, street
 
-from genie_sim.experiment.settings.profiles import load_profile
-from genie_sim.experiment.settings.scenario import Scenario
+from genie_sim.scenario.profiles import load_profile
+from genie_sim.scenario.scenario import Scenario
 from genie_sim.sim.link import Link
 from genie_sim.sim.nodes import Detector, Genie
 from genie_sim.sim.ros_graph import Node

@@ -22,7 +22,7 @@ from sim.test_way_of_one_frame import (
 )
 
 from genie_sim.errors import UserError
-from genie_sim.experiment.settings.scenario import Scenario
+from genie_sim.scenario.scenario import Scenario
 from genie_sim.sim.link import Link
 from genie_sim.sim.world import World
 

@@ -8,7 +8,7 @@ import pytest
 from sim.street import build, drive, scenario
 
 from genie_sim.errors import UserError
-from genie_sim.experiment.settings.scenario import Scenario
+from genie_sim.scenario.scenario import Scenario
 
 NAMES = ("edge1", "edge2", "edge3")
 

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from genie_sim.experiment.seeds import stream
+from genie_sim.seeds import stream
 
 CONFIDENCE = 0.99
 

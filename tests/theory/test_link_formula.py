@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from genie_sim.experiment.settings.links import LINKS, LinkProfile
 from genie_sim.messages import Detections, Header
+from genie_sim.scenario.links import LINKS, LinkProfile
 from genie_sim.sim.clock import Clock
 from genie_sim.sim.link import Link
 

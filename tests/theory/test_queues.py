@@ -15,9 +15,9 @@ import pytest
 from sim.street import FOV_RAD, fixed_device
 from theory.replications import equivalent, replicate
 
-from genie_sim.experiment.settings.links import LINKS
 from genie_sim.messages import CameraPose, Detections, Header, Image
 from genie_sim.perception.trace import TraceFrame
+from genie_sim.scenario.links import LINKS
 from genie_sim.sim.clock import Clock
 from genie_sim.sim.device import Host, Processor
 from genie_sim.sim.link import Link

@@ -1,0 +1,194 @@
+"""What a run found, in tables for a terminal of any width and for ``summary.md``."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+from genie_sim.analysis.metrics import DEADLINE_MS, METHODS, ROLES, WINDOW_REQUESTS, Metric
+
+MOST_RESOURCES = 12
+LEAST_USE = 0.01
+UNKNOWN = "-"
+LATENCY_TITLE = "Time from received to answer"
+LATENCY_NOTE = (
+    "First: the first answer to reach the consumer, be it from the object map. Fresh: a detection or a cached answer "
+    "of this very frame. Times are those of answered frames, the share under the deadline is of all published ones."
+)
+
+Found = Mapping[tuple[str, str], Metric]
+
+LATENCY_ROWS = (  # label, metric of the first answer, metric of the fresh answer
+    ("mean [ms]", "first_answer_mean", "fresh_answer_mean"),
+    ("median [ms]", "first_answer_p50", "fresh_answer_p50"),
+    ("p95 [ms]", "first_answer_p95", "fresh_answer_p95"),
+    ("p99 [ms]", "first_answer_p99", "fresh_answer_p99"),
+    (f"under {DEADLINE_MS:g} ms [%]", "under_deadline_share", "fresh_under_deadline_share"),
+)
+FRAME_ROWS = (
+    ("answered", "answered_share"),
+    ("answered afresh", "fresh_answered_share"),
+    ("empty answers", "empty_answer_share"),
+    ("dropped", "dropped_share"),
+    ("in flight", "in_flight_share"),
+    ("fresh answers a second", "fresh_answer_throughput"),
+)
+TRUTH_ROWS = (
+    ("served objects that are not there", "ghost_share"),
+    ("cache hits that show what is not in view", "wrong_hit_share"),
+    ("objects in view that were served", "object_recall"),
+)
+IMPROVEMENT_ROWS = (
+    ("first answer", "improvement_first_answer"),
+    ("fresh answer", "improvement_fresh_answer"),
+)
+ROLE_ROWS = (
+    ("image reuse", "image_reuse"),
+    ("image reuse with neighbours", "image_reuse_with_neighbours"),
+    ("coalesced requests", "coalesced_share"),
+    ("object reuse", "object_reuse"),
+    ("confidence boost", "confidence_boost"),
+    ("stored images a Genie", "stored_images"),
+    ("stored objects a Genie", "stored_objects"),
+)
+NOTE_ON_WORDS = (
+    "Response times count from when the frame reached the first node's queue. Empty: an answer without objects. "
+    "Improvement: 1 - mean of Genie / mean of the baseline."
+)
+NOTE_ON_INTERVALS = (
+    "In brackets: for latencies, shares, improvements and boosts the 95 % interval inside this run (blocks of one "
+    "second; other seeds and drives may differ by more); for reuse the lowest and the highest ratio of any "
+    f"{WINDOW_REQUESTS} requests in a row of any Genie."
+)
+
+
+@dataclass(frozen=True, slots=True)
+class _Table:
+    """A heading, the names of the columns, and rows that begin with their label."""
+
+    title: str
+    columns: Sequence[str]
+    rows: Sequence[tuple[str, Sequence[Metric | None]]]
+    more: str = ""
+    units: bool = True  # beside every number; False: the label tells
+
+
+def text(metrics: Sequence[Metric], width: int = 80) -> str:
+    """Plain tables of at most ``width`` characters a line (from 40 on); long labels are wrapped."""
+    return "\n\n".join("\n".join(_text_lines(table, width)) for table in _tables(metrics)) + "\n"
+
+
+def markdown(metrics: Sequence[Metric], scenario: str, run_id: str, seed: int) -> str:
+    """``summary.md``: the same tables with intervals, and what the words and intervals mean."""
+    parts = [f"# {scenario}", f"Run `{run_id}`, seed {seed}.", NOTE_ON_WORDS, NOTE_ON_INTERVALS]
+    parts = [textwrap.fill(part, 120) for part in parts]
+    for table in _tables(metrics):
+        lines = [f"| | {' | '.join(table.columns)} |", "|---|" + "---:|" * len(table.columns)]
+        for label, cells in table.rows:
+            numbers = (_show(cell, table.units) + _interval(cell) for cell in cells)
+            lines.append(f"| {label} | {' | '.join(numbers)} |")
+        parts += [f"## {table.title}", "\n".join(lines)]
+        if table.more:
+            parts.append(table.more)
+    return "\n\n".join(parts) + "\n"
+
+
+def _tables(metrics: Sequence[Metric]) -> Iterator[_Table]:
+    found: Found = {(metric.name, metric.role): metric for metric in metrics}
+    methods = [method for method in METHODS if ("frames_published", method) in found]
+    if methods:
+        yield _latencies(methods, found)
+        yield _Table("Published frames", methods, _rows(FRAME_ROWS, methods, found))
+    judged = [method for method in methods if ("ghost_share", method) in found]
+    if judged:
+        yield _Table("First answers against the truth", judged, _rows(TRUTH_ROWS, judged, found))
+    baselines = [role for role in ROLES if (IMPROVEMENT_ROWS[0][1], role) in found]
+    if baselines:
+        over = [f"over {role}" for role in baselines]
+        title = "Improvement by Genie, of the mean"
+        yield _Table(title, over, _rows(IMPROVEMENT_ROWS, baselines, found))
+    roles = [role for role in ROLES if ("image_reuse", role) in found]
+    if roles:
+        genies = {"local": "on cars", "remote": "on edges"}
+        yield _Table("Genies", [genies[role] for role in roles], _rows(ROLE_ROWS, roles, found))
+    yield from _resources(methods, found)
+
+
+def _latencies(methods: Sequence[str], found: Found) -> _Table:
+    """First and fresh answer beside each other for Genie; without it they are the same."""
+    columns = [(method, method, False) for method in methods if method != "genie"]
+    if "genie" in methods:
+        columns += [("genie first", "genie", False), ("genie fresh", "genie", True)]
+    rows = [
+        (label, [found.get((of_fresh if fresh else of_first, method)) for _, method, fresh in columns])
+        for label, of_first, of_fresh in LATENCY_ROWS
+    ]
+    return _Table(LATENCY_TITLE, [heading for heading, _, _ in columns], rows, LATENCY_NOTE, units=False)
+
+
+def _rows(rows: Sequence[tuple[str, str]], roles: Sequence[str], found: Found) -> list[tuple[str, list[Metric | None]]]:
+    return [(label, [found.get((name, role)) for role in roles]) for label, name in rows]
+
+
+def _resources(methods: Sequence[str], found: Found) -> Iterator[_Table]:
+    """The busiest devices and links; a fleet's others are counted."""
+    busiest: dict[str, float] = {}
+    for (name, role), metric in found.items():
+        if name == "utilisation" and (metric.value or 0.0) >= LEAST_USE:
+            resource = role.partition(": ")[2]
+            busiest[resource] = max(busiest.get(resource, 0.0), metric.value or 0.0)
+    names = sorted(busiest, key=lambda resource: (-busiest[resource], resource))
+    shown = sorted(names[:MOST_RESOURCES])
+    if shown:
+        rows = [(name, [found.get(("utilisation", f"{method}: {name}")) for method in methods]) for name in shown]
+        left_out = len(names) - len(shown)
+        more = f"{left_out} less busy ones are in metrics.json." if left_out else ""
+        yield _Table("Busy while frames were published", methods, rows, more)
+
+
+def _text_lines(table: _Table, width: int) -> Iterator[str]:
+    cells = [[_show(cell, table.units) for cell in row] for _, row in table.rows]
+    headings = [heading.split(" ") if not table.units else [heading] for heading in table.columns]
+    columns = zip(headings, *cells, strict=True)
+    widths = [max(len(one) for one in (*heading, *column)) for heading, *column in columns]
+    room = max(width - sum(2 + one for one in widths), 8)
+    label_width = min(room, max(len(label) for label, _ in table.rows))
+    yield from textwrap.wrap(table.title, width)
+    tallest = max(map(len, headings))
+    for words in zip(*([""] * (tallest - len(heading)) + heading for heading in headings), strict=True):
+        yield _line("", label_width, words, widths)
+    for (label, _), row in zip(table.rows, cells, strict=True):
+        *above, last = textwrap.wrap(label, label_width)
+        yield from above
+        yield _line(last, label_width, row, widths)
+    if table.more:
+        yield from textwrap.wrap(table.more, width)
+
+
+def _line(label: str, label_width: int, cells: Sequence[str], widths: Sequence[int]) -> str:
+    numbers = "".join(f"  {cell:>{width}}" for cell, width in zip(cells, widths, strict=True))
+    return f"{label:<{label_width}}{numbers}"
+
+
+def _show(metric: Metric | None, unit: bool = True) -> str:
+    """Three digits and the unit; shares in percent."""
+    if metric is None or metric.value is None:
+        return UNKNOWN
+    share = metric.unit == "1" and metric.name != "confidence_boost"
+    digits = _digits(100 * metric.value if share else metric.value)
+    if not unit:
+        return digits
+    word = "%" if share else "" if metric.unit == "1" else metric.unit.partition("/Genie")[0].replace("entries", "")
+    return f"{digits} {word}".rstrip()
+
+
+def _interval(metric: Metric | None) -> str:
+    if metric is None or metric.low is None or metric.high is None:
+        return ""
+    factor = 100 if metric.unit == "1" and metric.name != "confidence_boost" else 1
+    return f" ({_digits(factor * metric.low)} to {_digits(factor * metric.high)})"
+
+
+def _digits(value: float) -> str:
+    return f"{value:,.0f}" if abs(value) >= 999.5 else f"{value:.3g}"

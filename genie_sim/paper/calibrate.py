@@ -1,0 +1,115 @@
+"""Fits exactly two parameters to exactly two published numbers, by a search that always takes the same steps.
+
+The overlap of the cars' routes and the gate of the object map are tried on a grid over their physically plausible
+ranges, then on ever finer grids around the best point. The seeds are not those of the evaluation.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from genie_sim.paper.assumptions import Assumptions
+from genie_sim.paper.checks import BOTH_IMAGES, BOTH_OBJECTS
+from genie_sim.paper.evidence import Evidence
+from genie_sim.paper.replicate import Job, Progress, run_jobs
+
+GRID = 5  # values of each parameter, ends of its range included
+REFINEMENTS = 2
+LEAST_REUSE = 1e-3  # keeps logarithms finite
+
+
+@dataclass(frozen=True, slots=True)
+class Point:
+    """One pair of parameters and what came out, as a mean over scenarios, roles and calibration seeds."""
+
+    overlap: float
+    gate_m: float
+    object_reuse: float
+    image_reuse: float
+
+    @property
+    def ratio(self) -> float:
+        """Object reuse / image reuse."""
+        return self.object_reuse / max(self.image_reuse, LEAST_REUSE)
+
+    def misfit(self, targets: dict[str, float]) -> float:
+        """Squared distance to the two targets, in natural logarithms: 0.1 is about 10 %, too high or too low alike."""
+        level = math.log(max(self.object_reuse, LEAST_REUSE) / targets["object_reuse_mean"])
+        ratio = math.log(max(self.ratio, LEAST_REUSE) / targets["object_to_image_reuse"])
+        return level**2 + ratio**2
+
+    @property
+    def settings(self) -> tuple[str, ...]:
+        """As settings of a ``Job``."""
+        return f"overlap={self.overlap:g}", f"gate_m={self.gate_m:g}"
+
+
+@dataclass(frozen=True, slots=True)
+class Calibration:
+    """The best point, every point tried, and the targets."""
+
+    best: Point
+    tried: tuple[Point, ...]
+    targets: dict[str, float]
+
+    @property
+    def reached(self) -> bool:
+        """Whether the best point is within 10 % of both targets."""
+        level = self.best.object_reuse / self.targets["object_reuse_mean"] - 1
+        ratio = self.best.ratio / self.targets["object_to_image_reuse"] - 1
+        return abs(level) <= 0.1 and abs(ratio) <= 0.1
+
+
+def calibrate(assumptions: Assumptions, workers: int, progress: Progress | None = None) -> Calibration:
+    """The point of the plausible ranges that fits the two published numbers best."""
+    overlap, gate = assumptions.fitted
+    steps = (overlap.high - overlap.low) / (GRID - 1), (gate.high - gate.low) / (GRID - 1)
+    grid = [
+        (round(overlap.low + i * steps[0], 4), round(gate.low + j * steps[1], 4))
+        for i in range(GRID)
+        for j in range(GRID)
+    ]
+    tried = _try(assumptions, grid, workers, progress)
+    for _ in range(REFINEMENTS):
+        steps = steps[0] / 2, steps[1] / 2
+        best = min(tried, key=lambda one: one.misfit(assumptions.targets))
+        around = [
+            (round(best.overlap + i * steps[0], 4), round(best.gate_m + j * steps[1], 4))
+            for i in (-1, 0, 1)
+            for j in (-1, 0, 1)
+        ]
+        known = {(one.overlap, one.gate_m) for one in tried}
+        inside = [
+            (o, g) for o, g in around
+            if overlap.low <= o <= overlap.high and gate.low <= g <= gate.high and (o, g) not in known
+        ]  # fmt: skip
+        tried += _try(assumptions, inside, workers, progress)
+    best = min(tried, key=lambda one: one.misfit(assumptions.targets))
+    return Calibration(best, tuple(sorted(tried, key=lambda one: (one.overlap, one.gate_m))), assumptions.targets)
+
+
+def most_jobs(assumptions: Assumptions) -> int:
+    """How many runs the search takes at most."""
+    return (GRID**2 + 8 * REFINEMENTS) * len(assumptions.scenarios) * len(assumptions.calibration_seeds)
+
+
+def _try(
+    assumptions: Assumptions, points: Sequence[tuple[float, float]], workers: int, progress: Progress | None
+) -> list[Point]:
+    seeds, scenarios = assumptions.calibration_seeds, assumptions.scenarios
+    jobs = [
+        Job(scenario, seed, (*assumptions.settings, f"overlap={overlap:g}", f"gate_m={gate_m:g}"), ("genie",))
+        for overlap, gate_m in points
+        for scenario in scenarios
+        for seed in seeds
+    ]
+    outcomes = iter(run_jobs(jobs, workers, progress, "calibration"))
+    found = []
+    for overlap, gate_m in points:
+        evidence = Evidence({("base", scenario): [next(outcomes).facts for _ in seeds] for scenario in scenarios})
+        objects = float(evidence.mean_of(scenarios, BOTH_OBJECTS).mean())
+        images = float(evidence.mean_of(scenarios, BOTH_IMAGES).mean())
+        found.append(Point(overlap, gate_m, objects, images))
+    return found

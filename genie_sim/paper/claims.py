@@ -1,0 +1,68 @@
+"""What we say of the paper's claims, and whether other seeds would have us say otherwise."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from genie_sim.paper.checks import CHECKS, Claim, load_claims
+from genie_sim.paper.evidence import Evidence, Finding
+from genie_sim.seeds import stream
+
+RESAMPLES = 200
+MARGINAL = 0.05  # share of resamples with another verdict from which on a verdict is marginal
+
+VERDICTS = ("reproduced", "same direction, other size", "not reproduced", "not testable here", "calibrated")
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """A claim, what was found, and what we say of it. ``marginal``: another set of seeds could say otherwise."""
+
+    claim: Claim
+    finding: Finding | None
+    verdict: str
+    marginal: bool
+
+
+def judge(evidence: Evidence) -> list[Verdict]:
+    """A verdict of every claim."""
+    return [judge_one(claim, evidence) for claim in load_claims()]
+
+
+def judge_one(claim: Claim, evidence: Evidence) -> Verdict:
+    """Tests one claim, and once more on resampled seeds to see whether the verdict depends on which ones were drawn."""
+    finding = _look(claim, evidence)
+    verdict = verdict_of(claim, finding)
+    if finding is None:
+        return Verdict(claim, None, verdict, False)
+    random = stream(0, "claims", claim.id)
+    seeds = evidence.seeds
+    others = 0
+    for _ in range(RESAMPLES if finding.n > 1 else 0):
+        places = random.integers(seeds, size=seeds).tolist()
+        others += verdict_of(claim, _look(claim, evidence.resampled(places))) != verdict
+    return Verdict(claim, finding, verdict, others > MARGINAL * RESAMPLES)
+
+
+def verdict_of(claim: Claim, finding: Finding | None) -> str:
+    """One of ``VERDICTS``. What was fitted is never called reproduced: it is ``calibrated`` where the fit succeeded."""
+    if finding is None or finding.value is None or math.isnan(finding.value):
+        return VERDICTS[3]
+    if finding.holds:
+        return VERDICTS[4] if claim.kind == "calibrated" else VERDICTS[0]
+    return VERDICTS[1] if finding.direction and claim.kind != "invariant" else VERDICTS[2]
+
+
+def _look(claim: Claim, evidence: Evidence) -> Finding | None:
+    try:
+        return CHECKS[claim.id](evidence, claim)
+    except KeyError:  # a run that this evaluation did not make
+        return None
+
+
+def supporting_variants(claim: Claim, evidence: Mapping[str, Evidence]) -> list[str]:
+    """The names of the variants under which the claim's test holds."""
+    found = {name: _look(claim, runs) for name, runs in evidence.items()}
+    return [name for name, finding in found.items() if finding is not None and finding.holds]

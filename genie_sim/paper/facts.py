@@ -1,0 +1,102 @@
+"""The numbers of one run that claims, calibration and sweeps use: ``name:role`` -> value, NaN where not defined."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from genie_sim.analysis import metrics
+from genie_sim.units import NS_PER_MS, NS_PER_S
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+Facts = dict[str, float]
+
+EARLY_PERCENTILES = (10, 20, 30, 40, 50)
+
+
+def facts_of(
+    frames: pd.DataFrame, lookups: pd.DataFrame, resources: pd.DataFrame, lap_ns: int | None = None
+) -> Facts:
+    """All facts of a run from its tables. ``lap_ns``: when the second lap begins, if there is one."""
+    facts: Facts = {}
+    cars = sorted(frames["car"].astype(str).unique())
+    for metric in metrics.compute(frames, lookups, resources):
+        if ":" in metric.role:
+            continue  # resources: only what is named below
+        facts[f"{metric.name}:{metric.role}"] = math.nan if metric.value is None else metric.value
+        if "reuse" in metric.name:
+            facts[f"{metric.name}_high:{metric.role}"] = math.nan if metric.high is None else metric.high
+    for method in metrics.METHODS:
+        mine = frames[frames["method"] == method]
+        if mine.empty:
+            continue
+        times_ms = metrics.response_ms(mine, "first")
+        for percent in EARLY_PERCENTILES:
+            facts[f"first_answer_p{percent}:{method}"] = _percentile(times_ms, percent)
+        late = mine["stamp_ns"] > mine["stamp_ns"].min() + 2 / 3 * (mine["stamp_ns"].max() - mine["stamp_ns"].min())
+        facts[f"late_fresh_share:{method}"] = float(mine["fresh_answer_ns"].notna()[late].mean())
+        facts[f"late_answered_share:{method}"] = float(mine["first_answer_ns"].notna()[late].mean())
+        for car in cars:
+            of_car = metrics.response_ms(mine[mine["car"] == car], "first")
+            known = of_car[~np.isnan(of_car)]
+            facts[f"first_answer_mean:{method}:{car}"] = float(known.mean()) if len(known) else math.nan
+            facts[f"first_answer_p99:{method}:{car}"] = _percentile(of_car, 99)
+    both = frames[(frames["method"] == "remote") & (frames["bytes_up"] > 0) & (frames["bytes_down"] > 0)]
+    facts["image_to_objects_bytes"] = _ratio(both["bytes_up"].sum(), both["bytes_down"].sum())
+    for role in metrics.ROLES:
+        facts[f"boost_per_object:{role}"] = _boost_per_object(lookups[lookups["role"] == role])
+    facts["image_peak_at:local"] = _peak_at(lookups, frames)
+    for genie, ratio in metrics.reuse(lookups[lookups["kind"] != "image"]).items():
+        facts[f"object_reuse:{genie}"] = float(ratio)
+    facts.update(_of_resources(resources, lap_ns))
+    return facts
+
+
+def _of_resources(resources: pd.DataFrame, lap_ns: int | None) -> Facts:
+    facts: Facts = {}
+    last = resources.sort_values("t_ns", kind="stable").groupby(["method", "resource"], observed=True).last()
+    last = last.reset_index()
+    cpus = last[(last["method"] == "genie") & (last["kind"] == "cpu")]
+    facts["handling_ms"] = _ratio(cpus["busy_ns"].sum() / NS_PER_MS, cpus["completed"].sum())
+    accelerators = last[last["kind"] == "accelerator"]
+    columns = (accelerators[name].tolist() for name in ("method", "resource", "completed", "busy_ns"))
+    for method, resource, completed, busy_ns in zip(*columns, strict=True):
+        host = str(resource).removesuffix(".accelerator")
+        facts[f"accelerator_rate:{method}:{host}"] = _ratio(completed, busy_ns / NS_PER_S)
+    of_genie = resources[(resources["method"] == "genie") & (resources["kind"] == "accelerator")]
+    facts["detector_runs"] = float(accelerators.loc[accelerators["method"] == "genie", "completed"].sum())
+    if lap_ns is not None:
+        first = of_genie[of_genie["t_ns"] <= lap_ns].groupby("resource", observed=True)["completed"].max().sum()
+        facts["detector_runs:lap1"] = float(first)
+        facts["detector_runs:lap2"] = facts["detector_runs"] - float(first)
+    return facts
+
+
+def _boost_per_object(lookups: pd.DataFrame) -> float:
+    """All confidence added by the end of the run, over the objects then stored: another reading of Section V-E."""
+    maps = lookups[lookups["kind"] != "image"]
+    return _ratio(maps["boost_sum"].sum(), maps.groupby("genie", observed=True)["entries"].last().sum())
+
+
+def _peak_at(lookups: pd.DataFrame, frames: pd.DataFrame) -> float:
+    """When the highest windowed image reuse of any car's Genie was reached, as a share of the run."""
+    images = lookups[(lookups["kind"] == "image") & (lookups["role"] == "local") & (lookups["asker"] == "client")]
+    windows = metrics.windowed_reuse(images)
+    if not len(windows) or windows["ratio"].max() <= 0:
+        return math.nan
+    at_ns = int(windows["t_ns"].to_numpy()[np.argmax(windows["ratio"].to_numpy(float))])
+    begin_ns, end_ns = int(frames["stamp_ns"].min()), int(frames["stamp_ns"].max())
+    return _ratio(at_ns - begin_ns, end_ns - begin_ns)
+
+
+def _percentile(values: np.ndarray, percent: float) -> float:
+    known = values[~np.isnan(values)]
+    return float(np.percentile(known, percent)) if len(known) else math.nan
+
+
+def _ratio(above: float, below: float) -> float:
+    return float(above / below) if below else math.nan

@@ -1,0 +1,188 @@
+"""The page of an evaluation: verdicts with their evidence, the paper's figures, and what the open parameters do."""
+
+from __future__ import annotations
+
+import base64
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from genie_sim import report
+from genie_sim.analysis.metrics import DEADLINE_MS
+from genie_sim.errors import UserError
+from genie_sim.paper import verdict_table
+from genie_sim.paper.claims import VERDICTS
+from genie_sim.recording import provenance
+
+STYLES = ("page.css", "many.css")
+SCRIPTS = ("charts.js", "many.js", "evaluation.js")
+MOST_FIGURE_BYTES = 4_000_000  # of all figures together; as text in the page they take a third more
+
+FIGURES = {  # in the paper's order, then ours
+    "latency_cdf": "Response times of answered frames",
+    "latency_cdf_of_published": "Response times, as shares of all published frames",
+    "image_reuse": "Image reuse",
+    "object_reuse": "Object reuse",
+    "confidence_boost": "Confidence boost",
+    "case_study": "Vision-assisted driving: a car without cameras",
+    "calibration": "Calibration",
+    "sensitivity": "Sensitivity",
+    "worth": "What the answers are worth",
+}
+ANSWERS: tuple[tuple[str, str, str, str, tuple[str, ...]], ...] = (  # title, unit, first, fresh, roles
+    ("Mean", "ms", "first_answer_mean", "fresh_answer_mean", ("local", "remote", "genie")),
+    ("95th percentile", "ms", "first_answer_p95", "fresh_answer_p95", ("local", "remote", "genie")),
+    (
+        f"Share of published frames answered in {DEADLINE_MS} ms", "1",
+        "under_deadline_share", "fresh_under_deadline_share", ("local", "remote", "genie"),
+    ),
+    (
+        "Share of published frames answered at all", "1",
+        "answered_share", "fresh_answered_share", ("local", "remote", "genie"),
+    ),
+    (
+        "Improvement of Genie's mean over local and remote", "1",
+        "improvement_first_answer", "improvement_fresh_answer", ("local", "remote"),
+    ),
+)  # fmt: skip
+
+
+def write(path: Path, folder: Path) -> None:
+    """Writes the page about the evaluation in ``folder``. Raises ``UserError``."""
+    report.write_text(path, page(folder))
+
+
+def page(folder: Path) -> str:
+    """The text of the page. Raises ``UserError`` for a folder that is not whole."""
+    with provenance.of_this_version(folder):
+        data = page_data(folder)
+        return report.assemble("evaluation.html", STYLES, SCRIPTS, "The paper's evaluation", data, pictures=True)
+
+
+def page_data(folder: Path) -> dict[str, Any]:
+    """Everything on the page, as plain JSON values; nothing of when, where and how fast it was made."""
+    notes: list[str] = []
+    about = _read(folder / "run.json")
+    metrics = {(one["scenario"], one["name"]): one for one in _read(folder / "metrics.json")}
+    names = ("genie_sim", "quick", "seeds", "settings", "calibration", "trace")
+    return {
+        "about": {name: about[name] for name in names},
+        "verdicts": VERDICTS,
+        "claims": list(_claims(verdict_table.read_rows(folder))),
+        "improvement": [_interval(metrics.get(("all", f"improvement_{answer}"))) for answer in ("first", "fresh")],
+        "answers": list(_answers(metrics)),
+        "metrics": [
+            [one["scenario"], one["name"], _round(one["value"]), _round(one["low"]), _round(one["high"]), one["n"]]
+            for one in metrics.values()
+        ],
+        "figures": list(_figures(folder / "figures", notes)),
+        "calibration": _calibration(_read(folder / "calibration.json", missing=None)),
+        "sensitivity": _sensitivity(_read(folder / "sensitivity.json", missing=None)),
+        "worth": _read(folder / "quality.json", missing=None),
+        "notes": notes,
+    }
+
+
+def _claims(rows: Sequence[Mapping[str, Any]]) -> Iterator[dict[str, Any]]:
+    """Each verdict, with the sentences of Section V that it judges and the figure that shows it."""
+    sentences = verdict_table.sentences()
+    for row in rows:
+        mine = [one for one in sentences if row["id"] in one["claims"]]
+        figures = list(dict.fromkeys(one["figure"] for one in mine if one["figure"]))
+        yield {
+            **row,
+            "says": [[one["part"], one["says"]] for one in mine],
+            "figures": figures,
+            "value": _round(row["value"]),
+            "low": _round(row["low"]),
+            "high": _round(row["high"]),
+        }
+
+
+def _answers(metrics: Mapping[tuple[str, str], Mapping[str, Any]]) -> Iterator[dict[str, Any]]:
+    """The same measure of the first and of the fresh answer, scenario by scenario."""
+    scenarios = list(dict.fromkeys(scenario for scenario, _ in metrics if scenario != "all"))
+    for title, unit, first, fresh, roles in ANSWERS:
+        found = {
+            answer: {role: [_interval(metrics.get((one, f"{name}:{role}"))) for one in scenarios] for role in roles}
+            for answer, name in (("first", first), ("fresh", fresh))
+        }
+        yield {"title": title, "unit": unit, "scenarios": scenarios, "roles": roles} | found
+
+
+def _figures(folder: Path, notes: list[str]) -> Iterator[dict[str, str]]:
+    """The figures there are, as text for the source of a picture, where scripts in them would not run."""
+    room = MOST_FIGURE_BYTES
+    for name, title in FIGURES.items():
+        path = folder / f"{name}.svg"
+        if not path.is_file():
+            continue
+        picture = path.read_bytes()
+        if len(picture) > room:
+            notes.append(f"The figure {name} is too large for this page; see figures/{name}.svg beside it.")
+            continue
+        room -= len(picture)
+        source = f"data:image/svg+xml;base64,{base64.b64encode(picture).decode()}"
+        yield {"name": name, "title": title, "source": source}
+
+
+def _calibration(found: Mapping[str, Any] | None) -> dict[str, Any] | None:
+    if found is None:
+        return None
+    names = ("overlap", "gate_m", "object_reuse", "image_reuse", "ratio")
+    best = dict(found["best"])
+    best["ratio"] = best["object_reuse"] / best["image_reuse"] if best["image_reuse"] else None
+    return {
+        "reached": found["reached"],
+        "targets": found["targets"],
+        "best": {name: _round(best[name]) for name in names},
+        "tried": [[_round(point[name]) for name in names] for point in found["tried"]],
+    }
+
+
+def _sensitivity(found: Mapping[str, Any] | None) -> dict[str, Any] | None:
+    """The sweeps, and each variant with how many of the claims' tests hold under it."""
+    if found is None:
+        return None
+    measures = ("object_reuse", "image_reuse", "first_answer_ms", "fresh_answer_ms")
+    sweeps = [
+        {name: row[name] for name in ("parameter", "title", "unit", "paper", "used")}
+        | {"values": [point["value"] for point in row["points"]]}
+        | {name: [[_round(end) for end in point[name]] for point in row["points"]] for name in measures}
+        for row in found["sweeps"]
+    ]
+    holding = found["claims_that_hold_under"]
+    variants = [
+        {"name": name, "plausible": one["plausible"], "holds": sorted(_holding(holding, name), key=_number)}
+        | {measure: [_round(end) for end in one[measure]] for measure in measures}
+        for name, one in found["variants"].items()
+    ]
+    return {"sweeps": sweeps, "variants": variants}
+
+
+def _holding(holding: Mapping[str, Sequence[str]], variant: str) -> Iterator[str]:
+    return (claim for claim, variants in holding.items() if variant in variants)
+
+
+def _number(claim: str) -> tuple[int, str]:
+    """C2 comes before C10."""
+    return len(claim), claim
+
+
+def _interval(metric: Mapping[str, Any] | None) -> list[float | None] | None:
+    return None if metric is None else [_round(metric[name]) for name in ("value", "low", "high")]
+
+
+def _read(path: Path, **default: Any) -> Any:
+    """A file's JSON; ``missing`` is what an absent one gives. Raises ``UserError``."""
+    if path.exists():
+        return provenance.read_json(path)
+    if "missing" in default:
+        return default["missing"]
+    raise UserError(f"{path}: missing; the evaluation is not whole")
+
+
+def _round(value: float | None) -> float | None:
+    """Six significant digits; what is not finite is ``None``."""
+    return None if value is None or not math.isfinite(value) else float(f"{value:.6g}")

@@ -1,0 +1,308 @@
+"""Many runs of the paper's evaluation in parallel processes; of each run, the numbers that claims and sweeps need.
+
+A ``Job`` is one scenario under a list of settings with one seed. Settings are overrides as on the command line, and a
+few words of the evaluation's own (``overlap=0.4``, ``laps=2``: ``WORDS``). Results come back in the order of the jobs,
+whatever the number of processes.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import closing
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from genie_sim.messages import Detections, Image, Location, Message
+from genie_sim.paper.facts import Facts, facts_of
+from genie_sim.parallel import in_processes
+from genie_sim.perception.trace import Trace, TraceFrame, read_trace
+from genie_sim.recording.log import Log
+from genie_sim.recording.records import FrameTable, LookupTable, ResourceTable
+from genie_sim.runner import Prepared
+from genie_sim.scenario import files
+from genie_sim.scenario.profiles import load_profile
+from genie_sim.scenario.scenario import Recorded, Scenario, load_scenario
+from genie_sim.sim.nodes import Detector, Genie
+from genie_sim.sim.world import OBJECTS, REMOTE, World
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+ROUTE_S = 5.2  # assumptions.yaml: evaluation.route
+STREET_S = 3 * ROUTE_S  # of the 15.8 s that are recorded
+GOLDEN = (5**0.5 - 1) / 2
+CUT_S = 2.5  # when `link=cut` cuts the links: in mid run
+RECORDED_HZ = 10.0
+
+Progress = Callable[[float, float, str], None]
+T = TypeVar("T")
+Work = TypeVar("Work")
+
+
+@dataclass(frozen=True, slots=True)
+class Job:
+    """One run. ``keep_tables``: the frames and look-ups come back too, for figures."""
+
+    scenario: str
+    seed: int
+    settings: tuple[str, ...] = ()
+    methods: tuple[str, ...] = ("local", "remote", "genie")
+    keep_tables: bool = False
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a job gave."""
+
+    facts: Facts
+    frames: pd.DataFrame | None = None
+    lookups: pd.DataFrame | None = None
+
+
+def run_jobs(jobs: Sequence[Job], workers: int, progress: Progress | None = None, what: str = "runs") -> list[Outcome]:
+    """Simulates every job; ``progress`` is told how many are done, of how many. Ctrl-C stops all processes."""
+    return in_parallel(run_job, jobs, workers, progress, what)
+
+
+def in_parallel(
+    run: Callable[[Work], T], jobs: Sequence[Work], workers: int, progress: Progress | None, what: str
+) -> list[T]:
+    """``run`` of each job, in the order of the jobs."""
+    done: list[T] = []
+    with closing(in_processes(run, jobs, workers)) as results:
+        for outcome in results:
+            done.append(outcome)
+            if progress is not None:
+                progress(len(done), len(jobs), what)
+    return done
+
+
+def _as_it_is(node: Detector) -> tuple[object, ...]:
+    """The node itself, whatever the master calls its topics: its class, what it has, and what of that is plain."""
+    has = vars(node)
+    plain = {name: value for name, value in has.items() if isinstance(value, str | int | tuple | None)}
+    return (type(node), tuple(has), tuple(sorted(plain.items())))
+
+
+def run_job(job: Job) -> Outcome:
+    """Simulates one job and computes its facts."""
+    return outcome_of(prepare_job(job), job.keep_tables)
+
+
+def outcome_of(prepared: Prepared, keep_tables: bool = False) -> Outcome:
+    """Simulates what is prepared and computes its facts."""
+    tables = FrameTable(), LookupTable(), ResourceTable()
+    shared = _Shared(prepared.scenario.genie.object_map.threshold)
+    stored: dict[str, list[float]] = {"local": [], "remote": []}
+    detectors: dict[str, set[tuple[object, ...]]] = {}
+    behind_genie: list[bool] = []
+    for method in prepared.scenario.methods:
+        world = World(prepared.scenario, prepared.devices, prepared.traces, method, Log(method, *tables))
+        genies: list[Any] = [one for one in world.resources if isinstance(one, Genie)]
+        for one in world.resources:
+            if isinstance(one, Detector):
+                detectors.setdefault(one.name, set()).add(_as_it_is(one))
+                if method == "genie":
+                    behind_genie.append(one.graph.topics_of(one.name) != (one.subscribes, one.publishes))
+        for genie in genies:
+            for topic in (OBJECTS, OBJECTS + REMOTE):
+                genie.graph.subscribe(topic, shared)
+        world.run()
+        for genie in genies:
+            role = "remote" if genie.host.name in world.edges else "local"
+            stored[role] += [one.confidence for one in genie.genie.object_map]
+    frames, lookups, resources = (table.to_frame() for table in tables)
+    facts = facts_of(frames, lookups, resources, lap_ns=_lap_ns(prepared.scenario))
+    for role, confidences in stored.items():
+        facts[f"stored_confidence:{role}"] = sum(confidences) / len(confidences) if confidences else math.nan
+    same = all(len(seen) == 1 for seen in detectors.values())
+    facts["detector_untouched"] = float(same and all(behind_genie))
+    facts["objects_shared"] = shared.objects
+    facts["unconfident_objects_shared"] = shared.unconfident
+    return Outcome(facts, frames, lookups) if keep_tables else Outcome(facts)
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """What a consumer was handed at ``t_ns`` about a frame: the objects' classes and locations in the world."""
+
+    t_ns: int
+    stamp_ns: int
+    stream: str
+    objects: tuple[tuple[str, Location], ...]
+
+
+@dataclass
+class Held:
+    """Everything that the consumers of one method were handed, by car, and how far each car is behind its recording.
+
+    ``late_ns``: simulated time - time of the drive, of the car's first stream.
+    """
+
+    answers: dict[str, list[Answer]]
+    late_ns: dict[str, int]
+
+
+def run_for_answers(prepared: Prepared) -> dict[str, Held]:
+    """Simulates every method and keeps all answers, by method; for ``quality``."""
+    found: dict[str, Held] = {}
+    for method in prepared.scenario.methods:
+        log = _AnswerLog(method, FrameTable(), LookupTable(), ResourceTable())
+        World(prepared.scenario, prepared.devices, prepared.traces, method, log).run()
+        found[method] = log.held
+    return found
+
+
+class _AnswerLog(Log):
+    """Keeps the answers themselves besides the facts about them."""
+
+    def __init__(self, method: str, frames: FrameTable, lookups: LookupTable, resources: ResourceTable) -> None:
+        super().__init__(method, frames, lookups, resources)
+        self.held = Held({}, {})
+
+    def published(self, image: Image, number: int, lap: int) -> None:
+        super().published(image, number, lap)
+        header = image.header
+        self.held.answers.setdefault(header.origin, [])
+        self.held.late_ns.setdefault(header.origin, header.stamp_ns - image.content.stamp_ns)
+
+    def answered(self, answer: Detections, source: str, now_ns: int) -> None:
+        super().answered(answer, source, now_ns)
+        header = answer.header
+        objects = tuple((one.label, one.location) for one in answer.objects if one.location is not None)
+        self.held.answers[header.origin].append(Answer(now_ns, header.stamp_ns, header.frame_id, objects))
+
+
+class _Shared:
+    """Listens to what Genies publish and counts the objects, those below C_T apart; takes no time."""
+
+    def __init__(self, threshold: float | str) -> None:
+        self.address = "claims"
+        self.objects = 0
+        self.unconfident = 0
+        self._threshold = threshold if isinstance(threshold, float) else 0.0  # others move: told by the Genie's tests
+
+    def deliver(self, topic: str, message: Message, sender: str) -> None:
+        assert isinstance(message, Detections)
+        self.objects += len(message.objects)
+        self.unconfident += sum(one.confidence < self._threshold for one in message.objects)
+
+
+def prepare_job(job: Job) -> Prepared:
+    """The scenario, devices and traces of a job. Raises ``UserError``."""
+    words, overrides = _split(job.settings)
+    plain = load_scenario(job.scenario)
+    overrides = [*_spelled_out(plain, words, job.seed), *overrides]
+    scenario = load_scenario(job.scenario, overrides, job.seed).model_copy(update={"methods": job.methods})
+    assert isinstance(scenario.perception, Recorded)
+    trace = _trace(scenario.perception.trace, float(words.get("min_score", 0.0)), float(words.get("frame_rate_hz", 0)))
+    names = [car.device for car in scenario.cars] + [edge.device for edge in scenario.edges]
+    devices = {name: _device(name) for name in names}
+    return Prepared(scenario, devices, {car.name: trace for car in scenario.cars})
+
+
+WORDS = (
+    "overlap", "gate_m", "order", "laps", "quadro", "all_edges", "links", "link", "image_cell_m", "view_range_m",
+    "min_score", "frame_rate_hz",
+)  # fmt: skip
+
+
+def _split(settings: Sequence[str]) -> tuple[dict[str, str], list[str]]:
+    """The evaluation's own words (the last one counts), and plain overrides."""
+    words: dict[str, str] = {}
+    overrides = []
+    for setting in settings:
+        name, _, value = setting.partition("=")
+        if name in WORDS:
+            words[name] = value
+        else:
+            overrides.append(setting)
+    return words, overrides
+
+
+def _spelled_out(scenario: Scenario, words: Mapping[str, str], seed: int) -> Iterator[str]:
+    """The evaluation's own words as overrides of the scenario."""
+    cars, edges = scenario.cars, scenario.edges
+    if "overlap" in words:
+        yield from _routes(scenario, float(words["overlap"]), words.get("order"), seed)
+    for index in range(len(cars)):
+        if "laps" in words:
+            yield f"cars[{index}].route.laps={words['laps']}"
+        if "links" in words:
+            yield f"cars[{index}].link={words['links']}"
+        if words.get("link") == "cut":
+            yield f"cars[{index}].link={{like: ethernet_1g, outages: [[{CUT_S} s, 3600 s]]}}"
+    for index, edge in enumerate(edges):
+        if "all_edges" in words:
+            yield f"edges[{index}].device={words['all_edges']}"
+        elif "quadro" in words and edge.device == "quadro_rtx_4000":
+            yield f"edges[{index}].device={words['quadro']}"
+    if "links" in words:
+        yield f"edge_network={words['links']}"
+    if "gate_m" in words:
+        yield f"genie.object_map.gate={words['gate_m']} m"
+    if "image_cell_m" in words:
+        yield f"genie.similarity={{name: pose_grid, cell: {words['image_cell_m']} m}}"
+    if "view_range_m" in words:
+        yield f"genie.view_range={words['view_range_m']} m"
+
+
+def _routes(scenario: Scenario, overlap: float, order: str | None, seed: int) -> Iterator[str]:
+    """Each car (1 - overlap) of a route ahead of the one before it; a car without cameras drives behind the others.
+
+    Where on the recorded street the last car begins depends on the seed: multiples of the golden ratio spread evenly,
+    however many seeds there are. So one car and three see, over the seeds, the same street.
+    """
+    places = list(range(len(scenario.cars)))
+    if (order == "reversed") != any(not car.cameras for car in scenario.cars):
+        places.reverse()
+    step_s = (1.0 - overlap) * ROUTE_S
+    first_s = (STREET_S - ROUTE_S - step_s * (len(places) - 1)) * (seed * GOLDEN % 1.0)
+    for index, place in enumerate(places):
+        begin_s = first_s + place * step_s
+        yield f"cars[{index}].route.window=[{begin_s:.3f} s, {begin_s + ROUTE_S:.3f} s]"
+
+
+def _lap_ns(scenario: Scenario) -> int | None:
+    """When the second lap begins, for scenarios with laps."""
+    route = scenario.cars[0].route
+    if route.laps == 1 or route.window_ns is None:
+        return None
+    return route.start_ns + route.window_ns[1] - route.window_ns[0] + route.pause_ns
+
+
+_device = functools.lru_cache(maxsize=None)(load_profile)
+
+
+@functools.lru_cache(maxsize=32)
+def _trace(name: str, min_score: float, rate_hz: float) -> Trace:
+    """A trace with fewer detections (weaker ones left out) or fewer frames (every n-th kept)."""
+    if not min_score and not rate_hz:
+        return read_trace(files.find(files.TRACE, name))
+    whole = _trace(name, 0.0, 0.0)
+    every = round(RECORDED_HZ / rate_hz) if rate_hz else 1
+
+    def kept(frame: TraceFrame) -> TraceFrame:
+        return replace(frame, detections=tuple(one for one in frame.detections if one.score >= min_score))
+
+    frames = {camera: tuple(map(kept, sequence[::every])) for camera, sequence in whole.frames.items()}
+    return Trace(whole.name, whole.origin, frames, whole.provenance)
+
+
+class TimeLeft:
+    """Progress over several batches of jobs, in jobs; forwards to a progress bar."""
+
+    def __init__(self, total: int, progress: Progress | None) -> None:
+        self._total = total
+        self._before = 0
+        self._progress = progress
+        self.began_s = time.perf_counter()
+
+    def __call__(self, done: float, of: float, what: str) -> None:
+        if self._progress is not None:
+            self._progress(self._before + done, max(self._total, self._before + of), what)
+        if done == of:
+            self._before += int(of)

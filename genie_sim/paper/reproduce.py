@@ -1,0 +1,324 @@
+"""The paper's whole evaluation: calibration, replicated runs, ablations, sweeps, verdicts and figures in one folder.
+
+Nothing here decides anything: assumptions.yaml does, before; claims.yaml says what is tested.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from genie_sim import report
+from genie_sim.paper import drives, quality, verdict_table
+from genie_sim.paper import page as evaluation
+from genie_sim.paper.assumptions import Assumptions, load_assumptions
+from genie_sim.paper.calibrate import Calibration, calibrate, most_jobs
+from genie_sim.paper.checks import ALL, BOTH_IMAGES, BOTH_OBJECTS, CASE, HE, HO, SHARED, improvements, load_claims
+from genie_sim.paper.claims import VERDICTS, Verdict, judge, supporting_variants
+from genie_sim.paper.evidence import Evidence, Values, interval
+from genie_sim.paper.facts import Facts
+from genie_sim.paper.replicate import Job, Outcome, Progress, TimeLeft, in_parallel, run_jobs
+from genie_sim.recording import provenance
+from genie_sim.scenario.yaml_input import read_mapping
+
+QUICK_SEEDS = 4
+
+# Runs that single claims need besides the six scenarios, with as many seeds: variant -> (scenarios, settings).
+FOR_CLAIMS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
+    "base": ((CASE,), ()),
+    "ideal_link": ((HE[0],), ("links=ideal",)),
+    "no_edge_sharing": (SHARED, ("genie.share_requests=false", "genie.share_answers=on_request")),
+    "two_laps": ((HO[0], HE[0]), ("laps=2",)),
+    "cut_link": ((HO[0],), ("link=cut",)),
+}
+
+SMALL = (
+    *(f"{answer}_answer_mean:{method}" for answer in ("first", "fresh") for method in ("local", "remote", "genie")),
+    *(f"fresh_answered_share:{method}" for method in ("local", "remote", "genie")),
+    *(f"{name}:{role}" for name in ("image_reuse", "object_reuse", "confidence_boost") for role in ("local", "remote")),
+    *(f"{name}:{role}" for name in ("stored_images", "stored_objects") for role in ("local", "remote")),
+    "detector_runs",
+    "objects_shared",
+)  # fmt: skip
+
+Key = tuple[str, str]  # variant, scenario
+
+
+@dataclass(frozen=True)
+class Reproduction:
+    """A finished evaluation; ``drives`` is the table of the claims on other drives, where it was wanted."""
+
+    folder: Path
+    verdicts: list[Verdict]
+    wall_time_s: float
+    drives: str = ""
+
+
+def reproduce(
+    out: Path, quick: bool = False, seeds: int | None = None, workers: int | None = None,
+    progress: Progress | None = None, with_drives: bool = False,
+) -> Reproduction:  # fmt: skip
+    """Runs the evaluation and puts everything into ``out``, which appears when it is complete.
+
+    ``quick``: few seeds, the calibration of the last full run, no variants and sweeps. ``seeds``: how many, instead of
+    those of assumptions.yaml. ``with_drives``: the main claims on every sequence of KITTI's tracking benchmark, too.
+    Raises ``UserError`` where ``out`` cannot be written, or where there are no such sequences.
+    """
+    provenance.check_writable(out.parent)
+    provenance.check_replaceable(out)
+    on_drives = drives.jobs() if with_drives else []
+    assumptions = load_assumptions()
+    workers = workers or os.cpu_count() or 1
+    used_seeds = _seeds(assumptions, quick, seeds)
+    tell = TimeLeft(_total(assumptions, quick, len(used_seeds)) + len(on_drives), progress)
+    fitted = None if quick else calibrate(assumptions, workers, tell)
+    settings = (*assumptions.settings, *(last_calibration() if fitted is None else fitted.best.settings))
+    runs, tables = _base_runs(settings, used_seeds, workers, tell)
+    evidence = Evidence(runs)
+    verdicts = judge(evidence)
+    sensitivity = _Sensitivity.nothing() if quick else _sensitivity(assumptions, settings, workers, tell)
+    worth = _worth(settings, used_seeds, workers, tell)
+    driven = drives.run_drives(on_drives, workers, tell) if on_drives else []
+    with provenance.result_folder(out) as folder:
+        supporting = sensitivity.supporting(verdicts)
+        _write(folder, evidence, verdicts, supporting, fitted, sensitivity, worth, settings)
+        table = drives.write(folder, driven) if driven else ""
+        _draw(folder / "figures", tables, fitted, sensitivity, worth, settings, used_seeds)
+        wall_time_s = time.perf_counter() - tell.began_s
+        about = _provenance(quick, settings, used_seeds, workers, wall_time_s, fitted)
+        provenance.write_json(folder / "run.json", about)
+        evaluation.write(folder / report.NAME, folder)
+    return Reproduction(out, verdicts, wall_time_s, table)
+
+
+def last_calibration() -> tuple[str, ...]:
+    """The fitted parameters of the last full run, as settings."""
+    path = Path(__file__).with_name("calibrated.yaml")
+    return tuple(f"{name}={value:g}" for name, value in read_mapping(path).items())
+
+
+def small_version() -> dict[str, float]:
+    """A few numbers of every scenario with one seed, in seconds: what the regression test compares."""
+    jobs = [Job(scenario, 1, last_calibration()) for scenario in (*ALL, CASE)]
+    return {
+        f"{job.scenario} {name}": float(f"{outcome.facts[name]:.9g}")
+        for job, outcome in zip(jobs, run_jobs(jobs, 1), strict=True)
+        for name in SMALL
+        if name in outcome.facts
+    }
+
+
+@dataclass(frozen=True)
+class _Sensitivity:
+    """What other readings and other values of open parameters give."""
+
+    variants: dict[str, Evidence]
+    sweeps: list[dict[str, Any]]
+    plausible: dict[str, str]
+
+    @classmethod
+    def nothing(cls) -> _Sensitivity:
+        return cls({}, [], {})
+
+    def supporting(self, verdicts: Sequence[Verdict]) -> dict[str, list[str]]:
+        """For each claim that was not reproduced, what would make its test hold, and whether that is plausible."""
+        found = {}
+        for verdict in verdicts:
+            if verdict.verdict in VERDICTS[1:3]:
+                names = supporting_variants(verdict.claim, self.variants)
+                found[verdict.claim.id] = [f"{name} (plausible: {self.plausible[name]})" for name in names]
+        return found
+
+
+def _seeds(assumptions: Assumptions, quick: bool, seeds: int | None) -> tuple[int, ...]:
+    if seeds is not None:
+        return tuple(range(1, seeds + 1))
+    return assumptions.seeds[:QUICK_SEEDS] if quick else assumptions.seeds
+
+
+def _total(assumptions: Assumptions, quick: bool, seeds: int) -> int:
+    """How many runs there will be, about."""
+    base = seeds * (len(ALL) + sum(len(scenarios) for scenarios, _ in FOR_CLAIMS.values()))
+    worth = seeds * len(ALL) if quality.labels_are_here() else 0
+    if quick:
+        return base + worth
+    points = len(assumptions.variants) + sum(len(sweep.values) for sweep in assumptions.sweeps)
+    return base + worth + most_jobs(assumptions) + points * len(ALL) * len(assumptions.sensitivity_seeds)
+
+
+def _base_runs(
+    settings: tuple[str, ...], seeds: Sequence[int], workers: int, progress: Progress
+) -> tuple[dict[Key, list[Facts]], dict[str, list[Outcome]]]:
+    """Facts of all runs that the claims need, and the tables of the base runs by scenario."""
+    places: list[Key] = [("base", scenario) for scenario in ALL]
+    places += [(variant, scenario) for variant, (scenarios, _) in FOR_CLAIMS.items() for scenario in scenarios]
+    jobs = []
+    for variant, scenario in places:
+        more = FOR_CLAIMS[variant][1]
+        jobs += [Job(scenario, seed, (*settings, *more), keep_tables=variant == "base") for seed in seeds]
+    outcomes = iter(run_jobs(jobs, workers, progress, "claims"))
+    grouped = {place: [next(outcomes) for _ in seeds] for place in places}
+    facts = {place: [outcome.facts for outcome in group] for place, group in grouped.items()}
+    return facts, {scenario: group for (variant, scenario), group in grouped.items() if variant == "base"}
+
+
+def _sensitivity(assumptions: Assumptions, settings: tuple[str, ...], workers: int, progress: Progress) -> _Sensitivity:
+    """Every variant with all methods, every sweep value with Genie alone, on the sensitivity seeds."""
+    points: list[tuple[str, tuple[str, ...], tuple[str, ...]]] = []
+    plausible = {}
+    for variant in assumptions.variants:
+        points.append((variant.name, variant.settings, ("local", "remote", "genie")))
+        plausible[variant.name] = variant.plausible
+    for sweep in assumptions.sweeps:
+        low, high = sweep.plausible
+        for value in sweep.values:
+            name = f"{sweep.parameter}={value:g}"
+            points.append((name, (name,), ("genie",)))
+            plausible[name] = "yes" if low <= value <= high else "no"
+    seeds = assumptions.sensitivity_seeds
+    jobs = [
+        Job(scenario, seed, (*settings, *more), methods)
+        for _, more, methods in points
+        for scenario in ALL
+        for seed in seeds
+    ]
+    outcomes = iter(run_jobs(jobs, workers, progress, "variants and sweeps"))
+    evidence = {
+        name: Evidence({("base", scenario): [next(outcomes).facts for _ in seeds] for scenario in ALL})
+        for name, _, _ in points
+    }
+    used = dict(setting.split("=", 1) for setting in settings)
+    rows = [
+        {
+            "parameter": sweep.parameter,
+            "title": sweep.parameter.removesuffix("_m").removesuffix("_hz").split(".")[-1].replace("_", " "),
+            "unit": sweep.unit,
+            "paper": sweep.paper,
+            "used": float(used[sweep.parameter]) if sweep.parameter in used else None,
+            "points": [{"value": value} | _reuse(evidence[f"{sweep.parameter}={value:g}"]) for value in sweep.values],
+        }
+        for sweep in assumptions.sweeps
+    ]
+    return _Sensitivity(evidence, rows, plausible)
+
+
+def _reuse(evidence: Evidence) -> dict[str, tuple[float, float, float]]:
+    return {
+        "object_reuse": interval(evidence.mean_of(ALL, BOTH_OBJECTS)),
+        "image_reuse": interval(evidence.mean_of(ALL, BOTH_IMAGES)),
+        "first_answer_ms": interval(evidence.mean_of(ALL, ["first_answer_mean:genie"])),
+        "fresh_answer_ms": interval(evidence.mean_of(ALL, ["fresh_answer_mean:genie"])),
+    }
+
+
+def _worth(
+    settings: tuple[str, ...], seeds: Sequence[int], workers: int, progress: Progress
+) -> list[dict[str, Any]] | None:
+    """What the answers are worth, against KITTI's labels; ``None`` where these are not at hand."""
+    if not quality.labels_are_here():
+        return None
+    jobs = [Job(scenario, seed, settings) for scenario in ALL for seed in seeds]
+    return quality.summarise(in_parallel(quality.measure_job, jobs, workers, progress, "quality"), len(seeds))
+
+
+def _write(
+    folder: Path,
+    evidence: Evidence,
+    verdicts: Sequence[Verdict],
+    supporting: Mapping[str, Sequence[str]],
+    fitted: Calibration | None,
+    sensitivity: _Sensitivity,
+    worth: list[dict[str, Any]] | None,
+    settings: Sequence[str],
+) -> None:
+    rows = [verdict_table.row(verdict, supporting.get(verdict.claim.id)) for verdict in verdicts]
+    provenance.write_json(folder / "verdicts.json", rows)
+    (folder / "verdicts.md").write_text(verdict_table.document(rows, settings, worth), encoding="utf-8")
+    provenance.write_json(folder / "metrics.json", _metrics(evidence))
+    if worth is not None:
+        provenance.write_json(folder / "quality.json", worth)
+    if fitted is not None:
+        points = [asdict(point) | {"ratio": point.ratio} for point in fitted.tried]
+        found = {"best": asdict(fitted.best), "reached": fitted.reached, "targets": fitted.targets, "tried": points}
+        provenance.write_json(folder / "calibration.json", found)
+    if sensitivity.variants:
+        by_claim = {claim.id: supporting_variants(claim, sensitivity.variants) for claim in load_claims()}
+        variants = {
+            name: _reuse(one) | {"plausible": sensitivity.plausible[name]} for name, one in sensitivity.variants.items()
+        }
+        sweeps = {"sweeps": sensitivity.sweeps, "variants": variants, "claims_that_hold_under": by_claim}
+        provenance.write_json(folder / "sensitivity.json", sweeps)
+
+
+def _metrics(evidence: Evidence) -> list[dict[str, Any]]:
+    """Every fact of the six scenarios and the case study, as a mean over seeds with its 95 % interval."""
+    import numpy as np
+
+    found = []
+    for scenario in (*ALL, CASE):
+        for name in evidence.names(scenario):
+            values = evidence.of(scenario, name)
+            known = values[~np.isnan(values)]
+            if len(known):
+                found.append(_metric(scenario, name, known))
+    for answer in ("first", "fresh"):
+        average = np.mean(list(improvements(evidence, answer).values()), axis=0)
+        found.append(_metric("all", f"improvement_{answer}", average))
+    return found
+
+
+def _metric(scenario: str, name: str, values: Values) -> dict[str, Any]:
+    value, low, high = (float(f"{number:.6g}") for number in interval(values))
+    return {"scenario": scenario, "name": name, "value": value, "low": low, "high": high, "n": len(values)}
+
+
+def _draw(
+    folder: Path,
+    tables: Mapping[str, Sequence[Outcome]],
+    fitted: Calibration | None,
+    sensitivity: _Sensitivity,
+    worth: list[dict[str, Any]] | None,
+    settings: Sequence[str],
+    seeds: Sequence[int],
+) -> None:
+    from genie_sim.paper.paper_figures import draw_paper_figures
+    from genie_sim.paper.sensitivity import draw_sensitivity
+
+    folder.mkdir()
+    footer = f"genie-sim reproduce, {', '.join(settings)}, {len(seeds)} seeds"
+    draw_paper_figures(folder, tables, footer)
+    draw_sensitivity(folder, fitted, sensitivity.sweeps, worth, load_assumptions().targets, footer)
+
+
+def _provenance(
+    quick: bool,
+    settings: Sequence[str],
+    seeds: Sequence[int],
+    workers: int,
+    wall_time_s: float,
+    fitted: Calibration | None,
+) -> dict[str, Any]:
+    here = Path(__file__).parent
+    inputs = ("assumptions.yaml", "claims.yaml")
+    return {
+        "quick": quick,
+        "settings": list(settings),
+        "seeds": list(seeds),
+        "workers": workers,
+        "wall_time_s": round(wall_time_s, 1),
+        "calibration": "searched" if fitted is not None else "that of the last full run (calibrated.yaml)",
+        "inputs": {name: hashlib.sha256((here / name).read_bytes()).hexdigest() for name in inputs},
+        "trace": _trace_digest(),
+        **provenance.environment(),
+    }
+
+
+def _trace_digest() -> str:
+    from genie_sim.paper.replicate import prepare_job
+
+    return next(iter(prepare_job(Job(ALL[0], 1)).traces.values())).digest

@@ -1,0 +1,181 @@
+"""Figures of what the open parameters do, and of the calibration: in the style of the paper's figures."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib import style
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import NullLocator, PercentFormatter
+
+from genie_sim.analysis.figures import METHOD_LINES, PAGE_IN, STYLE, save
+from genie_sim.paper.calibrate import Calibration
+
+OBJECTS_LINE: dict[str, Any] = {"color": "#0B3C6F", "marker": "o", "markersize": 3.5, "linewidth": 1.6}
+IMAGES_LINE: dict[str, Any] = {
+    "color": "#E69F00", "marker": "s", "markersize": 3.5, "linewidth": 1.6, "linestyle": (0, (4, 1.2)),
+}  # fmt: skip
+PAPER_LINE: dict[str, Any] = {"linewidth": 0.9, "linestyle": (0, (1, 1.5))}
+LOGARITHMIC_FROM = 10.0  # a sweep whose largest value is this many times its smallest gets a logarithmic axis
+
+Row = Mapping[str, Any]
+
+
+@style.context(["default", STYLE])
+def sweeps(rows: Sequence[Row], targets: Mapping[str, float], footer: str) -> Figure:
+    """Object and image reuse, means of the twelve bars with 95 % intervals over seeds, against each open parameter.
+
+    ``rows``: ``parameter``, ``unit``, ``used`` (the evaluation's own value, or ``None``), and ``points``: a list of
+    ``value``, ``object_reuse`` and ``image_reuse`` as (mean, low, high).
+    """
+    figure = Figure(figsize=(PAGE_IN, 0.9 + 1.75 * -(-len(rows) // 3)), layout="constrained")
+    _title(figure, "Reuse against each parameter that the paper leaves open, all else unchanged", footer)
+    grid = figure.subplots(-(-len(rows) // 3), 3, sharey=True, squeeze=False)
+    axes = list(grid.flat)
+    for axis, row in zip(axes, rows, strict=False):
+        _sweep(axis, row, targets)
+    for axis in axes[len(rows) :]:
+        axis.remove()
+    for line in grid:
+        line[0].set_ylabel("mean of 12 bars")
+    handles, labels = axes[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=4)
+    return figure
+
+
+@style.context(["default", STYLE])
+def calibration(points: Sequence[Row], best: Row, targets: Mapping[str, float], footer: str) -> Figure:
+    """Both calibrated numbers over the two fitted parameters, with the paper's level as a line where it is reached."""
+    figure = Figure(figsize=(PAGE_IN, 3.0), layout="constrained")
+    _title(figure, "Calibration: the two published numbers over the two fitted parameters", footer)
+    left, right = figure.subplots(1, 2, sharey=True)
+    for axis, name, target, title in (
+        (left, "object_reuse", targets["object_reuse_mean"], "object reuse, mean of 12 bars"),
+        (right, "ratio", targets["object_to_image_reuse"], "object reuse / image reuse"),
+    ):
+        overlap, gate_m, values = (np.array([row[key] for row in points]) for key in ("overlap", "gate_m", name))
+        shades = axis.scatter(overlap, gate_m, c=values, cmap="cividis", s=42, edgecolors="black", linewidths=0.4)
+        written: list[tuple[float, float]] = []
+        for x, y, value in zip(overlap, gate_m, values, strict=True):
+            if any(abs(x - other[0]) < 0.12 and abs(y - other[1]) < 0.3 for other in written):
+                continue  # a refinement between two others
+            written.append((x, y))
+            axis.annotate(f"{value:.2f}", (x, y), (0, 6), textcoords="offset points", ha="center", fontsize=6)
+        if values.min() < target < values.max():
+            axis.tricontour(overlap, gate_m, values, levels=[target], colors="#C44E00", linewidths=1.4)
+            title += f"; line: {target:g}"
+        else:
+            title += f"; {target:g} not reached"
+        axis.plot(best["overlap"], best["gate_m"], marker="x", color="#C44E00", markersize=9, markeredgewidth=2)
+        axis.set_title(title)
+        axis.set_xlabel("overlap of the routes")
+        axis.set_xlim(overlap.min() - 0.08, overlap.max() + 0.08)
+        axis.set_ylim(gate_m.min() - 0.15, gate_m.max() + 0.3)
+        figure.colorbar(shades, ax=axis)
+    left.set_ylabel("gate of the object map [m]")
+    return figure
+
+
+@style.context(["default", STYLE])
+def case_study(times_ms: Mapping[str, Any], reuse: Mapping[str, tuple[Any, Any]], footer: str) -> Figure:
+    """Vision-assisted driving (paper: Fig. "bs"): response times of both cars, and reuse over events.
+
+    ``reuse``: by label, event numbers and the running ratio hits / requests.
+    """
+    figure = Figure(figsize=(PAGE_IN, 2.6), layout="constrained")
+    _title(figure, "Vision-assisted driving: car2 has no cameras", footer)
+    left, right = figure.subplots(1, 2)
+    looks = (("#0B3C6F", "-"), ("#E69F00", (0, (4, 1.2))), ("#777777", (0, (1, 1.5))))
+    for (label, values), (colour, dashes) in zip(times_ms.items(), looks, strict=False):
+        ordered = np.sort(values)
+        left.plot(ordered, np.arange(1, len(ordered) + 1) / len(ordered), color=colour, linestyle=dashes, label=label)
+    left.axvline(41.0, color="black", linewidth=0.9, linestyle="--", label="41 ms (24 frames/s)")
+    left.set_xlabel("response time, first answer [ms]")
+    left.set_ylabel("share of frames")
+    left.legend(loc="lower right")
+    for (label, (events, ratio)), (colour, dashes) in zip(reuse.items(), looks, strict=False):
+        right.plot(events, ratio, color=colour, linestyle=dashes, label=label)
+    right.set_xlabel("events (messages looked up)")
+    right.set_ylabel("running hits / requests")
+    right.set_ylim(0, 1.02)
+    right.yaxis.set_major_formatter(PercentFormatter(1))
+    right.legend(loc="center right")
+    return figure
+
+
+@style.context(["default", STYLE])
+def worth(rows: Sequence[Row], footer: str) -> Figure:
+    """Precision, recall and ghosts of what the consumer holds, for L, R and DG; ``rows`` as ``quality`` makes them."""
+    figure = Figure(figsize=(PAGE_IN, 2.6), layout="constrained")
+    _title(figure, "What the consumer holds at each instant, against KITTI's labels (drive 0005)", footer)
+    looks = {"local": ("#F0C060", "////"), "remote": ("#E08050", "...."), "genie": ("#3D6FA5", "")}
+    names = {"precision": "precision", "recall_static": "recall, static", "recall_moving": "recall, moving",
+             "ghost_share": "ghosts"}  # fmt: skip
+    axis = figure.subplots()
+    for place, (method, (colour, hatch)) in enumerate(looks.items()):
+        for x, name in enumerate(names):
+            found = [row for row in rows if row["method"] == method and row["name"] == name]
+            if found:
+                mean, low, high = (found[0][key] for key in ("value", "low", "high"))
+                label = METHOD_LINES[method]["label"] if x == 0 else None
+                at = x + 0.27 * (place - 1)
+                axis.bar(at, mean, 0.25, facecolor=colour, hatch=hatch, edgecolor="black", linewidth=0.7, label=label)
+                axis.errorbar(at, mean, yerr=[[mean - low], [high - mean]], color="black", linewidth=1, capsize=3)
+    axis.set_xticks(range(len(names)), list(names.values()))
+    axis.grid(axis="x", visible=False)
+    axis.yaxis.set_major_formatter(PercentFormatter(1))
+    figure.legend(loc="outside lower center", ncols=3)
+    return figure
+
+
+def _title(figure: Figure, title: str, footer: str) -> None:
+    figure.suptitle(f"{title}\n{footer}", x=0.01, ha="left", fontsize=8)
+
+
+def _sweep(axis: Axes, row: Row, targets: Mapping[str, float]) -> None:
+    points = row["points"]
+    values = np.array([point["value"] for point in points])
+    for name, look, label in (
+        ("object_reuse", OBJECTS_LINE, "object reuse"),
+        ("image_reuse", IMAGES_LINE, "image reuse"),
+    ):
+        mean, low, high = np.array([point[name] for point in points], dtype=float).T
+        axis.plot(values, mean, label=label, **look)
+        axis.fill_between(values, low, high, color=look["color"], alpha=0.2, linewidth=0)
+    level = targets["object_reuse_mean"]
+    axis.axhline(level, color="#0B3C6F", label=f"paper: {100 * level:.0f} % of objects", **PAPER_LINE)
+    images = level / targets["object_to_image_reuse"]
+    axis.axhline(images, color="#E69F00", label="paper: a quarter of it", **PAPER_LINE)
+    if row["used"] is not None:
+        axis.axvline(row["used"], color="0.5", linewidth=0.8)
+    if values.min() > 0 and values.max() / values.min() >= LOGARITHMIC_FROM:
+        axis.set_xscale("log")
+        axis.set_xticks(values, [f"{value:g}" for value in values])
+        axis.xaxis.set_minor_locator(NullLocator())
+    unit = "" if row["unit"] == "1" else f" [{row['unit']}]"
+    axis.set_xlabel(row["title"] + unit)
+    axis.set_ylim(0, 1.02)
+    axis.yaxis.set_major_formatter(PercentFormatter(1))
+
+
+def draw_sensitivity(
+    folder: Path,
+    fitted: Calibration | None,
+    sweep_rows: Sequence[Row],
+    worth_rows: Sequence[Row] | None,
+    targets: Mapping[str, float],
+    footer: str,
+) -> None:
+    """The figures there is something for, as SVG and PNG. Raises OSError."""
+    if fitted is not None:
+        points = [asdict(point) | {"ratio": point.ratio} for point in fitted.tried]
+        save(calibration(points, asdict(fitted.best), targets, footer), folder, "calibration")
+    if sweep_rows:
+        save(sweeps(sweep_rows, targets, footer), folder, "sensitivity")
+    if worth_rows:
+        save(worth(worth_rows, footer), folder, "worth")

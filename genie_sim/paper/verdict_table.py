@@ -1,0 +1,172 @@
+"""The verdicts as Markdown: the table in the README, and the document beside the results."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from genie_sim.paper import table1
+from genie_sim.paper.claims import VERDICTS, Verdict
+from genie_sim.recording import provenance
+from genie_sim.scenario.yaml_input import parse
+
+MARKERS = {  # of a document's generated parts
+    "verdicts": ("<!-- verdicts:begin -->", "<!-- verdicts:end -->"),
+    "section V": ("<!-- section-v:begin -->", "<!-- section-v:end -->"),
+    "worth": ("<!-- worth:begin -->", "<!-- worth:end -->"),
+    "table I": ("<!-- table-1:begin -->", "<!-- table-1:end -->"),
+}
+MOST_NAMED = 4  # variants named beside a claim
+
+Row = Mapping[str, Any]
+
+
+def row(verdict: Verdict, supporting: Sequence[str] | None = None) -> dict[str, Any]:
+    """A verdict as plain data. ``supporting``: under which other readings the claim's test holds."""
+    claim, finding = verdict.claim, verdict.finding
+    known = finding is not None and finding.value is not None and finding.value == finding.value
+    return {
+        "id": claim.id,
+        "where": claim.where,
+        "kind": claim.kind,
+        "claim": claim.claim,
+        "test": claim.test,
+        "expect": claim.expect,
+        "tolerance": claim.tolerance,
+        "value": _rounded(finding.value) if finding is not None and known else None,
+        "low": _rounded(finding.low) if finding is not None and known else None,
+        "high": _rounded(finding.high) if finding is not None and known else None,
+        "unit": finding.unit if finding is not None else "1",
+        "n": finding.n if finding is not None else 0,
+        "note": finding.note if finding is not None else "",
+        "verdict": verdict.verdict,
+        "marginal": verdict.marginal,
+        "holds_under": list(supporting) if supporting is not None else None,
+    }
+
+
+def table(rows: Sequence[Row]) -> str:
+    """Claim, kind, what was found and the verdict, one line each, and the count of each verdict."""
+    lines = ["| | the paper says | kind | found (95 % interval) | verdict |", "|---|---|---|---|---|"]
+    for one in rows:
+        said = f"{one['verdict']}{' (marginal)' if one['marginal'] else ''}"
+        lines.append(f"| {one['id']} | {one['claim']} | {one['kind'].replace('_', ' ')} | {_found(one)} | {said} |")
+    return "\n".join([*lines, "", _counts(rows)])
+
+
+def text(rows: Sequence[Row], width: int) -> str:
+    """Verdict, claim and what was found, for a terminal of ``width`` columns; the counts below."""
+    lines = []
+    for one in rows:
+        said = f"{one['verdict']}{' (marginal)' if one['marginal'] else ''}"
+        line = f"{one['id']:4} {said:38} {_found(one):28} {one['claim']}"
+        lines.append(line if len(line) <= width else f"{line[: max(width - 3, 0)]}...")
+    return "\n".join([*lines, "", _counts(rows)])
+
+
+def document(rows: Sequence[Row], settings: Sequence[str], worth: Sequence[Row] | None) -> str:
+    """The whole account beside the results: the table, each claim's test, and what the answers are worth."""
+    parts = ["# What of the paper holds here", "", f"Calibrated: {', '.join(settings)}.", "", table(rows), ""]
+    parts += ["## Each claim", ""]
+    for one in rows:
+        parts.append(f"**{one['id']}** ({one['where']}): {one['claim']}. *{one['verdict']}*; kind: {one['kind']}.")
+        parts.append(f"Test: {one['test']}. Found: {_found(one)}{'; ' + one['note'] if one['note'] else ''}.")
+        if one["holds_under"]:
+            named = one["holds_under"]
+            more = f", and {len(named) - 2 * MOST_NAMED} more" if len(named) > 2 * MOST_NAMED else ""
+            parts.append(f"Would hold under: {', '.join(named[: 2 * MOST_NAMED])}{more}.")
+        elif one["holds_under"] is not None:
+            parts.append("Would hold under none of the other readings and values that were tried.")
+        parts.append("")
+    parts += ["## Table I", "", table1.markdown(), "", "## What the answers are worth", ""]
+    if worth is None:
+        parts.append("Not measured: it needs KITTI's labels, found through the environment variable GENIE_SIM_KITTI.")
+    else:
+        parts += worth_table(worth).splitlines()
+    return "\n".join(parts) + "\n"
+
+
+def worth_table(rows: Sequence[Row]) -> str:
+    """Precision, recall, ghosts and age by method."""
+    methods = list(dict.fromkeys(one["method"] for one in rows))
+    names = list(dict.fromkeys(one["name"] for one in rows))
+    found = {(one["method"], one["name"]): one for one in rows}
+    lines = [f"| | {' | '.join(methods)} |", f"|---|{'---|' * len(methods)}"]
+    for name in names:
+        cells = " | ".join("{value:.2f} ({low:.2f} to {high:.2f})".format_map(found[one, name]) for one in methods)
+        lines.append(f"| {name.replace('_', ' ')} | {cells} |")
+    return "\n".join(lines)
+
+
+def read_rows(folder: Path) -> list[dict[str, Any]]:
+    """The verdicts of a result folder. Raises ``UserError``."""
+    rows: list[dict[str, Any]] = provenance.read_json(folder / "verdicts.json")
+    return rows
+
+
+def sentences() -> list[dict[str, Any]]:
+    """What Section V says, in its order, each with the claims that it makes and the figure that shows it."""
+    path = Path(__file__).with_name("section_v.yaml")
+    found: list[dict[str, Any]] = parse(path.read_text(encoding="utf-8"), str(path))
+    return found
+
+
+def section_v(rows: Sequence[Row]) -> str:
+    """Section V sentence by sentence: the figure and the verdicts."""
+    said = {one["id"]: f"{one['verdict']}{' (marginal)' if one['marginal'] else ''}" for one in rows}
+    lines = ["| Section V | the paper says | figure | here |", "|---|---|---|---|"]
+    for one in sentences():
+        figure = f"`{one['figure']}`" if one["figure"] else ""
+        here = [f"{claim}: {said[claim]}" for claim in one["claims"]] + ([one["note"]] if one["note"] else [])
+        lines.append(f"| {one['part']} | {one['says']} | {figure} | {'; '.join(here)} |")
+    return "\n".join(lines)
+
+
+def generated_parts(folder: Path) -> dict[str, str]:
+    """What documents show of a result folder, by the name of the part. Raises ``UserError``."""
+    rows = read_rows(folder)
+    parts = {"verdicts": table(rows), "section V": section_v(rows), "table I": table1.markdown()}
+    quality = folder / "quality.json"
+    if quality.is_file():
+        parts["worth"] = worth_table(provenance.read_json(quality))
+    return parts
+
+
+def between(name: str, text: str) -> str | None:
+    """A document's generated part of that name, ``None`` where it has none."""
+    begin, end = MARKERS[name]
+    if begin not in text or end not in text:
+        return None
+    return text.split(begin, 1)[1].split(end, 1)[0].strip()
+
+
+def refreshed(text: str, parts: Mapping[str, str]) -> str:
+    """The document with its generated parts made anew; a part it does not have is left out."""
+    for name, part in parts.items():
+        begin, end = MARKERS[name]
+        if between(name, text) is not None:
+            before, rest = text.split(begin, 1)
+            text = f"{before}{begin}\n{part}\n{end}{rest.split(end, 1)[1]}"
+    return text
+
+
+def _counts(rows: Sequence[Row]) -> str:
+    counts = Counter(one["verdict"] for one in rows)
+    summary = "; ".join(f"{counts[verdict]} {verdict}" for verdict in VERDICTS if counts[verdict])
+    marginal = sum(one["marginal"] for one in rows)
+    return f"{len(rows)} claims: {summary}. Marginal, another set of seeds could say otherwise: {marginal}."
+
+
+def _found(one: Row) -> str:
+    if one["value"] is None:
+        return "-"
+    unit = "" if one["unit"] == "1" else f" {one['unit']}"
+    if one["low"] is None or one["low"] == one["high"]:
+        return f"{one['value']:.3g}{unit}"
+    return f"{one['value']:.3g}{unit} ({one['low']:.3g} to {one['high']:.3g})"
+
+
+def _rounded(value: float | None) -> float | None:
+    return None if value is None else float(f"{value:.6g}")

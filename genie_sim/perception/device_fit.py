@@ -1,0 +1,194 @@
+"""This machine as a device: measured latencies become a device profile, with the law of its service times fitted.
+
+The law is that of ``profiles.ServiceTime``, X = median (loc + (1 - loc) exp(sigma Z)). Its median is the measured one;
+loc and sigma are those whose quantiles come closest to the measured ones, in the logarithm, so that the tail counts.
+"""
+
+from __future__ import annotations
+
+import csv
+import os
+import platform
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+import yaml
+
+from genie_sim import __version__, units
+from genie_sim.errors import UserError
+from genie_sim.paths import whole_file
+from genie_sim.scenario.profiles import DeviceProfile, load_profile
+
+LEAST = 20  # latencies; fewer say nothing about a tail
+WARM_UP = 10
+PICTURE = (375, 1242, 3)  # KITTI's
+SHARES = np.arange(0.01, 1.0, 0.01)
+KEPT_QUANTILES = 101
+NS_PER_MS = 10**6
+
+Times = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Measured:
+    """Latencies [ns] of one model, in the order in which they were measured, and where they come from."""
+
+    model: str
+    latencies_ns: Times
+    source: str
+
+
+class Fit(NamedTuple):
+    """The fitted law, and the largest gap between its distribution function and the measured one (Kolmogorov-Smirnov).
+
+    ``p95`` and ``p99`` are the law's quantiles divided by the measured ones.
+    """
+
+    median_ns: int
+    loc: float
+    sigma: float
+    gap: float
+    p95: float
+    p99: float
+    runs: int
+
+    def __str__(self) -> str:
+        return (
+            f"median {units.duration_text(self.median_ns)}, loc {self.loc:g}, sigma {self.sigma:g} "
+            f"from {self.runs} runs; largest gap between the distributions {self.gap:.3f}; the law's p95 and p99 are "
+            f"{self.p95:.2f} and {self.p99:.2f} times the measured"
+        )
+
+
+def measure(
+    detector: str, weights: str | Path | None, runs: int, model: str | None, progress: Callable[[int, int], None]
+) -> Measured:
+    """Times ``detect`` (letter box, network, suppression) on pictures of noise of KITTI's size, one after the other."""
+    from genie_sim.perception.detector import make_detector
+
+    made = make_detector(detector, weights)
+    picture = np.random.default_rng(1).integers(0, 255, PICTURE, dtype=np.uint8)
+    latencies = []
+    for run in range(WARM_UP + runs):
+        begin_ns = time.perf_counter_ns()
+        made.detect(picture)
+        if run >= WARM_UP:
+            latencies.append(time.perf_counter_ns() - begin_ns)
+            progress(len(latencies), runs)
+    size = "x".join(map(str, made.size))
+    source = (
+        f"genie-sim {__version__} profile: {runs} runs of {made.name} at {size} (weights {made.sha256[:12]}), "
+        f"one thread, on {platform.machine()} with {os.cpu_count()} processors, {platform.system()}"
+    )
+    return Measured(model or made.name, np.array(latencies, dtype=np.float64), source)
+
+
+def from_csv(path: Path, model: str) -> Measured:
+    """Latencies [ms] in the first column that holds numbers; a first line of names may be there.
+
+    Raises UserError, naming the line, for anything that is no time.
+    """
+    try:
+        rows = list(csv.reader(path.read_text(encoding="utf-8").splitlines()))
+    except OSError as error:
+        raise UserError(f"{path}: cannot be read: {error.strerror}") from error
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise UserError(f"{path}: not a CSV file: {error}") from error
+    latencies_ms: list[float] = []
+    column: int | None = None
+    for number, row in enumerate(rows, start=1):
+        if not any(cell.strip() for cell in row):
+            continue
+        if column is None:
+            column = next((i for i, cell in enumerate(row) if _number(cell) is not None), None)
+            if column is None:
+                if number > 1:
+                    raise UserError(f"{path}: line {number}: no latency in milliseconds in {','.join(row)[:60]!r}")
+                continue
+        value = _number(row[column]) if column < len(row) else None
+        if value is None or not 0 < value < 1e9:
+            raise UserError(f"{path}: line {number}: no latency in milliseconds in {','.join(row)[:60]!r}")
+        latencies_ms.append(value)
+    if len(latencies_ms) < LEAST:
+        raise UserError(f"{path}: {len(latencies_ms)} latencies, expected at least {LEAST}")
+    return Measured(model, np.array(latencies_ms) * NS_PER_MS, f"{len(latencies_ms)} latencies from {path.name}")
+
+
+def fit(latencies_ns: Times) -> Fit:
+    """The law closest to the measured times."""
+    from scipy.optimize import minimize
+    from scipy.stats import norm
+
+    median_ns = float(np.median(latencies_ns))
+    measured = np.quantile(latencies_ns, SHARES) / median_ns
+    z = norm.ppf(SHARES)
+
+    def law(loc: float, sigma: float, at: Any) -> Times:
+        times: Times = loc + (1.0 - loc) * np.exp(sigma * at)
+        return times
+
+    def misfit(parameters: Sequence[float]) -> float:
+        return float(np.square(np.log(law(parameters[0], parameters[1], z) / measured)).sum())
+
+    starts = [(loc, sigma) for loc in (0.2, 0.6, 0.9, 0.98) for sigma in (0.2, 0.6, 1.2)]
+    bounds = [(0.0, 0.999), (0.001, 5.0)]
+    best = min((minimize(misfit, start, bounds=bounds) for start in starts), key=lambda found: float(found.fun))
+    loc, sigma = (round(float(value), 4) for value in best.x)
+    ordered = np.sort(latencies_ns) / median_ns
+    tail = np.maximum((ordered - loc) / (1.0 - loc), 1e-12)
+    expected = norm.cdf(np.log(tail) / sigma)
+    steps = np.arange(len(ordered) + 1) / len(ordered)
+    gap = float(np.maximum(np.abs(expected - steps[1:]), np.abs(expected - steps[:-1])).max())
+    p95, p99 = (float(law(loc, sigma, norm.ppf(share)) / np.quantile(ordered, share)) for share in (0.95, 0.99))
+    return Fit(round(median_ns), loc, sigma, round(gap, 4), round(p95, 3), round(p99, 3), len(ordered))
+
+
+def write(path: Path, measured: Measured, fitted: Fit, empirical: bool = False) -> DeviceProfile:
+    """A whole device profile: what was measured, and assumptions, marked so, where nothing was. Reads it back."""
+    spread: dict[str, Any] = {"loc": fitted.loc, "sigma": fitted.sigma}
+    source = f"{measured.source}; {fitted}"
+    model: dict[str, Any] = {"median": units.duration_text(fitted.median_ns), "tag": "M", "source": measured.source}
+    if empirical:
+        quantiles = np.quantile(measured.latencies_ns, np.linspace(0, 1, KEPT_QUANTILES))
+        model["quantiles"] = [units.duration_text(round(float(value))) for value in quantiles]
+    assumed = "not measured apart: as measured in one condition"
+    profile = {
+        "name": path.stem,
+        "title": f"Measured: {platform.node() or platform.machine()}" if "profile:" in measured.source else path.stem,
+        "cores": {"value": os.cpu_count() or 1, "tag": "M", "source": "processors of the machine that wrote this file"},
+        "hop": {
+            "small": {"value": "0.3 ms", "tag": "A", "source": "a small message on a Jetson"},
+            "per_megabyte": {"value": "2.28 ms", "tag": "A", "source": "as on the Jetsons: TZC, arXiv 1810.00556"},
+        },
+        "genie": {
+            "median": {"value": "8.355 ms", "tag": "A", "source": "the paper's mean of 8.8 ms, the same on every host"},
+            "spread": {"loc": 0.6, "sigma": 0.5, "tag": "A", "source": "as on the paper's devices"},
+        },
+        "spreads": {
+            "isolated": {**spread, "tag": "A", "source": assumed},
+            "default": {**spread, "tag": "M", "source": source},
+            "loaded": {**spread, "tag": "A", "source": assumed},
+        },
+        "models": {measured.model: model},
+    }
+    heading = (
+        "# Tags: P the paper, S a public source, M measured, D derived, A assumed. Written by genie-sim profile.\n"
+    )
+    text = heading + yaml.safe_dump(profile, sort_keys=False, allow_unicode=True, width=110)
+    with whole_file(path) as beside:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        beside.write_text(text, encoding="utf-8")
+        return load_profile(beside)
+
+
+def _number(cell: str) -> float | None:
+    try:
+        value = float(cell)
+    except ValueError:
+        return None
+    return value if np.isfinite(value) else None

@@ -1,0 +1,258 @@
+"""What the report's page shows, as plain JSON values: what was run, metrics, curves, use of resources."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from genie_sim import units
+from genie_sim.analysis.metrics import (
+    DEADLINE_MS,
+    METHODS,
+    ROLES,
+    WINDOW_REQUESTS,
+    response_ms,
+    running_boost,
+    running_use,
+    windowed_reuse,
+)
+from genie_sim.report.replay import replay_data
+from genie_sim.units import NS_PER_S
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from genie_sim.analysis.metrics import Metric
+    from genie_sim.recording.results import Run
+
+    Floats = np.ndarray[Any, np.dtype[np.float64]]
+
+POINTS_PER_CURVE = 500
+BINS = 240
+LEAST_BIN_NS, SAMPLE_NS = 500_000_000, 100_000_000
+LEAST_USE = 0.01
+GENIES_PER_ROLE = 8
+RESOURCES_PER_KIND = 8
+RESOURCES_ON_PAGE = 300
+
+
+def page_data(run: Run, start_ns: int = 0) -> dict[str, Any]:
+    """Everything on the page. ``start_ns`` is where the replay begins, if the run is too long to be shown whole."""
+    notes: list[str] = []
+    return {
+        "about": _about(run),
+        "metrics": [
+            [one.name, one.role, _round(one.value), one.unit, _round(one.low), _round(one.high), one.n]
+            for one in _shown(run.measured, notes)
+        ],
+        "deadline_ms": DEADLINE_MS,
+        "cdf": list(_cdfs(run.frames)),
+        "over_time": {
+            "image_reuse": list(_reuse(_clients(run.lookups), notes)),
+            "object_reuse": list(_reuse(run.lookups[run.lookups["kind"] != "image"], notes)),
+            "confidence_boost": list(_boost(run.lookups)),
+        },
+        "window_requests": WINDOW_REQUESTS,
+        "use": list(_use(run, notes)),
+        "replay": replay_data(run, start_ns, notes),
+        "notes": list(dict.fromkeys(notes)),
+    }
+
+
+def _about(run: Run) -> dict[str, Any]:
+    """What was run, in words and in the words of the scenario file."""
+    scenario, frames = run.facts["scenario"], run.frames
+    devices = {name: device["title"] for name, device in run.facts["devices"].items()}
+    genie = scenario["genie"]
+    similarity = genie["similarity"]
+    cars, edges = _who(scenario, devices)
+    return {
+        "name": run.name,
+        "description": scenario["description"],
+        "run_id": run.run_id,
+        "genie_sim": run.facts["genie_sim"],
+        "seed": scenario["seed"],
+        "methods": [method for method in METHODS if method in scenario["methods"]],
+        "model": scenario["model"],
+        "seconds": round(int(frames["stamp_ns"].max()) / NS_PER_S, 3) if len(frames) else 0,
+        "from_map": _from_map(frames),
+        "frames": {str(method): int(n) for method, n in frames.groupby("method", observed=True).size().items()},
+        "cars": cars,
+        "edges": edges,
+        "how_many": _how_many(run),
+        "cameras": [camera["name"] for camera in scenario["cameras"]],
+        "similarity": similarity if isinstance(similarity, str) else similarity["name"],
+        "eviction": genie["eviction"],
+        "rule": genie["object_map"]["rule"],
+        "threshold": genie["object_map"]["threshold"],
+        "miss_policy": genie["miss_policy"],
+        "yaml": run.yaml,
+    }
+
+
+def _who(scenario: Mapping[str, Any], devices: Mapping[str, str]) -> tuple[list[Any], list[Any]]:
+    """Cars and edges, one by one; of a fleet the cars of each device and all edges together."""
+    fleet = scenario.get("fleet")
+    if fleet is None:
+        cars = [{"name": car["name"], **_car(car, devices[car["device"]])} for car in scenario["cars"]]
+        return cars, [{"name": edge["name"], "device": devices[edge["device"]]} for edge in scenario["edges"]]
+    way = f"{scenario['perception']['duration']} of commuting through the town"
+    of_all = {"edge": "the nearest", "link": _link(fleet["link"]), "route": way, "cameras": True, "genie": True}
+    cars = [
+        {"name": f"{share:.4g} of {fleet['cars']:,} cars", "device": devices[name], **of_all}
+        for name, share in fleet["devices"].items()
+        if name in devices  # of a small fleet, a small share may be no car at all
+    ]
+    return cars, [{"name": f"an edge about every {fleet['cell']}", "device": devices[fleet["edge_device"]]}]
+
+
+def _how_many(run: Run) -> dict[str, int | None]:
+    """Cars and edges. A fleet's resources are those of its edges; without them nobody counted the edges."""
+    scenario, resources = run.facts["scenario"], run.resources
+    fleet = scenario.get("fleet")
+    if fleet is None:
+        return {"cars": len(scenario["cars"]), "edges": len(scenario["edges"])}
+    accelerators = resources.loc[resources["kind"] == "accelerator", "resource"]
+    return {"cars": fleet["cars"], "edges": accelerators.nunique() or None}
+
+
+def _car(car: Mapping[str, Any], device: str) -> dict[str, Any]:
+    return {
+        "device": device,
+        "edge": car["edge"],
+        "link": _link(car["link"]),
+        "route": _route(car["route"]),
+        "cameras": car["cameras"],
+        "genie": car["genie"],
+    }
+
+
+def _link(link: object) -> str | None:
+    return link if isinstance(link, str | None) else "a link of its own"
+
+
+def _shown(measured: Sequence[Metric], notes: list[str]) -> list[Metric]:
+    """All metrics but those of the less busy of very many resources."""
+    use = {one.role: one.value or 0.0 for one in measured if one.name == "utilisation"}
+    of_resources = dict.fromkeys(one.role for one in measured if ": " in one.role)
+    if len(of_resources) <= RESOURCES_ON_PAGE:
+        return list(measured)
+    notes.append(
+        f"The table of metrics shows the {RESOURCES_ON_PAGE} busiest of {len(of_resources):,} devices, links and "
+        "queues; all are in metrics.json."
+    )
+    busiest = set(sorted(of_resources, key=lambda role: (-use.get(role, 0.0), role))[:RESOURCES_ON_PAGE])
+    return [one for one in measured if ": " not in one.role or one.role in busiest]
+
+
+def _from_map(frames: pd.DataFrame) -> float | None:
+    """Of Genie's first answers, the share that came from the object map; ``None`` without answers."""
+    answered = frames[(frames["method"] == "genie") & frames["first_answer_ns"].notna()]
+    return _round(float((answered["source"] == "map").mean())) if len(answered) else None
+
+
+def _route(route: Mapping[str, Any]) -> str:
+    """``0 s to 9.2 s of the drive, 2 laps``."""
+    window = route["window"]
+    parts = [f"{window[0]} to {window[1]} of the drive" if window else "the whole drive"]
+    if route["trace"]:
+        parts.append(f"of {route['trace']}")
+    if route["laps"] > 1:
+        parts.append(f"{route['laps']} laps")
+    if units.duration_ns(route["start"]):
+        parts.append(f"from {route['start']} on")
+    return ", ".join(parts)
+
+
+def _cdfs(frames: pd.DataFrame) -> Iterator[dict[str, Any]]:
+    """Response times of each method. ``rank[i]`` of ``published`` frames were answered within ``ms[i]``."""
+    for method in METHODS:
+        mine = frames[frames["method"] == method]
+        for answer in ("first", "fresh"):
+            times = response_ms(mine, answer)
+            known = np.sort(times[~np.isnan(times)])
+            kept = _thinned(len(known))
+            if len(mine):
+                yield {
+                    "method": method,
+                    "answer": answer,
+                    "published": len(mine),
+                    "answered": len(known),
+                    "ms": _list(known[kept], 3),
+                    "rank": (kept + 1).tolist(),
+                }
+
+
+def _clients(lookups: pd.DataFrame) -> pd.DataFrame:
+    return lookups[(lookups["kind"] == "image") & (lookups["asker"] == "client")]
+
+
+def _reuse(lookups: pd.DataFrame, notes: list[str]) -> Iterator[dict[str, Any]]:
+    """hits / requests over the last 50 requests of each Genie."""
+    for role in ROLES:
+        windows = windowed_reuse(lookups[lookups["role"] == role])
+        genies = sorted(windows["genie"].astype(str).unique())
+        if len(genies) > GENIES_PER_ROLE:
+            notes.append(
+                f"Reuse over time shows {GENIES_PER_ROLE} of {len(genies)} {role} Genies; the metrics count all."
+            )
+        for genie in genies[:GENIES_PER_ROLE]:
+            mine = windows[windows["genie"] == genie]
+            kept = _thinned(len(mine))
+            t_s, ratio = mine["t_ns"].to_numpy(float) / NS_PER_S, mine["ratio"].to_numpy(float)
+            yield {"name": genie, "role": role, "x": _list(t_s[kept], 2), "y": _list(ratio[kept], 3)}
+
+
+def _boost(lookups: pd.DataFrame) -> Iterator[dict[str, Any]]:
+    """The running mean of C_new - C_old over the updates of all object maps of a role."""
+    for role in ROLES:
+        running = running_boost(lookups[lookups["role"] == role])
+        if len(running):
+            kept = _thinned(len(running))
+            t_s, boost = running["t_ns"].to_numpy(float) / NS_PER_S, running["boost"].to_numpy(float)
+            yield {"name": role, "role": role, "x": _list(t_s[kept], 2), "y": _list(boost[kept], 5)}
+
+
+def _use(run: Run, notes: list[str]) -> Iterator[dict[str, Any]]:
+    """Share of time spent serving, or mean length of a queue, in equal parts of the time while frames were taken."""
+    resources, end_ns = run.resources, int(run.frames["stamp_ns"].max()) if len(run.frames) else 0
+    if resources.empty or not end_ns:
+        return
+    if run.facts["scenario"].get("fleet"):
+        notes.append("Of a fleet, devices, links and queues of the edges alone are recorded.")
+    width_ns = max(LEAST_BIN_NS, -(-end_ns // (BINS * SAMPLE_NS)) * SAMPLE_NS)
+    edges_ns = np.arange(0, end_ns + width_ns, width_ns, dtype=np.float64)
+    middles = _list((edges_ns[1:] + edges_ns[:-1]) / 2 / NS_PER_S, 2)
+    for (method, kind), group in resources.groupby(["method", "kind"], observed=True):
+        curves = {str(name): _mean_use(samples, edges_ns) for name, samples in group.groupby("resource", observed=True)}
+        busiest = sorted(curves, key=lambda name: (-float(curves[name].sum()), name))
+        used = [name for name in busiest if curves[name].max() >= LEAST_USE]
+        if len(used[:RESOURCES_PER_KIND]) < len(curves):
+            notes.append(
+                f"Use over time shows at most the {RESOURCES_PER_KIND} busiest of each kind, and none that never "
+                f"reached {LEAST_USE:.0%}; all are in the table of metrics."
+            )
+        for name in sorted(used[:RESOURCES_PER_KIND]):
+            yield {"method": method, "kind": kind, "name": name, "x": middles, "y": _list(curves[name], 4)}
+
+
+def _mean_use(samples: pd.DataFrame, edges_ns: Floats) -> Floats:
+    mean: Floats = np.diff(np.interp(edges_ns, *running_use(samples))) / np.maximum(np.diff(edges_ns), 1.0)
+    return mean
+
+
+def _thinned(n: int) -> np.ndarray[Any, np.dtype[np.int64]]:
+    """At most ``POINTS_PER_CURVE`` places of n, evenly spread, both ends among them."""
+    return np.unique(np.linspace(0, n - 1, min(n, POINTS_PER_CURVE)).astype(np.int64)) if n else np.arange(0)
+
+
+def _list(values: Floats, digits: int) -> list[float]:
+    rounded: list[float] = np.round(values, digits).tolist()
+    return rounded
+
+
+def _round(value: float | None) -> float | None:
+    """Six significant digits."""
+    return None if value is None else float(f"{value:.6g}")

@@ -1,0 +1,78 @@
+"""Overrides of single settings from the command line: ``--set cars[0].device=orin_nano``."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+from genie_sim.errors import UserError, shown
+from genie_sim.scenario.yaml_input import parse
+
+_STEP = re.compile(r"\.?([A-Za-z_]\w*)|\[(\d{1,6})\]")
+_SHORT_FOR = {"link": "like", "edge_network": "like", "similarity": "name"}  # settings that may be a mere name
+
+
+class Override(NamedTuple):
+    """What was set, and how it was written."""
+
+    path: str
+    text: str
+
+
+def apply_overrides(settings: dict[str, Any], overrides: Sequence[str]) -> list[Override]:
+    """Sets each ``path=value`` in ``settings``, the value read as YAML. Raises ``UserError`` naming the override."""
+    applied = []
+    for assignment in overrides:
+        text = f"--set {assignment}"
+        path, equals, value = assignment.partition("=")
+        path = path.strip()
+        if not equals or not path:
+            raise UserError(f"{text}: must be path=value, such as cars[0].device=orin_nano")
+        _assign(settings, _steps(path, text), parse(value, text), text)
+        applied.append(Override(path, text))
+    return applied[::-1]  # of two with the same path the last counts
+
+
+def _steps(path: str, text: str) -> list[str | int]:
+    """``cars[1].genie`` to ``["cars", 1, "genie"]``."""
+    steps: list[str | int] = []
+    position = 0
+    while position < len(path):
+        match = _STEP.match(path, position)
+        if match is None or (not steps and (match[2] or path.startswith("."))):
+            raise UserError(f"{text}: cannot read the path {path!r}; write it like cars[0].device")
+        if match[1] and steps and path[position] != ".":
+            raise UserError(f"{text}: cannot read the path {path!r}; write it like cars[0].device")
+        steps.append(match[1] or int(match[2]))
+        position = match.end()
+    return steps
+
+
+def _assign(settings: dict[str, Any], steps: list[str | int], value: Any, text: str) -> None:
+    here: Any = settings
+    path = ""
+    for step, following in zip(steps, [*steps[1:], None], strict=True):
+        if isinstance(step, int):
+            if not isinstance(here, list):
+                left_out = ", which leaves it out: set it as a whole" if here is None else ""
+                raise UserError(f"{text}: {path}: is not a list in the scenario{left_out}")
+            if step >= len(here):
+                raise UserError(f"{text}: {path}: has {len(here)} entries, counted from 0")
+            path += f"[{step}]"
+        else:
+            if not isinstance(here, dict):
+                raise UserError(f"{text}: {path}: is {shown(here)}, which has no setting {step!r}")
+            path += f".{step}" if path else step
+        if following is None:
+            here[step] = value
+        elif isinstance(here, dict):
+            inner = here.get(step)
+            if inner is None and isinstance(following, str):
+                inner = {}
+            elif isinstance(inner, str) and isinstance(following, str) and step in _SHORT_FOR:
+                inner = {_SHORT_FOR[str(step)]: inner}
+            here[step] = inner
+            here = inner
+        else:
+            here = here[step]

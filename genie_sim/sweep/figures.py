@@ -1,0 +1,131 @@
+"""One figure per axis of a sweep: what reuse, boost and response times do along it."""
+
+from __future__ import annotations
+
+import math
+import textwrap
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+from matplotlib import style
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, NullLocator
+
+from genie_sim.analysis.figures import LINE_IN, METHOD_LINES, PAGE_IN, ROLE_LINES, STYLE
+from genie_sim.analysis.metrics import across_seeds
+from genie_sim.sweep.design import Axis
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+LOGARITHMIC_FROM = 20.0  # a list that spans so much, largest to smallest
+MOST_TICKS = 8
+TITLE_CHARACTERS = 100
+LEVEL_CHARACTERS = 16  # of a value that is a text, as in the page
+PANELS: tuple[tuple[str, str, dict[str, dict[str, Any]]], ...] = (
+    ("image_reuse", "image reuse", ROLE_LINES),
+    ("object_reuse", "object reuse", ROLE_LINES),
+    ("confidence_boost", "confidence boost", ROLE_LINES),
+    ("first_answer_mean", "first answer, mean [ms]", METHOD_LINES),
+    ("fresh_answer_mean", "fresh answer, mean [ms]", METHOD_LINES),
+    ("under_deadline_share", "answered in 33 ms", METHOD_LINES),
+    ("fresh_answered_share", "answered afresh", METHOD_LINES),
+    ("ghost_share", "ghost share", METHOD_LINES),
+    ("object_recall", "object recall", METHOD_LINES),
+)
+SHARES = (
+    "image_reuse", "object_reuse", "under_deadline_share", "fresh_answered_share", "ghost_share", "object_recall"
+)  # fmt: skip
+MARKER_ROOM = 0.03  # above the highest value, of the panel's height
+MARKERS = {"local": "o", "remote": "s", "genie": "^"}
+
+
+@style.context(["default", STYLE])
+def along(axis: Axis, column: str, runs: pd.DataFrame, footer: str, others: Sequence[str] = ()) -> Figure:
+    """Means along one axis with their 95 % intervals across seeds; over ``others`` it is averaged, seed by seed.
+
+    Drawn values of a sampled axis are no line but points, for the other sampled axes differ from one to the next.
+    ``runs`` is ``tables.of_runs``.
+    """
+    means = across_seeds(runs.dropna(subset=["metric"]), [column])
+    shown = [panel for panel in PANELS if (means["metric"] == panel[0]).any()]
+    height_in = 1.3 + 1.9 * max(1, -(-len(shown) // 3))
+    figure = Figure(figsize=(PAGE_IN, height_in))
+    averaged = f", averaged over {', '.join(others)}" if others else ""
+    several = runs["seed"].nunique() > 1
+    shows = "means and 95 % intervals across seeds" if several else "one seed, so without intervals"
+    title = f"Along {column}: {shows}{averaged}"
+    figure.suptitle(textwrap.fill(title, TITLE_CHARACTERS), x=0.01, ha="left")
+    figure.text(0.01, 0.01, footer, ha="left", va="bottom", color="0.35")
+    grid = figure.subplots(max(1, -(-len(shown) // 3)), 3, squeeze=False)
+    for panel, (metric, label, looks) in zip(grid.flat, shown, strict=False):
+        _draw(panel, axis, column, means[means["metric"] == metric], looks)
+        panel.set_ylabel(label)
+        panel.set_xlabel(f"{column}, logarithmic" if panel.get_xscale() == "log" else column)
+        if metric in SHARES:
+            panel.yaxis.set_major_formatter(FuncFormatter(_percent))
+        low, high = panel.get_ylim()
+        low = min(0.0, low)
+        panel.set_ylim(low, high + MARKER_ROOM * (high - low))
+    for panel in list(grid.flat)[len(shown) :]:
+        panel.remove()
+    legends = [zip(*one.get_legend_handles_labels(), strict=True) for one in figure.axes]
+    handles = {label: handle for legend in legends for handle, label in legend}
+    if handles:
+        legend = figure.legend(list(handles.values()), list(handles), loc="lower center", ncols=len(handles))
+        legend.set_bbox_to_anchor((0.5, LINE_IN / height_in))
+    below = 2.6 * LINE_IN / height_in
+    figure.set_layout_engine("constrained", rect=(0.0, below, 1.0, 1.0 - below))
+    return figure
+
+
+def _draw(panel: Axes, axis: Axis, column: str, means: pd.DataFrame, looks: dict[str, dict[str, Any]]) -> None:
+    levels = list(dict.fromkeys(means[column]))
+    numbers = [level for level in levels if isinstance(level, float)]
+    numeric = len(numbers) == len(levels)
+    for role, look in looks.items():
+        mine = means[means["role"] == role]
+        if numeric:
+            mine = mine.sort_values(column)
+        if mine["value"].notna().sum() == 0:
+            continue
+        x = mine[column].to_numpy(float) if numeric else [levels.index(level) for level in mine[column]]
+        ends = [mine["value"] - mine["low"], mine["high"] - mine["value"]]
+        line = look | ({} if numeric and not axis.sampled else {"linestyle": "none"})
+        panel.errorbar(x, mine["value"], yerr=ends, marker=MARKERS[role], markersize=3.5, capsize=2, **line)
+    if not numeric:
+        names = [_shortened(str(level)) for level in levels]
+        panel.set_xticks(range(len(names)), names)
+        if sum(map(len, names)) >= 24:
+            for name in panel.get_xticklabels():
+                name.set(rotation=30, horizontalalignment="right", rotation_mode="anchor")
+        panel.set_xlim(-0.5, len(levels) - 0.5)
+    elif _logarithmic(axis, numbers):
+        panel.set_xscale("log")
+        given = len(numbers) <= MOST_TICKS and not axis.sampled
+        ticks = numbers if given else _round_ticks(min(numbers), max(numbers))
+        panel.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
+        panel.xaxis.set_minor_locator(NullLocator())
+
+
+def _logarithmic(axis: Axis, numbers: Sequence[float]) -> bool:
+    if axis.span is not None:
+        return axis.span.scale == "log"
+    return min(numbers) > 0 and max(numbers) / min(numbers) >= LOGARITHMIC_FROM
+
+
+def _round_ticks(low: float, high: float) -> list[float]:
+    """Powers of ten from ``low`` to ``high``; 2 and 5 times them as well where they are few."""
+    powers = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
+    few = len(powers) <= 3
+    ticks = [digit * 10.0**power for power in powers for digit in ((1, 2, 5) if few else (1,))]
+    return [tick for tick in ticks if low <= tick <= high] or [low, high]
+
+
+def _shortened(text: str) -> str:
+    return text if len(text) <= LEVEL_CHARACTERS else f"{text[: LEVEL_CHARACTERS - 1]}…"
+
+
+def _percent(share: float, _place: object) -> str:
+    return f"{100 * share:.4g} %"

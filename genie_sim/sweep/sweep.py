@@ -1,0 +1,186 @@
+"""Runs a sweep, or what is missing of it, and makes its tables, figures and page once every run is there."""
+
+from __future__ import annotations
+
+import contextlib
+import itertools
+import json
+import shutil
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from genie_sim.errors import UserError
+from genie_sim.paths import PARTIAL, whole_file
+from genie_sim.recording import provenance
+from genie_sim.runner import Progress
+from genie_sim.scenario import files
+from genie_sim.sweep import tables
+from genie_sim.sweep.backends import Dask, Local
+from genie_sim.sweep.design import Design, load_design
+from genie_sim.sweep.plan import Plan, plan, share, tasks
+from genie_sim.sweep.tasks import Failure
+
+FORMAT = 1
+ABOUT = "sweep.json"
+FAILURES = "failures"
+
+
+@dataclass(frozen=True)
+class Swept:
+    """What there is: the folder, how many points and runs the sweep has, and how many runs are done.
+
+    ``complete``: all of them, so the tables and figures are made.
+    """
+
+    folder: Path
+    points: int
+    runs: int
+    done: int
+
+    @property
+    def complete(self) -> bool:
+        """No run is missing."""
+        return self.done == self.runs
+
+
+@dataclass
+class Sweep:
+    """A sweep in its folder, ``out/<name>``. Runs that are in the folder, from whichever sweep, are not run again."""
+
+    design: Design
+    folder: Path
+    plan: Plan
+
+    @classmethod
+    def load(cls, path_or_name: str | Path, out: Path, progress: Progress | None = None) -> Sweep:
+        """Reads and checks the sweep and its folder. Raises ``UserError``."""
+        design = load_design(path_or_name)
+        folder = out / design.name
+        _check(folder)
+        return cls(design, folder, plan(design, str(files.find(files.SWEEP, path_or_name)), progress))
+
+    def run(self, backend: Local | Dask, shard: tuple[int, int] = (1, 1), progress: Progress | None = None) -> None:
+        """Runs what is missing of a shard ``(i, n)``. Raises ``UserError``; where runs failed, when all others are
+        done."""
+        try:
+            self._parts.mkdir(parents=True, exist_ok=True)
+            self._write_about()
+        except OSError as error:
+            raise UserError(f"{self.folder}: cannot be written: {error.strerror or error}") from error
+        mine = share(self.plan.runs.values(), shard)
+        done = tables.done_runs(self._parts)
+        missing = [run for run in mine if run.run_id not in done]
+        count = len(mine) - len(missing)
+        if progress is not None:
+            progress(count, len(mine), "")
+        self._forget_results()
+        if not missing:
+            return
+        for run in missing:
+            self._told(run.run_id).unlink(missing_ok=True)
+        failures: list[Failure] = []
+        with contextlib.closing(backend.run(tasks(missing, backend.workers, self._parts), self.plan.shared)) as results:
+            for finished in results:
+                count += finished.runs
+                failures += finished.failures
+                for failure in finished.failures:
+                    self._tell(failure)
+                if progress is not None:
+                    progress(count, len(mine), f"{len(failures)} failed" if failures else "")
+        if failures:
+            why = {failure.run_id: failure.error for failure in failures}
+            first = next(run for run_id, run in self.plan.runs.items() if run_id in why)
+            raise UserError(
+                f"{self.folder}: {len(failures):,} of {len(mine):,} runs failed, the others are done; "
+                f"{first.place}: {why[first.run_id]}; see {self._told(first.run_id)}"
+            )
+        if {run.run_id for run in mine} - tables.done_runs(self._parts):
+            raise UserError(f"{self._parts}: the workers' parts are not there; they must write to the same file system")
+
+    def finish(self) -> Swept:
+        """Makes the tables and figures if every run is done. Raises ``UserError``."""
+        done = len(tables.done_runs(self._parts) & self.plan.runs.keys())
+        swept = Swept(self.folder, self.design.runs // len(self.design.seeds), len(self.plan.runs), done)
+        if swept.complete:
+            try:
+                self._write()
+            except OSError as error:
+                raise UserError(f"{self.folder}: cannot be written: {error.strerror or error}") from error
+        return swept
+
+    def _told(self, run_id: str) -> Path:
+        """The file that tells why a run failed."""
+        return self.folder / FAILURES / f"{run_id}.txt"
+
+    def _tell(self, failure: Failure) -> None:
+        with whole_file(self._told(failure.run_id)) as beside:
+            beside.parent.mkdir(exist_ok=True)
+            text = f"{self.plan.runs[failure.run_id].place}\n\n{failure.traceback}"
+            beside.write_text(text, encoding="utf-8", errors="backslashreplace")
+
+    def _forget_results(self) -> None:
+        """Tables, figures and page of earlier axes or fewer seeds; the parts stay."""
+        old = ("table.*", "runs.parquet", "figures/*", "report.html")
+        for path in itertools.chain.from_iterable(map(self.folder.glob, old)):
+            path.unlink(missing_ok=True)
+
+    @property
+    def _parts(self) -> Path:
+        return self.folder / "parts"
+
+    def _write(self) -> None:
+        from genie_sim import report
+        from genie_sim.analysis import figures as of_runs
+        from genie_sim.sweep import figures
+
+        columns = list(self.design.columns.values())
+        runs = tables.of_runs(self.plan.entries, columns, tables.read_parts(self._parts, self.plan.runs.keys()))
+        points = tables.of_points(runs, columns)
+        about = json.dumps({"sweep": self._settings(), "format": FORMAT}, sort_keys=True).encode()
+        tables.write_parquet(runs, self.folder / "runs.parquet", {b"genie_sim": about})
+        tables.write_parquet(points, self.folder / "table.parquet", {b"genie_sim": about})
+        tables.write_csv(points, self.folder / "table.csv")
+        (self.folder / "figures").mkdir(exist_ok=True)
+        for name, axis in self.design.axes.items():
+            drawn_together = {other for other, its in self.design.axes.items() if axis.sampled and its.sampled}
+            others = [other for other in self.design.axes if other not in {name, *drawn_together}]
+            figure = figures.along(axis, self.design.columns[name], runs, self._footer(), others)
+            of_runs.save(figure, self.folder / "figures", name)
+        self._write_about()  # another sweep of this name may have begun in the meantime
+        for leftover in self._parts.glob(f".*{PARTIAL}"):
+            leftover.unlink(missing_ok=True)  # of workers that were killed
+        shutil.rmtree(self.folder / FAILURES, ignore_errors=True)  # of runs that a plug-in has since been mended for
+        report.write_of(self.folder, self.folder / report.NAME)
+
+    def _footer(self) -> str:
+        seeds: Sequence[int] = self.design.seeds
+        shown = ", ".join(map(str, seeds)) if len(seeds) <= 5 else f"{len(seeds)} seeds"
+        points = self.design.runs // len(seeds)
+        return f"sweep {self.design.name} of {self.design.scenario}, {points} points, seeds {shown}"
+
+    def _settings(self) -> dict[str, object]:
+        return self.design.model_dump(mode="json", by_alias=True)
+
+    def _write_about(self) -> None:
+        about = {
+            "format": FORMAT,
+            "sweep": self._settings(),
+            "points": self.design.runs // len(self.design.seeds),
+            "runs": len(self.plan.runs),
+            **provenance.environment(),
+        }
+        with whole_file(self.folder / ABOUT) as beside:
+            provenance.write_json(beside, about)
+
+
+def _check(folder: Path) -> None:
+    """Raises ``UserError`` unless the folder is new, empty or a sweep's, and can be written."""
+    provenance.check_writable(folder)
+    try:
+        if folder.is_dir() and any(folder.iterdir()):
+            about = provenance.read_json(folder / ABOUT)
+            if not isinstance(about, dict) or "sweep" not in about or about.get("format") != FORMAT:
+                raise ValueError
+    except (OSError, ValueError, UserError):
+        raise UserError(f"{folder}: holds something else than a sweep; choose another --out") from None

@@ -1,0 +1,84 @@
+"""The tables of a sweep: every run, and every point with intervals across its seeds.
+
+They are made from the parts alone and depend on the sweep and its runs' ids only: not on who ran what, when, in which
+order, or how often it was interrupted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from genie_sim.analysis.metrics import across_seeds
+from genie_sim.errors import UserError
+from genie_sim.paths import whole_file
+from genie_sim.recording import tables
+from genie_sim.sweep.plan import Entry
+from genie_sim.sweep.tasks import PartTable
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+def done_runs(parts: Path) -> set[str]:
+    """The ids of all runs in a folder of parts. Raises ``UserError`` for a part that cannot be read."""
+    return {run_id for path in _paths(parts) for run_id in _part(path)["run_id"].unique()}
+
+
+def read_parts(parts: Path, wanted: Collection[str]) -> pd.DataFrame:
+    """The metrics of the wanted runs, each once: the columns of ``PartTable``."""
+    import pandas as pd
+
+    kept, seen = [], set[str]()
+    for path in _paths(parts):
+        part = _part(path)
+        ids = set(part["run_id"].unique())
+        mine = part[part["run_id"].isin((ids & set(wanted)) - seen)]
+        seen |= ids
+        if len(mine):
+            kept.append(mine)
+    return pd.concat([part.astype({"run_id": str, "metric": str, "role": str, "unit": str}) for part in kept])
+
+
+def of_runs(entries: Sequence[Entry], columns: Sequence[str], measured: pd.DataFrame) -> pd.DataFrame:
+    """One row per point, seed and metric: the axes' values, what was measured, and its interval inside the run."""
+    import pandas as pd
+
+    rows = sorted((entry.point, entry.seed, entry.run_id, *entry.levels) for entry in entries)
+    places = pd.DataFrame(rows, columns=["point", "seed", "run_id", *columns])
+    return places.merge(measured, on="run_id", how="left")  # keeps the order of both
+
+
+def of_points(runs: pd.DataFrame, columns: Sequence[str]) -> pd.DataFrame:
+    """One row per point and metric: mean over the seeds, 95 % t interval, and the number of runs that define it."""
+    means = across_seeds(runs, ["point"])
+    places = runs[["point", *columns]].drop_duplicates("point")
+    return places.merge(means, on="point", how="left")
+
+
+def write_parquet(table: pd.DataFrame, path: Path, about: Mapping[bytes, bytes]) -> None:
+    """``about`` is what the file says of itself. Raises ``UserError``."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    made = pa.Table.from_pandas(table, preserve_index=False).replace_schema_metadata(dict(about))
+    with whole_file(path) as beside, beside.open("wb") as file:  # of a path pyarrow makes a URI
+        pq.write_table(made, file, compression="zstd", version="2.6")
+
+
+def write_csv(table: pd.DataFrame, path: Path) -> None:
+    """An undefined number is an empty field. Raises ``UserError``."""
+    with whole_file(path) as beside, beside.open("w", encoding="utf-8", newline="") as file:
+        table.to_csv(file, index=False, lineterminator="\n")
+
+
+def _paths(parts: Path) -> list[Path]:
+    return sorted(path for path in parts.glob("*.parquet") if not path.name.startswith("."))
+
+
+def _part(path: Path) -> pd.DataFrame:
+    try:
+        return tables.read(path, PartTable)
+    except UserError as error:
+        raise UserError(f"{error}; delete it, and its runs are made again") from error

@@ -1,0 +1,152 @@
+"""What a worker does: it simulates the runs of a task and writes their metrics into one Parquet part.
+
+A worker is a process here, under a batch system, or on a Dask cluster. It needs no file but the folder of the parts:
+profiles and traces come with ``Shared``, packed, and are unpacked once in each worker.
+"""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import os
+import pickle
+import traceback
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import genie_sim
+from genie_sim import runner
+from genie_sim.analysis import metrics
+from genie_sim.analysis.metrics import Metric
+from genie_sim.errors import UserError
+from genie_sim.paths import whole_file
+from genie_sim.perception.trace import Trace
+from genie_sim.recording.tables import Column, Table
+from genie_sim.scenario.fleet import InTown
+from genie_sim.scenario.profiles import DeviceProfile
+from genie_sim.scenario.scenario import Scenario
+
+
+class PartTable(Table):
+    """One row per run and metric; a run's rows are in the order in which metrics are computed."""
+
+    name = "sweep_part"
+    columns = (
+        Column("run_id", "text", "", "hash of everything that decides the run's outcome"),
+        Column("metric", "text", "", "name of the metric"),
+        Column("role", "text", "", "method, or role of Genies"),
+        Column("unit", "text", "", "of value, low and high"),
+        Column("value", "float64", "", "null: not defined in this run", True),
+        Column("low", "float64", "", "see analysis.metrics", True),
+        Column("high", "float64", "", "see analysis.metrics", True),
+        Column("n", "int64", "", "what the metric was computed over: frames, requests, updates"),
+    )
+
+    def add(self, run_id: str, metric: Metric) -> None:
+        """One metric of a run."""
+        of_metric = metric.name, metric.role, metric.unit, metric.value, metric.low, metric.high, metric.n
+        self._append((run_id, *of_metric))
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """One run: its scenario, and by car the key of its trace in ``Shared``. ``frames``: about how many it simulates.
+
+    ``place``: which point and seed it belongs to, in words.
+    """
+
+    run_id: str
+    scenario: Scenario
+    traces: Mapping[str, str]
+    frames: float
+    place: str
+
+
+@dataclass(frozen=True, slots=True)
+class Task:
+    """Runs that one worker does in one go, the folder that gets their part, and the version they are meant for."""
+
+    runs: tuple[Run, ...]
+    folder: str
+    genie_sim: str = genie_sim.__version__
+
+    @property
+    def part(self) -> Path:
+        """The file of their metrics; named by its content, so that a task that is done twice leaves one file."""
+        content = hashlib.sha256(" ".join(run.run_id for run in self.runs).encode()).hexdigest()
+        return Path(self.folder) / f"{content[:16]}.parquet"
+
+
+@dataclass(frozen=True, slots=True)
+class Failure:
+    """A run that raised something: what it said, and the whole traceback."""
+
+    run_id: str
+    error: str
+    traceback: str
+
+
+@dataclass(frozen=True, slots=True)
+class Finished:
+    """What became of a task: how many of its runs are in its part, and those that failed."""
+
+    runs: int
+    failures: tuple[Failure, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Shared:
+    """The device profiles (as JSON) and traces of all runs."""
+
+    devices: Mapping[str, str]
+    traces: Mapping[str, Trace]
+
+    def packed(self) -> bytes:
+        """For the way to the workers."""
+        return pickle.dumps(self)
+
+
+def run_task(task: Task, packed: bytes) -> Finished:
+    """Simulates the runs of a task and writes their part. What one run raises does not keep the others from being done.
+    Raises ``UserError``."""
+    if task.genie_sim != genie_sim.__version__:
+        raise UserError(f"a worker has genie-sim {genie_sim.__version__}, the sweep {task.genie_sim}: install the same")
+    devices, traces = _unpacked(packed)
+    table = PartTable()
+    failures: list[Failure] = []
+    for run in task.runs:
+        try:
+            if isinstance(run.scenario.perception, InTown):
+                prepared = runner.prepare(run.scenario, devices=devices)
+            else:
+                prepared = runner.Prepared(run.scenario, devices, {car: traces[key] for car, key in run.traces.items()})
+            found = measured(prepared)
+        except Exception as error:
+            failures.append(Failure(run.run_id, f"{type(error).__name__}: {error}", traceback.format_exc()))
+            continue
+        for metric in found:
+            table.add(run.run_id, metric)
+    finished = Finished(len(task.runs) - len(failures), tuple(failures))
+    if not finished.runs:
+        return finished
+    with whole_file(task.part) as beside:
+        task.part.parent.mkdir(parents=True, exist_ok=True)
+        table.write(beside)
+        with beside.open("rb") as written:  # on the disk before it has its name
+            os.fsync(written.fileno())
+    return finished
+
+
+def measured(prepared: runner.Prepared) -> Sequence[Metric]:
+    """Simulates one run: the metrics of its methods and roles, not of single resources, of which a fleet has many."""
+    tables = runner.simulate(prepared)
+    frames, lookups, resources = (table.to_frame() for table in (tables.frames, tables.lookups, tables.resources))
+    truth = tables.truth.to_frame() if tables.truth is not None else None
+    return metrics.compute(frames, lookups, resources.iloc[:0], truth)
+
+
+@functools.lru_cache(maxsize=1)
+def _unpacked(packed: bytes) -> tuple[dict[str, DeviceProfile], Mapping[str, Trace]]:
+    shared: Shared = pickle.loads(packed)
+    return {name: DeviceProfile.model_validate_json(text) for name, text in shared.devices.items()}, shared.traces

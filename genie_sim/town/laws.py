@@ -1,0 +1,164 @@
+"""The laws of a detector: how likely it misses an object, how sure it is of it, and where it puts it.
+
+They are read from ``laws.json``, fitted on a real trace (``fit``). A Gaussian copula ties the looks at one object
+together: each look has a standard normal number
+
+    z = object_weight * Z(object) + view_weight * Z(object, view) + look_weight * Z(object, look)
+
+of which the first part stays with the object, the second changes gradually as camera and object move, and the third
+is new each time. The object is missed where z falls below the quantile of the miss probability at its range; above
+it, the score rises with z through the quantiles of the scores seen at that range. Two such numbers of their own place
+it, along the line of sight and across.
+"""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import json
+from array import array
+from collections.abc import Mapping, Sequence
+from importlib import resources
+from itertools import accumulate
+from statistics import NormalDist
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from genie_sim.core.geometry import Array
+from genie_sim.perception.trace import SCORE_DECIMALS
+from genie_sim.town.noise import smooth_normals
+from genie_sim.town.rules import MOST_VIEW_M
+
+GROUP_OF = {"car": "vehicles", "truck": "vehicles", "bus": "vehicles"}  # all others: persons
+STEPS_PER_Z, MIDDLE = 32.0, 32 * 7  # tables cover z from -7 to 7: three numbers of at most 3.7, weights of norm 1
+VIEW_STEP_M = 0.25
+PLACE_DECIMALS = 6
+PRONE = 1 << 12
+GHOST_LABELS = {"vehicles": "car", "persons": "person"}
+RANGES = MOST_VIEW_M + 2  # rows of a table, one a metre
+
+Table = Sequence[Sequence[float]]
+
+
+class Copula(NamedTuple):
+    """The weights of what stays with the object, of what changes with the view and of what is new at each look, and
+    the normal numbers of the views, in steps of ``VIEW_STEP_M``."""
+
+    object_weight: float
+    view_weight: float
+    look_weight: float
+    views: Sequence[float]
+
+
+class GroupLaws:
+    """One group's laws as tables by range [m] and z; a score of 0 is a miss.
+
+    Of ``PRONE`` objects so many are ``prone`` to be called something else at times: ``names`` are the running shares of
+    65,536 looks, and the names.
+    """
+
+    __slots__ = ("across", "across_m", "along", "along_m", "names", "prone", "score", "scores")
+
+    def __init__(self, fitted: Mapping[str, Any]) -> None:
+        found, place = fitted["found"], fitted["place"]
+        self.score, self.along, self.across = (
+            _copula(fitted[f"{name}_correlation"]) for name in ("score", "along", "across")
+        )
+        self.scores: Table = _score_table(found)
+        self.along_m: Table = _place_table(place, "along_m")
+        self.across_m: Table = _place_table(place, "across_m")
+        self.names: tuple[tuple[int, str], ...] = ()
+        self.prone = 0
+
+
+class Fleeting(NamedTuple):
+    """Ghosts that are seen once and nowhere again: how many a frame, how far away and how sure (quantiles)."""
+
+    label: str
+    a_frame: float
+    range_m: tuple[float, ...]
+    scores: tuple[float, ...]
+
+
+class DetectorLaws:
+    """All laws: of real objects, of ghosts that stand at places where nothing is, and of fleeting ones."""
+
+    def __init__(self, fitted: Mapping[str, Any]) -> None:
+        self.provenance: Mapping[str, Any] = fitted["provenance"]
+        self.digest = hashlib.sha256(json.dumps(fitted, sort_keys=True).encode()).hexdigest()
+        called = fitted["vehicle_names"]
+        running = accumulate(round(share * 0x10000) for _, share in called["names"])
+        names = tuple((share, str(name)) for share, (name, _) in zip(running, called["names"], strict=True))
+        self._real = {name: GroupLaws(group) for name, group in fitted["groups"].items()}
+        self._real["vehicles"].names, self._real["vehicles"].prone = names, round(called["prone"] * PRONE)
+        self._ghosts = {name: GroupLaws(group) for name, group in fitted["ghosts"].items() if group["places"]}
+        ghosts = [(GHOST_LABELS[name], group) for name, group in sorted(fitted["ghosts"].items())]
+        self.ghosts_per_100m = {label: float(group["per_100m"]) for label, group in ghosts if group["places"]}
+        self.fleeting = tuple(
+            Fleeting(
+                label, group["fleeting_a_frame"], tuple(group["fleeting_range_m"]), tuple(group["fleeting_scores"])
+            )
+            for label, group in ghosts
+        )
+
+    def of(self, label: str, real: bool = True) -> GroupLaws:
+        """The laws for a class. Lights, signs, furniture and bicycles have no labels in KITTI that the detector could
+        be judged by: they follow the laws of persons, which is assumed."""
+        return (self._real if real else self._ghosts)[GROUP_OF.get(label, "persons")]
+
+
+@functools.cache
+def detector_laws() -> DetectorLaws:
+    """The laws that come with genie-sim."""
+    text = resources.files("genie_sim.town").joinpath("laws.json").read_text(encoding="utf-8")
+    return DetectorLaws(json.loads(text))
+
+
+def _copula(fitted: Mapping[str, float]) -> Copula:
+    shares = fitted["object"], fitted["view"], max(0.0, 1.0 - fitted["object"] - fitted["view"])
+    of_object, of_view, of_look = (share**0.5 for share in shares)
+    return Copula(of_object, of_view, of_look, smooth_normals(VIEW_STEP_M / fitted["smooth_m"]))
+
+
+def quantile(quantiles: Sequence[float], u: float) -> float:
+    """The value below which a share ``u`` in [0, 1) lies, of evenly spaced quantiles."""
+    place = u * (len(quantiles) - 1)
+    i = int(place)
+    return quantiles[i] + (quantiles[i + 1] - quantiles[i]) * (place - i)
+
+
+def _by_range(centres_m: Sequence[float], values: Sequence[float]) -> Array:
+    """Values at every metre, in straight lines between the middles of the bins."""
+    values_at: Array = np.interp(np.arange(RANGES), centres_m, values)
+    return values_at
+
+
+def _quantiles_by_range(centres_m: Sequence[float], rows: Sequence[Sequence[float]]) -> Array:
+    """Quantiles (RANGES, n) at every metre."""
+    return np.array([_by_range(centres_m, column) for column in zip(*rows, strict=True)]).T
+
+
+def _score_table(found: Mapping[str, Any]) -> Table:
+    miss = _by_range(found["range_m"], found["miss"])[:, None]
+    quantiles = _quantiles_by_range(found["range_m"], found["scores"])
+    share = (_share(0.5) - miss) / (1.0 - miss)
+    levels = np.linspace(0.0, 1.0, quantiles.shape[1])
+    scores = np.array([np.interp(u, levels, row) for u, row in zip(share, quantiles, strict=True)])
+    return _table(np.where(_share(0.5) > miss, scores, 0.0), SCORE_DECIMALS)
+
+
+def _place_table(place: Mapping[str, Any], name: str) -> Table:
+    quantiles = _quantiles_by_range(place["range_m"], place[name])
+    levels = np.linspace(0.0, 1.0, quantiles.shape[1])
+    return _table(np.array([np.interp(_share(0.5), levels, row) for row in quantiles]), PLACE_DECIMALS)
+
+
+def _share(step: float) -> Array:
+    """The share of z below each column of a table, or so many steps above it."""
+    columns = np.arange(2 * MIDDLE + 2)
+    return np.array([NormalDist().cdf(z) for z in ((columns + step - MIDDLE) / STEPS_PER_Z).tolist()])
+
+
+def _table(values: Array, decimals: int) -> Table:
+    return tuple(array("d", row) for row in np.round(values, decimals).tolist())

@@ -1,0 +1,292 @@
+"""How a car drives through the town: from destination to destination, in the right-hand lane, with stops at junctions.
+
+A drive is a list of pieces, each with a constant curvature and a constant acceleration, so that the place at any time
+is one formula.
+"""
+
+from __future__ import annotations
+
+import heapq
+import math
+from bisect import bisect_right
+from collections.abc import Iterator
+from itertools import accumulate
+
+import numpy as np
+
+from genie_sim.town.noise import mix
+from genie_sim.town.rules import JUNCTION_M, LANE_M, TownRules
+
+Node = tuple[int, int]  # the crossing of the i-th street from the west and the j-th from the south
+
+RIGHT_MPS, LEFT_MPS, CAREFUL_MPS = 3.0, 4.0, 5.5  # assumed: through right and left turns, and where the right has way
+STOP_S = 2.0  # assumed: at a stop sign
+GREEN_S, CYCLE_S = 28.0, 60.0  # assumed: of a traffic light
+
+
+class Course:
+    """Where a car is at each time: pieces (east, north, heading, curvature [1/m], speed, acceleration)."""
+
+    __slots__ = ("_begin_s", "_pieces")
+
+    def __init__(self) -> None:
+        self._begin_s: list[float] = []
+        self._pieces: list[tuple[float, float, float, float, float, float, float, float]] = []
+
+    def add(
+        self, begin_s: float, place: tuple[float, float, float], curvature: float, speed: float, acceleration: float
+    ) -> None:
+        east_m, north_m, heading = place
+        self._begin_s.append(begin_s)
+        self._pieces.append(
+            (east_m, north_m, heading, math.cos(heading), math.sin(heading), curvature, speed, acceleration)
+        )
+
+    def at(self, t_s: float) -> tuple[float, float, float, float, float, float]:
+        """East, north [m], heading [rad], its cosine and sine, and speed [m/s]."""
+        i = bisect_right(self._begin_s, t_s) - 1
+        if i < 0:
+            i = 0
+        east_m, north_m, heading, c, s, curvature, speed, acceleration = self._pieces[i]
+        dt = t_s - self._begin_s[i]
+        way_m = dt * (speed + 0.5 * acceleration * dt)
+        speed += acceleration * dt
+        if curvature == 0.0:
+            return east_m + way_m * c, north_m + way_m * s, heading, c, s, speed
+        heading += curvature * way_m
+        c2, s2 = math.cos(heading), math.sin(heading)
+        return east_m + (s2 - s) / curvature, north_m - (c2 - c) / curvature, heading, c2, s2, speed
+
+
+class Commuting:
+    """Who goes where: popular destinations, and the quickest way to each from every junction."""
+
+    def __init__(self, rules: TownRules, random: np.random.Generator) -> None:
+        self._rules = rules
+        self._east, self._north = rules.blocks
+        nodes = [(i, j) for i in range(self._east + 1) for j in range(self._north + 1)]
+        count = min(rules.destinations, len(nodes))
+        self._destinations: list[Node] = [nodes[k] for k in random.permutation(len(nodes))[:count].tolist()]
+        weights = [(k + 1) ** -rules.popularity for k in range(count)]
+        self._shares = [share / sum(weights) for share in accumulate(weights)]
+        self._away_s: dict[Node, dict[Node, float]] = {}
+
+    def destination(self, draw: float) -> Node:
+        """The destination that a number in [0, 1) stands for."""
+        return self._destinations[min(bisect_right(self._shares, draw), len(self._destinations) - 1)]
+
+    def neighbours(self, node: Node) -> Iterator[Node]:
+        i, j = node
+        if i < self._east:
+            yield i + 1, j
+        if j < self._north:
+            yield i, j + 1
+        if i > 0:
+            yield i - 1, j
+        if j > 0:
+            yield i, j - 1
+
+    def limit_mps(self, a: Node, b: Node) -> float:
+        return self._rules.limit_mps(a[1] if a[1] == b[1] else a[0])
+
+    def after(self, before: Node | None, node: Node, destination: Node) -> Node:
+        """The next junction on the quickest way; straight on rather than a turn that gains nothing, never back."""
+        away_s = self._away(destination)
+        best, best_cost = node, math.inf
+        for there in self.neighbours(node):
+            if there == before:
+                continue
+            cost = self._rules.block_m / self.limit_mps(node, there) + away_s[there]
+            if before is not None and (there[0] - node[0], there[1] - node[1]) != (
+                node[0] - before[0],
+                node[1] - before[1],
+            ):
+                cost += 1e-3
+            if cost < best_cost:
+                best, best_cost = there, cost
+        return best
+
+    def _away(self, destination: Node) -> dict[Node, float]:
+        """Seconds from every junction to a destination (Dijkstra)."""
+        if destination in self._away_s:
+            return self._away_s[destination]
+        away_s = {destination: 0.0}
+        queue = [(0.0, destination)]
+        while queue:
+            cost, node = heapq.heappop(queue)
+            if cost > away_s[node]:
+                continue
+            for there in self.neighbours(node):
+                reached = cost + self._rules.block_m / self.limit_mps(node, there)
+                if reached < away_s.get(there, math.inf):
+                    away_s[there] = reached
+                    heapq.heappush(queue, (reached, there))
+        self._away_s[destination] = away_s
+        return away_s
+
+    def trip(self, random: np.random.Generator) -> Iterator[Node]:
+        """The junctions that a car passes, without end: it starts anywhere on the way to its first destination."""
+        draws = random.random(3).tolist()
+        node = (int(draws[0] * (self._east + 1)), int(draws[1] * (self._north + 1)))
+        destination = self.destination(draws[2])
+        while destination == node:
+            destination = self.destination(float(random.random())) if len(self._destinations) > 1 else self._other(node)
+        way, before = [node], None
+        while node != destination:
+            before, node = node, self.after(before, node, destination)
+            way.append(node)
+        first = int(float(random.random()) * (len(way) - 1))
+        yield from way[first:]
+        while True:
+            destination = self.destination(float(random.random()))
+            if destination == node:
+                destination = self._other(node)
+            for _ in range(4 * (self._east + self._north + 2)):
+                if node == destination:
+                    break
+                before, node = node, self.after(before, node, destination)
+                yield node
+
+    def _other(self, node: Node) -> Node:
+        mirrored = (self._east - node[0], self._north - node[1])
+        return mirrored if mirrored != node else (0, 0)
+
+
+def green_at(node: Node, northbound: bool, t_s: float) -> float:
+    """When a light at a junction is green for those who drive along one axis: now, or the time [s] it turns so."""
+    offset_s = (mix(node[0] << 20 | node[1]) & 0xFFFF) / 0x10000 * CYCLE_S + (CYCLE_S / 2 if northbound else 0.0)
+    phase_s = (t_s + offset_s) % CYCLE_S
+    return t_s if phase_s < GREEN_S else t_s + CYCLE_S - phase_s
+
+
+def drive(rules: TownRules, commuting: Commuting, random: np.random.Generator, begin_s: float, end_s: float) -> Course:
+    """The course of one car from ``begin_s`` on; it knows its place at least until ``end_s``."""
+    course = Course()
+    nodes = commuting.trip(random)
+    here, there = next(nodes), next(nodes)
+    straight_m = rules.block_m - 2 * JUNCTION_M
+    t_s, speed = begin_s, commuting.limit_mps(here, there)
+    # The first leg starts anywhere from which a stop at its end is still possible.
+    offset_m = float(random.random()) * max(0.0, straight_m - speed**2 / (2 * rules.braking_mps2) - 1.0)
+    while t_s <= end_s:
+        beyond = next(nodes)
+        limit = commuting.limit_mps(here, there)
+        way = (there[0] - here[0], there[1] - here[1])
+        turn = way[0] * (beyond[1] - there[1]) - way[1] * (beyond[0] - there[0])  # 1 left, -1 right
+        through = min(limit, commuting.limit_mps(there, beyond))
+        crossing = rules.main(there[0]), rules.main(there[1])
+        main, other_main = (crossing[0], crossing[1]) if way[0] == 0 else (crossing[1], crossing[0])
+        if turn:
+            through = LEFT_MPS if turn > 0 else RIGHT_MPS
+        elif not main and not other_main:
+            through = min(through, CAREFUL_MPS)
+        place = _entry(rules, here, way, offset_m)
+        length_m = straight_m - offset_m
+        wait_until_s: float | None = None
+        if main and other_main:
+            arrival_s = t_s + _straight_s(rules, length_m, speed, through, limit)
+            green_s = green_at(there, way[0] == 0, arrival_s)
+            wait_until_s = green_s if green_s > arrival_s else None
+        elif other_main:
+            wait_until_s = 0.0
+        t_s, place = _straight(
+            rules, course, t_s, place, length_m, speed, through if wait_until_s is None else 0.0, limit
+        )
+        speed = through
+        if wait_until_s is not None:
+            course.add(t_s, place, 0.0, 0.0, 0.0)
+            t_s = max(t_s + STOP_S, wait_until_s)
+            speed = 0.0
+        t_s, speed = _manoeuvre(rules, course, t_s, place, turn, speed, through)
+        here, there, offset_m = there, beyond, 0.0
+    return course
+
+
+def _entry(rules: TownRules, here: Node, way: Node, offset_m: float) -> tuple[float, float, float]:
+    """Where the straight part of a leg begins, or ``offset_m`` later: in the right-hand lane."""
+    ahead_m = JUNCTION_M + offset_m
+    east_m = here[0] * rules.block_m + way[0] * ahead_m + way[1] * LANE_M
+    north_m = here[1] * rules.block_m + way[1] * ahead_m - way[0] * LANE_M
+    return east_m, north_m, math.atan2(way[1], way[0])
+
+
+def _peak(rules: TownRules, length_m: float, begin: float, end: float, limit: float) -> float:
+    """The speed from which braking begins."""
+    a, b = rules.acceleration_mps2, rules.braking_mps2
+    reachable = (2 * a * b * length_m + b * begin**2 + a * end**2) / (a + b)
+    return max(begin, end, min(limit, math.sqrt(reachable)))
+
+
+def _phases(
+    rules: TownRules, length_m: float, begin: float, end: float, limit: float
+) -> list[tuple[float, float, float]]:
+    """Of a straight part: seconds, speed at first and acceleration of each phase."""
+    a, b = rules.acceleration_mps2, rules.braking_mps2
+    peak = _peak(rules, length_m, begin, end, limit)
+    faster_m, slower_m = (peak**2 - begin**2) / (2 * a), (peak**2 - end**2) / (2 * b)
+    even_m = max(0.0, length_m - faster_m - slower_m)
+    phases = [((peak - begin) / a, begin, a), (even_m / peak, peak, 0.0), ((peak - end) / b, peak, -b)]
+    return [phase for phase in phases if phase[0] > 0]
+
+
+def _straight_s(rules: TownRules, length_m: float, begin: float, end: float, limit: float) -> float:
+    return sum(seconds for seconds, _, _ in _phases(rules, length_m, begin, end, limit))
+
+
+def _straight(
+    rules: TownRules,
+    course: Course,
+    t_s: float,
+    place: tuple[float, float, float],
+    length_m: float,
+    begin: float,
+    end: float,
+    limit: float,
+) -> tuple[float, tuple[float, float, float]]:
+    east_m, north_m, heading = place
+    c, s = math.cos(heading), math.sin(heading)
+    gone_m = 0.0
+    for seconds, speed, acceleration in _phases(rules, length_m, begin, end, limit):
+        course.add(t_s, (east_m + gone_m * c, north_m + gone_m * s, heading), 0.0, speed, acceleration)
+        t_s += seconds
+        gone_m += seconds * (speed + 0.5 * acceleration * seconds)
+    return t_s, (east_m + length_m * c, north_m + length_m * s, heading)
+
+
+def _manoeuvre(
+    rules: TownRules,
+    course: Course,
+    t_s: float,
+    place: tuple[float, float, float],
+    turn: int,
+    speed: float,
+    through: float,
+) -> tuple[float, float]:
+    """Across the junction: straight, or a quarter of a circle. Time and speed at its end."""
+    radius_m = JUNCTION_M + turn * LANE_M
+    length_m = radius_m * math.pi / 2 if turn else 2 * JUNCTION_M
+    curvature = turn / radius_m
+    gone_m = 0.0
+    if speed < through:
+        a = rules.acceleration_mps2
+        reached = min(through, math.sqrt(speed**2 + 2 * a * length_m))
+        course.add(t_s, place, curvature, speed, a)
+        gone_m = (reached**2 - speed**2) / (2 * a)
+        t_s += (reached - speed) / a
+        speed = reached
+    if gone_m < length_m - 1e-9:
+        course.add(t_s, _along(place, curvature, gone_m), curvature, speed, 0.0)
+        t_s += (length_m - gone_m) / speed
+    return t_s, speed
+
+
+def _along(place: tuple[float, float, float], curvature: float, way_m: float) -> tuple[float, float, float]:
+    east_m, north_m, heading = place
+    if curvature == 0.0:
+        return east_m + way_m * math.cos(heading), north_m + way_m * math.sin(heading), heading
+    after = heading + curvature * way_m
+    return (
+        east_m + (math.sin(after) - math.sin(heading)) / curvature,
+        north_m - (math.cos(after) - math.cos(heading)) / curvature,
+        after,
+    )

@@ -1,0 +1,116 @@
+"""What a town is made of: its streets, what stands and moves there, and how its people commute."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields
+from typing import NamedTuple, NoReturn
+
+from genie_sim.errors import UserError
+
+JUNCTION_M = 6.0  # from the middle of a junction to where a car begins to turn, and to its stop lines
+LANE_M = 1.75  # from the middle of a street to the middle of its right-hand lane
+SLOT_M = 6.5  # of kerb that a parked car takes
+CLEAR_M = 14.0  # from a crossing, free of parked cars
+GHOST_BESIDE_M = 9.0  # from the middle of a street to what a detector takes for something
+MOST_VIEW_M = 100
+MOST_BLOCKS = 100
+MOST_PER_100M = 100.0
+
+
+@dataclass(frozen=True, slots=True)
+class TownRules:
+    """A grid of streets; lengths in metres, speeds in m/s, densities per 100 m of street, both sides together.
+
+    ``blocks`` are counted to the east and to the north. Every ``main_every``-th street is a main street with a speed
+    limit of its own; lights stand where two of them cross, stop signs where another street meets one. ``popularity``
+    is the exponent of Zipf's law: the k-th of the ``destinations`` is chosen in proportion to k ** -popularity, and 0
+    makes all equal. ``view_m`` is how far a camera's detector looks.
+
+    The densities are assumed ones: chosen so that a frame shows as many objects of each group as the KITTI trace
+    does, which ``benchmarks/town_laws.py`` prints. Raises UserError for values that make no town.
+    """
+
+    blocks: tuple[int, int] = (8, 8)
+    block_m: float = 150.0
+    main_every: int = 4
+    street_half_m: float = 10.0
+    speed_mps: float = 30 / 3.6
+    main_speed_mps: float = 50 / 3.6
+    acceleration_mps2: float = 1.5
+    braking_mps2: float = 2.0
+    parked_cars_per_100m: float = 15.0
+    truck_share: float = 0.05
+    parked_bicycles_per_100m: float = 0.6
+    standing_people_per_100m: float = 0.3
+    furniture_per_100m: float = 0.1
+    moving_cars_per_100m: float = 1.0
+    walkers_per_100m: float = 0.3
+    cyclists_per_100m: float = 2.5
+    destinations: int = 12
+    popularity: float = 1.0
+    view_m: float = 60.0
+
+    def __post_init__(self) -> None:
+        two = tuple(self.blocks) if isinstance(self.blocks, list | tuple) else ()
+        if len(two) != 2 or any(type(n) is not int or not 1 <= n <= MOST_BLOCKS for n in two):
+            raise UserError(f"town: blocks: {self.blocks!r} is not two whole numbers from 1 to {MOST_BLOCKS}")
+        object.__setattr__(self, "blocks", two)
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if field.name == "blocks":
+                continue
+            if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+                self._refuse(field.name, "is not a finite number")
+            if isinstance(field.default, float):  # 15 and 15.0 are one town
+                object.__setattr__(self, field.name, float(value))
+        for name in ("main_every", "destinations"):
+            if not isinstance(getattr(self, name), int) or getattr(self, name) < 1:
+                self._refuse(name, "is not a whole number from 1 on")
+        for name in ("speed_mps", "main_speed_mps", "acceleration_mps2", "braking_mps2", "view_m"):
+            if getattr(self, name) <= 0:
+                self._refuse(name, "is not positive")
+        if self.view_m > MOST_VIEW_M:
+            self._refuse("view_m", f"is more than {MOST_VIEW_M} m, where no law is known")
+        if self.popularity < 0:
+            self._refuse("popularity", "is negative")
+        for field in fields(self):
+            if field.name.endswith("_100m") and not 0 <= getattr(self, field.name) <= MOST_PER_100M:
+                self._refuse(field.name, f"is not between 0 and {MOST_PER_100M:g}")
+        if not 0 <= self.truck_share <= 1:
+            self._refuse("truck_share", "is not between 0 and 1")
+        braking_m = max(self.speed_mps, self.main_speed_mps) ** 2 / (2 * self.braking_mps2)
+        if self.block_m < braking_m + 4 * JUNCTION_M:
+            least_m = math.ceil(braking_m + 4 * JUNCTION_M)
+            self._refuse("block_m", f"is too short to stop in from the speed limit; at least {least_m} m")
+        if not 8.0 <= self.street_half_m <= self.block_m / 4:
+            self._refuse("street_half_m", f"is not between 8 m and a quarter of a block, {self.block_m / 4:g} m")
+        room = 200 * self.parking_slots / self.block_m
+        if self.parked_cars_per_100m > room:
+            self._refuse("parked_cars_per_100m", f"do not fit; between junctions there is room for {room:.1f}")
+
+    def _refuse(self, name: str, why: str) -> NoReturn:
+        """Names the rule and its value as scenarios write them: ``view: 500 m``."""
+        value = getattr(self, name)
+        raise UserError(f"town: {name.removesuffix('_m')}: {value!r}{' m' if name.endswith('_m') else ''} {why}")
+
+    @property
+    def parking_slots(self) -> int:
+        """How many cars can be parked on one side of a street between two junctions."""
+        return int((self.block_m - 2 * CLEAR_M) / SLOT_M)
+
+    def main(self, street: int) -> bool:
+        """Whether the n-th street, counted from the west or the south, is a main street."""
+        return street % self.main_every == 0
+
+    def limit_mps(self, street: int) -> float:
+        return self.main_speed_mps if self.main(street) else self.speed_mps
+
+
+class TrueObject(NamedTuple):
+    """An object of the town: its number, its class, where its middle is [m] at the time it was asked for."""
+
+    number: int
+    label: str
+    location: tuple[float, float, float]
+    moving: bool

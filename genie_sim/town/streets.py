@@ -1,0 +1,257 @@
+"""What stands and moves along the streets, found again by place and time.
+
+Everything belongs to one street and is kept in the order of its place along it, so what a camera may see is a few
+slices: of the streets that it stands on, and of those that cross them. Houses fill the blocks and hide the rest.
+
+Traffic flows evenly: of each kind and direction a street carries a stream whose members keep their speed and their
+distances, stop for nobody, and leave at one end of the town as others enter at its other end. So where they are at any
+time is one sum, whoever asks.
+"""
+
+from __future__ import annotations
+
+import math
+from array import array
+from bisect import bisect_left
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from genie_sim.town.laws import DetectorLaws
+from genie_sim.town.objects import Seen, seen
+from genie_sim.town.rules import CLEAR_M, GHOST_BESIDE_M, JUNCTION_M, LANE_M, SLOT_M, TownRules
+
+PARKED_M, PAVEMENT_M, BIKE_M = 5.0, 7.5, 3.2  # from the middle of the street
+WALK_MPS, CYCLE_MPS, FLOW = 1.4, 4.5, 0.9  # assumed; FLOW is the share of the speed limit that traffic drives
+FURNITURE = (("fire hydrant", 0.4), ("bench", 0.5))
+STREAM_BITS = 32
+
+
+class Stream(NamedTuple):
+    """One kind of traffic in one direction of one street: places along it at time 0, in order.
+
+    ``movers`` are those who begin at each place: one, or for a cyclist a bicycle and a person; ``labels`` says which.
+    ``speed_mps`` is negative for those who come back along the street.
+    """
+
+    labels: tuple[str, ...]
+    movers: list[tuple[Seen, ...]]
+    northbound: bool
+    beside_m: float
+    speed_mps: float
+    length_m: float
+    starts_m: array[float]
+
+    def between(self, low_m: float, high_m: float, t_s: float) -> list[Seen]:
+        """All that are between two places along the street at a time.
+
+        Who has come to the end begins again as somebody else, with a number of its own.
+        """
+        starts_m, length_m = self.starts_m, self.length_m
+        gone_m = self.speed_mps * t_s
+        lap, begin_m = divmod(low_m - gone_m, length_m)
+        end_m = begin_m + high_m - low_m
+        k = bisect_left(starts_m, begin_m)
+        found: list[Seen] = []
+        while True:
+            if k == len(starts_m):
+                if end_m < length_m:
+                    return found
+                k, end_m, lap = 0, end_m - length_m, lap + 1
+            if starts_m[k] > end_m:
+                return found
+            along_m = starts_m[k] + (gone_m + lap * length_m)
+            east_m, north_m = (self.beside_m, along_m) if self.northbound else (along_m, self.beside_m)
+            for mover in self.movers[k]:
+                number = mover.number - int(lap) * len(starts_m)
+                found.append(Seen._make((east_m, north_m, *mover[2:5], number, *mover[6:])))
+            k += 1
+
+
+class Street:
+    """One street: what stands on it in the order of its place along it, and what moves along it."""
+
+    __slots__ = ("length_m", "middle_m", "northbound", "places_m", "standing", "streams")
+
+    def __init__(
+        self, northbound: bool, middle_m: float, length_m: float, standing: list[Seen], streams: list[Stream]
+    ) -> None:
+        self.northbound, self.middle_m, self.length_m = northbound, middle_m, length_m
+        self.streams = [stream for stream in streams if stream.starts_m]
+        self.standing = sorted(standing, key=lambda s: (s.north_m if northbound else s.east_m, s.number))
+        self.places_m = array("d", (s.north_m if northbound else s.east_m for s in self.standing))
+
+    def between(self, low_m: float, high_m: float, t_s: float, label: str | None = None) -> list[Seen]:
+        """All that is between two places along the street at a time, or only what may be of one class."""
+        places_m = self.places_m
+        found = self.standing[bisect_left(places_m, low_m) : bisect_left(places_m, high_m)]
+        low_m, high_m = max(low_m, 0.0), min(high_m, self.length_m)
+        if low_m >= high_m:
+            return found
+        for stream in self.streams:
+            if label is None or label in stream.labels:
+                found += stream.between(low_m, high_m, t_s)
+        return found
+
+
+def lay_out(
+    rules: TownRules, laws: DetectorLaws, northbound: bool, index: int, seed_key: int, random: np.random.Generator
+) -> Street:
+    """One street with all that is on it, and the places where the detector sees what is not there."""
+    crossings = rules.blocks[1] if northbound else rules.blocks[0]
+    length_m, middle_m = crossings * rules.block_m, index * rules.block_m
+    base = (index * 2 + northbound) << (STREAM_BITS + 4)
+    standing: list[Seen] = []
+
+    def stand(label: str, along_m: float, beside_m: float, real: bool = True) -> None:
+        place = (middle_m + beside_m, along_m) if northbound else (along_m, middle_m + beside_m)
+        number = base + len(standing)
+        standing.append(seen(laws.of(label, real), seed_key, number, label, *place, False, real))
+
+    for side in (-1, 1):
+        for along_m, is_truck in _parked(rules, crossings, random):
+            stand("truck" if is_truck else "car", along_m, side * PARKED_M)
+    for label, density, beside_m in (
+        ("bicycle", rules.parked_bicycles_per_100m, PAVEMENT_M - 1.0),
+        ("person", rules.standing_people_per_100m, PAVEMENT_M),
+        *((label, rules.furniture_per_100m * share, PAVEMENT_M + 1.0) for label, share in FURNITURE),
+    ):
+        for along_m, side in _scattered(density, length_m, random):
+            stand(label, along_m, side * beside_m)
+    for label, density in laws.ghosts_per_100m.items():
+        for along_m, side in _scattered(density, length_m, random):
+            stand(label, along_m, side * GHOST_BESIDE_M, real=False)
+    for crossing in range(crossings + 1):
+        other = rules.main(crossing)
+        if not other:
+            continue
+        sign = "traffic light" if rules.main(index) else "stop sign"
+        for direction in (-1, 1):
+            along_m = crossing * rules.block_m - direction * JUNCTION_M
+            if 0.0 <= along_m <= length_m:
+                # On the right of those who come along: right of the heading east is south.
+                stand(sign, along_m, direction * PAVEMENT_M * (1 if northbound else -1))
+    return Street(
+        northbound, middle_m, length_m, standing, _streams(rules, laws, northbound, index, base, seed_key, random)
+    )
+
+
+def _streams(
+    rules: TownRules,
+    laws: DetectorLaws,
+    northbound: bool,
+    index: int,
+    base: int,
+    seed_key: int,
+    random: np.random.Generator,
+) -> list[Stream]:
+    """Traffic in both directions."""
+    length_m = (rules.blocks[1] if northbound else rules.blocks[0]) * rules.block_m
+    streams: list[Stream] = []
+    for labels, density, off_m, speed_mps in (
+        (("car",), rules.moving_cars_per_100m, LANE_M, FLOW * rules.limit_mps(index)),
+        (("bicycle", "person"), rules.cyclists_per_100m, BIKE_M, CYCLE_MPS),
+        (("person",), rules.walkers_per_100m, PAVEMENT_M, WALK_MPS),
+    ):
+        for direction in (-1, 1):
+            starts_m = array("d", np.sort(random.random(random.poisson(density / 2 * length_m / 100)) * length_m))
+            beside_m = index * rules.block_m + direction * off_m * (1 if northbound else -1)  # on their right
+            number = base + ((2 * len(streams) + 1) << STREAM_BITS) + (1 << STREAM_BITS - 1)
+            movers = [
+                tuple(
+                    seen(laws.of(label), seed_key, number + k + (kind << STREAM_BITS), label, 0.0, 0.0, True)
+                    for kind, label in enumerate(labels)
+                )
+                for k in range(len(starts_m))
+            ]
+            streams.append(Stream(labels, movers, northbound, beside_m, direction * speed_mps, length_m, starts_m))
+    return streams
+
+
+def _parked(rules: TownRules, crossings: int, random: np.random.Generator) -> Iterator[tuple[float, bool]]:
+    """Place along one side of a street, and whether it is a truck, of each parked car; some blocks have none."""
+    slots = rules.parking_slots
+    busy = rules.parked_cars_per_100m / 200 * rules.block_m / slots
+    for block in range(crossings):
+        share = random.beta(2 * busy, 2 * (1 - busy)) if 0 < busy < 1 else busy
+        taken = np.flatnonzero(random.random(slots) < share)
+        places_m = block * rules.block_m + CLEAR_M + (taken + 0.4 + 0.2 * random.random(len(taken))) * SLOT_M
+        yield from zip(places_m.tolist(), (random.random(len(taken)) < rules.truck_share).tolist(), strict=True)
+
+
+def _scattered(per_100m: float, length_m: float, random: np.random.Generator) -> Iterator[tuple[float, int]]:
+    """Place along a street and side (-1 or 1) of things that stand anywhere."""
+    count = random.poisson(per_100m * length_m / 100)
+    places_m = random.random(count) * length_m
+    yield from zip(places_m.tolist(), np.where(random.random(count) < 0.5, -1, 1).tolist(), strict=True)
+
+
+class Streets:
+    """All streets of a town, and what can be seen of them from where."""
+
+    def __init__(self, rules: TownRules, east: list[Street], north: list[Street]) -> None:
+        self._rules = rules
+        self._east, self._north = east, north  # by number from the south, and from the west
+
+    def near(
+        self, east_m: float, north_m: float, range_m: float, t_s: float, label: str | None = None
+    ) -> Iterator[Seen]:
+        """All that is within a distance, seen or not, or only what is of one class."""
+        for streets, across_m, along_m in ((self._east, north_m, east_m), (self._north, east_m, north_m)):
+            reach_m = range_m + self._rules.street_half_m
+            for k in self._crossed(across_m - reach_m, across_m + reach_m, len(streets)):
+                for s in streets[k].between(along_m - range_m, along_m + range_m, t_s, label):
+                    away_m = math.hypot(s.east_m - east_m, s.north_m - north_m)
+                    if away_m <= range_m and (label is None or s.label == label):
+                        yield s
+
+    def _crossed(self, low_m: float, high_m: float, count: int) -> range:
+        block_m = self._rules.block_m
+        return range(max(0, math.ceil(low_m / block_m)), min(count - 1, math.floor(high_m / block_m)) + 1)
+
+    def ahead(self, east_m: float, north_m: float, box: tuple[float, float, float, float], t_s: float) -> list[Seen]:
+        """All that no house hides from a place, in a box (west, south, east, north) around what a camera looks at."""
+        block_m, half_m = self._rules.block_m, self._rules.street_half_m
+        west_m, south_m, far_east_m, far_north_m = box
+        found: list[Seen] = []
+        j, i = round(north_m / block_m), round(east_m / block_m)
+        on_east = abs(north_m - j * block_m) <= half_m and 0 <= j < len(self._east)
+        on_north = abs(east_m - i * block_m) <= half_m and 0 <= i < len(self._north)
+        if on_east:
+            found += self._east[j].between(west_m, far_east_m, t_s)
+        if on_north:
+            found += self._north[i].between(south_m, far_north_m, t_s)
+        if on_east:
+            for k in self._crossed(west_m, far_east_m, len(self._north)):
+                if not (on_north and k == i):
+                    found += self._through_gap(self._north[k], north_m, east_m, j * block_m, south_m, far_north_m, t_s)
+        if on_north:
+            for k in self._crossed(south_m, far_north_m, len(self._east)):
+                if not (on_east and k == j):
+                    found += self._through_gap(self._east[k], east_m, north_m, i * block_m, west_m, far_east_m, t_s)
+        return found
+
+    def _through_gap(
+        self, street: Street, along_m: float, across_m: float, middle_m: float, low_m: float, high_m: float, t_s: float
+    ) -> list[Seen]:
+        """What can be seen of a crossing street past the corners of the houses.
+
+        The camera is at ``along_m`` along that street and at ``across_m`` across it, on a street whose middle is at
+        ``middle_m``; a line of sight must pass between the houses where it enters the crossing street.
+        """
+        half_m = self._rules.street_half_m
+        to_m = street.middle_m - across_m
+        near_m, far_m = abs(to_m) - half_m, abs(to_m) + half_m
+        if near_m <= 0:
+            return []
+        widest = far_m / near_m
+        low_m = max(low_m, along_m + (middle_m - half_m - along_m) * widest)
+        high_m = min(high_m, along_m + (middle_m + half_m - along_m) * widest)
+        found = []
+        for s in street.between(low_m, high_m, t_s):
+            there_m, beyond_m = (s.north_m, s.east_m) if street.northbound else (s.east_m, s.north_m)
+            entry_m = along_m + (there_m - along_m) * near_m / abs(beyond_m - across_m)
+            if abs(entry_m - middle_m) <= half_m:
+                found.append(s)
+        return found
