@@ -18,7 +18,7 @@ _UNPRINTABLE = re.compile(r"[\x00-\x1f\x7f\ud800-\udfff]")
 
 def _scenarios(incomplete: str) -> list[str]:
     """Scenarios that a shell may complete; paths it completes itself."""
-    from genie_sim.scenario import files
+    from genie_sim import files
 
     return [name for name in files.available(files.SCENARIO) if name.startswith(incomplete)]
 

@@ -127,12 +127,12 @@ class Publish(NamedTuple):
 
 
 class ImageLookup(NamedTuple):
-    """The message cache was asked once. ``outcome`` is ``hit``, ``miss`` or ``coalesced``; ``asker`` is ``client``
+    """The message cache was asked once. ``outcome`` is ``hit``, ``miss`` or ``coalesced``; ``requester`` is ``client``
     (its own network) or ``neighbour`` (another Genie on the edge network)."""
 
     header: Header
     outcome: str
-    asker: str
+    requester: str
     entries: int
 
 
@@ -177,13 +177,13 @@ class Forgotten(NamedTuple):
     objects: tuple[MapChange, ...]
 
 
-Fact = ImageLookup | ObjectLookups | Expired | Forgotten
+Observation = ImageLookup | ObjectLookups | Expired | Forgotten
 
 
 class Observe(NamedTuple):
-    """Effect: a fact for the log."""
+    """Effect: an observation for the log."""
 
-    record: Fact
+    record: Observation
 
 
 Effect = Publish | Observe

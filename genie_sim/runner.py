@@ -22,7 +22,7 @@ from genie_sim.recording.records import FrameTable, LookupTable, ObjectTable, Po
 from genie_sim.recording.results import Run
 from genie_sim.recording.tables import Table
 from genie_sim.recording.truth import Truth
-from genie_sim.scenario import files
+from genie_sim import files
 from genie_sim.scenario.fields import validate
 from genie_sim.scenario.fleet import InTown
 from genie_sim.scenario.profiles import DeviceProfile, load_profile

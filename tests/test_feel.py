@@ -110,7 +110,7 @@ def test_every_screen_fits_its_window(columns):
 
 def test_a_list_has_one_line_a_name_for_other_programs(run_cli):
     """Whatever the window: ``genie-sim list scenarios | grep``."""
-    from genie_sim.scenario import files
+    from genie_sim import files
 
     lines = run_cli("list", "scenarios", env={"COLUMNS": "30"}).stdout.splitlines()
     assert [line.split()[0] for line in lines] == list(files.available(files.SCENARIO))

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from genie_sim.errors import UserError
-from genie_sim.scenario import files
+from genie_sim import files
 from genie_sim.scenario.yaml_input import dump, parse, read_mapping
 
 

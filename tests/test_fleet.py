@@ -17,7 +17,7 @@ from genie_sim import runner
 from genie_sim.errors import UserError
 from genie_sim.report import data
 from genie_sim.runner import prepare, simulate
-from genie_sim.scenario import files
+from genie_sim import files
 from genie_sim.scenario.fleet import Fleet
 from genie_sim.scenario.scenario import Scenario, load_scenario, read_scenario
 from genie_sim.scenario.yaml_input import parse

@@ -174,7 +174,7 @@ def test_the_shipped_trace_by_both_kinds_of_labels(kitti_root):
 
     The placement was chosen on these very labels: this says that it still works, not how well it would elsewhere.
     """
-    from genie_sim.scenario import files
+    from genie_sim import files
 
     trace = read_trace(files.find(files.TRACE, "kitti_0005"))
     for labels, counted in (("tracking/0000", (515, 176)), ("2011_09_26/0005", (1020, 352))):

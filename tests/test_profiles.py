@@ -11,7 +11,7 @@ import pytest
 import yaml
 
 from genie_sim.errors import UserError
-from genie_sim.scenario import files
+from genie_sim import files
 from genie_sim.scenario.profiles import DeviceProfile, ServiceTime, load_profile
 from genie_sim.seeds import stream
 

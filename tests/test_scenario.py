@@ -15,7 +15,7 @@ from genie_sim.core.confidence import CONFIDENCE_RULES
 from genie_sim.core.eviction import EVICTIONS
 from genie_sim.core.similarity import SIMILARITIES
 from genie_sim.errors import UserError
-from genie_sim.scenario import files
+from genie_sim import files
 from genie_sim.scenario.fleet import Fleet, InTown
 from genie_sim.scenario.genie_settings import LITERAL
 from genie_sim.scenario.links import LINKS

@@ -1,34 +1,29 @@
-"""A Genie out of a scenario's ``genie:`` settings. The simulator and real ROS build theirs here."""
+"""A Genie out of its rules. The simulator and real ROS build theirs here."""
 
 from __future__ import annotations
 
 import functools
-import hashlib
-import importlib
-import inspect
-import sys
-from collections.abc import Callable, Hashable, Mapping
-from pathlib import Path
+from collections.abc import Callable, Hashable
+from dataclasses import replace
 from typing import Any
 
+from genie_sim import plugins
 from genie_sim.core.confidence import CONFIDENCE_RULES, ConfidenceRule
 from genie_sim.core.eviction import EVICTIONS, Eviction
 from genie_sim.core.message_cache import MessageCache, PendingIndex
-from genie_sim.core.node import GenieNode, GenieRules, detections_of_map
-from genie_sim.core.object_map import ObjectMap, ObjectMapRules
+from genie_sim.core.node import GenieNode, detections_of_map
+from genie_sim.core.object_map import ObjectMap
+from genie_sim.core.rules import GenieRules
 from genie_sim.core.similarity import SIMILARITIES
-from genie_sim.errors import UserError, shown, unknown
+from genie_sim.errors import UserError, shown
 from genie_sim.messages import Header
-from genie_sim.scenario.genie_settings import GenieSettings
 
-METHODS: dict[str, tuple[str, ...]] = {  # what a class of the user's own must have
-    "similarity": ("key", "index"),
-    "eviction": ("stored", "used", "removed", "victim", "expires_ns"),
-}
+SIMILARITY_METHODS = ("key", "index")
+EVICTION_METHODS = ("stored", "used", "removed", "victim", "expires_ns")
 
 
 def make_genie(
-    settings: GenieSettings,
+    rules: GenieRules,
     name: str,
     subscribed: tuple[str, ...],
     published: tuple[str, ...],
@@ -42,18 +37,16 @@ def make_genie(
 
     On an edge it serves other Genies, so it answers when it has an answer, and shares what its node finds; on a car it
     serves the consumer by the miss policy and sends only its misses up. ``alone``: nobody listens to ``-remote``.
-    ``miss_policy`` overrules all that. ``middleware`` replaces what depends on it (see ``GenieNode``).
+    ``miss_policy`` overrules all that. ``middleware`` replaces what depends on it (see ``GenieNode``). Raises
+    ``UserError`` where a plug-in of the user's own does not work.
     """
-    chosen = settings.similarity
-    similarity = _made(
-        "similarity", chosen.name, _resolve("similarity", chosen.name, SIMILARITIES), **chosen.parameters
-    )
-    new_eviction = _resolve("eviction", settings.eviction, EVICTIONS)
-    capacity = settings.capacity if on_edge or settings.car_capacity is None else settings.car_capacity
+    similarity = plugins.make("similarity", rules.similarity, SIMILARITIES, SIMILARITY_METHODS)
+    new_eviction = plugins.resolve("eviction", rules.eviction, EVICTIONS, EVICTION_METHODS)
+    capacity = rules.capacity if on_edge or rules.car_capacity is None else rules.car_capacity
 
     def eviction() -> Eviction:
-        ttl = () if settings.ttl_ns is None else (settings.ttl_ns,)
-        made: Eviction = _made("eviction", settings.eviction, new_eviction, *ttl)
+        ttl = () if rules.ttl_ns is None else (rules.ttl_ns,)
+        made: Eviction = plugins.call("eviction", rules.eviction, new_eviction, *ttl)
         return made
 
     def new_cache() -> MessageCache:
@@ -61,110 +54,58 @@ def make_genie(
         return MessageCache(similarity.index(), eviction(), *limits)
 
     if miss_policy is None:
-        miss_policy = "blocking" if on_edge and settings.algorithm != "literal" else settings.miss_policy
-    rules = GenieRules(
-        pending_index=settings.pending_index,
-        header_identity=settings.header_identity,
-        same_key_pending=settings.same_key_pending,
-        replay_stamp=settings.replay_stamp,
-        second_answer=settings.second_answer,
-        neighbour_miss=settings.neighbour_miss,
-        share_answers=settings.share_answers if on_edge else "on_request",
-        share_requests=settings.share_requests if on_edge else not alone,
-        request_expiry_ns=settings.request_expiry_ns,
+        miss_policy = "blocking" if on_edge and rules.algorithm != "literal" else rules.miss_policy
+    mine = replace(
+        rules,
+        share_answers=rules.share_answers if on_edge else "on_request",
+        share_requests=rules.share_requests if on_edge else not alone,
         miss_policy=miss_policy,
-        view_range_m=settings.view_range_m,
-        fresh_objects=settings.fresh_objects,
     )
     parts: dict[str, Any] = {
         "key": similarity.key,
         "new_cache": new_cache,
-        "pending": PendingIndex(_identity(settings.header_identity), similarity.index),
-        "object_map": _object_map(settings),
+        "pending": PendingIndex(_identity(rules.header_identity), similarity.index),
+        "object_map": ObjectMap(rules.object_map, rules.view_range_m, confidence_rule(rules.object_map.rule)),
         "map_answer": detections_of_map,
     }
-    return GenieNode(name, subscribed, published, rules, **(parts | middleware))
+    return GenieNode(name, subscribed, published, mine, **(parts | middleware))
 
 
-def _object_map(settings: GenieSettings) -> ObjectMap:
-    chosen = settings.object_map
-    rules = ObjectMapRules(
-        rule=_resolve("confidence rule", chosen.rule, CONFIDENCE_RULES),
-        rate=chosen.rate,
-        location_key=chosen.location_key,
-        gate_m=chosen.gate_m,
-        one_per_location=chosen.one_per_location,
-        threshold=chosen.threshold,
-        forget_ns=chosen.forget_ns,
+def confidence_rule(name: str) -> ConfidenceRule:
+    """A confidence rule by name. One of the user's own ends the run with one line if what it returns is no confidence.
+
+    Raises ``UserError``."""
+    own = plugins.resolve("confidence rule", name, CONFIDENCE_RULES)
+    if name in CONFIDENCE_RULES:
+        rule: ConfidenceRule = own
+        return rule
+
+    @functools.wraps(own)
+    def checked(before: float, seen: float, rate: float) -> float:
+        try:
+            confidence = own(before, seen, rate)
+            if not isinstance(confidence, bool) and 0 <= float(confidence) <= 1:
+                return float(confidence)
+        except Exception as error:
+            raise UserError(f"confidence rule {name!r}: {type(error).__name__}: {error}") from error
+        given = f"{before:g}, {seen:g}, {rate:g}"
+        raise UserError(f"confidence rule {name!r}: of {given} it makes {shown(confidence)}, no number from 0 to 1")
+
+    checked(0.5, 0.5, 0.1)
+    return checked
+
+
+def plugin_digests(rules: GenieRules) -> dict[str, str]:
+    """sha256 of the module of each class of the user's own that the rules name: it decides the outcome, too."""
+    chosen = (
+        ("similarity", rules.similarity.name, SIMILARITIES),
+        ("eviction", rules.eviction, EVICTIONS),
+        ("confidence rule", rules.object_map.rule, CONFIDENCE_RULES),
     )
-    return ObjectMap(rules, view_cell_m=settings.view_range_m)
+    return {name: plugins.code_digest(what, name) for what, name, known in chosen if name not in known}
 
 
 def _identity(name: str) -> Callable[[Header], Hashable]:
     if name == "stamp":
         return lambda header: header.stamp_ns
     return lambda header: header
-
-
-def own_code(settings: GenieSettings) -> dict[str, str]:
-    """sha256 of the module of each class of the user's own that the settings name: it decides the outcome, too."""
-    chosen: tuple[tuple[str, str, Mapping[str, Any]], ...] = (
-        ("similarity", settings.similarity.name, SIMILARITIES),
-        ("eviction", settings.eviction, EVICTIONS),
-        ("confidence rule", settings.object_map.rule, CONFIDENCE_RULES),
-    )
-    return {name: _code_of(_resolve(what, name, known)) for what, name, known in chosen if name not in known}
-
-
-def _code_of(own: Any) -> str:
-    try:
-        return hashlib.sha256(Path(inspect.getfile(inspect.unwrap(own))).read_bytes()).hexdigest()
-    except (TypeError, OSError):  # made in a notebook, or without a file of its own
-        return "unknown"
-
-
-def _made(what: str, name: str, own: Any, *arguments: Any, **parameters: Any) -> Any:
-    """What a class or function, perhaps of the user's own, makes of these arguments."""
-    try:
-        return own(*arguments, **parameters)
-    except (TypeError, ValueError) as error:
-        raise UserError(f"{what} {name!r}: {error}") from error
-
-
-def _checked(name: str, own: Callable[[float, float, float], float]) -> ConfidenceRule:
-    """A rule of the user's own that cannot spoil a map: what is no confidence ends the run with one line."""
-
-    @functools.wraps(own)
-    def rule(before: float, seen: float, rate: float) -> float:
-        confidence = own(before, seen, rate)
-        if isinstance(confidence, int | float) and 0 <= confidence <= 1:
-            return confidence
-        given = f"{before:g}, {seen:g}, {rate:g}"
-        raise UserError(f"confidence rule {name!r}: of {given} it makes {shown(confidence)}, no number from 0 to 1")
-
-    _made("confidence rule", name, rule, 0.5, 0.5, 0.1)
-    return rule
-
-
-def _resolve(what: str, name: str, registry: Mapping[str, Any]) -> Any:
-    """An entry of ``registry``, or a class of the user's own written ``package.module:Class``.
-
-    The module may lie in the current folder, also for the installed command, where Python does not look by itself.
-    """
-    if name in registry:
-        return registry[name]
-    module_name, _, class_name = name.partition(":")
-    if not class_name:
-        raise UserError(unknown(what, name, registry))
-    if "" not in sys.path:
-        sys.path.append("")
-    try:
-        own = getattr(importlib.import_module(module_name), class_name)
-    except (ImportError, AttributeError, SyntaxError) as error:
-        raise UserError(f"{what} {name!r}: {error}") from error
-    if what == "confidence rule":
-        return _checked(name, own)
-    lacking = [method for method in METHODS[what] if not hasattr(own, method)]
-    if lacking:
-        raise UserError(f"{what} {name!r}: has no method {', '.join(lacking)}; needs {', '.join(METHODS[what])}")
-    return own

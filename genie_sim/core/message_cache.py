@@ -84,7 +84,7 @@ class MessageCache:
         self._eviction.removed(key)
 
 
-class Asker(NamedTuple):
+class Requester(NamedTuple):
     """Who wants the answer to a request: a client of ours, or a neighbour (``name``, if the middleware tells it).
 
     ``served`` are the topics on which the cache has already answered.
@@ -97,14 +97,14 @@ class Asker(NamedTuple):
 
 
 @dataclass(slots=True)
-class Waiting:
+class PendingRequest:
     """A request that was opened and has not expired; ``forwarded`` if a node of ours works on it."""
 
     topic: str
     key: Hashable
     deadline_ns: int | None
     forwarded: bool
-    askers: list[Asker] = field(default_factory=list)
+    requesters: list[Requester] = field(default_factory=list)
     answered: set[str] = field(default_factory=set)  # the topics on which an answer came
 
 
@@ -114,47 +114,47 @@ class PendingIndex:
     def __init__(self, identity: Callable[[Header], Hashable], new_keys: Callable[[], KeyIndex]) -> None:
         self._identity = identity
         self._new_keys = new_keys
-        self._by_header: OrderedDict[Hashable, Waiting] = OrderedDict()  # by deadline
+        self._by_header: OrderedDict[Hashable, PendingRequest] = OrderedDict()  # by deadline
         self._keys: dict[str, KeyIndex] = {}
-        self._open: dict[tuple[str, Hashable], Waiting] = {}
+        self._open: dict[tuple[str, Hashable], PendingRequest] = {}
         self.next_deadline_ns: int | None = None  # when the oldest request expires
 
     def __len__(self) -> int:
         return len(self._by_header)
 
-    def by_header(self, header: Header) -> Waiting | None:
+    def by_header(self, header: Header) -> PendingRequest | None:
         """The request that an answer with this header belongs to."""
         return self._by_header.get(self._identity(header))
 
-    def by_key(self, topic: str, key: Hashable) -> Waiting | None:
+    def by_key(self, topic: str, key: Hashable) -> PendingRequest | None:
         """The request that our node already works on for an equal message."""
         keys = self._keys.get(topic)
         held = keys.find(key) if keys is not None else None
         return None if held is None else self._open.get((topic, held))
 
-    def open(self, header: Header, waiting: Waiting) -> None:
+    def open(self, header: Header, pending: PendingRequest) -> None:
         """A request waits from now on. Deadlines must not decrease from call to call."""
         if not self._by_header:
-            self.next_deadline_ns = waiting.deadline_ns
-        self._by_header[self._identity(header)] = waiting
-        if waiting.forwarded:
-            self._keys.setdefault(waiting.topic, self._new_keys()).add(waiting.key)
-            self._open[waiting.topic, waiting.key] = waiting
+            self.next_deadline_ns = pending.deadline_ns
+        self._by_header[self._identity(header)] = pending
+        if pending.forwarded:
+            self._keys.setdefault(pending.topic, self._new_keys()).add(pending.key)
+            self._open[pending.topic, pending.key] = pending
 
-    def expire(self, now_ns: int) -> Iterator[Waiting]:
+    def expire(self, now_ns: int) -> Iterator[PendingRequest]:
         """Removes and yields the requests whose deadline has come."""
         while self._by_header:
-            identity, waiting = next(iter(self._by_header.items()))
-            self.next_deadline_ns = waiting.deadline_ns
-            if waiting.deadline_ns is None or waiting.deadline_ns > now_ns:
+            identity, pending = next(iter(self._by_header.items()))
+            self.next_deadline_ns = pending.deadline_ns
+            if pending.deadline_ns is None or pending.deadline_ns > now_ns:
                 return
             del self._by_header[identity]
-            self.close(waiting)
-            yield waiting
+            self.close(pending)
+            yield pending
         self.next_deadline_ns = None
 
-    def close(self, waiting: Waiting) -> None:
+    def close(self, pending: PendingRequest) -> None:
         """Nobody needs to join this request any more; its header stays known for a second answer."""
-        if self._open.get((waiting.topic, waiting.key)) is waiting:
-            del self._open[waiting.topic, waiting.key]
-            self._keys[waiting.topic].discard(waiting.key)
+        if self._open.get((pending.topic, pending.key)) is pending:
+            del self._open[pending.topic, pending.key]
+            self._keys[pending.topic].discard(pending.key)

@@ -22,11 +22,11 @@ On a car ``-remote`` leads to its edge, where the car is a client; between edges
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Sequence
-from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol
 
-from genie_sim.core.message_cache import Answers, Asker, MessageCache, PendingIndex, Waiting
+from genie_sim.core.message_cache import Answers, MessageCache, PendingIndex, PendingRequest, Requester
 from genie_sim.core.object_map import ObjectMap, StoredObject
+from genie_sim.core.rules import GenieRules
 from genie_sim.messages import (
     Answer,
     CameraPose,
@@ -43,38 +43,6 @@ from genie_sim.messages import (
     Observe,
     Publish,
 )
-
-
-@dataclass(frozen=True, slots=True)
-class GenieRules:
-    """How the paper's Algorithm 1 is read; the defaults are the readings under which it works.
-
-    ``pending_index``: an answer is found by its header ``across_topics``, or only ``per_topic`` as printed, where it
-    can never match because it comes on another topic than its request. ``header_identity``: ``stamp_frame_origin`` or
-    ``stamp``. ``same_key_pending``: a request equal to one under way may ``coalesce`` with it, or is run again
-    (``forward``). ``replay_stamp``: a replayed answer carries the header of the ``request`` or the ``stored`` one.
-    ``second_answer``: a later answer to the same request may ``overwrite`` the first, leave it (``first_wins``) or add
-    its objects (``merge``). ``neighbour_miss``: a neighbour's request that is not in the cache is ignored
-    (``ignore``) or run and broadcast (``process``). ``share_answers``: the own node's answers go to all
-    (``broadcast``) or to whoever asked (``on_request``). ``share_requests``: misses are published on ``-remote``.
-    ``request_expiry_ns``: after this time an unanswered request is forgotten, ``None`` for never. ``miss_policy``: a
-    client whose request misses gets the map's objects in view at once and the detection later (``immediate``), the
-    first detection (``blocking``) or nothing (``hits_only``). ``view_range_m`` limits what is in view.
-    ``fresh_objects``: only ``confident`` objects reach clients, or ``all`` of the node's own fresh answer.
-    """
-
-    pending_index: str = "across_topics"
-    header_identity: str = "stamp_frame_origin"
-    same_key_pending: str = "coalesce"
-    replay_stamp: str = "request"
-    second_answer: str = "overwrite"
-    neighbour_miss: str = "ignore"
-    share_answers: str = "broadcast"
-    share_requests: bool = True
-    request_expiry_ns: int | None = 2_000_000_000
-    miss_policy: str = "immediate"
-    view_range_m: float = 50.0
-    fresh_objects: str = "confident"
 
 
 class Request(Message, Protocol):
@@ -169,11 +137,11 @@ class GenieNode:
     def on_deadline(self, now_ns: int) -> list[Effect]:
         """Forgets the requests that nobody answered in time: the node dropped them, or the link did."""
         return [
-            Observe(Expired(asker.header))
-            for waiting in self._pending.expire(now_ns)
-            if not waiting.answered
-            for asker in waiting.askers
-            if not asker.neighbour and not asker.served
+            Observe(Expired(requester.header))
+            for pending in self._pending.expire(now_ns)
+            if not pending.answered
+            for requester in pending.requesters
+            if not requester.neighbour and not requester.served
         ]
 
     def cache_entries(self) -> int:
@@ -182,58 +150,58 @@ class GenieNode:
 
     def _on_arrival(self, topic: str, message: Any, now_ns: int, sender: str | None) -> list[Effect]:
         if topic in self._requests:
-            return self._on_request(topic, message, Asker(message.header, False, sender), now_ns)
+            return self._on_request(topic, message, Requester(message.header, False, sender), now_ns)
         if topic in self._neighbour_requests:
-            wanted = self._neighbour_requests[topic]
-            return self._on_request(wanted, message, Asker(message.header, True, sender), now_ns)
+            requested = self._neighbour_requests[topic]
+            return self._on_request(requested, message, Requester(message.header, True, sender), now_ns)
         if self.rules.pending_index == "per_topic":
             return self._on_unknown(topic, message)
         if topic in self._own_answers:
             return self._on_answer(self._own_answers[topic], message, now_ns, own=True)
         return self._on_answer(self._remote_answers[topic], message, now_ns, own=False)
 
-    def _on_request(self, topic: str, request: Request, asker: Asker, now_ns: int) -> list[Effect]:
+    def _on_request(self, topic: str, request: Request, requester: Requester, now_ns: int) -> list[Effect]:
         database = self._databases.get(topic)
         if database is None:
             database = self._databases[topic] = self._new_cache()  # line 6: a hashmap for a never-seen topic
         key = self._key(request)
         answers = database.get(key, now_ns)
         if answers is None:
-            return self._on_miss(topic, request, key, asker, now_ns)
+            return self._on_miss(topic, request, key, requester, now_ns)
         if len(answers) < len(self._published):  # the node may still be about to answer on its other topics
-            under_way = self._pending.by_key(topic, key)
-            if under_way is not None:
-                under_way.askers.append(asker._replace(served=frozenset(answers)))
-        return [self._looked_up(asker, "hit"), *self._replay(answers, asker)]  # line 16: cache hit
+            pending = self._pending.by_key(topic, key)
+            if pending is not None:
+                pending.requesters.append(requester._replace(served=frozenset(answers)))
+        return [self._looked_up(requester, "hit"), *self._replay(answers, requester)]  # line 16: cache hit
 
-    def _on_miss(self, topic: str, request: Request, key: Hashable, asker: Asker, now_ns: int) -> list[Effect]:
-        if self._pending.by_header(asker.header) is not None:
+    def _on_miss(self, topic: str, request: Request, key: Hashable, requester: Requester, now_ns: int) -> list[Effect]:
+        if self._pending.by_header(requester.header) is not None:
             return []  # this very request came before, over another way
         expiry_ns = self.rules.request_expiry_ns
         deadline_ns = None if expiry_ns is None else now_ns + expiry_ns
-        if asker.neighbour and self.rules.neighbour_miss == "ignore":
-            self._pending.open(asker.header, Waiting(topic, key, deadline_ns, forwarded=False))
-            return [self._looked_up(asker, "miss")]
-        under_way = self._pending.by_key(topic, key) if self.rules.same_key_pending == "coalesce" else None
-        if under_way is not None and not under_way.answered:
-            if any(one.header == asker.header for one in under_way.askers):
+        if requester.neighbour and self.rules.neighbour_miss == "ignore":
+            self._pending.open(requester.header, PendingRequest(topic, key, deadline_ns, forwarded=False))
+            return [self._looked_up(requester, "miss")]
+        pending = self._pending.by_key(topic, key) if self.rules.same_key_pending == "coalesce" else None
+        if pending is not None and not pending.answered:
+            if any(one.header == requester.header for one in pending.requesters):
                 return []
-            under_way.askers.append(asker)
-            return [self._looked_up(asker, "coalesced"), *self._meanwhile(request, asker)]
+            pending.requesters.append(requester)
+            return [self._looked_up(requester, "coalesced"), *self._meanwhile(request, requester)]
         # line 12: cache miss
-        effects: list[Effect] = [self._looked_up(asker, "miss")]
+        effects: list[Effect] = [self._looked_up(requester, "miss")]
         effects.append(Publish(topic + self._local, request))
         if self.rules.share_requests:
             effects.append(Publish(topic + self._remote, request))
-        self._pending.open(asker.header, Waiting(topic, key, deadline_ns, forwarded=True, askers=[asker]))
-        return effects + self._meanwhile(request, asker)
+        self._pending.open(requester.header, PendingRequest(topic, key, deadline_ns, forwarded=True, requesters=[requester]))
+        return effects + self._meanwhile(request, requester)
 
-    def _meanwhile(self, request: Request, asker: Asker) -> list[Effect]:
+    def _meanwhile(self, request: Request, requester: Requester) -> list[Effect]:
         """What a client gets at once although its request missed: the map's confident objects in view.
 
         Without a pose there is no view, and no answer.
         """
-        if asker.neighbour or self._map_answer is None or self.rules.miss_policy != "immediate":
+        if requester.neighbour or self._map_answer is None or self.rules.miss_policy != "immediate":
             return []
         if request.pose is None:
             return []
@@ -241,11 +209,11 @@ class GenieNode:
         answer = self._map_answer(request.header, [one.as_detection() for one in stored])
         return [Publish(topic, answer.served("map", self.name)) for topic in self._published]
 
-    def _replay(self, answers: Answers, asker: Asker) -> list[Effect]:
+    def _replay(self, answers: Answers, requester: Requester) -> list[Effect]:
         """Lines 17 to 19: the stored answers go to the sender, with what the map knows about their locations."""
         effects: list[Effect] = []
         for topic, stored in answers.items():
-            answer = stored if self.rules.replay_stamp == "stored" else stored.restamped(asker.header)
+            answer = stored if self.rules.replay_stamp == "stored" else stored.restamped(requester.header)
             answer = answer.served("cache", self.name)
             boosted = self._boost_data(stored)
             if boosted is not None:
@@ -253,60 +221,60 @@ class GenieNode:
                 answer = answer.with_objects(objects)
                 lookups = ObjectLookups(answer.header, "boost", requests, hits, 0, 0.0, len(self.object_map))
                 effects.append(Observe(lookups))
-            effects.append(self._deliver(topic, answer, asker))
+            effects.append(self._deliver(topic, answer, requester))
         return effects
 
     def _on_answer(self, topic: str, answer: Answer, now_ns: int, *, own: bool) -> list[Effect]:
         """Lines 8 to 11, and delivery to everyone who waits. ``own``: the encapsulated node's answer."""
         answer, effects = self._new_data(answer, now_ns)  # line 9
-        waiting = self._pending.by_header(answer.header)
+        pending = self._pending.by_header(answer.header)
         broadcast = own and self.rules.share_answers == "broadcast"
-        if waiting is None and not broadcast:
+        if pending is None and not broadcast:
             return effects
         confident = self._confident(answer)
-        if waiting is not None:
-            self._store(topic, waiting, answer, now_ns)  # line 10
-            if topic not in waiting.answered:
-                waiting.answered.add(topic)
-                if len(waiting.answered) == len(self._published):
-                    self._pending.close(waiting)
+        if pending is not None:
+            self._store(topic, pending, answer, now_ns)  # line 10
+            if topic not in pending.answered:
+                pending.answered.add(topic)
+                if len(pending.answered) == len(self._published):
+                    self._pending.close(pending)
                 to_clients = answer if own and self.rules.fresh_objects == "all" else confident
-                effects += self._release(topic, waiting, to_clients, confident, own)
+                effects += self._release(topic, pending, to_clients, confident, own)
         if broadcast:
             effects.append(Publish(topic + self._remote, confident))
         return effects
 
-    def _store(self, topic: str, waiting: Waiting, answer: Answer, now_ns: int) -> None:
-        database = self._databases[waiting.topic]
-        if topic in waiting.answered and self.rules.second_answer != "overwrite":
-            held = (database.get(waiting.key, now_ns) or {}).get(topic)
+    def _store(self, topic: str, pending: PendingRequest, answer: Answer, now_ns: int) -> None:
+        database = self._databases[pending.topic]
+        if topic in pending.answered and self.rules.second_answer != "overwrite":
+            held = (database.get(pending.key, now_ns) or {}).get(topic)
             if held is not None and self.rules.second_answer == "first_wins":
                 return
             if held is not None and held.objects is not None and answer.objects is not None:
                 known = {(one.label, one.location) for one in held.objects}
                 added = [one for one in answer.objects if (one.label, one.location) not in known]
                 answer = held.with_objects([*held.objects, *added])
-        database.put(waiting.key, topic, answer, now_ns)
+        database.put(pending.key, topic, answer, now_ns)
 
     def _release(
-        self, topic: str, waiting: Waiting, to_clients: Answer, to_neighbours: Answer, own: bool
+        self, topic: str, pending: PendingRequest, to_clients: Answer, to_neighbours: Answer, own: bool
     ) -> list[Effect]:
         """The first answer goes to everyone who waits for it, under each one's own header."""
         effects: list[Effect] = []
         broadcast = own and self.rules.share_answers == "broadcast"
-        for asker in waiting.askers:
-            hits_only = not asker.neighbour and self.rules.miss_policy == "hits_only"
-            told_anyway = asker.neighbour and broadcast and asker.header == to_neighbours.header
-            if topic in asker.served or hits_only or told_anyway:
+        for requester in pending.requesters:
+            hits_only = not requester.neighbour and self.rules.miss_policy == "hits_only"
+            covered_by_broadcast = requester.neighbour and broadcast and requester.header == to_neighbours.header
+            if topic in requester.served or hits_only or covered_by_broadcast:
                 continue
-            answer = to_neighbours if asker.neighbour else to_clients
-            mine = answer if asker.header == answer.header else answer.restamped(asker.header)
-            effects.append(self._deliver(topic, mine, asker))
+            answer = to_neighbours if requester.neighbour else to_clients
+            mine = answer if requester.header == answer.header else answer.restamped(requester.header)
+            effects.append(self._deliver(topic, mine, requester))
         return effects
 
-    def _deliver(self, topic: str, answer: Answer, asker: Asker) -> Publish:
-        if asker.neighbour:
-            return Publish(topic + self._remote, answer, to=asker.name)
+    def _deliver(self, topic: str, answer: Answer, requester: Requester) -> Publish:
+        if requester.neighbour:
+            return Publish(topic + self._remote, answer, to=requester.name)
         return Publish(topic, answer)
 
     def _confident(self, answer: Answer) -> Answer:
@@ -386,9 +354,9 @@ class GenieNode:
         answer = self._confident(answer)
         return [Publish(topic + self._local, answer), Publish(topic + self._remote, answer)]
 
-    def _looked_up(self, asker: Asker, outcome: str) -> Observe:
-        who = "neighbour" if asker.neighbour else "client"
-        return Observe(ImageLookup(asker.header, outcome, who, self.cache_entries()))
+    def _looked_up(self, requester: Requester, outcome: str) -> Observe:
+        who = "neighbour" if requester.neighbour else "client"
+        return Observe(ImageLookup(requester.header, outcome, who, self.cache_entries()))
 
 
 def _as_change(stored: StoredObject) -> MapChange:

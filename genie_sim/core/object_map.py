@@ -10,7 +10,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from genie_sim.core.confidence import ConfidenceRule
+from genie_sim.core.confidence import CONFIDENCE_RULES, ConfidenceRule
+from genie_sim.core.rules import ObjectMapRules
 from genie_sim.messages import CameraPose, Detection, Location
 
 RANGE_60 = 0.30 + 0.60 * (1.0 - 0.30)  # 60 % of the way up the range of scores that the detector reports
@@ -41,25 +42,6 @@ class StoredObject:
         return detection
 
 
-@dataclass(frozen=True, slots=True)
-class ObjectMapRules:
-    """How the paper's object map is read.
-
-    ``location_key``: ``gate`` (the nearest object of the class within ``gate_m``) or ``exact`` (equal coordinates).
-    ``one_per_location``: any object at a location blocks a second (lines 4 and 7 as printed), classes not told apart.
-    ``threshold``: C_T as a number, ``range_60`` or ``empirical`` (60th percentile of the first scores seen so far).
-    ``forget_ns``: an object that nobody has seen for so long is forgotten; ``None`` for never, as in the paper.
-    """
-
-    rule: ConfidenceRule
-    rate: float = 0.1
-    location_key: str = "gate"
-    gate_m: float = 1.0
-    one_per_location: bool = False
-    threshold: float | str = 0.60
-    forget_ns: int | None = None
-
-
 class ObjectMap:
     """Location -> objects, in metres of one east-north-up frame; keys use the ground plane.
 
@@ -67,8 +49,11 @@ class ObjectMap:
     ``view_cell_m`` serves the question what is in view. Neither decides what is found.
     """
 
-    def __init__(self, rules: ObjectMapRules, view_cell_m: float = 50.0) -> None:
+    def __init__(
+        self, rules: ObjectMapRules, view_cell_m: float = 50.0, confidence_rule: ConfidenceRule | None = None
+    ) -> None:
         self._rules = rules
+        self._boosted = CONFIDENCE_RULES[rules.rule] if confidence_rule is None else confidence_rule
         self._exact = rules.location_key == "exact"
         self._cell_m = CELL_GATES * rules.gate_m
         self._gate2 = 0.0 if self._exact else rules.gate_m**2
@@ -128,7 +113,7 @@ class ObjectMap:
         stored = self.match(seen.label, seen.location)
         if stored is not None:
             before = stored.confidence
-            stored.confidence = rules.rule(before, seen.confidence, rules.rate)
+            stored.confidence = self._boosted(before, seen.confidence, rules.rate)
             stored.seen_ns = now_ns
             stored.sightings += 1
             return before, stored

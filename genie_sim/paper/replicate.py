@@ -22,7 +22,7 @@ from genie_sim.perception.trace import Trace, TraceFrame, read_trace
 from genie_sim.recording.log import Log
 from genie_sim.recording.records import FrameTable, LookupTable, ResourceTable
 from genie_sim.runner import Prepared
-from genie_sim.scenario import files
+from genie_sim import files
 from genie_sim.scenario.profiles import load_profile
 from genie_sim.scenario.scenario import Recorded, Scenario, load_scenario
 from genie_sim.sim.nodes import Detector, Genie

@@ -65,10 +65,15 @@ def validate(model: type[AnyModel], data: object, where: Callable[[str], str]) -
     try:
         return model.model_validate(data)
     except ValidationError as error:
-        found = error.errors(include_url=False)
-        path, text = _path(found[0], data), _text(found[0])
-        more = f" (and {len(found) - 1} more)" if len(found) > 1 else ""
-        raise UserError(": ".join(part for part in (where(path), path, text) if part) + more) from error
+        path, text = first_problem(error, data)
+        raise UserError(": ".join(part for part in (where(path), path, text) if part)) from error
+
+
+def first_problem(error: ValidationError, data: object) -> tuple[str, str]:
+    """Path and text of the first thing that is wrong with ``data``, and how many more there are."""
+    found = error.errors(include_url=False)
+    more = f" (and {len(found) - 1} more)" if len(found) > 1 else ""
+    return _path(found[0], data), _text(found[0]) + more
 
 
 def _path(error: ErrorDetails, data: object) -> str:
@@ -167,13 +172,15 @@ Listed = BeforeValidator(_listed)
 _duration = PlainSerializer(units.duration_text, return_type=str, when_used="json")
 _size = PlainSerializer(units.size_text, return_type=str, when_used="json")
 _rate = PlainSerializer(units.rate_text, return_type=str, when_used="json")
+_angle = PlainSerializer(units.angle_text, return_type=str, when_used="json")
 _length = PlainSerializer(units.length_text, return_type=str, when_used="json")
 
 Duration = Annotated[int, BeforeValidator(_at_least_zero(units.duration_ns)), _duration, _example("30 ms")]
 PositiveDuration = Annotated[int, BeforeValidator(_above_zero(units.duration_ns)), _duration, _example("30 ms")]
 Size = Annotated[int, BeforeValidator(_at_least_zero(units.size_bytes)), _size, _example("1.4 MB")]
 PositiveSize = Annotated[int, BeforeValidator(_above_zero(units.size_bytes)), _size, _example("1.4 MB")]
-PositiveRate = Annotated[int, BeforeValidator(_above_zero(units.rate_bps)), _rate, _example("100 Mbit/s")]
+Rate = PositiveRate = Annotated[int, BeforeValidator(_above_zero(units.rate_bps)), _rate, _example("100 Mbit/s")]
+Turn = Annotated[float, BeforeValidator(units.angle_rad), _angle, _example("15 deg")]
 Length = Annotated[float, BeforeValidator(_at_least_zero(units.length_m)), _length, _example("1 m")]
 PositiveLength = Annotated[float, BeforeValidator(_above_zero(units.length_m)), _length, _example("1 m")]
 Count = Annotated[int, Field(ge=1)]

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 
 import numpy as np
 
-from genie_sim.scenario.profiles import DeviceProfile, ServiceTime
 from genie_sim.sim.clock import Clock
+from genie_sim.sim.service import Device
 
 Done = Callable[[], None]
 
@@ -16,7 +16,7 @@ Done = Callable[[], None]
 class Processor:
     """``capacity`` equal servers behind one first-come-first-served queue: an accelerator, or the cores of a CPU."""
 
-    drops = 0  # whoever waits here, waits
+    drops = 0  # nothing is ever pushed out of this queue
     sent_bytes = None
 
     def __init__(self, env: Clock, name: str, kind: str, capacity: int = 1) -> None:
@@ -29,6 +29,7 @@ class Processor:
         self._waiting: deque[tuple[int, Done]] = deque()
         self._busy_ns = 0  # until ``_since_ns``
         self._since_ns = 0
+        self._generation = 0  # counts how often everything here was voided
 
     @property
     def queued(self) -> int:
@@ -43,15 +44,23 @@ class Processor:
         """A job that waits for a free server, keeps it for ``service_ns``, and calls ``done`` then."""
         if self._serving < self.capacity:
             self._change(+1)
-            self.env.after(service_ns, self._finished, done)
+            self.env.after(service_ns, self._finished, done, self._generation)
         else:
             self._waiting.append((service_ns, done))
 
-    def _finished(self, done: Done) -> None:
+    def void(self) -> None:
+        """Forgets every job that waits or is in service: none of them is ever done."""
+        self._waiting.clear()
+        self._change(-self._serving)
+        self._generation += 1
+
+    def _finished(self, done: Done, generation: int) -> None:
+        if generation != self._generation:
+            return
         self.completed += 1
         if self._waiting:
             service_ns, its_done = self._waiting.popleft()
-            self.env.after(service_ns, self._finished, its_done)
+            self.env.after(service_ns, self._finished, its_done, generation)
         else:
             self._change(-1)
         done()
@@ -70,33 +79,22 @@ class Host:
         self,
         env: Clock,
         name: str,
-        profile: DeviceProfile,
-        model_time: ServiceTime,
+        device: Device,
         accelerator_rng: np.random.Generator,
         cpu_rng: np.random.Generator,
     ) -> None:
         self.name = name
-        self.profile = profile
+        self.device = device
         self.accelerator = Processor(env, f"{name}.accelerator", "accelerator")
-        self.cpu = Processor(env, f"{name}.cpu", "cpu", profile.cores.value)
-        self._model_times = draws(model_time, accelerator_rng)
-        self._genie_times = draws(profile.genie, cpu_rng)
-
-    def hop_ns(self, size_bytes: int) -> int:
-        """How long a message takes from one node to another on this host."""
-        return self.profile.hop.duration_ns(size_bytes)
+        self.cpu = Processor(env, f"{name}.cpu", "cpu", device.cores)
+        self.hop_ns = device.hop.of
+        self._detector_times = device.detector_time.draws(accelerator_rng)
+        self._message_times = device.message_time.draws(cpu_rng)
 
     def infer(self, done: Done) -> None:
         """The detector looks at one image."""
-        self.accelerator.run(next(self._model_times), done)
+        self.accelerator.run(next(self._detector_times), done)
 
     def serve_message(self, done: Done) -> None:
         """A Genie handles one message."""
-        self.cpu.run(next(self._genie_times), done)
-
-
-def draws(law: ServiceTime, rng: np.random.Generator) -> Iterator[int]:
-    """Endless service times [ns]."""
-    while True:  # several normal numbers at once are the same ones, and cost little more than one
-        for z in rng.standard_normal(16).tolist():
-            yield law.at(z)
+        self.cpu.run(next(self._message_times), done)

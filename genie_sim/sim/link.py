@@ -1,55 +1,44 @@
-"""Links: a sender that serialises, a cable that delays, and what gets lost on the way."""
+"""Links: a sender with a queue, a channel that takes its time, and what gets lost on the way."""
 
 from __future__ import annotations
 
 from collections import Counter, deque
 from collections.abc import Callable, Hashable
 
-import numpy as np
-
 from genie_sim.messages import Message
-from genie_sim.scenario.links import LinkProfile
 from genie_sim.sim.clock import Clock
+from genie_sim.sim.link_models import Channel
 from genie_sim.sim.ros_graph import Dropped, Graph
-from genie_sim.units import NS_PER_S
 
 Deliver = Callable[[], None]
 Carried = Callable[[Message], None]
 
 
 class Link:
-    """One direction of a connection: a wire that takes its time for every bit, then delay and jitter.
+    """One direction of a connection: a queue for the wire, then the channel of a link model.
 
-    Messages wait in one queue for the wire; each channel keeps its ``queue_length`` newest waiting ones, as a ROS
-    publisher does. Jitter keeps the order of messages, as TCP does. A message is lost with the profile's probability,
-    or when the link is down at the moment its last bit leaves.
+    Messages wait in one queue; each flow keeps its ``queue_length`` newest waiting ones, as a ROS publisher does. The
+    order of messages stays as it is, as with TCP. A message is lost where the channel says so, or when a fault has
+    taken the link down at the moment its last bit leaves.
     """
 
     kind = "link"
     capacity = 1
 
     def __init__(
-        self,
-        env: Clock,
-        name: str,
-        profile: LinkProfile,
-        up: bool,
-        rng: np.random.Generator,
-        queue_length: int = 1,
-        dropped: Dropped | None = None,
+        self, env: Clock, name: str, channel: Channel, queue_length: int = 1, dropped: Dropped | None = None
     ) -> None:
         self.env = env
         self.name = name
         self.completed = 0
         self.drops = 0
         self.sent_bytes = 0
-        self._profile = profile
-        self._rate_bps = profile.rate_up_bps if up else profile.rate_down_bps
+        self.down_by: list[str] = []  # the faults that it is down by now
+        self._channel = channel
         self._queue_length = queue_length
         self._dropped = dropped
-        self._rng = rng
         self._waiting: deque[tuple[Hashable, Message, Deliver, Carried | None]] = deque()
-        self._channels: Counter[Hashable] = Counter()
+        self._flows: Counter[Hashable] = Counter()
         self._busy = False
         self._busy_since_ns = 0
         self._busy_ns = 0
@@ -64,34 +53,26 @@ class Link:
         """How long the wire has been in use until now."""
         return self._busy_ns + (self.env.now - self._busy_since_ns if self._busy else 0)
 
-    def send(self, channel: Hashable, message: Message, deliver: Deliver, carried: Carried | None = None) -> None:
+    def send(self, flow: Hashable, message: Message, deliver: Deliver, carried: Carried | None = None) -> None:
         """Queues a message; ``deliver`` is called when it arrives at the other end, if it does.
 
         ``carried`` is told when it has been on the wire, whether it arrives or is lost.
         """
-        if self._busy and self._channels[channel] >= self._queue_length:
-            self._drop_oldest(channel)
-        self._waiting.append((channel, message, deliver, carried))
-        self._channels[channel] += 1
+        if self._busy and self._flows[flow] >= self._queue_length:
+            self._drop_oldest(flow)
+        self._waiting.append((flow, message, deliver, carried))
+        self._flows[flow] += 1
         if not self._busy:
             self._busy = True
             self._busy_since_ns = self.env.now
             self._transmit()
 
-    def serialisation_ns(self, size_bytes: int) -> int:
-        """How long the wire is in use for a message, headers of all its segments included."""
-        if self._rate_bps is None:
-            return 0
-        return -(-self._profile.wire_bits(size_bytes) * NS_PER_S // self._rate_bps)
-
-    def is_down(self, now_ns: int) -> bool:
-        return any(start_ns <= now_ns < end_ns for start_ns, end_ns in self._profile.outages_ns)
-
     def _transmit(self) -> None:
         """The next message goes on the wire."""
-        channel, message, deliver, carried = self._waiting.popleft()
-        self._channels[channel] -= 1
-        self.env.after(self.serialisation_ns(message.size_bytes), self._transmitted, message, deliver, carried)
+        flow, message, deliver, carried = self._waiting.popleft()
+        self._flows[flow] -= 1
+        occupied_ns = self._channel.occupied_ns(message.size_bytes, self.env.now)
+        self.env.after(occupied_ns, self._transmitted, message, deliver, carried)
 
     def _transmitted(self, message: Message, deliver: Deliver, carried: Carried | None) -> None:
         """Its last bit is on the wire: it arrives after the delay, or is lost."""
@@ -99,13 +80,13 @@ class Link:
         self.sent_bytes += message.size_bytes
         if carried is not None:
             carried(message)
-        loss = self._profile.loss
-        if self.is_down(now_ns) or (loss and self._rng.random() < loss):
-            self._lose(message)
+        if self.down_by:
+            self._lose(message, f"{self.name}:{self.down_by[-1]}")
+        elif (delay_ns := self._channel.delay_ns(message.size_bytes, now_ns)) is None:
+            self._lose(message, self.name)
         else:
             self.completed += 1
-            jitter_ns = int(self._rng.integers(self._profile.jitter_ns + 1)) if self._profile.jitter_ns else 0
-            self._last_arrival_ns = max(now_ns + self._profile.delay_ns + jitter_ns, self._last_arrival_ns)
+            self._last_arrival_ns = max(now_ns + delay_ns, self._last_arrival_ns)
             self.env.after(self._last_arrival_ns - now_ns, deliver)
         if self._waiting:
             self._transmit()
@@ -113,17 +94,17 @@ class Link:
             self._busy = False
             self._busy_ns += now_ns - self._busy_since_ns
 
-    def _drop_oldest(self, channel: Hashable) -> None:
-        oldest = next(i for i, entry in enumerate(self._waiting) if entry[0] == channel)
+    def _drop_oldest(self, flow: Hashable) -> None:
+        oldest = next(i for i, entry in enumerate(self._waiting) if entry[0] == flow)
         _, message, *_ = self._waiting[oldest]
         del self._waiting[oldest]
-        self._channels[channel] -= 1
-        self._lose(message)
+        self._flows[flow] -= 1
+        self._lose(message, self.name)
 
-    def _lose(self, message: Message) -> None:
+    def _lose(self, message: Message, where: str) -> None:
         self.drops += 1
         if self._dropped is not None:
-            self._dropped(message, self.name)
+            self._dropped(message, where)
 
 
 class Bridge:
@@ -165,9 +146,9 @@ class Bridge:
         if not self._is_up:
             self._lose(message)
             return
-        channel = (self.address, self._topic, message.header.frame_id)
+        flow = (self.address, self._topic, message.header.frame_id)
         times_up = self._times_up
-        self._link.send(channel, message, lambda: self._arrive(message, sender, times_up), self._carried)
+        self._link.send(flow, message, lambda: self._arrive(message, sender, times_up), self._carried)
 
     def _arrive(self, message: Message, sender: str, times_up: int) -> None:
         if self._is_up and times_up == self._times_up:

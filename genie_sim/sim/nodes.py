@@ -1,16 +1,16 @@
-"""The nodes of the simulated graph: detector, Genie, consumer; and how a Genie is attached to a node."""
+"""The nodes of the simulated graph: detector, interceptor (a Genie), consumer; and how one is attached to a node."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 
-from genie_sim.core.node import GenieNode
-from genie_sim.messages import Detections, Effect, Fact, Image, Message, Publish
+from genie_sim.messages import Detections, Effect, Image, Message, Observation, Publish
 from genie_sim.sim.device import Done, Host
 from genie_sim.sim.ros_graph import Dropped, Graph, Node
+from genie_sim.sim.station import Interceptor, MakeInterceptor
 
 TIMER_LATE_NS = 500_000_000
-Observer = Callable[["Genie", Fact], None]
+Observer = Callable[[str, Observation], None]  # the node's name, and what it observed
 
 
 class Detector(Node):
@@ -32,13 +32,26 @@ class Detector(Node):
         self.publish(self.publishes[0], Detections(message.header, message.content.detections, "detector", self.name))
 
 
-class Genie(Node):
-    """The pure Genie in the simulated graph: every message costs CPU time, every effect becomes a publication."""
+class InterceptorNode(Node):
+    """A pure node in the simulated graph: every message costs CPU time, every effect becomes a publication.
 
-    def __init__(self, genie: GenieNode, host: Host, graph: Graph, queue_length: int, observe: Observer, drop: Dropped):
-        topics = genie.subscriptions(), genie.publications()
-        super().__init__(genie.name, host, graph, *topics, queue_length, threads=host.profile.cores.value, dropped=drop)
-        self.genie = genie
+    ``make`` makes the pure node, and a fresh one whenever a fault takes its state away.
+    """
+
+    def __init__(
+        self,
+        make: Callable[[], Interceptor],
+        host: Host,
+        graph: Graph,
+        queue_length: int,
+        observe: Observer,
+        drop: Dropped,
+    ):
+        pure = make()
+        topics = pure.subscriptions(), pure.publications()
+        super().__init__(pure.name, host, graph, *topics, queue_length, threads=host.device.cores, dropped=drop)
+        self.pure = pure
+        self._make = make
         self._observe = observe
         self._timer_set = False
 
@@ -46,33 +59,37 @@ class Genie(Node):
         self.host.serve_message(done)
 
     def handle(self, topic: str, message: Message, sender: str) -> None:
-        self._carry_out(self.genie.on_message(topic, message, self.env.now, sender))
+        self._carry_out(self.pure.on_message(topic, message, self.env.now, sender))
         self._set_timer()
+
+    def void(self, where: str) -> None:
+        super().void(where)
+        self.pure = self._make()
 
     def _carry_out(self, effects: list[Effect]) -> None:
         for effect in effects:
             if isinstance(effect, Publish):
                 self.publish(effect.topic, effect.message, effect.to)
             else:
-                self._observe(self, effect.record)
+                self._observe(self.name, effect.record)
 
     def _set_timer(self) -> None:
-        """Any message that comes tells the Genie the time. The timer is for when none does, so it may be late."""
+        """Any message that comes tells the node the time. The timer is for when none does, so it may be late."""
         if self._timer_set:
             return
-        deadline_ns = self.genie.next_deadline_ns()
+        deadline_ns = self.pure.next_deadline_ns()
         if deadline_ns is not None:
             self._timer_set = True
             self.env.after(max(deadline_ns - self.env.now, 0) + TIMER_LATE_NS, self._on_timer)
 
     def _on_timer(self) -> None:
         self._timer_set = False
-        self._carry_out(self.genie.on_deadline(self.env.now))
+        self._carry_out(self.pure.on_deadline(self.env.now))
         self._set_timer()
 
 
 class Consumer:
-    """Node Z: takes the answers to its car's frames from whoever sends them, and keeps the first of each."""
+    """Node Z: takes the answers to its car's frames from whichever node sends them, and keeps the first of each."""
 
     def __init__(self, name: str, graph: Graph, topic: str, answered: Callable[[Detections, int], None]) -> None:
         self.address = name
@@ -85,21 +102,21 @@ class Consumer:
         self._answered(message, self._env.now)
 
 
-def attach_genie(
+def attach(
     graph: Graph,
     node_name: str,
-    make_genie: Callable[[tuple[str, ...], tuple[str, ...]], GenieNode],
+    make: MakeInterceptor,
     queue_length: int,
     observe: Observer,
     drop: Dropped,
     suffix: str = "-local",
-) -> Genie:
+) -> InterceptorNode:
     """Encapsulates a running node (Section III-B): the node itself is not touched.
 
-    Reads T_S and T_P from the master, renames the node's topics with ``suffix`` so that it talks to its Genie alone,
-    and starts the Genie, which takes over the original names. ``make_genie`` gets T_S and T_P.
+    Reads T_S and T_P from the master, renames the node's topics with ``suffix`` so that it talks to its interceptor
+    alone, and starts that, which takes over the original names. ``make`` gets T_S and T_P.
     """
     node = graph.node(node_name)
     subscribed, published = graph.topics_of(node_name)
     graph.remap(node_name, {topic: topic + suffix for topic in (*subscribed, *published)})
-    return Genie(make_genie(subscribed, published), node.host, graph, queue_length, observe, drop)
+    return InterceptorNode(lambda: make(subscribed, published), node.host, graph, queue_length, observe, drop)

@@ -58,9 +58,10 @@ class Graph:
             tuple(names.get(topic, topic) for topic in node.publishes),
         )
 
-    def has_publisher(self, topic: str) -> bool:
-        """Whether any node publishes the topic, under its current name."""
-        return any(topic in self.topics_of(name)[1] for name in self._nodes)
+    @property
+    def nodes(self) -> tuple[Node, ...]:
+        """Every node, in the order in which they registered."""
+        return tuple(self._nodes.values())
 
     def remap(self, name: str, topics: dict[str, str]) -> None:
         """From now on the node ``name`` talks on other topics; its own code keeps the old names."""
@@ -140,7 +141,10 @@ class Node:
         self.completed = 0
         self._queue_length = queue_length
         self._idle_threads = threads
+        self._threads = threads
         self._queues: dict[str, deque[tuple[int, Message, str]]] = {}
+        self._in_service: list[Message] = []
+        self._generation = 0  # counts how often everything here was voided
         self._arrivals = 0
         self._dropped = dropped
         graph.register(self)
@@ -174,6 +178,18 @@ class Node:
     def publish(self, topic: str, message: Message, to: str | None = None) -> None:
         self.graph.publish(self, topic, message, to)
 
+    def void(self, where: str) -> None:
+        """A fault: what is queued and in service here is lost, dropped by ``where``, and the node starts afresh."""
+        queued = [message for queue in self._queues.values() for _, message, _ in queue]
+        for message in (*self._in_service, *queued):
+            self.drops += 1
+            if self._dropped is not None:
+                self._dropped(message, where)
+        self._queues.clear()
+        self._in_service.clear()
+        self._idle_threads = self._threads
+        self._generation += 1
+
     def work(self, message: Message, done: Callable[[], None]) -> None:
         """Handling a message takes until ``done`` is called."""
         raise NotImplementedError
@@ -183,10 +199,15 @@ class Node:
         raise NotImplementedError
 
     def _serve(self, topic: str, message: Message, sender: str) -> None:
-        self.work(message, lambda: self._served(topic, message, sender))
+        self._in_service.append(message)
+        generation = self._generation
+        self.work(message, lambda: self._served(topic, message, sender, generation))
 
-    def _served(self, topic: str, message: Message, sender: str) -> None:
+    def _served(self, topic: str, message: Message, sender: str, generation: int) -> None:
         """The thread goes on with what waits, first come first served, or is idle."""
+        if generation != self._generation:
+            return
+        self._in_service.remove(message)
         self.completed += 1
         self.handle(topic, message, sender)
         waiting = [one for one, queue in self._queues.items() if queue]

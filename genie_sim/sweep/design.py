@@ -19,7 +19,7 @@ from pydantic import BeforeValidator, Field, model_validator
 
 from genie_sim import units
 from genie_sim.errors import shown
-from genie_sim.scenario import files
+from genie_sim import files
 from genie_sim.scenario.fields import Model, Name, problem, validate
 from genie_sim.scenario.yaml_input import read_mapping
 from genie_sim.seeds import stream

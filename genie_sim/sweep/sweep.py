@@ -14,7 +14,7 @@ from genie_sim.errors import UserError
 from genie_sim.paths import PARTIAL, whole_file
 from genie_sim.recording import provenance
 from genie_sim.runner import Progress
-from genie_sim.scenario import files
+from genie_sim import files
 from genie_sim.sweep import tables
 from genie_sim.sweep.backends import Dask, Local
 from genie_sim.sweep.design import Design, load_design

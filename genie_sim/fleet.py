@@ -1,4 +1,4 @@
-"""A fleet spelled out: the cells of its town, every car with its drive, and when it changes from edge to edge."""
+"""A fleet expanded: the cells of its town, every car with its drive, and when it changes from edge to edge."""
 
 from __future__ import annotations
 
@@ -6,9 +6,14 @@ import math
 from collections.abc import Callable, Iterator
 from itertools import accumulate
 
-from genie_sim.scenario.fleet import Fleet, InTown
-from genie_sim.scenario.scenario import Car, Edge, HandOver, Route, Scenario
-from genie_sim.town import Drive, Town
+from genie_sim.perception.sources import Drive, Frames
+from genie_sim.plugins import Choice
+from genie_sim.scenario.faults import FaultEntry
+from genie_sim.scenario.fleet import Fleet
+from genie_sim.scenario.parts import Car, Edge, Route
+from genie_sim.scenario.scenario import Scenario
+from genie_sim.town.source import InTown
+from genie_sim.town.town import Drive as TownDrive
 from genie_sim.units import NS_PER_MS
 
 # How often a car looks which edge is nearest. As long as another cell must be the better one before a hand-over within
@@ -73,18 +78,13 @@ class Cells:
         return found
 
 
-def drive(scenario: Scenario, city: InTown, town: Town, car: Car) -> Drive:
-    """A car's way through the town. It sees the town at the time that the simulation has then, but for the phases of
-    its cameras."""
-    return town.drive(car.name, city.duration_ns, city.interval_ns, scenario.set_off_ns(car))
-
-
-def spelled_out(scenario: Scenario, fleet: Fleet, city: InTown, town: Town) -> tuple[Scenario, dict[str, Drive]]:
-    """The scenario with the fleet's cars and edges, and the drive of each car.
+def expanded(scenario: Scenario, fleet: Fleet, source: InTown, frames: Frames) -> tuple[Scenario, dict[str, Drive]]:
+    """The scenario with the fleet's cars and edges and its hand-overs, and the drive of each car.
 
     Nothing is validated: a fleet makes no mistakes of spelling, and 10,000 cars would take their time.
     """
-    cells = Cells(town.size_m, fleet.cell_m)
+    blocks, block_m = source.town.blocks, source.town.block_m
+    cells = Cells((blocks[0] * block_m, blocks[1] * block_m), fleet.cell_m)
     names = [cells.name(cell) for cell in range(len(cells))]
     edges = tuple(
         Edge.model_construct(
@@ -94,20 +94,25 @@ def spelled_out(scenario: Scenario, fleet: Fleet, city: InTown, town: Town) -> t
         )
         for cell in range(len(cells))
     )
-    cars, drives = [], {}
+    cars, drives, hand_overs = [], {}, list(scenario.faults)
     usual = Car.model_construct(name="", device="", link=fleet.link, route=Route(), cameras=True, genie=True)
     for number, device in enumerate(device_of_each(fleet), 1):
         name = f"car{number}"
         car = usual.model_copy(update={"name": name, "device": device})
-        drives[name] = mine = drive(scenario, city, town, car)
-        (_, first), *others = cells.passed(
-            mine.position, city.duration_ns, fleet.hysteresis_m, scenario.hand_over_gap_ns
-        )
-        hand_overs = tuple(
-            HandOver.model_construct(at_ns=mine.start_ns + since_ns, edge=names[cell]) for since_ns, cell in others
-        )
-        cars.append(car.model_copy(update={"edge": names[first], "hand_overs": hand_overs}))
-    return scenario.model_copy(update={"cars": tuple(cars), "edges": edges}), drives
+        start_ns = scenario.start_ns(car)
+        mine = frames.drive(name, None, start_ns)
+        assert isinstance(mine, TownDrive), "a fleet drives in a town"
+        drives[name] = mine
+        passed = cells.passed(mine.position, source.duration_ns, fleet.hysteresis_m, fleet.hand_over_gap_ns)
+        (_, first), *others = passed
+        hand_overs += [_hand_over(name, names[cell], start_ns + since_ns, fleet) for since_ns, cell in others]
+        cars.append(car.model_copy(update={"edge": names[first]}))
+    return scenario.model_copy(update={"cars": tuple(cars), "edges": edges, "faults": tuple(hand_overs)}), drives
+
+
+def _hand_over(car: str, edge: str, begin_ns: int, fleet: Fleet) -> FaultEntry:
+    fault = Choice("hand_over", {"target": car, "edge": edge, "gap_ns": fleet.hand_over_gap_ns})
+    return FaultEntry.model_construct(fault=fault, begin_ns=begin_ns)
 
 
 def device_of_each(fleet: Fleet) -> Iterator[str]:

@@ -1,0 +1,136 @@
+"""From a scenario to what is simulated: plain values for the world, and the methods that run in it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from genie_sim import plugins
+from genie_sim.errors import UserError
+from genie_sim.methods import METHODS, MUST_HAVE
+from genie_sim.perception.sources import Drive
+from genie_sim.plugins import Choice
+from genie_sim.scenario.faults import timed
+from genie_sim.scenario.methods import MethodEntry
+from genie_sim.scenario.parts import Car
+from genie_sim.scenario.profiles import DeviceProfile
+from genie_sim.scenario.scenario import Scenario
+from genie_sim.sim.fault import TimedFault
+from genie_sim.sim.link_models import LINK_MODELS, LinkModel
+from genie_sim.sim.monitor import Monitor
+from genie_sim.sim.service import Device, HopTime, ServiceTime
+from genie_sim.sim.setup import CameraSetup, CarSetup, EdgeSetup, Setup
+from genie_sim.sim.station import Method
+from genie_sim.sim.world import World
+
+
+@dataclass(frozen=True)
+class Built:
+    """Everything that every method of a scenario shares, as plain values."""
+
+    scenario: Scenario
+    devices: Mapping[str, DeviceProfile]
+    drives: Mapping[str, Drive]
+    links: dict[str, LinkModel]
+    faults: Sequence[TimedFault]
+
+
+def shared(scenario: Scenario, devices: Mapping[str, DeviceProfile], drives: Mapping[str, Drive]) -> Built:
+    """What all methods share. ``drives`` by the car's name. Raises ``UserError``."""
+    faults = [timed(entry, place) for place, entry in enumerate(scenario.faults)]
+    return Built(scenario, devices, drives, {}, faults)
+
+
+def world(built: Built, entry: MethodEntry, monitor: Monitor) -> World:
+    """The world of one method, ready to run. Raises ``UserError``."""
+    return World(setup(built, entry), method(entry), monitor)
+
+
+def method(entry: MethodEntry) -> Method:
+    """The method of an entry. Raises ``UserError``."""
+    made: Method = plugins.make("method", entry.method, METHODS, MUST_HAVE)
+    return made
+
+
+def setup(built: Built, entry: MethodEntry) -> Setup:
+    """The scenario under one method's settings."""
+    scenario = built.scenario.under(entry)
+    devices = {name: device(one, scenario.model, scenario.spread) for name, one in built.devices.items()}
+    return Setup(
+        seed=scenario.seed,
+        cars=[_car(built, scenario, devices, car) for car in scenario.cars],
+        edges=[EdgeSetup(edge.name, devices[edge.device], edge.neighbours) for edge in scenario.edges],
+        edge_network=link_model(scenario.edge_network),
+        genie=scenario.genie,
+        queue_length=scenario.queue_length,
+        faults=built.faults,
+    )
+
+
+def device(profile: DeviceProfile, model: str, spread: str = "default") -> Device:
+    """What the simulator needs of a device's profile. Raises ``UserError`` where the model does not run there."""
+    hop, genie = profile.hop, profile.genie_time
+    return Device(
+        profile.name,
+        profile.cores.value,
+        HopTime(hop.small.value, hop.per_megabyte.value),
+        ServiceTime(genie.median.value, genie.spread.loc, genie.spread.sigma),
+        detector_time(profile, model, spread),
+    )
+
+
+def detector_time(profile: DeviceProfile, model: str, spread: str = "default") -> ServiceTime:
+    """The law of one detection of ``model``. Raises ``UserError`` where it is unknown or does not fit into memory."""
+    median_ns = profile.median_ns(model)
+    law = getattr(profile.spreads, spread)
+    return ServiceTime(median_ns, law.loc, law.sigma, profile.models[model].quantiles_ns)
+
+
+def link_model(choice: Choice) -> LinkModel:
+    """The model of a link. Raises ``UserError``."""
+    made: LinkModel = plugins.make("link model", choice, LINK_MODELS, ("channel",))
+    return made
+
+
+def _car(built: Built, scenario: Scenario, devices: Mapping[str, Device], car: Car) -> CarSetup:
+    frames, route = built.drives[car.name].frames, car.route
+    cameras = [
+        CameraSetup(camera.name, frames[camera.recording], camera.phase_ns, camera.size_bytes)
+        for camera in scenario.cameras_of(car)
+    ]
+    return CarSetup(
+        name=car.name,
+        device=devices[car.device],
+        edge=car.edge,
+        link=None if car.link is None else _link(built, car.link),
+        cameras=cameras,
+        sees=car.cameras is not False,
+        genie=car.genie,
+        window_ns=route.window_ns,
+        start_ns=scenario.start_ns(car),
+        laps=route.laps,
+        pause_ns=route.pause_ns,
+    )
+
+
+def _link(built: Built, choice: Choice) -> LinkModel:
+    """One model for all links that are the same: a fleet has one, and very many cars."""
+    key = repr(choice)
+    if key not in built.links:
+        built.links[key] = link_model(choice)
+    return built.links[key]
+
+
+def method_facts(scenario: Scenario) -> list[dict[str, Any]]:
+    """Of each method, in order: its name, what figures call it, and whether others are compared with it."""
+    facts = []
+    for index, entry in enumerate(scenario.methods):
+        try:
+            made = method(entry)
+        except UserError as error:
+            raise UserError(f"{scenario.name}: methods[{index}]: {error}") from error
+        title = made.title if entry.title is None else entry.title
+        usual = entry.title is not None or entry.name in (entry.method.name, entry.method.name.rpartition(":")[2])
+        facts.append({"name": entry.name, "title": title if usual else entry.name, "baseline": bool(made.baseline)})
+    return facts

@@ -1,0 +1,13 @@
+"""Methods: the schemes that a scenario compares. One file each, found by name here or as ``package.module:Class``.
+
+A method imports ``core`` and ``sim`` and says what stands on each host (``sim.station``); the runner makes it.
+"""
+
+from __future__ import annotations
+
+METHODS: dict[str, str] = {
+    "local": "genie_sim.methods.local:Local",
+    "remote": "genie_sim.methods.remote:Remote",
+    "genie": "genie_sim.methods.genie:Genie",
+}
+MUST_HAVE = ("title", "baseline", "on_car", "on_edge")

@@ -1,0 +1,20 @@
+"""Remote execution (R): the detector on the edge server answers every frame."""
+
+from __future__ import annotations
+
+from genie_sim.sim.station import IMAGES, OBJECTS, Place, Station, Uplink
+
+
+class Remote:
+    """Each car's frames go to its edge's detector."""
+
+    title = "remote (R)"
+    baseline = True
+
+    def on_car(self, place: Place) -> Station | None:
+        if not place.sees:
+            return None
+        return Station(uplink=Uplink(IMAGES, OBJECTS) if place.joined else None)
+
+    def on_edge(self, place: Place) -> Station:
+        return Station(detector=place.sees)

@@ -1,0 +1,91 @@
+"""Code found by name: an entry of a registry, or a class of the user's own written ``package.module:Class``.
+
+A registry is an explicit dict from a name to a class, or to the text ``package.module:Class`` of one that is imported
+when it is asked for.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import importlib
+import inspect
+import re
+import sys
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from genie_sim.errors import UserError, unknown
+
+Parameter = bool | int | float | str
+_CLASS = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*:[A-Za-z_]\w*")
+
+
+@dataclass(frozen=True)
+class Choice:
+    """A plug-in by name, and the keyword arguments for it."""
+
+    name: str
+    parameters: Mapping[str, Any] = field(default_factory=dict)
+
+
+def is_own(name: object) -> bool:
+    """Whether a name is written as a class of the user's own: ``package.module:Class``."""
+    return isinstance(name, str) and _CLASS.fullmatch(name) is not None
+
+
+OWN_CLASS_PATTERN = f"^{_CLASS.pattern}$"
+
+
+def checked_name(what: str, name: object, registry: Mapping[str, object]) -> str:
+    """``name`` if it is known or written as an own class. Raises ``ValueError`` with the choices."""
+    if isinstance(name, str) and (name in registry or is_own(name)):
+        return name
+    raise ValueError(f"{unknown(what, name, registry)}, or package.module:Class")
+
+
+def resolve(what: str, name: str, registry: Mapping[str, Any], methods: tuple[str, ...] = ()) -> Any:
+    """The class or function called ``name``; an own one must have the ``methods``. Raises ``UserError``.
+
+    The module may lie in the current folder, also for the installed command, where Python does not look by itself.
+    """
+    entry = registry.get(name)
+    if entry is not None and not isinstance(entry, str):
+        return entry
+    path = name if entry is None else entry
+    if not is_own(path):
+        raise UserError(unknown(what, name, registry))
+    if entry is None and "" not in sys.path:
+        sys.path.append("")
+    module_name, _, class_name = path.partition(":")
+    try:
+        found = getattr(importlib.import_module(module_name), class_name)
+    except Exception as error:  # whatever an own module raises when it is imported
+        raise UserError(f"{what} {name!r}: {error}") from error
+    lacking = [method for method in methods if not hasattr(found, method)]
+    if lacking:
+        raise UserError(f"{what} {name!r}: has no method {', '.join(lacking)}; needs {', '.join(methods)}")
+    return found
+
+
+def make(what: str, choice: Choice, registry: Mapping[str, Any], methods: tuple[str, ...] = ()) -> Any:
+    """An instance of the chosen class. Raises ``UserError``."""
+    return call(what, choice.name, resolve(what, choice.name, registry, methods), **choice.parameters)
+
+
+def call(what: str, name: str, own: Any, *arguments: Any, **parameters: Any) -> Any:
+    """What a class or function, perhaps of the user's own, returns. Raises ``UserError`` for wrong arguments."""
+    try:
+        return own(*arguments, **parameters)
+    except (TypeError, ValueError) as error:
+        raise UserError(f"{what} {name!r}: {error}") from error
+
+
+def code_digest(what: str, name: str) -> str:
+    """sha256 of the file of a class of the user's own: its code decides the outcome, too."""
+    own = resolve(what, name, {})
+    try:
+        return hashlib.sha256(Path(inspect.getfile(inspect.unwrap(own))).read_bytes()).hexdigest()
+    except (TypeError, OSError):  # made in a notebook, or without a file of its own
+        return "unknown"

@@ -1,0 +1,87 @@
+"""The ``genie:`` section of a scenario: ``core.rules.GenieRules``, as it is written in YAML."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated, Any
+
+from pydantic import BeforeValidator, WithJsonSchema
+
+from genie_sim import plugins, units
+from genie_sim.core.confidence import CONFIDENCE_RULES
+from genie_sim.core.eviction import EVICTIONS
+from genie_sim.core.rules import LITERAL, Capacity, GenieRules, ObjectMapRules
+from genie_sim.core.similarity import SIMILARITIES
+from genie_sim.errors import shown
+from genie_sim.plugins import Choice
+from genie_sim.scenario.fields import Count, PositiveDuration, PositiveLength, PositiveSize, Probability
+from genie_sim.scenario.plain import OWN_CLASS_SCHEMA, Plain, PlugIn
+
+
+def _threshold(value: object) -> object:
+    if value in ("range_60", "empirical"):
+        return value
+    if isinstance(value, bool) or not isinstance(value, int | float) or not 0 <= value <= 1:
+        raise ValueError(f"must be a number from 0 to 1, 'range_60' or 'empirical', not {shown(value)}")
+    return float(value)
+
+
+def _capacity(value: object) -> object:
+    """``1000 entries`` and ``10 MB`` for short."""
+    if value is None or isinstance(value, Mapping | Capacity):
+        return value
+    number, _, unit = str(value).partition(" ")
+    if unit == "entries" and number.isascii() and number.isdigit() and len(number) < 18:
+        return {"entries": int(number)}
+    try:
+        units.size_bytes(value)
+    except ValueError as error:
+        raise ValueError(f"must be such as '1000 entries' or '10 MB', not {shown(value)}") from error
+    return {"bytes": value}
+
+
+def _name(what: str, registry: Mapping[str, object]) -> Any:
+    """A plug-in without arguments: its name, or ``package.module:Class``."""
+    schema = WithJsonSchema({"anyOf": [{"enum": list(registry)}, OWN_CLASS_SCHEMA]})
+    return Annotated[str, BeforeValidator(lambda value: plugins.checked_name(what, value, registry)), schema]
+
+
+def _literal_preset(data: Any) -> Any:
+    if not isinstance(data, Mapping) or data.get("algorithm") != "literal":
+        return data
+    preset = {**LITERAL, **data}
+    if isinstance(data.get("object_map", {}), Mapping):
+        preset["object_map"] = {**LITERAL["object_map"], **data.get("object_map", {})}
+    return preset
+
+
+_THRESHOLD_SCHEMA = WithJsonSchema(
+    {"anyOf": [{"type": "number", "minimum": 0, "maximum": 1}, {"enum": ["range_60", "empirical"]}]}
+)
+_OBJECT_MAP = Plain(
+    ObjectMapRules,
+    gate_m=PositiveLength,
+    rule=_name("confidence rule", CONFIDENCE_RULES),
+    rate=Probability,
+    threshold=Annotated[float | str, BeforeValidator(_threshold), _THRESHOLD_SCHEMA],
+    forget_ns=PositiveDuration | None,
+)
+_CAPACITY = Annotated[
+    Annotated[Capacity, Plain(Capacity, entries=Count | None, size_bytes=PositiveSize | None)] | None,
+    BeforeValidator(_capacity),
+]
+GenieSection = Annotated[
+    GenieRules,
+    Plain(
+        GenieRules,
+        complete=_literal_preset,
+        similarity=Annotated[Choice, PlugIn("similarity", SIMILARITIES, default="pose_grid")],
+        eviction=_name("eviction", EVICTIONS),
+        capacity=_CAPACITY,
+        car_capacity=_CAPACITY,
+        ttl_ns=PositiveDuration | None,
+        request_expiry_ns=PositiveDuration | None,
+        view_range_m=PositiveLength,
+        object_map=Annotated[ObjectMapRules, _OBJECT_MAP],
+    ),
+]

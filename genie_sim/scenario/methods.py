@@ -1,0 +1,98 @@
+"""The ``methods:`` of a scenario: names, or mappings with settings of their own."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Mapping
+from typing import Annotated, Any
+
+from pydantic import BeforeValidator, PlainSerializer, WithJsonSchema
+
+from genie_sim import plugins
+from genie_sim.core.rules import LITERAL
+from genie_sim.errors import shown, unknown
+from genie_sim.methods import METHODS, MUST_HAVE
+from genie_sim.plugins import Choice
+from genie_sim.scenario.fields import Model, Name, problem
+from genie_sim.scenario.plain import OWN_CLASS_SCHEMA, PlugIn
+
+# What ``scenario.Overridable`` holds.
+OVERRIDABLE = ("genie", "model", "spread", "queue_length", "edge_network")
+_PLUG_IN = PlugIn("method", METHODS, key="method")
+
+
+class MethodEntry(Model):
+    """One method of a scenario.
+
+    ``title`` is what figures and pages call it (``None``: what the method calls itself). ``settings`` are those of the
+    scenario that this entry has otherwise, as in YAML.
+    """
+
+    name: Name
+    method: Choice
+    title: str | None = None
+    settings: dict[str, Any] = {}
+
+
+def read_method(value: object) -> MethodEntry:
+    """A name, or ``{name, method, title}`` with arguments of the method and settings of the scenario."""
+    if isinstance(value, MethodEntry):
+        return value
+    given = dict(value) if isinstance(value, Mapping) else {"method": value}
+    method = given.pop("method", given.get("name"))
+    name = given.pop("name", _short(method))
+    title = given.pop("title", None)
+    if title is not None and (not isinstance(title, str) or not title.strip()):
+        problem("title", f"must be text, not {shown(title)}")
+    try:
+        plugins.checked_name("method", method, METHODS)
+    except ValueError as error:
+        problem("method" if isinstance(value, Mapping) and "method" in value else "", str(error))
+    of_scenario = {key: item for key, item in given.items() if key in OVERRIDABLE}
+    arguments = {key: item for key, item in given.items() if key not in OVERRIDABLE}
+    if method in METHODS:
+        known = [*inspect.signature(plugins.resolve("method", method, METHODS)).parameters]
+        for key in arguments:
+            if key not in known:
+                problem(str(key), unknown("setting of a method", key, ("method", "name", "title", *known, *OVERRIDABLE)))
+    choice = _PLUG_IN.read({"method": method, **arguments})
+    return MethodEntry(name=str(name), method=choice, title=title, settings=of_scenario)
+
+
+def _short(method: object) -> object:
+    """``MyMethod`` for ``my_module:MyMethod``."""
+    return method.rpartition(":")[2] if isinstance(method, str) else method
+
+
+def _write(entry: MethodEntry) -> object:
+    choice = _PLUG_IN.write(entry.method)
+    written: dict[str, Any] = {"name": entry.name, **(choice if isinstance(choice, dict) else {"method": choice})}
+    if entry.title is not None:
+        written["title"] = entry.title
+    written |= entry.settings
+    return entry.name if written == {"name": entry.name, "method": entry.name} else written
+
+
+MethodField = Annotated[
+    MethodEntry,
+    BeforeValidator(read_method),
+    PlainSerializer(_write, when_used="json"),
+    WithJsonSchema({"anyOf": [{"enum": list(METHODS)}, OWN_CLASS_SCHEMA, {"type": "object"}]}),
+]
+
+
+def method_class(entry: MethodEntry) -> Any:
+    """The class of an entry's method. Raises ``UserError``."""
+    return plugins.resolve("method", entry.method.name, METHODS, MUST_HAVE)
+
+
+def overridden(settings: Mapping[str, Any], by: Mapping[str, Any]) -> dict[str, Any]:
+    """Settings as in YAML, with others over them: mappings are merged, a plug-in or preset that is named anew brings
+    its own."""
+    preset = LITERAL if by.get("algorithm") == "literal" else {}
+    found = overridden(settings, preset) if preset else dict(settings)
+    for key, item in by.items():
+        held = found.get(key)
+        whole = not isinstance(held, Mapping) or not isinstance(item, Mapping) or "name" in item
+        found[key] = item if whole else overridden(held, item)
+    return found

@@ -1,0 +1,63 @@
+"""Who is told what happens in a world."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Literal, Protocol
+
+from genie_sim.messages import Detections, Header, Image, Message, Observation
+
+Placement = Literal["car", "edge"]
+
+
+class Resource(Protocol):
+    """Anything whose use is sampled: accelerators, CPUs, links, and the queues of nodes."""
+
+    name: str
+    kind: str
+    completed: int
+    drops: int
+
+    @property
+    def capacity(self) -> int | None: ...
+
+    @property
+    def busy_ns(self) -> int: ...
+
+    @property
+    def queued(self) -> int: ...
+
+    @property
+    def sent_bytes(self) -> int | None:
+        """``None`` for what is not a link."""
+
+
+class Monitor(Protocol):
+    """Notes what happens in the run of one method; ``recording.log.Log`` writes it into tables."""
+
+    wants_changes: bool  # whether it is to be told which objects of a map changed
+    samples: Literal["all", "edges", "none"]  # whose resources are sampled
+
+    def published(self, image: Image, number: int, lap: int) -> None:
+        """A camera took a frame: its running number, and how often the car had driven its route before."""
+
+    def received(self, header: Header, now_ns: int) -> None:
+        """A frame is in the queue of the first node that handles it."""
+
+    def carried(self, column: str, message: Message) -> None:
+        """A message about a frame was on the wire of the car's link: ``bytes_up`` or ``bytes_down``."""
+
+    def answered(self, answer: Detections, source: str, now_ns: int) -> None:
+        """An answer is in the consumer's hands."""
+
+    def dropped(self, message: Message, where: str) -> None:
+        """A copy of a frame, or an answer to it, was lost; ``where`` names the queue, link or fault."""
+
+    def observe(self, node: str, placement: Placement, record: Observation, now_ns: int) -> None:
+        """An observation of a cache or map."""
+
+    def sample(self, resources: Sequence[Resource], now_ns: int) -> None:
+        """The state of devices, links and queues at this instant."""
+
+    def close(self) -> None:
+        """Nothing more happens."""

@@ -1,0 +1,72 @@
+"""How long things take: the law of a service time, and of a message's hop from one process to another."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+MEGABYTE = 10**6
+
+
+@dataclass(frozen=True, slots=True)
+class ServiceTime:
+    """The shifted log-normal law ``X = median (loc + (1 - loc) exp(sigma Z))``, Z standard normal.
+
+    With ``quantiles_ns``, evenly spaced from the shortest to the longest time measured, X is the quantile of Z instead.
+    """
+
+    median_ns: int
+    loc: float
+    sigma: float
+    quantiles_ns: tuple[int, ...] = ()
+
+    def sample(self, rng: np.random.Generator) -> int:
+        """One service time in whole nanoseconds, at least 1. Takes exactly one normal draw."""
+        return self.at(float(rng.standard_normal()))
+
+    def at(self, z: float) -> int:
+        """The time [ns] for a standard normal number."""
+        if self.quantiles_ns:
+            share = 0.5 * (1.0 + math.erf(z / math.sqrt(2.0)))
+            steps = np.arange(len(self.quantiles_ns))
+            return round(float(np.interp(share * steps[-1], steps, self.quantiles_ns)))
+        return max(1, round(self.median_ns * (self.loc + (1.0 - self.loc) * math.exp(self.sigma * z))))
+
+    @property
+    def mean_ns(self) -> float:
+        """The law's mean: that of exp(sigma Z) is exp(sigma^2 / 2)."""
+        if self.quantiles_ns:
+            return float(np.mean((self.quantiles_ns[:-1], self.quantiles_ns[1:])))
+        return self.median_ns * (self.loc + (1.0 - self.loc) * math.exp(self.sigma**2 / 2))
+
+    def draws(self, rng: np.random.Generator) -> Iterator[int]:
+        """Endless service times [ns]."""
+        while True:  # several normal numbers at once are the same ones, and cost little more than one
+            for z in rng.standard_normal(16).tolist():
+                yield self.at(z)
+
+
+@dataclass(frozen=True, slots=True)
+class HopTime:
+    """Handing a message to another process on the same host: a fixed part, and one that grows with the message."""
+
+    fixed_ns: int
+    per_megabyte_ns: int
+
+    def of(self, size_bytes: int) -> int:
+        """The time [ns] for a message of this size."""
+        return self.fixed_ns + self.per_megabyte_ns * size_bytes // MEGABYTE
+
+
+@dataclass(frozen=True, slots=True)
+class Device:
+    """One kind of computer: its cores, and how long a hop, a Genie's message and a detection take on it."""
+
+    name: str
+    cores: int
+    hop: HopTime
+    message_time: ServiceTime
+    detector_time: ServiceTime

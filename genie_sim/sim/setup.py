@@ -1,0 +1,103 @@
+"""Everything that a world is built from, as plain values: names, times in nanoseconds, sizes in bytes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Protocol
+
+from genie_sim.core.rules import GenieRules
+from genie_sim.messages import CameraPose, Detection
+from genie_sim.sim.fault import TimedFault
+from genie_sim.sim.link_models import LinkModel
+from genie_sim.sim.service import Device
+
+
+class Frame(Protocol):
+    """One frame of a recording: when it was taken, its image's size and fingerprints, and what a detector finds in it.
+
+    ``stamp_ns`` counts from the drive's first frame; ``digest`` is the sha256 of the image, ``dhash`` its 64-bit
+    difference hash.
+    """
+
+    @property
+    def stamp_ns(self) -> int: ...
+
+    @property
+    def size_bytes(self) -> int: ...
+
+    @property
+    def digest(self) -> str: ...
+
+    @property
+    def dhash(self) -> int: ...
+
+    @property
+    def pose(self) -> CameraPose: ...
+
+    @property
+    def horizontal_fov_rad(self) -> float: ...
+
+    @property
+    def detections(self) -> tuple[Detection, ...]: ...
+
+
+@dataclass(frozen=True, slots=True)
+class CameraSetup:
+    """One stream of a car: its frames, its phase, and the size of its images (``None``: as recorded)."""
+
+    name: str
+    frames: Sequence[Frame]
+    phase_ns: int = 0
+    size_bytes: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class EdgeSetup:
+    """An edge server; ``neighbours`` of ``None`` are all other edges."""
+
+    name: str
+    device: Device
+    neighbours: tuple[str, ...] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class CarSetup:
+    """A car: its computer, its edge and the link to it (``None``: on its own), its cameras and its way.
+
+    ``sees``: its cameras deliver pictures, not only positions. ``window_ns`` is the part of the recordings that it
+    drives (``None``: all), from ``start_ns`` on, ``laps`` times with ``pause_ns`` between them.
+    """
+
+    name: str
+    device: Device
+    edge: str | None
+    link: LinkModel | None
+    cameras: Sequence[CameraSetup]
+    sees: bool = True
+    genie: bool = True
+    window_ns: tuple[int, int] | None = None
+    start_ns: int = 0
+    laps: int = 1
+    pause_ns: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Setup:
+    """One scenario under one method's settings. Random streams are named by car, edge and link below ``seed``."""
+
+    seed: int
+    cars: Sequence[CarSetup]
+    edges: Sequence[EdgeSetup]
+    edge_network: LinkModel
+    genie: GenieRules = field(default_factory=GenieRules)
+    queue_length: int = 1
+    faults: Sequence[TimedFault] = ()
+
+    @property
+    def blind_edges(self) -> set[str | None]:
+        """Edges that serve cars without cameras: no picture ever comes there."""
+        return {car.edge for car in self.cars if not car.sees}
+
+
+Devices = Mapping[str, Device]

@@ -1,0 +1,90 @@
+"""What a method puts on a host: the seam between the world and the schemes that are compared in it.
+
+A method says, for every car and every edge, whether a detector runs there, what pure node stands before it, and which
+topics are joined to whom. The world builds that, in the same way for every method.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from genie_sim.core.rules import GenieRules
+from genie_sim.messages import Effect, Message
+
+IMAGES = "/image_raw"
+OBJECTS = "/detection/image_detector/objects"
+DETECTOR = "vision_darknet_detect"
+
+
+class Interceptor(Protocol):
+    """A pure node, such as a Genie: messages in, effects out. It has no clock and no middleware of its own."""
+
+    name: str
+
+    def subscriptions(self) -> tuple[str, ...]: ...
+
+    def publications(self) -> tuple[str, ...]: ...
+
+    def on_message(self, topic: str, message: Message, now_ns: int, sender: str | None = None) -> list[Effect]: ...
+
+    def next_deadline_ns(self) -> int | None: ...
+
+    def on_deadline(self, now_ns: int) -> list[Effect]: ...
+
+
+MakeInterceptor = Callable[[tuple[str, ...], tuple[str, ...]], Interceptor]  # from T_S and T_P of the node behind it
+
+
+@dataclass(frozen=True)
+class Place:
+    """What a method is told about a host.
+
+    ``sees``: pictures come here, from the host's own cameras or from cars; else only positions do. ``joined``: the car
+    has an edge. ``genie`` are the rules of Genies here, ``None`` where the scenario wants none. ``stream`` gives a
+    random generator by names, the same for this host under every method. ``records_changes``: whether observations are
+    to name the objects of a map that changed.
+    """
+
+    name: str
+    sees: bool
+    joined: bool
+    genie: GenieRules | None
+    stream: Callable[..., np.random.Generator]
+    records_changes: bool
+
+
+class Uplink(NamedTuple):
+    """What goes up from a car to its edge's images, and the topic on which the edge's answers come down."""
+
+    up: str
+    down: str
+
+
+@dataclass(frozen=True)
+class Station:
+    """What stands on a host. ``interceptor`` takes over the topics of the detector, or its names where none runs.
+
+    ``uplink`` joins a car to its edge. ``hears`` are the topics of neighbouring edges that reach this edge.
+    """
+
+    detector: bool = False
+    interceptor: MakeInterceptor | None = None
+    uplink: Uplink | None = None
+    hears: tuple[str, ...] = ()
+
+
+class Method(Protocol):
+    """A scheme that answers the cars' frames. ``baseline``: others are compared with it."""
+
+    title: str
+    baseline: bool
+
+    def on_car(self, place: Place) -> Station | None:
+        """What stands on a car; ``None`` where nothing would answer it, and it stays at home."""
+
+    def on_edge(self, place: Place) -> Station:
+        """What stands on an edge server."""

@@ -1,0 +1,50 @@
+"""Which edges are neighbours, and the ports through which they share."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING
+
+from genie_sim.sim.link import Bridge, Downlinks
+from genie_sim.sim.station import OBJECTS, Station
+
+if TYPE_CHECKING:
+    from genie_sim.sim.device import Host
+    from genie_sim.sim.ros_graph import Graph
+    from genie_sim.sim.setup import EdgeSetup
+    from genie_sim.sim.world import World
+
+EDGES = "edges"  # the network between edges, in the names of links
+
+
+class Edge:
+    """An edge server: its host, its ROS graph, what stands there, and the way down to its cars."""
+
+    def __init__(self, name: str, host: Host, graph: Graph, station: Station) -> None:
+        self.name = name
+        self.host = host
+        self.graph = graph
+        self.station = station
+        self.downlinks = Downlinks(f"{name}/cars")
+        graph.bridge(OBJECTS, self.downlinks)
+
+
+def neighbours(edges: Sequence[EdgeSetup]) -> Iterator[tuple[str, list[str]]]:
+    """Each edge with its neighbours. Two edges are neighbours unless one names its own and leaves the other out."""
+    named = {edge.name: edge.neighbours for edge in edges}
+    order = {edge.name: place for place, edge in enumerate(edges)}
+    for name, chosen in named.items():
+        candidates: Sequence[str] = list(named) if chosen is None else sorted(chosen, key=order.__getitem__)
+        others = [other for other in candidates if other != name]
+        yield name, [other for other in others if (theirs := named[other]) is None or name in theirs]
+
+
+def join_edges(world: World, edges: Mapping[str, Edge]) -> None:
+    """What an edge publishes on the topics that its neighbours hear reaches them through its port to the network."""
+    if not any(edge.station.hears for edge in edges.values()):
+        return
+    for name, others in neighbours(world.setup.edges):
+        port = world.link(f"{name}->{EDGES}", world.setup.edge_network, up=True)
+        for other in (edges[one] for one in others):
+            for topic in other.station.hears:
+                edges[name].graph.bridge(topic, Bridge(port, other.graph, topic, world.front(other.name)))

@@ -1,0 +1,73 @@
+"""The frame source of a generated town: every car drives its own way, and what is really there is known."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+from genie_sim.core.geometry import Geodetic
+from genie_sim.town.rules import TownRules
+from genie_sim.units import NS_PER_MS, NS_PER_S, duration_text
+
+if TYPE_CHECKING:
+    from genie_sim.perception.sources import Progress
+    from genie_sim.town.town import Drive, Town
+
+# Far beyond what anyone has simulated, see docs/explanation/million-cars.md; more is a slip of the pen, which would
+# fill the memory before anything is said.
+MOST_FRAMES, MOST_BLOCK_M = 100_000_000, 10_000.0
+
+
+@dataclass(frozen=True)
+class InTown:
+    """Every car drives its own way through a generated town.
+
+    Each drives for ``duration_ns`` and takes a frame every ``interval_ns``; recordings are "02" and "03". A served
+    object is true if one of its class really is within ``tolerance_m`` of it: the detector's own error of places, and
+    the object map's usual gate. Objects up to ``range_m`` away count as visible. Both are a ruler, the same whatever a
+    Genie is told. The town is made from ``town`` and the scenario's seed.
+    """
+
+    duration_ns: int = 60 * NS_PER_S
+    interval_ns: int = 100 * NS_PER_MS
+    tolerance_m: float = 3.0
+    range_m: float = 50.0
+    town: TownRules = field(default_factory=TownRules)
+
+    def __post_init__(self) -> None:
+        for name in ("duration_ns", "interval_ns", "range_m"):
+            if getattr(self, name) <= 0:
+                raise ValueError(f"{name.rpartition('_')[0]}: must be more than zero, but is {getattr(self, name):g}")
+        if self.duration_ns / self.interval_ns > MOST_FRAMES:
+            raise ValueError(f"interval: makes more than {MOST_FRAMES:,} frames of {duration_text(self.duration_ns)}")
+        if self.town.block_m > MOST_BLOCK_M:
+            raise ValueError(f"town.block: must be at most {MOST_BLOCK_M / 1000:g} km, but is {self.town.block_m:g} m")
+
+    def cells(self, cell_m: float) -> float:
+        """About how many cells of that size the town has."""
+        return math.prod(max(1.0, blocks * self.town.block_m / cell_m) for blocks in self.town.blocks)
+
+    def open(self, seed: int, origin: Geodetic | None, progress: Progress | None = None) -> TownDrives:
+        from genie_sim.town.town import Town
+
+        return TownDrives(Town(self.town, seed), self)
+
+
+@dataclass(frozen=True)
+class TownDrives:
+    """A town with the drives through it. A car sees the town at the time that the simulation has then, but for the
+    phases of its cameras."""
+
+    truth: Town
+    settings: InTown
+
+    def drive(self, car: str, trace: str | None, start_ns: int) -> Drive:
+        return self.truth.drive(car, self.settings.duration_ns, self.settings.interval_ns, start_ns)
+
+    def digests(self) -> Mapping[str, str]:
+        return {self.truth.name: self.truth.digest}
+
+    def provenance(self) -> Mapping[str, Mapping[str, Any]]:
+        return {self.truth.name: dict(self.truth.provenance)}
