@@ -7,11 +7,12 @@ from dataclasses import dataclass
 from typing import Any
 
 from genie_sim import plugins
+from genie_sim.core import genies
 from genie_sim.errors import UserError
 from genie_sim.methods import METHODS, MUST_HAVE
 from genie_sim.perception.sources import Drive
 from genie_sim.plugins import Choice
-from genie_sim.scenario.faults import timed
+from genie_sim.scenario.faults import check_faults, timed
 from genie_sim.scenario.methods import MethodEntry
 from genie_sim.scenario.parts import Car
 from genie_sim.scenario.profiles import DeviceProfile
@@ -134,3 +135,28 @@ def method_facts(scenario: Scenario) -> list[dict[str, Any]]:
         usual = entry.title is not None or entry.name in (entry.method.name, entry.method.name.rpartition(":")[2])
         facts.append({"name": entry.name, "title": title if usual else entry.name, "baseline": bool(made.baseline)})
     return facts
+
+
+def check_faults_of(scenario: Scenario) -> None:
+    """Raises ``UserError`` for a fault that befalls what is not there; a fleet's cars are known only now."""
+    edges = [edge.name for edge in scenario.edges]
+    for field, text in check_faults(scenario.faults, {car.name: car.edge for car in scenario.cars}, edges):
+        raise UserError(f"{scenario.name}: {field}: {text}")
+
+
+def plugin_digests(scenario: Scenario) -> dict[str, str]:
+    """sha256 of the module of each class of the user's own that the scenario names: its code decides the outcome."""
+    named: dict[str, str] = {}
+    links = {repr(car.link): car.link for car in scenario.cars if car.link is not None}.values()
+    chosen = [
+        ("frame source", scenario.perception),
+        *(("method", entry.method) for entry in scenario.methods),
+        *(("fault", entry.fault) for entry in scenario.faults),
+        *(("link model", link) for link in (*links, scenario.edge_network)),
+    ]
+    for what, choice in chosen:
+        if plugins.is_own(choice.name):
+            named[f"{what} {choice.name}"] = plugins.code_digest(what, choice.name)
+    for entry in scenario.methods:
+        named |= genies.plugin_digests(scenario.under(entry).genie)
+    return named

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 
+from genie_sim import files
 from genie_sim.core.confidence import CONFIDENCE_RULES
 from genie_sim.core.eviction import EVICTIONS
 from genie_sim.core.similarity import SIMILARITIES
-from genie_sim import files
 from genie_sim.scenario.links import LINKS, LinkProfile
 from genie_sim.scenario.profiles import load_profile
 from genie_sim.scenario.yaml_input import read_mapping

@@ -94,7 +94,9 @@ def expanded(scenario: Scenario, fleet: Fleet, source: InTown, frames: Frames) -
         )
         for cell in range(len(cells))
     )
-    cars, drives, hand_overs = [], {}, list(scenario.faults)
+    cars: list[Car] = []
+    drives: dict[str, Drive] = {}
+    hand_overs = list(scenario.faults)
     usual = Car.model_construct(name="", device="", link=fleet.link, route=Route(), cameras=True, genie=True)
     for number, device in enumerate(device_of_each(fleet), 1):
         name = f"car{number}"

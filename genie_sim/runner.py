@@ -3,69 +3,45 @@
 from __future__ import annotations
 
 import gc
-import os
 import tempfile
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any, Literal
 
 import genie_sim
-from genie_sim.core.genies import own_code
+from genie_sim import build, plugins
+from genie_sim.build import check_faults_of, method_facts, plugin_digests
 from genie_sim.errors import UserError, shown, unknown
-from genie_sim.perception.trace import Trace, read_trace
+from genie_sim.fleet import expanded
+from genie_sim.perception.sources import SOURCES, Drive, Frames, Progress
 from genie_sim.recording import provenance
 from genie_sim.recording.log import Log
-from genie_sim.recording.records import FrameTable, LookupTable, ObjectTable, PoseTable, ResourceTable, TruthTable
-from genie_sim.recording.results import Run
+from genie_sim.recording.records import TRUTH, Tables
+from genie_sim.recording.results import MethodInfo, Metric, Run
 from genie_sim.recording.tables import Table
 from genie_sim.recording.truth import Truth
-from genie_sim import files
 from genie_sim.scenario.fields import validate
-from genie_sim.scenario.fleet import InTown
-from genie_sim.scenario.profiles import DeviceProfile, load_profile
-from genie_sim.scenario.scenario import Live, Route, Scenario, load_scenario, read_scenario
-from genie_sim.sim.world import World
+from genie_sim.scenario.parts import Car, Route
+from genie_sim.scenario.profiles import DeviceProfile
+from genie_sim.scenario.scenario import Scenario, load_scenario, read_scenario
 from genie_sim.units import NS_PER_S
-
-if TYPE_CHECKING:
-    from genie_sim.analysis.metrics import Metric
-    from genie_sim.town import Drive, Town
-
-Progress = Callable[[float, float, str], None]
 
 
 @dataclass(frozen=True)
 class Prepared:
-    """A scenario with everything it names: devices by name, and the trace of each car by the car's name.
+    """A scenario with everything it names: its open frame source, devices by name, and each car's drive by its name.
 
-    In a ``town`` a car's trace is its ``Drive``, which stands in for one. ``spelled_out`` is the scenario with every
-    car and edge of its fleet.
+    ``expanded`` is the scenario with every car and edge of its fleet.
     """
 
     scenario: Scenario
+    expanded: Scenario
     devices: Mapping[str, DeviceProfile]
-    traces: Mapping[str, Trace]
-    spelled_out: Scenario | None = None
-    town: Town | None = None
-
-
-@dataclass(frozen=True)
-class Tables:
-    """What a run wrote down."""
-
-    frames: FrameTable
-    lookups: LookupTable
-    resources: ResourceTable
-    poses: PoseTable = field(default_factory=PoseTable)
-    objects: ObjectTable = field(default_factory=ObjectTable)
-    truth: TruthTable | None = None
-
-    def __iter__(self) -> Iterator[Table]:
-        usual: tuple[Table, ...] = (self.frames, self.lookups, self.resources, self.poses, self.objects)
-        return iter(usual if self.truth is None else (*usual, self.truth))
+    frames: Frames
+    drives: Mapping[str, Drive]
 
 
 @dataclass(frozen=True)
@@ -148,14 +124,10 @@ def facts(prepared: Prepared) -> dict[str, Any]:
         "genie_sim": genie_sim.__version__,
         "scenario": prepared.scenario.model_dump(mode="json", by_alias=True),
         "devices": {name: device.model_dump(mode="json", by_alias=True) for name, device in prepared.devices.items()},
-        "traces": {name: trace.digest for name, trace in _sources(prepared).items()},
-        "own_code": own_code(prepared.scenario.genie),
+        "traces": dict(prepared.frames.digests()),
+        "plugins": plugin_digests(prepared.scenario),
+        "methods": method_facts(prepared.scenario),
     }
-
-
-def _sources(prepared: Prepared) -> Mapping[str, Trace | Town]:
-    """What the frames come from: the trace of each car, or the town that all of them drive in."""
-    return prepared.traces if prepared.town is None else {"town": prepared.town}
 
 
 def _finished(prepared: Prepared, run_id: str, tables: Tables) -> Run:
@@ -164,7 +136,8 @@ def _finished(prepared: Prepared, run_id: str, tables: Tables) -> Run:
 
     frames, lookups, resources, poses, objects, *more = (table.to_frame() for table in tables)
     truth = more[0] if more else None
-    measured = metrics.compute(frames, lookups, resources, truth)
+    methods = [MethodInfo(**method) for method in method_facts(prepared.scenario)]
+    measured = metrics.compute(methods, frames, lookups, resources, truth)
     yaml = prepared.scenario.to_yaml()
     return Run(run_id, facts(prepared), yaml, frames, lookups, resources, poses, objects, measured, truth=truth)
 
@@ -184,10 +157,8 @@ def _fill(
     provenance.write_json(folder / "metrics.json", [asdict(metric) for metric in made.measured])
     described = summary.markdown(made.measured, prepared.scenario.name, run_id, prepared.scenario.seed)
     (folder / "summary.md").write_text(described, encoding="utf-8")
-    footer = f"{prepared.scenario.name}, run {run_id}, seed {prepared.scenario.seed}"
     (folder / "figures").mkdir()
-    of_run = figures.of_run(prepared.scenario.name, made.frames, made.lookups, made.resources, footer)
-    for name, figure in of_run.items():
+    for name, figure in figures.of_run(made).items():
         figures.save(figure, folder / "figures", name)
     if with_report:
         report.write(folder / report.NAME, made)
@@ -200,7 +171,7 @@ def _fill(
             "facts": made.facts,
             "digests": provenance.digests(folder),
             "rows": {table.name: len(table) for table in tables},
-            "traces": {trace.name: dict(trace.provenance) for trace in _sources(prepared).values()},
+            "traces": {name: dict(known) for name, known in prepared.frames.provenance().items()},
             "wall_time_s": round(time.perf_counter() - began_s, 3),
             **provenance.environment(),
         },
@@ -211,49 +182,29 @@ def _fill(
 def prepare(
     scenario: Scenario, progress: Progress | None = None, devices: Mapping[str, DeviceProfile] | None = None
 ) -> Prepared:
-    """Reads the traces, and the device profiles if none are given, and moves all traces into one world. Raises
-    ``UserError``."""
-    if isinstance(scenario.perception, InTown):
-        return _in_town(scenario, scenario.perception, devices)
-    devices = devices or _devices(scenario)
-    if isinstance(scenario.perception, Live):
-        main = _perceived(scenario.perception, progress)
-    else:
-        main = read_trace(files.find(files.TRACE, scenario.perception.trace))
-    origin = scenario.origin if scenario.origin is not None else main.origin
-    read: dict[str | None, Trace] = {None: main.rebased(origin)}
-    traces = {}
-    for index, car in enumerate(scenario.cars):
-        name = car.route.trace
-        if name not in read:
-            read[name] = read_trace(files.find(files.TRACE, str(name))).rebased(origin)
-        _check_route(f"{scenario.name}: cars[{index}].route", scenario, car.route, read[name])
-        traces[car.name] = read[name]
-    return Prepared(scenario, devices, traces)
+    """Opens the frame source and gives every car its drive, all in one world. ``devices`` replace the profiles that the
+    scenario read. Raises ``UserError``."""
+    source = plugins.make("frame source", scenario.perception, SOURCES, ("open",))
+    if hasattr(source, "town"):
+        routes = {f"cars[{index}].route": car.route for index, car in enumerate(scenario.cars)}
+        for place, route in (routes or {"perception.duration": Route()}).items():
+            scenario.check_time(f"{scenario.name}: {place}", route, source.duration_ns)
+    return on_frames(scenario, source.open(scenario.seed, scenario.origin, progress), devices)
 
 
-def _in_town(scenario: Scenario, city: InTown, devices: Mapping[str, DeviceProfile] | None) -> Prepared:
-    """Builds the town, and every car's way through it."""
-    from genie_sim.town import Town, cells
-
-    routes = {f"cars[{index}].route": car.route for index, car in enumerate(scenario.cars)}
-    for place, route in (routes or {"perception.duration": Route()}).items():
-        scenario.check_time(f"{scenario.name}: {place}", route, city.duration_ns)
-    town = Town(city.town, scenario.seed)
+def on_frames(scenario: Scenario, frames: Frames, devices: Mapping[str, DeviceProfile] | None = None) -> Prepared:
+    """The same with a frame source that is open already. Raises ``UserError``."""
+    full = scenario
     if scenario.fleet is not None:
-        spelled_out, drives = cells.spelled_out(scenario, scenario.fleet, city, town)
+        full, drives = expanded(scenario, scenario.fleet, scenario.source, frames)
     else:
-        spelled_out = None
-        drives = {car.name: cells.drive(scenario, city, town, car) for car in scenario.cars}
-    traces = cast("dict[str, Trace]", drives)
-    for index, car in enumerate(scenario.cars if spelled_out is None else spelled_out.cars[:1]):
-        _check_route(f"{scenario.name}: cars[{index}].route", scenario, car.route, traces[car.name])
-    return Prepared(scenario, devices or _devices(spelled_out or scenario), traces, spelled_out, town)
-
-
-def _devices(scenario: Scenario) -> dict[str, DeviceProfile]:
-    names = [car.device for car in scenario.cars] + [edge.device for edge in scenario.edges]
-    return {name: load_profile(name) for name in dict.fromkeys(names)}
+        drives = {car.name: frames.drive(car.name, car.route.trace, scenario.start_ns(car)) for car in scenario.cars}
+    for index, car in enumerate(full.cars[:1] if scenario.fleet else full.cars):
+        _check_route(scenario, index, car, drives[car.name])
+    check_faults_of(full)
+    named = [car.device for car in full.cars] + [edge.device for edge in full.edges]
+    known = scenario.profiles if devices is None else devices
+    return Prepared(scenario, full, {name: known[name] for name in dict.fromkeys(named)}, frames, drives)
 
 
 def simulate(prepared: Prepared, progress: Progress | None = None, spill: Path | None = None) -> Tables:
@@ -261,54 +212,55 @@ def simulate(prepared: Prepared, progress: Progress | None = None, spill: Path |
 
     With ``spill``, a folder, the rows of long tables wait there and not in memory; ``write`` completes their files.
     """
-    scenario = prepared.scenario if prepared.spelled_out is None else prepared.spelled_out
-    record, methods = scenario.record, scenario.methods
-
-    def waiting(name: str) -> Path | None:
-        return None if spill is None else spill / f"{name}.rows"
-
-    tables = Tables(
-        FrameTable(),
-        LookupTable(waiting("lookups")),
-        ResourceTable(waiting("resources")),
-        PoseTable(waiting("poses")),
-        ObjectTable(waiting("objects")),
-    )
-    lookups = tables.lookups if "lookups" in record else None
-    objects = tables.objects if "objects" in record else None
-    if prepared.town is not None and "truth" in record:
-        tables = replace(tables, truth=TruthTable())
-    drives = "genie" if "genie" in methods else methods[0]  # without Genie, cars without cameras stay at home
-    for number, method in enumerate(methods):
-        poses = tables.poses if method == drives and "poses" in record else None
-        log = Log(method, tables.frames, lookups, tables.resources, poses, objects)
+    scenario, tables = prepared.expanded, Tables.spilling(spill)
+    if prepared.frames.truth is not None and "truth" in scenario.record:
+        tables = replace(tables, truth=Table(TRUTH))
+    built = build.shared(scenario, prepared.devices, prepared.drives)
+    driven: set[str] = set()
+    for number, entry in enumerate(scenario.methods):
+        log = _log(prepared, entry.name, tables, driven)
         began_s = time.perf_counter()
-        truth = _truth(prepared, method, tables.truth)
 
         def tell(
-            now_ns: int, end_ns: int, done: int = number, method: str = method, log: Log = log, began_s: float = began_s
+            now_ns: int,
+            end_ns: int,
+            done: int = number,
+            name: str = entry.name,
+            log: Log = log,
+            began_s: float = began_s,
         ) -> None:
             if progress is not None:
                 rate = log.published_frames / max(time.perf_counter() - began_s, 1e-9)
-                what = f"{method}, {rate:,.0f} frames/s"
-                progress((done * end_ns + now_ns) / NS_PER_S, len(methods) * end_ns / NS_PER_S, what)
+                what = f"{name}, {rate:,.0f} frames/s"
+                progress((done * end_ns + now_ns) / NS_PER_S, len(scenario.methods) * end_ns / NS_PER_S, what)
 
-        with _without_collections():
-            World(scenario, prepared.devices, prepared.traces, method, log, truth).run(tell)
+        with _gc_disabled():
+            world = build.world(built, entry, log)
+            world.run(tell)
+            driven.update(world.hosts)
     return tables
 
 
-def _truth(prepared: Prepared, method: str, table: TruthTable | None) -> Truth | None:
+def _log(prepared: Prepared, method: str, tables: Tables, driven: Collection[str]) -> Log:
+    scenario = prepared.expanded
+    samples: Literal["all", "edges", "none"] = "all" if prepared.scenario.fleet is None else "edges"
+    if "resources" not in scenario.record:
+        samples = "none"
+    return Log(method, tables, scenario.record, samples, _truth(prepared, method, tables.truth), driven)
+
+
+def _truth(prepared: Prepared, method: str, table: Table | None) -> Truth | None:
     """What judges the answers of one method, where the truth is known and wanted."""
-    city = prepared.scenario.perception
-    if table is None or prepared.town is None or not isinstance(city, InTown):
+    town = prepared.frames.truth
+    if table is None or town is None:
         return None
-    begin_ns = {car: cast("Drive", trace).start_ns for car, trace in prepared.traces.items()}
-    return Truth(method, prepared.town, begin_ns, city.tolerance_m, city.range_m, table.add)
+    source = prepared.scenario.source
+    begin_ns = {car: getattr(drive, "start_ns", 0) for car, drive in prepared.drives.items()}
+    return Truth(method, town, begin_ns, source.tolerance_m, source.range_m, table)
 
 
 @contextmanager
-def _without_collections() -> Iterator[None]:
+def _gc_disabled() -> Iterator[None]:
     """A simulation makes very many small objects, and no cycles that only Python's collector would free; what classes
     of somebody's own leave in cycles stays until the run is over. With ten thousand cars in memory, looking through
     all that lives would take longer than the simulation."""
@@ -321,29 +273,15 @@ def _without_collections() -> Iterator[None]:
             gc.enable()
 
 
-def _perceived(live: Live, progress: Progress | None) -> Trace:
-    """The trace of frames that go through the detector now."""
-    from genie_sim.perception.perceive import perceive
-
-    root = os.path.expandvars(live.kitti)
-    if root.startswith("$"):
-        raise UserError(
-            f"perception.kitti: {live.kitti}: the environment variable is not set; set it to KITTI's folder"
-        )
-
-    def tell(done: int, total: int) -> None:
-        if progress is not None:
-            progress(done, total, "perceive")
-
-    return perceive(root, live.drive, live.cameras, live.detector, min_score=live.min_score, progress=tell)
-
-
-def _check_route(where: str, scenario: Scenario, route: Route, trace: Trace) -> None:
-    for index, camera in enumerate(scenario.cameras):
-        if camera.recording not in trace.frames:
-            field = f"{scenario.name}: cameras[{index}].recording"
-            raise UserError(f"{field}: {unknown('recording', camera.recording, trace.frames)}")
-    recordings = [trace.frames[camera.recording] for camera in scenario.cameras]
+def _check_route(scenario: Scenario, index: int, car: Car, drive: Drive) -> None:
+    """The car's cameras are recorded on its drive, and its window is a part of it."""
+    own, where, route = isinstance(car.cameras, tuple), f"{scenario.name}: cars[{index}].route", car.route
+    for number, camera in enumerate(scenario.cameras_of(car)):
+        if camera.recording not in drive.frames:
+            field = f"cars[{index}].cameras[{number}]" if own else f"cameras[{number}]"
+            text = unknown("recording", camera.recording, drive.frames)
+            raise UserError(f"{scenario.name}: {field}.recording: {text} ({car.name} drives {drive.name})")
+    recordings = [drive.frames[camera.recording] for camera in scenario.cameras_of(car)]
     scenario.check_time(where, route, max(frames[-1].stamp_ns - frames[0].stamp_ns for frames in recordings))
     if route.window_ns is None:
         return
@@ -352,7 +290,7 @@ def _check_route(where: str, scenario: Scenario, route: Route, trace: Trace) -> 
     stamps_ns = [frame.stamp_ns for frames in recordings for frame in frames]
     if begin_ns > max(stamps_ns):
         begin_s, last_s = begin_ns / NS_PER_S, max(stamps_ns) / NS_PER_S
-        raise UserError(f"{where}: begins at {begin_s:g} s, after the last frame of {trace.name} at {last_s:g} s")
+        raise UserError(f"{where}: begins at {begin_s:g} s, after the last frame of {drive.name} at {last_s:g} s")
     if not any(begin_ns <= stamp_ns < end_ns for stamp_ns in stamps_ns):
         after_s = min(stamp_ns for stamp_ns in stamps_ns if stamp_ns >= end_ns) / NS_PER_S
-        raise UserError(f"{where}: no camera takes a frame in it; the next one of {trace.name} is at {after_s:g} s")
+        raise UserError(f"{where}: no camera takes a frame in it; the next one of {drive.name} is at {after_s:g} s")

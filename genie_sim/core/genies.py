@@ -13,7 +13,7 @@ from genie_sim.core.eviction import EVICTIONS, Eviction
 from genie_sim.core.message_cache import MessageCache, PendingIndex
 from genie_sim.core.node import GenieNode, detections_of_map
 from genie_sim.core.object_map import ObjectMap
-from genie_sim.core.rules import GenieRules
+from genie_sim.core.rules import GenieRules, MissPolicy
 from genie_sim.core.similarity import SIMILARITIES
 from genie_sim.errors import UserError, shown
 from genie_sim.messages import Header
@@ -30,7 +30,7 @@ def make_genie(
     *,
     on_edge: bool,
     alone: bool = False,
-    miss_policy: str | None = None,
+    miss_policy: MissPolicy | None = None,
     **middleware: Any,
 ) -> GenieNode:
     """The Genie called ``name`` for a node with the topics T_S and T_P.
@@ -50,7 +50,7 @@ def make_genie(
         return made
 
     def new_cache() -> MessageCache:
-        limits = (capacity.entries, capacity.size_bytes) if capacity is not None else (None, None)
+        limits = (capacity.entries, capacity.bytes) if capacity is not None else (None, None)
         return MessageCache(similarity.index(), eviction(), *limits)
 
     if miss_policy is None:

@@ -193,7 +193,8 @@ class GenieNode:
         effects.append(Publish(topic + self._local, request))
         if self.rules.share_requests:
             effects.append(Publish(topic + self._remote, request))
-        self._pending.open(requester.header, PendingRequest(topic, key, deadline_ns, forwarded=True, requesters=[requester]))
+        opened = PendingRequest(topic, key, deadline_ns, forwarded=True, requesters=[requester])
+        self._pending.open(requester.header, opened)
         return effects + self._meanwhile(request, requester)
 
     def _meanwhile(self, request: Request, requester: Requester) -> list[Effect]:

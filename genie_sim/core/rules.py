@@ -23,6 +23,10 @@ LITERAL: dict[str, Any] = {
 }
 
 
+MissPolicy = Literal["immediate", "blocking", "hits_only"]
+SIMILARITY = Choice("pose_grid", {"cell_m": 1.0, "heading_rad": math.radians(15.0)})
+
+
 @dataclass(frozen=True)
 class ObjectMapRules:
     """How Algorithm 2 is read.
@@ -48,10 +52,10 @@ class Capacity:
     """At most so many entries, so many bytes, or both."""
 
     entries: int | None = None
-    size_bytes: int | None = None
+    bytes: int | None = None
 
     def __post_init__(self) -> None:
-        if self.entries is None and self.size_bytes is None:
+        if self.entries is None and self.bytes is None:
             raise ValueError("must name 'entries', 'bytes' or both")
 
 
@@ -75,7 +79,7 @@ class GenieRules:
     """
 
     algorithm: Literal["default", "literal"] = "default"
-    similarity: Choice = Choice("pose_grid", {"cell_m": 1.0, "heading_rad": math.radians(15.0)})
+    similarity: Choice = SIMILARITY
     eviction: str = "unlimited"
     capacity: Capacity | None = None
     car_capacity: Capacity | None = None
@@ -89,7 +93,7 @@ class GenieRules:
     share_answers: Literal["broadcast", "on_request"] = "broadcast"
     share_requests: bool = True
     request_expiry_ns: int | None = 2_000_000_000
-    miss_policy: Literal["immediate", "blocking", "hits_only"] = "immediate"
+    miss_policy: MissPolicy = "immediate"
     view_range_m: float = 50.0
     fresh_objects: Literal["confident", "all"] = "confident"
     object_map: ObjectMapRules = field(default_factory=ObjectMapRules)

@@ -13,6 +13,7 @@ from functools import partial
 
 from genie_sim.core.genies import make_genie
 from genie_sim.core.node import GenieNode
+from genie_sim.core.rules import MissPolicy
 from genie_sim.sim.station import IMAGES, OBJECTS, Place, Station, Uplink
 
 REMOTE = "-remote"
@@ -20,7 +21,8 @@ UPLINK = Uplink(IMAGES + REMOTE, OBJECTS + REMOTE)
 
 # The remote phantom has no detector that could answer later: it gives what its map holds at once. The local one waits
 # for it, because its own map holds no more than what the remote one has sent before.
-PHANTOM_ON_CAR, PHANTOM_ON_EDGE = "blocking", "immediate"
+PHANTOM_ON_CAR: MissPolicy = "blocking"
+PHANTOM_ON_EDGE: MissPolicy = "immediate"
 
 
 class Genie:
@@ -52,7 +54,7 @@ def _genie(
     *,
     on_edge: bool = False,
     alone: bool = False,
-    miss_policy: str | None = None,
+    miss_policy: MissPolicy | None = None,
 ) -> GenieNode:
     assert place.genie is not None
     return make_genie(

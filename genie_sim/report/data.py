@@ -10,8 +10,7 @@ import numpy as np
 from genie_sim import units
 from genie_sim.analysis.metrics import (
     DEADLINE_MS,
-    METHODS,
-    ROLES,
+    PLACEMENTS,
     WINDOW_REQUESTS,
     response_ms,
     running_boost,
@@ -24,8 +23,7 @@ from genie_sim.units import NS_PER_S
 if TYPE_CHECKING:
     import pandas as pd
 
-    from genie_sim.analysis.metrics import Metric
-    from genie_sim.recording.results import Run
+    from genie_sim.recording.results import Metric, Run
 
     Floats = np.ndarray[Any, np.dtype[np.float64]]
 
@@ -44,11 +42,11 @@ def page_data(run: Run, start_ns: int = 0) -> dict[str, Any]:
     return {
         "about": _about(run),
         "metrics": [
-            [one.name, one.role, _round(one.value), one.unit, _round(one.low), _round(one.high), one.n]
+            [one.metric, _role(one), _round(one.value), one.unit, _round(one.low), _round(one.high), one.n]
             for one in _shown(run.measured, notes)
         ],
         "deadline_ms": DEADLINE_MS,
-        "cdf": list(_cdfs(run.frames)),
+        "cdf": list(_cdfs(run)),
         "over_time": {
             "image_reuse": list(_reuse(_clients(run.lookups), notes)),
             "object_reuse": list(_reuse(run.lookups[run.lookups["kind"] != "image"], notes)),
@@ -74,7 +72,7 @@ def _about(run: Run) -> dict[str, Any]:
         "run_id": run.run_id,
         "genie_sim": run.facts["genie_sim"],
         "seed": scenario["seed"],
-        "methods": [method for method in METHODS if method in scenario["methods"]],
+        "methods": [method.name for method in run.methods],
         "model": scenario["model"],
         "seconds": round(int(frames["stamp_ns"].max()) / NS_PER_S, 3) if len(frames) else 0,
         "from_map": _from_map(frames),
@@ -135,8 +133,8 @@ def _link(link: object) -> str | None:
 
 def _shown(measured: Sequence[Metric], notes: list[str]) -> list[Metric]:
     """All metrics but those of the less busy of very many resources."""
-    use = {one.role: one.value or 0.0 for one in measured if one.name == "utilisation"}
-    of_resources = dict.fromkeys(one.role for one in measured if ": " in one.role)
+    use = {_role(one): one.value or 0.0 for one in measured if one.metric == "utilization"}
+    of_resources = dict.fromkeys(_role(one) for one in measured if ": " in _role(one))
     if len(of_resources) <= RESOURCES_ON_PAGE:
         return list(measured)
     notes.append(
@@ -144,7 +142,14 @@ def _shown(measured: Sequence[Metric], notes: list[str]) -> list[Metric]:
         "queues; all are in metrics.json."
     )
     busiest = set(sorted(of_resources, key=lambda role: (-use.get(role, 0.0), role))[:RESOURCES_ON_PAGE])
-    return [one for one in measured if ": " not in one.role or one.role in busiest]
+    return [one for one in measured if ": " not in _role(one) or _role(one) in busiest]
+
+
+def _role(one: Metric) -> str:
+    """Which method, baseline, placement of Genies, or resource."""
+    if one.component:
+        return one.component if one.metric.startswith("improvement") else f"{one.method}: {one.component}"
+    return {"car": "local", "edge": "remote"}.get(one.placement, one.method)
 
 
 def _from_map(frames: pd.DataFrame) -> float | None:
@@ -166,10 +171,10 @@ def _route(route: Mapping[str, Any]) -> str:
     return ", ".join(parts)
 
 
-def _cdfs(frames: pd.DataFrame) -> Iterator[dict[str, Any]]:
+def _cdfs(run: Run) -> Iterator[dict[str, Any]]:
     """Response times of each method. ``rank[i]`` of ``published`` frames were answered within ``ms[i]``."""
-    for method in METHODS:
-        mine = frames[frames["method"] == method]
+    for method in (method.name for method in run.methods):
+        mine = run.frames[run.frames["method"] == method]
         for answer in ("first", "fresh"):
             times = response_ms(mine, answer)
             known = np.sort(times[~np.isnan(times)])
@@ -186,13 +191,13 @@ def _cdfs(frames: pd.DataFrame) -> Iterator[dict[str, Any]]:
 
 
 def _clients(lookups: pd.DataFrame) -> pd.DataFrame:
-    return lookups[(lookups["kind"] == "image") & (lookups["asker"] == "client")]
+    return lookups[(lookups["kind"] == "image") & (lookups["requester"] == "client")]
 
 
 def _reuse(lookups: pd.DataFrame, notes: list[str]) -> Iterator[dict[str, Any]]:
     """hits / requests over the last 50 requests of each Genie."""
-    for role in ROLES:
-        windows = windowed_reuse(lookups[lookups["role"] == role])
+    for placement, role in zip(PLACEMENTS, ("local", "remote"), strict=True):
+        windows = windowed_reuse(lookups[lookups["placement"] == placement])
         genies = sorted(windows["genie"].astype(str).unique())
         if len(genies) > GENIES_PER_ROLE:
             notes.append(
@@ -207,8 +212,8 @@ def _reuse(lookups: pd.DataFrame, notes: list[str]) -> Iterator[dict[str, Any]]:
 
 def _boost(lookups: pd.DataFrame) -> Iterator[dict[str, Any]]:
     """The running mean of C_new - C_old over the updates of all object maps of a role."""
-    for role in ROLES:
-        running = running_boost(lookups[lookups["role"] == role])
+    for placement, role in zip(PLACEMENTS, ("local", "remote"), strict=True):
+        running = running_boost(lookups[lookups["placement"] == placement])
         if len(running):
             kept = _thinned(len(running))
             t_s, boost = running["t_ns"].to_numpy(float) / NS_PER_S, running["boost"].to_numpy(float)

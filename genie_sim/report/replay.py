@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from genie_sim.analysis.metrics import METHODS
 from genie_sim.units import NS_PER_MS, NS_PER_S
 
 if TYPE_CHECKING:
@@ -118,7 +117,7 @@ def _methods(run: Run, poses: pd.DataFrame, names: _Names) -> dict[str, Any]:
     found: dict[str, Any] = {}
     frames, key = _about(run.frames, poses), ["car", "stream", "frame"]
     ids = _plain(poses)[key]
-    for method in METHODS:
+    for method in (method.name for method in run.methods):
         mine = frames[frames["method"] == method]
         if mine.empty:
             continue
@@ -132,7 +131,7 @@ def _methods(run: Run, poses: pd.DataFrame, names: _Names) -> dict[str, Any]:
             "served_by": names.codes(rows["served_by"]),
             "drop": names.codes(rows["drop"]),
             "objects_served": _integers(rows["objects_served"]),
-            "objects_detected": _integers(rows["objects_detected"]),
+            "objects_detected": _integers(rows["objects_fresh"]),
             "bytes_up": _integers(rows["bytes_up"]),
             "bytes_down": _integers(rows["bytes_down"]),
         }
@@ -149,8 +148,8 @@ def _lookups(run: Run, poses: pd.DataFrame, names: _Names) -> dict[str, Any]:
         "t_us": _deltas(rows["t_ns"].to_numpy() // US),
         "frame_id": rows["frame_id"].tolist(),
         "genie": names.codes(rows["genie"]),
-        "remote": (rows["role"] == "remote").astype(int).tolist(),
-        "neighbour": (rows["asker"] == "neighbour").astype(int).tolist(),
+        "remote": (rows["placement"] == "edge").astype(int).tolist(),
+        "neighbour": (rows["requester"] == "neighbour").astype(int).tolist(),
         "kind": rows["kind"].astype(str).map(KINDS.index).tolist(),
         "outcome": rows["outcome"].astype(object).map(_outcome).tolist(),
         "requests": rows["requests"].tolist(),

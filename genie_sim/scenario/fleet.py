@@ -46,7 +46,8 @@ class Fleet(Model):
     """Cars that are alike but for their devices, and an edge server in the middle of each cell of the town.
 
     The cells are squares of about ``cell_m``: as many as fit the town best. A car is with the nearest edge; it changes
-    when another is nearer by ``hysteresis_m``, and can send and receive nothing for ``hand_over_gap_ns``. Edges share with those of the cells that have a border with theirs.
+    when another is nearer by ``hysteresis_m``, and can send and receive nothing for ``hand_over_gap_ns``. Edges share
+    with those of the cells that have a border with theirs.
     """
 
     cars: Annotated[int, Field(ge=1, le=MOST_CARS)]

@@ -67,7 +67,7 @@ _OBJECT_MAP = Plain(
     forget_ns=PositiveDuration | None,
 )
 _CAPACITY = Annotated[
-    Annotated[Capacity, Plain(Capacity, entries=Count | None, size_bytes=PositiveSize | None)] | None,
+    Annotated[Capacity, Plain(Capacity, entries=Count | None, bytes=PositiveSize | None)] | None,
     BeforeValidator(_capacity),
 ]
 GenieSection = Annotated[

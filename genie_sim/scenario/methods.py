@@ -6,7 +6,7 @@ import inspect
 from collections.abc import Mapping
 from typing import Annotated, Any
 
-from pydantic import BeforeValidator, PlainSerializer, WithJsonSchema
+from pydantic import BeforeValidator, Field, PlainSerializer, WithJsonSchema
 
 from genie_sim import plugins
 from genie_sim.core.rules import LITERAL
@@ -31,7 +31,7 @@ class MethodEntry(Model):
     name: Name
     method: Choice
     title: str | None = None
-    settings: dict[str, Any] = {}
+    settings: dict[str, Any] = Field(default_factory=dict)
 
 
 def read_method(value: object) -> MethodEntry:
@@ -54,7 +54,8 @@ def read_method(value: object) -> MethodEntry:
         known = [*inspect.signature(plugins.resolve("method", method, METHODS)).parameters]
         for key in arguments:
             if key not in known:
-                problem(str(key), unknown("setting of a method", key, ("method", "name", "title", *known, *OVERRIDABLE)))
+                choices = ("method", "name", "title", *known, *OVERRIDABLE)
+                problem(str(key), unknown("setting of a method", key, choices))
     choice = _PLUG_IN.read({"method": method, **arguments})
     return MethodEntry(name=str(name), method=choice, title=title, settings=of_scenario)
 
@@ -93,6 +94,6 @@ def overridden(settings: Mapping[str, Any], by: Mapping[str, Any]) -> dict[str, 
     found = overridden(settings, preset) if preset else dict(settings)
     for key, item in by.items():
         held = found.get(key)
-        whole = not isinstance(held, Mapping) or not isinstance(item, Mapping) or "name" in item
-        found[key] = item if whole else overridden(held, item)
+        merge = isinstance(held, Mapping) and isinstance(item, Mapping) and "name" not in item
+        found[key] = overridden(dict(held or {}), item) if merge else item
     return found

@@ -128,7 +128,7 @@ def _with_unit(name: str, annotation: Any) -> Any:
         return Union[tuple(_with_unit(name, one) for one in get_args(annotation))]  # noqa: UP007 - made at run time
     if get_origin(annotation) is tuple:
         return Annotated[annotation, Listed]
-    if is_dataclass(annotation):
+    if isinstance(annotation, type) and is_dataclass(annotation):
         return Annotated[annotation, Plain(annotation)]
     suffix = next((suffix for suffix in _WITH_UNIT if name.endswith(suffix)), None)
     return _WITH_UNIT[suffix] if suffix is not None and annotation in (int, float) else annotation

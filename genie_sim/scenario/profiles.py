@@ -10,8 +10,8 @@ from typing import Annotated, Generic, Literal, TypeVar
 
 from pydantic import Field, model_validator
 
-from genie_sim.errors import UserError, unknown
 from genie_sim import files
+from genie_sim.errors import UserError, unknown
 from genie_sim.scenario.fields import Duration, Listed, Model, Name, PositiveDuration, problem, validate
 from genie_sim.scenario.yaml_input import read_mapping
 

@@ -7,7 +7,7 @@ simulating. In Python names carry units (``start_ns``), in YAML values do (``sta
 from __future__ import annotations
 
 import copy
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
@@ -261,7 +261,8 @@ class Scenario(Overridable):
 
     def to_yaml(self) -> str:
         """Every setting written out; reads back to an equal scenario."""
-        return dump(self.model_dump(mode="json", by_alias=True))
+        written = self.model_dump(mode="json", by_alias=True)
+        return dump({key: written[key] for key in ("name", "description", "seed", "methods")} | written)
 
 
 def _unknown_edge(name: str, edges: Collection[str]) -> str:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from genie_sim import report
-from genie_sim.analysis.metrics import across_seeds
+from genie_sim.analysis.statistics import across_seeds
 from genie_sim.errors import UserError
 from genie_sim.recording import provenance
 
@@ -94,7 +94,13 @@ def _read(folder: Path) -> tuple[dict[str, Any], pd.DataFrame, pd.DataFrame]:
         raise UserError(f"{path}: missing; the sweep is not finished, run it again for the rest") from None
     except (OSError, ValueError) as error:
         raise UserError(f"{path}: cannot be read: {error}") from error
-    return about, runs, points
+    return about, _with_role(runs), _with_role(points)
+
+
+def _with_role(table: pd.DataFrame) -> pd.DataFrame:
+    """With a column ``role``: the baseline of an improvement, where Genies run, else the method."""
+    placed = table["placement"].map({"car": "local", "edge": "remote"})
+    return table.assign(role=table["component"].where(table["component"] != "", placed.fillna(table["method"])))
 
 
 def _chosen(points: pd.DataFrame, runs: pd.DataFrame, columns: Sequence[str], notes: list[str]) -> pd.DataFrame:

@@ -18,6 +18,7 @@ from genie_sim.town.laws import DetectorLaws, detector_laws
 from genie_sim.town.rules import TownRules, TrueObject
 from genie_sim.town.streets import Street, Streets, lay_out
 
+STREAMS = "city"  # the name of a town's random streams: another one would make other towns
 ORIGIN: Geodetic = (49.0, 8.4, 115.0)  # near Karlsruhe, where KITTI was recorded; the town itself is made up
 
 
@@ -46,7 +47,7 @@ class Town:
         columns, rows = self.rules.blocks
 
         def ways(name: str, blocks: int) -> list[Street]:
-            streams = (stream(self.seed, "town", name, k) for k in range(blocks + 1))
+            streams = (stream(self.seed, STREAMS, name, k) for k in range(blocks + 1))
             northbound = name == "north"
             return [lay_out(self.rules, self.laws, northbound, k, self.key, one) for k, one in enumerate(streams)]
 
@@ -59,7 +60,7 @@ class Town:
 
     @functools.cached_property
     def _commuting(self) -> routes.Commuting:
-        return routes.Commuting(self.rules, stream(self.seed, "town", "destinations"))
+        return routes.Commuting(self.rules, stream(self.seed, STREAMS, "destinations"))
 
     def drive(self, car: str, duration_ns: int, interval_ns: int = 100_000_000, start_ns: int = 0) -> Drive:
         """What the cameras of one car see, a frame every ``interval_ns``, from ``start_ns`` on the town's clock on.
@@ -77,7 +78,7 @@ class Town:
 
     def course(self, car: str, start_ns: int, end_ns: int) -> routes.Course:
         """Where a car is from ``start_ns`` to ``end_ns``."""
-        random = stream(self.seed, "town", "car", car)
+        random = stream(self.seed, STREAMS, "car", car)
         return routes.drive(self.rules, self._commuting, random, start_ns * 1e-9, end_ns * 1e-9)
 
     def truth_near(self, east_m: float, north_m: float, range_m: float, t_ns: int) -> tuple[TrueObject, ...]:
