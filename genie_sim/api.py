@@ -22,8 +22,8 @@ from typing import TYPE_CHECKING, Any
 from genie_sim import report, runner
 from genie_sim.errors import UserError
 from genie_sim.paths import expanded
+from genie_sim.perception.sources import Progress
 from genie_sim.recording import results
-from genie_sim.runner import Progress
 from genie_sim.scenario import scenario
 from genie_sim.scenario.scenario import Scenario
 

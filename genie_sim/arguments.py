@@ -32,22 +32,21 @@ def kinds(incomplete: str) -> list[str]:
 
 def _setting_paths(incomplete: str) -> list[str]:
     """``PATH=`` of every field that ``--set`` takes; of lists, the first entry's."""
-    from genie_sim.scenario.genie_settings import GenieSettings, ObjectMapSettings
-    from genie_sim.scenario.scenario import Car, Edge, Route, Scenario
+    from genie_sim.core.rules import GenieRules, ObjectMapRules
+    from genie_sim.scenario.fields import Model
+    from genie_sim.scenario.parts import Car, Edge, Route
+    from genie_sim.scenario.plain import model_of
+    from genie_sim.scenario.scenario import Scenario
 
-    places = {
+    places: dict[str, type[Model]] = {
         "": Scenario,
         "cars[0].": Car,
         "cars[0].route.": Route,
         "edges[0].": Edge,
-        "genie.": GenieSettings,
-        "genie.object_map.": ObjectMapSettings,
+        "genie.": model_of(GenieRules),
+        "genie.object_map.": model_of(ObjectMapRules),
     }
-    paths = [
-        f"{place}{field.alias or name}="
-        for place, model in places.items()
-        for name, field in model.model_fields.items()
-    ]
+    paths = [f"{place}{name}=" for place, model in places.items() for name in model.yaml_names()]
     return [path for path in paths if path.startswith(incomplete)]
 
 

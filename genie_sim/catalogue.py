@@ -8,9 +8,14 @@ from genie_sim import files
 from genie_sim.core.confidence import CONFIDENCE_RULES
 from genie_sim.core.eviction import EVICTIONS
 from genie_sim.core.similarity import SIMILARITIES
-from genie_sim.scenario.links import LINKS, LinkProfile
+from genie_sim.faults import FAULTS
+from genie_sim.methods import METHODS
+from genie_sim.perception.sources import SOURCES
+from genie_sim.plugins import Choice, resolve
+from genie_sim.scenario.links import LINKS
 from genie_sim.scenario.profiles import load_profile
 from genie_sim.scenario.yaml_input import read_mapping
+from genie_sim.sim.link_models import LINK_MODELS
 from genie_sim.units import duration_text, rate_text
 
 Listing = Iterable[tuple[str, str]]
@@ -39,9 +44,11 @@ def _links() -> Listing:
     return ((name, _about_link(link)) for name, link in LINKS.items())
 
 
-def _about_link(link: LinkProfile) -> str:
-    up, down = (rate_text(rate) if rate is not None else "no limit" for rate in (link.rate_up_bps, link.rate_down_bps))
-    return f"{up} up, {down} down, delay {duration_text(link.delay_ns)}, jitter {duration_text(link.jitter_ns)}"
+def _about_link(link: Choice) -> str:
+    of = link.parameters
+    rates = (of["rate_up_bps"], of["rate_down_bps"])
+    up, down = (rate_text(rate) if rate is not None else "no limit" for rate in rates)
+    return f"{up} up, {down} down, delay {duration_text(of['delay_ns'])}, jitter {duration_text(of['jitter_ns'])}"
 
 
 def _traces() -> Listing:
@@ -55,10 +62,14 @@ def _detectors() -> Listing:
 
 
 def _first_lines(registry: Mapping[str, object]) -> Listing:
-    return ((name, (entry.__doc__ or "").strip().splitlines()[0]) for name, entry in registry.items())
+    return ((name, (resolve("", name, registry).__doc__ or "").strip().splitlines()[0]) for name in registry)
 
 
 KINDS: dict[str, Callable[[], Listing]] = {
+    "methods": lambda: _first_lines(METHODS),
+    "faults": lambda: _first_lines(FAULTS),
+    "sources": lambda: _first_lines(SOURCES),
+    "link-models": lambda: _first_lines(LINK_MODELS),
     "scenarios": lambda: _described(files.SCENARIO),
     "sweeps": lambda: _described(files.SWEEP),
     "devices": _devices,

@@ -136,8 +136,7 @@ def _finished(prepared: Prepared, run_id: str, tables: Tables) -> Run:
 
     frames, lookups, resources, poses, objects, *more = (table.to_frame() for table in tables)
     truth = more[0] if more else None
-    methods = [MethodInfo(**method) for method in method_facts(prepared.scenario)]
-    measured = metrics.compute(methods, frames, lookups, resources, truth)
+    measured = metrics.compute(methods_of(prepared), frames, lookups, resources, truth)
     yaml = prepared.scenario.to_yaml()
     return Run(run_id, facts(prepared), yaml, frames, lookups, resources, poses, objects, measured, truth=truth)
 
@@ -184,12 +183,22 @@ def prepare(
 ) -> Prepared:
     """Opens the frame source and gives every car its drive, all in one world. ``devices`` replace the profiles that the
     scenario read. Raises ``UserError``."""
-    source = plugins.make("frame source", scenario.perception, SOURCES, ("open",))
+    source = frame_source(scenario)
     if hasattr(source, "town"):
         routes = {f"cars[{index}].route": car.route for index, car in enumerate(scenario.cars)}
         for place, route in (routes or {"perception.duration": Route()}).items():
             scenario.check_time(f"{scenario.name}: {place}", route, source.duration_ns)
     return on_frames(scenario, source.open(scenario.seed, scenario.origin, progress), devices)
+
+
+def frame_source(scenario: Scenario) -> Any:
+    """What the ``perception`` section names. Raises ``UserError``."""
+    return plugins.make("frame source", scenario.perception, SOURCES, ("open",))
+
+
+def methods_of(prepared: Prepared) -> list[MethodInfo]:
+    """The methods that a scenario runs, in its order."""
+    return [MethodInfo(**method) for method in method_facts(prepared.scenario)]
 
 
 def on_frames(scenario: Scenario, frames: Frames, devices: Mapping[str, DeviceProfile] | None = None) -> Prepared:

@@ -30,10 +30,10 @@ from genie_sim.paper.checks import BASELINES
 from genie_sim.paper.facts import Facts
 from genie_sim.paper.replicate import Progress, in_parallel, outcome_of
 from genie_sim.paths import expanded
+from genie_sim.perception.sources import Recordings
 from genie_sim.perception.tracking import CAMERA, FRAME_NS, sequences, tracking_trace
 from genie_sim.recording import provenance
-from genie_sim.runner import Prepared
-from genie_sim.scenario.profiles import load_profile
+from genie_sim.runner import Prepared, on_frames
 from genie_sim.scenario.scenario import load_scenario
 from genie_sim.units import NS_PER_S
 
@@ -159,15 +159,13 @@ def prepare_drive(job: DriveJob) -> Prepared:
     scenario = load_scenario(job.scenario, settings, SEED)
     cameras = tuple(camera.model_copy(update={"recording": CAMERA}) for camera in scenario.cameras)
     scenario = scenario.model_copy(update={"cameras": cameras})
-    names = [car.device for car in scenario.cars] + [edge.device for edge in scenario.edges]
-    devices = {name: load_profile(name) for name in names}
-    return Prepared(scenario, devices, {car.name: trace for car in scenario.cars})
+    return on_frames(scenario, Recordings(trace))
 
 
 def run_drive(job: DriveJob) -> Driven:
     """Simulates one job."""
     prepared = prepare_drive(job)
-    drive_s = len(next(iter(prepared.traces.values())).frames[CAMERA]) * FRAME_NS / NS_PER_S
+    drive_s = len(next(iter(prepared.drives.values())).frames[CAMERA]) * FRAME_NS / NS_PER_S
     return Driven(job.sequence, job.scenario, drive_s, outcome_of(prepared).facts)
 
 

@@ -69,7 +69,8 @@ def labels_are_here() -> bool:
 def measure_job(job: Job) -> dict[str, dict[str, float]]:
     """Simulates one job and compares; the numbers by method."""
     prepared = prepare_job(job)
-    trace = next(iter(prepared.traces.values()))
+    trace = next(iter(prepared.drives.values()))
+    assert isinstance(trace, Trace), "the evaluation drives recorded streets"
     labels = _labels(str(trace.provenance["drive"]), trace)
     windows = {car.name: car.route.window_ns for car in prepared.scenario.cars}
     return {method: measure(held, trace, labels, windows) for method, held in run_for_answers(prepared).items()}

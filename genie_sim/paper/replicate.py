@@ -15,18 +15,19 @@ from contextlib import closing
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from genie_sim import files
+from genie_sim import build, files
 from genie_sim.messages import Detections, Image, Location, Message
+from genie_sim.methods.genie import REMOTE
 from genie_sim.paper.facts import Facts, facts_of
 from genie_sim.parallel import in_processes
+from genie_sim.perception.sources import Recordings
 from genie_sim.perception.trace import Trace, TraceFrame, read_trace
 from genie_sim.recording.log import Log
 from genie_sim.recording.records import Tables
-from genie_sim.runner import Prepared
-from genie_sim.scenario.profiles import load_profile
-from genie_sim.scenario.scenario import Recorded, Scenario, load_scenario
-from genie_sim.sim.nodes import Detector, Genie
-from genie_sim.sim.world import OBJECTS, REMOTE, World
+from genie_sim.runner import Prepared, on_frames
+from genie_sim.scenario.scenario import Scenario, load_scenario
+from genie_sim.sim.nodes import Detector, InterceptorNode
+from genie_sim.sim.station import OBJECTS
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -99,13 +100,14 @@ def outcome_of(prepared: Prepared, keep_tables: bool = False) -> Outcome:
     stored: dict[str, list[float]] = {"car": [], "edge": []}
     detectors: dict[str, set[tuple[object, ...]]] = {}
     behind_genie: list[bool] = []
+    built = build.shared(prepared.expanded, prepared.devices, prepared.drives)
     for method in prepared.scenario.methods:
-        world = World(prepared.scenario, prepared.devices, prepared.traces, method, Log(method, tables))
-        genies: list[Any] = [one for one in world.resources if isinstance(one, Genie)]
+        world = build.world(built, method, Log(method.name, tables))
+        genies: list[Any] = [one for one in world.resources if isinstance(one, InterceptorNode)]
         for one in world.resources:
             if isinstance(one, Detector):
                 detectors.setdefault(one.name, set()).add(_as_it_is(one))
-                if method == "genie":
+                if method.name == "genie":
                     behind_genie.append(one.graph.topics_of(one.name) != (one.subscribes, one.publishes))
         for genie in genies:
             for topic in (OBJECTS, OBJECTS + REMOTE):
@@ -113,7 +115,7 @@ def outcome_of(prepared: Prepared, keep_tables: bool = False) -> Outcome:
         world.run()
         for genie in genies:
             placement = "edge" if genie.host.name in world.edges else "car"
-            stored[placement] += [one.confidence for one in genie.genie.object_map]
+            stored[placement] += [one.confidence for one in genie.pure.object_map]
     frames, lookups, resources = (table.to_frame() for table in (tables.frames, tables.lookups, tables.resources))
     facts = facts_of(frames, lookups, resources, lap_ns=_lap_ns(prepared.scenario))
     for placement, confidences in stored.items():
@@ -149,10 +151,11 @@ class Held:
 def run_for_answers(prepared: Prepared) -> dict[str, Held]:
     """Simulates every method and keeps all answers, by method; for ``quality``."""
     found: dict[str, Held] = {}
+    built = build.shared(prepared.expanded, prepared.devices, prepared.drives)
     for method in prepared.scenario.methods:
-        log = _AnswerLog(method)
-        World(prepared.scenario, prepared.devices, prepared.traces, method, log).run()
-        found[method] = log.held
+        log = _AnswerLog(method.name)
+        build.world(built, method, log).run()
+        found[method.name] = log.held
     return found
 
 
@@ -195,13 +198,11 @@ def prepare_job(job: Job) -> Prepared:
     """The scenario, devices and traces of a job. Raises ``UserError``."""
     words, overrides = _split(job.settings)
     plain = load_scenario(job.scenario)
-    overrides = [*_spelled_out(plain, words, job.seed), *overrides]
-    scenario = load_scenario(job.scenario, overrides, job.seed).model_copy(update={"methods": job.methods})
-    assert isinstance(scenario.perception, Recorded)
-    trace = _trace(scenario.perception.trace, float(words.get("min_score", 0.0)), float(words.get("frame_rate_hz", 0)))
-    names = [car.device for car in scenario.cars] + [edge.device for edge in scenario.edges]
-    devices = {name: _device(name) for name in names}
-    return Prepared(scenario, devices, {car.name: trace for car in scenario.cars})
+    overrides = [*_expanded(plain, words, job.seed), f"methods=[{', '.join(job.methods)}]", *overrides]
+    scenario = load_scenario(job.scenario, overrides, job.seed)
+    name = str(scenario.perception.parameters["trace"])
+    trace = _trace(name, float(words.get("min_score", 0.0)), float(words.get("frame_rate_hz", 0)))
+    return on_frames(scenario, Recordings(trace))
 
 
 WORDS = (
@@ -223,7 +224,7 @@ def _split(settings: Sequence[str]) -> tuple[dict[str, str], list[str]]:
     return words, overrides
 
 
-def _spelled_out(scenario: Scenario, words: Mapping[str, str], seed: int) -> Iterator[str]:
+def _expanded(scenario: Scenario, words: Mapping[str, str], seed: int) -> Iterator[str]:
     """The evaluation's own words as overrides of the scenario."""
     cars, edges = scenario.cars, scenario.edges
     if "overlap" in words:
@@ -233,8 +234,9 @@ def _spelled_out(scenario: Scenario, words: Mapping[str, str], seed: int) -> Ite
             yield f"cars[{index}].route.laps={words['laps']}"
         if "links" in words:
             yield f"cars[{index}].link={words['links']}"
-        if words.get("link") == "cut":
-            yield f"cars[{index}].link={{like: ethernet_1g, outages: [[{CUT_S} s, 3600 s]]}}"
+    if words.get("link") == "cut":
+        cuts = [f"{{fault: outage, target: {car.name}, begin: {CUT_S} s}}" for car in cars]
+        yield f"faults=[{', '.join(cuts)}]"
     for index, edge in enumerate(edges):
         if "all_edges" in words:
             yield f"edges[{index}].device={words['all_edges']}"
@@ -272,9 +274,6 @@ def _lap_ns(scenario: Scenario) -> int | None:
     if route.laps == 1 or route.window_ns is None:
         return None
     return route.start_ns + route.window_ns[1] - route.window_ns[0] + route.pause_ns
-
-
-_device = functools.lru_cache(maxsize=None)(load_profile)
 
 
 @functools.lru_cache(maxsize=32)

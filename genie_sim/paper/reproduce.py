@@ -322,4 +322,4 @@ def _provenance(
 def _trace_digest() -> str:
     from genie_sim.paper.replicate import prepare_job
 
-    return next(iter(prepare_job(Job(ALL[0], 1)).traces.values())).digest
+    return next(iter(prepare_job(Job(ALL[0], 1)).frames.digests().values()))

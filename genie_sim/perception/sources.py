@@ -46,7 +46,10 @@ class TrueWorld(Protocol):
 
 
 class Frames(Protocol):
-    """An open source. ``truth`` is ``None`` where nobody knows what is really there."""
+    """An open source. ``truth`` is ``None`` where nobody knows what is really there. ``seeded``: another seed gives
+    other frames."""
+
+    seeded: bool
 
     @property
     def truth(self) -> TrueWorld | None: ...
@@ -125,6 +128,7 @@ class Recordings:
     main: Trace
     origin: Geodetic | None = None
     truth: None = None
+    seeded: bool = False
     _read: dict[str | None, Trace] = field(default_factory=dict)
     _of_cars: dict[str, Trace] = field(default_factory=dict)
 

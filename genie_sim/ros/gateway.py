@@ -25,7 +25,7 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple, Protocol
 
 from genie_sim.core.node import GenieNode
-from genie_sim.messages import CameraPose, Fact, Header, Publish
+from genie_sim.messages import CameraPose, Header, Observation, Publish
 from genie_sim.ros.message import RosMessage
 
 log = logging.getLogger(__name__)
@@ -88,7 +88,7 @@ class Gateway:
         requests: tuple[str, ...],
         answers: tuple[str, ...],
         publish: Callable[[str, RosMessage], None],
-        observe: Callable[[Fact, int], None],
+        observe: Callable[[Observation, int], None],
         links: Links | None = None,
     ) -> None:
         self.genie = genie

@@ -8,13 +8,13 @@ from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 from genie_sim.core.genies import make_genie
+from genie_sim.core.rules import GenieRules
 from genie_sim.core.similarity import SIMILARITIES
 from genie_sim.errors import UserError, unknown
-from genie_sim.messages import Detection, Fact, Forgotten, Header
+from genie_sim.messages import Detection, Forgotten, Header, Observation
 from genie_sim.ros.gateway import LOCAL, REMOTE, Gateway, Links
 from genie_sim.ros.message import Codec, RosMessage, WireType
-from genie_sim.scenario.fields import validate
-from genie_sim.scenario.genie_settings import GenieSettings
+from genie_sim.scenario.genie import read_genie
 
 # Where a robot is at stake: equal bytes only, and nothing that the node says is withheld. A scenario's settings win.
 DEFAULTS: dict[str, Any] = {"similarity": "exact", "fresh_objects": "all"}
@@ -55,9 +55,9 @@ class Plan:
         return cls(types=types, **topics, **data)
 
 
-def checked_settings(settings: Mapping[str, Any], pose_topic: str | None) -> GenieSettings:
+def checked_settings(settings: Mapping[str, Any], pose_topic: str | None) -> GenieRules:
     """The settings of a Genie in real ROS. Raises UserError naming the field."""
-    genie = validate(GenieSettings, {**DEFAULTS, **settings}, lambda path: "genie")
+    genie = read_genie({**DEFAULTS, **settings})
     if genie.similarity.name == "pose_grid" and pose_topic is None:
         raise UserError("genie: similarity: pose_grid needs to know where the camera is: name a pose topic")
     return genie
@@ -77,7 +77,7 @@ def check(plan: Plan) -> None:
 def make_gateway(
     plan: Plan,
     publish: Callable[[str, RosMessage], None],
-    observe: Callable[[Fact, int], None],
+    observe: Callable[[Observation, int], None],
     links: Links,
     object_codec: Codec | None,
 ) -> Gateway:
@@ -103,7 +103,7 @@ class Recorder:
     def __init__(self, path: str | None) -> None:
         self._file = open(path, "a", buffering=1, encoding="utf-8") if path else None  # noqa: PTH123, SIM115
 
-    def __call__(self, record: Fact, now_ns: int) -> None:
+    def __call__(self, record: Observation, now_ns: int) -> None:
         if self._file is not None:
             line = {"t_ns": now_ns, "record": type(record).__name__, **record._asdict()}
             if not isinstance(record, Forgotten):

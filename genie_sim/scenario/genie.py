@@ -14,7 +14,15 @@ from genie_sim.core.rules import LITERAL, Capacity, GenieRules, ObjectMapRules
 from genie_sim.core.similarity import SIMILARITIES
 from genie_sim.errors import shown
 from genie_sim.plugins import Choice
-from genie_sim.scenario.fields import Count, PositiveDuration, PositiveLength, PositiveSize, Probability
+from genie_sim.scenario.fields import (
+    Count,
+    Model,
+    PositiveDuration,
+    PositiveLength,
+    PositiveSize,
+    Probability,
+    validate,
+)
 from genie_sim.scenario.plain import OWN_CLASS_SCHEMA, Plain, PlugIn
 
 
@@ -85,3 +93,12 @@ GenieSection = Annotated[
         object_map=Annotated[ObjectMapRules, _OBJECT_MAP],
     ),
 ]
+
+
+class _Section(Model):
+    genie: GenieSection
+
+
+def read_genie(data: Mapping[str, Any]) -> GenieRules:
+    """The rules in a ``genie:`` section alone. Raises ``UserError``."""
+    return validate(_Section, {"genie": data}, lambda _: "").genie

@@ -8,14 +8,13 @@ from pathlib import Path
 
 from genie_sim import runner
 from genie_sim.errors import UserError
-from genie_sim.perception.trace import Trace
+from genie_sim.perception.sources import Frames, Progress
 from genie_sim.recording import provenance
-from genie_sim.runner import Prepared, Progress
+from genie_sim.runner import Prepared
 from genie_sim.scenario.profiles import DeviceProfile
 from genie_sim.scenario.scenario import Scenario, load_scenario
 from genie_sim.sweep.design import Design, Level
 from genie_sim.sweep.tasks import Run, Shared, Task
-from genie_sim.town import Town
 
 TASK_FRAMES = 30_000  # about ten seconds of work, which is what a kill may cost a worker
 LEAST_TASKS_A_WORKER = 4  # so that no worker waits long for the last one
@@ -23,7 +22,7 @@ LEAST_TASKS_A_WORKER = 4  # so that no worker waits long for the last one
 # Settings that say nothing about which profiles and traces are needed.
 _SAME_FILES = {
     "name", "description", "seed", "methods", "model", "spread", "start_jitter_ns", "queue_length", "edge_network",
-    "genie",
+    "genie", "faults",
 }  # fmt: skip
 
 
@@ -69,15 +68,14 @@ def plan(design: Design, where: str, progress: Progress | None = None) -> Plan:
 
 def _runs_of(prepared: Prepared, seeds: Sequence[int], point: str) -> Iterator[Run]:
     """A point's run with each seed."""
-    # A town is another with every seed; whoever simulates a run makes it anew.
-    keys = {} if prepared.town else {car: _key(trace) for car, trace in prepared.traces.items()}
+    key = None if prepared.frames.seeded else _key(prepared)
     frames = _frames(prepared)
     for seed in seeds:
         seeded = replace(prepared, scenario=prepared.scenario.model_copy(update={"seed": seed}))
-        if prepared.town:
-            seeded = replace(seeded, town=Town(prepared.town.rules, seed))
+        if prepared.frames.seeded:
+            seeded = replace(seeded, frames=runner.frame_source(seeded.scenario).open(seed, seeded.scenario.origin))
         run_id = provenance.run_id(runner.facts(seeded))
-        yield Run(run_id, seeded.scenario, keys, frames, f"{point}, seed {seed}")
+        yield Run(run_id, seeded.scenario, key, frames, f"{point}, seed {seed}")
 
 
 def share(runs: Iterable[Run], shard: tuple[int, int]) -> list[Run]:
@@ -105,39 +103,39 @@ class _World:
 
     def __init__(self) -> None:
         self._devices: dict[str, DeviceProfile] = {}
-        self._traces: dict[str, Trace] = {}
-        self._known: dict[str, Prepared] = {}
+        self._frames: dict[str, Frames] = {}
+        self._known: dict[str, Frames] = {}
 
     def prepare(self, scenario: Scenario) -> Prepared:
         """As ``runner.prepare``."""
         needs = scenario.model_dump_json(exclude=_SAME_FILES)
-        if needs not in self._known:
-            fresh = runner.prepare(scenario)
-            self._devices.update(fresh.devices)
-            if fresh.town:
-                return fresh
-            traces = {car: self._traces.setdefault(_key(trace), trace) for car, trace in fresh.traces.items()}
-            self._known[needs] = replace(fresh, traces=traces)
-        return replace(self._known[needs], scenario=scenario)
+        known = self._known.get(needs)
+        prepared = runner.prepare(scenario) if known is None else runner.on_frames(scenario, known)
+        self._devices.update(prepared.devices)
+        if not prepared.frames.seeded:
+            self._known[needs] = self._frames.setdefault(_key(prepared), prepared.frames)
+        return prepared
 
     def shared(self) -> Shared:
         """Everything that was read."""
         devices = {name: device.model_dump_json(by_alias=True) for name, device in self._devices.items()}
-        return Shared(devices, self._traces)
+        return Shared(devices, self._frames)
 
 
-def _key(trace: Trace) -> str:
-    return f"{trace.digest} {trace.origin}"
+def _key(prepared: Prepared) -> str:
+    """Names the frames that a scenario needs."""
+    source = prepared.scenario.model_dump_json(include={"perception", "origin"})
+    return f"{source} {sorted(prepared.frames.digests().items())}"
 
 
 def _frames(prepared: Prepared) -> float:
     """About how many frames the cameras take, under all methods."""
-    scenario, frames = prepared.spelled_out or prepared.scenario, 0.0
-    for car in scenario.cars:
-        for camera in scenario.cameras:
-            recorded = prepared.traces[car.name].frames[camera.recording]
+    frames = 0.0
+    for car in prepared.expanded.cars:
+        for camera in prepared.expanded.cameras_of(car):
+            recorded = prepared.drives[car.name].frames[camera.recording]
             length_ns = recorded[-1].stamp_ns - recorded[0].stamp_ns
             window_ns = car.route.window_ns
             driven = 1.0 if window_ns is None or not length_ns else min((window_ns[1] - window_ns[0]) / length_ns, 1.0)
             frames += driven * len(recorded) * car.route.laps
-    return frames * len(scenario.methods)
+    return frames * len(prepared.scenario.methods)

@@ -13,8 +13,8 @@ from pathlib import Path
 from genie_sim import files
 from genie_sim.errors import UserError
 from genie_sim.paths import PARTIAL, whole_file
+from genie_sim.perception.sources import Progress
 from genie_sim.recording import provenance
-from genie_sim.runner import Progress
 from genie_sim.sweep import tables
 from genie_sim.sweep.backends import Dask, Local
 from genie_sim.sweep.design import Design, load_design

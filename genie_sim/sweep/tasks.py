@@ -20,10 +20,9 @@ from genie_sim import runner
 from genie_sim.analysis import metrics
 from genie_sim.errors import UserError
 from genie_sim.paths import whole_file
-from genie_sim.perception.trace import Trace
+from genie_sim.perception.sources import Frames
 from genie_sim.recording.results import Metric
 from genie_sim.recording.tables import Column, Schema, Table
-from genie_sim.scenario.fleet import InTown
 from genie_sim.scenario.profiles import DeviceProfile
 from genie_sim.scenario.scenario import Scenario
 
@@ -47,14 +46,16 @@ PART = Schema(
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """One run: its scenario, and by car the key of its trace in ``Shared``. ``frames``: about how many it simulates.
+    """One run: its scenario, and the key of its frames in ``Shared`` (``None``: they are the seed's own).
+
+    ``frames``: about how many it simulates.
 
     ``place``: which point and seed it belongs to, in words.
     """
 
     run_id: str
     scenario: Scenario
-    traces: Mapping[str, str]
+    source: str | None
     frames: float
     place: str
 
@@ -93,10 +94,10 @@ class Finished:
 
 @dataclass(frozen=True, slots=True)
 class Shared:
-    """The device profiles (as JSON) and traces of all runs."""
+    """The device profiles (as JSON) and frames of all runs."""
 
     devices: Mapping[str, str]
-    traces: Mapping[str, Trace]
+    frames: Mapping[str, Frames]
 
     def packed(self) -> bytes:
         """For the way to the workers."""
@@ -108,15 +109,15 @@ def run_task(task: Task, packed: bytes) -> Finished:
     Raises ``UserError``."""
     if task.genie_sim != genie_sim.__version__:
         raise UserError(f"a worker has genie-sim {genie_sim.__version__}, the sweep {task.genie_sim}: install the same")
-    devices, traces = _unpacked(packed)
+    devices, frames = _unpacked(packed)
     table = Table(PART)
     failures: list[Failure] = []
     for run in task.runs:
         try:
-            if isinstance(run.scenario.perception, InTown):
+            if run.source is None:
                 prepared = runner.prepare(run.scenario, devices=devices)
             else:
-                prepared = runner.Prepared(run.scenario, devices, {car: traces[key] for car, key in run.traces.items()})
+                prepared = runner.on_frames(run.scenario, frames[run.source], devices)
             found = measured(prepared)
         except Exception as error:
             failures.append(Failure(run.run_id, f"{type(error).__name__}: {error}", traceback.format_exc()))
@@ -139,10 +140,10 @@ def measured(prepared: runner.Prepared) -> Sequence[Metric]:
     tables = runner.simulate(prepared)
     frames, lookups, resources = (table.to_frame() for table in (tables.frames, tables.lookups, tables.resources))
     truth = tables.truth.to_frame() if tables.truth is not None else None
-    return metrics.compute(runner.methods_of(prepared.scenario), frames, lookups, resources.iloc[:0], truth)
+    return metrics.compute(runner.methods_of(prepared), frames, lookups, resources.iloc[:0], truth)
 
 
 @functools.lru_cache(maxsize=1)
-def _unpacked(packed: bytes) -> tuple[dict[str, DeviceProfile], Mapping[str, Trace]]:
+def _unpacked(packed: bytes) -> tuple[dict[str, DeviceProfile], Mapping[str, Frames]]:
     shared: Shared = pickle.loads(packed)
-    return {name: DeviceProfile.model_validate_json(text) for name, text in shared.devices.items()}, shared.traces
+    return {name: DeviceProfile.model_validate_json(text) for name, text in shared.devices.items()}, shared.frames

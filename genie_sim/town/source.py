@@ -62,6 +62,7 @@ class TownDrives:
 
     truth: Town
     settings: InTown
+    seeded: bool = True
 
     def drive(self, car: str, trace: str | None, start_ns: int) -> Drive:
         return self.truth.drive(car, self.settings.duration_ns, self.settings.interval_ns, start_ns)
