@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import subprocess
 import sys
 import tomllib
@@ -54,6 +55,22 @@ def test_the_wheel_carries_the_licence_of_the_trace_beside_it(wheel: Path):
     traces = [name for name in packed if name.endswith(".parquet")]
     assert traces
     assert all(name.replace(".parquet", ".LICENSE.md") in packed for name in traces)
+
+
+def test_the_wheel_names_both_licences_and_carries_their_texts(wheel: Path):
+    """One licence of the code, another of the trace: who installs the package is told of both."""
+    packed = zipfile.ZipFile(wheel)
+    folder = f"genie_sim-{version()}.dist-info/"
+    metadata = packed.read(folder + "METADATA").decode()
+    assert "License-Expression: Apache-2.0 AND CC-BY-NC-SA-3.0\n" in metadata
+    named = re.findall("^License-File: (.*)$", metadata, re.MULTILINE)
+    assert named == ["LICENSE", "scenarios/traces/kitti_0005.LICENSE.md"]
+    assert {f"{folder}licenses/{name}" for name in named} <= set(packed.namelist())
+
+
+def test_the_wheel_says_that_it_is_typed(wheel: Path):
+    """So that mypy reads the annotations of an installed copy."""
+    assert "genie_sim/py.typed" in zipfile.ZipFile(wheel).namelist()
 
 
 def test_the_wheel_carries_nothing_else(wheel: Path):
