@@ -293,6 +293,7 @@ def test_two_processes_make_the_same_bytes_as_one(uninterrupted):
 # Nothing is run twice, nothing is lost
 
 
+@pytest.mark.unix
 def test_a_killed_sweep_goes_on_to_the_same_bytes(uninterrupted):
     """kill -9 of the sweep and its processes in the middle, then the same command."""
     write(SMALL)
@@ -307,6 +308,7 @@ def test_a_killed_sweep_goes_on_to_the_same_bytes(uninterrupted):
     assert len(ids) == len(set(ids)) == 12, "no run was made twice, and no half part is left"
 
 
+@pytest.mark.unix
 def test_a_sweep_whose_main_process_alone_is_killed_ends_its_workers():
     write(SMALL)
     with in_the_middle("--jobs", "2") as run:
@@ -318,6 +320,7 @@ def test_a_sweep_whose_main_process_alone_is_killed_ends_its_workers():
         assert not processes_of(run.pid)
 
 
+@pytest.mark.unix
 @pytest.mark.parametrize("asked", [signal.SIGINT, signal.SIGTERM])
 def test_ctrl_c_or_the_end_of_a_batch_job_ends_with_130_and_one_line_and_keeps_what_is_done(asked, uninterrupted):
     write(SMALL)
@@ -456,6 +459,7 @@ def test_a_worker_with_another_version_is_refused():
 
 
 @pytest.mark.slow
+@pytest.mark.unix
 def test_a_dask_worker_that_is_killed_loses_nothing(uninterrupted):
     distributed = pytest.importorskip("distributed", reason="Dask comes with '.[dask]'")
     write(SMALL)

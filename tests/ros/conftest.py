@@ -229,7 +229,9 @@ def master(new_master: Callable[[str], Master]) -> Master:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Real nodes find each other over the network, now and then too late for a test; a fault fails every time."""
+    """Real nodes find each other over the network, now and then too late for a test, the more so beside other tests; a
+    fault fails every time."""
     for item in items:
         if item.path.is_relative_to(HERE) and item.get_closest_marker("slow"):
             item.add_marker(pytest.mark.flaky(reruns=2))
+            item.add_marker(pytest.mark.alone)
