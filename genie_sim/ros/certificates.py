@@ -8,6 +8,7 @@ from __future__ import annotations
 import contextlib
 import re
 import ssl
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -50,12 +51,12 @@ class Credentials:
         for side in (dialler, listener, dialler, listener):
             with contextlib.suppress(ssl.SSLWantReadError):
                 side.do_handshake()
-        return identity(dialler.getpeercert())
+        return identity(dialler.getpeercert() or {})
 
 
-def identity(certificate: dict[str, Any] | None) -> Peer:
+def identity(certificate: Mapping[str, Any]) -> Peer:
     """Name and role that a checked certificate gives. Raises Refused for one that is no Genie's."""
-    uris = [value for kind, value in (certificate or {}).get("subjectAltName", ()) if kind == "URI"]
+    uris = [value for kind, value in certificate.get("subjectAltName", ()) if kind == "URI"]
     found = _URI.fullmatch(uris[0]) if len(uris) == 1 else None
     if found is None:
         raise Refused("a certificate that names no Genie")

@@ -25,25 +25,22 @@ OnMessage = Callable[[Peer, str, RosMessage], None]
 
 
 class Connection:
-    """A connection; ``up`` from its first frame on. ``requests`` are the topics of images, ``warn`` gets log lines."""
+    """A connection after its handshake; ``up`` from its first frame on. Raises Refused for a certificate that is no
+    Genie's. ``requests`` are the topics of images, ``warn`` gets log lines."""
 
     def __init__(self, sock: ssl.SSLSocket, requests: frozenset[str], warn: Callable[[str], None]) -> None:
-        self.sock = sock
+        fields = sock.getpeercert() or {}
+        self.peer = identity(fields)
+        self.certificate = sock.getpeercert(True)
         self.up = False
+        self._ends_s = ssl.cert_time_to_seconds(str(fields["notAfter"]))
+        self._sock = sock
         self._requests = requests
         self._warn = warn
         self._queue: list[tuple[str, RosMessage]] = []
         self._changed = threading.Condition()
         self._tls = threading.Lock()  # OpenSSL serves one thread at a time
         self._closed = False
-
-    def identified(self) -> Peer:
-        """Who is at the other end, after the handshake. Raises Refused for a certificate that is no Genie's."""
-        fields, self.certificate = self.sock.getpeercert(), self.sock.getpeercert(True)
-        self.peer = identity(fields)
-        assert fields is not None
-        self._ends_s = ssl.cert_time_to_seconds(str(fields["notAfter"]))
-        return self.peer
 
     def send(self, topic: str, message: RosMessage) -> None:
         """Returns at once. What a slow link cannot take is dropped, the oldest first."""
@@ -60,11 +57,11 @@ class Connection:
         with self._changed:
             self._closed = True
             self._changed.notify()
-        shut(self.sock)
+        _shut(self._sock)
 
     def run(self, codec_of: CodecOf, on_message: OnMessage, on_up: Callable[[Connection], None]) -> None:
         """Reads until the connection ends, which raises. ``on_up`` may refuse it at its first frame."""
-        self.sock.settimeout(0)
+        self._sock.settimeout(0)
         writer = threading.Thread(target=self._write, daemon=True)
         writer.start()
         try:
@@ -91,7 +88,7 @@ class Connection:
             while body is not None:
                 view = memoryview(LENGTH.pack(len(body)) + body)
                 while view:
-                    view = view[self._when_ready(partial(self.sock.send, view)) :]
+                    view = view[self._when_ready(partial(self._sock.send, view)) :]
                 body = self._next()
         self.close()
 
@@ -119,7 +116,7 @@ class Connection:
         buffer = bytearray(length)
         view = memoryview(buffer)
         while view:
-            count = self._when_ready(partial(self.sock.recv_into, view))
+            count = self._when_ready(partial(self._sock.recv_into, view))
             if count == 0:
                 raise ConnectionResetError("closed by the other side")
             view = view[count:]
@@ -136,12 +133,12 @@ class Connection:
             except ssl.SSLWantWriteError:
                 event = select.POLLOUT
             poll = select.poll()
-            poll.register(self.sock, event)
+            poll.register(self._sock, event)
             if not poll.poll(SILENCE_S * 1000):
                 raise TimeoutError(f"silent for {SILENCE_S:.0f} s")
 
 
-def shut(sock: ssl.SSLSocket) -> None:
+def _shut(sock: ssl.SSLSocket) -> None:
     """Ends a connection that another thread uses. ``SSLSocket.shutdown`` would let that thread go on in plain text."""
     with contextlib.suppress(OSError):
         socket.socket.shutdown(sock, socket.SHUT_RDWR)

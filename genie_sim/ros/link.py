@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import logging
 import random
 import socket
@@ -12,17 +11,15 @@ import time
 
 from genie_sim.errors import UserError
 from genie_sim.ros.certificates import NAME, Credentials, Refused, check, reason
-from genie_sim.ros.connection import Connection, OnMessage, shut
+from genie_sim.ros.connection import Connection, OnMessage
 from genie_sim.ros.gateway import REMOTE, Peer
+from genie_sim.ros.lobby import BACKLOG, HANDSHAKE_S, Lobby
 from genie_sim.ros.message import RosMessage
 from genie_sim.ros.plan import Plan
 from genie_sim.ros.wire import CodecOf
 
 log = logging.getLogger(__name__)
-HANDSHAKE_S = 2.0
 RETRY_S = (0.2, 1.5)  # first and longest wait before dialling again
-STRANGERS, STRANGERS_OF_ONE_HOST = 64, 16  # connections that have not proved who they are; the oldest makes room
-ACCEPT_AGAIN_S = 0.05
 WARNINGS_PER_S = 20  # a stranger must not fill a disk
 
 
@@ -40,22 +37,22 @@ class TlsLinks:
         self._requests = frozenset(topic + REMOTE for topic in plan.requests)
         self._connections: dict[str, Connection] = {}
         self._lock = threading.Lock()
-        self._strangers = _Strangers()
         self._warn = _Warnings()
         self._closed = threading.Event()
         self._others = [_named_address(text) for text in plan.connect]
-        self._listener: socket.socket | None = None
+        self._lobby: Lobby | None = None
         if plan.listen is not None:
             try:
-                self._listener = socket.create_server(_address(plan.listen), backlog=128)
+                listener = socket.create_server(_address(plan.listen), backlog=BACKLOG)
             except OSError as error:
                 raise UserError(f"link: cannot listen on {plan.listen}: {error.strerror}") from error
+            self._lobby = Lobby(listener, self._credentials.listening, self._admit, self._warn)
 
     def start(self, on_message: OnMessage) -> None:
         """From now on ``on_message`` is called, from several threads; what it raises is logged."""
         self._on_message = on_message
-        if self._listener is not None:
-            threading.Thread(target=self._accept, args=(self._listener,), daemon=True).start()
+        if self._lobby is not None:
+            self._lobby.start()
         for other in self._others:
             threading.Thread(target=self._keep_dialling, args=other, daemon=True).start()
 
@@ -71,38 +68,28 @@ class TlsLinks:
 
     def close(self) -> None:
         self._closed.set()
-        if self._listener is not None:
-            with contextlib.suppress(OSError):
-                self._listener.shutdown(socket.SHUT_RDWR)  # wakes the thread that accepts
-            self._listener.close()
+        if self._lobby is not None:
+            self._lobby.close()
         with self._lock:
             connections = list(self._connections.values())
         for connection in connections:
             connection.close()
 
-    def _accept(self, listener: socket.socket) -> None:
-        while not self._closed.is_set():
-            try:
-                sock, (host, port, *_) = listener.accept()
-                threading.Thread(target=self._serve, args=(sock, host, port), daemon=True).start()
-            except Exception as error:  # no descriptor, no thread: nothing may end this loop
-                if not self._closed.is_set():
-                    self._warn(f"link: cannot accept: {reason(error)}")
-                    self._strangers.make_room()
-                    self._closed.wait(ACCEPT_AGAIN_S)
+    def _admit(self, sock: ssl.SSLSocket, where: str) -> None:
+        threading.Thread(target=self._serve, args=(sock, where), daemon=True).start()
 
-    def _serve(self, sock: socket.socket, host: str, port: int) -> None:
+    def _serve(self, sock: ssl.SSLSocket, where: str) -> None:
         try:
-            self._hold(sock, host, None)
+            self._hold(sock, None)
         except Exception as error:
-            self._warn(f"link: refused {host}:{port}: {reason(error)}")
+            self._warn(f"link: refused {where}: {reason(error)}")
 
     def _keep_dialling(self, name: str, address: tuple[str, int]) -> None:
         wait_s, said = RETRY_S[0], ""
         while not self._closed.is_set():
             try:
                 if name not in self._connections:  # the other one may have dialled us
-                    self._hold(socket.create_connection(address, timeout=HANDSHAKE_S), address[0], name)
+                    self._hold(self._dialled(address), name)
                     wait_s, said = RETRY_S[0], ""
             except Exception as error:  # whatever it was: dial again
                 if reason(error) != said:
@@ -111,31 +98,26 @@ class TlsLinks:
             self._closed.wait(wait_s * random.uniform(0.5, 1.0))  # so that two who dial each other do not meet for ever
             wait_s = min(2 * wait_s, RETRY_S[1])
 
-    def _hold(self, sock: socket.socket, host: str, expected: str | None) -> None:
+    def _dialled(self, address: tuple[str, int]) -> ssl.SSLSocket:
+        with socket.create_connection(address, timeout=HANDSHAKE_S) as sock:  # TLS takes the socket over
+            return self._credentials.dialling.wrap_socket(sock)
+
+    def _hold(self, sock: ssl.SSLSocket, expected: str | None) -> None:
         """Serves a connection from its handshake to its end. Raises why it did not come about."""
-        context = self._credentials.listening if expected is None else self._credentials.dialling
         with sock:
-            sock.settimeout(HANDSHAKE_S)
             sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-            secure = context.wrap_socket(sock, server_side=expected is None, do_handshake_on_connect=False)
-        with secure:
-            connection = Connection(secure, self._requests, self._warn)
+            connection = Connection(sock, self._requests, self._warn)
+            check(connection.peer, self._me, expected)
             try:
-                if expected is None:
-                    self._strangers.enter(secure, host)
-                secure.do_handshake()
-                peer = connection.identified()
-                check(peer, self._me, expected)
                 connection.run(self._codec_of, self._on_message, self._up)
             except Exception as error:
                 if not connection.up:
                     raise
-                log.info("link: %s is cut: %s", peer.name, reason(error))
+                log.info("link: %s is cut: %s", connection.peer.name, reason(error))
             finally:
-                self._strangers.leave(secure)
                 with self._lock:
-                    if connection.up and self._connections.get(peer.name) is connection:
-                        del self._connections[peer.name]
+                    if self._connections.get(connection.peer.name) is connection:
+                        del self._connections[connection.peer.name]
 
     def _up(self, connection: Connection) -> None:
         """A connection counts from its first frame on: a dialler is through before the listener has seen who it is.
@@ -148,40 +130,9 @@ class TlsLinks:
             if older is not None and older.certificate != connection.certificate:
                 raise Refused(f"{role} {name} is connected with another certificate")
             self._connections[name] = connection
-        self._strangers.leave(connection.sock)
         if older is not None:
             older.close()
         log.info("link: %s %s is connected", role, name)
-
-
-class _Strangers:
-    """Connections that have not proved who they are, the oldest first. Their own threads close them."""
-
-    def __init__(self) -> None:
-        self._hosts: dict[ssl.SSLSocket, str] = {}
-        self._lock = threading.Lock()
-
-    def enter(self, sock: ssl.SSLSocket, host: str) -> None:
-        with self._lock:
-            same = [one for one, its_host in self._hosts.items() if its_host == host]
-            if len(same) >= STRANGERS_OF_ONE_HOST:
-                self._end(same[0])
-            elif len(self._hosts) >= STRANGERS:
-                self._end(next(iter(self._hosts)))
-            self._hosts[sock] = host
-
-    def leave(self, sock: ssl.SSLSocket) -> None:
-        with self._lock:
-            self._hosts.pop(sock, None)
-
-    def make_room(self) -> None:
-        with self._lock:
-            if self._hosts:
-                self._end(next(iter(self._hosts)))
-
-    def _end(self, sock: ssl.SSLSocket) -> None:
-        del self._hosts[sock]
-        shut(sock)
 
 
 class _Warnings:

@@ -6,7 +6,6 @@ images a second to everybody, numbered from 1.
 
 from __future__ import annotations
 
-import json
 import logging
 import sys
 import time

@@ -1,7 +1,7 @@
-"""Strangers at a port of this machine: ``strangers.py PORT SECONDS [IDLE] [GARBAGE_PER_S]``, by default 400 and 200.
+"""Strangers at a port of this machine: ``strangers.py PORT SECONDS``.
 
-Idle ones sit there, and come back when they are sent away; the others throw random bytes and leave. Prints ``busy`` when
-all are there, at the end how many connections each kind has made.
+400 sit there in silence, and up to 100 a second of them come back when they are sent away; 200 more a second throw
+random bytes and leave. Prints ``busy`` when all have come, at the end how many connections each kind has made.
 """
 
 from __future__ import annotations
@@ -13,26 +13,25 @@ import socket
 import sys
 import time
 
+IDLE, BACK_PER_S, GARBAGE_PER_S = 400, 100, 200
+
 
 def main() -> None:
     port, seconds = int(sys.argv[1]), float(sys.argv[2])
-    idle, garbage_per_s = (int(sys.argv[i]) if len(sys.argv) > i else number for i, number in ((3, 400), (4, 200)))
     sitting: dict[int, socket.socket] = {}
     poll = select.poll()
     made = thrown = 0
     begun = time.monotonic()
-    said = False
     while (now := time.monotonic() - begun) < seconds:
-        for _ in range(min(idle - len(sitting), 20)):
+        while len(sitting) < IDLE and made < IDLE + now * BACK_PER_S:
             with contextlib.suppress(OSError):
                 one = socket.create_connection(("127.0.0.1", port), timeout=2)
                 sitting[one.fileno()] = one
                 poll.register(one, select.POLLIN)
-                made += 1
-        if made >= idle and not said:
-            said = True
-            print("busy", flush=True)
-        while thrown < now * garbage_per_s:
+            made += 1
+            if made == IDLE:
+                print("busy", flush=True)
+        while thrown < now * GARBAGE_PER_S:
             thrown += 1
             with contextlib.suppress(OSError), socket.create_connection(("127.0.0.1", port), timeout=2) as one:
                 one.sendall(os.urandom(500))

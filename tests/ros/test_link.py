@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import errno
 import json
 import logging
 import math
@@ -27,7 +26,7 @@ import pytest
 
 from genie_sim.errors import UserError
 from genie_sim.messages import CameraPose, Header
-from genie_sim.ros import connection, link, wire
+from genie_sim.ros import connection, link, lobby, wire
 from genie_sim.ros.certificates import Credentials
 from genie_sim.ros.codec import WireType, codec_of
 from genie_sim.ros.gateway import Peer
@@ -133,7 +132,7 @@ def test_a_message_arrives_as_it_was_sent(edge: Site, new_site: Callable[..., Si
     assert edge.got[0][2].payload == image(1, size=1_400_000).payload
 
 
-def test_an_image_goes_and_comes_within_the_time_of_a_delayed_acknowledgement(edge: Site, new_site: Callable[..., Site]):
+def test_no_small_message_waits_for_an_acknowledgement(edge: Site, new_site: Callable[..., Site]):
     """Without TCP_NODELAY every small message after another waits for up to 44 ms."""
     car = new_site("car1", "car", connect=(edge.address,))
     until(lambda: car.names() == ["edge1"] and edge.names() == ["car1"], "both are connected")
@@ -165,16 +164,18 @@ def test_both_directions_at_once_under_load(edge: Site, new_site: Callable[..., 
         assert len(seconds) > 50 and seconds == sorted(set(seconds)), "in order, none twice"
 
 
-def test_a_slow_link_holds_two_images_and_the_newest_ones(keys: Keys):
-    near, far = socket.socketpair()
-    one = connection.Connection(near, frozenset([REQUEST]), print)
-    for second in range(1, 8):
-        one.send(REQUEST, image(second))
-        one.send("/objects", image(second, 10, SCAN))
-    held = [(topic, message.header.stamp_ns // 10**9) for topic, message in one._queue]
-    assert [second for topic, second in held if topic == REQUEST] == [6, 7]
-    assert [second for topic, second in held if topic == "/objects"] == [1, 2, 3, 4, 5, 6, 7], "answers are small"
-    near.close(), far.close()
+def test_a_slow_link_holds_two_images_and_the_newest_ones(edge: Site, new_site: Callable[..., Site]):
+    car = new_site("car1", "car", connect=(edge.address,))
+    until(lambda: car.names() == ["edge1"] and edge.names() == ["car1"], "connected")
+    (one,) = car.links._connections.values()
+    with one._tls:  # as slow as can be: nothing leaves
+        for second in range(1, 9):
+            car.links.send("edge1", REQUEST, image(second))
+            car.links.send("edge1", "/objects", image(second, 10, SCAN))
+            time.sleep(0.01)
+        held = [(topic, message.header.stamp_ns // 10**9) for topic, message in one._queue]
+    assert [second for topic, second in held if topic == REQUEST] == [7, 8]
+    assert len([second for topic, second in held if topic == "/objects"]) >= 7, "answers are small"
 
 
 def test_a_car_dials_again_until_its_edge_is_back(keys: Keys, new_site: Callable[..., Site]):
@@ -190,10 +191,10 @@ def test_a_car_dials_again_until_its_edge_is_back(keys: Keys, new_site: Callable
 
 
 def test_two_edges_that_dial_each_other_settle_on_one_connection(new_site: Callable[..., Site]):
-    ports = [free_port(), free_port()]
+    at = [f"127.0.0.1:{free_port()}" for _ in range(2)]
     edges = [
-        new_site(f"edge{me}", "edge", listen=f"127.0.0.1:{ports[me]}", connect=(f"edge{1 - me}@127.0.0.1:{ports[1 - me]}",))
-        for me in (0, 1)
+        new_site("edge0", "edge", listen=at[0], connect=(f"edge1@{at[1]}",)),
+        new_site("edge1", "edge", listen=at[1], connect=(f"edge0@{at[0]}",)),
     ]
     until(lambda: [edge.names() for edge in edges] == [["edge1"], ["edge0"]], "both are connected")
     time.sleep(2.0)
@@ -207,16 +208,15 @@ def test_two_edges_that_dial_each_other_settle_on_one_connection(new_site: Calla
 
 def test_who_has_no_certificate_learns_nothing(edge: Site, warnings: Callable[[], list[str]]):
     for attempt in (b"GET / HTTP/1.1\r\n\r\n", b"\xff" * 4096, struct.pack(">I", 2**31) + b"x", os.urandom(5000)):
-        with socket.create_connection(("127.0.0.1", edge.port), timeout=10) as thief:
-            with contextlib.suppress(ConnectionError):
-                thief.sendall(attempt)
-                assert len(thief.recv(100)) <= 7, "an alert at most"
+        with socket.create_connection(("127.0.0.1", edge.port), timeout=10) as thief, contextlib.suppress(OSError):
+            thief.sendall(attempt)
+            assert len(thief.recv(100)) <= 7, "an alert at most"
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
     context.check_hostname, context.verify_mode = False, ssl.CERT_NONE
-    with socket.create_connection(("127.0.0.1", edge.port), timeout=10) as plain:
-        with context.wrap_socket(plain) as thief, pytest.raises(ssl.SSLError, match="CERTIFICATE_REQUIRED"):
-            thief.sendall(framed(wire.PING, wire.encode(REQUEST, image(1))))
-            thief.recv(1)
+    plain = socket.create_connection(("127.0.0.1", edge.port), timeout=10)
+    with context.wrap_socket(plain) as thief, contextlib.suppress(OSError):
+        thief.sendall(framed(wire.PING, wire.encode(REQUEST, image(1))))
+        assert thief.recv(100) == b""
     context.maximum_version = ssl.TLSVersion.TLSv1_2
     with socket.create_connection(("127.0.0.1", edge.port), timeout=10) as plain, pytest.raises(ssl.SSLError):
         context.wrap_socket(plain)
@@ -441,11 +441,18 @@ def test_a_frame_that_is_too_long_cuts_the_link(edge: Site, keys: Keys):
 # Strangers
 
 
+def reachable(port: int) -> bool:
+    with contextlib.suppress(OSError), socket.create_connection(("127.0.0.1", port), timeout=1):
+        return True
+    return False
+
+
 def attack(keys: Keys, tmp_path: Path, seconds: float) -> list[float]:
-    """How long a right client needs to get in [s], again and again, while 400 sit there and 200 a second throw bytes."""
+    """How long a right client needs to get in [s], while 400 sit there and 200 a second throw bytes."""
     port = free_port()
     log = (tmp_path / "edge.log").open("w")
     edge = peer_process(plan_of(keys, "edge1", "edge", listen=f"127.0.0.1:{port}"), stderr=log)
+    until(lambda: reachable(port), "the edge listens")
     strangers = subprocess.Popen(
         [sys.executable, HERE / "strangers.py", str(port), str(seconds + 5)], stdout=subprocess.PIPE, text=True
     )
@@ -485,19 +492,19 @@ def test_strangers_do_not_keep_a_right_client_out_for_a_minute(keys: Keys, tmp_p
 def test_no_more_strangers_than_allowed_and_the_oldest_makes_room(edge: Site):
     with contextlib.ExitStack() as stack:
         socks = []
-        for _ in range(link.STRANGERS_OF_ONE_HOST + 5):
+        for _ in range(lobby.STRANGERS_OF_ONE_HOST + 5):
             socks.append(stack.enter_context(socket.create_connection(("127.0.0.1", edge.port), timeout=10)))
             time.sleep(0.02)
         gone = {one.fileno() for one in select.select(socks, [], [], 0.3)[0]}
         assert gone == {one.fileno() for one in socks[:5]}
-        held = edge.links._strangers._hosts
+        held = edge.links._lobby._strangers
         for host in range(2, 8):  # other hosts have their own share, up to what all have together
-            for _ in range(link.STRANGERS_OF_ONE_HOST):
+            for _ in range(lobby.STRANGERS_OF_ONE_HOST):
                 one = socket.socket()
                 stack.enter_context(one).bind((f"127.0.0.{host}", 0))
                 one.connect(("127.0.0.1", edge.port))
         time.sleep(0.2)
-        assert len(held) == link.STRANGERS
+        assert len(held) == lobby.STRANGERS
 
 
 def test_a_stranger_has_two_seconds(edge: Site):
@@ -508,7 +515,9 @@ def test_a_stranger_has_two_seconds(edge: Site):
         assert 1.5 < time.monotonic() - begun < 3.0
 
 
-def test_nothing_ends_the_loop_that_accepts(edge: Site, new_site: Callable[..., Site], keys: Keys):
+def test_nothing_ends_the_loop_that_accepts(
+    edge: Site, new_site: Callable[..., Site], warnings: Callable[[], list[str]]
+):
     """The process runs out of descriptors; when it has some again, the next client gets in."""
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     port = edge.port
@@ -521,10 +530,7 @@ def test_nothing_ends_the_loop_that_accepts(edge: Site, new_site: Callable[..., 
                 taken.append(os.dup(0))
         for one in waiting:
             one.connect(("127.0.0.1", port))
-        time.sleep(0.5)
-        with pytest.raises(OSError) as full:
-            os.dup(0)
-        assert full.value.errno == errno.EMFILE
+        until(lambda: any("cannot accept: Too many open files" in line for line in warnings()), "it has run out")
     finally:
         resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))
         for number in taken:
