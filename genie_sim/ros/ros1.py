@@ -43,7 +43,7 @@ class Ros1Genie(GenieProcess):
             )
             self._subscribers.append(subscriber)
         if self.plan.pose_topic is not None:
-            rospy.Subscriber(self.plan.pose_topic, rospy.AnyMsg, self._on_pose, queue_size=QUEUE_LENGTH)
+            self._pose_subscriber = rospy.Subscriber(self.plan.pose_topic, rospy.AnyMsg, self._on_pose, queue_size=10)
 
     def publish(self, topic: str, message: RosMessage) -> None:
         wire_type = message.codec.type
