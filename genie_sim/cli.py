@@ -236,8 +236,10 @@ def attach(
     pose_topic: Annotated[str | None, typer.Option(help="Where the camera is, as geometry_msgs/PoseStamped.")] = None,
     fov: Annotated[str, typer.Option(help="The camera's horizontal field of view, such as '81 deg'.")] = "0 deg",
     listen: Annotated[str | None, typer.Option(metavar="HOST:PORT", help="Other Genies connect here.")] = None,
-    connect: Annotated[list[str] | None, typer.Option(metavar="HOST:PORT", help="Connect to this Genie.")] = None,
-    key: Annotated[Path | None, path_option(help="File with the key that linked Genies share.")] = None,
+    connect: Annotated[
+        list[str] | None, typer.Option(metavar="NAME@HOST:PORT", help="Connect to the Genie of this name. Repeatable.")
+    ] = None,
+    key: Annotated[Path | None, path_option(help="This Genie's key file, made by 'genie-sim keys peer'.")] = None,
     record: Annotated[Path | None, path_option(help="Write every look-up here, as lines of JSON.")] = None,
     pid: Annotated[int | None, typer.Option(help="Process of the node, for ROS 2; without it, ROS 1.")] = None,
 ) -> None:
@@ -269,6 +271,34 @@ def detach(
 
     real.detach(node, network)
     typer.echo(f"{node}: back as it was")
+
+
+keys = typer.Typer(cls=Commands, help="Make the keys of Genies that are linked over TLS.", rich_markup_mode=None)
+app.add_typer(keys, name="keys")
+
+
+@keys.command("ca")
+def keys_ca(
+    folder: Annotated[Path, path_argument(help="A folder for the authority and its peers.")] = Path("keys"),
+    days: Annotated[int, typer.Option(help="How long it is valid.")] = 3650,
+) -> None:
+    """Make a certificate authority: the one that all linked Genies trust."""
+    from genie_sim.ros.keys import make_authority
+
+    typer.echo(make_authority(folder, days))
+
+
+@keys.command("peer")
+def keys_peer(
+    name: Annotated[str, typer.Argument(help="The Genie's name, as in 'genie-sim attach --name'.")],
+    role: Annotated[str, typer.Option(help="car or edge.")],
+    ca: Annotated[Path, path_option(help="The folder of 'genie-sim keys ca'.")] = Path("keys"),
+    days: Annotated[int, typer.Option(help="How long it is valid.")] = 365,
+) -> None:
+    """Make one Genie's key file, to be copied to its machine."""
+    from genie_sim.ros.keys import make_peer
+
+    typer.echo(make_peer(ca, name, role, days))
 
 
 @app.command()

@@ -19,8 +19,8 @@ pytest.importorskip("rosbags", reason="needs rosbags: pip install 'genie-sim[ros
 
 from rosbags.typesys import get_types_from_msg
 
-from genie_sim.ros.bag_messages import TF, header, message, typestore
 from genie_sim.ros.bags import IMAGES, POINTS, perceive_bag
+from genie_sim.ros.typestore import TF, header, message, typestore
 
 CAMERA, IMAGE, SCAN = "camera_color_left", "/kitti/camera_color_left/image_raw", "/kitti/velo/pointcloud"
 OBJECTS, ARRAY = "/detection/image_detector/objects", "autoware_msgs/msg/DetectedObjectArray"
