@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -13,10 +14,10 @@ from genie_sim.analysis.metrics import DEADLINE_MS
 from genie_sim.errors import UserError
 from genie_sim.paper import verdict_table
 from genie_sim.paper.claims import VERDICTS
+from genie_sim.paper.facts import METHODS
 from genie_sim.recording import provenance
 
-STYLES = ("page.css", "many.css")
-SCRIPTS = ("charts.js", "many.js", "evaluation.js")
+TITLE = "The paper's evaluation, simulated"
 MOST_FIGURE_BYTES = 4_000_000  # of all figures together; as text in the page they take a third more
 
 FIGURES = {  # in the paper's order, then ours
@@ -30,20 +31,19 @@ FIGURES = {  # in the paper's order, then ours
     "sensitivity": "Sensitivity",
     "worth": "What the answers are worth",
 }
-ANSWERS: tuple[tuple[str, str, str, str, tuple[str, ...]], ...] = (  # title, unit, first, fresh, roles
-    ("Mean", "ms", "first_answer_mean", "fresh_answer_mean", ("local", "remote", "genie")),
-    ("95th percentile", "ms", "first_answer_p95", "fresh_answer_p95", ("local", "remote", "genie")),
+COMPARED = [method.name for method in METHODS]
+BASELINES = [method.name for method in METHODS if method.baseline]
+ANSWERS: tuple[tuple[str, str, str, str, list[str]], ...] = (  # title, unit, first, fresh, the methods they are of
+    ("Mean", "ms", "first_answer_mean", "fresh_answer_mean", COMPARED),
+    ("95th percentile", "ms", "first_answer_p95", "fresh_answer_p95", COMPARED),
     (
         f"Share of published frames answered in {DEADLINE_MS} ms", "1",
-        "under_deadline_share", "fresh_under_deadline_share", ("local", "remote", "genie"),
+        "under_deadline_share", "fresh_under_deadline_share", COMPARED,
     ),
-    (
-        "Share of published frames answered at all", "1",
-        "answered_share", "fresh_answered_share", ("local", "remote", "genie"),
-    ),
+    ("Share of published frames answered at all", "1", "answered_share", "fresh_answered_share", COMPARED),
     (
         "Improvement of Genie's mean over local and remote", "1",
-        "improvement_first_answer", "improvement_fresh_answer", ("local", "remote"),
+        "improvement_first_answer", "improvement_fresh_answer", BASELINES,
     ),
 )  # fmt: skip
 
@@ -56,8 +56,9 @@ def write(path: Path, folder: Path) -> None:
 def page(folder: Path) -> str:
     """The text of the page. Raises ``UserError`` for a folder that is not whole."""
     with provenance.of_this_version(folder):
-        data = page_data(folder)
-        return report.assemble("evaluation.html", STYLES, SCRIPTS, "The paper's evaluation", data, pictures=True)
+        elsewhere = "The verdicts are also in verdicts.md beside it, and the figures in figures/."
+        scripts = ("many.js", "evaluation.js")
+        return report.assemble("evaluation.html", scripts, TITLE, page_data(folder), elsewhere, pictures=True)
 
 
 def page_data(folder: Path) -> dict[str, Any]:
@@ -67,7 +68,8 @@ def page_data(folder: Path) -> dict[str, Any]:
     metrics = {(one["scenario"], one["name"]): one for one in _read(folder / "metrics.json")}
     names = ("genie_sim", "quick", "seeds", "settings", "calibration", "trace")
     return {
-        "about": {name: about[name] for name in names},
+        "about": {"name": TITLE, "description": "", **{name: about[name] for name in names}},
+        "methods": [asdict(method) for method in METHODS],
         "verdicts": VERDICTS,
         "claims": list(_claims(verdict_table.read_rows(folder))),
         "improvement": [_interval(metrics.get(("all", f"improvement_{answer}"))) for answer in ("first", "fresh")],
@@ -103,12 +105,12 @@ def _claims(rows: Sequence[Mapping[str, Any]]) -> Iterator[dict[str, Any]]:
 def _answers(metrics: Mapping[tuple[str, str], Mapping[str, Any]]) -> Iterator[dict[str, Any]]:
     """The same measure of the first and of the fresh answer, scenario by scenario."""
     scenarios = list(dict.fromkeys(scenario for scenario, _ in metrics if scenario != "all"))
-    for title, unit, first, fresh, roles in ANSWERS:
+    for title, unit, first, fresh, methods in ANSWERS:
         found = {
-            answer: {role: [_interval(metrics.get((one, f"{name}:{role}"))) for one in scenarios] for role in roles}
+            answer: {of: [_interval(metrics.get((one, f"{name}:{of}"))) for one in scenarios] for of in methods}
             for answer, name in (("first", first), ("fresh", fresh))
         }
-        yield {"title": title, "unit": unit, "scenarios": scenarios, "roles": roles} | found
+        yield {"title": title, "unit": unit, "scenarios": scenarios, "methods": methods} | found
 
 
 def _figures(folder: Path, notes: list[str]) -> Iterator[dict[str, str]]:

@@ -1,37 +1,4 @@
-// Elements, numbers as text, and one kind of chart: lines over a linear or logarithmic axis, with a cursor that reads
-// every line off. Text always goes in as text, never as HTML.
-
-const SVG = "http://www.w3.org/2000/svg";
-
-function fill(node, attributes, children) {
-  for (const [name, value] of Object.entries(attributes || {})) {
-    if (name.startsWith("on")) node.addEventListener(name.slice(2), value);
-    else if (value !== null && value !== undefined && value !== false) node.setAttribute(name, value === true ? "" : value);
-  }
-  node.append(...children.filter((child) => child !== null && child !== undefined));
-  return node;
-}
-const make = (tag, attributes, ...children) => fill(document.createElement(tag), attributes, children);
-const draw = (tag, attributes, ...children) => fill(document.createElementNS(SVG, tag), attributes, children);
-const byId = (id) => document.getElementById(id);
-
-function digits(value, count = 3) {
-  if (value === 0) return "0";
-  const places = Math.max(0, count - 1 - Math.floor(Math.log10(Math.abs(value))));
-  return value.toLocaleString("en", { maximumFractionDigits: Math.min(places, 8) });
-}
-function asText(value, unit) {
-  if (value === null) return "none";
-  if (unit === "1") return percent(value);
-  if (unit === "B") return bytes(value);
-  if (unit === "ms" && Math.abs(value) >= 10000) return `${digits(value / 1000)} s`;
-  return unit ? `${digits(value)} ${unit}` : digits(value);
-}
-const percent = (share) => `${digits(100 * share)} %`;
-function bytes(value) {
-  const step = value >= 1e9 ? [1e9, "GB"] : value >= 1e6 ? [1e6, "MB"] : value >= 1e3 ? [1e3, "kB"] : [1, "B"];
-  return `${digits(value / step[0])} ${step[1]}`;
-}
+// Lines over a linear or logarithmic axis, with a cursor that reads every line off.
 
 function linearTicks(low, high, count) {
   const rough = (high - low) / count, power = 10 ** Math.floor(Math.log10(rough));
@@ -48,17 +15,6 @@ function logTicks(low, high, sparse) {
     }
   }
   return ticks;
-}
-
-// The index of the last value that is not above `x`, or -1.
-function lastUpTo(values, x) {
-  let low = 0, high = values.length;
-  while (low < high) {
-    const middle = (low + high) >> 1;
-    if (values[middle] <= x) low = middle + 1;
-    else high = middle;
-  }
-  return low - 1;
 }
 
 // series: {name, color (a CSS class), dash, x, y, steps}; the value at x is the last one up to x.
@@ -140,12 +96,4 @@ function lineChart(host, { title, series, x, y, marks = [], height = 240 }) {
   });
   new ResizeObserver(() => { if (host.clientWidth !== width) render(); }).observe(host);
   render();
-}
-
-function table(node, caption, head, rows) {
-  node.replaceChildren(
-    ...(caption ? [make("caption", {}, caption)] : []),
-    make("thead", {}, make("tr", {}, ...head.map((text) => make("th", { scope: "col" }, text)))),
-    make("tbody", {}, ...rows.map(([first, ...cells]) => make("tr", {}, make("th", { scope: "row" }, first),
-      ...cells.map((cell) => cell instanceof Node ? cell : make("td", {}, cell))))));
 }

@@ -1,8 +1,5 @@
 // What the pages about many runs share: sortable tables, and charts of means with their intervals.
 
-const METHODS = { local: "local (L)", remote: "remote (R)", genie: "Genie (DG)" };
-const ROLE_COLORS = { local: "c-local", remote: "c-remote", genie: "c-genie" };
-
 const isNumber = (value) => value !== null && value !== undefined;
 
 // 338 ms (330 to 360); without an interval the value alone.

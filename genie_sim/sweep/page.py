@@ -15,13 +15,14 @@ from genie_sim.recording import provenance
 if TYPE_CHECKING:
     import pandas as pd
 
-STYLES = ("page.css", "many.css")
-SCRIPTS = ("charts.js", "many.js", "sweep.js")
+    Series = Mapping[str, list[tuple[str, ...]]]  # by metric: what it is of, as method, placement and component
+
 MAIN = (
     "image_reuse", "object_reuse", "confidence_boost", "first_answer_mean", "fresh_answer_mean",
     "under_deadline_share", "fresh_answered_share", "ghost_share", "object_recall",
 )  # fmt: skip
-BY = ["metric", "role"]
+OF = ["method", "placement", "component"]
+BY = ["metric", *OF]
 ENDS = ["value", "low", "high"]
 MOST_NUMBERS = 500_000  # in the page, a few bytes each
 MOST_LEVELS = 300  # on one axis
@@ -38,7 +39,8 @@ def page(folder: Path) -> str:
     """The text of the page. Raises ``UserError`` for a sweep that is not finished."""
     with provenance.of_this_version(folder):
         data = page_data(folder)
-        return report.assemble("sweep.html", STYLES, SCRIPTS, f"{data['about']['name']}, a sweep", data)
+        title, elsewhere = f"{data['about']['name']}, a sweep", "The numbers are also in table.csv beside it."
+        return report.assemble("sweep.html", ("many.js", "sweep.js"), title, data, elsewhere)
 
 
 def page_data(folder: Path) -> dict[str, Any]:
@@ -50,6 +52,8 @@ def page_data(folder: Path) -> dict[str, Any]:
     axes = {column: by_name[column.partition(" [")[0]] for column in columns}  # JSON sorts them by name
     found = points.dropna(subset=["metric"])
     kept = _chosen(found, runs, columns, notes)
+    metrics = kept.groupby(["metric", "unit"], sort=False)
+    of = {str(name): list(dict.fromkeys(map(tuple, group[OF].to_numpy().tolist()))) for (name, _), group in metrics}
     return {
         "about": {
             "name": settings["name"],
@@ -65,12 +69,10 @@ def page_data(folder: Path) -> dict[str, Any]:
             {"column": column, "of": axis["set"], "sampled": _sampled(axis)}
             for column, axis in axes.items()
         ],
-        "metrics": [
-            {"name": name, "unit": unit, "roles": list(dict.fromkeys(group["role"])), "main": name in MAIN}
-            for (name, unit), group in kept.groupby(["metric", "unit"], sort=False)
-        ],
-        "table": _table(points, kept, columns, notes),
-        "curves": list(_curves(runs, kept, axes, notes)),
+        "methods": [{"name": name, "title": name} for name in dict.fromkeys(found["method"])],
+        "metrics": [{"name": name, "unit": unit, "of": of[name], "main": name in MAIN} for name, unit in metrics.groups],
+        "table": _table(points, kept, columns, of, notes),
+        "curves": list(_curves(runs, kept, axes, of, notes)),
         "notes": list(dict.fromkeys(notes)),
     }
 
@@ -107,7 +109,9 @@ def _chosen(points: pd.DataFrame, runs: pd.DataFrame, columns: Sequence[str], no
     return points[points["metric"].isin(MAIN)]
 
 
-def _table(points: pd.DataFrame, kept: pd.DataFrame, columns: Sequence[str], notes: list[str]) -> dict[str, Any]:
+def _table(
+    points: pd.DataFrame, kept: pd.DataFrame, columns: Sequence[str], of: Series, notes: list[str]
+) -> dict[str, Any]:
     """The points' levels, column by column, and each metric's values in the same order."""
     places = points[["point", *columns]].drop_duplicates("point")
     series = max(len(kept[BY].drop_duplicates()), 1)
@@ -118,12 +122,12 @@ def _table(points: pd.DataFrame, kept: pd.DataFrame, columns: Sequence[str], not
     return {
         "points": [int(number) for number in places["point"]],
         "levels": [_levels(places[column]) for column in columns],
-        "values": _values(kept, "point", places["point"].tolist()),
+        "values": _values(kept, of, "point", places["point"].tolist()),
     }
 
 
 def _curves(
-    runs: pd.DataFrame, kept: pd.DataFrame, axes: Mapping[str, Mapping[str, Any]], notes: list[str]
+    runs: pd.DataFrame, kept: pd.DataFrame, axes: Mapping[str, Mapping[str, Any]], of: Series, notes: list[str]
 ) -> Iterator[dict[str, Any]]:
     """Along each axis: averages over all other axes, and the same at each level of another crossed axis."""
     of_kept = runs[runs["metric"].isin(kept["metric"].unique())]
@@ -137,7 +141,7 @@ def _curves(
             levels = [levels[last * place // (MOST_LEVELS - 1)] for place in range(MOST_LEVELS)]
         shown = of_kept[of_kept[column].isin(levels)]
         lines: list[dict[str, Any]] = [
-            {"by": None, "level": None, "values": _values(across_seeds(shown, [column]), column, levels)}
+            {"by": None, "level": None, "values": _values(across_seeds(shown, [column]), of, column, levels)}
         ]
         for other in () if _sampled(axis) else axes:
             cases = list(dict.fromkeys(shown[other]))
@@ -145,7 +149,7 @@ def _curves(
                 continue
             means = across_seeds(shown, [other, column])
             lines += [
-                {"by": other, "level": level, "values": _values(means[means[other] == level], column, levels)}
+                {"by": other, "level": level, "values": _values(means[means[other] == level], of, column, levels)}
                 for level in cases
             ]
         yield {
@@ -154,12 +158,13 @@ def _curves(
         }  # fmt: skip
 
 
-def _values(means: pd.DataFrame, key: str, places: list[Any]) -> dict[str, dict[str, list[list[float | None]]]]:
-    """By metric and role, three columns in the order of ``places``: value, low, high; ``None`` where not defined."""
-    made: dict[str, dict[str, list[list[float | None]]]] = {}
-    for (metric, role), group in means.dropna(subset=BY).groupby(BY, sort=False):
+def _values(means: pd.DataFrame, of: Series, key: str, places: list[Any]) -> dict[str, list[Any]]:
+    """By metric and what it is of, three columns in the order of ``places``: value, low, high; ``None`` where not
+    defined."""
+    made: dict[str, list[Any]] = {name: [None] * len(series) for name, series in of.items()}
+    for (metric, *which), group in means.dropna(subset=BY).groupby(BY, sort=False):
         rows = group.set_index(key)[ENDS].reindex(places)
-        made.setdefault(str(metric), {})[str(role)] = [[_round(value) for value in rows[end]] for end in ENDS]
+        made[metric][of[metric].index(tuple(which))] = [[_round(value) for value in rows[end]] for end in ENDS]
     return made
 
 
