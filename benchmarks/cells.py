@@ -29,7 +29,9 @@ from genie_sim.analysis import metrics
 from genie_sim.errors import UserError
 from genie_sim.paper.evidence import Values, interval
 from genie_sim.parallel import in_processes, workers_here
-from genie_sim.runner import Prepared, Tables, prepare, simulate
+from genie_sim.recording.records import Tables
+from genie_sim.recording.results import MethodInfo
+from genie_sim.runner import Prepared, prepare, simulate
 from genie_sim.scenario.scenario import Car, Edge, Route, Scenario, load_scenario
 from genie_sim.units import NS_PER_S
 
@@ -87,18 +89,19 @@ def _share(text: str, name: str, role: str = "genie") -> Figure:
     return Figure(text, name, role, 100.0, "%")
 
 
+GENIE = (MethodInfo("genie", "Genie", baseline=False),)
 FIGURES = (
     Figure("first answer, mean", "first_answer_mean", "genie", unit="ms", digits=2),
     Figure("first answer, p99", "first_answer_p99", "genie", unit="ms", digits=2),
     Figure("fresh answer, mean", "fresh_answer_mean", "genie", unit="ms"),
     Figure("fresh answer, p95", "fresh_answer_p95", "genie", unit="ms"),
     _share("frames with a fresh answer", "fresh_answered_share"),
-    _share("image reuse, cars", "image_reuse", "local"),
-    _share("image reuse, edges", "image_reuse", "remote"),
-    _share("object reuse, cars", "object_reuse", "local"),
-    _share("object reuse, edges", "object_reuse", "remote"),
-    Figure("confidence boost, cars", "confidence_boost", "local", 1000.0, "‰"),
-    Figure("confidence boost, edges", "confidence_boost", "remote", 1000.0, "‰"),
+    _share("image reuse, cars", "image_reuse", "car"),
+    _share("image reuse, edges", "image_reuse", "edge"),
+    _share("object reuse, cars", "object_reuse", "car"),
+    _share("object reuse, edges", "object_reuse", "edge"),
+    Figure("confidence boost, cars", "confidence_boost", "car", 1000.0, "‰"),
+    Figure("confidence boost, edges", "confidence_boost", "edge", 1000.0, "‰"),
     _share("ghosts among the objects served", "ghost_share"),
     _share("objects in view that are served", "object_recall"),
 )
@@ -204,8 +207,8 @@ def _tabled(tables: Tables) -> Tabled:
 def figures_of(tabled: Tabled) -> list[float]:
     """The figures of a run, in the order of ``FIGURES`` and in their units; NaN where one is not defined."""
     found = {
-        (one.name, one.role): one.value
-        for one in metrics.compute(tabled.frames, tabled.lookups, tabled.resources, tabled.truth)
+        (one.metric, one.method if one.placement == "all" else one.placement): one.value
+        for one in metrics.compute(GENIE, tabled.frames, tabled.lookups, tabled.resources, tabled.truth)
     }
     values = (found.get((figure.name, figure.role)) for figure in FIGURES)
     return [np.nan if value is None else value * figure.factor for value, figure in zip(values, FIGURES, strict=True)]

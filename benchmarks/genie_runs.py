@@ -20,7 +20,8 @@ import numpy as np
 
 from benchmarks.station import PERIOD_NS, Outcome, scheduled_events
 from genie_sim import runner
-from genie_sim.runner import Prepared, Progress, Tables, prepare, simulate
+from genie_sim.recording.records import Tables
+from genie_sim.runner import Prepared, Progress, prepare, simulate
 from genie_sim.scenario.scenario import Scenario, load_scenario, read_scenario
 from genie_sim.seeds import stream
 from genie_sim.sim.world import World

@@ -7,12 +7,13 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from matplotlib import style
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
-from genie_sim.analysis.figures import COLUMN_IN, METHOD_LINES, STYLE
+from genie_sim.analysis import style
+from genie_sim.analysis.figures import in_style
+from genie_sim.analysis.style import COLUMN_IN
 from genie_sim.errors import UserError
 
 if TYPE_CHECKING:
@@ -46,7 +47,7 @@ def write(measured: Measured, docs: Path = DOCS) -> None:
     for name, block in blocks(measured).items():
         text = filled(text, name, block, str(page))
     for name, figure in {"speed_cars": cars_figure(measured), "speed_time": time_figure(measured)}.items():
-        with style.context(["default", STYLE]):
+        with in_style():
             figure.savefig(docs / "images" / f"{name}.png", metadata={"Software": None})
     page.write_text(text, encoding="utf-8")
 
@@ -177,21 +178,21 @@ def _profile(measured: Measured) -> str:
     return table(("function", "calls a frame", "share of all time"), rows)
 
 
-@style.context(["default", STYLE])
+@in_style()
 def cars_figure(measured: Measured) -> Figure:
     """The cost of a frame over the size of the fleet, and SimPy's own beside it."""
     figure, axis = _figure()
     ticks: set[int] = set()
     for roads, line in (
-        ("street", _line("genie", "Genie, street", "o")),
-        ("town", _line("remote", "Genie, town", "^")),
+        ("street", _line(2, "Genie, street", "o")),
+        ("town", _line(1, "Genie, town", "^")),
     ):
         known = [point for point in measured.curves.get(roads, ()) if point.growth is not None]
         ticks.update(point.cars for point in known)
         axis.plot([point.cars for point in known], [point.growth for point in known], **line)
     known = [point for point in measured.curves["street"] if point.anchor_growth is not None]
     anchors = [point.anchor_growth for point in known]
-    axis.plot([point.cars for point in known], anchors, **_line("local", "SimPy's station", "s"))
+    axis.plot([point.cars for point in known], anchors, **_line(0, "SimPy's station", "s"))
     axis.axhline(GROWTH_GOAL, color="black", linewidth=0.9, linestyle="--", label=f"goal: below {GROWTH_GOAL}")
     axis.set_xscale("log")
     axis.xaxis.set_major_locator(FixedLocator(sorted(ticks)))
@@ -201,14 +202,14 @@ def cars_figure(measured: Measured) -> Figure:
     return _labelled(figure, axis, "cars, logarithmic", f"cost of a frame [{min(ticks)} cars = 1]")
 
 
-@style.context(["default", STYLE])
+@in_style()
 def time_figure(measured: Measured) -> Figure:
     """What a run has cost so far over simulated time, in units of its first minute."""
     figure, axis = _figure()
     hour, minutes = measured.hour, _over_time(measured)[0]
     first_s = hour.between(0, 60)
     marks = range(minutes + 1)
-    axis.plot(marks, [hour.between(0, 60 * minute) / first_s for minute in marks], **_line("genie", "Genie", ""))
+    axis.plot(marks, [hour.between(0, 60 * minute) / first_s for minute in marks], **_line(2, "Genie", ""))
     axis.plot(
         [0, minutes], [0, minutes], color="black", linewidth=0.9, linestyle="--", label="goal: every minute the same"
     )
@@ -217,8 +218,8 @@ def time_figure(measured: Measured) -> Figure:
     return _labelled(figure, axis, "simulated time [min]", "cost so far [first minute = 1]")
 
 
-def _line(method: str, label: str, marker: str) -> Mapping[str, object]:
-    return METHOD_LINES[method] | {"label": label, "marker": marker, "markersize": 4}
+def _line(place: int, label: str, marker: str) -> Mapping[str, object]:
+    return style.method_line(place) | {"label": label, "marker": marker, "markersize": 4}
 
 
 def _figure() -> tuple[Figure, Axes]:

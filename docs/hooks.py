@@ -28,8 +28,8 @@ def commands() -> Iterator[str]:
 
 def tables() -> Iterator[str]:
     """The columns of every table."""
-    for table in sorted(records.Table.__subclasses__(), key=lambda one: one.name):
-        yield f"## {table.name}.parquet\n\n{_paragraph(table.__doc__)}\n"
+    for table in records.SCHEMAS:
+        yield f"## {table.name}.parquet\n\n{table.description}\n"
         yield "| column | type | unit | meaning |\n|---|---|---|---|"
         for column in table.columns:
             kind = f"{column.kind} or null" if column.nullable else column.kind

@@ -14,20 +14,95 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from genie_sim import runner
+from genie_sim import report, runner
 from genie_sim.errors import UserError
 from genie_sim.paths import expanded
-from genie_sim.recording.results import Figures, Run, load
+from genie_sim.recording import results
 from genie_sim.runner import Progress
 from genie_sim.scenario import scenario
 from genie_sim.scenario.scenario import Scenario
 
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+
 __all__ = ["Figures", "Run", "Scenario", "UserError", "load", "load_scenario", "run"]
 
 Settings = Mapping[str, Any] | Sequence[str]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Run(results.Run):
+    """A finished run in hand: its tables (see ``recording.results.Run``), metrics, figures and page."""
+
+    @cached_property
+    def scenario(self) -> Scenario:
+        """The scenario as it was run."""
+        return scenario.read_scenario(self.facts["scenario"], where=self.name)
+
+    @cached_property
+    def metrics(self) -> pd.DataFrame:
+        """One row per metric: metric, method, placement, component, value, unit, low, high, n; see ``Metric``."""
+        import pandas as pd
+
+        return pd.DataFrame([asdict(metric) for metric in self.measured])
+
+    @property
+    def figures(self) -> Figures:
+        """The paper's figures, of this run."""
+        return Figures(self)
+
+    def report(self, path: str | Path | None = None) -> Path:
+        """Writes one HTML page to look at the run in a browser; default: ``report.html`` in the run's folder."""
+        if path is None:
+            if self.folder is None:
+                raise UserError("report: a run without a folder needs a path, such as run.report('report.html')")
+            path = self.folder / report.NAME
+        path = expanded(path)
+        report.write(path, self)
+        return path
+
+
+@dataclass(frozen=True)
+class Figures:
+    """``run.figures.latency_cdf()`` and so on; each gives a matplotlib ``Figure``, which is imported only then."""
+
+    _run: Run
+
+    def latency_cdf(self, of: str = "published") -> Figure:
+        """Distribution of response times, as shares of the ``published`` or of the ``answered`` frames."""
+        from genie_sim.analysis import figures
+
+        return figures.latency_cdf({self._run.name: self._run.frames}, self._run.methods, self._run.footer, of)
+
+    def image_reuse(self) -> Figure:
+        """Hits / requests of the message caches, on cars and on edges."""
+        from genie_sim.analysis import figures
+
+        return figures.image_reuse({self._run.name: self._run.lookups}, self._run.methods, self._run.footer)
+
+    def object_reuse(self) -> Figure:
+        """Object look-ups answered by an object with C >= C_T, on cars and on edges."""
+        from genie_sim.analysis import figures
+
+        return figures.object_reuse({self._run.name: self._run.lookups}, self._run.methods, self._run.footer)
+
+    def confidence_boost(self) -> Figure:
+        """Running mean of C_new - C_old over the updates of the object maps."""
+        from genie_sim.analysis import figures
+
+        return figures.confidence_boost({self._run.name: self._run.lookups}, self._run.methods, self._run.footer)
+
+    def resource_use(self) -> Figure:
+        """Use of devices and links, and queues, over simulated time."""
+        from genie_sim.analysis import figures
+
+        return figures.resource_use(self._run.resources, self._run.methods, self._run.footer)
 
 
 def run(
@@ -47,8 +122,13 @@ def run(
     """
     setting = load_scenario(scenario, settings, seed=seed)
     if out is None:
-        return runner.run_in_memory(setting, progress)
+        return _in_hand(runner.run_in_memory(setting, progress))
     return load(runner.run_to_folder(setting, expanded(out), progress).folder)
+
+
+def load(folder: str | Path) -> Run:
+    """The run in a result folder. Raises ``UserError`` for anything else, or for one that is not whole."""
+    return _in_hand(results.load(folder))
 
 
 def load_scenario(
@@ -64,6 +144,10 @@ def load_scenario(
     if isinstance(source, Scenario):
         source = source.model_dump(mode="json", by_alias=True)
     return scenario.read_scenario({"name": "scenario", **source}, overrides, seed)
+
+
+def _in_hand(run: results.Run) -> Run:
+    return Run(**vars(run))
 
 
 def _overrides(settings: Settings) -> Sequence[str]:

@@ -8,7 +8,7 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
@@ -18,8 +18,8 @@ from genie_sim.errors import UserError, shown, unknown
 from genie_sim.perception.trace import Trace, read_trace
 from genie_sim.recording import provenance
 from genie_sim.recording.log import Log
-from genie_sim.recording.records import FrameTable, LookupTable, ObjectTable, PoseTable, ResourceTable, TruthTable
-from genie_sim.recording.results import Run
+from genie_sim.recording.records import TRUTH, Tables
+from genie_sim.recording.results import MethodInfo, Metric, Run
 from genie_sim.recording.tables import Table
 from genie_sim.recording.truth import Truth
 from genie_sim.scenario import files
@@ -31,7 +31,6 @@ from genie_sim.sim.world import World
 from genie_sim.units import NS_PER_S
 
 if TYPE_CHECKING:
-    from genie_sim.analysis.metrics import Metric
     from genie_sim.town import Drive, Town
 
 Progress = Callable[[float, float, str], None]
@@ -50,22 +49,6 @@ class Prepared:
     traces: Mapping[str, Trace]
     spelled_out: Scenario | None = None
     town: Town | None = None
-
-
-@dataclass(frozen=True)
-class Tables:
-    """What a run wrote down."""
-
-    frames: FrameTable
-    lookups: LookupTable
-    resources: ResourceTable
-    poses: PoseTable = field(default_factory=PoseTable)
-    objects: ObjectTable = field(default_factory=ObjectTable)
-    truth: TruthTable | None = None
-
-    def __iter__(self) -> Iterator[Table]:
-        usual: tuple[Table, ...] = (self.frames, self.lookups, self.resources, self.poses, self.objects)
-        return iter(usual if self.truth is None else (*usual, self.truth))
 
 
 @dataclass(frozen=True)
@@ -150,7 +133,14 @@ def facts(prepared: Prepared) -> dict[str, Any]:
         "devices": {name: device.model_dump(mode="json", by_alias=True) for name, device in prepared.devices.items()},
         "traces": {name: trace.digest for name, trace in _sources(prepared).items()},
         "own_code": own_code(prepared.scenario.genie),
+        "methods": [asdict(method) for method in methods_of(prepared.scenario)],
     }
+
+
+def methods_of(scenario: Scenario) -> list[MethodInfo]:
+    """The methods that a scenario runs, in its order."""
+    titles = {"local": "local (L)", "remote": "remote (R)", "genie": "Genie (DG)"}
+    return [MethodInfo(name, titles[name], baseline=name != "genie") for name in scenario.methods]
 
 
 def _sources(prepared: Prepared) -> Mapping[str, Trace | Town]:
@@ -164,7 +154,7 @@ def _finished(prepared: Prepared, run_id: str, tables: Tables) -> Run:
 
     frames, lookups, resources, poses, objects, *more = (table.to_frame() for table in tables)
     truth = more[0] if more else None
-    measured = metrics.compute(frames, lookups, resources, truth)
+    measured = metrics.compute(methods_of(prepared.scenario), frames, lookups, resources, truth)
     yaml = prepared.scenario.to_yaml()
     return Run(run_id, facts(prepared), yaml, frames, lookups, resources, poses, objects, measured, truth=truth)
 
@@ -184,10 +174,8 @@ def _fill(
     provenance.write_json(folder / "metrics.json", [asdict(metric) for metric in made.measured])
     described = summary.markdown(made.measured, prepared.scenario.name, run_id, prepared.scenario.seed)
     (folder / "summary.md").write_text(described, encoding="utf-8")
-    footer = f"{prepared.scenario.name}, run {run_id}, seed {prepared.scenario.seed}"
     (folder / "figures").mkdir()
-    of_run = figures.of_run(prepared.scenario.name, made.frames, made.lookups, made.resources, footer)
-    for name, figure in of_run.items():
+    for name, figure in figures.of_run(made).items():
         figures.save(figure, folder / "figures", name)
     if with_report:
         report.write(folder / report.NAME, made)
@@ -262,26 +250,12 @@ def simulate(prepared: Prepared, progress: Progress | None = None, spill: Path |
     With ``spill``, a folder, the rows of long tables wait there and not in memory; ``write`` completes their files.
     """
     scenario = prepared.scenario if prepared.spelled_out is None else prepared.spelled_out
-    record, methods = scenario.record, scenario.methods
-
-    def waiting(name: str) -> Path | None:
-        return None if spill is None else spill / f"{name}.rows"
-
-    tables = Tables(
-        FrameTable(),
-        LookupTable(waiting("lookups")),
-        ResourceTable(waiting("resources")),
-        PoseTable(waiting("poses")),
-        ObjectTable(waiting("objects")),
-    )
-    lookups = tables.lookups if "lookups" in record else None
-    objects = tables.objects if "objects" in record else None
-    if prepared.town is not None and "truth" in record:
-        tables = replace(tables, truth=TruthTable())
+    methods, tables = scenario.methods, Tables.spilling(spill)
+    if prepared.town is not None and "truth" in scenario.record:
+        tables = replace(tables, truth=Table(TRUTH))
     drives = "genie" if "genie" in methods else methods[0]  # without Genie, cars without cameras stay at home
     for number, method in enumerate(methods):
-        poses = tables.poses if method == drives and "poses" in record else None
-        log = Log(method, tables.frames, lookups, tables.resources, poses, objects)
+        log = Log(method, tables, set(scenario.record) - ({"poses"} if method != drives else set()))
         began_s = time.perf_counter()
         truth = _truth(prepared, method, tables.truth)
 
@@ -298,13 +272,13 @@ def simulate(prepared: Prepared, progress: Progress | None = None, spill: Path |
     return tables
 
 
-def _truth(prepared: Prepared, method: str, table: TruthTable | None) -> Truth | None:
+def _truth(prepared: Prepared, method: str, table: Table | None) -> Truth | None:
     """What judges the answers of one method, where the truth is known and wanted."""
     city = prepared.scenario.perception
     if table is None or prepared.town is None or not isinstance(city, InTown):
         return None
     begin_ns = {car: cast("Drive", trace).start_ns for car, trace in prepared.traces.items()}
-    return Truth(method, prepared.town, begin_ns, city.tolerance_m, city.range_m, table.add)
+    return Truth(method, prepared.town, begin_ns, city.tolerance_m, city.range_m, table)
 
 
 @contextmanager

@@ -4,22 +4,29 @@ from __future__ import annotations
 
 import numpy as np
 
-from genie_sim.recording.records import Frame, FrameTable, LookupTable, ResourceTable
+from genie_sim.recording.records import FRAMES, LOOKUPS, RESOURCES, Frame
+from genie_sim.recording.results import MethodInfo
+from genie_sim.recording.tables import Table
 
 MS = 1_000_000
+METHODS = (
+    MethodInfo("local", "local (L)", baseline=True),
+    MethodInfo("remote", "remote (R)", baseline=True),
+    MethodInfo("genie", "Genie (DG)", baseline=False),
+)
 STREAMS = ("camera_00", "camera_01", "camera_02", "camera_03")
 # Median service times [ms] of a TX2 (local) and an AGX Xavier (remote); how many streams a detector keeps up with.
 DETECTOR_MS = {"local": 310.0, "remote": 65.0}
 KEPT = {"local": 0.08, "remote": 0.37}
 
 
-def frames(cars: int = 3, seconds: int = 10, seed: int = 1, speed: float = 1.0) -> FrameTable:
+def frames(cars: int = 3, seconds: int = 10, seed: int = 1, speed: float = 1.0) -> Table:
     """Detectors drop what they cannot keep up with; Genie answers at once and fresh when the detection is there.
 
     ``speed`` divides the remote detector's time.
     """
     rng = np.random.default_rng(seed)
-    table = FrameTable()
+    table = Table(FRAMES)
     for method in ("local", "remote", "genie"):
         for car in range(1, cars + 1):
             for s, stream in enumerate(STREAMS):
@@ -36,14 +43,14 @@ def frames(cars: int = 3, seconds: int = 10, seed: int = 1, speed: float = 1.0) 
                         _set(row, received_ns + int(took_ms * MS), "own_detector", rng.poisson(3))
                     else:
                         row.drop = f"{method}/detector:/image_raw"
-                    table.add(row)
+                    table.append(row.row())
     return table
 
 
 def _set(row: Frame, t_ns: int, source: str, objects: int) -> None:
     for column in ("first_answer_ns", "fresh_answer_ns"):
         setattr(row, column, t_ns)
-    for column in ("objects_served", "objects_detected"):
+    for column in ("objects_served", "objects_fresh"):
         setattr(row, column, int(objects))
     row.source = source
 
@@ -62,35 +69,33 @@ def _answer_by_genie(row: Frame, received_ns: int, rng: np.random.Generator, spe
     row.objects_served = int(rng.poisson(1))
     if rng.random() < 0.4 * speed:
         row.fresh_answer_ns = first_ns + int((20 + 65 / speed * rng.gamma(4, 0.3)) * MS)
-        row.objects_detected = int(rng.poisson(3))
+        row.objects_fresh = int(rng.poisson(3))
 
 
-def lookups(cars: int = 3, messages: int = 400, seed: int = 1, lift: float = 1.0) -> LookupTable:
+def lookups(cars: int = 3, messages: int = 400, seed: int = 1, lift: float = 1.0) -> Table:
     """Genies on cars and edges; hits become more frequent as the caches fill. ``lift`` multiplies them."""
     rng = np.random.default_rng(seed)
-    table = LookupTable()
+    table = Table(LOOKUPS)
     for i in range(messages):
         t_ns = i * 25 * MS
         for car in range(1, cars + 1):
-            for role, place, base in (("local", "car", 0.06), ("remote", "edge", 0.1)):
+            for place, base in (("car", 0.06), ("edge", 0.1)):
                 name, level = f"{place}{car}/genie", lift * (0.4 + 0.6 * i / messages)
                 hit = bool(rng.random() < base * level)
                 outcome, stream = "hit" if hit else "miss", STREAMS[i % 4]
-                table.add(
-                    t_ns, name, role, "image", "client", f"car{car}", stream, t_ns, outcome, 1, int(hit), 0, 0.0, i
-                )
+                frame = f"car{car}", stream, t_ns
+                what = "genie", t_ns, name, place
+                table.append((*what, "image", "client", *frame, outcome, 1, int(hit), 0, 0.0, i))
                 asked = 1 + int(rng.poisson(3))
                 hits = int(rng.binomial(asked, min(4 * base * level, 1)))
                 boost = 0.04 * hits * level * rng.random()
-                table.add(
-                    t_ns, name, role, "sighting", None, f"car{car}", stream, t_ns, None, asked, hits, hits, boost, i
-                )
+                table.append((*what, "sighting", None, *frame, None, asked, hits, hits, boost, i))
     return table
 
 
-def resources(cars: int = 3, samples: int = 100) -> ResourceTable:
+def resources(cars: int = 3, samples: int = 100) -> Table:
     """Saturated accelerators on the cars, edges half busy with Genie, links one third."""
-    table = ResourceTable()
+    table = Table(RESOURCES)
     for method in ("local", "remote", "genie"):
         for i in range(1, samples + 1):
             t_ns = i * 100 * MS
@@ -101,7 +106,7 @@ def resources(cars: int = 3, samples: int = 100) -> ResourceTable:
                     (f"car{car}->edge{car}", "link", 0.1 * car, i, i * 1_397_297),
                 )
                 for name, kind, busy, completed, carried in serving:
-                    table.add(method, t_ns, name, kind, 1, int(busy * t_ns), 0, completed, 0, carried)
+                    table.append((method, t_ns, name, kind, 1, int(busy * t_ns), 0, completed, 0, carried))
                 queue = f"car{car}/detector:/image_raw"
-                table.add(method, t_ns, queue, "queue", None, 0, (i + car) % 3, i, 2 * i, None)
+                table.append((method, t_ns, queue, "queue", None, 0, (i + car) % 3, i, 2 * i, None))
     return table

@@ -49,7 +49,7 @@ def test_a_claim_holds_on_some_drives_and_not_on_others():
 
 def test_both_scenarios_must_hold():
     runs = drive("0001", confidence_boost__local=0.1, confidence_boost__remote=0.2)
-    runs[1].facts["confidence_boost:remote"] = 0.05
+    runs[1].facts["confidence_boost:edge"] = 0.05
     one = found(runs)
     assert one["confidence boost, remote - local"]["holds"] == 0
     assert one["confidence boost, heterogeneous - homogeneous"]["median"] == pytest.approx(-0.075)
@@ -71,7 +71,7 @@ def test_what_is_written(tmp_path):
     with (tmp_path / "drives.csv").open() as file:
         rows = list(csv.DictReader(file))
     assert [(row["sequence"], row["scenario"]) for row in rows] == [(n, s) for n in ("0001", "0002") for s in SCENARIOS]
-    assert (rows[0]["confidence_boost:local"], rows[2]["confidence_boost:local"]) == ("0.5", "")
+    assert (rows[0]["confidence_boost:car"], rows[2]["confidence_boost:car"]) == ("0.5", "")
     assert json.loads((tmp_path / "drives.json").read_text()) == drives.directions(driven)
     document = (tmp_path / "verdicts.md").read_text()
     assert document.startswith("# What of the paper holds here")

@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 
 from genie_sim import runner
 from genie_sim.errors import UserError
+from genie_sim.recording.records import Tables
 from genie_sim.report import data
 from genie_sim.runner import prepare, simulate
 from genie_sim.scenario import files
@@ -225,24 +226,24 @@ def test_what_a_fleet_costs_to_spell_out_grows_with_its_cars_only(monkeypatch: p
 
 
 @pytest.fixture(scope="module")
-def tables() -> runner.Tables:
+def tables() -> Tables:
     return simulate(prepare(small()))
 
 
-def test_every_frame_of_every_car_is_answered_dropped_or_in_flight(tables: runner.Tables):
+def test_every_frame_of_every_car_is_answered_dropped_or_in_flight(tables: Tables):
     frames = tables.frames.to_frame()
     assert Counter(frames["car"]) == dict.fromkeys((f"car{n}" for n in range(1, 6)), 60)
     assert not (frames["fresh_answer_ns"].notna() & frames["drop"].notna()).any()
     assert frames["first_answer_ns"].notna().mean() > 0.9
 
 
-def test_the_resources_of_a_fleet_are_those_of_its_edges(tables: runner.Tables):
+def test_the_resources_of_a_fleet_are_those_of_its_edges(tables: Tables):
     resources = set(tables.resources.to_frame()["resource"].astype(str))
     assert resources and all(name.startswith("edge_") and "car" not in name for name in resources)
 
 
 @pytest.mark.parametrize("left_out", ["lookups", "resources", "poses", "objects"])
-def test_a_table_that_is_left_out_is_empty_and_changes_no_other(tables: runner.Tables, left_out: str):
+def test_a_table_that_is_left_out_is_empty_and_changes_no_other(tables: Tables, left_out: str):
     record = [name for name in ("lookups", "resources", "poses", "objects") if name != left_out]
     without = simulate(prepare(small(record=[*record, "truth"])))
     for all_of, fewer in zip(tables, without, strict=True):

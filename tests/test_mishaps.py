@@ -22,7 +22,7 @@ import genie_sim as gs
 from genie_sim.cli import app, main
 from genie_sim.errors import UserError
 from genie_sim.paths import whole_file
-from genie_sim.recording import records
+from genie_sim.recording import records, tables
 from genie_sim.scenario.scenario import LONGEST_DAYS, load_scenario
 from tests.conftest import REPOSITORY
 
@@ -115,7 +115,7 @@ def test_a_table_without_one_of_its_columns_is_told(folder, capsys):
 def test_a_broken_table(made, seed):
     broken = Path("broken.parquet")
     broken.write_bytes(mutated((made / "frames.parquet").read_bytes(), seed))
-    only_clear_errors(lambda: records.read(broken, records.FrameTable))
+    only_clear_errors(lambda: tables.read(broken, records.FRAMES))
 
 
 def test_a_run_that_wrote_down_no_poses_is_no_bag(capsys):

@@ -7,7 +7,7 @@ from sim.street import street
 
 from genie_sim.errors import UserError
 from genie_sim.recording.log import Log
-from genie_sim.recording.records import FrameTable, LookupTable, ResourceTable
+from genie_sim.recording.records import Tables
 from genie_sim.scenario.profiles import load_profile
 from genie_sim.scenario.scenario import load_scenario, read_scenario
 from genie_sim.sim.phantom import POSITION_BYTES, positions
@@ -21,10 +21,10 @@ BLIND = {"name": "car2", "device": "jetson_tx2", "edge": "edge2", "cameras": Fal
 def drive(*cars, method="genie"):
     """Frames and look-ups of cars on the made-up street, and the world they drove in."""
     setting = read_scenario({"name": "case", "edges": EDGES, "cars": list(cars)})
-    tables = FrameTable(), LookupTable(), ResourceTable()
+    tables = Tables()
     devices = {name: load_profile(name) for name in ("jetson_tx2", "agx_xavier")}
     trace = street()
-    world = World(setting, devices, {car.name: trace for car in setting.cars}, method, Log(method, *tables))
+    world = World(setting, devices, {car.name: trace for car in setting.cars}, method, Log(method, tables))
     world.run()
     return tables[0].to_frame(), tables[1].to_frame(), world
 
@@ -98,9 +98,9 @@ def test_a_car_without_cameras_needs_somebody_to_ask(car, genie, message):
 def test_the_phantom_on_the_edge_is_an_edges_genie():
     genie = {"car_capacity": "3 entries", "capacity": "1000 entries", "share_requests": False}
     setting = read_scenario({"name": "case", "edges": EDGES, "cars": [SEEING, BLIND], "genie": genie})
-    tables = FrameTable(), LookupTable(), ResourceTable()
+    tables = Tables()
     devices = {name: load_profile(name) for name in ("jetson_tx2", "agx_xavier")}
-    world = World(setting, devices, {car.name: street() for car in setting.cars}, "genie", Log("genie", *tables))
+    world = World(setting, devices, {car.name: street() for car in setting.cars}, "genie", Log("genie", tables))
     world.run()
     completed = {one.name: one.completed for one in world.resources}
     assert completed["edge2->edges"] == 0, "it shares no requests"

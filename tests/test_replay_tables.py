@@ -5,7 +5,8 @@ from __future__ import annotations
 import pandas as pd
 import pytest
 
-from genie_sim.runner import Prepared, Tables, simulate
+from genie_sim.recording.records import Tables
+from genie_sim.runner import Prepared, simulate
 from genie_sim.scenario.profiles import load_profile
 from tests.sim.street import scenario, street
 

@@ -16,7 +16,8 @@ from genie_sim import runner
 from genie_sim.analysis.metrics import Metric, compute
 from genie_sim.messages import CameraPose, Detection, Detections, Header, Image
 from genie_sim.recording import results
-from genie_sim.recording.records import TruthTable
+from genie_sim.recording.records import TRUTH
+from genie_sim.recording.tables import Table
 from genie_sim.recording.truth import Truth
 from genie_sim.runner import prepare, simulate
 from genie_sim.town import Town, TrueObject
@@ -66,7 +67,7 @@ def judged(
     town: Street, *answers: tuple[str, Sequence[Detection]], at: tuple[float, float] = (0.0, 0.0)
 ) -> list[tuple[str, tuple[int, ...]]]:
     """Source and counts (served, true, not in view, in view, found) of each answer that was judged."""
-    table = TruthTable()
+    table = Table(TRUTH)
     truth = Truth("genie", town, {"car1": BEGIN_NS}, REACH_M, RANGE_M, table.add)
     pose = CameraPose(*at, 1.6, 0.0)
     truth.published(Image(HEADER, 1000, "", 0, pose, 1.4, town.frame()))
@@ -128,9 +129,9 @@ def test_the_truth_is_asked_for_where_something_out_of_view_was_served_at_the_ti
 
 def rows(*counts: tuple[str, int, int, int, int, int]) -> pd.DataFrame:
     """A row a second: source, served, true, not in view, in view, found."""
-    table = TruthTable()
+    table = Table(TRUTH)
     for number, (source, *numbers) in enumerate(counts):
-        table.add("genie", "car1", "camera_02", number * 10**9, source, *numbers)
+        table.append(("genie", "car1", "camera_02", number * 10**9, source, *numbers))
     return table.to_frame()
 
 

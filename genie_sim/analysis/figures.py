@@ -1,28 +1,27 @@
 """The figures of the paper's Section V, drawn from the tables of runs.
 
 Each function takes ``panels``: a label for every run (``{"3 cars, heterogeneous": frames}``; one run is a mapping with
-one entry) and the ``footer`` that names the run. Sizes are those of a printed column (88 mm) or page (182 mm) with
-text of 8 points; methods and roles differ in line style or hatch and in lightness, so that they survive greyscale. The
-same tables give the same bytes with the same matplotlib.
+one entry), the ``methods`` that ran, and the ``footer`` that names the run. Sizes are those of a printed column
+(88 mm) or page (182 mm) with text of 8 points. The same tables give the same bytes with the same matplotlib.
 """
 
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib import style
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.style import context
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator, ScalarFormatter
 
+from genie_sim.analysis import style
 from genie_sim.analysis.metrics import (
     DEADLINE_MS,
-    METHODS,
-    ROLES,
     WINDOW_REQUESTS,
     response_ms,
     reuse,
@@ -30,84 +29,54 @@ from genie_sim.analysis.metrics import (
     running_use,
     windowed_reuse,
 )
+from genie_sim.analysis.style import COLUMN_IN, LINE_IN, PAGE_IN, PLACEMENTS, percent_tick, thinned
+from genie_sim.recording.results import MethodInfo, Run
+from genie_sim.units import NS_PER_S
 
 if TYPE_CHECKING:
     import pandas as pd
 
 Panels = Mapping[str, "pd.DataFrame"]
+Methods = Sequence[MethodInfo]
 
-COLUMN_IN, PAGE_IN = 3.46, 7.16
-LINE_IN = 0.17  # height of a line of 8 points
-STYLE: dict[str, Any] = {
-    "font.size": 8,
-    "axes.titlesize": 8,
-    "axes.labelsize": 8,
-    "legend.fontsize": 8,
-    "xtick.labelsize": 8,
-    "ytick.labelsize": 8,
-    "figure.titlesize": 9,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.grid": True,
-    "axes.axisbelow": True,
-    "grid.color": "0.88",
-    "grid.linewidth": 0.6,
-    "hatch.linewidth": 0.6,
-    "legend.frameon": False,
-    "legend.handlelength": 2.4,
-    "savefig.dpi": 200,
-    "svg.fonttype": "none",  # text stays text
-    "svg.hashsalt": "genie-sim",
-}
-METHOD_LINES: dict[str, dict[str, Any]] = {
-    "local": {"label": "local (L)", "color": "#E69F00", "linestyle": (0, (1, 1)), "linewidth": 1.8},
-    "remote": {"label": "remote (R)", "color": "#C44E00", "linestyle": (0, (5, 1.2, 1, 1.2)), "linewidth": 1.6},
-    "genie": {"label": "Genie (DG)", "color": "#0B3C6F", "linestyle": "-", "linewidth": 1.8},
-}
-METHOD_LETTERS = {"local": "L", "remote": "R", "genie": "DG"}
-ROLE_BARS: dict[str, dict[str, Any]] = {
-    "local": {"label": "local Genies (cars)", "facecolor": "#F0C060", "hatch": "////"},
-    "remote": {"label": "remote Genies (edges)", "facecolor": "#3D6FA5", "hatch": ""},
-}
-ROLE_LINES: dict[str, dict[str, Any]] = {
-    "local": {"label": "local Genies (cars)", "color": "#E69F00", "linestyle": (0, (4, 1.2)), "linewidth": 1.6},
-    "remote": {"label": "remote Genies (edges)", "color": "#0B3C6F", "linestyle": "-", "linewidth": 1.6},
-}
 RESOURCE_KINDS = {
     "accelerator": "accelerators busy",
     "cpu": "CPUs busy",
     "link": "links busy",
     "queue": "messages waiting",
 }
-LINE_STYLES = ("-", (0, (4, 1.2)), (0, (1, 1)), (0, (5, 1.2, 1, 1.2)))
-LINE_COLOURS = ("#0B3C6F", "#E69F00", "#009E73", "#C44E00", "#56B4E9", "#777777", "#CC79A7", "#000000")
-POINTS_PER_CURVE = 1000
-NS_PER_S = 1e9
 LEAST_USE = 0.01
+TITLE_CHARACTERS_PER_IN = 15
 
 
-def of_run(
-    label: str, frames: pd.DataFrame, lookups: pd.DataFrame, resources: pd.DataFrame, footer: str
-) -> dict[str, Figure]:
+@contextmanager
+def in_style() -> Iterator[None]:
+    """Within it, and in a function that it decorates, matplotlib draws in this style, whatever the user's is."""
+    with context(["default", style.RC]):
+        yield
+
+
+def of_run(run: Run) -> dict[str, Figure]:
     """Every figure of one run, by file name, but of Genies and of use only what was simulated and recorded."""
+    frames, lookups, methods = {run.name: run.frames}, {run.name: run.lookups}, run.methods
     figures = {
-        "latency_cdf": latency_cdf({label: frames}, footer),
-        "latency_cdf_of_answered": latency_cdf({label: frames}, footer, of="answered"),
+        "latency_cdf": latency_cdf(frames, methods, run.footer),
+        "latency_cdf_of_answered": latency_cdf(frames, methods, run.footer, of="answered"),
     }
-    if len(resources):
-        of_cars = {f"{car}.accelerator" for car in frames["car"].unique()} & set(resources["resource"].unique())
-        figures["resources"] = resource_use(resources, footer, "" if of_cars else "edges: ")
-    if len(lookups):
-        figures["image_reuse"] = image_reuse({label: lookups}, footer)
-        figures["object_reuse"] = object_reuse({label: lookups}, footer)
-        figures["confidence_boost"] = confidence_boost({label: lookups}, footer)
+    if len(run.resources):
+        of_cars = {f"{car}.accelerator" for car in run.frames["car"].unique()} & set(run.resources["resource"].unique())
+        figures["resources"] = resource_use(run.resources, methods, run.footer, "" if of_cars else "edges: ")
+    if len(run.lookups):
+        figures["image_reuse"] = image_reuse(lookups, methods, run.footer)
+        figures["object_reuse"] = object_reuse(lookups, methods, run.footer)
+        figures["confidence_boost"] = confidence_boost(lookups, methods, run.footer)
     return figures
 
 
 def save(figure: Figure, folder: Path, name: str) -> list[Path]:
     """Writes ``name.svg`` and ``name.png``, without date and version. Raises OSError if it cannot."""
     paths = [folder / f"{name}.svg", folder / f"{name}.png"]
-    with style.context(["default", STYLE]):
+    with in_style():
         _settle(figure)
         figure.savefig(paths[0], metadata={"Date": None, "Creator": None})
         figure.savefig(paths[1], metadata={"Software": None})
@@ -124,66 +93,73 @@ def _settle(figure: Figure) -> None:
         axis.set_position((left, bottom, width, height))
 
 
-@style.context(["default", STYLE])
-def latency_cdf(panels: Panels, footer: str = "", of: str = "published") -> Figure:
-    """Response time of L, R and DG, with the 33 ms deadline (paper: Fig. "cdf-time").
+@in_style()
+def latency_cdf(panels: Panels, methods: Methods, footer: str = "", of: str = "published") -> Figure:
+    """Response time under each method, with the 33 ms deadline (paper: Fig. "cdf-time").
 
     ``of="published"``: a curve ends at the share of frames that were answered at all. ``of="answered"``, the paper's
     way: every curve reaches 1, however many frames were dropped. Either way each panel's title tells the shares. The
     fresh answer is drawn where it differs from the first.
     """
-    title = f"Response time from received to first answer, share of {of} frames"
     figure, axes = _grid(panels)
     low, high = _limits_ms(panels)
     for axis, (label, frames) in zip(axes, panels.items(), strict=True):
-        answered, fresh = [], []
-        for method in METHODS:
-            mine = frames[frames["method"] == method]
+        shares: dict[str, list[str]] = {"answered": [], "fresh": []}
+        for position, method in enumerate(methods):
+            mine = frames[frames["method"] == method.name]
             if mine.empty:
                 continue
-            curves = {answer: _known(response_ms(mine, answer)) for answer in ("first", "fresh")}
-            for answer, values in curves.items():
-                whole = len(mine) if of == "published" else len(values)
-                if answer == "first":
-                    _step(axis, values, whole, high, **METHOD_LINES[method])
-                elif not np.array_equal(values, curves["first"]):
-                    thin = METHOD_LINES[method] | {"linewidth": 0.9, "linestyle": (0, (4, 2))}
-                    _step(axis, values, whole, high, **thin | {"label": f"{METHOD_LETTERS[method]}, fresh answer"})
-                    fresh.append(f"{METHOD_LETTERS[method]} {_percent(len(values) / len(mine))}")
-            answered.append(f"{METHOD_LETTERS[method]} {_percent(len(curves['first']) / len(mine))}")
+            line = style.method_line(position)
+            first, fresh = (_known(response_ms(mine, answer)) for answer in ("first", "fresh"))
+            whole = len(mine) if of == "published" else None
+            _step(axis, first, whole, high, label=method.title, **line)
+            shares["answered"].append(f"{method.name} {_percent(len(first) / len(mine))}")
+            if not np.array_equal(first, fresh):
+                thin = line | {"linewidth": 0.9, "linestyle": (0, (4, 2)), "label": f"{method.name}, fresh answer"}
+                _step(axis, fresh, whole, high, **thin)
+                shares["fresh"].append(f"{method.name} {_percent(len(fresh) / len(mine))}")
         axis.axvline(DEADLINE_MS, color="black", linewidth=0.9, linestyle="--", label=f"{DEADLINE_MS:g} ms deadline")
-        shares = [f"{what}: {', '.join(found)}" for what, found in (("answered", answered), ("fresh", fresh)) if found]
-        axis.set_title("\n".join([label, *shares]))
+        told = [f"{what}: {', '.join(found)}" for what, found in shares.items() if found]
+        room = int(axis.get_position().width * figure.get_figwidth() * TITLE_CHARACTERS_PER_IN)
+        axis.set_title("\n".join([label, *(line for one in told for line in textwrap.wrap(one, room))]))
         axis.set_ylim(0, 1.02)
         _logarithmic_ms(axis, low, high)
     _label_outer(axes, "response time [ms], logarithmic", f"share of {of} frames")
-    _finish(figure, title, footer, axes)
+    _finish(figure, f"Response time from received to first answer, share of {of} frames", footer, axes)
     return figure
 
 
-@style.context(["default", STYLE])
-def image_reuse(panels: Panels, footer: str = "") -> Figure:
+@in_style()
+def image_reuse(panels: Panels, methods: Methods, footer: str = "") -> Figure:
     """Hits / requests of the message caches, asked by their own clients (paper: Fig. "reuse-img")."""
-    of_clients = {label: _rows(lookups, kind="image", asker="client") for label, lookups in panels.items()}
-    return _reuse_bars(of_clients, "Image reuse", footer)
+    of_clients = {label: _rows(lookups, kind="image", requester="client") for label, lookups in panels.items()}
+    return _reuse_bars(of_clients, methods, "Image reuse", footer)
 
 
-@style.context(["default", STYLE])
-def object_reuse(panels: Panels, footer: str = "") -> Figure:
+@in_style()
+def object_reuse(panels: Panels, methods: Methods, footer: str = "") -> Figure:
     """Object look-ups answered by an object with C >= C_T / all of them (paper: Fig. "reuse-obj")."""
     of_maps = {label: lookups[lookups["kind"] != "image"] for label, lookups in panels.items()}
-    return _reuse_bars(of_maps, "Object reuse", footer)
+    return _reuse_bars(of_maps, methods, "Object reuse", footer)
 
 
-@style.context(["default", STYLE])
-def confidence_boost(panels: Panels, footer: str = "") -> Figure:
-    """Running mean of C_new - C_old over the updates of a role's object maps (paper: Fig. "boost")."""
+@in_style()
+def confidence_boost(panels: Panels, methods: Methods, footer: str = "") -> Figure:
+    """Running mean of C_new - C_old over the updates of the object maps on cars and on edges (paper: Fig. "boost").
+
+    In greys; with several methods that run Genies, in the colour of each.
+    """
     figure, axes = _grid(panels)
+    several = len(_with_genies(panels, methods)) > 1
     for axis, (label, lookups) in zip(axes, panels.items(), strict=True):
-        for role in ROLES:
-            curve = running_boost(_rows(lookups, role=role))
-            kept = _thinned(len(curve))
-            axis.plot(curve["updates"].to_numpy()[kept], curve["boost"].to_numpy()[kept], **ROLE_LINES[role])
+        for position, method in _with_genies(panels, methods):
+            for placement, where in PLACEMENTS.items():
+                curve = running_boost(_rows(lookups, method=method.name, placement=placement))
+                kept = thinned(len(curve))
+                look = style.placement_line(placement) | {"label": f"Genies {where}"}
+                if several:
+                    look |= {"color": style.COLOURS[position % len(style.COLOURS)], "label": f"{method.title}, {where}"}
+                axis.plot(curve["updates"].to_numpy()[kept], curve["boost"].to_numpy()[kept], **look)
         axis.set_title(label)
         axis.margins(x=0.02)
     _label_outer(axes, "updates so far", "mean of C(new) - C(old)")
@@ -191,30 +167,30 @@ def confidence_boost(panels: Panels, footer: str = "") -> Figure:
     return figure
 
 
-@style.context(["default", STYLE])
-def resource_use(resources: pd.DataFrame, footer: str = "", whose: str = "") -> Figure:
-    """Utilisation of accelerators, CPUs and links, and queue lengths over simulated time; a column a method.
+@in_style()
+def resource_use(resources: pd.DataFrame, methods: Methods, footer: str = "", whose: str = "") -> Figure:
+    """Utilization of accelerators, CPUs and links, and queue lengths over simulated time; a column a method.
 
     Each point is the mean of the last second. What is never used by 1 % (queues: never holds a message) is left out;
     more than eight of a kind are drawn as their range and median. A panel in which nothing is left says "none".
     ``whose`` begins the title where the resources are not everybody's.
     """
     kinds = [kind for kind in RESOURCE_KINDS if (resources["kind"] == kind).any()]
-    methods = [method for method in METHODS if (resources["method"] == method).any()]
+    methods = [method for method in methods if (resources["method"] == method.name).any()]
     figure = Figure(figsize=(PAGE_IN, 0.9 + 1.25 * max(len(kinds), 1)))
     grid = figure.subplots(max(len(kinds), 1), max(len(methods), 1), sharex=True, sharey="row", squeeze=False)
     for row, kind in zip(grid, kinds, strict=False):
-        used = {method: _used(_rows(resources, kind=kind, method=method)) for method in methods}
-        names = sorted({name for curves in used.values() for name in curves})
-        for axis, method in zip(row, methods, strict=False):
-            _draw_use(axis, used[method], names)
+        used = [_used(_rows(resources, kind=kind, method=method.name)) for method in methods]
+        names = sorted({name for curves in used for name in curves})
+        for axis, curves in zip(row, used, strict=False):
+            _draw_use(axis, curves, names)
             if kind != "queue":
                 axis.set_ylim(0, 1.05)
-                axis.yaxis.set_major_formatter(FuncFormatter(_percent_tick))
+                axis.yaxis.set_major_formatter(FuncFormatter(percent_tick))
         row[0].set_ylabel(RESOURCE_KINDS[kind])
         _legend_beside(list(row))
     for axis, method in zip(grid[0], methods, strict=False):
-        axis.set_title(str(METHOD_LINES[method]["label"]))
+        axis.set_title(method.title)
     for axis in grid[-1]:
         axis.set_xlabel("simulated time [s]")
     title = "use of devices and links, and queues, over simulated time"
@@ -222,37 +198,47 @@ def resource_use(resources: pd.DataFrame, footer: str = "", whose: str = "") -> 
     return figure
 
 
-def _reuse_bars(panels: Panels, what: str, footer: str) -> Figure:
-    """Bars are means over the Genies of a role, error bars the extreme windows of any of them."""
+def _reuse_bars(panels: Panels, methods: Methods, what: str, footer: str) -> Figure:
+    """Bars are means over the Genies on cars and on edges, error bars the extreme windows of any of them."""
+    ran = [method for _, method in _with_genies(panels, methods)] or methods[:1]
+    groups = [(label, method, lookups) for label, lookups in panels.items() for method in ran]
     title = f"{what}: mean over Genies; bars: extreme windows of {WINDOW_REQUESTS} requests of any Genie"
-    width_in = COLUMN_IN if len(panels) <= 3 else PAGE_IN
-    figure = Figure(figsize=(width_in, 2.7))
+    figure = Figure(figsize=(COLUMN_IN if len(groups) <= 3 else PAGE_IN, 2.7))
     axis = figure.subplots()
-    for place, role in enumerate(ROLES):
-        for x, lookups in enumerate(panels.values()):
-            mine = _rows(lookups, role=role)
-            ratios, windows = reuse(mine), windowed_reuse(mine)["ratio"]
-            left = x + 0.38 * (place - 0.5)
-            if not len(ratios):
-                axis.text(left, 0.01, "none", ha="center", va="bottom")
-                continue
-            mean = float(ratios.mean())
-            axis.bar(left, mean, 0.34, edgecolor="black", linewidth=0.7, **ROLE_BARS[role])
-            if len(windows):
-                ends = [[max(mean - windows.min(), 0)], [max(windows.max() - mean, 0)]]
-                axis.errorbar(left, mean, yerr=ends, color="black", linewidth=1, capsize=3)
-            box = {"facecolor": "white", "edgecolor": "none", "pad": 0.8}
-            axis.annotate(
-                _percent(mean), (left, 0), (0, 3), textcoords="offset points", ha="center", va="bottom", bbox=box
-            )
-    axis.set_xticks(range(len(panels)), list(panels))
-    axis.set_xlim(-0.6, len(panels) - 0.4)
+    for side, (placement, where) in enumerate(PLACEMENTS.items()):
+        look = style.placement_bar(placement) | {"label": f"Genies {where}"}
+        for x, (_, method, lookups) in enumerate(groups):
+            mine = _rows(lookups, method=method.name, placement=placement)
+            _reuse_bar(axis, x + 0.38 * (side - 0.5), mine, look)
+    labels = [label if len(ran) == 1 else f"{label}\n{method.title}" for label, method, _ in groups]
+    axis.set_xticks(range(len(groups)), labels)
+    axis.set_xlim(-0.6, len(groups) - 0.4)
     axis.set_ylim(0, None)
     axis.grid(axis="x", visible=False)
-    axis.yaxis.set_major_formatter(FuncFormatter(_percent_tick))
+    axis.yaxis.set_major_formatter(FuncFormatter(percent_tick))
     axis.set_ylabel("hits / requests")
     _finish(figure, title, footer, [axis])
     return figure
+
+
+def _reuse_bar(axis: Axes, left: float, lookups: pd.DataFrame, look: dict[str, Any]) -> None:
+    ratios, windows = reuse(lookups), windowed_reuse(lookups)["ratio"]
+    if not len(ratios):
+        axis.text(left, 0.01, "none", ha="center", va="bottom")
+        return
+    mean = float(ratios.mean())
+    axis.bar(left, mean, 0.34, edgecolor="black", linewidth=0.7, **look)
+    if len(windows):
+        ends = [[max(mean - windows.min(), 0)], [max(windows.max() - mean, 0)]]
+        axis.errorbar(left, mean, yerr=ends, color="black", linewidth=1, capsize=3)
+    box = {"facecolor": "white", "edgecolor": "none", "pad": 0.8}
+    axis.annotate(_percent(mean), (left, 0), (0, 3), textcoords="offset points", ha="center", va="bottom", bbox=box)
+
+
+def _with_genies(panels: Panels, methods: Methods) -> list[tuple[int, MethodInfo]]:
+    """The methods under which Genies looked something up, with their positions."""
+    names = {name for lookups in panels.values() for name in lookups["method"].unique()}
+    return [(position, method) for position, method in enumerate(methods) if method.name in names]
 
 
 def _grid(panels: Panels) -> tuple[Figure, list[Axes]]:
@@ -320,11 +306,12 @@ def _limits_ms(panels: Panels) -> tuple[float, float]:
     return max(0.8 * float(known.min()), 0.1), 1.25 * float(known.max())
 
 
-def _step(axis: Axes, values_ms: Any, whole: int, end_ms: float, **line: Any) -> None:
-    """The distribution of sorted values as shares of ``whole``, level after the last; nothing for no value."""
+def _step(axis: Axes, values_ms: Any, whole: int | None, end_ms: float, **line: Any) -> None:
+    """The distribution of sorted values as shares of ``whole`` (``None``: of themselves), level after the last; nothing
+    for no value."""
     if len(values_ms):
-        kept = _thinned(len(values_ms))
-        shares = (kept + 1) / whole
+        kept = thinned(len(values_ms))
+        shares = (kept + 1) / (whole or len(values_ms))
         axis.plot([*values_ms[kept], end_ms], [*shares, shares[-1]], drawstyle="steps-post", **line)
 
 
@@ -344,17 +331,15 @@ def _used(of_kind: pd.DataFrame) -> dict[str, tuple[Any, Any]]:
 
 
 def _draw_use(axis: Axes, curves: dict[str, tuple[Any, Any]], names: list[str]) -> None:
-    if len(names) <= len(LINE_COLOURS):
+    if len(names) <= len(style.COLOURS):
         for name, (t_s, values) in curves.items():
-            place = names.index(name)
-            style_, colour = LINE_STYLES[place % len(LINE_STYLES)], LINE_COLOURS[place]
-            axis.plot(t_s, values, label=_short(name), color=colour, linestyle=style_, linewidth=1.0)
+            axis.plot(t_s, values, label=_short(name), **style.method_line(names.index(name)) | {"linewidth": 1.0})
     elif curves:
         t_s = np.unique(np.concatenate([t for t, _ in curves.values()]))
         values = np.stack([np.interp(t_s, *curve) for curve in curves.values()])
         axis.fill_between(t_s, values.min(0), values.max(0), color="0.8", label="range")
-        axis.plot(t_s, np.median(values, axis=0), color=LINE_COLOURS[0], linewidth=1.2, label="median")
-    if not curves:
+        axis.plot(t_s, np.median(values, axis=0), color="black", linewidth=1.2, label="median")
+    else:
         axis.text(0.5, 0.5, "none", transform=axis.transAxes, ha="center", va="center", color="0.35")
 
 
@@ -371,15 +356,6 @@ def _rows(table: pd.DataFrame, **where: str) -> pd.DataFrame:
 
 def _known(values: Any) -> Any:
     return np.sort(values[~np.isnan(values)])
-
-
-def _thinned(n: int) -> Any:
-    """At most 1000 places of n, both ends among them."""
-    return np.unique(np.linspace(0, n - 1, min(n, POINTS_PER_CURVE)).astype(int)) if n else np.arange(0)
-
-
-def _percent_tick(share: float, _place: object) -> str:
-    return f"{100 * share:.4g} %"
 
 
 def _percent(share: float) -> str:

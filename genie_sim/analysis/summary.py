@@ -6,7 +6,9 @@ import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from genie_sim.analysis.metrics import DEADLINE_MS, METHODS, ROLES, WINDOW_REQUESTS, Metric
+from genie_sim.analysis.metrics import DEADLINE_MS, WINDOW_REQUESTS
+from genie_sim.analysis.style import PLACEMENTS
+from genie_sim.recording.results import Metric
 
 MOST_RESOURCES = 12
 LEAST_USE = 0.01
@@ -17,7 +19,7 @@ LATENCY_NOTE = (
     "of this very frame. Times are those of answered frames, the share under the deadline is of all published ones."
 )
 
-Found = Mapping[tuple[str, str], Metric]
+Found = Mapping[tuple[str, str, str, str], Metric]  # by metric, method, placement, component
 
 LATENCY_ROWS = (  # label, metric of the first answer, metric of the fresh answer
     ("mean [ms]", "first_answer_mean", "fresh_answer_mean"),
@@ -28,33 +30,33 @@ LATENCY_ROWS = (  # label, metric of the first answer, metric of the fresh answe
 )
 FRAME_ROWS = (
     ("answered", "answered_share"),
-    ("answered afresh", "fresh_answered_share"),
+    ("with a fresh answer", "fresh_answered_share"),
     ("empty answers", "empty_answer_share"),
     ("dropped", "dropped_share"),
     ("in flight", "in_flight_share"),
     ("fresh answers a second", "fresh_answer_throughput"),
 )
 TRUTH_ROWS = (
-    ("served objects that are not there", "ghost_share"),
-    ("cache hits that show what is not in view", "wrong_hit_share"),
-    ("objects in view that were served", "object_recall"),
+    ("false positives among served objects (ghosts)", "ghost_share"),
+    ("incorrect cache hits", "wrong_hit_share"),
+    ("recall of visible objects", "object_recall"),
 )
 IMPROVEMENT_ROWS = (
     ("first answer", "improvement_first_answer"),
     ("fresh answer", "improvement_fresh_answer"),
 )
-ROLE_ROWS = (
+GENIE_ROWS = (
     ("image reuse", "image_reuse"),
     ("image reuse with neighbours", "image_reuse_with_neighbours"),
     ("coalesced requests", "coalesced_share"),
     ("object reuse", "object_reuse"),
     ("confidence boost", "confidence_boost"),
-    ("stored images a Genie", "stored_images"),
-    ("stored objects a Genie", "stored_objects"),
+    ("stored images per Genie", "stored_images"),
+    ("stored objects per Genie", "stored_objects"),
 )
 NOTE_ON_WORDS = (
     "Response times count from when the frame reached the first node's queue. Empty: an answer without objects. "
-    "Improvement: 1 - mean of Genie / mean of the baseline."
+    "Improvement: 1 - mean of the method / mean of the baseline."
 )
 NOTE_ON_INTERVALS = (
     "In brackets: for latencies, shares, improvements and boosts the 95 % interval inside this run (blocks of one "
@@ -95,56 +97,66 @@ def markdown(metrics: Sequence[Metric], scenario: str, run_id: str, seed: int) -
 
 
 def _tables(metrics: Sequence[Metric]) -> Iterator[_Table]:
-    found: Found = {(metric.name, metric.role): metric for metric in metrics}
-    methods = [method for method in METHODS if ("frames_published", method) in found]
+    """The methods have the order of the metrics, which is that in which they ran."""
+    found: Found = {(one.metric, one.method, one.placement, one.component): one for one in metrics}
+    methods = list(dict.fromkeys(one.method for one in metrics if one.metric == "frames_published"))
     if methods:
         yield _latencies(methods, found)
-        yield _Table("Published frames", methods, _rows(FRAME_ROWS, methods, found))
-    judged = [method for method in methods if ("ghost_share", method) in found]
+        yield _Table("Published frames", methods, _rows(FRAME_ROWS, [(method, "all", "") for method in methods], found))
+    judged = [method for method in methods if ("ghost_share", method, "all", "") in found]
     if judged:
-        yield _Table("First answers against the truth", judged, _rows(TRUTH_ROWS, judged, found))
-    baselines = [role for role in ROLES if (IMPROVEMENT_ROWS[0][1], role) in found]
-    if baselines:
-        over = [f"over {role}" for role in baselines]
-        title = "Improvement by Genie, of the mean"
-        yield _Table(title, over, _rows(IMPROVEMENT_ROWS, baselines, found))
-    roles = [role for role in ROLES if ("image_reuse", role) in found]
-    if roles:
-        genies = {"local": "on cars", "remote": "on edges"}
-        yield _Table("Genies", [genies[role] for role in roles], _rows(ROLE_ROWS, roles, found))
-    yield from _resources(methods, found)
+        rows = _rows(TRUTH_ROWS, [(method, "all", "") for method in judged], found)
+        yield _Table("First answers against the truth", judged, rows)
+    for method in methods:
+        over = [one.component for one in metrics if (one.metric, one.method) == (IMPROVEMENT_ROWS[0][1], method)]
+        if over:
+            rows = _rows(IMPROVEMENT_ROWS, [(method, "all", baseline) for baseline in over], found)
+            yield _Table(f"Improvement by {method}, of the mean", [f"over {baseline}" for baseline in over], rows)
+    with_genies = list(dict.fromkeys(one.method for one in metrics if one.metric == "image_reuse"))
+    for method in with_genies:
+        places = [placement for placement in PLACEMENTS if ("image_reuse", method, placement, "") in found]
+        rows = _rows(GENIE_ROWS, [(method, placement, "") for placement in places], found)
+        title = "Genies" if len(with_genies) == 1 else f"Genies under {method}"
+        yield _Table(title, [PLACEMENTS[placement] for placement in places], rows)
+    yield from _utilization(methods, metrics)
 
 
 def _latencies(methods: Sequence[str], found: Found) -> _Table:
-    """First and fresh answer beside each other for Genie; without it they are the same."""
-    columns = [(method, method, False) for method in methods if method != "genie"]
-    if "genie" in methods:
-        columns += [("genie first", "genie", False), ("genie fresh", "genie", True)]
-    rows = [
-        (label, [found.get((of_fresh if fresh else of_first, method)) for _, method, fresh in columns])
-        for label, of_first, of_fresh in LATENCY_ROWS
-    ]
-    return _Table(LATENCY_TITLE, [heading for heading, _, _ in columns], rows, LATENCY_NOTE, units=False)
+    """First and fresh answer beside each other where they differ for a method."""
+    columns = []
+    for method in methods:
+        first, fresh = (
+            [found.get((row[which], method, "all", "")) for row in LATENCY_ROWS] for which in (1, 2)
+        )
+        if [one and one.value for one in first] == [one and one.value for one in fresh] or not any(fresh):
+            columns.append((method, first))
+        else:
+            columns += [(f"{method} first", first), (f"{method} fresh", fresh)]
+    rows = [(row[0], [cells[place] for _, cells in columns]) for place, row in enumerate(LATENCY_ROWS)]
+    return _Table(LATENCY_TITLE, [heading for heading, _ in columns], rows, LATENCY_NOTE, units=False)
 
 
-def _rows(rows: Sequence[tuple[str, str]], roles: Sequence[str], found: Found) -> list[tuple[str, list[Metric | None]]]:
-    return [(label, [found.get((name, role)) for role in roles]) for label, name in rows]
+def _rows(
+    rows: Sequence[tuple[str, str]], columns: Sequence[tuple[str, str, str]], found: Found
+) -> list[tuple[str, list[Metric | None]]]:
+    """``columns``: method, placement and component of each."""
+    return [(label, [found.get((metric, *column)) for column in columns]) for label, metric in rows]
 
 
-def _resources(methods: Sequence[str], found: Found) -> Iterator[_Table]:
-    """The busiest devices and links; a fleet's others are counted."""
+def _utilization(methods: Sequence[str], metrics: Sequence[Metric]) -> Iterator[_Table]:
+    """Of the busiest devices and links while frames were published; a fleet's others are counted."""
+    found = {(one.component, one.method): one for one in metrics if one.metric == "utilization"}
     busiest: dict[str, float] = {}
-    for (name, role), metric in found.items():
-        if name == "utilisation" and (metric.value or 0.0) >= LEAST_USE:
-            resource = role.partition(": ")[2]
+    for (resource, _), metric in found.items():
+        if (metric.value or 0.0) >= LEAST_USE:
             busiest[resource] = max(busiest.get(resource, 0.0), metric.value or 0.0)
     names = sorted(busiest, key=lambda resource: (-busiest[resource], resource))
-    shown = sorted(names[:MOST_RESOURCES])
-    if shown:
-        rows = [(name, [found.get(("utilisation", f"{method}: {name}")) for method in methods]) for name in shown]
-        left_out = len(names) - len(shown)
+    most = sorted(names[:MOST_RESOURCES])
+    if most:
+        rows = [(name, [found.get((name, method)) for method in methods]) for name in most]
+        left_out = len(names) - len(most)
         more = f"{left_out} less busy ones are in metrics.json." if left_out else ""
-        yield _Table("Busy while frames were published", methods, rows, more)
+        yield _Table("Utilization", methods, rows, more)
 
 
 def _text_lines(table: _Table, width: int) -> Iterator[str]:
@@ -175,7 +187,7 @@ def _show(metric: Metric | None, unit: bool = True) -> str:
     """Three digits and the unit; shares in percent."""
     if metric is None or metric.value is None:
         return UNKNOWN
-    share = metric.unit == "1" and metric.name != "confidence_boost"
+    share = metric.unit == "1" and metric.metric != "confidence_boost"
     digits = _digits(100 * metric.value if share else metric.value)
     if not unit:
         return digits
@@ -186,7 +198,7 @@ def _show(metric: Metric | None, unit: bool = True) -> str:
 def _interval(metric: Metric | None) -> str:
     if metric is None or metric.low is None or metric.high is None:
         return ""
-    factor = 100 if metric.unit == "1" and metric.name != "confidence_boost" else 1
+    factor = 100 if metric.unit == "1" and metric.metric != "confidence_boost" else 1
     return f" ({_digits(factor * metric.low)} to {_digits(factor * metric.high)})"
 
 

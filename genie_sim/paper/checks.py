@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from genie_sim.analysis.metrics import PLACEMENTS
 from genie_sim.paper import table1
 from genie_sim.paper.evidence import Evidence, Finding, Values, above, all_positive, below, matches
 from genie_sim.scenario.profiles import load_profile
@@ -18,9 +19,9 @@ HE = ("1car_hetero", "2car_hetero", "3car_hetero")
 ALL = (*HO, *HE)
 SHARED = (*HO[1:], *HE[1:])  # where there is somebody to share with
 CASE = "case_study"
-ROLES = ("local", "remote")
-BOTH_OBJECTS = tuple(f"object_reuse:{role}" for role in ROLES)
-BOTH_IMAGES = tuple(f"image_reuse:{role}" for role in ROLES)
+BASELINES = {"L": "local", "R": "remote"}
+BOTH_OBJECTS = tuple(f"object_reuse:{placement}" for placement in PLACEMENTS)
+BOTH_IMAGES = tuple(f"image_reuse:{placement}" for placement in PLACEMENTS)
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,16 +46,15 @@ def load_claims() -> list[Claim]:
 
 def improvements(evidence: Evidence, answer: str = "first") -> dict[str, Values]:
     """1 - mean(DG) / mean(baseline), for 6 scenarios x {L, R}."""
-    names = {"L": "local", "R": "remote"}
     return {
-        f"{scenario} {letter}": evidence.of(scenario, f"improvement_{answer}_answer:{role}")
+        f"{scenario} {letter}": evidence.of(scenario, f"improvement_{answer}_answer:{baseline}")
         for scenario in ALL
-        for letter, role in names.items()
+        for letter, baseline in BASELINES.items()
     }
 
 
 def object_bars(evidence: Evidence) -> dict[str, Values]:
-    return {f"{s} {role}": evidence.of(s, f"object_reuse:{role}") for s in ALL for role in ROLES}
+    return {f"{s} {where}": evidence.of(s, f"object_reuse:{where}") for s in ALL for where in PLACEMENTS}
 
 
 def _c1(evidence: Evidence, claim: Claim) -> Finding:
@@ -77,12 +77,10 @@ def _c3(evidence: Evidence, claim: Claim) -> Finding:
 def _c4(evidence: Evidence, claim: Claim) -> Finding:
     gains = {}
     for scenario in ALL:
-        for letter, role in (("L", "local"), ("R", "remote")):
+        for letter, baseline in BASELINES.items():
             slack = 1.1 if (scenario, letter) == ("1car_hetero", "R") else 1.0
             for part in ("mean", "p95"):
-                ratio = evidence.of(scenario, f"first_answer_{part}:genie") / evidence.of(
-                    scenario, f"first_answer_{part}:{role}"
-                )
+                ratio = _over(evidence, scenario, f"first_answer_{part}:genie", f"first_answer_{part}:{baseline}")
                 gains[f"{scenario} {letter} {part}"] = slack - ratio
     return all_positive(gains)
 
@@ -130,7 +128,7 @@ def _c11(evidence: Evidence, claim: Claim) -> Finding:
 def _c12(evidence: Evidence, claim: Claim) -> Finding:
     bars = object_bars(evidence)
     name = max(bars, key=lambda one: float(np.nan_to_num(bars[one]).mean()))
-    errors = [evidence.of(s, f"object_reuse_high:{role}") for s in ALL for role in ROLES]
+    errors = [evidence.of(s, f"object_reuse_high:{placement}") for s in ALL for placement in PLACEMENTS]
     highest = max(float(np.nan_to_num(one).mean()) for one in errors)
     return matches(bars[name], claim.expect, claim.tolerance, note=f"{name}; highest error bar {highest:.2f}")
 
@@ -156,31 +154,31 @@ def _c16(evidence: Evidence, claim: Claim) -> Finding:
 
 
 def _c17(evidence: Evidence, claim: Claim) -> Finding:
-    return all_positive({s: _role_gap(evidence, s, "object_reuse", "local", "remote") for s in (HO[0], HE[0])})
+    return all_positive({s: _gap(evidence, s, "object_reuse", "car", "edge") for s in (HO[0], HE[0])})
 
 
 def _c18(evidence: Evidence, claim: Claim) -> Finding:
-    found = all_positive({s: _role_gap(evidence, s, "image_reuse", "remote", "local") for s in SHARED})
-    other = np.mean([_role_gap(evidence, s, "image_reuse_with_neighbours", "remote", "local") for s in SHARED])
+    found = all_positive({s: _gap(evidence, s, "image_reuse", "edge", "car") for s in SHARED})
+    other = np.mean([_gap(evidence, s, "image_reuse_with_neighbours", "edge", "car") for s in SHARED])
     return replace(found, note=f"{found.note}; neighbours' requests counted too: {other:+.2f}")
 
 
 def _c19(evidence: Evidence, claim: Claim) -> Finding:
-    more = {f"{s} stored": _role_gap(evidence, s, "stored_images", "remote", "local") / 100 for s in (HO[0], HE[0])}
+    more = {f"{s} stored": _gap(evidence, s, "stored_images", "edge", "car") / 100 for s in (HO[0], HE[0])}
     return all_positive(
-        more | {f"{s} reuse": _role_gap(evidence, s, "image_reuse", "remote", "local") for s in (HO[0], HE[0])}
+        more | {f"{s} reuse": _gap(evidence, s, "image_reuse", "edge", "car") for s in (HO[0], HE[0])}
     )
 
 
 def _c20(evidence: Evidence, claim: Claim) -> Finding:
     steps = {}
     for scenarios in (HO, HE):
-        alone = evidence.of(scenarios[0], "image_reuse_high:local")
+        alone = evidence.of(scenarios[0], "image_reuse_high:car")
         for scenario in scenarios[1:]:
-            high = evidence.of(scenario, "image_reuse_high:local")
-            steps[f"{scenario} twice the bar"] = high - claim.expect * evidence.of(scenario, "image_reuse:local")
+            high = evidence.of(scenario, "image_reuse_high:car")
+            steps[f"{scenario} twice the bar"] = high - claim.expect * evidence.of(scenario, "image_reuse:car")
             steps[f"{scenario} above 1 car"] = high - alone
-            steps[f"{scenario} early"] = 1 / 3 - evidence.of(scenario, "image_peak_at:local")
+            steps[f"{scenario} early"] = 1 / 3 - evidence.of(scenario, "image_peak_at:car")
     return all_positive(steps)
 
 
@@ -188,40 +186,41 @@ def _c21(evidence: Evidence, claim: Claim) -> Finding:
     steps = {}
     for ho, he in _pairs():
         steps[f"{he} mean"] = evidence.mean_of([he], BOTH_IMAGES) - evidence.mean_of([ho], BOTH_IMAGES)
-        high = [np.maximum(*(evidence.of(s, f"image_reuse_high:{role}") for role in ROLES)) for s in (he, ho)]
+        high = [np.maximum(*(evidence.of(s, f"image_reuse_high:{where}") for where in PLACEMENTS)) for s in (he, ho)]
         steps[f"{he} highest"] = high[0] - high[1]
     return all_positive(steps)
 
 
 def _c22(evidence: Evidence, claim: Claim) -> Finding:
-    found = all_positive({s: _role_gap(evidence, s, "confidence_boost", "remote", "local") for s in ALL})
-    other = all_positive({s: _role_gap(evidence, s, "boost_per_object", "remote", "local") for s in ALL})
+    found = all_positive({s: _gap(evidence, s, "confidence_boost", "edge", "car") for s in ALL})
+    other = all_positive({s: _gap(evidence, s, "boost_per_object", "edge", "car") for s in ALL})
     return _with_other_reading(found, other)
 
 
 def _c23(evidence: Evidence, claim: Claim) -> Finding:
     per_update, per_object = (
-        all_positive(_steps(evidence, HO, f"{name}:remote") | _steps(evidence, HE, f"{name}:remote"))
+        all_positive(_steps(evidence, HO, f"{name}:edge") | _steps(evidence, HE, f"{name}:edge"))
         for name in ("confidence_boost", "boost_per_object")
     )
     return _with_other_reading(per_update, per_object)
 
 
 def _c24(evidence: Evidence, claim: Claim) -> Finding:
-    ratios = [_ratio(evidence, he, ho, "confidence_boost:remote") for ho, he in _pairs()]
+    ratios = [_ratio(evidence, he, ho, "confidence_boost:edge") for ho, he in _pairs()]
     found = matches(np.mean(ratios, axis=0), claim.expect, claim.tolerance)
-    others = [_ratio(evidence, he, ho, "boost_per_object:remote") for ho, he in _pairs()]
+    others = [_ratio(evidence, he, ho, "boost_per_object:edge") for ho, he in _pairs()]
     other = matches(np.mean(others, axis=0), claim.expect, claim.tolerance)
     return _with_other_reading(replace(found, direction=found.value is not None and found.value > 1.0), other)
 
 
 def _c25(evidence: Evidence, claim: Claim) -> Finding:
-    name = "stored_confidence:remote"
+    name = "stored_confidence:edge"
     return all_positive(_steps(evidence, HO, name) | _steps(evidence, HE, name))
 
 
 def _c26(evidence: Evidence, claim: Claim) -> Finding:
-    return all_positive({f"{s} {role}": evidence.of(s, f"confidence_boost:{role}") for s in ALL for role in ROLES})
+    boosts = {f"{s} {where}": evidence.of(s, f"confidence_boost:{where}") for s in ALL for where in PLACEMENTS}
+    return all_positive(boosts)
 
 
 def _c27(evidence: Evidence, claim: Claim) -> Finding:
@@ -230,7 +229,7 @@ def _c27(evidence: Evidence, claim: Claim) -> Finding:
 
 def _c28(evidence: Evidence, claim: Claim) -> Finding:
     steps = {}
-    boost = ("confidence_boost:local", "confidence_boost:remote")
+    boost = ("confidence_boost:car", "confidence_boost:edge")
     for what, names in (("images", BOTH_IMAGES), ("objects", BOTH_OBJECTS), ("boost", boost)):
         for s in SHARED:
             steps[f"{s} {what}"] = evidence.mean_of([s], names) - evidence.mean_of([s], names, "no_edge_sharing")
@@ -331,7 +330,7 @@ def _steps(evidence: Evidence, scenarios: Sequence[str], *names: str) -> dict[st
     return {f"{setting} 1 to 2 cars": means[1] - means[0], f"{setting} 2 to 3 cars": means[2] - means[1]}
 
 
-def _role_gap(evidence: Evidence, scenario: str, name: str, more: str, less: str) -> Values:
+def _gap(evidence: Evidence, scenario: str, name: str, more: str, less: str) -> Values:
     return evidence.of(scenario, f"{name}:{more}") - evidence.of(scenario, f"{name}:{less}")
 
 

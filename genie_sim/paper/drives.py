@@ -24,8 +24,9 @@ from typing import Any
 
 import numpy as np
 
+from genie_sim.analysis.metrics import PLACEMENTS
 from genie_sim.errors import UserError
-from genie_sim.paper.checks import ROLES
+from genie_sim.paper.checks import BASELINES
 from genie_sim.paper.facts import Facts
 from genie_sim.paper.replicate import Progress, in_parallel, outcome_of
 from genie_sim.paths import expanded
@@ -44,9 +45,9 @@ SEED = 1
 SHARE, AHEAD = 0.6, 0.2  # of the drive: what a car drives, and how far it is ahead of the car before
 
 FACTS = (
-    *(f"{name}:{role}" for name in ("improvement_first_answer", "improvement_fresh_answer") for role in ROLES),
+    *(f"improvement_{answer}_answer:{baseline}" for answer in ("first", "fresh") for baseline in BASELINES.values()),
     "under_deadline_share:genie",
-    *(f"{name}:{role}" for name in ("image_reuse", "object_reuse", "confidence_boost") for role in ROLES),
+    *(f"{name}:{where}" for name in ("image_reuse", "object_reuse", "confidence_boost") for where in PLACEMENTS),
 )  # fmt: skip
 
 
@@ -87,7 +88,8 @@ def _values(drive: OfDrive, *names: str) -> list[float]:
 
 
 def _both(name: str) -> list[str]:
-    return [f"{name}:{role}" for role in ROLES]
+    """The fact over both baselines, or of the Genies on cars and on edges."""
+    return [f"{name}:{what}" for what in (BASELINES.values() if name.startswith("improvement") else PLACEMENTS)]
 
 
 def _mean(drive: OfDrive, name: str) -> float:
@@ -95,13 +97,13 @@ def _mean(drive: OfDrive, name: str) -> float:
 
 
 def _least_gap(drive: OfDrive, name: str) -> float:
-    """Remote minus local, in the scenario where it is smaller."""
-    local, remote = (_values(drive, f"{name}:{role}") for role in ROLES)
-    return float(np.min(np.subtract(remote, local)))
+    """Edges minus cars, in the scenario where it is smaller."""
+    on_cars, on_edges = (_values(drive, f"{name}:{placement}") for placement in PLACEMENTS)
+    return float(np.min(np.subtract(on_edges, on_cars)))
 
 
 def _faster_server(drive: OfDrive, name: str) -> float:
-    """Heterogeneous minus homogeneous, mean over both roles."""
+    """Heterogeneous minus homogeneous, mean over cars and edges."""
     homo, hetero = (_mean({scenario: drive[scenario]}, name) for scenario in SCENARIOS)
     return hetero - homo
 

@@ -1,4 +1,5 @@
-"""The numbers of one run that claims, calibration and sweeps use: ``name:role`` -> value, NaN where not defined."""
+"""The numbers of one run that claims, calibration and sweeps use: ``metric:method`` of
+frames, ``metric:car`` and ``metric:edge`` of Genies -> value, NaN where not defined."""
 
 from __future__ import annotations
 
@@ -8,12 +9,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from genie_sim.analysis import metrics
+from genie_sim.recording.results import MethodInfo
 from genie_sim.units import NS_PER_MS, NS_PER_S
 
 if TYPE_CHECKING:
     import pandas as pd
 
 Facts = dict[str, float]
+
+METHODS = (  # of the paper's evaluation
+    MethodInfo("local", "local (L)", baseline=True),
+    MethodInfo("remote", "remote (R)", baseline=True),
+    MethodInfo("genie", "Genie (DG)", baseline=False),
+)
 
 EARLY_PERCENTILES = (10, 20, 30, 40, 50)
 
@@ -24,13 +32,12 @@ def facts_of(
     """All facts of a run from its tables. ``lap_ns``: when the second lap begins, if there is one."""
     facts: Facts = {}
     cars = sorted(frames["car"].astype(str).unique())
-    for metric in metrics.compute(frames, lookups, resources):
-        if ":" in metric.role:
-            continue  # resources: only what is named below
-        facts[f"{metric.name}:{metric.role}"] = math.nan if metric.value is None else metric.value
-        if "reuse" in metric.name:
-            facts[f"{metric.name}_high:{metric.role}"] = math.nan if metric.high is None else metric.high
-    for method in metrics.METHODS:
+    for one in metrics.compute(METHODS, frames, lookups, resources.iloc[:0]):  # of resources what is named below
+        key = one.component or (one.method if one.placement == "all" else one.placement)
+        facts[f"{one.metric}:{key}"] = math.nan if one.value is None else one.value
+        if "reuse" in one.metric:
+            facts[f"{one.metric}_high:{key}"] = math.nan if one.high is None else one.high
+    for method in (method.name for method in METHODS):
         mine = frames[frames["method"] == method]
         if mine.empty:
             continue
@@ -47,9 +54,9 @@ def facts_of(
             facts[f"first_answer_p99:{method}:{car}"] = _percentile(of_car, 99)
     both = frames[(frames["method"] == "remote") & (frames["bytes_up"] > 0) & (frames["bytes_down"] > 0)]
     facts["image_to_objects_bytes"] = _ratio(both["bytes_up"].sum(), both["bytes_down"].sum())
-    for role in metrics.ROLES:
-        facts[f"boost_per_object:{role}"] = _boost_per_object(lookups[lookups["role"] == role])
-    facts["image_peak_at:local"] = _peak_at(lookups, frames)
+    for placement in metrics.PLACEMENTS:
+        facts[f"boost_per_object:{placement}"] = _boost_per_object(lookups[lookups["placement"] == placement])
+    facts["image_peak_at:car"] = _peak_at(lookups, frames)
     for genie, ratio in metrics.reuse(lookups[lookups["kind"] != "image"]).items():
         facts[f"object_reuse:{genie}"] = float(ratio)
     facts.update(_of_resources(resources, lap_ns))
@@ -84,8 +91,8 @@ def _boost_per_object(lookups: pd.DataFrame) -> float:
 
 def _peak_at(lookups: pd.DataFrame, frames: pd.DataFrame) -> float:
     """When the highest windowed image reuse of any car's Genie was reached, as a share of the run."""
-    images = lookups[(lookups["kind"] == "image") & (lookups["role"] == "local") & (lookups["asker"] == "client")]
-    windows = metrics.windowed_reuse(images)
+    of_clients = (lookups["kind"] == "image") & (lookups["requester"] == "client")
+    windows = metrics.windowed_reuse(lookups[of_clients & (lookups["placement"] == "car")])
     if not len(windows) or windows["ratio"].max() <= 0:
         return math.nan
     at_ns = int(windows["t_ns"].to_numpy()[np.argmax(windows["ratio"].to_numpy(float))])

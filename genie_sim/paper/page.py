@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import base64
-import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -16,6 +15,7 @@ from genie_sim.paper import verdict_table
 from genie_sim.paper.claims import VERDICTS
 from genie_sim.paper.facts import METHODS
 from genie_sim.recording import provenance
+from genie_sim.report.data import rounded
 
 TITLE = "The paper's evaluation, simulated"
 MOST_FIGURE_BYTES = 4_000_000  # of all figures together; as text in the page they take a third more
@@ -75,7 +75,7 @@ def page_data(folder: Path) -> dict[str, Any]:
         "improvement": [_interval(metrics.get(("all", f"improvement_{answer}"))) for answer in ("first", "fresh")],
         "answers": list(_answers(metrics)),
         "metrics": [
-            [one["scenario"], one["name"], _round(one["value"]), _round(one["low"]), _round(one["high"]), one["n"]]
+            [one["scenario"], one["name"], rounded(one["value"]), rounded(one["low"]), rounded(one["high"]), one["n"]]
             for one in metrics.values()
         ],
         "figures": list(_figures(folder / "figures", notes)),
@@ -96,9 +96,7 @@ def _claims(rows: Sequence[Mapping[str, Any]]) -> Iterator[dict[str, Any]]:
             **row,
             "says": [[one["part"], one["says"]] for one in mine],
             "figures": figures,
-            "value": _round(row["value"]),
-            "low": _round(row["low"]),
-            "high": _round(row["high"]),
+            **{name: rounded(row[name]) for name in ("value", "low", "high")},
         }
 
 
@@ -138,8 +136,8 @@ def _calibration(found: Mapping[str, Any] | None) -> dict[str, Any] | None:
     return {
         "reached": found["reached"],
         "targets": found["targets"],
-        "best": {name: _round(best[name]) for name in names},
-        "tried": [[_round(point[name]) for name in names] for point in found["tried"]],
+        "best": {name: rounded(best[name]) for name in names},
+        "tried": [[rounded(point[name]) for name in names] for point in found["tried"]],
     }
 
 
@@ -151,13 +149,13 @@ def _sensitivity(found: Mapping[str, Any] | None) -> dict[str, Any] | None:
     sweeps = [
         {name: row[name] for name in ("parameter", "title", "unit", "paper", "used")}
         | {"values": [point["value"] for point in row["points"]]}
-        | {name: [[_round(end) for end in point[name]] for point in row["points"]] for name in measures}
+        | {name: [[rounded(end) for end in point[name]] for point in row["points"]] for name in measures}
         for row in found["sweeps"]
     ]
     holding = found["claims_that_hold_under"]
     variants = [
         {"name": name, "plausible": one["plausible"], "holds": sorted(_holding(holding, name), key=_number)}
-        | {measure: [_round(end) for end in one[measure]] for measure in measures}
+        | {measure: [rounded(end) for end in one[measure]] for measure in measures}
         for name, one in found["variants"].items()
     ]
     return {"sweeps": sweeps, "variants": variants}
@@ -173,7 +171,7 @@ def _number(claim: str) -> tuple[int, str]:
 
 
 def _interval(metric: Mapping[str, Any] | None) -> list[float | None] | None:
-    return None if metric is None else [_round(metric[name]) for name in ("value", "low", "high")]
+    return None if metric is None else [rounded(metric[name]) for name in ("value", "low", "high")]
 
 
 def _read(path: Path, **default: Any) -> Any:
@@ -183,8 +181,3 @@ def _read(path: Path, **default: Any) -> Any:
     if "missing" in default:
         return default["missing"]
     raise UserError(f"{path}: missing; the evaluation is not whole")
-
-
-def _round(value: float | None) -> float | None:
-    """Six significant digits; what is not finite is ``None``."""
-    return None if value is None or not math.isfinite(value) else float(f"{value:.6g}")

@@ -11,6 +11,7 @@ import numpy as np
 from genie_sim.analysis import figures, metrics
 from genie_sim.paper import sensitivity
 from genie_sim.paper.checks import ALL, CASE, HE, HO
+from genie_sim.paper.facts import METHODS
 from genie_sim.paper.replicate import Outcome
 
 if TYPE_CHECKING:
@@ -26,11 +27,11 @@ def draw_paper_figures(folder: Path, tables: Mapping[str, Sequence[Outcome]], fo
     lookups = {SHORT[name]: _pooled(tables[name], "lookups") for name in (*HO, *HE)}
     one_seed = {TITLES[name]: _table(tables[name][0], "lookups") for name in (*HO, *HE)}
     one = f"{footer}; the first seed"
-    figures.save(figures.latency_cdf(frames, footer, of="answered"), folder, "latency_cdf")
-    figures.save(figures.latency_cdf(frames, footer), folder, "latency_cdf_of_published")
-    figures.save(figures.image_reuse(lookups, footer), folder, "image_reuse")
-    figures.save(figures.object_reuse(lookups, footer), folder, "object_reuse")
-    figures.save(figures.confidence_boost(one_seed, one), folder, "confidence_boost")
+    figures.save(figures.latency_cdf(frames, METHODS, footer, of="answered"), folder, "latency_cdf")
+    figures.save(figures.latency_cdf(frames, METHODS, footer), folder, "latency_cdf_of_published")
+    figures.save(figures.image_reuse(lookups, METHODS, footer), folder, "image_reuse")
+    figures.save(figures.object_reuse(lookups, METHODS, footer), folder, "object_reuse")
+    figures.save(figures.confidence_boost(one_seed, METHODS, one), folder, "confidence_boost")
     figures.save(_case_study(tables[CASE], footer), folder, "case_study")
 
 

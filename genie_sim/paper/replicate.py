@@ -20,7 +20,7 @@ from genie_sim.paper.facts import Facts, facts_of
 from genie_sim.parallel import in_processes
 from genie_sim.perception.trace import Trace, TraceFrame, read_trace
 from genie_sim.recording.log import Log
-from genie_sim.recording.records import FrameTable, LookupTable, ResourceTable
+from genie_sim.recording.records import Tables
 from genie_sim.runner import Prepared
 from genie_sim.scenario import files
 from genie_sim.scenario.profiles import load_profile
@@ -94,13 +94,13 @@ def run_job(job: Job) -> Outcome:
 
 def outcome_of(prepared: Prepared, keep_tables: bool = False) -> Outcome:
     """Simulates what is prepared and computes its facts."""
-    tables = FrameTable(), LookupTable(), ResourceTable()
+    tables = Tables()
     shared = _Shared(prepared.scenario.genie.object_map.threshold)
-    stored: dict[str, list[float]] = {"local": [], "remote": []}
+    stored: dict[str, list[float]] = {"car": [], "edge": []}
     detectors: dict[str, set[tuple[object, ...]]] = {}
     behind_genie: list[bool] = []
     for method in prepared.scenario.methods:
-        world = World(prepared.scenario, prepared.devices, prepared.traces, method, Log(method, *tables))
+        world = World(prepared.scenario, prepared.devices, prepared.traces, method, Log(method, tables))
         genies: list[Any] = [one for one in world.resources if isinstance(one, Genie)]
         for one in world.resources:
             if isinstance(one, Detector):
@@ -112,12 +112,12 @@ def outcome_of(prepared: Prepared, keep_tables: bool = False) -> Outcome:
                 genie.graph.subscribe(topic, shared)
         world.run()
         for genie in genies:
-            role = "remote" if genie.host.name in world.edges else "local"
-            stored[role] += [one.confidence for one in genie.genie.object_map]
-    frames, lookups, resources = (table.to_frame() for table in tables)
+            placement = "edge" if genie.host.name in world.edges else "car"
+            stored[placement] += [one.confidence for one in genie.genie.object_map]
+    frames, lookups, resources = (table.to_frame() for table in (tables.frames, tables.lookups, tables.resources))
     facts = facts_of(frames, lookups, resources, lap_ns=_lap_ns(prepared.scenario))
-    for role, confidences in stored.items():
-        facts[f"stored_confidence:{role}"] = sum(confidences) / len(confidences) if confidences else math.nan
+    for placement, confidences in stored.items():
+        facts[f"stored_confidence:{placement}"] = sum(confidences) / len(confidences) if confidences else math.nan
     same = all(len(seen) == 1 for seen in detectors.values())
     facts["detector_untouched"] = float(same and all(behind_genie))
     facts["objects_shared"] = shared.objects
@@ -150,7 +150,7 @@ def run_for_answers(prepared: Prepared) -> dict[str, Held]:
     """Simulates every method and keeps all answers, by method; for ``quality``."""
     found: dict[str, Held] = {}
     for method in prepared.scenario.methods:
-        log = _AnswerLog(method, FrameTable(), LookupTable(), ResourceTable())
+        log = _AnswerLog(method)
         World(prepared.scenario, prepared.devices, prepared.traces, method, log).run()
         found[method] = log.held
     return found
@@ -159,8 +159,8 @@ def run_for_answers(prepared: Prepared) -> dict[str, Held]:
 class _AnswerLog(Log):
     """Keeps the answers themselves besides the facts about them."""
 
-    def __init__(self, method: str, frames: FrameTable, lookups: LookupTable, resources: ResourceTable) -> None:
-        super().__init__(method, frames, lookups, resources)
+    def __init__(self, method: str) -> None:
+        super().__init__(method, Tables())
         self.held = Held({}, {})
 
     def published(self, image: Image, number: int, lap: int) -> None:

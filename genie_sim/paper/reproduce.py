@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from genie_sim import report
+from genie_sim.analysis.metrics import PLACEMENTS
 from genie_sim.paper import drives, quality, verdict_table
 from genie_sim.paper import page as evaluation
 from genie_sim.paper.assumptions import Assumptions, load_assumptions
@@ -40,8 +41,8 @@ FOR_CLAIMS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
 SMALL = (
     *(f"{answer}_answer_mean:{method}" for answer in ("first", "fresh") for method in ("local", "remote", "genie")),
     *(f"fresh_answered_share:{method}" for method in ("local", "remote", "genie")),
-    *(f"{name}:{role}" for name in ("image_reuse", "object_reuse", "confidence_boost") for role in ("local", "remote")),
-    *(f"{name}:{role}" for name in ("stored_images", "stored_objects") for role in ("local", "remote")),
+    *(f"{name}:{where}" for name in ("image_reuse", "object_reuse", "confidence_boost") for where in PLACEMENTS),
+    *(f"{name}:{where}" for name in ("stored_images", "stored_objects") for where in PLACEMENTS),
     "detector_runs",
     "objects_shared",
 )  # fmt: skip

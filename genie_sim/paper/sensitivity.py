@@ -8,13 +8,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib import style
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullLocator, PercentFormatter
 
-from genie_sim.analysis.figures import METHOD_LINES, PAGE_IN, STYLE, save
+from genie_sim.analysis import style
+from genie_sim.analysis.figures import in_style, save
+from genie_sim.analysis.style import PAGE_IN
 from genie_sim.paper.calibrate import Calibration
+from genie_sim.paper.facts import METHODS
 
 OBJECTS_LINE: dict[str, Any] = {"color": "#0B3C6F", "marker": "o", "markersize": 3.5, "linewidth": 1.6}
 IMAGES_LINE: dict[str, Any] = {
@@ -26,7 +28,7 @@ LOGARITHMIC_FROM = 10.0  # a sweep whose largest value is this many times its sm
 Row = Mapping[str, Any]
 
 
-@style.context(["default", STYLE])
+@in_style()
 def sweeps(rows: Sequence[Row], targets: Mapping[str, float], footer: str) -> Figure:
     """Object and image reuse, means of the twelve bars with 95 % intervals over seeds, against each open parameter.
 
@@ -48,7 +50,7 @@ def sweeps(rows: Sequence[Row], targets: Mapping[str, float], footer: str) -> Fi
     return figure
 
 
-@style.context(["default", STYLE])
+@in_style()
 def calibration(points: Sequence[Row], best: Row, targets: Mapping[str, float], footer: str) -> Figure:
     """Both calibrated numbers over the two fitted parameters, with the paper's level as a line where it is reached."""
     figure = Figure(figsize=(PAGE_IN, 3.0), layout="constrained")
@@ -81,7 +83,7 @@ def calibration(points: Sequence[Row], best: Row, targets: Mapping[str, float], 
     return figure
 
 
-@style.context(["default", STYLE])
+@in_style()
 def case_study(times_ms: Mapping[str, Any], reuse: Mapping[str, tuple[Any, Any]], footer: str) -> Figure:
     """Vision-assisted driving (paper: Fig. "bs"): response times of both cars, and reuse over events.
 
@@ -108,23 +110,23 @@ def case_study(times_ms: Mapping[str, Any], reuse: Mapping[str, tuple[Any, Any]]
     return figure
 
 
-@style.context(["default", STYLE])
+@in_style()
 def worth(rows: Sequence[Row], footer: str) -> Figure:
     """Precision, recall and ghosts of what the consumer holds, for L, R and DG; ``rows`` as ``quality`` makes them."""
     figure = Figure(figsize=(PAGE_IN, 2.6), layout="constrained")
     _title(figure, "What the consumer holds at each instant, against KITTI's labels (drive 0005)", footer)
-    looks = {"local": ("#F0C060", "////"), "remote": ("#E08050", "...."), "genie": ("#3D6FA5", "")}
     names = {"precision": "precision", "recall_static": "recall, static", "recall_moving": "recall, moving",
              "ghost_share": "ghosts"}  # fmt: skip
     axis = figure.subplots()
-    for place, (method, (colour, hatch)) in enumerate(looks.items()):
+    for place, method in enumerate(METHODS):
         for x, name in enumerate(names):
-            found = [row for row in rows if row["method"] == method and row["name"] == name]
+            found = [row for row in rows if row["method"] == method.name and row["name"] == name]
             if found:
                 mean, low, high = (found[0][key] for key in ("value", "low", "high"))
-                label = METHOD_LINES[method]["label"] if x == 0 else None
+                label = method.title if x == 0 else None
                 at = x + 0.27 * (place - 1)
-                axis.bar(at, mean, 0.25, facecolor=colour, hatch=hatch, edgecolor="black", linewidth=0.7, label=label)
+                look = style.method_bar(place) | {"label": label}
+                axis.bar(at, mean, 0.25, edgecolor="black", linewidth=0.7, **look)
                 axis.errorbar(at, mean, yerr=[[mean - low], [high - mean]], color="black", linewidth=1, capsize=3)
     axis.set_xticks(range(len(names)), list(names.values()))
     axis.grid(axis="x", visible=False)

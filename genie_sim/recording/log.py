@@ -1,16 +1,13 @@
-"""What happens in a run, written down as facts."""
+"""What happens in a run, written down row by row."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from itertools import takewhile
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
-from genie_sim.messages import Detections, Fact, Forgotten, Header, Image, ImageLookup, Message, ObjectLookups
-from genie_sim.recording.records import Frame, FrameTable, LookupTable, ObjectTable, PoseTable, ResourceTable
-
-if TYPE_CHECKING:
-    from genie_sim.sim.nodes import Genie
+from genie_sim.messages import Detections, Fact, Forgotten, Header, Image, ImageLookup, Location, Message, ObjectLookups
+from genie_sim.recording.records import Frame, Tables
 
 
 class Resource(Protocol):
@@ -42,25 +39,18 @@ class Log:
     """The rows of one method's run. A frame's row is found by its header and completed as the frame moves on. Then it
     goes into the table, which is compact; in the rare case that more becomes known, it is taken out again.
 
-    ``poses`` and ``objects`` are what a replay needs besides. ``None`` leaves them, or ``lookups``, out.
+    ``record`` names what is written besides frames and resources: ``lookups``, and what a replay needs, ``poses`` and
+    ``objects``.
     """
 
-    def __init__(
-        self,
-        method: str,
-        frames: FrameTable,
-        lookups: LookupTable | None,
-        resources: ResourceTable,
-        poses: PoseTable | None = None,
-        objects: ObjectTable | None = None,
-    ) -> None:
+    def __init__(self, method: str, tables: Tables, record: Collection[str] = ("lookups",)) -> None:
         self.method = method
-        self._poses = poses
-        self._objects = objects
-        self._frames = frames
-        self._lookups = lookups
-        self._resources = resources
-        self.wants_changes = objects is not None  # of object maps
+        self._frames = tables.frames
+        self._resources = tables.resources
+        self._lookups = tables.lookups if "lookups" in record else None
+        self._poses = tables.poses if "poses" in record else None
+        self._objects = tables.objects if "objects" in record else None
+        self.wants_changes = self._objects is not None  # of object maps
         self._open: dict[Header, Frame] = {}  # in order of their stamps
         self.published_frames = 0
 
@@ -70,8 +60,9 @@ class Log:
         self._open[header] = Frame(self.method, car, stream, number, lap, stamp_ns)
         self.published_frames += 1
         if self._poses is not None:
-            at, fov_rad = image.pose, image.horizontal_fov_rad
-            self._poses.add(car, stream, number, stamp_ns, at.east_m, at.north_m, at.heading_rad, fov_rad)
+            at = image.pose
+            where = at.east_m, at.north_m, at.heading_rad, image.horizontal_fov_rad
+            self._poses.append((self.method, car, stream, number, stamp_ns, *where))
 
     def close(self, before_ns: int | None = None) -> None:
         """Frames taken before this go into the table; ``None``: all do."""
@@ -79,14 +70,15 @@ class Log:
         if before_ns is not None:
             settled = takewhile(lambda header: header.stamp_ns < before_ns, self._open)
         for header in list(settled):
-            self._frames.add(self._open.pop(header))
+            self._frames.append(self._open.pop(header).row())
 
     def _frame(self, header: Header) -> Frame | None:
         frame = self._open.get(header)
         if frame is None:
-            frame = self._frames.take(self.method, header.origin, header.frame_id, header.stamp_ns)
-            if frame is not None:
-                self._open[header] = frame
+            stamp_ns, stream, car = header
+            row = self._frames.take(method=self.method, car=car, stream=stream, stamp_ns=stamp_ns)
+            if row is not None:
+                frame = self._open[header] = Frame(*row)  # type: ignore[arg-type]  # in the order of the columns
         return frame
 
     def received(self, header: Header, now_ns: int) -> None:
@@ -114,7 +106,7 @@ class Log:
         if answer.source != "map" and frame.fresh_answer_ns is None:
             frame.drop = None
             frame.fresh_answer_ns = now_ns
-            frame.objects_detected = len(answer.objects)
+            frame.objects_fresh = len(answer.objects)
 
     def dropped(self, message: Message, where: str) -> None:
         """A copy of a frame, or an answer to it, was lost. It counts as long as the frame has no fresh answer."""
@@ -122,43 +114,45 @@ class Log:
         if frame is not None and frame.fresh_answer_ns is None:
             frame.drop = where
 
-    def observe(self, genie: Genie, record: Fact, role: str, now_ns: int) -> None:
-        """A fact about a Genie's cache or map. ``role``: ``local`` on a car, ``remote`` on an edge."""
-        if isinstance(record, Forgotten):
-            if self._objects is not None:
-                for label, location, _ in record.objects:
-                    self._objects.add(now_ns, genie.name, label, location[0], location[1], None)
+    def observe(self, genie: str, event: Fact, placement: str, now_ns: int) -> None:
+        """What a Genie tells of its cache or map. ``placement``: ``car`` or ``edge``."""
+        if isinstance(event, Forgotten):
+            self._changed(genie, [(label, location, None) for label, location, _ in event.objects], now_ns)
             return
-        header = record.header
+        header = event.header
         stamp_ns, stream, car = header
-        if isinstance(record, ObjectLookups):
-            _, kind, requests, hits, updates, boost_sum, objects, changes = record
+        if isinstance(event, ObjectLookups):
+            _, kind, requests, hits, updates, boost_sum, objects, changes = event
             if self._lookups is not None:
-                counts = (requests, hits, updates, boost_sum, objects)
-                self._lookups.add(now_ns, genie.name, role, kind, None, car, stream, stamp_ns, None, *counts)
-            if self._objects is not None:
-                for label, location, confidence in changes:
-                    self._objects.add(now_ns, genie.name, label, location[0], location[1], confidence)
-        elif isinstance(record, ImageLookup):
-            _, outcome, asker, entries = record
+                counts = requests, hits, updates, boost_sum, objects
+                frame_ = None, car, stream, stamp_ns, None
+                self._lookups.append((self.method, now_ns, genie, placement, kind, *frame_, *counts))
+            self._changed(genie, changes, now_ns)
+        elif isinstance(event, ImageLookup):
+            _, outcome, requester, entries = event
             hit = outcome == "hit"
             if self._lookups is not None:
-                counts = (1, int(hit), 0, 0.0, entries)
-                self._lookups.add(now_ns, genie.name, role, "image", asker, car, stream, stamp_ns, outcome, *counts)
-            if role == "local" and asker == "client":
+                what = requester, car, stream, stamp_ns, outcome, 1, int(hit), 0, 0.0, entries
+                self._lookups.append((self.method, now_ns, genie, placement, "image", *what))
+            if placement == "car" and requester == "client":
                 frame = self._frame(header)
                 assert frame is not None, "every frame is published first"
                 frame.image_hit = hit
                 frame.coalesced = outcome == "coalesced"
-        elif role == "local":
+        elif placement == "car":
             lost = self._frame(header)
             if lost is not None and lost.drop is None and lost.fresh_answer_ns is None:
-                lost.drop = f"{genie.name}:expired"
+                lost.drop = f"{genie}:expired"
+
+    def _changed(self, genie: str, changes: Iterable[tuple[str, Location, float | None]], now_ns: int) -> None:
+        """Objects of a Genie's map are new, have another confidence, or none any more."""
+        if self._objects is not None:
+            for label, location, confidence in changes:
+                self._objects.append((self.method, now_ns, genie, label, location[0], location[1], confidence))
 
     def sample(self, resources: Sequence[Resource], now_ns: int) -> None:
         """The state of every device, link and queue at this instant."""
         self.close(now_ns - SETTLED_NS)
-        add, method = self._resources.add, self.method
         for one in resources:
-            used = one.capacity, one.busy_ns, one.queued, one.completed
-            add(method, now_ns, one.name, one.kind, *used, one.drops, one.sent_bytes)
+            used = one.capacity, one.busy_ns, one.queued, one.completed, one.drops, one.sent_bytes
+            self._resources.append((self.method, now_ns, one.name, one.kind, *used))

@@ -18,10 +18,9 @@ from typing import Any
 
 import genie_sim
 from genie_sim.errors import UserError, shown
+from genie_sim.recording.tables import other_format
 
-RESULT_FORMAT = 1
-TABLES = ("frames.parquet", "lookups.parquet", "resources.parquet", "poses.parquet", "objects.parquet")
-SOME_TABLES = ("truth.parquet",)  # of some runs only
+RESULT_FORMAT = 2
 NEEDED: dict[str, tuple[type, str]] = {  # of run.json, whatever is done with a result; others are told when they lack
     "run_id": (str, "text"),
     "facts.scenario": (dict, "a mapping"),
@@ -29,6 +28,7 @@ NEEDED: dict[str, tuple[type, str]] = {  # of run.json, whatever is done with a 
     "facts.scenario.seed": (int, "a whole number"),
     "facts.devices": (dict, "a mapping"),
     "facts.traces": (dict, "a mapping"),
+    "facts.methods": (list, "a list"),
 }
 PACKAGES = ("simpy", "numpy", "pandas", "pyarrow", "pydantic", "matplotlib")
 
@@ -44,9 +44,8 @@ def canonical(facts: Mapping[str, Any]) -> str:
 
 
 def digests(folder: Path) -> dict[str, str]:
-    """sha256 of each table of a result folder."""
-    names = (*TABLES, *(name for name in SOME_TABLES if (folder / name).is_file()))
-    return {name: hashlib.sha256((folder / name).read_bytes()).hexdigest() for name in names}
+    """sha256 of each table of a result folder, by file name."""
+    return {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in sorted(folder.glob("*.parquet"))}
 
 
 def environment() -> dict[str, Any]:
@@ -143,7 +142,7 @@ def read_run_json(folder: Path) -> dict[str, Any]:
     run = read_json(path)
     if not isinstance(run, dict) or run.get("format") != RESULT_FORMAT:
         found = run.get("format") if isinstance(run, dict) else None
-        raise UserError(f"{path}: format {shown(found)}, this genie-sim reads {RESULT_FORMAT}")
+        raise UserError(other_format(path, found, RESULT_FORMAT))
     for field, (kind, what) in NEEDED.items():
         value: Any = run
         for name in field.split("."):

@@ -1,18 +1,135 @@
 """What a run writes down: one row per frame, per look-up, per sample of a resource, per pose and per map change; where
 the truth is known, per answered frame what its answer was worth.
 
-Rows are facts (instants, counts, names); latencies and ratios are computed from them later, in ``metrics``. A value
-that is not known stays ``None``.
+Rows are measurements (instants, counts, names); latencies and ratios are computed from them later, in ``metrics``. A
+value that is not known stays ``None``.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, field
 from operator import attrgetter
+from pathlib import Path
 
-from genie_sim.recording.tables import Column, Table, read
+from genie_sim.recording.tables import Column, Schema, Table, Value
 
-__all__ = ["Frame", "FrameTable", "LookupTable", "ObjectTable", "PoseTable", "ResourceTable", "TruthTable", "read"]
+METHOD = Column("method", "text", "", "the method that was simulated, by its name in the scenario")
+FRAMES = Schema(
+    "frames",
+    "One row per method, car, stream and frame.",
+    (
+        METHOD,
+        Column("car", "text", "", "the car whose camera took the frame"),
+        Column("stream", "text", "", "camera stream of that car (frame_id)"),
+        Column("frame", "int32", "", "running number in the stream, over all laps"),
+        Column("lap", "int32", "", "how often the car had driven its route before"),
+        Column("stamp_ns", "int64", "ns", "when the camera took and published it"),
+        Column("received_ns", "int64", "ns", "when it reached the queue of the first node; null: never", True),
+        Column("first_answer_ns", "int64", "ns", "when the consumer got the first answer; null: none", True),
+        Column("fresh_answer_ns", "int64", "ns", "when it got a detection or cached answer of this frame", True),
+        Column("source", "text", "", "what produced the first answer"),
+        Column("served_by", "text", "", "the node that gave the first answer", True),
+        Column("image_hit", "bool", "", "found in the message cache of the first Genie", True),
+        Column("coalesced", "bool", "", "waited at the first Genie for an equal frame's answer", True),
+        Column("objects_fresh", "int32", "objects", "in the fresh answer", True),
+        Column("objects_served", "int32", "objects", "in the first answer", True),
+        Column("bytes_up", "int64", "B", "sent from the car to its edge for this frame"),
+        Column("bytes_down", "int64", "B", "sent from the edge to the car for this frame"),
+        Column("drop", "text", "", "queue or link that dropped it before any fresh answer; CAR:no_edge: no link", True),
+    ),
+    sorted_by=("method", "car", "stream", "frame"),
+)
+LOOKUPS = Schema(
+    "lookups",
+    "One row per message for which a Genie asked its message cache or its object map; in order of time.",
+    (
+        METHOD,
+        Column("t_ns", "int64", "ns", "simulated time"),
+        Column("genie", "text", "", "the Genie that looked up"),
+        Column("placement", "text", "", "where this Genie runs: car or edge"),
+        Column("kind", "text", "", "image (message cache), sighting or boost (object map, Algorithm 2 line 4 or 10)"),
+        Column("requester", "text", "", "client (its own network) or neighbour (another edge); null: object map", True),
+        Column("car", "text", "", "car of the frame"),
+        Column("stream", "text", "", "stream of the frame"),
+        Column("stamp_ns", "int64", "ns", "stamp of the frame"),
+        Column("outcome", "text", "", "hit, miss or coalesced; null: object map", True),
+        Column("requests", "int32", "look-ups", "asked for this message"),
+        Column("hits", "int32", "look-ups", "answered by a stored entry, or by an object with C >= C_T"),
+        Column("updates", "int32", "objects", "stored objects whose confidence changed"),
+        Column("boost_sum", "float64", "", "sum of C_new - C_old over these updates"),
+        Column("entries", "int32", "entries", "in the message cache or the object map afterwards"),
+    ),
+)
+RESOURCES = Schema(
+    "resources",
+    "One row per resource and sample; counts since the start of the run. Method by method, in order of time.",
+    (
+        METHOD,
+        Column("t_ns", "int64", "ns", "simulated time of the sample"),
+        Column("resource", "text", "", "for example edge1.accelerator, car1->edge1, car1/genie:/image_raw"),
+        Column("kind", "text", "", "accelerator, cpu, link or queue"),
+        Column("capacity", "int32", "", "how many can be served at once; null: nothing is served here (queue)", True),
+        Column("busy_ns", "int64", "ns", "time spent serving, summed over the servers"),
+        Column("queue", "int32", "messages", "waiting now"),
+        Column("completed", "int64", "messages", "served so far"),
+        Column("dropped", "int64", "messages", "lost or pushed out so far"),
+        Column("bytes", "int64", "B", "carried so far; null: not a link", True),
+    ),
+)
+POSES = Schema(
+    "poses",
+    "One row per car, stream and frame, in order of time: where the camera stood. Written under one method; the same "
+    "under every other.",
+    (
+        METHOD,
+        Column("car", "text", "", "the car whose camera took the frame"),
+        Column("stream", "text", "", "camera stream of that car (frame_id)"),
+        Column("frame", "int32", "", "running number in the stream, over all laps"),
+        Column("stamp_ns", "int64", "ns", "when the camera took it"),
+        Column("east_m", "float64", "m", "camera centre, in the scenario's one east-north-up frame"),
+        Column("north_m", "float64", "m", "camera centre"),
+        Column("heading_rad", "float64", "rad", "optical axis, counter-clockwise from east"),
+        Column("horizontal_fov_rad", "float64", "rad", "what the camera sees from its left to its right border"),
+    ),
+)
+OBJECTS = Schema(
+    "objects",
+    "One row per change of an object map (Algorithm 2, lines 3 to 7), in order of time: a new object, a new "
+    "confidence, or none any more, when the map forgets the object. `label`, `east_m` and `north_m` are those of "
+    "the first sighting, so they tell which object it is.",
+    (
+        METHOD,
+        Column("t_ns", "int64", "ns", "simulated time"),
+        Column("genie", "text", "", "the Genie whose map it is"),
+        Column("label", "text", "", "class of the object"),
+        Column("east_m", "float64", "m", "where it was first seen, in the scenario's one east-north-up frame"),
+        Column("north_m", "float64", "m", "where it was first seen"),
+        Column("confidence", "float64", "", "from now on; null: the object is forgotten", True),
+    ),
+)
+TRUTH = Schema(
+    "truth",
+    "One row per answered frame of a drive through a town: its first answer, compared with what is really there. A "
+    "served object is true if one of its class really is within the town's `tolerance` of it at the time of the frame. "
+    "Objects without a place in the world are not counted.",
+    (
+        METHOD,
+        Column("car", "text", "", "the car whose camera took the frame"),
+        Column("stream", "text", "", "camera stream of that car (frame_id)"),
+        Column("stamp_ns", "int64", "ns", "when the camera took it"),
+        Column("source", "text", "", "what produced the first answer"),
+        Column("served", "int32", "objects", "with a place, in the first answer"),
+        Column("true", "int32", "objects", "of those served: one of the class is there; the others are ghosts"),
+        Column("not_in_view", "int32", "objects", "of those served: none of the class that is in view is there"),
+        Column("in_view", "int32", "objects", "really in view, and within genie.view_range"),
+        Column("found", "int32", "objects", "of those in view: one of the class is served there"),
+    ),
+    sorted_by=("method", "car", "stream", "stamp_ns"),
+)
+SCHEMAS = (FRAMES, LOOKUPS, RESOURCES, POSES, OBJECTS, TRUTH)
+
+_frame_row = attrgetter(*(column.name for column in FRAMES.columns))
 
 
 @dataclass(slots=True)
@@ -32,213 +149,35 @@ class Frame:
     served_by: str | None = None
     image_hit: bool | None = None
     coalesced: bool | None = None
-    objects_detected: int | None = None
+    objects_fresh: int | None = None
     objects_served: int | None = None
     bytes_up: int = 0
     bytes_down: int = 0
     drop: str | None = None
 
-
-class FrameTable(Table):
-    """One row per method, car, stream and frame."""
-
-    name = "frames"
-    sorted_by = ("method", "car", "stream", "frame")
-    columns = (
-        Column("method", "text", "", "local, remote or genie"),
-        Column("car", "text", "", "the car whose camera took the frame"),
-        Column("stream", "text", "", "camera stream of that car (frame_id)"),
-        Column("frame", "int32", "", "running number in the stream, over all laps"),
-        Column("lap", "int32", "", "how often the car had driven its route before"),
-        Column("stamp_ns", "int64", "ns", "when the camera took and published it"),
-        Column("received_ns", "int64", "ns", "when it reached the queue of the first node; null: never", True),
-        Column("first_answer_ns", "int64", "ns", "when the consumer got the first answer; null: none", True),
-        Column("fresh_answer_ns", "int64", "ns", "when it got a detection or cached answer of this frame", True),
-        Column("source", "text", "", "what produced the first answer"),
-        Column("served_by", "text", "", "the node that gave the first answer", True),
-        Column("image_hit", "bool", "", "found in the message cache of the first Genie", True),
-        Column("coalesced", "bool", "", "waited at the first Genie for an equal frame's answer", True),
-        Column("objects_detected", "int32", "objects", "in the fresh answer", True),
-        Column("objects_served", "int32", "objects", "in the first answer", True),
-        Column("bytes_up", "int64", "B", "sent from the car to its edge for this frame"),
-        Column("bytes_down", "int64", "B", "sent from the edge to the car for this frame"),
-        Column("drop", "text", "", "queue or link that dropped it before any fresh answer; CAR:no_edge: no link", True),
-    )
-
-    _values = attrgetter(*(column.name for column in columns))
-
-    def add(self, frame: Frame) -> None:
-        """Nothing more is expected to become known of this frame."""
-        self._append(FrameTable._values(frame))
-
-    def take(self, method: str, car: str, stream: str, stamp_ns: int) -> Frame | None:
-        """Takes a frame out again, of which more has become known after all."""
-        values = self._take(method=method, car=car, stream=stream, stamp_ns=stamp_ns)
-        return None if values is None else Frame(*values)  # type: ignore[arg-type]  # in the order of the columns
+    def row(self) -> tuple[Value, ...]:
+        """Its values, in the order of the columns."""
+        values: tuple[Value, ...] = _frame_row(self)
+        return values
 
 
-class LookupTable(Table):
-    """One row per message for which a Genie asked its message cache or its object map; in order of time."""
+@dataclass(frozen=True)
+class Tables:
+    """What a run writes down. ``truth`` is ``None`` where nobody knows it."""
 
-    name = "lookups"
-    columns = (
-        Column("t_ns", "int64", "ns", "simulated time"),
-        Column("genie", "text", "", "the Genie that looked up"),
-        Column("role", "text", "", "local (on a car) or remote (on an edge)"),
-        Column("kind", "text", "", "image (message cache), sighting or boost (object map, Algorithm 2 line 4 or 10)"),
-        Column("asker", "text", "", "client (its own network) or neighbour (another edge); null: object map", True),
-        Column("car", "text", "", "car of the frame"),
-        Column("stream", "text", "", "stream of the frame"),
-        Column("stamp_ns", "int64", "ns", "stamp of the frame"),
-        Column("outcome", "text", "", "hit, miss or coalesced; null: object map", True),
-        Column("requests", "int32", "look-ups", "asked for this message"),
-        Column("hits", "int32", "look-ups", "answered by a stored entry, or by an object with C >= C_T"),
-        Column("updates", "int32", "objects", "stored objects whose confidence changed"),
-        Column("boost_sum", "float64", "", "sum of C_new - C_old over these updates"),
-        Column("entries", "int32", "entries", "in the message cache or the object map afterwards"),
-    )
+    frames: Table = field(default_factory=lambda: Table(FRAMES))
+    lookups: Table = field(default_factory=lambda: Table(LOOKUPS))
+    resources: Table = field(default_factory=lambda: Table(RESOURCES))
+    poses: Table = field(default_factory=lambda: Table(POSES))
+    objects: Table = field(default_factory=lambda: Table(OBJECTS))
+    truth: Table | None = None
 
-    def add(
-        self,
-        t_ns: int,
-        genie: str,
-        role: str,
-        kind: str,
-        asker: str | None,
-        car: str,
-        stream: str,
-        stamp_ns: int,
-        outcome: str | None,
-        requests: int,
-        hits: int,
-        updates: int,
-        boost_sum: float,
-        entries: int,
-    ) -> None:
-        """A Genie asked its message cache once, or its object map ``requests`` times, for one message."""
-        what = outcome, requests, hits, updates, boost_sum, entries
-        self._append((t_ns, genie, role, kind, asker, car, stream, stamp_ns, *what))
+    @classmethod
+    def spilling(cls, folder: Path | None) -> Tables:
+        """With a folder, the rows of long tables wait there and not in memory."""
+        spill = {one.name: None if folder is None else folder / f"{one.name}.rows" for one in SCHEMAS}
+        return cls(**{one.name: Table(one, spill[one.name]) for one in (LOOKUPS, RESOURCES, POSES, OBJECTS)})
 
-
-class ResourceTable(Table):
-    """One row per resource and sample; counts since the start of the run. Method by method, in order of time."""
-
-    name = "resources"
-    columns = (
-        Column("method", "text", "", "local, remote or genie"),
-        Column("t_ns", "int64", "ns", "simulated time of the sample"),
-        Column("resource", "text", "", "for example edge1.accelerator, car1->edge1, car1/genie:/image_raw"),
-        Column("kind", "text", "", "accelerator, cpu, link or queue"),
-        Column("capacity", "int32", "", "how many can be served at once; null: nothing is served here (queue)", True),
-        Column("busy_ns", "int64", "ns", "time spent serving, summed over the servers"),
-        Column("queue", "int32", "messages", "waiting now"),
-        Column("completed", "int64", "messages", "served so far"),
-        Column("dropped", "int64", "messages", "lost or pushed out so far"),
-        Column("bytes", "int64", "B", "carried so far; null: not a link", True),
-    )
-
-    def add(
-        self,
-        method: str,
-        t_ns: int,
-        resource: str,
-        kind: str,
-        capacity: int | None,
-        busy_ns: int,
-        queue: int,
-        completed: int,
-        dropped: int,
-        size_bytes: int | None,
-    ) -> None:
-        """A resource's counters at one instant; ``size_bytes`` is what a link has carried so far."""
-        self._append((method, t_ns, resource, kind, capacity, busy_ns, queue, completed, dropped, size_bytes))
-
-
-class PoseTable(Table):
-    """One row per car, stream and frame, in order of time: where the camera stood. The same under every method."""
-
-    name = "poses"
-    columns = (
-        Column("car", "text", "", "the car whose camera took the frame"),
-        Column("stream", "text", "", "camera stream of that car (frame_id)"),
-        Column("frame", "int32", "", "running number in the stream, over all laps"),
-        Column("stamp_ns", "int64", "ns", "when the camera took it"),
-        Column("east_m", "float64", "m", "camera centre, in the scenario's one east-north-up frame"),
-        Column("north_m", "float64", "m", "camera centre"),
-        Column("heading_rad", "float64", "rad", "optical axis, counter-clockwise from east"),
-        Column("horizontal_fov_rad", "float64", "rad", "what the camera sees from its left to its right border"),
-    )
-
-    def add(
-        self,
-        car: str,
-        stream: str,
-        frame: int,
-        stamp_ns: int,
-        east_m: float,
-        north_m: float,
-        heading_rad: float,
-        horizontal_fov_rad: float,
-    ) -> None:
-        """A camera took a frame there."""
-        self._append((car, stream, frame, stamp_ns, east_m, north_m, heading_rad, horizontal_fov_rad))
-
-
-class ObjectTable(Table):
-    """One row per change of an object map (Algorithm 2, lines 3 to 7), in order of time: a new object, a new
-    confidence, or none any more, when the map forgets the object. ``label``, ``east_m`` and ``north_m`` are those of
-    the first sighting, so they tell which object it is.
-    """
-
-    name = "objects"
-    columns = (
-        Column("t_ns", "int64", "ns", "simulated time"),
-        Column("genie", "text", "", "the Genie whose map it is"),
-        Column("label", "text", "", "class of the object"),
-        Column("east_m", "float64", "m", "where it was first seen, in the scenario's one east-north-up frame"),
-        Column("north_m", "float64", "m", "where it was first seen"),
-        Column("confidence", "float64", "", "from now on; null: the object is forgotten", True),
-    )
-
-    def add(self, t_ns: int, genie: str, label: str, east_m: float, north_m: float, confidence: float | None) -> None:
-        """A Genie's map has a new object, another confidence for a stored one, or has forgotten it."""
-        self._append((t_ns, genie, label, east_m, north_m, confidence))
-
-
-class TruthTable(Table):
-    """One row per answered frame of a drive through a town: its first answer, compared with what is really there.
-
-    A served object is true if one of its class really is within the town's ``tolerance`` of it at the time of the
-    frame. Objects without a place in the world are not counted.
-    """
-
-    name = "truth"
-    sorted_by = ("method", "car", "stream", "stamp_ns")
-    columns = (
-        Column("method", "text", "", "local, remote or genie"),
-        Column("car", "text", "", "the car whose camera took the frame"),
-        Column("stream", "text", "", "camera stream of that car (frame_id)"),
-        Column("stamp_ns", "int64", "ns", "when the camera took it"),
-        Column("source", "text", "", "what produced the first answer"),
-        Column("served", "int32", "objects", "with a place, in the first answer"),
-        Column("true", "int32", "objects", "of those served: one of the class is there; the others are ghosts"),
-        Column("not_in_view", "int32", "objects", "of those served: none of the class that is in view is there"),
-        Column("in_view", "int32", "objects", "really in view, and within genie.view_range"),
-        Column("found", "int32", "objects", "of those in view: one of the class is served there"),
-    )
-
-    def add(
-        self,
-        method: str,
-        car: str,
-        stream: str,
-        stamp_ns: int,
-        source: str,
-        served: int,
-        true: int,
-        not_in_view: int,
-        in_view: int,
-        found: int,
-    ) -> None:
-        """A frame has its first answer."""
-        self._append((method, car, stream, stamp_ns, source, served, true, not_in_view, in_view, found))
+    def __iter__(self) -> Iterator[Table]:
+        usual = (self.frames, self.lookups, self.resources, self.poses, self.objects)
+        return iter(usual if self.truth is None else (*usual, self.truth))

@@ -1,28 +1,55 @@
-"""A run in hand: its tables, metrics and figures, straight from the simulation or read from a result folder."""
+"""A finished run as plain data: its tables, its metrics and what decided it, also as read from a result folder."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
-from functools import cached_property
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from genie_sim.analysis.metrics import Metric
 from genie_sim.errors import UserError
 from genie_sim.paths import expanded
-from genie_sim.recording import provenance, records
-from genie_sim.scenario.scenario import Scenario, read_scenario
+from genie_sim.recording import provenance
+from genie_sim.recording.records import SCHEMAS, TRUTH
+from genie_sim.recording.tables import read
 
 if TYPE_CHECKING:
     import pandas as pd
-    from matplotlib.figure import Figure
-
 
 NOT_ONE_RUN = {  # the file that tells, and what such a folder holds
     "verdicts.json": "a whole evaluation (read its verdicts.md)",
     "sweep.json": "a sweep (read its table.csv)",
 }
+
+
+@dataclass(frozen=True, slots=True)
+class MethodInfo:
+    """A method that ran: its name in the scenario, its title in figures, and whether others are compared with it."""
+
+    name: str
+    title: str
+    baseline: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Metric:
+    """One number of a run.
+
+    ``placement`` is ``car`` or ``edge`` for Genies and resources there, else ``all``. ``component`` is the name of a
+    resource, for an improvement that of the baseline, else empty. ``value`` is None where it is not defined; ``n``
+    counts what it was computed over: frames, requests, updates, samples or runs. Shares have unit 1. What ``low`` and
+    ``high`` mean: ``analysis.metrics``.
+    """
+
+    metric: str
+    method: str
+    placement: str
+    component: str
+    value: float | None
+    unit: str
+    low: float | None = None
+    high: float | None = None
+    n: int = 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,75 +83,15 @@ class Run:
         """The scenario's name."""
         return str(self.facts["scenario"]["name"])
 
-    @cached_property
-    def scenario(self) -> Scenario:
-        """The scenario as it was run."""
-        return read_scenario(self.facts["scenario"], where=self.name)
-
-    @cached_property
-    def metrics(self) -> pd.DataFrame:
-        """One row per metric: name, role, value, unit, low, high, n. What low and high mean: ``analysis.metrics``."""
-        import pandas as pd
-
-        return pd.DataFrame([asdict(metric) for metric in self.measured])
+    @property
+    def methods(self) -> Sequence[MethodInfo]:
+        """The methods that ran, in the order of the scenario."""
+        return [MethodInfo(**one) for one in self.facts["methods"]]
 
     @property
-    def figures(self) -> Figures:
-        """The paper's figures, of this run."""
-        return Figures(self)
-
-    def report(self, path: str | Path | None = None) -> Path:
-        """Writes one HTML page to look at the run in a browser; default: ``report.html`` in the run's folder."""
-        from genie_sim import report
-
-        if path is None:
-            if self.folder is None:
-                raise UserError("report: a run without a folder needs a path, such as run.report('report.html')")
-            path = self.folder / report.NAME
-        path = expanded(path)
-        report.write(path, self)
-        return path
-
-
-@dataclass(frozen=True)
-class Figures:
-    """``run.figures.latency_cdf()`` and so on; each gives a matplotlib ``Figure``."""
-
-    _run: Run
-
-    def latency_cdf(self, of: str = "published") -> Figure:
-        """Distribution of response times, as shares of the ``published`` or of the ``answered`` frames."""
-        from genie_sim.analysis import figures
-
-        return figures.latency_cdf({self._run.name: self._run.frames}, self._footer, of)
-
-    def image_reuse(self) -> Figure:
-        """Hits / requests of the message caches, on cars and on edges."""
-        from genie_sim.analysis import figures
-
-        return figures.image_reuse({self._run.name: self._run.lookups}, self._footer)
-
-    def object_reuse(self) -> Figure:
-        """Object look-ups answered by an object with C >= C_T, on cars and on edges."""
-        from genie_sim.analysis import figures
-
-        return figures.object_reuse({self._run.name: self._run.lookups}, self._footer)
-
-    def confidence_boost(self) -> Figure:
-        """Running mean of C_new - C_old over the updates of the object maps."""
-        from genie_sim.analysis import figures
-
-        return figures.confidence_boost({self._run.name: self._run.lookups}, self._footer)
-
-    def resource_use(self) -> Figure:
-        """Use of devices and links, and queues, over simulated time."""
-        from genie_sim.analysis import figures
-
-        return figures.resource_use(self._run.resources, self._footer)
-
-    @property
-    def _footer(self) -> str:
-        return f"{self._run.name}, run {self._run.run_id}, seed {self._run.facts['scenario']['seed']}"
+    def footer(self) -> str:
+        """Which run it is, below a figure."""
+        return f"{self.name}, run {self.run_id}, seed {self.facts['scenario']['seed']}"
 
 
 def load(folder: str | Path) -> Run:
@@ -134,22 +101,12 @@ def load(folder: str | Path) -> Run:
         if (folder / name).is_file():
             raise UserError(f"{folder}: holds {what}, not one run")
     made = provenance.read_run_json(folder)
-    tables = {
-        table.name: records.read(folder / f"{table.name}.parquet", table)
-        for table in (
-            records.FrameTable,
-            records.LookupTable,
-            records.ResourceTable,
-            records.PoseTable,
-            records.ObjectTable,
-        )
-    }
-    known = folder / f"{records.TruthTable.name}.parquet"
-    truth = records.read(known, records.TruthTable) if known.is_file() else None
+    paths = {schema: folder / f"{schema.name}.parquet" for schema in SCHEMAS}
+    tables = {schema.name: read(path, schema) for schema, path in paths.items() if schema != TRUTH or path.is_file()}
     with provenance.of_this_version(folder):
         measured = [Metric(**metric) for metric in provenance.read_json(folder / "metrics.json")]
     yaml = _text(folder / "scenario.resolved.yaml")
-    return Run(made["run_id"], made["facts"], yaml, **tables, measured=measured, folder=folder, truth=truth)
+    return Run(made["run_id"], made["facts"], yaml, measured=measured, folder=folder, **tables)
 
 
 def _text(path: Path) -> str:

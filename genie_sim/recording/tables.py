@@ -11,9 +11,9 @@ from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, BinaryIO, ClassVar
+from typing import TYPE_CHECKING, Any, BinaryIO
 
-from genie_sim.errors import UserError
+from genie_sim.errors import UserError, shown
 
 if TYPE_CHECKING:
     import numpy as np
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-FORMAT_VERSION = 1
+FORMAT_VERSION = 2
 METADATA_KEY = b"genie_sim"
 ROWS_PER_GROUP = 65_536
 
@@ -47,6 +47,35 @@ class Column:
     unit: str
     description: str
     nullable: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Schema:
+    """A table's name, what one row of it is, its columns, and by which of them it is sorted (none: rows keep the order
+    in which they were added)."""
+
+    name: str
+    description: str
+    columns: tuple[Column, ...]
+    sorted_by: tuple[str, ...] = ()
+
+    def arrow(self) -> pa.Schema:
+        """Types, with unit and description beside each column."""
+        import pyarrow as pa
+
+        types = {"int64": pa.int64(), "int32": pa.int32(), "float64": pa.float64(), "bool": pa.bool_()}
+        text = pa.dictionary(pa.int32(), pa.string())
+        fields = [
+            pa.field(
+                column.name,
+                types.get(column.kind, text),
+                nullable=column.nullable,
+                metadata={"unit": column.unit, "description": column.description},
+            )
+            for column in self.columns
+        ]
+        about = json.dumps({"format_version": FORMAT_VERSION, "table": self.name}, sort_keys=True)
+        return pa.schema(fields, metadata={METADATA_KEY: about.encode()})
 
 
 class _Codes(dict[str, int]):
@@ -121,20 +150,17 @@ class _Buffer:
 
 
 class Table:
-    """Rows in memory, a Parquet file afterwards. Subclasses name their columns and say how a row is added.
+    """Rows of one ``schema``: in memory first, in a Parquet file afterwards.
 
     With ``spill``, a path, rows go to a file there as they come, 65,536 at a time, and few are in memory at any time.
     ``write`` gives the file its name. That is for tables that keep the order in which rows were added.
     """
 
-    name: ClassVar[str]
-    columns: ClassVar[tuple[Column, ...]]
-    sorted_by: ClassVar[tuple[str, ...]] = ()  # none: in the order in which they were added
-
-    def __init__(self, spill: Path | None = None) -> None:
-        if spill is not None and self.sorted_by:
-            raise ValueError(f"{self.name}: rows that are to be sorted have to stay in memory")
-        self._buffers = {column.name: _Buffer(column) for column in self.columns}
+    def __init__(self, schema: Schema, spill: Path | None = None) -> None:
+        if spill is not None and schema.sorted_by:
+            raise ValueError(f"{schema.name}: rows that are to be sorted have to stay in memory")
+        self.schema = schema
+        self._buffers = {column.name: _Buffer(column) for column in schema.columns}
         self._new: list[tuple[Value, ...]] = []
         self._rows = 0
         self._spill = spill
@@ -146,7 +172,12 @@ class Table:
     def __len__(self) -> int:
         return self._spilled + self._rows + len(self._new)
 
-    def _append(self, row: tuple[Value, ...]) -> None:
+    @property
+    def name(self) -> str:
+        return self.schema.name
+
+    def append(self, row: tuple[Value, ...]) -> None:
+        """Adds a row; its values are in the order of the columns."""
         self._new.append(row)
         if len(self._new) == _BUFFERED:
             self._store()
@@ -162,7 +193,7 @@ class Table:
         if self._spill is not None and self._rows >= ROWS_PER_GROUP:
             self._spill_rows(self._spill)
 
-    def _take(self, **known: Value) -> tuple[Value, ...] | None:
+    def take(self, **known: Value) -> tuple[Value, ...] | None:
         """Takes the row with these values out again, ``None`` if there is none; slow. The last row takes its place."""
         import numpy as np
 
@@ -189,10 +220,10 @@ class Table:
         return sum(len(buffer.values) * buffer.values.itemsize for buffer in self._buffers.values())
 
     def write(self, path: Path) -> None:
-        """Writes the table beside ``path`` and renames it: zstd, groups of 65,536 rows, no time, no host. A table that
-        spilled is complete then.
+        """Writes the table: zstd, groups of 65,536 rows, no time, no host. A table that spilled is complete then.
 
-        Raises OSError where the folder cannot be written.
+        Raises OSError where the file cannot be written. What shall be there whole or not at all is written within
+        ``paths.atomic_write`` or ``provenance.result_folder``.
         """
         self._store()
         if self._writer is not None and self._spill is not None:
@@ -200,13 +231,8 @@ class Table:
             self._open.close()
             self._written = self._spill.replace(path)
             return
-        beside = path.with_name(path.name + ".partial")
-        try:
-            with beside.open("wb") as file, self._parquet(file) as writer:
-                self._write_rows(writer)
-            beside.replace(path)
-        finally:
-            beside.unlink(missing_ok=True)
+        with path.open("wb") as file, self._parquet(file) as writer:
+            self._write_rows(writer)
 
     def to_frame(self) -> pd.DataFrame:
         """The same table that ``read`` finds in the file. Text is categorical, an unknown number NaN."""
@@ -214,36 +240,17 @@ class Table:
 
         if self._spilled:
             assert self._written is not None, "what went to a file is read when all of it is there"
-            return read(self._written, type(self))
+            return read(self._written, self.schema)
         self._store()
-        frame: pd.DataFrame = pa.Table.from_batches(self._batches(), schema=self.schema()).to_pandas()
+        frame: pd.DataFrame = pa.Table.from_batches(self._batches(), schema=self.schema.arrow()).to_pandas()
         return frame
-
-    @classmethod
-    def schema(cls) -> pa.Schema:
-        """Types, with unit and description beside each column."""
-        import pyarrow as pa
-
-        types = {"int64": pa.int64(), "int32": pa.int32(), "float64": pa.float64(), "bool": pa.bool_()}
-        text = pa.dictionary(pa.int32(), pa.string())
-        fields = [
-            pa.field(
-                column.name,
-                types.get(column.kind, text),
-                nullable=column.nullable,
-                metadata={"unit": column.unit, "description": column.description},
-            )
-            for column in cls.columns
-        ]
-        about = json.dumps({"format_version": FORMAT_VERSION, "table": cls.name}, sort_keys=True)
-        return pa.schema(fields, metadata={METADATA_KEY: about.encode()})
 
     def _parquet(self, file: BinaryIO) -> pq.ParquetWriter:
         """A writer into an open file: of a path pyarrow makes a URI, and of a leading "~" a home."""
         import pyarrow.parquet as pq
 
-        texts = [column.name for column in self.columns if column.kind == "text"]
-        return pq.ParquetWriter(file, self.schema(), compression="zstd", version="2.6", use_dictionary=texts)
+        texts = [column.name for column in self.schema.columns if column.kind == "text"]
+        return pq.ParquetWriter(file, self.schema.arrow(), compression="zstd", version="2.6", use_dictionary=texts)
 
     def _write_rows(self, writer: pq.ParquetWriter) -> None:
         for batch in self._batches():
@@ -262,10 +269,10 @@ class Table:
         import numpy as np
         import pyarrow as pa
 
-        schema, rows = self.schema(), self._rows
+        schema, rows = self.schema.arrow(), self._rows
         order = None
-        if self.sorted_by:
-            order = np.lexsort([self._buffers[name].rank(rows) for name in reversed(self.sorted_by)])
+        if self.schema.sorted_by:
+            order = np.lexsort([self._buffers[name].rank(rows) for name in reversed(self.schema.sorted_by)])
         for start in range(0, rows, ROWS_PER_GROUP):
             part: Any = slice(start, min(start + ROWS_PER_GROUP, rows))
             if order is not None:
@@ -274,8 +281,15 @@ class Table:
             yield pa.record_batch(arrays, schema=schema)
 
 
-def read(path: Path, kind: type[Table]) -> pd.DataFrame:
-    """The rows of a file that ``kind`` wrote.
+def other_format(path: Path, found: object, reads: int) -> str:
+    """What is wrong with results of another format, and what to do."""
+    if isinstance(found, int) and found < reads:
+        return f"{path}: made by an older genie-sim: format {found}, this one reads {reads}; run it again"
+    return f"{path}: format {shown(found)}, this genie-sim reads {reads}"
+
+
+def read(path: Path, schema: Schema) -> pd.DataFrame:
+    """The rows of a file that a table of this schema wrote.
 
     Raises UserError for a missing, truncated or foreign file, another table or another format version.
     """
@@ -293,12 +307,11 @@ def read(path: Path, kind: type[Table]) -> pd.DataFrame:
         raise UserError(f"{path}: a Parquet file, but not written by genie-sim") from None
     except (pa.ArrowException, OSError, ValueError) as error:
         raise UserError(f"{path}: not a readable Parquet file: {str(error).strip().splitlines()[0]}") from error
-    if about.get("table") != kind.name:
-        raise UserError(f"{path}: holds the table {about.get('table')!r}, expected {kind.name!r}")
+    if about.get("table") != schema.name:
+        raise UserError(f"{path}: holds the table {about.get('table')!r}, expected {schema.name!r}")
     if about.get("format_version") != FORMAT_VERSION:
-        version = about.get("format_version")
-        raise UserError(f"{path}: format_version {version!r}, this genie-sim reads {FORMAT_VERSION}")
-    for field in kind.schema():
+        raise UserError(other_format(path, about.get("format_version"), FORMAT_VERSION))
+    for field in schema.arrow():
         at = table.schema.get_field_index(field.name)
         if at < 0 or table.schema.field(at).type != field.type:
             raise UserError(f"{path}: column {field.name}: missing, or not {field.type}")

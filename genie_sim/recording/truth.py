@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Protocol
 
 from genie_sim.messages import Detections, Header, Image, Location
+from genie_sim.recording.tables import Table
 
 Placed = tuple[str, Location]  # an object's class, and where it is
 
@@ -18,7 +19,7 @@ class Town(Protocol):
 
 
 class Truth:
-    """Judges one method's first answers; ``add`` takes the counts (see ``TruthTable``).
+    """Judges one method's first answers; ``table`` gets the counts (see ``records.TRUTH``).
 
     ``begin_ns`` is when the drive of each car begins on the town's clock. ``reach_m`` is how far a served object may be
     from the real one, ``range_m`` how far away an object is wanted in an answer.
@@ -31,14 +32,14 @@ class Truth:
         begin_ns: Mapping[str, int],
         reach_m: float,
         range_m: float,
-        add: Callable[..., None],
+        table: Table,
     ) -> None:
         self._method = method
         self._town = town
         self._begin_ns = begin_ns
         self._reach_m = reach_m
         self._range_m = range_m
-        self._add = add
+        self._table = table
         self._unanswered: dict[Header, Image] = {}
 
     def published(self, image: Image) -> None:
@@ -60,7 +61,7 @@ class Truth:
         ]
         found = len(wanted) - len(self._without(wanted, served))
         counts = len(served), len(served) - ghosts, len(not_in_view), len(wanted), found
-        self._add(self._method, header.origin, header.frame_id, header.stamp_ns, source, *counts)
+        self._table.append((self._method, header.origin, header.frame_id, header.stamp_ns, source, *counts))
 
     def _without(self, objects: list[Placed], others: list[Placed]) -> list[Placed]:
         """The objects that have none of their class within reach among the others."""

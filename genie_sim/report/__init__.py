@@ -25,7 +25,9 @@ if TYPE_CHECKING:
     from genie_sim.recording.results import Run
 
 NAME = "report.html"
-REPLAY = ("replay_model.js", "replay_canvas.js", "replay_street.js", "replay_strips.js", "story.js", "replay_controls.js")
+REPLAY = (
+    "replay_model.js", "replay_canvas.js", "replay_street.js", "replay_strips.js", "story.js", "replay_controls.js"
+)  # fmt: skip
 DASH_PX = 3  # a unit of the figures' dashes
 
 def write(path: Path, run: Run, start_ns: int = 0) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, astuple
@@ -46,7 +47,7 @@ def page_data(run: Run, start_ns: int = 0) -> dict[str, Any]:
         "about": _about(run),
         "methods": list(_methods(run)),
         "metrics": [
-            [_round(value) if isinstance(value, float) else value for value in astuple(one)]
+            [rounded(value) if isinstance(value, float) else value for value in astuple(one)]
             for one in _shown(run.measured, notes)
         ],
         "deadline_ms": DEADLINE_MS,
@@ -68,7 +69,7 @@ def _methods(run: Run) -> Iterator[dict[str, Any]]:
     for method in run.methods:
         mine = run.frames[run.frames["method"] == method.name]
         answered = mine[mine["first_answer_ns"].notna()]
-        from_map = _round(float((answered["source"] == "map").mean())) if len(answered) else None
+        from_map = rounded(float((answered["source"] == "map").mean())) if len(answered) else None
         yield {**asdict(method), "frames": len(mine), "from_map": from_map}
 
 
@@ -92,10 +93,8 @@ def _about(run: Run) -> dict[str, Any]:
         "how_many": _how_many(run),
         "cameras": [camera["name"] for camera in scenario["cameras"]],
         "similarity": similarity if isinstance(similarity, str) else similarity["name"],
-        "eviction": genie["eviction"],
-        "rule": genie["object_map"]["rule"],
-        "threshold": genie["object_map"]["threshold"],
-        "miss_policy": genie["miss_policy"],
+        **{name: genie[name] for name in ("eviction", "miss_policy")},
+        **{name: genie["object_map"][name] for name in ("rule", "threshold")},
         "yaml": run.yaml,
     }
 
@@ -127,14 +126,8 @@ def _how_many(run: Run) -> dict[str, int | None]:
 
 
 def _car(car: Mapping[str, Any], device: str) -> dict[str, Any]:
-    return {
-        "device": device,
-        "edge": car["edge"],
-        "link": _link(car["link"]),
-        "route": _route(car["route"]),
-        "cameras": car["cameras"],
-        "genie": car["genie"],
-    }
+    same = {name: car[name] for name in ("edge", "cameras", "genie")}
+    return {"device": device, "link": _link(car["link"]), "route": _route(car["route"]), **same}
 
 
 def _link(link: object) -> str | None:
@@ -202,10 +195,8 @@ def _reuse(run: Run, lookups: pd.DataFrame, notes: list[str]) -> Iterator[dict[s
         windows = windowed_reuse(placed)
         genies = sorted(windows["genie"].astype(str).unique(), key=_by_number)
         if len(genies) > GENIES_PER_PLACEMENT:
-            notes.append(
-                f"Reuse over time shows {GENIES_PER_PLACEMENT} of {len(genies)} Genies {PLACEMENTS[where['placement']]}; "
-                "the metrics count all."
-            )
+            shown = f"{GENIES_PER_PLACEMENT} of {len(genies)} Genies {PLACEMENTS[where['placement']]}"
+            notes.append(f"Reuse over time shows {shown}; the metrics count all.")
         for genie in genies[:GENIES_PER_PLACEMENT]:
             mine = windows[windows["genie"] == genie]
             yield {**where, "name": genie, **_curve(mine["t_ns"], mine["ratio"], 3)}
@@ -262,6 +253,6 @@ def _list(values: Floats, digits: int) -> list[float]:
     return rounded
 
 
-def _round(value: float | None) -> float | None:
-    """Six significant digits."""
-    return None if value is None else float(f"{value:.6g}")
+def rounded(value: float | None, digits: int = 6) -> float | None:
+    """So many significant digits; what is not finite is ``None``."""
+    return None if value is None or not math.isfinite(value) else float(f"{value:.{digits}g}")

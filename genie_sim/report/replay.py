@@ -168,7 +168,7 @@ def _outcome(outcome: object) -> int:
 
 
 def _objects(mine: pd.DataFrame, begin_ns: int, end_ns: int, names: _Names) -> Any:
-    """Each object of each map of one method: where it is, and its confidence from each instant on, -1 where it is forgotten."""
+    """One method's map objects: where each is, and its confidence from each instant on, -1 where it is forgotten."""
     changes = mine[mine["t_ns"] <= end_ns]
     by_object: Any = changes.groupby(["genie", "label", "east_m", "north_m"], observed=True, sort=True)
     for (genie, label, east_m, north_m), of_one in by_object:

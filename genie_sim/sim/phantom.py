@@ -55,7 +55,7 @@ class Coordinator:
         )
 
         def observe(genie: Genie, record: Fact) -> None:
-            self._log.observe(genie, record, role, graph.env.now)
+            self._log.observe(genie.name, record, "edge" if role == "remote" else "car", graph.env.now)
 
         return Genie(node, host, graph, self._queue_length, observe, self._log.dropped)
 

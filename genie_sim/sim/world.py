@@ -226,7 +226,7 @@ class World:
             )
 
         def observe(genie: Genie, record: Fact) -> None:
-            self._log.observe(genie, record, role, self.env.now)
+            self._log.observe(genie.name, record, "edge" if role == "remote" else "car", self.env.now)
 
         detector = f"{place}/{DETECTOR}"
         genie = attach_genie(graph, detector, make, self.scenario.queue_length, observe, self._log.dropped)

@@ -26,7 +26,9 @@ from genie_sim.seeds import stream
 
 SCENARIO = "scenario"  # the one path of an axis that is no setting of a scenario but names another one
 MOST_RUNS = 1_000_000
-COLUMNS = ("point", "seed", "run_id", "metric", "role", "unit", "value", "low", "high", "n", "runs")  # of the tables
+COLUMNS = (  # of the tables
+    "point", "seed", "run_id", "metric", "method", "placement", "component", "value", "unit", "low", "high", "n", "runs"
+)  # fmt: skip
 UNITS = {*units.DURATIONS, *units.SIZES, *units.RATES, *units.LENGTHS, *units.ANGLES, "entries"}
 _QUANTITY = re.compile(r"([+-]?\d{1,15}(?:\.\d{1,15})?(?:[eE][+-]?\d{1,2})?)(?:\s*([^\s\d]\S*))?", re.ASCII)
 

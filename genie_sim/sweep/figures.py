@@ -7,13 +7,14 @@ import textwrap
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from matplotlib import style
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, NullLocator
 
-from genie_sim.analysis.figures import LINE_IN, METHOD_LINES, PAGE_IN, ROLE_LINES, STYLE
-from genie_sim.analysis.metrics import across_seeds
+from genie_sim.analysis import style
+from genie_sim.analysis.figures import in_style
+from genie_sim.analysis.statistics import across_seeds
+from genie_sim.analysis.style import LINE_IN, PAGE_IN, PLACEMENTS, percent_tick
 from genie_sim.sweep.design import Axis
 
 if TYPE_CHECKING:
@@ -23,25 +24,24 @@ LOGARITHMIC_FROM = 20.0  # a list that spans so much, largest to smallest
 MOST_TICKS = 8
 TITLE_CHARACTERS = 100
 LEVEL_CHARACTERS = 16  # of a value that is a text, as in the page
-PANELS: tuple[tuple[str, str, dict[str, dict[str, Any]]], ...] = (
-    ("image_reuse", "image reuse", ROLE_LINES),
-    ("object_reuse", "object reuse", ROLE_LINES),
-    ("confidence_boost", "confidence boost", ROLE_LINES),
-    ("first_answer_mean", "first answer, mean [ms]", METHOD_LINES),
-    ("fresh_answer_mean", "fresh answer, mean [ms]", METHOD_LINES),
-    ("under_deadline_share", "answered in 33 ms", METHOD_LINES),
-    ("fresh_answered_share", "answered afresh", METHOD_LINES),
-    ("ghost_share", "ghost share", METHOD_LINES),
-    ("object_recall", "object recall", METHOD_LINES),
-)
+PANELS = {  # metric -> label of its panel
+    "image_reuse": "image reuse",
+    "object_reuse": "object reuse",
+    "confidence_boost": "confidence boost",
+    "first_answer_mean": "first answer, mean [ms]",
+    "fresh_answer_mean": "fresh answer, mean [ms]",
+    "under_deadline_share": "answered in 33 ms",
+    "fresh_answered_share": "with a fresh answer",
+    "ghost_share": "ghost share",
+    "object_recall": "object recall",
+}
 SHARES = (
     "image_reuse", "object_reuse", "under_deadline_share", "fresh_answered_share", "ghost_share", "object_recall"
 )  # fmt: skip
 MARKER_ROOM = 0.03  # above the highest value, of the panel's height
-MARKERS = {"local": "o", "remote": "s", "genie": "^"}
 
 
-@style.context(["default", STYLE])
+@in_style()
 def along(axis: Axis, column: str, runs: pd.DataFrame, footer: str, others: Sequence[str] = ()) -> Figure:
     """Means along one axis with their 95 % intervals across seeds; over ``others`` it is averaged, seed by seed.
 
@@ -49,7 +49,8 @@ def along(axis: Axis, column: str, runs: pd.DataFrame, footer: str, others: Sequ
     ``runs`` is ``tables.of_runs``.
     """
     means = across_seeds(runs.dropna(subset=["metric"]), [column])
-    shown = [panel for panel in PANELS if (means["metric"] == panel[0]).any()]
+    methods = list(dict.fromkeys(means["method"]))
+    shown = [panel for panel in PANELS.items() if (means["metric"] == panel[0]).any()]
     height_in = 1.3 + 1.9 * max(1, -(-len(shown) // 3))
     figure = Figure(figsize=(PAGE_IN, height_in))
     averaged = f", averaged over {', '.join(others)}" if others else ""
@@ -59,12 +60,12 @@ def along(axis: Axis, column: str, runs: pd.DataFrame, footer: str, others: Sequ
     figure.suptitle(textwrap.fill(title, TITLE_CHARACTERS), x=0.01, ha="left")
     figure.text(0.01, 0.01, footer, ha="left", va="bottom", color="0.35")
     grid = figure.subplots(max(1, -(-len(shown) // 3)), 3, squeeze=False)
-    for panel, (metric, label, looks) in zip(grid.flat, shown, strict=False):
-        _draw(panel, axis, column, means[means["metric"] == metric], looks)
+    for panel, (metric, label) in zip(grid.flat, shown, strict=False):
+        _draw(panel, axis, column, means[means["metric"] == metric], methods)
         panel.set_ylabel(label)
         panel.set_xlabel(f"{column}, logarithmic" if panel.get_xscale() == "log" else column)
         if metric in SHARES:
-            panel.yaxis.set_major_formatter(FuncFormatter(_percent))
+            panel.yaxis.set_major_formatter(FuncFormatter(percent_tick))
         low, high = panel.get_ylim()
         low = min(0.0, low)
         panel.set_ylim(low, high + MARKER_ROOM * (high - low))
@@ -80,20 +81,21 @@ def along(axis: Axis, column: str, runs: pd.DataFrame, footer: str, others: Sequ
     return figure
 
 
-def _draw(panel: Axes, axis: Axis, column: str, means: pd.DataFrame, looks: dict[str, dict[str, Any]]) -> None:
+def _draw(panel: Axes, axis: Axis, column: str, means: pd.DataFrame, methods: Sequence[str]) -> None:
     levels = list(dict.fromkeys(means[column]))
     numbers = [level for level in levels if isinstance(level, float)]
     numeric = len(numbers) == len(levels)
-    for role, look in looks.items():
-        mine = means[means["role"] == role]
+    for (method, placement), mine in means.groupby(["method", "placement"], sort=False):
         if numeric:
             mine = mine.sort_values(column)
         if mine["value"].notna().sum() == 0:
             continue
         x = mine[column].to_numpy(float) if numeric else [levels.index(level) for level in mine[column]]
         ends = [mine["value"] - mine["low"], mine["high"] - mine["value"]]
-        line = look | ({} if numeric and not axis.sampled else {"linestyle": "none"})
-        panel.errorbar(x, mine["value"], yerr=ends, marker=MARKERS[role], markersize=3.5, capsize=2, **line)
+        line = _look(str(method), str(placement), methods, alone=means["method"].nunique() == 1)
+        if not numeric or axis.sampled:
+            line["linestyle"] = "none"
+        panel.errorbar(x, mine["value"], yerr=ends, markersize=3.5, capsize=2, **line)
     if not numeric:
         names = [_shortened(str(level)) for level in levels]
         panel.set_xticks(range(len(names)), names)
@@ -107,6 +109,18 @@ def _draw(panel: Axes, axis: Axis, column: str, means: pd.DataFrame, looks: dict
         ticks = numbers if given else _round_ticks(min(numbers), max(numbers))
         panel.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
         panel.xaxis.set_minor_locator(NullLocator())
+
+
+def _look(method: str, placement: str, methods: Sequence[str], alone: bool) -> dict[str, Any]:
+    """A method's line, or that of its Genies on cars or edges; of these in grey where no other method has any."""
+    position = methods.index(method)
+    marker = {"marker": style.MARKERS[position % len(style.MARKERS)]}
+    if placement not in PLACEMENTS:
+        return style.method_line(position) | marker | {"label": method}
+    line, where = style.placement_line(placement), PLACEMENTS[placement]
+    if alone:
+        return line | {"label": f"Genies {where}", "marker": style.MARKERS[list(PLACEMENTS).index(placement)]}
+    return line | marker | {"label": f"{method}, {where}", "color": style.method_line(position)["color"]}
 
 
 def _logarithmic(axis: Axis, numbers: Sequence[float]) -> bool:
@@ -126,6 +140,3 @@ def _round_ticks(low: float, high: float) -> list[float]:
 def _shortened(text: str) -> str:
     return text if len(text) <= LEVEL_CHARACTERS else f"{text[: LEVEL_CHARACTERS - 1]}…"
 
-
-def _percent(share: float, _place: object) -> str:
-    return f"{100 * share:.4g} %"

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from genie_sim import report
-from genie_sim.analysis.metrics import across_seeds
+from genie_sim.analysis.statistics import across_seeds
 from genie_sim.errors import UserError
 from genie_sim.recording import provenance
+from genie_sim.report.data import rounded
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -52,25 +52,18 @@ def page_data(folder: Path) -> dict[str, Any]:
     axes = {column: by_name[column.partition(" [")[0]] for column in columns}  # JSON sorts them by name
     found = points.dropna(subset=["metric"])
     kept = _chosen(found, runs, columns, notes)
-    metrics = kept.groupby(["metric", "unit"], sort=False)
+    metrics: Any = kept.groupby(["metric", "unit"], sort=False)
     of = {str(name): list(dict.fromkeys(map(tuple, group[OF].to_numpy().tolist()))) for (name, _), group in metrics}
     return {
         "about": {
-            "name": settings["name"],
-            "description": settings["description"],
-            "scenario": settings["scenario"],
-            "set": settings["set"],
-            "seeds": settings["seeds"],
-            "points": about["points"],
-            "runs": about["runs"],
-            "genie_sim": about["genie_sim"],
+            **{name: settings[name] for name in ("name", "description", "scenario", "set", "seeds")},
+            **{name: about[name] for name in ("points", "runs", "genie_sim")},
         },
-        "axes": [
-            {"column": column, "of": axis["set"], "sampled": _sampled(axis)}
-            for column, axis in axes.items()
-        ],
+        "axes": [{"column": name, "of": axis["set"], "sampled": _sampled(axis)} for name, axis in axes.items()],
         "methods": [{"name": name, "title": name} for name in dict.fromkeys(found["method"])],
-        "metrics": [{"name": name, "unit": unit, "of": of[name], "main": name in MAIN} for name, unit in metrics.groups],
+        "metrics": [
+            {"name": name, "unit": unit, "of": of[name], "main": name in MAIN} for name, unit in metrics.groups
+        ],
         "table": _table(points, kept, columns, of, notes),
         "curves": list(_curves(runs, kept, axes, of, notes)),
         "notes": list(dict.fromkeys(notes)),
@@ -162,9 +155,10 @@ def _values(means: pd.DataFrame, of: Series, key: str, places: list[Any]) -> dic
     """By metric and what it is of, three columns in the order of ``places``: value, low, high; ``None`` where not
     defined."""
     made: dict[str, list[Any]] = {name: [None] * len(series) for name, series in of.items()}
-    for (metric, *which), group in means.dropna(subset=BY).groupby(BY, sort=False):
+    groups: Any = means.dropna(subset=BY).groupby(BY, sort=False)
+    for (metric, *which), group in groups:
         rows = group.set_index(key)[ENDS].reindex(places)
-        made[metric][of[metric].index(tuple(which))] = [[_round(value) for value in rows[end]] for end in ENDS]
+        made[metric][of[metric].index(tuple(which))] = [[rounded(value, 5) for value in rows[end]] for end in ENDS]
     return made
 
 
@@ -181,8 +175,3 @@ def _logarithmic(axis: Mapping[str, Any], levels: Sequence[float]) -> bool:
     if span is not None:
         return bool(span["scale"] == "log")
     return min(levels) > 0 and max(levels) / min(levels) >= LOGARITHMIC_FROM
-
-
-def _round(value: float) -> float | None:
-    """Five significant digits; what is not finite is ``None``."""
-    return None if not math.isfinite(value) else float(f"{value:.5g}")

@@ -10,12 +10,12 @@ from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from genie_sim.analysis.metrics import across_seeds
+from genie_sim.analysis.statistics import across_seeds
 from genie_sim.errors import UserError
 from genie_sim.paths import whole_file
 from genie_sim.recording import tables
 from genie_sim.sweep.plan import Entry
-from genie_sim.sweep.tasks import PartTable
+from genie_sim.sweep.tasks import PART
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -27,7 +27,7 @@ def done_runs(parts: Path) -> set[str]:
 
 
 def read_parts(parts: Path, wanted: Collection[str]) -> pd.DataFrame:
-    """The metrics of the wanted runs, each once: the columns of ``PartTable``."""
+    """The metrics of the wanted runs, each once: the columns of ``PART``."""
     import pandas as pd
 
     kept, seen = [], set[str]()
@@ -38,7 +38,8 @@ def read_parts(parts: Path, wanted: Collection[str]) -> pd.DataFrame:
         seen |= ids
         if len(mine):
             kept.append(mine)
-    return pd.concat([part.astype({"run_id": str, "metric": str, "role": str, "unit": str}) for part in kept])
+    texts = {column.name: str for column in PART.columns if column.kind == "text"}
+    return pd.concat([part.astype(texts) for part in kept])
 
 
 def of_runs(entries: Sequence[Entry], columns: Sequence[str], measured: pd.DataFrame) -> pd.DataFrame:
@@ -79,6 +80,6 @@ def _paths(parts: Path) -> list[Path]:
 
 def _part(path: Path) -> pd.DataFrame:
     try:
-        return tables.read(path, PartTable)
+        return tables.read(path, PART)
     except UserError as error:
         raise UserError(f"{error}; delete it, and its runs are made again") from error

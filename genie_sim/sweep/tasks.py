@@ -12,41 +12,37 @@ import os
 import pickle
 import traceback
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from pathlib import Path
 
 import genie_sim
 from genie_sim import runner
 from genie_sim.analysis import metrics
-from genie_sim.analysis.metrics import Metric
 from genie_sim.errors import UserError
 from genie_sim.paths import whole_file
 from genie_sim.perception.trace import Trace
-from genie_sim.recording.tables import Column, Table
+from genie_sim.recording.results import Metric
+from genie_sim.recording.tables import Column, Schema, Table
 from genie_sim.scenario.fleet import InTown
 from genie_sim.scenario.profiles import DeviceProfile
 from genie_sim.scenario.scenario import Scenario
 
-
-class PartTable(Table):
-    """One row per run and metric; a run's rows are in the order in which metrics are computed."""
-
-    name = "sweep_part"
-    columns = (
+PART = Schema(
+    "sweep_part",
+    "One row per run and metric; a run's rows are in the order in which metrics are computed.",
+    (
         Column("run_id", "text", "", "hash of everything that decides the run's outcome"),
         Column("metric", "text", "", "name of the metric"),
-        Column("role", "text", "", "method, or role of Genies"),
-        Column("unit", "text", "", "of value, low and high"),
+        Column("method", "text", "", "the method that was simulated"),
+        Column("placement", "text", "", "of Genies: car or edge; else all"),
+        Column("component", "text", "", "of an improvement: the baseline; else empty"),
         Column("value", "float64", "", "null: not defined in this run", True),
+        Column("unit", "text", "", "of value, low and high"),
         Column("low", "float64", "", "see analysis.metrics", True),
         Column("high", "float64", "", "see analysis.metrics", True),
         Column("n", "int64", "", "what the metric was computed over: frames, requests, updates"),
-    )
-
-    def add(self, run_id: str, metric: Metric) -> None:
-        """One metric of a run."""
-        of_metric = metric.name, metric.role, metric.unit, metric.value, metric.low, metric.high, metric.n
-        self._append((run_id, *of_metric))
+    ),
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,7 +109,7 @@ def run_task(task: Task, packed: bytes) -> Finished:
     if task.genie_sim != genie_sim.__version__:
         raise UserError(f"a worker has genie-sim {genie_sim.__version__}, the sweep {task.genie_sim}: install the same")
     devices, traces = _unpacked(packed)
-    table = PartTable()
+    table = Table(PART)
     failures: list[Failure] = []
     for run in task.runs:
         try:
@@ -126,7 +122,7 @@ def run_task(task: Task, packed: bytes) -> Finished:
             failures.append(Failure(run.run_id, f"{type(error).__name__}: {error}", traceback.format_exc()))
             continue
         for metric in found:
-            table.add(run.run_id, metric)
+            table.append((run.run_id, *astuple(metric)))
     finished = Finished(len(task.runs) - len(failures), tuple(failures))
     if not finished.runs:
         return finished
@@ -139,11 +135,11 @@ def run_task(task: Task, packed: bytes) -> Finished:
 
 
 def measured(prepared: runner.Prepared) -> Sequence[Metric]:
-    """Simulates one run: the metrics of its methods and roles, not of single resources, of which a fleet has many."""
+    """Simulates one run: the metrics of its methods and of their Genies, not of single resources: a fleet has many."""
     tables = runner.simulate(prepared)
     frames, lookups, resources = (table.to_frame() for table in (tables.frames, tables.lookups, tables.resources))
     truth = tables.truth.to_frame() if tables.truth is not None else None
-    return metrics.compute(frames, lookups, resources.iloc[:0], truth)
+    return metrics.compute(runner.methods_of(prepared.scenario), frames, lookups, resources.iloc[:0], truth)
 
 
 @functools.lru_cache(maxsize=1)

@@ -14,8 +14,7 @@ import pandas as pd
 from genie_sim.messages import CameraPose, Detection
 from genie_sim.perception.trace import Trace, TraceFrame
 from genie_sim.recording.log import Log
-from genie_sim.recording.records import FrameTable, LookupTable, ResourceTable
-from genie_sim.runner import Tables
+from genie_sim.recording.records import Tables
 from genie_sim.scenario.profiles import DeviceProfile, load_profile
 from genie_sim.scenario.scenario import Scenario, read_scenario
 from genie_sim.sim.world import World
@@ -103,8 +102,8 @@ def build(
     trace = trace if trace is not None else street()
     names = {part.device for part in (*setting.cars, *setting.edges)}
     devices = devices if devices is not None else {name: load_profile(name) for name in names}
-    tables = tables if tables is not None else Tables(FrameTable(), LookupTable(), ResourceTable())
-    log = Log(method, tables.frames, tables.lookups, tables.resources)
+    tables = tables if tables is not None else Tables()
+    log = Log(method, tables)
     return World(setting, devices, {car.name: trace for car in setting.cars}, method, log), tables
 
 
@@ -114,7 +113,7 @@ def drive(
     devices: Mapping[str, DeviceProfile] | None = None,
 ) -> dict[str, pd.DataFrame]:
     """Runs every method of the scenario. The tables by name: frames, lookups, resources."""
-    tables = Tables(FrameTable(), LookupTable(), ResourceTable())
+    tables = Tables()
     for method in setting.methods:
         build(setting, method, trace, devices, tables)[0].run()
     return {table.name: table.to_frame() for table in (tables.frames, tables.lookups, tables.resources)}

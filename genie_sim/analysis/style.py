@@ -1,0 +1,77 @@
+"""How figures and pages look: sizes, text, and one palette for methods, placements and resources.
+
+A method's colour, line and hatch go by its position among the methods that ran, a resource's by its position among
+those in a panel. Cars and edges are never in a method's colour: they are grey, and differ in hatch or dashes. Colours
+are told apart with any colour vision (after Okabe and Ito), and in greyscale by their dashes and hatches.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+COLUMN_IN, PAGE_IN = 3.46, 7.16  # width of a printed column and page
+LINE_IN = 0.17  # height of a line of 8 points
+RC: dict[str, Any] = {
+    "font.size": 8,
+    "axes.titlesize": 8,
+    "axes.labelsize": 8,
+    "legend.fontsize": 8,
+    "xtick.labelsize": 8,
+    "ytick.labelsize": 8,
+    "figure.titlesize": 9,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "grid.color": "0.88",
+    "grid.linewidth": 0.6,
+    "hatch.linewidth": 0.6,
+    "legend.frameon": False,
+    "legend.handlelength": 2.4,
+    "savefig.dpi": 200,
+    "svg.fonttype": "none",  # text stays text
+    "svg.hashsalt": "genie-sim",
+}
+COLOURS = ("#E69F00", "#C44E00", "#0B3C6F", "#009E73", "#CC79A7", "#56B4E9", "#777777", "#000000")
+DARK_COLOURS = ("#F0B13C", "#FF8A4C", "#79B8FF", "#35C498", "#F08FC4", "#5AC8FA", "#A0A0A0", "#E8E8E8")  # dark pages
+DOTTED, DASH_DOT, SOLID, DASHED = (0, (1, 1)), (0, (5, 1.2, 1, 1.2)), "-", (0, (4, 1.2))
+DASHES = (DOTTED, DASH_DOT, SOLID, DASHED)
+HATCHES = ("////", "....", "", "xxxx", "\\\\\\\\", "++++", "oooo", "----")
+MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
+PLACEMENTS = {"car": "on cars", "edge": "on edges"}
+_PLACEMENT_DASHES = {"car": DASHED, "edge": SOLID}
+_PLACEMENT_TONES = {"car": ("0.85", "////"), "edge": ("0.45", "")}
+_PLACEMENT_LINES = {"car": "0.55", "edge": "0.15"}
+
+
+def method_line(position: int) -> dict[str, Any]:
+    """Colour, dashes and width of a method's line; no two of the first 32 are the same."""
+    dashes = DASHES[(position + position // len(COLOURS)) % len(DASHES)]
+    return {"color": COLOURS[position % len(COLOURS)], "linestyle": dashes, "linewidth": 1.7}
+
+
+def method_bar(position: int) -> dict[str, Any]:
+    """Colour and hatch of a method's bar."""
+    return {"facecolor": COLOURS[position % len(COLOURS)], "hatch": HATCHES[position % len(HATCHES)]}
+
+
+def placement_line(placement: str) -> dict[str, Any]:
+    """Grey and dashes of a line about the Genies on cars, or on edges."""
+    return {"color": _PLACEMENT_LINES[placement], "linestyle": _PLACEMENT_DASHES[placement], "linewidth": 1.6}
+
+
+def placement_bar(placement: str) -> dict[str, Any]:
+    """Grey and hatch of a bar about the Genies on cars, or on edges."""
+    tone, hatch = _PLACEMENT_TONES[placement]
+    return {"facecolor": tone, "hatch": hatch}
+
+
+def thinned(n: int, most: int = 1000) -> np.ndarray[Any, np.dtype[np.int64]]:
+    """At most ``most`` places of n, evenly spread, both ends among them: enough to draw a curve through."""
+    return np.unique(np.linspace(0, n - 1, min(n, most)).astype(np.int64)) if n else np.arange(0)
+
+
+def percent_tick(share: float, _place: object) -> str:
+    return f"{100 * share:.4g} %"
