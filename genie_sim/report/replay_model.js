@@ -100,7 +100,7 @@ function latestFrame(run, car, t) {
   return best;
 }
 
-// Of an object in the maps of a method; below 0 where no map holds it, or none holds it any more. `genie` -1: any.
+// Of an object in the maps of a method; below 0 where no map holds it, or none holds it any more. Of one Genie's map, or of any (-1).
 function confidenceAt(object, t, genie) {
   let best = -1;
   for (const map of object.maps) {
