@@ -80,7 +80,7 @@ function filteredTable(name, head, rows, columns) {
   render();
 }
 
-// The head and the foot of the page, and the way to every section that is not hidden: call it last.
+// The head and the foot of the page, the way to every section that is not hidden, and by key into what scrolls: call it last.
 function showFrame(what, facts, origin) {
   byId("kicker").textContent = `genie-sim ${ABOUT.genie_sim}, ${what}`;
   byId("name").textContent = ABOUT.name;
@@ -89,4 +89,7 @@ function showFrame(what, facts, origin) {
   byId("notes").replaceChildren(...[...DATA.notes, `Made by genie-sim ${ABOUT.genie_sim} from ${origin}`].map((note) => make("li", {}, note)));
   const shown = [...document.querySelectorAll("main > section")].filter((section) => !section.hidden);
   byId("sections").replaceChildren(...shown.map((section) => make("a", { href: `#${section.id}` }, section.dataset.nav)));
+  for (const box of document.querySelectorAll(".scroll:not([tabindex])")) {
+    new ResizeObserver(() => { box.tabIndex = box.scrollWidth > box.clientWidth ? 0 : -1; }).observe(box);
+  }
 }

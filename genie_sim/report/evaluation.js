@@ -174,7 +174,7 @@ function showSensitivity() {
   byId("sensitivity-all").hidden = found === null;
   if (found === null) return;
   const measures = { reuse: ["Object and image reuse", [["object_reuse", "object reuse", "m2"], ["image_reuse", "image reuse", "m0"]], percent],
-    answers: ["First and fresh answer of Genie, mean [ms]", [["first_answer_ms", "first answer", "m2"], ["fresh_answer_ms", "fresh result", "m1"]], (value) => asText(value, "ms")] };
+    answers: ["First answer and fresh result, mean [ms]", [["first_answer_ms", "first answer", "m2"], ["fresh_answer_ms", "fresh result", "m1"]], (value) => asText(value, "ms")] };
   byId("sensitivity-of").replaceChildren(...Object.entries(measures).map(([name, [title]]) => option(name, title)));
   const render = () => {
     const name = byId("sensitivity-of").value, [, lines, text] = measures[name];
@@ -192,7 +192,7 @@ function showSensitivity() {
   byId("sensitivity-of").addEventListener("change", render);
   render();
   const cell = (one, text) => ({ key: one[0], node: intervalCell(one, text) });
-  sortable(byId("variants"), ["reading or value", "plausible", "claims that hold", "object reuse", "image reuse", "first answer [ms]", "fresh answer [ms]"],
+  sortable(byId("variants"), ["reading or value", "plausible", "claims that hold", "object reuse", "image reuse", "first answer [ms]", "fresh result [ms]"],
     found.variants.map((one) => [{ key: one.name, node: make("th", { scope: "row" }, words(one.name)) }, { key: one.plausible, node: make("td", {}, one.plausible) },
       { key: one.holds.length, node: make("td", { class: "number", title: one.holds.join(", ") }, String(one.holds.length)) },
       cell(one.object_reuse, percent), cell(one.image_reuse, percent), cell(one.first_answer_ms, (value) => digits(value)), cell(one.fresh_answer_ms, (value) => digits(value))]));

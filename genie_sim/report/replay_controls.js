@@ -100,7 +100,7 @@ function showNow(run, t) {
     const held = holding(run, method, place, t);
     if (held === null) return make("td", {}, "nothing yet");
     return make("td", {}, countOf(held.objects), make("small", {}, `${held.age < 1e6 ? `${Math.round(held.age / 1000)} ms` : `${(held.age / 1e6).toFixed(1)} s`} old`),
-      make("small", {}, `${words(held.source)}${held.fresh ? ", fresh" : ""}`));
+      make("small", {}, `${held.source === "map" ? "object map" : words(held.source)}${held.fresh ? ", fresh" : ""}`));
   })]));
   byId("now-about").textContent = `The newest answer: its objects, its age since the frame was received, its source.` +
     (cars.length < run.cars.length ? ` The first ${cars.length} of ${run.cars.length} cars.` : "");
