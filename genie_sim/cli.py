@@ -75,16 +75,30 @@ def report(
     out: Annotated[Path | None, path_option(help="The page to write; default: report.html in the folder.")] = None,
 ) -> None:
     """Write one HTML page about a run, an evaluation or a sweep."""
-    from genie_sim import report as page
     from genie_sim import units
 
     try:
         start_ns = units.duration_ns(start)
     except ValueError as error:
         raise UserError(f"--start: {error}") from error
-    path = out if out is not None else folder / page.NAME
-    page.write_of(folder, path, start_ns)
+    path = out if out is not None else folder / terminal.PAGE
+    _write_page(folder, path, start_ns)
     typer.echo(f"Report: {path}")
+
+
+def _write_page(folder: Path, path: Path, start_ns: int) -> None:
+    """The page about whatever a folder holds: an evaluation, a sweep or a run. Raises ``UserError``."""
+    from genie_sim import report
+    from genie_sim.paper import page as evaluation
+    from genie_sim.recording import results
+    from genie_sim.sweep import page as sweep
+
+    for name, write in {"verdicts.json": evaluation.write, "sweep.json": sweep.write}.items():
+        if (folder / name).is_file():
+            if start_ns:
+                raise UserError(f"--start: {folder} holds no single run; only the page of a run has a replay")
+            return write(path, folder)
+    report.write(path, results.load(folder), start_ns)
 
 
 @app.command()

@@ -26,7 +26,7 @@ def drive(*cars, method="genie"):
     trace = street()
     world = World(setting, devices, {car.name: trace for car in setting.cars}, method, Log(method, tables))
     world.run()
-    return tables[0].to_frame(), tables[1].to_frame(), world
+    return tables.frames.to_frame(), tables.lookups.to_frame(), world
 
 
 def test_the_blind_car_gets_objects_that_the_other_car_has_seen():
@@ -104,6 +104,6 @@ def test_the_phantom_on_the_edge_is_an_edges_genie():
     world.run()
     completed = {one.name: one.completed for one in world.resources}
     assert completed["edge2->edges"] == 0, "it shares no requests"
-    lookups = tables[1].to_frame()
+    lookups = tables.lookups.to_frame()
     entries = lookups[lookups["kind"] == "image"].groupby("genie", observed=True)["entries"].max()
     assert entries["car2/genie"] <= 3 < entries["edge1/genie"]

@@ -9,14 +9,16 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
+from made_up_run import METHODS
 from sim.street import build, scenario
 from test_fleet import small
 
 from genie_sim import runner
-from genie_sim.analysis.metrics import Metric, compute
+from genie_sim.analysis.metrics import compute
 from genie_sim.messages import CameraPose, Detection, Detections, Header, Image
 from genie_sim.recording import results
 from genie_sim.recording.records import TRUTH
+from genie_sim.recording.results import Metric
 from genie_sim.recording.tables import Table
 from genie_sim.recording.truth import Truth
 from genie_sim.runner import prepare, simulate
@@ -68,7 +70,7 @@ def judged(
 ) -> list[tuple[str, tuple[int, ...]]]:
     """Source and counts (served, true, not in view, in view, found) of each answer that was judged."""
     table = Table(TRUTH)
-    truth = Truth("genie", town, {"car1": BEGIN_NS}, REACH_M, RANGE_M, table.add)
+    truth = Truth("genie", town, {"car1": BEGIN_NS}, REACH_M, RANGE_M, table)
     pose = CameraPose(*at, 1.6, 0.0)
     truth.published(Image(HEADER, 1000, "", 0, pose, 1.4, town.frame()))
     for source, objects in answers:
@@ -145,17 +147,17 @@ def test_shares_are_of_objects_and_of_cache_hits():
         ("edge_cache", 2, 2, 0, 0, 0),
         ("own_cache", 0, 0, 0, 2, 0),
     )
-    found = {metric.name: metric for metric in compute(*nothing, truth)}
+    found = {metric.metric: metric for metric in compute(METHODS, *nothing, truth)}
     assert {name: (metric.value, metric.n) for name, metric in found.items()} == {
         "ghost_share": (pytest.approx(4 / 12), 12),
         "wrong_hit_share": (pytest.approx(1 / 3), 3),
         "object_recall": (pytest.approx(6 / 12), 12),
     }
-    assert compute(*nothing) == compute(*nothing, truth.iloc[:0]) == []
+    assert compute(METHODS, *nothing) == compute(METHODS, *nothing, truth.iloc[:0]) == []
 
 
-def value(measured: Sequence[Metric], name: str, role: str) -> float:
-    found = next(metric.value for metric in measured if (metric.name, metric.role) == (name, role))
+def value(measured: Sequence[Metric], name: str, method: str) -> float:
+    found = next(metric.value for metric in measured if (metric.metric, metric.method) == (name, method))
     assert found is not None
     return found
 

@@ -217,7 +217,7 @@ def test_a_scenario_drives_through_a_bag(tmp_path: Path, capsys: pytest.CaptureF
     frames = runner.run_in_memory(scenario).frames
     assert frames.groupby("method").size().to_dict() == {"genie": 3, "local": 3, "remote": 3}
     assert frames[frames["method"] == "remote"]["first_answer_ns"].notna().all()
-    assert (frames["objects_detected"].dropna() == 2).any()
+    assert (frames["objects_fresh"].dropna() == 2).any()
 
 
 def test_the_command_line_wants_a_drive_or_a_bag(capsys: pytest.CaptureFixture[str]):

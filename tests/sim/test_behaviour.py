@@ -138,7 +138,7 @@ def test_one_edge_serves_two_cars_and_answers_the_second_from_its_cache():
     assert set(second["served_by"]) <= {"edge1/genie", "edge1/vision_darknet_detect", "car2/genie"} | {
         "car2/vision_darknet_detect"
     }
-    assert not (tables["lookups"]["asker"] == "neighbour").any(), "there is nobody else to ask"
+    assert not (tables["lookups"]["requester"] == "neighbour").any(), "there is nobody else to ask"
 
 
 def test_two_cars_get_less_out_of_one_remote_edge_than_out_of_two():
@@ -198,7 +198,7 @@ def test_edges_that_do_not_ask_are_not_asked_but_share_objects_all_the_same():
     genie = tables["frames"][tables["frames"]["method"] == "genie"]
     assert not (genie["source"] == "peer_cache").any()
     lookups = tables["lookups"]
-    assert not (lookups["asker"] == "neighbour").any()
+    assert not (lookups["requester"] == "neighbour").any()
     sightings = lookups[(lookups["genie"] == "edge2/genie") & (lookups["kind"] == "sighting")]
     assert (sightings["car"] == "car1").any()
 

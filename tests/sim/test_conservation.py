@@ -62,9 +62,9 @@ class Run:
     def arrived(self, *links: str) -> int:
         return sum(self.of(Link)[name].completed for name in links)
 
-    def looked_up(self, genie: str, outcome: str, asker: str = "client") -> int:
+    def looked_up(self, genie: str, outcome: str, requester: str = "client") -> int:
         rows = self.lookups
-        mine = (rows["genie"] == genie) & (rows["outcome"] == outcome) & (rows["asker"] == asker)
+        mine = (rows["genie"] == genie) & (rows["outcome"] == outcome) & (rows["requester"] == requester)
         return int(rows.loc[mine, "requests"].sum())
 
 
@@ -95,7 +95,7 @@ def check_frames(frames: pd.DataFrame, setting: Scenario) -> None:
     assert ((frames["source"] != "none") == answered).all()
     for column in ("served_by", "objects_served"):
         assert (frames[column].notna() == answered).all()
-    assert (frames["objects_detected"].notna() == fresh.notna()).all()
+    assert (frames["objects_fresh"].notna() == fresh.notna()).all()
     not_map = answered & (frames["source"] != "map")
     assert (first[not_map] == fresh[not_map]).all(), "what does not come from the map is about this very frame"
 
@@ -177,7 +177,7 @@ def check_genie(run: Run) -> None:
     came += sum(detectors[f"{edge}/{DETECTOR}"].completed for edge in edges)
     assert sum(taken(genies[f"{edge}/genie"]) for edge in edges) == came
     if not run.setting.genie.share_requests:
-        assert not (run.lookups["asker"] == "neighbour").any()
+        assert not (run.lookups["requester"] == "neighbour").any()
 
 
 def check_everything_ends(run: Run) -> None:
