@@ -102,7 +102,7 @@ def test_genie_answers_a_miss_from_its_map_at_once_and_with_the_edge_s_detection
     fresh = FIRST_LOOK + UP + EDGE_GENIE + EDGE_DETECTION + DOWN + LAST_STEP
     assert answers(row) == (first, fresh, "map")
     assert (first, fresh) == (12_394_646, 114_765_493)
-    assert (row["objects_served"], row["objects_detected"]) == (0, 1)
+    assert (row["objects_served"], row["objects_fresh"]) == (0, 1)
     assert (row["bytes_up"], row["bytes_down"]) == (IMAGE_BYTES, ANSWER_BYTES)
 
 
