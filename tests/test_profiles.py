@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 import yaml
 
+from genie_sim import build, files
 from genie_sim.errors import UserError
-from genie_sim import files
-from genie_sim.scenario.profiles import DeviceProfile, ServiceTime, load_profile
+from genie_sim.scenario.profiles import DeviceProfile, load_profile
 from genie_sim.seeds import stream
+from genie_sim.sim.service import ServiceTime
 
 SHIPPED = ["jetson_tx2", "agx_xavier", "quadro_rtx_4000", "quadro_rtx_4000_q31", "orin_nano", "agx_orin", "rtx_a4500"]
 TABLE_I = {  # milliseconds: Nano, AGX, Orin, A4500
@@ -27,7 +28,7 @@ TABLE_I = {  # milliseconds: Nano, AGX, Orin, A4500
 
 
 def median_ms(device: str, model: str) -> float:
-    return load_profile(device).service_time(model).median_ns / 1e6
+    return load_profile(device).median_ns(model) / 1e6
 
 
 def profile_data(**changes: Any) -> dict[str, Any]:
@@ -90,12 +91,17 @@ def test_the_evaluation_devices() -> None:
 
 def test_genie_takes_8_8_ms_on_average_on_every_host() -> None:
     for name in SHIPPED:
-        assert load_profile(name).genie.mean_ns == pytest.approx(8.8e6, rel=1e-3)
+        device = build.device(load_profile(name), "autoware_vision_detector")
+        assert device.message_time.mean_ns == pytest.approx(8.8e6, rel=1e-3)
 
 
 def test_an_image_hop_on_a_jetson_takes_3_to_3_5_ms_and_half_of_that_on_a_server() -> None:
-    assert 3.0e6 <= load_profile("jetson_tx2").hop.duration_ns(1_397_297) <= 3.5e6
-    assert load_profile("quadro_rtx_4000").hop.duration_ns(1_397_297) == pytest.approx(3.5e6 / 2, rel=0.01)
+    hops = {
+        name: build.device(load_profile(name), "autoware_vision_detector").hop.of(1_397_297)
+        for name in ("jetson_tx2", "quadro_rtx_4000")
+    }
+    assert 3.0e6 <= hops["jetson_tx2"] <= 3.5e6
+    assert hops["quadro_rtx_4000"] == pytest.approx(3.5e6 / 2, rel=0.01)
 
 
 def test_every_number_says_where_it_comes_from() -> None:
@@ -123,7 +129,7 @@ def test_every_number_says_where_it_comes_from() -> None:
 )
 def test_the_law_has_the_published_tail(device: str, spread: str, p95_ms: float | None, p99_ms: float) -> None:
     """Quantiles of 200,000 samples, seed 1; margin 3 %."""
-    law = load_profile(device).service_time("autoware_vision_detector", spread)
+    law = build.detector_time(load_profile(device), "autoware_vision_detector", spread)
     rng = stream(1, device, spread)
     samples_ms = np.array([law.sample(rng) for _ in range(200_000)]) / 1e6
     assert np.median(samples_ms) == pytest.approx(law.median_ns / 1e6, rel=0.01)
@@ -134,7 +140,7 @@ def test_the_law_has_the_published_tail(device: str, spread: str, p95_ms: float 
 
 
 def test_a_sample_is_a_positive_integer_and_takes_one_draw() -> None:
-    law = ServiceTime(median="1 ns", loc=0.0, sigma=5.0)  # type: ignore[arg-type]
+    law = ServiceTime(median_ns=1, loc=0.0, sigma=5.0)
     rng, same = stream(1, "x"), stream(1, "x")
     for _ in range(100):
         drawn = law.sample(rng)
@@ -152,13 +158,11 @@ def test_a_users_own_profile(tmp_path: Path) -> None:
 def test_asking_for_what_a_device_cannot_do() -> None:
     nano = load_profile("orin_nano")
     with pytest.raises(UserError, match=r"^orin_nano: model 'detr_resnet_101_dc5' runs out of memory$"):
-        nano.service_time("detr_resnet_101_dc5")
+        nano.median_ns("detr_resnet_101_dc5")
     with pytest.raises(
         UserError, match=r"^orin_nano: unknown model 'yolov9s' \(did you mean 'yolov8s'\?\); known: auto"
     ):
-        nano.service_time("yolov9s")
-    with pytest.raises(UserError, match=r"^unknown spread 'busy'; known: default, isolated, loaded$"):
-        nano.service_time("yolov8s", "busy")
+        nano.median_ns("yolov9s")
     with pytest.raises(UserError, match=r"^unknown device 'tx2'"):
         load_profile("tx2")
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
+from itertools import chain
 from pathlib import Path
 from typing import Any, get_args, get_origin
 
@@ -10,17 +12,27 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import BaseModel
+from pydantic.fields import FieldInfo
 
 from genie_sim.core.confidence import CONFIDENCE_RULES
 from genie_sim.core.eviction import EVICTIONS
 from genie_sim.core.similarity import SIMILARITIES
+from genie_sim import build, files
+from genie_sim.core.rules import LITERAL, Capacity
 from genie_sim.errors import UserError
-from genie_sim import files
-from genie_sim.scenario.fleet import Fleet, InTown
-from genie_sim.scenario.genie_settings import LITERAL
+from genie_sim.faults import FAULTS
+from genie_sim.methods import METHODS
+from genie_sim.perception.sources import SOURCES, Live, Recorded
+from genie_sim.plugins import Choice, resolve
+from genie_sim.scenario.faults import FaultEntry
+from genie_sim.scenario.fleet import Fleet
 from genie_sim.scenario.links import LINKS
-from genie_sim.scenario.scenario import Live, Recorded, Scenario, load_scenario, read_scenario
+from genie_sim.scenario.methods import OVERRIDABLE, MethodEntry
+from genie_sim.scenario.plain import Plain, PlugIn, model_of
+from genie_sim.scenario.scenario import Scenario, load_scenario, read_scenario
 from genie_sim.scenario.yaml_input import parse, read_mapping
+from genie_sim.sim.link_models import LINK_MODELS
+from genie_sim.sim.link_models.wire import Wire
 
 ROOT = Path(__file__).parent.parent
 PAPER = [f"{cars}car_{kind}" for cars in (1, 2, 3) for kind in ("homo", "hetero")]
@@ -76,8 +88,8 @@ def test_the_papers_six_scenarios(name: str) -> None:
 def test_defaults_are_those_of_the_semantics() -> None:
     small = scenario()
     assert small.name == "x"
-    assert small.methods == ("local", "remote", "genie")
-    assert small.perception == Recorded(trace="kitti_0005")
+    assert [entry.name for entry in small.methods] == ["local", "remote", "genie"]
+    assert small.source == Recorded(trace="kitti_0005")
     assert [camera.phase_ns for camera in small.cameras] == [0, 25_000_000, 50_000_000, 75_000_000]
     assert [camera.recording for camera in small.cameras] == ["02", "03", "02", "03"]
     assert small.start_jitter_ns == 100_000_000
@@ -97,8 +109,7 @@ def test_the_file_of_all_settings_shows_every_setting_at_its_default() -> None:
     assert shown.cars[1] == small.cars[1]
 
     written = read_mapping(ROOT / "scenarios/all_settings.yaml")
-    link = {key: value for key, value in written["cars"][1]["link"].items() if key != "like"}
-    assert {"like"} | link.keys() == {"like", *type(LINKS["wifi"]).yaml_names()}
+    assert written["cars"][1]["link"].keys() == {"like", "model", *model_of(Wire).yaml_names()}
     assert unwritten(Scenario, written) == []
 
 
@@ -111,10 +122,21 @@ def unwritten(model: type[BaseModel], written: dict[str, Any], path: str = "") -
             found.append(f"{path}{key}")
             continue
         value = written[key][0] if isinstance(written[key], list) and written[key] else written[key]
-        inner = [kind for kind in model_types(field.annotation) if kind not in (Live, InTown)]
-        if isinstance(value, dict) and inner and "parameters" not in inner[0].model_fields:
-            found += unwritten(inner[0], value, f"{path}{key}.")
+        if isinstance(value, dict):
+            for inner in inner_models(field, value):
+                found += unwritten(inner, value, f"{path}{key}.")
     return found
+
+
+def inner_models(field: FieldInfo, value: dict[str, Any] | None = None) -> Iterator[type[BaseModel]]:
+    """The models of the settings in a field; of a plug-in's, those of the one in ``value``."""
+    for mark in field.metadata:
+        if isinstance(mark, Plain):
+            yield mark.model
+        if isinstance(mark, PlugIn) and value is not None:
+            name = value.get("name", value.get("source"))
+            yield model_of(resolve(mark.what, str(name), mark.registry))
+    yield from model_types(field.annotation)
 
 
 def model_types(annotation: Any) -> Iterator[type[BaseModel]]:
@@ -127,8 +149,15 @@ def model_types(annotation: Any) -> Iterator[type[BaseModel]]:
 def test_the_file_of_all_settings_names_every_choice() -> None:
     text = (ROOT / "scenarios/all_settings.yaml").read_text()
     literals = {choice for line in literal_choices(Scenario) for choice in line}
-    of_sections = (*Live.yaml_names(), *InTown.yaml_names(), *Fleet.yaml_names())
-    for choice in (*literals, *SIMILARITIES, *EVICTIONS, *CONFIDENCE_RULES, *LINKS, *of_sections):
+    of_sections = (*Fleet.yaml_names(), *FaultEntry.yaml_names(), *OVERRIDABLE, *MethodEntry.yaml_names()[:-1])
+    registries = (SIMILARITIES, EVICTIONS, CONFIDENCE_RULES, LINKS, LINK_MODELS, METHODS, FAULTS, SOURCES)
+    of_plug_ins = (
+        setting
+        for what, registry in (("fault", FAULTS), ("frame source", SOURCES))
+        for name in registry
+        for setting in model_of(resolve(what, name, registry)).yaml_names()
+    )
+    for choice in (*literals, *chain(*registries), *of_sections, *of_plug_ins):
         assert choice in text, choice
     for device in files.available(files.DEVICE):
         assert device in text, device
@@ -139,7 +168,7 @@ def literal_choices(model: type[BaseModel]) -> Iterator[tuple[str, ...]]:
         for annotation in (field.annotation, *get_args(field.annotation)):
             if str(get_origin(annotation)) == "typing.Literal":
                 yield get_args(annotation)
-        for inner in model_types(field.annotation):
+        for inner in inner_models(field):
             yield from literal_choices(inner)
 
 
@@ -148,10 +177,17 @@ def test_an_override_says_the_same_as_the_file() -> None:
     assert scenario(TWO_CARS, "cars[0].route.laps=2", "genie.eviction=lru") == scenario(text)
 
 
+def wire(link: Choice | None) -> Wire:
+    assert link is not None
+    made = build.link_model(link)
+    assert isinstance(made, Wire)
+    return made
+
+
 def test_overrides_reach_into_names_and_defaults() -> None:
     lossy = scenario(TWO_CARS.replace("edge: edge1}", "edge: edge1, link: wifi}", 1), "cars[0].link.loss=0.1")
-    assert lossy.cars[0].link == LINKS["wifi"].model_copy(update={"loss": 0.1})
-    assert scenario(TWO_CARS, "edge_network.delay=5 ms").edge_network.rate_up_bps == 10**9
+    assert wire(lossy.cars[0].link) == replace(wire(LINKS["wifi"]), loss=0.1)
+    assert wire(scenario(TWO_CARS, "edge_network.delay=5 ms").edge_network).rate_up_bps == 10**9
     wide = scenario(TWO_CARS, "genie.similarity.cell=2 m").genie.similarity
     assert (wide.name, wide.parameters["cell_m"]) == ("pose_grid", 2.0)
     assert scenario(TWO_CARS, "seed=3", "seed=4").seed == 4
@@ -182,14 +218,15 @@ def test_similarities_take_the_parameters_of_their_class() -> None:
 
 
 def test_capacities() -> None:
-    assert scenario(TWO_CARS, "genie.capacity=1000 entries").genie.capacity.entries == 1000  # type: ignore[union-attr]
-    assert scenario(TWO_CARS, "genie.capacity=10 MB").genie.capacity.size_bytes == 10**7  # type: ignore[union-attr]
+    assert scenario(TWO_CARS, "genie.capacity=1000 entries").genie.capacity == Capacity(entries=1000)
+    assert scenario(TWO_CARS, "genie.capacity=10 MB").genie.capacity == Capacity(bytes=10**7)
     both = scenario(TWO_CARS, "genie.capacity={entries: 5, bytes: 1 MiB}").genie.capacity
-    assert both is not None and (both.entries, both.size_bytes) == (5, 2**20)
+    assert both == Capacity(entries=5, bytes=2**20)
 
 
 def test_frames_may_be_looked_at_live() -> None:
-    live = scenario(TWO_CARS, "perception={source: live, drive: 2011_09_26/0005, detector: nanodet_m_416}").perception
+    assert scenario(TWO_CARS, "perception=live").source == Live()
+    live = scenario(TWO_CARS, "perception={source: live, drive: 2011_09_26/0005, detector: nanodet_m_416}").source
     assert live == Live(drive="2011_09_26/0005", detector="nanodet_m_416")
 
 
@@ -306,7 +343,7 @@ MISTAKES = [
     (with_car(route="{trace: ./gone.parquet}"), "cars[1].route.trace: ./gone.parquet: no such file"),
     (
         TWO_CARS + "perception: {source: alive}\n",
-        "perception: unknown source 'alive' (did you mean 'live'?); known: live, recorded, town",
+        "perception.source: unknown frame source 'alive' (did you mean 'live'?); known: live, recorded, town, or pack",
     ),
     (
         TWO_CARS + "perception: {source: live, drive: 0005}\n",
@@ -337,7 +374,7 @@ MISTAKES = [
     ),
     (with_car(link="{rate_up: -1 Mbit/s}"), "cars[1].link.rate_up: must be more than zero, but is '-1 Mbit/s'"),
     (with_car(link="{rate_up: 0}"), "cars[1].link.rate_up: must be more than zero, but is 0"),
-    (with_car(link="{loss: 1.5}"), "cars[1].link.loss: must be at most 1.0, not 1.5"),
+    (with_car(link="{loss: 1.5}"), "cars[1].link.loss: must be from 0 to 1, but is 1.5"),
     (
         with_car(link="{delay: }"),
         "cars[1].link.delay: duration None is not a number with a unit; write for example '30 ms'",
@@ -391,7 +428,7 @@ MISTAKES = [
         TWO_CARS + "cameras: [{name: a, recording: 02}, {name: a, recording: 03}]\n",
         "cameras[1].name: duplicate name 'a'",
     ),
-    (TWO_CARS + "methods: [genie, genie]\n", "methods[1]: duplicate name 'genie'"),
+    (TWO_CARS + "methods: [genie, genie]\n", "methods[1].name: duplicate name 'genie'"),
     (
         TWO_CARS + "name: ../up\n",
         "name: must be letters, digits, '_', '-' and '.', the first a letter or digit, not '../up'",
@@ -435,7 +472,7 @@ def test_of_several_mistakes_the_first_is_told_and_the_others_counted() -> None:
         ),
         ("seed[0]=1", "seed: is not a list in the scenario"),
         ("cameras[0].size=1 kB", "cameras: is not a list in the scenario, which leaves it out: set it as a whole"),
-        ("perception=live", "perception: must be a mapping, not 'live'"),
+        ("perception=5", "perception: must be a name or a mapping, not 5"),
         (
             "genie.similarity={name: exact, cell: 1 m}",
             "genie.similarity.cell: unknown parameter of exact 'cell'; there are none",

@@ -78,8 +78,13 @@ class PlugIn:
         """A name or a mapping from YAML, completed by the defaults of the class. Raises ``ValueError``."""
         if isinstance(value, Choice):
             return value
+        if not isinstance(value, str | Mapping):
+            problem("", f"must be a name or a mapping, not {shown(value)}")
         given = dict(value) if isinstance(value, Mapping) else {self._key: value}
-        name = plugins.checked_name(self.what, given.pop(self._key, self._default), self.registry)
+        try:
+            name = plugins.checked_name(self.what, given.pop(self._key, self._default), self.registry)
+        except ValueError as error:
+            problem(self._key if isinstance(value, Mapping) else "", str(error))
         if name not in self.registry:
             return Choice(name, {key: _as_it_stands(key, item) for key, item in given.items()})
         cls = plugins.resolve(self.what, name, self.registry)

@@ -156,6 +156,9 @@ class Scenario(Overridable):
         """A car without cameras has an edge without detector, and asks by position."""
         if car.cameras:
             return
+        for place, fault in enumerate(self.faults):
+            if fault.target == car.name and "edge" in fault.fault.parameters:
+                problem(f"faults[{place}].target", "a car without cameras stays with the edge that serves it")
         for other in self.cars:
             joins = (fault.fault.parameters.get("edge") for fault in self.faults if fault.target == other.name)
             if other.cameras and car.edge in (other.edge, *joins):

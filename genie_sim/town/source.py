@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from genie_sim.core.geometry import Geodetic
 from genie_sim.town.rules import TownRules
-from genie_sim.units import NS_PER_MS, NS_PER_S, duration_text
+from genie_sim.units import NS_PER_MS, NS_PER_S, duration_text, length_text
 
 if TYPE_CHECKING:
     from genie_sim.perception.sources import Progress
@@ -37,9 +37,13 @@ class InTown:
     town: TownRules = field(default_factory=TownRules)
 
     def __post_init__(self) -> None:
-        for name in ("duration_ns", "interval_ns", "range_m"):
-            if getattr(self, name) <= 0:
-                raise ValueError(f"{name.rpartition('_')[0]}: must be more than zero, but is {getattr(self, name):g}")
+        for name, value, text in (
+            ("duration", self.duration_ns, duration_text(self.duration_ns)),
+            ("interval", self.interval_ns, duration_text(self.interval_ns)),
+            ("range", self.range_m, length_text(self.range_m)),
+        ):
+            if value <= 0:
+                raise ValueError(f"{name}: must be more than zero, but is {text}")
         if self.duration_ns / self.interval_ns > MOST_FRAMES:
             raise ValueError(f"interval: makes more than {MOST_FRAMES:,} frames of {duration_text(self.duration_ns)}")
         if self.town.block_m > MOST_BLOCK_M:

@@ -33,8 +33,8 @@ CAR = seen("car", 0.9, at=(20.0, 0.0))
 FAINT_BUS = seen("bus", 0.3, at=(30.0, 5.0))
 
 
-def lookup(request, outcome, asker="client", entries=0):
-    return Observe(ImageLookup(request.header, outcome, asker, entries))
+def lookup(request, outcome, requester="client", entries=0):
+    return Observe(ImageLookup(request.header, outcome, requester, entries))
 
 
 # Misses: lines 12 to 15
@@ -134,7 +134,7 @@ def test_an_object_without_a_place_is_answered_by_its_score_and_stays_out_of_the
 
 
 @pytest.mark.parametrize(("sharing", "told"), [("broadcast", [None]), ("on_request", [])])
-def test_the_nodes_answer_is_shared_or_kept_for_the_asker(sharing, told):
+def test_the_nodes_answer_is_shared_or_kept_for_the_requester(sharing, told):
     asked = genie(miss_policy="blocking", share_answers=sharing)
     asked.on_message(IMAGES, frame(0), 0)
     effects = publications(asked.on_message(FROM_NODE, answer(frame(0), CAR), 1))
@@ -210,7 +210,7 @@ def test_an_evicted_answer_is_a_miss_again():
     assert lookup(frame(9), "miss", entries=1) in asked.on_message(IMAGES, frame(9), 9 * S)
 
 
-# The same picture while the first is under way
+# The same picture while the first is pending
 
 
 def test_equal_requests_wait_for_one_answer_and_each_gets_it_under_its_own_header():
@@ -282,7 +282,7 @@ def test_a_neighbours_hit_is_answered_to_it_alone():
     asked.on_message(FROM_NODE, answer(frame(0), CAR), 1)
     theirs = frame(0.2, car="car2")
     [hit, _, reply] = asked.on_message(TO_OTHERS, theirs, 2, NEIGHBOUR)
-    assert hit == lookup(theirs, "hit", asker="neighbour", entries=1)
+    assert hit == lookup(theirs, "hit", requester="neighbour", entries=1)
     assert reply == Publish(FROM_OTHERS, Detections(theirs.header, (CAR,), "cache", "edge1/genie"), to=NEIGHBOUR)
 
 
@@ -296,7 +296,7 @@ def test_a_neighbour_without_a_name_is_answered_where_neighbours_listen():
 
 def test_a_neighbours_miss_costs_nothing():
     theirs = frame(0, car="car2")
-    assert genie().on_message(TO_OTHERS, theirs, 0, NEIGHBOUR) == [lookup(theirs, "miss", asker="neighbour")]
+    assert genie().on_message(TO_OTHERS, theirs, 0, NEIGHBOUR) == [lookup(theirs, "miss", requester="neighbour")]
 
 
 def test_a_neighbours_miss_does_not_keep_the_own_node_from_work():
@@ -310,7 +310,7 @@ def test_the_literal_storm_runs_a_neighbours_miss_and_passes_it_on():
     theirs = frame(0, car="car2")
     asked = genie(neighbour_miss="process", share_answers="on_request")
     assert asked.on_message(TO_OTHERS, theirs, 0, NEIGHBOUR) == [
-        lookup(theirs, "miss", asker="neighbour"),
+        lookup(theirs, "miss", requester="neighbour"),
         Publish(TO_NODE, theirs),
         Publish(TO_OTHERS, theirs),
     ]
@@ -319,7 +319,7 @@ def test_the_literal_storm_runs_a_neighbours_miss_and_passes_it_on():
     ]
 
 
-def test_in_the_storm_an_answer_that_everybody_gets_is_not_sent_to_the_asker_twice():
+def test_in_the_storm_an_answer_that_everybody_gets_is_not_sent_to_the_requester_twice():
     theirs, equal = frame(0, car="car2"), frame(0, car="car3")
     asked = genie(neighbour_miss="process")
     asked.on_message(TO_OTHERS, theirs, 0, NEIGHBOUR)

@@ -52,7 +52,7 @@ def test_an_object_that_another_map_has_confirmed_comes_with_its_confidence():
     ],
 )
 def test_a_second_sighting_changes_the_confidence_and_nothing_else(rule, after):
-    objects = object_map(rule=CONFIDENCE_RULES[rule])
+    objects = object_map(rule=rule)
     objects.sight(seen("car", 0.3, at=(20.0, 0.0)))
     before, stored = objects.sight(seen("car", 0.8, at=(20.4, 0.0)))
     assert (before, stored.confidence) == (0.3, pytest.approx(after))
@@ -77,7 +77,7 @@ def object_at(objects, label="traffic light", at=(20.0, 0.0)):
 @settings(max_examples=25)
 @given(sightings, st.floats(0.0, 1.0))
 def test_confidences_stay_in_their_range_and_nothing_is_counted_twice(rule, sightings, rate):
-    objects = told(object_map(rule=CONFIDENCE_RULES[rule], rate=rate), *sightings)
+    objects = told(object_map(rule=rule, rate=rate), *sightings)
     assert all(0.0 <= one.confidence <= 1.0 for one in objects)
     assert sum(one.sightings for one in objects) == len(sightings)
     assert len(list(objects)) == len(objects)

@@ -28,7 +28,7 @@ READINGS = {
     "fresh_objects": ["confident", "all"],
 }
 MAP_READINGS = {
-    "rule": list(CONFIDENCE_RULES.values()),
+    "rule": list(CONFIDENCE_RULES),
     "location_key": ["gate", "exact"],
     "one_per_location": [False, True],
     "threshold": [0.6, 0.0, 1.0, "range_60", "empirical"],
@@ -136,7 +136,7 @@ def test_every_frame_of_a_client_is_looked_up_once(make_genie, story):
         one.header
         for _, effects in tell(make_genie(), story)
         for one in facts(effects, ImageLookup)
-        if one.asker == "client"
+        if one.requester == "client"
     ]
     assert looked_up == [step.message.header for step in story if step.topic == IMAGES]
 
@@ -188,7 +188,7 @@ def test_the_stories_reach_every_kind_of_event():
                 if isinstance(effect, Publish):
                     happened[effect.topic, getattr(effect.message, "source", ""), effect.to is not None] += 1
                 elif isinstance(effect.record, ImageLookup):
-                    happened[effect.record.outcome, effect.record.asker] += 1
+                    happened[effect.record.outcome, effect.record.requester] += 1
                 else:
                     happened[type(effect.record).__name__] += 1
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from genie_sim.core.eviction import LFU, LRU, TTL, Unlimited
-from genie_sim.core.message_cache import Asker, MessageCache, PendingIndex, Waiting
+from genie_sim.core.message_cache import MessageCache, PendingIndex, PendingRequest, Requester
 from genie_sim.core.similarity import DHash, Exact
 from genie_sim.messages import Detections, Header
 from tests.core.worlds import OBJECTS, Lanes, answer, frame, labels, seen
@@ -147,16 +147,16 @@ def test_an_expired_answer_does_not_hide_a_live_one_a_little_farther_away():
 # Requests that wait
 
 
-def pending(identity=lambda header: header):
+def pending_index(identity=lambda header: header):
     return PendingIndex(identity, Exact().index)
 
 
-def waiting(deadline_ns=None, key="crossing", forwarded=True):
-    return Waiting("/image_raw", key, deadline_ns, forwarded, [Asker(HEADER, False, None)])
+def pending_request(deadline_ns=None, key="crossing", forwarded=True):
+    return PendingRequest("/image_raw", key, deadline_ns, forwarded, [Requester(HEADER, False, None)])
 
 
 def test_a_request_is_found_by_its_header_and_joined_by_its_key():
-    index, request = pending(), waiting()
+    index, request = pending_index(), pending_request()
     index.open(HEADER, request)
     assert index.by_header(HEADER) is request
     assert index.by_header(HEADER._replace(origin="car2")) is None
@@ -165,14 +165,14 @@ def test_a_request_is_found_by_its_header_and_joined_by_its_key():
 
 
 def test_nobody_joins_a_request_that_no_node_works_on():
-    index = pending()
-    index.open(HEADER, waiting(forwarded=False))
+    index = pending_index()
+    index.open(HEADER, pending_request(forwarded=False))
     assert index.by_key("/image_raw", "crossing") is None
     assert index.by_header(HEADER) is not None
 
 
 def test_a_closed_request_is_still_known_by_its_header():
-    index, request = pending(), waiting()
+    index, request = pending_index(), pending_request()
     index.open(HEADER, request)
     index.close(request)
     assert index.by_key("/image_raw", "crossing") is None
@@ -180,7 +180,7 @@ def test_a_closed_request_is_still_known_by_its_header():
 
 
 def test_closing_the_older_of_two_equal_requests_leaves_the_newer_open():
-    index, older, newer = pending(), waiting(), waiting()
+    index, older, newer = pending_index(), pending_request(), pending_request()
     index.open(frame(0).header, older)
     index.open(frame(1).header, newer)
     index.close(older)
@@ -188,9 +188,9 @@ def test_closing_the_older_of_two_equal_requests_leaves_the_newer_open():
 
 
 def test_requests_expire_in_the_order_they_came():
-    index = pending()
+    index = pending_index()
     for stamp, deadline_ns in enumerate((10, 20, 20, 30)):
-        index.open(frame(stamp).header, waiting(deadline_ns, key=f"picture {stamp}"))
+        index.open(frame(stamp).header, pending_request(deadline_ns, key=f"picture {stamp}"))
     assert index.next_deadline_ns == 10
     assert [one.key for one in index.expire(9)] == []
     assert [one.key for one in index.expire(20)] == ["picture 0", "picture 1", "picture 2"]
@@ -200,7 +200,7 @@ def test_requests_expire_in_the_order_they_came():
 
 def test_an_equal_picture_joins_even_if_a_more_equal_one_is_answered_already():
     index = PendingIndex(lambda header: header, DHash(radius=2).index)
-    answered, open_one = waiting(key=0b0001), waiting(key=0b0110)
+    answered, open_one = pending_request(key=0b0001), pending_request(key=0b0110)
     index.open(frame(0).header, answered)
     index.open(frame(1).header, open_one)
     assert index.by_key("/image_raw", 0b0000) is answered

@@ -112,7 +112,7 @@ def test_hashes_may_differ_in_the_radius(bits, equal):
     st.integers(0, 2**10 - 1),
     st.integers(0, 4),
 )
-def test_the_nearest_held_hash_is_found(changes, wanted, radius):
+def test_the_nearest_held_hash_is_found(changes, searched, radius):
     """Against a list: the nearest, and of equally near ones the one held for longest."""
     index, held = DHash(radius).index(), []
     for added, key in changes:
@@ -122,9 +122,9 @@ def test_the_nearest_held_hash_is_found(changes, wanted, radius):
         else:
             index.discard(key)
             held = [one for one in held if one != key]
-    near = [key for key in held if (key ^ wanted).bit_count() <= radius]
-    expected = min(near, key=lambda key: (key ^ wanted).bit_count()) if near else None
-    assert index.find(wanted) == expected
+    near = [key for key in held if (key ^ searched).bit_count() <= radius]
+    expected = min(near, key=lambda key: (key ^ searched).bit_count()) if near else None
+    assert index.find(searched) == expected
 
 
 def test_of_equally_near_hashes_the_one_held_for_longest_is_found():

@@ -32,8 +32,8 @@ class Twin:
     def hears(self, now_ns: int, topic: str, message: Image | Detections, sender: str) -> list[Deed]:
         deeds = self.forgets(now_ns)
         if isinstance(message, Image):
-            asker = "client" if topic == IMAGES else sender
-            return deeds + self.is_asked(now_ns, message, asker)
+            requester = "client" if topic == IMAGES else sender
+            return deeds + self.is_asked(now_ns, message, requester)
         return deeds + self.is_told(message, own=topic == f"{OBJECTS}-local")
 
     def forgets(self, now_ns: int) -> list[Deed]:
@@ -42,11 +42,11 @@ class Twin:
         self.waiting = [one for one in self.waiting if one not in late]
         return [("expires", header) for one in late if not one["answered"] for header in one["clients"]]
 
-    def is_asked(self, now_ns: int, image: Image, asker: str) -> list[Deed]:
+    def is_asked(self, now_ns: int, image: Image, requester: str) -> list[Deed]:
         header, picture = image.header, picture_of(image)
-        role = "client" if asker == "client" else "neighbour"
+        role = "client" if requester == "client" else "neighbour"
         if picture in self.cache:
-            return [("looks up", header, "hit", role), *self.replays(picture, header, asker)]
+            return [("looks up", header, "hit", role), *self.replays(picture, header, requester)]
         if any(header == one["header"] or header in one["clients"] for one in self.waiting):
             return []  # the seen-set
         request = {"since_ns": now_ns, "header": header, "picture": picture, "clients": [], "answered": False}
@@ -85,7 +85,7 @@ class Twin:
             deeds.append(self.publishes("tells others", answer))
         return deeds
 
-    def replays(self, picture: Any, header: Header, asker: str) -> list[Deed]:
+    def replays(self, picture: Any, header: Header, requester: str) -> list[Deed]:
         """The stored answer under the request's header, and what else the map knows about its places, once."""
         requests = hits = 0
         objects, others, included = [], [], []
@@ -106,7 +106,7 @@ class Twin:
                     as_seen(Detection(stored["label"], 0, None, stored["location"], 0), stored["confidence"])
                 )
         answer = Detections(header, tuple(objects), "cache", self.name)
-        verb = "tells clients" if asker == "client" else f"tells {asker}"
+        verb = "tells clients" if requester == "client" else f"tells {requester}"
         return [("boosts", requests, hits), self.publishes(verb, answer)]
 
     def sights(self, answer: Detections) -> tuple[Detections, Deed]:
@@ -180,7 +180,7 @@ def deed(effect: Effect) -> Deed:
     if isinstance(record, Expired):
         return "expires", record.header
     if isinstance(record, ImageLookup):
-        return "looks up", record.header, record.outcome, record.asker
+        return "looks up", record.header, record.outcome, record.requester
     if record.kind == "boost":
         return "boosts", record.requests, record.hits
     return "sights", record.requests, record.hits, record.updates, round(record.boost_sum, 9)

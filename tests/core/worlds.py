@@ -7,11 +7,11 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from genie_sim.core.confidence import noisy_or
 from genie_sim.core.eviction import Eviction, Unlimited
 from genie_sim.core.message_cache import MessageCache, PendingIndex
-from genie_sim.core.node import GenieNode, GenieRules, detections_of_map
-from genie_sim.core.object_map import ObjectMap, ObjectMapRules
+from genie_sim.core.node import GenieNode, detections_of_map
+from genie_sim.core.object_map import ObjectMap
+from genie_sim.core.rules import GenieRules, ObjectMapRules
 from genie_sim.core.similarity import PoseGrid, Similarity
 from genie_sim.messages import CameraPose, Detection, Detections, Effect, Header, Image, Observe, Publish
 
@@ -29,7 +29,7 @@ def frame(
     camera: str = "02",
     heading_deg: float = 0.0,
 ) -> Image:
-    """What ``car``'s camera shows at a place; the same picture whoever takes it."""
+    """What ``car``'s camera shows at a place; the same picture from every car."""
     header = Header(round(stamp_s * S), camera, car)
     pose = CameraPose(at[0], at[1], 1.6, math.radians(heading_deg))
     picture = f"{at} {heading_deg}"
@@ -71,7 +71,7 @@ class Lanes:
 
 def object_map(view_cell_m: float = 50.0, **rules: Any) -> ObjectMap:
     """An empty object map; ``rules`` are those of ``ObjectMapRules``."""
-    return ObjectMap(ObjectMapRules(**{"rule": noisy_or, **rules}), view_cell_m)
+    return ObjectMap(ObjectMapRules(**rules), view_cell_m)
 
 
 def genie(

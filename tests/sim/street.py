@@ -11,11 +11,14 @@ from typing import Any
 
 import pandas as pd
 
+from genie_sim import build as construction
 from genie_sim.messages import CameraPose, Detection
+from genie_sim.perception.sources import Recordings
 from genie_sim.perception.trace import Trace, TraceFrame
 from genie_sim.recording.log import Log
 from genie_sim.recording.records import Tables
-from genie_sim.scenario.profiles import DeviceProfile, load_profile
+from genie_sim.runner import on_frames
+from genie_sim.scenario.profiles import DeviceProfile
 from genie_sim.scenario.scenario import Scenario, read_scenario
 from genie_sim.sim.world import World
 
@@ -98,13 +101,12 @@ def build(
     devices: Mapping[str, DeviceProfile] | None = None,
     tables: Tables | None = None,
 ) -> tuple[World, Tables]:
-    """The world of one method, ready to run, and the tables that it will fill."""
-    trace = trace if trace is not None else street()
-    names = {part.device for part in (*setting.cars, *setting.edges)}
-    devices = devices if devices is not None else {name: load_profile(name) for name in names}
+    """The world of one method, by the name of its entry, ready to run, and the tables that it will fill."""
+    prepared = on_frames(setting, Recordings(trace if trace is not None else street()), devices)
+    shared = construction.shared(prepared.expanded, prepared.devices, prepared.drives)
+    entry = next(entry for entry in setting.methods if entry.name == method)
     tables = tables if tables is not None else Tables()
-    log = Log(method, tables)
-    return World(setting, devices, {car.name: trace for car in setting.cars}, method, log), tables
+    return construction.world(shared, entry, Log(method, tables)), tables
 
 
 def drive(
@@ -115,5 +117,5 @@ def drive(
     """Runs every method of the scenario. The tables by name: frames, lookups, resources."""
     tables = Tables()
     for method in setting.methods:
-        build(setting, method, trace, devices, tables)[0].run()
+        build(setting, method.name, trace, devices, tables)[0].run()
     return {table.name: table.to_frame() for table in (tables.frames, tables.lookups, tables.resources)}

@@ -50,20 +50,22 @@ def rows(frames: pd.DataFrame) -> list[tuple[Any, ...]]:
 
 # Without an edge
 
-CUT = {"like": "ethernet_1g", "outages": [["2 s", "1000 s"]]}
+CUT = {"fault": "outage", "target": "car1", "begin": "2 s"}
 WAYS_TO_BE_ALONE = [
-    pytest.param(car("car1", "edge1", CUT), CUT_NS, id="link cut in mid run"),
-    pytest.param(car("car1", "edge1", {"like": "ethernet_1g", "loss": 1.0}), 0, id="link that loses everything"),
-    pytest.param(car("car1", None), 0, id="no edge"),
+    pytest.param(car("car1", "edge1"), [CUT], CUT_NS, id="link cut in mid run"),
+    pytest.param(car("car1", "edge1", {"like": "ethernet_1g", "loss": 1.0}), [], 0, id="link that loses everything"),
+    pytest.param(car("car1", None), [], 0, id="no edge"),
 ]
 
 
-@pytest.mark.parametrize(("lonely", "since_ns"), WAYS_TO_BE_ALONE)
-def test_a_car_alone_goes_on_exactly_as_with_its_own_nodes(lonely: dict[str, Any], since_ns: int):
+@pytest.mark.parametrize(("lonely", "faults", "since_ns"), WAYS_TO_BE_ALONE)
+def test_a_car_alone_goes_on_exactly_as_with_its_own_nodes(
+    lonely: dict[str, Any], faults: list[dict[str, str]], since_ns: int
+):
     """Every image is new (similarity exact): the Genie answers the frames that the detector alone would have
     answered, each later by the Genie's own time and not a nanosecond more."""
     rules = {"miss_policy": "blocking", "similarity": "exact"}
-    setting = scenario([lonely], cameras=TWO_CAMERAS, genie=rules)
+    setting = scenario([lonely], cameras=TWO_CAMERAS, genie=rules, faults=faults)
     methods = of_methods(setting, devices=STEADY)
     local, genie = (answered(methods[name][methods[name]["stamp_ns"] >= since_ns]) for name in ("local", "genie"))
     assert len(local) > 8
@@ -74,10 +76,12 @@ def test_a_car_alone_goes_on_exactly_as_with_its_own_nodes(lonely: dict[str, Any
     assert (late_ns == THROUGH_GENIE_NS + answer_hop_ns).all()
 
 
-@pytest.mark.parametrize(("lonely", "since_ns"), WAYS_TO_BE_ALONE)
-def test_a_car_alone_has_an_answer_to_every_frame_at_once(lonely: dict[str, Any], since_ns: int):
+@pytest.mark.parametrize(("lonely", "faults", "since_ns"), WAYS_TO_BE_ALONE)
+def test_a_car_alone_has_an_answer_to_every_frame_at_once(
+    lonely: dict[str, Any], faults: list[dict[str, str]], since_ns: int
+):
     """By default a miss is answered from the map, and no frame is dropped because the edge is gone."""
-    methods = of_methods(scenario([lonely]))
+    methods = of_methods(scenario([lonely], faults=faults))
     genie = methods["genie"][methods["genie"]["stamp_ns"] >= since_ns]
     assert genie["first_answer_ns"].notna().all()
     assert set(genie["source"]) <= {"map", "own_cache", "own_detector"}
@@ -88,8 +92,8 @@ def test_a_car_alone_has_an_answer_to_every_frame_at_once(lonely: dict[str, Any]
 
 
 def test_the_edge_helps_until_the_link_is_cut_and_again_when_it_is_back():
-    link = {"like": "ethernet_1g", "outages": [["2 s", "4 s"]]}
-    genie = of_methods(scenario([car("car1", "edge1", link)], genie={"miss_policy": "blocking"}))["genie"]
+    cut = {**CUT, "end": "4 s"}
+    genie = of_methods(scenario(1, genie={"miss_policy": "blocking"}, faults=[cut]))["genie"]
     helped = answered(genie)[answered(genie)["source"].str.startswith("edge")]
     instants_ns = helped["first_answer_ns"]
     during = (instants_ns > CUT_NS + 200 * MS) & (instants_ns < 2 * CUT_NS)
@@ -114,9 +118,9 @@ def test_a_run_waits_for_whatever_is_still_on_a_slow_link():
 
 def test_remote_alone_answers_nothing_while_the_link_is_cut():
     """Why Genie keeps the car's own nodes."""
-    remote = of_methods(scenario([car("car1", "edge1", CUT)]))["remote"]
+    remote = of_methods(scenario(1, faults=[CUT]))["remote"]
     assert answered(remote)["stamp_ns"].max() < CUT_NS
-    assert set(remote[remote["stamp_ns"] > CUT_NS]["drop"]) == {"car1->edge1"}
+    assert set(remote[remote["stamp_ns"] > CUT_NS]["drop"]) == {"car1->edge1:outage"}
 
 
 def test_a_car_with_plain_nodes_is_not_helped():
@@ -261,7 +265,7 @@ lossy = {"like": "wifi", "loss": 0.05}
 setting = scenario([{"name": f"car{i}", "device": "jetson_tx2", "edge": f"edge{i}", "link": lossy} for i in (1, 2)])
 tables = None
 for method in setting.methods:
-    world, tables = build(setting, method, tables=tables)
+    world, tables = build(setting, method.name, tables=tables)
     world.run()
 for table in (tables.frames, tables.lookups, tables.resources):
     path = Path(f"{table.name}.parquet")

@@ -38,14 +38,20 @@ TWO_EDGES = [{"name": name, "device": "agx_xavier"} for name in ("edge1", "edge2
 STREET = street(seconds=3.0)
 
 
+MOVER = {"name": "car1", "device": "jetson_tx2", "edge": "edge1"}
+
+
+def hand_over(at_ns: int, edge: str, gap_ns: int = GAP) -> dict[str, str]:
+    """As in YAML."""
+    times = {"begin": f"{at_ns} ns", "gap": f"{gap_ns} ns"}
+    return {"fault": "hand_over", "target": "car1", "edge": edge, **times}
+
+
 def moving(*hand_overs: tuple[int, str], gap_ns: int = GAP, **more: Any) -> Scenario:
     """One car that begins at edge1."""
-    car = {
-        "name": "car1", "device": "jetson_tx2", "edge": "edge1",
-        "hand_overs": [{"at": f"{at_ns} ns", "edge": edge} for at_ns, edge in hand_overs],
-    }  # fmt: skip
+    faults = [hand_over(at_ns, edge, gap_ns) for at_ns, edge in hand_overs]
     usual = {"methods": ["remote"], "cameras": ONE_CAMERA, "start_jitter": "0 s", "edges": TWO_EDGES}
-    return scenario([car], hand_over_gap=f"{gap_ns} ns", **usual | more)
+    return scenario([MOVER], faults=faults, **usual | more)
 
 
 def answers(setting: Scenario, *stamps_ns: int) -> list[tuple[int | None, str | None, str | None]]:
@@ -123,9 +129,10 @@ def test_other_cars_notice_a_hand_over_only_through_the_edges():
     """A car alone at its edge, which shares with nobody, has exactly the answers that it has without the mover."""
     lonely = {"name": "car2", "device": "jetson_tx2", "edge": "edge3"}
     edges = [*TWO_EDGES, {"name": "edge3", "device": "agx_xavier", "neighbours": []}]
-    mover = moving((500 * MS, "edge2")).cars[0].model_dump(mode="json", by_alias=True)
+    both = scenario([MOVER, lonely], edges=edges, faults=[hand_over(500 * MS, "edge2")])
     frames = {
-        len(cars): drive(scenario(cars, edges=edges), STREET, DEVICES)["frames"] for cars in ([lonely], [mover, lonely])
+        len(setting.cars): drive(setting, STREET, DEVICES)["frames"]
+        for setting in (scenario([lonely], edges=edges), both)
     }
     with_mover = frames[2][frames[2]["car"] == "car2"].reset_index(drop=True).astype({"method": str, "car": str})
     alone = frames[1].astype({"method": str, "car": str})
@@ -141,7 +148,7 @@ def test_other_cars_notice_a_hand_over_only_through_the_edges():
 def test_every_frame_is_answered_dropped_or_in_flight_whatever_the_car_does(
     moves: list[tuple[int, int]], gap_ms: int, method: str
 ):
-    """published = answered afresh + dropped + in flight at any time, and nothing is in flight in the end."""
+    """published = with a fresh answer + dropped + in flight at any time, and nothing is in flight in the end."""
     at_ms, edge, hand_overs = 0, 1, []
     for wait_ms, step in moves:
         at_ms, edge = at_ms + wait_ms, (edge + step - 1) % 3 + 1
@@ -179,11 +186,11 @@ def check_remote(world: World, frames: pd.DataFrame) -> None:
 @pytest.mark.parametrize(
     ("hand_overs", "message"),
     [
-        ([(5, "edge9")], r"hand_overs\[0\].edge: unknown edge 'edge9' \(did you mean 'edge2'\?\); known: edge1, edge2"),
-        ([(5, "edge1")], r"hand_overs\[0\].edge: the car is with edge1 already"),
+        ([(5, "edge9")], r"faults\[0\].edge: unknown edge 'edge9' \(did you mean 'edge2'\?\); known: edge1, edge2"),
+        ([(5, "edge1")], r"faults\[0\].edge: car1 is with edge1 already"),
         (
             [(5 * MS, "edge2"), (54 * MS, "edge1")],
-            r"hand_overs\[1\].at: comes before the one before it is over, at 55 ms",
+            r"faults\[1\].begin: comes before the hand-over before it is over, at 55 ms",
         ),
     ],
 )
@@ -195,20 +202,20 @@ def test_hand_overs_that_cannot_be_are_told_in_one_line(hand_overs: list[tuple[i
 @pytest.mark.parametrize(
     ("car", "message"),
     [
-        ({"hand_overs": [{"at": "1 s", "edge": "edge1"}]}, "hand_overs: the car has no 'edge' to leave"),
+        ({}, r"faults\[0\].target: car1 has no 'edge' to leave"),
         (
-            {"edge": "edge1", "cameras": False, "hand_overs": [{"at": "1 s", "edge": "edge2"}]},
-            "hand_overs: a car without cameras stays with the edge that serves it",
+            {"edge": "edge1", "cameras": False},
+            r"faults\[0\].target: a car without cameras stays with the edge that serves it",
         ),
     ],
 )
 def test_cars_that_cannot_change_their_edge(car: dict[str, Any], message: str):
     with pytest.raises(UserError, match=message):
-        scenario([{"name": "car1", "device": "jetson_tx2", **car}], edges=TWO_EDGES)
+        faults = [hand_over(1_000 * MS, "edge2")]
+        scenario([{"name": "car1", "device": "jetson_tx2", **car}], edges=TWO_EDGES, faults=faults)
 
 
 def test_a_car_without_cameras_needs_an_edge_that_nobody_with_cameras_ever_comes_to():
-    mover = moving((500 * MS, "edge2")).cars[0].model_dump(mode="json", by_alias=True)
     blind = {"name": "car2", "device": "jetson_tx2", "edge": "edge2", "cameras": False}
     with pytest.raises(UserError, match="serves car1's cameras"):
-        scenario([mover, blind], edges=TWO_EDGES)
+        scenario([MOVER, blind], edges=TWO_EDGES, faults=[hand_over(500 * MS, "edge2")])

@@ -11,13 +11,14 @@ from hypothesis import strategies as st
 from sim.street import build, fixed_device, scenario
 
 from genie_sim.messages import Header, Publish
-from genie_sim.scenario.links import LINKS
+from genie_sim.build import device as built_device
 from genie_sim.sim.clock import Clock
 from genie_sim.sim.device import Host
 from genie_sim.sim.link import Bridge, Downlinks, Link
-from genie_sim.sim.nodes import Detector, Genie
+from genie_sim.sim.link_models.wire import Wire
+from genie_sim.sim.nodes import Detector, InterceptorNode, attach
 from genie_sim.sim.ros_graph import Graph, Node
-from genie_sim.sim.world import DETECTOR, IMAGES, OBJECTS
+from genie_sim.sim.station import DETECTOR, IMAGES, OBJECTS
 
 WORK_NS = 1000
 HOP_NS = 10
@@ -62,7 +63,13 @@ def office(name: str = "car1", env: Clock | None = None) -> tuple[Graph, Host]:
     env = env if env is not None else Clock()
     device = fixed_device(name, detector="1 ms", hop=f"{HOP_NS} ns", per_megabyte="0 ms")
     rng = np.random.default_rng(1)
-    return Graph(env, name), Host(env, name, device, device.service_time("autoware_vision_detector"), rng, rng)
+    return Graph(env, name), Host(env, name, built_device(device, "autoware_vision_detector"), rng, rng)
+
+
+def link(env: Clock, name: str, up: bool = True) -> Link:
+    """One direction of a gigabit Ethernet."""
+    wire = Wire(1_000_000_000, 1_000_000_000, delay_ns=200_000)
+    return Link(env, name, wire.channel(up, np.random.default_rng(1)))
 
 
 def clerk(name: str = "clerk", topics: tuple[str, ...] = ("/notes",), **settings) -> Clerk:
@@ -167,8 +174,9 @@ def test_a_reply_reaches_the_one_it_is_meant_for():
 
 def test_a_large_message_takes_a_longer_hop():
     device = fixed_device("car1", detector="1 ms", hop="0.3 ms", per_megabyte="2.28 ms")
-    assert device.hop.duration_ns(1_397_297) == 300_000 + 2_280_000 * 1_397_297 // 10**6
-    assert device.hop.duration_ns(0) == 300_000
+    hop = built_device(device, "autoware_vision_detector").hop
+    assert hop.of(1_397_297) == 300_000 + 2_280_000 * 1_397_297 // 10**6
+    assert hop.of(0) == 300_000
 
 
 # Remapping and attaching
@@ -213,14 +221,12 @@ def test_encapsulating_a_detector_leaves_the_detector_itself_alone(place: str):
 @pytest.mark.parametrize("place", ["car1", "edge2"])
 def test_the_genie_takes_over_the_topics_that_the_master_names(place: str):
     world, _ = build(scenario(2), "genie")
-    genie = next(one for one in world.resources if isinstance(one, Genie) and one.name == f"{place}/genie")
+    genie = next(one for one in world.resources if isinstance(one, InterceptorNode) and one.name == f"{place}/genie")
     assert set(genie.subscribes) == {IMAGES, f"{IMAGES}-remote", f"{OBJECTS}-local", f"{OBJECTS}-remote"}
     assert set(genie.publishes) == {f"{IMAGES}-local", f"{IMAGES}-remote", OBJECTS, f"{OBJECTS}-remote"}
 
 
 def test_any_node_can_be_encapsulated_whatever_its_topics():
-    from genie_sim.sim.nodes import attach_genie
-
     told: list[tuple[tuple[str, ...], tuple[str, ...]]] = []
 
     class NothingToDo:
@@ -238,7 +244,7 @@ def test_any_node_can_be_encapsulated_whatever_its_topics():
 
     graph, host = office()
     Clerk("lanes", host, graph, ("/clouds", "/map"), ("/lanes", "/signs"))
-    attach_genie(graph, "lanes", make, 1, lambda genie, record: None, lambda message, where: None, suffix="_local")
+    attach(graph, "lanes", make, 1, lambda genie, record: None, lambda message, where: None, suffix="_local")
     assert told == [(("/clouds", "/map"), ("/lanes", "/signs"))]
     assert graph.topics_of("lanes") == (("/clouds_local", "/map_local"), ("/lanes_local", "/signs_local"))
 
@@ -258,8 +264,7 @@ class Offices:
             self.nodes[name] = Clerk(f"{name}/genie", host, self.graphs[name], ("/notes",), ("/notes",))
             self.listeners[name] = Listener(f"{name}/listener")
             self.graphs[name].subscribe("/notes", self.listeners[name])
-            network = scenario(1).edge_network
-            self.ports[name] = Link(self.env, f"{name}->edges", network, True, np.random.default_rng(1))
+            self.ports[name] = link(self.env, f"{name}->edges")
         for name in names:
             for other in names:
                 if other != name:
@@ -294,8 +299,8 @@ def test_an_answer_goes_down_to_the_car_that_it_is_about():
         car, _ = office(name, env)
         heard[name] = Listener()
         car.subscribe("/objects", heard[name])
-        link = Link(env, f"edge1->{name}", scenario(1).edge_network, False, np.random.default_rng(1))
-        downlinks.of_car[name] = Bridge(link, car, "/objects", f"{name}/genie")
+        down = link(env, f"edge1->{name}", up=False)
+        downlinks.of_car[name] = Bridge(down, car, "/objects", f"{name}/genie")
     node = Clerk("node", host, edge, (), ("/objects",))
     for number, about in enumerate(("car1", "car2", "car3", "car1"), 1):
         note = Note(number)
@@ -312,15 +317,16 @@ def test_a_bridge_that_was_taken_down_loses_what_comes_and_what_was_on_its_way()
     here, there = Graph(env, "here"), Graph(env, "there")
     heard, lost = Listener(), []
     there.subscribe("/notes", heard)
-    link = Link(env, "link", LINKS["ethernet_1g"], True, np.random.default_rng(1))
-    bridge = Bridge(link, there, "/notes", "there/node", lost=lambda note: lost.append((env.now, note.header.stamp_ns)))
+    wire = Wire(1_000_000_000, 1_000_000_000, delay_ns=200_000)
+    up = Link(env, "link", wire.channel(True, np.random.default_rng(1)))
+    bridge = Bridge(up, there, "/notes", "there/node", lost=lambda note: lost.append((env.now, note.header.stamp_ns)))
     here.bridge("/notes", bridge)
     events = [(0, Note(1)), (300_000, Note(2)), (310_000, bridge.take_down), (320_000, Note(3))]
     for at_ns, what in [*events, (330_000, bridge.put_up), (600_000, Note(4))]:
         env.run(until=max(at_ns, 1))
         what() if callable(what) else bridge.deliver("/notes", what, "here/node")
     env.run()
-    arrival_ns = 300_000 + link.serialisation_ns(Note(2).size_bytes) + 200_000
+    arrival_ns = 300_000 + wire.channel(True, np.random.default_rng(1)).occupied_ns(Note(2).size_bytes, 0) + 200_000
     assert [number for _, number, _ in heard.heard] == [1, 4]
     assert lost == [(320_000, 3), (arrival_ns, 2)]
 
@@ -347,7 +353,7 @@ def test_even_literal_neighbours_pass_a_request_on_only_once():
     world, _ = build(scenario(3, genie={"neighbour_miss": "process", "same_key_pending": "forward"}), "genie")
     published: list[tuple[str, int, str, str]] = []
     for edge in world.edges.values():
-        genie = edge.graph.node(f"{edge.name}/genie").genie
+        genie = edge.graph.node(f"{edge.name}/genie").pure
 
         def spy(topic, message, now_ns, sender=None, name=edge.name, on_message=genie.on_message):
             effects = on_message(topic, message, now_ns, sender)

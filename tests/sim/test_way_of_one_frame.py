@@ -143,7 +143,7 @@ def test_genie_answers_a_miss_with_what_its_map_knows_to_be_in_view():
 
 
 def test_a_coalesced_frame_gets_the_answer_to_the_frame_it_waits_for():
-    """The second frame is taken 50 ms later at the same spot, while the first is under way."""
+    """The second frame is taken 50 ms later at the same spot, while the first is pending."""
     rows = frames(trace(view(0, 0, 0.5), view(1, 50 * MS, 0.7)))["genie"]
     assert rows["coalesced"].tolist() == [False, True]
     assert rows.loc[0, "fresh_answer_ns"] == rows.loc[1, "fresh_answer_ns"]

@@ -3,20 +3,33 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from genie_sim import build
 from genie_sim.messages import Detections, Header
-from genie_sim.scenario.links import LINKS, LinkProfile
+from genie_sim.scenario.links import LINKS
 from genie_sim.sim.clock import Clock
 from genie_sim.sim.link import Link
+from genie_sim.sim.link_models.wire import Wire
 
 IMAGE_BYTES = 1_397_297  # sensor_msgs/Image, bgr8, 1242 x 375
-LAN = LINKS["ethernet_1g"]
+
+
+def wire(name: str = "ethernet_1g", **changes: Any) -> Wire:
+    """A shipped link but for some settings."""
+    made = build.link_model(LINKS[name])
+    assert isinstance(made, Wire)
+    return replace(made, **changes)
+
+
+LAN = wire()
 
 
 class Sized:
@@ -27,10 +40,10 @@ class Sized:
         self.size_bytes = size_bytes
 
 
-class Wire:
+class Line:
     """A link, and what happened on it: arrivals as (message's number, when), what was lost, what was carried."""
 
-    def __init__(self, profile: LinkProfile, up: bool = True, queue_length: int = 10**9, seed: int = 1) -> None:
+    def __init__(self, model: Wire, up: bool = True, queue_length: int = 10**9, seed: int = 1) -> None:
         self.env = Clock()
         self.arrived: list[tuple[int, int]] = []
         self.lost: list[int] = []
@@ -38,9 +51,7 @@ class Wire:
         self.link = Link(
             self.env,
             "car1->edge1",
-            profile,
-            up,
-            np.random.default_rng(seed),
+            model.channel(up, np.random.default_rng(seed)),
             queue_length,
             lambda message, where: self.lost.append(message.header.stamp_ns),
         )
@@ -58,16 +69,16 @@ class Wire:
 
         self.env.timeout(at_ns).callbacks.append(lambda _: now())
 
-    def run(self) -> Wire:
+    def run(self) -> Line:
         self.env.run()
         return self
 
 
-def alone(profile: LinkProfile, size_bytes: int, up: bool = True) -> int:
+def alone(model: Wire, size_bytes: int, up: bool = True) -> int:
     """How long one message takes from one end to the other."""
-    wire = Wire(profile, up)
-    wire.send(0, 1, size_bytes)
-    return wire.run().arrived[0][1]
+    line = Line(model, up)
+    line.send(0, 1, size_bytes)
+    return line.run().arrived[0][1]
 
 
 @given(st.integers(0, 10**8))
@@ -87,57 +98,55 @@ def test_the_formula_agrees_with_measured_times():
     Measured over a veth pair; the formula is within 1.1 %.
     """
     for name, measured_ms in (("ethernet_1g", 11.77), ("ethernet_100m", 115.7)):
-        profile = LINKS[name].model_copy(update={"overhead_bytes": 66, "delay_ns": 0})
-        assert alone(profile, IMAGE_BYTES) / 1e6 == pytest.approx(measured_ms, rel=0.011)
-    fast, slow = LINKS["ethernet_1g"], LINKS["ethernet_100m"]
+        assert alone(wire(name, overhead_bytes=66, delay_ns=0), IMAGE_BYTES) / 1e6 == pytest.approx(measured_ms, rel=0.011)
+    fast, slow = wire("ethernet_1g"), wire("ethernet_100m")
     assert alone(slow, IMAGE_BYTES) - slow.delay_ns == 10 * (alone(fast, IMAGE_BYTES) - fast.delay_ns)
 
 
 def test_up_and_down_have_their_own_rates():
-    asymmetric = LAN.model_copy(update={"rate_up_bps": 10**7, "rate_down_bps": 10**8, "delay_ns": 0})
+    asymmetric = wire(rate_up_bps=10**7, rate_down_bps=10**8, delay_ns=0)
     assert alone(asymmetric, IMAGE_BYTES, up=True) == 10 * alone(asymmetric, IMAGE_BYTES, up=False) == 1_187_317_600
 
 
 def test_part_of_a_nanosecond_is_a_whole_one():
     """Time is whole nanoseconds, and no message is faster than its wire."""
-    odd = LAN.model_copy(update={"rate_up_bps": 3 * 10**9, "delay_ns": 0})
+    odd = wire(rate_up_bps=3 * 10**9, delay_ns=0)
     assert alone(odd, 1) == math.ceil(8 * 91 / 3)
     assert isinstance(alone(odd, 1), int)
 
 
 def test_the_ideal_link_takes_no_time_for_anything():
-    wire = Wire(LINKS["ideal"])
+    line = Line(wire("ideal"))
     for number in range(5):
-        wire.send(7, number)
-    assert wire.run().arrived == [(number, 7) for number in range(5)]
-    assert wire.link.busy_ns == 0
+        line.send(7, number)
+    assert line.run().arrived == [(number, 7) for number in range(5)]
+    assert line.link.busy_ns == 0
 
 
 def test_messages_sent_together_follow_each_other_on_the_wire():
-    wire = Wire(LAN)
+    line = Line(LAN)
     for number in range(4):
-        wire.send(1000, number)
-    wire.run()
-    assert wire.arrived == [(n, 1000 + (n + 1) * LAN.wire_bits(IMAGE_BYTES) + LAN.delay_ns) for n in range(4)]
-    assert wire.link.busy_ns == 4 * LAN.wire_bits(IMAGE_BYTES), "the delay of the cable keeps no wire busy"
+        line.send(1000, number)
+    line.run()
+    assert line.arrived == [(n, 1000 + (n + 1) * LAN.wire_bits(IMAGE_BYTES) + LAN.delay_ns) for n in range(4)]
+    assert line.link.busy_ns == 4 * LAN.wire_bits(IMAGE_BYTES), "the delay of the cable keeps no wire busy"
 
 
 def test_a_small_answer_waits_for_the_image_before_it():
-    wire = Wire(LAN)
-    wire.send(0, 1)
-    wire.send(1, 2, size_bytes=426, channel="objects")
-    wire.run()
-    assert wire.arrived[1] == (2, LAN.wire_bits(IMAGE_BYTES) + LAN.wire_bits(426) + LAN.delay_ns)
+    line = Line(LAN)
+    line.send(0, 1)
+    line.send(1, 2, size_bytes=426, channel="objects")
+    line.run()
+    assert line.arrived[1] == (2, LAN.wire_bits(IMAGE_BYTES) + LAN.wire_bits(426) + LAN.delay_ns)
 
 
 @given(st.lists(st.tuples(st.integers(0, 50_000_000), st.integers(1, 10**6)), min_size=2, max_size=20))
 def test_jitter_keeps_the_order_and_its_bounds(messages: list[tuple[int, int]]):
     jitter_ns = 30_000_000
-    profile = LAN.model_copy(update={"jitter_ns": jitter_ns})
-    steady, shaken = Wire(LAN), Wire(profile)
+    steady, shaken = Line(LAN), Line(wire(jitter_ns=jitter_ns))
     for number, (at_ns, size_bytes) in enumerate(sorted(messages)):
-        for wire in (steady, shaken):
-            wire.send(at_ns, number, size_bytes)
+        for line in (steady, shaken):
+            line.send(at_ns, number, size_bytes)
     steady.run()
     shaken.run()
     assert [number for number, _ in shaken.arrived] == [number for number, _ in steady.arrived]
@@ -149,12 +158,12 @@ def test_jitter_keeps_the_order_and_its_bounds(messages: list[tuple[int, int]]):
 def test_jitter_is_uniform_from_zero_to_its_limit():
     """Mean of a uniform draw: half the limit (1000 messages, seed 1, margin 4 standard errors)."""
     limit_ns, count = 4_000_000, 1000
-    wire = Wire(LAN.model_copy(update={"jitter_ns": limit_ns}))
+    line = Line(wire(jitter_ns=limit_ns))
     for number in range(count):
-        wire.send(number * 100_000_000, number)
-    wire.run()
+        line.send(number * 100_000_000, number)
+    line.run()
     least_ns = LAN.wire_bits(IMAGE_BYTES) + LAN.delay_ns
-    late_ns = np.array([at_ns - number * 100_000_000 - least_ns for number, at_ns in wire.arrived])
+    late_ns = np.array([at_ns - number * 100_000_000 - least_ns for number, at_ns in line.arrived])
     error_ns = limit_ns / math.sqrt(12 * count)
     print(f"\nmean jitter {late_ns.mean():.0f} ns, expected {limit_ns / 2:.0f} +- {4 * error_ns:.0f}")
     assert abs(late_ns.mean() - limit_ns / 2) < 4 * error_ns
@@ -167,90 +176,92 @@ def test_messages_are_lost_with_the_profile_s_probability(loss: float):
     from scipy.stats import binom
 
     count = 4000
-    wire = Wire(LAN.model_copy(update={"loss": loss}), seed=3)
+    line = Line(wire(loss=loss), seed=3)
     for number in range(count):
-        wire.send(number * 20_000_000, number)
-    wire.run()
+        line.send(number * 20_000_000, number)
+    line.run()
     low, high = binom.interval(0.999, count, loss)
-    print(f"\nlost {len(wire.lost)} of {count}, expected from {low:.0f} to {high:.0f}")
-    assert low <= len(wire.lost) <= high
-    assert sorted(wire.lost + [number for number, _ in wire.arrived]) == list(range(count))
+    print(f"\nlost {len(line.lost)} of {count}, expected from {low:.0f} to {high:.0f}")
+    assert low <= len(line.lost) <= high
+    assert sorted(line.lost + [number for number, _ in line.arrived]) == list(range(count))
 
 
 @pytest.mark.parametrize(("loss", "arrive"), [(0.0, 50), (1.0, 0)])
 def test_a_link_that_loses_nothing_or_everything(loss: float, arrive: int):
-    wire = Wire(LAN.model_copy(update={"loss": loss}))
+    line = Line(wire(loss=loss))
     for number in range(50):
-        wire.send(number, number)
-    wire.run()
-    assert (len(wire.arrived), wire.link.completed, wire.link.drops) == (arrive, arrive, 50 - arrive)
+        line.send(number, number)
+    line.run()
+    assert (len(line.arrived), line.link.completed, line.link.drops) == (arrive, arrive, 50 - arrive)
 
 
 def test_during_an_outage_nothing_gets_through_and_afterwards_everything():
     """The outage is [begin, end): what decides is when a message's last bit leaves."""
     wire_ns = LAN.wire_bits(IMAGE_BYTES)
     begin_ns, end_ns = 100_000_000, 200_000_000
-    wire = Wire(LAN.model_copy(update={"outages_ns": ((begin_ns, end_ns),)}))
+    line = Line(LAN)
+    line.env.after(begin_ns, line.link.down_by.append, "outage")
+    line.env.after(end_ns, line.link.down_by.remove, "outage")
     last_bit_ns = (begin_ns - 1, begin_ns, 150_000_000, end_ns - 1 + wire_ns // 2, end_ns + wire_ns)
     for number, leaves_ns in enumerate(last_bit_ns):
-        wire.send(leaves_ns - wire_ns, number)
-    wire.run()
-    assert wire.lost == [1, 2]
-    assert [number for number, _ in wire.arrived] == [0, 3, 4]
+        line.send(leaves_ns - wire_ns, number)
+    line.run()
+    assert line.lost == [1, 2]
+    assert [number for number, _ in line.arrived] == [0, 3, 4]
 
 
 def test_every_channel_keeps_its_newest_waiting_message_and_counts_the_others():
     """As a ROS publisher with queue length 1 does; 0 is on the wire already when the others come."""
-    wire = Wire(LAN, queue_length=1)
+    line = Line(LAN, queue_length=1)
     for number, channel in enumerate(("camera_02", "camera_02", "camera_03", "camera_02", "camera_03", "camera_02")):
-        wire.send(number, number, channel=channel)
-    wire.run()
-    assert [number for number, _ in wire.arrived] == [0, 4, 5]
-    assert wire.lost == [1, 2, 3] and wire.link.drops == 3
+        line.send(number, number, channel=channel)
+    line.run()
+    assert [number for number, _ in line.arrived] == [0, 4, 5]
+    assert line.lost == [1, 2, 3] and line.link.drops == 3
 
 
 def test_of_a_longer_queue_the_oldest_message_goes_first():
-    wire = Wire(LAN, queue_length=2)
+    line = Line(LAN, queue_length=2)
     for number in range(5):
-        wire.send(number, number)
-    wire.run()
-    assert [number for number, _ in wire.arrived] == [0, 3, 4]
+        line.send(number, number)
+    line.run()
+    assert [number for number, _ in line.arrived] == [0, 3, 4]
 
 
 @given(
     st.lists(st.tuples(st.integers(0, 40_000_000), st.sampled_from("ab")), min_size=1, max_size=30), st.integers(1, 3)
 )
 def test_published_is_arrived_or_dropped_and_at_most_the_queue_waits(messages: list[tuple[int, str]], length: int):
-    wire = Wire(LAN, queue_length=length)
+    line = Line(LAN, queue_length=length)
     for number, (at_ns, channel) in enumerate(messages):
-        wire.send(at_ns, number, channel=channel)
-    while wire.env.peek() != float("inf"):
-        wire.env.step()
-        assert wire.link.queued <= 2 * length, "one queue for each of two channels"
-    numbers = [number for number, _ in wire.arrived]
-    assert sorted(numbers + wire.lost) == list(range(len(messages)))
-    assert (wire.link.completed, wire.link.drops) == (len(numbers), len(wire.lost))
+        line.send(at_ns, number, channel=channel)
+    while line.env.peek() != float("inf"):
+        line.env.step()
+        assert line.link.queued <= 2 * length, "one queue for each of two channels"
+    numbers = [number for number, _ in line.arrived]
+    assert sorted(numbers + line.lost) == list(range(len(messages)))
+    assert (line.link.completed, line.link.drops) == (len(numbers), len(line.lost))
 
 
 def test_bytes_are_those_on_the_wire_lost_ones_too_but_not_those_dropped_before_it():
-    busy = Wire(LAN, queue_length=1)
+    busy = Line(LAN, queue_length=1)
     for number in range(4):
         busy.send(0, number)
     busy.run()
     assert busy.carried == [0, 3] and busy.link.sent_bytes == 2 * IMAGE_BYTES
-    lossy = Wire(LAN.model_copy(update={"loss": 1.0}))
+    lossy = Line(wire(loss=1.0))
     lossy.send(0, 1)
     lossy.run()
     assert lossy.carried == [1] and lossy.link.sent_bytes == IMAGE_BYTES and lossy.link.completed == 0
 
 
 def test_the_use_of_the_wire_is_known_while_a_message_is_on_it():
-    wire = Wire(LAN)
-    wire.send(1000, 1)
-    wire.env.run(until=1000 + 500)
-    assert wire.link.busy_ns == 500
-    wire.run()
-    assert wire.link.busy_ns == LAN.wire_bits(IMAGE_BYTES)
+    line = Line(LAN)
+    line.send(1000, 1)
+    line.env.run(until=1000 + 500)
+    assert line.link.busy_ns == 500
+    line.run()
+    assert line.link.busy_ns == LAN.wire_bits(IMAGE_BYTES)
 
 
 def test_an_answer_of_eight_objects_is_433_times_smaller_than_the_image():

@@ -9,12 +9,14 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from sim.street import FOV_RAD, fixed_device
 from theory.replications import equivalent, replicate
 
+from genie_sim import build
 from genie_sim.messages import CameraPose, Detections, Header, Image
 from genie_sim.perception.trace import TraceFrame
 from genie_sim.scenario.links import LINKS
@@ -121,7 +123,7 @@ def test_a_wrong_service_law_would_be_noticed():
     assert not equivalent(waits[:2], expected=float(np.mean(waits[:2])), margin=0.05)
 
 
-def test_little_s_law_and_utilisation():
+def test_little_s_law_and_utilization():
     """What a run samples every 100 ms (queue, time used) agrees with what happened: L = lambda W, U = rho."""
     rho, customers = 0.7, 3000
 
@@ -151,7 +153,7 @@ def test_little_s_law_and_utilisation():
     assert used == (1.0, 1.0)
 
 
-def test_time_in_use_counts_the_job_under_way():
+def test_time_in_use_counts_the_job_in_service():
     env = Clock()
     processor = Processor(env, "edge1.accelerator", "accelerator", 2)
     for service_ns in (100, 300, 500):
@@ -173,7 +175,7 @@ def detector_run(rng: np.random.Generator, rho: float, queue_length: int, images
     """Images come to a detector at random: stamps of those answered, of those dropped, and the waits [ns]."""
     env = Clock()
     device = fixed_device("edge1", detector=f"{SERVICE_NS} ns", hop="0 ms", per_megabyte="0 ms")
-    host = Host(env, "edge1", device, device.service_time("autoware_vision_detector"), rng, rng)
+    host = Host(env, "edge1", build.device(device, "autoware_vision_detector"), rng, rng)
     graph = Graph(env, "edge1")
     answered: list[int] = []
     waits: list[int] = []
@@ -248,9 +250,9 @@ def test_a_link_with_poisson_messages_matches_m_d_1():
 
     def experiment(rng: np.random.Generator) -> float:
         env = Clock()
-        profile = LINKS["ethernet_1g"].model_copy(update={"delay_ns": 0})
-        link = Link(env, "car1->edge1", profile, True, rng, queue_length=10**9)
-        wire_ns = link.serialisation_ns(1_397_297)
+        channel = replace(build.link_model(LINKS["ethernet_1g"]), delay_ns=0).channel(True, rng)
+        link = Link(env, "car1->edge1", channel, queue_length=10**9)
+        wire_ns = channel.occupied_ns(1_397_297, 0)
         came_ns: deque[int] = deque()
         waits: list[int] = []
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from genie_sim.units import NS_PER_S
+from genie_sim.units import NS_PER_S, rate_text, size_text
 
 ETHERNET_PAYLOAD_BYTES = 1448  # a segment's payload at MTU 1500, TCP with time stamps
 ETHERNET_OVERHEAD_BYTES = 90  # its headers, preamble, gap and check sequence on the wire
@@ -32,11 +32,11 @@ class Wire:
         for name in ("rate_up", "rate_down"):
             rate = getattr(self, f"{name}_bps")
             if rate is not None and rate <= 0:
-                raise ValueError(f"{name}: must be more than zero, but is {rate}")
+                raise ValueError(f"{name}: must be more than zero, but is {rate_text(rate)}")
         if not 0 <= self.loss <= 1:
             raise ValueError(f"loss: must be from 0 to 1, but is {self.loss:g}")
         if self.mtu_payload_bytes <= 0:
-            raise ValueError(f"mtu_payload: must be more than zero, but is {self.mtu_payload_bytes}")
+            raise ValueError(f"mtu_payload: must be more than zero, but is {size_text(self.mtu_payload_bytes)}")
 
     def wire_bits(self, size_bytes: int) -> int:
         """What a message of ``size_bytes`` takes on the wire: every segment has its overhead."""
