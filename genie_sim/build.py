@@ -10,6 +10,7 @@ from genie_sim import plugins
 from genie_sim.core import genies
 from genie_sim.errors import UserError
 from genie_sim.methods import METHODS, MUST_HAVE
+from genie_sim.monitor import Monitor
 from genie_sim.perception.sources import Drive
 from genie_sim.plugins import Choice
 from genie_sim.scenario.faults import check_faults, timed
@@ -19,7 +20,6 @@ from genie_sim.scenario.profiles import DeviceProfile
 from genie_sim.scenario.scenario import Scenario
 from genie_sim.sim.fault import TimedFault
 from genie_sim.sim.link_models import LINK_MODELS, LinkModel
-from genie_sim.sim.monitor import Monitor
 from genie_sim.sim.service import Device, HopTime, ServiceTime
 from genie_sim.sim.setup import CameraSetup, CarSetup, EdgeSetup, Setup
 from genie_sim.sim.station import Method

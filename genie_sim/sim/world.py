@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
 from genie_sim import seeds
 from genie_sim.messages import Observation
+from genie_sim.monitor import Monitor, Placement, Resource
 from genie_sim.sim import fault
 from genie_sim.sim.cameras import Camera
 from genie_sim.sim.clock import Clock, Process
@@ -15,7 +16,6 @@ from genie_sim.sim.device import Host
 from genie_sim.sim.link import Link
 from genie_sim.sim.link_models import LinkModel
 from genie_sim.sim.listener import CarListener
-from genie_sim.sim.monitor import Monitor, Placement, Resource
 from genie_sim.sim.nodes import Detector, InterceptorNode, attach
 from genie_sim.sim.ros_graph import Graph
 from genie_sim.sim.service import Device
@@ -171,8 +171,3 @@ class World:
 def is_at(link: Link, target: str) -> bool:
     """Whether a link is called ``target`` or has an end there."""
     return target == link.name or target in link.name.split("->")
-
-
-def targets(setup: Setup) -> Sequence[str]:
-    """Whatever a fault can befall: cars, edges, the network between edges."""
-    return (*(car.name for car in setup.cars), *(edge.name for edge in setup.edges), EDGES)
