@@ -21,7 +21,7 @@ from genie_sim.sim.ros_graph import Graph
 from genie_sim.sim.service import Device
 from genie_sim.sim.setup import CarSetup, Setup
 from genie_sim.sim.station import DETECTOR, IMAGES, OBJECTS, Method, Place, Station
-from genie_sim.sim.topology import EDGES, Edge, join_edges
+from genie_sim.sim.topology import Edge, join_edges
 from genie_sim.sim.uplinks import CarUplink
 
 SAMPLE_NS = 100_000_000
