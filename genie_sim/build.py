@@ -140,7 +140,7 @@ def method_facts(scenario: Scenario) -> list[dict[str, Any]]:
 def check_faults_of(scenario: Scenario) -> None:
     """Raises ``UserError`` for a fault that befalls what is not there; a fleet's cars are known only now."""
     edges = [edge.name for edge in scenario.edges]
-    for field, text in check_faults(scenario.faults, {car.name: car.edge for car in scenario.cars}, edges):
+    for field, text in check_faults(scenario.faults, {car.name: car.edge for car in scenario.cars}, edges, own=True):
         raise UserError(f"{scenario.name}: {field}: {text}")
 
 

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from genie_sim import seeds
+from genie_sim.errors import UserError, unknown
 from genie_sim.messages import Observation
 from genie_sim.monitor import Monitor, Placement, Resource
 from genie_sim.sim import fault
@@ -85,6 +86,21 @@ class World:
     def links_at(self, target: str) -> Iterator[Link]:
         """The links called ``target``, or those with an end there: a car, an edge, or ``edges`` for their network."""
         return (link for link in self.links.values() if is_at(link, target))
+
+    def void(self, host: str, where: str) -> None:
+        """What is queued and in service on a host is lost, dropped by ``where``, and its nodes forget what they know.
+
+        Nothing happens where the method has put nothing. Raises ``UserError`` for a host that is not there.
+        """
+        known = [one.name for one in (*self.setup.cars, *self.setup.edges)]
+        if host not in known:
+            raise UserError(unknown("host", host, known))
+        if host in self.hosts:
+            computer, graph = self.hosts[host]
+            for node in graph.nodes:
+                node.void(where)
+            computer.accelerator.void()
+            computer.cpu.void()
 
     def front(self, host: str) -> str:
         """The address of the node on a host that takes what comes over links."""
