@@ -184,7 +184,7 @@ def profile(
     ] = False,
 ) -> None:
     """Measure a detector on this machine into a device profile. Or take measured latencies."""
-    from genie_sim.perception import device_fit
+    from genie_sim import device_fit
 
     if (detector is None) == (csv is None):
         raise UserError("profile: give either --detector, to measure here, or --csv, with latencies measured elsewhere")
