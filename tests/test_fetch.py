@@ -95,7 +95,7 @@ def server(monkeypatch):
 
 @pytest.fixture
 def nano(server, monkeypatch):
-    model = fetch.Model("yolox_nano.onnx", f"{server.base}/yolox_nano.onnx", len(CONTENT), SHA256)
+    model = fetch.WeightsFile("yolox_nano.onnx", f"{server.base}/yolox_nano.onnx", len(CONTENT), SHA256)
     monkeypatch.setitem(fetch.MODELS, "yolox-nano", model)
     server.files["/yolox_nano.onnx"] = CONTENT
     return model

@@ -15,7 +15,7 @@ from genie_sim.errors import UserError
 from genie_sim.messages import CameraPose, Detection
 from genie_sim.perception.evaluation import evaluate, iou, table
 from genie_sim.perception.trace import Trace, TraceFrame, read_trace
-from genie_sim.perception.truth import Labelled, Truth, read_truth
+from genie_sim.perception.truth import Labelled, PictureLabels, read_truth
 
 BOX = (100.0, 100.0, 200.0, 160.0)
 ELSEWHERE = (400.0, 100.0, 500.0, 160.0)
@@ -34,7 +34,7 @@ def car(score, box=BOX, location=PLACE, label="car", method="scan"):
 def judged(frames, labels, min_score=0.3, parked=()):
     trace = Trace("made up", (49.0, 8.4, 100.0), {"02": tuple(frames)}, {})
     pictures = {("02", one.index): list(labels.get(one.index, ())) for one in frames}
-    return evaluate(trace, Truth("made up", pictures, frozenset(parked)), min_score)
+    return evaluate(trace, PictureLabels("made up", pictures, frozenset(parked)), min_score)
 
 
 def label(box=BOX, counts=True, group="vehicles", centre=PLACE, track=1):

@@ -18,7 +18,7 @@ import numpy as np
 from genie_sim.core.geometry import Array
 from genie_sim.messages import Box, Detection
 from genie_sim.perception.trace import MIN_HEIGHT_PX, Trace
-from genie_sim.perception.truth import Labelled, Truth
+from genie_sim.perception.truth import Labelled, PictureLabels
 
 LABELS = {"vehicles": ("car", "truck", "bus"), "persons": ("person",)}
 MIN_IOU = {"vehicles": 0.5, "persons": 0.4}
@@ -99,7 +99,7 @@ class Steadiness(NamedTuple):
 class Evaluation:
     """A trace judged. ``min_score`` is that of the trace as it is used: average precision looks below it."""
 
-    truth: Truth
+    truth: PictureLabels
     groups: Mapping[str, Group]
     min_score: float
 
@@ -125,7 +125,7 @@ class Evaluation:
         return rows
 
 
-def evaluate(trace: Trace, truth: Truth, min_score: float) -> Evaluation:
+def evaluate(trace: Trace, truth: PictureLabels, min_score: float) -> Evaluation:
     """Judge a trace, in the pictures that have labels. Average precision means most where the trace has weak detections
     too (``perceive.LOWEST_SCORE``)."""
     return Evaluation(truth, {name: _judge(name, trace, truth) for name in LABELS}, min_score)
@@ -138,7 +138,7 @@ def iou(box: Box, boxes: Array) -> Array:
     return shared / np.maximum(union, 1e-9)
 
 
-def _judge(group: str, trace: Trace, truth: Truth) -> Group:
+def _judge(group: str, trace: Trace, truth: PictureLabels) -> Group:
     found = [
         (detection, detection.box, (camera, frame.index), frame.pose)
         for camera, frames in trace.frames.items()

@@ -31,7 +31,7 @@ MOST_RATIO = 100  # of an archive's entry; scans and pictures shrink by a fifth 
 Progress = Callable[[int, int], None]
 
 
-class Model(NamedTuple):
+class WeightsFile(NamedTuple):
     """A weights file: what ``--detector`` calls it, where it is published, and its bytes and SHA-256."""
 
     file_name: str
@@ -43,19 +43,19 @@ class Model(NamedTuple):
 # Hashes and sizes as several public projects pin them.
 YOLOX = "https://github.com/Megvii-BaseDetection/YOLOX/releases/download/0.1.1rc0"
 MODELS = {
-    "yolox-nano": Model(
+    "yolox-nano": WeightsFile(
         "yolox_nano.onnx",
         f"{YOLOX}/yolox_nano.onnx",
         3_659_407,
         "c789161ed43c8269fcd4e67c67eeeb4e80c622da2eb296a20bc6007bd18a0b7d",
     ),
-    "yolox-tiny": Model(
+    "yolox-tiny": WeightsFile(
         "yolox_tiny.onnx",
         f"{YOLOX}/yolox_tiny.onnx",
         20_219_662,
         "427cc366d34e27ff7a03e2899b5e3671425c262ea2291f88bb942bc1cc70b0f7",
     ),
-    "yolox-s": Model(
+    "yolox-s": WeightsFile(
         "yolox_s.onnx",
         f"{YOLOX}/yolox_s.onnx",
         35_858_002,

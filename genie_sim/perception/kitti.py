@@ -52,7 +52,7 @@ class CameraFrame:
 
 
 @dataclass(frozen=True, slots=True)
-class Drive:
+class KittiDrive:
     """One drive, opened and checked by ``open_drive``."""
 
     name: str
@@ -98,7 +98,7 @@ def open_drive(
     cameras: Sequence[str] = ("02", "03"),
     origin: Geodetic | None = None,
     allow_missing_scans: bool = False,
-) -> Drive:
+) -> KittiDrive:
     """Open a drive such as ``2011_09_26/0005`` of a folder in KITTI's raw layout, with JPEG or PNG images.
 
     ``origin`` is the world's geodetic origin, by default the drive's first GPS fix. Raises UserError, naming the file
@@ -129,7 +129,7 @@ def open_drive(
     decisive += [path for sequence in images.values() for path in sequence.values()]
     decisive += [paths[i] for paths in (oxts_paths, scan_paths) for i in sorted(numbers & paths.keys())]
     named = tuple((path.relative_to(root).as_posix(), path) for path in decisive)
-    return Drive(drive, origin, frames, world_SE3_imu, raw.calib, scan_paths, named)
+    return KittiDrive(drive, origin, frames, world_SE3_imu, raw.calib, scan_paths, named)
 
 
 def read_image(path: Path) -> np.ndarray:

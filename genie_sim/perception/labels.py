@@ -36,7 +36,7 @@ MOVING_MPS = 0.5
 
 
 @dataclass(frozen=True, slots=True)
-class Track:
+class LabelledTrack:
     """One labelled object: its kind, and its centre (n, 3) [m] at each of its time stamps [ns]."""
 
     kind: str
@@ -62,7 +62,7 @@ class Labels:
     """All labelled objects of one drive around one geodetic origin; time counts from the drive's first frame."""
 
     origin: Geodetic
-    tracks: tuple[Track, ...]
+    tracks: tuple[LabelledTrack, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,7 +124,7 @@ def read_tracklets(root: str | Path, drive: str, origin: Geodetic | None = None)
         known = [frame for frame in frames if frame in stamps_ns and frame in world_SE3_velo]
         if item.kind in KINDS and known:
             places = np.array([transform(world_SE3_velo[frame], item.centres[frame - item.first]) for frame in known])
-            tracks.append(Track(KINDS[item.kind], tuple(stamps_ns[frame] for frame in known), places))
+            tracks.append(LabelledTrack(KINDS[item.kind], tuple(stamps_ns[frame] for frame in known), places))
     return Labels(opened.origin, tuple(tracks))
 
 
@@ -141,7 +141,7 @@ def read_tracking_labels(training: str | Path, sequence: str, origin: Geodetic |
             _, stamps_ns, centres = seen.setdefault(label.track, (KINDS[label.kind], [], []))
             stamps_ns.append(label.frame * FRAME_NS)
             centres.append(transform(drive.world_SE3_camera0[label.frame], label.centre))
-    return Labels(drive.origin, tuple(Track(kind, tuple(s), np.array(c)) for kind, s, c in seen.values()))
+    return Labels(drive.origin, tuple(LabelledTrack(kind, tuple(s), np.array(c)) for kind, s, c in seen.values()))
 
 
 def tracking_labels(path: Path, frames: int) -> list[TrackingLabel]:

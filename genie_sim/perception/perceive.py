@@ -13,8 +13,8 @@ from genie_sim.core.geometry import Geodetic
 from genie_sim.errors import UserError
 from genie_sim.paths import expanded
 from genie_sim.perception import placement, tuning
-from genie_sim.perception.detector import Detector, make_detector
-from genie_sim.perception.kitti import ATTRIBUTION, CameraFrame, Drive, open_drive
+from genie_sim.perception.detector import ImageDetector, make_detector
+from genie_sim.perception.kitti import ATTRIBUTION, CameraFrame, KittiDrive, open_drive
 from genie_sim.perception.onnx_detector import CPU, MIN_SCORE, NMS_IOU
 from genie_sim.perception.pipeline import trace_frames
 from genie_sim.perception.trace import Trace, TraceFrame
@@ -91,7 +91,7 @@ def perceive(
     return Trace(f"kitti_{drive.split('/')[1]}", opened.origin, by_camera, provenance)
 
 
-def in_turn(drive: Drive) -> list[CameraFrame]:
+def in_turn(drive: KittiDrive) -> list[CameraFrame]:
     """Frame by frame, all cameras of each: they share a scan."""
     frames = (frame for sequence in drive.frames.values() for frame in sequence)
     return sorted(frames, key=lambda frame: (frame.index, frame.camera))
@@ -105,7 +105,7 @@ def images(root: Path, drive: str, cameras: Sequence[str]) -> dict[tuple[str, in
     return {(camera, frame.index): frame.image_path for camera in opened.frames for frame in opened.frames[camera]}
 
 
-def _provenance(drive: Drive, detector: Detector, min_score: float) -> dict[str, Any]:
+def _provenance(drive: KittiDrive, detector: ImageDetector, min_score: float) -> dict[str, Any]:
     return {
         "data": ATTRIBUTION,
         "drive": drive.name,

@@ -13,8 +13,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 from genie_sim.errors import UserError
-from genie_sim.perception.detector import Detector
-from genie_sim.perception.kitti import CameraFrame, Drive
+from genie_sim.perception.detector import ImageDetector
+from genie_sim.perception.kitti import CameraFrame, KittiDrive
 from genie_sim.perception.pipeline import trace_frames
 
 BATCHES = (1, 2, 4)
@@ -42,9 +42,9 @@ class Choice:
 
 
 def fastest(
-    drive: Drive,
+    drive: KittiDrive,
     frames: Sequence[CameraFrame],
-    make: Callable[[int, int], Detector],
+    make: Callable[[int, int], ImageDetector],
     threads: int | None = None,
     batch: int | None = None,
 ) -> Choice:
@@ -53,7 +53,7 @@ def fastest(
     ``make`` opens the detector with so many threads and so large a batch. Raises UserError where none can be opened.
     """
     counts = thread_counts(os.cpu_count() or 1) if threads is None else [threads]
-    detectors: dict[Setting, Detector] = {}
+    detectors: dict[Setting, ImageDetector] = {}
     refused: dict[Setting, str] = {}
     for setting in [(count, size) for size in (BATCHES if batch is None else [batch]) for count in counts]:
         try:

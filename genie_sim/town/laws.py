@@ -72,17 +72,17 @@ class GroupLaws:
         self.prone = 0
 
 
-class Fleeting(NamedTuple):
-    """Ghosts that are seen once and nowhere again: how many a frame, how far away and how sure (quantiles)."""
+class TransientLaw(NamedTuple):
+    """False positives that are seen once: how many per frame; quantiles of their ranges [m] and of their scores."""
 
     label: str
-    a_frame: float
+    per_frame: float
     range_m: tuple[float, ...]
     scores: tuple[float, ...]
 
 
 class DetectorLaws:
-    """All laws: of real objects, of ghosts that stand at places where nothing is, and of fleeting ones."""
+    """All laws: of real objects, of ghosts that stand at places where nothing is, and of transient ones."""
 
     def __init__(self, fitted: Mapping[str, Any]) -> None:
         self.provenance: Mapping[str, Any] = fitted["provenance"]
@@ -95,8 +95,8 @@ class DetectorLaws:
         self._ghosts = {name: GroupLaws(group) for name, group in fitted["ghosts"].items() if group["places"]}
         ghosts = [(GHOST_LABELS[name], group) for name, group in sorted(fitted["ghosts"].items())]
         self.ghosts_per_100m = {label: float(group["per_100m"]) for label, group in ghosts if group["places"]}
-        self.fleeting = tuple(
-            Fleeting(
+        self.transient = tuple(
+            TransientLaw(
                 label, group["fleeting_a_frame"], tuple(group["fleeting_range_m"]), tuple(group["fleeting_scores"])
             )
             for label, group in ghosts
