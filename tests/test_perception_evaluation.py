@@ -120,7 +120,17 @@ def test_detections_below_the_threshold_count_for_average_precision_only():
 def test_an_empty_trace_is_judged_too():
     e = judged([frame()], {})
     assert math.isnan(e.groups["vehicles"].average_precision())
-    assert "| vehicles (IoU 0.5) | 0 | nan |" in table(e)
+    text = table(e)
+    assert "| vehicles (IoU 0.5) | 0 | - | - | - | - |" in text
+    assert "No labels of vehicles or persons count in these pictures: what was missed is unknown." in text
+    assert "nan" not in text
+
+
+def test_nothing_found_of_what_is_labelled_is_a_precision_of_zero():
+    e = judged([frame()], {0: [label()]})
+    assert e.groups["vehicles"].average_precision() == 0.0
+    assert "| vehicles (IoU 0.5) | 1 | 0.000 | - | 0.00 | - |" in table(e)
+    assert "No labels of persons count in these pictures" in table(e)
 
 
 boxes = st.tuples(st.floats(0, 500), st.floats(0, 300), st.floats(1, 500), st.floats(1, 300)).map(

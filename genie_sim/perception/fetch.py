@@ -26,7 +26,8 @@ TIMEOUT_S = 30.0  # without a byte
 CHUNK_BYTES = 1 << 18
 TRIES = 3
 MOST_UNPACKED_BYTES = 20 * 10**9  # KITTI's longest raw drives unpack to about 8 GB
-MOST_RATIO = 100  # of an archive's entry; scans and pictures shrink by a fifth at most
+MOST_ENTRIES = 200_000  # KITTI's longest raw drive has about 31,000 files
+MOST_RATIO = 100  # of an archive; scans and pictures shrink by a fifth at most, text to a tenth
 
 Progress = Callable[[int, int], None]
 
@@ -150,12 +151,12 @@ def download(
 
 
 def unpack(archive: Path, folder: Path, most_bytes: int = MOST_UNPACKED_BYTES) -> list[Path]:
-    """Files of a ZIP archive into a folder. Nothing is written if an entry would leave the folder, is a link, is
-    encrypted, appears twice, or unpacks to far more than it should; UserError says which."""
+    """Files of a ZIP archive into a folder. Nothing is written if an entry has no name, would leave the folder, is a
+    link, is encrypted or appears twice, or if all of them are too many or unpack to too much; UserError says which."""
     root = folder.resolve()
     try:
         with zipfile.ZipFile(archive) as packed:
-            entries = [entry for entry in packed.infolist() if not entry.is_dir()]
+            entries = [entry for entry in packed.infolist() if not entry.filename.endswith("/")]
             _check(archive, entries, root, most_bytes)
             for entry in entries:
                 target = root / entry.filename
@@ -178,13 +179,19 @@ def unpack(archive: Path, folder: Path, most_bytes: int = MOST_UNPACKED_BYTES) -
 
 
 def _check(archive: Path, entries: list[zipfile.ZipInfo], root: Path, most_bytes: int) -> None:
-    total = sum(entry.file_size for entry in entries)
+    total, packed = sum(entry.file_size for entry in entries), archive.stat().st_size
+    if len(entries) > MOST_ENTRIES:
+        raise UserError(f"{archive}: has {len(entries):,} files, more than {MOST_ENTRIES:,}")
     if total > most_bytes:
         raise UserError(f"{archive}: unpacks to {total:,} bytes, more than {most_bytes:,}")
+    if total > max(MOST_RATIO * packed, CHUNK_BYTES):
+        raise UserError(f"{archive}: unpacks to {total:,} bytes from {packed:,}, more than {MOST_RATIO} times as many")
     seen: set[str] = set()
     for entry in entries:
         what = f"{archive}: {entry.filename!r}"
         name = PurePosixPath(entry.filename)
+        if not name.name:
+            raise UserError(f"{what} is no name of a file")
         if name.is_absolute() or ".." in name.parts or "\\" in entry.filename or ":" in entry.filename:
             raise UserError(f"{what} leads out of the folder")
         if not (root / name).resolve().is_relative_to(root):
@@ -194,8 +201,6 @@ def _check(archive: Path, entries: list[zipfile.ZipInfo], root: Path, most_bytes
             raise UserError(f"{what} is a link or a device, not a file")
         if entry.flag_bits & 1:
             raise UserError(f"{what} is encrypted")
-        if entry.file_size > MOST_RATIO * max(entry.compress_size, 1) and entry.file_size > CHUNK_BYTES:
-            raise UserError(f"{what} unpacks to {entry.file_size:,} bytes from {entry.compress_size:,}")
         if str(name).lower() in seen:
             raise UserError(f"{what} is in the archive twice")
         seen.add(str(name).lower())

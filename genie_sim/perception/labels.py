@@ -18,7 +18,8 @@ import numpy as np
 from genie_sim.core.geometry import Array, Geodetic, inverse, rotation_from_rpy, transform
 from genie_sim.errors import UserError
 from genie_sim.messages import Box, Location
-from genie_sim.perception.tracking import FRAME_NS, lines, open_sequence
+from genie_sim.perception.files import lines, read_bytes
+from genie_sim.perception.tracking import FRAME_NS, open_sequence
 
 KINDS = {  # KITTI's types by what a detector can tell apart; others (Misc, Tram, DontCare) are no objects here
     "Car": "vehicle",
@@ -168,10 +169,7 @@ def tracking_labels(path: Path, frames: int) -> list[TrackingLabel]:
 def tracklets(path: Path) -> list[Tracklet]:
     """All objects of a ``tracklet_labels.xml``. Raises UserError where it is missing or something else."""
     try:
-        items = ElementTree.parse(path).getroot().findall("tracklets/item")
-        return [_tracklet(item) for item in items]
-    except OSError as error:
-        raise UserError(f"{path}: cannot be read: {error.strerror}") from error
+        return [_tracklet(item) for item in ElementTree.fromstring(read_bytes(path)).findall("tracklets/item")]
     except (ElementTree.ParseError, ValueError, LookupError, OverflowError) as error:
         raise UserError(f"{path}: not KITTI tracklets: {error}") from error
 
@@ -195,5 +193,5 @@ def _tracklet(item: ElementTree.Element) -> Tracklet:
 
 
 def distance_m(a: Location, b: Location) -> float:
-    """In the ground plane."""
+    """How far apart two places are in the ground plane [m]."""
     return math.hypot(a[0] - b[0], a[1] - b[1])

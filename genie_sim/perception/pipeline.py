@@ -18,6 +18,7 @@ import numpy as np
 from genie_sim.core.geometry import Array, transform
 from genie_sim.perception import placement
 from genie_sim.perception.detector import Found, ImageDetector
+from genie_sim.perception.files import read_bytes
 from genie_sim.perception.fingerprint import difference_hash
 from genie_sim.perception.kitti import CameraFrame, KittiDrive, decode_image
 from genie_sim.perception.onnx_detector import OnnxDetector
@@ -113,7 +114,7 @@ def _read(
     scanned: Callable[[int], tuple[Array | None, Plane]],
     frame: CameraFrame,
 ) -> _Picture:
-    data = frame.image_path.read_bytes()
+    data = read_bytes(frame.image_path)
     image = decode_image(frame.image_path, data)
     size = (image.shape[1], image.shape[0])
     fingerprints = (hashlib.sha256(data).hexdigest(), difference_hash(image))

@@ -16,6 +16,8 @@ def difference_hash(height: int, width: int, encoding: str, step: int, data: byt
     """
     import cv2
 
+    from genie_sim.perception.fingerprint import hash_of_grey
+
     if encoding not in CHANNELS:
         raise UserError(f"dhash: no hash for images encoded {encoding!r}; known: {', '.join(sorted(CHANNELS))}")
     channels = CHANNELS[encoding]
@@ -28,5 +30,4 @@ def difference_hash(height: int, width: int, encoding: str, step: int, data: byt
     else:
         code = cv2.COLOR_RGB2GRAY if encoding.startswith("rgb") else cv2.COLOR_BGR2GRAY
         grey = cv2.cvtColor(np.ascontiguousarray(picture[:, :, :3]), code)
-    small = cv2.resize(grey, (9, 8), interpolation=cv2.INTER_AREA).astype(np.int16)
-    return int.from_bytes(np.packbits(small[:, 1:] > small[:, :-1]).tobytes(), "big")
+    return hash_of_grey(grey)
