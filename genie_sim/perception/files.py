@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-import math
 import stat
 from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
 
 from genie_sim.core.geometry import Array
 from genie_sim.errors import UserError
 
+MOST = 1e9  # no number in KITTI's files is larger
 
 def read_bytes(path: Path) -> bytes:
     """All bytes of a regular file. Raises UserError for anything else: a device or a pipe may have no end."""
@@ -32,6 +33,11 @@ def read_text(path: Path) -> str:
     return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
+def within(values: npt.ArrayLike) -> bool:
+    """Whether all values are numbers below ``MOST``: neither infinite nor nan, and their products are finite."""
+    return bool((np.abs(np.asarray(values, dtype=np.float64)) < MOST).all())
+
+
 def lines(path: Path) -> Iterator[tuple[int, list[str]]]:
     """Number (from 1 on) and blank- or comma-separated fields of each line that is not empty."""
     for number, line in enumerate(read_text(path).splitlines(), start=1):
@@ -40,14 +46,14 @@ def lines(path: Path) -> Iterator[tuple[int, list[str]]]:
 
 
 def numbers(path: Path, columns: int) -> Array:
-    """A table (n, columns) of finite numbers. Raises UserError for a line that holds anything else."""
+    """A table (n, columns) of numbers ``within`` bounds. Raises UserError for a line that holds anything else."""
     rows: list[list[float]] = []
     for number, fields in lines(path):
         try:
             row = [float(field) for field in fields]
         except ValueError as error:
             raise UserError(f"{path}: line {number}: {error}") from error
-        if len(row) != columns or not all(map(math.isfinite, row)):
-            raise UserError(f"{path}: line {number}: {len(fields)} fields, expected {columns} finite numbers")
+        if len(row) != columns or not within(row):
+            raise UserError(f"{path}: line {number}: {len(fields)} fields, expected {columns} numbers below {MOST:g}")
         rows.append(row)
     return np.array(rows).reshape(-1, columns)

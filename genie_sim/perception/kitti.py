@@ -21,7 +21,7 @@ import pykitti
 
 from genie_sim.core.geometry import Array, Geodetic, inverse
 from genie_sim.errors import UserError, unknown
-from genie_sim.perception.files import read_bytes, read_text
+from genie_sim.perception.files import read_bytes, read_text, within
 from genie_sim.perception.geodesy import read_oxts, world_SE3_imu
 
 log = logging.getLogger(__name__)
@@ -29,8 +29,6 @@ log = logging.getLogger(__name__)
 CAMERAS = ("00", "01", "02", "03")
 CALIBRATION_FILES = ("calib_cam_to_cam.txt", "calib_imu_to_velo.txt", "calib_velo_to_cam.txt")
 CAM_TO_CAM_KEYS = tuple(f"{matrix}_rect_{camera}" for matrix in "PR" for camera in CAMERAS)
-MOST_SCAN_M = 1e4  # the laser reaches 120 m
-MOST_CALIBRATION = 1e6  # KITTI's largest number is a focal length of about 720 pixels
 STAMP = re.compile(r"\d{4}-\d\d-\d\d \d\d:\d\d:\d\d(\.\d{1,9})?", re.ASCII)
 LAST_BYTES = {".png": b"IEND\xaeB`\x82", ".jpg": b"\xff\xd9"}
 ATTRIBUTION = (
@@ -80,8 +78,8 @@ class KittiDrive:
         if len(data) % 16:
             raise UserError(f"{path}: {len(data)} bytes are not a whole number of 16-byte points: truncated?")
         columns = np.frombuffer(data, np.float32).reshape(-1, 4)[:, :3].T.astype(np.float64, order="C")
-        if not (np.abs(columns) < MOST_SCAN_M).all():
-            raise UserError(f"{path}: the scan has points that are not finite numbers within {MOST_SCAN_M:g} m")
+        if not within(columns):
+            raise UserError(f"{path}: the scan has points that are not finite numbers")
         points: Array = columns.T  # so that each coordinate of all points lies together, which is how they are used
         return points
 
@@ -234,13 +232,14 @@ def _calibration(root: Path, date: str) -> Any:
             raise UserError(f"{path}: not a KITTI calibration file: {error}") from error
         for key in keys:
             value = values.get(key, np.empty(0))
-            if value.size != sizes[key[0]] or not (np.abs(value) < MOST_CALIBRATION).all():
+            if value.size != sizes[key[0]] or not within(value):
                 raise UserError(f"{path}: {key} is missing or has not {sizes[key[0]]} numbers")
     try:
         with np.errstate(all="ignore"):  # a focal length of 0
             calibration = _Calibration(str(root), date, "").calib
-        for camera in CAMERAS:
-            np.linalg.inv(getattr(calibration, f"K_cam{int(camera)}"))
+            for name in ("K_cam0", "K_cam1", "K_cam2", "K_cam3", "T_cam0_velo", "T_velo_imu"):
+                if not within(np.linalg.inv(getattr(calibration, name))):
+                    raise ValueError(f"{name} is singular")
     except ValueError as error:
         raise UserError(f"{root / date}: the calibration is not one of matrices that can be inverted") from error
     return calibration

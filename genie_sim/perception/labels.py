@@ -18,7 +18,7 @@ import numpy as np
 from genie_sim.core.geometry import Array, Geodetic, inverse, rotation_from_rpy, transform
 from genie_sim.errors import UserError
 from genie_sim.messages import Box, Location
-from genie_sim.perception.files import lines, read_bytes
+from genie_sim.perception.files import lines, read_bytes, within
 from genie_sim.perception.tracking import FRAME_NS, open_sequence
 
 KINDS = {  # KITTI's types by what a detector can tell apart; others (Misc, Tram, DontCare) are no objects here
@@ -152,14 +152,14 @@ def tracking_labels(path: Path, frames: int) -> list[TrackingLabel]:
         try:
             frame, track, kind, truncation, occlusion = int(fields[0]), int(fields[1]), fields[2], *fields[3:5]
             x1, y1, x2, y2, height_m, _, _, x, y, z = map(float, (*fields[6:13], *fields[13:16]))
-            finite = np.isfinite([x1, y1, x2, y2, height_m, x, y, z]).all()
+            bounded = within([x1, y1, x2, y2, height_m, x, y, z])
             label = TrackingLabel(
                 frame, track, kind, int(float(truncation)), int(occlusion), (x1, y1, x2, y2), (x, y - height_m / 2, z)
             )
         except (IndexError, ValueError, OverflowError) as error:
             raise UserError(f"{path}: line {number}: not a tracking label: {error}") from error
-        if not finite:
-            raise UserError(f"{path}: line {number}: not a tracking label: a number is not finite")
+        if not bounded:
+            raise UserError(f"{path}: line {number}: not a tracking label: a number is not finite, or too large")
         if not 0 <= frame < frames:
             raise UserError(f"{path}: line {number}: frame {frame} has no line in oxts")
         labels.append(label)
@@ -179,8 +179,8 @@ def _tracklet(item: ElementTree.Element) -> Tracklet:
     poses = [[float(pose.findtext(name, "")) for name in names] for pose in item.findall("poses/item")]
     table = np.array(poses).reshape(-1, len(names))
     height_m, width_m, length_m = (float(item.findtext(name, "")) for name in "hwl")
-    if not np.isfinite([height_m, width_m, length_m, *table.ravel()]).all():
-        raise ValueError("a number is not finite")
+    if not within([height_m, width_m, length_m, *table.ravel()]):
+        raise ValueError("a number is not finite, or too large")
     return Tracklet(
         kind=str(item.findtext("objectType")),
         first=int(item.findtext("first_frame", "")),

@@ -17,7 +17,7 @@ import numpy as np
 from genie_sim.core.geometry import Array, Geodetic, inverse, rigid, transform
 from genie_sim.errors import UserError, unknown
 from genie_sim.messages import Box, Detection
-from genie_sim.perception.files import lines, numbers, read_bytes
+from genie_sim.perception.files import lines, numbers, read_bytes, within
 from genie_sim.perception.geodesy import read_oxts, world_SE3_imu
 from genie_sim.perception.placement import Placement
 from genie_sim.perception.trace import Trace, detection, trace_frame
@@ -234,6 +234,8 @@ def _calibration(path: Path) -> dict[str, Array]:
             found[name] = np.array([float(value) for value in values]).reshape(3, count // 3)
         except ValueError as error:
             raise UserError(f"{path}: {spellings[0]} is missing or has not {count} numbers") from error
-        if not np.isfinite(found[name]).all() or abs(np.linalg.det(found[name][:, :3])) < 1e-9:
+        with np.errstate(all="ignore"):
+            singular = abs(np.linalg.det(found[name][:, :3])) < 1e-9
+        if singular or not within(found[name]):
             raise UserError(f"{path}: {spellings[0]} is not a matrix that can be inverted")
     return found
