@@ -29,6 +29,7 @@ from genie_sim.town.laws import DetectorLaws, detector_laws
 from genie_sim.units import NS_PER_S
 
 LAWS = Path(__file__).resolve().parent.parent / "genie_sim" / "town" / "laws.json"
+MADE_BY = "benchmarks/city_laws.py"  # this file's first name: the laws' digest, which it is part of, decides every frame
 TRACE, LABELS, GHOST_LABELS = "kitti_0005", "2011_09_26/0005", "tracking/0000"
 
 
@@ -48,7 +49,7 @@ def main() -> None:
     laws = fit(trace, read_truth(root, LABELS, trace), read_truth(root, GHOST_LABELS, trace))
     kept = ("data", "drive", "drive_sha256", "detector", "weights_sha256")
     laws["provenance"] = {
-        "made_by": "benchmarks/town_laws.py",
+        "made_by": MADE_BY,
         "trace": TRACE,
         "trace_digest": trace.digest,
         "labels": {"objects": LABELS, "ghosts": GHOST_LABELS},

@@ -179,10 +179,10 @@ def write(path: Path, measured: Measured, fitted: Fit, empirical: bool = False) 
         "# Tags: P the paper, S a public source, M measured, D derived, A assumed. Written by genie-sim profile.\n"
     )
     text = heading + yaml.safe_dump(profile, sort_keys=False, allow_unicode=True, width=110)
-    with whole_file(path) as beside:
+    with whole_file(path) as partial:
         path.parent.mkdir(parents=True, exist_ok=True)
-        beside.write_text(text, encoding="utf-8")
-        return load_profile(beside)
+        partial.write_text(text, encoding="utf-8")
+        return load_profile(partial)
 
 
 def _number(cell: str) -> float | None:

@@ -106,7 +106,7 @@ class Evaluation:
     min_score: float
 
     def kept(self, group: str | None = None, parked: bool = False) -> list[Judged]:
-        """Right detections from ``min_score`` on; only those of parked vehicles, if wanted."""
+        """Right detections from ``min_score`` on; with ``parked`` only those of parked vehicles."""
         chosen = self.groups.values() if group is None else [self.groups[group]]
         kept = [j for g in chosen for j in g.judged if j.label is not None and j.detection.score >= self.min_score]
         return [j for j in kept if not parked or (j.label is not None and j.label.track in self.truth.parked)]

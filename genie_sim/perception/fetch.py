@@ -115,8 +115,8 @@ class NotThere(UserError):
 def download(
     url: str, path: Path, progress: Progress, sha256: str | None = None, size_bytes: int | None = None
 ) -> None:
-    """One file, written beside its place as ``.part`` and renamed once it is whole; a later call goes on where an
-    earlier one stopped. A file that is there already, with the right hash, is left alone.
+    """One file, written as ``.part`` and renamed once it is complete; a later call goes on where an earlier
+    one stopped. A file that is there already, with the right hash, is left alone.
 
     Raises UserError, with what to do by hand, when there is no network, the server is too slow or the file is wrong.
     """
@@ -161,16 +161,16 @@ def unpack(archive: Path, folder: Path, most_bytes: int = MOST_UNPACKED_BYTES) -
             for entry in entries:
                 target = root / entry.filename
                 target.parent.mkdir(parents=True, exist_ok=True)
-                beside = target.with_name(target.name + ".part")
-                beside.unlink(missing_ok=True)  # a link there would lead elsewhere
-                with packed.open(entry) as source, beside.open("wb") as destination:
+                part = target.with_name(target.name + ".part")
+                part.unlink(missing_ok=True)  # a link there would lead elsewhere
+                with packed.open(entry) as source, part.open("wb") as destination:
                     left = entry.file_size
                     while chunk := source.read(min(CHUNK_BYTES, left + 1)):
                         left -= len(chunk)
                         if left < 0:
                             raise UserError(f"{archive}: {entry.filename}: is longer than the archive says")
                         destination.write(chunk)
-                beside.replace(target)
+                part.replace(target)
             return [root / entry.filename for entry in entries]
     except (zipfile.BadZipFile, EOFError, NotImplementedError, RuntimeError, ValueError, zlib.error) as error:
         raise UserError(f"{archive}: not a readable ZIP archive: {error}") from error

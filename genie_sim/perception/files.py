@@ -1,4 +1,4 @@
-"""Input files that somebody else wrote: read whole, as text or as rows of numbers. Every error names file and line."""
+"""Reads input files as bytes, as text or as rows of numbers. Every error names the file and, in text, the line."""
 
 from __future__ import annotations
 
@@ -53,7 +53,9 @@ def numbers(path: Path, columns: int) -> Array:
             row = [float(field) for field in fields]
         except ValueError as error:
             raise UserError(f"{path}: line {number}: {error}") from error
-        if len(row) != columns or not within(row):
-            raise UserError(f"{path}: line {number}: {len(fields)} fields, expected {columns} numbers below {MOST:g}")
+        if len(row) != columns:
+            raise UserError(f"{path}: line {number}: {len(row)} fields, expected {columns}")
+        if not within(row):
+            raise UserError(f"{path}: line {number}: a number is not finite, or too large")
         rows.append(row)
     return np.array(rows).reshape(-1, columns)

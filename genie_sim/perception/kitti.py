@@ -54,12 +54,13 @@ class CameraFrame:
 
 @dataclass(frozen=True, slots=True)
 class KittiDrive:
-    """One drive, opened and checked by ``open_drive``."""
+    """One drive, opened and checked by ``open_drive``: frames by camera, poses and scans by frame number."""
 
     name: str
     origin: Geodetic
     frames: Mapping[str, tuple[CameraFrame, ...]]
     world_SE3_imu: Mapping[int, Array]
+    tracklets: Path
     calibration: Any = field(repr=False)  # pykitti's CalibData
     scan_paths: Mapping[int, Path] = field(repr=False)
     _decisive_files: tuple[tuple[str, Path], ...] = field(repr=False)
@@ -86,6 +87,10 @@ class KittiDrive:
     def camera_SE3_velo(self, camera: str) -> Array:
         """From the laser's frame to that of a rectified camera."""
         return np.asarray(getattr(self.calibration, f"T_cam{int(camera)}_velo"), dtype=np.float64)
+
+    def world_SE3_velo(self, index: int) -> Array:
+        """From the laser's frame to the world, at a frame that has a position."""
+        return self.world_SE3_imu[index] @ inverse(np.asarray(self.calibration.T_velo_imu, dtype=np.float64))
 
     def digest(self) -> str:
         """sha256 over the names and bytes of every file that decides what this drive shows."""
@@ -128,7 +133,8 @@ def open_drive(
     used = sorted(poses.keys() & set(numbers))
     decisive += [paths[index] for paths in (oxts_paths, scan_paths) for index in used if index in paths]
     named = tuple((path.relative_to(root).as_posix(), path) for path in decisive)
-    return KittiDrive(drive, origin, frames, poses, calibration, scan_paths, named)
+    tracklets = folder / "tracklet_labels.xml"
+    return KittiDrive(drive, origin, frames, poses, tracklets, calibration, scan_paths, named)
 
 
 def read_image(path: Path) -> np.ndarray:
@@ -179,7 +185,7 @@ def _images(folder: Path, camera: str) -> dict[int, Path]:
 
 
 def _positions(
-    paths: Mapping[int, Path], wanted: Sequence[int], folder: Path, origin: Geodetic | None
+    paths: Mapping[int, Path], needed: Sequence[int], folder: Path, origin: Geodetic | None
 ) -> tuple[Geodetic, dict[int, Array]]:
     """The world's origin, and ``world_SE3_imu`` of each frame that has an OXTS packet; the others are warned of."""
     if not paths:
@@ -190,7 +196,7 @@ def _positions(
         if len(here) != 1:
             raise UserError(f"{path}: {len(here)} lines, expected one")
         packets[index] = here[0]
-    for index in wanted:
+    for index in needed:
         if index not in packets:
             log.warning("%s: missing: frame %d is left out", folder / f"{index:010d}.txt", index)
     if origin is None:

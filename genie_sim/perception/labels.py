@@ -1,4 +1,4 @@
-"""What really stood on the street: KITTI's own labels as tracks in the east-north-up world.
+"""KITTI's own labels as tracks of objects in the east-north-up world.
 
 Two sources give the same ``Labels``: the tracklets of a raw drive, and the labels of a tracking sequence. KITTI labels
 what its annotators saw in the laser scans; objects far away or never labelled are missing, so an object without a
@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from genie_sim.core.geometry import Array, Geodetic, inverse, rotation_from_rpy, transform
+from genie_sim.core.geometry import Array, Geodetic, rotation_from_rpy, transform
 from genie_sim.errors import UserError
 from genie_sim.messages import Box, Location
 from genie_sim.perception.files import lines, read_bytes, within
@@ -46,7 +46,7 @@ class LabelledTrack:
 
     @property
     def moving(self) -> bool:
-        """Whether it got away from where it was first seen faster than ``MOVING_MPS``, over the time it is labelled."""
+        """Whether it left the place of its first label faster than ``MOVING_MPS``, over the time it is labelled."""
         seconds = (self.stamps_ns[-1] - self.stamps_ns[0]) / 1e9
         return seconds > 0 and float(np.hypot(*(self.centres - self.centres[0])[:, :2].T).max()) / seconds > MOVING_MPS
 
@@ -114,18 +114,14 @@ def read_tracklets(root: str | Path, drive: str, origin: Geodetic | None = None)
     from genie_sim.perception.kitti import open_drive
 
     opened = open_drive(root, drive, ("02", "03"), origin, allow_missing_scans=True)
-    date, number = drive.split("/")
-    path = Path(root) / date / f"{date}_drive_{number}_sync" / "tracklet_labels.xml"
     stamps_ns = {frame.index: frame.stamp_ns - opened.first_stamp_ns for frame in opened.frames["02"]}
-    imu_SE3_velo = inverse(np.asarray(opened.calibration.T_velo_imu, dtype=np.float64))
-    world_SE3_velo = {index: pose @ imu_SE3_velo for index, pose in opened.world_SE3_imu.items()}
     tracks = []
-    for item in tracklets(path):
+    for item in tracklets(opened.tracklets):
         frames = range(item.first, item.first + len(item.centres))
-        known = [frame for frame in frames if frame in stamps_ns and frame in world_SE3_velo]
+        known = [frame for frame in frames if frame in stamps_ns]
         if item.kind in KINDS and known:
-            places = np.array([transform(world_SE3_velo[frame], item.centres[frame - item.first]) for frame in known])
-            tracks.append(LabelledTrack(KINDS[item.kind], tuple(stamps_ns[frame] for frame in known), places))
+            places = [transform(opened.world_SE3_velo(frame), item.centres[frame - item.first]) for frame in known]
+            tracks.append(LabelledTrack(KINDS[item.kind], tuple(stamps_ns[frame] for frame in known), np.array(places)))
     return Labels(opened.origin, tuple(tracks))
 
 

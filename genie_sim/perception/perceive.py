@@ -74,7 +74,7 @@ def perceive(
     root = kitti_folder(kitti_root)
     if drive.startswith(TRACKING):
         if (threads, batch) != (1, 1):
-            raise UserError(f"{drive}: its detections are published ones, so threads and batch say nothing")
+            raise UserError(f"{drive}: its detections are published ones, so threads and batch mean nothing")
         return tracking_trace(root / "tracking", drive.removeprefix(TRACKING), detector_name, min_score, origin)
     opened = open_drive(root, drive, cameras, origin, allow_missing_scans)
     chosen = [frame for frame in in_turn(opened) if frames is None or frame.index in frames]

@@ -1,4 +1,4 @@
-"""Frames through a detector, one stage beside the other: reading ahead, the network, placing what was found."""
+"""Frames through a detector in concurrent stages: reading ahead, the network, placing what was found."""
 
 from __future__ import annotations
 
@@ -93,7 +93,7 @@ def _one_thread_of_opencv() -> Iterator[None]:
 
 
 def _in_order(futures: Iterable[Future[Result]], ahead: int) -> Iterator[Result]:
-    """The results of what was submitted, while so many more are under way."""
+    """The results of what was submitted, in order, while ``ahead`` more are pending."""
     pending: deque[Future[Result]] = deque()
     for future in futures:
         pending.append(future)

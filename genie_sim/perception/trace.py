@@ -1,7 +1,7 @@
 """The perception trace: what each frame of a drive showed, and where its camera stood.
 
 A trace is all that a run needs of the real world: neither frames nor a GPU. One Parquet file holds one drive with all
-its cameras, one row a frame, and its provenance in the schema's metadata under ``genie_sim``.
+its cameras, one row per frame, and its provenance in the schema's metadata under ``genie_sim``.
 """
 
 from __future__ import annotations
@@ -155,7 +155,7 @@ def _rounded(numbers: Sequence[float] | Array, decimals: int) -> tuple[Any, ...]
 
 
 def write_trace(path: str | Path, trace: Trace) -> None:
-    """Write a trace beside its place and rename it, so that a killed run leaves no half file.
+    """Write a trace to a temporary file and rename it, so that a killed run leaves no partial trace.
 
     The same trace gives the same bytes with the same pyarrow. Raises UserError where the folder cannot be written.
     """
@@ -172,9 +172,9 @@ def write_trace(path: str | Path, trace: Trace) -> None:
         "provenance": trace.provenance,
     }
     schema = _schema().with_metadata({METADATA_KEY: json.dumps(metadata, sort_keys=True).encode()})
-    with whole_file(path) as beside:
+    with whole_file(path) as partial:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with beside.open("wb") as file:  # of a path pyarrow makes a URI
+        with partial.open("wb") as file:  # pyarrow would take a path for a URI
             pq.write_table(pa.Table.from_pylist(rows, schema=schema), file, compression="zstd")
 
 
@@ -214,7 +214,7 @@ def _read_table(path: Path) -> pyarrow.Table:
     if not path.is_file():
         raise UserError(f"{path}: no such trace file")
     try:
-        # Exactly this open file: of a path pyarrow makes a URI, and "a=1" in a folder's name read_table a partition.
+        # Exactly this open file: pyarrow takes a path for a URI, and read_table takes a folder "a=1" for a partition.
         with path.open("rb") as file:
             return pq.ParquetFile(file).read()
     except (pa.ArrowException, OSError, ValueError) as error:

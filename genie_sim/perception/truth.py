@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from genie_sim.core.geometry import Array, inverse, project, transform
+from genie_sim.core.geometry import Array, project, transform
 from genie_sim.errors import UserError
 from genie_sim.messages import Box, Location
 from genie_sim.perception.kitti import open_drive
@@ -30,7 +30,7 @@ Picture = tuple[str, int]  # camera and frame number
 
 
 class Labelled(NamedTuple):
-    """One label in one picture. ``centre`` is in the trace's world, ``None`` for an area that is nothing in itself."""
+    """One label in one picture. ``centre`` is in the trace's world, ``None`` for an area that is no object."""
 
     track: int
     group: str
@@ -61,9 +61,7 @@ def read_truth(root: str | Path, labels: str, trace: Trace) -> PictureLabels:
 
 def _of_tracklets(root: Path, drive: str, trace: Trace) -> PictureLabels:
     opened = open_drive(root, drive, sorted(trace.frames), trace.origin, allow_missing_scans=True)
-    date, number = drive.split("/")
-    items = tracklets(root / date / f"{date}_drive_{number}_sync" / "tracklet_labels.xml")
-    imu_SE3_velo = inverse(np.asarray(opened.calibration.T_velo_imu, dtype=np.float64))
+    items = tracklets(opened.tracklets)
     pictures: dict[Picture, list[Labelled]] = {}
     for camera, frames in trace.frames.items():
         known = {frame.index: frame for frame in opened.frames[camera]}
@@ -81,8 +79,7 @@ def _of_tracklets(root: Path, drive: str, trace: Trace) -> PictureLabels:
                 if box is None:
                     continue
                 judged = item.truncation[i] in (0, 1) and item.occlusion[i] in (0, 1, 2) and corners[:, 2].min() > 0
-                world_SE3_velo = opened.world_SE3_imu[frame.index] @ imu_SE3_velo
-                centre = _location(transform(world_SE3_velo, item.centres[i]))
+                centre = _location(transform(opened.world_SE3_velo(frame.index), item.centres[i]))
                 here.append(_labelled(track, item.kind, box, judged, centre))
     return PictureLabels(f"tracklets of {drive}", pictures, _parked(pictures, trace))
 

@@ -1,7 +1,7 @@
-"""The laws of a detector: how likely it misses an object, how sure it is of it, and where it puts it.
+"""The laws of a detector: how likely it misses an object, its score, and where it places it.
 
-They are read from ``laws.json``, fitted on a real trace (``fit``). A Gaussian copula ties the looks at one object
-together: each look has a standard normal number
+They are read from ``laws.json``, fitted on a real trace (``benchmarks/town_fit``). A Gaussian copula ties the looks at
+one object together: each look has a standard normal number
 
     z = object_weight * Z(object) + view_weight * Z(object, view) + look_weight * Z(object, look)
 
@@ -54,7 +54,7 @@ class Copula(NamedTuple):
 class GroupLaws:
     """One group's laws as tables by range [m] and z; a score of 0 is a miss.
 
-    Of ``PRONE`` objects so many are ``prone`` to be called something else at times: ``names`` are the running shares of
+    Of ``PRONE`` objects so many are ``prone`` to get another label at times: ``names`` are the running shares of
     65,536 looks, and the names.
     """
 

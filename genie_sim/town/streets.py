@@ -5,7 +5,7 @@ slices: of the streets that it stands on, and of those that cross them. Houses f
 
 Traffic flows evenly: of each kind and direction a street carries a stream whose members keep their speed and their
 distances, stop for nobody, and leave at one end of the town as others enter at its other end. So where they are at any
-time is one sum, whoever asks.
+time is one sum.
 """
 
 from __future__ import annotations
@@ -181,7 +181,7 @@ def _parked(rules: TownRules, crossings: int, random: np.random.Generator) -> It
 
 
 def _scattered(per_100m: float, length_m: float, random: np.random.Generator) -> Iterator[tuple[float, int]]:
-    """Place along a street and side (-1 or 1) of things that stand anywhere."""
+    """Place along a street and side (-1 or 1) of objects that stand anywhere."""
     count = random.poisson(per_100m * length_m / 100)
     places_m = random.random(count) * length_m
     yield from zip(places_m.tolist(), np.where(random.random(count) < 0.5, -1, 1).tolist(), strict=True)

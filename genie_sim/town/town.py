@@ -6,7 +6,7 @@ import functools
 import hashlib
 import json
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import overload
 
@@ -24,6 +24,7 @@ from genie_sim.town.rules import TownRules, TrueObject
 from genie_sim.town.streets import Street, Streets, lay_out
 
 ORIGIN: Geodetic = (49.0, 8.4, 115.0)  # near Karlsruhe, where KITTI was recorded; the town itself is made up
+STREAM = "city"  # names the random streams, here and in digests: another word makes another town of every seed
 CAMERA_UP_M = 1.65
 BASELINES_M = {"02": 0.27, "03": -0.27}  # to the left of the car's middle
 
@@ -31,7 +32,7 @@ BASELINES_M = {"02": 0.27, "03": -0.27}  # to the left of the car's middle
 class Town:
     """A town with everything that stands and moves in it.
 
-    The same rules and seed give the same town; it is laid out when somebody looks. Its clock starts at 0; what moves is
+    The same rules and seed give the same town; it is laid out at the first look. Its clock starts at 0; what moves is
     where it is at that time for every car that looks. ``digest`` is the sha256 of what decides it: rules, seed, laws.
     """
 
@@ -42,9 +43,9 @@ class Town:
             raise UserError(f"town: seed: {seed} is negative")
         self.rules, self.seed = rules, seed
         self.laws: DetectorLaws = detector_laws()
-        text = json.dumps(["city 1", asdict(rules), seed, self.laws.digest], sort_keys=True)
+        text = json.dumps([f"{STREAM} 1", asdict(rules), seed, self.laws.digest], sort_keys=True)
         self.digest = hashlib.sha256(text.encode()).hexdigest()
-        self.key = int.from_bytes(hashlib.sha256(f"city {seed}".encode()).digest()[:8], "big")
+        self.key = int.from_bytes(hashlib.sha256(f"{STREAM} {seed}".encode()).digest()[:8], "big")
         self.size_m = (rules.blocks[0] * rules.block_m, rules.blocks[1] * rules.block_m)
 
     @functools.cached_property
@@ -53,7 +54,7 @@ class Town:
         columns, rows = self.rules.blocks
 
         def ways(name: str, blocks: int) -> list[Street]:
-            streams = (stream(self.seed, "town", name, k) for k in range(blocks + 1))
+            streams = (stream(self.seed, STREAM, name, k) for k in range(blocks + 1))
             northbound = name == "north"
             return [lay_out(self.rules, self.laws, northbound, k, self.key, one) for k, one in enumerate(streams)]
 
@@ -66,7 +67,7 @@ class Town:
 
     @functools.cached_property
     def _commuting(self) -> routes.Commuting:
-        return routes.Commuting(self.rules, stream(self.seed, "town", "destinations"))
+        return routes.Commuting(self.rules, stream(self.seed, STREAM, "destinations"))
 
     def drive(self, car: str, duration_ns: int, interval_ns: int = 100_000_000, start_ns: int = 0) -> Drive:
         """What the cameras of one car see, a frame every ``interval_ns``, from ``start_ns`` on the town's clock on.
@@ -84,7 +85,7 @@ class Town:
 
     def course(self, car: str, start_ns: int, end_ns: int) -> routes.Course:
         """Where a car is from ``start_ns`` to ``end_ns``."""
-        random = stream(self.seed, "town", "car", car)
+        random = stream(self.seed, STREAM, "car", car)
         return routes.drive(self.rules, self._commuting, random, start_ns * 1e-9, end_ns * 1e-9)
 
     def truth_near(self, east_m: float, north_m: float, range_m: float, t_ns: int) -> tuple[TrueObject, ...]:
@@ -98,7 +99,7 @@ class Town:
 
 
 class Drive:
-    """What the cameras of one car see in a town; stands in for a ``Trace``.
+    """What the cameras of one car see in a town: has the frames of a ``Trace``.
 
     ``origin`` is latitude [deg], longitude [deg], altitude [m]. ``frames`` are made when they are looked at.
     """
@@ -111,7 +112,7 @@ class Drive:
             )
         self.town, self.car, self.duration_ns = town, car, duration_ns
         self.interval_ns, self.start_ns = interval_ns, start_ns
-        self.name = f"city_{car}"
+        self.name = f"town_{car}"
         self.origin: Geodetic = ORIGIN
         text = json.dumps([town.digest, car, start_ns, interval_ns])
         self.picture_prefix = hashlib.sha256(text.encode()).hexdigest()[:48]
@@ -213,6 +214,3 @@ class TownFrames(Sequence[TownFrame]):
         if not -self._count <= index < self._count:
             raise IndexError(f"frame {index} of {self._count}")
         return TownFrame(self._drive, self._camera, index % self._count)
-
-    def __iter__(self) -> Iterator[TownFrame]:
-        return (TownFrame(self._drive, self._camera, index) for index in range(self._count))
