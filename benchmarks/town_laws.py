@@ -29,7 +29,7 @@ from genie_sim.town.laws import DetectorLaws, detector_laws
 from genie_sim.units import NS_PER_S
 
 LAWS = Path(__file__).resolve().parent.parent / "genie_sim" / "town" / "laws.json"
-MADE_BY = "benchmarks/city_laws.py"  # this file's first name: the laws' digest, which it is part of, decides every frame
+MADE_BY = "benchmarks/city_laws.py"  # this file's first name, part of the laws' digest, which decides every frame
 TRACE, LABELS, GHOST_LABELS = "kitti_0005", "2011_09_26/0005", "tracking/0000"
 
 
