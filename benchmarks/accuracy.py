@@ -18,7 +18,7 @@ import numpy as np
 
 from genie_sim.perception.detector import make_detector
 from genie_sim.perception.evaluation import evaluate
-from genie_sim.perception.kitti import Drive, open_drive, read_image
+from genie_sim.perception.kitti import KittiDrive, open_drive, read_image
 from genie_sim.perception.onnx_detector import GREY, ROAD_LABELS, SAME_OBJECT, OnnxDetector, Scored, best_boxes
 from genie_sim.perception.perceive import LOWEST_SCORE, kitti_folder
 from genie_sim.perception.trace import Trace, detection, trace_frame
@@ -72,7 +72,7 @@ def main() -> None:
         print(f"| {setting.name} | {' | '.join(cells)} |")
 
 
-def run(detector: OnnxDetector, drive: Drive, middle: bool) -> list[Scored]:
+def run(detector: OnnxDetector, drive: KittiDrive, middle: bool) -> list[Scored]:
     """Every picture's boxes, in its own pixels, and their scores."""
     found = []
     for frame in drive.frames[CAMERA]:
@@ -86,7 +86,7 @@ def run(detector: OnnxDetector, drive: Drive, middle: bool) -> list[Scored]:
     return found
 
 
-def as_trace(detector: OnnxDetector, drive: Drive, scored: list[Scored], setting: Setting) -> Trace:
+def as_trace(detector: OnnxDetector, drive: KittiDrive, scored: list[Scored], setting: Setting) -> Trace:
     """What a setting keeps, without places."""
     frames = []
     for frame, (boxes, scores) in zip(drive.frames[CAMERA], scored, strict=True):

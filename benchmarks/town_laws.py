@@ -1,9 +1,9 @@
 """Makes the laws of the town's detector again: fits them on the real trace, judged by KITTI's labels.
 
     GENIE_SIM_KITTI=... python benchmarks/town_laws.py [--out genie_sim/town/laws.json]
-    GENIE_SIM_KITTI=... python benchmarks/town_laws.py --beside
+    GENIE_SIM_KITTI=... python benchmarks/town_laws.py --compare
 
-The second holds the laws as they are beside the real detector and its trace, and writes nothing. Only fitted numbers
+The second compares the laws as they are with the real detector and its trace, and writes nothing. Only fitted numbers
 are written, with their provenance; KITTI's labels stay where they are.
 """
 
@@ -12,40 +12,44 @@ from __future__ import annotations
 import argparse
 import json
 import math
+import sys
 from pathlib import Path
 
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+
+from benchmarks.town_fit import validation
+from benchmarks.town_fit.fit import Look, fit, found_law, looks, place_law
 from genie_sim.perception import evaluation
 from genie_sim.perception.perceive import kitti_folder
 from genie_sim.perception.trace import Trace, read_trace
 from genie_sim.perception.truth import read_truth
 from genie_sim import files
 from genie_sim.town import Town, TownRules
-from genie_sim.town import validation as beside
-from genie_sim.town.fit import Look, fit, found_law, looks, place_law
 from genie_sim.town.laws import DetectorLaws, detector_laws
 from genie_sim.units import NS_PER_S
 
-LAWS = Path(__file__).resolve().parent.parent / "genie_sim" / "perception" / "town" / "laws.json"
+LAWS = Path(__file__).resolve().parent.parent / "genie_sim" / "town" / "laws.json"
+MADE_BY = "benchmarks/city_laws.py"  # this file's first name, part of the laws' digest, which decides every frame
 TRACE, LABELS, GHOST_LABELS = "kitti_0005", "2011_09_26/0005", "tracking/0000"
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--out", type=Path, default=LAWS)
-    parser.add_argument("--beside", action="store_true", help="fit nothing: compare")
+    parser.add_argument("--compare", action="store_true", help="fit nothing: compare")
     arguments = parser.parse_args()
     trace = read_trace(files.find(files.TRACE, TRACE))
     root = kitti_folder(None)
-    if arguments.beside:
+    if arguments.compare:
         judged = looks(trace, read_truth(root, LABELS, trace))
-        print(beside.table(detector_laws(), judged))
+        print(validation.table(detector_laws(), judged))
         print(held_out(judged["vehicles"]))
-        print(frames_beside(trace))
+        print(compared_frames(trace))
         return
     laws = fit(trace, read_truth(root, LABELS, trace), read_truth(root, GHOST_LABELS, trace))
     kept = ("data", "drive", "drive_sha256", "detector", "weights_sha256")
     laws["provenance"] = {
-        "made_by": "benchmarks/town_laws.py",
+        "made_by": MADE_BY,
         "trace": TRACE,
         "trace_digest": trace.digest,
         "labels": {"objects": LABELS, "ghosts": GHOST_LABELS},
@@ -68,16 +72,16 @@ def held_out(rows: list[Look]) -> str:
         fitted = json.loads(LAWS.read_text(encoding="utf-8"))
         fitted["groups"]["vehicles"] |= {"found": found_law("vehicles", known), "place": place_law("vehicles", known)}
         laws = DetectorLaws(fitted)
-        made = [look for seed in range(40) for look in beside.looked_again(laws, "vehicles", other, seed)]
-        figures = [beside.found_share(other), beside.found_share(made)]
-        figures.append(beside.distance(beside.scores(other), beside.scores(made)))
-        errors = [(beside.errors(other, name), beside.errors(made, name)) for name in ("along_m", "across_m")]
-        figures += [beside.distance(*pair) for pair in errors]
+        made = [look for seed in range(40) for look in validation.resimulate(laws, "vehicles", other, seed)]
+        figures = [validation.found_share(other), validation.found_share(made)]
+        figures.append(validation.distance(validation.scores(other), validation.scores(made)))
+        errors = [(validation.errors(other, name), validation.errors(made, name)) for name in ("along_m", "across_m")]
+        figures += [validation.distance(*pair) for pair in errors]
         text.append(f"| {len({look.track for look in other})} | " + " | ".join(f"{x:.2f}" for x in figures) + " |")
     return "\n".join(text) + "\n"
 
 
-def frames_beside(trace: Trace) -> str:
+def compared_frames(trace: Trace) -> str:
     """How much the frames show: of the trace, and of 40 cars in each of six towns (seeds 0 to 5) of the usual rules."""
     towns = [Town(TownRules(), seed) for seed in range(6)]
     drives = [town.drive(f"car{k}", 40 * NS_PER_S) for town in towns for k in range(40)]
@@ -98,7 +102,7 @@ def frames_beside(trace: Trace) -> str:
             for frames, one in zip((real, made), found, strict=True)
         ]
         means = [f"{sum(one) / len(one):.2f}" for one in numbers]
-        distances = [f"{beside.distance(*pair):.2f}" for pair in (numbers, ranges_m, scores)]
+        distances = [f"{validation.distance(*pair):.2f}" for pair in (numbers, ranges_m, scores)]
         text.append(f"| {what} | {' | '.join(means + distances)} |")
     return "\n".join(text) + "\n"
 

@@ -22,6 +22,7 @@ import yaml
 from genie_sim import __version__, units
 from genie_sim.errors import UserError
 from genie_sim.paths import whole_file
+from genie_sim.perception.files import read_text
 from genie_sim.scenario.profiles import DeviceProfile, load_profile
 
 LEAST = 20  # latencies; fewer say nothing about a tail
@@ -94,10 +95,8 @@ def from_csv(path: Path, model: str) -> Measured:
     Raises UserError, naming the line, for anything that is no time.
     """
     try:
-        rows = list(csv.reader(path.read_text(encoding="utf-8").splitlines()))
-    except OSError as error:
-        raise UserError(f"{path}: cannot be read: {error.strerror}") from error
-    except (UnicodeDecodeError, csv.Error) as error:
+        rows = list(csv.reader(read_text(path).splitlines()))
+    except csv.Error as error:
         raise UserError(f"{path}: not a CSV file: {error}") from error
     latencies_ms: list[float] = []
     column: int | None = None
@@ -180,10 +179,10 @@ def write(path: Path, measured: Measured, fitted: Fit, empirical: bool = False) 
         "# Tags: P the paper, S a public source, M measured, D derived, A assumed. Written by genie-sim profile.\n"
     )
     text = heading + yaml.safe_dump(profile, sort_keys=False, allow_unicode=True, width=110)
-    with whole_file(path) as beside:
+    with whole_file(path) as partial:
         path.parent.mkdir(parents=True, exist_ok=True)
-        beside.write_text(text, encoding="utf-8")
-        return load_profile(beside)
+        partial.write_text(text, encoding="utf-8")
+        return load_profile(partial)
 
 
 def _number(cell: str) -> float | None:

@@ -136,6 +136,10 @@ def test_wrong_names_sizes_and_scores_are_refused(network):
         make_detector("yolox_nanno", network)
     with pytest.raises(UserError, match="multiples of 32"):
         make_detector("yolox_nano", network, size=(640, 200))
+    with pytest.raises(UserError, match="size 20000x20000: more than 33,554,432 pixels"):
+        make_detector("yolox_nano", network, size=(20_000, 20_000))
+    with pytest.raises(UserError, match="size 640x192, 1000 at a time: more than 33,554,432 pixels"):
+        make_detector("yolox_nano", network, size=(640, 192), batch=1000)
     with pytest.raises(UserError, match=r"min_score 1\.5"):
         make_detector("yolox_nano", network, min_score=1.5)
 

@@ -95,7 +95,7 @@ def server(monkeypatch):
 
 @pytest.fixture
 def nano(server, monkeypatch):
-    model = fetch.Model("yolox_nano.onnx", f"{server.base}/yolox_nano.onnx", len(CONTENT), SHA256)
+    model = fetch.WeightsFile("yolox_nano.onnx", f"{server.base}/yolox_nano.onnx", len(CONTENT), SHA256)
     monkeypatch.setitem(fetch.MODELS, "yolox-nano", model)
     server.files["/yolox_nano.onnx"] = CONTENT
     return model
@@ -251,16 +251,21 @@ def test_a_drive_that_does_not_exist(drive, tmp_path):
         ([(link("way_out"), "/etc")], "is a link or a device"),
         ([("twice.txt", "x"), ("Twice.txt", "y")], "is in the archive twice"),
         ([("bomb.txt", b"\0" * 10**7)], "unpacks to 10,000,000 bytes from"),
+        ([("Q", "x")], "'' is no name of a file"),
+        ([(".", "x")], "is no name of a file"),
+        ([(f"{i}.txt", b"\0" * 250_000) for i in range(40)], "unpacks to 10,000,000 bytes from"),
+        ([(f"{i}.txt", "") for i in range(1001)], "has 1,001 files, more than 1,000"),
         ([("big1.bin", bytes(range(256)) * 3000), ("big2.bin", bytes(range(255)) * 3000)], "more than 1,000,000"),
     ],
 )
-def test_a_hostile_archive_writes_nothing(tmp_path, entries, message):
+def test_a_hostile_archive_writes_nothing(tmp_path, monkeypatch, entries, message):
+    monkeypatch.setattr(fetch, "MOST_ENTRIES", 1000)
     folder, outside = tmp_path / "in" / "kitti", tmp_path / "in" / "outside"
     folder.mkdir(parents=True)
     outside.mkdir()
     (folder / "link").symlink_to(outside)
     packed = tmp_path / "x.zip"
-    archive(entries, packed)
+    packed.write_bytes(archive(entries).replace(b"Q", b"\0"))  # a name ends at its first zero
     with pytest.raises(UserError, match=message) as error:
         fetch.unpack(packed, folder, most_bytes=10**6 if "more than" in message else 10**9)
     assert "\n" not in str(error.value)

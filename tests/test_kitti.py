@@ -9,7 +9,7 @@ import numpy as np
 import pykitti
 import pymap3d
 import pytest
-from kitti_folder import DATE, FIRST_STAMP_S, FOCAL, START, make_drive, read_tracklets
+from kitti_folder import CENTRE_X, DATE, FIRST_STAMP_S, FOCAL, START, make_drive, read_tracklets
 
 from genie_sim.core.geometry import heading_of, inverse, transform
 from genie_sim.errors import UserError
@@ -135,7 +135,7 @@ SECOND_STAMP = f"{FIRST_STAMP_S + 0.1:.9f}"
 @pytest.mark.parametrize(
     ("break_it", "message"),
     [
-        (remove(CALIBRATION), "calib_cam_to_cam.txt: calibration file is missing"),
+        (remove(CALIBRATION), "calib_cam_to_cam.txt: cannot be read: No such file"),
         (rewrite(CALIBRATION, lambda text: text.replace("P_rect_02", "P_rect_xx")), "cam_to_cam.txt: P_rect_02"),
         (
             rewrite(CALIBRATION, lambda text: text.replace("R_rect_03: 1 0", "R_rect_03: 1")),
@@ -146,13 +146,18 @@ SECOND_STAMP = f"{FIRST_STAMP_S + 0.1:.9f}"
         (remove(f"{SYNC}/image_03"), r"image_03/data: no images"),
         (remove(f"{SYNC}/velodyne_points"), r"velodyne_points/data: no .bin files"),
         (remove(f"{SYNC}/velodyne_points/data/{1:010d}.bin"), r"0000000001.bin: missing \(1 of 4 frames have none\)"),
-        (remove(OXTS), r"oxts/data/0000000002.txt: missing \(1 of 4 frames have none\)"),
-        (rewrite(OXTS, lambda text: text[: len(text) // 2]), r"0000000002.txt: \d+ values, expected 30"),
-        (rewrite(OXTS, lambda text: text.replace("49.", "abc", 1)), "0000000002.txt: could not convert"),
-        (rewrite(OXTS, lambda text: ""), "0000000002.txt: 0 values"),
-        (remove(f"{SYNC}/oxts/timestamps.txt"), "oxts/timestamps.txt: time stamp file is missing"),
-        (rewrite(f"{SYNC}/oxts/timestamps.txt", lambda text: text[:10]), "oxts/timestamps.txt"),
-        (remove(STAMPS), "image_02/timestamps.txt: time stamp file is missing"),
+        (remove(f"{SYNC}/oxts/data"), "oxts/data: no .txt files"),
+        (rewrite(OXTS, lambda text: text[: len(text) // 2]), r"0000000002.txt: line 1: \d+ fields, expected 30"),
+        (rewrite(OXTS, lambda text: text.replace("49.", "abc", 1)), "0000000002.txt: line 1: could not convert"),
+        (rewrite(OXTS, lambda text: ""), "0000000002.txt: the file is empty"),
+        (rewrite(OXTS, lambda text: text + text), "0000000002.txt: 2 lines, expected one"),
+        (rewrite(OXTS, lambda text: "91.0" + text[text.index(" ") :]), "packet 1: value 1 is 91, out of range"),
+        (rewrite(OXTS, lambda text: "1e308" + text[text.index(" ") :]), "line 1: a number is not finite, or too large"),
+        (
+            rewrite(CALIBRATION, lambda text: text.replace(f"{FOCAL} 0 {CENTRE_X}", f"0 0 {CENTRE_X}")),
+            "the calibration is not one of matrices that can be inverted",
+        ),
+        (remove(STAMPS), "image_02/timestamps.txt: cannot be read: No such file"),
         (rewrite(STAMPS, lambda text: text[:65]), "image_02/timestamps.txt: .*time stamp"),
         (
             rewrite(STAMPS, lambda text: "\n".join(text.split("\n")[:3])),
@@ -168,6 +173,49 @@ def test_a_broken_folder_is_refused(root, break_it, message):
         open_drive(root, DRIVE)
     assert str(error.value).startswith(str(root))
     assert "\n" not in str(error.value)
+
+
+def test_a_frame_without_a_position_is_left_out_and_named(root, folder, caplog):
+    whole = open_drive(root, DRIVE)
+    digest = whole.digest()
+    (root / OXTS).unlink()
+    rest = open_drive(root, DRIVE)
+    assert caplog.messages == [f"{root / OXTS}: missing: frame 2 is left out"]
+    for camera, frames in rest.frames.items():
+        assert [frame.index for frame in frames] == [0, 1, 3]
+        for left, was in zip(frames, [frame for frame in whole.frames[camera] if frame.index != 2], strict=True):
+            assert (left.index, left.stamp_ns) == (was.index, was.stamp_ns)
+            assert (left.world_SE3_camera == was.world_SE3_camera).all()
+    assert rest.digest() != digest
+
+
+def test_a_camera_all_of_whose_frames_have_no_position_is_refused(root, folder):
+    (folder / "image_03" / "data" / f"{3:010d}.png").unlink()
+    for index in range(3):
+        (folder / "oxts" / "data" / f"{index:010d}.txt").unlink()
+    with pytest.raises(UserError, match="oxts/data: none of the frames of camera 03 has a file here"):
+        open_drive(root, DRIVE)
+
+
+@pytest.mark.parametrize("kind", ["device", "pipe", "folder"])
+def test_what_is_no_regular_file_is_not_read(root, folder, kind):
+    """A device has no end and nobody may ever write into a pipe: both would hang."""
+    picture = folder / "image_02" / "data" / f"{1:010d}.png"
+    scan = folder / "velodyne_points" / "data" / f"{1:010d}.bin"
+    for path in (picture, scan, root / OXTS, root / STAMPS, root / CALIBRATION):
+        kept = path.rename(path.with_suffix(".kept"))
+        if kind == "device":
+            path.symlink_to("/dev/zero")
+        elif kind == "pipe":
+            os.mkfifo(path)
+        else:
+            path.mkdir()
+        with pytest.raises(UserError, match=rf"{path.name}: cannot be read: not a regular file"):
+            drive = open_drive(root, DRIVE)
+            drive.scan(1)
+            read_image(drive.frames["02"][1].image_path)
+        path.rmdir() if kind == "folder" else path.unlink()
+        kept.rename(path)
 
 
 def test_a_missing_drive_names_those_that_exist(root):

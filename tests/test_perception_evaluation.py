@@ -15,7 +15,7 @@ from genie_sim.errors import UserError
 from genie_sim.messages import CameraPose, Detection
 from genie_sim.perception.evaluation import evaluate, iou, table
 from genie_sim.perception.trace import Trace, TraceFrame, read_trace
-from genie_sim.perception.truth import Labelled, Truth, read_truth
+from genie_sim.perception.truth import Labelled, PictureLabels, read_truth
 
 BOX = (100.0, 100.0, 200.0, 160.0)
 ELSEWHERE = (400.0, 100.0, 500.0, 160.0)
@@ -34,7 +34,7 @@ def car(score, box=BOX, location=PLACE, label="car", method="scan"):
 def judged(frames, labels, min_score=0.3, parked=()):
     trace = Trace("made up", (49.0, 8.4, 100.0), {"02": tuple(frames)}, {})
     pictures = {("02", one.index): list(labels.get(one.index, ())) for one in frames}
-    return evaluate(trace, Truth("made up", pictures, frozenset(parked)), min_score)
+    return evaluate(trace, PictureLabels("made up", pictures, frozenset(parked)), min_score)
 
 
 def label(box=BOX, counts=True, group="vehicles", centre=PLACE, track=1):
@@ -120,7 +120,17 @@ def test_detections_below_the_threshold_count_for_average_precision_only():
 def test_an_empty_trace_is_judged_too():
     e = judged([frame()], {})
     assert math.isnan(e.groups["vehicles"].average_precision())
-    assert "| vehicles (IoU 0.5) | 0 | nan |" in table(e)
+    text = table(e)
+    assert "| vehicles (IoU 0.5) | 0 | - | - | - | - |" in text
+    assert "No labels of vehicles or persons count in these pictures: what was missed is unknown." in text
+    assert "nan" not in text
+
+
+def test_nothing_found_of_what_is_labelled_is_a_precision_of_zero():
+    e = judged([frame()], {0: [label()]})
+    assert e.groups["vehicles"].average_precision() == 0.0
+    assert "| vehicles (IoU 0.5) | 1 | 0.000 | - | 0.00 | - |" in table(e)
+    assert "No labels of persons count in these pictures" in table(e)
 
 
 boxes = st.tuples(st.floats(0, 500), st.floats(0, 300), st.floats(1, 500), st.floats(1, 300)).map(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+import cv2
 import numpy as np
 import pytest
 
@@ -89,8 +90,11 @@ def test_scores_rise_with_the_logit_and_stay_in_0_to_1(root):
         ("detections/rrc_Car/0003.txt", "0,1,1,9,9,7.5\n", "score 7.5 is not between 0 and 1"),
         ("training/oxts/0003.txt", "", "the file is empty"),
         ("training/oxts/0003.txt", "1 2 3\n", "line 1: 3 fields"),
+        ("training/oxts/0003.txt", OXTS + "\n91.0" + OXTS[4:], "packet 2: value 1 is 91, out of range"),
+        ("training/oxts/0003.txt", OXTS + "\n1e308 " + OXTS[5:], "line 2: a number is not finite, or too large"),
+        ("training/calib/0003.txt", CALIBRATION.replace("172.854", "1e308"), "can be inverted"),
         ("training/calib/0003.txt", CALIBRATION.replace("P2", "P9"), "P2 is missing"),
-        ("training/calib/0003.txt", CALIBRATION.replace("721.5377", "500"), "no KITTI day has a focal length of 500"),
+        ("training/calib/0003.txt", CALIBRATION.replace("721.5377", "500"), "focal length of 500 pixels: put one"),
         ("training/calib/0003.txt", CALIBRATION.replace("0 -1 0 0 0 0 -1 0 1 0 0 0", "0 " * 12), "can be inverted"),
     ],
 )
@@ -99,6 +103,28 @@ def test_broken_files_are_named(root, file, content, message):
     with pytest.raises(UserError, match=message) as error:
         tracking_trace(root, "0003", "rrc" if "rrc" in file else "pointrcnn")
     assert str(error.value).startswith(str(root / file))
+
+
+@pytest.mark.parametrize(
+    ("focal_px", "size"),
+    [
+        ("721.5377", (1242, 375)), ("707.0493", (1224, 370)), ("718.3351", (1238, 374)), ("707.0912", (1226, 370)),
+        ("718.856", (1241, 376)), ("7.188560000000e+02", (1241, 376)), ("718.85", (1241, 376)),
+    ],
+)  # fmt: skip
+def test_the_size_of_the_pictures_is_that_of_the_day(root, focal_px, size):
+    """The calibrations of KITTI's five days; sequence 0020 is of the last one."""
+    (root / "training/calib/0003.txt").write_text(CALIBRATION.replace("721.5377", focal_px))
+    assert open_sequence(root / "training", "0003").size == size
+
+
+def test_the_size_of_other_pictures_is_that_of_the_first(root):
+    (root / "training/calib/0003.txt").write_text(CALIBRATION.replace("721.5377", "500"))
+    pictures = root / "training/image_02/0003"
+    pictures.mkdir(parents=True)
+    cv2.imwrite(str(pictures / "000000.png"), np.zeros((100, 320, 3), np.uint8))
+    trace = tracking_trace(root, "0003")
+    assert (trace.frames["02"][0].width, trace.frames["02"][0].height) == (320, 100)
 
 
 @pytest.mark.parametrize(

@@ -11,13 +11,13 @@ from sim.street import street
 
 from genie_sim.paper.quality import KITTI, measure, summarise
 from genie_sim.paper.replicate import Answer, Held
-from genie_sim.perception.labels import Labels, Track, distance_m, read_tracking_labels, read_tracklets
+from genie_sim.perception.labels import LabelledTrack, Labels, distance_m, read_tracking_labels, read_tracklets
 
 SECOND = 1_000_000_000
 STREET = street(seconds=4.0, speed_mps=5.0)  # the camera drives east at 5 m/s; cars are parked every 8 m at y = 4 m
 STAMPS = tuple(range(0, 4 * SECOND, SECOND // 10))
-PARKED = Track("vehicle", STAMPS, np.array([(24.0, 4.0, 0.8)] * len(STAMPS)))
-VAN = Track("vehicle", STAMPS, np.array([(16.0 + 8.0 * t / SECOND, 4.0, 0.8) for t in STAMPS]))
+PARKED = LabelledTrack("vehicle", STAMPS, np.array([(24.0, 4.0, 0.8)] * len(STAMPS)))
+VAN = LabelledTrack("vehicle", STAMPS, np.array([(16.0 + 8.0 * t / SECOND, 4.0, 0.8) for t in STAMPS]))
 WINDOW = {"car1": (0, 2 * SECOND)}
 
 
@@ -44,7 +44,7 @@ def test_where_a_van_was_there_is_soon_a_ghost():
 
 
 def test_what_was_never_labelled_was_never_there():
-    found = holding(("car", (24.0, 4.0, 0.8)), tracks=(Track("person", PARKED.stamps_ns, PARKED.centres),))
+    found = holding(("car", (24.0, 4.0, 0.8)), tracks=(LabelledTrack("person", PARKED.stamps_ns, PARKED.centres),))
     assert found["ghost_share_never_there"] == 1.0, "a car is no person"
 
 

@@ -11,14 +11,14 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from benchmarks.town_fit import fit, validation
 from genie_sim.messages import CameraPose
 from genie_sim.perception.evaluation import evaluate
 from genie_sim.perception.trace import read_trace
 from genie_sim.perception.truth import read_truth
 from genie_sim import files
-from genie_sim.town import Town, TownRules, fit
-from genie_sim.town import validation as beside
-from genie_sim.town.camera import MOST_Z, Eye
+from genie_sim.town import Town, TownRules
+from genie_sim.town.detector import MOST_Z, SyntheticDetector
 from genie_sim.town.laws import MIDDLE, STEPS_PER_Z, DetectorLaws, detector_laws
 from genie_sim.town.noise import mix, normals, smooth_normals
 from genie_sim.units import NS_PER_S
@@ -94,21 +94,21 @@ def _drive_by(objects: int = 150) -> list[fit.Look]:
 
 def test_known_laws_are_found_again():
     """150 objects, 50 looks each: what the town's detector does is what its laws say."""
-    again = beside.looked_again(_known(0.3, 0.3, 0.4), "vehicles", _drive_by(), seed=1)
+    again = validation.resimulate(_known(0.3, 0.3, 0.4), "vehicles", _drive_by(), seed=1)
     assert len(again) == 7500
-    assert beside.found_share(again) == pytest.approx(0.7, abs=0.05)
-    scores, along, across = beside.scores(again), beside.errors(again, "along_m"), beside.errors(again, "across_m")
-    assert beside.distance(scores, np.linspace(0.3, 0.9, 1000)) < 0.08
-    assert beside.distance(along, np.linspace(-1, 1, 1000)) < 0.08
-    assert beside.distance(across, np.linspace(-0.5, 0.5, 1000)) < 0.08
+    assert validation.found_share(again) == pytest.approx(0.7, abs=0.05)
+    along, across = (validation.errors(again, name) for name in ("along_m", "across_m"))
+    assert validation.distance(validation.scores(again), np.linspace(0.3, 0.9, 1000)) < 0.08
+    assert validation.distance(along, np.linspace(-1, 1, 1000)) < 0.08
+    assert validation.distance(across, np.linspace(-0.5, 0.5, 1000)) < 0.08
 
 
 def test_a_lasting_effect_makes_some_objects_easy_and_others_hard():
     """Share of looks that find an object: the same for all without lasting and gradual effects, all or nothing with."""
     spread = []
     for of_object, of_view in ((0.0, 0.0), (0.5, 0.3), (0.98, 0.0)):
-        again = beside.looked_again(_known(0.5, of_object, of_view), "vehicles", _drive_by(80), seed=2)
-        shares = [beside.found_share(again[k : k + 50]) for k in range(0, len(again), 50)]
+        again = validation.resimulate(_known(0.5, of_object, of_view), "vehicles", _drive_by(80), seed=2)
+        shares = [validation.found_share(again[k : k + 50]) for k in range(0, len(again), 50)]
         spread.append(float(np.std(shares)))
     assert spread[0] < 0.1 < spread[1] < spread[2]
     assert spread[2] > 0.4
@@ -116,7 +116,7 @@ def test_a_lasting_effect_makes_some_objects_easy_and_others_hard():
 
 def test_the_copula_is_fitted_from_looks_alone():
     """Planted: half of the variance with the object, 0.3 with the view; found within 0.15 from 150 objects."""
-    again = beside.looked_again(_known(0.2, 0.5, 0.3), "vehicles", _drive_by(), seed=3)
+    again = validation.resimulate(_known(0.2, 0.5, 0.3), "vehicles", _drive_by(), seed=3)
     values = [0.0 if look.detection is None else look.detection.score for look in again]
     found = fit.shares_of(again, values, (0, 60), seed=1, replications=3)
     assert found["object"] == pytest.approx(0.5, abs=0.15)
@@ -135,7 +135,7 @@ def test_numbers_stay_within_the_tables(laws):
 
 def test_some_vehicles_are_called_something_else_at_times(laws):
     """On drive 0005 two of the labelled vehicles: most are always cars, the others now and then a truck or a bus."""
-    again = beside.looked_again(laws, "vehicles", _drive_by(400), seed=4)
+    again = validation.resimulate(laws, "vehicles", _drive_by(400), seed=4)
     names: dict[int, set[str]] = {}
     for look in again:
         if look.detection is not None:
@@ -160,9 +160,9 @@ def test_a_frame_of_the_town_shows_as_much_as_one_of_the_trace(trace, town_frame
     real_frames = [frame for frames in trace.frames.values() for frame in frames]
     for labels, margin in ((VEHICLES, 0.2), (PERSONS, 0.3)):
         real, made = _numbers(real_frames, labels), _numbers(town_frames, labels)
-        print(f"{labels[0]}: real {np.mean(real):.2f}, town {np.mean(made):.2f}, {beside.distance(real, made):.3f}")
+        print(f"{labels[0]}: real {np.mean(real):.2f}, town {np.mean(made):.2f}, {validation.distance(real, made):.3f}")
         assert np.mean(made) == pytest.approx(np.mean(real), rel=0.2)
-        assert beside.distance(real, made) < margin
+        assert validation.distance(real, made) < margin
 
 
 def test_vehicles_are_seen_from_as_far_and_as_surely_as_in_the_trace(trace, town_frames):
@@ -172,7 +172,7 @@ def test_vehicles_are_seen_from_as_far_and_as_surely_as_in_the_trace(trace, town
     for frames in (real_frames, town_frames):
         found = [(f.pose, d) for f in frames for d in f.detections if d.label in VEHICLES and d.location is not None]
         samples.append(([math.dist(pose[:2], d.location[:2]) for pose, d in found], [d.score for _, d in found]))
-    ranges, scores = (beside.distance(samples[0][k], samples[1][k]) for k in (0, 1))
+    ranges, scores = (validation.distance(samples[0][k], samples[1][k]) for k in (0, 1))
     print(f"ranges {ranges:.3f}, scores {scores:.3f}")
     assert ranges < 0.12
     assert scores < 0.2
@@ -220,19 +220,21 @@ def _bins(group: str, rows: Sequence[fit.Look]):
     ("group", "margins"), [("vehicles", (0.03, 0.06, 0.08, 0.08)), ("persons", (0.05, 0.1, 0.15, 0.08))]
 )
 def test_the_town_detector_says_what_the_real_one_said(laws, looks, group, margins):
-    """The same true objects from the same places: 40 replications (seeds 0 to 39) beside the real trace.
+    """The same true objects from the same places: 40 replications (seeds 0 to 39) compared with the real trace.
 
     Margins: share found, in all and in each bin of ranges (0.05 more); Kolmogorov-Smirnov distances of the scores and
     of the errors along the line of sight and across. The data of persons are three tracks.
     """
     real = looks[group]
-    made = [look for seed in range(REPLICATIONS) for look in beside.looked_again(laws, group, real, seed)]
+    made = [look for seed in range(REPLICATIONS) for look in validation.resimulate(laws, group, real, seed)]
     assert len(made) > 0.9 * REPLICATIONS * len(real)
-    gaps = [beside.found_share(made) - beside.found_share(real)]
+    gaps = [validation.found_share(made) - validation.found_share(real)]
     made_bins = dict(_bins(group, made))
-    gaps += [beside.found_share(made_bins[span]) - beside.found_share(here) for span, here in _bins(group, real)]
-    score = beside.distance(beside.scores(real), beside.scores(made))
-    along, across = (beside.distance(beside.errors(real, e), beside.errors(made, e)) for e in ("along_m", "across_m"))
+    share = validation.found_share
+    gaps += [share(made_bins[span]) - share(here) for span, here in _bins(group, real)]
+    score = validation.distance(validation.scores(real), validation.scores(made))
+    errors = [(validation.errors(real, name), validation.errors(made, name)) for name in ("along_m", "across_m")]
+    along, across = (validation.distance(*pair) for pair in errors)
     print(f"{group}: gaps of found {np.round(gaps, 3)}, score {score:.3f}, along {along:.3f}, across {across:.3f}")
     assert abs(gaps[0]) < margins[0]
     assert max(map(abs, gaps)) < margins[0] + 0.05
@@ -247,26 +249,26 @@ def test_the_town_detector_misses_in_runs_as_the_real_one(laws, looks, group):
     """How often found changes to missed from one picture to the next: the real share is within those of 40
     replications, and less than half of what independent misses would give."""
     real = looks[group]
-    made = [beside.changes(beside.looked_again(laws, group, real, seed)) for seed in range(REPLICATIONS)]
-    independent = beside.independent_changes(group, real)
-    print(f"{group}: real {beside.changes(real):.3f}, town {np.mean(made):.3f}, independent {independent:.3f}")
-    assert min(made) <= beside.changes(real) <= max(made)
+    made = [validation.changes(validation.resimulate(laws, group, real, seed)) for seed in range(REPLICATIONS)]
+    independent = validation.independent_changes(group, real)
+    print(f"{group}: real {validation.changes(real):.3f}, town {np.mean(made):.3f}, independent {independent:.3f}")
+    assert min(made) <= validation.changes(real) <= max(made)
     assert np.mean(made) < 0.65 * independent
-    assert np.mean(made) == pytest.approx(beside.changes(real), abs=0.05)
+    assert np.mean(made) == pytest.approx(validation.changes(real), abs=0.05)
 
 
 @pytest.mark.real_data
 def test_a_frame_of_the_town_shows_as_many_ghosts(laws, kitti_root, trace, town_frames):
-    """Wrong detections a frame, of places and fleeting ones: within a fifth of those of camera 02 by KITTI's labels."""
+    """Wrong detections a frame, of places and transient ones: within a fifth of camera 02's by KITTI's labels."""
     judged = evaluate(trace, read_truth(kitti_root, "tracking/0000", trace), 0.3)
     wrong = sum(one.label is None for group in judged.groups.values() for one in group.judged)
     real = wrong / len(trace.frames["02"])
     made = 0
     for frame in town_frames:
         world = _Ghosts(frame._drive.town.streets)
-        pose, eye = frame.pose, Eye(world, laws, TownRules().view_m)
+        pose, detector = frame.pose, SyntheticDetector(world, laws, TownRules().view_m)
         c, s = math.cos(pose.heading_rad), math.sin(pose.heading_rad)
-        made += len(eye.look(eye.view(pose, c, s, frame.stamp_ns * 1e-9), pose, c, s, frame.dhash))
+        made += len(detector.detect(detector.view(pose, c, s, frame.stamp_ns * 1e-9), pose, c, s, frame.dhash))
     print(f"ghosts a frame: real {real:.2f}, town {made / len(town_frames):.2f}")
     assert made / len(town_frames) == pytest.approx(real, rel=0.2)
 
@@ -280,10 +282,10 @@ def test_looks_at_a_vehicle_are_alike_as_the_real_ones(laws, looks):
     real = looks["vehicles"]
     for name in ("score", "along_m", "across_m"):
         made = [
-            beside.likeness("vehicles", beside.looked_again(laws, "vehicles", real, seed), name)
+            validation.correlations("vehicles", validation.resimulate(laws, "vehicles", real, seed), name)
             for seed in range(REPLICATIONS)
         ]
-        gap = np.abs(np.mean(made, axis=0) - beside.likeness("vehicles", real, name))[:6].mean()
+        gap = np.abs(np.mean(made, axis=0) - validation.correlations("vehicles", real, name))[:6].mean()
         print(f"{name}: {gap:.3f}")
         assert gap < 0.12, name
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from genie_sim.town import Town, TownRules
-from genie_sim.town.camera import HORIZONTAL_FOV_RAD, NEAREST_M
+from genie_sim.town.detector import HORIZONTAL_FOV_RAD, NEAREST_M
 from genie_sim.town.objects import REACHES_M
 from genie_sim.units import NS_PER_S
 

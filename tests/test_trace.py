@@ -151,6 +151,8 @@ def test_another_program_s_files_are_refused(path):
     [
         (with_metadata(format_version=99), "format_version: trace has version 99, this genie-sim reads 1"),
         (with_metadata(origin=[49.0]), "origin"),
+        (with_metadata(origin=[1e308, 8.0, 100.0]), "origin"),
+        (lambda table: table.replace_schema_metadata({METADATA_KEY: b"[" * 100_000}), "metadata cannot be read"),
         (with_metadata(digest="0" * 64), "does not match its own digest"),
         (with_metadata(provenance=None), "'provenance' is missing"),
         (lambda table: table.replace_schema_metadata({METADATA_KEY: b"{"}), "metadata cannot be read"),
@@ -174,17 +176,29 @@ def test_a_trace_with_something_wrong_is_refused(path, change, message):
     [
         ((frame(index=1), frame(index=0)), "frame 0: stamp_ns 0 does not follow 103380000"),
         ((frame(pose=CameraPose(0.0, math.nan, 0.0, 0.0)),), "pose"),
+        ((frame(pose=CameraPose(0.0, 0.0, 0.0, 1e308)),), "is no place on Earth .* and a heading"),
+        ((frame(pose=CameraPose(1e308, 0.0, 0.0, 0.0)),), "is no place on Earth"),
         ((frame(stamp_ns=-1),), "stamp_ns"),
         ((frame(width=0),), "width"),
         ((frame(horizontal_fov_rad=0.0),), "horizontal_fov_rad"),
         ((frame(detections=(Detection("car", 1.2, (0.0, 0.0, 1.0, 1.0), None, 1.2),)),), "car"),
         ((frame(detections=(Detection("car", 0.5, (0.0, 0.0, math.inf, 1.0), None, 0.5),)),), "car"),
+        ((frame(detections=(Detection("car", 0.5, None, (1e308, 0.0, 0.0), 0.5),)),), "car"),
+        ((frame(detections=(Detection("car", None, (0.0, 0.0, 1.0, 1.0), None, 0.5),)),), "a car whose score"),
+        ((frame(detections=(Detection(None, 0.5, (0.0, 0.0, 1.0, 1.0), None, 0.5),)),), "without a label"),
+        ((frame(detections=(Detection("car", 0.5, (0.0, None, 1.0, 1.0), None, 0.5),)),), "a car whose score"),
     ],
 )
 def test_a_trace_with_impossible_frames_is_refused(path, frames, message):
     write_trace(path, trace(**{"02": frames}))
     with pytest.raises(UserError, match=message):
         read_trace(path)
+
+
+def test_a_detection_may_have_no_box(path):
+    boxless = trace(**{"02": (frame(detections=(Detection("car", 0.5, None, (1.0, 2.0, 3.0), 0.5),)),)})
+    write_trace(path, boxless)
+    assert read_trace(path).frames == boxless.frames
 
 
 def test_an_unwritable_place_is_a_user_error(tmp_path):

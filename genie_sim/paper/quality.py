@@ -19,7 +19,7 @@ from genie_sim.messages import CameraPose, Location
 from genie_sim.paper.evidence import interval
 from genie_sim.paper.replicate import Answer, Held, Job, prepare_job, run_for_answers
 from genie_sim.paths import expanded
-from genie_sim.perception.labels import Labels, Track, distance_m, read_tracklets
+from genie_sim.perception.labels import LabelledTrack, Labels, distance_m, read_tracklets
 from genie_sim.perception.trace import Trace, TraceFrame
 
 KITTI = "GENIE_SIM_KITTI"
@@ -111,7 +111,7 @@ def summarise(runs: Sequence[Mapping[str, Mapping[str, float]]], seeds: int) -> 
 def _compare(
     count: Count,
     objects: Sequence[Object],
-    there: Sequence[tuple[Track, Location]],
+    there: Sequence[tuple[LabelledTrack, Location]],
     labels: Labels,
     seen_ns: Mapping[Object, int],
 ) -> None:

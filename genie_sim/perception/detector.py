@@ -16,10 +16,10 @@ from genie_sim.paths import expanded
 from genie_sim.perception.networks import NanodetM, Yolov8, YoloxNano, YoloxS, YoloxTiny
 from genie_sim.perception.onnx_detector import CPU, MIN_SCORE, Found, OnnxDetector
 
-__all__ = ["DETECTORS", "Detector", "Found", "find_weights", "make_detector"]
+__all__ = ["DETECTORS", "Found", "ImageDetector", "find_weights", "make_detector"]
 
 
-class Detector(Protocol):
+class ImageDetector(Protocol):
     """What ``perceive`` needs of a detector. One that runs a network is best derived from ``OnnxDetector``."""
 
     name: ClassVar[str]
@@ -34,7 +34,8 @@ class Detector(Protocol):
         ...
 
 
-DETECTORS: dict[str, type[Detector]] = {kind.name: kind for kind in (YoloxNano, YoloxTiny, YoloxS, NanodetM, Yolov8)}
+_KINDS: tuple[type[ImageDetector], ...] = (YoloxNano, YoloxTiny, YoloxS, NanodetM, Yolov8)
+DETECTORS = {kind.name: kind for kind in _KINDS}
 
 
 def make_detector(
@@ -45,7 +46,7 @@ def make_detector(
     providers: Sequence[str] = (CPU,),
     threads: int = 1,
     batch: int = 1,
-) -> Detector:
+) -> ImageDetector:
     """The detector of that name, or of a class of your own, ``package.module:Class``.
 
     ``weights`` is its file or a folder, by default the folder GENIE_SIM_WEIGHTS; ``providers`` are ONNX Runtime's
@@ -73,7 +74,7 @@ def find_weights(file_name: str, weights: str | Path | None = None) -> Path:
     return path
 
 
-def _own_class(name: str) -> type[Detector]:
+def _own_class(name: str) -> type[ImageDetector]:
     module, _, kind = name.partition(":")
     if "" not in sys.path:
         sys.path.append("")  # a class may lie in the current folder

@@ -17,8 +17,9 @@ import numpy as np
 
 from genie_sim.core.geometry import Array
 from genie_sim.messages import Box, Detection
+from genie_sim.perception.labels import distance_m
 from genie_sim.perception.trace import MIN_HEIGHT_PX, Trace
-from genie_sim.perception.truth import Labelled, Truth
+from genie_sim.perception.truth import Labelled, PictureLabels
 
 LABELS = {"vehicles": ("car", "truck", "bus"), "persons": ("person",)}
 MIN_IOU = {"vehicles": 0.5, "persons": 0.4}
@@ -42,7 +43,7 @@ class Judged(NamedTuple):
         """How far, in the ground plane, its location lies from the labelled centre."""
         if self.label is None or self.label.centre is None or self.detection.location is None:
             return None
-        return _distance_m(self.detection.location, self.label.centre)
+        return distance_m(self.detection.location, self.label.centre)
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,15 +55,16 @@ class Group:
     labels: int
 
     def average_precision(self) -> float:
-        """Area under the precision-recall curve, precision made monotonic (VOC 2010 and later)."""
-        right = np.array([found.label is not None for found in self.judged], dtype=float)
-        if not self.labels or not len(right):
+        """Area under the precision-recall curve, precision made monotonic (VOC 2010 and later); nan without labels."""
+        if not self.labels:
             return math.nan
+        right = np.array([found.label is not None for found in self.judged], dtype=float)
         precision = np.cumsum(right) / np.arange(1, len(right) + 1)
         best_from_here = np.maximum.accumulate(precision[::-1])[::-1]
         return float((best_from_here * right).sum() / self.labels)
 
     def precision_recall(self, min_score: float) -> tuple[float, float]:
+        """Precision (nan: nothing was found) and recall (nan: there are no labels) of detections from a score on."""
         right = [found.label is not None for found in self.judged if found.detection.score >= min_score]
         return _share(right), sum(right) / self.labels if self.labels else math.nan
 
@@ -99,12 +101,12 @@ class Steadiness(NamedTuple):
 class Evaluation:
     """A trace judged. ``min_score`` is that of the trace as it is used: average precision looks below it."""
 
-    truth: Truth
+    truth: PictureLabels
     groups: Mapping[str, Group]
     min_score: float
 
     def kept(self, group: str | None = None, parked: bool = False) -> list[Judged]:
-        """Right detections from ``min_score`` on; only those of parked vehicles, if wanted."""
+        """Right detections from ``min_score`` on; with ``parked`` only those of parked vehicles."""
         chosen = self.groups.values() if group is None else [self.groups[group]]
         kept = [j for g in chosen for j in g.judged if j.label is not None and j.detection.score >= self.min_score]
         return [j for j in kept if not parked or (j.label is not None and j.label.track in self.truth.parked)]
@@ -125,7 +127,7 @@ class Evaluation:
         return rows
 
 
-def evaluate(trace: Trace, truth: Truth, min_score: float) -> Evaluation:
+def evaluate(trace: Trace, truth: PictureLabels, min_score: float) -> Evaluation:
     """Judge a trace, in the pictures that have labels. Average precision means most where the trace has weak detections
     too (``perceive.LOWEST_SCORE``)."""
     return Evaluation(truth, {name: _judge(name, trace, truth) for name in LABELS}, min_score)
@@ -138,7 +140,7 @@ def iou(box: Box, boxes: Array) -> Array:
     return shared / np.maximum(union, 1e-9)
 
 
-def _judge(group: str, trace: Trace, truth: Truth) -> Group:
+def _judge(group: str, trace: Trace, truth: PictureLabels) -> Group:
     found = [
         (detection, detection.box, (camera, frame.index), frame.pose)
         for camera, frames in trace.frames.items()
@@ -158,7 +160,7 @@ def _judge(group: str, trace: Trace, truth: Truth) -> Group:
         if best is not None and overlaps[best] >= MIN_IOU[group]:
             taken.add((picture, best))
             centre = labels[best].centre
-            range_m = None if centre is None else _distance_m(pose[:3], centre)
+            range_m = None if centre is None else distance_m((pose.east_m, pose.north_m, pose.up_m), centre)
             judged.append(Judged(detection, labels[best], range_m))
         elif not _left_out(box, labels, boxes, overlaps, MIN_IOU[group]):
             judged.append(Judged(detection, None, None))
@@ -198,10 +200,6 @@ def _share(flags: Iterable[bool]) -> float:
     return sum(flags) / len(flags) if flags else math.nan
 
 
-def _distance_m(a: tuple[float, ...], b: tuple[float, ...]) -> float:
-    return math.hypot(a[0] - b[0], a[1] - b[1])
-
-
 def table(evaluation: Evaluation) -> str:
     """The evaluation as Markdown tables."""
     e = evaluation
@@ -212,10 +210,13 @@ def table(evaluation: Evaluation) -> str:
     ]
     for name, group in e.groups.items():
         precision, recall = group.precision_recall(e.min_score)
-        text.append(
-            f"| {name} (IoU {MIN_IOU[name]:g}) | {group.labels} | {group.average_precision():.3f} "
-            f"| {precision:.2f} | {recall:.2f} | {group.calibration_error(e.min_score):.3f} |"
-        )
+        figures = [(group.average_precision(), 3), (precision, 2), (recall, 2)]
+        figures.append((group.calibration_error(e.min_score), 3))
+        cells = ["-" if math.isnan(figure) else f"{figure:.{digits}f}" for figure, digits in figures]
+        text.append(f"| {name} (IoU {MIN_IOU[name]:g}) | {group.labels} | {' | '.join(cells)} |")
+    unlabelled = [name for name, group in e.groups.items() if not group.labels]
+    if unlabelled:
+        text += ["", f"No labels of {' or '.join(unlabelled)} count in these pictures: what was missed is unknown."]
     text += ["", "| score | vehicles: number, right | persons: number, right |", "|---|---|---|"]
     bins = {name: {row[0]: row for row in group.reliability()} for name, group in e.groups.items()}
     for low, high in pairwise(SCORE_BINS):
@@ -225,8 +226,8 @@ def table(evaluation: Evaluation) -> str:
     for what, rows in _places(e):
         errors = [judged.error_m for judged in rows if judged.error_m is not None]
         if rows:
-            figures = [f"{value:.2f} m" for value in np.percentile(errors, [50, 90])] if errors else ["-", "-"]
-            text.append(f"| {what} | {len(errors)} of {len(rows)} | {figures[0]} | {figures[1]} |")
+            cells = [f"{value:.2f} m" for value in np.percentile(errors, [50, 90])] if errors else ["-", "-"]
+            text.append(f"| {what} | {len(errors)} of {len(rows)} | {' | '.join(cells)} |")
     steady = e.steadiness()
     if steady:
         stay = sum(row.radius_m <= STABLE_M for row in steady)

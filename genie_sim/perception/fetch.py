@@ -26,12 +26,13 @@ TIMEOUT_S = 30.0  # without a byte
 CHUNK_BYTES = 1 << 18
 TRIES = 3
 MOST_UNPACKED_BYTES = 20 * 10**9  # KITTI's longest raw drives unpack to about 8 GB
-MOST_RATIO = 100  # of an archive's entry; scans and pictures shrink by a fifth at most
+MOST_ENTRIES = 200_000  # KITTI's longest raw drive has about 31,000 files
+MOST_RATIO = 100  # of an archive; scans and pictures shrink by a fifth at most, text to a tenth
 
 Progress = Callable[[int, int], None]
 
 
-class Model(NamedTuple):
+class WeightsFile(NamedTuple):
     """A weights file: what ``--detector`` calls it, where it is published, and its bytes and SHA-256."""
 
     file_name: str
@@ -43,19 +44,19 @@ class Model(NamedTuple):
 # Hashes and sizes as several public projects pin them.
 YOLOX = "https://github.com/Megvii-BaseDetection/YOLOX/releases/download/0.1.1rc0"
 MODELS = {
-    "yolox-nano": Model(
+    "yolox-nano": WeightsFile(
         "yolox_nano.onnx",
         f"{YOLOX}/yolox_nano.onnx",
         3_659_407,
         "c789161ed43c8269fcd4e67c67eeeb4e80c622da2eb296a20bc6007bd18a0b7d",
     ),
-    "yolox-tiny": Model(
+    "yolox-tiny": WeightsFile(
         "yolox_tiny.onnx",
         f"{YOLOX}/yolox_tiny.onnx",
         20_219_662,
         "427cc366d34e27ff7a03e2899b5e3671425c262ea2291f88bb942bc1cc70b0f7",
     ),
-    "yolox-s": Model(
+    "yolox-s": WeightsFile(
         "yolox_s.onnx",
         f"{YOLOX}/yolox_s.onnx",
         35_858_002,
@@ -114,8 +115,8 @@ class NotThere(UserError):
 def download(
     url: str, path: Path, progress: Progress, sha256: str | None = None, size_bytes: int | None = None
 ) -> None:
-    """One file, written beside its place as ``.part`` and renamed once it is whole; a later call goes on where an
-    earlier one stopped. A file that is there already, with the right hash, is left alone.
+    """One file, written as ``.part`` and renamed once it is complete; a later call goes on where an earlier
+    one stopped. A file that is there already, with the right hash, is left alone.
 
     Raises UserError, with what to do by hand, when there is no network, the server is too slow or the file is wrong.
     """
@@ -150,26 +151,26 @@ def download(
 
 
 def unpack(archive: Path, folder: Path, most_bytes: int = MOST_UNPACKED_BYTES) -> list[Path]:
-    """Files of a ZIP archive into a folder. Nothing is written if an entry would leave the folder, is a link, is
-    encrypted, appears twice, or unpacks to far more than it should; UserError says which."""
+    """Files of a ZIP archive into a folder. Nothing is written if an entry has no name, would leave the folder, is a
+    link, is encrypted or appears twice, or if all of them are too many or unpack to too much; UserError says which."""
     root = folder.resolve()
     try:
         with zipfile.ZipFile(archive) as packed:
-            entries = [entry for entry in packed.infolist() if not entry.is_dir()]
+            entries = [entry for entry in packed.infolist() if not entry.filename.endswith("/")]
             _check(archive, entries, root, most_bytes)
             for entry in entries:
                 target = root / entry.filename
                 target.parent.mkdir(parents=True, exist_ok=True)
-                beside = target.with_name(target.name + ".part")
-                beside.unlink(missing_ok=True)  # a link there would lead elsewhere
-                with packed.open(entry) as source, beside.open("wb") as destination:
+                part = target.with_name(target.name + ".part")
+                part.unlink(missing_ok=True)  # a link there would lead elsewhere
+                with packed.open(entry) as source, part.open("wb") as destination:
                     left = entry.file_size
                     while chunk := source.read(min(CHUNK_BYTES, left + 1)):
                         left -= len(chunk)
                         if left < 0:
                             raise UserError(f"{archive}: {entry.filename}: is longer than the archive says")
                         destination.write(chunk)
-                beside.replace(target)
+                part.replace(target)
             return [root / entry.filename for entry in entries]
     except (zipfile.BadZipFile, EOFError, NotImplementedError, RuntimeError, ValueError, zlib.error) as error:
         raise UserError(f"{archive}: not a readable ZIP archive: {error}") from error
@@ -178,13 +179,19 @@ def unpack(archive: Path, folder: Path, most_bytes: int = MOST_UNPACKED_BYTES) -
 
 
 def _check(archive: Path, entries: list[zipfile.ZipInfo], root: Path, most_bytes: int) -> None:
-    total = sum(entry.file_size for entry in entries)
+    total, packed = sum(entry.file_size for entry in entries), archive.stat().st_size
+    if len(entries) > MOST_ENTRIES:
+        raise UserError(f"{archive}: has {len(entries):,} files, more than {MOST_ENTRIES:,}")
     if total > most_bytes:
         raise UserError(f"{archive}: unpacks to {total:,} bytes, more than {most_bytes:,}")
+    if total > max(MOST_RATIO * packed, CHUNK_BYTES):
+        raise UserError(f"{archive}: unpacks to {total:,} bytes from {packed:,}, more than {MOST_RATIO} times as many")
     seen: set[str] = set()
     for entry in entries:
         what = f"{archive}: {entry.filename!r}"
         name = PurePosixPath(entry.filename)
+        if not name.name:
+            raise UserError(f"{what} is no name of a file")
         if name.is_absolute() or ".." in name.parts or "\\" in entry.filename or ":" in entry.filename:
             raise UserError(f"{what} leads out of the folder")
         if not (root / name).resolve().is_relative_to(root):
@@ -194,8 +201,6 @@ def _check(archive: Path, entries: list[zipfile.ZipInfo], root: Path, most_bytes
             raise UserError(f"{what} is a link or a device, not a file")
         if entry.flag_bits & 1:
             raise UserError(f"{what} is encrypted")
-        if entry.file_size > MOST_RATIO * max(entry.compress_size, 1) and entry.file_size > CHUNK_BYTES:
-            raise UserError(f"{what} unpacks to {entry.file_size:,} bytes from {entry.compress_size:,}")
         if str(name).lower() in seen:
             raise UserError(f"{what} is in the archive twice")
         seen.add(str(name).lower())

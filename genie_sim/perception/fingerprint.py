@@ -13,12 +13,16 @@ MOST_PIXELS = 2**31 // 255  # their sum fits into 32 bits
 
 
 def difference_hash(image_bgr: np.ndarray) -> int:
-    """64-bit dHash: of the grey picture shrunk to 9x8, one bit for each pixel brighter than its left neighbour.
+    """64-bit dHash of a picture (height, width, 3), blue, green, red."""
+    return hash_of_grey(cv2.cvtColor(image_bgr, cv2.COLOR_BGR2GRAY))
+
+
+def hash_of_grey(grey: np.ndarray) -> int:
+    """64-bit dHash: of a grey picture (height, width) shrunk to 9x8, one bit for each pixel brighter than its left one.
 
     Shrinking is OpenCV's ``INTER_AREA``. That is slow for so large a step, so most pictures are spared it: where no
     rounding of its sums could change a bit, exact means of the same areas give the same bits.
     """
-    grey = cv2.cvtColor(image_bgr, cv2.COLOR_BGR2GRAY)
     bits = _certain_bits(grey)
     if bits is None:
         small = cv2.resize(grey, (COLUMNS, ROWS), interpolation=cv2.INTER_AREA)
@@ -31,7 +35,7 @@ def _certain_bits(grey: np.ndarray) -> np.ndarray | None:
     height_px, width_px = grey.shape[0] / ROWS, grey.shape[1] / COLUMNS
     if height_px < 1 or width_px < 1 or grey.size > MOST_PIXELS:
         return None
-    sums = cv2.integral(grey)
+    sums = cv2.integral(grey).astype(np.float64)
     sums = _between(_between(sums, np.arange(ROWS + 1) * height_px).T, np.arange(COLUMNS + 1) * width_px).T
     means = np.diff(np.diff(sums, axis=0), axis=1) / (height_px * width_px)
     left_out = 2 * LEAST_WEIGHT * (1 / height_px + 1 / width_px)
@@ -45,5 +49,6 @@ def _certain_bits(grey: np.ndarray) -> np.ndarray | None:
 def _between(rows: Array, places: Array) -> Array:
     """Rows (n, k) at places (m,) from 0 to n - 1, in a straight line between two rows."""
     before = np.minimum(places.astype(np.intp), len(rows) - 2)
-    first: Array = rows[before]
-    return first + (rows[before + 1] - first) * (places - before)[:, None]
+    first = rows[before]
+    between: Array = first + (rows[before + 1] - first) * (places - before)[:, None]
+    return between

@@ -1,4 +1,4 @@
-"""What really stood on the street: KITTI's own labels as tracks in the east-north-up world.
+"""KITTI's own labels as tracks of objects in the east-north-up world.
 
 Two sources give the same ``Labels``: the tracklets of a raw drive, and the labels of a tracking sequence. KITTI labels
 what its annotators saw in the laser scans; objects far away or never labelled are missing, so an object without a
@@ -15,10 +15,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from genie_sim.core.geometry import Array, Geodetic, inverse, rotation_from_rpy, transform
+from genie_sim.core.geometry import Array, Geodetic, rotation_from_rpy, transform
 from genie_sim.errors import UserError
 from genie_sim.messages import Box, Location
-from genie_sim.perception.tracking import FRAME_NS, lines, open_sequence
+from genie_sim.perception.files import lines, read_bytes, within
+from genie_sim.perception.tracking import FRAME_NS, open_sequence
 
 KINDS = {  # KITTI's types by what a detector can tell apart; others (Misc, Tram, DontCare) are no objects here
     "Car": "vehicle",
@@ -36,7 +37,7 @@ MOVING_MPS = 0.5
 
 
 @dataclass(frozen=True, slots=True)
-class Track:
+class LabelledTrack:
     """One labelled object: its kind, and its centre (n, 3) [m] at each of its time stamps [ns]."""
 
     kind: str
@@ -45,7 +46,7 @@ class Track:
 
     @property
     def moving(self) -> bool:
-        """Whether it got away from where it was first seen faster than ``MOVING_MPS``, over the time it is labelled."""
+        """Whether it left the place of its first label faster than ``MOVING_MPS``, over the time it is labelled."""
         seconds = (self.stamps_ns[-1] - self.stamps_ns[0]) / 1e9
         return seconds > 0 and float(np.hypot(*(self.centres - self.centres[0])[:, :2].T).max()) / seconds > MOVING_MPS
 
@@ -62,7 +63,7 @@ class Labels:
     """All labelled objects of one drive around one geodetic origin; time counts from the drive's first frame."""
 
     origin: Geodetic
-    tracks: tuple[Track, ...]
+    tracks: tuple[LabelledTrack, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,18 +114,14 @@ def read_tracklets(root: str | Path, drive: str, origin: Geodetic | None = None)
     from genie_sim.perception.kitti import open_drive
 
     opened = open_drive(root, drive, ("02", "03"), origin, allow_missing_scans=True)
-    date, number = drive.split("/")
-    path = Path(root) / date / f"{date}_drive_{number}_sync" / "tracklet_labels.xml"
     stamps_ns = {frame.index: frame.stamp_ns - opened.first_stamp_ns for frame in opened.frames["02"]}
-    imu_SE3_velo = inverse(np.asarray(opened.calibration.T_velo_imu, dtype=np.float64))
-    world_SE3_velo = {index: pose @ imu_SE3_velo for index, pose in opened.world_SE3_imu.items()}
     tracks = []
-    for item in tracklets(path):
+    for item in tracklets(opened.tracklets):
         frames = range(item.first, item.first + len(item.centres))
-        known = [frame for frame in frames if frame in stamps_ns and frame in world_SE3_velo]
+        known = [frame for frame in frames if frame in stamps_ns]
         if item.kind in KINDS and known:
-            places = np.array([transform(world_SE3_velo[frame], item.centres[frame - item.first]) for frame in known])
-            tracks.append(Track(KINDS[item.kind], tuple(stamps_ns[frame] for frame in known), places))
+            places = [transform(opened.world_SE3_velo(frame), item.centres[frame - item.first]) for frame in known]
+            tracks.append(LabelledTrack(KINDS[item.kind], tuple(stamps_ns[frame] for frame in known), np.array(places)))
     return Labels(opened.origin, tuple(tracks))
 
 
@@ -141,7 +138,7 @@ def read_tracking_labels(training: str | Path, sequence: str, origin: Geodetic |
             _, stamps_ns, centres = seen.setdefault(label.track, (KINDS[label.kind], [], []))
             stamps_ns.append(label.frame * FRAME_NS)
             centres.append(transform(drive.world_SE3_camera0[label.frame], label.centre))
-    return Labels(drive.origin, tuple(Track(kind, tuple(s), np.array(c)) for kind, s, c in seen.values()))
+    return Labels(drive.origin, tuple(LabelledTrack(kind, tuple(s), np.array(c)) for kind, s, c in seen.values()))
 
 
 def tracking_labels(path: Path, frames: int) -> list[TrackingLabel]:
@@ -151,14 +148,14 @@ def tracking_labels(path: Path, frames: int) -> list[TrackingLabel]:
         try:
             frame, track, kind, truncation, occlusion = int(fields[0]), int(fields[1]), fields[2], *fields[3:5]
             x1, y1, x2, y2, height_m, _, _, x, y, z = map(float, (*fields[6:13], *fields[13:16]))
-            finite = np.isfinite([x1, y1, x2, y2, height_m, x, y, z]).all()
+            bounded = within([x1, y1, x2, y2, height_m, x, y, z])
             label = TrackingLabel(
                 frame, track, kind, int(float(truncation)), int(occlusion), (x1, y1, x2, y2), (x, y - height_m / 2, z)
             )
         except (IndexError, ValueError, OverflowError) as error:
             raise UserError(f"{path}: line {number}: not a tracking label: {error}") from error
-        if not finite:
-            raise UserError(f"{path}: line {number}: not a tracking label: a number is not finite")
+        if not bounded:
+            raise UserError(f"{path}: line {number}: not a tracking label: a number is not finite, or too large")
         if not 0 <= frame < frames:
             raise UserError(f"{path}: line {number}: frame {frame} has no line in oxts")
         labels.append(label)
@@ -168,10 +165,7 @@ def tracking_labels(path: Path, frames: int) -> list[TrackingLabel]:
 def tracklets(path: Path) -> list[Tracklet]:
     """All objects of a ``tracklet_labels.xml``. Raises UserError where it is missing or something else."""
     try:
-        items = ElementTree.parse(path).getroot().findall("tracklets/item")
-        return [_tracklet(item) for item in items]
-    except OSError as error:
-        raise UserError(f"{path}: cannot be read: {error.strerror}") from error
+        return [_tracklet(item) for item in ElementTree.fromstring(read_bytes(path)).findall("tracklets/item")]
     except (ElementTree.ParseError, ValueError, LookupError, OverflowError) as error:
         raise UserError(f"{path}: not KITTI tracklets: {error}") from error
 
@@ -181,8 +175,8 @@ def _tracklet(item: ElementTree.Element) -> Tracklet:
     poses = [[float(pose.findtext(name, "")) for name in names] for pose in item.findall("poses/item")]
     table = np.array(poses).reshape(-1, len(names))
     height_m, width_m, length_m = (float(item.findtext(name, "")) for name in "hwl")
-    if not np.isfinite([height_m, width_m, length_m, *table.ravel()]).all():
-        raise ValueError("a number is not finite")
+    if not within([height_m, width_m, length_m, *table.ravel()]):
+        raise ValueError("a number is not finite, or too large")
     return Tracklet(
         kind=str(item.findtext("objectType")),
         first=int(item.findtext("first_frame", "")),
@@ -195,5 +189,5 @@ def _tracklet(item: ElementTree.Element) -> Tracklet:
 
 
 def distance_m(a: Location, b: Location) -> float:
-    """In the ground plane."""
+    """How far apart two places are in the ground plane [m]."""
     return math.hypot(a[0] - b[0], a[1] - b[1])

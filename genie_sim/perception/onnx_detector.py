@@ -51,7 +51,7 @@ NMS_IOU = 0.30
 
 
 GREY = 114  # what fills the rest of a letter box
-MOST_SIDE_PX = 8192
+MOST_PIXELS = 2**25  # that a network gets at a time: about 5800 x 5800, or 64 pictures of 1248 x 384
 
 
 class Found(NamedTuple):
@@ -93,8 +93,12 @@ class OnnxDetector(ABC):
             raise UserError(f"detector {self.name}: min_score {min_score} is not between 0 and 1")
         network = read_network(weights, self.outputs)
         self.size = size or self.default_size or _own_size(weights, network)
+        width, height = self.size
         if any(side <= 0 or side % max(self.strides) for side in self.size):
             raise UserError(f"detector {self.name}: size {self.size} must be multiples of {max(self.strides)}")
+        if width * height * batch > MOST_PIXELS:
+            each = f", {batch} at a time" if batch > 1 else ""
+            raise UserError(f"detector {self.name}: size {width}x{height}{each}: more than {MOST_PIXELS:,} pixels")
         self.min_score, self.threads, self.batch = min_score, threads, batch
         self.sha256 = hashlib.sha256(weights.read_bytes()).hexdigest()
         self.labels = self.labels_of(weights, {entry.key: entry.value for entry in network.metadata_props})
@@ -291,7 +295,7 @@ def first_line(error: Exception) -> str:
 
 def _own_size(weights: Path, network: Any) -> tuple[int, int]:
     height, width = (dim.dim_value for dim in network.graph.input[0].type.tensor_type.shape.dim[2:])
-    if not (0 < width <= MOST_SIDE_PX and 0 < height <= MOST_SIDE_PX):
+    if width <= 0 or height <= 0:
         raise UserError(f"{weights}: leaves its input's size open: say which width and height it is to have")
     return width, height
 

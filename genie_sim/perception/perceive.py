@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import importlib.metadata
+import logging
 import os
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -13,8 +14,8 @@ from genie_sim.core.geometry import Geodetic
 from genie_sim.errors import UserError
 from genie_sim.paths import expanded
 from genie_sim.perception import placement, tuning
-from genie_sim.perception.detector import Detector, make_detector
-from genie_sim.perception.kitti import ATTRIBUTION, CameraFrame, Drive, open_drive
+from genie_sim.perception.detector import ImageDetector, make_detector
+from genie_sim.perception.kitti import ATTRIBUTION, CameraFrame, KittiDrive, open_drive
 from genie_sim.perception.onnx_detector import CPU, MIN_SCORE, NMS_IOU
 from genie_sim.perception.pipeline import trace_frames
 from genie_sim.perception.trace import Trace, TraceFrame
@@ -25,6 +26,7 @@ LOWEST_SCORE = 0.01  # for an evaluation: weak detections count for average prec
 TRACKING = "tracking/"  # a drive of this name is a sequence of the tracking benchmark
 
 Progress = Callable[[int, int], None]
+log = logging.getLogger(__name__)
 
 
 def kitti_folder(root: str | Path | None) -> Path:
@@ -51,47 +53,54 @@ def perceive(
     place_from: float = 0.0,
     threads: int | None = 1,
     batch: int | None = 1,
-    say: Callable[[str], None] | None = None,
+    say: Callable[[str], None] = log.info,
 ) -> Trace:
-    """The trace of a KITTI drive such as ``2011_09_26/0005``. The same input gives the same trace.
+    """The trace of a KITTI drive. The same input gives the same trace. Raises UserError.
 
-    A drive such as ``tracking/0005`` is a sequence of the tracking benchmark; its ``detector_name`` is that of
-    published detections, ``pointrcnn`` or ``rrc``. ``kitti_root`` and ``weights`` are by default what GENIE_SIM_KITTI
-    and GENIE_SIM_WEIGHTS say; ``origin`` is the geodetic origin, by default the drive's first GPS fix; ``size`` the
-    network's (width, height); ``frames`` the frame numbers wanted, by default all; detections below ``place_from`` are
-    kept without a location. ``threads`` are the network's, ``batch`` is how many pictures it gets at a time; ``None``:
-    what is fastest on the first frames, and ``say`` is told. ``progress`` is called with the frames done and all
-    frames. Raises UserError.
+    Parameters:
+        kitti_root: KITTI's folder; None: what GENIE_SIM_KITTI says.
+        drive: such as ``2011_09_26/0005``, or ``tracking/0005`` for a sequence of the tracking benchmark.
+        detector_name: a detector, or ``package.module:Class``; of a sequence ``pointrcnn`` or ``rrc``, as published.
+        weights: the network's file or its folder; None: what GENIE_SIM_WEIGHTS says.
+        min_score: the lowest score that is kept, in [0, 1].
+        size: (width, height) of the network's input [pixels]; None: the detector's usual one.
+        origin: of the world, (latitude [deg], longitude [deg], altitude [m]); None: the drive's first fix.
+        progress: is called with the frames done and all frames.
+        frames: the frame numbers to look at; None: all.
+        providers: ONNX Runtime's execution providers, best first.
+        place_from: detections with a lower score are kept without a location.
+        threads, batch: of the network, and its pictures at a time; None: what is fastest here, which ``say`` is told.
     """
     root = kitti_folder(kitti_root)
     if drive.startswith(TRACKING):
         if (threads, batch) != (1, 1):
-            raise UserError(f"{drive}: its detections are published ones, so threads and batch say nothing")
+            raise UserError(f"{drive}: its detections are published ones, so threads and batch mean nothing")
         return tracking_trace(root / "tracking", drive.removeprefix(TRACKING), detector_name, min_score, origin)
     opened = open_drive(root, drive, cameras, origin, allow_missing_scans)
-    make = partial(make_detector, detector_name, weights, size, min_score, providers)
-    wanted = [frame for frame in in_turn(opened) if frames is None or frame.index in frames]
-    if not wanted:
+    chosen = [frame for frame in in_turn(opened) if frames is None or frame.index in frames]
+    if not chosen:
         raise UserError(f"{root}: drive {drive} has none of the frames that were asked for")
+    make = partial(make_detector, detector_name, weights, size, min_score, providers)
     if threads is None or batch is None:
-        chosen = tuning.fastest(opened, wanted, make, threads, batch)
-        threads, batch = chosen.threads, chosen.batch
-        if say is not None:
-            say(str(chosen))
+        threads, batch = tuning.fastest(opened, chosen, make, threads, batch, say)
     detector = make(threads, batch)
-    perceived: dict[str, list[TraceFrame]] = {}
-    for done, row in enumerate(trace_frames(opened, wanted, detector, place_from), start=1):
-        perceived.setdefault(row.camera, []).append(row)
-        if progress is not None:
-            progress(done, len(wanted))
-    provenance = _provenance(opened, detector, min_score)
-    if (threads, batch) != (1, 1):
-        provenance["parameters"] |= {"threads": threads, "batch": batch}
-    by_camera = {camera: tuple(perceived[camera]) for camera in sorted(perceived)}
+    provenance = _provenance(opened, detector, min_score, threads, batch)
+    by_camera = _by_camera(trace_frames(opened, chosen, detector, place_from), len(chosen), progress)
     return Trace(f"kitti_{drive.split('/')[1]}", opened.origin, by_camera, provenance)
 
 
-def in_turn(drive: Drive) -> list[CameraFrame]:
+def _by_camera(
+    frames: Iterable[TraceFrame], total: int, progress: Progress | None
+) -> dict[str, tuple[TraceFrame, ...]]:
+    found: dict[str, list[TraceFrame]] = {}
+    for done, frame in enumerate(frames, start=1):
+        found.setdefault(frame.camera, []).append(frame)
+        if progress is not None:
+            progress(done, total)
+    return {camera: tuple(found[camera]) for camera in sorted(found)}
+
+
+def in_turn(drive: KittiDrive) -> list[CameraFrame]:
     """Frame by frame, all cameras of each: they share a scan."""
     frames = (frame for sequence in drive.frames.values() for frame in sequence)
     return sorted(frames, key=lambda frame: (frame.index, frame.camera))
@@ -105,7 +114,10 @@ def images(root: Path, drive: str, cameras: Sequence[str]) -> dict[tuple[str, in
     return {(camera, frame.index): frame.image_path for camera in opened.frames for frame in opened.frames[camera]}
 
 
-def _provenance(drive: Drive, detector: Detector, min_score: float) -> dict[str, Any]:
+def _provenance(
+    drive: KittiDrive, detector: ImageDetector, min_score: float, threads: int, batch: int
+) -> dict[str, Any]:
+    unusual = {} if (threads, batch) == (1, 1) else {"threads": threads, "batch": batch}
     return {
         "data": ATTRIBUTION,
         "drive": drive.name,
@@ -119,6 +131,7 @@ def _provenance(drive: Drive, detector: Detector, min_score: float) -> dict[str,
             "nms_iou": NMS_IOU,
             "half_depth_m": placement.HALF_DEPTH_M,
             "vehicle_sizes_m": {label: list(size) for label, size in placement.VEHICLE_SIZES.items()},
+            **unusual,
         },
         "versions": {name: importlib.metadata.version(name) for name in PACKAGES},
     }

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
 import cv2
@@ -24,7 +24,7 @@ PAPER, INK, GRID = (250, 250, 250), (40, 40, 40), (215, 215, 215)  # blue, green
 COLOURS = {"car": (178, 114, 0), "truck": (178, 114, 0), "bus": (178, 114, 0), "person": (0, 94, 213)}
 OTHER = (115, 158, 0)
 
-Images = dict[tuple[str, int], Path]
+Images = Mapping[tuple[str, int], Path]  # by camera and frame number
 
 
 def write_frames(folder: Path, trace: Trace, images: Images, progress: Callable[[int, int], None]) -> int:

@@ -1,4 +1,4 @@
-"""Frames through a detector, one stage beside the other: reading ahead, the network, placing what was found."""
+"""Frames through a detector in concurrent stages: reading ahead, the network, placing what was found."""
 
 from __future__ import annotations
 
@@ -17,9 +17,10 @@ import numpy as np
 
 from genie_sim.core.geometry import Array, transform
 from genie_sim.perception import placement
-from genie_sim.perception.detector import Detector, Found
+from genie_sim.perception.detector import Found, ImageDetector
+from genie_sim.perception.files import read_bytes
 from genie_sim.perception.fingerprint import difference_hash
-from genie_sim.perception.kitti import CameraFrame, Drive, decode_image
+from genie_sim.perception.kitti import CameraFrame, KittiDrive, decode_image
 from genie_sim.perception.onnx_detector import OnnxDetector
 from genie_sim.perception.placement import Placement, Plane
 from genie_sim.perception.trace import TraceFrame, detection, trace_frame
@@ -46,7 +47,7 @@ class _InOneStep:
 
     threads = batch = 1
 
-    def __init__(self, detector: Detector) -> None:
+    def __init__(self, detector: ImageDetector) -> None:
         self._detect = detector.detect
 
     def infer_many(self, images: Sequence[np.ndarray]) -> list[list[Found]]:
@@ -60,7 +61,7 @@ class _InOneStep:
 
 
 def trace_frames(
-    drive: Drive, frames: Iterable[CameraFrame], detector: Detector, place_from: float = 0.0
+    drive: KittiDrive, frames: Iterable[CameraFrame], detector: ImageDetector, place_from: float = 0.0
 ) -> Iterator[TraceFrame]:
     """The frames as a trace keeps them, in order. The network has this thread for itself: the processors it leaves
     free read the frames that come, and place what was found in those that went."""
@@ -92,7 +93,7 @@ def _one_thread_of_opencv() -> Iterator[None]:
 
 
 def _in_order(futures: Iterable[Future[Result]], ahead: int) -> Iterator[Result]:
-    """The results of what was submitted, while so many more are under way."""
+    """The results of what was submitted, in order, while ``ahead`` more are pending."""
     pending: deque[Future[Result]] = deque()
     for future in futures:
         pending.append(future)
@@ -102,18 +103,18 @@ def _in_order(futures: Iterable[Future[Result]], ahead: int) -> Iterator[Result]
         yield pending.popleft().result()
 
 
-def _scanned(drive: Drive, index: int) -> tuple[Array | None, Plane]:
+def _scanned(drive: KittiDrive, index: int) -> tuple[Array | None, Plane]:
     scan = drive.scan(index)
     return scan, placement.TYPICAL_GROUND if scan is None else placement.fit_ground(scan)
 
 
 def _read(
-    drive: Drive,
+    drive: KittiDrive,
     steps: OnnxDetector | _InOneStep,
     scanned: Callable[[int], tuple[Array | None, Plane]],
     frame: CameraFrame,
 ) -> _Picture:
-    data = frame.image_path.read_bytes()
+    data = read_bytes(frame.image_path)
     image = decode_image(frame.image_path, data)
     size = (image.shape[1], image.shape[0])
     fingerprints = (hashlib.sha256(data).hexdigest(), difference_hash(image))
@@ -122,7 +123,7 @@ def _read(
 
 
 def _placed(
-    drive: Drive, steps: OnnxDetector | _InOneStep, place_from: float, picture: _Picture, outputs: Any
+    drive: KittiDrive, steps: OnnxDetector | _InOneStep, place_from: float, picture: _Picture, outputs: Any
 ) -> TraceFrame:
     frame = picture.frame
     detections = []

@@ -69,7 +69,8 @@ class Plane:
 
     def above_m(self, points: Array) -> Array:
         """Height of points (n, 3) above the ground."""
-        return points[:, 2] - points[:, :2] @ np.array(self.slope) - self.height_m
+        above_m: Array = points[:, 2] - points[:, :2] @ np.array(self.slope) - self.height_m
+        return above_m
 
 
 FLAT_GROUND = Plane((0.0, 0.0), -LASER_HEIGHT_M)
@@ -117,7 +118,7 @@ class Placement:
         self._image_width, self._image_height = image_size
         if ground is None:
             ground = TYPICAL_GROUND if scan is None else fit_ground(scan)
-        velo_SE3_camera = np.linalg.inv(camera_SE3_velo)
+        velo_SE3_camera = np.asarray(np.linalg.inv(camera_SE3_velo), dtype=np.float64)
         self._height_m = float(ground.above_m(velo_SE3_camera[None, :3, 3])[0])
         self._falls = np.array([*ground.slope, -1.0]) @ velo_SE3_camera[:3, :3]  # towards the ground, for a direction
         scan = np.empty((0, 3)) if scan is None else scan

@@ -48,10 +48,10 @@ def centre(points: Array, size: Size, cut: str | None = None) -> tuple[float, fl
     else:  # it is as long as it is along the line of sight
         along = int(np.abs(axes @ points.mean(axis=0)).argmax())
     for axis in (0, 1):
-        wanted = size.length_m if axis == along else size.width_m
-        if extents[axis] < wanted:
+        usual_m = size.length_m if axis == along else size.width_m
+        if extents[axis] < usual_m:
             seen_low = _low_end_is_seen(axis, low, high, axes, cut)
-            middle[axis] = low[axis] + wanted / 2 if seen_low else high[axis] - wanted / 2
+            middle[axis] = low[axis] + usual_m / 2 if seen_low else high[axis] - usual_m / 2
     x, z = (middle @ axes).tolist()
     return x, z
 

@@ -1,7 +1,7 @@
 """The perception trace: what each frame of a drive showed, and where its camera stood.
 
 A trace is all that a run needs of the real world: neither frames nor a GPU. One Parquet file holds one drive with all
-its cameras, one row a frame, and its provenance in the schema's metadata under ``genie_sim``.
+its cameras, one row per frame, and its provenance in the schema's metadata under ``genie_sim``.
 """
 
 from __future__ import annotations
@@ -35,6 +35,9 @@ POSITION_DECIMALS = 3
 SCORE_DECIMALS = 4
 PIXEL_DECIMALS = 2
 ANGLE_DECIMALS = 6
+
+# Nothing real is farther away than around the Earth, and squares of such numbers are still finite.
+MOST_M, MOST_HEADING_RAD, MOST_ORIGIN = 4e7, 2 * math.pi, (90.0, 180.0, 1e5)
 
 MIN_HEIGHT_PX = 25  # KITTI's benchmark judges no object that is lower in the picture
 
@@ -80,7 +83,7 @@ class Trace:
 
     def rebased(self, origin: Geodetic) -> Trace:
         """The same trace around another geodetic origin; drives with one origin share one world."""
-        if tuple(origin) == tuple(self.origin):
+        if origin == self.origin:
             return self
         from genie_sim.perception.geodesy import enu_SE3_enu
 
@@ -89,15 +92,15 @@ class Trace:
         def moved(frame: TraceFrame) -> TraceFrame:
             pose = frame.pose
             ahead = new_SE3_old[:3, :3] @ [math.cos(pose.heading_rad), math.sin(pose.heading_rad), 0.0]
-            here = transform(new_SE3_old, pose[:3])
+            east_m, north_m, up_m = transform(new_SE3_old, pose[:3]).tolist()
             detections = tuple(
                 d if d.location is None else d._replace(location=tuple(transform(new_SE3_old, d.location).tolist()))
                 for d in frame.detections
             )
-            return replace(frame, pose=CameraPose(*here.tolist(), heading_of(ahead)), detections=detections)
+            return replace(frame, pose=CameraPose(east_m, north_m, up_m, heading_of(ahead)), detections=detections)
 
         frames = {camera: tuple(map(moved, sequence)) for camera, sequence in self.frames.items()}
-        return Trace(self.name, tuple(origin), frames, self.provenance)
+        return Trace(self.name, origin, frames, self.provenance)
 
     def at_least(self, min_score: float) -> Trace:
         """The same trace without the detections below a score."""
@@ -130,7 +133,7 @@ def trace_frame(
     detections: Iterable[Detection],
 ) -> TraceFrame:
     """A frame as a trace keeps it; ``size`` is (width, height), ``fingerprints`` are its digest and dhash."""
-    position = _rounded(world_SE3_camera[:3, 3], POSITION_DECIMALS)
+    east_m, north_m, up_m = _rounded(world_SE3_camera[:3, 3], POSITION_DECIMALS)
     optical_axis = world_SE3_camera[:3, 2]
     return TraceFrame(
         camera=camera,
@@ -141,7 +144,7 @@ def trace_frame(
         size_bytes=size[0] * size[1] * 3 + IMAGE_HEADER_BYTES,
         digest=fingerprints[0],
         dhash=fingerprints[1],
-        pose=CameraPose(*position, round(heading_of(optical_axis), ANGLE_DECIMALS)),
+        pose=CameraPose(east_m, north_m, up_m, round(heading_of(optical_axis), ANGLE_DECIMALS)),
         horizontal_fov_rad=round(horizontal_fov_rad(intrinsics, size[0]), ANGLE_DECIMALS),
         detections=tuple(detections),
     )
@@ -152,7 +155,7 @@ def _rounded(numbers: Sequence[float] | Array, decimals: int) -> tuple[Any, ...]
 
 
 def write_trace(path: str | Path, trace: Trace) -> None:
-    """Write a trace beside its place and rename it, so that a killed run leaves no half file.
+    """Write a trace to a temporary file and rename it, so that a killed run leaves no partial trace.
 
     The same trace gives the same bytes with the same pyarrow. Raises UserError where the folder cannot be written.
     """
@@ -169,9 +172,9 @@ def write_trace(path: str | Path, trace: Trace) -> None:
         "provenance": trace.provenance,
     }
     schema = _schema().with_metadata({METADATA_KEY: json.dumps(metadata, sort_keys=True).encode()})
-    with whole_file(path) as beside:
+    with whole_file(path) as partial:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with beside.open("wb") as file:  # of a path pyarrow makes a URI
+        with partial.open("wb") as file:  # pyarrow would take a path for a URI
             pq.write_table(pa.Table.from_pylist(rows, schema=schema), file, compression="zstd")
 
 
@@ -211,7 +214,7 @@ def _read_table(path: Path) -> pyarrow.Table:
     if not path.is_file():
         raise UserError(f"{path}: no such trace file")
     try:
-        # Exactly this open file: of a path pyarrow makes a URI, and "a=1" in a folder's name read_table a partition.
+        # Exactly this open file: pyarrow takes a path for a URI, and read_table takes a folder "a=1" for a partition.
         with path.open("rb") as file:
             return pq.ParquetFile(file).read()
     except (pa.ArrowException, OSError, ValueError) as error:
@@ -224,9 +227,9 @@ def _metadata(path: Path, schema: pyarrow.Schema) -> dict[str, Any]:
     if raw is None:
         raise UserError(f"{path}: a Parquet file, but not a genie-sim trace (no {METADATA_KEY.decode()!r} metadata)")
     try:
-        metadata = json.loads(raw)
+        metadata: dict[str, Any] = json.loads(raw)
         version = metadata["format_version"]
-    except (ValueError, KeyError, TypeError) as error:
+    except (ValueError, KeyError, TypeError, RecursionError) as error:
         raise UserError(f"{path}: the trace's metadata cannot be read: {error}") from error
     if version != FORMAT_VERSION:
         raise UserError(f"{path}: format_version: trace has version {version!r}, this genie-sim reads {FORMAT_VERSION}")
@@ -234,8 +237,9 @@ def _metadata(path: Path, schema: pyarrow.Schema) -> dict[str, Any]:
     for name, kind in kinds.items():
         if not isinstance(metadata.get(name), kind):
             raise UserError(f"{path}: metadata: {name!r} is missing or not a {kind.__name__}")
-    if len(metadata["origin"]) != 3 or not _finite(metadata["origin"]):
-        raise UserError(f"{path}: metadata: origin {metadata['origin']!r} is not latitude, longitude, altitude")
+    origin = metadata["origin"]
+    if len(origin) != 3 or not all(_within([x], most) for x, most in zip(origin, MOST_ORIGIN, strict=True)):
+        raise UserError(f"{path}: metadata: origin {origin!r} is not latitude, longitude, altitude")
     return metadata
 
 
@@ -248,22 +252,25 @@ def _checked(path: Path, frames: Iterable[TraceFrame]) -> dict[str, tuple[TraceF
             raise UserError(f"{where}: stamp_ns {frame.stamp_ns} does not follow {earlier[-1].stamp_ns}")
         if frame.stamp_ns < 0 or min(frame.width, frame.height, frame.size_bytes) <= 0:
             raise UserError(f"{where}: stamp_ns, width, height and size_bytes must not be negative or zero")
-        if not _finite(frame.pose):
-            raise UserError(f"{where}: pose {tuple(frame.pose)} is not four finite numbers")
+        if not (_within(frame.pose[:3], MOST_M) and _within(frame.pose[3:], MOST_HEADING_RAD)):
+            raise UserError(f"{where}: pose {tuple(frame.pose)} is no place on Earth [m] and a heading [rad]")
         if not 0 < frame.horizontal_fov_rad < math.pi:
             raise UserError(f"{where}: horizontal_fov_rad {frame.horizontal_fov_rad} is not between 0 and pi")
         for detection in frame.detections:
-            numbers = (*detection.box, *(detection.location or ()))
-            if not (_finite(numbers) and 0 <= detection.score <= 1):
+            numbers = (detection.score, *(detection.box or ()), *(detection.location or ()))
+            if not (_within(numbers, MOST_M) and 0 <= detection.score <= 1):
                 raise UserError(f"{where}: a {detection.label} whose score, box or location is not a number in range")
+            if not (isinstance(detection.label, str) and isinstance(detection.method, str)):
+                raise UserError(f"{where}: a detection without a label or a method")
         earlier.append(frame)
     if not by_camera:
         raise UserError(f"{path}: the trace has no frames")
     return {camera: tuple(sequence) for camera, sequence in by_camera.items()}
 
 
-def _finite(numbers: Sequence[Any]) -> bool:
-    return all(isinstance(x, int | float) and math.isfinite(x) for x in numbers)
+def _within(numbers: Sequence[Any], most: float) -> bool:
+    """Whether all are numbers, neither infinite nor larger than ``most``."""
+    return all(isinstance(x, int | float) and abs(x) <= most for x in numbers)
 
 
 def _content_digest(origin: Geodetic, frames: Mapping[str, Sequence[TraceFrame]]) -> str:
@@ -315,7 +322,7 @@ def _row(frame: TraceFrame) -> dict[str, Any]:
         "horizontal_fov_rad": frame.horizontal_fov_rad,
         "detections": [
             {"label": d.label, "score": d.score, "method": d.method}
-            | dict(zip(("x1", "y1", "x2", "y2"), d.box, strict=True))
+            | dict(zip(("x1", "y1", "x2", "y2"), d.box or (None, None, None, None), strict=True))
             | dict(zip(("east_m", "north_m", "up_m"), d.location or (None, None, None), strict=True))
             for d in frame.detections
         ],
@@ -327,7 +334,7 @@ def _frame(row: Mapping[str, Any]) -> TraceFrame:
         Detection(
             label=d["label"],
             score=d["score"],
-            box=(d["x1"], d["y1"], d["x2"], d["y2"]),
+            box=None if d["x1"] is None else (d["x1"], d["y1"], d["x2"], d["y2"]),
             location=None if d["east_m"] is None else (d["east_m"], d["north_m"], d["up_m"]),
             confidence=d["score"],
             method=d["method"],

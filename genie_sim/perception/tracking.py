@@ -14,24 +14,31 @@ from pathlib import Path
 
 import numpy as np
 
-from genie_sim.core.geometry import Array, Geodetic, inverse, rigid, rotation_from_rpy, transform
+from genie_sim.core.geometry import Array, Geodetic, inverse, rigid, transform
 from genie_sim.errors import UserError, unknown
 from genie_sim.messages import Box, Detection
-from genie_sim.perception.geodesy import enu_SE3_enu
+from genie_sim.perception.files import lines, numbers, read_bytes, within
+from genie_sim.perception.geodesy import read_oxts, world_SE3_imu
 from genie_sim.perception.placement import Placement
 from genie_sim.perception.trace import Trace, detection, trace_frame
 
 CAMERA = "02"  # the benchmark's labels and detections are those of the left colour camera
 FRAME_NS = 100_000_000  # KITTI records at 10 Hz; tracking sequences carry no time stamps
-OXTS_VALUES = 30
 CALIBRATION = (  # matrix, how KITTI spells it (the benchmark's files do it in two ways), how many numbers it has
     ("P2", ("P2",), 12),
     ("rect", ("R0_rect", "R_rect"), 9),
     ("velo_to_cam", ("Tr_velo_to_cam", "Tr_velo_cam"), 12),
     ("imu_to_velo", ("Tr_imu_to_velo", "Tr_imu_velo"), 12),
 )
-# The pictures are not needed, only how large they were: (width, height) of each of KITTI's days, by focal length.
-PICTURE_SIZES = {721.5377: (1242, 375), 707.0493: (1224, 370), 707.0912: (1226, 370), 718.3351: (1238, 374)}
+# The pictures are not needed, only how large they were: (width, height) of each of KITTI's five days, by focal length.
+PICTURE_SIZES = {
+    721.5377: (1242, 375),  # 2011_09_26
+    707.0493: (1224, 370),  # 2011_09_28
+    718.3351: (1238, 374),  # 2011_09_29
+    707.0912: (1226, 370),  # 2011_09_30
+    718.856: (1241, 376),  # 2011_10_03
+}
+SAME_FOCAL_PX = 0.02  # two of the days differ by 0.04
 ATTRIBUTION = (
     "KITTI Vision Benchmark Suite, tracking: A. Geiger, P. Lenz, R. Urtasun, 'Are we ready for Autonomous Driving?', "
     "CVPR 2012, https://www.cvlibs.net/datasets/kitti/, CC BY-NC-SA 3.0; detections as published with AB3DMOT and "
@@ -87,27 +94,25 @@ def open_sequence(training: str | Path, sequence: str, origin: Geodetic | None =
     known = _sequences(training)
     if sequence not in known:
         raise UserError(f"{training}: {unknown('tracking sequence', sequence, known)}")
-    oxts = _numbers(training / "oxts" / f"{sequence}.txt", OXTS_VALUES, None)
+    oxts = read_oxts(training / "oxts" / f"{sequence}.txt")
     path = training / "calib" / f"{sequence}.txt"
     calibration = _calibration(path)
     intrinsics, shift = calibration["P2"][:, :3], calibration["P2"][:, 3]
-    sizes = [size for focal, size in PICTURE_SIZES.items() if math.isclose(focal, intrinsics[0, 0], abs_tol=0.001)]
-    if not sizes:
-        raise UserError(f"{path}: P2: no KITTI day has a focal length of {intrinsics[0, 0]} pixels")
     velo, imu = calibration["velo_to_cam"], calibration["imu_to_velo"]
     camera0_SE3_velo = rigid(calibration["rect"], (0, 0, 0)) @ rigid(velo[:, :3], velo[:, 3])
     imu_SE3_camera0 = np.linalg.inv(camera0_SE3_velo @ rigid(imu[:, :3], imu[:, 3]))
-    first_fix = (float(oxts[0, 0]), float(oxts[0, 1]), float(oxts[0, 2]))
-    origin = first_fix if origin is None else origin
+    if origin is None:
+        latitude, longitude, altitude = oxts[0, :3].tolist()
+        origin = (latitude, longitude, altitude)
     camera2_SE3_camera0 = rigid(np.eye(3), np.linalg.solve(intrinsics, shift))
     return TrackingDrive(
         name=sequence,
         origin=origin,
-        world_SE3_camera0=tuple(_world_SE3_imu(packet, origin) @ imu_SE3_camera0 for packet in oxts),
+        world_SE3_camera0=tuple(world_SE3_imu(packet, origin) @ imu_SE3_camera0 for packet in oxts),
         camera2_SE3_camera0=camera2_SE3_camera0,
         camera2_SE3_velo=camera2_SE3_camera0 @ camera0_SE3_velo,
         intrinsics=intrinsics,
-        size=sizes[0],
+        size=_picture_size(path, training / "image_02" / sequence, float(intrinsics[0, 0])),
     )
 
 
@@ -131,7 +136,7 @@ def tracking_trace(
     total = hashlib.sha256()
     for kind in LABELS_OF:
         path = root / "detections" / f"{detections}_{kind}" / f"{sequence}.txt"
-        total.update(path.read_bytes() if path.is_file() else b"")
+        total.update(read_bytes(path))
         for frame, found in PUBLISHED[detections](path, LABELS_OF[kind]):
             if not 0 <= frame < len(drive.world_SE3_camera0):
                 raise UserError(f"{path}: frame {frame} has no line in oxts")
@@ -157,23 +162,10 @@ def tracking_trace(
     return Trace(f"tracking_{sequence}_{detections}", drive.origin, {CAMERA: tuple(frames)}, provenance)
 
 
-def lines(path: Path) -> Iterator[tuple[int, list[str]]]:
-    """Number and blank- or comma-separated fields of each line that is not empty."""
-    try:
-        text = path.read_text(encoding="utf-8")
-    except OSError as error:
-        raise UserError(f"{path}: cannot be read: {error.strerror}") from error
-    except UnicodeDecodeError as error:
-        raise UserError(f"{path}: not a text file") from error
-    for number, line in enumerate(text.splitlines(), start=1):
-        if line.strip():
-            yield number, line.replace(",", " ").split()
-
-
 def _pointrcnn(path: Path, label: str) -> Iterator[tuple[int, Published]]:
     """Lines of ``frame,type,x1,y1,x2,y2,score,h,w,l,x,y,z,ry,alpha``; x, y, z is the middle of the bottom."""
     a, b = POINTRCNN_SCORES[label]
-    for row in _numbers(path, 15, 15):
+    for row in numbers(path, 15):
         score = 1.0 / (1.0 + math.exp(-(a * float(np.clip(row[6], -50, 50)) + b)))
         x, y, z = row[10:13].tolist()
         yield _frame(path, row), Published(label, score, _box(path, row[2:6]), (x, y - float(row[7]) / 2, z))
@@ -181,7 +173,7 @@ def _pointrcnn(path: Path, label: str) -> Iterator[tuple[int, Published]]:
 
 def _rrc(path: Path, label: str) -> Iterator[tuple[int, Published]]:
     """Lines of ``frame,x1,y1,x2,y2,score``, the score in [0, 1]."""
-    for row in _numbers(path, 6, 6):
+    for row in numbers(path, 6):
         if not 0 <= row[5] <= 1:
             raise UserError(f"{path}: score {row[5]} is not between 0 and 1")
         yield _frame(path, row), Published(label, float(row[5]), _box(path, row[1:5]), None)
@@ -195,8 +187,8 @@ def _placed(found: Published, drive: TrackingDrive, index: int, no_scan: Placeme
         location = transform(drive.world_SE3_camera0[index], found.centre)
         return detection(found.label, found.score, found.box, location, "scan")
     point, method = no_scan.place(found.label, found.box)
-    location = None if point is None else transform(drive.world_SE3_camera2(index), point)
-    return detection(found.label, found.score, found.box, location, method)
+    place = None if point is None else transform(drive.world_SE3_camera2(index), point)
+    return detection(found.label, found.score, found.box, place, method)
 
 
 def _box(path: Path, row: Array) -> Box:
@@ -212,14 +204,25 @@ def _frame(path: Path, row: Array) -> int:
     return int(row[0])
 
 
+def _picture_size(calibration: Path, pictures: Path, focal_px: float) -> tuple[int, int]:
+    """Width and height of a sequence's pictures: by the day that has this focal length, else those of a picture."""
+    nearest = min(PICTURE_SIZES, key=lambda known: abs(known - focal_px))
+    if abs(nearest - focal_px) <= SAME_FOCAL_PX:
+        return PICTURE_SIZES[nearest]
+    picture = next(iter(sorted(path for path in pictures.glob("*") if path.suffix in (".png", ".jpg"))), None)
+    if picture is None:
+        raise UserError(
+            f"{calibration}: P2: how large are the pictures? None of KITTI's days has a focal length of {focal_px:g} "
+            f"pixels: put one picture into {pictures}"
+        )
+    from genie_sim.perception.kitti import read_image
+
+    height, width = read_image(picture).shape[:2]
+    return width, height
+
+
 def _sequences(training: Path) -> list[str]:
     return sorted(path.stem for path in (training / "oxts").glob("*.txt"))
-
-
-def _world_SE3_imu(packet: Array, origin: Geodetic) -> Array:
-    latitude, longitude, altitude, roll, pitch, yaw = packet[:6].tolist()
-    here_SE3_imu = rigid(rotation_from_rpy(roll, pitch, yaw), (0.0, 0.0, 0.0))
-    return enu_SE3_enu(origin, (latitude, longitude, altitude)) @ here_SE3_imu
 
 
 def _calibration(path: Path) -> dict[str, Array]:
@@ -231,22 +234,8 @@ def _calibration(path: Path) -> dict[str, Array]:
             found[name] = np.array([float(value) for value in values]).reshape(3, count // 3)
         except ValueError as error:
             raise UserError(f"{path}: {spellings[0]} is missing or has not {count} numbers") from error
-        if not np.isfinite(found[name]).all() or abs(np.linalg.det(found[name][:, :3])) < 1e-9:
+        with np.errstate(all="ignore"):
+            singular = abs(np.linalg.det(found[name][:, :3])) < 1e-9
+        if singular or not within(found[name]):
             raise UserError(f"{path}: {spellings[0]} is not a matrix that can be inverted")
     return found
-
-
-def _numbers(path: Path, least: int, most: int | None) -> Array:
-    """A table (n, columns) of finite numbers; an empty file is a table without lines, if ``most`` is given."""
-    rows: list[list[float]] = []
-    for number, fields in lines(path):
-        try:
-            row = [float(field) for field in fields[: most or least]]
-        except ValueError as error:
-            raise UserError(f"{path}: line {number}: {error}") from error
-        if len(fields) < least or (most is not None and len(fields) > most) or not all(map(math.isfinite, row)):
-            raise UserError(f"{path}: line {number}: {len(fields)} fields, expected {least} finite numbers")
-        rows.append(row)
-    if not rows and most is None:
-        raise UserError(f"{path}: the file is empty")
-    return np.array(rows).reshape(-1, least)

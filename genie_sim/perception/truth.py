@@ -15,11 +15,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from genie_sim.core.geometry import Array, inverse, project, transform
+from genie_sim.core.geometry import Array, project, transform
 from genie_sim.errors import UserError
 from genie_sim.messages import Box, Location
 from genie_sim.perception.kitti import open_drive
-from genie_sim.perception.labels import KINDS, Track, tracking_labels, tracklets
+from genie_sim.perception.labels import KINDS, LabelledTrack, tracking_labels, tracklets
 from genie_sim.perception.trace import MIN_HEIGHT_PX, Trace
 from genie_sim.perception.tracking import CAMERA, open_sequence
 
@@ -30,7 +30,7 @@ Picture = tuple[str, int]  # camera and frame number
 
 
 class Labelled(NamedTuple):
-    """One label in one picture. ``centre`` is in the trace's world, ``None`` for an area that is nothing in itself."""
+    """One label in one picture. ``centre`` is in the trace's world, ``None`` for an area that is no object."""
 
     track: int
     group: str
@@ -40,15 +40,15 @@ class Labelled(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Truth:
-    """The labels of each picture, and the numbers of the tracks that never move."""
+class PictureLabels:
+    """The labels of all pictures of a trace, by picture, and the numbers of the tracks that never move."""
 
     source: str
     pictures: Mapping[Picture, list[Labelled]]
     parked: frozenset[int]
 
 
-def read_truth(root: str | Path, labels: str, trace: Trace) -> Truth:
+def read_truth(root: str | Path, labels: str, trace: Trace) -> PictureLabels:
     """The labels of ``2011_09_26/0005`` (tracklets) or ``tracking/0000`` for the pictures of a trace of that drive.
 
     Raises UserError for labels that are missing or broken, and where they are not of this drive.
@@ -59,11 +59,9 @@ def read_truth(root: str | Path, labels: str, trace: Trace) -> Truth:
     return _of_tracklets(root, labels, trace)
 
 
-def _of_tracklets(root: Path, drive: str, trace: Trace) -> Truth:
+def _of_tracklets(root: Path, drive: str, trace: Trace) -> PictureLabels:
     opened = open_drive(root, drive, sorted(trace.frames), trace.origin, allow_missing_scans=True)
-    date, number = drive.split("/")
-    items = tracklets(root / date / f"{date}_drive_{number}_sync" / "tracklet_labels.xml")
-    imu_SE3_velo = inverse(np.asarray(opened.calibration.T_velo_imu, dtype=np.float64))
+    items = tracklets(opened.tracklets)
     pictures: dict[Picture, list[Labelled]] = {}
     for camera, frames in trace.frames.items():
         known = {frame.index: frame for frame in opened.frames[camera]}
@@ -81,13 +79,12 @@ def _of_tracklets(root: Path, drive: str, trace: Trace) -> Truth:
                 if box is None:
                     continue
                 judged = item.truncation[i] in (0, 1) and item.occlusion[i] in (0, 1, 2) and corners[:, 2].min() > 0
-                world_SE3_velo = opened.world_SE3_imu[frame.index] @ imu_SE3_velo
-                centre = _location(transform(world_SE3_velo, item.centres[i]))
+                centre = _location(transform(opened.world_SE3_velo(frame.index), item.centres[i]))
                 here.append(_labelled(track, item.kind, box, judged, centre))
-    return Truth(f"tracklets of {drive}", pictures, _parked(pictures, trace))
+    return PictureLabels(f"tracklets of {drive}", pictures, _parked(pictures, trace))
 
 
-def _of_tracking(training: Path, sequence: str, trace: Trace) -> Truth:
+def _of_tracking(training: Path, sequence: str, trace: Trace) -> PictureLabels:
     drive = open_sequence(training, sequence, trace.origin)
     frames = trace.frames.get(CAMERA)
     if frames is None:
@@ -105,7 +102,7 @@ def _of_tracking(training: Path, sequence: str, trace: Trace) -> Truth:
         centre = _location(transform(drive.world_SE3_camera0[label.frame], label.centre))
         here = pictures[CAMERA, label.frame]
         here.append(_labelled(label.track, label.kind, label.box, judged, centre))
-    return Truth(f"label_02 of tracking/{sequence}", pictures, _parked(pictures, trace))
+    return PictureLabels(f"label_02 of tracking/{sequence}", pictures, _parked(pictures, trace))
 
 
 def _labelled(track: int, kind: str, box: Box, judged: bool, centre: Location) -> Labelled:
@@ -116,14 +113,15 @@ def _labelled(track: int, kind: str, box: Box, judged: bool, centre: Location) -
 
 
 def _parked(pictures: Mapping[Picture, list[Labelled]], trace: Trace) -> frozenset[int]:
-    """Vehicles that do not move, as ``Track`` says it."""
+    """Vehicles that do not move, as ``LabelledTrack`` says it."""
     places: dict[int, dict[int, Location]] = {}
     stamps_ns = {(camera, frame.index): frame.stamp_ns for camera in trace.frames for frame in trace.frames[camera]}
     for picture, labels in pictures.items():
         for label in labels:
             if label.group == "vehicles" and label.centre is not None:
                 places.setdefault(label.track, {})[stamps_ns[picture]] = label.centre
-    tracks = {n: Track("vehicle", tuple(sorted(p)), np.array([p[t] for t in sorted(p)])) for n, p in places.items()}
+    ordered = {number: dict(sorted(at.items())) for number, at in places.items()}
+    tracks = {n: LabelledTrack("vehicle", tuple(at), np.array(list(at.values()))) for n, at in ordered.items()}
     return frozenset(number for number, track in tracks.items() if not track.moving)
 
 

@@ -10,11 +10,10 @@ import os
 import statistics
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 
 from genie_sim.errors import UserError
-from genie_sim.perception.detector import Detector
-from genie_sim.perception.kitti import CameraFrame, Drive
+from genie_sim.perception.detector import ImageDetector
+from genie_sim.perception.kitti import CameraFrame, KittiDrive
 from genie_sim.perception.pipeline import trace_frames
 
 BATCHES = (1, 2, 4)
@@ -25,45 +24,31 @@ NOT_WORTH_IT = 0.05
 Setting = tuple[int, int]  # threads, pictures at a time
 
 
-@dataclass(frozen=True, slots=True)
-class Choice:
-    """Threads and batch that were chosen, and the frames a second that each setting reached."""
-
-    threads: int
-    batch: int
-    rates_fps: Mapping[Setting, float]
-    refused: Mapping[Setting, str]
-
-    def __str__(self) -> str:
-        rates = ", ".join(f"{threads} x {batch}: {rate:.0f}" for (threads, batch), rate in self.rates_fps.items())
-        text = f"auto: --threads {self.threads} --batch {self.batch}, the simplest within {NOT_WORTH_IT:.0%} of the "
-        text += f"fastest; frames/s of threads x batch: {rates}"
-        return "\n".join([text, *(dict.fromkeys(self.refused.values()))])
-
-
 def fastest(
-    drive: Drive,
+    drive: KittiDrive,
     frames: Sequence[CameraFrame],
-    make: Callable[[int, int], Detector],
-    threads: int | None = None,
-    batch: int | None = None,
-) -> Choice:
-    """Tries the first frames with 1, 2, 4 ... to all processors and a few batches; what is given is not tried.
+    make: Callable[[int, int], ImageDetector],
+    threads: int | None,
+    batch: int | None,
+    say: Callable[[str], None],
+) -> Setting:
+    """The fastest setting; ``say`` is told it, and the frames a second that each of the others reached.
 
-    ``make`` opens the detector with so many threads and so large a batch. Raises UserError where none can be opened.
+    Tries the first frames with 1, 2, 4 ... to all processors and a few batches; what is given is not tried. ``make``
+    opens the detector with so many threads and so large a batch. Raises UserError where none can be opened.
     """
     counts = thread_counts(os.cpu_count() or 1) if threads is None else [threads]
-    detectors: dict[Setting, Detector] = {}
-    refused: dict[Setting, str] = {}
+    detectors: dict[Setting, ImageDetector] = {}
+    refused: list[str] = []
     for setting in [(count, size) for size in (BATCHES if batch is None else [batch]) for count in counts]:
         try:
             detectors[setting] = make(*setting)
         except UserError as error:
             if setting[1] == 1:
                 raise
-            refused[setting] = str(error)
+            refused.append(str(error))
     if not detectors:
-        raise UserError(next(iter(refused.values())))
+        raise UserError(refused[0])
     first = list(frames[:FRAMES])
     seconds: dict[Setting, list[float]] = {setting: [] for setting in detectors}
     for _ in range(ROUNDS):  # in turns: the machine may be faster now than then
@@ -73,7 +58,11 @@ def fastest(
                 pass
             seconds[setting].append(time.perf_counter() - begin)
     rates_fps = {setting: len(first) / statistics.median(taken) for setting, taken in seconds.items()}
-    return Choice(*simplest(rates_fps), rates_fps, refused)
+    chosen = simplest(rates_fps)
+    rates = ", ".join(f"{one[0]} x {one[1]}: {rate:.0f}" for one, rate in rates_fps.items())
+    text = f"auto: --threads {chosen[0]} --batch {chosen[1]}, the simplest within {NOT_WORTH_IT:.0%} of the fastest; "
+    say("\n".join([f"{text}frames/s of threads x batch: {rates}", *dict.fromkeys(refused)]))
+    return chosen
 
 
 def thread_counts(processors: int) -> list[int]:

@@ -30,7 +30,7 @@ from genie_sim.ros.tf import Frames, Track, rotation
 from genie_sim.ros.typestore import stamp_ns as header_stamp_ns
 
 if TYPE_CHECKING:
-    from genie_sim.perception.detector import Detector
+    from genie_sim.perception.detector import ImageDetector
 
 IMAGES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
 POINTS, FIX, IMU = "sensor_msgs/msg/PointCloud2", "sensor_msgs/msg/NavSatFix", "sensor_msgs/msg/Imu"
@@ -67,7 +67,7 @@ class Surroundings:
 
 def perceive_bag(
     path: str | Path,
-    detector: Detector | None = None,
+    detector: ImageDetector | None = None,
     cameras: Sequence[str] = (),
     detections: str | None = None,
     origin: Geodetic | None = None,
@@ -110,7 +110,7 @@ def _frame(
     cloud: Any,
     around: Surroundings,
     place: _Places,
-    detector: Detector | None,
+    detector: ImageDetector | None,
     min_score: float,
 ) -> TraceFrame | None:
     """One picture perceived; ``None`` where nobody knows where it was taken. Its stamp is still the bag's."""
@@ -367,7 +367,7 @@ def _numbered(path: Path, made: Mapping[str, list[TraceFrame]]) -> dict[str, tup
 
 
 def _provenance(
-    path: Path, wanted: Wanted, scans: Sequence[str], detector: Detector | None, detections: str | None
+    path: Path, wanted: Wanted, scans: Sequence[str], detector: ImageDetector | None, detections: str | None
 ) -> dict[str, Any]:
     total = hashlib.sha256()
     for file in sorted(path.rglob("*")) if path.is_dir() else [path]:

@@ -1,7 +1,7 @@
-"""The laws of a detector: how likely it misses an object, how sure it is of it, and where it puts it.
+"""The laws of a detector: how likely it misses an object, its score, and where it places it.
 
-They are read from ``laws.json``, fitted on a real trace (``fit``). A Gaussian copula ties the looks at one object
-together: each look has a standard normal number
+They are read from ``laws.json``, fitted on a real trace (``benchmarks/town_fit``). A Gaussian copula ties the looks at
+one object together: each look has a standard normal number
 
     z = object_weight * Z(object) + view_weight * Z(object, view) + look_weight * Z(object, look)
 
@@ -53,7 +53,7 @@ class Copula(NamedTuple):
 class GroupLaws:
     """One group's laws as tables by range [m] and z; a score of 0 is a miss.
 
-    Of ``PRONE`` objects so many are ``prone`` to be called something else at times: ``names`` are the running shares of
+    Of ``PRONE`` objects so many are ``prone`` to get another label at times: ``names`` are the running shares of
     65,536 looks, and the names.
     """
 
@@ -71,17 +71,17 @@ class GroupLaws:
         self.prone = 0
 
 
-class Fleeting(NamedTuple):
-    """Ghosts that are seen once and nowhere again: how many a frame, how far away and how sure (quantiles)."""
+class TransientLaw(NamedTuple):
+    """False positives that are seen once: how many per frame; quantiles of their ranges [m] and of their scores."""
 
     label: str
-    a_frame: float
+    per_frame: float
     range_m: tuple[float, ...]
     scores: tuple[float, ...]
 
 
 class DetectorLaws:
-    """All laws: of real objects, of ghosts that stand at places where nothing is, and of fleeting ones."""
+    """All laws: of real objects, of ghosts that stand at places where nothing is, and of transient ones."""
 
     def __init__(self, fitted: Mapping[str, Any]) -> None:
         self.provenance: Mapping[str, Any] = fitted["provenance"]
@@ -94,8 +94,8 @@ class DetectorLaws:
         self._ghosts = {name: GroupLaws(group) for name, group in fitted["ghosts"].items() if group["places"]}
         ghosts = [(GHOST_LABELS[name], group) for name, group in sorted(fitted["ghosts"].items())]
         self.ghosts_per_100m = {label: float(group["per_100m"]) for label, group in ghosts if group["places"]}
-        self.fleeting = tuple(
-            Fleeting(
+        self.transient = tuple(
+            TransientLaw(
                 label, group["fleeting_a_frame"], tuple(group["fleeting_range_m"]), tuple(group["fleeting_scores"])
             )
             for label, group in ghosts

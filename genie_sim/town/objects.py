@@ -1,4 +1,4 @@
-"""Things that a camera may see in the town, each with the random numbers that stay with it."""
+"""Objects that a camera may see in the town, each with the random numbers that stay with it."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import NamedTuple
 from genie_sim.perception.trace import MIN_HEIGHT_PX
 from genie_sim.town.laws import GroupLaws
 from genie_sim.town.noise import NORMAL_MASK, mix, normals
+from genie_sim.town.rules import TrueObject
 
 # The colour cameras of KITTI's drive 2011_09_26/0005, as its trace has them (A. Geiger et al., IJRR 2013).
 WIDTH, HEIGHT = 1242, 375
@@ -30,8 +31,11 @@ MIDDLES_M = {label: round(FEET_M.get(label, 0.0) + size_m / 2, 3) for label, siz
 REACHES_M = {label: FOCAL_PX * size_m / MIN_HEIGHT_PX for label, size_m in SIZES_M.items()}
 
 
-class Seen(NamedTuple):
-    """Something that a camera may see.
+Area = tuple[float, float, float, float]  # west, south, east, north [m]
+
+
+class TownObject(NamedTuple):
+    """Something that a camera may see, real or a ghost.
 
     Where it is and from how far away it can be seen [m]; what it is, its number, the key of its random numbers; where
     its gradual numbers begin, its lasting share in the copula of the score and of the errors along the line of sight
@@ -53,8 +57,12 @@ class Seen(NamedTuple):
     moving: bool
     real: bool
 
+    def truth(self) -> TrueObject:
+        """As the truth has it."""
+        return TrueObject(self.number, self.label, (self.east_m, self.north_m, self.up_m), self.moving)
 
-def seen(
+
+def town_object(
     laws: GroupLaws,
     seed_key: int,
     number: int,
@@ -63,11 +71,11 @@ def seen(
     north_m: float,
     moving: bool,
     real: bool = True,
-) -> Seen:
+) -> TownObject:
     """An object of this number, with the numbers that stay with it."""
     key = mix(seed_key ^ mix(number))
     table = normals()
-    return Seen(
+    return TownObject(
         east_m,
         north_m,
         MIDDLES_M[label],

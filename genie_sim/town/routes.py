@@ -19,6 +19,8 @@ from genie_sim.town.rules import JUNCTION_M, LANE_M, TownRules
 
 Node = tuple[int, int]  # the crossing of the i-th street from the west and the j-th from the south
 
+Place = tuple[float, float, float]  # east, north [m], heading [rad]
+
 RIGHT_MPS, LEFT_MPS, CAREFUL_MPS = 3.0, 4.0, 5.5  # assumed: through right and left turns, and where the right has way
 STOP_S = 2.0  # assumed: at a stop sign
 GREEN_S, CYCLE_S = 28.0, 60.0  # assumed: of a traffic light
@@ -33,14 +35,11 @@ class Course:
         self._begin_s: list[float] = []
         self._pieces: list[tuple[float, float, float, float, float, float, float, float]] = []
 
-    def add(
-        self, begin_s: float, place: tuple[float, float, float], curvature: float, speed: float, acceleration: float
-    ) -> None:
+    def add(self, begin_s: float, place: Place, curvature: float, speed: float, acceleration: float) -> None:
         east_m, north_m, heading = place
         self._begin_s.append(begin_s)
-        self._pieces.append(
-            (east_m, north_m, heading, math.cos(heading), math.sin(heading), curvature, speed, acceleration)
-        )
+        turn = math.cos(heading), math.sin(heading)
+        self._pieces.append((east_m, north_m, heading, *turn, curvature, speed, acceleration))
 
     def at(self, t_s: float) -> tuple[float, float, float, float, float, float]:
         """East, north [m], heading [rad], its cosine and sine, and speed [m/s]."""
@@ -202,7 +201,7 @@ def drive(rules: TownRules, commuting: Commuting, random: np.random.Generator, b
     return course
 
 
-def _entry(rules: TownRules, here: Node, way: Node, offset_m: float) -> tuple[float, float, float]:
+def _entry(rules: TownRules, here: Node, way: Node, offset_m: float) -> Place:
     """Where the straight part of a leg begins, or ``offset_m`` later: in the right-hand lane."""
     ahead_m = JUNCTION_M + offset_m
     east_m = here[0] * rules.block_m + way[0] * ahead_m + way[1] * LANE_M
@@ -234,15 +233,8 @@ def _straight_s(rules: TownRules, length_m: float, begin: float, end: float, lim
 
 
 def _straight(
-    rules: TownRules,
-    course: Course,
-    t_s: float,
-    place: tuple[float, float, float],
-    length_m: float,
-    begin: float,
-    end: float,
-    limit: float,
-) -> tuple[float, tuple[float, float, float]]:
+    rules: TownRules, course: Course, t_s: float, place: Place, length_m: float, begin: float, end: float, limit: float
+) -> tuple[float, Place]:
     east_m, north_m, heading = place
     c, s = math.cos(heading), math.sin(heading)
     gone_m = 0.0
@@ -254,13 +246,7 @@ def _straight(
 
 
 def _manoeuvre(
-    rules: TownRules,
-    course: Course,
-    t_s: float,
-    place: tuple[float, float, float],
-    turn: int,
-    speed: float,
-    through: float,
+    rules: TownRules, course: Course, t_s: float, place: Place, turn: int, speed: float, through: float
 ) -> tuple[float, float]:
     """Across the junction: straight, or a quarter of a circle. Time and speed at its end."""
     radius_m = JUNCTION_M + turn * LANE_M
@@ -280,7 +266,7 @@ def _manoeuvre(
     return t_s, speed
 
 
-def _along(place: tuple[float, float, float], curvature: float, way_m: float) -> tuple[float, float, float]:
+def _along(place: Place, curvature: float, way_m: float) -> Place:
     east_m, north_m, heading = place
     if curvature == 0.0:
         return east_m + way_m * math.cos(heading), north_m + way_m * math.sin(heading), heading

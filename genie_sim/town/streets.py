@@ -5,7 +5,7 @@ slices: of the streets that it stands on, and of those that cross them. Houses f
 
 Traffic flows evenly: of each kind and direction a street carries a stream whose members keep their speed and their
 distances, stop for nobody, and leave at one end of the town as others enter at its other end. So where they are at any
-time is one sum, whoever asks.
+time is one sum.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 
 from genie_sim.town.laws import DetectorLaws
-from genie_sim.town.objects import Seen, seen
+from genie_sim.town.objects import Area, TownObject, town_object
 from genie_sim.town.rules import CLEAR_M, GHOST_BESIDE_M, JUNCTION_M, LANE_M, SLOT_M, TownRules
 
 PARKED_M, PAVEMENT_M, BIKE_M = 5.0, 7.5, 3.2  # from the middle of the street
@@ -36,14 +36,14 @@ class Stream(NamedTuple):
     """
 
     labels: tuple[str, ...]
-    movers: list[tuple[Seen, ...]]
+    movers: list[tuple[TownObject, ...]]
     northbound: bool
     beside_m: float
     speed_mps: float
     length_m: float
     starts_m: array[float]
 
-    def between(self, low_m: float, high_m: float, t_s: float) -> list[Seen]:
+    def between(self, low_m: float, high_m: float, t_s: float) -> list[TownObject]:
         """All that are between two places along the street at a time.
 
         Who has come to the end begins again as somebody else, with a number of its own.
@@ -53,7 +53,7 @@ class Stream(NamedTuple):
         lap, begin_m = divmod(low_m - gone_m, length_m)
         end_m = begin_m + high_m - low_m
         k = bisect_left(starts_m, begin_m)
-        found: list[Seen] = []
+        found: list[TownObject] = []
         while True:
             if k == len(starts_m):
                 if end_m < length_m:
@@ -65,7 +65,7 @@ class Stream(NamedTuple):
             east_m, north_m = (self.beside_m, along_m) if self.northbound else (along_m, self.beside_m)
             for mover in self.movers[k]:
                 number = mover.number - int(lap) * len(starts_m)
-                found.append(Seen._make((east_m, north_m, *mover[2:5], number, *mover[6:])))
+                found.append(TownObject._make((east_m, north_m, *mover[2:5], number, *mover[6:])))
             k += 1
 
 
@@ -75,14 +75,14 @@ class Street:
     __slots__ = ("length_m", "middle_m", "northbound", "places_m", "standing", "streams")
 
     def __init__(
-        self, northbound: bool, middle_m: float, length_m: float, standing: list[Seen], streams: list[Stream]
+        self, northbound: bool, middle_m: float, length_m: float, standing: list[TownObject], streams: list[Stream]
     ) -> None:
         self.northbound, self.middle_m, self.length_m = northbound, middle_m, length_m
         self.streams = [stream for stream in streams if stream.starts_m]
         self.standing = sorted(standing, key=lambda s: (s.north_m if northbound else s.east_m, s.number))
         self.places_m = array("d", (s.north_m if northbound else s.east_m for s in self.standing))
 
-    def between(self, low_m: float, high_m: float, t_s: float, label: str | None = None) -> list[Seen]:
+    def between(self, low_m: float, high_m: float, t_s: float, label: str | None = None) -> list[TownObject]:
         """All that is between two places along the street at a time, or only what may be of one class."""
         places_m = self.places_m
         found = self.standing[bisect_left(places_m, low_m) : bisect_left(places_m, high_m)]
@@ -102,12 +102,12 @@ def lay_out(
     crossings = rules.blocks[1] if northbound else rules.blocks[0]
     length_m, middle_m = crossings * rules.block_m, index * rules.block_m
     base = (index * 2 + northbound) << (STREAM_BITS + 4)
-    standing: list[Seen] = []
+    standing: list[TownObject] = []
 
     def stand(label: str, along_m: float, beside_m: float, real: bool = True) -> None:
         place = (middle_m + beside_m, along_m) if northbound else (along_m, middle_m + beside_m)
         number = base + len(standing)
-        standing.append(seen(laws.of(label, real), seed_key, number, label, *place, False, real))
+        standing.append(town_object(laws.of(label, real), seed_key, number, label, *place, False, real))
 
     for side in (-1, 1):
         for along_m, is_truck in _parked(rules, crossings, random):
@@ -160,7 +160,7 @@ def _streams(
             number = base + ((2 * len(streams) + 1) << STREAM_BITS) + (1 << STREAM_BITS - 1)
             movers = [
                 tuple(
-                    seen(laws.of(label), seed_key, number + k + (kind << STREAM_BITS), label, 0.0, 0.0, True)
+                    town_object(laws.of(label), seed_key, number + k + (kind << STREAM_BITS), label, 0.0, 0.0, True)
                     for kind, label in enumerate(labels)
                 )
                 for k in range(len(starts_m))
@@ -181,7 +181,7 @@ def _parked(rules: TownRules, crossings: int, random: np.random.Generator) -> It
 
 
 def _scattered(per_100m: float, length_m: float, random: np.random.Generator) -> Iterator[tuple[float, int]]:
-    """Place along a street and side (-1 or 1) of things that stand anywhere."""
+    """Place along a street and side (-1 or 1) of objects that stand anywhere."""
     count = random.poisson(per_100m * length_m / 100)
     places_m = random.random(count) * length_m
     yield from zip(places_m.tolist(), np.where(random.random(count) < 0.5, -1, 1).tolist(), strict=True)
@@ -196,7 +196,7 @@ class Streets:
 
     def near(
         self, east_m: float, north_m: float, range_m: float, t_s: float, label: str | None = None
-    ) -> Iterator[Seen]:
+    ) -> Iterator[TownObject]:
         """All that is within a distance, seen or not, or only what is of one class."""
         for streets, across_m, along_m in ((self._east, north_m, east_m), (self._north, east_m, north_m)):
             reach_m = range_m + self._rules.street_half_m
@@ -210,11 +210,11 @@ class Streets:
         block_m = self._rules.block_m
         return range(max(0, math.ceil(low_m / block_m)), min(count - 1, math.floor(high_m / block_m)) + 1)
 
-    def ahead(self, east_m: float, north_m: float, box: tuple[float, float, float, float], t_s: float) -> list[Seen]:
-        """All that no house hides from a place, in a box (west, south, east, north) around what a camera looks at."""
+    def ahead(self, east_m: float, north_m: float, area: Area, t_s: float) -> list[TownObject]:
+        """All that no house hides from a place, in an area around what a camera looks at."""
         block_m, half_m = self._rules.block_m, self._rules.street_half_m
-        west_m, south_m, far_east_m, far_north_m = box
-        found: list[Seen] = []
+        west_m, south_m, far_east_m, far_north_m = area
+        found: list[TownObject] = []
         j, i = round(north_m / block_m), round(east_m / block_m)
         on_east = abs(north_m - j * block_m) <= half_m and 0 <= j < len(self._east)
         on_north = abs(east_m - i * block_m) <= half_m and 0 <= i < len(self._north)
@@ -234,7 +234,7 @@ class Streets:
 
     def _through_gap(
         self, street: Street, along_m: float, across_m: float, middle_m: float, low_m: float, high_m: float, t_s: float
-    ) -> list[Seen]:
+    ) -> list[TownObject]:
         """What can be seen of a crossing street past the corners of the houses.
 
         The camera is at ``along_m`` along that street and at ``across_m`` across it, on a street whose middle is at

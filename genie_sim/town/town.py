@@ -8,24 +8,31 @@ import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
+from typing import overload
 
 from genie_sim.core.geometry import Geodetic
 from genie_sim.errors import UserError
+from genie_sim.messages import CameraPose, Detection
+from genie_sim.perception.trace import IMAGE_HEADER_BYTES, POSITION_DECIMALS
 from genie_sim.seeds import stream
 from genie_sim.town import routes
-from genie_sim.town.camera import BASELINES_M, Eye, TownFrame, TownFrames
+from genie_sim.town.detector import SyntheticDetector, View, true_objects
 from genie_sim.town.laws import DetectorLaws, detector_laws
+from genie_sim.town.noise import mix
+from genie_sim.town.objects import HEIGHT, HORIZONTAL_FOV_RAD, WIDTH
 from genie_sim.town.rules import TownRules, TrueObject
 from genie_sim.town.streets import Street, Streets, lay_out
 
-STREAMS = "city"  # the name of a town's random streams: another one would make other towns
 ORIGIN: Geodetic = (49.0, 8.4, 115.0)  # near Karlsruhe, where KITTI was recorded; the town itself is made up
+STREAM = "city"  # names the random streams, here and in digests: another word makes another town of every seed
+CAMERA_UP_M = 1.65
+BASELINES_M = {"02": 0.27, "03": -0.27}  # to the left of the car's middle
 
 
 class Town:
     """A town with everything that stands and moves in it.
 
-    The same rules and seed give the same town; it is laid out when somebody looks. Its clock starts at 0; what moves is
+    The same rules and seed give the same town; it is laid out at the first look. Its clock starts at 0; what moves is
     where it is at that time for every car that looks. ``digest`` is the sha256 of what decides it: rules, seed, laws.
     """
 
@@ -36,9 +43,9 @@ class Town:
             raise UserError(f"town: seed: {seed} is negative")
         self.rules, self.seed = rules, seed
         self.laws: DetectorLaws = detector_laws()
-        text = json.dumps(["city 1", asdict(rules), seed, self.laws.digest], sort_keys=True)
+        text = json.dumps([f"{STREAM} 1", asdict(rules), seed, self.laws.digest], sort_keys=True)
         self.digest = hashlib.sha256(text.encode()).hexdigest()
-        self.key = int.from_bytes(hashlib.sha256(f"city {seed}".encode()).digest()[:8], "big")
+        self.key = int.from_bytes(hashlib.sha256(f"{STREAM} {seed}".encode()).digest()[:8], "big")
         self.size_m = (rules.blocks[0] * rules.block_m, rules.blocks[1] * rules.block_m)
 
     @functools.cached_property
@@ -47,20 +54,20 @@ class Town:
         columns, rows = self.rules.blocks
 
         def ways(name: str, blocks: int) -> list[Street]:
-            streams = (stream(self.seed, STREAMS, name, k) for k in range(blocks + 1))
+            streams = (stream(self.seed, STREAM, name, k) for k in range(blocks + 1))
             northbound = name == "north"
             return [lay_out(self.rules, self.laws, northbound, k, self.key, one) for k, one in enumerate(streams)]
 
         return Streets(self.rules, ways("east", rows), ways("north", columns))
 
     @functools.cached_property
-    def eye(self) -> Eye:
-        """Whatever looks at it."""
-        return Eye(self.streets, self.laws, self.rules.view_m)
+    def detector(self) -> SyntheticDetector:
+        """The detector of every camera in the town."""
+        return SyntheticDetector(self.streets, self.laws, self.rules.view_m)
 
     @functools.cached_property
     def _commuting(self) -> routes.Commuting:
-        return routes.Commuting(self.rules, stream(self.seed, STREAMS, "destinations"))
+        return routes.Commuting(self.rules, stream(self.seed, STREAM, "destinations"))
 
     def drive(self, car: str, duration_ns: int, interval_ns: int = 100_000_000, start_ns: int = 0) -> Drive:
         """What the cameras of one car see, a frame every ``interval_ns``, from ``start_ns`` on the town's clock on.
@@ -78,14 +85,13 @@ class Town:
 
     def course(self, car: str, start_ns: int, end_ns: int) -> routes.Course:
         """Where a car is from ``start_ns`` to ``end_ns``."""
-        random = stream(self.seed, STREAMS, "car", car)
+        random = stream(self.seed, STREAM, "car", car)
         return routes.drive(self.rules, self._commuting, random, start_ns * 1e-9, end_ns * 1e-9)
 
     def truth_near(self, east_m: float, north_m: float, range_m: float, t_ns: int) -> tuple[TrueObject, ...]:
         """Everything that really is within a distance of a place at a time, by number."""
-        found = (s for s in self.streets.near(east_m, north_m, range_m, t_ns * 1e-9) if s.real)
-        objects = (TrueObject(s.number, s.label, (s.east_m, s.north_m, s.up_m), s.moving) for s in found)
-        return tuple(sorted(objects, key=lambda one: one.number))
+        found = self.streets.near(east_m, north_m, range_m, t_ns * 1e-9)
+        return tuple(sorted((one.truth() for one in found if one.real), key=lambda one: one.number))
 
     def is_there(self, label: str, east_m: float, north_m: float, range_m: float, t_ns: int) -> bool:
         """Whether anything of a class really is within a distance of a place at a time."""
@@ -93,7 +99,7 @@ class Town:
 
 
 class Drive:
-    """What the cameras of one car see in a town; stands in for a ``Trace``.
+    """What the cameras of one car see in a town: has the frames of a ``Trace``.
 
     ``origin`` is latitude [deg], longitude [deg], altitude [m]. ``frames`` are made when they are looked at.
     """
@@ -106,7 +112,7 @@ class Drive:
             )
         self.town, self.car, self.duration_ns = town, car, duration_ns
         self.interval_ns, self.start_ns = interval_ns, start_ns
-        self.name = f"city_{car}"
+        self.name = f"town_{car}"
         self.origin: Geodetic = ORIGIN
         text = json.dumps([town.digest, car, start_ns, interval_ns])
         self.picture_prefix = hashlib.sha256(text.encode()).hexdigest()[:48]
@@ -123,3 +129,88 @@ class Drive:
         """East and north of the car [m], ``t_ns`` after the drive's first frame."""
         east_m, north_m, *_ = self.course.at((self.start_ns + t_ns) * 1e-9)
         return east_m, north_m
+
+
+class TownFrame:
+    """One camera frame of the town: has what a ``TraceFrame`` has, except that boxes are ``None``.
+
+    ``digest`` names the town, the car, the camera and the frame: no two frames are byte for byte the same picture.
+    ``dhash`` are bits of their own for each frame, so that pictures are never similar by it, however near their poses.
+    ``detections`` are made when they are first asked for, from the town's seed, the car and the frame alone.
+    """
+
+    __slots__ = ("_detections", "_drive", "_heading", "_view", "camera", "dhash", "digest", "index", "pose", "stamp_ns")
+
+    width = WIDTH
+    height = HEIGHT
+    size_bytes = WIDTH * HEIGHT * 3 + IMAGE_HEADER_BYTES
+    horizontal_fov_rad = HORIZONTAL_FOV_RAD
+
+    def __init__(self, drive: Drive, camera: str, index: int) -> None:
+        self._drive = drive
+        self.camera = camera
+        self.index = index
+        self.stamp_ns = stamp_ns = index * drive.interval_ns
+        self.dhash = mix(drive.car_key ^ (index << 8) ^ int(camera))
+        self.digest = f"{drive.picture_prefix}{camera}{index:014x}"
+        east_m, north_m, heading, c, s, _ = drive.course.at((drive.start_ns + stamp_ns) * 1e-9)
+        left_m = BASELINES_M[camera]
+        east_m = round(east_m - left_m * s, POSITION_DECIMALS)
+        north_m = round(north_m + left_m * c, POSITION_DECIMALS)
+        self.pose = CameraPose(east_m, north_m, CAMERA_UP_M, round(math.remainder(heading, math.tau), 6))
+        self._heading = (c, s)
+        self._view: View | None = None
+        self._detections: tuple[Detection, ...] | None = None
+
+    @property
+    def detections(self) -> tuple[Detection, ...]:
+        """What the detector finds in this frame, best score first."""
+        if self._detections is None:
+            self._detections = self._drive.town.detector.detect(self._in_view(), self.pose, *self._heading, self.dhash)
+        return self._detections
+
+    def truth(self) -> tuple[TrueObject, ...]:
+        """What is really in view: in the field of view, not hidden by houses, within ``TownRules.view_m``, and at least
+        25 pixels high in the picture, as KITTI's labels that count."""
+        return true_objects(self._in_view())
+
+    def _in_view(self) -> View:
+        if self._view is None:
+            drive = self._drive
+            t_s = (drive.start_ns + self.stamp_ns) * 1e-9
+            self._view = drive.town.detector.view(self.pose, *self._heading, t_s)
+        return self._view
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, TownFrame) and self.digest == other.digest
+
+    def __hash__(self) -> int:
+        return hash(self.digest)
+
+    def __repr__(self) -> str:
+        return f"<TownFrame {self._drive.name} {self.camera} {self.index}>"
+
+
+class TownFrames(Sequence[TownFrame]):
+    """All frames of one camera of a drive; made anew each time they are asked for."""
+
+    __slots__ = ("_camera", "_count", "_drive")
+
+    def __init__(self, drive: Drive, camera: str, count: int) -> None:
+        self._drive, self._camera, self._count = drive, camera, count
+
+    def __len__(self) -> int:
+        return self._count
+
+    @overload
+    def __getitem__(self, index: int) -> TownFrame: ...
+
+    @overload
+    def __getitem__(self, index: slice) -> tuple[TownFrame, ...]: ...
+
+    def __getitem__(self, index: int | slice) -> TownFrame | tuple[TownFrame, ...]:
+        if isinstance(index, slice):
+            return tuple(TownFrame(self._drive, self._camera, i) for i in range(*index.indices(self._count)))
+        if not -self._count <= index < self._count:
+            raise IndexError(f"frame {index} of {self._count}")
+        return TownFrame(self._drive, self._camera, index % self._count)

@@ -1,4 +1,4 @@
-"""The town's detector beside the real one: the same true objects, in the same places, seen from the same places."""
+"""The town's detector compared with the real one: the same true objects, seen from the same places."""
 
 from __future__ import annotations
 
@@ -8,46 +8,45 @@ from itertools import pairwise
 
 import numpy as np
 
+from benchmarks.town_fit.copula import Pairs, normal_scores
+from benchmarks.town_fit.fit import SCORE_EDGES_M, Look, errors_m
 from genie_sim.core.geometry import Array
 from genie_sim.messages import Detection
-from genie_sim.perception.trace import Trace
-from genie_sim.town.camera import Eye
-from genie_sim.town.copula import Pairs, normal_scores
-from genie_sim.town.fit import SCORE_EDGES_M, Look, errors_m
+from genie_sim.town.detector import SyntheticDetector
 from genie_sim.town.laws import GHOST_LABELS, DetectorLaws
 from genie_sim.town.noise import mix
-from genie_sim.town.objects import Seen, seen
+from genie_sim.town.objects import Area, TownObject, town_object
 from genie_sim.town.rules import MOST_VIEW_M
 
 
-class _Alone:
-    """A world that holds one thing."""
+class _OneObject:
+    """A scene that holds one object."""
 
-    thing: Seen
+    only: TownObject
 
-    def ahead(self, east_m: float, north_m: float, box: tuple[float, float, float, float], t_s: float) -> list[Seen]:
-        return [self.thing]
+    def ahead(self, east_m: float, north_m: float, area: Area, t_s: float) -> list[TownObject]:
+        return [self.only]
 
 
-def looked_again(laws: DetectorLaws, group: str, looks: Sequence[Look], seed: int) -> list[Look]:
+def resimulate(laws: DetectorLaws, group: str, looks: Sequence[Look], seed: int) -> list[Look]:
     """The same looks by the town's detector: what it finds, how sure it is, and where it puts it.
 
-    Left out are looks at what the town's camera has not in view: nearer than 3.5 m, its middle
-    outside the picture, or a small thing of its group from too far away.
+    Left out are looks at what the town's camera does not have in view: nearer than 3.5 m, its middle outside the
+    picture, or a small object of its group from too far away.
     """
-    world = _Alone()
-    eye = Eye(world, laws, MOST_VIEW_M)
-    eye.fleeting = ()
+    scene = _OneObject()
+    detector = SyntheticDetector(scene, laws, MOST_VIEW_M)
+    detector.transient = ()
     label, again = GHOST_LABELS[group], []
     for look in looks:
         pose = look.pose
-        world.thing = seen(laws.of(label), mix(seed), look.track, label, *look.centre[:2], False)
+        scene.only = town_object(laws.of(label), mix(seed), look.track, label, *look.centre[:2], False)
         c, s = math.cos(pose.heading_rad), math.sin(pose.heading_rad)
-        view = eye.view(pose, c, s, 0.0)
+        view = detector.view(pose, c, s, 0.0)
         if not view:
             continue
         picture = mix(seed ^ mix(round(pose.east_m * 1000) ^ mix(round(pose.north_m * 1000) ^ int(look.camera))))
-        detections = eye.look(view, pose, c, s, picture)
+        detections = detector.detect(view, pose, c, s, picture)
         detection = detections[0] if detections else None
         along_m, across_m = errors_m(detection, look.centre, pose)
         again.append(look._replace(detection=detection, along_m=along_m, across_m=across_m))
@@ -84,30 +83,24 @@ def changes(looks: Sequence[Look]) -> float:
     return sum(a != b for a, b in pairs) / len(pairs)
 
 
-def likeness(group: str, looks: Sequence[Look], name: str = "score") -> Array:
-    """How alike two looks at one object are, by the distance of their views (``likeness.LAGS_M``)."""
+def correlations(group: str, looks: Sequence[Look], name: str = "score") -> Array:
+    """How correlated two looks at one object are, by the distance of their views (``copula.LAGS_M``)."""
     chosen = [look for look in looks if name == "score" or look.along_m is not None]
     values = [_value(look.detection) if name == "score" else getattr(look, name) for look in chosen]
     bins = np.digitize([look.range_m for look in chosen], SCORE_EDGES_M[group])
     tracks, views_m = np.array([look.track for look in chosen]), np.array([look.view_m for look in chosen])
-    return Pairs(tracks, views_m).likeness(normal_scores(values, bins))
+    return Pairs(tracks, views_m).correlations(normal_scores(values, bins))
 
 
 def _value(detection: Detection | None) -> float:
     return 0.0 if detection is None else detection.score
 
 
-def a_frame(trace: Trace, labels: Sequence[str]) -> list[int]:
-    """Detections of these classes in each frame of a trace."""
-    frames = (frame for camera in sorted(trace.frames) for frame in trace.frames[camera])
-    return [sum(detection.label in labels for detection in frame.detections) for frame in frames]
-
-
 def table(laws: DetectorLaws, looks: Mapping[str, Sequence[Look]], replications: int = 40) -> str:
     """The comparison as a Markdown table; the town's figures are of so many replications (seeds from 0 on)."""
     text = ["| | looks | found | score | along | across | changes | independent |", "|---|---|---|---|---|---|---|---|"]
     for group, real in looks.items():
-        again = [looked_again(laws, group, real, seed) for seed in range(replications)]
+        again = [resimulate(laws, group, real, seed) for seed in range(replications)]
         made = [look for one in again for look in one]
         rows = [
             ("real", len(real), found_share(real), None, None, None, changes(real), None),

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from benchmarks.town_fit.copula import fit_shares
 from genie_sim.core.geometry import Array
 from genie_sim.messages import CameraPose, Detection, Location
 from genie_sim.perception.evaluation import LABELS, MIN_SIGHTINGS, evaluate
 from genie_sim.perception.trace import Trace, TraceFrame
-from genie_sim.perception.truth import Truth
-from genie_sim.town.copula import fit_shares
+from genie_sim.perception.truth import PictureLabels
 from genie_sim.town.laws import GHOST_LABELS
 from genie_sim.town.objects import HORIZONTAL_FOV_RAD, REACHES_M
 from genie_sim.town.rules import GHOST_BESIDE_M
@@ -44,7 +44,7 @@ class Look(NamedTuple):
     across_m: float | None
 
 
-def looks(trace: Trace, truth: Truth, min_score: float = 0.3) -> dict[str, list[Look]]:
+def looks(trace: Trace, truth: PictureLabels, min_score: float = 0.3) -> dict[str, list[Look]]:
     """Every labelled object in every picture that counts, by group."""
     evaluation = evaluate(trace, truth, min_score)
     frames = {(camera, frame.index): frame for camera in trace.frames for frame in trace.frames[camera]}
@@ -82,7 +82,7 @@ def errors_m(
     return along_m, (off[1] * sight[0] - off[0] * sight[1]) / range_m
 
 
-def fit(trace: Trace, truth: Truth, ghost_truth: Truth, seed: int = 1) -> dict[str, Any]:
+def fit(trace: Trace, truth: PictureLabels, ghost_truth: PictureLabels, seed: int = 1) -> dict[str, Any]:
     """The laws of the trace's detector. ``ghost_truth`` must say which areas nobody labelled (``DontCare``)."""
     by_group = looks(trace, truth)
     groups = {
@@ -169,7 +169,7 @@ def place_law(name: str, rows: Sequence[Look]) -> dict[str, Any]:
 def shares_of(
     rows: Sequence[Look], values: Sequence[float], edges_m: Sequence[float], seed: int, **how: int
 ) -> dict[str, float]:
-    """The shares of the copula (``likeness.fit_shares``) of these looks' scores or errors, ranked in bins of ranges."""
+    """The shares of the copula (``copula.fit_shares``) of these looks' scores or errors, ranked in bins of ranges."""
     tracks, views_m = np.array([look.track for look in rows]), np.array([look.view_m for look in rows])
     bins = np.digitize([look.range_m for look in rows], edges_m)
     return fit_shares(tracks, views_m, bins, np.array(values), seed, **how)
@@ -185,9 +185,12 @@ def _place_correlation(name: str, rows: Sequence[Look], error: str, seed: int) -
     return shares_of(placed, [getattr(look, error) for look in placed], PLACE_EDGES_M[name], seed)
 
 
-def _ghosts(trace: Trace, truth: Truth, groups: Mapping[str, Any], seed: int) -> dict[str, Any]:
-    """Wrong detections. Those that come back at a place are ghosts of that place, seen again and again as an object
-    would be; the others are fleeting, anywhere in view, once."""
+Sighting = tuple[TraceFrame, Detection, Array]  # of a false positive: where it was placed (east, north) [m]
+
+
+def _ghosts(trace: Trace, truth: PictureLabels, groups: Mapping[str, Any], seed: int) -> dict[str, Any]:
+    """False positives. Those that come back at a place are ghosts of that place, seen again and again as an object
+    would be; the others are transient, anywhere in view, once."""
     evaluation = evaluate(trace, truth, 0.3)
     cameras = sorted({camera for camera, _ in truth.pictures})
     frames = [frame for camera in cameras for frame in trace.frames[camera]]
@@ -202,49 +205,66 @@ def _ghosts(trace: Trace, truth: Truth, groups: Mapping[str, Any], seed: int) ->
             for found in frame.detections
             if id(found) in wrong and found.location is not None
         ]
-        places: list[list[tuple[TraceFrame, Detection, Array]]] = []
-        for sighting in sightings:
-            near = [p for p in places if math.dist(p[0][2], sighting[2]) < GHOST_M]
-            if near:
-                near[0].append(sighting)
-            else:
-                places.append([sighting])
-        lasting = [place for place in places if len(place) >= MIN_SIGHTINGS]
-        rows = []
-        for number, place in enumerate(lasting):
-            seen = {(frame.camera, frame.index): found for frame, found, _ in place}
-            middle = np.mean([where for _, _, where in place], axis=0)
-            for frame in frames:
-                picture = (frame.camera, frame.index)
-                range_m = math.dist(frame.pose[:2], middle)
-                if picture in seen or _in_view(frame, middle, reach_m):
-                    view_m = range_m - gone_m[picture]
-                    where = (float(middle[0]), float(middle[1]), 0.0)
-                    found = seen.get(picture)
-                    rows.append(Look(number, frame.camera, frame.pose, where, range_m, view_m, found, None, None))
+        lasting = _lasting_places(sightings)
+        rows = [look for number, place in enumerate(lasting) for look in _looks(number, place, frames, reach_m, gone_m)]
         came_back = [row.detection for row in rows if row.detection]
-        fleeting = [found for found in wrong.values() if all(found is not kept for kept in came_back)]
+        transient = [found for found in wrong.values() if all(found is not kept for kept in came_back)]
         ghosts[name] = {
-            "fleeting_a_frame": round(len(fleeting) / len(frames), DECIMALS),
+            "fleeting_a_frame": round(len(transient) / len(frames), DECIMALS),
             "fleeting_range_m": _quantiles([math.dist(frame.pose[:2], where) for frame, _, where in sightings]),
-            "fleeting_scores": _quantiles([found.score for found in fleeting]),
+            "fleeting_scores": _quantiles([found.score for found in transient]),
             "places": len(lasting),
         }
         if lasting:
-            edges_m = (0.0, math.inf)
-            values = [row.detection.score if row.detection else 0.0 for row in rows]
-            ghosts[name] |= {
-                "per_100m": round(100 * len(rows) / len(frames) / _street_in_view_m(reach_m), DECIMALS),
-                "found": {
-                    "range_m": [round(float(np.mean([row.range_m for row in rows])), DECIMALS)],
-                    "looks": [len(rows)],
-                    "miss": [round(1 - len(came_back) / len(rows), DECIMALS)],
-                    "scores": [_quantiles([found.score for found in came_back])],
-                },
-                "score_correlation": shares_of(rows, values, edges_m, seed),
-                **{key: groups[name][key] for key in ("place", "along_correlation", "across_correlation")},
-            }
+            per_100m = round(100 * len(rows) / len(frames) / _street_in_view_m(reach_m), DECIMALS)
+            ghosts[name] |= {"per_100m": per_100m, **_ghost_law(rows, came_back, seed)}
+            ghosts[name] |= {key: groups[name][key] for key in ("place", "along_correlation", "across_correlation")}
     return ghosts
+
+
+def _lasting_places(sightings: Sequence[Sighting]) -> list[list[Sighting]]:
+    """The sightings of each place to which false positives come back, ``MIN_SIGHTINGS`` times or more."""
+    places: list[list[Sighting]] = []
+    for sighting in sightings:
+        near = [place for place in places if math.dist(place[0][2], sighting[2]) < GHOST_M]
+        if near:
+            near[0].append(sighting)
+        else:
+            places.append([sighting])
+    return [place for place in places if len(place) >= MIN_SIGHTINGS]
+
+
+def _looks(
+    number: int,
+    place: Sequence[Sighting],
+    frames: Sequence[TraceFrame],
+    reach_m: float,
+    gone_m: Mapping[tuple[str, int], float],
+) -> Iterator[Look]:
+    """Every frame that has a ghost's place in view, as a look at it."""
+    seen = {(frame.camera, frame.index): found for frame, found, _ in place}
+    middle = np.mean([where for _, _, where in place], axis=0)
+    where = (float(middle[0]), float(middle[1]), 0.0)
+    for frame in frames:
+        picture = (frame.camera, frame.index)
+        if picture in seen or _in_view(frame, middle, reach_m):
+            range_m = math.dist(frame.pose[:2], middle)
+            view_m = range_m - gone_m[picture]
+            yield Look(number, frame.camera, frame.pose, where, range_m, view_m, seen.get(picture), None, None)
+
+
+def _ghost_law(rows: Sequence[Look], came_back: Sequence[Detection], seed: int) -> dict[str, Any]:
+    """How often and with which scores ghosts are seen again, at any range."""
+    values = [row.detection.score if row.detection else 0.0 for row in rows]
+    return {
+        "found": {
+            "range_m": [round(float(np.mean([row.range_m for row in rows])), DECIMALS)],
+            "looks": [len(rows)],
+            "miss": [round(1 - len(came_back) / len(rows), DECIMALS)],
+            "scores": [_quantiles([found.score for found in came_back])],
+        },
+        "score_correlation": shares_of(rows, values, (0.0, math.inf), seed),
+    }
 
 
 def _street_in_view_m(reach_m: float) -> float:

@@ -1,4 +1,4 @@
-"""How alike the looks at one object are, and the copula that makes them so."""
+"""How correlated the looks at one object are, and the copula that makes them so."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class Pairs:
         self._lag = np.digitize(np.abs(views_m[self._a] - views_m[self._b]), LAGS_M) - 1
         self._count = np.bincount(self._lag, self._weights, len(LAGS_M))
 
-    def likeness(self, z: Array) -> Array:
+    def correlations(self, z: Array) -> Array:
         """Mean product of the normal scores of two looks at one object, for each of ``LAGS_M``; nan without pairs."""
         total = np.bincount(self._lag, self._weights * z[self._a] * z[self._b], len(LAGS_M))
         means: Array = np.divide(total, self._count, out=np.full(len(LAGS_M), np.nan), where=self._count > 0)
@@ -58,14 +58,14 @@ class Pairs:
 def fit_shares(
     tracks: Whole, views_m: Array, bins: Whole, values: Array, seed: int, replications: int = REPLICATIONS
 ) -> dict[str, float]:
-    """The shares of the copula whose looks, made at the same places, are alike to the same degree as the real ones.
+    """The shares of the copula whose looks, made at the same places, are as correlated as the real ones.
 
     One row a look: which object, the coordinate of its view [m], the bin in which its value is ranked, and the value, a
     score (0: missed) or an error. Every combination of ``OBJECT_SHARES``, ``LOOK_SHARES`` and
-    ``SMOOTH_M`` is simulated; the one nearest to the real likeness, in squares over ``LAGS_M``, is taken.
+    ``SMOOTH_M`` is simulated; the one nearest to the real correlations, in squares over ``LAGS_M``, is taken.
     """
     pairs = Pairs(tracks, views_m)
-    real = pairs.likeness(normal_scores(values, bins))
+    real = pairs.correlations(normal_scores(values, bins))
     missing = {k: float(np.mean(values[bins == k] == 0.0)) for k in set(bins.tolist())}
     objects = np.searchsorted(np.unique(tracks), tracks)
     random = np.random.default_rng(seed)
@@ -82,7 +82,7 @@ def fit_shares(
                     lasting = draws[k, 0][objects]
                     z = of_object**0.5 * lasting + of_view**0.5 * gradual[k] + of_look**0.5 * draws[k, 2]
                     z = np.where(z < cut, -9.0, z)
-                    made.append(pairs.likeness(normal_scores(z, bins)))
+                    made.append(pairs.correlations(normal_scores(z, bins)))
                 gap = float(np.nansum((np.mean(made, axis=0) - real) ** 2))
                 if gap < best[0]:
                     shares = {"object": of_object, "view": round(of_view, 4), "smooth_m": smooth_m}
