@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from genie_sim.errors import UserError
-from genie_sim.paths import whole_file
+from genie_sim.paths import atomic_write
 from genie_sim.recording import provenance
 from genie_sim.report.data import page_data
 
@@ -54,7 +54,7 @@ def write_of(folder: Path, path: Path, start_ns: int = 0) -> None:
 
 def write_text(path: Path, text: str) -> None:
     """Beside and renamed. Raises ``UserError``."""
-    with whole_file(path) as beside:
+    with atomic_write(path) as beside:
         beside.write_text(text, encoding="utf-8")
 
 

@@ -143,13 +143,13 @@ def _curves(
             levels = [levels[last * place // (MOST_LEVELS - 1)] for place in range(MOST_LEVELS)]
         shown = of_kept[of_kept[column].isin(levels)]
         lines: list[dict[str, Any]] = [
-            {"by": None, "level": None, "values": _values(across_seeds(shown, [column]), column, levels)}
+            {"by": None, "level": None, "values": _values(_with_role(across_seeds(shown, [column])), column, levels)}
         ]
         for other in () if _sampled(axis) else axes:
             cases = list(dict.fromkeys(shown[other]))
             if other == column or _sampled(axes[other]) or len(cases) > MOST_LINES:
                 continue
-            means = across_seeds(shown, [other, column])
+            means = _with_role(across_seeds(shown, [other, column]))
             lines += [
                 {"by": other, "level": level, "values": _values(means[means[other] == level], column, levels)}
                 for level in cases
