@@ -203,7 +203,7 @@ def prepare(
     ``UserError``."""
     if isinstance(scenario.perception, InTown):
         return _in_town(scenario, scenario.perception, devices)
-    devices = devices or _devices(scenario)
+    devices = devices or devices_of(scenario)
     if isinstance(scenario.perception, Live):
         main = _perceived(scenario.perception, progress)
     else:
@@ -236,10 +236,11 @@ def _in_town(scenario: Scenario, city: InTown, devices: Mapping[str, DeviceProfi
     traces = cast("dict[str, Trace]", drives)
     for index, car in enumerate(scenario.cars if spelled_out is None else spelled_out.cars[:1]):
         _check_route(f"{scenario.name}: cars[{index}].route", scenario, car.route, traces[car.name])
-    return Prepared(scenario, devices or _devices(spelled_out or scenario), traces, spelled_out, town)
+    return Prepared(scenario, devices or devices_of(spelled_out or scenario), traces, spelled_out, town)
 
 
-def _devices(scenario: Scenario) -> dict[str, DeviceProfile]:
+def devices_of(scenario: Scenario) -> dict[str, DeviceProfile]:
+    """The profiles that its cars and edges name. Raises ``UserError``."""
     names = [car.device for car in scenario.cars] + [edge.device for edge in scenario.edges]
     return {name: load_profile(name) for name in dict.fromkeys(names)}
 

@@ -27,13 +27,12 @@ import numpy as np
 from genie_sim.analysis.metrics import PLACEMENTS
 from genie_sim.errors import UserError
 from genie_sim.paper.checks import BASELINES
-from genie_sim.paper.facts import Facts
+from genie_sim.paper.facts import Facts, ratio
 from genie_sim.paper.replicate import Progress, in_parallel, outcome_of
 from genie_sim.paths import expanded
 from genie_sim.perception.tracking import CAMERA, FRAME_NS, sequences, tracking_trace
 from genie_sim.recording import provenance
-from genie_sim.runner import Prepared
-from genie_sim.scenario.profiles import load_profile
+from genie_sim.runner import Prepared, devices_of
 from genie_sim.scenario.scenario import load_scenario
 from genie_sim.units import NS_PER_S
 
@@ -108,10 +107,6 @@ def _faster_server(drive: OfDrive, name: str) -> float:
     return hetero - homo
 
 
-def _ratio(above: float, below: float) -> float:
-    return above / below if below else math.nan
-
-
 DIRECTIONS = (
     Direction(
         "C1",
@@ -124,7 +119,7 @@ DIRECTIONS = (
     Direction(
         "C13",
         "object reuse / image reuse (the paper: 4)",
-        lambda d: _ratio(_mean(d, "object_reuse"), _mean(d, "image_reuse")),
+        lambda d: ratio(_mean(d, "object_reuse"), _mean(d, "image_reuse")),
         1.0,
     ),
     Direction("C16", "object reuse, heterogeneous - homogeneous", lambda d: _faster_server(d, "object_reuse")),
@@ -159,9 +154,7 @@ def prepare_drive(job: DriveJob) -> Prepared:
     scenario = load_scenario(job.scenario, settings, SEED)
     cameras = tuple(camera.model_copy(update={"recording": CAMERA}) for camera in scenario.cameras)
     scenario = scenario.model_copy(update={"cameras": cameras})
-    names = [car.device for car in scenario.cars] + [edge.device for edge in scenario.edges]
-    devices = {name: load_profile(name) for name in names}
-    return Prepared(scenario, devices, {car.name: trace for car in scenario.cars})
+    return Prepared(scenario, devices_of(scenario), {car.name: trace for car in scenario.cars})
 
 
 def run_drive(job: DriveJob) -> Driven:
@@ -171,9 +164,9 @@ def run_drive(job: DriveJob) -> Driven:
     return Driven(job.sequence, job.scenario, drive_s, outcome_of(prepared).facts)
 
 
-def run_drives(wanted: Sequence[DriveJob], workers: int, progress: Progress | None = None) -> list[Driven]:
+def run_drives(jobs: Sequence[DriveJob], workers: int, progress: Progress | None = None) -> list[Driven]:
     """Simulates every job, on several processes."""
-    return in_parallel(run_drive, wanted, workers, progress, "drives")
+    return in_parallel(run_drive, jobs, workers, progress, "drives")
 
 
 def rows(driven: Sequence[Driven]) -> list[dict[str, Any]]:

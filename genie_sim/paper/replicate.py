@@ -21,9 +21,8 @@ from genie_sim.parallel import in_processes
 from genie_sim.perception.trace import Trace, TraceFrame, read_trace
 from genie_sim.recording.log import Log
 from genie_sim.recording.records import Tables
-from genie_sim.runner import Prepared
+from genie_sim.runner import Prepared, devices_of
 from genie_sim.scenario import files
-from genie_sim.scenario.profiles import load_profile
 from genie_sim.scenario.scenario import Recorded, Scenario, load_scenario
 from genie_sim.sim.nodes import Detector, Genie
 from genie_sim.sim.world import OBJECTS, REMOTE, World
@@ -80,7 +79,7 @@ def in_parallel(
     return done
 
 
-def _as_it_is(node: Detector) -> tuple[object, ...]:
+def _node_fingerprint(node: Detector) -> tuple[object, ...]:
     """The node itself, whatever the master calls its topics: its class, what it has, and what of that is plain."""
     has = vars(node)
     plain = {name: value for name, value in has.items() if isinstance(value, str | int | tuple | None)}
@@ -104,7 +103,7 @@ def outcome_of(prepared: Prepared, keep_tables: bool = False) -> Outcome:
         genies: list[Any] = [one for one in world.resources if isinstance(one, Genie)]
         for one in world.resources:
             if isinstance(one, Detector):
-                detectors.setdefault(one.name, set()).add(_as_it_is(one))
+                detectors.setdefault(one.name, set()).add(_node_fingerprint(one))
                 if method == "genie":
                     behind_genie.append(one.graph.topics_of(one.name) != (one.subscribes, one.publishes))
         for genie in genies:
@@ -195,13 +194,11 @@ def prepare_job(job: Job) -> Prepared:
     """The scenario, devices and traces of a job. Raises ``UserError``."""
     words, overrides = _split(job.settings)
     plain = load_scenario(job.scenario)
-    overrides = [*_spelled_out(plain, words, job.seed), *overrides]
+    overrides = [*_expanded(plain, words, job.seed), *overrides]
     scenario = load_scenario(job.scenario, overrides, job.seed).model_copy(update={"methods": job.methods})
     assert isinstance(scenario.perception, Recorded)
     trace = _trace(scenario.perception.trace, float(words.get("min_score", 0.0)), float(words.get("frame_rate_hz", 0)))
-    names = [car.device for car in scenario.cars] + [edge.device for edge in scenario.edges]
-    devices = {name: _device(name) for name in names}
-    return Prepared(scenario, devices, {car.name: trace for car in scenario.cars})
+    return Prepared(scenario, devices_of(scenario), {car.name: trace for car in scenario.cars})
 
 
 WORDS = (
@@ -223,7 +220,7 @@ def _split(settings: Sequence[str]) -> tuple[dict[str, str], list[str]]:
     return words, overrides
 
 
-def _spelled_out(scenario: Scenario, words: Mapping[str, str], seed: int) -> Iterator[str]:
+def _expanded(scenario: Scenario, words: Mapping[str, str], seed: int) -> Iterator[str]:
     """The evaluation's own words as overrides of the scenario."""
     cars, edges = scenario.cars, scenario.edges
     if "overlap" in words:
@@ -272,9 +269,6 @@ def _lap_ns(scenario: Scenario) -> int | None:
     if route.laps == 1 or route.window_ns is None:
         return None
     return route.start_ns + route.window_ns[1] - route.window_ns[0] + route.pause_ns
-
-
-_device = functools.lru_cache(maxsize=None)(load_profile)
 
 
 @functools.lru_cache(maxsize=32)

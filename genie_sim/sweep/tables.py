@@ -29,15 +29,15 @@ def done_runs(parts: Path) -> set[str]:
     return {run_id for path in _paths(parts) for run_id in _part(path)["run_id"].unique()}
 
 
-def read_parts(parts: Path, wanted: Collection[str]) -> pd.DataFrame:
-    """The metrics of the wanted runs, each once: the columns of ``PART``."""
+def read_parts(parts: Path, run_ids: Collection[str]) -> pd.DataFrame:
+    """The metrics of these runs, each once: the columns of ``PART``."""
     import pandas as pd
 
     kept, seen = [], set[str]()
     for path in _paths(parts):
         part = _part(path)
         ids = set(part["run_id"].unique())
-        mine = part[part["run_id"].isin((ids & set(wanted)) - seen)]
+        mine = part[part["run_id"].isin((ids & set(run_ids)) - seen)]
         seen |= ids
         if len(mine):
             kept.append(mine)
