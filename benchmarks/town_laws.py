@@ -19,17 +19,17 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from benchmarks.town_fit import validation
 from benchmarks.town_fit.fit import Look, fit, found_law, looks, place_law
+from genie_sim import files
 from genie_sim.perception import evaluation
 from genie_sim.perception.perceive import kitti_folder
 from genie_sim.perception.trace import Trace, read_trace
 from genie_sim.perception.truth import read_truth
-from genie_sim import files
 from genie_sim.town import Town, TownRules
 from genie_sim.town.laws import DetectorLaws, detector_laws
 from genie_sim.units import NS_PER_S
 
 LAWS = Path(__file__).resolve().parent.parent / "genie_sim" / "town" / "laws.json"
-MADE_BY = "benchmarks/city_laws.py"  # this file's first name, part of the laws' digest, which decides every frame
+MADE_BY = "benchmarks/town_laws.py"
 TRACE, LABELS, GHOST_LABELS = "kitti_0005", "2011_09_26/0005", "tracking/0000"
 
 

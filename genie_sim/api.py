@@ -76,33 +76,30 @@ class Figures:
 
     def latency_cdf(self, of: str = "published") -> Figure:
         """Distribution of response times, as shares of the ``published`` or of the ``answered`` frames."""
-        from genie_sim.analysis import figures
-
-        return figures.latency_cdf({self._run.name: self._run.frames}, self._run.methods, self._run.footer, of)
+        return self._draw("latency_cdf", {self._run.name: self._run.frames}, of=of)
 
     def image_reuse(self) -> Figure:
         """Hits / requests of the message caches, on cars and on edges."""
-        from genie_sim.analysis import figures
-
-        return figures.image_reuse({self._run.name: self._run.lookups}, self._run.methods, self._run.footer)
+        return self._draw("image_reuse", {self._run.name: self._run.lookups})
 
     def object_reuse(self) -> Figure:
         """Object look-ups answered by an object with C >= C_T, on cars and on edges."""
-        from genie_sim.analysis import figures
-
-        return figures.object_reuse({self._run.name: self._run.lookups}, self._run.methods, self._run.footer)
+        return self._draw("object_reuse", {self._run.name: self._run.lookups})
 
     def confidence_boost(self) -> Figure:
         """Running mean of C_new - C_old over the updates of the object maps."""
-        from genie_sim.analysis import figures
-
-        return figures.confidence_boost({self._run.name: self._run.lookups}, self._run.methods, self._run.footer)
+        return self._draw("confidence_boost", {self._run.name: self._run.lookups})
 
     def resource_use(self) -> Figure:
         """Use of devices and links, and queues, over simulated time."""
+        return self._draw("resource_use", self._run.resources)
+
+    def _draw(self, name: str, table: Any, **more: str) -> Figure:
+        """Imports matplotlib, which takes a while, only now."""
         from genie_sim.analysis import figures
 
-        return figures.resource_use(self._run.resources, self._run.methods, self._run.footer)
+        figure: Figure = getattr(figures, name)(table, self._run.methods, self._run.footer, **more)
+        return figure
 
 
 def run(

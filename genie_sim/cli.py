@@ -270,8 +270,8 @@ def attach(
         raise UserError(f"--fov: {error}") from error
     real.attach(
         node, role=role, name=name, settings=settings, requests=request or (), leave=leave or (), pose_topic=pose_topic,
-        horizontal_fov_rad=fov_rad, listen=listen, connect=connect or (), key_file=key and str(key),
-        record=record and str(record), pid=pid, say=typer.echo,
+        horizontal_fov_rad=fov_rad, listen=listen, connect=connect or (), key_file=None if key is None else str(key),
+        record=None if record is None else str(record), pid=pid, say=typer.echo,
     )  # fmt: skip
 
 

@@ -10,22 +10,21 @@ from typing import Any
 
 import pandas as pd
 import pytest
+from genie_sim.town.cells import CHECK_NS, Cells, device_of_each
 from hypothesis import given
 from hypothesis import strategies as st
 
-from genie_sim import runner
+from genie_sim import files, runner
 from genie_sim.errors import UserError
 from genie_sim.recording.records import Tables
 from genie_sim.report import data
 from genie_sim.runner import prepare, simulate
-from genie_sim import files
 from genie_sim.scenario.fleet import Fleet
 from genie_sim.scenario.scenario import Scenario, load_scenario, read_scenario
 from genie_sim.scenario.yaml_input import parse
 from genie_sim.sweep.design import load_design
 from genie_sim.sweep.plan import plan
 from genie_sim.sweep.tasks import Finished, Task, run_task
-from genie_sim.town.cells import CHECK_NS, Cells, device_of_each
 from genie_sim.units import NS_PER_MS, NS_PER_S
 
 SMALL: dict[str, Any] = {

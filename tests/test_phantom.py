@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pytest
+from genie_sim.sim.phantom import POSITION_BYTES, positions
 from sim.street import street
 
 from genie_sim.errors import UserError
@@ -10,7 +11,6 @@ from genie_sim.recording.log import Log
 from genie_sim.recording.records import Tables
 from genie_sim.scenario.profiles import load_profile
 from genie_sim.scenario.scenario import load_scenario, read_scenario
-from genie_sim.sim.phantom import POSITION_BYTES, positions
 from genie_sim.sim.world import OBJECTS, World
 
 EDGES = [{"name": f"edge{i}", "device": "agx_xavier"} for i in (1, 2)]

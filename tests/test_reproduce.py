@@ -5,16 +5,18 @@ from __future__ import annotations
 import hashlib
 import json
 import math
+import shutil
 from pathlib import Path
 
 import pytest
 
-from genie_sim.paper import calibrate, verdict_table
+from genie_sim.paper import calibrate, table1, verdict_table
 from genie_sim.paper.assumptions import load_assumptions
 from genie_sim.paper.calibrate import Point
 from genie_sim.paper.checks import load_claims
 from genie_sim.paper.replicate import Job, Outcome, outcome_of, prepare_job, run_jobs
 from genie_sim.paper.reproduce import last_calibration, reproduce
+from genie_sim.recording import provenance
 from genie_sim.runner import prepare
 from genie_sim.scenario.scenario import load_scenario
 from genie_sim.sim.nodes import attach_genie
@@ -23,6 +25,51 @@ REPOSITORY = Path(__file__).resolve().parent.parent
 PAPER = REPOSITORY / "results" / "paper"
 GENERATED = (REPOSITORY / "README.md", REPOSITORY / "docs" / "paper.md")
 ASSUMED = load_assumptions()
+MARKERS = {  # of a document's generated parts
+    "verdicts": ("<!-- verdicts:begin -->", "<!-- verdicts:end -->"),
+    "section V": ("<!-- section-v:begin -->", "<!-- section-v:end -->"),
+    "worth": ("<!-- worth:begin -->", "<!-- worth:end -->"),
+    "table I": ("<!-- table-1:begin -->", "<!-- table-1:end -->"),
+}
+
+
+def section_v(rows: list[dict]) -> str:
+    """Section V sentence by sentence: the figure and the verdicts."""
+    said = {one["id"]: f"{one['verdict']}{' (marginal)' if one['marginal'] else ''}" for one in rows}
+    lines = ["| Section V | the paper says | figure | here |", "|---|---|---|---|"]
+    for one in verdict_table.sentences():
+        figure = f"`{one['figure']}`" if one["figure"] else ""
+        here = [f"{claim}: {said[claim]}" for claim in one["claims"]] + ([one["note"]] if one["note"] else [])
+        lines.append(f"| {one['part']} | {one['says']} | {figure} | {'; '.join(here)} |")
+    return "\n".join(lines)
+
+
+def generated_parts(folder: Path) -> dict[str, str]:
+    """What documents show of a result folder, by the name of the part. Raises ``UserError``."""
+    rows = verdict_table.read_rows(folder)
+    parts = {"verdicts": verdict_table.table(rows), "section V": section_v(rows), "table I": table1.markdown()}
+    quality = folder / "quality.json"
+    if quality.is_file():
+        parts["worth"] = verdict_table.worth_table(provenance.read_json(quality))
+    return parts
+
+
+def between(name: str, text: str) -> str | None:
+    """A document's generated part of that name, ``None`` where it has none."""
+    begin, end = MARKERS[name]
+    if begin not in text or end not in text:
+        return None
+    return text.split(begin, 1)[1].split(end, 1)[0].strip()
+
+
+def refreshed(text: str, parts: dict[str, str]) -> str:
+    """The document with its generated parts made anew; a part it does not have is left out."""
+    for name, part in parts.items():
+        begin, end = MARKERS[name]
+        if between(name, text) is not None:
+            before, rest = text.split(begin, 1)
+            text = f"{before}{begin}\n{part}\n{end}{rest.split(end, 1)[1]}"
+    return text
 
 
 def windows_s(*settings, scenario="3car_homo", seed=1):
@@ -176,18 +223,35 @@ def test_the_committed_figures_are_small():
 @pytest.mark.parametrize("document", GENERATED, ids=lambda path: path.name)
 def test_the_documents_show_the_committed_verdicts(document):
     text = document.read_text(encoding="utf-8")
-    for name, part in verdict_table.generated_parts(PAPER).items():
-        shown = verdict_table.between(name, text)
+    for name, part in generated_parts(PAPER).items():
+        shown = between(name, text)
         assert shown is None or shown == part, f"{document.name} shows other {name}: python tests/test_reproduce.py"
     if document.name == "paper.md":
-        assert verdict_table.between("section V", text) is not None
+        assert between("section V", text) is not None
 
 
-if __name__ == "__main__":
+def refresh(repository):
+    """Writes the committed evaluation into the fitted parameters and the documents of a repository."""
     best = json.loads((PAPER / "calibration.json").read_text())["best"]
-    fitted = REPOSITORY / "genie_sim" / "paper" / "calibrated.yaml"
+    fitted = repository / "genie_sim" / "paper" / "calibrated.yaml"
     comments = [line for line in fitted.read_text(encoding="utf-8").splitlines() if line.startswith("#")]
     fitted.write_text("\n".join([*comments, *(f"{one.name}: {best[one.name]:g}" for one in ASSUMED.fitted)]) + "\n")
     for path in GENERATED:
-        shown = verdict_table.refreshed(path.read_text(encoding="utf-8"), verdict_table.generated_parts(PAPER))
+        path = repository / path.relative_to(REPOSITORY)
+        shown = refreshed(path.read_text(encoding="utf-8"), generated_parts(PAPER))
         path.write_text(shown, encoding="utf-8")
+
+
+def test_refreshing_what_is_committed_changes_nothing(tmp_path):
+    """What ``python tests/test_reproduce.py`` does after an evaluation."""
+    files = [*GENERATED, REPOSITORY / "genie_sim" / "paper" / "calibrated.yaml"]
+    for path in files:
+        (tmp_path / path.relative_to(REPOSITORY)).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy(path, tmp_path / path.relative_to(REPOSITORY))
+    refresh(tmp_path)
+    for path in files:
+        assert (tmp_path / path.relative_to(REPOSITORY)).read_bytes() == path.read_bytes(), path
+
+
+if __name__ == "__main__":
+    refresh(REPOSITORY)

@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 
 from benchmarks.town_fit import fit, validation
+from genie_sim import files
 from genie_sim.messages import CameraPose
 from genie_sim.perception.evaluation import evaluate
 from genie_sim.perception.trace import read_trace
 from genie_sim.perception.truth import read_truth
-from genie_sim import files
 from genie_sim.town import Town, TownRules
 from genie_sim.town.detector import MOST_Z, SyntheticDetector
 from genie_sim.town.laws import MIDDLE, STEPS_PER_Z, DetectorLaws, detector_laws

@@ -125,7 +125,7 @@ def latency_cdf(panels: Panels, methods: Methods, footer: str = "", of: str = "p
         axis.set_ylim(0, 1.02)
         _logarithmic_ms(axis, low, high)
     _label_outer(axes, "response time [ms], logarithmic", f"share of {of} frames")
-    _finish(figure, f"Response time from received to first answer, share of {of} frames", footer, axes)
+    finish(figure, f"Response time from received to first answer, share of {of} frames", footer, axes)
     return figure
 
 
@@ -163,7 +163,7 @@ def confidence_boost(panels: Panels, methods: Methods, footer: str = "") -> Figu
         axis.set_title(label)
         axis.margins(x=0.02)
     _label_outer(axes, "updates so far", "mean of C(new) - C(old)")
-    _finish(figure, "Confidence boost: running mean over the updates of the object maps", footer, axes)
+    finish(figure, "Confidence boost: running mean over the updates of the object maps", footer, axes)
     return figure
 
 
@@ -194,7 +194,7 @@ def resource_use(resources: pd.DataFrame, methods: Methods, footer: str = "", wh
     for axis in grid[-1]:
         axis.set_xlabel("simulated time [s]")
     title = "use of devices and links, and queues, over simulated time"
-    _finish(figure, f"{whose}{title}".capitalize(), footer)
+    finish(figure, f"{whose}{title}".capitalize(), footer)
     return figure
 
 
@@ -217,7 +217,7 @@ def _reuse_bars(panels: Panels, methods: Methods, what: str, footer: str) -> Fig
     axis.grid(axis="x", visible=False)
     axis.yaxis.set_major_formatter(FuncFormatter(percent_tick))
     axis.set_ylabel("hits / requests")
-    _finish(figure, title, footer, [axis])
+    finish(figure, title, footer, [axis])
     return figure
 
 
@@ -254,8 +254,8 @@ def _grid(panels: Panels) -> tuple[Figure, list[Axes]]:
     return figure, axes[: len(panels)]
 
 
-def _finish(figure: Figure, title: str, footer: str, axes: Iterable[Axes] = ()) -> None:
-    """What is shown, above; below the panels their common legend, and which run it is."""
+def finish(figure: Figure, title: str, footer: str, axes: Iterable[Axes] = ()) -> None:
+    """Lays a figure out: what is shown, above; below the panels their common legend, and which run it is."""
     width_in, height_in = figure.get_size_inches()
     figure.suptitle(textwrap.fill(title, int(width_in * 14)), x=0.01, ha="left")
     lines = textwrap.wrap(footer, int(width_in * 15))

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from typing import Any
 
 from genie_sim.paper.assumptions import Assumptions
 from genie_sim.paper.checks import BOTH_IMAGES, BOTH_OBJECTS
@@ -22,7 +23,7 @@ LEAST_REUSE = 1e-3  # keeps logarithms finite
 
 @dataclass(frozen=True, slots=True)
 class Point:
-    """One pair of parameters and what came out, as a mean over scenarios, roles and calibration seeds."""
+    """One pair of parameters and what came out, as a mean over scenarios, cars, edges and calibration seeds."""
 
     overlap: float
     gate_m: float
@@ -60,6 +61,11 @@ class Calibration:
         level = self.best.object_reuse / self.targets["object_reuse_mean"] - 1
         ratio = self.best.ratio / self.targets["object_to_image_reuse"] - 1
         return abs(level) <= 0.1 and abs(ratio) <= 0.1
+
+    def as_json(self) -> dict[str, Any]:
+        """For ``calibration.json``."""
+        tried = [asdict(point) | {"ratio": point.ratio} for point in self.tried]
+        return {"best": asdict(self.best), "reached": self.reached, "targets": self.targets, "tried": tried}
 
 
 def calibrate(assumptions: Assumptions, workers: int, progress: Progress | None = None) -> Calibration:

@@ -27,7 +27,7 @@ import numpy as np
 from genie_sim.analysis.metrics import PLACEMENTS
 from genie_sim.errors import UserError
 from genie_sim.paper.checks import BASELINES
-from genie_sim.paper.facts import Facts
+from genie_sim.paper.facts import Facts, ratio
 from genie_sim.paper.replicate import Progress, in_parallel, outcome_of
 from genie_sim.paths import expanded
 from genie_sim.perception.sources import Recordings
@@ -108,10 +108,6 @@ def _faster_server(drive: OfDrive, name: str) -> float:
     return hetero - homo
 
 
-def _ratio(above: float, below: float) -> float:
-    return above / below if below else math.nan
-
-
 DIRECTIONS = (
     Direction(
         "C1",
@@ -124,7 +120,7 @@ DIRECTIONS = (
     Direction(
         "C13",
         "object reuse / image reuse (the paper: 4)",
-        lambda d: _ratio(_mean(d, "object_reuse"), _mean(d, "image_reuse")),
+        lambda d: ratio(_mean(d, "object_reuse"), _mean(d, "image_reuse")),
         1.0,
     ),
     Direction("C16", "object reuse, heterogeneous - homogeneous", lambda d: _faster_server(d, "object_reuse")),
@@ -169,9 +165,9 @@ def run_drive(job: DriveJob) -> Driven:
     return Driven(job.sequence, job.scenario, drive_s, outcome_of(prepared).facts)
 
 
-def run_drives(wanted: Sequence[DriveJob], workers: int, progress: Progress | None = None) -> list[Driven]:
+def run_drives(jobs: Sequence[DriveJob], workers: int, progress: Progress | None = None) -> list[Driven]:
     """Simulates every job, on several processes."""
-    return in_parallel(run_drive, wanted, workers, progress, "drives")
+    return in_parallel(run_drive, jobs, workers, progress, "drives")
 
 
 def rows(driven: Sequence[Driven]) -> list[dict[str, Any]]:

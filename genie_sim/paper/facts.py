@@ -53,12 +53,12 @@ def facts_of(
             facts[f"first_answer_mean:{method}:{car}"] = float(known.mean()) if len(known) else math.nan
             facts[f"first_answer_p99:{method}:{car}"] = _percentile(of_car, 99)
     both = frames[(frames["method"] == "remote") & (frames["bytes_up"] > 0) & (frames["bytes_down"] > 0)]
-    facts["image_to_objects_bytes"] = _ratio(both["bytes_up"].sum(), both["bytes_down"].sum())
+    facts["image_to_objects_bytes"] = ratio(both["bytes_up"].sum(), both["bytes_down"].sum())
     for placement in metrics.PLACEMENTS:
         facts[f"boost_per_object:{placement}"] = _boost_per_object(lookups[lookups["placement"] == placement])
     facts["image_peak_at:car"] = _peak_at(lookups, frames)
-    for genie, ratio in metrics.reuse(lookups[lookups["kind"] != "image"]).items():
-        facts[f"object_reuse:{genie}"] = float(ratio)
+    for genie, reused in metrics.reuse(lookups[lookups["kind"] != "image"]).items():
+        facts[f"object_reuse:{genie}"] = float(reused)
     facts.update(_of_resources(resources, lap_ns))
     return facts
 
@@ -68,12 +68,12 @@ def _of_resources(resources: pd.DataFrame, lap_ns: int | None) -> Facts:
     last = resources.sort_values("t_ns", kind="stable").groupby(["method", "resource"], observed=True).last()
     last = last.reset_index()
     cpus = last[(last["method"] == "genie") & (last["kind"] == "cpu")]
-    facts["handling_ms"] = _ratio(cpus["busy_ns"].sum() / NS_PER_MS, cpus["completed"].sum())
+    facts["handling_ms"] = ratio(cpus["busy_ns"].sum() / NS_PER_MS, cpus["completed"].sum())
     accelerators = last[last["kind"] == "accelerator"]
     columns = (accelerators[name].tolist() for name in ("method", "resource", "completed", "busy_ns"))
     for method, resource, completed, busy_ns in zip(*columns, strict=True):
         host = str(resource).removesuffix(".accelerator")
-        facts[f"accelerator_rate:{method}:{host}"] = _ratio(completed, busy_ns / NS_PER_S)
+        facts[f"accelerator_rate:{method}:{host}"] = ratio(completed, busy_ns / NS_PER_S)
     of_genie = resources[(resources["method"] == "genie") & (resources["kind"] == "accelerator")]
     facts["detector_runs"] = float(accelerators.loc[accelerators["method"] == "genie", "completed"].sum())
     if lap_ns is not None:
@@ -86,7 +86,7 @@ def _of_resources(resources: pd.DataFrame, lap_ns: int | None) -> Facts:
 def _boost_per_object(lookups: pd.DataFrame) -> float:
     """All confidence added by the end of the run, over the objects then stored: another reading of Section V-E."""
     maps = lookups[lookups["kind"] != "image"]
-    return _ratio(maps["boost_sum"].sum(), maps.groupby("genie", observed=True)["entries"].last().sum())
+    return ratio(maps["boost_sum"].sum(), maps.groupby("genie", observed=True)["entries"].last().sum())
 
 
 def _peak_at(lookups: pd.DataFrame, frames: pd.DataFrame) -> float:
@@ -97,7 +97,7 @@ def _peak_at(lookups: pd.DataFrame, frames: pd.DataFrame) -> float:
         return math.nan
     at_ns = int(windows["t_ns"].to_numpy()[np.argmax(windows["ratio"].to_numpy(float))])
     begin_ns, end_ns = int(frames["stamp_ns"].min()), int(frames["stamp_ns"].max())
-    return _ratio(at_ns - begin_ns, end_ns - begin_ns)
+    return ratio(at_ns - begin_ns, end_ns - begin_ns)
 
 
 def _percentile(values: np.ndarray, percent: float) -> float:
@@ -105,5 +105,6 @@ def _percentile(values: np.ndarray, percent: float) -> float:
     return float(np.percentile(known, percent)) if len(known) else math.nan
 
 
-def _ratio(above: float, below: float) -> float:
+def ratio(above: float, below: float) -> float:
+    """NaN where the one below is zero."""
     return float(above / below) if below else math.nan

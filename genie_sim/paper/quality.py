@@ -7,6 +7,7 @@ everything, so precision is a lower bound and ghosts an upper one; both are the 
 
 from __future__ import annotations
 
+import functools
 import math
 import os
 from collections.abc import Iterator, Mapping, Sequence
@@ -17,6 +18,7 @@ import numpy as np
 
 from genie_sim.messages import CameraPose, Location
 from genie_sim.paper.evidence import interval
+from genie_sim.paper.facts import ratio
 from genie_sim.paper.replicate import Answer, Held, Job, prepare_job, run_for_answers
 from genie_sim.paths import expanded
 from genie_sim.perception.labels import LabelledTrack, Labels, distance_m, read_tracklets
@@ -49,12 +51,12 @@ class Count:
     def numbers(self) -> dict[str, float]:
         """Shares, ages and errors; NaN where nothing was held or there."""
         return {
-            "precision": _share(self.right, self.held),
-            "recall_static": _share(self.found[False], self.truth[False]),
-            "recall_moving": _share(self.found[True], self.truth[True]),
-            "ghost_share": _share(self.moved_away + self.never_there, self.held),
-            "ghost_share_moved_away": _share(self.moved_away, self.held),
-            "ghost_share_never_there": _share(self.never_there, self.held),
+            "precision": ratio(self.right, self.held),
+            "recall_static": ratio(self.found[False], self.truth[False]),
+            "recall_moving": ratio(self.found[True], self.truth[True]),
+            "ghost_share": ratio(self.moved_away + self.never_there, self.held),
+            "ghost_share_moved_away": ratio(self.moved_away, self.held),
+            "ghost_share_never_there": ratio(self.never_there, self.held),
             "age_s_median": float(np.median(self.ages_s)) if self.ages_s else math.nan,
             "age_s_p95": float(np.percentile(self.ages_s, 95)) if self.ages_s else math.nan,
             "error_m_median": float(np.median(self.errors_m)) if self.errors_m else math.nan,
@@ -71,7 +73,7 @@ def measure_job(job: Job) -> dict[str, dict[str, float]]:
     prepared = prepare_job(job)
     trace = next(iter(prepared.drives.values()))
     assert isinstance(trace, Trace), "the evaluation drives recorded streets"
-    labels = _labels(str(trace.provenance["drive"]), trace)
+    labels = _labels(expanded(os.environ[KITTI]), str(trace.provenance["drive"]), trace.origin)
     windows = {car.name: car.route.window_ns for car in prepared.scenario.cars}
     return {method: measure(held, trace, labels, windows) for method, held in run_for_answers(prepared).items()}
 
@@ -199,14 +201,4 @@ def _pose_at(frames: Sequence[TraceFrame], drive_ns: int) -> _View:
     return _View(frame.pose, frame.horizontal_fov_rad / 2)
 
 
-_known_labels: dict[str, Labels] = {}
-
-
-def _labels(drive: str, trace: Trace) -> Labels:
-    if drive not in _known_labels:
-        _known_labels[drive] = read_tracklets(expanded(os.environ[KITTI]), drive, trace.origin)
-    return _known_labels[drive]
-
-
-def _share(part: int, whole: int) -> float:
-    return part / whole if whole else math.nan
+_labels = functools.lru_cache(maxsize=None)(read_tracklets)

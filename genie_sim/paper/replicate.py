@@ -81,7 +81,7 @@ def in_parallel(
     return done
 
 
-def _as_it_is(node: Detector) -> tuple[object, ...]:
+def _node_fingerprint(node: Detector) -> tuple[object, ...]:
     """The node itself, whatever the master calls its topics: its class, what it has, and what of that is plain."""
     has = vars(node)
     plain = {name: value for name, value in has.items() if isinstance(value, str | int | tuple | None)}
@@ -106,7 +106,7 @@ def outcome_of(prepared: Prepared, keep_tables: bool = False) -> Outcome:
         genies: list[Any] = [one for one in world.resources if isinstance(one, InterceptorNode)]
         for one in world.resources:
             if isinstance(one, Detector):
-                detectors.setdefault(one.name, set()).add(_as_it_is(one))
+                detectors.setdefault(one.name, set()).add(_node_fingerprint(one))
                 if method.name == "genie":
                     behind_genie.append(one.graph.topics_of(one.name) != (one.subscribes, one.publishes))
         for genie in genies:

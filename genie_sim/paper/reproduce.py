@@ -9,12 +9,13 @@ import hashlib
 import os
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from genie_sim import report
-from genie_sim.analysis.metrics import PLACEMENTS
 from genie_sim.paper import drives, quality, verdict_table
 from genie_sim.paper import page as evaluation
 from genie_sim.paper.assumptions import Assumptions, load_assumptions
@@ -23,7 +24,7 @@ from genie_sim.paper.checks import ALL, BOTH_IMAGES, BOTH_OBJECTS, CASE, HE, HO,
 from genie_sim.paper.claims import VERDICTS, Verdict, judge, supporting_variants
 from genie_sim.paper.evidence import Evidence, Values, interval
 from genie_sim.paper.facts import Facts
-from genie_sim.paper.replicate import Job, Outcome, Progress, TimeLeft, in_parallel, run_jobs
+from genie_sim.paper.replicate import Job, Outcome, Progress, TimeLeft, in_parallel, prepare_job, run_jobs
 from genie_sim.recording import provenance
 from genie_sim.scenario.yaml_input import read_mapping
 
@@ -37,15 +38,6 @@ FOR_CLAIMS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "two_laps": ((HO[0], HE[0]), ("laps=2",)),
     "cut_link": ((HO[0],), ("link=cut",)),
 }
-
-SMALL = (
-    *(f"{answer}_answer_mean:{method}" for answer in ("first", "fresh") for method in ("local", "remote", "genie")),
-    *(f"fresh_answered_share:{method}" for method in ("local", "remote", "genie")),
-    *(f"{name}:{where}" for name in ("image_reuse", "object_reuse", "confidence_boost") for where in PLACEMENTS),
-    *(f"{name}:{where}" for name in ("stored_images", "stored_objects") for where in PLACEMENTS),
-    "detector_runs",
-    "objects_shared",
-)  # fmt: skip
 
 Key = tuple[str, str]  # variant, scenario
 
@@ -80,38 +72,32 @@ def reproduce(
     fitted = None if quick else calibrate(assumptions, workers, tell)
     settings = (*assumptions.settings, *(last_calibration() if fitted is None else fitted.best.settings))
     runs, tables = _base_runs(settings, used_seeds, workers, tell)
-    evidence = Evidence(runs)
-    verdicts = judge(evidence)
-    sensitivity = _Sensitivity.nothing() if quick else _sensitivity(assumptions, settings, workers, tell)
-    worth = _worth(settings, used_seeds, workers, tell)
+    made = _Evaluation(
+        settings,
+        used_seeds,
+        Evidence(runs),
+        judge(Evidence(runs)),
+        tables,
+        fitted,
+        _Sensitivity({}, [], {}) if quick else _sensitivity(assumptions, settings, workers, tell),
+        _worth(settings, used_seeds, workers, tell),
+    )
     driven = drives.run_drives(on_drives, workers, tell) if on_drives else []
     with provenance.result_folder(out) as folder:
-        supporting = sensitivity.supporting(verdicts)
-        _write(folder, evidence, verdicts, supporting, fitted, sensitivity, worth, settings)
+        made.write(folder)
         table = drives.write(folder, driven) if driven else ""
-        _draw(folder / "figures", tables, fitted, sensitivity, worth, settings, used_seeds)
+        made.draw(folder / "figures")
         wall_time_s = time.perf_counter() - tell.began_s
-        about = _provenance(quick, settings, used_seeds, workers, wall_time_s, fitted)
+        about = {"quick": quick, "workers": workers, "wall_time_s": round(wall_time_s, 1), **made.provenance()}
         provenance.write_json(folder / "run.json", about)
         evaluation.write(folder / report.NAME, folder)
-    return Reproduction(out, verdicts, wall_time_s, table)
+    return Reproduction(out, made.verdicts, wall_time_s, table)
 
 
 def last_calibration() -> tuple[str, ...]:
     """The fitted parameters of the last full run, as settings."""
     path = Path(__file__).with_name("calibrated.yaml")
     return tuple(f"{name}={value:g}" for name, value in read_mapping(path).items())
-
-
-def small_version() -> dict[str, float]:
-    """A few numbers of every scenario with one seed, in seconds: what the regression test compares."""
-    jobs = [Job(scenario, 1, last_calibration()) for scenario in (*ALL, CASE)]
-    return {
-        f"{job.scenario} {name}": float(f"{outcome.facts[name]:.9g}")
-        for job, outcome in zip(jobs, run_jobs(jobs, 1), strict=True)
-        for name in SMALL
-        if name in outcome.facts
-    }
 
 
 @dataclass(frozen=True)
@@ -122,10 +108,6 @@ class _Sensitivity:
     sweeps: list[dict[str, Any]]
     plausible: dict[str, str]
 
-    @classmethod
-    def nothing(cls) -> _Sensitivity:
-        return cls({}, [], {})
-
     def supporting(self, verdicts: Sequence[Verdict]) -> dict[str, list[str]]:
         """For each claim that was not reproduced, what would make its test hold, and whether that is plausible."""
         found = {}
@@ -134,6 +116,64 @@ class _Sensitivity:
                 names = supporting_variants(verdict.claim, self.variants)
                 found[verdict.claim.id] = [f"{name} (plausible: {self.plausible[name]})" for name in names]
         return found
+
+    def as_json(self) -> dict[str, Any]:
+        """For ``sensitivity.json``."""
+        variants = {name: _reuse(one) | {"plausible": self.plausible[name]} for name, one in self.variants.items()}
+        by_claim = {claim.id: supporting_variants(claim, self.variants) for claim in load_claims()}
+        return {"sweeps": self.sweeps, "variants": variants, "claims_that_hold_under": by_claim}
+
+
+@dataclass(frozen=True)
+class _Evaluation:
+    """Everything that came out; ``worth`` is ``None`` where KITTI's labels are not at hand."""
+
+    settings: tuple[str, ...]
+    seeds: tuple[int, ...]
+    evidence: Evidence
+    verdicts: list[Verdict]
+    tables: Mapping[str, Sequence[Outcome]]
+    fitted: Calibration | None
+    sensitivity: _Sensitivity
+    worth: list[dict[str, Any]] | None
+
+    def write(self, folder: Path) -> None:
+        """Everything but figures and page. Raises OSError."""
+        supporting = self.sensitivity.supporting(self.verdicts)
+        rows = [verdict_table.row(verdict, supporting.get(verdict.claim.id)) for verdict in self.verdicts]
+        provenance.write_json(folder / "verdicts.json", rows)
+        text = verdict_table.document(rows, self.settings, self.worth)
+        (folder / "verdicts.md").write_text(text, encoding="utf-8")
+        provenance.write_json(folder / "metrics.json", _metrics(self.evidence))
+        if self.worth is not None:
+            provenance.write_json(folder / "quality.json", self.worth)
+        if self.fitted is not None:
+            provenance.write_json(folder / "calibration.json", self.fitted.as_json())
+        if self.sensitivity.variants:
+            provenance.write_json(folder / "sensitivity.json", self.sensitivity.as_json())
+
+    def draw(self, folder: Path) -> None:
+        """The figures. Raises OSError."""
+        from genie_sim.paper.paper_figures import draw_paper_figures
+        from genie_sim.paper.sensitivity import draw_sensitivity
+
+        folder.mkdir()
+        footer = f"genie-sim reproduce, {', '.join(self.settings)}, {len(self.seeds)} seeds"
+        draw_paper_figures(folder, self.tables, footer)
+        draw_sensitivity(folder, self.fitted, self.sensitivity.sweeps, self.worth, load_assumptions().targets, footer)
+
+    def provenance(self) -> dict[str, Any]:
+        """For ``run.json``: what the numbers come from."""
+        here = Path(__file__).parent
+        inputs = ("assumptions.yaml", "claims.yaml")
+        return {
+            "settings": list(self.settings),
+            "seeds": list(self.seeds),
+            "calibration": "searched" if self.fitted else "that of the last full run (calibrated.yaml)",
+            "inputs": {name: hashlib.sha256((here / name).read_bytes()).hexdigest() for name in inputs},
+            "trace": next(iter(prepare_job(Job(ALL[0], 1)).frames.digests().values())),
+            **provenance.environment(),
+        }
 
 
 def _seeds(assumptions: Assumptions, quick: bool, seeds: int | None) -> tuple[int, ...]:
@@ -227,46 +267,14 @@ def _worth(
     return quality.summarise(in_parallel(quality.measure_job, jobs, workers, progress, "quality"), len(seeds))
 
 
-def _write(
-    folder: Path,
-    evidence: Evidence,
-    verdicts: Sequence[Verdict],
-    supporting: Mapping[str, Sequence[str]],
-    fitted: Calibration | None,
-    sensitivity: _Sensitivity,
-    worth: list[dict[str, Any]] | None,
-    settings: Sequence[str],
-) -> None:
-    rows = [verdict_table.row(verdict, supporting.get(verdict.claim.id)) for verdict in verdicts]
-    provenance.write_json(folder / "verdicts.json", rows)
-    (folder / "verdicts.md").write_text(verdict_table.document(rows, settings, worth), encoding="utf-8")
-    provenance.write_json(folder / "metrics.json", _metrics(evidence))
-    if worth is not None:
-        provenance.write_json(folder / "quality.json", worth)
-    if fitted is not None:
-        points = [asdict(point) | {"ratio": point.ratio} for point in fitted.tried]
-        found = {"best": asdict(fitted.best), "reached": fitted.reached, "targets": fitted.targets, "tried": points}
-        provenance.write_json(folder / "calibration.json", found)
-    if sensitivity.variants:
-        by_claim = {claim.id: supporting_variants(claim, sensitivity.variants) for claim in load_claims()}
-        variants = {
-            name: _reuse(one) | {"plausible": sensitivity.plausible[name]} for name, one in sensitivity.variants.items()
-        }
-        sweeps = {"sweeps": sensitivity.sweeps, "variants": variants, "claims_that_hold_under": by_claim}
-        provenance.write_json(folder / "sensitivity.json", sweeps)
-
-
 def _metrics(evidence: Evidence) -> list[dict[str, Any]]:
     """Every fact of the six scenarios and the case study, as a mean over seeds with its 95 % interval."""
-    import numpy as np
-
     found = []
     for scenario in (*ALL, CASE):
         for name in evidence.names(scenario):
             values = evidence.of(scenario, name)
-            known = values[~np.isnan(values)]
-            if len(known):
-                found.append(_metric(scenario, name, known))
+            if not np.isnan(values).all():
+                found.append(_metric(scenario, name, values[~np.isnan(values)]))
     for answer in ("first", "fresh"):
         average = np.mean(list(improvements(evidence, answer).values()), axis=0)
         found.append(_metric("all", f"improvement_{answer}", average))
@@ -277,49 +285,3 @@ def _metric(scenario: str, name: str, values: Values) -> dict[str, Any]:
     value, low, high = (float(f"{number:.6g}") for number in interval(values))
     return {"scenario": scenario, "name": name, "value": value, "low": low, "high": high, "n": len(values)}
 
-
-def _draw(
-    folder: Path,
-    tables: Mapping[str, Sequence[Outcome]],
-    fitted: Calibration | None,
-    sensitivity: _Sensitivity,
-    worth: list[dict[str, Any]] | None,
-    settings: Sequence[str],
-    seeds: Sequence[int],
-) -> None:
-    from genie_sim.paper.paper_figures import draw_paper_figures
-    from genie_sim.paper.sensitivity import draw_sensitivity
-
-    folder.mkdir()
-    footer = f"genie-sim reproduce, {', '.join(settings)}, {len(seeds)} seeds"
-    draw_paper_figures(folder, tables, footer)
-    draw_sensitivity(folder, fitted, sensitivity.sweeps, worth, load_assumptions().targets, footer)
-
-
-def _provenance(
-    quick: bool,
-    settings: Sequence[str],
-    seeds: Sequence[int],
-    workers: int,
-    wall_time_s: float,
-    fitted: Calibration | None,
-) -> dict[str, Any]:
-    here = Path(__file__).parent
-    inputs = ("assumptions.yaml", "claims.yaml")
-    return {
-        "quick": quick,
-        "settings": list(settings),
-        "seeds": list(seeds),
-        "workers": workers,
-        "wall_time_s": round(wall_time_s, 1),
-        "calibration": "searched" if fitted is not None else "that of the last full run (calibrated.yaml)",
-        "inputs": {name: hashlib.sha256((here / name).read_bytes()).hexdigest() for name in inputs},
-        "trace": _trace_digest(),
-        **provenance.environment(),
-    }
-
-
-def _trace_digest() -> str:
-    from genie_sim.paper.replicate import prepare_job
-
-    return next(iter(prepare_job(Job(ALL[0], 1)).frames.digests().values()))

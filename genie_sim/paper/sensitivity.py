@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -175,8 +174,8 @@ def draw_sensitivity(
 ) -> None:
     """The figures there is something for, as SVG and PNG. Raises OSError."""
     if fitted is not None:
-        points = [asdict(point) | {"ratio": point.ratio} for point in fitted.tried]
-        save(calibration(points, asdict(fitted.best), targets, footer), folder, "calibration")
+        found = fitted.as_json()
+        save(calibration(found["tried"], found["best"], targets, footer), folder, "calibration")
     if sweep_rows:
         save(sweeps(sweep_rows, targets, footer), folder, "sensitivity")
     if worth_rows:

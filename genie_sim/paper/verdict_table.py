@@ -4,20 +4,16 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 from genie_sim.paper import table1
 from genie_sim.paper.claims import VERDICTS, Verdict
+from genie_sim.paper.evidence import Finding
 from genie_sim.recording import provenance
 from genie_sim.scenario.yaml_input import parse
 
-MARKERS = {  # of a document's generated parts
-    "verdicts": ("<!-- verdicts:begin -->", "<!-- verdicts:end -->"),
-    "section V": ("<!-- section-v:begin -->", "<!-- section-v:end -->"),
-    "worth": ("<!-- worth:begin -->", "<!-- worth:end -->"),
-    "table I": ("<!-- table-1:begin -->", "<!-- table-1:end -->"),
-}
 MOST_NAMED = 4  # variants named beside a claim
 
 Row = Mapping[str, Any]
@@ -25,22 +21,15 @@ Row = Mapping[str, Any]
 
 def row(verdict: Verdict, supporting: Sequence[str] | None = None) -> dict[str, Any]:
     """A verdict as plain data. ``supporting``: under which other readings the claim's test holds."""
-    claim, finding = verdict.claim, verdict.finding
-    known = finding is not None and finding.value is not None and finding.value == finding.value
+    finding = verdict.finding or Finding(None, None, None, 0, "1", False, False)
+    known = finding.value is not None and finding.value == finding.value
+    numbers = (finding.value, finding.low, finding.high) if known else (None, None, None)
     return {
-        "id": claim.id,
-        "where": claim.where,
-        "kind": claim.kind,
-        "claim": claim.claim,
-        "test": claim.test,
-        "expect": claim.expect,
-        "tolerance": claim.tolerance,
-        "value": _rounded(finding.value) if finding is not None and known else None,
-        "low": _rounded(finding.low) if finding is not None and known else None,
-        "high": _rounded(finding.high) if finding is not None and known else None,
-        "unit": finding.unit if finding is not None else "1",
-        "n": finding.n if finding is not None else 0,
-        "note": finding.note if finding is not None else "",
+        **asdict(verdict.claim),
+        **dict(zip(("value", "low", "high"), map(_rounded, numbers), strict=True)),
+        "unit": finding.unit,
+        "n": finding.n,
+        "note": finding.note,
         "verdict": verdict.verdict,
         "marginal": verdict.marginal,
         "holds_under": list(supporting) if supporting is not None else None,
@@ -111,45 +100,6 @@ def sentences() -> list[dict[str, Any]]:
     path = Path(__file__).with_name("section_v.yaml")
     found: list[dict[str, Any]] = parse(path.read_text(encoding="utf-8"), str(path))
     return found
-
-
-def section_v(rows: Sequence[Row]) -> str:
-    """Section V sentence by sentence: the figure and the verdicts."""
-    said = {one["id"]: f"{one['verdict']}{' (marginal)' if one['marginal'] else ''}" for one in rows}
-    lines = ["| Section V | the paper says | figure | here |", "|---|---|---|---|"]
-    for one in sentences():
-        figure = f"`{one['figure']}`" if one["figure"] else ""
-        here = [f"{claim}: {said[claim]}" for claim in one["claims"]] + ([one["note"]] if one["note"] else [])
-        lines.append(f"| {one['part']} | {one['says']} | {figure} | {'; '.join(here)} |")
-    return "\n".join(lines)
-
-
-def generated_parts(folder: Path) -> dict[str, str]:
-    """What documents show of a result folder, by the name of the part. Raises ``UserError``."""
-    rows = read_rows(folder)
-    parts = {"verdicts": table(rows), "section V": section_v(rows), "table I": table1.markdown()}
-    quality = folder / "quality.json"
-    if quality.is_file():
-        parts["worth"] = worth_table(provenance.read_json(quality))
-    return parts
-
-
-def between(name: str, text: str) -> str | None:
-    """A document's generated part of that name, ``None`` where it has none."""
-    begin, end = MARKERS[name]
-    if begin not in text or end not in text:
-        return None
-    return text.split(begin, 1)[1].split(end, 1)[0].strip()
-
-
-def refreshed(text: str, parts: Mapping[str, str]) -> str:
-    """The document with its generated parts made anew; a part it does not have is left out."""
-    for name, part in parts.items():
-        begin, end = MARKERS[name]
-        if between(name, text) is not None:
-            before, rest = text.split(begin, 1)
-            text = f"{before}{begin}\n{part}\n{end}{rest.split(end, 1)[1]}"
-    return text
 
 
 def _counts(rows: Sequence[Row]) -> str:

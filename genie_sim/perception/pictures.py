@@ -9,8 +9,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from genie_sim.core.confidence import noisy_or
-from genie_sim.core.object_map import ObjectMap, ObjectMapRules
+from genie_sim.core.object_map import ObjectMap
+from genie_sim.core.rules import ObjectMapRules
 from genie_sim.errors import UserError
 from genie_sim.messages import CameraPose, Detection, Location
 from genie_sim.perception.kitti import read_image
@@ -64,7 +64,7 @@ def drawn(trace: Trace, images: Images) -> Iterator[tuple[TraceFrame, np.ndarray
     The object map is that of one Genie with the default rules that saw every frame up to this one.
     """
     for camera in sorted(trace.frames):
-        seen = ObjectMap(ObjectMapRules(noisy_or))
+        seen = ObjectMap(ObjectMapRules())
         for frame in trace.frames[camera]:
             for detection in frame.detections:
                 if detection.location is not None:

@@ -65,17 +65,12 @@ class Schema:
 
         types = {"int64": pa.int64(), "int32": pa.int32(), "float64": pa.float64(), "bool": pa.bool_()}
         text = pa.dictionary(pa.int32(), pa.string())
-        fields = [
-            pa.field(
-                column.name,
-                types.get(column.kind, text),
-                nullable=column.nullable,
-                metadata={"unit": column.unit, "description": column.description},
-            )
-            for column in self.columns
-        ]
-        about = json.dumps({"format_version": FORMAT_VERSION, "table": self.name}, sort_keys=True)
-        return pa.schema(fields, metadata={METADATA_KEY: about.encode()})
+        fields = []
+        for column in self.columns:
+            about = {"unit": column.unit, "description": column.description}
+            fields.append(pa.field(column.name, types.get(column.kind, text), column.nullable, about))
+        told = json.dumps({"format_version": FORMAT_VERSION, "table": self.name}, sort_keys=True)
+        return pa.schema(fields, metadata={METADATA_KEY: told.encode()})
 
 
 class _Codes(dict[str, int]):

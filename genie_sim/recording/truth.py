@@ -22,7 +22,7 @@ class Truth:
     """Judges one method's first answers; ``table`` gets the counts (see ``records.TRUTH``).
 
     ``begin_ns`` is when the drive of each car begins on the town's clock. ``reach_m`` is how far a served object may be
-    from the real one, ``range_m`` how far away an object is wanted in an answer.
+    from the real one, ``range_m`` within which distance objects belong in an answer.
     """
 
     def __init__(
@@ -56,11 +56,11 @@ class Truth:
         not_in_view = self._without(served, view)
         t_ns = self._begin_ns[header.origin] + image.content.stamp_ns
         ghosts = sum(not self._town.is_there(label, at[0], at[1], reach_m, t_ns) for label, at in not_in_view)
-        wanted = [
+        relevant = [
             (label, at) for label, at in view if math.hypot(at[0] - pose.east_m, at[1] - pose.north_m) <= self._range_m
         ]
-        found = len(wanted) - len(self._without(wanted, served))
-        counts = len(served), len(served) - ghosts, len(not_in_view), len(wanted), found
+        found = len(relevant) - len(self._without(relevant, served))
+        counts = len(served), len(served) - ghosts, len(not_in_view), len(relevant), found
         self._table.append((self._method, header.origin, header.frame_id, header.stamp_ns, source, *counts))
 
     def _without(self, objects: list[Placed], others: list[Placed]) -> list[Placed]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import textwrap
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -12,9 +11,9 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, NullLocator
 
 from genie_sim.analysis import style
-from genie_sim.analysis.figures import in_style
+from genie_sim.analysis.figures import finish, in_style
 from genie_sim.analysis.statistics import across_seeds
-from genie_sim.analysis.style import LINE_IN, PAGE_IN, PLACEMENTS, percent_tick
+from genie_sim.analysis.style import PAGE_IN, PLACEMENTS, percent_tick
 from genie_sim.sweep.design import Axis
 
 if TYPE_CHECKING:
@@ -22,7 +21,6 @@ if TYPE_CHECKING:
 
 LOGARITHMIC_FROM = 20.0  # a list that spans so much, largest to smallest
 MOST_TICKS = 8
-TITLE_CHARACTERS = 100
 LEVEL_CHARACTERS = 16  # of a value that is a text, as in the page
 PANELS = {  # metric -> label of its panel
     "image_reuse": "image reuse",
@@ -51,15 +49,13 @@ def along(axis: Axis, column: str, runs: pd.DataFrame, footer: str, others: Sequ
     means = across_seeds(runs.dropna(subset=["metric"]), [column])
     methods = list(dict.fromkeys(means["method"]))
     shown = [panel for panel in PANELS.items() if (means["metric"] == panel[0]).any()]
-    height_in = 1.3 + 1.9 * max(1, -(-len(shown) // 3))
-    figure = Figure(figsize=(PAGE_IN, height_in))
+    rows = max(1, -(-len(shown) // 3))
+    figure = Figure(figsize=(PAGE_IN, 1.3 + 1.9 * rows))
     averaged = f", averaged over {', '.join(others)}" if others else ""
     several = runs["seed"].nunique() > 1
     shows = "means and 95 % intervals across seeds" if several else "one seed, so without intervals"
     title = f"Along {column}: {shows}{averaged}"
-    figure.suptitle(textwrap.fill(title, TITLE_CHARACTERS), x=0.01, ha="left")
-    figure.text(0.01, 0.01, footer, ha="left", va="bottom", color="0.35")
-    grid = figure.subplots(max(1, -(-len(shown) // 3)), 3, squeeze=False)
+    grid = figure.subplots(rows, 3, squeeze=False)
     for panel, (metric, label) in zip(grid.flat, shown, strict=False):
         _draw(panel, axis, column, means[means["metric"] == metric], methods)
         panel.set_ylabel(label)
@@ -71,13 +67,7 @@ def along(axis: Axis, column: str, runs: pd.DataFrame, footer: str, others: Sequ
         panel.set_ylim(low, high + MARKER_ROOM * (high - low))
     for panel in list(grid.flat)[len(shown) :]:
         panel.remove()
-    legends = [zip(*one.get_legend_handles_labels(), strict=True) for one in figure.axes]
-    handles = {label: handle for legend in legends for handle, label in legend}
-    if handles:
-        legend = figure.legend(list(handles.values()), list(handles), loc="lower center", ncols=len(handles))
-        legend.set_bbox_to_anchor((0.5, LINE_IN / height_in))
-    below = 2.6 * LINE_IN / height_in
-    figure.set_layout_engine("constrained", rect=(0.0, below, 1.0, 1.0 - below))
+    finish(figure, title, footer, figure.axes)
     return figure
 
 
