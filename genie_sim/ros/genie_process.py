@@ -12,7 +12,7 @@ from collections.abc import Callable
 
 from genie_sim.errors import UserError
 from genie_sim.ros.codec import Codec, codec_of
-from genie_sim.ros.gateway import LOCAL, REMOTE, NoLinks, Peer, View
+from genie_sim.ros.gateway import LOCAL, REMOTE, Peer, View
 from genie_sim.ros.link import TlsLinks
 from genie_sim.ros.message import RosMessage
 from genie_sim.ros.plan import Plan, Recorder, make_gateway
@@ -34,7 +34,7 @@ class GenieProcess(ABC):
         self.plan = plan
         self.codecs: dict[str, Codec] = {topic: codec_of(kind, ros) for topic, kind in plan.types.items()}
         self._poses = None if plan.pose_topic is None else Poses(ros)
-        self._links = TlsLinks(plan, self.codecs.get) if plan.listen or plan.connect else NoLinks()
+        self._links = TlsLinks(plan, self.codecs.get)
         known = [self.codecs[topic] for topic in plan.answers if topic in self.codecs]
         objects = next((codec for codec in known if codec.holds_objects), None)
         self.gateway = make_gateway(plan, self.publish, Recorder(plan.record), self._links, objects)
