@@ -10,6 +10,7 @@ are written, with their provenance; KITTI's labels stay where they are.
 from __future__ import annotations
 
 import argparse
+import hashlib
 import json
 import math
 import sys
@@ -29,7 +30,6 @@ from genie_sim.town.laws import DetectorLaws, detector_laws
 from genie_sim.units import NS_PER_S
 
 LAWS = Path(__file__).resolve().parent.parent / "genie_sim" / "town" / "laws.json"
-MADE_BY = "benchmarks/town_laws.py"
 TRACE, LABELS, GHOST_LABELS = "kitti_0005", "2011_09_26/0005", "tracking/0000"
 
 
@@ -49,13 +49,14 @@ def main() -> None:
     laws = fit(trace, read_truth(root, LABELS, trace), read_truth(root, GHOST_LABELS, trace))
     kept = ("data", "drive", "drive_sha256", "detector", "weights_sha256")
     laws["provenance"] = {
-        "made_by": MADE_BY,
+        "made_by": "benchmarks/town_laws.py",
         "trace": TRACE,
         "trace_digest": trace.digest,
         "labels": {"objects": LABELS, "ghosts": GHOST_LABELS},
         **{name: trace.provenance[name] for name in kept},
         "licence": "CC BY-NC-SA 3.0, as a work derived from KITTI",
     }
+    laws["digest"] = hashlib.sha256(json.dumps(laws, sort_keys=True).encode()).hexdigest()
     arguments.out.write_text(json.dumps(laws, indent=1, sort_keys=True) + "\n", encoding="utf-8")
     for kind in ("groups", "ghosts"):
         for name, group in laws[kind].items():

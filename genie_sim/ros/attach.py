@@ -23,7 +23,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import IO, Any
@@ -81,20 +81,14 @@ class State:
 def attach(
     node: str,
     *,
-    role: str = "car",
     name: str | None = None,
-    settings: Mapping[str, Any] | None = None,
+    role: str = "car",
     requests: Sequence[str] = (),
     leave: Sequence[str] = (),
-    pose_topic: str | None = None,
-    horizontal_fov_rad: float = 0.0,
-    listen: str | None = None,
-    connect: Sequence[str] = (),
-    key_file: str | None = None,
-    record: str | None = None,
     pid: int | None = None,
     master_uri: str | None = None,
     say: Callable[[str], None] = lambda line: None,
+    **of_plan: Any,
 ) -> None:
     """Attaches a Genie to ``node`` and stays until interrupted (SIGINT, SIGTERM, SIGHUP) or until ``detach``.
 
@@ -107,10 +101,11 @@ def attach(
     node = "/" + node.strip("/")
     graph = _graph(pid, master_uri)
     inputs, answers, types = choose(graph, node, requests, leave)
+    for file in ("key_file", "record"):
+        if of_plan.get(file):
+            of_plan[file] = str(Path(of_plan[file]).absolute())
     plan = Plan(
-        node, name or node.strip("/").replace("/", "_"), role, tuple(inputs), tuple(answers), types,
-        dict(settings or {}), pose_topic, horizontal_fov_rad, listen, tuple(connect),
-        key_file and str(Path(key_file).absolute()), record and str(Path(record).absolute()),
+        node, name or node.strip("/").replace("/", "_"), role, tuple(inputs), tuple(answers), types, **of_plan
     )
     check(plan)
     original = graph.process_of(node)

@@ -28,6 +28,7 @@ from genie_sim.perception.trace import Trace, TraceFrame, detection, trace_frame
 from genie_sim.ros.images import picture
 from genie_sim.ros.tf import Frames, Track, rotation
 from genie_sim.ros.typestore import stamp_ns as header_stamp_ns
+from genie_sim.ros.typestore import typestore
 
 if TYPE_CHECKING:
     from genie_sim.perception.detector import ImageDetector
@@ -42,7 +43,7 @@ WAIT_NS = 300_000_000  # for the scan that was taken with an image
 FLOAT32 = 7
 
 Progress = Callable[[int, int], None]
-Wanted = Mapping[str, str]
+Topics = Mapping[str, str]
 
 
 class Seen(NamedTuple):
@@ -85,20 +86,21 @@ def perceive_bag(
         if detections is not None:
             _check_topic(path, detections, topics, ARRAYS)
         around = _surroundings(reader, detections)
-        wanted = _cameras(path, cameras, topics, around.intrinsics)
+        selected = _cameras(path, cameras, topics, around.intrinsics)
         place = _Places(path, around, origin)
         scans = sorted(topic for topic, kind in topics.items() if kind == POINTS)
-        total = sum(one.msgcount for one in reader.connections if one.topic in wanted.values())
+        total = sum(one.msgcount for one in reader.connections if one.topic in selected.values())
         made: dict[str, list[TraceFrame]] = {}
-        for done, (camera, image, cloud) in enumerate(_pictures(reader, wanted, scans[:1]), start=1):
-            frame = _frame(path, camera, wanted[camera], done, image, cloud, around, place, detector, min_score)
+        for done, (camera, image, cloud) in enumerate(_pictures(reader, selected, scans[:1]), start=1):
+            frame = _frame(path, camera, selected[camera], done, image, cloud, around, place, detector, min_score)
             if frame is not None:
                 made.setdefault(camera, []).append(frame)
             if progress is not None:
                 progress(done, total)
     if not made:
         raise UserError(f"{path}: no image was taken where the car's position is known")
-    return Trace(path.stem, place.origin, _numbered(path, made), _provenance(path, wanted, scans, detector, detections))
+    provenance = _provenance(path, selected, scans, detector, detections)
+    return Trace(path.stem, place.origin, _numbered(path, made), provenance)
 
 
 def _frame(
@@ -127,12 +129,12 @@ def _frame(
     found: Iterable[Seen] = around.seen.get(stamp_ns, ())
     if detector is not None:
         found = (Seen(*one) for one in detector.detect(image))
-    kept = [_placed(one, placement, world_SE3_camera, place) for one in found if one.score >= min_score]
+    kept = [_placed(one, placement, world_SE3_camera) for one in found if one.score >= min_score]
     fingerprints = (hashlib.sha256(bytes(message.data)).hexdigest(), difference_hash(image))
     return trace_frame(camera, number, stamp_ns, size, fingerprints, world_SE3_camera, intrinsics, kept)
 
 
-def _placed(one: Seen, placement: Placement | None, world_SE3_camera: Array, place: _Places) -> Detection:
+def _placed(one: Seen, placement: Placement | None, world_SE3_camera: Array) -> Detection:
     if one.location is not None:
         return detection(one.label, one.score, one.box, np.array(one.location), "bag")
     point, method = None, "none"
@@ -188,15 +190,13 @@ def _rig_poses(here: Track, turns: Iterable[tuple[int, Array, str]], lever: Arra
 
 @contextlib.contextmanager
 def _opened(path: Path) -> Iterator[Any]:
-    try:
-        from rosbags.highlevel import AnyReader, AnyReaderError
-        from rosbags.typesys import Stores, get_typestore
-    except ImportError as error:
-        raise UserError(f"bags need the extra 'ros': pip install 'genie-sim[ros]' ({error})") from error
+    store = typestore(2)
+    from rosbags.highlevel import AnyReader, AnyReaderError
+
     if not path.exists():
         raise UserError(f"{path}: no such bag")
     try:
-        with AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
+        with AnyReader([path], default_typestore=store) as reader:
             yield reader
     except (AnyReaderError, OSError) as error:
         raise UserError(f"{path}: cannot be read as a bag: {error}") from error
@@ -216,7 +216,7 @@ def _surroundings(reader: Any, detections: str | None) -> Surroundings:
                 parent, child = one.header.frame_id, one.child_frame_id
                 around.frames.heard(parent, child, header_stamp_ns(one.header), step, topic.endswith("static"))
         elif kind == CAMERA_INFO:
-            projection = np.array(getattr(message, "P", None) if hasattr(message, "P") else message.p).reshape(3, 4)
+            projection = np.array(message.P if hasattr(message, "P") else message.p).reshape(3, 4)
             camera = np.array(message.K if hasattr(message, "K") else message.k).reshape(3, 3)
             around.intrinsics[topic] = projection[:, :3] if projection[0, 0] else camera
         elif kind == FIX:
@@ -252,22 +252,22 @@ def _objects(message: Any, kind: str) -> Iterator[Seen]:
             yield Seen(str(best.class_id if hasattr(best, "class_id") else best.id), float(best.score), box)
 
 
-def _cameras(path: Path, cameras: Sequence[str], topics: Mapping[str, str], known: Mapping[str, Array]) -> Wanted:
+def _cameras(path: Path, cameras: Sequence[str], topics: Mapping[str, str], known: Mapping[str, Array]) -> Topics:
     """Image topics by the camera's name."""
     images = sorted(topic for topic, kind in topics.items() if kind in IMAGES)
-    wanted: dict[str, str] = {}
+    selected: dict[str, str] = {}
     for one in cameras or [topic for topic in images if _info_topic(topic) in known]:
         name, _, topic = one.rpartition("=")
         _check_topic(path, topic, topics, IMAGES)
         if _info_topic(topic) not in known:
             raise UserError(f"{path}: {topic}: no {_info_topic(topic)} says what the camera sees")
         name = name or _camera_topic(topic).strip("/").rpartition("/")[2] or "camera"
-        if name in wanted and cameras:
+        if name in selected and cameras:
             raise UserError(f"{path}: two cameras are called {name!r}; give other names, as in left={topic}")
-        wanted.setdefault(name, topic)  # of raw and compressed the raw one: it comes first
-    if not wanted:
+        selected.setdefault(name, topic)  # of raw and compressed the raw one: it comes first
+    if not selected:
         raise UserError(f"{path}: no image topic with a camera_info beside it; topics: {', '.join(sorted(topics))}")
-    return wanted
+    return selected
 
 
 def _camera_topic(topic: str) -> str:
@@ -285,9 +285,9 @@ def _check_topic(path: Path, topic: str, topics: Mapping[str, str], kinds: Seque
         raise UserError(f"{path}: {unknown('topic', topic, usable)}" if usable else f"{path}: no {' or '.join(kinds)}")
 
 
-def _pictures(reader: Any, wanted: Wanted, scans: Sequence[str]) -> Iterator[tuple[str, Any, Any]]:
+def _pictures(reader: Any, selected: Topics, scans: Sequence[str]) -> Iterator[tuple[str, Any, Any]]:
     """Each image with its camera's name and the scan nearest in time (``None``: there is none near)."""
-    names = {topic: name for name, topic in wanted.items()}
+    names = {topic: name for name, topic in selected.items()}
     waiting: deque[tuple[int, str, Any]] = deque()
     recent: deque[Any] = deque(maxlen=8)
     chosen = [one for one in reader.connections if one.topic in names or one.topic in scans]
@@ -334,16 +334,11 @@ def _points(path: Path, cloud: Any) -> Array:
     offsets = {one.name: one.offset for one in cloud.fields if one.datatype == FLOAT32}
     if not {"x", "y", "z"} <= offsets.keys():
         raise UserError(f"{path}: a {POINTS} without float32 fields x, y and z")
-    order = ">" if cloud.is_bigendian else "<"
-    names = ("x", "y", "z")
+    float32, names = (">f4" if cloud.is_bigendian else "<f4"), ["x", "y", "z"]
     layout = np.dtype(
-        {
-            "names": names,
-            "formats": [order + "f4"] * 3,
-            "offsets": [offsets[name] for name in names],
-            "itemsize": cloud.point_step,
-        }
-    )
+        {"names": names, "formats": [float32] * 3, "offsets": [offsets[name] for name in names],
+         "itemsize": cloud.point_step}
+    )  # fmt: skip
     data = bytes(cloud.data)
     if len(data) < cloud.width * cloud.height * cloud.point_step:
         raise UserError(f"{path}: a {POINTS} cut short: {len(data)} bytes")
@@ -367,7 +362,7 @@ def _numbered(path: Path, made: Mapping[str, list[TraceFrame]]) -> dict[str, tup
 
 
 def _provenance(
-    path: Path, wanted: Wanted, scans: Sequence[str], detector: ImageDetector | None, detections: str | None
+    path: Path, selected: Topics, scans: Sequence[str], detector: ImageDetector | None, detections: str | None
 ) -> dict[str, Any]:
     total = hashlib.sha256()
     for file in sorted(path.rglob("*")) if path.is_dir() else [path]:
@@ -375,5 +370,5 @@ def _provenance(
             with file.open("rb") as opened:
                 total.update(hashlib.file_digest(opened, "sha256").digest())
     found = {"detector": detector.name, "weights_sha256": detector.sha256} if detector else {"detector": detections}
-    topics = {"cameras": dict(wanted), "scans": list(scans[:1])}
+    topics = {"cameras": dict(selected), "scans": list(scans[:1])}
     return {"data": f"bag {path.name}", "bag_sha256": total.hexdigest(), "parameters": topics, **found}

@@ -68,8 +68,10 @@ def codec_of(wire_type: WireType, ros: int) -> Codec:
     """The codec of a type of ROS 1 or 2. Raises UserError for a ROS 1 type without a header."""
     if wire_type.definition and not begins_with_header(wire_type.definition):
         raise UserError(f"{wire_type.name}: messages of this type have no header to find an answer by")
-    made: type[Codec] = {OBJECTS: ObjectsCodec, MARKERS: MarkersCodec}.get(_full(wire_type.name), Codec)
-    return made(wire_type, ros)
+    made = {OBJECTS: ObjectsCodec, MARKERS: MarkersCodec}.get(_full(wire_type.name), Codec)(wire_type, ros)
+    if _full(wire_type.name) in (IMAGE, OBJECTS, MARKERS):
+        made.prepare()
+    return made
 
 
 class Codec:
@@ -85,6 +87,10 @@ class Codec:
     @cached_property
     def _store(self) -> Typestore:
         return typestore(self._ros, self.type.definition if self.holds_objects else "", self._name)
+
+    def prepare(self) -> None:
+        """Has rosbags make its reader now: a tenth of a second that the first message would have to wait."""
+        self._store.get_msgdef(self._name)
 
     def stamp(self, payload: bytes) -> tuple[int, str]:
         """Stamp [ns] and frame of the message's header."""

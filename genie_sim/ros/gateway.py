@@ -47,22 +47,6 @@ class Links(Protocol):
     def send(self, peer: str, topic: str, message: RosMessage) -> None:
         """Sends without waiting; what cannot be sent is dropped."""
 
-    def start(self, on_message: Callable[[Peer, str, RosMessage], None]) -> None:
-        """From now on ``on_message`` is called with what comes, from several threads."""
-
-
-class NoLinks:
-    """A Genie on its own."""
-
-    def peers(self) -> list[Peer]:
-        return []
-
-    def send(self, peer: str, topic: str, message: RosMessage) -> None:
-        raise AssertionError("nobody to send to")
-
-    def start(self, on_message: Callable[[Peer, str, RosMessage], None]) -> None:
-        pass
-
 
 @dataclass(frozen=True, slots=True)
 class View:
@@ -86,13 +70,13 @@ class Gateway:
         answers: tuple[str, ...],
         publish: Callable[[str, RosMessage], None],
         observe: Callable[[Observation, int], None],
-        links: Links | None = None,
+        links: Links,
     ) -> None:
         self.genie = genie
         self._role = role
         self._publish = publish
         self._observe = observe
-        self.links: Links = links or NoLinks()
+        self._links = links
         self._to_node = {topic + LOCAL for topic in requests}
         self._from_node = {topic + LOCAL: topic for topic in answers}
         self._remote_requests = {topic + REMOTE: topic for topic in requests}
@@ -163,9 +147,9 @@ class Gateway:
             self._publish(topic, message)
 
     def _send(self, topic: str, message: RosMessage, role: str, to: str | None) -> None:
-        for peer in self.links.peers():
+        for peer in self._links.peers():
             if peer.role == role and to in (None, peer.name):
-                self.links.send(peer.name, topic, message)
+                self._links.send(peer.name, topic, message)
 
     def _remember(self, request: Header, now_ns: int) -> Header:
         """The header under which the node gets a request.

@@ -12,7 +12,7 @@ from collections.abc import Callable
 
 from genie_sim.errors import UserError
 from genie_sim.ros.codec import Codec, codec_of
-from genie_sim.ros.gateway import LOCAL, REMOTE, NoLinks, Peer, View
+from genie_sim.ros.gateway import LOCAL, REMOTE, Peer, View
 from genie_sim.ros.link import TlsLinks
 from genie_sim.ros.message import RosMessage
 from genie_sim.ros.plan import Plan, Recorder, make_gateway
@@ -33,8 +33,8 @@ class GenieProcess(ABC):
         self.failure: UserError | None = None
         self.plan = plan
         self.codecs: dict[str, Codec] = {topic: codec_of(kind, ros) for topic, kind in plan.types.items()}
-        self._poses = Poses(ros)
-        self._links = TlsLinks(plan, self.codecs.get) if plan.listen or plan.connect else NoLinks()
+        self._poses = None if plan.pose_topic is None else Poses(ros)
+        self._links = TlsLinks(plan, self.codecs.get)
         known = [self.codecs[topic] for topic in plan.answers if topic in self.codecs]
         objects = next((codec for codec in known if codec.holds_objects), None)
         self.gateway = make_gateway(plan, self.publish, Recorder(plan.record), self._links, objects)
@@ -70,7 +70,8 @@ class GenieProcess(ABC):
         answer = topic.removesuffix(LOCAL).removesuffix(REMOTE) in self.plan.answers
         try:
             message = RosMessage.of(payload, codec, self.plan.name, answer)
-            view = View(self._poses.at(message.header.stamp_ns), self.plan.horizontal_fov_rad)
+            pose = None if self._poses is None else self._poses.at(message.header.stamp_ns)
+            view = View(pose, self.plan.horizontal_fov_rad)
             self.gateway.from_ros(topic, message, time.monotonic_ns(), sender, view)
         except ValueError as error:
             log.warning("%s: dropped a message: %s", topic, error)
@@ -79,6 +80,7 @@ class GenieProcess(ABC):
 
     def from_pose_topic(self, type_name: str, payload: bytes) -> None:
         """A message of the pose topic."""
+        assert self._poses is not None
         try:
             self._poses.heard(type_name, payload)
         except ValueError as error:

@@ -27,12 +27,7 @@ class TlsLinks:
     """All links of one Genie. Raises UserError for a key or an address that cannot be used."""
 
     def __init__(self, plan: Plan, codec_of: CodecOf) -> None:
-        assert plan.key_file is not None
-        self._credentials = Credentials(plan.key_file)
         self._me = Peer(plan.name, plan.role)
-        if self._credentials.owner != self._me:
-            name, role = self._credentials.owner
-            raise UserError(f"{plan.key_file}: key: of {role} {name}; this Genie is {plan.role} {plan.name}")
         self._codec_of = codec_of
         self._requests = frozenset(topic + REMOTE for topic in plan.requests)
         self._connections: dict[str, Connection] = {}
@@ -41,6 +36,13 @@ class TlsLinks:
         self._closed = threading.Event()
         self._others = [_named_address(text) for text in plan.connect]
         self._lobby: Lobby | None = None
+        if not plan.listen and not plan.connect:
+            return  # a Genie on its own
+        assert plan.key_file is not None
+        self._credentials = Credentials(plan.key_file)
+        if self._credentials.owner != self._me:
+            name, role = self._credentials.owner
+            raise UserError(f"{plan.key_file}: key: of {role} {name}; this Genie is {plan.role} {plan.name}")
         if plan.listen is not None:
             try:
                 listener = socket.create_server(_address(plan.listen), backlog=BACKLOG)

@@ -20,7 +20,9 @@ class Poses:
     """The last poses heard, by their stamps. The pose is taken for the camera's, its x axis for the optical axis."""
 
     def __init__(self, ros: int) -> None:
-        self._ros = ros
+        self._codecs = {name: codec_of(WireType(name), ros) for name in POSE_TYPES}
+        for codec in self._codecs.values():
+            codec.prepare()
         self._heard: deque[tuple[int, CameraPose]] = deque(maxlen=KEPT)
         self._lock = threading.Lock()
 
@@ -32,9 +34,10 @@ class Poses:
 
     def heard(self, type_name: str, payload: bytes) -> None:
         """A message of the pose topic. Raises UserError for a type without a pose, ValueError for no pose."""
-        if type_name.replace("/msg/", "/") not in POSE_TYPES:
+        codec = self._codecs.get(type_name.replace("/msg/", "/"))
+        if codec is None:
             raise UserError(f"pose topic: {type_name} has no pose; known: {', '.join(POSE_TYPES)}")
-        message = codec_of(WireType(type_name), self._ros).read(payload)
+        message = codec.read(payload)
         pose = getattr(message.pose, "pose", message.pose)  # beside a covariance
         at, turn = pose.position, pose.orientation
         heading_rad = math.atan2(2 * (turn.w * turn.z + turn.x * turn.y), 1 - 2 * (turn.y**2 + turn.z**2))

@@ -50,6 +50,6 @@ def test_what_makes_no_key_is_said_in_a_line(folder: Path, capsys: pytest.Captur
     assert "car1.pem: is there already" in refused(capsys, "peer", "car1", "--role", "edge", *ca)
 
 
-def test_without_openssl_it_says_so(capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+def test_no_openssl(capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setenv("PATH", str(tmp_path))
     assert "no program 'openssl' here" in refused(capsys, "ca", str(tmp_path / "keys"))
