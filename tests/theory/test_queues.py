@@ -26,6 +26,8 @@ from genie_sim.sim.link import Link
 from genie_sim.sim.nodes import Consumer, Detector
 from genie_sim.sim.ros_graph import Graph
 
+pytestmark = pytest.mark.no_cover  # long runs of what the tests of sim run already
+
 SERVICE_NS = 65_000_000
 WARM_UP = 300  # customers before the queue has forgotten that it began empty
 POSE = CameraPose(0.0, 0.0, 1.6, 0.0)
