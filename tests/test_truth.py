@@ -13,9 +13,10 @@ from sim.street import build, scenario
 from test_fleet import small
 
 from genie_sim import runner
-from genie_sim.analysis.metrics import Metric, compute
+from genie_sim.analysis.metrics import compute
 from genie_sim.messages import CameraPose, Detection, Detections, Header, Image
 from genie_sim.recording import results
+from genie_sim.recording.results import MethodInfo, Metric
 from genie_sim.recording.records import TRUTH
 from genie_sim.recording.tables import Table
 from genie_sim.recording.truth import Truth
@@ -24,6 +25,7 @@ from genie_sim.town import Town, TrueObject
 
 STAMP_NS, BEGIN_NS = 500, 7_000
 REACH_M, RANGE_M = 3.0, 50.0
+GENIE = (MethodInfo("genie", "Genie", baseline=False),)
 HEADER = Header(STAMP_NS + BEGIN_NS, "camera_02", "car1")
 
 
@@ -68,7 +70,7 @@ def judged(
 ) -> list[tuple[str, tuple[int, ...]]]:
     """Source and counts (served, true, not in view, in view, found) of each answer that was judged."""
     table = Table(TRUTH)
-    truth = Truth("genie", town, {"car1": BEGIN_NS}, REACH_M, RANGE_M, table.add)
+    truth = Truth("genie", town, {"car1": BEGIN_NS}, REACH_M, RANGE_M, table)
     pose = CameraPose(*at, 1.6, 0.0)
     truth.published(Image(HEADER, 1000, "", 0, pose, 1.4, town.frame()))
     for source, objects in answers:
@@ -113,8 +115,9 @@ def test_one_served_object_may_stand_for_two_and_two_for_one():
 def test_only_the_first_answer_to_a_frame_that_was_published_counts():
     town = Street(real("car", 10.0))
     assert [source for source, _ in judged(town, ("map", []), ("own_detector", [served("car", 10.0)]))] == ["map"]
-    truth = Truth("genie", town, {"car1": 0}, REACH_M, RANGE_M, lambda *_: pytest.fail("nobody asked"))
-    truth.answered(Detections(HEADER, ()), "map")
+    nothing = Table(TRUTH)
+    Truth("genie", town, {"car1": 0}, REACH_M, RANGE_M, nothing).answered(Detections(HEADER, ()), "map")
+    assert not len(nothing), "nobody asked"
 
 
 def test_objects_without_a_place_are_not_counted():
@@ -145,17 +148,17 @@ def test_shares_are_of_objects_and_of_cache_hits():
         ("edge_cache", 2, 2, 0, 0, 0),
         ("own_cache", 0, 0, 0, 2, 0),
     )
-    found = {metric.name: metric for metric in compute(*nothing, truth)}
+    found = {metric.metric: metric for metric in compute(GENIE, *nothing, truth)}
     assert {name: (metric.value, metric.n) for name, metric in found.items()} == {
         "ghost_share": (pytest.approx(4 / 12), 12),
         "wrong_hit_share": (pytest.approx(1 / 3), 3),
         "object_recall": (pytest.approx(6 / 12), 12),
     }
-    assert compute(*nothing) == compute(*nothing, truth.iloc[:0]) == []
+    assert compute(GENIE, *nothing) == compute(GENIE, *nothing, truth.iloc[:0])
 
 
-def value(measured: Sequence[Metric], name: str, role: str) -> float:
-    found = next(metric.value for metric in measured if (metric.name, metric.role) == (name, role))
+def value(measured: Sequence[Metric], name: str, method: str) -> float:
+    found = next(metric.value for metric in measured if (metric.metric, metric.method) == (name, method))
     assert found is not None
     return found
 
@@ -164,10 +167,10 @@ def test_a_run_asks_for_the_truth_at_the_times_of_its_frames_and_by_one_ruler_wh
     asked, is_there = [], Town.is_there
     monkeypatch.setattr(Town, "is_there", lambda *given: asked.append(given[4:]) or is_there(*given))
     city = {"source": "town", "duration": "2 s", "tolerance": "1.75 m", "town": {"blocks": [2, 2]}}
-    genie = {**small().genie.model_dump(mode="json", by_alias=True), "object_map": {"gate": "1.5 m"}}
+    genie = {**small().model_dump(mode="json", by_alias=True)["genie"], "object_map": {"gate": "1.5 m"}}
     prepared = prepare(small(perception=city, start_jitter="10 s", genie=genie))
     simulate(prepared)
-    begins = [drive.start_ns for drive in prepared.traces.values()]
+    begins = [drive.start_ns for drive in prepared.drives.values()]
     assert len(set(begins)) > 1
     frames = {begin_ns + number * 100_000_000 for begin_ns in begins for number in range(20)}
     assert asked and {range_m for range_m, _ in asked} == {1.75}
@@ -199,7 +202,7 @@ def test_a_run_in_a_city_is_judged_its_folder_holds_the_table_and_is_made_again(
 def test_a_more_tolerant_city_finds_no_more_ghosts():
     shares = []
     for tolerance in ("0 m", "2 m", "50 m"):
-        city = {**small().perception.model_dump(mode="json", by_alias=True), "tolerance": tolerance}
+        city = {**small().model_dump(mode="json", by_alias=True)["perception"], "tolerance": tolerance}
         tables = simulate(prepare(small(methods=["local"], perception=city)))
         assert tables.truth is not None
         counts = tables.truth.to_frame()
