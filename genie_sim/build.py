@@ -10,6 +10,7 @@ from genie_sim import plugins
 from genie_sim.core import genies
 from genie_sim.errors import UserError
 from genie_sim.methods import METHODS, MUST_HAVE
+from genie_sim.monitor import Monitor
 from genie_sim.perception.sources import Drive
 from genie_sim.plugins import Choice
 from genie_sim.scenario.faults import check_faults, timed
@@ -19,7 +20,6 @@ from genie_sim.scenario.profiles import DeviceProfile
 from genie_sim.scenario.scenario import Scenario
 from genie_sim.sim.fault import TimedFault
 from genie_sim.sim.link_models import LINK_MODELS, LinkModel
-from genie_sim.sim.monitor import Monitor
 from genie_sim.sim.service import Device, HopTime, ServiceTime
 from genie_sim.sim.setup import CameraSetup, CarSetup, EdgeSetup, Setup
 from genie_sim.sim.station import Method
@@ -140,7 +140,7 @@ def method_facts(scenario: Scenario) -> list[dict[str, Any]]:
 def check_faults_of(scenario: Scenario) -> None:
     """Raises ``UserError`` for a fault that befalls what is not there; a fleet's cars are known only now."""
     edges = [edge.name for edge in scenario.edges]
-    for field, text in check_faults(scenario.faults, {car.name: car.edge for car in scenario.cars}, edges):
+    for field, text in check_faults(scenario.faults, {car.name: car.edge for car in scenario.cars}, edges, own=True):
         raise UserError(f"{scenario.name}: {field}: {text}")
 
 

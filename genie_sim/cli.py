@@ -75,16 +75,30 @@ def report(
     out: Annotated[Path | None, path_option(help="The page to write; default: report.html in the folder.")] = None,
 ) -> None:
     """Write one HTML page about a run, an evaluation or a sweep."""
-    from genie_sim import report as page
     from genie_sim import units
 
     try:
         start_ns = units.duration_ns(start)
     except ValueError as error:
         raise UserError(f"--start: {error}") from error
-    path = out if out is not None else folder / page.NAME
-    page.write_of(folder, path, start_ns)
+    path = out if out is not None else folder / terminal.PAGE
+    _write_page(folder, path, start_ns)
     typer.echo(f"Report: {path}")
+
+
+def _write_page(folder: Path, path: Path, start_ns: int) -> None:
+    """The page about whatever a folder holds: an evaluation, a sweep or a run. Raises ``UserError``."""
+    from genie_sim import report
+    from genie_sim.paper import page as evaluation
+    from genie_sim.recording import results
+    from genie_sim.sweep import page as sweep
+
+    for name, write in {"verdicts.json": evaluation.write, "sweep.json": sweep.write}.items():
+        if (folder / name).is_file():
+            if start_ns:
+                raise UserError(f"--start: {folder} holds no single run; only the page of a run has a replay")
+            return write(path, folder)
+    report.write(path, results.load(folder), start_ns)
 
 
 @app.command()
@@ -170,7 +184,7 @@ def profile(
     ] = False,
 ) -> None:
     """Measure a detector on this machine into a device profile. Or take measured latencies."""
-    from genie_sim.perception import device_fit
+    from genie_sim import device_fit
 
     if (detector is None) == (csv is None):
         raise UserError("profile: give either --detector, to measure here, or --csv, with latencies measured elsewhere")
@@ -236,8 +250,10 @@ def attach(
     pose_topic: Annotated[str | None, typer.Option(help="Where the camera is, as geometry_msgs/PoseStamped.")] = None,
     fov: Annotated[str, typer.Option(help="The camera's horizontal field of view, such as '81 deg'.")] = "0 deg",
     listen: Annotated[str | None, typer.Option(metavar="HOST:PORT", help="Other Genies connect here.")] = None,
-    connect: Annotated[list[str] | None, typer.Option(metavar="HOST:PORT", help="Connect to this Genie.")] = None,
-    key: Annotated[Path | None, path_option(help="File with the key that linked Genies share.")] = None,
+    connect: Annotated[
+        list[str] | None, typer.Option(metavar="NAME@HOST:PORT", help="Connect to the Genie of this name. Repeatable.")
+    ] = None,
+    key: Annotated[Path | None, path_option(help="This Genie's key file, made by 'genie-sim keys peer'.")] = None,
     record: Annotated[Path | None, path_option(help="Write every look-up here, as lines of JSON.")] = None,
     pid: Annotated[int | None, typer.Option(help="Process of the node, for ROS 2; without it, ROS 1.")] = None,
 ) -> None:
@@ -269,6 +285,34 @@ def detach(
 
     real.detach(node, network)
     typer.echo(f"{node}: back as it was")
+
+
+keys = typer.Typer(cls=Commands, help="Make the keys of Genies that are linked over TLS.", rich_markup_mode=None)
+app.add_typer(keys, name="keys")
+
+
+@keys.command("ca")
+def keys_ca(
+    folder: Annotated[Path, path_argument(help="A folder for the authority and its peers.")] = Path("keys"),
+    days: Annotated[int, typer.Option(help="How long it is valid.")] = 3650,
+) -> None:
+    """Make a certificate authority: the one that all linked Genies trust."""
+    from genie_sim.ros.keys import make_authority
+
+    typer.echo(make_authority(folder, days))
+
+
+@keys.command("peer")
+def keys_peer(
+    name: Annotated[str, typer.Argument(help="The Genie's name, as in 'genie-sim attach --name'.")],
+    role: Annotated[str, typer.Option(help="car or edge.")],
+    ca: Annotated[Path, path_option(help="The folder of 'genie-sim keys ca'.")] = Path("keys"),
+    days: Annotated[int, typer.Option(help="How long it is valid.")] = 365,
+) -> None:
+    """Make one Genie's key file, to be copied to its machine."""
+    from genie_sim.ros.keys import make_peer
+
+    typer.echo(make_peer(ca, name, role, days))
 
 
 @app.command()

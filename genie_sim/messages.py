@@ -95,6 +95,35 @@ class Detection(NamedTuple):
         return Detection(self.label, self.score, self.box, self.location, confidence, self.method)
 
 
+class Frame(Protocol):
+    """One frame of a recording: when it was taken, its image's size and fingerprints, and what a detector finds in it.
+
+    ``stamp_ns`` counts from the drive's first frame; ``digest`` is the sha256 of the image, ``dhash`` its 64-bit
+    difference hash.
+    """
+
+    @property
+    def stamp_ns(self) -> int: ...
+
+    @property
+    def size_bytes(self) -> int: ...
+
+    @property
+    def digest(self) -> str: ...
+
+    @property
+    def dhash(self) -> int: ...
+
+    @property
+    def pose(self) -> CameraPose: ...
+
+    @property
+    def horizontal_fov_rad(self) -> float: ...
+
+    @property
+    def detections(self) -> tuple[Detection, ...]: ...
+
+
 class Detections(NamedTuple):
     """A detector's answer to one image, in the manner of ``autoware_msgs/DetectedObjectArray``."""
 

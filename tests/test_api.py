@@ -28,13 +28,14 @@ def test_a_run_in_memory_writes_nothing(run):
     assert run.folder is None
     assert not list(Path().iterdir())
     assert {"local", "remote", "genie"} == set(run.frames["method"])
-    assert set(run.lookups["role"]) == {"local", "remote"}
+    assert set(run.lookups["placement"]) == {"car", "edge"}
     assert run.scenario.seed == 5
 
 
 def test_metrics_are_one_table(run):
-    mean = run.metrics.query("name == 'first_answer_mean' and role == 'genie'")
-    assert list(run.metrics.columns) == ["name", "role", "value", "unit", "low", "high", "n"]
+    mean = run.metrics.query("metric == 'first_answer_mean' and method == 'genie'")
+    columns = ["metric", "method", "placement", "component", "value", "unit", "low", "high", "n"]
+    assert list(run.metrics.columns) == columns
     assert len(mean) == 1
     answered = run.frames.query("method == 'genie'").dropna(subset="first_answer_ns")
     times_ms = (answered["first_answer_ns"] - answered["received_ns"]) / 1e6

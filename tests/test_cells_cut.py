@@ -74,7 +74,7 @@ def test_cells_apart_are_one_town_without_sharing_whose_cars_arrive_empty(joint:
     by_itself = together(apart(joint))
     for name in ("frames", "lookups"):
         one, other = (getattr(tabled, name) for tabled in (both, by_itself))
-        order = [column for column in ("t_ns", "car", "stamp_ns", "genie", "kind", "asker") if column in one]
+        order = [column for column in ("t_ns", "car", "stamp_ns", "genie", "kind", "requester") if column in one]
         one, other = (table.sort_values(order, kind="stable", ignore_index=True) for table in (one, other))
         assert one.astype(str).equals(other.astype(str)), name
 

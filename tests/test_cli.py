@@ -220,6 +220,7 @@ def test_the_same_run_under_another_hash_seed_gives_the_same_bytes(run_cli):
             assert one.read_bytes() == other.read_bytes(), one
 
 
+@pytest.mark.unix
 @pytest.mark.parametrize("asked", [signal.SIGINT, signal.SIGTERM])
 def test_ctrl_c_or_the_end_of_a_batch_job_leaves_nothing_behind_and_ends_with_130(asked):
     Path("s.yaml").write_text(GOOD.replace("[0 s, 1 s]", "[0 s, 15 s], laps: 500"))

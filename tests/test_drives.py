@@ -38,9 +38,9 @@ def test_every_direction_is_that_of_a_claim():
 
 def test_a_claim_holds_on_some_drives_and_not_on_others():
     one = found(
-        drive("0001", image_reuse__local=0.1, image_reuse__remote=0.3),
-        drive("0002", image_reuse__local=0.4, image_reuse__remote=0.3),
-        drive("0003", image_reuse__local=0.1, image_reuse__remote=0.6),
+        drive("0001", image_reuse__car=0.1, image_reuse__edge=0.3),
+        drive("0002", image_reuse__car=0.4, image_reuse__edge=0.3),
+        drive("0003", image_reuse__car=0.1, image_reuse__edge=0.6),
     )["image reuse, remote - local"]
     assert (one["holds"], one["drives"], one["claim"]) == (2, 3, "C18")
     assert (one["median"], one["low"], one["high"]) == (0.2, -0.1, 0.5)
@@ -48,7 +48,7 @@ def test_a_claim_holds_on_some_drives_and_not_on_others():
 
 
 def test_both_scenarios_must_hold():
-    runs = drive("0001", confidence_boost__local=0.1, confidence_boost__remote=0.2)
+    runs = drive("0001", confidence_boost__car=0.1, confidence_boost__edge=0.2)
     runs[1].facts["confidence_boost:edge"] = 0.05
     one = found(runs)
     assert one["confidence boost, remote - local"]["holds"] == 0
@@ -56,8 +56,8 @@ def test_both_scenarios_must_hold():
 
 
 def test_a_drive_without_images_to_reuse_has_no_ratio():
-    empty = drive("0001", image_reuse__local=0.0, image_reuse__remote=0.0)
-    one = found(empty, drive("0002", object_reuse__local=0.9, object_reuse__remote=0.7))
+    empty = drive("0001", image_reuse__car=0.0, image_reuse__edge=0.0)
+    one = found(empty, drive("0002", object_reuse__car=0.9, object_reuse__edge=0.7))
     ratio = one["object reuse / image reuse (the paper: 4)"]
     assert (ratio["drives"], ratio["holds"], ratio["median"]) == (1, 1, 1.6)
     unknown = found(drive("0001", under_deadline_share__genie=math.nan))["share of frames answered in 33 ms"]
@@ -66,7 +66,7 @@ def test_a_drive_without_images_to_reuse_has_no_ratio():
 
 def test_what_is_written(tmp_path):
     (tmp_path / "verdicts.md").write_text("# What of the paper holds here\n")
-    driven = [*drive("0001"), *drive("0002", confidence_boost__local=math.nan)]
+    driven = [*drive("0001"), *drive("0002", confidence_boost__car=math.nan)]
     table = drives.write(tmp_path, driven)
     with (tmp_path / "drives.csv").open() as file:
         rows = list(csv.DictReader(file))
@@ -130,10 +130,11 @@ def test_a_sequence_becomes_a_trace_that_a_scenario_drives(kitti_root, sequence,
     done = run_cli("run", "1car_homo", *settings, "--no-report", "--out", "results")
     assert done.returncode == 0, done.stderr
     (folder,) = (tmp_path / "results").iterdir()
-    metrics = {(one["name"], one["role"]): one["value"] for one in json.loads((folder / "metrics.json").read_text())}
+    measured = json.loads((folder / "metrics.json").read_text())
+    metrics = {(one["metric"], one["placement"]): one["value"] for one in measured}
     frames = pd.read_parquet(folder / "frames.parquet")
     assert len(frames[frames["method"] == "genie"]) == 90
-    reuse = metrics["image_reuse", "local"]
+    reuse = metrics["image_reuse", "car"]
     assert reuse < 0.1 if sequence == "0003" else reuse > 0.5
 
 

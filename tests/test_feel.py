@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import fcntl
 import os
-import pty
 import re
 import select
 import struct
 import subprocess
 import sys
-import termios
 import time
 from pathlib import Path
 
@@ -27,6 +24,10 @@ HEAVY = {"numpy", "pandas", "pyarrow", "matplotlib", "yaml", "simpy", "cv2", "on
 
 def on_a_terminal(*arguments: str, columns: int = 80, **env: str) -> str:
     """What ``genie-sim`` shows on a terminal of that width."""
+    import fcntl
+    import pty
+    import termios
+
     ours, theirs = pty.openpty()
     fcntl.ioctl(theirs, termios.TIOCSWINSZ, struct.pack("HHHH", 24, columns, 0, 0))
     surroundings = {name: value for name, value in os.environ.items() if name not in ("COLUMNS", "NO_COLOR")}
@@ -99,6 +100,7 @@ def test_the_examples_of_help_are_right():
     assert load_scenario("3car_hetero", ["genie.eviction=lru"]).genie.eviction == "lru"
 
 
+@pytest.mark.unix
 @pytest.mark.parametrize("columns", [30, 80])
 def test_every_screen_fits_its_window(columns):
     """Nothing but a command or a path, which cannot be broken, is wider. Help needs 50 columns, by its library."""
@@ -116,6 +118,7 @@ def test_a_list_has_one_line_a_name_for_other_programs(run_cli):
     assert [line.split()[0] for line in lines] == list(files.available(files.SCENARIO))
 
 
+@pytest.mark.unix
 def test_a_run_shows_a_calm_bar_of_simulated_seconds_on_a_terminal():
     shown = on_a_terminal(*SHORT, columns=100)
     bars = [line for line in re.split(r"[\r\n]", plain(shown)) if "frames/s" in line]
@@ -125,6 +128,7 @@ def test_a_run_shows_a_calm_bar_of_simulated_seconds_on_a_terminal():
     assert "Results: results/1car_hetero-" in plain(shown)
 
 
+@pytest.mark.unix
 def test_the_bar_fits_a_narrow_window():
     shown = on_a_terminal(*SHORT, columns=48)
     bars = [line.strip() for line in re.split(r"[\r\n]", plain(shown)) if "frames/s" in line]
@@ -140,12 +144,14 @@ def test_without_a_terminal_there_is_no_bar_and_no_colour(run_cli):
     assert "frames/s" not in done.stdout
 
 
+@pytest.mark.unix
 def test_colour_can_be_switched_off():
     shown = on_a_terminal(*SHORT, columns=100, NO_COLOR="1")
     assert "frames/s" in shown
     assert not re.search(r"\x1b\[[0-9;]*(3[0-7]|9[0-7]|38;[0-9;]*)m", shown)
 
 
+@pytest.mark.unix
 def test_results_are_the_same_text_in_a_pipe_and_on_a_terminal(run_cli):
     piped = run_cli(*SHORT, env={"COLUMNS": "90"}).stdout
     shown = plain(on_a_terminal(*SHORT, columns=90))

@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import re
+from dataclasses import asdict
 from pathlib import Path
 
 import made_up_run
 import matplotlib as mpl
 import pandas as pd
 import pytest
+from made_up_run import METHODS
 
-from genie_sim.analysis import figures, metrics
-from genie_sim.recording.records import FrameTable, LookupTable, ResourceTable
+from genie_sim.analysis import figures, metrics, style
+from genie_sim.recording.records import FRAMES, LOOKUPS, RESOURCES
+from genie_sim.recording.results import MethodInfo, Run
+from genie_sim.recording.tables import Table
 
 FOOTER = "3car_hetero, run 0123456789ab, seed 1"
 
@@ -21,6 +25,12 @@ def tables() -> tuple[pd.DataFrame, pd.DataFrame, pd.DataFrame]:
     made = made_up_run.frames(2, 3), made_up_run.lookups(2, 120), made_up_run.resources(2, 30)
     frames, lookups, resources = (table.to_frame() for table in made)
     return frames, lookups, resources
+
+
+def run_of(frames, lookups, resources, methods=METHODS) -> Run:
+    facts = {"scenario": {"name": "3car_hetero", "seed": 1}, "methods": [asdict(method) for method in methods]}
+    none = pd.DataFrame()
+    return Run("0123456789ab", facts, "", frames, lookups, resources, none, none, ())
 
 
 def words(path: Path) -> str:
@@ -34,14 +44,14 @@ def curves(figure, panel: int = 0) -> dict[str, tuple]:
 
 def test_every_figure_of_a_run_names_the_run_its_units_and_what_is_drawn(tables, tmp_path):
     expected = {
-        "latency_cdf": ["local (L)", "remote (R)", "Genie (DG)", "DG, fresh answer", "33 ms deadline", "[ms]"],
-        "latency_cdf_of_answered": ["share of answered frames", "answered: L", "fresh: DG"],
-        "image_reuse": ["local Genies (cars)", "remote Genies (edges)", "hits / requests"],
-        "object_reuse": ["Object reuse", "local Genies (cars)", "remote Genies (edges)"],
-        "confidence_boost": ["local Genies (cars)", "remote Genies (edges)", "updates so far"],
+        "latency_cdf": ["local (L)", "remote (R)", "Genie (DG)", "genie, fresh answer", "33 ms deadline", "[ms]"],
+        "latency_cdf_of_answered": ["share of answered frames", "answered: local", "fresh: genie"],
+        "image_reuse": ["Genies on cars", "Genies on edges", "hits / requests"],
+        "object_reuse": ["Object reuse", "Genies on cars", "Genies on edges"],
+        "confidence_boost": ["Genies on cars", "Genies on edges", "updates so far"],
         "resources": ["accelerators busy", "links busy", "messages waiting", "simulated time [s]", "car1", "edge2"],
     }
-    drawn = figures.of_run("3car_hetero", *tables, FOOTER)
+    drawn = figures.of_run(run_of(*tables))
     assert set(drawn) == set(expected)
     for name, figure in drawn.items():
         svg, png = figures.save(figure, tmp_path, name)
@@ -56,75 +66,104 @@ def test_the_same_tables_give_the_same_bytes_whatever_the_user_s_settings(tables
     for folder, font_size in zip(folders, (10, 33), strict=True):
         folder.mkdir()
         with mpl.rc_context({"font.size": font_size, "axes.grid": False, "svg.hashsalt": None}):
-            for name, figure in figures.of_run("3car_hetero", *tables, FOOTER).items():
+            for name, figure in figures.of_run(run_of(*tables)).items():
                 figures.save(figure, folder, name)
     for path in sorted(folders[0].iterdir()):
         assert path.read_bytes() == (folders[1] / path.name).read_bytes(), path.name
 
 
 def test_text_is_at_least_8_points_in_a_figure_of_a_column_s_width(tables):
-    for figure in figures.of_run("3car_hetero", *tables, FOOTER).values():
+    for figure in figures.of_run(run_of(*tables)).values():
         assert figure.get_figwidth() in (figures.COLUMN_IN, figures.PAGE_IN)
         for text in figure.findobj(mpl.text.Text):
             assert text.get_fontsize() >= 8
 
 
-def test_methods_and_roles_differ_without_colour():
-    for lines in (figures.METHOD_LINES, figures.ROLE_LINES):
-        assert len({str(line["linestyle"]) for line in lines.values()}) == len(lines)
-    assert len({bar["hatch"] for bar in figures.ROLE_BARS.values()}) == 2
+def test_methods_and_placements_differ_without_colour():
+    assert len({str(style.method_line(place)["linestyle"]) for place in range(4)}) == 4
+    assert len({str(style.method_line(place)) for place in range(32)}) == 32
+    assert len({style.method_bar(place)["hatch"] for place in range(8)}) == 8
+    assert len({str(style.placement_line(where)["linestyle"]) for where in style.PLACEMENTS}) == 2
+    assert len({style.placement_bar(where)["hatch"] for where in style.PLACEMENTS}) == 2
+
+
+def test_a_placement_is_never_in_a_method_s_colour():
+    tones = [style.placement_bar(where)["facecolor"] for where in style.PLACEMENTS]
+    tones += [style.placement_line(where)["color"] for where in style.PLACEMENTS]
+    assert not {mpl.colors.to_hex(tone).upper() for tone in tones} & set(style.COLOURS)
+
+
+def test_methods_of_any_name_and_number_are_drawn_in_their_order(tables, tmp_path):
+    """Two of them run Genies: bars, boosts and the legends tell whose they are."""
+    frames, lookups, resources = tables
+    methods = [MethodInfo(name, name.title(), baseline=False) for name in ("swift", "genie", "remote")]
+    both = pd.concat([lookups, lookups.assign(method="swift")], ignore_index=True)
+    swift = frames[frames["method"] == "genie"].assign(method="swift")
+    drawn = figures.of_run(run_of(pd.concat([swift, frames]), both, resources, methods))
+    told = {name: words(figures.save(figure, tmp_path, name)[0]) for name, figure in drawn.items()}
+    assert "Swift" in told["latency_cdf"] and "swift, fresh answer" in told["latency_cdf"]
+    assert "local" not in told["latency_cdf"].lower()
+    assert curves(drawn["latency_cdf"])["Swift"][1][-1] == 1.0
+    assert [line.get_color() for line in drawn["latency_cdf"].axes[0].lines if line.get_label() == "Swift"] == [
+        style.COLOURS[0]
+    ]
+    assert "Swift, on cars" in told["confidence_boost"] and "Genie, on edges" in told["confidence_boost"]
+    assert len(drawn["image_reuse"].axes[0].get_xticklabels()) == 2
 
 
 def test_frames_that_were_never_answered_keep_the_curve_below_one(tables):
     frames = tables[0]
-    answered = {metric.role: metric.value for metric in metrics.compute(*tables) if metric.name == "answered_share"}
-    published = curves(figures.latency_cdf({"run": frames}, FOOTER))
-    of_answered = curves(figures.latency_cdf({"run": frames}, FOOTER, of="answered"))
-    for method, line in figures.METHOD_LINES.items():
-        assert published[line["label"]][1][-1] == pytest.approx(answered[method])
-        assert of_answered[line["label"]][1][-1] == 1.0
+    measured = metrics.compute(METHODS, *tables)
+    answered = {one.method: one.value for one in measured if one.metric == "answered_share"}
+    published = curves(figures.latency_cdf({"run": frames}, METHODS, FOOTER))
+    of_answered = curves(figures.latency_cdf({"run": frames}, METHODS, FOOTER, of="answered"))
+    for method in METHODS:
+        assert published[method.title][1][-1] == pytest.approx(answered[method.name])
+        assert of_answered[method.title][1][-1] == 1.0
     assert answered["local"] < 0.5 < answered["genie"]  # else this shows nothing
 
 
 def test_the_curve_passes_the_median_at_one_half(tables):
-    genie = curves(figures.latency_cdf({"run": tables[0]}, FOOTER, of="answered"))["Genie (DG)"]
+    genie = curves(figures.latency_cdf({"run": tables[0]}, METHODS, FOOTER, of="answered"))["Genie (DG)"]
     median = next(x for x, y in zip(*genie, strict=True) if y >= 0.5)
-    (expected,) = [m.value for m in metrics.compute(*tables) if (m.name, m.role) == ("first_answer_p50", "genie")]
+    found = metrics.compute(METHODS, *tables)
+    (expected,) = [m.value for m in found if (m.metric, m.method) == ("first_answer_p50", "genie")]
     assert median == pytest.approx(expected, rel=0.02)
 
 
 def test_bars_are_the_metrics_and_error_bars_their_windows(tables):
-    figure = figures.image_reuse({"run": tables[1]}, FOOTER)
-    reuse = {metric.role: metric for metric in metrics.compute(*tables) if metric.name == "image_reuse"}
+    figure = figures.image_reuse({"run": tables[1]}, METHODS, FOOTER)
+    found = metrics.compute(METHODS, *tables)
+    reuse = {metric.placement: metric for metric in found if metric.metric == "image_reuse"}
     bars = [bar.get_height() for container in figure.axes[0].containers[::2] for bar in container]
-    assert bars == pytest.approx([reuse["local"].value, reuse["remote"].value])
+    assert bars == pytest.approx([reuse["car"].value, reuse["edge"].value])
     tops = [lines.get_segments()[0][:, 1].max() for lines in figure.axes[0].collections]
-    assert tops == pytest.approx([reuse["local"].high, reuse["remote"].high])
+    assert tops == pytest.approx([reuse["car"].high, reuse["edge"].high])
 
 
 def test_the_paper_s_six_configurations_are_two_rows_of_three(tables):
     labels = [f"{cars} cars\n{kind}" for kind in ("homogeneous", "heterogeneous") for cars in (1, 2, 3)]
-    figure = figures.latency_cdf(dict.fromkeys(labels, tables[0]), FOOTER)
+    figure = figures.latency_cdf(dict.fromkeys(labels, tables[0]), METHODS, FOOTER)
     grid = [axis.get_subplotspec() for axis in figure.axes]
     assert len(grid) == 6 and grid[0].get_gridspec().get_geometry() == (2, 3)
-    bars = figures.object_reuse(dict.fromkeys(labels, tables[1]), FOOTER)
+    bars = figures.object_reuse(dict.fromkeys(labels, tables[1]), METHODS, FOOTER)
     assert [tick.get_text() for tick in bars.axes[0].get_xticklabels()] == labels
 
 
 def test_a_fleet_s_resources_are_a_range_and_a_median_not_a_hundred_lines(tmp_path):
     resources = made_up_run.resources(cars=20, samples=12).to_frame()
-    svg, _ = figures.save(figures.resource_use(resources, FOOTER), tmp_path, "resources")
+    svg, _ = figures.save(figures.resource_use(resources, METHODS, FOOTER), tmp_path, "resources")
     assert "range" in words(svg) and "median" in words(svg)
     assert "car17" not in words(svg)
 
 
 def test_a_method_of_which_nothing_was_used_says_none_instead_of_empty_panels(tmp_path):
-    table = ResourceTable()
+    table = Table(RESOURCES)
     for tenth in range(1, 31):
         t_ns = tenth * 100_000_000
-        table.add("local", t_ns, "edge1.accelerator", "accelerator", 1, 0, 0, 0, 0, None)
-        table.add("remote", t_ns, "edge1.accelerator", "accelerator", 1, t_ns, 0, tenth, 0, None)
-    local, remote = figures.resource_use(table.to_frame()).axes
+        table.append(("local", t_ns, "edge1.accelerator", "accelerator", 1, 0, 0, 0, 0, None))
+        table.append(("remote", t_ns, "edge1.accelerator", "accelerator", 1, t_ns, 0, tenth, 0, None))
+    local, remote = figures.resource_use(table.to_frame(), METHODS).axes
     assert [text.get_text() for text in local.texts] == ["none"] and not remote.texts
 
 
@@ -132,31 +171,31 @@ def test_use_is_that_of_the_edges_where_no_car_s_was_recorded_and_left_out_witho
     frames, resources = made_up_run.frames().to_frame(), made_up_run.resources().to_frame()
     edges = resources[~resources["resource"].str.startswith("car")]
     titles = [
-        figures.of_run("run", frames, LookupTable().to_frame(), some, FOOTER)["resources"].get_suptitle()
+        figures.of_run(run_of(frames, Table(LOOKUPS).to_frame(), some))["resources"].get_suptitle()
         for some in (resources, edges)
     ]
     assert [title.split()[0] for title in titles] == ["Use", "Edges:"]
-    assert "resources" not in figures.of_run("run", frames, LookupTable().to_frame(), edges.iloc[:0], FOOTER)
+    assert "resources" not in figures.of_run(run_of(frames, Table(LOOKUPS).to_frame(), edges.iloc[:0]))
 
 
-def test_utilisation_is_that_of_the_last_second():
-    table = ResourceTable()
+def test_utilization_is_that_of_the_last_second():
+    table = Table(RESOURCES)
     for tenth in range(1, 31):  # idle for 2 s, then busy
         t_ns = tenth * 100_000_000
-        table.add("genie", t_ns, "edge1.accelerator", "accelerator", 1, max(t_ns - 2 * 10**9, 0), 0, tenth, 0, None)
-    t_s, busy = curves(figures.resource_use(table.to_frame()))["edge1"]
+        busy_ns = max(t_ns - 2 * 10**9, 0)
+        table.append(("genie", t_ns, "edge1.accelerator", "accelerator", 1, busy_ns, 0, tenth, 0, None))
+    t_s, busy = curves(figures.resource_use(table.to_frame(), METHODS))["edge1"]
     at = dict(zip(t_s.round(1).tolist(), busy.tolist(), strict=True))
     assert (at[2.0], at[3.0]) == (0.0, 1.0)
     assert at[2.5] == pytest.approx(0.5)
 
 
 def test_a_run_in_which_nothing_happened_has_figures_too(tmp_path):
-    empty = [kind().to_frame() for kind in (FrameTable, LookupTable, ResourceTable)]
-    drawn = figures.of_run("empty", *empty, FOOTER)
+    drawn = figures.of_run(run_of(*(Table(schema).to_frame() for schema in (FRAMES, LOOKUPS, RESOURCES))))
     assert "image_reuse" not in drawn  # no Genie was simulated
     for name, figure in drawn.items():
         figures.save(figure, tmp_path, name)
-    lookups = LookupTable()
-    lookups.add(0, "car1/genie", "local", "image", "client", "car1", "camera_02", 0, "miss", 1, 0, 0, 0.0, 1)
-    figures.save(figures.image_reuse({"run": lookups.to_frame()}), tmp_path, "image_reuse")
-    assert "none" in words(tmp_path / "image_reuse.svg")  # no remote Genie
+    lookups = Table(LOOKUPS)
+    lookups.append(("genie", 0, "car1/genie", "car", "image", "client", "car1", "c", 0, "miss", 1, 0, 0, 0.0, 1))
+    figures.save(figures.image_reuse({"run": lookups.to_frame()}, METHODS), tmp_path, "image_reuse")
+    assert "none" in words(tmp_path / "image_reuse.svg")  # no Genie on an edge

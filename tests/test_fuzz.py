@@ -12,8 +12,9 @@ from hypothesis import strategies as st
 from kitti_folder import DATE, make_drive, make_network
 from made_up_networks import make_nanodet, make_yolov8
 
+from genie_sim import device_fit
 from genie_sim.errors import UserError
-from genie_sim.perception import device_fit, fetch
+from genie_sim.perception import fetch
 from genie_sim.perception.detector import make_detector
 from genie_sim.perception.kitti import open_drive, read_image
 from genie_sim.perception.labels import read_tracking_labels, read_tracklets

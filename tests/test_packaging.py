@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import subprocess
 import sys
 import tomllib
 import zipfile
+from itertools import chain
 from pathlib import Path
 
 import pytest
@@ -54,6 +56,22 @@ def test_the_wheel_carries_the_licence_of_the_trace_beside_it(wheel: Path):
     traces = [name for name in packed if name.endswith(".parquet")]
     assert traces
     assert all(name.replace(".parquet", ".LICENSE.md") in packed for name in traces)
+
+
+def test_the_wheel_names_both_licences_and_carries_their_texts(wheel: Path):
+    """One licence of the code, another of the trace: who installs the package is told of both."""
+    packed = zipfile.ZipFile(wheel)
+    folder = f"genie_sim-{version()}.dist-info/"
+    metadata = packed.read(folder + "METADATA").decode()
+    assert "License-Expression: Apache-2.0 AND CC-BY-NC-SA-3.0\n" in metadata
+    named = re.findall("^License-File: (.*)$", metadata, re.MULTILINE)
+    assert named == ["LICENSE", "scenarios/traces/kitti_0005.LICENSE.md"]
+    assert {f"{folder}licenses/{name}" for name in named} <= set(packed.namelist())
+
+
+def test_the_wheel_says_that_it_is_typed(wheel: Path):
+    """So that mypy reads the annotations of an installed copy."""
+    assert "genie_sim/py.typed" in zipfile.ZipFile(wheel).namelist()
 
 
 def test_the_wheel_carries_nothing_else(wheel: Path):
@@ -106,14 +124,24 @@ def genie_sim(installed: Path, folder: Path, *arguments: str) -> str:
     return ran.stdout
 
 
-def test_the_lock_file_pins_what_the_project_needs_and_names_no_place():
-    """Every requirement has an exact version; no index, no path of the machine that made it."""
-    pins = [line for line in (REPOSITORY / "requirements.lock").read_text().splitlines() if not line.startswith("#")]
-    assert all("==" in pin.partition(";")[0] for pin in pins)
-    assert not [pin for pin in pins if "/" in pin or pin.startswith("-")]
+def test_the_lock_file_pins_what_the_project_needs_with_digests_and_names_no_place():
+    """Every requirement, extras included, has an exact version and the SHA-256 of its files; no index, no path of the
+    machine that made it."""
+    text = (REPOSITORY / "requirements.lock").read_text(encoding="utf-8").replace(" \\\n", "")
+    pin = re.compile(r"([a-z0-9-]+)==[^ ;]+( ; .*?)?(    --hash=sha256:[0-9a-f]{64})+")
+    pins = {line: pin.fullmatch(line) for line in text.splitlines() if not line.startswith("#")}
+    assert all(pins.values()), [line for line, found in pins.items() if not found]
     extras = PROJECT["project"]["optional-dependencies"]
-    needed = {
-        requirement.partition(">=")[0].lower()
-        for requirement in (*PROJECT["project"]["dependencies"], *extras["test"], *extras["dev"])
-    }
-    assert needed <= {pin.partition("==")[0] for pin in pins}
+    needed = {requirement_name(one) for one in (*PROJECT["project"]["dependencies"], *chain(*extras.values()))}
+    assert needed <= {found[1] for found in pins.values() if found}
+
+
+def test_every_requirement_has_a_lower_bound():
+    """``.ci/lower-bounds`` tests those of what is needed; an upper one would be a guess."""
+    extras = PROJECT["project"]["optional-dependencies"]
+    for requirement in (*PROJECT["project"]["dependencies"], *chain(*extras.values())):
+        assert re.fullmatch(r"[A-Za-z0-9-]+(\[[a-z0-9]+\])?>=[0-9.]+", requirement), requirement
+
+
+def requirement_name(requirement: str) -> str:
+    return re.split(r"[\[>]", requirement)[0].lower()

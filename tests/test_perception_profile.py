@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from kitti_folder import make_network
 
+from genie_sim import device_fit
 from genie_sim.errors import UserError
-from genie_sim.perception import device_fit
 from genie_sim.scenario.profiles import ServiceTime, load_profile
 
 

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import copy
+import io
 import json
 import re
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
-import cv2
 import numpy as np
 import pandas as pd
 import pytest
+from matplotlib.image import imread
 
 import genie_sim as gs
 from genie_sim import report
@@ -67,26 +68,48 @@ def test_every_frame_of_a_short_run_is_in_the_replay(run, page):
     stamps = np.concatenate([np.cumsum(stream["stamp_us"]) for stream in shown["streams"]])
     poses = run.poses.sort_values(["car", "stream", "frame"])
     assert stamps.tolist() == (poses["stamp_ns"] // 1000).tolist()
-    genie = run.frames[run.frames["method"] == "genie"]
-    assert sum(us >= 0 for us in shown["methods"]["genie"]["first_answer_us"]) == genie["first_answer_ns"].notna().sum()
-    assert len(shown["lookups"]["t_us"]) == len(run.lookups)
-    assert sum(len(one[4]) for one in shown["objects"]) == len(run.objects)
+    assert [one["name"] for one in shown["methods"]] == list(run.facts["scenario"]["methods"])
+    for one in shown["methods"]:
+        mine = run.frames[run.frames["method"] == one["name"]]
+        assert sum(us >= 0 for us in one["frames"]["first_answer_us"]) == mine["first_answer_ns"].notna().sum()
+    assert sum(len(one["lookups"]["t_us"]) for one in shown["methods"]) == len(run.lookups)
+    assert sum(len(changes[4]) for one in shown["methods"] for changes in one["objects"]) == len(run.objects)
 
 
 def test_a_frame_of_the_replay_is_that_of_the_tables(run, page):
     shown = embedded(page)["replay"]
+    genie = of_method(shown, "genie")
     for stream in shown["streams"][::5]:
         frame_id = stream["first_id"] + 7
         row = run.frames.query(
             f"method == 'genie' and car == '{stream['car']}' and stream == '{stream['stream']}' and frame == 7"
         ).iloc[0]
-        told = {name: column[frame_id] for name, column in shown["methods"]["genie"].items()}
+        told = {name: column[frame_id] for name, column in genie["frames"].items()}
         assert shown["names"][told["source"]] == row["source"]
         assert told["received_us"] == (row["received_ns"] - row["stamp_ns"]) // 1000
         assert told["bytes_up"] == row["bytes_up"]
-        hits = [i for i, of in enumerate(shown["lookups"]["frame_id"]) if of == frame_id]
+        hits = [i for i, of in enumerate(genie["lookups"]["frame_id"]) if of == frame_id]
         mine = run.lookups.query(f"car == '{stream['car']}' and stream == '{stream['stream']}'")
         assert len(hits) == (mine["stamp_ns"] == row["stamp_ns"]).sum() > 0
+
+
+def of_method(shown: dict, name: str) -> dict:
+    return next(one for one in shown["methods"] if one["name"] == name)
+
+
+def test_there_is_one_end_of_the_simulated_time(run, page):
+    """The head of the page and the replay's clock tell the same, and no instant on record is later."""
+    shown = embedded(page)
+    assert round(shown["about"]["seconds"] * 1000) == round(shown["replay"]["end_us"] / 1000)
+    last = [run.frames[name].max() for name in ("stamp_ns", "first_answer_ns", "fresh_answer_ns")]
+    assert shown["replay"]["end_us"] == max(*last, run.lookups["t_ns"].max(), run.objects["t_ns"].max()) // 1000
+
+
+def test_methods_are_those_that_ran_in_their_order_and_no_script_knows_their_names():
+    run = short_run("1car_homo", 1, 1.0, methods=["genie", "local"])
+    assert [one["name"] for one in embedded(report.page(run))["methods"]] == ["genie", "local"]
+    for script in Path(report.__file__).parent.glob("*.js"):
+        assert not re.search(r"""["'`](local|remote|genie)["'`]|\.(local|remote)\b""", script.read_text()), script.name
 
 
 def test_a_curve_ends_at_the_share_that_was_answered(run, page):
@@ -119,7 +142,8 @@ def test_a_later_stretch_begins_with_the_maps_as_they_were_then(run, monkeypatch
     later = embedded(report.page(run, start_ns=NS))["replay"]
     assert later["begin_us"] == 1_000_000
     known = run.objects[run.objects["t_ns"] <= NS].groupby(["genie", "label", "east_m", "north_m"], observed=True)
-    first = {(genie, label, e, n): c[0] for genie, label, e, n, t, c in later["objects"] if t[0] == 1000}
+    objects = of_method(later, "genie")["objects"]
+    first = {(genie, label, e, n): c[0] for genie, label, e, n, t, c in objects if t[0] == 1000}
     names = later["names"]
     for (genie, label, east_m, north_m), changes in known:
         key = (names.index(genie), names.index(label), round(100 * east_m), round(100 * north_m))
@@ -129,7 +153,7 @@ def test_a_later_stretch_begins_with_the_maps_as_they_were_then(run, monkeypatch
 def test_what_a_map_forgets_is_gone_from_the_replay():
     run = short_run("1car_hetero", 1, **{"genie.object_map.forget": "200 ms"})
     shown = embedded(report.page(run))["replay"]
-    gone = sum(confidences.count(-1) for *_, confidences in shown["objects"])
+    gone = sum(confidences.count(-1) for *_, confidences in of_method(shown, "genie")["objects"])
     assert gone == run.objects["confidence"].isna().sum() > 5
 
 
@@ -260,7 +284,8 @@ def file(page: str, tmp_path: Path) -> Path:
 
 
 def picture(png: bytes) -> np.ndarray:
-    return cv2.imdecode(np.frombuffer(png, np.uint8), cv2.IMREAD_COLOR)
+    """Red, green and blue of each point, 0 to 255."""
+    return 255 * imread(io.BytesIO(png))[..., :3]
 
 
 def pixels(browser: Browser, canvas: str) -> int:
@@ -302,27 +327,27 @@ def test_the_page_of_a_town_says_how_much_of_the_answers_was_not_there(browser, 
     in_town = gs.run("fleet_30", {"fleet.cars": 3, "perception.duration": "2 s"})
     browser.open(in_town.report(tmp_path / "r.html"))
     assert browser.errors == []
-    ghosts = in_town.metrics.query("name == 'ghost_share' and role == 'genie'")["value"].item()
-    assert f"{100 * ghosts:.3g} % were not there" in browser.evaluate("byId('headline').textContent")
+    ghosts = in_town.metrics.query("metric == 'ghost_share' and method == 'genie'")["value"].item()
+    assert f"{100 * ghosts:.3g} % were false positives" in browser.evaluate("byId('headline').textContent")
     shown = browser.evaluate("byId('by-method').innerText")
-    assert "Objects in view that were served" in shown and "Served objects that are not there" in shown
+    assert "Recall of visible objects" in shown and "False positives among served objects" in shown
 
 
 def test_the_page_of_a_run_that_recorded_frames_alone_has_no_empty_table(browser, tmp_path):
     settings = {"fleet.cars": 3, "perception.duration": "1 s", "methods": ["genie"], "record": []}
     browser.open(gs.run("fleet_30", settings).report(tmp_path / "r.html"))
     assert browser.errors == []
-    assert browser.evaluate("byId('by-role').rows.length") == 0
+    assert browser.evaluate("byId('by-placement').rows.length") == 0
 
 
 def test_the_numbers_on_the_page_are_the_metrics(browser, file, run):
     browser.open(file)
-    mean = run.metrics.query("name == 'first_answer_mean' and role == 'genie'")["value"].item()
+    mean = run.metrics.query("metric == 'first_answer_mean' and method == 'genie'")["value"].item()
     assert f"{mean:.3g} ms" in browser.evaluate("byId('headline').textContent")
     assert browser.evaluate("byId('metric-table').tBodies[0].rows.length") == len(run.metrics)
     browser.evaluate("byId('metric-filter').value = 'fresh GENIE'")
     browser.evaluate("byId('metric-filter').dispatchEvent(new Event('input'))")
-    found = run.metrics["name"].str.contains("fresh") & run.metrics["role"].str.contains("genie")
+    found = run.metrics["metric"].str.contains("fresh") & run.metrics["method"].str.contains("genie")
     assert browser.evaluate("byId('metric-table').tBodies[0].rows.length") == found.sum() > 0
 
 
@@ -358,6 +383,7 @@ def test_a_click_on_a_frame_tells_its_story(browser, file, run):
     x, y = middle(browser, "strip")
     browser.click(x, y)
     title = browser.evaluate("byId('story').querySelector('h3').textContent")
+    assert title.startswith(browser.evaluate("byId('frame-told').textContent").partition(", Genie")[0])
     car, stream, frame = re.match(r"(\w+), (\w+), frame (\d+)", title).groups()
     genie = run.frames[run.frames["method"] == "genie"]
     (row,) = genie.query(f"car == '{car}' and stream == '{stream}' and frame == {frame}").to_dict("records")
@@ -365,9 +391,78 @@ def test_a_click_on_a_frame_tells_its_story(browser, file, run):
     assert f"{car}/genie looks into its message cache" in story
     took_ms = (row["first_answer_ns"] - row["received_ns"]) / 1e6
     assert f"served by {row['served_by']}, {took_ms:.1f} ms after it was received" in story
-    if pd.notna(row["objects_detected"]):
-        assert f"{int(row['objects_detected'])} object" in story
+    if pd.notna(row["objects_fresh"]):
+        assert f"{int(row['objects_fresh'])} object" in story
     assert "dropped at" in story or "fresh" in story
+
+
+def test_what_is_clicked_in_the_strip_stays_under_the_pointer(browser, tmp_path):
+    """Of a run that is longer than the strip is wide: neither the page nor the strip's stretch of time moves."""
+    run = short_run("3car_hetero", 3, 9.0)
+    browser.size(420, 800)
+    browser.open(run.report(tmp_path / "r.html"))
+    x, y = middle(browser, "strip")
+    place = "[scrollY, byId('strip').getBoundingClientRect().top]"
+    before = browser.evaluate(place)
+    for aside in (-100, 60, 110):
+        browser.click(x + aside, y)
+        told = browser.evaluate("byId('frame-told').textContent")
+        browser.click(x + aside, y)
+        assert browser.evaluate("byId('frame-told').textContent") == told
+        assert browser.evaluate(place) == before
+
+
+def test_the_page_tells_what_each_car_holds_under_each_method(browser, file, run):
+    """The newest answered frame of a car when the replay stands still, with its age since it was received."""
+    browser.open(file)
+    assert browser.evaluate("[...byId('now').tHead.rows[0].cells].map(one => one.textContent)")[1:] == [
+        method.title for method in run.methods
+    ]
+    browser.evaluate("byId('time').value = 100; byId('time').dispatchEvent(new Event('input'))")
+    now_ns = 1_000_000_000
+    for row, car in enumerate(sorted(run.frames["car"].unique())):
+        for column, method in enumerate(run.methods):
+            mine = run.frames.query(f"car == '{car}' and method == '{method.name}' and first_answer_ns <= {now_ns}")
+            told = browser.evaluate(f"byId('now').tBodies[0].rows[{row}].cells[{column + 1}].textContent")
+            if mine.empty:
+                assert told == "nothing yet"
+                continue
+            held = mine.sort_values("stamp_ns").iloc[-1]
+            fresh = held["fresh_answer_ns"] <= now_ns
+            objects = int(held["objects_fresh"] if fresh else held["objects_served"])
+            age_ms = (now_ns - held["received_ns"]) / 1e6
+            assert told.startswith(f"{objects} object")
+            assert abs(float(re.search(r"(\d+) ms old", told)[1]) - age_ms) <= 1
+            assert told.endswith(", fresh") == fresh
+
+
+def test_keys_move_the_time_change_the_method_and_play(browser, file):
+    browser.open(file)
+    for canvas in ("map", "lanes"):
+        browser.evaluate(f"byId('{canvas}').focus()")
+        before = int(browser.evaluate("byId('time').value"))
+        browser.press("ArrowRight")
+        assert int(browser.evaluate("byId('time').value")) == before + 10
+        browser.press("ArrowLeft")
+        browser.press("ArrowUp")
+        assert browser.evaluate("byId('method').selectedOptions[0].text") == "remote (R)"
+        assert "under remote (R)" in browser.evaluate("byId('story').querySelector('h3').textContent")
+        browser.press("ArrowDown")
+        for word in ("Pause", "Play"):
+            browser.press(" ")
+            assert browser.evaluate("byId('play').textContent") == word
+    browser.evaluate("byId('strip').focus()")
+    browser.press(" ")
+    assert browser.evaluate("byId('play').textContent") == "Pause"
+
+
+def test_every_control_and_canvas_has_a_name(browser, file):
+    browser.open(file)
+    unnamed = browser.evaluate(
+        "[...document.querySelectorAll('button, select, input, canvas, [tabindex]:not(main)')].filter(one => "
+        "!(one.labels?.length || one.getAttribute('aria-label') || one.textContent.trim())).map(one => one.outerHTML)"
+    )
+    assert unnamed == []
 
 
 def test_frames_are_chosen_by_keys_and_by_number(browser, file):
@@ -382,13 +477,13 @@ def test_frames_are_chosen_by_keys_and_by_number(browser, file):
     browser.evaluate("byId('which-frame').value = 99999; byId('which-frame').dispatchEvent(new Event('change'))")
     last = int(browser.evaluate("byId('which-frame').value"))
     assert 0 < last < 99999
-    assert f"frame {last}:" in browser.evaluate("byId('story').textContent")
+    assert f"frame {last}, under" in browser.evaluate("byId('story').textContent")
 
 
 def test_a_click_on_the_street_chooses_the_nearest_car(browser, file):
     browser.open(file)
     browser.click(*middle(browser, "map"))
-    assert re.match(r"car\d, camera_\d\d, frame \d+", browser.evaluate("byId('story').textContent"))
+    assert re.match(r"car\d, camera_\d\d, frame \d+", browser.evaluate("byId('frame-told').textContent"))
     assert browser.errors == []
 
 

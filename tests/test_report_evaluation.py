@@ -212,7 +212,7 @@ def test_the_measure_of_first_and_fresh_answers_is_chosen(browser, file):
     browser.open(file)
     means = browser.evaluate("byId('answer-table').textContent")
     titles = browser.evaluate("[...byId('answer-charts').querySelectorAll('h3')].map(one => one.textContent)")
-    assert titles == ["Mean: first answer", "Mean: fresh answer"]
+    assert titles == ["Mean: first answer", "Mean: fresh result"]
     choose(browser, "measure", "2", "change")
     assert browser.evaluate("byId('answer-table').textContent") != means
 

@@ -116,8 +116,8 @@ def test_the_search_finds_the_point_that_fits_and_stays_in_the_plausible_ranges(
         found = []
         for job in jobs:
             overlap, gate_m = (float(setting.split("=")[1]) for setting in job.settings[-2:])
-            facts = {f"object_reuse:{role}": gate_m / 2 for role in ("local", "remote")}
-            found.append(Outcome(facts | {f"image_reuse:{role}": overlap / 4 for role in ("local", "remote")}))
+            facts = {f"object_reuse:{placement}": gate_m / 2 for placement in ("car", "edge")}
+            found.append(Outcome(facts | {f"image_reuse:{placement}": overlap / 4 for placement in ("car", "edge")}))
         return found
 
     monkeypatch.setattr(calibrate, "run_jobs", world)

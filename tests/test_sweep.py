@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from made_up_run import METHODS
 from scipy import stats
 
 from genie_sim import runner
@@ -216,18 +217,18 @@ def test_the_table_holds_mean_and_interval_of_separate_runs(uninterrupted):
     """Source: the same runs, one by one, and SciPy's t intervals over seeds 1 to 3."""
     overrides = ["cars[0].route.window=[0 s, 1 s]", "methods=[genie]", "genie.object_map.rate=0.5"]
     overrides += ["genie.object_map.gate=3 m", "genie.view_range=3 m"]
-    measured: dict[tuple[str, str], list[float]] = {}
+    measured: dict[tuple[str, ...], list[float]] = {}
     for seed in (1, 2, 3):
         made = runner.simulate(runner.prepare(load_scenario("1car_homo", overrides, seed)))
-        for one in metrics.compute(made.frames.to_frame(), made.lookups.to_frame(), made.resources.to_frame()):
-            if ":" not in one.role:
-                values = measured.setdefault((one.name, one.role), [])
-                values += [] if one.value is None else [one.value]
+        frames, lookups = made.frames.to_frame(), made.lookups.to_frame()
+        for one in metrics.compute(METHODS, frames, lookups, made.resources.to_frame().iloc[:0]):
+            values = measured.setdefault((one.metric, one.method, one.placement, one.component), [])
+            values += [] if one.value is None else [one.value]
     table = pd.read_parquet(uninterrupted / "table.parquet")
     table = table[(table["rate"] == 0.5) & (table["gate [m]"] == 3.0)]
     assert len(table) == len(measured)
     for row in table.itertuples():
-        values = measured[row.metric, row.role]
+        values = measured[row.metric, row.method, row.placement, row.component]
         assert row.runs == len(values)
         assert row.value == pytest.approx(np.mean(values) if values else math.nan, nan_ok=True), row
         ends = (math.nan, math.nan) if len(values) < 2 else (values[0], values[0])
@@ -293,6 +294,7 @@ def test_two_processes_make_the_same_bytes_as_one(uninterrupted):
 # Nothing is run twice, nothing is lost
 
 
+@pytest.mark.unix
 def test_a_killed_sweep_goes_on_to_the_same_bytes(uninterrupted):
     """kill -9 of the sweep and its processes in the middle, then the same command."""
     write(SMALL)
@@ -307,6 +309,7 @@ def test_a_killed_sweep_goes_on_to_the_same_bytes(uninterrupted):
     assert len(ids) == len(set(ids)) == 12, "no run was made twice, and no half part is left"
 
 
+@pytest.mark.unix
 def test_a_sweep_whose_main_process_alone_is_killed_ends_its_workers():
     write(SMALL)
     with in_the_middle("--jobs", "2") as run:
@@ -318,6 +321,7 @@ def test_a_sweep_whose_main_process_alone_is_killed_ends_its_workers():
         assert not processes_of(run.pid)
 
 
+@pytest.mark.unix
 @pytest.mark.parametrize("asked", [signal.SIGINT, signal.SIGTERM])
 def test_ctrl_c_or_the_end_of_a_batch_job_ends_with_130_and_one_line_and_keeps_what_is_done(asked, uninterrupted):
     write(SMALL)
@@ -456,6 +460,7 @@ def test_a_worker_with_another_version_is_refused():
 
 
 @pytest.mark.slow
+@pytest.mark.unix
 def test_a_dask_worker_that_is_killed_loses_nothing(uninterrupted):
     distributed = pytest.importorskip("distributed", reason="Dask comes with '.[dask]'")
     write(SMALL)

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
+from made_up_run import METHODS
 from sim.street import build, scenario
 from test_fleet import small
 
@@ -16,8 +17,8 @@ from genie_sim import runner
 from genie_sim.analysis.metrics import compute
 from genie_sim.messages import CameraPose, Detection, Detections, Header, Image
 from genie_sim.recording import results
-from genie_sim.recording.results import MethodInfo, Metric
 from genie_sim.recording.records import TRUTH
+from genie_sim.recording.results import Metric
 from genie_sim.recording.tables import Table
 from genie_sim.recording.truth import Truth
 from genie_sim.runner import prepare, simulate
@@ -25,7 +26,6 @@ from genie_sim.town import Town, TrueObject
 
 STAMP_NS, BEGIN_NS = 500, 7_000
 REACH_M, RANGE_M = 3.0, 50.0
-GENIE = (MethodInfo("genie", "Genie", baseline=False),)
 HEADER = Header(STAMP_NS + BEGIN_NS, "camera_02", "car1")
 
 
@@ -148,13 +148,13 @@ def test_shares_are_of_objects_and_of_cache_hits():
         ("edge_cache", 2, 2, 0, 0, 0),
         ("own_cache", 0, 0, 0, 2, 0),
     )
-    found = {metric.metric: metric for metric in compute(GENIE, *nothing, truth)}
+    found = {metric.metric: metric for metric in compute(METHODS, *nothing, truth)}
     assert {name: (metric.value, metric.n) for name, metric in found.items()} == {
         "ghost_share": (pytest.approx(4 / 12), 12),
         "wrong_hit_share": (pytest.approx(1 / 3), 3),
         "object_recall": (pytest.approx(6 / 12), 12),
     }
-    assert compute(GENIE, *nothing) == compute(GENIE, *nothing, truth.iloc[:0])
+    assert compute(METHODS, *nothing) == compute(METHODS, *nothing, truth.iloc[:0]) == []
 
 
 def value(measured: Sequence[Metric], name: str, method: str) -> float:

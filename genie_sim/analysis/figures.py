@@ -331,16 +331,16 @@ def _used(of_kind: pd.DataFrame) -> dict[str, tuple[Any, Any]]:
 
 
 def _draw_use(axis: Axes, curves: dict[str, tuple[Any, Any]], names: list[str]) -> None:
-    if len(names) <= len(style.COLOURS):
+    if not curves:
+        axis.text(0.5, 0.5, "none", transform=axis.transAxes, ha="center", va="center", color="0.35")
+    elif len(names) <= len(style.COLOURS):
         for name, (t_s, values) in curves.items():
             axis.plot(t_s, values, label=_short(name), **style.method_line(names.index(name)) | {"linewidth": 1.0})
-    elif curves:
+    else:
         t_s = np.unique(np.concatenate([t for t, _ in curves.values()]))
         values = np.stack([np.interp(t_s, *curve) for curve in curves.values()])
         axis.fill_between(t_s, values.min(0), values.max(0), color="0.8", label="range")
         axis.plot(t_s, np.median(values, axis=0), color="black", linewidth=1.2, label="median")
-    else:
-        axis.text(0.5, 0.5, "none", transform=axis.transAxes, ha="center", va="center", color="0.35")
 
 
 def _short(resource: str) -> str:

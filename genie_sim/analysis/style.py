@@ -35,6 +35,7 @@ RC: dict[str, Any] = {
     "svg.hashsalt": "genie-sim",
 }
 COLOURS = ("#E69F00", "#C44E00", "#0B3C6F", "#009E73", "#CC79A7", "#56B4E9", "#777777", "#000000")
+DARK_COLOURS = ("#F0B13C", "#FF8A4C", "#79B8FF", "#35C498", "#F08FC4", "#5AC8FA", "#A0A0A0", "#E8E8E8")  # dark pages
 DOTTED, DASH_DOT, SOLID, DASHED = (0, (1, 1)), (0, (5, 1.2, 1, 1.2)), "-", (0, (4, 1.2))
 DASHES = (DOTTED, DASH_DOT, SOLID, DASHED)
 HATCHES = ("////", "....", "", "xxxx", "\\\\\\\\", "++++", "oooo", "----")

@@ -122,6 +122,9 @@ class PendingIndex:
     def __len__(self) -> int:
         return len(self._by_header)
 
+    def __iter__(self) -> Iterator[PendingRequest]:
+        return iter(self._by_header.values())
+
     def by_header(self, header: Header) -> PendingRequest | None:
         """The request that an answer with this header belongs to."""
         return self._by_header.get(self._identity(header))

@@ -21,7 +21,7 @@ On a car ``-remote`` leads to its edge, where the car is a client; between edges
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
 from typing import Any, NamedTuple, Protocol
 
 from genie_sim.core.message_cache import Answers, MessageCache, PendingIndex, PendingRequest, Requester
@@ -40,6 +40,7 @@ from genie_sim.messages import (
     MapChange,
     Message,
     ObjectLookups,
+    Observation,
     Observe,
     Publish,
 )
@@ -136,13 +137,15 @@ class GenieNode:
 
     def on_deadline(self, now_ns: int) -> list[Effect]:
         """Forgets the requests that nobody answered in time: the node dropped them, or the link did."""
-        return [
-            Observe(Expired(requester.header))
-            for pending in self._pending.expire(now_ns)
-            if not pending.answered
-            for requester in pending.requesters
-            if not requester.neighbour and not requester.served
-        ]
+        return [Observe(expired) for expired in _unanswered(self._pending.expire(now_ns))]
+
+    def on_void(self) -> list[Observation]:
+        """What goes with its state when a fault takes that: its clients' requests without an answer, and the objects of
+        its map. It is not called again after that."""
+        lost: list[Observation] = [*_unanswered(self._pending)]
+        if self._tells_changes and len(self.object_map):
+            lost.append(Forgotten(tuple(map(_as_change, self.object_map))))
+        return lost
 
     def cache_entries(self) -> int:
         """How many requests the message cache holds answers to."""
@@ -358,6 +361,15 @@ class GenieNode:
     def _looked_up(self, requester: Requester, outcome: str) -> Observe:
         who = "neighbour" if requester.neighbour else "client"
         return Observe(ImageLookup(requester.header, outcome, who, self.cache_entries()))
+
+
+def _unanswered(requests: Iterable[PendingRequest]) -> Iterator[Expired]:
+    """The clients' requests among these that nobody has answered."""
+    for pending in requests:
+        if not pending.answered:
+            for requester in pending.requesters:
+                if not requester.neighbour and not requester.served:
+                    yield Expired(requester.header)
 
 
 def _as_change(stored: StoredObject) -> MapChange:

@@ -9,4 +9,4 @@ FAULTS: dict[str, str] = {
     "outage": "genie_sim.faults.outage:Outage",
     "hand_over": "genie_sim.faults.hand_over:HandOver",
 }
-MUST_HAVE = ("begin", "end", "dropped_by")
+MUST_HAVE = ("begin", "end")

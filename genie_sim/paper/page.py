@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import base64
-import math
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -13,10 +13,11 @@ from genie_sim.analysis.metrics import DEADLINE_MS
 from genie_sim.errors import UserError
 from genie_sim.paper import verdict_table
 from genie_sim.paper.claims import VERDICTS
+from genie_sim.paper.facts import METHODS
 from genie_sim.recording import provenance
+from genie_sim.report.data import rounded
 
-STYLES = ("page.css", "many.css")
-SCRIPTS = ("charts.js", "many.js", "evaluation.js")
+TITLE = "The paper's evaluation, simulated"
 MOST_FIGURE_BYTES = 4_000_000  # of all figures together; as text in the page they take a third more
 
 FIGURES = {  # in the paper's order, then ours
@@ -30,20 +31,19 @@ FIGURES = {  # in the paper's order, then ours
     "sensitivity": "Sensitivity",
     "worth": "What the answers are worth",
 }
-ANSWERS: tuple[tuple[str, str, str, str, tuple[str, ...]], ...] = (  # title, unit, first, fresh, roles
-    ("Mean", "ms", "first_answer_mean", "fresh_answer_mean", ("local", "remote", "genie")),
-    ("95th percentile", "ms", "first_answer_p95", "fresh_answer_p95", ("local", "remote", "genie")),
+COMPARED = [method.name for method in METHODS]
+BASELINES = [method.name for method in METHODS if method.baseline]
+ANSWERS: tuple[tuple[str, str, str, str, list[str]], ...] = (  # title, unit, first, fresh, the methods they are of
+    ("Mean", "ms", "first_answer_mean", "fresh_answer_mean", COMPARED),
+    ("95th percentile", "ms", "first_answer_p95", "fresh_answer_p95", COMPARED),
     (
         f"Share of published frames answered in {DEADLINE_MS} ms", "1",
-        "under_deadline_share", "fresh_under_deadline_share", ("local", "remote", "genie"),
+        "under_deadline_share", "fresh_under_deadline_share", COMPARED,
     ),
-    (
-        "Share of published frames answered at all", "1",
-        "answered_share", "fresh_answered_share", ("local", "remote", "genie"),
-    ),
+    ("Share of published frames answered at all", "1", "answered_share", "fresh_answered_share", COMPARED),
     (
         "Improvement of Genie's mean over local and remote", "1",
-        "improvement_first_answer", "improvement_fresh_answer", ("local", "remote"),
+        "improvement_first_answer", "improvement_fresh_answer", BASELINES,
     ),
 )  # fmt: skip
 
@@ -56,8 +56,9 @@ def write(path: Path, folder: Path) -> None:
 def page(folder: Path) -> str:
     """The text of the page. Raises ``UserError`` for a folder that is not whole."""
     with provenance.of_this_version(folder):
-        data = page_data(folder)
-        return report.assemble("evaluation.html", STYLES, SCRIPTS, "The paper's evaluation", data, pictures=True)
+        elsewhere = "The verdicts are also in verdicts.md beside it, and the figures in figures/."
+        scripts = ("many.js", "evaluation.js")
+        return report.assemble("evaluation.html", scripts, TITLE, page_data(folder), elsewhere, pictures=True)
 
 
 def page_data(folder: Path) -> dict[str, Any]:
@@ -67,13 +68,14 @@ def page_data(folder: Path) -> dict[str, Any]:
     metrics = {(one["scenario"], one["name"]): one for one in _read(folder / "metrics.json")}
     names = ("genie_sim", "quick", "seeds", "settings", "calibration", "trace")
     return {
-        "about": {name: about[name] for name in names},
+        "about": {"name": TITLE, "description": "", **{name: about[name] for name in names}},
+        "methods": [asdict(method) for method in METHODS],
         "verdicts": VERDICTS,
         "claims": list(_claims(verdict_table.read_rows(folder))),
         "improvement": [_interval(metrics.get(("all", f"improvement_{answer}"))) for answer in ("first", "fresh")],
         "answers": list(_answers(metrics)),
         "metrics": [
-            [one["scenario"], one["name"], _round(one["value"]), _round(one["low"]), _round(one["high"]), one["n"]]
+            [one["scenario"], one["name"], rounded(one["value"]), rounded(one["low"]), rounded(one["high"]), one["n"]]
             for one in metrics.values()
         ],
         "figures": list(_figures(folder / "figures", notes)),
@@ -94,21 +96,19 @@ def _claims(rows: Sequence[Mapping[str, Any]]) -> Iterator[dict[str, Any]]:
             **row,
             "says": [[one["part"], one["says"]] for one in mine],
             "figures": figures,
-            "value": _round(row["value"]),
-            "low": _round(row["low"]),
-            "high": _round(row["high"]),
+            **{name: rounded(row[name]) for name in ("value", "low", "high")},
         }
 
 
 def _answers(metrics: Mapping[tuple[str, str], Mapping[str, Any]]) -> Iterator[dict[str, Any]]:
     """The same measure of the first and of the fresh answer, scenario by scenario."""
     scenarios = list(dict.fromkeys(scenario for scenario, _ in metrics if scenario != "all"))
-    for title, unit, first, fresh, roles in ANSWERS:
+    for title, unit, first, fresh, methods in ANSWERS:
         found = {
-            answer: {role: [_interval(metrics.get((one, f"{name}:{role}"))) for one in scenarios] for role in roles}
+            answer: {of: [_interval(metrics.get((one, f"{name}:{of}"))) for one in scenarios] for of in methods}
             for answer, name in (("first", first), ("fresh", fresh))
         }
-        yield {"title": title, "unit": unit, "scenarios": scenarios, "roles": roles} | found
+        yield {"title": title, "unit": unit, "scenarios": scenarios, "methods": methods} | found
 
 
 def _figures(folder: Path, notes: list[str]) -> Iterator[dict[str, str]]:
@@ -136,8 +136,8 @@ def _calibration(found: Mapping[str, Any] | None) -> dict[str, Any] | None:
     return {
         "reached": found["reached"],
         "targets": found["targets"],
-        "best": {name: _round(best[name]) for name in names},
-        "tried": [[_round(point[name]) for name in names] for point in found["tried"]],
+        "best": {name: rounded(best[name]) for name in names},
+        "tried": [[rounded(point[name]) for name in names] for point in found["tried"]],
     }
 
 
@@ -149,13 +149,13 @@ def _sensitivity(found: Mapping[str, Any] | None) -> dict[str, Any] | None:
     sweeps = [
         {name: row[name] for name in ("parameter", "title", "unit", "paper", "used")}
         | {"values": [point["value"] for point in row["points"]]}
-        | {name: [[_round(end) for end in point[name]] for point in row["points"]] for name in measures}
+        | {name: [[rounded(end) for end in point[name]] for point in row["points"]] for name in measures}
         for row in found["sweeps"]
     ]
     holding = found["claims_that_hold_under"]
     variants = [
         {"name": name, "plausible": one["plausible"], "holds": sorted(_holding(holding, name), key=_number)}
-        | {measure: [_round(end) for end in one[measure]] for measure in measures}
+        | {measure: [rounded(end) for end in one[measure]] for measure in measures}
         for name, one in found["variants"].items()
     ]
     return {"sweeps": sweeps, "variants": variants}
@@ -171,7 +171,7 @@ def _number(claim: str) -> tuple[int, str]:
 
 
 def _interval(metric: Mapping[str, Any] | None) -> list[float | None] | None:
-    return None if metric is None else [_round(metric[name]) for name in ("value", "low", "high")]
+    return None if metric is None else [rounded(metric[name]) for name in ("value", "low", "high")]
 
 
 def _read(path: Path, **default: Any) -> Any:
@@ -181,8 +181,3 @@ def _read(path: Path, **default: Any) -> Any:
     if "missing" in default:
         return default["missing"]
     raise UserError(f"{path}: missing; the evaluation is not whole")
-
-
-def _round(value: float | None) -> float | None:
-    """Six significant digits; what is not finite is ``None``."""
-    return None if value is None or not math.isfinite(value) else float(f"{value:.6g}")

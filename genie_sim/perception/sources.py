@@ -15,10 +15,10 @@ from typing import TYPE_CHECKING, Any, Protocol
 from genie_sim import files
 from genie_sim.core.geometry import Geodetic
 from genie_sim.errors import UserError, shown
+from genie_sim.messages import Frame
 
 if TYPE_CHECKING:
     from genie_sim.perception.trace import Trace
-    from genie_sim.sim.setup import Frame
 
 SOURCES: dict[str, str] = {
     "recorded": "genie_sim.perception.sources:Recorded",

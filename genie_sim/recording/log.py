@@ -17,9 +17,9 @@ from genie_sim.messages import (
     ObjectLookups,
     Observation,
 )
+from genie_sim.monitor import Placement, Resource
 from genie_sim.recording.records import Frame, Tables
 from genie_sim.recording.truth import Truth
-from genie_sim.sim.monitor import Placement, Resource
 
 SETTLED_NS = 6_000_000_000  # a frame this old has nearly always seen its last answer
 

@@ -16,7 +16,7 @@ from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from genie_sim.errors import UserError
+from genie_sim.analysis import style
 from genie_sim.paths import whole_file
 from genie_sim.recording import provenance
 from genie_sim.report.data import page_data
@@ -25,9 +25,10 @@ if TYPE_CHECKING:
     from genie_sim.recording.results import Run
 
 NAME = "report.html"
-STYLES = ("page.css",)
-SCRIPTS = ("charts.js", "replay.js", "story.js", "page.js")
-
+REPLAY = (
+    "replay_model.js", "replay_canvas.js", "replay_street.js", "replay_strips.js", "story.js", "replay_controls.js"
+)  # fmt: skip
+DASH_PX = 3  # a unit of the figures' dashes
 
 def write(path: Path, run: Run, start_ns: int = 0) -> None:
     """Writes the page about ``run``. A long run is replayed from ``start_ns`` on, as far as the page's size allows.
@@ -35,21 +36,6 @@ def write(path: Path, run: Run, start_ns: int = 0) -> None:
     Raises ``UserError`` if ``path`` cannot be written.
     """
     write_text(path, page(run, start_ns))
-
-
-def write_of(folder: Path, path: Path, start_ns: int = 0) -> None:
-    """Writes the page about whatever a folder holds: a run, an evaluation or a sweep. Raises ``UserError``."""
-    from genie_sim.paper import page as evaluation
-    from genie_sim.recording import results
-    from genie_sim.sweep import page as sweep
-
-    of_many = {"verdicts.json": evaluation.write, "sweep.json": sweep.write}
-    for name, write_page in of_many.items():
-        if (folder / name).is_file():
-            if start_ns:
-                raise UserError(f"--start: {folder} holds no single run; only the page of a run has a replay")
-            return write_page(path, folder)
-    return write(path, results.load(folder), start_ns)
 
 
 def write_text(path: Path, text: str) -> None:
@@ -62,25 +48,44 @@ def page(run: Run, start_ns: int = 0) -> str:
     """The text of the page about ``run``. Raises ``UserError`` for one from a folder that this version did not write.
     """
     with provenance.of_this_version(run.folder):
-        return assemble("page.html", STYLES, SCRIPTS, f"{run.name}, run {run.run_id}", page_data(run, start_ns))
+        elsewhere = "The numbers are also in metrics.json and summary.md beside it."
+        title, scripts = f"{run.name}, run {run.run_id}", (*REPLAY, "run.js")
+        return assemble("run.html", scripts, title, page_data(run, start_ns), elsewhere)
 
 
 def assemble(
-    frame: str, styles: Sequence[str], scripts: Sequence[str], title: str, data: Mapping[str, Any],
-    pictures: bool = False,
-) -> str:  # fmt: skip
-    """A page from its parts. Its policy allows its own script and style, and ``pictures`` that are in its data."""
-    style = "\n".join(map(_part, styles))
-    script = '"use strict";\n' + "\n".join(map(_part, scripts))
-    allowed = f"script-src {_source(script)}; style-src {_source(style)}{'; img-src data:' if pictures else ''}"
+    content: str, scripts: Sequence[str], title: str, data: Mapping[str, Any], elsewhere: str, pictures: bool = False
+) -> str:
+    """A page from its parts. ``elsewhere`` says where a reader without JavaScript finds the same. The page's policy
+    allows its own script and style, and ``pictures`` that are in its data."""
+    look = _palette() + _part("page.css")
+    script = '"use strict";\n' + "\n".join(map(_part, ("base.js", "charts.js", *scripts)))
+    allowed = f"script-src {_source(script)}; style-src {_source(look)}{'; img-src data:' if pictures else ''}"
     parts = {
         "policy": f"default-src 'none'; {allowed}; base-uri 'none'",
         "title": escape(title),
-        "style": style,
-        "data": as_json(data),
+        "style": look,
+        "elsewhere": escape(elsewhere),
+        "content": _part(content),
+        "data": as_json({"palette": len(style.COLOURS), **data}),
         "script": script,
     }
-    return re.sub("%([a-z]+)%", lambda mark: parts[mark[1]], _part(frame))
+    return re.sub("%([a-z]+)%", lambda mark: parts[mark[1]], _part("shell.html"))
+
+
+def _palette() -> str:
+    """The methods' colours as variables ``--method-0`` and so on, and their lines as classes ``m0`` and so on."""
+    light, dark = (
+        ":root{" + "".join(f"--method-{i}:{colour};" for i, colour in enumerate(colours)) + "}"
+        for colours in (style.COLOURS, style.DARK_COLOURS)
+    )
+    lines = (f".m{i}{{--c:var(--method-{i});stroke-dasharray:{_dashes(i)}}}" for i in range(len(style.COLOURS)))
+    return "\n".join([light, f"@media (prefers-color-scheme: dark){{{dark}}}", *lines, ""])
+
+
+def _dashes(position: int) -> str:
+    dashes = style.method_line(position)["linestyle"]
+    return "none" if dashes == style.SOLID else " ".join(f"{DASH_PX * part:g}" for part in dashes[1])
 
 
 def as_json(value: Any) -> str:

@@ -1,37 +1,4 @@
-// Elements, numbers as text, and one kind of chart: lines over a linear or logarithmic axis, with a cursor that reads
-// every line off. Text always goes in as text, never as HTML.
-
-const SVG = "http://www.w3.org/2000/svg";
-
-function fill(node, attributes, children) {
-  for (const [name, value] of Object.entries(attributes || {})) {
-    if (name.startsWith("on")) node.addEventListener(name.slice(2), value);
-    else if (value !== null && value !== undefined && value !== false) node.setAttribute(name, value === true ? "" : value);
-  }
-  node.append(...children.filter((child) => child !== null && child !== undefined));
-  return node;
-}
-const make = (tag, attributes, ...children) => fill(document.createElement(tag), attributes, children);
-const draw = (tag, attributes, ...children) => fill(document.createElementNS(SVG, tag), attributes, children);
-const byId = (id) => document.getElementById(id);
-
-function digits(value, count = 3) {
-  if (value === 0) return "0";
-  const places = Math.max(0, count - 1 - Math.floor(Math.log10(Math.abs(value))));
-  return value.toLocaleString("en", { maximumFractionDigits: Math.min(places, 8) });
-}
-function asText(value, unit) {
-  if (value === null) return "none";
-  if (unit === "1") return percent(value);
-  if (unit === "B") return bytes(value);
-  if (unit === "ms" && Math.abs(value) >= 10000) return `${digits(value / 1000)} s`;
-  return unit ? `${digits(value)} ${unit}` : digits(value);
-}
-const percent = (share) => `${digits(100 * share)} %`;
-function bytes(value) {
-  const step = value >= 1e9 ? [1e9, "GB"] : value >= 1e6 ? [1e6, "MB"] : value >= 1e3 ? [1e3, "kB"] : [1, "B"];
-  return `${digits(value / step[0])} ${step[1]}`;
-}
+// Ticks, what every chart has, and lines over a linear or logarithmic axis.
 
 function linearTicks(low, high, count) {
   const rough = (high - low) / count, power = 10 ** Math.floor(Math.log10(rough));
@@ -50,44 +17,65 @@ function logTicks(low, high, sparse) {
   return ticks;
 }
 
-// The index of the last value that is not above `x`, or -1.
-function lastUpTo(values, x) {
-  let low = 0, high = values.length;
-  while (low < high) {
-    const middle = (low + high) >> 1;
-    if (values[middle] <= x) low = middle + 1;
-    else high = middle;
+// What every chart has: keys that switch a series off, and a cursor that reads the others off, by pointer or by key.
+// `sample` is the mark in a series' key; `parts` what is drawn; `moved` the cursor at a pixel, or some steps on from where
+// it is; `told` is where the cursor stands, how far down it reaches, and its lines of text.
+function chart(host, { title, note, label, height, series }, { sample, parts, moved, told }) {
+  const hidden = new Set(), visible = () => series.filter((one) => !hidden.has(one.name));
+  const svg = draw("svg", { height, tabindex: 0, role: "img", "aria-label": `${label}; left and right arrow read values off` });
+  const tip = make("div", { class: "tip", role: "status", hidden: true });
+  const keys = series.map((one) => make("button", { type: "button", "aria-pressed": "true", onclick: (event) => {
+    if (!hidden.delete(one.name)) hidden.add(one.name);
+    event.currentTarget.setAttribute("aria-pressed", String(!hidden.has(one.name)));
+    render();
+  } }, draw("svg", { width: 22, height: 10, class: one.color, "aria-hidden": "true" }, ...sample(one)), one.name));
+  let cursor = null, width = 0;
+  host.replaceChildren(...(title ? [make("h3", {}, title)] : []), make("div", { class: "keys" }, ...keys), svg, tip, ...(note ? [make("p", { class: "small" }, note)] : []));
+  host.classList.add("chart");
+
+  function render() {
+    width = host.clientWidth || 600;
+    svg.setAttribute("viewBox", `0 0 ${width} ${height}`);
+    svg.replaceChildren(...parts(width, visible()));
+    tip.hidden = cursor === null;
+    if (cursor === null) return;
+    const [at, foot, lines] = told(cursor, visible());
+    svg.append(draw("line", { class: "cursor", x1: at, x2: at, y1: 10, y2: foot }));
+    tip.textContent = lines.join("\n");
+    tip.style.top = `${svg.offsetTop + 6}px`;
+    tip.style.left = `${Math.max(0, at > width / 2 ? at - tip.offsetWidth - 10 : at + 10)}px`;
   }
-  return low - 1;
+  const move = (to) => { cursor = to; render(); };
+  svg.addEventListener("pointermove", (event) => move(moved(event.clientX - svg.getBoundingClientRect().left, 0)));
+  for (const gone of ["pointerleave", "blur"]) svg.addEventListener(gone, () => move(null));
+  svg.addEventListener("keydown", (event) => {
+    const step = { ArrowLeft: -1, ArrowRight: 1 }[event.key];
+    if (!step) return;
+    event.preventDefault();
+    move(moved(cursor === null ? null : told(cursor, [])[0], step));
+  });
+  new ResizeObserver(() => { if (host.clientWidth !== width) render(); }).observe(host);
+  render();
 }
+// Horizontal lines with their values, and what the axis below is.
+function axes({ low, high, up, format }, left, right, label, base) {
+  const lines = linearTicks(low, high, 5).flatMap((tick) => [draw("line", { class: "grid", x1: left, x2: right, y1: up(tick), y2: up(tick) }),
+    draw("text", { x: left - 8, y: up(tick) + 4, "text-anchor": "end" }, format(tick))]);
+  return [...lines, draw("text", { x: (left + right) / 2, y: base, "text-anchor": "middle" }, label)];
+}
+const markLine = (at, foot, label, y) => [draw("line", { class: "mark", x1: at, x2: at, y1: 10, y2: foot }), draw("text", { x: at + 5, y }, label)];
 
 // series: {name, color (a CSS class), dash, x, y, steps}; the value at x is the last one up to x.
 function lineChart(host, { title, series, x, y, marks = [], height = 240 }) {
-  const hidden = new Set();
-  const svg = draw("svg", { height, tabindex: 0, role: "img",
-    "aria-label": `${title || y.label} over ${x.label}; left and right arrow read values off` });
-  const tip = make("div", { class: "tip", role: "status", hidden: true });
-  const keys = make("div", { class: "keys" }, ...series.map((one) => key(one)));
-  host.replaceChildren(...(title ? [make("h3", {}, title)] : []), keys, svg, tip);
-  host.classList.add("chart");
   const low = x.log ? Math.log(x.min) : x.min, high = x.log ? Math.log(x.max) : x.max;
-  const left = 52, right = 12, top = 10, bottom = 38;
-  let cursor = null, width = 0;
+  const left = 52, right = 12, top = 10, foot = height - 38;
+  let width = 0;
   const across = (value) => left + ((x.log ? Math.log(Math.max(value, x.min)) : value) - low) / (high - low || 1) * (width - left - right);
   const back = (pixel) => {
     const place = low + (pixel - left) / (width - left - right) * (high - low);
     return Math.min(Math.max(x.log ? Math.exp(place) : place, x.min), x.max);
   };
-  const up = (value) => height - bottom - (value - y.min) / (y.max - y.min || 1) * (height - top - bottom);
-
-  function key(one) {
-    return make("button", { type: "button", "aria-pressed": "true", onclick: (event) => {
-      if (!hidden.delete(one.name)) hidden.add(one.name);
-      event.currentTarget.setAttribute("aria-pressed", String(!hidden.has(one.name)));
-      render();
-    } }, draw("svg", { width: 22, height: 8, class: one.color, "aria-hidden": "true" },
-      draw("path", { d: "M0 4H22", "stroke-dasharray": one.dash })), one.name);
-  }
+  const up = (value) => foot - (value - y.min) / (y.max - y.min || 1) * (foot - top);
   function path(one) {
     let text = "", before = null;
     for (let i = 0; i < one.x.length; i += 1) {
@@ -97,55 +85,20 @@ function lineChart(host, { title, series, x, y, marks = [], height = 240 }) {
     }
     return one.steps && before !== null ? `${text}H${across(x.max).toFixed(1)}` : text;
   }
-  function render() {
-    width = host.clientWidth || 600;
-    svg.setAttribute("viewBox", `0 0 ${width} ${height}`);
-    const xs = x.log ? logTicks(x.min, x.max, width < 420) : linearTicks(x.min, x.max, Math.max(3, Math.min(8, width / 90)));
-    const parts = [];
-    for (const tick of linearTicks(y.min, y.max, 5)) {
-      parts.push(draw("line", { class: "grid", x1: left, x2: width - right, y1: up(tick), y2: up(tick) }),
-        draw("text", { x: left - 8, y: up(tick) + 4, "text-anchor": "end" }, y.format(tick)));
-    }
-    for (const tick of xs) parts.push(draw("text", { x: across(tick), y: height - bottom + 17, "text-anchor": "middle" }, digits(tick, 6)));
-    parts.push(draw("text", { x: (left + width - right) / 2, y: height - 4, "text-anchor": "middle" }, x.label));
-    for (const mark of marks) {
-      parts.push(draw("line", { class: "mark", x1: across(mark.x), x2: across(mark.x), y1: top, y2: height - bottom }),
-        draw("text", { x: across(mark.x) + 5, y: top + 24 }, mark.label));
-    }
-    for (const one of series) {
-      if (!hidden.has(one.name) && one.x.length) parts.push(draw("path", { class: one.color, d: path(one), "stroke-dasharray": one.dash }));
-    }
-    if (cursor !== null) parts.push(draw("line", { class: "cursor", x1: across(cursor), x2: across(cursor), y1: top, y2: height - bottom }));
-    svg.replaceChildren(...parts);
-    tip.hidden = cursor === null;
-    if (cursor === null) return;
-    const lines = series.filter((one) => !hidden.has(one.name)).map((one) => {
+  chart(host, { title, label: `${title || y.label} over ${x.label}`, height, series }, {
+    sample: (one) => [draw("path", { d: "M0 5H22", "stroke-dasharray": one.dash })],
+    parts: (now, visible) => {
+      width = now;
+      const xs = x.log ? logTicks(x.min, x.max, width < 420) : linearTicks(x.min, x.max, Math.max(3, Math.min(8, width / 90)));
+      return [...axes({ low: y.min, high: y.max, up, format: y.format }, left, width - right, x.label, height - 4),
+        ...xs.map((tick) => draw("text", { x: across(tick), y: foot + 17, "text-anchor": "middle" }, digits(tick, 6))),
+        ...marks.flatMap((mark) => markLine(across(mark.x), foot, mark.label, top + 24)),
+        ...visible.filter((one) => one.x.length).map((one) => draw("path", { class: one.color, d: path(one), "stroke-dasharray": one.dash }))];
+    },
+    moved: (pixel, step) => back((pixel ?? width / 2) + step * width / 80),
+    told: (cursor, visible) => [across(cursor), foot, [x.read(cursor), ...visible.map((one) => {
       const i = lastUpTo(one.x, cursor);
       return `${one.name}: ${i < 0 ? (one.steps ? y.read(0) : "nothing yet") : y.read(one.y[i])}`;
-    });
-    tip.textContent = [x.read(cursor), ...lines].join("\n");
-    const at = across(cursor);
-    tip.style.top = `${svg.offsetTop + 6}px`;
-    tip.style.left = `${Math.max(0, at > width / 2 ? at - tip.offsetWidth - 10 : at + 10)}px`;
-  }
-  svg.addEventListener("pointermove", (event) => { cursor = back(event.clientX - svg.getBoundingClientRect().left); render(); });
-  svg.addEventListener("pointerleave", () => { cursor = null; render(); });
-  svg.addEventListener("blur", () => { cursor = null; render(); });
-  svg.addEventListener("keydown", (event) => {
-    const step = { ArrowLeft: -1, ArrowRight: 1 }[event.key];
-    if (!step) return;
-    event.preventDefault();
-    cursor = back(across(cursor === null ? back(width / 2) : cursor) + step * width / 80);
-    render();
+    })]],
   });
-  new ResizeObserver(() => { if (host.clientWidth !== width) render(); }).observe(host);
-  render();
-}
-
-function table(node, caption, head, rows) {
-  node.replaceChildren(
-    ...(caption ? [make("caption", {}, caption)] : []),
-    make("thead", {}, make("tr", {}, ...head.map((text) => make("th", { scope: "col" }, text)))),
-    make("tbody", {}, ...rows.map(([first, ...cells]) => make("tr", {}, make("th", { scope: "row" }, first),
-      ...cells.map((cell) => cell instanceof Node ? cell : make("td", {}, cell))))));
 }

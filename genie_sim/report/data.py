@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import math
+import re
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, astuple
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -10,14 +13,14 @@ import numpy as np
 from genie_sim import units
 from genie_sim.analysis.metrics import (
     DEADLINE_MS,
-    PLACEMENTS,
     WINDOW_REQUESTS,
     response_ms,
     running_boost,
     running_use,
     windowed_reuse,
 )
-from genie_sim.report.replay import replay_data
+from genie_sim.analysis.style import PLACEMENTS, thinned
+from genie_sim.report.replay import last_instant_ns, replay_data
 from genie_sim.units import NS_PER_S
 
 if TYPE_CHECKING:
@@ -31,7 +34,7 @@ POINTS_PER_CURVE = 500
 BINS = 240
 LEAST_BIN_NS, SAMPLE_NS = 500_000_000, 100_000_000
 LEAST_USE = 0.01
-GENIES_PER_ROLE = 8
+GENIES_PER_PLACEMENT = 8
 RESOURCES_PER_KIND = 8
 RESOURCES_ON_PAGE = 300
 
@@ -39,18 +42,20 @@ RESOURCES_ON_PAGE = 300
 def page_data(run: Run, start_ns: int = 0) -> dict[str, Any]:
     """Everything on the page. ``start_ns`` is where the replay begins, if the run is too long to be shown whole."""
     notes: list[str] = []
+    objects, images = run.lookups["kind"] != "image", run.lookups["requester"] == "client"
     return {
         "about": _about(run),
+        "methods": list(_methods(run)),
         "metrics": [
-            [one.metric, _role(one), _round(one.value), one.unit, _round(one.low), _round(one.high), one.n]
+            [rounded(value) if isinstance(value, float) else value for value in astuple(one)]
             for one in _shown(run.measured, notes)
         ],
         "deadline_ms": DEADLINE_MS,
         "cdf": list(_cdfs(run)),
         "over_time": {
-            "image_reuse": list(_reuse(_clients(run.lookups), notes)),
-            "object_reuse": list(_reuse(run.lookups[run.lookups["kind"] != "image"], notes)),
-            "confidence_boost": list(_boost(run.lookups)),
+            "image_reuse": list(_reuse(run, run.lookups[images & ~objects], notes)),
+            "object_reuse": list(_reuse(run, run.lookups[objects], notes)),
+            "confidence_boost": list(_boost(run)),
         },
         "window_requests": WINDOW_REQUESTS,
         "use": list(_use(run, notes)),
@@ -59,9 +64,18 @@ def page_data(run: Run, start_ns: int = 0) -> dict[str, Any]:
     }
 
 
+def _methods(run: Run) -> Iterator[dict[str, Any]]:
+    """The methods in their order, with their frames, and of their first answers the share from the object map."""
+    for method in run.methods:
+        mine = run.frames[run.frames["method"] == method.name]
+        answered = mine[mine["first_answer_ns"].notna()]
+        from_map = rounded(float((answered["source"] == "map").mean())) if len(answered) else None
+        yield {**asdict(method), "frames": len(mine), "from_map": from_map}
+
+
 def _about(run: Run) -> dict[str, Any]:
     """What was run, in words and in the words of the scenario file."""
-    scenario, frames = run.facts["scenario"], run.frames
+    scenario = run.facts["scenario"]
     devices = {name: device["title"] for name, device in run.facts["devices"].items()}
     genie = scenario["genie"]
     similarity = genie["similarity"]
@@ -72,20 +86,15 @@ def _about(run: Run) -> dict[str, Any]:
         "run_id": run.run_id,
         "genie_sim": run.facts["genie_sim"],
         "seed": scenario["seed"],
-        "methods": [method.name for method in run.methods],
         "model": scenario["model"],
-        "seconds": round(int(frames["stamp_ns"].max()) / NS_PER_S, 3) if len(frames) else 0,
-        "from_map": _from_map(frames),
-        "frames": {str(method): int(n) for method, n in frames.groupby("method", observed=True).size().items()},
+        "seconds": round(last_instant_ns(run) / NS_PER_S, 3),
         "cars": cars,
         "edges": edges,
         "how_many": _how_many(run),
         "cameras": [camera["name"] for camera in scenario["cameras"]],
         "similarity": similarity if isinstance(similarity, str) else similarity["name"],
-        "eviction": genie["eviction"],
-        "rule": genie["object_map"]["rule"],
-        "threshold": genie["object_map"]["threshold"],
-        "miss_policy": genie["miss_policy"],
+        **{name: genie[name] for name in ("eviction", "miss_policy")},
+        **{name: genie["object_map"][name] for name in ("rule", "threshold")},
         "yaml": run.yaml,
     }
 
@@ -117,14 +126,8 @@ def _how_many(run: Run) -> dict[str, int | None]:
 
 
 def _car(car: Mapping[str, Any], device: str) -> dict[str, Any]:
-    return {
-        "device": device,
-        "edge": car["edge"],
-        "link": _link(car["link"]),
-        "route": _route(car["route"]),
-        "cameras": car["cameras"],
-        "genie": car["genie"],
-    }
+    same = {name: car[name] for name in ("edge", "cameras", "genie")}
+    return {"device": device, "link": _link(car["link"]), "route": _route(car["route"]), **same}
 
 
 def _link(link: object) -> str | None:
@@ -133,29 +136,17 @@ def _link(link: object) -> str | None:
 
 def _shown(measured: Sequence[Metric], notes: list[str]) -> list[Metric]:
     """All metrics but those of the less busy of very many resources."""
-    use = {_role(one): one.value or 0.0 for one in measured if one.metric == "utilization"}
-    of_resources = dict.fromkeys(_role(one) for one in measured if ": " in _role(one))
-    if len(of_resources) <= RESOURCES_ON_PAGE:
+    of_resources = [one for one in measured if one.component and not one.metric.startswith("improvement")]
+    use = {(one.method, one.component): 0.0 for one in of_resources}
+    use |= {(one.method, one.component): one.value or 0.0 for one in of_resources if one.metric == "utilization"}
+    if len(use) <= RESOURCES_ON_PAGE:
         return list(measured)
     notes.append(
-        f"The table of metrics shows the {RESOURCES_ON_PAGE} busiest of {len(of_resources):,} devices, links and "
+        f"The table of metrics shows the {RESOURCES_ON_PAGE} busiest of {len(use):,} devices, links and "
         "queues; all are in metrics.json."
     )
-    busiest = set(sorted(of_resources, key=lambda role: (-use.get(role, 0.0), role))[:RESOURCES_ON_PAGE])
-    return [one for one in measured if ": " not in _role(one) or _role(one) in busiest]
-
-
-def _role(one: Metric) -> str:
-    """Which method, baseline, placement of Genies, or resource."""
-    if one.component:
-        return one.component if one.metric.startswith("improvement") else f"{one.method}: {one.component}"
-    return {"car": "local", "edge": "remote"}.get(one.placement, one.method)
-
-
-def _from_map(frames: pd.DataFrame) -> float | None:
-    """Of Genie's first answers, the share that came from the object map; ``None`` without answers."""
-    answered = frames[(frames["method"] == "genie") & frames["first_answer_ns"].notna()]
-    return _round(float((answered["source"] == "map").mean())) if len(answered) else None
+    left_out = set(sorted(use, key=lambda which: (-use[which], which))[RESOURCES_ON_PAGE:])
+    return [one for one in measured if (one.method, one.component) not in left_out]
 
 
 def _route(route: Mapping[str, Any]) -> str:
@@ -173,15 +164,15 @@ def _route(route: Mapping[str, Any]) -> str:
 
 def _cdfs(run: Run) -> Iterator[dict[str, Any]]:
     """Response times of each method. ``rank[i]`` of ``published`` frames were answered within ``ms[i]``."""
-    for method in (method.name for method in run.methods):
-        mine = run.frames[run.frames["method"] == method]
+    for method in run.methods:
+        mine = run.frames[run.frames["method"] == method.name]
         for answer in ("first", "fresh"):
             times = response_ms(mine, answer)
             known = np.sort(times[~np.isnan(times)])
-            kept = _thinned(len(known))
+            kept = thinned(len(known), POINTS_PER_CURVE)
             if len(mine):
                 yield {
-                    "method": method,
+                    "method": method.name,
                     "answer": answer,
                     "published": len(mine),
                     "answered": len(known),
@@ -190,34 +181,43 @@ def _cdfs(run: Run) -> Iterator[dict[str, Any]]:
                 }
 
 
-def _clients(lookups: pd.DataFrame) -> pd.DataFrame:
-    return lookups[(lookups["kind"] == "image") & (lookups["requester"] == "client")]
+def _placed(run: Run, lookups: pd.DataFrame) -> Iterator[tuple[dict[str, str], pd.DataFrame]]:
+    """The look-ups of each method's Genies on cars, and on edges."""
+    for method in run.methods:
+        mine = lookups[lookups["method"] == method.name]
+        for placement in PLACEMENTS:
+            yield {"method": method.name, "placement": placement}, mine[mine["placement"] == placement]
 
 
-def _reuse(lookups: pd.DataFrame, notes: list[str]) -> Iterator[dict[str, Any]]:
+def _reuse(run: Run, lookups: pd.DataFrame, notes: list[str]) -> Iterator[dict[str, Any]]:
     """hits / requests over the last 50 requests of each Genie."""
-    for placement, role in zip(PLACEMENTS, ("local", "remote"), strict=True):
-        windows = windowed_reuse(lookups[lookups["placement"] == placement])
-        genies = sorted(windows["genie"].astype(str).unique())
-        if len(genies) > GENIES_PER_ROLE:
-            notes.append(
-                f"Reuse over time shows {GENIES_PER_ROLE} of {len(genies)} {role} Genies; the metrics count all."
-            )
-        for genie in genies[:GENIES_PER_ROLE]:
+    for where, placed in _placed(run, lookups):
+        windows = windowed_reuse(placed)
+        genies = sorted(windows["genie"].astype(str).unique(), key=_by_number)
+        if len(genies) > GENIES_PER_PLACEMENT:
+            shown = f"{GENIES_PER_PLACEMENT} of {len(genies)} Genies {PLACEMENTS[where['placement']]}"
+            notes.append(f"Reuse over time shows {shown}; the metrics count all.")
+        for genie in genies[:GENIES_PER_PLACEMENT]:
             mine = windows[windows["genie"] == genie]
-            kept = _thinned(len(mine))
-            t_s, ratio = mine["t_ns"].to_numpy(float) / NS_PER_S, mine["ratio"].to_numpy(float)
-            yield {"name": genie, "role": role, "x": _list(t_s[kept], 2), "y": _list(ratio[kept], 3)}
+            yield {**where, "name": genie, **_curve(mine["t_ns"], mine["ratio"], 3)}
 
 
-def _boost(lookups: pd.DataFrame) -> Iterator[dict[str, Any]]:
-    """The running mean of C_new - C_old over the updates of all object maps of a role."""
-    for placement, role in zip(PLACEMENTS, ("local", "remote"), strict=True):
-        running = running_boost(lookups[lookups["placement"] == placement])
+def _boost(run: Run) -> Iterator[dict[str, Any]]:
+    """The running mean of C_new - C_old over the updates of all object maps on cars, and on edges."""
+    for where, placed in _placed(run, run.lookups):
+        running = running_boost(placed)
         if len(running):
-            kept = _thinned(len(running))
-            t_s, boost = running["t_ns"].to_numpy(float) / NS_PER_S, running["boost"].to_numpy(float)
-            yield {"name": role, "role": role, "x": _list(t_s[kept], 2), "y": _list(boost[kept], 5)}
+            yield {**where, "name": "", **_curve(running["t_ns"], running["boost"], 5)}
+
+
+def _curve(t_ns: pd.Series[Any], values: pd.Series[Any], digits: int) -> dict[str, list[float]]:
+    kept = thinned(len(values), POINTS_PER_CURVE)
+    return {"x": _list(t_ns.to_numpy(float)[kept] / NS_PER_S, 2), "y": _list(values.to_numpy(float)[kept], digits)}
+
+
+def _by_number(name: str) -> list[tuple[int, str]]:
+    """``car2`` comes before ``car10``."""
+    return [(int(part or 0), text) for text, part in re.findall(r"(\D*)(\d*)", name)]
 
 
 def _use(run: Run, notes: list[str]) -> Iterator[dict[str, Any]]:
@@ -248,16 +248,11 @@ def _mean_use(samples: pd.DataFrame, edges_ns: Floats) -> Floats:
     return mean
 
 
-def _thinned(n: int) -> np.ndarray[Any, np.dtype[np.int64]]:
-    """At most ``POINTS_PER_CURVE`` places of n, evenly spread, both ends among them."""
-    return np.unique(np.linspace(0, n - 1, min(n, POINTS_PER_CURVE)).astype(np.int64)) if n else np.arange(0)
-
-
 def _list(values: Floats, digits: int) -> list[float]:
     rounded: list[float] = np.round(values, digits).tolist()
     return rounded
 
 
-def _round(value: float | None) -> float | None:
-    """Six significant digits."""
-    return None if value is None else float(f"{value:.6g}")
+def rounded(value: float | None, digits: int = 6) -> float | None:
+    """So many significant digits; what is not finite is ``None``."""
+    return None if value is None or not math.isfinite(value) else float(f"{value:.{digits}g}")

@@ -1,18 +1,13 @@
 // The page of an evaluation, from its data.
 
-const DATA = JSON.parse(byId("data").textContent);
-const ABOUT = DATA.about;
 const FIGURES = new Map(DATA.figures.map((one) => [one.name, one]));
 const KINDS = {
   input: "true by construction, it was put in", near_input: "follows closely from what was put in",
   calibrated: "one of the two numbers that two parameters were fitted to", prediction: "the simulator could have contradicted it",
   invariant: "must hold in every run", table: "arithmetic on the paper's own table",
 };
-const words = (name) => name.replaceAll("_", " ");
 const verdictClass = (verdict) => `verdict v${DATA.verdicts.indexOf(verdict)}`;
 const foundText = (claim) => (value) => (claim.unit === "1" ? digits(value) : `${digits(value)} ${claim.unit}`);
-const option = (value, text) => make("option", { value }, text);
-const strong = (text) => make("b", {}, text);
 const scenarioText = (name) => ({ case_study: "case study", all: "all" })[name] || name.replace(/^(\d)car_/, (_, n) => `${n} car${n > 1 ? "s" : ""}, `).replace(/hetero$/, "he").replace(/homo$/, "ho");
 
 function picture(name) {
@@ -21,12 +16,9 @@ function picture(name) {
 }
 
 function showAbout() {
-  byId("version").textContent = ABOUT.genie_sim;
-  const facts = { evaluation: ABOUT.quick ? "quick" : "full", seeds: ABOUT.seeds.length, settings: ABOUT.settings.join(", "),
-    calibration: ABOUT.calibration, claims: DATA.claims.length };
-  byId("about").replaceChildren(...Object.entries(facts).map(([name, value]) => make("div", {}, make("dt", {}, name), make("dd", {}, String(value)))));
-  byId("notes").replaceChildren(...[...DATA.notes, `Made by genie-sim ${ABOUT.genie_sim}, from traces with the digest ${ABOUT.trace.slice(0, 12)}. ` +
-    "Versions and digests are in run.json beside this page."].map((note) => make("li", {}, note)));
+  showFrame("an evaluation", { evaluation: ABOUT.quick ? "quick" : "full", seeds: ABOUT.seeds.length, settings: ABOUT.settings.join(", "),
+    calibration: ABOUT.calibration, claims: DATA.claims.length },
+  `traces with the digest ${ABOUT.trace.slice(0, 12)}. Versions and digests are in run.json beside this page.`);
 }
 
 function scale(claim) {
@@ -111,25 +103,27 @@ function showVerdicts() {
 }
 
 function showAnswers() {
-  const [first, fresh] = DATA.improvement;
-  byId("answers-lead").replaceChildren(...(first && fresh ? ["Mean improvement of Genie over local and remote execution, six scenarios: ", strong(withInterval(first, percent)),
-    " by the first answer, ", strong(withInterval(fresh, percent)), " by the fresh answer."] : []));
+  const [first, fresh] = DATA.improvement, listed = (methods) => methods.map((one) => one.title).join(" and ");
+  byId("answers-lead").replaceChildren(...(first && fresh ? [`Mean improvement of ${listed(METHODS.filter((one) => !one.baseline))} over ` +
+    `${listed(METHODS.filter((one) => one.baseline))}, six scenarios: `, strong(withInterval(first, percent)),
+  " by the first answer, ", strong(withInterval(fresh, percent)), " by the fresh result."] : []));
   byId("measure").replaceChildren(...DATA.answers.map((one, i) => option(i, one.title)));
   const render = () => {
-    const { title, unit, scenarios, roles, ...found } = DATA.answers[Number(byId("measure").value)], text = (value) => asText(value, unit);
-    const over = title.startsWith("Improvement") ? "over " : "", names = scenarios.map(scenarioText);
+    const { title, unit, scenarios, methods, ...found } = DATA.answers[Number(byId("measure").value)], text = (value) => asText(value, unit);
+    const over = title.startsWith("Improvement") ? "over " : "", names = scenarios.map(scenarioText), format = unit === "1" ? percent : (value) => digits(value);
+    const answers = ["first", "fresh"], named = { first: "first answer", fresh: "fresh result" };
     byId("answer-charts").replaceChildren();
-    const all = ["first", "fresh"].flatMap((answer) => roles.flatMap((role) => found[answer][role])).filter((one) => one && isNumber(one[0]));
+    const all = answers.flatMap((answer) => methods.flatMap((method) => found[answer][method])).filter((one) => one && isNumber(one[0]));
     const most = Math.max(...all.map((one) => one[2] ?? one[0]), 0) * 1.02;
-    for (const answer of ["first", "fresh"]) {
-      const series = roles.map((role, i) => ({ name: over + METHODS[role], color: ROLE_COLORS[role], hollow: i === 1, line: false,
-        points: found[answer][role].map((one, place) => ({ x: place, found: one })) }));
-      intervalChart(byId("answer-charts").appendChild(make("div")), { title: `${title}: ${answer} answer`, series,
-        x: { names, label: "scenario", read: (place) => names[place] }, y: { label: title, format: unit === "1" ? percent : (value) => digits(value), read: text, most: unit === "1" ? 1 : most } });
+    for (const answer of answers) {
+      const series = methods.map((method, i) => ({ name: over + methodTitle(method), color: methodClass(method), hollow: i % 2 === 1, line: false,
+        points: found[answer][method].map((one, place) => ({ x: place, found: one })) }));
+      intervalChart(byId("answer-charts").appendChild(make("div")), { title: `${title}: ${named[answer]}`, series,
+        x: { names, label: "scenario", read: (place) => names[place] }, y: { label: title, format, read: text, most: unit === "1" ? 1 : most } });
     }
-    const columns = ["first", "fresh"].flatMap((answer) => roles.map((role) => [answer, role]));
-    table(byId("answer-table"), `${title}${unit === "ms" ? " [ms]" : ""}`, ["", ...columns.map(([answer, role]) => `${answer}, ${over}${METHODS[role]}`)],
-      scenarios.map((_, i) => [names[i], ...columns.map(([answer, role]) => intervalCell(found[answer][role][i], unit === "1" ? percent : (value) => digits(value)))]));
+    const columns = answers.flatMap((answer) => methods.map((method) => [answer, method]));
+    table(byId("answer-table"), `${title}${unit === "ms" ? " [ms]" : ""}`, ["", ...columns.map(([answer, method]) => `${answer}, ${over}${methodTitle(method)}`)],
+      scenarios.map((_, i) => [names[i], ...columns.map(([answer, method]) => intervalCell(found[answer][method][i], format))]));
   };
   byId("measure").addEventListener("change", render);
   render();
@@ -140,7 +134,7 @@ function showWorth() {
   if (DATA.worth === null) return;
   const methods = [...new Set(DATA.worth.map((one) => one.method))], names = [...new Set(DATA.worth.map((one) => one.name))];
   const units = [[/_s(_|$)/, "s"], [/_m(_|$)/, "m"]];
-  table(byId("worth-table"), null, ["", ...methods.map((method) => METHODS[method] || method)], names.map((name) => {
+  table(byId("worth-table"), null, ["", ...methods.map((method) => methodTitle(method))], names.map((name) => {
     const [pattern, unit] = units.find(([one]) => one.test(name)) || [null, "1"];
     const text = (value) => asText(value, unit);
     return [words(pattern ? name.replace(pattern, "$1") : name), ...methods.map((method) => {
@@ -179,14 +173,14 @@ function showSensitivity() {
   byId("sensitivity-none").hidden = found !== null;
   byId("sensitivity-all").hidden = found === null;
   if (found === null) return;
-  const measures = { reuse: ["Object and image reuse", [["object_reuse", "object reuse", "c-genie"], ["image_reuse", "image reuse", "c-local"]], percent],
-    answers: ["First and fresh answer of Genie, mean [ms]", [["first_answer_ms", "first answer", "c-genie"], ["fresh_answer_ms", "fresh answer", "c-remote"]], (value) => asText(value, "ms")] };
+  const measures = { reuse: ["Object and image reuse", [["object_reuse", "object reuse", "m2"], ["image_reuse", "image reuse", "m0"]], percent],
+    answers: ["First answer and fresh result, mean [ms]", [["first_answer_ms", "first answer", "m2"], ["fresh_answer_ms", "fresh result", "m1"]], (value) => asText(value, "ms")] };
   byId("sensitivity-of").replaceChildren(...Object.entries(measures).map(([name, [title]]) => option(name, title)));
   const render = () => {
     const name = byId("sensitivity-of").value, [, lines, text] = measures[name];
     byId("sensitivity-charts").replaceChildren();
     for (const sweep of found.sweeps) {
-      const series = lines.map(([measure, label, color], i) => ({ name: label, color, hollow: i === 1, dash: i ? "5 3" : null, line: true,
+      const series = lines.map(([measure, label, color], i) => ({ name: label, color, hollow: i === 1, line: true,
         points: sweep.values.map((x, place) => ({ x, found: sweep[measure][place] })) }));
       const unit = sweep.unit === "1" ? "" : ` [${sweep.unit}]`, log = Math.min(...sweep.values) > 0 && Math.max(...sweep.values) / Math.min(...sweep.values) >= 10;
       intervalChart(byId("sensitivity-charts").appendChild(make("div")), { title: sweep.title, note: `Paper: ${sweep.paper}.`, height: 220, series,
@@ -198,25 +192,18 @@ function showSensitivity() {
   byId("sensitivity-of").addEventListener("change", render);
   render();
   const cell = (one, text) => ({ key: one[0], node: intervalCell(one, text) });
-  sortable(byId("variants"), ["reading or value", "plausible", "claims that hold", "object reuse", "image reuse", "first answer [ms]", "fresh answer [ms]"],
+  sortable(byId("variants"), ["reading or value", "plausible", "claims that hold", "object reuse", "image reuse", "first answer [ms]", "fresh result [ms]"],
     found.variants.map((one) => [{ key: one.name, node: make("th", { scope: "row" }, words(one.name)) }, { key: one.plausible, node: make("td", {}, one.plausible) },
       { key: one.holds.length, node: make("td", { class: "number", title: one.holds.join(", ") }, String(one.holds.length)) },
       cell(one.object_reuse, percent), cell(one.image_reuse, percent), cell(one.first_answer_ms, (value) => digits(value)), cell(one.fresh_answer_ms, (value) => digits(value))]));
 }
 
 function showMetrics() {
-  const render = () => {
-    const asked = byId("metric-filter").value.toLowerCase().split(/\s+/).filter(Boolean);
-    const rows = DATA.metrics.filter(([scenario, name]) => asked.every((word) => `${scenario} ${name}`.toLowerCase().includes(word)));
-    byId("metric-count").textContent = `${rows.length} of ${DATA.metrics.length}`;
-    const text = (value) => (value === null ? "" : digits(value, 4));
-    table(byId("metric-table"), null, ["scenario", "number", "mean", "low", "high", "seeds"], rows.map(([scenario, name, value, low, high, n]) => [scenario, name, text(value), text(low), text(high), String(n)]));
-  };
-  byId("metric-filter").addEventListener("input", render);
-  render();
+  const text = (value) => (value === null ? "" : digits(value, 4));
+  filteredTable("metric", ["scenario", "number", "mean", "low", "high", "seeds"],
+    DATA.metrics.map(([scenario, name, value, low, high, n]) => [scenario, name, text(value), text(low), text(high), String(n)]), 2);
 }
 
-showAbout();
 showVerdicts();
 showAnswers();
 showWorth();
@@ -224,3 +211,4 @@ showFigures();
 showCalibration();
 showSensitivity();
 showMetrics();
+showAbout();

@@ -1,8 +1,5 @@
 // What the pages about many runs share: sortable tables, and charts of means with their intervals.
 
-const METHODS = { local: "local (L)", remote: "remote (R)", genie: "Genie (DG)" };
-const ROLE_COLORS = { local: "c-local", remote: "c-remote", genie: "c-genie" };
-
 const isNumber = (value) => value !== null && value !== undefined;
 
 // 338 ms (330 to 360); without an interval the value alone.
@@ -42,42 +39,28 @@ function sortable(node, head, rows) {
 // series: {name, color, hollow, dash, line, points: [{x, found: [value, low, high]}]}. x is a number, or an index into
 // x.names; y.levels and x.marks are lines with a label.
 function intervalChart(host, { title, note, series, x, y, height = 260 }) {
-  const hidden = new Set(), left = 56, right = 14, top = 12;
+  const left = 56, right = 14, top = 12;
   const shown = series.filter((one) => one.points.some((point) => point.found && isNumber(point.found[0])));
   const places = [...new Set(shown.flatMap((one) => one.points.map((point) => point.x)))].sort((a, b) => a - b);
-  const svg = draw("svg", { height, tabindex: 0, role: "img", "aria-label": `${title || y.label} over ${x.label}; left and right arrow read values off` });
-  const tip = make("div", { class: "tip", role: "status", hidden: true });
-  const keys = make("div", { class: "keys" }, ...shown.map(key));
-  host.replaceChildren(...(title ? [make("h3", {}, title)] : []), keys, svg, tip, ...(note ? [make("p", { class: "small" }, note)] : []));
-  host.classList.add("chart");
-  if (!places.length) { svg.replaceWith(make("p", { class: "small" }, "Not defined at any of these points.")); return; }
+  if (!places.length) { host.replaceChildren(make("h3", {}, title), make("p", { class: "small" }, "Not defined at any of these points.")); return; }
   const ends = shown.flatMap((one) => one.points.flatMap((point) => point.found || [])).filter(isNumber);
   const levels = y.levels || [], marks = x.marks || [];
-  let low = Math.min(0, ...ends), high = Math.max(...ends, ...levels.map((one) => one.y));
+  let low = Math.min(0, ...ends), high = Math.max(...ends, ...levels.map((one) => one.y)), width = 0;
   if (y.most !== undefined && high <= y.most * 1.3) { high = Math.max(y.most, high); } else high += 0.06 * (high - low || 1);
   if (low < 0) low -= 0.06 * (high - low);
   if (high === low) high = low + 1;
   const log = x.log && places[0] > 0, scaled = (value) => (log ? Math.log(value) : value);
   const all = [...places, ...marks.map((mark) => mark.x)].map(scaled);
-  let from = Math.min(...all), to = Math.max(...all), cursor = -1, width = 0;
+  let from = Math.min(...all), to = Math.max(...all);
   const slack = x.names ? 0.5 : from === to ? 1 : 0.04 * (to - from);
   from -= slack;
   to += slack;
   const across = (value) => left + (scaled(value) - from) / (to - from) * (width - left - right);
   const tilted = () => x.names && x.names.some((name) => name.length * 6.6 > (width - left - right) / x.names.length);
-  const bottom = () => (tilted() ? 84 : 40);
-  const up = (value) => height - bottom() - (value - low) / (high - low) * (height - top - bottom());
+  const foot = () => height - (tilted() ? 84 : 40);
+  const up = (value) => foot() - (value - low) / (high - low) * (foot() - top);
   const aside = (one) => (x.names ? (shown.indexOf(one) - (shown.length - 1) / 2) * Math.min(9, 0.7 * (width - left - right) / places.length / shown.length) : 0);
 
-  function key(one) {
-    return make("button", { type: "button", "aria-pressed": "true", onclick: (event) => {
-      if (!hidden.delete(one.name)) hidden.add(one.name);
-      event.currentTarget.setAttribute("aria-pressed", String(!hidden.has(one.name)));
-      render();
-    } }, draw("svg", { width: 22, height: 10, class: one.color, "aria-hidden": "true" },
-      ...(one.line ? [draw("path", { d: "M0 5H22", "stroke-dasharray": one.dash })] : []),
-      draw("circle", { cx: 11, cy: 5, r: 3.2, class: one.hollow ? "hollow" : null })), one.name);
-  }
   function drawn(one) {
     const known = one.points.filter((point) => point.found && isNumber(point.found[0])), parts = [], dx = aside(one);
     const at = (point) => (across(point.x) + dx).toFixed(1);
@@ -92,7 +75,7 @@ function intervalChart(host, { title, note, series, x, y, height = 260 }) {
     return draw("g", { class: one.color }, ...parts);
   }
   function xTexts() {
-    const base = height - bottom();
+    const base = foot();
     if (!x.names) {
       const low_ = log ? Math.exp(from) : from, high_ = log ? Math.exp(to) : to, fine = log && Math.log10(high_ / low_) < 2.2;
       const ticks = log ? logTicks(low_, high_, !fine) : linearTicks(from, to, Math.max(3, Math.min(8, width / 90)));
@@ -106,46 +89,21 @@ function intervalChart(host, { title, note, series, x, y, height = 260 }) {
         : draw("text", { x: px, y: base + 17, "text-anchor": "middle" }, name);
     });
   }
-  function render() {
-    width = host.clientWidth || 600;
-    svg.setAttribute("viewBox", `0 0 ${width} ${height}`);
-    const parts = [];
-    for (const tick of linearTicks(low, high, 5)) {
-      parts.push(draw("line", { class: "grid", x1: left, x2: width - right, y1: up(tick), y2: up(tick) }),
-        draw("text", { x: left - 8, y: up(tick) + 4, "text-anchor": "end" }, y.format(tick)));
-    }
-    parts.push(...xTexts().filter(Boolean), draw("text", { x: (left + width - right) / 2, y: height - 4, "text-anchor": "middle" }, x.label));
-    for (const level of levels) {
-      parts.push(draw("line", { class: "level", x1: left, x2: width - right, y1: up(level.y), y2: up(level.y) }),
-        draw("text", { x: width - right, y: up(level.y) - 4, "text-anchor": "end" }, level.label));
-    }
-    for (const mark of marks) {
-      parts.push(draw("line", { class: "mark", x1: across(mark.x), x2: across(mark.x), y1: top, y2: height - bottom() }),
-        draw("text", { x: across(mark.x) + 4, y: top + 8 }, mark.label));
-    }
-    if (cursor >= 0) parts.push(draw("line", { class: "cursor", x1: across(places[cursor]), x2: across(places[cursor]), y1: top, y2: height - bottom() }));
-    svg.replaceChildren(...parts, ...shown.filter((one) => !hidden.has(one.name)).map(drawn));
-    tip.hidden = cursor < 0;
-    if (cursor < 0) return;
-    const lines = shown.filter((one) => !hidden.has(one.name)).map((one) => {
-      const point = one.points.find((two) => two.x === places[cursor]);
+  const nearest = (pixel) => places.reduce((best, place) => (Math.abs(across(place) - pixel) < Math.abs(across(best) - pixel) ? place : best), places[0]);
+  chart(host, { title, note, label: `${title || y.label} over ${x.label}`, height, series: shown }, {
+    sample: (one) => [...(one.line ? [draw("path", { d: "M0 5H22", "stroke-dasharray": one.dash })] : []),
+      draw("circle", { cx: 11, cy: 5, r: 3.2, class: one.hollow ? "hollow" : null })],
+    parts: (now, visible) => {
+      width = now;
+      return [...axes({ low, high, up, format: y.format }, left, width - right, x.label, height - 4), ...xTexts().filter(Boolean),
+        ...levels.flatMap((level) => [draw("line", { class: "level", x1: left, x2: width - right, y1: up(level.y), y2: up(level.y) }),
+          draw("text", { x: width - right, y: up(level.y) - 4, "text-anchor": "end" }, level.label)]),
+        ...marks.flatMap((mark) => markLine(across(mark.x), foot(), mark.label, top + 8)), ...visible.map(drawn)];
+    },
+    moved: (pixel, step) => (pixel === null ? places[0] : places[Math.min(Math.max(places.indexOf(nearest(pixel)) + step, 0), places.length - 1)]),
+    told: (place, visible) => [across(place), foot(), [x.read(place), ...visible.map((one) => {
+      const point = one.points.find((two) => two.x === place);
       return `${one.name}: ${withInterval(point && point.found, y.read)}`;
-    });
-    tip.textContent = [x.read(places[cursor]), ...lines].join("\n");
-    const at = across(places[cursor]);
-    tip.style.top = `${svg.offsetTop + 6}px`;
-    tip.style.left = `${Math.max(0, at > width / 2 ? at - tip.offsetWidth - 12 : at + 12)}px`;
-  }
-  const nearest = (pixel) => places.reduce((best, place, i) => (Math.abs(across(place) - pixel) < Math.abs(across(places[best]) - pixel) ? i : best), 0);
-  svg.addEventListener("pointermove", (event) => { cursor = nearest(event.clientX - svg.getBoundingClientRect().left); render(); });
-  for (const gone of ["pointerleave", "blur"]) svg.addEventListener(gone, () => { cursor = -1; render(); });
-  svg.addEventListener("keydown", (event) => {
-    const step = { ArrowLeft: -1, ArrowRight: 1 }[event.key];
-    if (!step) return;
-    event.preventDefault();
-    cursor = Math.min(Math.max(cursor + step, 0), places.length - 1);
-    render();
+    })]],
   });
-  new ResizeObserver(() => { if (host.clientWidth !== width) render(); }).observe(host);
-  render();
 }

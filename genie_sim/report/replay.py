@@ -52,38 +52,52 @@ def replay_data(run: Run, start_ns: int, notes: list[str]) -> dict[str, Any] | N
     if run.poses.empty:
         notes.append("There is no replay: the run holds no poses.")
         return None
-    last_ns = int(run.poses["stamp_ns"].max())
-    begin_ns = min(max(start_ns, 0), last_ns)
+    last_ns = last_instant_ns(run)
+    begin_ns = min(max(start_ns, 0), int(run.poses["stamp_ns"].max()))
     end_ns = _end_ns(run, begin_ns)
-    if begin_ns > 0 or end_ns <= last_ns:
+    if begin_ns > 0 or end_ns < last_ns:
         notes.append(
             f"The replay and the stories cover every frame from {begin_ns / NS_PER_S:.1f} s to "
-            f"{min(end_ns, last_ns) / NS_PER_S:.1f} s of {last_ns / NS_PER_S:.1f} s: "
+            f"{end_ns / NS_PER_S:.1f} s of {last_ns / NS_PER_S:.1f} s: "
             "the page would be too large otherwise. "
             "Everything else covers the whole run. Another stretch: genie-sim report DIR --start '60 s'"
         )
     names = _Names()
-    poses = _between(run.poses, "stamp_ns", begin_ns, end_ns).sort_values(["car", "stream", "frame"], ignore_index=True)
+    shown = _between(run.poses, "stamp_ns", begin_ns, end_ns)
+    poses = shown.sort_values(["car", "stream", "frame"], ignore_index=True)
     return {
         "begin_us": begin_ns // US,
         "end_us": end_ns // US,
         "streams": list(_streams(poses)),
-        "methods": _methods(run, poses, names),
-        "lookups": _lookups(run, poses, names),
-        "objects": list(_objects(run, begin_ns, end_ns, names)),
+        "methods": [
+            {
+                "name": method.name,
+                "frames": _frames(run.frames[run.frames["method"] == method.name], poses, names),
+                "lookups": _lookups(run.lookups[run.lookups["method"] == method.name], poses, names),
+                "objects": list(_objects(run.objects[run.objects["method"] == method.name], begin_ns, end_ns, names)),
+            }
+            for method in run.methods
+        ],
         "names": list(names.all),
         "kinds": KINDS,
         "outcomes": OUTCOMES,
     }
 
 
+def last_instant_ns(run: Run) -> int:
+    """The last instant on record: of frames, answers, look-ups and object maps; 0 for an empty run."""
+    instants = {"frames": ["stamp_ns", "first_answer_ns", "fresh_answer_ns"], "lookups": ["t_ns"], "objects": ["t_ns"]}
+    found = (getattr(run, table)[column].max() for table, columns in instants.items() for column in columns)
+    return max((int(last) for last in found if last == last), default=0)
+
+
 def _end_ns(run: Run, begin_ns: int) -> int:
-    """The first instant that is not shown: after everything, else as many whole seconds as fit, at least one."""
+    """The last instant that is shown: that of the run, else as many whole seconds as fit, at least one."""
     tables = ((run.frames, "stamp_ns"), (run.lookups, "stamp_ns"), (run.objects, "t_ns"))
     instants = np.sort(np.concatenate([table[column].to_numpy(np.int64) for table, column in tables]))
     first = int(np.searchsorted(instants, begin_ns))
     if len(instants) - first <= MOST_ROWS:
-        return int(instants[-1]) + 1
+        return last_instant_ns(run)
     return begin_ns + max((int(instants[first + MOST_ROWS]) - begin_ns) // NS_PER_S, 1) * NS_PER_S
 
 
@@ -112,51 +126,35 @@ def _streams(poses: pd.DataFrame) -> Any:
         }
 
 
-def _methods(run: Run, poses: pd.DataFrame, names: _Names) -> dict[str, Any]:
-    """What became of each frame under each method, by the frame's id. Instants are counted from the stamp."""
-    found: dict[str, Any] = {}
-    frames, key = _about(run.frames, poses), ["car", "stream", "frame"]
-    ids = _plain(poses)[key]
-    for method in (method.name for method in run.methods):
-        mine = frames[frames["method"] == method]
-        if mine.empty:
-            continue
-        rows = ids.merge(_plain(mine), on=key, how="left", validate="one_to_one")
-        since = {name: rows[f"{name}_ns"] - rows["stamp_ns"] for name in ("received", "first_answer", "fresh_answer")}
-        hit = np.where(rows["coalesced"].eq(True), 2, np.where(rows["image_hit"].eq(True), 1, 0))
-        found[method] = {
-            **{f"{name}_us": _integers(values // US) for name, values in since.items()},
-            "outcome": np.where(rows["image_hit"].isna(), UNKNOWN, hit).tolist(),
-            "source": names.codes(rows["source"]),
-            "served_by": names.codes(rows["served_by"]),
-            "drop": names.codes(rows["drop"]),
-            "objects_served": _integers(rows["objects_served"]),
-            "objects_detected": _integers(rows["objects_fresh"]),
-            "bytes_up": _integers(rows["bytes_up"]),
-            "bytes_down": _integers(rows["bytes_down"]),
-        }
-    return found
+def _frames(mine: pd.DataFrame, poses: pd.DataFrame, names: _Names) -> dict[str, Any]:
+    """What became of each frame under one method, by the frame's id. Instants are counted from the stamp."""
+    key = ["car", "stream", "frame"]
+    rows = _plain(poses)[key].merge(_plain(_about(mine, poses)), on=key, how="left", validate="one_to_one")
+    since = {name: rows[f"{name}_ns"] - rows["stamp_ns"] for name in ("received", "first_answer", "fresh_answer")}
+    hit = np.where(rows["coalesced"].eq(True), 2, np.where(rows["image_hit"].eq(True), 1, 0))
+    return {
+        **{f"{name}_us": _integers(values // US) for name, values in since.items()},
+        "outcome": np.where(rows["image_hit"].isna(), UNKNOWN, hit).tolist(),
+        **{name: names.codes(rows[name]) for name in ("source", "served_by", "drop")},
+        **{name: _integers(rows[name]) for name in ("objects_served", "objects_fresh", "bytes_up", "bytes_down")},
+    }
 
 
-def _lookups(run: Run, poses: pd.DataFrame, names: _Names) -> dict[str, Any]:
-    """The look-ups about these frames, in order of time."""
+def _lookups(mine: pd.DataFrame, poses: pd.DataFrame, names: _Names) -> dict[str, Any]:
+    """One method's look-ups about these frames, in order of time."""
     key = ["car", "stream", "stamp_ns"]
     ids = _plain(poses)[key].assign(frame_id=poses.index)
-    rows = _plain(_about(run.lookups, poses)).merge(ids, on=key, how="inner", validate="many_to_one")
+    rows = _plain(_about(mine, poses)).merge(ids, on=key, how="inner", validate="many_to_one")
     rows = rows.sort_values("t_ns", kind="stable")
     return {
         "t_us": _deltas(rows["t_ns"].to_numpy() // US),
-        "frame_id": rows["frame_id"].tolist(),
         "genie": names.codes(rows["genie"]),
-        "remote": (rows["placement"] == "edge").astype(int).tolist(),
+        "edge": (rows["placement"] == "edge").astype(int).tolist(),
         "neighbour": (rows["requester"] == "neighbour").astype(int).tolist(),
         "kind": rows["kind"].astype(str).map(KINDS.index).tolist(),
         "outcome": rows["outcome"].astype(object).map(_outcome).tolist(),
-        "requests": rows["requests"].tolist(),
-        "hits": rows["hits"].tolist(),
-        "updates": rows["updates"].tolist(),
         "boost_e4": _scaled(rows["boost_sum"], 10_000).tolist(),
-        "entries": rows["entries"].tolist(),
+        **{name: rows[name].tolist() for name in ("frame_id", "requests", "hits", "updates", "entries")},
     }
 
 
@@ -169,12 +167,12 @@ def _outcome(outcome: object) -> int:
     return OUTCOMES.index(outcome) if isinstance(outcome, str) else UNKNOWN
 
 
-def _objects(run: Run, begin_ns: int, end_ns: int, names: _Names) -> Any:
-    """Each object of each map: where it is, and its confidence from each instant on, -1 where it is forgotten."""
-    changes = run.objects[run.objects["t_ns"] < end_ns]
+def _objects(mine: pd.DataFrame, begin_ns: int, end_ns: int, names: _Names) -> Any:
+    """One method's map objects: where each is, and its confidence from each instant on, -1 where it is forgotten."""
+    changes = mine[mine["t_ns"] <= end_ns]
     by_object: Any = changes.groupby(["genie", "label", "east_m", "north_m"], observed=True, sort=True)
-    for (genie, label, east_m, north_m), mine in by_object:
-        t_ns = mine["t_ns"].to_numpy()
+    for (genie, label, east_m, north_m), of_one in by_object:
+        t_ns = of_one["t_ns"].to_numpy()
         first = max(int(np.searchsorted(t_ns, begin_ns, side="right")) - 1, 0)  # the last before the replay begins
         yield [
             names.code(genie),
@@ -182,7 +180,7 @@ def _objects(run: Run, begin_ns: int, end_ns: int, names: _Names) -> Any:
             round(100 * east_m),
             round(100 * north_m),
             _deltas(np.maximum(t_ns[first:], begin_ns) // NS_PER_MS),
-            _scaled(mine["confidence"].iloc[first:].fillna(UNKNOWN / 1000), 1000).tolist(),
+            _scaled(of_one["confidence"].iloc[first:].fillna(UNKNOWN / 1000), 1000).tolist(),
         ]
 
 

@@ -1,31 +1,28 @@
-// The page of a sweep, from its data.
+// The page of a sweep, from its data. A metric is `of` several things: [method, placement, component] each.
 
-const DATA = JSON.parse(byId("data").textContent);
-const ABOUT = DATA.about;
 const METRICS = new Map(DATA.metrics.map((one) => [one.name, one]));
-const words = (name) => name.replaceAll("_", " ");
-const option = (value, text) => make("option", { value }, text);
 
-function roleText(metric, role) {
-  if (/^(image|object)_reuse|^coalesced|^confidence|^stored/.test(metric)) return { local: "on cars", remote: "on edges" }[role] || role;
-  return `${metric.startsWith("improvement") ? "over " : ""}${METHODS[role] || role}`;
+// What tells the lines of a metric apart: its methods where there are several, else where its Genies are.
+function ofText(metric, i) {
+  const { of } = METRICS.get(metric), [method, placement, component] = of[i], parts = [];
+  const several = new Set(of.map(([name]) => name)).size > 1;
+  if (several || placement === "all") parts.push(methodTitle(method));
+  if (placement !== "all") parts.push(placementText(placement));
+  if (component) parts.push(`${metric.startsWith("improvement") ? "over " : ""}${methodTitle(component)}`);
+  return parts.join(metric.startsWith("improvement") ? " " : ", ");
 }
-const colorOf = (metric, role) => (roleText(metric, role) === "on edges" ? "c-genie" : ROLE_COLORS[role]);   // as in the figures
+// A placement's colour is no method's; with one method an improvement has the colour of what it is over.
+const colourOf = ([method, placement, component]) => (placement === "all" ? methodClass(placeOf(component) >= 0 ? component : method) : `p-${placement}`);
 const isShare = (metric) => METRICS.get(metric).unit === "1" && metric !== "confidence_boost";
 const unitOf = (metric) => (METRICS.get(metric).unit === "1" ? "" : METRICS.get(metric).unit);
 const readAs = (metric) => (value) => (isShare(metric) ? percent(value) : `${digits(value)} ${unitOf(metric)}`.trim());
 const bare = (metric) => (value) => (isShare(metric) ? percent(value) : digits(value));
 const titleOf = (metric) => (unitOf(metric) ? `${words(metric)} [${unitOf(metric)}]` : words(metric));
 const levelText = (level) => (typeof level === "number" ? digits(level, 6) : level);
+const foundAt = (values, metric, of, i) => values[metric]?.[of]?.map((column) => column[i]) ?? null;
 
 function showAbout() {
-  byId("version").textContent = ABOUT.genie_sim;
-  byId("name").textContent = ABOUT.name;
-  byId("description").textContent = ABOUT.description;
   const seeds = ABOUT.seeds.length > 5 ? `${ABOUT.seeds.length}` : ABOUT.seeds.join(", ");
-  const facts = { scenario: ABOUT.scenario, axes: DATA.axes.map((axis) => axis.column).join(", "), points: ABOUT.points.toLocaleString("en"),
-    seeds, runs: ABOUT.runs.toLocaleString("en") };
-  byId("about").replaceChildren(...Object.entries(facts).map(([name, value]) => make("div", {}, make("dt", {}, name), make("dd", {}, value))));
   table(byId("axes"), "Axes", ["axis", "sets", "values"], DATA.curves.map((curve, i) => {
     const shown = curve.levels.slice(0, 12).map(levelText).join(", ");
     const named = DATA.axes[i].of.join(", ") || "several settings, by name";
@@ -34,29 +31,28 @@ function showAbout() {
   }));
   const set = Object.entries(ABOUT.set);
   if (set.length) table(byId("set"), "Set at every point", ["setting", "value"], set.map(([path, value]) => [path, JSON.stringify(value)]));
-  byId("notes").replaceChildren(...[...DATA.notes, `Made by genie-sim ${ABOUT.genie_sim}. Every run is in runs.parquet, every point in ` +
-    "table.csv beside this page; versions are in sweep.json."].map((note) => make("li", {}, note)));
+  showFrame("a sweep", { scenario: ABOUT.scenario, axes: DATA.axes.map((axis) => axis.column).join(", "), points: ABOUT.points.toLocaleString("en"),
+    seeds, runs: ABOUT.runs.toLocaleString("en") },
+  "the tables beside this page. Every run is in runs.parquet, every point in table.csv; versions are in sweep.json.");
 }
 
 const intervals = ABOUT.seeds.length > 1 ? `means and 95 % intervals across ${ABOUT.seeds.length} seeds` : "one seed, so there are no intervals";
 
 function showCurves() {
-  const found = (values, metric, role, i) => (values[metric] && values[metric][role] ? values[metric][role].map((column) => column[i]) : null);
-  const dashes = [null, "7 3", "2 3", "9 3 2 3"];
   const render = () => {
     const metric = byId("metric").value, split = byId("split").value;
-    const roles = METRICS.get(metric).roles, kept = byId("role").value;
-    byId("role").replaceChildren(...roles.map((role) => option(role, roleText(metric, role))));
-    byId("role").value = roles.includes(kept) ? kept : roles.includes("genie") ? "genie" : roles[0];
-    byId("role-label").hidden = !split || roles.length < 2;
+    const { of } = METRICS.get(metric), kept = byId("series").value;
+    byId("series").replaceChildren(...of.map((_, i) => option(i, ofText(metric, i))));
+    byId("series").value = kept !== "" && kept < of.length ? kept : of.length - 1;
+    byId("series-label").hidden = !split || of.length < 2;
     byId("curves").replaceChildren();
     for (const curve of DATA.curves) {
       const lines = curve.lines.filter((one) => (split ? one.by === split : one.by === null));
       if (!lines.length) continue;
-      const points = (line, role) => curve.levels.map((level, i) => ({ x: curve.numeric ? level : i, found: found(line.values, metric, role, i) }));
-      const look = (i) => ({ dash: dashes[i % 4], hollow: i % 2 === 1, line: curve.numeric && !curve.sampled });
-      const series = split ? lines.map((line, i) => ({ ...look(i), name: `${split} ${levelText(line.level)}`, color: `c${i % 8}`, points: points(line, byId("role").value) }))
-        : roles.map((role, i) => ({ ...look(i), name: roleText(metric, role), color: colorOf(metric, role) || `c${i % 8}`, points: points(lines[0], role) }));
+      const points = (line, i) => curve.levels.map((level, place) => ({ x: curve.numeric ? level : place, found: foundAt(line.values, metric, i, place) }));
+      const look = (i) => ({ hollow: i % 2 === 1, line: curve.numeric && !curve.sampled });
+      const series = split ? lines.map((line, i) => ({ ...look(i), name: `${split} ${levelText(line.level)}`, color: `m${i % DATA.palette}`, points: points(line, byId("series").value) }))
+        : of.map((one, i) => ({ ...look(i), dash: one[1] === "edge" ? "7 3" : null, name: ofText(metric, i), color: colourOf(one), points: points(lines[0], i) }));
       const names = curve.numeric ? null : curve.levels;
       intervalChart(byId("curves").appendChild(make("div")), { title: `${titleOf(metric)} along ${curve.column}`, series,
         x: { names, log: curve.log, label: `${curve.column}${curve.log ? ", logarithmic" : ""}`, read: (value) => `${curve.column}: ${names ? names[value] : levelText(value)}` },
@@ -71,8 +67,8 @@ function showCurves() {
   byId("metric").replaceChildren(...DATA.metrics.map((one) => option(one.name, titleOf(one.name))));
   if (!DATA.metrics.length) { byId("along").hidden = true; return; }
   byId("metric").value = (DATA.metrics.find((one) => one.name === "object_reuse") || DATA.metrics[0]).name;
-  byId("metric").addEventListener("change", () => { byId("role").replaceChildren(); });
-  for (const id of ["metric", "split", "role"]) byId(id).addEventListener("change", render);
+  byId("metric").addEventListener("change", () => { byId("series").replaceChildren(); });
+  for (const id of ["metric", "split", "series"]) byId(id).addEventListener("change", render);
   render();
 }
 
@@ -80,19 +76,19 @@ function showTable() {
   const { points, levels, values } = DATA.table, main = DATA.metrics.filter((one) => one.main).map((one) => one.name);
   const render = () => {
     const chosen = byId("columns").value ? [byId("columns").value] : main;
-    const columns = chosen.flatMap((metric) => METRICS.get(metric).roles.map((role) => [metric, role]));
+    const columns = chosen.flatMap((metric) => METRICS.get(metric).of.map((_, i) => [metric, i]));
     const asked = byId("filter").value.toLowerCase().split(/\s+/).filter(Boolean);
     const rows = points.map((number, i) => i).filter((i) => {
       const text = levels.map((column) => levelText(column[i])).join(" ").toLowerCase();
       return asked.every((word) => text.includes(word));
     });
     byId("count").textContent = `${rows.length} of ${ABOUT.points}`;
-    const head = ["point", ...DATA.axes.map((axis) => axis.column), ...columns.map(([metric, role]) => `${titleOf(metric)}, ${roleText(metric, role)}`)];
+    const head = ["point", ...DATA.axes.map((axis) => axis.column), ...columns.map(([metric, i]) => `${titleOf(metric)}, ${ofText(metric, i)}`)];
     sortable(byId("table"), head, rows.map((i) => [
       { key: points[i], node: make("th", { scope: "row" }, String(points[i])) },
       ...levels.map((column) => ({ key: column[i], node: make("td", { class: "number" }, levelText(column[i])) })),
-      ...columns.map(([metric, role]) => {
-        const found = values[metric] && values[metric][role] ? values[metric][role].map((column) => column[i]) : null;
+      ...columns.map(([metric, of]) => {
+        const found = foundAt(values, metric, of, i);
         return { key: found ? found[0] : null, node: intervalCell(found, bare(metric)) };
       }),
     ]));
@@ -104,6 +100,6 @@ function showTable() {
   render();
 }
 
-showAbout();
 showCurves();
 showTable();
+showAbout();

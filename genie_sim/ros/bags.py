@@ -25,9 +25,9 @@ from genie_sim.perception.fingerprint import difference_hash
 from genie_sim.perception.geodesy import enu_SE3_enu
 from genie_sim.perception.placement import HALF_DEPTH_M, Placement
 from genie_sim.perception.trace import Trace, TraceFrame, detection, trace_frame
-from genie_sim.ros.bag_messages import NS_PER_S
-from genie_sim.ros.images import CHANNELS
+from genie_sim.ros.images import picture
 from genie_sim.ros.tf import Frames, Track, rotation
+from genie_sim.ros.typestore import stamp_ns as header_stamp_ns
 
 if TYPE_CHECKING:
     from genie_sim.perception.detector import Detector
@@ -114,7 +114,7 @@ def _frame(
     min_score: float,
 ) -> TraceFrame | None:
     """One picture perceived; ``None`` where nobody knows where it was taken. Its stamp is still the bag's."""
-    stamp_ns, frame_id = _stamp_ns(message.header), message.header.frame_id
+    stamp_ns, frame_id = header_stamp_ns(message.header), message.header.frame_id
     world_SE3_camera = place.at(frame_id, stamp_ns)
     if world_SE3_camera is None:
         return None
@@ -214,7 +214,7 @@ def _surroundings(reader: Any, detections: str | None) -> Surroundings:
                 place, turn = one.transform.translation, one.transform.rotation
                 step = rigid(rotation(turn.x, turn.y, turn.z, turn.w), (place.x, place.y, place.z))
                 parent, child = one.header.frame_id, one.child_frame_id
-                around.frames.heard(parent, child, _stamp_ns(one.header), step, topic.endswith("static"))
+                around.frames.heard(parent, child, header_stamp_ns(one.header), step, topic.endswith("static"))
         elif kind == CAMERA_INFO:
             projection = np.array(getattr(message, "P", None) if hasattr(message, "P") else message.p).reshape(3, 4)
             camera = np.array(message.K if hasattr(message, "K") else message.k).reshape(3, 3)
@@ -222,14 +222,14 @@ def _surroundings(reader: Any, detections: str | None) -> Surroundings:
         elif kind == FIX:
             fix = (message.latitude, message.longitude, message.altitude)
             if np.isfinite(fix).all():
-                around.fixes.append((_stamp_ns(message.header), fix, message.header.frame_id))
+                around.fixes.append((header_stamp_ns(message.header), fix, message.header.frame_id))
         elif kind == IMU:
             turn = message.orientation
             if turn.x or turn.y or turn.z or turn.w:
                 turned = rotation(turn.x, turn.y, turn.z, turn.w)
-                around.turns.append((_stamp_ns(message.header), turned, message.header.frame_id))
+                around.turns.append((header_stamp_ns(message.header), turned, message.header.frame_id))
         else:
-            around.seen[_stamp_ns(message.header)] = tuple(_objects(message, kind))
+            around.seen[header_stamp_ns(message.header)] = tuple(_objects(message, kind))
     return around
 
 
@@ -293,9 +293,9 @@ def _pictures(reader: Any, wanted: Wanted, scans: Sequence[str]) -> Iterator[tup
     chosen = [one for one in reader.connections if one.topic in names or one.topic in scans]
 
     def with_scan(image: Any) -> Any:
-        stamp_ns = _stamp_ns(image.header)
-        near = min(recent, key=lambda scan: abs(_stamp_ns(scan.header) - stamp_ns), default=None)
-        return near if near is not None and abs(_stamp_ns(near.header) - stamp_ns) <= SCAN_WITHIN_NS else None
+        stamp_ns = header_stamp_ns(image.header)
+        near = min(recent, key=lambda scan: abs(header_stamp_ns(scan.header) - stamp_ns), default=None)
+        return near if near is not None and abs(header_stamp_ns(near.header) - stamp_ns) <= SCAN_WITHIN_NS else None
 
     for connection, at_ns, raw in reader.messages(chosen):
         message = reader.deserialize(raw, connection.msgtype)
@@ -303,10 +303,10 @@ def _pictures(reader: Any, wanted: Wanted, scans: Sequence[str]) -> Iterator[tup
             waiting.append((at_ns, names[connection.topic], message))
         else:
             recent.append(message)
-        newest_ns = _stamp_ns(recent[-1].header) if recent else 0
+        newest_ns = header_stamp_ns(recent[-1].header) if recent else 0
         while waiting:
             since_ns, camera, image = waiting[0]
-            if scans and newest_ns < _stamp_ns(image.header) and at_ns - since_ns < WAIT_NS:
+            if scans and newest_ns < header_stamp_ns(image.header) and at_ns - since_ns < WAIT_NS:
                 break
             waiting.popleft()
             yield camera, image, with_scan(image)
@@ -315,26 +315,18 @@ def _pictures(reader: Any, wanted: Wanted, scans: Sequence[str]) -> Iterator[tup
 
 
 def _picture(path: Path, topic: str, message: Any) -> np.ndarray:
-    """An image message as (height, width, 3) bytes, blue, green, red."""
+    """An image message, compressed or not, as (height, width, 3) bytes: blue, green, red."""
     import cv2
 
-    if not hasattr(message, "encoding"):
-        image = cv2.imdecode(np.frombuffer(bytes(message.data), np.uint8), cv2.IMREAD_COLOR)
-        if image is None:
-            raise UserError(f"{path}: {topic}: a compressed image that cannot be read ({message.format})")
-        return image
-    encoding, width, height = message.encoding, message.width, message.height
-    if encoding not in CHANNELS:
-        raise UserError(f"{path}: {topic}: {unknown('image encoding', encoding, CHANNELS)}")
-    channels = CHANNELS[encoding]
-    if len(message.data) < height * message.step or message.step < width * channels:
-        raise UserError(f"{path}: {topic}: an image of {width}x{height} with {len(message.data)} bytes")
-    rows = np.frombuffer(bytes(message.data), np.uint8, height * message.step).reshape(height, message.step)
-    pixels = np.ascontiguousarray(rows[:, : width * channels]).reshape(height, width, channels)
-    if channels == 1:
-        return cv2.cvtColor(pixels, cv2.COLOR_GRAY2BGR)
-    pixels = pixels[:, :, :3]
-    return np.ascontiguousarray(pixels[:, :, ::-1] if encoding.startswith("rgb") else pixels)
+    if hasattr(message, "encoding"):
+        try:
+            return picture(message)
+        except (ValueError, UserError) as error:
+            raise UserError(f"{path}: {topic}: {error}") from error
+    image = cv2.imdecode(np.frombuffer(bytes(message.data), np.uint8), cv2.IMREAD_COLOR)
+    if image is None:
+        raise UserError(f"{path}: {topic}: a compressed image that cannot be read ({message.format})")
+    return image
 
 
 def _points(path: Path, cloud: Any) -> Array:
@@ -358,10 +350,6 @@ def _points(path: Path, cloud: Any) -> Array:
     read = np.frombuffer(data, layout, cloud.width * cloud.height)
     points: Array = np.column_stack([read[name] for name in names]).astype(np.float64)
     return points[np.isfinite(points).all(axis=1)]
-
-
-def _stamp_ns(header: Any) -> int:
-    return int(header.stamp.sec) * NS_PER_S + int(header.stamp.nanosec)
 
 
 def _numbered(path: Path, made: Mapping[str, list[TraceFrame]]) -> dict[str, tuple[TraceFrame, ...]]:

@@ -26,8 +26,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from genie_sim.errors import UserError, unknown
 from genie_sim.paths import whole_file
 from genie_sim.recording import provenance
-from genie_sim.ros import bag_messages
-from genie_sim.ros.bag_messages import NS_PER_S, TF, typestore
+from genie_sim.ros import typestore as messages
+from genie_sim.ros.typestore import TF, typestore
+from genie_sim.units import NS_PER_S
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -86,7 +87,7 @@ class _Messages:
         self._run = run
         self._ros = ros
         self._store = store
-        self._make: Callable[..., Any] = partial(bag_messages.message, store)
+        self._make: Callable[..., Any] = partial(messages.message, store)
 
     def __iter__(self) -> Iterator[Entry]:
         yield from self._poses()
@@ -196,10 +197,10 @@ class _Messages:
         return self._make("geometry_msgs/msg/Quaternion", z=math.sin(half), w=math.cos(half))
 
     def _header(self, t_ns: int, frame: str = MAP_FRAME) -> Any:
-        return bag_messages.header(self._store, _ros_ns(t_ns), frame)
+        return messages.header(self._store, _ros_ns(t_ns), frame)
 
     def _time(self, t_ns: int) -> Any:
-        return bag_messages.time(self._store, _ros_ns(t_ns))
+        return messages.time(self._store, _ros_ns(t_ns))
 
 
 def _rows(table: pd.DataFrame) -> Iterator[Any]:

@@ -17,7 +17,6 @@ The ``_remote`` topics are also ordinary topics of the own master.
 
 from __future__ import annotations
 
-import logging
 import threading
 from collections import OrderedDict
 from collections.abc import Callable, Hashable
@@ -28,10 +27,8 @@ from genie_sim.core.node import GenieNode
 from genie_sim.messages import CameraPose, Header, Observation, Publish
 from genie_sim.ros.message import RosMessage
 
-log = logging.getLogger(__name__)
 LOCAL, REMOTE = "_local", "_remote"  # "-" is not legal in the names of real ROS
 OUTSTANDING = 10_000  # requests remembered at most, where they never expire
-
 
 
 class Peer(NamedTuple):
@@ -120,7 +117,7 @@ class Gateway:
             self._arrived(topic, message, now_ns, sender)
 
     def from_link(self, peer: Peer, topic: str, message: RosMessage, now_ns: int) -> None:
-        """A message of an authenticated Genie. What it has no right to say is dropped."""
+        """A message of an authenticated Genie. Raises ValueError, and does nothing, where it has no right to say so."""
         origin = message.header.origin
         with self._lock:
             if self._role == "car" and peer.role == "edge" and topic in self._answers and origin == self.genie.name:
@@ -133,7 +130,7 @@ class Gateway:
             ):
                 self._arrived(topic, message, now_ns, peer.name)
             else:
-                log.warning("dropped a message on %s that %s %s may not send", topic, peer.role, peer.name)
+                raise ValueError(f"{peer.role} {peer.name} may not send {topic} for {origin}")
 
     def on_timer(self, now_ns: int) -> None:
         """To be called a few times a second: forgets what nobody answered."""

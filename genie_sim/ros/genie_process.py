@@ -1,4 +1,4 @@
-"""What the Genie's processes of ROS 1 and ROS 2 have in common: how they begin, how they end, and their links."""
+"""What the Genie's processes of ROS 1 and ROS 2 share: how they begin, serve messages, and end."""
 
 from __future__ import annotations
 
@@ -7,59 +7,96 @@ import signal
 import sys
 import threading
 import time
+from abc import ABC, abstractmethod
 from collections.abc import Callable
-from typing import Any
 
 from genie_sim.errors import UserError
-from genie_sim.ros.gateway import Gateway, NoLinks
-from genie_sim.ros.message import Codec, WireType
-from genie_sim.ros.plan import Plan
+from genie_sim.ros.codec import Codec, codec_of
+from genie_sim.ros.gateway import LOCAL, REMOTE, NoLinks, Peer, View
+from genie_sim.ros.link import TlsLinks
+from genie_sim.ros.message import RosMessage
+from genie_sim.ros.plan import Plan, Recorder, make_gateway
+from genie_sim.ros.poses import Poses
 
+log = logging.getLogger(__name__)
+QUEUE_LENGTH = 10  # between a Genie and its own node; the node's own queue decides what is dropped
 TICK_S = 0.1
 POLL_S = 0.02
 FIRST_WORD_S = 5.0  # some nodes announce a topic when they first publish on it; those are not waited for any longer
 
 
-class GenieProcess:
+class GenieProcess(ABC):
     """A Genie that runs until ``ended`` is set; ``failure`` says why, if it did not end as asked."""
 
-    def __init__(self) -> None:
+    def __init__(self, plan: Plan, ros: int) -> None:
         self.ended = threading.Event()
         self.failure: UserError | None = None
+        self.plan = plan
+        self.codecs: dict[str, Codec] = {topic: codec_of(kind, ros) for topic, kind in plan.types.items()}
+        self._poses = Poses(ros)
+        self._links = TlsLinks(plan, self.codecs.get) if plan.listen or plan.connect else NoLinks()
+        known = [self.codecs[topic] for topic in plan.answers if topic in self.codecs]
+        objects = next((codec for codec in known if codec.holds_objects), None)
+        self.gateway = make_gateway(plan, self.publish, Recorder(plan.record), self._links, objects)
 
     def start(self) -> None:
-        """Makes everything that listens and speaks; returns at once."""
-        raise NotImplementedError
+        """Publishers first, then subscribers, then the links; returns at once."""
+        self.connect()
+        threading.Thread(target=self._tick, daemon=True).start()
+        self._links.start(self._from_link)
 
+    @abstractmethod
+    def connect(self) -> None:
+        """Makes everything that listens and speaks in ROS; returns at once."""
+
+    @abstractmethod
+    def publish(self, topic: str, message: RosMessage) -> None:
+        """Publishes a message, unless the topic's type is another one."""
+
+    @abstractmethod
     def heard(self) -> bool:
         """Does the node hear the requests?"""
-        raise NotImplementedError
 
+    @abstractmethod
     def hears(self) -> bool:
         """Are the node's answers heard?"""
-        raise NotImplementedError
 
+    @abstractmethod
     def stop(self) -> None:
         """Takes leave of ROS."""
-        raise NotImplementedError
+
+    def from_ros(self, topic: str, payload: bytes, codec: Codec, sender: str) -> None:
+        """A message of the own network. One that cannot be read is dropped."""
+        answer = topic.removesuffix(LOCAL).removesuffix(REMOTE) in self.plan.answers
+        try:
+            message = RosMessage.of(payload, codec, self.plan.name, answer)
+            view = View(self._poses.at(message.header.stamp_ns), self.plan.horizontal_fov_rad)
+            self.gateway.from_ros(topic, message, time.monotonic_ns(), sender, view)
+        except ValueError as error:
+            log.warning("%s: dropped a message: %s", topic, error)
+        except UserError as error:
+            self.fail(error)
+
+    def from_pose_topic(self, type_name: str, payload: bytes) -> None:
+        """A message of the pose topic."""
+        try:
+            self._poses.heard(type_name, payload)
+        except ValueError as error:
+            log.warning("%s: dropped a pose: %s", self.plan.pose_topic, error)
+        except UserError as error:
+            self.fail(error)
 
     def fail(self, error: UserError) -> None:
+        """Ends the process; ``attach`` says why."""
         self.failure = error
         self.ended.set()
 
-    def tick(self, gateway: Gateway) -> None:
-        """A thread that lets requests expire."""
+    def _from_link(self, peer: Peer, topic: str, message: RosMessage) -> None:
+        self.gateway.from_link(peer, topic, message, time.monotonic_ns())
+
+    def _tick(self) -> None:
         while not self.ended.wait(TICK_S):
-            gateway.on_timer(time.monotonic_ns())
-
-
-def open_links(plan: Plan, codec_of: Callable[[WireType], Codec]) -> Any:
-    """The links of a plan. Raises UserError for a key or an address that cannot be used."""
-    if not plan.listen and not plan.connect:
-        return NoLinks()
-    from genie_sim.ros.link import TcpLinks
-
-    return TcpLinks(plan, codec_of)
+            self.gateway.on_timer(time.monotonic_ns())
 
 
 def run(make: Callable[[Plan], GenieProcess]) -> None:
@@ -99,9 +136,18 @@ def _until_orphaned(ended: threading.Event) -> None:
         ended.set()
 
 
+class OneLine(logging.Formatter):
+    """A message in one line, whatever it quotes."""
+
+    def format(self, record: logging.LogRecord) -> str:
+        text = super().format(record)
+        return "".join(sign if sign.isprintable() else sign.encode("unicode_escape").decode() for sign in text)
+
+
 def _log_to_stderr() -> None:
     """rospy takes the root logger for its own files."""
-    ours = logging.getLogger("genie_sim")
-    ours.addHandler(logging.StreamHandler())
+    ours, handler = logging.getLogger("genie_sim"), logging.StreamHandler()
+    handler.setFormatter(OneLine())
+    ours.addHandler(handler)
     ours.setLevel(logging.INFO)
     ours.propagate = False

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 from typing import Protocol
 
 from genie_sim.errors import UserError, unknown
-from genie_sim.ros.message import WireType
+from genie_sim.ros.codec import WireType
 from genie_sim.ros.process import NodeProcess
 
 
@@ -34,16 +34,16 @@ class Graph(Protocol):
 
 
 def choose(
-    graph: Graph, node: str, wanted: Sequence[str], leave: Sequence[str]
+    graph: Graph, node: str, asked_for: Sequence[str], leave: Sequence[str]
 ) -> tuple[list[str], list[str], dict[str, WireType]]:
     """The topics that the Genie takes over: requests, answers, and the types of both as far as they are known.
 
-    Requests are the topics ``wanted``, else every one whose messages have a header. A node that joins several inputs by
-    stamp needs all of them or none, so that only one may go through the Genie; its other topics stay as they are. Where
-    it is not clear which, and it is not the only one with images, a UserError asks.
+    Requests are the topics ``asked_for``, else every one whose messages have a header. A node that joins several inputs
+    by stamp needs all of them or none, so that only one may go through the Genie; its other topics stay as they are.
+    Where it is not clear which, and it is not the only one with images, a UserError asks.
     """
     subscribed, published = graph.topics_of(node)
-    for topic in (*wanted, *leave):
+    for topic in (*asked_for, *leave):
         if topic not in (*subscribed, *published):
             raise UserError(f"{node}: {unknown('topic', topic, [*subscribed, *published])}")
     types = graph.types([*subscribed, *published])
@@ -52,8 +52,8 @@ def choose(
         left = [topic for topic in topics if topic not in leave]
         return [topic for topic in left if topic not in types or graph.has_header(types[topic])]
 
-    requests, answers = list(wanted) or usable(subscribed), usable(published)
-    if len(requests) > 1 and not wanted:
+    requests, answers = list(asked_for) or usable(subscribed), usable(published)
+    if len(requests) > 1 and not asked_for:
         images = [topic for topic in requests if topic in types and types[topic].name == graph.image_type]
         if len(images) != 1:
             raise UserError(f"{node}: which topic carries the requests? It subscribes to {', '.join(requests)}")

@@ -1,32 +1,29 @@
-"""The difference hash of a ``sensor_msgs/Image``; equal to the one in a perception trace."""
+"""The pixels of a ``sensor_msgs/Image``."""
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
-from genie_sim.errors import UserError
+from genie_sim.errors import UserError, unknown
 
 CHANNELS = {"mono8": 1, "8UC1": 1, "bgr8": 3, "8UC3": 3, "rgb8": 3, "bgra8": 4, "8UC4": 4, "rgba8": 4}
 
 
-def difference_hash(height: int, width: int, encoding: str, step: int, data: bytes) -> int:
-    """64-bit dHash: of the grey picture shrunk to 9x8, one bit for each pixel brighter than its left neighbour.
+def picture(message: Any) -> np.ndarray:
+    """An image message as (height, width, 3) bytes: blue, green, red.
 
-    Raises UserError for an encoding that has no plain grey value, ValueError for data too short for the image.
+    Raises UserError for an encoding that has no plain colours, ValueError for data too short for the image.
     """
-    import cv2
-
+    encoding, width, height, step = message.encoding, message.width, message.height, message.step
     if encoding not in CHANNELS:
-        raise UserError(f"dhash: no hash for images encoded {encoding!r}; known: {', '.join(sorted(CHANNELS))}")
+        raise UserError(unknown("image encoding", encoding, CHANNELS))
     channels = CHANNELS[encoding]
-    if len(data) < height * step or step < width * channels or not (height and width):
-        raise ValueError(f"an image of {width}x{height} with {len(data)} bytes")
-    rows = np.frombuffer(data, np.uint8, height * step).reshape(height, step)[:, : width * channels]
-    picture = rows.reshape(height, width, channels)
+    if len(message.data) < height * step or step < width * channels or not (height and width):
+        raise ValueError(f"an image of {width}x{height} with {len(message.data)} bytes")
+    rows = np.frombuffer(bytes(message.data), np.uint8, height * step).reshape(height, step)
+    pixels = rows[:, : width * channels].reshape(height, width, channels)
     if channels == 1:
-        grey = np.ascontiguousarray(picture[:, :, 0])
-    else:
-        code = cv2.COLOR_RGB2GRAY if encoding.startswith("rgb") else cv2.COLOR_BGR2GRAY
-        grey = cv2.cvtColor(np.ascontiguousarray(picture[:, :, :3]), code)
-    small = cv2.resize(grey, (9, 8), interpolation=cv2.INTER_AREA).astype(np.int16)
-    return int.from_bytes(np.packbits(small[:, 1:] > small[:, :-1]).tobytes(), "big")
+        return np.repeat(pixels, 3, axis=2)
+    return np.ascontiguousarray(pixels[:, :, 2::-1] if encoding.startswith("rgb") else pixels[:, :, :3])

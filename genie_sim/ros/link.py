@@ -1,73 +1,60 @@
-"""TCP links between Genies: one process a master, joined by authenticated connections that come back after cuts."""
+"""TLS links between Genies: each side shows a certificate, and connections come back after cuts."""
 
 from __future__ import annotations
 
-import contextlib
 import logging
+import random
 import socket
-import struct
+import ssl
 import threading
 import time
-from collections import deque
-from collections.abc import Callable
 
 from genie_sim.errors import UserError
-from genie_sim.ros.gateway import Peer
-from genie_sim.ros.message import Codec, RosMessage, WireType
+from genie_sim.ros.certificates import NAME, Credentials, Refused, check, reason
+from genie_sim.ros.connection import Connection, OnMessage
+from genie_sim.ros.gateway import REMOTE, Peer
+from genie_sim.ros.lobby import BACKLOG, HANDSHAKE_S, Lobby
+from genie_sim.ros.message import RosMessage
 from genie_sim.ros.plan import Plan
-from genie_sim.ros.wire import (
-    LENGTH,
-    MAX_FRAME_BYTES,
-    MAX_GREETING_BYTES,
-    PING,
-    Handshake,
-    Reader,
-    Refused,
-    Session,
-    Writer,
-    frame_length,
-    read_key,
-)
+from genie_sim.ros.wire import CodecOf
 
 log = logging.getLogger(__name__)
-GREETING_S = 5.0  # for the whole handshake
-PING_S = 1.0
-SILENCE_S = 5  # after which a link counts as cut
-RETRY_S = (0.2, 5.0)  # first and longest wait before dialling again
-STRANGERS = 16  # connections that have not proved the key yet, at a time
-QUEUE_LENGTH = 10  # messages a slow link holds; the oldest goes first
-
-CodecOf = Callable[[WireType], Codec]
-OnMessage = Callable[[Peer, str, RosMessage], None]
+RETRY_S = (0.2, 1.5)  # first and longest wait before dialling again
+WARNINGS_PER_S = 20  # a stranger must not fill a disk
 
 
-class TcpLinks:
+class TlsLinks:
     """All links of one Genie. Raises UserError for a key or an address that cannot be used."""
 
     def __init__(self, plan: Plan, codec_of: CodecOf) -> None:
         assert plan.key_file is not None
-        self._key = read_key(plan.key_file)
+        self._credentials = Credentials(plan.key_file)
         self._me = Peer(plan.name, plan.role)
+        if self._credentials.owner != self._me:
+            name, role = self._credentials.owner
+            raise UserError(f"{plan.key_file}: key: of {role} {name}; this Genie is {plan.role} {plan.name}")
         self._codec_of = codec_of
+        self._requests = frozenset(topic + REMOTE for topic in plan.requests)
         self._connections: dict[str, Connection] = {}
         self._lock = threading.Lock()
-        self._strangers = threading.BoundedSemaphore(STRANGERS)
+        self._warn = _Warnings()
         self._closed = threading.Event()
-        self._others = [_address(text) for text in plan.connect]
-        self._listener: socket.socket | None = None
+        self._others = [_named_address(text) for text in plan.connect]
+        self._lobby: Lobby | None = None
         if plan.listen is not None:
             try:
-                self._listener = socket.create_server(_address(plan.listen))
+                listener = socket.create_server(_address(plan.listen), backlog=BACKLOG)
             except OSError as error:
                 raise UserError(f"link: cannot listen on {plan.listen}: {error.strerror}") from error
+            self._lobby = Lobby(listener, self._credentials.listening, self._admit, self._warn)
 
     def start(self, on_message: OnMessage) -> None:
-        """From now on ``on_message`` is called, from several threads."""
+        """From now on ``on_message`` is called, from several threads; what it raises is logged."""
         self._on_message = on_message
-        if self._listener is not None:
-            threading.Thread(target=self._accept, args=(self._listener,), daemon=True).start()
-        for address in self._others:
-            threading.Thread(target=self._keep_dialling, args=(address,), daemon=True).start()
+        if self._lobby is not None:
+            self._lobby.start()
+        for other in self._others:
+            threading.Thread(target=self._keep_dialling, args=other, daemon=True).start()
 
     def peers(self) -> list[Peer]:
         with self._lock:
@@ -81,171 +68,103 @@ class TcpLinks:
 
     def close(self) -> None:
         self._closed.set()
-        if self._listener is not None:
-            with contextlib.suppress(OSError):
-                self._listener.shutdown(socket.SHUT_RDWR)  # wakes the thread that accepts
-            self._listener.close()
+        if self._lobby is not None:
+            self._lobby.close()
         with self._lock:
             connections = list(self._connections.values())
         for connection in connections:
             connection.close()
 
-    def _accept(self, listener: socket.socket) -> None:
-        while not self._closed.is_set():
-            self._strangers.acquire()
-            try:
-                sock, address = listener.accept()
-            except OSError:  # closed
-                return
-            threading.Thread(target=self._serve, args=(sock, address), daemon=True).start()
+    def _admit(self, sock: ssl.SSLSocket, where: str) -> None:
+        threading.Thread(target=self._serve, args=(sock, where), daemon=True).start()
 
-    def _serve(self, sock: socket.socket, address: object) -> None:
+    def _serve(self, sock: ssl.SSLSocket, where: str) -> None:
         try:
-            connection = self._meet(sock, dialling=False)
-        finally:
-            self._strangers.release()
-        if connection is None:
-            log.warning("link: refused %s", address)
-        else:
-            self._run(connection)
+            self._hold(sock, None)
+        except Exception as error:
+            self._warn(f"link: refused {where}: {reason(error)}")
 
-    def _keep_dialling(self, address: tuple[str, int]) -> None:
-        wait_s = RETRY_S[0]
+    def _keep_dialling(self, name: str, address: tuple[str, int]) -> None:
+        wait_s, said = RETRY_S[0], ""
         while not self._closed.is_set():
-            with contextlib.suppress(OSError):
-                connection = self._meet(socket.create_connection(address, timeout=GREETING_S), dialling=True)
-                if connection is not None:
-                    wait_s = RETRY_S[0]
-                    self._run(connection)
-            self._closed.wait(wait_s)
+            try:
+                if name not in self._connections:  # the other one may have dialled us
+                    self._hold(self._dialled(address), name)
+                    wait_s, said = RETRY_S[0], ""
+            except Exception as error:  # whatever it was: dial again
+                if reason(error) != said:
+                    said = reason(error)
+                    self._warn(f"link: {name}@{address[0]}:{address[1]}: {said}")
+            self._closed.wait(wait_s * random.uniform(0.5, 1.0))  # so that two who dial each other do not meet for ever
             wait_s = min(2 * wait_s, RETRY_S[1])
 
-    def _meet(self, sock: socket.socket, dialling: bool) -> Connection | None:
-        """The connection, once the other side has proved the key; else the socket is closed."""
-        try:
-            sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-            peer, session = _shake_hands(sock, Handshake(self._key, self._me, dialling), dialling)
-            return Connection(sock, peer, session, self._codec_of)
-        except (Refused, OSError) as error:
-            log.warning("link: %s", error)
-            sock.close()
-            return None
+    def _dialled(self, address: tuple[str, int]) -> ssl.SSLSocket:
+        with socket.create_connection(address, timeout=HANDSHAKE_S) as sock:  # TLS takes the socket over
+            return self._credentials.dialling.wrap_socket(sock)
 
-    def _run(self, connection: Connection) -> None:
-        """Serves a connection until it is cut. A newer one of the same Genie takes an older one's place."""
+    def _hold(self, sock: ssl.SSLSocket, expected: str | None) -> None:
+        """Serves a connection from its handshake to its end. Raises why it did not come about."""
+        with sock:
+            sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            connection = Connection(sock, self._requests, self._warn)
+            check(connection.peer, self._me, expected)
+            try:
+                connection.run(self._codec_of, self._on_message, self._up)
+            except Exception as error:
+                if not connection.up:
+                    raise
+                log.info("link: %s is cut: %s", connection.peer.name, reason(error))
+            finally:
+                with self._lock:
+                    if self._connections.get(connection.peer.name) is connection:
+                        del self._connections[connection.peer.name]
+
+    def _up(self, connection: Connection) -> None:
+        """A connection counts from its first frame on: a dialler is through before the listener has seen who it is.
+
+        It takes the place of an older one of the same certificate. Raises Refused beside one of another certificate.
+        """
+        name, role = connection.peer
         with self._lock:
-            older = self._connections.get(connection.peer.name)
-            self._connections[connection.peer.name] = connection
+            older = self._connections.get(name)
+            if older is not None and older.certificate != connection.certificate:
+                raise Refused(f"{role} {name} is connected with another certificate")
+            self._connections[name] = connection
         if older is not None:
             older.close()
-        log.info("link: %s %s is connected", *reversed(connection.peer))
-        try:
-            connection.run(self._on_message)
-        finally:
-            with self._lock:
-                if self._connections.get(connection.peer.name) is connection:
-                    del self._connections[connection.peer.name]
-            log.info("link: %s is cut", connection.peer.name)
+        log.info("link: %s %s is connected", role, name)
 
 
-class Connection:
-    """An authenticated connection: one thread reads, one writes."""
+class _Warnings:
+    """Log lines, so many a second; the next one counts those that were left out."""
 
-    def __init__(self, sock: socket.socket, peer: Peer, session: Session, codec_of: CodecOf) -> None:
-        self.peer = peer
-        self._sock = sock
-        self._session = session
-        self._codec_of = codec_of
-        self._waiting: deque[tuple[str, RosMessage]] = deque(maxlen=QUEUE_LENGTH)
-        self._changed = threading.Condition()
-        self._closed = False
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._second, self._written, self._left_out = 0, 0, 0
 
-    def send(self, topic: str, message: RosMessage) -> None:
-        with self._changed:
-            self._waiting.append((topic, message))
-            self._changed.notify()
-
-    def close(self) -> None:
-        with self._changed:
-            self._closed = True
-            self._changed.notify()
-        with contextlib.suppress(OSError):
-            self._sock.shutdown(socket.SHUT_RDWR)
-
-    def run(self, on_message: OnMessage) -> None:
-        """Reads until the connection ends, however it does."""
-        threading.Thread(target=self._write, daemon=True).start()
-        reader = Reader(self._codec_of)
-        try:
-            self._sock.settimeout(None)  # the kernel's timeouts count from the last byte, Python's from the first
-            for side in (socket.SO_RCVTIMEO, socket.SO_SNDTIMEO):
-                self._sock.setsockopt(socket.SOL_SOCKET, side, struct.pack("@ll", SILENCE_S, 0))
-            while True:
-                length = frame_length(_read(self._sock, LENGTH.size), MAX_FRAME_BYTES)
-                found = reader.message(self._session.open(_read(self._sock, length)))
-                if found is not None:
-                    on_message(self.peer, *found)
-        except Refused as error:
-            log.warning("link: %s: %s", self.peer.name, error)
-        except OSError as error:
-            log.info("link: %s: %s", self.peer.name, error)
-        finally:
-            self.close()
-            self._sock.close()
-
-    def _write(self) -> None:
-        writer = Writer()
-        try:
-            while True:
-                with self._changed:
-                    if not self._waiting and not self._closed:
-                        self._changed.wait(PING_S)
-                    if self._closed:
-                        return
-                    following = self._waiting.popleft() if self._waiting else None
-                for body in [PING] if following is None else writer.bodies(*following):
-                    self._sock.sendall(self._session.seal(body))
-        except OSError:
-            self.close()
-
-
-def _shake_hands(sock: socket.socket, handshake: Handshake, dialling: bool) -> tuple[Peer, Session]:
-    deadline = time.monotonic() + GREETING_S
-
-    def say(text: bytes) -> None:
-        sock.sendall(LENGTH.pack(len(text)) + text)
-
-    def hear() -> bytes:
-        return _read(sock, frame_length(_read(sock, LENGTH.size, deadline), MAX_GREETING_BYTES), deadline)
-
-    if dialling:
-        say(handshake.greeting)
-        peer = handshake.meet(hear())
-        say(handshake.proof())
-        return peer, handshake.check(hear())
-    peer = handshake.meet(hear())
-    say(handshake.greeting)
-    session = handshake.check(hear())
-    say(handshake.proof())
-    return peer, session
-
-
-def _read(sock: socket.socket, length: int, deadline: float | None = None) -> bytes:
-    """Exactly ``length`` bytes. Raises OSError when the connection ends, falls silent or the deadline passes."""
-    buffer = bytearray(length)
-    view, got = memoryview(buffer), 0
-    while got < length:
-        if deadline is not None:
-            sock.settimeout(max(deadline - time.monotonic(), 0.001))
-        count = sock.recv_into(view[got:])
-        if count == 0:
-            raise ConnectionResetError("the connection was closed")
-        got += count
-    return bytes(buffer)
+    def __call__(self, text: str) -> None:
+        with self._lock:
+            second = int(time.monotonic())
+            if second != self._second:
+                self._second, self._written = second, 0
+            if self._written >= WARNINGS_PER_S:
+                self._left_out += 1
+                return
+            more = f" (and {self._left_out} more lines like this)" if self._left_out else ""
+            self._written, self._left_out = self._written + 1, 0
+        log.warning("%s%s", text, more)
 
 
 def _address(text: str) -> tuple[str, int]:
     host, colon, port = text.rpartition(":")
-    if not colon or not port.isdigit() or int(port) > 65535:
+    if not colon or not port.isdecimal() or int(port) > 65535:
         raise UserError(f"link: {text!r} is no address; write host:port")
     return host, int(port)
+
+
+def _named_address(text: str) -> tuple[str, tuple[str, int]]:
+    """``edge1@192.168.0.7:7411``."""
+    name, at, address = text.partition("@")
+    if not at or not NAME.fullmatch(name):
+        raise UserError(f"link: {text!r} does not say whom to connect to; write name@host:port")
+    return name, _address(address)

@@ -6,65 +6,9 @@ import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, NamedTuple, Protocol
 
-from genie_sim.messages import Box, CameraPose, Detection, Header, Location
-
-
-class WireType(NamedTuple):
-    """A message type as a connection header states it. ROS 2 states the name only."""
-
-    name: str
-    md5sum: str = ""
-    definition: str = ""
-
-
-class Codec(Protocol):
-    """How messages of one type are laid out by one middleware. ``ValueError``: the bytes are no such message."""
-
-    type: WireType
-    holds_objects: bool
-
-    def stamp(self, payload: bytes) -> tuple[int, str]:
-        """Stamp [ns] and frame of the message's header."""
-
-    def restamped(self, payload: bytes, stamp_ns: int, frame_id: str, seq: int | None = None) -> bytes:
-        """The message under another header. ``seq`` numbers it where headers have a number."""
-
-    def content(self, payload: bytes) -> bytes:
-        """What is behind the header: equal for equal messages taken at different times."""
-
-    def dhash(self, payload: bytes) -> int:
-        """The 64-bit difference hash of an image."""
-
-    def objects(self, payload: bytes) -> tuple[Detection, ...] | None:
-        """The objects of an answer, ``None`` for a type that holds none."""
-
-    def with_objects(self, payload: bytes, header: Header, objects: Sequence[Detection]) -> bytes:
-        """The message with other objects; ``payload`` may be empty."""
-
-
-class RosObject(Detection):
-    """A detection that remembers the ROS object it was read from (``raw``), so that no field of it gets lost."""
-
-    raw: Any
-
-    def __new__(
-        cls,
-        label: str,
-        score: float,
-        box: Box | None,
-        location: Location | None,
-        confidence: float,
-        method: str,
-        raw: Any,
-    ) -> RosObject:
-        made = super().__new__(cls, label, score, box, location, confidence, method)
-        made.raw = raw
-        return made
-
-    def with_confidence(self, confidence: float) -> RosObject:
-        return RosObject(self.label, self.score, self.box, self.location, confidence, self.method, self.raw)
+from genie_sim.messages import CameraPose, Detection, Header
+from genie_sim.ros.codec import Codec
 
 
 @dataclass(frozen=True)

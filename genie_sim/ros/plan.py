@@ -12,8 +12,9 @@ from genie_sim.core.rules import GenieRules
 from genie_sim.core.similarity import SIMILARITIES
 from genie_sim.errors import UserError, unknown
 from genie_sim.messages import Detection, Forgotten, Header, Observation
+from genie_sim.ros.codec import Codec, WireType
 from genie_sim.ros.gateway import LOCAL, REMOTE, Gateway, Links
-from genie_sim.ros.message import Codec, RosMessage, WireType
+from genie_sim.ros.message import RosMessage
 from genie_sim.scenario.genie import read_genie
 
 # Where a robot is at stake: equal bytes only, and nothing that the node says is withheld. A scenario's settings win.
@@ -26,8 +27,9 @@ class Plan:
     """``requests`` and ``answers`` are T_S and T_P as far as the Genie takes them over; ``types`` what is known.
 
     ``settings`` are a scenario's ``genie:`` mapping. ``pose_topic`` (PoseStamped or Odometry) says where the camera
-    is, ``horizontal_fov_rad`` how wide it sees. ``listen`` and ``connect`` are ``host:port`` of links to other Genies,
-    whose shared key is in ``key_file``. ``record`` names a file for every look-up, one JSON object a line.
+    is, ``horizontal_fov_rad`` how wide it sees. Links: this Genie listens at ``host:port`` and connects to
+    ``name@host:port``; ``key_file`` proves who it is (``genie-sim keys``). ``record`` names a file for every look-up,
+    one JSON object a line.
     """
 
     node: str
@@ -50,9 +52,8 @@ class Plan:
     @classmethod
     def from_json(cls, text: str) -> Plan:
         data = json.loads(text)
-        types = {topic: WireType(*fields) for topic, fields in data.pop("types").items()}
-        topics = {name: tuple(data.pop(name)) for name in ("requests", "answers", "connect")}
-        return cls(types=types, **topics, **data)
+        data["types"] = {topic: WireType(*fields) for topic, fields in data["types"].items()}
+        return cls(**data | {name: tuple(data[name]) for name in ("requests", "answers", "connect")})
 
 
 def checked_settings(settings: Mapping[str, Any], pose_topic: str | None) -> GenieRules:
@@ -69,7 +70,7 @@ def check(plan: Plan) -> None:
     if plan.role not in ROLES:
         raise UserError(unknown("role", plan.role, ROLES))
     if (plan.listen or plan.connect) and plan.key_file is None:
-        raise UserError("link: a link to another Genie needs a file with the shared key")
+        raise UserError("link: a link to another Genie needs a key file: genie-sim keys peer NAME --role ROLE")
     if plan.listen and plan.role == "car":
         raise UserError("link: a car connects to its edge and does not listen")
 

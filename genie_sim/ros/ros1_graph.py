@@ -11,10 +11,9 @@ from typing import Any
 from urllib.parse import urlparse
 
 from genie_sim.errors import UserError, unknown
+from genie_sim.ros.codec import WireType, begins_with_header
 from genie_sim.ros.gateway import LOCAL
-from genie_sim.ros.message import WireType
 from genie_sim.ros.process import NodeProcess, listens_on
-from genie_sim.ros.ros1_codec import begins_with_header
 
 CALLER = "/genie_attach"
 NEVER = ("/rosout", "/rosout_agg", "/clock", "/tf", "/tf_static", "/diagnostics")  # infrastructure, not data
@@ -52,11 +51,11 @@ class Graph:
         """Raises UserError if the node runs on another machine, in another container, or as another user."""
         import rosgraph.network
 
-        uri = urlparse(self._master.lookupNode(node))
+        uri = urlparse(str(self._master.lookupNode(node)))
         if uri.hostname is None or uri.port is None or not rosgraph.network.is_local_address(uri.hostname):
             raise UserError(f"{node}: runs on {uri.hostname}; attach there")
         try:
-            pid = xmlrpc.client.ServerProxy(uri.geturl()).getPid(CALLER)[2]
+            pid = _node_at(uri.geturl()).getPid(CALLER)[2]
         except OSError as error:
             raise UserError(f"{node}: does not answer ({error.strerror}); is it still there?") from error
         process = NodeProcess.of(pid)
@@ -71,7 +70,7 @@ class Graph:
         found = {}
         names = dict(self._master.getTopicTypes())
         for topic in topics:
-            publishers = next((nodes for name, nodes in self._publishers if name == topic), [])
+            publishers: Sequence[str] = next((nodes for name, nodes in self._publishers if name == topic), [])
             wire_type = next(filter(None, (self._asked(node, topic) for node in publishers)), None)
             wire_type = wire_type or _installed(names.get(topic, "*"))
             if wire_type is not None:
@@ -104,17 +103,20 @@ class Graph:
         import rosgraph.network
 
         try:
-            slave = xmlrpc.client.ServerProxy(self._master.lookupNode(node))
-            _, _, chosen = slave.requestTopic(CALLER, topic, [["TCPROS"]])
+            _, _, chosen = _node_at(self._master.lookupNode(node)).requestTopic(CALLER, topic, [["TCPROS"]])
             with socket.create_connection((chosen[1], chosen[2]), timeout=PATIENCE_S) as connection:
-                wanted = {"topic": topic, "callerid": CALLER, "md5sum": "*", "type": "*"}
-                rosgraph.network.write_ros_handshake_header(connection, wanted)
+                said = {"topic": topic, "callerid": CALLER, "md5sum": "*", "type": "*"}
+                rosgraph.network.write_ros_handshake_header(connection, said)
                 header = rosgraph.network.read_ros_handshake_header(connection, io.BytesIO(), 65536)
         except (OSError, xmlrpc.client.Error, rosgraph.network.ROSHandshakeException, IndexError):
             return None  # this publisher is gone; another one may tell
         if "message_definition" not in header:
             return None
         return WireType(header["type"], header["md5sum"], header["message_definition"])
+
+
+def _node_at(uri: str) -> Any:
+    return xmlrpc.client.ServerProxy(uri)
 
 
 def _of(node: str, topics: Iterable[tuple[str, Sequence[str]]]) -> list[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import os
 import time
 from collections.abc import Iterable, Iterator, Sequence
@@ -9,10 +10,9 @@ from contextlib import contextmanager
 from typing import Any
 
 from genie_sim.errors import UserError, unknown
+from genie_sim.ros.codec import MARKERS, WireType
 from genie_sim.ros.gateway import LOCAL
-from genie_sim.ros.message import WireType
 from genie_sim.ros.process import NodeProcess
-from genie_sim.ros.ros2_codec import has_header
 
 NEVER = ("/rosout", "/parameter_events", "/clock", "/tf", "/tf_static", "/diagnostics")
 DISCOVERY_S = 5.0
@@ -46,11 +46,12 @@ class Graph:
             _until(lambda: _plain(here.get_publisher_names_and_types_by_node(*whole)))
             subscribed = _plain(here.get_subscriber_names_and_types_by_node(*whole))
             published = _plain(here.get_publisher_names_and_types_by_node(*whole))
-        self._types = {**subscribed, **published}
+            topics = {**subscribed, **published}
+            self._types = {topic: WireType(kind, _hash(here, topic)) for topic, kind in topics.items()}
         return sorted(subscribed), sorted(published)
 
     def types(self, topics: Iterable[str]) -> dict[str, WireType]:
-        return {topic: WireType(self._types[topic]) for topic in topics}
+        return {topic: self._types[topic] for topic in topics}
 
     def has_header(self, wire_type: WireType) -> bool:
         return has_header(wire_type.name)
@@ -96,3 +97,24 @@ def _until(found: Any) -> None:
 
 def _plain(topics: Iterable[tuple[str, Sequence[str]]]) -> dict[str, str]:
     return {topic: types[0] for topic, types in topics if topic not in NEVER}
+
+
+def _hash(here: Any, topic: str) -> str:
+    """The hash of a topic's type, as its nodes state it."""
+    ends = [*here.get_publishers_info_by_topic(topic), *here.get_subscriptions_info_by_topic(topic)]
+    return next((str(one.topic_type_hash) for one in ends if hasattr(one, "topic_type_hash")), "")
+
+
+def class_of(name: str) -> Any:
+    """``sensor_msgs/msg/Image``. Raises UserError where the package is not there."""
+    package, _, kind = name.partition("/msg/")
+    try:
+        return getattr(importlib.import_module(f"{package}.msg"), kind)
+    except (ImportError, AttributeError) as error:
+        raise UserError(f"{name}: no such ROS 2 message here ({error})") from error
+
+
+def has_header(name: str) -> bool:
+    """Do messages of this type have a header to find an answer by?"""
+    first = next(iter(class_of(name).get_fields_and_field_types().items()), None)
+    return name == MARKERS or first == ("header", "std_msgs/Header")

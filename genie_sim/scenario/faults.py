@@ -81,17 +81,18 @@ FaultField = Annotated[
 
 
 def check_faults(
-    faults: Sequence[FaultEntry], edge_of: Mapping[str, str | None], edges: Collection[str]
+    faults: Sequence[FaultEntry], edge_of: Mapping[str, str | None], edges: Collection[str], own: bool = False
 ) -> Iterator[tuple[str, str]]:
-    """What is wrong with the shipped faults among these: (field, text). ``edge_of`` names every car with its edge.
+    """What is wrong with the faults: (field, text). ``edge_of`` names every car with its edge.
 
-    The faults of one kind are looked at together, by their class.
+    The faults of one kind are looked at together, by the ``check`` of their class if it has one. Code of the user's
+    ``own`` is not run to read a scenario, only to run it.
     """
-    for kind in dict.fromkeys(entry.fault.name for entry in faults):
-        cls = plugins.resolve("fault", kind, FAULTS) if kind in FAULTS else None
+    for kind in dict.fromkeys(entry.fault.name for entry in faults if own or entry.fault.name in FAULTS):
+        check = getattr(plugins.resolve("fault", kind, FAULTS, MUST_HAVE), "check", None)
         places = [place for place, entry in enumerate(faults) if entry.fault.name == kind]
-        if cls is not None:
-            for place, field, text in cls.check([timed(faults[place], place) for place in places], edge_of, edges):
+        if check is not None:
+            for place, field, text in check([timed(faults[place], place) for place in places], edge_of, edges):
                 yield f"faults[{places[place]}].{field}", text
 
 
@@ -99,7 +100,8 @@ def timed(entry: FaultEntry, place: int) -> TimedFault:
     """A fault with its times. ``place`` among the scenario's faults names its random stream. Raises ``UserError``."""
     fault = plugins.make("fault", entry.fault, FAULTS, MUST_HAVE)
     begin_ns, end_ns = entry.begin_ns or 0, entry.end_ns
-    if end_ns is None and fault.duration_ns is not None:
-        end_ns = begin_ns + fault.duration_ns
+    duration_ns = getattr(fault, "duration_ns", None)
+    if end_ns is None and duration_ns is not None:
+        end_ns = begin_ns + duration_ns
     name = f"fault {place}"
     return TimedFault(fault, name, begin_ns, end_ns, entry.mean_time_between_ns, entry.mean_duration_ns or 0)

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from genie_sim.messages import Header, Image
+from genie_sim.messages import Frame, Header, Image
 from genie_sim.sim.clock import Process
 from genie_sim.sim.device import Host
 from genie_sim.sim.ros_graph import Graph, Node
-from genie_sim.sim.setup import CameraSetup, CarSetup, Frame
+from genie_sim.sim.setup import CameraSetup, CarSetup
 
 POSITION_BYTES = 81  # geometry_msgs/PoseStamped: 16 of header, 9 of frame_id, 7 doubles
 Published = Callable[[Image, int, int], None]

@@ -13,7 +13,7 @@ class Fault(Protocol):
     """Something that begins to be wrong with a ``target``, and is right again later.
 
     ``dropped_by`` stands in the ``drop`` column of the frames that it loses; ``duration_ns`` is how long it takes where
-    nothing else says so, ``None`` for good.
+    nothing else says so, ``None`` or none at all for good. A class may have a static method ``check``, see ``Outage``.
     """
 
     @property

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from genie_sim.messages import Detections, Effect, Image, Message, Observation, Publish
+from genie_sim.messages import Detections, Effect, Expired, Image, Message, Observation, Publish
 from genie_sim.sim.device import Done, Host
 from genie_sim.sim.ros_graph import Dropped, Graph, Node
 from genie_sim.sim.station import Interceptor, MakeInterceptor
@@ -64,6 +64,11 @@ class InterceptorNode(Node):
 
     def void(self, where: str) -> None:
         super().void(where)
+        for record in self.pure.on_void():
+            if not isinstance(record, Expired):
+                self._observe(self.name, record)
+            elif self._dropped is not None:
+                self._dropped(Detections(record.header, ()), where)
         self.pure = self._make()
 
     def _carry_out(self, effects: list[Effect]) -> None:

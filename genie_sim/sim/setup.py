@@ -2,44 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Protocol
 
 from genie_sim.core.rules import GenieRules
-from genie_sim.messages import CameraPose, Detection
+from genie_sim.messages import Frame
 from genie_sim.sim.fault import TimedFault
 from genie_sim.sim.link_models import LinkModel
 from genie_sim.sim.service import Device
-
-
-class Frame(Protocol):
-    """One frame of a recording: when it was taken, its image's size and fingerprints, and what a detector finds in it.
-
-    ``stamp_ns`` counts from the drive's first frame; ``digest`` is the sha256 of the image, ``dhash`` its 64-bit
-    difference hash.
-    """
-
-    @property
-    def stamp_ns(self) -> int: ...
-
-    @property
-    def size_bytes(self) -> int: ...
-
-    @property
-    def digest(self) -> str: ...
-
-    @property
-    def dhash(self) -> int: ...
-
-    @property
-    def pose(self) -> CameraPose: ...
-
-    @property
-    def horizontal_fov_rad(self) -> float: ...
-
-    @property
-    def detections(self) -> tuple[Detection, ...]: ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,6 +68,3 @@ class Setup:
     def blind_edges(self) -> set[str | None]:
         """Edges that serve cars without cameras: no picture ever comes there."""
         return {car.edge for car in self.cars if not car.sees}
-
-
-Devices = Mapping[str, Device]

@@ -6,14 +6,14 @@ topics are joined to whom. The world builds that, in the same way for every meth
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
 import numpy as np
 
 from genie_sim.core.rules import GenieRules
-from genie_sim.messages import Effect, Message
+from genie_sim.messages import Effect, Message, Observation
 
 IMAGES = "/image_raw"
 OBJECTS = "/detection/image_detector/objects"
@@ -21,7 +21,10 @@ DETECTOR = "vision_darknet_detect"
 
 
 class Interceptor(Protocol):
-    """A pure node, such as a Genie: messages in, effects out. It has no clock and no middleware of its own."""
+    """A pure node, such as a Genie: messages in, effects out. It has no clock and no middleware of its own.
+
+    A class that inherits from this one has no deadlines, and nothing to lose, unless it says so.
+    """
 
     name: str
 
@@ -31,9 +34,17 @@ class Interceptor(Protocol):
 
     def on_message(self, topic: str, message: Message, now_ns: int, sender: str | None = None) -> list[Effect]: ...
 
-    def next_deadline_ns(self) -> int | None: ...
+    def next_deadline_ns(self) -> int | None:
+        """When ``on_deadline`` wants to be called, if no message comes before."""
+        return None
 
-    def on_deadline(self, now_ns: int) -> list[Effect]: ...
+    def on_deadline(self, now_ns: int) -> list[Effect]:
+        """The time has come."""
+        return []
+
+    def on_void(self) -> Sequence[Observation]:
+        """A fault takes its state: each request that it owes an answer is ``Expired``, its objects are ``Forgotten``."""
+        return ()
 
 
 MakeInterceptor = Callable[[tuple[str, ...], tuple[str, ...]], Interceptor]  # from T_S and T_P of the node behind it

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
 from genie_sim import seeds
+from genie_sim.errors import UserError, unknown
 from genie_sim.messages import Observation
+from genie_sim.monitor import Monitor, Placement, Resource
 from genie_sim.sim import fault
 from genie_sim.sim.cameras import Camera
 from genie_sim.sim.clock import Clock, Process
@@ -15,13 +17,12 @@ from genie_sim.sim.device import Host
 from genie_sim.sim.link import Link
 from genie_sim.sim.link_models import LinkModel
 from genie_sim.sim.listener import CarListener
-from genie_sim.sim.monitor import Monitor, Placement, Resource
 from genie_sim.sim.nodes import Detector, InterceptorNode, attach
 from genie_sim.sim.ros_graph import Graph
 from genie_sim.sim.service import Device
 from genie_sim.sim.setup import CarSetup, Setup
 from genie_sim.sim.station import DETECTOR, IMAGES, OBJECTS, Method, Place, Station
-from genie_sim.sim.topology import EDGES, Edge, join_edges
+from genie_sim.sim.topology import Edge, join_edges
 from genie_sim.sim.uplinks import CarUplink
 
 SAMPLE_NS = 100_000_000
@@ -85,6 +86,21 @@ class World:
     def links_at(self, target: str) -> Iterator[Link]:
         """The links called ``target``, or those with an end there: a car, an edge, or ``edges`` for their network."""
         return (link for link in self.links.values() if is_at(link, target))
+
+    def void(self, host: str, where: str) -> None:
+        """What is queued and in service on a host is lost, dropped by ``where``, and its nodes forget what they know.
+
+        Nothing happens where the method has put nothing. Raises ``UserError`` for a host that is not there.
+        """
+        known = [one.name for one in (*self.setup.cars, *self.setup.edges)]
+        if host not in known:
+            raise UserError(unknown("host", host, known))
+        if host in self.hosts:
+            computer, graph = self.hosts[host]
+            for node in graph.nodes:
+                node.void(where)
+            computer.accelerator.void()
+            computer.cpu.void()
 
     def front(self, host: str) -> str:
         """The address of the node on a host that takes what comes over links."""
@@ -171,8 +187,3 @@ class World:
 def is_at(link: Link, target: str) -> bool:
     """Whether a link is called ``target`` or has an end there."""
     return target == link.name or target in link.name.split("->")
-
-
-def targets(setup: Setup) -> Sequence[str]:
-    """Whatever a fault can befall: cars, edges, the network between edges."""
-    return (*(car.name for car in setup.cars), *(edge.name for edge in setup.edges), EDGES)

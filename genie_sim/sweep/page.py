@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,17 +10,19 @@ from genie_sim import report
 from genie_sim.analysis.statistics import across_seeds
 from genie_sim.errors import UserError
 from genie_sim.recording import provenance
+from genie_sim.report.data import rounded
 
 if TYPE_CHECKING:
     import pandas as pd
 
-STYLES = ("page.css", "many.css")
-SCRIPTS = ("charts.js", "many.js", "sweep.js")
+    Series = Mapping[str, list[tuple[str, ...]]]  # by metric: what it is of, as method, placement and component
+
 MAIN = (
     "image_reuse", "object_reuse", "confidence_boost", "first_answer_mean", "fresh_answer_mean",
     "under_deadline_share", "fresh_answered_share", "ghost_share", "object_recall",
 )  # fmt: skip
-BY = ["metric", "role"]
+OF = ["method", "placement", "component"]
+BY = ["metric", *OF]
 ENDS = ["value", "low", "high"]
 MOST_NUMBERS = 500_000  # in the page, a few bytes each
 MOST_LEVELS = 300  # on one axis
@@ -38,7 +39,8 @@ def page(folder: Path) -> str:
     """The text of the page. Raises ``UserError`` for a sweep that is not finished."""
     with provenance.of_this_version(folder):
         data = page_data(folder)
-        return report.assemble("sweep.html", STYLES, SCRIPTS, f"{data['about']['name']}, a sweep", data)
+        title, elsewhere = f"{data['about']['name']}, a sweep", "The numbers are also in table.csv beside it."
+        return report.assemble("sweep.html", ("many.js", "sweep.js"), title, data, elsewhere)
 
 
 def page_data(folder: Path) -> dict[str, Any]:
@@ -50,27 +52,20 @@ def page_data(folder: Path) -> dict[str, Any]:
     axes = {column: by_name[column.partition(" [")[0]] for column in columns}  # JSON sorts them by name
     found = points.dropna(subset=["metric"])
     kept = _chosen(found, runs, columns, notes)
+    metrics: Any = kept.groupby(["metric", "unit"], sort=False)
+    of = {str(name): list(dict.fromkeys(map(tuple, group[OF].to_numpy().tolist()))) for (name, _), group in metrics}
     return {
         "about": {
-            "name": settings["name"],
-            "description": settings["description"],
-            "scenario": settings["scenario"],
-            "set": settings["set"],
-            "seeds": settings["seeds"],
-            "points": about["points"],
-            "runs": about["runs"],
-            "genie_sim": about["genie_sim"],
+            **{name: settings[name] for name in ("name", "description", "scenario", "set", "seeds")},
+            **{name: about[name] for name in ("points", "runs", "genie_sim")},
         },
-        "axes": [
-            {"column": column, "of": axis["set"], "sampled": _sampled(axis)}
-            for column, axis in axes.items()
-        ],
+        "axes": [{"column": name, "of": axis["set"], "sampled": _sampled(axis)} for name, axis in axes.items()],
+        "methods": [{"name": name, "title": name} for name in dict.fromkeys(found["method"])],
         "metrics": [
-            {"name": name, "unit": unit, "roles": list(dict.fromkeys(group["role"])), "main": name in MAIN}
-            for (name, unit), group in kept.groupby(["metric", "unit"], sort=False)
+            {"name": name, "unit": unit, "of": of[name], "main": name in MAIN} for name, unit in metrics.groups
         ],
-        "table": _table(points, kept, columns, notes),
-        "curves": list(_curves(runs, kept, axes, notes)),
+        "table": _table(points, kept, columns, of, notes),
+        "curves": list(_curves(runs, kept, axes, of, notes)),
         "notes": list(dict.fromkeys(notes)),
     }
 
@@ -94,13 +89,7 @@ def _read(folder: Path) -> tuple[dict[str, Any], pd.DataFrame, pd.DataFrame]:
         raise UserError(f"{path}: missing; the sweep is not finished, run it again for the rest") from None
     except (OSError, ValueError) as error:
         raise UserError(f"{path}: cannot be read: {error}") from error
-    return about, _with_role(runs), _with_role(points)
-
-
-def _with_role(table: pd.DataFrame) -> pd.DataFrame:
-    """With a column ``role``: the baseline of an improvement, where Genies run, else the method."""
-    placed = table["placement"].map({"car": "local", "edge": "remote"})
-    return table.assign(role=table["component"].where(table["component"] != "", placed.fillna(table["method"])))
+    return about, runs, points
 
 
 def _chosen(points: pd.DataFrame, runs: pd.DataFrame, columns: Sequence[str], notes: list[str]) -> pd.DataFrame:
@@ -113,7 +102,9 @@ def _chosen(points: pd.DataFrame, runs: pd.DataFrame, columns: Sequence[str], no
     return points[points["metric"].isin(MAIN)]
 
 
-def _table(points: pd.DataFrame, kept: pd.DataFrame, columns: Sequence[str], notes: list[str]) -> dict[str, Any]:
+def _table(
+    points: pd.DataFrame, kept: pd.DataFrame, columns: Sequence[str], of: Series, notes: list[str]
+) -> dict[str, Any]:
     """The points' levels, column by column, and each metric's values in the same order."""
     places = points[["point", *columns]].drop_duplicates("point")
     series = max(len(kept[BY].drop_duplicates()), 1)
@@ -124,12 +115,12 @@ def _table(points: pd.DataFrame, kept: pd.DataFrame, columns: Sequence[str], not
     return {
         "points": [int(number) for number in places["point"]],
         "levels": [_levels(places[column]) for column in columns],
-        "values": _values(kept, "point", places["point"].tolist()),
+        "values": _values(kept, of, "point", places["point"].tolist()),
     }
 
 
 def _curves(
-    runs: pd.DataFrame, kept: pd.DataFrame, axes: Mapping[str, Mapping[str, Any]], notes: list[str]
+    runs: pd.DataFrame, kept: pd.DataFrame, axes: Mapping[str, Mapping[str, Any]], of: Series, notes: list[str]
 ) -> Iterator[dict[str, Any]]:
     """Along each axis: averages over all other axes, and the same at each level of another crossed axis."""
     of_kept = runs[runs["metric"].isin(kept["metric"].unique())]
@@ -143,7 +134,7 @@ def _curves(
             levels = [levels[last * place // (MOST_LEVELS - 1)] for place in range(MOST_LEVELS)]
         shown = of_kept[of_kept[column].isin(levels)]
         lines: list[dict[str, Any]] = [
-            {"by": None, "level": None, "values": _values(across_seeds(shown, [column]), column, levels)}
+            {"by": None, "level": None, "values": _values(across_seeds(shown, [column]), of, column, levels)}
         ]
         for other in () if _sampled(axis) else axes:
             cases = list(dict.fromkeys(shown[other]))
@@ -151,7 +142,7 @@ def _curves(
                 continue
             means = across_seeds(shown, [other, column])
             lines += [
-                {"by": other, "level": level, "values": _values(means[means[other] == level], column, levels)}
+                {"by": other, "level": level, "values": _values(means[means[other] == level], of, column, levels)}
                 for level in cases
             ]
         yield {
@@ -160,12 +151,14 @@ def _curves(
         }  # fmt: skip
 
 
-def _values(means: pd.DataFrame, key: str, places: list[Any]) -> dict[str, dict[str, list[list[float | None]]]]:
-    """By metric and role, three columns in the order of ``places``: value, low, high; ``None`` where not defined."""
-    made: dict[str, dict[str, list[list[float | None]]]] = {}
-    for (metric, role), group in means.dropna(subset=BY).groupby(BY, sort=False):
+def _values(means: pd.DataFrame, of: Series, key: str, places: list[Any]) -> dict[str, list[Any]]:
+    """By metric and what it is of, three columns in the order of ``places``: value, low, high; ``None`` where not
+    defined."""
+    made: dict[str, list[Any]] = {name: [None] * len(series) for name, series in of.items()}
+    groups: Any = means.dropna(subset=BY).groupby(BY, sort=False)
+    for (metric, *which), group in groups:
         rows = group.set_index(key)[ENDS].reindex(places)
-        made.setdefault(str(metric), {})[str(role)] = [[_round(value) for value in rows[end]] for end in ENDS]
+        made[metric][of[metric].index(tuple(which))] = [[rounded(value, 5) for value in rows[end]] for end in ENDS]
     return made
 
 
@@ -182,8 +175,3 @@ def _logarithmic(axis: Mapping[str, Any], levels: Sequence[float]) -> bool:
     if span is not None:
         return bool(span["scale"] == "log")
     return min(levels) > 0 and max(levels) / min(levels) >= LOGARITHMIC_FROM
-
-
-def _round(value: float) -> float | None:
-    """Five significant digits; what is not finite is ``None``."""
-    return None if not math.isfinite(value) else float(f"{value:.5g}")

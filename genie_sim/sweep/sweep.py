@@ -132,7 +132,7 @@ class Sweep:
     def _write(self) -> None:
         from genie_sim import report
         from genie_sim.analysis import figures as of_runs
-        from genie_sim.sweep import figures
+        from genie_sim.sweep import figures, page
 
         columns = list(self.design.columns.values())
         runs = tables.of_runs(self.plan.entries, columns, tables.read_parts(self._parts, self.plan.runs.keys()))
@@ -151,7 +151,7 @@ class Sweep:
         for leftover in self._parts.glob(f".*{PARTIAL}"):
             leftover.unlink(missing_ok=True)  # of workers that were killed
         shutil.rmtree(self.folder / FAILURES, ignore_errors=True)  # of runs that a plug-in has since been mended for
-        report.write_of(self.folder, self.folder / report.NAME)
+        page.write(self.folder / report.NAME, self.folder)
 
     def _footer(self) -> str:
         seeds: Sequence[int] = self.design.seeds

@@ -18,6 +18,8 @@ from typing import Any
 
 import pytest
 
+from genie_sim.ros.keys import make_authority, make_peer
+
 HERE = Path(__file__).resolve().parent
 REPOSITORY = HERE.parent.parent
 DEBIAN_PACKAGES = Path("/usr/lib/python3/dist-packages")
@@ -52,6 +54,43 @@ def free_port() -> int:
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         return int(probe.getsockname()[1])
+
+
+class Keys:
+    """Key files of ``genie-sim keys`` in a folder: ``keys("car1", "car")``, made when they are asked for."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        make_authority(folder / "ours")
+        make_authority(folder / "others")
+
+    def __call__(self, name: str, role: str, which: str = "first") -> str:
+        """The path of a key file; ``which`` tells several of one name apart."""
+        path = self._folder / f"{name}-{role}-{which}.pem"
+        if not path.exists():
+            make_peer(self._folder / "ours", name, role).rename(path)
+        return str(path)
+
+    def other(self, name: str, role: str) -> str:
+        """A key file of another authority."""
+        path = self._folder / "others" / f"{name}.pem"
+        return str(path if path.exists() else make_peer(path.parent, name, role))
+
+    def certificate(self, pem: str, names: str, days: int) -> str:
+        """Another certificate of our authority for the key of ``pem``, with ``names`` and so many days to go."""
+        request, made = self._folder / "request", self._folder / f"certificate{len(list(self._folder.iterdir()))}"
+        with_names = ["-addext", f"subjectAltName={names}"] if names else []
+        new = ["openssl", "req", "-new", "-key", pem, "-subj", "/CN=x", *with_names, "-out", request]
+        authority = self._folder / "ours" / "authority.pem"
+        sign = ["openssl", "x509", "-req", "-in", request, "-CA", authority, "-CAkey", authority, "-days", str(days)]
+        for command in (new, [*sign, "-copy_extensions", "copy", "-out", made]):
+            subprocess.run(command, check=True, capture_output=True)
+        return str(made)
+
+
+@pytest.fixture(scope="session")
+def keys(tmp_path_factory: pytest.TempPathFactory) -> Keys:
+    return Keys(tmp_path_factory.mktemp("keys"))
 
 
 @pytest.fixture(scope="session")
@@ -229,7 +268,9 @@ def master(new_master: Callable[[str], Master]) -> Master:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Real nodes find each other over the network, now and then too late for a test; a fault fails every time."""
+    """Real nodes find each other over the network, now and then too late for a test, the more so beside other tests; a
+    fault fails every time."""
     for item in items:
         if item.path.is_relative_to(HERE) and item.get_closest_marker("slow"):
             item.add_marker(pytest.mark.flaky(reruns=2))
+            item.add_marker(pytest.mark.alone)

@@ -19,8 +19,8 @@ pytest.importorskip("rosbags", reason="needs rosbags: pip install 'genie-sim[ros
 
 from rosbags.typesys import get_types_from_msg
 
-from genie_sim.ros.bag_messages import TF, header, message, typestore
 from genie_sim.ros.bags import IMAGES, POINTS, perceive_bag
+from genie_sim.ros.typestore import TF, header, message, typestore
 
 CAMERA, IMAGE, SCAN = "camera_color_left", "/kitti/camera_color_left/image_raw", "/kitti/velo/pointcloud"
 OBJECTS, ARRAY = "/detection/image_detector/objects", "autoware_msgs/msg/DetectedObjectArray"
@@ -217,7 +217,7 @@ def test_a_scenario_drives_through_a_bag(tmp_path: Path, capsys: pytest.CaptureF
     frames = runner.run_in_memory(scenario).frames
     assert frames.groupby("method").size().to_dict() == {"genie": 3, "local": 3, "remote": 3}
     assert frames[frames["method"] == "remote"]["first_answer_ns"].notna().all()
-    assert (frames["objects_detected"].dropna() == 2).any()
+    assert (frames["objects_fresh"].dropna() == 2).any()
 
 
 def test_the_command_line_wants_a_drive_or_a_bag(capsys: pytest.CaptureFixture[str]):

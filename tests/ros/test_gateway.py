@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
+import math
 import struct
+from pathlib import Path
 
 import pytest
 
 from genie_sim.errors import UserError
-from genie_sim.messages import CameraPose, Header
+from genie_sim.messages import CameraPose, Detection, Header
+from genie_sim.ros.codec import WireType, begins_with_header, codec_of
 from genie_sim.ros.gateway import Peer, View
-from genie_sim.ros.message import RosMessage, WireType
+from genie_sim.ros.message import RosMessage
 from genie_sim.ros.plan import Plan, make_gateway
 from genie_sim.ros.poses import Poses
-from genie_sim.ros.ros1_codec import OpaqueCodec, begins_with_header, codec_of
 
 NS_PER_S = 10**9
-SCAN = codec_of(WireType("my_msgs/Scan", "0" * 32, "Header header\nfloat32[] ranges\n"))
+SCAN = codec_of(WireType("my_msgs/Scan", "0" * 32, "Header header\nfloat32[] ranges\n"), 1)
 CAR1, CAR2, EDGE2 = Peer("car1", "car"), Peer("car2", "car"), Peer("edge2", "edge")
 
 
@@ -100,7 +102,8 @@ def test_cars_with_equal_stamps_are_not_taken_for_each_other():
 )
 def test_a_genie_says_only_what_it_has_a_right_to(role: str, peer: Peer, topic: str, origin: str):
     site = Site("car1" if role == "car" else "edge1", role)
-    site.gateway.from_link(peer, topic, message(1, b"", origin), 0)
+    with pytest.raises(ValueError, match=f"{peer.role} {peer.name} may not send {topic}"):
+        site.gateway.from_link(peer, topic, message(1, b"", origin), 0)
     assert (site.said, site.sent, site.outcomes) == ([], [], [])
 
 
@@ -119,13 +122,18 @@ def test_pose_grid_without_a_pose_never_hits():
 
 def test_the_pose_nearest_in_time_counts():
     """geometry_msgs/PoseStamped: a header and seven doubles; looking north is heading pi/2."""
-    poses = Poses()
+    poses = Poses(1)
     for second, x in ((1, 10.0), (2, 20.0)):
         content = struct.pack("<7d", x, 0.0, 0.0, 0.0, 0.0, 0.5**0.5, 0.5**0.5)
         poses.heard("geometry_msgs/PoseStamped", message(second * NS_PER_S, content).payload)
     found = poses.at(2 * NS_PER_S - 1)
     assert found is not None and found.east_m == 20.0 and found.heading_rad == pytest.approx(3.14159265 / 2)
     assert poses.at(3 * NS_PER_S) is None, "too old"
+    for wrong in (math.nan, math.inf):
+        with pytest.raises(ValueError, match="not finite"):
+            poses.heard("geometry_msgs/PoseStamped", message(9, struct.pack("<7d", wrong, *[0.0] * 6)).payload)
+    with pytest.raises(ValueError, match="no geometry_msgs/PoseStamped"):
+        poses.heard("geometry_msgs/PoseStamped", message(9, b"short").payload)
     with pytest.raises(UserError, match="sensor_msgs/Imu has no pose"):
         poses.heard("sensor_msgs/Imu", b"")
 
@@ -147,7 +155,7 @@ def test_which_types_have_a_header(definition: str, expected: bool):
 @pytest.mark.parametrize("payload", [b"", b"\0" * 15, struct.pack("<IIII", 0, 0, 0, 2**31) + b"x"])
 def test_bytes_that_are_no_message_are_called_so(payload: bytes):
     with pytest.raises(ValueError, match="header"):
-        OpaqueCodec(WireType("a/B")).stamp(payload)
+        codec_of(WireType("a/B"), 1).stamp(payload)
 
 
 def test_the_hash_of_a_ros_image_is_that_of_the_trace():
@@ -159,4 +167,46 @@ def test_the_hash_of_a_ros_image_is_that_of_the_trace():
     picture = np.random.default_rng(3).integers(0, 256, (48, 64, 3), dtype=np.uint8)
     rows = np.pad(picture.reshape(48, -1), ((0, 0), (0, 8)))
     content = struct.pack("<III", 48, 64, 4) + b"bgr8" + struct.pack("<BII", 0, 200, rows.size) + rows.tobytes()
-    assert codec_of(WireType("sensor_msgs/Image")).dhash(message(1, content).payload) == difference_hash(picture)
+    assert codec_of(WireType("sensor_msgs/Image"), 1).dhash(message(1, content).payload) == difference_hash(picture)
+
+
+def test_an_image_cut_short_has_no_hash():
+    image = codec_of(WireType("sensor_msgs/Image"), 1)
+    content = struct.pack("<III", 48, 64, 4) + b"bgr8" + struct.pack("<BII", 0, 192, 10) + bytes(10)
+    with pytest.raises(ValueError, match="an image of 64x48 with 10 bytes"):
+        image.dhash(message(1, content).payload)
+    with pytest.raises(ValueError, match="no sensor_msgs/Image"):
+        image.dhash(message(1, content[:-5]).payload)
+
+
+@pytest.mark.parametrize("ros", [1, 2])
+def test_objects_survive_the_object_map(ros: int):
+    """Read, given another confidence, written, read again: in both ROS, with a place in the map's frame only."""
+    if ros == 1:
+        definition = (Path(__file__).parent / "objects.txt").read_text()
+        codec = codec_of(WireType("autoware_msgs/DetectedObjectArray", "2" * 32, definition), 1)
+    else:
+        codec = codec_of(WireType("visualization_msgs/msg/MarkerArray"), 2)
+    from_map = Detection("car", 0.5, None, (1.0, 2.0, 3.0), 0.5)
+    payload = codec.with_objects(b"", Header(5 * NS_PER_S + 7, "camera", "car1"), [from_map])
+    assert codec.stamp(payload) == (5 * NS_PER_S + 7, "camera")
+    (read,) = codec.objects(payload)
+    assert (read.label, read.confidence) == ("car", 0.5)
+    assert read.location == ((1.0, 2.0, 3.0) if ros == 1 else None), "markers are placed by their own header's frame"
+    again = codec.with_objects(payload, Header(6, "map", "car1"), [read.with_confidence(0.75)])
+    assert codec.stamp(again) == (6, "map")
+    (read,) = codec.objects(again)
+    assert (read.label, read.confidence, read.location) == ("car", 0.75, (1.0, 2.0, 3.0))
+    assert codec.content(codec.restamped(again, 99, "map")) == codec.content(again)
+    nowhere = codec.with_objects(b"", Header(1, "map", ""), [from_map._replace(location=(math.nan,) * 3)])
+    assert codec.objects(nowhere)[0].location is None
+    with pytest.raises(ValueError, match="no "):
+        codec.objects(payload[:-3])
+
+
+def test_a_stamp_of_ros_2_is_changed_in_place():
+    codec = codec_of(WireType("sensor_msgs/msg/Image"), 2)
+    payload = b"\0\1\0\0" + struct.pack("<iII", 3, 4, 7) + b"camera\0" + bytes(20)
+    assert codec.stamp(payload) == (3 * NS_PER_S + 4, "camera")
+    assert codec.stamp(codec.restamped(payload, 8 * NS_PER_S + 1, "camera")) == (8 * NS_PER_S + 1, "camera")
+    assert codec.content(codec.restamped(payload, 8, "camera")) == bytes(20)

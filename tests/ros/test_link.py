@@ -1,59 +1,79 @@
-"""Two Genies over TCP, without ROS: who gets in, what gets through, and that it comes back after a cut."""
+"""Two Genies over TLS, without ROS: who gets in, what gets through, and that it comes back after a cut."""
 
 from __future__ import annotations
 
 import contextlib
+import json
+import logging
+import math
 import os
+import re
+import resource
+import select
+import signal
 import socket
+import ssl
 import struct
+import subprocess
+import sys
 import threading
+import time
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from genie_sim.errors import UserError
-from genie_sim.messages import Header
-from genie_sim.ros import link, wire
+from genie_sim.messages import CameraPose, Header
+from genie_sim.ros import connection, link, lobby, wire
+from genie_sim.ros.certificates import Credentials
+from genie_sim.ros.codec import WireType, codec_of
 from genie_sim.ros.gateway import Peer
-from genie_sim.ros.link import TcpLinks
-from genie_sim.ros.message import RosMessage, WireType
+from genie_sim.ros.link import TlsLinks
+from genie_sim.ros.message import RosMessage
 from genie_sim.ros.plan import Plan
-from genie_sim.ros.ros1_codec import codec_of
-from genie_sim.ros.wire import LENGTH, Handshake, Refused
-from tests.ros.conftest import free_port, until
+from tests.ros.conftest import HERE, REPOSITORY, Keys, free_port, until
 
-IMAGE = WireType("sensor_msgs/Image", "060021388200f6f0f447d0fcd9c64743")
-KEY = b"a key that is long enough"
+IMAGE = codec_of(WireType("sensor_msgs/Image", "060021388200f6f0f447d0fcd9c64743"), 1)
+SCAN = codec_of(WireType("my_msgs/Scan", "0" * 32), 1)
+CODECS = {"/image_raw": IMAGE, "/objects": SCAN}
+REQUEST = "/image_raw_remote"
+NOTICED_S, BACK_S = 6.0, 3.0
 
 
-def image(second: int, size: int = 1000) -> RosMessage:
+def image(second: int, size: int = 1000, codec: object = IMAGE) -> RosMessage:
     header = struct.pack("<IIII", 0, second, 0, 6) + b"camera"
-    return RosMessage.of(header + bytes(size), codec_of(IMAGE), "car1", answer=False)
+    return RosMessage.of(header + bytes(size), codec, "car1", answer=False)
+
+
+def plan_of(keys: Keys, name: str, role: str, **where: object) -> Plan:
+    return Plan("/node", name, role, ("/image_raw",), ("/objects",), **{"key_file": keys(name, role), **where})
 
 
 class Site:
     """One end: its links, and what they have delivered."""
 
-    def __init__(self, folder: Path, name: str, role: str, key: bytes = KEY, **where: object) -> None:
-        key_file = folder / f"{name}.key"
-        key_file.write_bytes(key)
-        key_file.chmod(0o600)
-        plan = Plan("/node", name, role, ("/image_raw",), ("/objects",), key_file=str(key_file), **where)
+    def __init__(self, plan: Plan) -> None:
         self.got: list[tuple[Peer, str, RosMessage]] = []
-        self.links = TcpLinks(plan, codec_of)
-        self.links.start(lambda *message: self.got.append(message))
+        self.then: Callable[[Peer, str, RosMessage], None] = lambda peer, topic, message: None
+        self.links = TlsLinks(plan, CODECS.get)
+        self.links.start(self._hear)
+
+    def _hear(self, *message: object) -> None:
+        self.got.append(message)
+        self.then(*message)
 
     def names(self) -> list[str]:
         return [peer.name for peer in self.links.peers()]
 
 
 @pytest.fixture
-def new_site(tmp_path: Path) -> Iterator[Callable[..., Site]]:
+def new_site(keys: Keys) -> Iterator[Callable[..., Site]]:
     sites: list[Site] = []
 
-    def make(*arguments: object, **where: object) -> Site:
-        sites.append(Site(tmp_path, *arguments, **where))
+    def make(name: str, role: str, **where: object) -> Site:
+        sites.append(Site(plan_of(keys, name, role, **where)))
         return sites[-1]
 
     yield make
@@ -61,167 +81,650 @@ def new_site(tmp_path: Path) -> Iterator[Callable[..., Site]]:
         site.links.close()
 
 
-def test_a_message_arrives_as_it_was_sent(new_site: Callable[..., Site]):
+@pytest.fixture
+def edge(new_site: Callable[..., Site]) -> Site:
+    """An edge that listens at ``edge.port``."""
     port = free_port()
-    edge = new_site("edge1", "edge", listen=f"127.0.0.1:{port}")
-    car = new_site("car1", "car", connect=(f"127.0.0.1:{port}",))
+    made = new_site("edge1", "edge", listen=f"127.0.0.1:{port}")
+    made.port, made.address = port, f"edge1@127.0.0.1:{port}"
+    return made
+
+
+@pytest.fixture
+def warnings(caplog: pytest.LogCaptureFixture) -> Callable[[], list[str]]:
+    caplog.set_level(logging.INFO, logger="genie_sim.ros.link")
+    return lambda: [one.getMessage() for one in caplog.records if one.levelno == logging.WARNING]
+
+
+def tls(port: int, pem: str, certificate: str | None = None) -> ssl.SSLSocket:
+    """A hand-made client with the certificate of a key file, or another ``certificate`` for its key."""
+    context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
+    context.check_hostname, context.verify_mode = False, ssl.CERT_NONE
+    context.load_cert_chain(certificate or pem, pem)
+    made = context.wrap_socket(socket.create_connection(("127.0.0.1", port), timeout=10))
+    made.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+    return made
+
+
+def framed(*bodies: bytes) -> bytes:
+    return b"".join(wire.LENGTH.pack(len(body)) + body for body in bodies)
+
+
+def said(text: object, payload: bytes = b"") -> bytes:
+    encoded = text if isinstance(text, bytes) else json.dumps(text).encode()
+    return wire.LENGTH.pack(len(encoded)) + encoded + payload
+
+
+# What gets through
+
+
+def test_a_message_arrives_as_it_was_sent(edge: Site, new_site: Callable[..., Site]):
+    car = new_site("car1", "car", connect=(edge.address,))
     until(lambda: car.names() == ["edge1"] and edge.names() == ["car1"], "both are connected")
+    pose = CameraPose(1.0, 2.0, 3.0, 0.5)
     for second in range(1, 4):
-        car.links.send("edge1", "/image_raw_remote", image(second, size=1_400_000))
-    until(lambda: len(edge.got) == 3, "three images arrive")
-    assert [(peer, topic) for peer, topic, _ in edge.got] == [(Peer("car1", "car"), "/image_raw_remote")] * 3
+        sent = replace(image(second, size=1_400_000), pose=pose, horizontal_fov_rad=1.4)
+        car.links.send("edge1", REQUEST, sent)
+        until(lambda second=second: len(edge.got) == second, "the image arrives")
+    assert [(peer, topic) for peer, topic, _ in edge.got] == [(Peer("car1", "car"), REQUEST)] * 3
     assert [message.header for *_, message in edge.got] == [Header(n * 10**9, "camera", "car1") for n in (1, 2, 3)]
+    assert {(message.pose, message.horizontal_fov_rad) for *_, message in edge.got} == {(pose, 1.4)}
     assert edge.got[0][2].payload == image(1, size=1_400_000).payload
 
 
-def test_a_car_dials_again_until_its_edge_is_back(new_site: Callable[..., Site]):
+def test_no_small_message_waits_for_an_acknowledgement(edge: Site, new_site: Callable[..., Site]):
+    """Without TCP_NODELAY every small message after another waits for up to 44 ms."""
+    car = new_site("car1", "car", connect=(edge.address,))
+    until(lambda: car.names() == ["edge1"] and edge.names() == ["car1"], "both are connected")
+    edge.then = lambda peer, topic, message: edge.links.send(peer.name, "/objects", image(2, 100, SCAN))
+    took_s = []
+    for count in range(1, 21):
+        begun = time.perf_counter()
+        car.links.send("edge1", REQUEST, image(1, size=100_000))
+        while len(car.got) < count and time.perf_counter() < begun + 5:
+            time.sleep(0.0002)
+        took_s.append(time.perf_counter() - begun)
+    assert sorted(took_s)[10] < 0.035, took_s
+
+
+def test_both_directions_at_once_under_load(edge: Site, new_site: Callable[..., Site]):
+    """OpenSSL serves one thread at a time; a reader and a writer that forget it break the connection."""
+    car = new_site("car1", "car", connect=(edge.address,))
+    until(lambda: car.names() == ["edge1"] and edge.names() == ["car1"], "both are connected")
+    connections = [*car.links._connections.values(), *edge.links._connections.values()]
+    deadline, second = time.monotonic() + 3, 0
+    while time.monotonic() < deadline:
+        second += 1
+        car.links.send("edge1", REQUEST, image(second, size=300_000))
+        edge.links.send("car1", "/objects", image(second, 300_000, SCAN))
+        time.sleep(0.001)
+    assert [*car.links._connections.values(), *edge.links._connections.values()] == connections, "never cut"
+    for site in (car, edge):
+        seconds = [message.header.stamp_ns for *_, message in site.got]
+        assert len(seconds) > 50 and seconds == sorted(set(seconds)), "in order, none twice"
+
+
+def test_a_slow_link_holds_two_images_and_the_newest_ones(edge: Site, new_site: Callable[..., Site]):
+    car = new_site("car1", "car", connect=(edge.address,))
+    until(lambda: car.names() == ["edge1"] and edge.names() == ["car1"], "connected")
+    (one,) = car.links._connections.values()
+    with one._tls:  # as slow as can be: nothing leaves
+        for second in range(1, 9):
+            car.links.send("edge1", REQUEST, image(second))
+            car.links.send("edge1", "/objects", image(second, 10, SCAN))
+            time.sleep(0.01)
+        held = [(topic, message.header.stamp_ns // 10**9) for topic, message in one._queue]
+    assert [second for topic, second in held if topic == REQUEST] == [7, 8]
+    assert len([second for topic, second in held if topic == "/objects"]) >= 7, "answers are small"
+
+
+def test_a_car_dials_again_until_its_edge_is_back(keys: Keys, new_site: Callable[..., Site]):
     port = free_port()
-    car = new_site("car1", "car", connect=(f"127.0.0.1:{port}",))
+    car = new_site("car1", "car", connect=(f"edge1@127.0.0.1:{port}",))
     for _ in range(2):
         edge = new_site("edge1", "edge", listen=f"127.0.0.1:{port}")
-        until(lambda: car.names() == ["edge1"], "the edge is found")
-        car.links.send("edge1", "/image_raw_remote", image(1))
+        until(lambda: car.names() == ["edge1"], "the edge is found", BACK_S)
+        car.links.send("edge1", REQUEST, image(1))
         until(lambda edge=edge: edge.got, "an image arrives")
         edge.links.close()
         until(lambda: car.names() == [], "the cut is noticed")
 
 
-def test_nobody_gets_in_without_the_key(new_site: Callable[..., Site]):
-    port = free_port()
-    edge = new_site("edge1", "edge", listen=f"127.0.0.1:{port}")
-    stranger = new_site("car1", "car", key=b"another key, also long", connect=(f"127.0.0.1:{port}",))
+def test_two_edges_that_dial_each_other_settle_on_one_connection(new_site: Callable[..., Site]):
+    at = [f"127.0.0.1:{free_port()}" for _ in range(2)]
+    edges = [
+        new_site("edge0", "edge", listen=at[0], connect=(f"edge1@{at[1]}",)),
+        new_site("edge1", "edge", listen=at[1], connect=(f"edge0@{at[0]}",)),
+    ]
+    until(lambda: [edge.names() for edge in edges] == [["edge1"], ["edge0"]], "both are connected")
+    time.sleep(2.0)
+    settled = [list(edge.links._connections.values()) for edge in edges]
+    time.sleep(2.0)
+    assert [list(edge.links._connections.values()) for edge in edges] == settled and len(settled[0]) == 1
 
-    for attempt in (b"GET / HTTP/1.1\r\n\r\n", b"\xff" * 4096, LENGTH.pack(2**31) + b"x", os.urandom(5000)):
-        with socket.create_connection(("127.0.0.1", port), timeout=10) as thief, contextlib.suppress(ConnectionError):
+
+# Who gets in
+
+
+def test_who_has_no_certificate_learns_nothing(edge: Site, warnings: Callable[[], list[str]]):
+    for attempt in (b"GET / HTTP/1.1\r\n\r\n", b"\xff" * 4096, struct.pack(">I", 2**31) + b"x", os.urandom(5000)):
+        with socket.create_connection(("127.0.0.1", edge.port), timeout=10) as thief, contextlib.suppress(OSError):
             thief.sendall(attempt)
-            assert thief.recv(100) == b"", "a stranger learns nothing"
+            assert len(thief.recv(100)) <= 7, "an alert at most"
+    context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
+    context.check_hostname, context.verify_mode = False, ssl.CERT_NONE
+    plain = socket.create_connection(("127.0.0.1", edge.port), timeout=10)
+    with context.wrap_socket(plain) as thief, contextlib.suppress(OSError):
+        thief.sendall(framed(wire.PING, wire.encode(REQUEST, image(1))))
+        assert thief.recv(100) == b""
+    context.maximum_version = ssl.TLSVersion.TLSv1_2
+    with socket.create_connection(("127.0.0.1", edge.port), timeout=10) as plain, pytest.raises(ssl.SSLError):
+        context.wrap_socket(plain)
+    until(lambda: len(warnings()) == 6, "a line for each of them")
+    assert edge.got == [] and edge.names() == []
+    assert all("\n" not in line and line.startswith("link: refused 127.0.0.1:") for line in warnings())
 
-    # Somebody who greets well, and then goes on as if it were trusted.
-    with socket.create_connection(("127.0.0.1", port), timeout=10) as thief, contextlib.suppress(ConnectionError):
-        fake = Handshake(b"guessed key guessed", Peer("car1", "car"), dialling=True)
-        session = wire.Session(b"guess", b"guess")
-        body = wire.Writer().bodies("/image_raw_remote", image(1))[-1]
-        thief.sendall(LENGTH.pack(len(fake.greeting)) + fake.greeting)
-        thief.sendall(LENGTH.pack(32) + bytes(32) + session.seal(body))
+
+@pytest.mark.parametrize(
+    ("case", "line"),
+    [
+        ("another authority", "unable to get local issuer certificate|self-signed certificate in certificate chain"),
+        ("expired", "certificate has expired"),
+        ("no name", "a certificate that names no Genie"),
+        ("two names", "a certificate that names no Genie"),
+        ("a host's", "a certificate that names no Genie"),
+        ("a newline in its name", "a certificate that names no Genie"),
+        ("the listener's own name", "it is called edge1, too"),
+    ],
+)
+def test_a_wrong_certificate_is_refused_with_one_line(
+    edge: Site, keys: Keys, warnings: Callable[[], list[str]], case: str, line: str
+):
+    names = {
+        "no name": "", "two names": "URI:genie:car/car1,URI:genie:edge/car1", "a host's": "DNS:car1",
+        "a newline in its name": "URI:genie:car/car1\\nlink: x",
+    }  # fmt: skip
+    pem, certificate = keys("car1", "car"), None
+    if case == "another authority":
+        pem = keys.other("car1", "car")
+    elif case == "the listener's own name":
+        pem = keys("edge1", "edge")
+    else:
+        certificate = keys.certificate(pem, names.get(case, "URI:genie:car/car1"), -1 if case == "expired" else 1)
+    with contextlib.suppress(OSError), tls(edge.port, pem, certificate) as thief:
+        thief.sendall(framed(wire.PING, wire.encode(REQUEST, image(1))))
         while thief.recv(4096):
             pass
-    assert edge.got == [] and edge.names() == [] and stranger.names() == []
-
-    honest = new_site("car2", "car", connect=(f"127.0.0.1:{port}",))
-    until(lambda: honest.names() == ["edge1"] and edge.names() == ["car2"], "the honest still get in")
-
-
-def test_idle_strangers_do_not_lock_out_the_honest(new_site: Callable[..., Site], monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(link, "GREETING_S", 0.5)
-    port = free_port()
-    new_site("edge1", "edge", listen=f"127.0.0.1:{port}")
-    with contextlib.ExitStack() as idle:
-        for _ in range(2 * link.STRANGERS):
-            idle.enter_context(socket.create_connection(("127.0.0.1", port)))
-        car = new_site("car1", "car", connect=(f"127.0.0.1:{port}",))
-        until(lambda: car.names() == ["edge1"], "the strangers have been sent away")
+    until(warnings, "a line")
+    time.sleep(0.2)
+    assert len(warnings()) == 1 and "\n" not in warnings()[0]
+    assert re.search(line, warnings()[0]), warnings()
+    assert edge.got == [] and edge.names() == []
 
 
-class Tapped:
-    """Somebody between car and edge: sees every byte towards the edge, and may change them."""
+class Listener:
+    """Somebody at the address that a car dials, with the certificate of a key file."""
 
-    def __init__(self, port: int, change: Callable[[bytes], bytes] = bytes) -> None:
-        self.seen = b""
-        self._port, self._change = port, change
+    def __init__(self, pem: str) -> None:
+        context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+        context.load_cert_chain(pem)
+        self.heard = b""
         self._server = socket.create_server(("127.0.0.1", 0))
-        self.address = f"127.0.0.1:{self._server.getsockname()[1]}"
+        self._context = context
+        self.port = self._server.getsockname()[1]
+        threading.Thread(target=self._accept, daemon=True).start()
+
+    def _accept(self) -> None:
+        with contextlib.suppress(OSError):
+            while True:
+                sock, _ = self._server.accept()
+                with contextlib.suppress(OSError), self._context.wrap_socket(sock, server_side=True) as secure:
+                    secure.sendall(framed(wire.PING))
+                    while data := secure.recv(4096):
+                        self.heard += data
+
+    def close(self) -> None:
+        socket.socket.shutdown(self._server, socket.SHUT_RDWR)
+        self._server.close()
+
+
+@pytest.mark.parametrize(
+    ("name", "role", "line"),
+    [
+        ("edge2", "edge", "it is edge edge2, not edge1"),  # right authority, another name
+        ("edge1", "car", "it is car edge1; a car has nothing to say to a car"),  # a car that poses as an edge
+        ("elsewhere", "edge", "unable to get local issuer certificate|self-signed certificate in certificate chain"),
+    ],
+)
+def test_a_car_checks_whom_it_has_reached(
+    keys: Keys, new_site: Callable[..., Site], warnings: Callable[[], list[str]], name: str, role: str, line: str
+):
+    pem = keys.other("edge1", "edge") if name == "elsewhere" else keys(name, role, f"{name}-{role}")
+    impostor = Listener(pem)
+    car = new_site("car1", "car", connect=(f"edge1@127.0.0.1:{impostor.port}",))
+    until(warnings, "a line")
+    time.sleep(1.0)  # it dials again and again, and says so once
+    car.links.send("edge1", REQUEST, image(1))
+    impostor.close()
+    assert re.search(line, warnings()[0]) and len(set(warnings())) == len(warnings())
+    assert sum(bool(re.search(line, one)) for one in warnings()) == 1
+    assert impostor.heard == b"" and car.names() == []
+
+
+def test_a_genie_that_says_it_is_what_its_certificate_does_not_say_does_not_start(keys: Keys):
+    car = keys("car1", "car")
+    with pytest.raises(UserError, match="key: of car car1; this Genie is edge car1"):
+        TlsLinks(plan_of(keys, "car1", "edge", key_file=car, listen="127.0.0.1:0"), CODECS.get)
+    with pytest.raises(UserError, match="key: of car car1; this Genie is car car2"):
+        TlsLinks(plan_of(keys, "car2", "car", key_file=car), CODECS.get)
+    with pytest.raises(UserError, match="does not say whom to connect to; write name@host:port"):
+        TlsLinks(plan_of(keys, "car1", "car", connect=("127.0.0.1:1",)), CODECS.get)
+
+
+def test_a_second_connection_of_a_name_replaces_only_its_own_certificate(
+    edge: Site, keys: Keys, warnings: Callable[[], list[str]]
+):
+    def dial(pem: str) -> ssl.SSLSocket:
+        made = tls(edge.port, pem)
+        made.sendall(framed(wire.PING))
+        return made
+
+    with dial(keys("car1", "car")) as first:
+        until(lambda: edge.names() == ["car1"], "the first is connected")
+        held = edge.links._connections["car1"]
+        with dial(keys("car1", "car", "second")) as other:
+            until(warnings, "the other is refused")
+            with contextlib.suppress(OSError):
+                while other.recv(100):
+                    pass
+        assert "car car1 is connected with another certificate" in warnings()[0]
+        assert edge.links._connections["car1"] is held
+        with dial(keys("car1", "car")):
+            until(lambda: edge.links._connections.get("car1") not in (held, None), "the second took its place")
+            with contextlib.suppress(OSError):
+                while first.recv(100):
+                    pass
+            assert edge.names() == ["car1"], "the end of the first does not end the second"
+
+
+def test_a_peer_counts_from_its_first_frame(edge: Site, keys: Keys):
+    with tls(edge.port, keys("car1", "car")) as quiet:
+        time.sleep(0.5)
+        assert edge.names() == []
+        quiet.sendall(framed(wire.PING))
+        until(lambda: edge.names() == ["car1"], "now it is up")
+
+
+def test_a_connection_ends_with_its_certificate(edge: Site, keys: Keys, monkeypatch: pytest.MonkeyPatch):
+    with tls(edge.port, keys("car1", "car")) as car:
+        car.sendall(framed(wire.PING))
+        until(lambda: edge.names() == ["car1"], "it is up")
+        later_s = time.time() + 366 * 86_400
+        monkeypatch.setattr(connection.time, "time", lambda: later_s)
+        car.sendall(framed(wire.PING))
+        until(lambda: edge.names() == [], "it is cut")
+
+
+# What a peer may say
+
+MESSAGE = {"topic": REQUEST, "type": IMAGE.type[:2], "origin": "car1", "source": "detector", "served_by": ""}
+NONSENSE = [
+    b"", b"\0\0", said(b"["), said([]), said({}), said(7), said(b"[" * 100_000), said({**MESSAGE, "topic": 5}),
+    said({**MESSAGE, "topic": "/x\nlink: edge edge9 is connected"}), said({**MESSAGE, "origin": "x" * 300}),
+    said({**MESSAGE, "type": ["sensor_msgs/Image", "1" * 32]}), said({**MESSAGE, "type": None}),
+    said({**MESSAGE, "topic": "/cmd_vel"}), said(MESSAGE), said(MESSAGE, b"short"),
+    said({**MESSAGE, "pose": [1, 2, 3, math.nan]}), said({**MESSAGE, "pose": [math.inf, 2, 3, 4]}),
+    said({**MESSAGE, "pose": [1, 2]}), said({**MESSAGE, "pose": [10**400, 2, 3, 4]}), said({**MESSAGE, "pose": "here"}),
+    said({**MESSAGE, "fov_rad": 10**400}), said({**MESSAGE, "fov_rad": math.nan}), said({**MESSAGE, "fov_rad": None}),
+    struct.pack(">I", 2**32 - 1) + b"{}", said(MESSAGE, struct.pack("<IIII", 0, 1, 2**32 - 1, 0)),
+]  # fmt: skip
+
+
+def test_nonsense_of_a_peer_costs_it_the_message_and_a_line(
+    edge: Site, keys: Keys, warnings: Callable[[], list[str]], monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr(link, "WARNINGS_PER_S", 1000)
+    with tls(edge.port, keys("car1", "car")) as car:
+        car.sendall(framed(*NONSENSE, wire.encode(REQUEST, image(1))))
+        until(lambda: edge.got, "after all that an image is heard")
+    assert len(edge.got) == 1 and len(warnings()) == len(NONSENSE)
+    assert all("\n" not in line and line.startswith("link: dropped a message of car1: ") for line in warnings())
+
+
+def test_definitions_do_not_travel():
+    typed = codec_of(WireType("my_msgs/Thing", "1" * 32, "Header header\nint32 x\n"), 1)
+    assert b"int32 x" not in wire.encode(REQUEST, image(1, 4, typed))
+
+
+def test_a_dialler_dials_again_whatever_has_happened(
+    edge: Site, new_site: Callable[..., Site], monkeypatch: pytest.MonkeyPatch
+):
+    """Also what nobody has thought of: every way of an attempt to end is an end of this attempt only."""
+    met, raised = [], [RuntimeError("x"), ValueError("y"), OverflowError("z"), MemoryError(), OSError(5, "w")]
+    whole = link.check
+
+    def check(*arguments: object) -> None:
+        met.append(arguments)
+        if raised and threading.current_thread() is not threading.main_thread() and arguments[2] is not None:
+            raise raised.pop()
+        whole(*arguments)
+
+    monkeypatch.setattr(link, "check", check)
+    car = new_site("car1", "car", connect=(edge.address,))
+    until(lambda: car.names() == ["edge1"], "connected in the end")
+    assert not raised
+
+
+def test_what_the_receiver_raises_ends_nothing(edge: Site, new_site: Callable[..., Site]):
+    car = new_site("car1", "car", connect=(edge.address,))
+    until(lambda: car.names() == ["edge1"] and edge.names() == ["car1"], "connected")
+
+    def then(peer: Peer, topic: str, message: RosMessage) -> None:
+        raise (UserError("no hash for this"), KeyError("x"), ValueError("short"))[len(edge.got) % 3]
+
+    edge.then = then
+    held = list(edge.links._connections.values())
+    for second in range(1, 7):
+        car.links.send("edge1", REQUEST, image(second))
+        until(lambda second=second: len(edge.got) == second, "the next one is heard")
+    assert list(edge.links._connections.values()) == held
+
+
+def test_a_frame_that_is_too_long_cuts_the_link(edge: Site, keys: Keys):
+    with tls(edge.port, keys("car1", "car")) as car:
+        car.sendall(framed(wire.PING))
+        until(lambda: edge.names() == ["car1"], "it is up")
+        car.sendall(struct.pack(">I", wire.MAX_FRAME_BYTES + 1))
+        until(lambda: edge.names() == [], "it is cut")
+
+
+# Strangers
+
+
+def reachable(port: int) -> bool:
+    with contextlib.suppress(OSError), socket.create_connection(("127.0.0.1", port), timeout=1):
+        return True
+    return False
+
+
+def attack(keys: Keys, tmp_path: Path, seconds: float) -> list[float]:
+    """How long a right client needs to get in [s], while 400 sit there and 200 a second throw bytes."""
+    port = free_port()
+    log = (tmp_path / "edge.log").open("w")
+    edge = peer_process(plan_of(keys, "edge1", "edge", listen=f"127.0.0.1:{port}"), stderr=log)
+    until(lambda: reachable(port), "the edge listens")
+    strangers = subprocess.Popen(
+        [sys.executable, HERE / "strangers.py", str(port), str(seconds + 5)], stdout=subprocess.PIPE, text=True
+    )
+    took_s = []
+    try:
+        assert strangers.stdout is not None and strangers.stdout.readline() == "busy\n"
+        deadline = time.monotonic() + seconds
+        plan = plan_of(keys, "car1", "car", connect=(f"edge1@127.0.0.1:{port}",))
+        while time.monotonic() < deadline:
+            begun = time.monotonic()
+            car = Site(plan)
+            until(lambda car=car: car.names() == ["edge1"], "the right client gets in")
+            took_s.append(time.monotonic() - begun)
+            car.links.close()
+            time.sleep(0.2)
+        assert edge.poll() is None
+    finally:
+        for process in (edge, strangers):
+            process.kill()
+            process.wait()
+        log.close()
+    assert (tmp_path / "edge.log").stat().st_size < 1000 * (seconds + 10) * link.WARNINGS_PER_S, "the disk is safe"
+    return took_s
+
+
+def test_strangers_do_not_keep_a_right_client_out(keys: Keys, tmp_path: Path):
+    took_s = attack(keys, tmp_path, 5.0)
+    assert len(took_s) > 5 and max(took_s) < 1.0, took_s
+
+
+@pytest.mark.slow
+def test_strangers_do_not_keep_a_right_client_out_for_a_minute(keys: Keys, tmp_path: Path):
+    took_s = attack(keys, tmp_path, 60.0)
+    assert len(took_s) > 60 and max(took_s) < 1.0, sorted(took_s)[-10:]
+
+
+def test_no_more_strangers_than_allowed_and_the_oldest_makes_room(edge: Site):
+    with contextlib.ExitStack() as stack:
+        socks = []
+        for _ in range(lobby.STRANGERS_OF_ONE_HOST + 5):
+            socks.append(stack.enter_context(socket.create_connection(("127.0.0.1", edge.port), timeout=10)))
+            time.sleep(0.02)
+        gone = {one.fileno() for one in select.select(socks, [], [], 0.3)[0]}
+        assert gone == {one.fileno() for one in socks[:5]}
+        held = edge.links._lobby._strangers
+        for host in range(2, 8):  # other hosts have their own share, up to what all have together
+            for _ in range(lobby.STRANGERS_OF_ONE_HOST):
+                one = socket.socket()
+                stack.enter_context(one).bind((f"127.0.0.{host}", 0))
+                one.connect(("127.0.0.1", edge.port))
+        time.sleep(0.2)
+        assert len(held) == lobby.STRANGERS
+
+
+def test_a_stranger_has_two_seconds(edge: Site):
+    with socket.create_connection(("127.0.0.1", edge.port), timeout=10) as idle:
+        begun = time.monotonic()
+        with contextlib.suppress(ConnectionError):
+            idle.recv(1)
+        assert 1.5 < time.monotonic() - begun < 3.0
+
+
+def test_nothing_ends_the_loop_that_accepts(
+    edge: Site, new_site: Callable[..., Site], warnings: Callable[[], list[str]]
+):
+    """The process runs out of descriptors; when it has some again, the next client gets in."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    port = edge.port
+    waiting = [socket.socket() for _ in range(3)]
+    taken = [os.dup(0)]
+    resource.setrlimit(resource.RLIMIT_NOFILE, (taken[0] + 1, hard))
+    try:
+        with contextlib.suppress(OSError):
+            while True:
+                taken.append(os.dup(0))
+        for one in waiting:
+            one.connect(("127.0.0.1", port))
+        until(lambda: any("cannot accept: Too many open files" in line for line in warnings()), "it has run out")
+    finally:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))
+        for number in taken:
+            os.close(number)
+        for one in waiting:
+            one.close()
+    car = new_site("car1", "car", connect=(edge.address,))
+    until(lambda: car.names() == ["edge1"], "the next one gets in", 1.0)
+
+
+# Sides that die, stand still, or are cut off without a word
+
+
+def peer_process(plan: Plan, *arguments: object, stderr: object = None) -> subprocess.Popen[str]:
+    return subprocess.Popen(
+        [sys.executable, "-m", "tests.ros.link_peer", plan.to_json(), *map(str, arguments)], stdout=subprocess.PIPE,
+        stderr=stderr, text=True, cwd=REPOSITORY, env={**os.environ, "PYTHONPATH": str(REPOSITORY)},
+    )
+
+
+class Pair:
+    """An edge and a car that sends 20 images a second, each in a process of its own, and what they have printed."""
+
+    def __init__(self, keys: Keys, port: int | None = None, dialled: int | None = None) -> None:
+        self.port = port or free_port()
+        self.plans = {
+            "edge": plan_of(keys, "edge1", "edge", listen=f"127.0.0.1:{self.port}"),
+            "car": plan_of(keys, "car1", "car", connect=(f"edge1@127.0.0.1:{dialled or self.port}",)),
+        }
+        self.lines: list[tuple[float, str, str]] = []
+        self.processes: dict[str, subprocess.Popen[str]] = {}
+        for side in self.plans:
+            self.start(side)
+        self.await_line("edge", "up car1", 0.0)
+        self.await_line("car", "up edge1", 0.0)
+        until(lambda: self.got(), "images arrive")
+
+    def start(self, side: str) -> None:
+        process = peer_process(self.plans[side], *([20] if side == "car" else []), stderr=subprocess.DEVNULL)
+        self.processes[side] = process
+        threading.Thread(target=self._read, args=(side, process), daemon=True).start()
+
+    def _read(self, side: str, process: subprocess.Popen[str]) -> None:
+        for line in process.stdout or ():
+            self.lines.append((time.monotonic(), side, line.strip()))
+
+    def await_line(self, side: str, line: str, since: float, patience_s: float = 20.0) -> float:
+        found = until(
+            lambda: [at for at, its, text in list(self.lines) if (its, text) == (side, line) and at >= since],
+            f"{side}: {line}", patience_s,
+        )
+        return found[0] - since
+
+    def got(self) -> list[int]:
+        return [int(text.split()[1]) for _, side, text in list(self.lines) if side == "edge" and text.startswith("got")]
+
+    def close(self) -> None:
+        for process in self.processes.values():
+            process.send_signal(signal.SIGCONT)
+            process.kill()
+            process.wait()
+
+
+@pytest.fixture
+def pair(keys: Keys) -> Iterator[Pair]:
+    made = Pair(keys)
+    yield made
+    made.close()
+
+
+@pytest.mark.parametrize(("dies", "other", "line"), [("edge", "car", "edge1"), ("car", "edge", "car1")])
+def test_a_side_that_is_killed_is_noticed_and_comes_back(pair: Pair, dies: str, other: str, line: str):
+    killed = time.monotonic()
+    pair.processes[dies].kill()
+    pair.processes[dies].wait()
+    assert pair.await_line(other, f"down {line}", killed) < NOTICED_S
+    before = len(pair.got())
+    back = time.monotonic()
+    pair.start(dies)
+    assert pair.await_line(other, f"up {line}", back) < BACK_S
+    until(lambda: len(pair.got()) > before + 5, "images go on")
+    if dies == "edge":
+        assert len(set(pair.got())) == len(pair.got()), "nothing is delivered twice"
+
+
+@pytest.mark.parametrize(("stops", "other", "line"), [("edge", "car", "edge1"), ("car", "edge", "car1")])
+def test_a_side_that_stands_still_is_noticed_and_comes_back(pair: Pair, stops: str, other: str, line: str):
+    stopped = time.monotonic()
+    pair.processes[stops].send_signal(signal.SIGSTOP)
+    assert pair.await_line(other, f"down {line}", stopped) < NOTICED_S
+    time.sleep(3.0)  # it has dialled in vain for a while
+    before, back = len(pair.got()), time.monotonic()
+    pair.processes[stops].send_signal(signal.SIGCONT)
+    assert pair.await_line(other, f"up {line}", back) < BACK_S
+    until(lambda: len(pair.got()) > before + 5, "images go on")
+    assert len(set(pair.got())) == len(pair.got()), "nothing is delivered twice"
+
+
+class Wire:
+    """A proxy that can forget its connections without closing them, swallow bytes, or change them."""
+
+    def __init__(self, target: int) -> None:
+        self.target = target
+        self.dead = threading.Event()
+        self.change: Callable[[bytes], bytes] = bytes
+        self._held: list[socket.socket] = []
+        self._server = socket.create_server(("127.0.0.1", 0))
+        self.port = self._server.getsockname()[1]
         threading.Thread(target=self._accept, daemon=True).start()
 
     def _accept(self) -> None:
         while True:
             near, _ = self._server.accept()
-            far = socket.create_connection(("127.0.0.1", self._port))
-            threading.Thread(target=self._copy, args=(near, far, True), daemon=True).start()
-            threading.Thread(target=self._copy, args=(far, near, False), daemon=True).start()
+            try:
+                far = socket.create_connection(("127.0.0.1", self.target))
+            except OSError:
+                near.close()
+                continue
+            self._held += [near, far]
+            dead = self.dead
+            for source, sink in ((near, far), (far, near)):
+                threading.Thread(target=self._copy, args=(source, sink, dead), daemon=True).start()
 
-    def _copy(self, source: socket.socket, sink: socket.socket, up: bool) -> None:
+    def cut_in_silence(self) -> None:
+        """What is connected now hears nothing more, not even an end; new connections work."""
+        old, self.dead = self.dead, threading.Event()
+        old.set()
+
+    def _copy(self, source: socket.socket, sink: socket.socket, dead: threading.Event) -> None:
         with contextlib.suppress(OSError):
             while data := source.recv(65536):
-                if up:
-                    self.seen += data
-                    data = self._change(data)
-                sink.sendall(data)
-        for end in (source, sink):
-            with contextlib.suppress(OSError):
-                end.shutdown(socket.SHUT_RDWR)
+                if not dead.is_set():
+                    sink.sendall(self.change(data))
+        if not dead.is_set():
+            for end in (source, sink):
+                with contextlib.suppress(OSError):
+                    end.shutdown(socket.SHUT_RDWR)
 
 
-def test_who_sits_on_the_wire_can_cut_it_but_not_change_it(new_site: Callable[..., Site]):
-    port = free_port()
-    edge = new_site("edge1", "edge", listen=f"127.0.0.1:{port}")
-    tap = Tapped(port, lambda data: data.replace(b"camera", b"CAMERA"))
-    car = new_site("car1", "car", connect=(tap.address,))
-    until(lambda: edge.names() == ["car1"] and car.names() == ["edge1"], "connected through the tap")
-    car.links.send("edge1", "/image_raw_remote", image(1))
-    until(lambda: tap.seen.count(b'"nonce"') == 2, "the edge has cut the connection and the car dials again")
+def test_a_half_open_link_is_noticed_by_both_and_comes_back(keys: Keys):
+    between = Wire(free_port())
+    pair = Pair(keys, between.target, between.port)
+    try:
+        cut = time.monotonic()
+        between.cut_in_silence()
+        noticed = [pair.await_line("car", "down edge1", cut), pair.await_line("edge", "down car1", cut)]
+        assert max(noticed) < NOTICED_S
+        assert pair.await_line("car", "up edge1", cut) - noticed[0] < BACK_S
+        before = len(pair.got())
+        until(lambda: len(pair.got()) > before + 5, "images go on")
+        assert len(set(pair.got())) == len(pair.got()), "nothing is delivered twice"
+    finally:
+        pair.close()
+
+
+def test_who_sits_on_the_wire_can_cut_it_but_not_change_it(edge: Site, new_site: Callable[..., Site]):
+    between = Wire(edge.port)
+    car = new_site("car1", "car", connect=(f"edge1@127.0.0.1:{between.port}",))
+    until(lambda: edge.names() == ["car1"] and car.names() == ["edge1"], "connected through the wire")
+    seen: list[bytes] = []
+
+    def flip(data: bytes) -> bytes:
+        seen.append(data)
+        return data[:-1] + bytes([data[-1] ^ 1])
+
+    between.change = flip
+    car.links.send("edge1", REQUEST, image(1))
+    until(lambda: edge.names() == [], "the edge has cut the connection")
+    between.change = bytes
+    until(lambda: edge.names() == ["car1"], "and the car dials again", BACK_S)
     assert edge.got == []
+    assert not any(b"camera" in data or REQUEST.encode() in data for data in seen), "nothing is readable"
 
 
-def test_what_was_heard_once_cannot_be_said_again(new_site: Callable[..., Site]):
-    port = free_port()
-    edge = new_site("edge1", "edge", listen=f"127.0.0.1:{port}")
-    tap = Tapped(port)
-    car = new_site("car1", "car", connect=(tap.address,))
-    until(lambda: car.names() == ["edge1"], "connected through the tap")
-    car.links.send("edge1", "/image_raw_remote", image(1))
-    until(lambda: len(edge.got) == 1, "the image arrives")
-    with socket.create_connection(("127.0.0.1", port), timeout=10) as thief, contextlib.suppress(ConnectionError):
-        thief.sendall(tap.seen)
-        while thief.recv(4096):
-            pass
-    assert len(edge.got) == 1
-    assert edge.names() == ["car1"], "the true car stays connected"
+# The key file
 
 
-def test_a_frame_fits_in_one_place_only():
-    """Altered, repeated, swapped or reflected frames are refused, whatever they hold."""
-    dialler = Handshake(KEY, Peer("car1", "car"), dialling=True)
-    listener = Handshake(KEY, Peer("edge1", "edge"), dialling=False)
-    listener.meet(dialler.greeting)
-    dialler.meet(listener.greeting)
-    with pytest.raises(Refused):
-        dialler.check(dialler.proof())  # its own proof, sent back
-    car, edge = dialler.check(listener.proof()), listener.check(dialler.proof())
-    first, second = car.seal(b"first")[LENGTH.size :], car.seal(b"second")[LENGTH.size :]
-    for wrong in (second, first[:-1], first[::-1], b"", edge.seal(b"first")[LENGTH.size :]):
-        with pytest.raises(Refused):
-            edge.open(wrong)
-    assert edge.open(first) == b"first"
-    with pytest.raises(Refused):
-        edge.open(first)
-    assert edge.open(second) == b"second"
-
-
-@pytest.mark.parametrize(
-    ("greeting", "reason"),
-    [
-        (b"[]", "no JSON object"),
-        (b'{"genie": 2, "name": "edge1", "role": "edge"}', "version 2"),
-        (b'{"genie": 1, "name": "car2", "role": "car"}', "a car has nothing to say to a car"),
-        (b'{"genie": 1, "name": "car1", "role": "edge"}', "called 'car1', too"),
-        (b'{"genie": 1, "role": "edge"}', "name is missing"),
-        (b"[" * 1000, "no JSON"),
-    ],
-)
-def test_a_greeting_must_make_sense(greeting: bytes, reason: str):
-    with pytest.raises(Refused, match=reason):
-        Handshake(KEY, Peer("car1", "car"), dialling=True).meet(greeting)
-
-
-def test_a_key_is_long_and_private(tmp_path: Path):
-    key_file = tmp_path / "key"
+def test_a_key_file_is_private_and_whole(tmp_path: Path, keys: Keys):
+    path = tmp_path / "car1.pem"
     with pytest.raises(UserError, match="No such file"):
-        wire.read_key(str(key_file))
-    key_file.write_bytes(KEY)
-    key_file.chmod(0o644)
-    with pytest.raises(UserError, match="others may read it"):
-        wire.read_key(str(key_file))
-    key_file.write_bytes(b"short\n")
-    key_file.chmod(0o600)
-    with pytest.raises(UserError, match="5 bytes are too few"):
-        wire.read_key(str(key_file))
+        Credentials(str(path))
+    text = Path(keys("car1", "car")).read_text()
+    path.write_text(text)
+    path.chmod(0o644)
+    with pytest.raises(UserError, match="others may read it; chmod 600"):
+        Credentials(str(path))
+    path.chmod(0o600)
+    assert Credentials(str(path)).owner == Peer("car1", "car")
+    for wrong, line in (("", "0 certificates, not 2"), ("\xff", "no PEM file"), (text.replace("M", "N", 3), "key: ")):
+        path.write_bytes(wrong.encode("latin-1"))
+        with pytest.raises(UserError, match=line):
+            Credentials(str(path))
+    expired = Path(keys.certificate(keys("car1", "car"), "URI:genie:car/car1", -1)).read_text()
+    mark = "-----BEGIN CERTIFICATE-----"
+    path.write_text(text.split(mark)[0] + expired + mark + text.split(mark)[2])
+    with pytest.raises(UserError, match="certificate has expired"):
+        Credentials(str(path))

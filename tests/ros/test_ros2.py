@@ -14,7 +14,7 @@ from typing import Any
 
 import pytest
 
-from tests.ros.conftest import ATTACH, DETACH, HERE, REPOSITORY, end, end_all, free_port, until
+from tests.ros.conftest import ATTACH, DETACH, HERE, REPOSITORY, Keys, end, end_all, free_port, until
 
 pytestmark = pytest.mark.slow
 DETECTOR = "/detector"
@@ -148,15 +148,14 @@ def test_a_killed_genie_leaves_the_robot_with_its_node(new_domain: Callable[[str
     until(lambda: car.topics() == UNTOUCHED, "the watchdog has restored the node")
 
 
-def test_two_domains_are_two_virtual_networks(new_domain: Callable[[str, int], Domain], tmp_path: Path):
+def test_two_domains_are_two_virtual_networks(new_domain: Callable[[str, int], Domain], keys: Keys):
     """The car's detector takes a second, the edge's 50; nothing but the link joins their domains."""
-    key_file = tmp_path / "link.key"
-    key_file.write_bytes(b"a key that is long enough")
-    key_file.chmod(0o600)
     car, edge = new_domain("car1", 73), new_domain("edge1", 74)
     address = f"127.0.0.1:{free_port()}"
-    edge.attach(edge.start_detector().pid, role="edge", name="edge1", listen=address, key_file=str(key_file))
-    car.attach(car.start_detector(seconds=1.0).pid, name="car1", connect=[address], key_file=str(key_file))
+    edge_key, car_key = keys("edge1", "edge"), keys("car1", "car")
+    edge.attach(edge.start_detector().pid, role="edge", name="edge1", listen=address, key_file=edge_key)
+    detector = car.start_detector(seconds=1.0)
+    car.attach(detector.pid, name="car1", connect=[f"edge1@{address}"], key_file=car_key)
     until(lambda: "edge edge1 is connected" in car.log_of_genie(), "the link is up")
     answers = car.play("1,2,1", pause_s=1.3, listen_s=0.8)
     assert car.lookups() == [("car1", "miss"), ("car1", "miss"), ("car1", "hit")]

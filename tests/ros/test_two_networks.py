@@ -6,29 +6,18 @@ import json
 import struct
 import time
 from collections.abc import Callable
-from pathlib import Path
 
 import pytest
 
-from genie_sim.ros.gateway import Peer
-from genie_sim.ros.link import TcpLinks
-from genie_sim.ros.message import RosMessage, WireType
+from genie_sim.ros.codec import WireType, codec_of
+from genie_sim.ros.link import TlsLinks
+from genie_sim.ros.message import RosMessage
 from genie_sim.ros.plan import Plan
-from genie_sim.ros.ros1_codec import codec_of
-from tests.ros.conftest import DETECTOR, Master, free_port, until
+from tests.ros.conftest import DETECTOR, Keys, Master, free_port, until
 
 pytestmark = pytest.mark.slow
 
 IMAGE_MD5 = "060021388200f6f0f447d0fcd9c64743"
-KEY = b"a key that is long enough"
-
-
-@pytest.fixture
-def key_file(tmp_path: Path) -> str:
-    path = tmp_path / "link.key"
-    path.write_bytes(KEY)
-    path.chmod(0o600)
-    return str(path)
 
 
 def lookups(master: Master) -> list[tuple[str, str, str]]:
@@ -41,14 +30,14 @@ def lookups(master: Master) -> list[tuple[str, str, str]]:
     ]
 
 
-def test_the_edge_answers_what_the_car_is_slow_to_see(new_master: Callable[[str], Master], key_file: str):
+def test_the_edge_answers_what_the_car_is_slow_to_see(new_master: Callable[[str], Master], keys: Keys):
     """The car's detector takes a second, the edge's 50: answers come over the link, and come but once."""
     car, edge = new_master("car1"), new_master("edge1")
     car.start_node(DETECTOR, "detector.py", "_seconds:=1.0")
     edge.start_node(DETECTOR, "detector.py")
     address = f"127.0.0.1:{free_port()}"
-    edge.attach(role="edge", name="edge1", listen=address, key_file=key_file)
-    car.attach(name="car1", connect=[address], key_file=key_file)
+    edge.attach(role="edge", name="edge1", listen=address, key_file=keys("edge1", "edge"))
+    car.attach(name="car1", connect=[f"edge1@{address}"], key_file=keys("car1", "car"))
     until(lambda: "edge edge1 is connected" in car.log_of_genie(), "the link is up")
 
     answers = car.play("1,2,1,2", pause_s=1.3, listen_s=0.8)
@@ -65,19 +54,19 @@ def test_the_edge_answers_what_the_car_is_slow_to_see(new_master: Callable[[str]
     assert [outcome for _, outcome, _ in lookups(car)[4:]] == ["miss", "hit"]
     assert alone[0]["after_s"] > 1.0, "its own detector"
 
-    edge.attach(role="edge", name="edge1", listen=address, key_file=key_file)
+    edge.attach(role="edge", name="edge1", listen=address, key_file=keys("edge1", "edge"))
     until(lambda: car.log_of_genie().count("edge edge1 is connected") == 2, "the car has found its edge again")
     again = car.play("5", listen_s=1.0)
     assert again[0]["after_s"] < 1.0
 
 
-def test_what_one_edge_has_seen_is_a_hit_at_the_other(new_master: Callable[[str], Master], key_file: str):
+def test_what_one_edge_has_seen_is_a_hit_at_the_other(new_master: Callable[[str], Master], keys: Keys):
     first, second = new_master("edge1"), new_master("edge2")
     for edge in (first, second):
         edge.start_node(DETECTOR, "detector.py")
     address = f"127.0.0.1:{free_port()}"
-    first.attach(role="edge", name="edge1", listen=address, key_file=key_file)
-    second.attach(role="edge", name="edge2", connect=[address], key_file=key_file)
+    first.attach(role="edge", name="edge1", listen=address, key_file=keys("edge1", "edge"))
+    second.attach(role="edge", name="edge2", connect=[f"edge1@{address}"], key_file=keys("edge2", "edge"))
     until(lambda: "edge edge1 is connected" in second.log_of_genie(), "the link is up")
     first.play("1,2")
     answers = second.play("1")
@@ -86,34 +75,31 @@ def test_what_one_edge_has_seen_is_a_hit_at_the_other(new_master: Callable[[str]
     assert answers[0]["objects"] == [["car", 1, 0.75, ["place", "1"]]]
 
 
-def test_nobody_without_the_key_poisons_the_map(new_master: Callable[[str], Master], key_file: str, tmp_path: Path):
-    """Neither with a wrong key, nor with bytes thrown at the port, nor, with the key, in the name of another car."""
+def test_nobody_poisons_the_map(new_master: Callable[[str], Master], keys: Keys):
+    """Neither with a certificate of another authority, nor, with one of ours, in the name of another car."""
     edge = new_master("edge1")
     edge.start_node(DETECTOR, "detector.py")
     address = f"127.0.0.1:{free_port()}"
-    edge.attach(role="edge", name="edge1", listen=address, key_file=key_file)
-    wrong_key = tmp_path / "wrong.key"
-    wrong_key.write_bytes(b"guessed key guessed")
-    wrong_key.chmod(0o600)
+    edge.attach(role="edge", name="edge1", listen=address, key_file=keys("edge1", "edge"))
+    image_type, objects = WireType("sensor_msgs/Image", IMAGE_MD5), "/detection/image_detector/objects_remote"
 
     def say(name: str, role: str, key: str, topic: str, origin: str) -> None:
-        links = TcpLinks(Plan("/n", name, role, (), (), connect=(address,), key_file=key), codec_of)
+        links = TlsLinks(Plan("/n", name, role, (), (), connect=(f"edge1@{address}",), key_file=key), {}.get)
         links.start(lambda *_: None)
         time.sleep(1.0)
         image = struct.pack("<IIII", 0, 1, 0, 6) + b"camera" + bytes(100)
-        message = RosMessage.of(image, codec_of(WireType("sensor_msgs/Image", IMAGE_MD5)), origin, answer=False)
-        for peer in [*links.peers(), Peer("edge1", "edge")]:
-            links.send(peer.name, topic, message)
+        links.send("edge1", topic, RosMessage.of(image, codec_of(image_type, 1), origin, answer=False))
         time.sleep(0.5)
         links.close()
 
-    say("mallory", "car", str(wrong_key), "/image_raw_remote", "mallory")
-    say("mallory", "edge", str(wrong_key), "/detection/image_detector/objects_remote", "car1")
-    say("car2", "car", key_file, "/image_raw_remote", "car1")  # has the key, but is not car1
-    say("car2", "car", key_file, "/detection/image_detector/objects_remote", "car2")  # cars give no answers
+    say("mallory", "car", keys.other("mallory", "car"), "/image_raw_remote", "mallory")
+    say("mallory2", "edge", keys.other("mallory2", "edge"), objects, "car1")
+    say("car2", "car", keys("car2", "car"), "/image_raw_remote", "car1")  # is car2, and not car1
+    say("car2", "car", keys("car2", "car"), objects, "car2")  # images are no objects
     assert not (edge.folder / "record.jsonl").read_text()
-    assert "no proof of the shared key" in edge.log_of_genie()
-    assert edge.log_of_genie().count("car car2 may not send") == 2
+    assert "refused 127.0.0.1" in edge.log_of_genie()
+    assert edge.log_of_genie().count("car car2 may not send") == 1
+    assert edge.log_of_genie().count("a type that is not the one here") == 1
 
-    say("car2", "car", key_file, "/image_raw_remote", "car2")
+    say("car2", "car", keys("car2", "car"), "/image_raw_remote", "car2")
     assert lookups(edge) == [("car2", "miss", "client")], "an honest car is heard"

@@ -1,7 +1,8 @@
-"""ROS messages for bags, without any ROS: rosbags knows the standard types of ROS 1 and ROS 2, here are the others."""
+"""The message types that rosbags knows of ROS 1 and ROS 2, and messages made of them; no ROS is needed."""
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 from genie_sim.errors import UserError
@@ -12,17 +13,26 @@ if TYPE_CHECKING:
 
 TF = "tf2_msgs/msg/TFMessage"
 _TF_DEFINITION = "geometry_msgs/TransformStamped[] transforms\n"
+_EMPTY = {"string": "", "bool": False, "float32": 0.0, "float64": 0.0}
+_NUMPY = {"byte": "uint8", "char": "uint8", "octet": "uint8"}
 
 
-def typestore(ros: int) -> Typestore:
-    """The message types of ROS 1 or 2. Raises UserError without rosbags."""
+@lru_cache
+def typestore(ros: int, definition: str = "", name: str = "") -> Typestore:
+    """The message types of ROS 1 or 2, and one more if its ``definition`` is given. Raises UserError without rosbags,
+    ValueError for a definition that cannot be read."""
     try:
-        from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+        from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typestore
     except ImportError as error:
-        raise UserError(f"bags need the extra 'ros': pip install 'genie-sim[ros]' ({error})") from error
+        raise UserError(f"messages need the extra 'ros': pip install 'genie-sim[ros]' ({error})") from error
     store = get_typestore(Stores.ROS1_NOETIC if ros == 1 else Stores.ROS2_HUMBLE)
     if TF not in store.fielddefs:
         store.register(get_types_from_msg(_TF_DEFINITION, TF))
+    if definition:
+        try:
+            store.register(get_types_from_msg(definition, name))
+        except TypesysError as error:
+            raise ValueError(f"{name}: {error}") from error
     return store
 
 
@@ -46,10 +56,6 @@ def message(store: Typestore, kind: str, /, **given: Any) -> Any:
     return store.types[kind](**{name: given[name] if name in given else empty(*of) for name, of in fields})
 
 
-_EMPTY = {"string": "", "bool": False, "float32": 0.0, "float64": 0.0}
-_NUMPY = {"byte": "uint8", "char": "uint8", "octet": "uint8"}
-
-
 def header(store: Typestore, stamp_ns: int, frame_id: str) -> Any:
     """A std_msgs/Header."""
     return message(store, "std_msgs/msg/Header", stamp=time(store, stamp_ns), frame_id=frame_id)
@@ -59,3 +65,8 @@ def time(store: Typestore, stamp_ns: int) -> Any:
     """A ROS time."""
     seconds, nanoseconds = divmod(stamp_ns, NS_PER_S)
     return message(store, "builtin_interfaces/msg/Time", sec=seconds, nanosec=nanoseconds)
+
+
+def stamp_ns(header: Any) -> int:
+    """The stamp of a message's header [ns]."""
+    return int(header.stamp.sec) * NS_PER_S + int(header.stamp.nanosec)

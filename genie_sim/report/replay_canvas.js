@@ -1,0 +1,58 @@
+// Pens and marks of the replay's canvases. Outcomes differ in shape as well as in colour.
+
+function prepareCanvas(canvas) {
+  const ratio = window.devicePixelRatio || 1, { clientWidth: width, clientHeight: height } = canvas;
+  canvas.width = Math.round(width * ratio);
+  canvas.height = Math.round(height * ratio);
+  const pen = canvas.getContext("2d");
+  pen.setTransform(ratio, 0, 0, ratio, 0, 0);
+  return { pen, width, height };
+}
+
+const looks = () => Object.fromEntries(["ink", "muted", "line", "bg", "road", "hit", "miss", "coalesced", "none", "sure", "unsure", "car"]
+  .map((name) => [name, colour(name)]));
+
+function line(pen, from, to, tone, breadth, alpha) {
+  pen.globalAlpha = alpha;
+  pen.strokeStyle = tone;
+  pen.lineWidth = breadth;
+  pen.beginPath();
+  pen.moveTo(...from); pen.lineTo(...to);
+  pen.stroke();
+  pen.globalAlpha = 1;
+}
+function label(pen, look, text, x, y, tone) {
+  pen.textAlign = "center";
+  pen.lineWidth = 3;
+  pen.strokeStyle = look.bg;
+  pen.strokeText(text, x, y);
+  pen.fillStyle = tone;
+  pen.fillText(text, x, y);
+}
+// Outcomes differ in shape too: a hit is a disc, a miss a ring, a coalesced request a square.
+function mark(pen, look, outcome, x, y, size) {
+  pen.fillStyle = pen.strokeStyle = look[outcome];
+  pen.lineWidth = 1.1;
+  pen.beginPath();
+  if (outcome === "coalesced") pen.rect(x - size, y - size, 2 * size, 2 * size);
+  else pen.arc(x, y, size, 0, 2 * Math.PI);
+  if (outcome === "hit" || outcome === "coalesced") pen.fill(); else pen.stroke();
+}
+function ring(pen, look, outcome, x, y, radius, alpha) {
+  pen.globalAlpha = alpha * (outcome === "hit" ? 0.55 : 1);
+  pen.fillStyle = pen.strokeStyle = look[outcome];
+  pen.lineWidth = 3;
+  pen.setLineDash(outcome === "coalesced" ? [4, 6] : []);
+  pen.beginPath();
+  pen.arc(x, y, radius, 0, 2 * Math.PI);
+  if (outcome === "hit") pen.fill(); else pen.stroke();
+  pen.setLineDash([]);
+  pen.globalAlpha = 1;
+}
+// People and cyclists are discs, cars and trucks squares, all else diamonds.
+function shape(pen, name, x, y) {
+  pen.beginPath();
+  if (name === "person" || name === "bicycle" || name === "motorcycle") pen.arc(x, y, 3.4, 0, 2 * Math.PI);
+  else if (name === "car" || name === "truck" || name === "bus" || name === "train") pen.rect(x - 3.6, y - 3.6, 7.2, 7.2);
+  else { pen.moveTo(x, y - 4.6); pen.lineTo(x + 4.6, y); pen.lineTo(x, y + 4.6); pen.lineTo(x - 4.6, y); pen.closePath(); }
+}

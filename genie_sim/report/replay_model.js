@@ -1,0 +1,120 @@
+// What a replay knows: frames, look-ups and object maps of every method, found by frame or by instant.
+// Instants are microseconds since the start of the run, places metres east and north.
+
+const inMs = (us) => `${us < 0 ? "\u2212" : ""}${(Math.abs(us) / 1000).toFixed(1)} ms`;
+const countOf = (objects) => `${objects} object${objects === 1 ? "" : "s"}`;
+
+function undelta(deltas, scale = 1) {
+  let sum = 0;
+  return deltas.map((delta) => (sum += delta) * scale);
+}
+
+// The columns of the page's data as arrays by the frame's id.
+function decode(replay, about) {
+  const frames = { stamp: [], east: [], north: [], heading: [], stream: [], number: [] };
+  const streams = replay.streams.map((one, index) => {
+    const stamp = undelta(one.stamp_us);
+    frames.stamp.push(...stamp);
+    frames.east.push(...undelta(one.east_cm, 0.01));
+    frames.north.push(...undelta(one.north_cm, 0.01));
+    frames.heading.push(...undelta(one.heading_mrad, 0.001));
+    stamp.forEach((_, i) => { frames.stream.push(index); frames.number.push(one.first_frame + i); });
+    return { car: one.car, name: one.stream, first: one.first_id, count: stamp.length, stamp, fov: one.fov_mrad / 1000 };
+  });
+  const cars = about.cars.map((car) => ({ ...car, streams: streams.filter((one) => one.car === car.name) }))
+    .filter((car) => car.streams.length);
+  const run = { ...replay, about, frames, streams, cars };
+  run.methods = replay.methods.map((one) => methodOf(run, one));
+  return run;
+}
+
+// What happened under one method. `rows` are the columns of its frames; `held` what each car holds from which instant on.
+function methodOf(run, { name, frames: rows, lookups: { t_us, ...columns }, objects }) {
+  const lookups = { ...columns, t: undelta(t_us) }, of_frame = new Map(), places = new Map();
+  lookups.frame_id.forEach((id, row) => { if (of_frame.has(id)) of_frame.get(id).push(row); else of_frame.set(id, [row]); });
+  const images = lookups.kind.flatMap((kind, row) => run.kinds[kind] === "image" ? [row] : []);
+  for (const [genie, label, east, north, t, confidence] of objects) {
+    const key = `${label} ${east} ${north}`;
+    if (!places.has(key)) places.set(key, { label: run.names[label], east: east / 100, north: north / 100, maps: [] });
+    places.get(key).maps.push({ genie, t: undelta(t, 1000), confidence });
+  }
+  return { name, title: methodTitle(name), rows, lookups, of_frame, images, image_t: images.map((row) => lookups.t[row]),
+    objects: [...places.values()], caches: rows.outcome.some((one) => one >= 0), held: run.cars.map((car) => answersOf(run, car, rows)) };
+}
+
+// The answers to a car, in order of time, that were about a newer frame than any before.
+function answersOf(run, car, rows) {
+  const { stamp } = run.frames, answered = [];
+  for (const { first, count } of car.streams) {
+    for (let id = first; id < first + count; id += 1) if (rows.first_answer_us[id] >= 0) answered.push([stamp[id] + rows.first_answer_us[id], id]);
+  }
+  answered.sort((one, other) => one[0] - other[0]);
+  const t = [], ids = [];
+  for (const [at, id] of answered) {
+    if (ids.length && stamp[id] < stamp[ids.at(-1)]) continue;
+    t.push(at);
+    ids.push(id);
+  }
+  return { t, ids };
+}
+
+// What a car holds at `t`: the newest frame with an answer, its age since it was received, and what the answer says.
+function holding(run, method, place, t) {
+  const { t: instants, ids } = method.held[place], i = lastUpTo(instants, t), { rows } = method;
+  if (i < 0) return null;
+  const id = ids[i], since = t - run.frames.stamp[id], fresh = rows.fresh_answer_us[id] >= 0 && rows.fresh_answer_us[id] <= since;
+  return { id, age: since - Math.max(rows.received_us[id], 0), fresh, objects: fresh ? rows.objects_fresh[id] : rows.objects_served[id],
+    source: run.names[rows.source[id]] };
+}
+
+// hit, miss or coalesced at the car's Genie; where there is none, whether it was answered.
+function outcomeOf(run, { rows }, id) {
+  if (rows.outcome[id] >= 0) return run.outcomes[rows.outcome[id]];
+  return rows.first_answer_us[id] >= 0 ? "hit" : "none";
+}
+function outcomeText(run, method, id) {
+  const outcome = outcomeOf(run, method, id);
+  return outcome === "none" ? "no answer" : method.rows.outcome[id] >= 0 ? outcome : "answered";
+}
+
+function carAt(run, car, t) {
+  const stream = car.streams[0], i = lastUpTo(stream.stamp, t), { east, north, heading } = run.frames;
+  const id = stream.first + Math.max(i, 0), next = id + 1;
+  const here = { east: east[id], north: north[id], heading: heading[id], fov: stream.fov, there: i >= 0 };
+  if (i < 0 || i + 1 >= stream.count) return { ...here, there: i >= 0 && t - stream.stamp[i] < 1e6 };
+  const gap = stream.stamp[i + 1] - stream.stamp[i];
+  if (gap > 500000) return here; // between two laps
+  const share = (t - stream.stamp[i]) / gap;
+  const turn = Math.atan2(Math.sin(heading[next] - here.heading), Math.cos(heading[next] - here.heading));
+  return { ...here, east: here.east + share * (east[next] - here.east), north: here.north + share * (north[next] - here.north),
+    heading: here.heading + share * turn };
+}
+
+// The newest frame that a car has taken by `t`, -1 for none.
+function latestFrame(run, car, t) {
+  let best = -1;
+  for (const stream of car.streams) {
+    const i = lastUpTo(stream.stamp, t);
+    if (i >= 0 && (best < 0 || stream.stamp[i] > run.frames.stamp[best])) best = stream.first + i;
+  }
+  return best;
+}
+
+// Of an object in the maps of a method; below 0 where no map holds it, or none holds it any more. Of one Genie's map, or of any (-1).
+function confidenceAt(object, t, genie) {
+  let best = -1;
+  for (const map of object.maps) {
+    if (genie >= 0 && map.genie !== genie) continue;
+    const i = lastUpTo(map.t, t);
+    if (i >= 0) best = Math.max(best, map.confidence[i] / 1000);
+  }
+  return best;
+}
+
+// A frame to begin with: a miss around that time that an edge or a detector answered later, so that there is a story.
+function interesting(run, method, t) {
+  const near = run.frames.stamp.map((stamp, id) => [Math.abs(stamp - t), id]).sort((one, other) => one[0] - other[0]).slice(0, 400).map(([, id]) => id);
+  const told = (id) => (method.of_frame.get(id) || []).some((row) => method.lookups.edge[row]);
+  return near.find((id) => outcomeOf(run, method, id) === "miss" && method.rows.fresh_answer_us[id] >= 0 && told(id))
+    ?? near.find((id) => method.rows.first_answer_us[id] >= 0) ?? near[0] ?? 0;
+}

@@ -1,0 +1,232 @@
+// The street from above at one instant of simulated time, under one method.
+
+const HOLD_US = 260000; // how long, of a watcher's time, a look-up flashes
+const TRAIL_US = 12e6;  // how much of the past stays painted on the road
+const EDGE_BAND = 58;   // pixels above the street for the edges, which have no place on the map
+
+// Turns the street so that it uses the canvas well: along its longer side, the way the cars drive.
+function viewOf(run, width, height) {
+  const { east, north } = run.frames, mean = (values) => values.reduce((sum, value) => sum + value, 0) / values.length;
+  const e0 = mean(east), n0 = mean(north);
+  let ee = 0, en = 0, nn = 0;
+  for (let i = 0; i < east.length; i += 1) {
+    ee += (east[i] - e0) ** 2; nn += (north[i] - n0) ** 2; en += (east[i] - e0) * (north[i] - n0);
+  }
+  let axis = 0.5 * Math.atan2(2 * en, ee - nn);
+  const stream = run.streams[0], last = stream.first + stream.count - 1;
+  const drive = (east[last] - east[stream.first]) * Math.cos(axis) + (north[last] - north[stream.first]) * Math.sin(axis);
+  if (drive < 0) axis += Math.PI;
+  const turn = width >= height - EDGE_BAND ? -axis : Math.PI / 2 - axis;
+  const cos = Math.cos(turn), sin = Math.sin(turn);
+  const rotate = (e, n) => [(e - e0) * cos - (n - n0) * sin, (e - e0) * sin + (n - n0) * cos];
+  let x0 = Infinity, x1 = -Infinity, y0 = Infinity, y1 = -Infinity;
+  for (let i = 0; i < east.length; i += 1) {
+    const [x, y] = rotate(east[i], north[i]);
+    x0 = Math.min(x0, x); x1 = Math.max(x1, x); y0 = Math.min(y0, y); y1 = Math.max(y1, y);
+  }
+  const free = height - EDGE_BAND, wide = width >= free, along = 9, beside = 15; // metres around the drive
+  const scale = Math.min(width / (x1 - x0 + 2 * (wide ? along : beside)), free / (y1 - y0 + 2 * (wide ? beside : along)));
+  const cx = (x0 + x1) / 2, cy = (y0 + y1) / 2;
+  const place = (e, n) => {
+    const [x, y] = rotate(e, n);
+    return [width / 2 + (x - cx) * scale, EDGE_BAND + free / 2 - (y - cy) * scale];
+  };
+  return { place, scale, turn };
+}
+
+function streetView(run, canvas, tip, options) {
+  let view = null, size = "", shown = [], places = {};
+  const edges = run.about.edges;
+
+  function paint(t) {
+    const { pen, width, height } = prepareCanvas(canvas);
+    if (size !== `${width} ${height}`) { size = `${width} ${height}`; view = viewOf(run, width, height); }
+    const look = looks();
+    pen.font = "12px system-ui, sans-serif";
+    pen.lineCap = pen.lineJoin = "round";
+    road(pen, look);
+    if (options.trail()) trail(pen, look, t);
+    objects(pen, look, t);
+    places = {};
+    edges.forEach((edge, i) => { places[edge.name] = [(i + 0.5) * width / edges.length, 22]; });
+    const cars = run.cars.map((car) => ({ car, at: carAt(run, car, t) }));
+    for (const { car, at } of cars) places[car.name] = view.place(at.east, at.north);
+    if (options.views()) for (const { car, at } of cars) if (car.cameras) wedge(pen, look, at);
+    flashes(pen, look, t);
+    for (const { car, at } of cars) vehicle(pen, look, car, at);
+    edges.forEach((edge) => server(pen, look, edge, width));
+    scaleBar(pen, look, width, height);
+  }
+
+  function road(pen, look) {
+    pen.strokeStyle = look.road;
+    pen.lineWidth = Math.max(4 * view.scale, 8);
+    for (const { streams: [stream] } of run.cars) {
+      pen.beginPath();
+      for (let i = 0; i < stream.count; i += 1) {
+        const id = stream.first + i, [x, y] = view.place(run.frames.east[id], run.frames.north[id]);
+        const jump = i > 0 && stream.stamp[i] - stream.stamp[i - 1] > 500000;
+        if (i === 0 || jump) pen.moveTo(x, y); else pen.lineTo(x, y);
+      }
+      pen.stroke();
+    }
+  }
+
+  // Each car paints a lane of its own: one dot a frame, where it was taken, in the colour of its outcome.
+  function trail(pen, look, t) {
+    run.cars.forEach((car, lane) => {
+      const aside = (lane - (run.cars.length - 1) / 2) * Math.min(7, 42 / run.cars.length);
+      for (const stream of car.streams) {
+        const until = lastUpTo(stream.stamp, t);
+        for (let i = Math.max(0, lastUpTo(stream.stamp, t - TRAIL_US)); i <= until; i += 1) {
+          const id = stream.first + i, heading = run.frames.heading[id] + view.turn;
+          const [x, y] = view.place(run.frames.east[id], run.frames.north[id]);
+          mark(pen, look, outcomeOf(run, options.method(), id), x - Math.sin(heading) * aside, y - Math.cos(heading) * aside, 2.2);
+        }
+      }
+    });
+  }
+
+  function objects(pen, look, t) {
+    shown = [];
+    const chosen = options.genie(), threshold = typeof run.about.threshold === "number" ? run.about.threshold : null;
+    for (const object of options.method().objects) {
+      const confidence = confidenceAt(object, t, chosen);
+      if (confidence < 0) continue;
+      const [x, y] = view.place(object.east, object.north);
+      if (x < 0 || y < EDGE_BAND - 10 || x > canvas.clientWidth || y > canvas.clientHeight) continue;
+      shown.push({ x, y, object, confidence });
+    }
+    shown.sort((one, other) => one.confidence - other.confidence);
+    for (const { x, y, object, confidence } of shown) {
+      shape(pen, object.label, x, y);
+      const tone = `color-mix(in oklab, ${look.sure} ${Math.round(100 * Math.max(0, (confidence - 0.3) / 0.7))}%, ${look.unsure})`;
+      if (threshold !== null && confidence < threshold) { pen.strokeStyle = tone; pen.lineWidth = 1.4; pen.stroke(); }
+      else { pen.fillStyle = tone; pen.fill(); }
+    }
+  }
+
+  function wedge(pen, look, at) {
+    if (!at.there) return;
+    const [x, y] = view.place(at.east, at.north), heading = at.heading + view.turn, reach = 22 * view.scale;
+    const shade = pen.createRadialGradient(x, y, 0, x, y, reach);
+    shade.addColorStop(0, `color-mix(in srgb, ${look.car} 22%, transparent)`);
+    shade.addColorStop(1, "transparent");
+    pen.fillStyle = shade;
+    pen.beginPath();
+    pen.moveTo(x, y);
+    pen.arc(x, y, reach, -heading - at.fov / 2, -heading + at.fov / 2);
+    pen.fill();
+  }
+
+  function vehicle(pen, look, car, at) {
+    const [x, y] = places[car.name], length = Math.max(4.4 * view.scale, 20), breadth = length * 0.42;
+    pen.save();
+    pen.globalAlpha = at.there ? 1 : 0.35;
+    pen.translate(x, y);
+    pen.rotate(-(at.heading + view.turn));
+    pen.fillStyle = look.car;
+    pen.strokeStyle = look.bg;
+    pen.lineWidth = 1.5;
+    pen.beginPath();
+    pen.roundRect(-length / 2, -breadth / 2, length, breadth, breadth / 3);
+    pen.fill(); pen.stroke();
+    pen.fillStyle = look.bg;
+    pen.beginPath();
+    pen.moveTo(length * 0.34, 0); pen.lineTo(length * 0.12, -breadth * 0.3); pen.lineTo(length * 0.12, breadth * 0.3);
+    pen.fill();
+    pen.restore();
+    label(pen, look, car.name, x, y - breadth - 9, at.there ? look.ink : look.muted);
+  }
+
+  function server(pen, look, edge, width) {
+    const [x, y] = places[edge.name], half = Math.min(52, width / edges.length / 2 - 6);
+    pen.fillStyle = look.bg;
+    pen.strokeStyle = look.muted;
+    pen.lineWidth = 1.2;
+    pen.beginPath();
+    pen.roundRect(x - half, y - 13, 2 * half, 26, 4);
+    pen.fill(); pen.stroke();
+    pen.save(); pen.clip();
+    pen.fillStyle = look.ink;
+    pen.textAlign = "center";
+    pen.fillText(edge.name, x, y + 4);
+    pen.restore();
+  }
+
+  function flashes(pen, look, t) {
+    const hold = Math.max(HOLD_US * options.speed(), 45000), { lookups, images, image_t } = options.method();
+    for (const car of run.cars) if (places[car.edge]) line(pen, places[car.name], places[car.edge], look.line, 1, 1);
+    for (let i = lastUpTo(image_t, t - hold) + 1; i < images.length && image_t[i] <= t; i += 1) {
+      const row = images[i], age = (t - lookups.t[row]) / hold, outcome = run.outcomes[lookups.outcome[row]];
+      const where = run.names[lookups.genie[row]].split("/")[0], id = lookups.frame_id[row];
+      const car = run.cars.find((one) => one.name === run.streams[run.frames.stream[id]].car);
+      if (!places[where] || !car) continue;
+      const tone = look[outcome];
+      if (lookups.neighbour[row]) {
+        if (car.edge && outcome === "hit") line(pen, places[car.edge], places[where], tone, 2, 1 - age);
+        continue;
+      }
+      if (lookups.edge[row]) {
+        line(pen, places[car.name], places[where], tone, 2.5, 1 - age);
+        pen.globalAlpha = 1 - age;
+        pen.fillStyle = tone;
+        const half = Math.min(58, canvas.clientWidth / edges.length / 2 - 1);
+        pen.fillRect(places[where][0] - half, places[where][1] - 19, 2 * half, 38);
+        pen.globalAlpha = 1;
+      } else ring(pen, look, outcome, ...places[where], 12 + 20 * age, 1 - age);
+    }
+    if (options.selected() >= 0) {
+      const id = options.selected(), [x, y] = view.place(run.frames.east[id], run.frames.north[id]);
+      pen.strokeStyle = look.ink;
+      pen.lineWidth = 1.5;
+      pen.beginPath(); pen.arc(x, y, 9, 0, 2 * Math.PI); pen.stroke();
+    }
+  }
+
+  function scaleBar(pen, look, width, height) {
+    const metres = [1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 5000].find((one) => one * view.scale >= 70) || 10000;
+    pen.strokeStyle = pen.fillStyle = look.muted;
+    pen.lineWidth = 1.5;
+    pen.beginPath();
+    pen.moveTo(14, height - 14); pen.lineTo(14 + metres * view.scale, height - 14);
+    pen.stroke();
+    pen.textAlign = "left";
+    pen.fillText(`${metres} m`, 16, height - 19);
+    pen.save();
+    pen.translate(width - 26, height - 28);
+    pen.rotate(-view.turn);
+    pen.beginPath();
+    pen.moveTo(0, 12); pen.lineTo(0, -10); pen.moveTo(-4, -4); pen.lineTo(0, -11); pen.lineTo(4, -4);
+    pen.stroke();
+    pen.restore();
+    pen.textAlign = "center";
+    pen.fillText("N", width - 26 - 19 * Math.sin(view.turn), height - 24 - 19 * Math.cos(view.turn));
+  }
+
+  function hover(event) {
+    const box = canvas.getBoundingClientRect(), x = event.clientX - box.left, y = event.clientY - box.top;
+    let best = null, nearest = 12;
+    for (const one of shown) {
+      const distance = Math.hypot(one.x - x, one.y - y);
+      if (distance <= nearest) { best = one; nearest = distance; }
+    }
+    tip.hidden = best === null;
+    if (best === null) return;
+    const holds = (map) => confidenceAt({ maps: [map] }, options.now(), -1) >= 0;
+    const maps = best.object.maps.filter(holds).map((map) => run.names[map.genie]);
+    tip.textContent = `${best.object.label}, C = ${best.confidence.toFixed(2)}\nknown to ${maps.join(", ")}`;
+    tip.style.left = `${Math.min(best.x + 12, box.width - tip.offsetWidth)}px`;
+    tip.style.top = `${best.y + 12}px`;
+  }
+  canvas.addEventListener("pointermove", hover);
+  canvas.addEventListener("pointerleave", () => { tip.hidden = true; });
+  canvas.addEventListener("click", (event) => {
+    const box = canvas.getBoundingClientRect(), x = event.clientX - box.left, y = event.clientY - box.top;
+    const distance = (car) => Math.hypot(places[car.name][0] - x, places[car.name][1] - y);
+    const [nearest] = [...run.cars].sort((one, other) => distance(one) - distance(other));
+    const id = nearest ? latestFrame(run, nearest, options.now()) : -1;
+    if (id >= 0) options.choose(id);
+  });
+  return paint;
+}

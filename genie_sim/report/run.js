@@ -1,0 +1,164 @@
+// The page of a run, from its data.
+
+const keyOf = (name, method, placement = "all", component = "") => [name, method, placement, component].join("|");
+const FOUND = new Map(DATA.metrics.map(([name, method, placement, component, value, unit, low, high, n]) =>
+  [keyOf(name, method, placement, component), { value, unit, low, high, n }]));
+const metric = (...key) => FOUND.get(keyOf(...key));
+const valueOf = (...key) => metric(...key)?.value ?? null;
+
+function showAbout() {
+  const frames = Math.max(...METHODS.map((one) => one.frames), 0);
+  table(byId("cars"), "Cars", ["car", "computer", "edge", "link", "route", "has"], ABOUT.cars.map((car) => [car.name, car.device,
+    car.edge || "none", car.link || "none", car.route, [car.cameras ? "cameras" : "no cameras", car.genie ? "a Genie" : "no Genie"].join(", ")]));
+  table(byId("edges"), "Edges", ["edge", "computer"], ABOUT.edges.map((edge) => [edge.name, edge.device]));
+  byId("yaml").textContent = ABOUT.yaml;
+  showFrame("one run", { run: ABOUT.run_id, seed: ABOUT.seed, simulated: `${ABOUT.seconds.toFixed(2)} s`,
+    cars: ABOUT.how_many.cars.toLocaleString("en"), edges: ABOUT.how_many.edges ?? "not counted", "cameras per car": ABOUT.cameras.length,
+    frames: `${frames.toLocaleString("en")} under each method`, model: ABOUT.model, similarity: ABOUT.similarity,
+    eviction: ABOUT.eviction, "confidence rule": ABOUT.rule, "C_T": ABOUT.threshold, "on a miss": ABOUT.miss_policy },
+  `run ${ABOUT.run_id}. Versions, digests and the sources of the traces are in run.json beside this page.`);
+}
+
+// A sentence or two on each method that is no baseline; of baselines alone, on each of them.
+function headline() {
+  const baselines = METHODS.filter((one) => one.baseline), others = METHODS.filter((one) => !one.baseline);
+  return (others.length ? others : baselines).flatMap((one) => aboutMethod(one, others.length ? baselines : []));
+}
+function aboutMethod({ name, title, from_map }, baselines) {
+  const first = valueOf("first_answer_mean", name), fresh = valueOf("fresh_answer_mean", name), ghosts = valueOf("ghost_share", name);
+  if (first === null) return [`With ${title} no frame was answered. `];
+  const parts = [`With ${title} the first answer came after `, strong(asText(first, "ms")), " on average"];
+  const gains = baselines.map((other) => [other.title, valueOf("improvement_first_answer", name, "all", other.name)]).filter(([, gain]) => gain !== null);
+  if (gains.length) parts.push(`, ${gains.map(([other, gain]) => `${percent(Math.abs(gain))} ${gain >= 0 ? "sooner" : "later"} than ${other}`).join(" and ")}`);
+  parts.push(from_map ? `; ${percent(from_map)} of these answers were what the object map knew. ` : ". ");
+  const compared = (share) => {
+    const found = baselines.map((other) => [other.title, valueOf(share, other.name)]).filter(([, value]) => value !== null);
+    return found.length ? ` (${found.map(([other, value]) => `${other} ${percent(value)}`).join(", ")}). ` : ". ";
+  };
+  if (fresh !== null) {
+    parts.push("A fresh result took ", strong(asText(fresh, "ms")), `; ${percent(valueOf("fresh_answered_share", name))} of the frames got one${compared("fresh_answered_share")}`);
+  }
+  if (ghosts !== null) parts.push("Of the objects in first answers, ", strong(percent(ghosts)), ` were false positives${compared("ghost_share")}`);
+  return parts;
+}
+
+// 338 to 360 ms: the unit once where it is the same.
+function rangeText({ low, high, unit }) {
+  const [from, to] = [asText(low, unit), asText(high, unit)], word = / \S+$/.exec(to);
+  return `${word && from.endsWith(word[0]) ? from.slice(0, -word[0].length) : from} to ${to}`;
+}
+
+function cell(found, best) {
+  if (!found || found.value === null) return make("td", {}, "none");
+  const range = found.low === null ? null : make("small", {}, rangeText(found));
+  return make("td", { class: best ? "number best" : "number" }, asText(found.value, found.unit), range);
+}
+
+function showResults() {
+  byId("headline").replaceChildren(...headline());
+  const rows = [["First answer, mean", "first_answer_mean", Math.min], ["First answer, 95th percentile", "first_answer_p95", Math.min],
+    [`First answer within ${DATA.deadline_ms} ms`, "under_deadline_share", Math.max], ["Fresh result, mean", "fresh_answer_mean", Math.min],
+    ["Fresh result, 95th percentile", "fresh_answer_p95", Math.min], [`Fresh result within ${DATA.deadline_ms} ms`, "fresh_under_deadline_share", Math.max],
+    ["Frames answered at all", "answered_share", Math.max], ["Frames with a fresh result", "fresh_answered_share", Math.max], ["Frames dropped", "dropped_share", Math.min],
+    ["False positives among served objects", "ghost_share", Math.min], ["Incorrect cache hits", "wrong_hit_share", Math.min],
+    ["Recall of visible objects", "object_recall", Math.max]].filter(([, name]) => METHODS.some((one) => metric(name, one.name)));   // the truth is not always known
+  table(byId("by-method"), null, ["", ...METHODS.map((one) => methodKey(one.name))], rows.map(([text, name, better]) => {
+    const found = METHODS.map((method) => metric(name, method.name));
+    const known = found.filter((one) => one && one.value !== null).map((one) => one.value);
+    return [text, ...found.map((one) => cell(one, one && known.length > 1 && one.value === better(...known)))];
+  }));
+  const placed = METHODS.flatMap(({ name }) => ["car", "edge"].map((placement) => [name, placement])).filter((key) => metric("image_reuse", ...key));
+  if (!placed.length) return;   // no Genie, or no look-ups recorded
+  const several = new Set(placed.map(([name]) => name)).size > 1;
+  const rowsOfGenies = [["Image reuse", "image_reuse"], ["Object reuse", "object_reuse"], ["Confidence boost per update", "confidence_boost"],
+    ["Coalesced requests", "coalesced_share"], ["Stored images per Genie", "stored_images"], ["Stored objects per Genie", "stored_objects"]];
+  table(byId("by-placement"), null, ["", ...placed.map(([name, placement]) => `${several ? `${methodTitle(name)}, ` : ""}Genies ${placementText(placement)}`)],
+    rowsOfGenies.map(([text, name]) => [text, ...placed.map((key) => {
+      const found = metric(name, ...key);
+      return cell(found && /^(stored|confidence)/.test(name) ? { ...found, unit: "" } : found, false);
+    })]));
+  byId("placement-note").textContent = `Reuse: hits / requests, mean over Genies; in small print the lowest and the highest ratio in any ` +
+    `${DATA.window_requests} requests of one Genie. A coalesced request is not a hit.`;
+}
+
+function showLatency() {
+  const all = DATA.cdf.flatMap((curve) => curve.ms);
+  if (!all.length) { byId("latency").hidden = true; return; }
+  const same = (curve) => curve.answer === "fresh" && DATA.cdf.some((other) => other.method === curve.method && other.answer === "first" &&
+    other.answered === curve.answered && String(other.ms) === String(curve.ms));
+  const read = (value) => asText(value, "ms");
+  const render = () => {
+    const of = byId("cdf-of").value;
+    const series = DATA.cdf.filter((curve) => curve.ms.length && !same(curve)).map((curve) => ({
+      name: `${methodTitle(curve.method)}${curve.answer === "fresh" ? ", fresh" : ""}`, color: `${methodClass(curve.method)} ${curve.answer}`,
+      x: curve.ms, y: curve.rank.map((rank) => rank / curve[of]), steps: true }));
+    lineChart(byId("cdf"), { series, height: 320, x: { log: true, min: Math.max(0.8 * Math.min(...all), 0.1), max: 1.25 * Math.max(...all, DATA.deadline_ms),
+      label: "response time since received [ms], logarithmic", read: (value) => `within ${read(value)}` },
+      y: { min: 0, max: 1, label: `share of ${of} frames`, format: percent, read: percent }, marks: [{ x: DATA.deadline_ms, label: `${DATA.deadline_ms} ms` }] });
+  };
+  byId("cdf-of").addEventListener("change", render);
+  render();
+}
+
+const timeAxisOf = (series) => ({ min: 0, max: Math.max(...series.flatMap((one) => one.x), 1e-3), label: "simulated time [s]", read: (value) => `at ${value.toFixed(2)} s` });
+const highest = (series, least) => Math.max(1.08 * Math.max(...series.flatMap((one) => one.y), 0), least);
+
+// Which method a section is about: the choice starts with the last one that is no baseline, and hides if it is the only one.
+function chooseMethod(id, shown, render) {
+  const methods = METHODS.filter((one) => shown(one.name));
+  byId(id).closest("section").hidden = !methods.length;
+  byId(id).replaceChildren(...methods.map((one) => option(one.name, one.title)));
+  if (!methods.length) return;
+  byId(id).value = (methods.findLast((one) => !one.baseline) ?? methods.at(-1)).name;
+  byId(id).closest(".controls").hidden = methods.length === 1;
+  byId(id).addEventListener("change", render);
+  render();
+}
+
+function showOverTime() {
+  const charts = [["image_reuse", `Image reuse, last ${DATA.window_requests} requests of each Genie`], ["object_reuse", `Object reuse, last ${DATA.window_requests} look-ups of each Genie`],
+    ["confidence_boost", "Confidence boost: mean of C(new) - C(old) so far"]];
+  const of = (name, method) => DATA.over_time[name].filter((one) => one.method === method && one.x.length);
+  chooseMethod("reuse-of", (method) => charts.some(([name]) => of(name, method).length), () => {
+    byId("over-time").replaceChildren();
+    for (const [name, title] of charts) {
+      const places = { car: 0, edge: 0 }, dashes = [null, "7 3", "2 3", "9 3 2 3"];
+      const series = of(name, byId("reuse-of").value).map((one) => ({ ...one, name: one.name || placementText(one.placement),
+        color: `p-${one.placement}`, dash: dashes[places[one.placement]++ % dashes.length] }));
+      if (!series.length) continue;
+      const boost = name === "confidence_boost", low = Math.min(0, ...series.flatMap((one) => one.y));
+      lineChart(byId("over-time").appendChild(make("div")), { title, series, x: timeAxisOf(series),
+        y: { min: boost ? low : 0, max: boost ? highest(series, 1e-4) : Math.min(1, highest(series, 0.05)), label: title, format: boost ? (value) => digits(value) : percent, read: boost ? (value) => value.toFixed(4) : percent } });
+    }
+  });
+}
+
+function showUse() {
+  const kinds = { accelerator: "Utilization of accelerators", cpu: "Utilization of CPUs", link: "Utilization of links", queue: "Messages waiting" };
+  chooseMethod("use-of", (method) => DATA.use.some((one) => one.method === method), () => {
+    byId("use-charts").replaceChildren();
+    for (const [kind, title] of Object.entries(kinds)) {
+      const series = DATA.use.filter((one) => one.method === byId("use-of").value && one.kind === kind)
+        .map((one, i) => ({ ...one, name: one.name.replace(/\.(accelerator|cpu)$/, ""), color: `m${i % DATA.palette}` }));
+      if (!series.length) continue;
+      const queue = kind === "queue";
+      lineChart(byId("use-charts").appendChild(make("div")), { title, series, height: 210, x: timeAxisOf(series),
+        y: { min: 0, max: queue ? highest(series, 1) : Math.min(1, highest(series, 0.1)), label: title, format: queue ? (value) => digits(value) : percent, read: queue ? (value) => value.toFixed(2) : percent } });
+    }
+  });
+}
+
+function showMetrics() {
+  const text = (value) => (value === null ? "" : digits(value, 4));
+  filteredTable("metric", ["metric", "method", "placement", "component", "value", "unit", "low", "high", "n"],
+    DATA.metrics.map(([name, method, placement, component, value, unit, low, high, n]) =>
+      [name, method, placement, component, text(value), unit, text(low), text(high), n.toLocaleString("en")]), 4);
+}
+
+showResults();
+showLatency();
+showOverTime();
+showUse();
+showMetrics();
+showReplay();
+showAbout();

@@ -1,0 +1,270 @@
+"""ROS messages as bytes, of either ROS. Only what a Genie needs is read, by rosbags; the rest stays as it came.
+
+In both, a message with a header begins with it: four bytes (ROS 1: a number, ROS 2: the byte order), seconds and
+nanoseconds of 32 bits, and the frame as a string: uint32 length and that many bytes (ROS 2: with a closing zero).
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import cached_property, lru_cache
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from genie_sim.errors import UserError
+from genie_sim.messages import Box, Detection, Header, Location
+from genie_sim.ros.images import picture
+from genie_sim.ros.typestore import message, stamp_ns, time, typestore
+from genie_sim.units import NS_PER_S
+
+if TYPE_CHECKING:
+    from rosbags.typesys.store import Typestore
+
+HEADER_TYPES = ("Header", "std_msgs/Header", "roslib/Header")
+ABSOLUTE_FRAMES = ("map", "world")  # frames whose coordinates are the object map's
+IMAGE, OBJECTS = "sensor_msgs/msg/Image", "autoware_msgs/msg/DetectedObjectArray"
+MARKER, MARKERS = "visualization_msgs/msg/Marker", "visualization_msgs/msg/MarkerArray"
+CUBE, ADD, DELETE_ALL = 1, 0, 3
+HEADER_BYTES = 16  # without the frame
+
+
+class WireType(NamedTuple):
+    """A message type. ``checksum`` is ROS 1's md5sum or ROS 2's type hash; ROS 2 states no ``definition``."""
+
+    name: str
+    checksum: str = ""
+    definition: str = ""
+
+
+class RosObject(Detection):
+    """A detection that remembers the ROS object it was read from (``raw``), so that no field of it gets lost."""
+
+    raw: Any
+
+    def __new__(
+        cls, label: str, score: float, box: Box | None, location: Location | None, confidence: float, raw: Any
+    ) -> RosObject:
+        made = super().__new__(cls, label, score, box, location, confidence, "ros")
+        made.raw = raw
+        return made
+
+    def with_confidence(self, confidence: float) -> RosObject:
+        return RosObject(self.label, self.score, self.box, self.location, confidence, self.raw)
+
+
+def begins_with_header(definition: str) -> bool:
+    """Does a ROS 1 message definition (as in a connection header) begin with a std_msgs/Header?"""
+    for line in definition.split("\n" + "=" * 80)[0].splitlines():
+        field = line.partition("#")[0].split()
+        if field and "=" not in line.partition("#")[0]:
+            return field[0] in HEADER_TYPES
+    return False
+
+
+@lru_cache
+def codec_of(wire_type: WireType, ros: int) -> Codec:
+    """The codec of a type of ROS 1 or 2. Raises UserError for a ROS 1 type without a header."""
+    if wire_type.definition and not begins_with_header(wire_type.definition):
+        raise UserError(f"{wire_type.name}: messages of this type have no header to find an answer by")
+    made: type[Codec] = {OBJECTS: ObjectsCodec, MARKERS: MarkersCodec}.get(_full(wire_type.name), Codec)
+    return made(wire_type, ros)
+
+
+class Codec:
+    """Messages of one type that begin with a header. ValueError: the bytes are no such message."""
+
+    holds_objects = False
+
+    def __init__(self, wire_type: WireType, ros: int) -> None:
+        self.type = wire_type
+        self._ros = ros
+        self._name = _full(wire_type.name)
+
+    @cached_property
+    def _store(self) -> Typestore:
+        return typestore(self._ros, self.type.definition if self.holds_objects else "", self._name)
+
+    def stamp(self, payload: bytes) -> tuple[int, str]:
+        """Stamp [ns] and frame of the message's header."""
+        order, end = self._header(payload)
+        seconds, nanoseconds = struct.unpack_from(order + ("II" if self._ros == 1 else "iI"), payload, 4)
+        if nanoseconds >= NS_PER_S:
+            raise ValueError(f"a stamp of {nanoseconds} ns beside the seconds")
+        frame = payload[HEADER_BYTES:end] if self._ros == 1 else payload[HEADER_BYTES:end].rstrip(b"\0")
+        return seconds * NS_PER_S + nanoseconds, frame.decode("utf-8", "surrogateescape")
+
+    def restamped(self, payload: bytes, stamp_ns: int, frame_id: str, seq: int | None = None) -> bytes:
+        """The message under another header. ``seq`` numbers it in ROS 1; ROS 2 headers have no number."""
+        order, end = self._header(payload)
+        first = payload[:4] if seq is None else struct.pack("<I", seq & 0xFFFFFFFF)
+        stamp = struct.pack(order + ("II" if self._ros == 1 else "iI"), *divmod(stamp_ns, NS_PER_S))
+        if self.stamp(payload)[1] == frame_id:
+            return first + stamp + payload[12:]
+        if self._ros == 1:
+            frame = frame_id.encode("utf-8", "surrogateescape")
+            return first + stamp + struct.pack("<I", len(frame)) + frame + payload[end:]
+        return _restamped_by_rclpy(self.type.name, payload, stamp_ns, frame_id)
+
+    def content(self, payload: bytes) -> bytes:
+        """What is behind the header: equal for equal messages taken at different times."""
+        return payload[self._header(payload)[1] :]
+
+    def dhash(self, payload: bytes) -> int:
+        """The 64-bit difference hash of an image; equal to the one in a perception trace."""
+        from genie_sim.perception.fingerprint import difference_hash
+
+        if self._name != IMAGE:
+            raise UserError(f"dhash: {self.type.name} is no {IMAGE}")
+        return difference_hash(picture(self.read(payload)))
+
+    def objects(self, payload: bytes) -> tuple[Detection, ...] | None:
+        """The objects of an answer, ``None`` for a type that holds none."""
+        return None
+
+    def with_objects(self, payload: bytes, header: Header, objects: Sequence[Detection]) -> bytes:
+        """The message with other objects; ``payload`` may be empty."""
+        raise TypeError(f"{self.type.name} holds no objects")
+
+    def read(self, payload: bytes) -> Any:
+        """The message as an object with fields."""
+        from rosbags.serde import SerdeError
+
+        try:
+            read = self._store.deserialize_ros1 if self._ros == 1 else self._store.deserialize_cdr
+            return read(payload, self._name)
+        except (SerdeError, ValueError, KeyError, IndexError) as error:
+            raise ValueError(f"no {self.type.name}: {error}") from error
+
+    def _written(self, made: Any) -> bytes:
+        write = self._store.serialize_ros1 if self._ros == 1 else self._store.serialize_cdr
+        return bytes(write(made, self._name))
+
+    def _header(self, payload: bytes) -> tuple[str, int]:
+        """The byte order, and where the header ends."""
+        if len(payload) < HEADER_BYTES:
+            raise ValueError(f"a message of {len(payload)} bytes has no header")
+        order = "<" if self._ros == 1 or payload[1] & 1 else ">"
+        end = HEADER_BYTES + int(struct.unpack_from(order + "I", payload, 12)[0])
+        if end > len(payload):
+            raise ValueError("a message that ends inside its header")
+        return order, end
+
+
+class ObjectsCodec(Codec):
+    """autoware_msgs/DetectedObjectArray, as the publisher on this machine defines it: no catkin workspace is needed.
+
+    An object has a location if its pose is given in an absolute frame (``map``, ``world``); positions relative to a
+    sensor would need a transform that the message does not carry. ``score`` is the object's confidence: it is read as
+    the detector's score, and written with what the object map has made of it.
+    """
+
+    holds_objects = True
+
+    def objects(self, payload: bytes) -> tuple[Detection, ...]:
+        array = self.read(payload)
+        return tuple(_detected(one, array.header.frame_id) for one in array.objects)
+
+    def with_objects(self, payload: bytes, header: Header, objects: Sequence[Detection]) -> bytes:
+        array = self.read(payload) if payload else message(self._store, self._name)
+        array.header.stamp, array.header.frame_id = time(self._store, header.stamp_ns), header.frame_id
+        array.objects = [self._object(one, array.header) for one in objects]
+        return self._written(array)
+
+    def _object(self, one: Detection, header: Any) -> Any:
+        if isinstance(one, RosObject):
+            return replace(one.raw, score=one.confidence)
+        kind = "autoware_msgs/msg/DetectedObject"
+        made = message(self._store, kind, header=header, label=one.label, valid=True, space_frame=ABSOLUTE_FRAMES[0])
+        _set_place(made.pose, one.location)
+        made.score = one.confidence
+        return made
+
+
+class MarkersCodec(Codec):
+    """visualization_msgs/MarkerArray: each marker an object, its class in ``ns``, its confidence in ``color.a``.
+
+    An array has no header of its own. It is the first marker's; a marker with the action DELETEALL stands for the
+    header of an array that may be empty. An array without any marker belongs to no request.
+    """
+
+    holds_objects = True
+
+    def stamp(self, payload: bytes) -> tuple[int, str]:
+        markers = self.read(payload).markers
+        return (stamp_ns(markers[0].header), markers[0].header.frame_id) if markers else (0, "")
+
+    def restamped(self, payload: bytes, stamp_ns: int, frame_id: str, seq: int | None = None) -> bytes:
+        return self._stamped(self.read(payload), stamp_ns, frame_id)
+
+    def content(self, payload: bytes) -> bytes:
+        return self.restamped(payload, 0, "")
+
+    def objects(self, payload: bytes) -> tuple[Detection, ...]:
+        return tuple(_marked(one) for one in self.read(payload).markers if one.action == ADD)
+
+    def with_objects(self, payload: bytes, header: Header, objects: Sequence[Detection]) -> bytes:
+        markers = [message(self._store, MARKER, action=DELETE_ALL)]
+        for number, one in enumerate(objects):
+            if isinstance(one, RosObject):
+                made = replace(one.raw, color=replace(one.raw.color, a=one.confidence))
+            else:  # from the object map
+                made = message(self._store, MARKER, ns=one.label, id=number, type=CUBE)
+                _set_place(made.pose, one.location)
+                made.color.a = one.confidence
+            markers.append(made)
+        return self._stamped(message(self._store, self._name, markers=markers), header.stamp_ns, header.frame_id)
+
+    def _stamped(self, array: Any, stamp_ns: int, frame_id: str) -> bytes:
+        for one in array.markers:
+            one.header = replace(one.header, stamp=time(self._store, stamp_ns), frame_id=frame_id)
+        return self._written(array)
+
+
+def _detected(one: Any, array_frame: str) -> RosObject:
+    frame = one.space_frame or one.header.frame_id or array_frame
+    at = _location(one.pose, frame)
+    box = (float(one.x), float(one.y), float(one.x + one.width), float(one.y + one.height))
+    return _object(one.label, one.score, box, at if at and any(at) else None, one)
+
+
+def _marked(marker: Any) -> RosObject:
+    return _object(marker.ns, marker.color.a, None, _location(marker.pose, marker.header.frame_id), marker)
+
+
+def _object(label: str, score: float, box: Box | None, location: Location | None, raw: Any) -> RosObject:
+    known = float(score) if math.isfinite(score) else 0.0
+    return RosObject(label, known, box, location, known, raw)
+
+
+def _location(pose: Any, frame: str) -> Location | None:
+    at = (pose.position.x, pose.position.y, pose.position.z)
+    return at if frame.strip("/") in ABSOLUTE_FRAMES and all(map(math.isfinite, at)) else None
+
+
+def _set_place(pose: Any, location: Location | None) -> None:
+    if location is not None:
+        pose.position.x, pose.position.y, pose.position.z = location
+    pose.orientation.w = 1.0
+
+
+def _restamped_by_rclpy(name: str, payload: bytes, stamp_ns: int, frame_id: str) -> bytes:
+    """A frame of another length moves all that follows. Any type may need it, so its own class does it."""
+    from rclpy.serialization import deserialize_message, serialize_message
+
+    from genie_sim.ros.ros2_graph import class_of
+
+    try:
+        made = deserialize_message(payload, class_of(name))
+    except Exception as error:  # rclpy raises its own C++ exceptions, which share no base
+        raise ValueError(f"no {name}: {error}") from error
+    made.header.stamp.sec, made.header.stamp.nanosec = divmod(stamp_ns, NS_PER_S)
+    made.header.frame_id = frame_id
+    return bytes(serialize_message(made))
+
+
+def _full(name: str) -> str:
+    """``sensor_msgs/Image`` is ``sensor_msgs/msg/Image`` in ROS 2 and in rosbags."""
+    package, _, kind = name.rpartition("/")
+    return f"{package.removesuffix('/msg')}/msg/{kind}"
