@@ -14,11 +14,11 @@ import json
 import math
 from pathlib import Path
 
+from genie_sim import files
 from genie_sim.perception import evaluation
 from genie_sim.perception.perceive import kitti_folder
 from genie_sim.perception.trace import Trace, read_trace
 from genie_sim.perception.truth import read_truth
-from genie_sim import files
 from genie_sim.town import Town, TownRules
 from genie_sim.town import validation as beside
 from genie_sim.town.fit import Look, fit, found_law, looks, place_law

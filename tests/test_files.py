@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from genie_sim.errors import UserError
 from genie_sim import files
+from genie_sim.errors import UserError
 from genie_sim.scenario.yaml_input import dump, parse, read_mapping
 
 

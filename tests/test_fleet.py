@@ -270,16 +270,15 @@ def test_the_page_of_a_fleet_tells_of_its_cars_together_and_stays_small(monkeypa
     assert [edge["name"] for edge in shown["about"]["edges"]] == ["an edge about every 100 m"]
     assert shown["about"]["how_many"] == {"cars": 5, "edges": 6}
     assert shown["replay"] is None
-    of_resources = {role for _, role, *_ in shown["metrics"] if ": " in role}
-    everywhere = {f"{one.method}: {one.component}" for one in run.measured if one.metric == "completed"}
+    of_resources = {component for _, _, _, component, *_ in shown["metrics"] if component}
+    everywhere = {one.component for one in run.measured if one.component}
     assert len(of_resources) == 10 < len(everywhere)
-    busy = [one for one in run.measured if one.metric == "utilization"]
-    use = {f"{one.method}: {one.component}": one.value or 0 for one in busy}
-    assert min(use.get(role, 0) for role in of_resources) >= max(use.get(role, 0) for role in everywhere - of_resources)
+    use = {one.component: one.value or 0 for one in run.measured if one.metric == "utilization"}
+    assert min(use.get(name, 0) for name in of_resources) >= max(use.get(name, 0) for name in everywhere - of_resources)
     told = " ".join(shown["notes"])
     assert "There is no replay of a fleet" in told and f"the 10 busiest of {len(everywhere)}" in told
-    assert {one.metric for one in run.measured if not one.component or "improvement" in one.metric} == {
-        name for name, role, *_ in shown["metrics"] if ": " not in role
+    assert {one.metric for one in run.measured if not one.component} == {
+        name for name, _, _, component, *_ in shown["metrics"] if not component
     }
 
 

@@ -14,11 +14,11 @@ from hypothesis import strategies as st
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
+from genie_sim import build, files
 from genie_sim.core.confidence import CONFIDENCE_RULES
 from genie_sim.core.eviction import EVICTIONS
-from genie_sim.core.similarity import SIMILARITIES
-from genie_sim import build, files
 from genie_sim.core.rules import LITERAL, Capacity
+from genie_sim.core.similarity import SIMILARITIES
 from genie_sim.errors import UserError
 from genie_sim.faults import FAULTS
 from genie_sim.methods import METHODS

@@ -1,4 +1,4 @@
-"""Methods with settings of their own, faults, and the cameras of single cars: read, written, and refused in one line."""
+"""Methods with settings of their own, faults, and the cameras of single cars: read, written, refused in one line."""
 
 from __future__ import annotations
 
@@ -90,7 +90,8 @@ def test_the_same_method_twice_sees_the_same_frames_and_differs_by_its_settings(
     waits = {"name": "waits", "method": "genie", "genie": {"miss_policy": "blocking"}}
     frames = drive(scenario(methods=["genie", again, waits]), street(seconds=4.0))["frames"]
     first, second, other = (
-        rows.drop(columns="method").reset_index(drop=True) for _, rows in frames.groupby("method", observed=True, sort=False)
+        rows.drop(columns="method").reset_index(drop=True)
+        for _, rows in frames.groupby("method", observed=True, sort=False)
     )
     assert first.equals(second)
     published = ["car", "stream", "frame", "stamp_ns"]

@@ -20,13 +20,12 @@ import pytest
 from made_up_run import METHODS
 from scipy import stats
 
-from genie_sim import runner
+from genie_sim import files, runner
 from genie_sim.analysis import metrics
 from genie_sim.cli import main
 from genie_sim.core.similarity import Exact
 from genie_sim.errors import UserError
 from genie_sim.recording import provenance
-from genie_sim import files
 from genie_sim.scenario.scenario import load_scenario
 from genie_sim.sweep import tasks
 from genie_sim.sweep.backends import Local

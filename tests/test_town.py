@@ -12,9 +12,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from genie_sim import files
 from genie_sim.errors import UserError
 from genie_sim.perception.trace import TraceFrame, read_trace
-from genie_sim import files
 from genie_sim.town import Drive, Town, TownRules
 from genie_sim.units import NS_PER_S
 

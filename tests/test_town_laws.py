@@ -11,11 +11,11 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from genie_sim import files
 from genie_sim.messages import CameraPose
 from genie_sim.perception.evaluation import evaluate
 from genie_sim.perception.trace import read_trace
 from genie_sim.perception.truth import read_truth
-from genie_sim import files
 from genie_sim.town import Town, TownRules, fit
 from genie_sim.town import validation as beside
 from genie_sim.town.camera import MOST_Z, Eye

@@ -15,6 +15,7 @@ from genie_sim.scenario.fields import Duration, Model, PositiveDuration, problem
 from genie_sim.scenario.plain import OWN_CLASS_SCHEMA, PlugIn
 from genie_sim.sim.fault import TimedFault
 
+
 class FaultEntry(Model):
     """A fault and when it happens: once from ``begin_ns`` to ``end_ns`` (``None``: for as long as this kind of fault
     takes, or to the run's end); or, from ``begin_ns`` on, again and again with exponential times of these means."""

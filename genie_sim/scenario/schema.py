@@ -27,7 +27,7 @@ def json_schema(what: str) -> dict[str, Any]:
 
 
 class _AsInYaml(GenerateJsonSchema):
-    """Writes defaults as YAML has them (``2 s``, not nanoseconds; a plug-in by its name), and no titles that only repeat the names."""
+    """Writes defaults as YAML has them (``2 s``, not nanoseconds), and no titles that only repeat the names."""
 
     def default_schema(self, schema: core_schema.WithDefaultSchema) -> JsonSchemaValue:
         made = super().default_schema(schema)

@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from sim.street import build, fixed_device, scenario
 
-from genie_sim.messages import Header, Publish
 from genie_sim.build import device as built_device
+from genie_sim.messages import Header, Publish
 from genie_sim.sim.clock import Clock
 from genie_sim.sim.device import Host
 from genie_sim.sim.link import Bridge, Downlinks, Link
