@@ -65,7 +65,7 @@ def measure(sizes: tuple[Setting, Setting, Setting, Setting]) -> Costs:
     began_s = time.process_time()
     joint = small_town(setting, 1)
     prepare_s = (time.process_time() - began_s) / setting.cars
-    cells = [cell for cell in apart(joint) if cell.traces]
+    cells = [cell for cell in apart(joint) if cell.drives]
     disk = written(_recording(joint, FLEET_1000))
     least = _frame_s([_recording(one, ()) for one in cells])
     usual = _frame_s([_recording(one, FLEET_1000) for one in cells])
@@ -78,11 +78,8 @@ def measure(sizes: tuple[Setting, Setting, Setting, Setting]) -> Costs:
 
 
 def _recording(prepared: Prepared, record: tuple[Record, ...]) -> Prepared:
-    assert prepared.spelled_out is not None, "a fleet"
-    scenario, spelled_out = (
-        one.model_copy(update={"record": record}) for one in (prepared.scenario, prepared.spelled_out)
-    )
-    return replace(prepared, scenario=scenario, spelled_out=spelled_out)
+    scenario, expanded = (one.model_copy(update={"record": record}) for one in (prepared.scenario, prepared.expanded))
+    return replace(prepared, scenario=scenario, expanded=expanded)
 
 
 def _frames(setting: Setting) -> int:

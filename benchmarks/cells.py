@@ -32,12 +32,13 @@ from genie_sim.parallel import in_processes, workers_here
 from genie_sim.recording.records import Tables
 from genie_sim.recording.results import MethodInfo
 from genie_sim.runner import Prepared, prepare, simulate
-from genie_sim.scenario.scenario import Car, Edge, Route, Scenario, load_scenario
+from genie_sim.scenario.parts import Car, Edge, Route
+from genie_sim.scenario.scenario import load_scenario
 from genie_sim.units import NS_PER_S
 
 if TYPE_CHECKING:
-    from genie_sim.perception.trace import Trace
-    from genie_sim.town import Drive
+    from genie_sim.perception.sources import Drive
+    from genie_sim.town.town import Drive as TownDrive
 
 PAGE = DOCS / "explanation" / "million-cars.md"
 BLOCKS_A_CELL = 3  # each way, and
@@ -123,54 +124,59 @@ def small_town(setting: Setting, seed: int) -> Prepared:
 
 def without_sharing(joint: Prepared) -> Prepared:
     """Edges hear nothing of each other. Cars bring along what they know."""
-    return _with(joint, edges=_alone(_whole(joint)))
+    return _with(joint, edges=_alone(joint))
 
 
 def arriving_empty(joint: Prepared) -> Prepared:
     """Every visit is a car of its own, which knows nothing at first. Edges share."""
     cars, drives = visits(joint)
-    return replace(_with(joint, cars=cars, start_jitter_ns=0), traces=drives)
+    return replace(_with(joint, cars=cars, faults=(), start_jitter_ns=0), drives=drives)
 
 
 def apart(joint: Prepared) -> list[Prepared]:
     """Each cell by itself: its edge, and of each car its visits there. Those are all that a cell is told."""
     cars, drives = visits(joint)
     found = []
-    for edge in _alone(_whole(joint)):
+    for edge in _alone(joint):
         mine = tuple(car for car in cars if car.edge == edge.name)
-        cell = _with(joint, edges=(edge,), cars=mine, start_jitter_ns=0)
-        found.append(replace(cell, traces={car.name: drives[car.name] for car in mine}))
+        cell = _with(joint, edges=(edge,), cars=mine, faults=(), start_jitter_ns=0)
+        found.append(replace(cell, drives={car.name: drives[car.name] for car in mine}))
     return found
 
 
-def visits(joint: Prepared) -> tuple[tuple[Car, ...], dict[str, Trace]]:
+def hand_overs(joint: Prepared) -> dict[str, list[tuple[int, str]]]:
+    """When each car is handed over [ns], in order of time, and to which edge."""
+    found: dict[str, list[tuple[int, str]]] = {car.name: [] for car in joint.expanded.cars}
+    for fault in joint.expanded.faults:
+        assert fault.begin_ns is not None, "a fleet has hand-overs only"
+        found[fault.target].append((fault.begin_ns, fault.fault.parameters["edge"]))
+    return found
+
+
+def visits(joint: Prepared) -> tuple[tuple[Car, ...], dict[str, Drive]]:
     """Each car once for each time that it is in a cell, with its drive: from one hand-over to the next. A frame that is
-    taken while a hand-over is under way belongs to the new cell."""
+    taken during a hand-over belongs to the new cell."""
     cars: list[Car] = []
-    drives: dict[str, Trace] = {}
-    for car in _whole(joint).cars:
-        drive = cast("Drive", joint.traces[car.name])
-        since = [(0, car.edge), *((one.at_ns - drive.start_ns, one.edge) for one in car.hand_overs)]
+    drives: dict[str, Drive] = {}
+    handed_over = hand_overs(joint)
+    for car in joint.expanded.cars:
+        drive = cast("TownDrive", joint.drives[car.name])
+        since = [(0, car.edge), *((at_ns - drive.start_ns, edge) for at_ns, edge in handed_over[car.name])]
         until_ns = [*(begin_ns for begin_ns, _ in since[1:]), drive.duration_ns]
         for number, ((begin_ns, edge), end_ns) in enumerate(zip(since, until_ns, strict=True), 1):
             name = car.name if number == 1 else f"{car.name}{VISIT}{number}"
             route = Route().model_copy(update={"start_ns": drive.start_ns + begin_ns, "window_ns": (begin_ns, end_ns)})
-            cars.append(car.model_copy(update={"name": name, "edge": edge, "hand_overs": (), "route": route}))
-            drives[name] = joint.traces[car.name]
+            cars.append(car.model_copy(update={"name": name, "edge": edge, "route": route}))
+            drives[name] = drive
     return tuple(cars), drives
 
 
-def _whole(prepared: Prepared) -> Scenario:
-    assert prepared.spelled_out is not None, "a fleet"
-    return prepared.spelled_out
-
-
 def _with(joint: Prepared, **changes: object) -> Prepared:
-    return replace(joint, spelled_out=_whole(joint).model_copy(update=changes))
+    return replace(joint, expanded=joint.expanded.model_copy(update=changes))
 
 
-def _alone(whole: Scenario) -> tuple[Edge, ...]:
-    return tuple(edge.model_copy(update={"neighbours": ()}) for edge in whole.edges)
+def _alone(joint: Prepared) -> tuple[Edge, ...]:
+    return tuple(edge.model_copy(update={"neighbours": ()}) for edge in joint.expanded.edges)
 
 
 CUTS: Mapping[str, Callable[[Prepared], list[Prepared]]] = {
@@ -183,7 +189,7 @@ CUTS: Mapping[str, Callable[[Prepared], list[Prepared]]] = {
 
 def together(cells: Sequence[Prepared]) -> Tabled:
     """Simulates cells one after the other and puts their tables together."""
-    ran = [_tabled(simulate(cell)) for cell in cells if _whole(cell).cars]
+    ran = [_tabled(simulate(cell)) for cell in cells if cell.expanded.cars]
 
     return Tabled(
         pd.concat([one.frames for one in ran], ignore_index=True),
@@ -214,13 +220,13 @@ def figures_of(tabled: Tabled) -> list[float]:
     return [np.nan if value is None else value * figure.factor for value, figure in zip(values, FIGURES, strict=True)]
 
 
-def recall_after_hand_overs(truth: pd.DataFrame, cars: Sequence[Car]) -> float:
+def recall_after_hand_overs(truth: pd.DataFrame, handed_over: Mapping[str, Sequence[tuple[int, str]]]) -> float:
     """The share of objects in view that are served, of the frames taken soon after their car was handed over."""
     soon = np.zeros(len(truth), dtype=bool)
-    for car in cars:
-        mine = (truth["car"] == car.name).to_numpy()
-        for one in car.hand_overs:
-            soon |= mine & truth["stamp_ns"].between(one.at_ns, one.at_ns + AFTER_NS).to_numpy()
+    for car, passed in handed_over.items():
+        mine = (truth["car"] == car).to_numpy()
+        for at_ns, _ in passed:
+            soon |= mine & truth["stamp_ns"].between(at_ns, at_ns + AFTER_NS).to_numpy()
     in_view = int(truth["in_view"][soon].sum())
     return float(truth["found"][soon].sum()) / in_view if in_view else np.nan
 
@@ -249,11 +255,12 @@ def _of_seed(setting: Setting, seed: int) -> tuple[dict[str, list[float]], int, 
     """The figures of each cut; frames and hand-overs of the joint run."""
     joint = small_town(setting, seed)
     tables = {cut: together(make(joint)) for cut, make in CUTS.items()}
-    cars = _whole(joint).cars
+    passed = hand_overs(joint)
     figures = {
-        cut: [*figures_of(one), recall_after_hand_overs(one.truth, cars) * AFTER.factor] for cut, one in tables.items()
+        cut: [*figures_of(one), recall_after_hand_overs(one.truth, passed) * AFTER.factor]
+        for cut, one in tables.items()
     }
-    return figures, len(tables[JOINT].frames), sum(len(car.hand_overs) for car in cars)
+    return figures, len(tables[JOINT].frames), sum(map(len, passed.values()))
 
 
 def markdown(compared: Compared) -> str:

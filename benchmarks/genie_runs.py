@@ -19,7 +19,7 @@ from unittest import mock
 import numpy as np
 
 from benchmarks.station import PERIOD_NS, Outcome, scheduled_events
-from genie_sim import runner
+from genie_sim import build
 from genie_sim.recording.records import Tables
 from genie_sim.runner import Prepared, Progress, prepare, simulate
 from genie_sim.scenario.scenario import Scenario, load_scenario, read_scenario
@@ -28,7 +28,7 @@ from genie_sim.sim.world import World
 
 REPOSITORY = Path(__file__).resolve().parent.parent
 CARS_PER_EDGE = 10
-ROUTE_S = 12  # where on the 15.4 s drive cars may set off
+ROUTE_S = 12  # where on the 15.4 s drive cars may start
 BLOCKS = 22  # each way, of fleet_1000's town
 LAP_S = 10.2  # 3car_hetero: a window of 9.2 s and a pause of 1 s
 
@@ -118,7 +118,7 @@ def _counted(prepared: Prepared, progress: Progress | None = None) -> tuple[Tabl
         worlds.append(World(*arguments, **named))
         return worlds[-1]
 
-    with mock.patch.object(runner, "World", remembered):
+    with mock.patch.object(build, "World", remembered):
         tables = simulate(prepared, progress)
     return tables, sum(scheduled_events(world.env) for world in worlds)
 
@@ -156,7 +156,7 @@ def drive(prepared: Prepared) -> Drive:
 
     tables, events = _counted(prepared, tell)
     simulated_s, cpu_s = zip(*instants, strict=True)
-    cameras = len(prepared.traces) * len(prepared.scenario.cameras)
+    cameras = len(prepared.drives) * len(prepared.scenario.cameras)
     return Drive(simulated_s, cpu_s, len(tables.frames), events, cameras)
 
 

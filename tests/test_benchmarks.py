@@ -113,14 +113,14 @@ def test_all_engines_take_turns_with_the_same_number_of_frames():
 
 def test_a_fleet_has_the_cars_edges_and_frames_asked_for():
     scenario = fleet(25, 0.2)
-    assert len(scenario.cars) == 25 and scenario.methods == ("genie",)
+    assert len(scenario.cars) == 25 and [entry.name for entry in scenario.methods] == ["genie"]
     assert [edge.neighbours for edge in scenario.edges] == [("edge2",), ("edge1", "edge3"), ("edge2",)]
     assert work_of(prepare(scenario)).frames == pytest.approx(25 * 4 * 2, rel=0.1), "10 frames/s from four cameras"
 
 
 def test_towns_of_all_sizes_are_as_densely_driven():
     small, large = genie_runs.town(10, 0.3), genie_runs.town(1000, 0.3)
-    cells = [scenario.perception.town.blocks[0] * scenario.perception.town.blocks[1] for scenario in (small, large)]
+    cells = [scenario.source.town.blocks[0] * scenario.source.town.blocks[1] for scenario in (small, large)]
     assert cells[1] / cells[0] == pytest.approx(1000 / 10, rel=0.4), "whole blocks"
     assert work_of(prepare(small)).frames == pytest.approx(10 * 3, rel=0.4), "one camera a car"
 

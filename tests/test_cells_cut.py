@@ -13,7 +13,7 @@ from benchmarks import cells
 from benchmarks.cells import CUTS, FIGURES, JOINT, Compared, Setting, Tabled, apart, small_town, together, visits
 from genie_sim.errors import UserError
 from genie_sim.runner import Prepared
-from genie_sim.scenario.scenario import Car, HandOver, load_scenario
+from genie_sim.scenario.scenario import load_scenario
 from genie_sim.units import NS_PER_S
 
 TINY = Setting(columns=2, rows=1, cars=4, drive_s=12.0)
@@ -31,7 +31,7 @@ def ran(joint: Prepared) -> dict[str, Tabled]:
 
 
 def test_every_cut_has_the_frames_of_the_joint_run(joint: Prepared, ran: dict[str, Tabled]):
-    assert sum(len(car.hand_overs) for car in joint.spelled_out.cars) == 2, "or nothing is cut"
+    assert len(joint.expanded.faults) == 2, "or nothing is cut"
     keys = {cut: sorted(one.frames[["car", "stream", "stamp_ns"]].itertuples(False, None)) for cut, one in ran.items()}
     assert len(keys[JOINT]) == len(set(keys[JOINT])) == 4 * 120
     assert all(keys[cut] == keys[JOINT] for cut in CUTS)
@@ -49,22 +49,23 @@ def test_a_cut_run_is_judged_by_the_same_truth(ran: dict[str, Tabled]):
 
 def test_visits_follow_each_other_without_a_gap(joint: Prepared):
     cars, drives = visits(joint)
-    for car in joint.spelled_out.cars:
+    handed_over = cells.hand_overs(joint)
+    for car in joint.expanded.cars:
         mine = [one for one in cars if one.name.partition(".")[0] == car.name]
-        assert [one.edge for one in mine] == [car.edge, *(there.edge for there in car.hand_overs)]
+        assert [one.edge for one in mine] == [car.edge, *(edge for _, edge in handed_over[car.name])]
         assert all(before.route.window_ns[1] == after.route.window_ns[0] for before, after in pairwise(mine))
         assert (mine[0].route.window_ns[0], mine[-1].route.window_ns[1]) == (0, drives[car.name].duration_ns)
-        for one, there in zip(mine[1:], car.hand_overs, strict=True):
-            assert one.route.start_ns == there.at_ns and not one.hand_overs and drives[one.name] is drives[car.name]
+        for one, (at_ns, _) in zip(mine[1:], handed_over[car.name], strict=True):
+            assert one.route.start_ns == at_ns and drives[one.name] is drives[car.name]
 
 
 def test_a_cell_by_itself_knows_its_own_edge_and_visits_only(joint: Prepared):
     found = apart(joint)
     for cell in found:
-        (edge,) = cell.spelled_out.edges
-        assert edge.neighbours == () and {car.edge for car in cell.spelled_out.cars} <= {edge.name}
-        assert set(cell.traces) == {car.name for car in cell.spelled_out.cars}
-    names = sorted(name for cell in found for name in cell.traces)
+        (edge,) = cell.expanded.edges
+        assert edge.neighbours == () and {car.edge for car in cell.expanded.cars} <= {edge.name}
+        assert set(cell.drives) == {car.name for car in cell.expanded.cars} and not cell.expanded.faults
+    names = sorted(name for cell in found for name in cell.drives)
     assert names == sorted(visits(joint)[1])
 
 
@@ -84,20 +85,18 @@ def test_frames_after_a_hand_over_are_those_of_its_car_and_the_next_five_seconds
     rows = [("car1", -1, 4, 4), ("car1", 0, 10, 3), ("car1", 5, 10, 5), ("car1", 6, 4, 4), ("car2", 1, 4, 4)]
     columns = ["car", "stamp_ns", "in_view", "found"]
     truth = pd.DataFrame([(car, at_ns + s * NS_PER_S, seen, found) for car, s, seen, found in rows], columns=columns)
-    usual = Car.model_construct(name="car1", hand_overs=(HandOver.model_construct(at_ns=at_ns, edge="e"),))
-    other = Car.model_construct(name="car2", hand_overs=())
-    assert cells.recall_after_hand_overs(truth, [usual, other]) == 8 / 20
-    assert np.isnan(cells.recall_after_hand_overs(truth, [other]))
+    assert cells.recall_after_hand_overs(truth, {"car1": [(at_ns, "e")], "car2": []}) == 8 / 20
+    assert np.isnan(cells.recall_after_hand_overs(truth, {"car2": []}))
 
 
 def test_a_cell_is_one_of_fleet_1000():
     whole = load_scenario("fleet_1000")
-    town = whole.perception.town
+    town = whole.source.town
     columns, rows = (round(count * town.block_m / whole.fleet.cell_m) for count in town.blocks)
     assert whole.fleet.cell_m == cells.BLOCKS_A_CELL * town.block_m
     assert whole.fleet.cars / (columns * rows) == pytest.approx(cells.CARS_A_CELL, rel=0.1)
     mine = small_town(Setting(columns=2, rows=1, cars=4, drive_s=1.0, overrides=("genie.capacity=7 entries",)), SEED)
-    assert len(mine.spelled_out.edges) == 2 and mine.scenario.genie.capacity.entries == 7
+    assert len(mine.expanded.edges) == 2 and mine.scenario.genie.capacity.entries == 7
 
 
 def test_the_table_shows_paired_differences(tmp_path: Path):

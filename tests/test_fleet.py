@@ -10,21 +10,23 @@ from typing import Any
 
 import pandas as pd
 import pytest
-from genie_sim.town.cells import CHECK_NS, Cells, device_of_each
 from hypothesis import given
 from hypothesis import strategies as st
 
 from genie_sim import files, runner
 from genie_sim.errors import UserError
+from genie_sim.fleet import CHECK_NS, Cells, device_of_each
 from genie_sim.recording.records import Tables
 from genie_sim.report import data
 from genie_sim.runner import prepare, simulate
+from genie_sim.scenario.faults import FaultEntry
 from genie_sim.scenario.fleet import Fleet
 from genie_sim.scenario.scenario import Scenario, load_scenario, read_scenario
 from genie_sim.scenario.yaml_input import parse
 from genie_sim.sweep.design import load_design
 from genie_sim.sweep.plan import plan
 from genie_sim.sweep.tasks import Finished, Task, run_task
+from genie_sim.town import Town
 from genie_sim.units import NS_PER_MS, NS_PER_S
 
 SMALL: dict[str, Any] = {
@@ -123,16 +125,15 @@ def test_the_order_in_which_shares_are_written_is_nobodys_choice():
 def test_one_more_car_changes_nobody_elses_way_or_device():
     devices = {"jetson_tx2": 0.5, "orin_nano": 0.5}
     nine, ten = (prepare(small(fleet=fleet(cars=cars, devices=devices))) for cars in (9, 10))
-    assert nine.spelled_out is not None and ten.spelled_out is not None
-    assert ten.spelled_out.cars[:9] == nine.spelled_out.cars
-    for name, drive in nine.traces.items():
-        assert [frame.pose for frame in drive.frames["02"]] == [frame.pose for frame in ten.traces[name].frames["02"]]
+    assert ten.expanded.cars[:9] == nine.expanded.cars
+    for name, drive in nine.drives.items():
+        assert [frame.pose for frame in drive.frames["02"]] == [frame.pose for frame in ten.drives[name].frames["02"]]
 
 
 def test_whole_numbers_and_fractions_make_the_same_town():
     default, whole = (prepare(small(perception={**SMALL["perception"], **more})) for more in ({}, WHOLE))
     assert runner.facts(default) == runner.facts(whole)
-    frames = [prepared.traces["car1"].frames["02"][0] for prepared in (default, whole)]
+    frames = [prepared.drives["car1"].frames["02"][0] for prepared in (default, whole)]
     assert frames[0].detections == frames[1].detections and frames[0].digest == frames[1].digest
 
 
@@ -148,23 +149,31 @@ def test_a_worker_needs_no_device_file(tmp_path, monkeypatch):
     assert run_task(task, made.shared.packed()) == Finished(1)
 
 
+def hand_overs(whole: Scenario, car: str) -> list[FaultEntry]:
+    """Those of one car, in order of time."""
+    return [one for one in whole.faults if one.fault.name == "hand_over" and one.target == car]
+
+
 def test_every_car_drives_alone_begins_at_the_nearest_edge_and_changes_to_real_ones():
     prepared = prepare(small(fleet=fleet(cars=40)))
-    whole = prepared.spelled_out
-    assert whole is not None and prepared.town is not None
+    whole, truth = prepared.expanded, prepared.frames.truth
+    assert isinstance(truth, Town)
     names = {edge.name for edge in whole.edges}
-    assert len(whole.cars) == 40 == len({trace.frames["02"][0].pose for trace in prepared.traces.values()})
-    cells = Cells(prepared.town.size_m, 100.0)
+    assert len(whole.cars) == 40 == len({drive.frames["02"][0].pose for drive in prepared.drives.values()})
+    cells = Cells(truth.size_m, 100.0)
     assert len(names) == len(cells) == 6
-    assert sum(len(car.hand_overs) for car in whole.cars) > 5
+    assert len(whole.faults) > 5
     for car in whole.cars:
-        drive: Any = prepared.traces[car.name]
+        drive: Any = prepared.drives[car.name]
         assert car.edge == cells.name(cells.at(*drive.position(0)))
-        assert drive.start_ns == whole.set_off_ns(car), "it sees the town as it is when it is there"
-        for one in car.hand_overs:
-            assert one.edge == cells.name(cells.at(*drive.position(one.at_ns - drive.start_ns)))
+        assert drive.start_ns == whole.start_ns(car), "it sees the town as it is when it is there"
+        for one in hand_overs(whole, car.name):
+            assert one.begin_ns is not None
+            at = drive.position(one.begin_ns - drive.start_ns)
+            assert one.fault.parameters["edge"] == cells.name(cells.at(*at))
     checked = read_scenario(whole.model_copy(update={"fleet": None}).model_dump(mode="json", by_alias=True))
-    assert (checked.cars, checked.edges) == (whole.cars, whole.edges), "what was not validated would have passed"
+    expanded = whole.cars, whole.edges, whole.faults
+    assert (checked.cars, checked.edges, checked.faults) == expanded, "what was not validated would have passed"
 
 
 def test_what_is_written_down_stays_small_and_reads_back():
@@ -177,7 +186,7 @@ def test_what_is_written_down_stays_small_and_reads_back():
 def test_another_seed_is_another_town_with_other_ways():
     first, again, other = (prepare(small(seed=seed)) for seed in (1, 1, 2))
     assert runner.facts(first)["traces"] == runner.facts(again)["traces"] != runner.facts(other)["traces"]
-    poses = [prepared.traces["car1"].frames["02"][0].pose for prepared in (first, again, other)]
+    poses = [prepared.drives["car1"].frames["02"][0].pose for prepared in (first, again, other)]
     assert poses[0] == poses[1] != poses[2]
 
 
@@ -204,7 +213,7 @@ def test_what_a_town_cannot_do_is_refused(setting: dict[str, Any], message: str)
         alone(**setting)
 
 
-def test_what_a_fleet_costs_to_spell_out_grows_with_its_cars_only(monkeypatch: pytest.MonkeyPatch):
+def test_what_a_fleet_costs_to_expand_grows_with_its_cars_only(monkeypatch: pytest.MonkeyPatch):
     """Every car looks for its cell at its start and at every check, however many others there are."""
     looks: Counter[str] = Counter()
     at = Cells.at
@@ -261,27 +270,26 @@ def test_the_page_of_a_fleet_tells_of_its_cars_together_and_stays_small(monkeypa
     assert [edge["name"] for edge in shown["about"]["edges"]] == ["an edge about every 100 m"]
     assert shown["about"]["how_many"] == {"cars": 5, "edges": 6}
     assert shown["replay"] is None
-    of_resources = {role for _, role, *_ in shown["metrics"] if ": " in role}
-    everywhere = {f"{one.method}: {one.component}" for one in run.measured if one.metric == "completed"}
+    of_resources = {component for _, _, _, component, *_ in shown["metrics"] if component}
+    everywhere = {one.component for one in run.measured if one.component}
     assert len(of_resources) == 10 < len(everywhere)
-    busy = [one for one in run.measured if one.metric == "utilization"]
-    use = {f"{one.method}: {one.component}": one.value or 0 for one in busy}
-    assert min(use.get(role, 0) for role in of_resources) >= max(use.get(role, 0) for role in everywhere - of_resources)
+    use = {one.component: one.value or 0 for one in run.measured if one.metric == "utilization"}
+    assert min(use.get(name, 0) for name in of_resources) >= max(use.get(name, 0) for name in everywhere - of_resources)
     told = " ".join(shown["notes"])
     assert "There is no replay of a fleet" in told and f"the 10 busiest of {len(everywhere)}" in told
-    assert {one.metric for one in run.measured if not one.component or "improvement" in one.metric} == {
-        name for name, role, *_ in shown["metrics"] if ": " not in role
+    assert {one.metric for one in run.measured if not one.component} == {
+        name for name, _, _, component, *_ in shown["metrics"] if not component
     }
 
 
 @pytest.mark.parametrize(("name", "cars_to_a_cell"), [("fleet_30", 7.5), ("fleet_1000", 20.4), ("fleet_10000", None)])
-def test_shipped_fleets_can_be_spelled_out(name: str, cars_to_a_cell: float | None):
+def test_shipped_fleets_can_be_expanded(name: str, cars_to_a_cell: float | None):
     """With as many cars to a cell in the mean as their comments say; one short drive each here."""
     setting = load_scenario(name, ["perception.duration=1 s"])
     assert setting.fleet is not None and setting.fleet.cars == int(name.removeprefix("fleet_"))
     if cars_to_a_cell is not None:
-        whole = prepare(setting).spelled_out
-        assert whole is not None and len(whole.cars) / len(whole.edges) == pytest.approx(cars_to_a_cell, abs=0.05)
+        whole = prepare(setting).expanded
+        assert len(whole.cars) / len(whole.edges) == pytest.approx(cars_to_a_cell, abs=0.05)
 
 
 def test_caches_on_cars_may_have_a_capacity_of_their_own():
@@ -300,13 +308,13 @@ def test_a_sweep_over_fleets_gives_each_run_what_it_gives_alone(tmp_path: Path, 
     Path("small.yaml").write_text(small().to_yaml())
     Path("s.yaml").write_text("scenario: ./small.yaml\nseeds: [1, 2]\naxes: {cars: {set: fleet.cars, list: [1, 2]}}\n")
     made = plan(load_design(Path("s.yaml")), "s.yaml")
-    assert len(made.runs) == 4 and not made.shared.traces, "no worker is sent thousands of drives"
+    assert len(made.runs) == 4 and not made.shared.frames, "no worker is sent thousands of drives"
     task = Task(tuple(made.runs.values()), str(tmp_path / "parts"))
     assert run_task(task, made.shared.packed()) == Finished(4)
     table = pd.read_parquet(task.part)
     for run_id, one in made.runs.items():
         mine = table[table["run_id"].astype(str) == run_id].set_index("metric")["value"]
-        alone = {metric.name: metric.value for metric in runner.run_in_memory(one.scenario).measured}
+        alone = {metric.metric: metric.value for metric in runner.run_in_memory(one.scenario).measured}
         for name in ("frames_published", "first_answer_mean", "ghost_share"):
             assert mine[name] == alone[name], (one.scenario.seed, name)
 
@@ -325,9 +333,9 @@ def test_a_sweep_over_fleets_gives_each_run_what_it_gives_alone(tmp_path: Path, 
         ({"fleet": fleet(cell=100)}, "fleet.cell: length 100 has no unit; write for example '1 m'"),
         (
             {"perception": {"source": "town", "town": {"blok": 3}}},
-            "perception.town.blok: unknown field of a town 'blok'",
+            "perception.town.blok: unknown field; did you mean 'block'?",
         ),
-        ({"perception": {"source": "town", "town": {"block": "5 m"}}}, "perception.town: block: 5.0 m is too short "),
+        ({"perception": {"source": "town", "town": {"block": "5 m"}}}, "perception.town.block: 5.0 m is too short "),
         ({"record": ["frames"]}, "record[0]: unknown record 'frames'; known: "),
     ],
 )
@@ -343,13 +351,13 @@ def test_a_camera_that_no_car_in_town_has_is_told():
 
 
 def test_a_fleet_changes_edges_without_delay_between_old_and_new():
-    """The gap is the scenario's, also in a fleet: a car with a gap of 2 s is not handed over twice within it."""
-    setting = small(fleet=fleet(cars=40, hysteresis="0 m"), hand_over_gap="2 s")
-    whole = prepare(setting).spelled_out
-    assert whole is not None
+    """The gap is the fleet's: a car with a gap of 2 s is not handed over twice within it."""
+    whole = prepare(small(fleet=fleet(cars=40, hysteresis="0 m", hand_over_gap="2 s"))).expanded
+    assert {one.fault.parameters["gap_ns"] for one in whole.faults} == {2000 * NS_PER_MS}
     for car in whole.cars:
-        for earlier, later in pairwise(car.hand_overs):
-            assert later.at_ns - earlier.at_ns >= 2000 * NS_PER_MS
+        for earlier, later in pairwise(hand_overs(whole, car.name)):
+            assert earlier.begin_ns is not None and later.begin_ns is not None
+            assert later.begin_ns - earlier.begin_ns >= 2000 * NS_PER_MS
 
 
 @pytest.mark.parametrize("settings", [("3car_hetero",), ("fleet_30", "perception.duration=3 s")])

@@ -208,7 +208,7 @@ def test_whatever_a_name_holds_the_error_is_one_line(capsys):
 
 @pytest.mark.parametrize("what", ["folder", "pipe"])
 def test_only_a_file_is_replaced_by_a_file(what):
-    """``--out=/dev/null`` would otherwise be the last of it, for whoever may rename there."""
+    """``--out=/dev/null`` would otherwise be the last of it, for a user who may rename there."""
     path = Path("there")
     path.mkdir() if what == "folder" else os.mkfifo(path)
     with pytest.raises(UserError, match="there: cannot be written"), atomic_write(path):
@@ -293,7 +293,7 @@ def test_a_month_is_not_too_long():
         ("fleet.cell=1 mm", "fleet.cell: makes more than 100,000 edges of this town"),
         ("perception.interval=1 ns", "perception.interval: makes more than 100,000,000 frames of "),
         ("perception.town={blocks: 3}", "perception.town.blocks: must be a list, not 3"),
-        ("perception.town={block: 1e30 km}", "perception.town.block: must be at most 10000 m, but is '1e30 km'"),
+        ("perception.town={block: 1e30 km}", "perception.town.block: must be at most 10 km, but is 1"),
     ],
 )
 def test_a_fleet_that_fills_the_memory_gets_one_line(setting, message, capsys):

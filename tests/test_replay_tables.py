@@ -5,18 +5,16 @@ from __future__ import annotations
 import pandas as pd
 import pytest
 
+from genie_sim.perception.sources import Recordings
 from genie_sim.recording.records import Tables
-from genie_sim.runner import Prepared, simulate
+from genie_sim.runner import on_frames, simulate
 from genie_sim.scenario.profiles import load_profile
 from tests.sim.street import scenario, street
 
 
 @pytest.fixture(scope="module")
 def tables() -> Tables:
-    setting = scenario(cars=2, seed=3)
-    trace = street()
-    devices = {name: load_profile(name) for name in ("jetson_tx2", "agx_xavier")}
-    return simulate(Prepared(setting, devices, {car.name: trace for car in setting.cars}))
+    return simulate(on_frames(scenario(cars=2, seed=3), Recordings(street())))
 
 
 def test_each_frame_has_one_pose_whatever_the_number_of_methods(tables):
@@ -58,9 +56,9 @@ def test_objects_stay_where_they_were_first_seen(tables):
 
 
 def test_what_a_map_forgets_has_a_last_row_without_confidence():
-    trace, device = street(), load_profile("jetson_tx2")
+    devices = dict.fromkeys(("jetson_tx2", "agx_xavier"), load_profile("jetson_tx2"))
     setting = scenario(genie={"object_map": {"forget": "500 ms"}})
-    tables = simulate(Prepared(setting, dict.fromkeys(("jetson_tx2", "agx_xavier"), device), {"car1": trace}))
+    tables = simulate(on_frames(setting, Recordings(street()), devices))
     objects, lookups = tables.objects.to_frame(), tables.lookups.to_frame()
     sightings = lookups[lookups["kind"] == "sighting"]
     assert objects["confidence"].isna().sum() > 10

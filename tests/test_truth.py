@@ -115,8 +115,9 @@ def test_one_served_object_may_stand_for_two_and_two_for_one():
 def test_only_the_first_answer_to_a_frame_that_was_published_counts():
     town = Street(real("car", 10.0))
     assert [source for source, _ in judged(town, ("map", []), ("own_detector", [served("car", 10.0)]))] == ["map"]
-    truth = Truth("genie", town, {"car1": 0}, REACH_M, RANGE_M, lambda *_: pytest.fail("nobody asked"))
-    truth.answered(Detections(HEADER, ()), "map")
+    nothing = Table(TRUTH)
+    Truth("genie", town, {"car1": 0}, REACH_M, RANGE_M, nothing).answered(Detections(HEADER, ()), "map")
+    assert not len(nothing), "nobody asked"
 
 
 def test_objects_without_a_place_are_not_counted():
@@ -166,10 +167,10 @@ def test_a_run_asks_for_the_truth_at_the_times_of_its_frames_and_by_one_ruler_wh
     asked, is_there = [], Town.is_there
     monkeypatch.setattr(Town, "is_there", lambda *given: asked.append(given[4:]) or is_there(*given))
     city = {"source": "town", "duration": "2 s", "tolerance": "1.75 m", "town": {"blocks": [2, 2]}}
-    genie = {**small().genie.model_dump(mode="json", by_alias=True), "object_map": {"gate": "1.5 m"}}
+    genie = {**small().model_dump(mode="json", by_alias=True)["genie"], "object_map": {"gate": "1.5 m"}}
     prepared = prepare(small(perception=city, start_jitter="10 s", genie=genie))
     simulate(prepared)
-    begins = [drive.start_ns for drive in prepared.traces.values()]
+    begins = [drive.start_ns for drive in prepared.drives.values()]
     assert len(set(begins)) > 1
     frames = {begin_ns + number * 100_000_000 for begin_ns in begins for number in range(20)}
     assert asked and {range_m for range_m, _ in asked} == {1.75}
@@ -201,7 +202,7 @@ def test_a_run_in_a_city_is_judged_its_folder_holds_the_table_and_is_made_again(
 def test_a_more_tolerant_city_finds_no_more_ghosts():
     shares = []
     for tolerance in ("0 m", "2 m", "50 m"):
-        city = {**small().perception.model_dump(mode="json", by_alias=True), "tolerance": tolerance}
+        city = {**small().model_dump(mode="json", by_alias=True)["perception"], "tolerance": tolerance}
         tables = simulate(prepare(small(methods=["local"], perception=city)))
         assert tables.truth is not None
         counts = tables.truth.to_frame()

@@ -53,7 +53,7 @@ class HandOver:
         """Each leads a car from its edge to another that exists, after the one before is over: (which fault, field,
         what is wrong)."""
         now_at, free_ns = dict(edge_of), dict.fromkeys(edge_of, 0)
-        for place, timed in enumerate(mine):
+        for place, timed in sorted(enumerate(mine), key=lambda one: one[1].begin_ns):
             one = timed.fault
             assert isinstance(one, HandOver)
             if one.target not in now_at:
@@ -66,6 +66,8 @@ class HandOver:
                 yield place, "edge", unknown("edge", one.edge, edges)
             elif timed.mean_time_between_ns is not None:
                 yield place, "mean_time_between", "a car changes to an edge once; give 'begin'"
+            elif timed.end_ns != timed.begin_ns + one.gap_ns:
+                yield place, "end", "a hand-over is over after its 'gap'; leave it out"
             elif one.edge == here:
                 yield place, "edge", f"{one.target} is with {here} already"
             elif timed.begin_ns < free_ns[one.target]:

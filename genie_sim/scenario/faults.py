@@ -15,8 +15,6 @@ from genie_sim.scenario.fields import Duration, Model, PositiveDuration, problem
 from genie_sim.scenario.plain import OWN_CLASS_SCHEMA, PlugIn
 from genie_sim.sim.fault import TimedFault
 
-_PLUG_IN = PlugIn("fault", FAULTS, key="fault")
-
 
 class FaultEntry(Model):
     """A fault and when it happens: once from ``begin_ns`` to ``end_ns`` (``None``: for as long as this kind of fault
@@ -46,7 +44,8 @@ class FaultEntry(Model):
         return str(self.fault.parameters.get("target", ""))
 
 
-_TIMES = tuple(field.alias for name, field in FaultEntry.model_fields.items() if name != "fault")
+_TIMES = tuple(name for name in FaultEntry.yaml_names() if name != "fault")
+_PLUG_IN = PlugIn("fault", FAULTS, key="fault", beside=_TIMES)
 
 
 def _read(value: object) -> object:

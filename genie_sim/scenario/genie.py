@@ -66,6 +66,17 @@ def _literal_preset(data: Any) -> Any:
 _THRESHOLD_SCHEMA = WithJsonSchema(
     {"anyOf": [{"type": "number", "minimum": 0, "maximum": 1}, {"enum": ["range_60", "empirical"]}]}
 )
+_CAPACITY_SCHEMA = {
+    "anyOf": [
+        {"type": "string", "examples": ["1000 entries", "10 MB"]},
+        {
+            "type": "object",
+            "properties": {"entries": {"type": "integer", "minimum": 1}, "bytes": {"type": "string"}},
+            "additionalProperties": False,
+        },
+        {"type": "null"},
+    ]
+}
 _OBJECT_MAP = Plain(
     ObjectMapRules,
     gate_m=PositiveLength,
@@ -77,6 +88,7 @@ _OBJECT_MAP = Plain(
 _CAPACITY = Annotated[
     Annotated[Capacity, Plain(Capacity, entries=Count | None, bytes=PositiveSize | None)] | None,
     BeforeValidator(_capacity),
+    WithJsonSchema(_CAPACITY_SCHEMA),
 ]
 GenieSection = Annotated[
     GenieRules,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
 from collections.abc import Mapping
 from typing import Annotated, Any
 
@@ -10,7 +9,7 @@ from pydantic import BeforeValidator, Field, PlainSerializer, WithJsonSchema
 
 from genie_sim import plugins
 from genie_sim.core.rules import LITERAL
-from genie_sim.errors import shown, unknown
+from genie_sim.errors import shown
 from genie_sim.methods import METHODS, MUST_HAVE
 from genie_sim.plugins import Choice
 from genie_sim.scenario.fields import Model, Name, problem
@@ -18,7 +17,7 @@ from genie_sim.scenario.plain import OWN_CLASS_SCHEMA, PlugIn
 
 # What ``scenario.Overridable`` holds.
 OVERRIDABLE = ("genie", "model", "spread", "queue_length", "edge_network")
-_PLUG_IN = PlugIn("method", METHODS, key="method")
+_PLUG_IN = PlugIn("method", METHODS, key="method", beside=("name", "title", *OVERRIDABLE))
 
 
 class MethodEntry(Model):
@@ -50,12 +49,6 @@ def read_method(value: object) -> MethodEntry:
         problem("method" if isinstance(value, Mapping) and "method" in value else "", str(error))
     of_scenario = {key: item for key, item in given.items() if key in OVERRIDABLE}
     arguments = {key: item for key, item in given.items() if key not in OVERRIDABLE}
-    if method in METHODS:
-        known = [*inspect.signature(plugins.resolve("method", method, METHODS)).parameters]
-        for key in arguments:
-            if key not in known:
-                choices = ("method", "name", "title", *known, *OVERRIDABLE)
-                problem(str(key), unknown("setting of a method", key, choices))
     choice = _PLUG_IN.read({"method": method, **arguments})
     return MethodEntry(name=str(name), method=choice, title=title, settings=of_scenario)
 

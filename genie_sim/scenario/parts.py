@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Annotated, Any, Self
 
-from pydantic import Field, model_validator
+from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
 
 from genie_sim import units
+from genie_sim.errors import shown
 from genie_sim.scenario.fields import Count, Duration, Listed, Model, Name, PositiveSize, problem
 from genie_sim.scenario.links import Link
 
@@ -73,6 +74,19 @@ class Route(Model):
         return self
 
 
+def _cameras(value: object) -> object:
+    if not isinstance(value, bool | list | tuple):
+        raise ValueError(f"must be true, false or a list of cameras, not {shown(value)}")
+    return tuple(value) if isinstance(value, list) else value
+
+
+Cameras = Annotated[
+    Annotated[bool, Tag("none")] | Annotated[tuple[Camera, ...], Field(min_length=1), Tag("own")],
+    Discriminator(lambda value: "own" if isinstance(value, tuple) else "none"),
+    BeforeValidator(_cameras),
+]
+
+
 class Car(Model):
     """A car, its computer, and its link to its edge (both ``None`` for a car on its own).
 
@@ -85,7 +99,7 @@ class Car(Model):
     edge: str | None = None
     link: Link | None = None
     route: Route = Route()
-    cameras: Annotated[bool | Annotated[tuple[Camera, ...], Field(min_length=1)], Listed] = True
+    cameras: Cameras = True
     genie: bool = True
 
     @model_validator(mode="before")

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import functools
 import inspect
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import is_dataclass
 from types import UnionType
 from typing import Annotated, Any, Union, get_args, get_origin
@@ -61,10 +61,20 @@ class Plain:
 
 class PlugIn:
     """Marks a field whose value is a ``Choice`` out of ``registry``: in YAML a name, or a mapping of the name (under
-    ``key``) and the arguments of the class. Those of a class of the user's own are passed on as they stand."""
+    ``key``) and the arguments of the class. Those of a class of the user's own are passed on as they stand.
 
-    def __init__(self, what: str, registry: Mapping[str, Any], key: str = "name", default: str | None = None) -> None:
-        self.what, self.registry, self._key, self._default = what, registry, key, default
+    ``beside`` are the other settings that may stand in the mapping, which the caller takes out before.
+    """
+
+    def __init__(
+        self,
+        what: str,
+        registry: Mapping[str, Any],
+        key: str = "name",
+        default: str | None = None,
+        beside: Sequence[str] = (),
+    ) -> None:
+        self.what, self.registry, self._key, self._default, self._beside = what, registry, key, default, beside
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
         return core_schema.no_info_plain_validator_function(
@@ -72,7 +82,16 @@ class PlugIn:
         )
 
     def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
-        return {"anyOf": [{"enum": list(self.registry)}, OWN_CLASS_SCHEMA, {"type": "object"}]}
+        own = {"type": "object", "properties": {self._key: OWN_CLASS_SCHEMA}, "required": [self._key]}
+        shipped = []
+        for name in self.registry:
+            model = model_of(plugins.resolve(self.what, name, self.registry))
+            made = dict(handler.resolve_ref_schema(handler(model.__pydantic_core_schema__)))
+            made["properties"] = {self._key: {"const": name}, **made.get("properties", {})}
+            if name != self._default:
+                made["required"] = [self._key, *made.get("required", ())]
+            shipped.append(made)
+        return {"anyOf": [{"enum": list(self.registry)}, OWN_CLASS_SCHEMA, *shipped, own]}
 
     def read(self, value: object) -> Choice:
         """A name or a mapping from YAML, completed by the defaults of the class. Raises ``ValueError``."""
@@ -91,7 +110,7 @@ class PlugIn:
         known = model_of(cls)
         for key in given:
             if key not in known.yaml_names():
-                problem(key, unknown(f"parameter of {name}", key, known.yaml_names()))
+                problem(str(key), unknown(f"parameter of {name}", key, [*known.yaml_names(), *self._beside]))
         try:
             model = known.model_validate(given)
         except ValidationError as error:
@@ -149,9 +168,11 @@ def _instance(cls: Callable[..., Any], model: Model) -> Any:
     try:
         return cls(**{name: getattr(model, name) for name in type(model).model_fields})
     except (UserError, ValueError) as error:
-        field, _, text = str(error).partition(": ")
-        if field in type(model).yaml_names():
-            problem(field, text)
+        text = str(error)
+        while ": " in text:  # a class may say which one it is before it names the field
+            field, _, text = text.partition(": ")
+            if field.partition(".")[0] in type(model).yaml_names():
+                problem(field, text)
         raise ValueError(str(error)) from error
 
 

@@ -174,7 +174,8 @@ class Scenario(Overridable):
             try:
                 self.under(entry)
             except UserError as error:
-                problem(f"methods[{index}]", str(error))
+                field, _, text = str(error).partition(": ")
+                problem(f"methods[{index}].{field}", text)
         return self
 
     @model_validator(mode="after")
@@ -193,8 +194,8 @@ class Scenario(Overridable):
                 self._profiles[device] = load_profile(device)
             except UserError as error:
                 problem(field, str(error))
-            for entry in self.methods:
-                self._model_fits(entry, self._profiles[device])
+            for index, entry in enumerate(self.methods):
+                self._model_fits(index, entry, self._profiles[device])
         return self
 
     def _devices(self) -> dict[str, str]:
@@ -209,19 +210,19 @@ class Scenario(Overridable):
             first_use.setdefault(self.fleet.edge_device, "fleet.edge_device")
         return first_use
 
-    def _model_fits(self, entry: MethodEntry, profile: DeviceProfile) -> None:
-        mine = self.under(entry)
+    def _model_fits(self, index: int, entry: MethodEntry, profile: DeviceProfile) -> None:
+        mine, where = self.under(entry), f"methods[{index}]." if entry.settings.keys() & {"model", "genie"} else ""
         try:
             median_ns = profile.median_ns(mine.model)
         except UserError as error:
-            problem("model", str(error))
+            problem(f"{where}model", str(error))
         expiry_ns = mine.genie.request_expiry_ns
         if expiry_ns is None or expiry_ns > median_ns:
             return
         if plugins.is_own(entry.method.name) or not method_class(entry).baseline:
             takes, expiry = units.duration_text(median_ns), units.duration_text(expiry_ns)
             over = f"{expiry} is over before {mine.model} answers on {profile.name} ({takes}): lengthen it, or null"
-            problem("genie.request_expiry", over)
+            problem(f"{where}genie.request_expiry", over)
 
     @property
     def source(self) -> Any:

@@ -32,8 +32,8 @@ class _AsInYaml(GenerateJsonSchema):
     def default_schema(self, schema: core_schema.WithDefaultSchema) -> JsonSchemaValue:
         made = super().default_schema(schema)
         default = schema.get("default")
-        if isinstance(default, int | float) and not isinstance(default, bool):
-            made["default"] = SchemaSerializer(schema["schema"]).to_python(default, mode="json")
+        if default is not None and not isinstance(default, bool | str):
+            made["default"] = SchemaSerializer(schema["schema"]).to_python(default, mode="json", by_alias=True)
         return made
 
     def field_title_should_be_set(self, schema: Any) -> bool:
