@@ -50,6 +50,14 @@ def _setting_paths(incomplete: str) -> list[str]:
     return [path for path in paths if path.startswith(incomplete)]
 
 
+def _methods(incomplete: str) -> list[str]:
+    """Names of methods, after those that are there already."""
+    from genie_sim.methods import METHODS
+
+    before, comma, last = incomplete.rpartition(",")
+    return [f"{before}{comma}{name}" for name in METHODS if name.startswith(last)]
+
+
 ScenarioArgument = Annotated[
     str,
     typer.Argument(help="A scenario file, or the name of one that comes with genie-sim.", autocompletion=_scenarios),
@@ -61,6 +69,14 @@ SetOption = Annotated[
         metavar="PATH=VALUE",
         help="Change a field, such as cars[0].device=orin_nano. Repeatable.",
         autocompletion=_setting_paths,
+    ),
+]
+MethodsOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="A,B,...",
+        help="Only these: methods of the scenario, of 'list methods', or module:Class.",
+        autocompletion=_methods,
     ),
 ]
 SeedOption = Annotated[int | None, typer.Option(min=0, help="Root of all random streams; default: the scenario's.")]

@@ -144,19 +144,24 @@ def check_faults_of(scenario: Scenario) -> None:
         raise UserError(f"{scenario.name}: {field}: {text}")
 
 
+def own_plugins(scenario: Scenario) -> list[tuple[str, str]]:
+    """The classes of the user's own that a scenario names, each once: the kind of plug-in, and the name."""
+    links = {repr(car.link): car.link for car in scenario.cars if car.link is not None}
+    chosen = [
+        ("frame source", scenario.perception.name),
+        ("detector", str(scenario.perception.parameters.get("detector"))),
+        *(("method", entry.method.name) for entry in scenario.methods),
+        *(("fault", entry.fault.name) for entry in scenario.faults),
+    ]
+    for each in (scenario, *map(scenario.under, scenario.methods)):
+        links[repr(each.edge_network)] = each.edge_network
+        chosen += genies.chosen_plugins(each.genie)
+    if scenario.fleet is not None:
+        links["fleet"] = scenario.fleet.link
+    chosen += [("link model", link.name) for link in links.values()]
+    return [one for one in dict.fromkeys(chosen) if plugins.is_own(one[1])]
+
+
 def plugin_digests(scenario: Scenario) -> dict[str, str]:
     """sha256 of the module of each class of the user's own that the scenario names: its code decides the outcome."""
-    named: dict[str, str] = {}
-    links = {repr(car.link): car.link for car in scenario.cars if car.link is not None}.values()
-    chosen = [
-        ("frame source", scenario.perception),
-        *(("method", entry.method) for entry in scenario.methods),
-        *(("fault", entry.fault) for entry in scenario.faults),
-        *(("link model", link) for link in (*links, scenario.edge_network)),
-    ]
-    for what, choice in chosen:
-        if plugins.is_own(choice.name):
-            named[f"{what} {choice.name}"] = plugins.code_digest(what, choice.name)
-    for entry in scenario.methods:
-        named |= genies.plugin_digests(scenario.under(entry).genie)
-    return named
+    return {f"{what} {name}": plugins.code_digest(what, name) for what, name in own_plugins(scenario)}

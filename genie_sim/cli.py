@@ -11,7 +11,7 @@ from typing import Annotated, Any
 import typer
 
 from genie_sim import __version__, arguments, terminal
-from genie_sim.arguments import ScenarioArgument, SeedOption, SetOption, path_argument, path_option
+from genie_sim.arguments import MethodsOption, ScenarioArgument, SeedOption, SetOption, path_argument, path_option
 from genie_sim.cli_perceive import perceive
 from genie_sim.errors import UserError, unknown
 from genie_sim.paths import expanded
@@ -46,20 +46,28 @@ def run(
     scenario: ScenarioArgument,
     set_: SetOption = None,
     seed: SeedOption = None,
+    methods: MethodsOption = None,
     out: Annotated[Path, path_option(help="The folder that gets the result folder.")] = Path("results"),
     no_report: Annotated[bool, typer.Option("--no-report", help="Leave out report.html.")] = False,
 ) -> None:
-    """Simulate a scenario: local, remote and with Genie.
+    """Simulate a scenario under each of its methods: local, remote and with Genie, unless it says otherwise.
 
     \b
     genie-sim run 3car_hetero
     genie-sim run 3car_hetero --set cars[0].device=orin_nano --set genie.eviction=lru
     genie-sim run mine.yaml --seed 7 --out lab
+    genie-sim run mine.yaml --methods genie,my_module:MyMethod
     """
-    from genie_sim import runner
+    from genie_sim import build, runner
+    from genie_sim.scenario.scenario import load_scenario, with_methods
 
+    setting = load_scenario(scenario, set_ or (), seed)
+    if methods is not None:
+        setting = with_methods(setting, methods.split(","), f"--methods {methods}")
+    if own := build.own_plugins(setting):
+        typer.echo(f"{setting.name} runs code of its own: {', '.join(f'{what} {name}' for what, name in own)}")
     with Progress() as progress:
-        result = runner.run(scenario, set_ or (), seed, out, progress, with_report=not no_report)
+        result = runner.run_to_folder(setting, out, progress, with_report=not no_report)
     from genie_sim.analysis import summary
 
     typer.echo(summary.text(result.metrics, width=min(terminal.width(), 100)))

@@ -95,14 +95,13 @@ def confidence_rule(name: str) -> ConfidenceRule:
     return checked
 
 
-def plugin_digests(rules: GenieRules) -> dict[str, str]:
-    """sha256 of the module of each class of the user's own that the rules name: it decides the outcome, too."""
-    chosen = (
-        ("similarity", rules.similarity.name, SIMILARITIES),
-        ("eviction", rules.eviction, EVICTIONS),
-        ("confidence rule", rules.object_map.rule, CONFIDENCE_RULES),
+def chosen_plugins(rules: GenieRules) -> tuple[tuple[str, str], ...]:
+    """What the rules choose by name: the kind of plug-in, and the name."""
+    return (
+        ("similarity", rules.similarity.name),
+        ("eviction", rules.eviction),
+        ("confidence rule", rules.object_map.rule),
     )
-    return {name: plugins.code_digest(what, name) for what, name, known in chosen if name not in known}
 
 
 def _identity(name: str) -> Callable[[Header], Hashable]:

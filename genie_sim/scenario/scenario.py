@@ -16,6 +16,7 @@ from pydantic import ConfigDict, Field, PrivateAttr, model_validator
 from genie_sim import files, plugins, units
 from genie_sim.core.rules import GenieRules
 from genie_sim.errors import UserError, unknown
+from genie_sim.methods import METHODS
 from genie_sim.perception.sources import SOURCES
 from genie_sim.plugins import Choice
 from genie_sim.scenario.faults import FaultField, check_faults
@@ -279,6 +280,18 @@ def load_scenario(path_or_name: str | Path, overrides: Sequence[str] = (), seed:
     data = read_mapping(path)
     data.setdefault("name", path.stem)
     return read_scenario(data, overrides, seed, where=str(path))
+
+
+def with_methods(scenario: Scenario, names: Sequence[str], where: str = "methods") -> Scenario:
+    """The scenario with these methods: its own entries by name, else ones by themselves. Raises ``UserError``."""
+    written = scenario.model_dump(mode="json", by_alias=True)
+    entries = {entry.name: one for entry, one in zip(scenario.methods, written["methods"], strict=True)}
+    for name in names:
+        try:
+            entries.setdefault(plugins.checked_name("method", name, {**METHODS, **entries}), name)
+        except ValueError as error:
+            raise UserError(f"{where}: {error}") from error
+    return read_scenario({**written, "methods": [entries[name] for name in names]}, where=where)
 
 
 def read_scenario(

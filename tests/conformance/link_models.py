@@ -1,0 +1,67 @@
+"""What every link model has to keep. One of your own is tested by
+
+@pytest.mark.parametrize("link", [{"model": "my_module:MyRadio", "rate": 3.0}])
+class TestMine(LinkModelConformance):
+    pass
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from genie_sim import build
+from genie_sim.scenario.scenario import Scenario
+from genie_sim.sim.link_models import LinkModel
+from tests.conformance import small
+
+SIZES = (0, 1, 426, 1_448, 1_449, 40_000, 1_397_297)
+
+
+class LinkModelConformance:
+    """A link, as a scenario writes it."""
+
+    def setting(self, link: Any) -> Scenario:
+        return small.scenario(cars=[small.car(1, link=link), small.car(2, link=link)], edge_network=link)
+
+    def model(self, link: Any) -> LinkModel:
+        choice = self.setting(link).cars[0].link
+        assert choice is not None
+        return build.link_model(choice)
+
+    def test_times_are_whole_nanoseconds_that_never_run_backwards(self, link: Any):
+        for up in (True, False):
+            channel, now_ns = self.model(link).channel(up, np.random.default_rng(1)), 17
+            for size_bytes in SIZES * 20:
+                occupied_ns = channel.occupied_ns(size_bytes, now_ns)
+                assert type(occupied_ns) is int and occupied_ns >= 0
+                now_ns += occupied_ns
+                delay_ns = channel.delay_ns(size_bytes, now_ns)
+                assert delay_ns is None or (type(delay_ns) is int and delay_ns >= 0)
+
+    def test_all_chance_comes_from_the_generator_that_it_is_given(self, link: Any):
+        def course(seed: int) -> list[Any]:
+            """Two links at once: neither is to feel the other."""
+            mine, other = (self.model(link).channel(True, np.random.default_rng(one)) for one in (seed, seed + 1))
+            found = []
+            for now_ns in range(0, 100_000_000, 1_000_000):
+                found += [mine.occupied_ns(40_000, now_ns), mine.delay_ns(40_000, now_ns)]
+                other.delay_ns(1, now_ns)
+            return found
+
+        assert course(1) == course(1)
+
+    def test_a_larger_message_is_never_faster_on_an_idle_link(self, link: Any):
+        occupied = [self.model(link).channel(True, np.random.default_rng(1)).occupied_ns(size, 0) for size in SIZES]
+        assert occupied == sorted(occupied)
+
+    def test_every_frame_is_answered_or_dropped_and_twice_the_same(self, link: Any):
+        found = small.tables(self.setting(link))
+        small.check_conserved(found["frames"], small.ALL)
+        small.same(found, small.tables(self.setting(link)))
+
+    def test_it_is_written_down_as_it_was_read(self, link: Any):
+        setting = self.setting(link)
+        written = setting.model_dump(mode="json", by_alias=True)
+        assert type(setting).model_validate(written) == setting

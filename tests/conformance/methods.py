@@ -1,0 +1,70 @@
+"""What every method has to keep. One of your own is tested by
+
+@pytest.mark.parametrize("method", ["my_module:MyMethod"])
+class TestMine(MethodConformance):
+    pass
+"""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+
+import pytest
+
+from genie_sim import build
+from genie_sim.scenario.methods import read_method
+from tests.conformance import small
+
+SETTINGS: dict[str, dict[str, Any]] = {
+    "usual": {},
+    "lossy": {"cars": [small.car(1, link={"like": "wifi", "loss": 0.2}), small.car(2, link="lte")]},
+    "long queues": {"queue_length": 3},
+    "outage": {"faults": [{"fault": "outage", "target": "edge1", "begin": "500 ms", "end": "900 ms"}]},
+    "one edge": {"cars": [small.car(1), small.car(2, edge="edge1")]},
+}
+
+
+class MethodConformance:
+    """A method, by its name in scenarios, against the same small worlds as every other."""
+
+    beside: ClassVar[tuple[str, ...]] = small.ALL
+
+    @pytest.mark.parametrize("setting", SETTINGS)
+    def test_every_frame_is_answered_or_dropped(self, method: str, setting: str):
+        name = read_method(method).name
+        rows = small.frames(small.scenario([method], **SETTINGS[setting]))
+        small.check_conserved(rows, [name])
+        assert rows["first_answer_ns"].notna().any(), "it never answers"
+
+    def test_twice_the_same(self, method: str):
+        setting = small.scenario([method], **SETTINGS["lossy"])
+        small.same(small.tables(setting), small.tables(setting))
+
+    def test_alone_or_beside_others_in_any_order(self, method: str):
+        """It takes no random number of another method, leaves nothing behind, and finds nothing."""
+        name, lossy = read_method(method).name, SETTINGS["lossy"]
+        others = [one for one in self.beside if one != method]
+        alone = small.tables(small.scenario([method], **lossy))
+        without = small.tables(small.scenario(others, **lossy))
+        for order in ([method, *others], [*others, method], [others[0], method, *others[:0:-1]]):
+            found = small.tables(small.scenario(order, **lossy))
+            small.same(small.of(name, alone), small.of(name, found))
+            for other in others:
+                small.same(small.of(other, without), small.of(other, found))
+
+    def test_settings_of_an_entry_hold_for_that_entry_only(self, method: str):
+        name = read_method(method).name
+        slower = {"name": "slower", "method": method, "model": "yolov8m", "queue_length": 4}
+        alone = small.tables(small.scenario([method]))
+        both = small.tables(small.scenario([slower, method]))
+        small.same(small.of(name, alone), small.of(name, both))
+        by_hand = small.tables(small.scenario([{"name": "slower", "method": method}], model="yolov8m", queue_length=4))
+        small.same(small.of("slower", by_hand), small.of("slower", both))
+        other, mine = (both["frames"].query("method == @one").reset_index(drop=True) for one in ("slower", name))
+        assert not other["first_answer_ns"].equals(mine["first_answer_ns"]), "the settings change nothing"
+
+    def test_it_says_what_it_is(self, method: str):
+        (fact,) = build.method_facts(small.scenario([method]))
+        made = build.method(read_method(method))
+        assert fact == {"name": read_method(method).name, "title": made.title, "baseline": made.baseline}
+        assert made.title and isinstance(made.baseline, bool)

@@ -1,0 +1,197 @@
+"""The shipped faults, and faults of the tests' own that take a host's work and memory."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from genie_sim import runner
+from genie_sim.errors import UserError
+from genie_sim.faults import FAULTS
+from genie_sim.messages import Expired, Header
+from genie_sim.scenario.methods import read_method
+from genie_sim.sim.nodes import InterceptorNode
+from tests.conformance import small
+from tests.conformance.faults import FaultConformance, RandomFaultConformance, S
+
+OWN = "tests.conformance.own"
+OUTAGES = [{"fault": "outage", "target": target} for target in ("car1", "edge1", "car1->edge1", "edge1->car1")]
+HAND_OVER = {"fault": "hand_over", "target": "car1", "edge": "edge2"}
+CRASHES = [{"fault": f"{OWN}:Crash", "target": target} for target in ("edge1", "car1")]
+
+
+def test_every_shipped_fault_is_tested_here():
+    assert {one["fault"] for one in (*OUTAGES, HAND_OVER)} == set(FAULTS)
+
+
+@pytest.mark.parametrize("fault", OUTAGES)
+class TestOutage(FaultConformance):
+    drops = ":outage"
+
+
+@pytest.mark.parametrize("fault", [{"fault": "outage", "target": "edges"}])
+class TestOutageOfTheNetworkBetweenEdges(FaultConformance):
+    drops = None  # no frame goes there, only what edges tell one another
+
+
+@pytest.mark.parametrize("fault", OUTAGES)
+class TestOutagesAtRandomTimes(RandomFaultConformance):
+    pass
+
+
+@pytest.mark.parametrize("fault", [HAND_OVER])
+class TestHandOver(FaultConformance):
+    drops = "car1:hand_over"
+
+
+@pytest.mark.parametrize("fault", CRASHES)
+class TestCrash(FaultConformance):
+    drops = ":crash"
+
+
+@pytest.mark.parametrize("fault", CRASHES)
+class TestCrashesAtRandomTimes(RandomFaultConformance):
+    pass
+
+
+@pytest.mark.parametrize("fault", [{"fault": f"{OWN}:Blackout", "target": target} for target in ("edge1", "car1")])
+class TestBlackout(FaultConformance):
+    drops = ":blackout"
+
+
+def working(target: str, method: str, since_s: float):
+    """The world of a method at the first moment from ``since_s`` on in which a host has something to lose, the tables,
+    and the frames that it has: in service, in queues, and those that a Genie owes an answer."""
+    world, tables = small.world(small.scenario([method]))
+    host, graph = world.hosts[target]
+    here: list[Header] = []
+    while not here:
+        world.env.run(until=max(world.env.now + 1_000_000, round(since_s * S)))
+        here = [message.header for node in graph.nodes for message in node._in_service]
+        here += [one[1].header for node in graph.nodes for queue in node._queues.values() for one in queue]
+        owing = [node.pure for node in graph.nodes if isinstance(node, InterceptorNode)]
+        here += [one.header for pure in owing for one in pure.on_void() if isinstance(one, Expired)]
+    return world, tables, host, graph, set(here)
+
+
+VOIDED = [("car1", "local"), ("edge1", "remote"), ("car1", "genie"), ("edge1", "genie"), ("car1", f"{OWN}:Again")]
+
+
+@pytest.mark.parametrize(("target", "method"), VOIDED)
+def test_what_is_voided_says_who_did_it(target: str, method: str):
+    world, tables, host, graph, here = working(target, method, 0.9)
+    served = host.accelerator.completed
+    world.void(target, "test:crash")
+    world.monitor.close()
+    rows = tables.frames.to_frame()
+    mine = rows[[header in here for header in zip(rows["stamp_ns"], rows["stream"], rows["car"], strict=True)]]
+    assert len(mine) == len(here)
+    lost = mine[mine["fresh_answer_ns"].isna()]
+    assert len(lost) and (lost["drop"] == "test:crash").all(), lost
+    assert not (rows["drop"] == "test:crash")[rows.index.difference(lost.index)].any(), "and nothing else was lost"
+
+    assert host.accelerator.queued == host.cpu.queued == 0
+    assert all(node.queued == 0 and not node._in_service for node in graph.nodes)
+    busy_ns = host.accelerator.busy_ns, host.cpu.busy_ns
+    world.run()
+    rows = tables.frames.to_frame()
+    small.check_conserved(rows, [read_method(method).name])
+    if method in ("local", "remote"):
+        assert (rows["drop"] == "test:crash").sum() == len(lost), "there is no other copy"
+        assert host.accelerator.completed > served, "it goes on with what comes next"
+        assert host.accelerator.busy_ns > busy_ns[0]
+
+
+@pytest.mark.parametrize("what", ["accelerator", "cpu"])
+def test_a_processor_that_was_voided_is_idle_and_never_done_with_what_it_had(what: str):
+    world, _ = small.world(small.scenario(["local"]))
+    processor, done = getattr(world.hosts["edge1"][0], what), []
+    for job in range(processor.capacity + 2):
+        processor.run(100, lambda job=job: done.append(job))
+    world.env.run(until=40)
+    assert processor.busy_ns == 40 * processor.capacity and processor.queued == 2
+    processor.void()
+    assert processor.queued == 0
+    world.env.run(until=70)
+    processor.run(100, lambda: done.append("next"))
+    world.env.run(until=169)
+    assert done == [], "the old jobs would have been done by now"
+    world.env.run(until=171)
+    assert done == ["next"] and processor.completed == 1
+    assert processor.busy_ns == 40 * processor.capacity + 100, "while it was idle it did not work"
+
+
+def test_a_host_forgets_what_it_knew():
+    world, tables, _, graph, _ = working("edge1", "genie", 1.5)
+    genie = next(node for node in graph.nodes if isinstance(node, InterceptorNode))
+    before = genie.pure
+    assert len(before.object_map) and before.cache_entries()
+    resources = list(world.resources)
+    world.void("edge1", "test:crash")
+    assert genie.pure is not before and not len(genie.pure.object_map) and not genie.pure.cache_entries()
+    assert world.resources == resources, "it is the same node, with a fresh state"
+    changes = tables.objects.to_frame().query("genie == 'edge1/genie'")
+    last = changes.groupby(["label", "east_m", "north_m"], observed=True).tail(1)
+    assert last["confidence"].isna().all(), "every object of its map is told to be gone"
+
+
+def test_a_host_that_is_not_there_is_one_line():
+    world, _ = small.world(small.scenario(["local"]))
+    with pytest.raises(UserError, match=r"^unknown host 'edge3' \(did you mean 'edge2'\?\); known: car1, car2, edge1"):
+        world.void("edge3", "test")
+    blind = small.scenario(["local"], cars=[small.car(1, cameras=False), small.car(2)])
+    world, _ = small.world(blind)
+    assert "car1" not in world.hosts
+    world.void("car1", "test")  # local execution has nothing there
+
+
+CRASH = '''
+from dataclasses import dataclass
+
+from genie_sim.faults.outage import Outage
+
+
+@dataclass(frozen=True)
+class Crash(Outage):
+    """The edge restarts."""
+
+    dropped_by = "crash"
+
+    def begin(self, world):
+        super().begin(world)
+        world.void(self.target, f"{self.target}:crash")
+'''
+
+
+def test_a_crash_in_a_file_of_ones_own(run_cli, tmp_path: Path):
+    """``fault: my_module:Crash`` in a scenario, a folder away from the package."""
+    (tmp_path / "my_module.py").write_text(CRASH)
+    fault = "{fault: 'my_module:Crash', target: edge1, begin: 3 s, end: 4 s}"
+    ran = run_cli("run", "1car_homo", "--set", f"faults=[{fault}]", "--no-report")
+    assert ran.returncode == 0, ran.stderr
+    (folder,) = (tmp_path / "results").iterdir()
+    import pandas as pd
+
+    rows = pd.read_parquet(folder / "frames.parquet").query("method == 'remote'")
+    assert (rows["drop"] == "edge1:crash").sum() >= 1
+    assert (rows["drop"] == "car1->edge1:crash").sum() > 5
+    assert "my_module:Crash" in (folder / "run.json").read_text()
+    wrong = run_cli("run", "1car_homo", "--set", f"faults=[{fault.replace('edge1', 'edge7')}]", "--no-report")
+    assert wrong.returncode == 1 and "faults[0].target: unknown target 'edge7'" in wrong.stderr
+
+
+@pytest.mark.parametrize(
+    ("fault", "message"),
+    [
+        ({"fault": "outag", "target": "car1"}, r"faults\[0\]\.?\w*: unknown fault 'outag' \(did you mean 'outage'\?\)"),
+        ({"fault": f"{OWN}:Nobody", "target": "car1"}, "has no attribute 'Nobody'"),
+        ({"fault": f"{OWN}:Radio", "slot_ms": 1.0}, "has no method begin, end"),
+        ({"fault": f"{OWN}:Crash"}, "missing 1 required positional argument: 'target'"),
+        ({"fault": f"{OWN}:Blackout", "target": "car1", "how": "hard"}, "unexpected keyword argument 'how'"),
+    ],
+)
+def test_a_fault_that_does_not_work_is_one_line(fault, message: str):
+    with pytest.raises(UserError, match=message) as error:
+        runner.run_in_memory(small.scenario(["local"], faults=[{**fault, "begin": "1 s"}]))
+    assert "\n" not in str(error.value)

@@ -1,0 +1,104 @@
+"""The shipped frame sources, a street of the tests' own, and cameras that one car has and another has not."""
+
+from __future__ import annotations
+
+import os
+
+import pytest
+
+from genie_sim import build, runner
+from genie_sim.errors import UserError
+from genie_sim.perception.sources import SOURCES
+from tests.conformance import small
+from tests.conformance.frame_sources import FrameSourceConformance
+
+STREET = "tests.conformance.own:Street"
+BLOCKS = {"town": {"blocks": [2, 2]}, "source": "town", "duration": "2 s"}
+ROUTE = {"window": ["1 s", "3 s"]}
+NUMBERED = [{"name": "camera_02", "recording": "02"}, {"name": "camera_03", "recording": "03", "phase": "25 ms"}]
+
+
+def test_every_shipped_source_is_tested_here():
+    assert set(SOURCES) == {"recorded", "town", "live"}, "live runs a detector: tests of perceive"
+
+
+@pytest.mark.parametrize("source", [{"source": "recorded", "trace": "kitti_0005"}])
+class TestRecorded(FrameSourceConformance):
+    cameras = NUMBERED
+    route = ROUTE
+
+
+@pytest.mark.parametrize("source", [BLOCKS])
+class TestTown(FrameSourceConformance):
+    cameras = NUMBERED
+
+
+@pytest.mark.parametrize("source", [{"source": STREET}, {"source": STREET, "seconds": 1.0, "speed_mps": 9.0}])
+class TestStreet(FrameSourceConformance):
+    pass
+
+
+def test_a_source_of_ones_own_is_run_and_decides_the_run():
+    run = runner.run_in_memory(small.scenario(["local"]))
+    assert run.facts["traces"] == {"street": "2.0 5.0"}
+    assert f"frame source {STREET}" in run.facts["plugins"]
+    other = runner.run_in_memory(small.scenario(["local"], perception={"source": STREET, "speed_mps": 6.0}))
+    assert other.run_id != run.run_id
+
+
+def test_cars_with_cameras_of_their_own():
+    """One car has the scenario's two, one has one of its own: other frames, the same street."""
+    own = [{"name": "roof", "recording": "right", "phase": "7 ms", "size": "20 kB"}]
+    setting = small.scenario(["remote"], cars=[small.car(1), small.car(2, cameras=own)])
+    rows = small.frames(setting)
+    assert set(rows.query("car == 'car1'")["stream"]) == {"camera_0", "camera_1"}
+    mine = rows.query("car == 'car2'")
+    assert set(mine["stream"]) == {"roof"} and len(mine) == 20
+    assert set(mine["bytes_up"]) == {20_000} and mine["fresh_answer_ns"].notna().all()
+    alone = small.frames(small.scenario(["remote"])).query("car == 'car1'")
+    theirs = rows.query("car == 'car1'")
+    assert alone["stamp_ns"].tolist() == theirs["stamp_ns"].tolist(), "car1 does not feel that"
+    written = runner.read_scenario(setting.model_dump(mode="json", by_alias=True))
+    assert written == setting
+
+
+def test_a_recording_that_is_not_there_names_car_and_trace():
+    own = [{"name": "roof", "recording": "up"}]
+    field = r"^small: cars\[1\]\.cameras\[0\]\.recording: "
+    with pytest.raises(UserError, match=field + r"unknown recording 'up'; known: left, right \(car2 drives street\)$"):
+        runner.prepare(small.scenario(cars=[small.car(1), small.car(2, cameras=own)]))
+    recorded = {"perception": {"source": "recorded", "trace": "kitti_0005"}, "cameras": small.CAMERAS}
+    with pytest.raises(UserError, match=r"^small: cameras\[0\]\.recording: .*known: 02, 03 \(car1 drives .*0005.*\)$"):
+        runner.prepare(small.scenario(**recorded))
+
+
+@pytest.mark.parametrize(
+    ("source", "message"),
+    [
+        ({"source": "recorde"}, r"perception.*unknown frame source 'recorde' \(did you mean 'recorded'\?\)"),
+        ({"source": STREET, "secnds": 1.0}, "unexpected keyword argument 'secnds'"),
+        ({"source": "tests.conformance.own:Radio", "slot_ms": 1.0}, "has no method open"),
+        ({"source": "tests.conformance.own:Nobody"}, "has no attribute 'Nobody'"),
+        ({"source": "recorded", "trace": "nowhere"}, "perception.trace: unknown trace 'nowhere'"),
+        ({"source": "live", "kitti": "$NOT_SET_AT_ALL"}, "environment variable is not set"),
+    ],
+)
+def test_a_source_that_does_not_work_is_one_line(source, message: str):
+    assert "NOT_SET_AT_ALL" not in os.environ
+    with pytest.raises(UserError, match=message) as error:
+        runner.prepare(small.scenario(perception=source))
+    assert "\n" not in str(error.value)
+
+
+def test_a_scenario_is_read_without_running_code_of_ones_own():
+    """It is run only by ``run``, which says so: here not even its module is looked for."""
+    nowhere = "nowhere_at_all:Nothing"
+    setting = small.scenario(
+        [nowhere],
+        perception={"source": nowhere},
+        faults=[{"fault": nowhere, "target": "car1", "begin": "1 s"}],
+        cars=[small.car(1, link={"model": nowhere}), small.car(2)],
+        genie={"eviction": nowhere, "similarity": nowhere, "object_map": {"rule": nowhere}},
+    )
+    with pytest.raises(UserError, match="No module named 'nowhere_at_all'"):
+        build.plugin_digests(setting)

@@ -1,0 +1,91 @@
+"""The shipped methods and one of the tests' own, and what scenarios may say about methods."""
+
+from __future__ import annotations
+
+import pytest
+
+from genie_sim import build, runner
+from genie_sim.errors import UserError
+from genie_sim.methods import METHODS
+from genie_sim.plugins import Choice
+from genie_sim.recording.log import Log
+from genie_sim.recording.records import Tables
+from genie_sim.scenario.methods import MethodEntry
+from tests.conformance import small
+from tests.conformance.methods import MethodConformance
+
+AGAIN = "tests.conformance.own:Again"
+
+
+@pytest.mark.parametrize("method", METHODS)
+class TestShipped(MethodConformance):
+    pass
+
+
+@pytest.mark.parametrize("method", [AGAIN])
+class TestOwn(MethodConformance):
+    pass
+
+
+def test_a_method_of_a_name_that_nobody_knows_never_runs():
+    """Neither out of a scenario nor when somebody makes the entry by hand."""
+    with pytest.raises(UserError, match=r"^scenario: methods\[1\]: unknown method 'gene' \(did you mean 'genie'\?\)"):
+        small.scenario(["local", "gene"])
+    with pytest.raises(UserError, match=r"unknown method 'gene'"):
+        small.scenario([{"name": "mine", "method": "gene"}])
+    entry = MethodEntry(name="gene", method=Choice("gene"))
+    prepared = runner.prepare(small.scenario())
+    built = build.shared(prepared.expanded, prepared.devices, prepared.drives)
+    with pytest.raises(UserError, match=r"^unknown method 'gene' \(did you mean 'genie'\?\); known: genie, local"):
+        build.world(built, entry, Log("gene", Tables()))
+    with pytest.raises(UserError, match="unknown method 'gene'"):
+        runner.run_in_memory(small.scenario().model_copy(update={"methods": (entry,)}))
+
+
+@pytest.mark.parametrize(
+    ("method", "message"),
+    [
+        ("tests.conformance.own:Nobody", "has no attribute 'Nobody'"),
+        ("tests.conformance.nowhere:Again", "No module named"),
+        ("tests.conformance.own:Radio", "has no method title, baseline, on_car, on_edge"),
+        ({"method": AGAIN, "evry": 3}, "unexpected keyword argument 'evry'"),
+    ],
+)
+def test_a_method_of_ones_own_that_does_not_work_is_one_line(method, message: str):
+    with pytest.raises(UserError, match=message) as error:
+        runner.run_in_memory(small.scenario([method]))
+    assert "\n" not in str(error.value)
+
+
+def test_one_method_several_times_with_other_settings():
+    """Three Genies beside a plain method: each has its own rules, its own name, and its own rows."""
+    entries = [
+        "genie",
+        {"name": "tiny", "method": "genie", "genie": {"eviction": "lru", "capacity": "2 entries"}},
+        {"name": "strict", "method": "genie", "title": "exact Genie", "genie": {"similarity": "exact"}},
+        {"name": "half", "method": AGAIN, "every": 2},
+        "remote",
+    ]
+    slow = {"perception": {"source": "tests.conformance.own:Street", "speed_mps": 1.0}}
+    setting = small.scenario(entries, **slow)
+    run = runner.run_in_memory(setting)
+    assert [one.name for one in run.methods] == ["genie", "tiny", "strict", "half", "remote"]
+    assert [one.title for one in run.methods] == ["Genie (DG)", "tiny", "exact Genie", "half", "remote (R)"]
+    assert [one.baseline for one in run.methods] == [False, False, False, False, True]
+    most = run.lookups[run.lookups["kind"] == "image"].groupby("method", observed=True)["entries"].max()
+    assert most["tiny"] <= 2 < most["strict"] <= most["genie"] * 10
+    hits = run.frames.groupby("method", observed=True)["image_hit"].sum()
+    assert hits["strict"] == 0 < hits["genie"]
+    assert 0 < hits["half"] < small.FRAMES * 2
+    same_again = runner.run_in_memory(small.scenario([entries[1], entries[0]], **slow))
+    for name in ("genie", "tiny"):
+        small.same(small.of(name, {"frames": run.frames}), small.of(name, {"frames": same_again.frames}))
+    assert runner.read_scenario(setting.model_dump(mode="json", by_alias=True)).methods == setting.methods
+
+
+def test_each_method_that_is_no_baseline_is_compared_with_each_that_is():
+    run = runner.run_in_memory(small.scenario(["remote", AGAIN, "local", "genie"]))
+    compared = {(one.method, one.component) for one in run.measured if one.metric.startswith("improvement")}
+    assert compared == {(mine, usual) for mine in ("Again", "genie") for usual in ("remote", "local")}
+    alone = runner.run_in_memory(small.scenario([AGAIN, "genie"]))
+    assert not [one for one in alone.measured if one.metric.startswith("improvement")], "nothing to compare with"

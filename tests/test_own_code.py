@@ -1,0 +1,111 @@
+"""Methods on the command line, code of one's own that a run announces, and what ``list`` knows of plug-ins."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from conftest import CommandLine
+
+from genie_sim import catalogue
+from genie_sim.errors import UserError
+from genie_sim.scenario.scenario import load_scenario, with_methods
+
+SCENARIO = """
+description: Three methods, one with settings of its own.
+edges: [{name: edge1, device: agx_xavier}]
+cars: [{name: car1, device: jetson_tx2, edge: edge1, route: {window: [0 s, 1 s]}}]
+methods:
+  - local
+  - {name: tiny, method: genie, genie: {eviction: lru, capacity: 3 entries}}
+  - {name: mine, method: "own:Nothing", share: 3}
+"""
+OWN = """
+from genie_sim.methods.local import Local
+
+
+class Nothing(Local):
+    title = "as local"
+
+    def __init__(self, share=1):
+        self.share = share
+"""
+
+
+@pytest.fixture
+def mine(tmp_path: Path) -> Path:
+    (tmp_path / "own.py").write_text(OWN)
+    (tmp_path / "mine.yaml").write_text(SCENARIO)
+    return tmp_path / "mine.yaml"
+
+
+def test_methods_are_chosen_among_the_scenarios_own_and_all_others(mine: Path):
+    setting = load_scenario(mine)
+    chosen = with_methods(setting, ["remote", "mine", "tiny", "my.module:Other"])
+    assert [entry.name for entry in chosen.methods] == ["remote", "mine", "tiny", "Other"]
+    assert chosen.methods[1:3] == (setting.methods[2], setting.methods[1]), "with their own settings"
+    assert chosen.under(chosen.methods[2]).genie.capacity.entries == 3
+    others = [one.model_dump(mode="json", by_alias=True, exclude={"methods"}) for one in (chosen, setting)]
+    assert others[0] == others[1], "nothing else changes"
+
+
+@pytest.mark.parametrize(
+    ("names", "message"),
+    [
+        (["loca"], r"^--methods x: unknown method 'loca' \(did you mean 'local'\?\); known: genie, local, mine,"),
+        (["local", ""], r"^--methods x: unknown method ''; known: "),
+        ([" local"], r"^--methods x: unknown method ' local' \(did you mean 'local'\?\)"),
+        (["local", "local"], r"^--methods x: methods\[1\]\.name: duplicate name 'local'$"),
+    ],
+)
+def test_a_method_that_nobody_knows_is_one_line(mine: Path, names: list[str], message: str):
+    with pytest.raises(UserError, match=message):
+        with_methods(load_scenario(mine), names, "--methods x")
+
+
+def test_run_takes_methods_and_says_first_that_code_of_ones_own_runs(mine: Path, run_cli: CommandLine, tmp_path: Path):
+    ran = run_cli("run", "mine.yaml", "--methods", "mine,remote", "--no-report")
+    assert ran.returncode == 0, ran.stderr
+    assert ran.stdout.splitlines()[0] == "mine runs code of its own: method own:Nothing"
+    (folder,) = (tmp_path / "results").iterdir()
+    facts = json.loads((folder / "run.json").read_text())["facts"]
+    assert facts["methods"] == [
+        {"name": "mine", "title": "mine", "baseline": True},
+        {"name": "remote", "title": "remote (R)", "baseline": True},
+    ]
+    assert list(facts["plugins"]) == ["method own:Nothing"]
+
+    shipped = run_cli("run", "mine.yaml", "--methods", "tiny,local", "--no-report")
+    assert shipped.returncode == 0 and "of its own" not in shipped.stdout
+    own = run_cli("run", "mine.yaml", "--methods", "own:Nothing", "--no-report", "--set", "genie.eviction=own:Keep")
+    assert own.stdout == "mine runs code of its own: method own:Nothing, eviction own:Keep\n", "before it is run"
+    assert own.stderr == "genie-sim: eviction 'own:Keep': module 'own' has no attribute 'Keep'\n"
+    assert own.returncode == 1
+    wrong = run_cli("run", "mine.yaml", "--methods", "tiny,loca")
+    assert wrong.returncode == 1 and wrong.stderr.count("\n") == 1
+    assert wrong.stderr.startswith("genie-sim: --methods tiny,loca: unknown method 'loca' (did you mean 'local'?)")
+
+
+@pytest.mark.parametrize(
+    ("kind", "names"),
+    [
+        ("methods", ["local", "remote", "genie"]),
+        ("faults", ["outage", "hand_over"]),
+        ("sources", ["recorded", "live", "town"]),
+        ("link-models", ["wire"]),
+    ],
+)
+def test_plugins_are_listed_each_with_a_sentence(kind: str, names: list[str], run_cli: CommandLine):
+    listed = run_cli("list", kind)
+    assert listed.returncode == 0, listed.stderr
+    lines = [line.split(maxsplit=1) for line in listed.stdout.splitlines()]
+    assert [name for name, _ in lines] == names
+    assert all(about[0].isupper() and about.rstrip().endswith(".") for _, about in lines)
+
+
+def test_list_says_what_can_be_listed(run_cli: CommandLine):
+    wrong = run_cli("list", "method")
+    assert wrong.returncode == 1 and "unknown kind of thing to list 'method' (did you mean 'methods'?)" in wrong.stderr
+    everything = run_cli("list").stdout
+    assert all(f"{kind}:" in everything.splitlines() for kind in catalogue.KINDS)
