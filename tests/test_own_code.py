@@ -6,11 +6,11 @@ import json
 from pathlib import Path
 
 import pytest
-from conftest import CommandLine
 
 from genie_sim import catalogue
 from genie_sim.errors import UserError
 from genie_sim.scenario.scenario import load_scenario, with_methods
+from tests.conftest import CommandLine
 
 SCENARIO = """
 description: Three methods, one with settings of its own.

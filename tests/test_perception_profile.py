@@ -11,12 +11,15 @@ from hypothesis import strategies as st
 from kitti_folder import make_network
 
 from genie_sim import device_fit
+from genie_sim.build import detector_time
 from genie_sim.errors import UserError
-from genie_sim.scenario.profiles import ServiceTime, load_profile
+from genie_sim.scenario.profiles import load_profile
+from genie_sim.sim.service import ServiceTime
+from genie_sim.units import NS_PER_MS
 
 
 def drawn(median_ms, loc, sigma, count=5000, seed=1):
-    law = ServiceTime(median=f"{median_ms} ms", loc=loc, sigma=sigma)
+    law = ServiceTime(round(median_ms * NS_PER_MS), loc, sigma)
     rng = np.random.default_rng(seed)
     return np.array([law.sample(rng) for _ in range(count)], dtype=float)
 
@@ -50,7 +53,7 @@ def test_a_detector_is_measured_into_a_profile(run_cli, tmp_path):
     done = run_cli(*arguments, "--out", "device_profiles/here.yaml")
     assert done.returncode == 0, done.stderr
     device = load_profile(tmp_path / "device_profiles" / "here.yaml")
-    time = device.service_time("yolox_nano")
+    time = detector_time(device, "yolox_nano")
     assert 100_000 < time.median_ns < 10**10
     assert device.models["yolox_nano"].tag == "M"
     assert "30 runs of yolox_nano at 640x192" in device.models["yolox_nano"].source
@@ -65,7 +68,7 @@ def test_latencies_measured_elsewhere_become_a_profile(run_cli, tmp_path):
     (tmp_path / "orin.csv").write_text("device,latency_ms\n" + rows)
     done = run_cli("profile", "--csv", "orin.csv", "--model", "yolov8s", "--out", "my_orin.yaml")
     assert done.returncode == 0, done.stderr
-    time = load_profile(tmp_path / "my_orin.yaml").service_time("yolov8s")
+    time = detector_time(load_profile(tmp_path / "my_orin.yaml"), "yolov8s")
     assert time.median_ns == pytest.approx(81.7e6, rel=0.03)
 
 
@@ -74,7 +77,7 @@ def test_the_measured_distribution_can_be_kept(tmp_path):
     path = tmp_path / "two_humps.yaml"
     device = device_fit.write(path, measured, device_fit.fit(measured.latencies_ns), empirical=True)
     assert load_profile(path) == device
-    law = device.service_time("yolo")
+    law = detector_time(device, "yolo")
     rng = np.random.default_rng(3)
     samples = np.array([law.sample(rng) for _ in range(2000)])
     assert np.mean(samples < 10.1e6) == pytest.approx(0.5, abs=0.05)
@@ -84,7 +87,7 @@ def test_the_measured_distribution_can_be_kept(tmp_path):
 
 @given(st.lists(st.integers(1, 10**9), min_size=2, max_size=30).map(sorted), st.integers(0, 2**32))
 def test_an_empirical_time_is_never_outside_what_was_measured(quantiles, seed):
-    law = ServiceTime(median="1 ms", loc=0.5, sigma=0.5).model_copy(update={"quantiles_ns": tuple(quantiles)})
+    law = ServiceTime(1_000_000, 0.5, 0.5, tuple(quantiles))
     assert quantiles[0] <= law.sample(np.random.default_rng(seed)) <= quantiles[-1]
 
 

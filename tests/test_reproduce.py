@@ -19,7 +19,7 @@ from genie_sim.paper.reproduce import last_calibration, reproduce
 from genie_sim.recording import provenance
 from genie_sim.runner import prepare
 from genie_sim.scenario.scenario import load_scenario
-from genie_sim.sim.nodes import attach_genie
+from genie_sim.sim import nodes
 
 REPOSITORY = Path(__file__).resolve().parent.parent
 PAPER = REPOSITORY / "results" / "paper"
@@ -127,11 +127,13 @@ def test_every_variant_changes_the_scenario(variant):
 def test_every_value_of_a_sweep_is_another_run(sweep):
     settings = [("overlap=0.5", "gate_m=1", f"{sweep.parameter}={value:g}") for value in sweep.values]
     prepared = [prepare_job(Job("2car_homo", 1, one)) for one in settings]
-    assert len({(one.scenario.to_yaml(), one.traces["car1"].digest) for one in prepared}) == len(sweep.values)
+    assert len({(one.scenario.to_yaml(), one.drives["car1"].digest) for one in prepared}) == len(sweep.values)
 
 
 @pytest.mark.parametrize("harm", ["nothing", "wraps a method", "changes its topics", "leaves the master alone"])
 def test_it_is_seen_when_attaching_a_genie_touches_the_node(harm, monkeypatch):
+    attach_genie = nodes.attach
+
     def attach(graph, name, *arguments):
         node, names = graph.node(name), graph.topics_of(name)
         genie = attach_genie(graph, name, *arguments)
@@ -143,7 +145,7 @@ def test_it_is_seen_when_attaching_a_genie_touches_the_node(harm, monkeypatch):
             graph.remap(name, {topic: topic for topic in (*names[0], *names[1])})
         return genie
 
-    monkeypatch.setattr("genie_sim.sim.world.attach_genie", attach)
+    monkeypatch.setattr("genie_sim.sim.world.attach", attach)
     short = load_scenario("1car_homo", ["cars[0].route.window=[0 s, 0.3 s]"])
     facts = outcome_of(prepare(short)).facts
     assert facts["detector_untouched"] == (harm == "nothing")
