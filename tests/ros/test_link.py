@@ -629,9 +629,10 @@ def test_a_side_that_is_killed_is_noticed_and_comes_back(pair: Pair, dies: str, 
     pair.processes[dies].wait()
     assert pair.await_line(other, f"down {line}", killed) < NOTICED_S
     before = len(pair.got())
-    back = time.monotonic()
+    begun = time.monotonic()
     pair.start(dies)
-    assert pair.await_line(other, f"up {line}", back) < BACK_S
+    ready = begun + pair.await_line(dies, "ready", begun)
+    assert begun + pair.await_line(other, f"up {line}", begun) < ready + BACK_S
     until(lambda: len(pair.got()) > before + 5, "images go on")
     if dies == "edge":
         assert len(set(pair.got())) == len(pair.got()), "nothing is delivered twice"
