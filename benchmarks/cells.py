@@ -257,7 +257,8 @@ def _of_seed(setting: Setting, seed: int) -> tuple[dict[str, list[float]], int, 
     tables = {cut: together(make(joint)) for cut, make in CUTS.items()}
     passed = hand_overs(joint)
     figures = {
-        cut: [*figures_of(one), recall_after_hand_overs(one.truth, passed) * AFTER.factor] for cut, one in tables.items()
+        cut: [*figures_of(one), recall_after_hand_overs(one.truth, passed) * AFTER.factor]
+        for cut, one in tables.items()
     }
     return figures, len(tables[JOINT].frames), sum(map(len, passed.values()))
 

@@ -87,7 +87,7 @@ def confidence_rule(name: str) -> ConfidenceRule:
             confidence = own(before, seen, rate)
         except Exception as error:
             raise UserError(f"confidence rule {name!r}: {type(error).__name__}: {error}") from error
-        if isinstance(confidence, Real) and not isinstance(confidence, bool) and 0 <= confidence <= 1:
+        if isinstance(confidence, Real) and not isinstance(confidence, bool) and 0 <= float(confidence) <= 1:
             return float(confidence)
         given = f"{before:g}, {seen:g}, {rate:g}"
         raise UserError(f"confidence rule {name!r}: of {given} it makes {shown(confidence)}, no number from 0 to 1")
