@@ -82,9 +82,9 @@ def test_every_reading_of_the_paper_is_explained():
     from genie_sim.scenario.schema import json_schema
 
     page = PAGES["explanation/paper-readings.md"].read_text(encoding="utf-8")
-    definitions = json_schema("scenario")["$defs"]
-    for model in ("GenieSettings", "ObjectMapSettings"):
-        for name, field in definitions[model]["properties"].items():
+    rules = json_schema("scenario")["$defs"]["GenieRules"]["properties"]
+    for settings in (rules, rules["object_map"]["properties"]):
+        for name, field in settings.items():
             assert f"`{name}`" in page or f"`object_map.{name}`" in page, f"genie.{name} is not explained"
             for choice in field.get("enum", []):
                 assert f"`{choice}`" in page, f"genie.{name}: {choice} is not explained"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 from collections.abc import Callable, Hashable
 from dataclasses import replace
+from numbers import Real
 from typing import Any
 
 from genie_sim import plugins
@@ -84,10 +85,10 @@ def confidence_rule(name: str) -> ConfidenceRule:
     def checked(before: float, seen: float, rate: float) -> float:
         try:
             confidence = own(before, seen, rate)
-            if not isinstance(confidence, bool) and 0 <= float(confidence) <= 1:
-                return float(confidence)
         except Exception as error:
             raise UserError(f"confidence rule {name!r}: {type(error).__name__}: {error}") from error
+        if isinstance(confidence, Real) and not isinstance(confidence, bool) and 0 <= float(confidence) <= 1:
+            return float(confidence)
         given = f"{before:g}, {seen:g}, {rate:g}"
         raise UserError(f"confidence rule {name!r}: of {given} it makes {shown(confidence)}, no number from 0 to 1")
 

@@ -37,9 +37,9 @@ def read_method(value: object) -> MethodEntry:
     """A name, or ``{name, method, title}`` with arguments of the method and settings of the scenario."""
     if isinstance(value, MethodEntry):
         return value
-    given = dict(value) if isinstance(value, Mapping) else {"method": value}
+    given: dict[str, Any] = dict(value) if isinstance(value, Mapping) else {"method": value}
     method = given.pop("method", given.get("name"))
-    name = given.pop("name", _short(method))
+    name: Any = given.pop("name", _short(method))
     title = given.pop("title", None)
     if title is not None and (not isinstance(title, str) or not title.strip()):
         problem("title", f"must be text, not {shown(title)}")
