@@ -21,8 +21,9 @@ from genie_sim.parallel import in_processes
 from genie_sim.perception.trace import Trace, TraceFrame, read_trace
 from genie_sim.recording.log import Log
 from genie_sim.recording.records import Tables
-from genie_sim.runner import Prepared, devices_of
+from genie_sim.runner import Prepared
 from genie_sim.scenario import files
+from genie_sim.scenario.profiles import load_profile
 from genie_sim.scenario.scenario import Recorded, Scenario, load_scenario
 from genie_sim.sim.nodes import Detector, Genie
 from genie_sim.sim.world import OBJECTS, REMOTE, World
@@ -198,7 +199,8 @@ def prepare_job(job: Job) -> Prepared:
     scenario = load_scenario(job.scenario, overrides, job.seed).model_copy(update={"methods": job.methods})
     assert isinstance(scenario.perception, Recorded)
     trace = _trace(scenario.perception.trace, float(words.get("min_score", 0.0)), float(words.get("frame_rate_hz", 0)))
-    return Prepared(scenario, devices_of(scenario), {car.name: trace for car in scenario.cars})
+    devices = {one.device: _device(one.device) for one in (*scenario.cars, *scenario.edges)}
+    return Prepared(scenario, devices, {car.name: trace for car in scenario.cars})
 
 
 WORDS = (
@@ -269,6 +271,9 @@ def _lap_ns(scenario: Scenario) -> int | None:
     if route.laps == 1 or route.window_ns is None:
         return None
     return route.start_ns + route.window_ns[1] - route.window_ns[0] + route.pause_ns
+
+
+_device = functools.lru_cache(maxsize=None)(load_profile)
 
 
 @functools.lru_cache(maxsize=32)
