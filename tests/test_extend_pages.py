@@ -33,7 +33,8 @@ def skip(tmp_path: Path) -> Path:
 
 
 def test_the_method_of_the_guide_is_in_everything_that_a_run_makes(skip: Path, run_cli: CommandLine):
-    ran = run_cli("run", "1car_hetero", "--methods", "local,genie,skip:Skip", "--set", "cars[0].route.window=[0 s, 3 s]")
+    window = "cars[0].route.window=[0 s, 3 s]"
+    ran = run_cli("run", "1car_hetero", "--methods", "local,genie,skip:Skip", "--set", window)
     assert ran.returncode == 0, ran.stderr
     first, table = ran.stdout.splitlines()[0], ran.stdout
     assert first == "1car_hetero runs code of its own: method skip:Skip"
