@@ -12,6 +12,7 @@ from genie_sim.faults import FAULTS
 from genie_sim.messages import Expired, Header
 from genie_sim.scenario.methods import read_method
 from genie_sim.sim.nodes import InterceptorNode
+from genie_sim.sim.station import DETECTOR
 from tests.conformance import small
 from tests.conformance.faults import FaultConformance, RandomFaultConformance, S
 
@@ -120,6 +121,22 @@ def test_a_processor_that_was_voided_is_idle_and_never_done_with_what_it_had(wha
     world.env.run(until=171)
     assert done == ["next"] and processor.completed == 1
     assert processor.busy_ns == 40 * processor.capacity + 100, "while it was idle it did not work"
+
+
+def test_a_node_alone_can_be_voided():
+    """Its host goes on with the job, and nobody is there any more to take what comes out of it."""
+    world, tables, host, graph, here = working("car1", "local", 0.9)
+    detector = graph.node(f"car1/{DETECTOR}")
+    assert len(detector._in_service) == 1 and detector.queued
+    first, completed = detector._in_service[0].header, detector.completed
+    detector.void("test:node")
+    world.run()
+    rows = tables.frames.to_frame()
+    small.check_conserved(rows, ["local"])
+    mine = rows[[header in here for header in zip(rows["stamp_ns"], rows["stream"], rows["car"], strict=True)]]
+    assert len(mine) == len(here) and (mine["drop"] == "test:node").all()
+    assert first in here and detector.completed > completed
+    assert host.accelerator.completed == detector.completed + 1, "one job was for nothing"
 
 
 def test_a_host_forgets_what_it_knew():
