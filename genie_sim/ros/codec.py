@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from genie_sim.errors import UserError
 from genie_sim.messages import Box, Detection, Header, Location
 from genie_sim.ros.images import picture
-from genie_sim.ros.typestore import message, stamp_ns, time, typestore
+from genie_sim.ros.typestore import class_of, message, stamp_ns, time, typestore
 from genie_sim.units import NS_PER_S
 
 if TYPE_CHECKING:
@@ -258,8 +258,6 @@ def _set_place(pose: Any, location: Location | None) -> None:
 def _restamped_by_rclpy(name: str, payload: bytes, stamp_ns: int, frame_id: str) -> bytes:
     """A frame of another length moves all that follows. Any type may need it, so its own class does it."""
     from rclpy.serialization import deserialize_message, serialize_message
-
-    from genie_sim.ros.ros2_graph import class_of
 
     try:
         made = deserialize_message(payload, class_of(name))

@@ -20,7 +20,8 @@ from genie_sim.ros.gateway import LOCAL
 from genie_sim.ros.genie_process import QUEUE_LENGTH, GenieProcess, run
 from genie_sim.ros.message import RosMessage
 from genie_sim.ros.plan import Plan
-from genie_sim.ros.ros2_graph import class_of, has_header
+from genie_sim.ros.ros2_graph import has_header
+from genie_sim.ros.typestore import class_of
 
 POSE = "geometry_msgs/msg/PoseStamped"
 

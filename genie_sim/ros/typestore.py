@@ -1,4 +1,5 @@
-"""The message types that rosbags knows of ROS 1 and ROS 2, and messages made of them; no ROS is needed."""
+"""The message types that rosbags knows of ROS 1 and ROS 2, and messages made of them; no ROS is needed, but for the
+classes of ROS 2 itself."""
 
 from __future__ import annotations
 
@@ -70,3 +71,6 @@ def time(store: Typestore, stamp_ns: int) -> Any:
 def stamp_ns(header: Any) -> int:
     """The stamp of a message's header [ns]."""
     return int(header.stamp.sec) * NS_PER_S + int(header.stamp.nanosec)
+
+
+
