@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import os
 import time
 from collections.abc import Iterable, Iterator, Sequence
@@ -104,67 +103,6 @@ def _hash(here: Any, topic: str) -> str:
     """The hash of a topic's type, as its nodes state it."""
     ends = [*here.get_publishers_info_by_topic(topic), *here.get_subscriptions_info_by_topic(topic)]
     return next((str(one.topic_type_hash) for one in ends if hasattr(one, "topic_type_hash")), "")
-
-
-def has_header(self, wire_type: WireType) -> bool:
-        return has_header(wire_type.name)
-
-    def remapped(self, node: str, argv: Sequence[str], topics: Sequence[str]) -> tuple[str, ...]:
-        """The command line under which ``topics`` get the local suffix and the node keeps its name.
-
-        The first rule that fits a name counts, and only it: one that leads to a topic already is changed in place.
-        """
-        made = list(argv)
-        for index, option in enumerate(argv[:-1]):
-            source, found, target = argv[index + 1].partition(":=")
-            full = target if target.startswith("/") else f"{node.rpartition('/')[0]}/{target}"
-            if option in ("-r", "--remap") and found and full in topics:
-                made[index + 1] = f"{source}:={full}{LOCAL}"
-        made += ["--ros-args"]
-        for rule in (*(f"{topic}:={topic}{LOCAL}" for topic in topics), f"__node:={node.rpartition('/')[2]}"):
-            made += ["-r", rule]
-        return tuple(made)
-
-
-@contextmanager
-def _looking() -> Iterator[Any]:
-    """A node that only looks around."""
-    import rclpy
-    from rclpy.context import Context
-
-    context = Context()
-    rclpy.init(context=context)
-    node = rclpy.create_node(f"genie_attach_{os.getpid()}", context=context)
-    try:
-        yield node
-    finally:
-        node.destroy_node()
-        rclpy.shutdown(context=context)
-
-
-def _until(found: Any) -> None:
-    deadline = time.monotonic() + DISCOVERY_S
-    while not found() and time.monotonic() < deadline:
-        time.sleep(0.1)
-
-
-def _plain(topics: Iterable[tuple[str, Sequence[str]]]) -> dict[str, str]:
-    return {topic: types[0] for topic, types in topics if topic not in NEVER}
-
-
-def _hash(here: Any, topic: str) -> str:
-    """The hash of a topic's type, as its nodes state it."""
-    ends = [*here.get_publishers_info_by_topic(topic), *here.get_subscriptions_info_by_topic(topic)]
-    return next((str(one.topic_type_hash) for one in ends if hasattr(one, "topic_type_hash")), "")
-
-
-def class_of(name: str) -> Any:
-    """``sensor_msgs/msg/Image``. Raises UserError where the package is not there."""
-    package, _, kind = name.partition("/msg/")
-    try:
-        return getattr(importlib.import_module(f"{package}.msg"), kind)
-    except (ImportError, AttributeError) as error:
-        raise UserError(f"{name}: no such ROS 2 message here ({error})") from error
 
 
 def has_header(name: str) -> bool:

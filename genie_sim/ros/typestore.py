@@ -3,6 +3,7 @@ classes of ROS 2 itself."""
 
 from __future__ import annotations
 
+import importlib
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
@@ -73,4 +74,10 @@ def stamp_ns(header: Any) -> int:
     return int(header.stamp.sec) * NS_PER_S + int(header.stamp.nanosec)
 
 
-
+def class_of(name: str) -> Any:
+    """``sensor_msgs/msg/Image``. Raises UserError where the package is not there."""
+    package, _, kind = name.partition("/msg/")
+    try:
+        return getattr(importlib.import_module(f"{package}.msg"), kind)
+    except (ImportError, AttributeError) as error:
+        raise UserError(f"{name}: no such ROS 2 message here ({error})") from error
