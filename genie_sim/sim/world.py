@@ -92,7 +92,7 @@ class World:
 
         Nothing happens where the method has put nothing. Raises ``UserError`` for a host that is not there.
         """
-        known = [one.name for one in (*self.setup.cars, *self.setup.edges)]
+        known = [*(car.name for car in self.setup.cars), *(edge.name for edge in self.setup.edges)]
         if host not in known:
             raise UserError(unknown("host", host, known))
         if host in self.hosts:
