@@ -307,7 +307,7 @@ def test_a_sweep_over_fleets_gives_each_run_what_it_gives_alone(tmp_path: Path, 
     table = pd.read_parquet(task.part)
     for run_id, one in made.runs.items():
         mine = table[table["run_id"].astype(str) == run_id].set_index("metric")["value"]
-        alone = {metric.name: metric.value for metric in runner.run_in_memory(one.scenario).measured}
+        alone = {metric.metric: metric.value for metric in runner.run_in_memory(one.scenario).measured}
         for name in ("frames_published", "first_answer_mean", "ghost_share"):
             assert mine[name] == alone[name], (one.scenario.seed, name)
 
