@@ -238,9 +238,8 @@ def test_the_table_holds_mean_and_interval_of_separate_runs(uninterrupted):
 
 def test_the_csv_says_the_same_as_the_parquet_file(uninterrupted):
     parquet = pd.read_parquet(uninterrupted / "table.parquet")
-    pd.testing.assert_frame_equal(
-        pd.read_csv(uninterrupted / "table.csv"), parquet, check_dtype=False, check_exact=True
-    )
+    csv = pd.read_csv(uninterrupted / "table.csv", converters={"component": str})
+    pd.testing.assert_frame_equal(csv, parquet, check_dtype=False, check_exact=True)
 
 
 def test_each_axis_has_a_figure_and_the_folder_says_what_it_is(uninterrupted):
@@ -262,7 +261,7 @@ def test_a_sweep_of_an_older_genie_sim_is_named_with_what_to_do(capsys):
     write(SMALL)
     Path("results/s").mkdir(parents=True)
     Path("results/s/sweep.json").write_text('{"format": 1, "sweep": {}}')
-    assert main(["sweep", "s.yaml"]) == 2
+    assert main(["sweep", "s.yaml"]) == 1
     said = "results/s: made by an older genie-sim: format 1, this one reads 2; run it again; choose another --out"
     one_line(capsys, said)
 
