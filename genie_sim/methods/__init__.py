@@ -10,4 +10,5 @@ METHODS: dict[str, str] = {
     "remote": "genie_sim.methods.remote:Remote",
     "genie": "genie_sim.methods.genie:Genie",
 }
+USUAL = tuple(METHODS)  # what a scenario compares if it does not say
 MUST_HAVE = ("title", "baseline", "on_car", "on_edge")

@@ -13,7 +13,7 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import ConfigDict, Field, PrivateAttr, model_validator
 
-from genie_sim import files, plugins, units
+from genie_sim import files, methods, plugins, units
 from genie_sim.core.rules import GenieRules
 from genie_sim.errors import UserError, unknown
 from genie_sim.methods import METHODS
@@ -34,7 +34,7 @@ from genie_sim.seeds import stream
 
 Record = Literal["lookups", "resources", "poses", "objects", "truth"]
 RECORDS: tuple[Record, ...] = ("lookups", "resources", "poses", "objects", "truth")
-USUAL_METHODS = tuple(map(read_method, ("local", "remote", "genie")))
+USUAL_METHODS = tuple(map(read_method, methods.USUAL))
 
 EDGES = "edges"  # the network between edges, in the names of links
 
