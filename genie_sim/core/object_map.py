@@ -16,7 +16,7 @@ from genie_sim.core.maps import Boosted, Learned, Viewer, as_change
 from genie_sim.core.rules import ObjectMapRules
 from genie_sim.core.tracking import PARKED_NS
 from genie_sim.core.view import rectangle
-from genie_sim.messages import Answer, CameraPose, Detection, Header, Location, ObjectLookups
+from genie_sim.messages import Answer, CameraPose, Detection, Header, Location, MapChange, ObjectLookups
 
 RANGE_60 = 0.30 + 0.60 * (1.0 - 0.30)  # 60 % of the way up the range of scores that the detector reports
 CELL_GATES = 4.0  # width of a cell, in gates

@@ -13,7 +13,7 @@ from genie_sim.core.freshness.never import Never
 from genie_sim.core.maps import Boosted, Learned, Viewer, as_change
 from genie_sim.core.object_map import ORIGIN_NS, RANGE_60
 from genie_sim.core.rules import ObjectMapRules
-from genie_sim.core.tracking import NEAR_M, Track, kind_of, sigma_of
+from genie_sim.core.tracking import COAST_NS, NEAR_M, Track, kind_of, sigma_of
 from genie_sim.core.view import FARTHEST_M, View, bearing, rectangle
 from genie_sim.messages import Answer, Detection, Header, Look, ObjectLookups
 
@@ -21,6 +21,7 @@ SLOW_CELL_M, FAST_CELL_M = 20.0, 60.0
 DRIFT_M, DRIVE_M = 0.5, 34.0  # how far a slow, and any other track is at most from where it was updated
 ROW = 1 << 26  # cells from one row to the next
 COUNTED_NS = 10_000_000_000  # so long a look is remembered, lest it be counted again
+UNCERTAIN = (1.0, 0.0, 1.0)
 
 
 class TrackMap:
@@ -219,27 +220,25 @@ class TrackMap:
         return True
 
     def _take_over(self, one: Detection, at_ns: int) -> Track | None:
-        """The track of another map's that counted other looks: taken over if it was seen later than ours, or if we have
-        none and did not look there later."""
-        motion = one.motion
-        if motion is None or one.location is None:
+        """The track of another map's, which counted other looks: taken over where no camera that this map knows looked
+        within the last second, and unless ours was seen later."""
+        motion, at = one.motion, one.location
+        if motion is None or at is None:
             return None
-        track = self.match(one.label, one.location[0], one.location[1], at_ns)
-        if track is None:
-            contradicted = any(
-                stamp_ns > motion.seen.stamp_ns and view.range_m(one.location[0], one.location[1]) is not None
-                for stamp_ns, view in self._latest.values()
-            )
-            if contradicted:
-                return None
-            number, kind = next(self._numbers), kind_of(one.label)
-            track = Track(number, kind, one.label, one.score, one.confidence, *one.location, at_ns, motion.seen, FRESH)
-            self._policy.seen(track, one.score, motion.seen)
-        elif motion.seen.stamp_ns <= track.seen.stamp_ns:
+        track = self.match(one.label, at[0], at[1], at_ns)
+        looked = any(
+            stamp_ns > at_ns - COAST_NS and view.range_m(at[0], at[1]) is not None
+            for stamp_ns, view in self._latest.values()
+        )
+        if looked or (track is not None and motion.seen.stamp_ns <= track.seen.stamp_ns):
             return track
+        if track is None:
+            number, kind = next(self._numbers), kind_of(one.label)
+            track = Track(number, kind, one.label, one.score, one.confidence, *at, at_ns, motion.seen, UNCERTAIN)
+            self._policy.seen(track, one.score, motion.seen)
         else:
             self._take_out(track)
-        track.east_m, track.north_m, track.up_m = one.location
+        track.east_m, track.north_m, track.up_m = at
         track.stamp_ns, track.seen, track.velocity_mps = at_ns, motion.seen, motion.velocity_mps
         track.variance = motion.sigma_m**2, 0.0, 1.0
         track.existence, track.checked_ns = motion.existence, max(track.checked_ns, motion.seen.stamp_ns)
@@ -318,7 +317,6 @@ class TrackMap:
         return track.as_detection(now_ns, existence if self._policy.by_existence else track.confidence, existence)
 
 
-FRESH = (1.0, 0.0, 1.0)
 
 
 def _apart_m(one: Track, other: Track, at_ns: int) -> float:
