@@ -17,7 +17,7 @@ from genie_sim.core.tracking import COAST_NS, NEAR_M, Track, kind_of, sigma_of
 from genie_sim.core.view import FARTHEST_M, View, bearing, rectangle
 from genie_sim.messages import Answer, Detection, Header, Look, ObjectLookups
 
-SLOW_CELL_M, FAST_CELL_M = 20.0, 60.0
+SLOW_CELL_M, FAST_CELL_M = 10.0, 60.0
 DRIFT_M, DRIVE_M = 0.5, 34.0  # how far a slow, and any other track is at most from where it was updated
 ROW = 1 << 26  # cells from one row to the next
 COUNTED_NS = 10_000_000_000  # so long a look is remembered, lest it be counted again
@@ -70,7 +70,7 @@ class TrackMap:
                 continue
             track.due_ns, expires_ns = None, self._policy.expires_ns(track)
             if expires_ns is not None and expires_ns <= now_ns:
-                self._take_out(track)
+                self._take_out(track, track.moving)
                 forgotten.append(track)
             else:
                 self._plan(track)
@@ -96,15 +96,12 @@ class TrackMap:
         boost = sum(self._worth(one, now_ns) - before[one.number] for one in shown if one.number in before)
         changes = tuple(map(as_change, shown)) if tells_changes else ()
         facts = ObjectLookups(answer.header, "sighting", requests, hits, len(before), boost, len(self), changes)
-        everything = answer.with_objects([self._as_detection(one, now_ns) for one in shown]).with_look(look, None)
-        if look is None:
-            served = everything.with_objects(self._served(shown, answer.header.origin, now_ns))
-            return Learned(everything, served, served, facts)
-        served = everything.with_objects(self._served(shown, "", now_ns))
-        if self._shares == "look":
-            return Learned(everything, served, served, facts)
+        answer = answer.with_look(look, None)
+        served = answer.with_objects(self._served(shown, "" if look else answer.header.origin, now_ns))
+        if look is None or self._shares == "look":
+            return Learned(answer, served, served, facts)
         objects, valid_ns = self.visible(Viewer(*look[:3]), self._view_range_m, now_ns)
-        return Learned(everything, served.with_objects(objects).with_look(look, valid_ns), served, facts)
+        return Learned(answer, served.with_objects(objects).with_look(look, valid_ns), served, facts)
 
     def boost(self, answer: Answer, header: Header, viewer: Viewer | None, now_ns: int) -> Boosted | None:
         """What the map shows at the requester's pose, in the place of what was stored."""
@@ -123,13 +120,13 @@ class TrackMap:
 
     def visible(self, viewer: Viewer, range_m: float, now_ns: int) -> tuple[list[Detection], int | None]:
         half_rad = min(viewer.horizontal_fov_rad / 2, math.pi)
-        found = []
+        near = []
         for track in self._inside(rectangle(viewer.pose, half_rad, range_m)):
-            if self._serves(track, viewer.header.origin, now_ns):
+            if track.existence >= self._policy.p_min:
                 away_m, turn_rad = bearing(viewer.pose, *track.place(now_ns))
                 if away_m <= range_m and abs(turn_rad) <= half_rad:
-                    found.append(self._as_detection(track, now_ns))
-        return found, now_ns
+                    near.append(track)
+        return self._served(near, viewer.header.origin, now_ns), now_ns
 
     def served(self, now_ns: int) -> list[Detection]:
         """Every object that may leave, wherever it is."""
@@ -171,7 +168,7 @@ class TrackMap:
                 self._plan(track)
         for _, number, j, track in pairs:
             if number not in matched and track.cell is not None and _apart_m(track, of[j], stamp_ns) < NEAR_M:
-                self._take_out(track)
+                self._take_out(track, track.moving)
         self.forget(now_ns)
         return list({one.number: one for one in of.values()}.values()), before
 
@@ -202,14 +199,22 @@ class TrackMap:
             track.spoke_ns[header.origin] = header.stamp_ns
             born.append(track)
         else:
-            self._take_out(track)
-            track.update(seen, sigma_m, header)
+            self._move(track, seen, sigma_m, header)
             if self._speaks(track, header):
                 track.confidence = self._boosted(track.confidence, seen.confidence, self._rules.rate)
         track.range_m = range_m
         self._policy.seen(track, seen.score, header)
-        self._put(track)
+        if track.cell is None:
+            self._put(track)
+        self._plan(track)
         return track
+
+    def _move(self, track: Track, seen: Detection, sigma_m: float, header: Header) -> None:
+        """Updates a track by a sighting, and takes it out of the grid if it is in another cell now."""
+        was_moving, cell = track.moving, track.cell
+        track.update(seen, sigma_m, header)
+        if track.moving != was_moving or _cell(track) != cell:
+            self._take_out(track, was_moving)
 
     def _speaks(self, track: Track, header: Header) -> bool:
         """Looks are counted once, so sightings are no echoes; ``origins`` also wants a second between a car's."""
@@ -235,23 +240,24 @@ class TrackMap:
         if track is None:
             number, kind = next(self._numbers), kind_of(one.label)
             track = Track(number, kind, one.label, one.score, one.confidence, *at, at_ns, motion.seen, UNCERTAIN)
-            self._policy.seen(track, one.score, motion.seen)
         else:
-            self._take_out(track)
+            self._take_out(track, track.moving)
         track.east_m, track.north_m, track.up_m = at
         track.stamp_ns, track.seen, track.velocity_mps = at_ns, motion.seen, motion.velocity_mps
         track.variance = motion.sigma_m**2, 0.0, 1.0
-        track.existence, track.checked_ns = motion.existence, max(track.checked_ns, motion.seen.stamp_ns)
+        self._policy.seen(track, one.score, motion.seen)
+        track.existence = motion.existence
         self._put(track)
+        self._plan(track)
         return track
 
     def _near(self, label: str, east_m: float, north_m: float, at_ns: int) -> list[tuple[float, Track]]:
         """The tracks that a detection may show, with their distances."""
         kind = kind_of(label)
-        reach_m, group = kind.gate_m, kind.group
+        reach_m = kind.gate_m
         found = []
         for track in self._inside((east_m - reach_m, east_m + reach_m, north_m - reach_m, north_m + reach_m)):
-            if track.kind.group == group:
+            if track.kind is kind and abs(track.north_m - north_m) <= reach_m + DRIVE_M:
                 there_east_m, there_north_m = track.place(at_ns)
                 away_m = math.hypot(there_east_m - east_m, there_north_m - north_m)
                 if away_m <= reach_m and (away_m <= NEAR_M or away_m <= NEAR_M + 2.0 * track.sigma_m(at_ns)):
@@ -276,16 +282,14 @@ class TrackMap:
                         yield from held
 
     def _put(self, track: Track) -> None:
-        """Into the grid, and into the queue of those that will be forgotten."""
-        grid, side_m = (self._fast, FAST_CELL_M) if track.moving else (self._slow, SLOW_CELL_M)
-        track.cell = int(track.east_m // side_m) + int(track.north_m // side_m) * ROW
-        grid.setdefault(track.cell, []).append(track)
+        """Into the grid."""
+        track.cell = cell = _cell(track)
+        (self._fast if track.moving else self._slow).setdefault(cell, []).append(track)
         self._count += 1
-        self._plan(track)
 
-    def _take_out(self, track: Track) -> None:
+    def _take_out(self, track: Track, moving: bool) -> None:
         assert track.cell is not None
-        grid = self._fast if track.moving else self._slow
+        grid = self._fast if moving else self._slow
         held = grid[track.cell]
         held.remove(track)
         if not held:
@@ -301,22 +305,27 @@ class TrackMap:
             heapq.heappush(self._to_forget, (expires_ns, next(self._numbers), track))
 
     def _serves(self, track: Track, to: str, now_ns: int) -> bool:
-        if not self._policy.by_existence and track.confidence < self.threshold:
-            return False
-        return self._policy.serves(track, to, now_ns)
+        return len(self._served((track,), to, now_ns)) > 0
 
     def _served(self, tracks: Iterable[Track], to: str, now_ns: int) -> list[Detection]:
-        return [self._as_detection(one, now_ns) for one in tracks if self._serves(one, to, now_ns)]
+        """Those that may leave, where they are now."""
+        policy, by_existence, threshold = self._policy, self._policy.by_existence, self.threshold
+        found = []
+        for one in tracks:
+            if by_existence or one.confidence >= threshold:
+                existence = policy.existence(one, now_ns)
+                if existence >= policy.p_min and policy.serves(one, to, now_ns):
+                    found.append(one.as_detection(now_ns, existence if by_existence else one.confidence, existence))
+        return found
 
     def _worth(self, track: Track, now_ns: int) -> float:
         """The confidence that others are told: that the object exists, where this decides, else C."""
         return self._policy.existence(track, now_ns) if self._policy.by_existence else track.confidence
 
-    def _as_detection(self, track: Track, now_ns: int) -> Detection:
-        existence = self._policy.existence(track, now_ns)
-        return track.as_detection(now_ns, existence if self._policy.by_existence else track.confidence, existence)
 
-
+def _cell(track: Track) -> int:
+    side_m = FAST_CELL_M if track.moving else SLOW_CELL_M
+    return int(track.east_m // side_m) + int(track.north_m // side_m) * ROW
 
 
 def _apart_m(one: Track, other: Track, at_ns: int) -> float:

@@ -69,6 +69,7 @@ class Track:
     variance: tuple[float, float, float]
     existence: float = 1.0
     checked_ns: int = 0
+    log_survival: float = 0.0  # of the probability, per second that nobody looks
     velocity_mps: tuple[float, float] = (0.0, 0.0)
     sightings: int = 1
     slow_since_ns: int | None = None

@@ -12,7 +12,7 @@ from typing import Any, Literal
 
 from genie_sim.core.freshness.never import probability
 from genie_sim.core.freshness.track import Tracks
-from genie_sim.core.tracking import COAST_NS, MOVING_MPS, VEHICLE
+from genie_sim.core.tracking import COAST_NS, VEHICLE
 from genie_sim.messages import Header
 
 MOVING, PARKED, UNKNOWN = 0.87, 0.9998, 0.97  # survival in one second: halved in 5 s, 1 h, 23 s
@@ -46,23 +46,20 @@ class Existence(Tracks):
         """When the probability will have sunk to 5 %, or a moving object has coasted long enough."""
         coasted_ns = super().expires_ns(one)
         over = math.log(max(one.existence, GONE) / GONE)
-        gone_ns: int = one.checked_ns + round(over / -self._log_survival(one) * 1e9)
+        gone_ns: int = one.checked_ns + round(over / -one.log_survival * 1e9)
         return gone_ns if coasted_ns is None else min(gone_ns, coasted_ns)
 
-    def serves(self, one: Any, to: str, now_ns: int) -> bool:
-        return one.existence >= self.p_min and self.existence(one, now_ns) >= self.p_min
-
     def existence(self, one: Any, now_ns: int) -> float:
-        dt_s = (now_ns - one.checked_ns) * 1e-9
         p: float = one.existence
-        return p * math.exp(self._log_survival(one) * dt_s) if dt_s > 0 else p
+        dt_ns = now_ns - one.checked_ns
+        return p * math.exp(one.log_survival * dt_ns * 1e-9) if dt_ns > 0 else p
 
     def seen(self, one: Any, score: float, header: Header) -> None:
-        if one.sightings == 1:
-            first = self.laws.first(score) if self._ipda else min(max(score, AUTOWARE_LEAST), AUTOWARE_MOST)
-            one.existence, one.checked_ns = first, header.stamp_ns
-            return
         p = self._predicted(one, header.stamp_ns)
+        one.log_survival = self._log_survival(one)
+        if one.sightings == 1:
+            one.existence = self.laws.first(score) if self._ipda else min(max(score, AUTOWARE_LEAST), AUTOWARE_MOST)
+            return
         ratio = self.laws.ratio(score) if self._ipda else 0.9 * score / 0.2
         one.existence = p * ratio / (1.0 - p + p * ratio)
         if not self._ipda:
@@ -84,8 +81,7 @@ class Existence(Tracks):
         """Per second."""
         if not self._ipda:
             return -math.log(2.0) / HALF_LIFE_S
-        east, north = one.velocity_mps
-        if east * east + north * north >= MOVING_MPS * MOVING_MPS:
+        if one.moving:
             return LOG_MOVING
         return LOG_PARKED if one.parked else LOG_UNKNOWN
 

@@ -28,11 +28,11 @@ class Never:
         return None
 
     def serves(self, one: Any, to: str, now_ns: int) -> bool:
-        """Whether an object that is confident enough may leave in an answer to a car."""
+        """Whether an object that is confident enough may leave in an answer to a car (``""``: to other Genies)."""
         return True
 
     def existence(self, one: Any, now_ns: int) -> float:
-        """How likely the object still exists."""
+        """How likely the object still exists; what ``tracks`` leaves only from ``p_min`` on."""
         return 1.0
 
     def seen(self, one: Any, score: float, header: Header) -> None:
