@@ -6,7 +6,7 @@ import heapq
 import itertools
 import math
 from collections import OrderedDict
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 
 from genie_sim.core.confidence import CONFIDENCE_RULES, ConfidenceRule
 from genie_sim.core.freshness.never import Never
@@ -14,7 +14,7 @@ from genie_sim.core.maps import Boosted, Learned, Viewer, as_change
 from genie_sim.core.object_map import ORIGIN_NS, RANGE_60
 from genie_sim.core.rules import ObjectMapRules
 from genie_sim.core.tracking import COAST_NS, NEAR_M, Track, kind_of, sigma_of
-from genie_sim.core.view import FARTHEST_M, View, bearing, rectangle
+from genie_sim.core.view import FARTHEST_M, View, rectangle
 from genie_sim.messages import Answer, Detection, Header, Look, ObjectLookups
 
 SLOW_CELL_M, FAST_CELL_M = 10.0, 60.0
@@ -22,6 +22,9 @@ DRIFT_M, DRIVE_M = 0.5, 34.0  # how far a slow, and any other track is at most f
 ROW = 1 << 26  # cells from one row to the next
 COUNTED_NS = 10_000_000_000  # so long a look is remembered, lest it be counted again
 UNCERTAIN = (1.0, 0.0, 1.0)
+WIDEST_M = 5.0  # no gate is wider
+NEXT_CELLS = tuple(i + j * ROW for i in (-1, 0, 1) for j in (-1, 0, 1))
+Placed = tuple[float, float, Track]  # where a track is at some time
 
 
 class TrackMap:
@@ -120,11 +123,15 @@ class TrackMap:
 
     def visible(self, viewer: Viewer, range_m: float, now_ns: int) -> tuple[list[Detection], int | None]:
         half_rad = min(viewer.horizontal_fov_rad / 2, math.pi)
-        near = []
+        least_ahead, p_min = math.cos(half_rad), self._policy.p_min
+        (east_m, north_m, _, heading_rad), near = viewer.pose, []
+        ahead_east, ahead_north = math.cos(heading_rad), math.sin(heading_rad)
         for track in self._inside(rectangle(viewer.pose, half_rad, range_m)):
-            if track.existence >= self._policy.p_min:
-                away_m, turn_rad = bearing(viewer.pose, *track.place(now_ns))
-                if away_m <= range_m and abs(turn_rad) <= half_rad:
+            if track.existence >= p_min:
+                there_east_m, there_north_m = track.place(now_ns)
+                away_east_m, away_north_m = there_east_m - east_m, there_north_m - north_m
+                away_m = math.hypot(away_east_m, away_north_m)
+                if away_m <= range_m and away_east_m * ahead_east + away_north_m * ahead_north >= least_ahead * away_m:
                     near.append(track)
         return self._served(near, viewer.header.origin, now_ns), now_ns
 
@@ -148,23 +155,27 @@ class TrackMap:
         view = View(look)
         self._remember(look, view)
         placed = [one for one in look.detections if one.location is not None]
-        places = [(one.label, one.location) for one in look.detections if one.location is not None]
-        near = [self._near(label, at[0], at[1], stamp_ns) for label, at in places]
-        pairs = sorted((away_m, one.number, j, one) for j, found in enumerate(near) for away_m, one in found)
+        around = self._around(look, placed)
+        pairs = _pairs(placed, around, stamp_ns)
         of: dict[int, Track] = {}
         matched: set[int] = set()
         for _, number, j, track in pairs:
             if j not in of and number not in matched:
                 of[j] = track
                 matched.add(number)
-        unseen = [(one, view.range_m(*one.place(stamp_ns))) for one in self._looked_at(look, stamp_ns, matched)]
+        unseen = [
+            (one, range_m)
+            for east_m, north_m, one in around
+            if one.number not in matched and one.checked_ns <= stamp_ns
+            if (range_m := view.range_m(east_m, north_m)) is not None
+        ]
         before = {one.number: self._worth(one, now_ns) for one in of.values()}
         born: list[Track] = []
         for j, seen in enumerate(placed):
             of[j] = self._sight(of.get(j), seen, look, born)
         for track, range_m in unseen:
-            if range_m is not None:
-                self._policy.unseen(track, range_m, look.header)
+            self._policy.unseen(track, range_m, look.header)
+            if track.existence < 0.5:  # before that it has time
                 self._plan(track)
         for _, number, j, track in pairs:
             if number not in matched and track.cell is not None and _apart_m(track, of[j], stamp_ns) < NEAR_M:
@@ -189,7 +200,7 @@ class TrackMap:
             for one in born:
                 if one.kind.group == kind.group and math.hypot(one.east_m - at[0], one.north_m - at[1]) < NEAR_M:
                     return one
-        range_m = bearing(look.pose, at[0], at[1])[0]
+        range_m = math.hypot(at[0] - look.pose.east_m, at[1] - look.pose.north_m)
         sigma_m = sigma_of(range_m)
         if track is None:
             speed = kind.v_max_mps / 2
@@ -206,7 +217,8 @@ class TrackMap:
         self._policy.seen(track, seen.score, header)
         if track.cell is None:
             self._put(track)
-        self._plan(track)
+        if track.due_ns is None or track.moving:
+            self._plan(track)
         return track
 
     def _move(self, track: Track, seen: Detection, sigma_m: float, header: Header) -> None:
@@ -260,14 +272,20 @@ class TrackMap:
             if track.kind is kind and abs(track.north_m - north_m) <= reach_m + DRIVE_M:
                 there_east_m, there_north_m = track.place(at_ns)
                 away_m = math.hypot(there_east_m - east_m, there_north_m - north_m)
-                if away_m <= reach_m and (away_m <= NEAR_M or away_m <= NEAR_M + 2.0 * track.sigma_m(at_ns)):
+                if _fits(track, away_m, at_ns):
                     found.append((away_m, track))
         return found
 
-    def _looked_at(self, look: Look, stamp_ns: int, matched: set[int]) -> list[Track]:
-        """The tracks around the field of view of a look that it does not show, but for those seen since."""
-        inside = self._inside(rectangle(look.pose, min(look.horizontal_fov_rad / 2, math.pi), FARTHEST_M))
-        return [one for one in inside if one.number not in matched and one.checked_ns <= stamp_ns]
+    def _around(self, look: Look, placed: Iterable[Detection]) -> list[Placed]:
+        """The tracks in view of a look, and around all that it shows, each with its place then."""
+        reach_m, half_rad, stamp_ns = FARTHEST_M, min(look.horizontal_fov_rad / 2, math.pi), look.header.stamp_ns
+        for one in placed:
+            if one.location is not None:
+                away_m = math.hypot(one.location[0] - look.pose.east_m, one.location[1] - look.pose.north_m)
+                reach_m = max(reach_m, away_m)
+        west, east, south, north = rectangle(look.pose, half_rad, reach_m)
+        area = west - WIDEST_M, east + WIDEST_M, south - WIDEST_M, north + WIDEST_M
+        return [(*track.place(stamp_ns), track) for track in self._inside(area)]
 
     def _inside(self, area: tuple[float, float, float, float]) -> Iterator[Track]:
         """The tracks that may be in an upright rectangle: west, east, south, north."""
@@ -310,17 +328,42 @@ class TrackMap:
     def _served(self, tracks: Iterable[Track], to: str, now_ns: int) -> list[Detection]:
         """Those that may leave, where they are now."""
         policy, by_existence, threshold = self._policy, self._policy.by_existence, self.threshold
+        always = type(policy).serves is Never.serves
         found = []
         for one in tracks:
             if by_existence or one.confidence >= threshold:
                 existence = policy.existence(one, now_ns)
-                if existence >= policy.p_min and policy.serves(one, to, now_ns):
+                if existence >= policy.p_min and (always or policy.serves(one, to, now_ns)):
                     found.append(one.as_detection(now_ns, existence if by_existence else one.confidence, existence))
         return found
 
     def _worth(self, track: Track, now_ns: int) -> float:
         """The confidence that others are told: that the object exists, where this decides, else C."""
         return self._policy.existence(track, now_ns) if self._policy.by_existence else track.confidence
+
+
+def _pairs(placed: Sequence[Detection], around: Iterable[Placed], at_ns: int) -> list[tuple[float, int, int, Track]]:
+    """What may belong together, nearest first: distance, the track's number, the detection's place in its list."""
+    cells: dict[int, list[Placed]] = {}
+    for one in around:
+        cells.setdefault(int(one[0] // WIDEST_M) + int(one[1] // WIDEST_M) * ROW, []).append(one)
+    found = []
+    for j, seen in enumerate(placed):
+        assert seen.location is not None
+        kind, (east_m, north_m, _) = kind_of(seen.label), seen.location
+        middle = int(east_m // WIDEST_M) + int(north_m // WIDEST_M) * ROW
+        for cell in NEXT_CELLS:
+            for there_east_m, there_north_m, track in cells.get(middle + cell, ()):
+                if track.kind is kind:
+                    away_m = math.hypot(there_east_m - east_m, there_north_m - north_m)
+                    if _fits(track, away_m, at_ns):
+                        found.append((away_m, track.number, j, track))
+    return sorted(found)
+
+
+def _fits(track: Track, away_m: float, at_ns: int) -> bool:
+    """Whether a sighting so far from a track's place may be the track's."""
+    return away_m <= NEAR_M or (away_m <= track.kind.gate_m and away_m <= NEAR_M + 2.0 * track.sigma_m(at_ns))
 
 
 def _cell(track: Track) -> int:

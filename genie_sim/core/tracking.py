@@ -99,8 +99,11 @@ class Track:
 
     def place(self, now_ns: int) -> tuple[float, float]:
         """Where it is at another time: predicted for at most ``COAST_NS`` ahead, or back."""
-        dt_s = min(max(now_ns - self.stamp_ns, -COAST_NS), COAST_NS) * 1e-9
-        return self.east_m + self.velocity_mps[0] * dt_s, self.north_m + self.velocity_mps[1] * dt_s
+        dt_ns = now_ns - self.stamp_ns
+        if dt_ns > COAST_NS or dt_ns < -COAST_NS:
+            dt_ns = COAST_NS if dt_ns > 0 else -COAST_NS
+        (ve, vn), dt_s = self.velocity_mps, dt_ns * 1e-9
+        return self.east_m + ve * dt_s, self.north_m + vn * dt_s
 
     def sigma_m(self, now_ns: int) -> float:
         """How uncertain that place is, along each axis."""

@@ -19,6 +19,8 @@ class View:
     def __init__(self, look: Look) -> None:
         self.pose = look.pose
         self._half_rad = look.horizontal_fov_rad / 2 - MARGIN_RAD
+        self._ahead = math.cos(look.pose.heading_rad), math.sin(look.pose.heading_rad)
+        self._least_ahead = math.cos(min(max(self._half_rad, 0.0), math.pi))  # per metre of distance
         self._shadows: list[tuple[float, float, float]] = []  # bearing, half width, range
         for one in look.detections:
             if one.location is not None:
@@ -28,9 +30,12 @@ class View:
 
     def range_m(self, east_m: float, north_m: float) -> float | None:
         """How far away a place is where the detector should find an object; ``None`` if it is not to be seen."""
-        range_m, bearing_rad = bearing(self.pose, east_m, north_m)
-        if not NEAREST_M <= range_m <= FARTHEST_M or abs(bearing_rad) > self._half_rad:
+        away_east_m, away_north_m = east_m - self.pose[0], north_m - self.pose[1]
+        range_m = math.hypot(away_east_m, away_north_m)
+        ahead_m = away_east_m * self._ahead[0] + away_north_m * self._ahead[1]
+        if not NEAREST_M <= range_m <= FARTHEST_M or ahead_m < self._least_ahead * range_m:
             return None
+        bearing_rad = bearing(self.pose, east_m, north_m)[1]
         for middle_rad, half_rad, from_m in self._shadows:
             if range_m > from_m and abs(bearing_rad - middle_rad) <= half_rad:
                 return None
