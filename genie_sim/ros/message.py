@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, NamedTuple, Protocol
 
-from genie_sim.messages import Box, CameraPose, Detection, Header, Location
+from genie_sim.messages import Box, CameraPose, Detection, Header, Location, Look
 
 
 class WireType(NamedTuple):
@@ -84,6 +84,8 @@ class RosMessage:
     read: Sequence[Detection] | None = None
     source: str = "detector"
     served_by: str = ""
+    look: None = None  # ROS messages carry none
+    valid_ns: None = None
 
     @classmethod
     def of(cls, payload: bytes, codec: Codec, origin: str, answer: bool) -> RosMessage:
@@ -109,6 +111,9 @@ class RosMessage:
 
     def with_objects(self, objects: Sequence[Detection]) -> RosMessage:
         return replace(self, objects=tuple(objects))
+
+    def with_look(self, look: Look | None, valid_ns: int | None) -> RosMessage:
+        return self
 
     def served(self, source: str, by: str) -> RosMessage:
         return replace(self, source=source, served_by=by)
