@@ -8,7 +8,10 @@ from typing import Any
 
 from genie_sim import plugins
 from genie_sim.core import genies
+from genie_sim.core.freshness.laws import ASSUMED, DetectorLaws
+from genie_sim.core.freshness.measure import measured
 from genie_sim.errors import UserError
+from genie_sim.messages import Header, Look
 from genie_sim.methods import METHODS, MUST_HAVE
 from genie_sim.monitor import Monitor
 from genie_sim.perception.sources import Drive
@@ -25,6 +28,8 @@ from genie_sim.sim.setup import CameraSetup, CarSetup, EdgeSetup, Setup
 from genie_sim.sim.station import Method
 from genie_sim.sim.world import World
 
+MEASURED_FRAMES = 600  # at most, of one camera, that a detector's laws are measured on
+
 
 @dataclass(frozen=True)
 class Built:
@@ -35,12 +40,13 @@ class Built:
     drives: Mapping[str, Drive]
     links: dict[str, LinkModel]
     faults: Sequence[TimedFault]
+    laws: list[DetectorLaws]  # one, once they are measured
 
 
 def shared(scenario: Scenario, devices: Mapping[str, DeviceProfile], drives: Mapping[str, Drive]) -> Built:
     """What all methods share. ``drives`` by the car's name. Raises ``UserError``."""
     faults = [timed(entry, place) for place, entry in enumerate(scenario.faults)]
-    return Built(scenario, devices, drives, {}, faults)
+    return Built(scenario, devices, drives, {}, faults, [])
 
 
 def world(built: Built, entry: MethodEntry, monitor: Monitor) -> World:
@@ -65,8 +71,28 @@ def setup(built: Built, entry: MethodEntry) -> Setup:
         edge_network=link_model(scenario.edge_network),
         genie=scenario.genie,
         queue_length=scenario.queue_length,
+        consumer=scenario.consumer,
+        laws=_laws(built, scenario),
         faults=built.faults,
     )
+
+
+def _laws(built: Built, scenario: Scenario) -> DetectorLaws:
+    """The detectors' laws for maps and consumers that weigh evidence: measured on what one camera of the first car
+    sees, where somebody wants them."""
+    choice = scenario.genie.object_map.freshness
+    if scenario.consumer != "tracker" and not choice.parameters.get("measured"):
+        return ASSUMED
+    if not built.laws:
+        car = scenario.cars[0]
+        recording = scenario.cameras_of(car)[0].recording
+        frames = built.drives[car.name].frames[recording][:MEASURED_FRAMES]
+        looks = (
+            Look(Header(one.stamp_ns, recording, car.name), one.pose, one.horizontal_fov_rad, one.detections)
+            for one in frames
+        )
+        built.laws.append(measured(looks))
+    return built.laws[0]
 
 
 def device(profile: DeviceProfile, model: str, spread: str = "default") -> Device:

@@ -15,7 +15,11 @@ Box = tuple[float, float, float, float]
 
 # autowarefoundation/autoware: a DetectedObjectArray of n objects with empty clouds takes 26 + 400 n bytes.
 ARRAY_BYTES = 26
-OBJECT_BYTES = 400
+OBJECT_BYTES = 400  # class, score, place, velocity, variance and a header of its own among them
+# A look: the pose of its camera (geometry_msgs/PoseStamped, 81) and its field of view (8), and of each detection class
+# (8), score (4) and place (3 x 8).
+LOOK_BYTES = 89
+LOOK_DETECTION_BYTES = 36
 
 
 class Header(NamedTuple):
@@ -57,9 +61,20 @@ class Answer(Message, Protocol):
     @property
     def objects(self) -> Sequence[Detection] | None: ...
 
+    @property
+    def source(self) -> str: ...
+
+    @property
+    def look(self) -> Look | None: ...
+
+    @property
+    def valid_ns(self) -> int | None: ...
+
     def restamped(self, header: Header) -> Self: ...
 
     def with_objects(self, objects: Sequence[Detection]) -> Self: ...
+
+    def with_look(self, look: Look | None, valid_ns: int | None) -> Self: ...
 
     def served(self, source: str, by: str) -> Self: ...
 
@@ -76,12 +91,22 @@ class Image(NamedTuple):
     content: Any = None
 
 
+class Motion(NamedTuple):
+    """What a map that tracks knows besides an object's place: its velocity east and north, how uncertain the place is,
+    how likely the object exists, and the frame in which it was seen last."""
+
+    velocity_mps: tuple[float, float]
+    sigma_m: float
+    existence: float
+    seen: Header
+
+
 class Detection(NamedTuple):
     """One object found in an image.
 
     ``score`` is the detector's, ``confidence`` the object map's (equal to the score until a map has seen it).
     ``location`` is ``None`` where the object could not be placed in the world, ``box`` where it comes from an object
-    map and not from this image.
+    map and not from this image. ``motion`` is ``None`` unless it comes from a map that tracks.
     """
 
     label: str
@@ -90,9 +115,23 @@ class Detection(NamedTuple):
     location: Location | None
     confidence: float
     method: str = "unknown"
+    motion: Motion | None = None
 
     def with_confidence(self, confidence: float) -> Detection:
-        return Detection(self.label, self.score, self.box, self.location, confidence, self.method)
+        return Detection(self.label, self.score, self.box, self.location, confidence, self.method, self.motion)
+
+
+class Look(NamedTuple):
+    """A detector's raw answer to one frame: what it found, and from where it looked.
+
+    ``header`` identifies the look: whoever gets it by two ways counts it once. What is in the field of view and was
+    not found is evidence, too.
+    """
+
+    header: Header
+    pose: CameraPose
+    horizontal_fov_rad: float
+    detections: tuple[Detection, ...]
 
 
 class Frame(Protocol):
@@ -125,26 +164,39 @@ class Frame(Protocol):
 
 
 class Detections(NamedTuple):
-    """A detector's answer to one image, in the manner of ``autoware_msgs/DetectedObjectArray``."""
+    """A detector's answer to one image, in the manner of ``autoware_msgs/DetectedObjectArray``.
+
+    ``look`` is the detector's raw answer behind it, where it travels along. ``valid_ns``: every object that the sender
+    believes to be in view, at the place predicted for that time; ``None``: objects as they were detected.
+    """
 
     header: Header
     objects: tuple[Detection, ...]
     source: str = "detector"
     served_by: str = ""
+    look: Look | None = None
+    valid_ns: int | None = None
 
     @property
     def size_bytes(self) -> int:
-        return ARRAY_BYTES + OBJECT_BYTES * len(self.objects)
+        size_bytes = ARRAY_BYTES + OBJECT_BYTES * len(self.objects)
+        if self.look is not None:
+            size_bytes += LOOK_BYTES + LOOK_DETECTION_BYTES * len(self.look.detections)
+        return size_bytes
 
     def restamped(self, header: Header) -> Detections:
-        return Detections(header, self.objects, self.source, self.served_by)
+        return Detections(header, *self[1:])
 
     def with_objects(self, objects: Sequence[Detection]) -> Detections:
-        return Detections(self.header, tuple(objects), self.source, self.served_by)
+        return Detections(self.header, tuple(objects), *self[2:])
+
+    def with_look(self, look: Look | None, valid_ns: int | None) -> Detections:
+        """The answer with this look and the instant for which it holds, or without."""
+        return Detections(*self[:4], look, valid_ns)
 
     def served(self, source: str, by: str) -> Detections:
         """An answer out of an object map stays one, even when a cache replays it: it was never a detection."""
-        return Detections(self.header, self.objects, "map" if self.source == "map" else source, by)
+        return Detections(self.header, self.objects, "map" if self.source == "map" else source, by, *self[4:])
 
 
 class Publish(NamedTuple):

@@ -27,7 +27,7 @@ axes:
 """
 DRAWN = """
 scenario: 1car_homo
-set: {methods: [genie], "cars[0].route.window": [0 s, 1 s]}
+set: {genie.object_map.freshness: {name: ttl}, methods: [genie], "cars[0].route.window": [0 s, 1 s]}
 seeds: 1
 samples: 5
 axes:
@@ -45,12 +45,12 @@ def swept(text: str, folder: Path, name: str) -> Path:
 
 TOWN = """
 scenario: fleet_30
-set: {methods: [genie], perception.duration: 1 s, record: [lookups, truth]}
+set: {genie.object_map.freshness: {name: ttl}, methods: [genie], perception.duration: 1 s, record: [lookups, truth]}
 seeds: 1
 samples: 4
 axes:
   size: {set: fleet.cars, list: [2, 3]}
-  forget: {set: genie.object_map.forget, random: {from: 100 ms, to: 5000 ms, scale: log}}
+  forget: {set: genie.object_map.freshness.ttl, random: {from: 100 ms, to: 5000 ms, scale: log}}
   mix: {set: fleet.devices, list: [orin_nano, {jetson_tx2: 0.5, orin_nano: 0.5}]}
 """
 
@@ -102,7 +102,7 @@ def test_a_curve_averages_over_the_other_axis_or_keeps_its_levels_apart(crossed)
 
 def test_axes_that_are_not_in_the_order_of_their_names_keep_their_settings(drawn, town):
     assert [(axis["column"], axis["of"]) for axis in embedded(sweep.page(town))["axes"]] == [
-        ("size", ["fleet.cars"]), ("forget [ms]", ["genie.object_map.forget"]), ("mix", ["fleet.devices"]),
+        ("size", ["fleet.cars"]), ("forget [ms]", ["genie.object_map.freshness.ttl"]), ("mix", ["fleet.devices"]),
     ]  # fmt: skip
     assert [curve["sampled"] for curve in embedded(sweep.page(town))["curves"]] == [False, True, False]
     gate, view = ["genie.object_map.gate"], ["genie.view_range"]

@@ -11,11 +11,16 @@ from typing import Any
 from genie_sim import plugins
 from genie_sim.core.confidence import CONFIDENCE_RULES, ConfidenceRule
 from genie_sim.core.eviction import EVICTIONS, Eviction
+from genie_sim.core.freshness import FRESHNESS, MUST_HAVE
+from genie_sim.core.freshness.laws import ASSUMED, DetectorLaws
+from genie_sim.core.freshness.never import Never
+from genie_sim.core.maps import Map
 from genie_sim.core.message_cache import MessageCache, PendingIndex
 from genie_sim.core.node import GenieNode, detections_of_map
 from genie_sim.core.object_map import ObjectMap
 from genie_sim.core.rules import GenieRules, MissPolicy
 from genie_sim.core.similarity import SIMILARITIES
+from genie_sim.core.track_map import TrackMap
 from genie_sim.errors import UserError, shown
 from genie_sim.messages import Header
 
@@ -32,14 +37,15 @@ def make_genie(
     on_edge: bool,
     alone: bool = False,
     miss_policy: MissPolicy | None = None,
+    laws: DetectorLaws = ASSUMED,
     **middleware: Any,
 ) -> GenieNode:
     """The Genie called ``name`` for a node with the topics T_S and T_P.
 
     On an edge it serves other Genies, so it answers when it has an answer, and shares what its node finds; on a car it
     serves the consumer by the miss policy and sends only its misses up. ``alone``: nobody listens to ``-remote``.
-    ``miss_policy`` overrules all that. ``middleware`` replaces what depends on it (see ``GenieNode``). Raises
-    ``UserError`` where a plug-in of the user's own does not work.
+    ``miss_policy`` overrules all that. ``laws`` are those of the detectors. ``middleware`` replaces what depends on it
+    (see ``GenieNode``). Raises ``UserError`` where a plug-in of the user's own does not work.
     """
     similarity = plugins.make("similarity", rules.similarity, SIMILARITIES, SIMILARITY_METHODS)
     new_eviction = plugins.resolve("eviction", rules.eviction, EVICTIONS, EVICTION_METHODS)
@@ -66,10 +72,20 @@ def make_genie(
         "key": similarity.key,
         "new_cache": new_cache,
         "pending": PendingIndex(_identity(rules.header_identity), similarity.index),
-        "object_map": ObjectMap(rules.object_map, rules.view_range_m, confidence_rule(rules.object_map.rule)),
+        "object_map": _object_map(rules, laws, on_edge),
         "map_answer": detections_of_map,
     }
     return GenieNode(name, subscribed, published, mine, **(parts | middleware))
+
+
+def _object_map(rules: GenieRules, laws: DetectorLaws, on_edge: bool) -> Map:
+    """The map that the freshness policy wants. Raises ``UserError``."""
+    choice, rule = rules.object_map.freshness, confidence_rule(rules.object_map.rule)
+    policy: Never = plugins.make("freshness policy", choice, FRESHNESS, MUST_HAVE)
+    if not policy.tracks:
+        return ObjectMap(rules.object_map, rules.view_range_m, rule, policy)
+    policy.laws = laws
+    return TrackMap(rules.object_map, policy, rule, policy.shares if on_edge else "map", rules.view_range_m)
 
 
 def confidence_rule(name: str) -> ConfidenceRule:
@@ -102,6 +118,7 @@ def chosen_plugins(rules: GenieRules) -> tuple[tuple[str, str], ...]:
         ("similarity", rules.similarity.name),
         ("eviction", rules.eviction),
         ("confidence rule", rules.object_map.rule),
+        ("freshness policy", rules.object_map.freshness.name),
     )
 
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from genie_sim.core.eviction import Eviction
+from genie_sim.core.maps import Viewer
 from genie_sim.core.similarity import KeyIndex
 from genie_sim.messages import Answer, Header
 
@@ -98,7 +99,8 @@ class Requester(NamedTuple):
 
 @dataclass(slots=True)
 class PendingRequest:
-    """A request that was opened and has not expired; ``forwarded`` if a node of ours works on it."""
+    """A request that was opened and has not expired; ``forwarded`` if a node of ours works on it. ``viewer`` is from
+    where it was made, ``None`` where that is unknown."""
 
     topic: str
     key: Hashable
@@ -106,6 +108,7 @@ class PendingRequest:
     forwarded: bool
     requesters: list[Requester] = field(default_factory=list)
     answered: set[str] = field(default_factory=set)  # the topics on which an answer came
+    viewer: Viewer | None = None
 
 
 class PendingIndex:

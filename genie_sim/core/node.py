@@ -22,10 +22,10 @@ On a car ``-remote`` leads to its edge, where the car is a client; between edges
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
-from typing import Any, NamedTuple, Protocol
+from typing import Any, Protocol
 
+from genie_sim.core.maps import Map, Viewer, as_change
 from genie_sim.core.message_cache import Answers, MessageCache, PendingIndex, PendingRequest, Requester
-from genie_sim.core.object_map import ObjectMap, StoredObject
 from genie_sim.core.rules import GenieRules
 from genie_sim.messages import (
     Answer,
@@ -37,7 +37,6 @@ from genie_sim.messages import (
     Forgotten,
     Header,
     ImageLookup,
-    MapChange,
     Message,
     ObjectLookups,
     Observation,
@@ -54,15 +53,6 @@ class Request(Message, Protocol):
 
     @property
     def horizontal_fov_rad(self) -> float: ...
-
-
-class _Boosted(NamedTuple):
-    """What the object map makes of a stored answer: the objects that leave, and the look-ups it took."""
-
-    answer: Answer
-    objects: tuple[Detection, ...]
-    requests: int
-    hits: int
 
 
 class GenieNode:
@@ -83,7 +73,7 @@ class GenieNode:
         key: Callable[[Any], Hashable],
         new_cache: Callable[[], MessageCache],
         pending: PendingIndex,
-        object_map: ObjectMap,
+        object_map: Map,
         map_answer: Callable[[Header, Sequence[Detection]], Answer] | None = None,
         suffixes: tuple[str, str] = ("-local", "-remote"),
         tells_changes: bool = True,
@@ -97,8 +87,6 @@ class GenieNode:
         self._map_answer = map_answer
         self._local, self._remote = suffixes
         self._tells_changes = tells_changes
-        self._boosted: dict[int, _Boosted] = {}  # by the identity of the stored answer
-        self._boosted_changes = 0  # of the map, when they were made
         self._published = tuple(published)
         self._databases: dict[str, MessageCache] = {}  # H_DB
         self._requests = tuple(subscribed)
@@ -125,7 +113,7 @@ class GenieNode:
         before: list[Effect] = []
         forgotten = self.object_map.forget(now_ns)
         if forgotten and self._tells_changes:
-            before.append(Observe(Forgotten(tuple(map(_as_change, forgotten)))))
+            before.append(Observe(Forgotten(tuple(map(as_change, forgotten)))))
         deadline_ns = self._pending.next_deadline_ns
         if deadline_ns is not None and deadline_ns <= now_ns:
             before += self.on_deadline(now_ns)
@@ -144,7 +132,7 @@ class GenieNode:
         its map. It is not called again after that."""
         lost: list[Observation] = [*_unanswered(self._pending)]
         if self._tells_changes and len(self.object_map):
-            lost.append(Forgotten(tuple(map(_as_change, self.object_map))))
+            lost.append(Forgotten(tuple(map(as_change, self.object_map))))
         return lost
 
     def cache_entries(self) -> int:
@@ -175,7 +163,8 @@ class GenieNode:
             pending = self._pending.by_key(topic, key)
             if pending is not None:
                 pending.requesters.append(requester._replace(served=frozenset(answers)))
-        return [self._looked_up(requester, "hit"), *self._replay(answers, requester)]  # line 16: cache hit
+        # line 16: cache hit
+        return [self._looked_up(requester, "hit"), *self._replay(answers, requester, request, now_ns)]
 
     def _on_miss(self, topic: str, request: Request, key: Hashable, requester: Requester, now_ns: int) -> list[Effect]:
         if self._pending.by_header(requester.header) is not None:
@@ -183,46 +172,53 @@ class GenieNode:
         expiry_ns = self.rules.request_expiry_ns
         deadline_ns = None if expiry_ns is None else now_ns + expiry_ns
         if requester.neighbour and self.rules.neighbour_miss == "ignore":
-            self._pending.open(requester.header, PendingRequest(topic, key, deadline_ns, forwarded=False))
+            opened = PendingRequest(topic, key, deadline_ns, False, viewer=_viewer(request))
+            self._pending.open(requester.header, opened)
             return [self._looked_up(requester, "miss")]
         pending = self._pending.by_key(topic, key) if self.rules.same_key_pending == "coalesce" else None
         if pending is not None and not pending.answered:
             if any(one.header == requester.header for one in pending.requesters):
                 return []
             pending.requesters.append(requester)
-            return [self._looked_up(requester, "coalesced"), *self._meanwhile(request, requester)]
+            return [self._looked_up(requester, "coalesced"), *self._meanwhile(request, requester, now_ns)]
         # line 12: cache miss
         effects: list[Effect] = [self._looked_up(requester, "miss")]
         effects.append(Publish(topic + self._local, request))
         if self.rules.share_requests:
             effects.append(Publish(topic + self._remote, request))
-        opened = PendingRequest(topic, key, deadline_ns, forwarded=True, requesters=[requester])
+        opened = PendingRequest(topic, key, deadline_ns, True, [requester], viewer=_viewer(request))
         self._pending.open(requester.header, opened)
-        return effects + self._meanwhile(request, requester)
+        return effects + self._meanwhile(request, requester, now_ns)
 
-    def _meanwhile(self, request: Request, requester: Requester) -> list[Effect]:
+    def _meanwhile(self, request: Request, requester: Requester, now_ns: int) -> list[Effect]:
         """What a client gets at once although its request missed: the map's confident objects in view.
 
         Without a pose there is no view, and no answer.
         """
         if requester.neighbour or self._map_answer is None or self.rules.miss_policy != "immediate":
             return []
-        if request.pose is None:
+        viewer = _viewer(request)
+        if viewer is None:
             return []
-        stored = self.object_map.in_view(request.pose, request.horizontal_fov_rad, self.rules.view_range_m)
-        answer = self._map_answer(request.header, [one.as_detection() for one in stored])
+        objects, valid_ns = self.object_map.visible(viewer, self.rules.view_range_m, now_ns)
+        answer = self._map_answer(request.header, objects)
+        if valid_ns is not None:
+            answer = answer.with_look(None, valid_ns)
         return [Publish(topic, answer.served("map", self.name)) for topic in self._published]
 
-    def _replay(self, answers: Answers, requester: Requester) -> list[Effect]:
+    def _replay(self, answers: Answers, requester: Requester, request: Request, now_ns: int) -> list[Effect]:
         """Lines 17 to 19: the stored answers go to the sender, with what the map knows about their locations."""
         effects: list[Effect] = []
         for topic, stored in answers.items():
             answer = stored if self.rules.replay_stamp == "stored" else stored.restamped(requester.header)
             answer = answer.served("cache", self.name)
-            boosted = self._boost_data(stored)
+            boosted = self.object_map.boost(stored, requester.header, _viewer(request), now_ns)
             if boosted is not None:
-                _, objects, requests, hits = boosted
-                answer = answer.with_objects(objects)
+                made, requests, hits = boosted
+                assert made.objects is not None
+                answer = answer.with_objects(made.objects)
+                if answer.look is not None or made.valid_ns is not None:  # what is answered from a cache is no look
+                    answer = answer.with_look(None, made.valid_ns)
                 lookups = ObjectLookups(answer.header, "boost", requests, hits, 0, 0.0, len(self.object_map))
                 effects.append(Observe(lookups))
             effects.append(self._deliver(topic, answer, requester))
@@ -230,26 +226,28 @@ class GenieNode:
 
     def _on_answer(self, topic: str, answer: Answer, now_ns: int, *, own: bool) -> list[Effect]:
         """Lines 8 to 11, and delivery to everyone who waits. ``own``: the encapsulated node's answer."""
-        answer, effects = self._new_data(answer, now_ns)  # line 9
         pending = self._pending.by_header(answer.header)
+        viewer = None if pending is None else pending.viewer
+        learned = self.object_map.learn(answer, viewer, now_ns, own, self._tells_changes)  # line 9
+        answer = learned.answer
+        effects: list[Effect] = [] if learned.lookups is None else [Observe(learned.lookups)]
         broadcast = own and self.rules.share_answers == "broadcast"
-        if pending is None and not broadcast:
-            return effects
-        confident = self._confident(answer)
         if pending is not None:
             self._store(topic, pending, answer, now_ns)  # line 10
             if topic not in pending.answered:
                 pending.answered.add(topic)
                 if len(pending.answered) == len(self._published):
                     self._pending.close(pending)
-                to_clients = answer if own and self.rules.fresh_objects == "all" else confident
-                effects += self._release(topic, pending, to_clients, confident, own)
+                to_clients = answer if own and self.rules.fresh_objects == "all" else learned.to_clients
+                effects += self._release(topic, pending, to_clients, learned.to_neighbours, own)
         if broadcast:
-            effects.append(Publish(topic + self._remote, confident))
+            effects.append(Publish(topic + self._remote, learned.to_neighbours))
         return effects
 
     def _store(self, topic: str, pending: PendingRequest, answer: Answer, now_ns: int) -> None:
         database = self._databases[pending.topic]
+        if answer.look is not None:  # what is answered from a cache is no look
+            answer = answer.with_look(None, None)
         if topic in pending.answered and self.rules.second_answer != "overwrite":
             held = (database.get(pending.key, now_ns) or {}).get(topic)
             if held is not None and self.rules.second_answer == "first_wins":
@@ -281,81 +279,11 @@ class GenieNode:
             return Publish(topic + self._remote, answer, to=requester.name)
         return Publish(topic, answer)
 
-    def _confident(self, answer: Answer) -> Answer:
-        """The answer without the objects below C_T: those never leave a Genie (Section III-D)."""
-        if answer.objects is None:
-            return answer
-        threshold = self.object_map.threshold
-        return answer.with_objects([one for one in answer.objects if one.confidence >= threshold])
-
-    def _new_data(self, answer: Answer, now_ns: int) -> tuple[Answer, list[Effect]]:
-        """Algorithm 2, EnhancedCacheNewData: every object of an answer is a sighting."""
-        if answer.objects is None:
-            return answer, []
-        threshold = self.object_map.threshold
-        objects: list[Detection] = []
-        changes: list[MapChange] = []
-        requests = hits = updates = 0
-        boost = 0.0
-        for seen in answer.objects:
-            if seen.location is None:
-                objects.append(seen)
-                continue
-            requests += 1
-            before, stored = self.object_map.sight(seen, now_ns)
-            if before is not None:
-                hits += before >= threshold
-                updates += 1
-                boost += stored.confidence - before
-                seen = seen.with_confidence(stored.confidence)
-            objects.append(seen)
-            if self._tells_changes:
-                changes.append(_as_change(stored))
-        stored_objects = len(self.object_map)
-        facts = ObjectLookups(answer.header, "sighting", requests, hits, updates, boost, stored_objects, tuple(changes))
-        return answer.with_objects(objects), [Observe(facts)]
-
-    def _boost_data(self, answer: Answer) -> _Boosted | None:
-        """Algorithm 2, EnhancedCacheBoostData: adds the stored objects at the answer's locations, each once, and leaves
-        out what is below C_T. As long as the map stays as it is, so does what it makes of an answer."""
-        if answer.objects is None:
-            return None
-        if self._boosted_changes != self.object_map.changes:
-            self._boosted.clear()
-            self._boosted_changes = self.object_map.changes
-        boosted = self._boosted.get(id(answer))
-        if boosted is None:
-            boosted = self._boosted[id(answer)] = self._boost(answer, answer.objects)
-        return boosted
-
-    def _boost(self, answer: Answer, held_objects: Sequence[Detection]) -> _Boosted:
-        threshold = self.object_map.threshold
-        objects: list[Detection] = []
-        included: set[int] = set()
-        requests = hits = 0
-        others = []
-        for held in held_objects:  # a list of its own: the stored answer stays as it is
-            if held.location is None:
-                objects.append(held)
-                continue
-            requests += 1
-            there = [one for one in self.object_map.at(held.location) if one.confidence >= threshold]
-            stored = self.object_map.match(held.label, held.location)
-            if stored is not None:
-                included.add(id(stored))
-                held = held.with_confidence(stored.confidence)
-            objects.append(held)
-            hits += bool(there)
-            others += there
-        for one in others:
-            if id(one) not in included:
-                included.add(id(one))
-                objects.append(one.as_detection())
-        return _Boosted(answer, tuple(one for one in objects if one.confidence >= threshold), requests, hits)
-
     def _on_unknown(self, topic: str, answer: Answer) -> list[Effect]:
         """An answer under the literal index: no request on its topic has its header, so it is taken for a request."""
-        answer = self._confident(answer)
+        if answer.objects is not None:
+            threshold = self.object_map.threshold
+            answer = answer.with_objects([one for one in answer.objects if one.confidence >= threshold])
         return [Publish(topic + self._local, answer), Publish(topic + self._remote, answer)]
 
     def _looked_up(self, requester: Requester, outcome: str) -> Observe:
@@ -372,8 +300,11 @@ def _unanswered(requests: Iterable[PendingRequest]) -> Iterator[Expired]:
                     yield Expired(requester.header)
 
 
-def _as_change(stored: StoredObject) -> MapChange:
-    return MapChange(stored.label, stored.location, stored.confidence)
+def _viewer(request: Request) -> Viewer | None:
+    """From where a request was made; ``None`` where its pose is unknown."""
+    if request.pose is None:
+        return None
+    return Viewer(request.header, request.pose, request.horizontal_fov_rad)
 
 
 def detections_of_map(header: Header, objects: Sequence[Detection]) -> Detections:

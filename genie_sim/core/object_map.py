@@ -6,18 +6,22 @@ import bisect
 import heapq
 import itertools
 import math
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 from genie_sim.core.confidence import CONFIDENCE_RULES, ConfidenceRule
+from genie_sim.core.freshness.never import Never
+from genie_sim.core.maps import Boosted, Learned, Viewer, as_change
 from genie_sim.core.rules import ObjectMapRules
-from genie_sim.messages import CameraPose, Detection, Location
+from genie_sim.core.tracking import PARKED_NS
+from genie_sim.core.view import rectangle
+from genie_sim.messages import Answer, CameraPose, Detection, Header, Location, MapChange, ObjectLookups
 
 RANGE_60 = 0.30 + 0.60 * (1.0 - 0.30)  # 60 % of the way up the range of scores that the detector reports
 CELL_GATES = 4.0  # width of a cell, in gates
 REACH_GATES = 1.01  # how far around an object the cells list it: a gate, and room for rounding
-WIDE_RAD = math.radians(60.0)  # half of a view that is looked for in a whole circle
+ORIGIN_NS = 1_000_000_000  # with ``confidence_source: origins``, a car's word counts again after so long
 ROW = 2.0**26  # cells from one row to the next: no row of cells on earth has as many
 Cell = float  # the number of a cell: a whole number, counted east in rows that are counted north
 
@@ -31,8 +35,16 @@ class StoredObject:
     score: float
     confidence: float
     seen_ns: int
+    first_ns: int = 0
     sightings: int = 1
+    origins: dict[str, int] = field(default_factory=dict)
+    spoke_ns: dict[str, int] = field(default_factory=dict)
     _detection: Detection | None = None
+
+    @property
+    def parked(self) -> bool:
+        """Whether it has been seen at its place for a second."""
+        return self.seen_ns - self.first_ns >= PARKED_NS
 
     def as_detection(self) -> Detection:
         detection = self._detection
@@ -50,9 +62,19 @@ class ObjectMap:
     """
 
     def __init__(
-        self, rules: ObjectMapRules, view_cell_m: float = 50.0, confidence_rule: ConfidenceRule | None = None
+        self,
+        rules: ObjectMapRules,
+        view_cell_m: float = 50.0,
+        confidence_rule: ConfidenceRule | None = None,
+        freshness: Never | None = None,
     ) -> None:
         self._rules = rules
+        self._freshness = Never() if freshness is None else freshness
+        self._always_serves = getattr(type(self._freshness), "serves", None) is Never.serves
+        self._expires = getattr(type(self._freshness), "expires_ns", None) is not Never.expires_ns
+        self._origins = rules.confidence_source == "origins"
+        self._boosts: dict[int, tuple[Answer, Boosted]] = {}  # by the identity of the stored answer
+        self._boosted_changes = 0  # of the map, when they were made
         self._boosted = CONFIDENCE_RULES[rules.rule] if confidence_rule is None else confidence_rule
         self._exact = rules.location_key == "exact"
         self._cell_m = CELL_GATES * rules.gate_m
@@ -84,26 +106,35 @@ class ObjectMap:
         return scores[math.ceil(0.6 * len(scores)) - 1] if scores else 1.0
 
     def forget(self, now_ns: int) -> list[StoredObject]:
-        """Removes and returns the objects that nobody has seen for the rules' ``forget_ns``."""
+        """Removes and returns the objects whose time is over by the freshness policy."""
         forgotten = []
-        waiting, forget_ns = self._to_forget, self._rules.forget_ns
+        waiting = self._to_forget
         while waiting and waiting[0][0] <= now_ns:
             due_ns, _, stored = waiting[0]
-            assert forget_ns is not None
-            if stored.seen_ns + forget_ns > due_ns:  # it has been seen since
-                heapq.heapreplace(waiting, (stored.seen_ns + forget_ns, next(self._numbers), stored))
+            expires_ns = self._freshness.expires_ns(stored)
+            if expires_ns is None:
+                heapq.heappop(waiting)
+                continue
+            if expires_ns > due_ns:  # it has been seen since
+                heapq.heapreplace(waiting, (expires_ns, next(self._numbers), stored))
                 continue
             heapq.heappop(waiting)
             forgotten.append(stored)
-            self.changes += 1
-            self._count -= 1
-            for cell in self._cells_within_reach(stored.location):
-                _remove(self._cells, cell, stored)
-            _remove(self._view_cells, self._view_cell(stored.location), stored)
+            self._remove(stored)
         return forgotten
 
-    def sight(self, seen: Detection, now_ns: int = 0) -> tuple[float | None, StoredObject]:
-        """Lines 3 to 7: boosts the stored object that ``seen`` shows, or adds it.
+    def _remove(self, stored: StoredObject) -> None:
+        self.changes += 1
+        self._count -= 1
+        for cell in self._cells_within_reach(stored.location):
+            _remove(self._cells, cell, stored)
+        _remove(self._view_cells, self._view_cell(stored.location), stored)
+
+    def sight(
+        self, seen: Detection, now_ns: int = 0, header: Header | None = None
+    ) -> tuple[float | None, StoredObject]:
+        """Lines 3 to 7: boosts the stored object that ``seen`` shows, or adds it. ``header`` is that of the frame that
+        a detector saw it in, ``None`` if the object comes out of a map or cache.
 
         Returns the confidence before (``None`` for a new object) and the stored object.
         """
@@ -113,13 +144,19 @@ class ObjectMap:
         stored = self.match(seen.label, seen.location)
         if stored is not None:
             before = stored.confidence
-            stored.confidence = self._boosted(before, seen.confidence, rules.rate)
+            if not self._origins or self._speaks(stored, header):
+                stored.confidence = self._boosted(before, seen.confidence, rules.rate)
             stored.seen_ns = now_ns
             stored.sightings += 1
+            if header is not None:
+                self._freshness.seen(stored, seen.score, header)
             return before, stored
-        stored = StoredObject(seen.label, seen.location, seen.score, seen.confidence, now_ns)
-        if rules.forget_ns is not None:
-            heapq.heappush(self._to_forget, (now_ns + rules.forget_ns, next(self._numbers), stored))
+        stored = StoredObject(seen.label, seen.location, seen.score, seen.confidence, now_ns, now_ns)
+        if header is not None:
+            stored.spoke_ns[header.origin] = header.stamp_ns
+            self._freshness.seen(stored, seen.score, header)
+        if self._expires and (expires_ns := self._freshness.expires_ns(stored)) is not None:
+            heapq.heappush(self._to_forget, (expires_ns, next(self._numbers), stored))
         for cell in self._cells_within_reach(seen.location):
             self._cells.setdefault(cell, []).append(stored)
         self._view_cells.setdefault(self._view_cell(seen.location), []).append(stored)
@@ -127,6 +164,109 @@ class ObjectMap:
             bisect.insort(self._first_scores, seen.score)
         self._count += 1
         return None, stored
+
+    def _speaks(self, stored: StoredObject, header: Header | None) -> bool:
+        """Whether a sighting is more than an echo: the detector's own, of a car that was not counted for a second."""
+        if header is None:
+            return False
+        last_ns = stored.spoke_ns.get(header.origin)
+        if last_ns is not None and header.stamp_ns - last_ns < ORIGIN_NS:
+            return False
+        stored.spoke_ns[header.origin] = header.stamp_ns
+        return True
+
+    def learn(self, answer: Answer, viewer: Viewer | None, now_ns: int, own: bool, tells_changes: bool) -> Learned:
+        """EnhancedCacheNewData: every object of an answer is a sighting. See ``maps.Map``."""
+        if answer.objects is None:
+            return Learned(answer, answer, answer, None)
+        threshold, detected = self.threshold, answer.source == "detector"
+        objects: list[Detection] = []
+        known: list[StoredObject | None] = []
+        changes: list[MapChange] = []
+        requests = hits = updates = 0
+        boost = 0.0
+        for seen in answer.objects:
+            if seen.location is None:
+                objects.append(seen)
+                known.append(None)
+                continue
+            requests += 1
+            before, stored = self.sight(seen, now_ns, answer.header if detected and seen.method != "map" else None)
+            if before is not None:
+                hits += before >= threshold
+                updates += 1
+                boost += stored.confidence - before
+                seen = seen.with_confidence(stored.confidence)
+            objects.append(seen)
+            known.append(stored)
+            if tells_changes:
+                changes.append(as_change(stored))
+        facts = ObjectLookups(answer.header, "sighting", requests, hits, updates, boost, len(self), tuple(changes))
+        answer = answer.with_objects(objects)
+        to_clients = to_neighbours = self._confident(answer, known, answer.header.origin, now_ns)
+        if not self._always_serves:
+            to_neighbours = self._confident(answer, known, "", now_ns)
+        return Learned(answer, to_clients, to_neighbours, facts)
+
+    def _confident(self, answer: Answer, known: Sequence[StoredObject | None], to: str, now_ns: int) -> Answer:
+        """The answer without what must not leave a Genie: the objects below C_T (Section III-D), and those that the
+        freshness policy keeps back."""
+        threshold, always = self.threshold, self._always_serves
+        return answer.with_objects(
+            [
+                seen
+                for seen, stored in zip(answer.objects or (), known, strict=True)
+                if seen.confidence >= threshold
+                and (always or stored is None or self._freshness.serves(stored, to, now_ns))
+            ]
+        )
+
+    def boost(self, answer: Answer, header: Header, viewer: Viewer | None, now_ns: int) -> Boosted | None:
+        """EnhancedCacheBoostData: adds the stored objects at the answer's locations, each once, and leaves out what is
+        below C_T. As long as the map stays as it is, so does what it makes of an answer."""
+        if answer.objects is None:
+            return None
+        if not self._always_serves:
+            return self._boost(answer, header.origin, now_ns)
+        if self._boosted_changes != self.changes:
+            self._boosts.clear()
+            self._boosted_changes = self.changes
+        held = self._boosts.get(id(answer))
+        if held is None:
+            held = self._boosts[id(answer)] = answer, self._boost(answer, header.origin, now_ns)
+        return held[1]
+
+    def _boost(self, answer: Answer, to: str, now_ns: int) -> Boosted:
+        objects: list[Detection] = []
+        known: list[StoredObject | None] = []
+        requests = hits = 0
+        others: list[StoredObject] = []
+        for held in answer.objects or ():  # a list of its own: the stored answer stays as it is
+            stored = None
+            if held.location is not None:
+                requests += 1
+                there = [one for one in self.at(held.location) if one.confidence >= self.threshold]
+                stored = self.match(held.label, held.location)
+                if stored is not None:
+                    held = held.with_confidence(stored.confidence)
+                hits += bool(there)
+                others += there
+            objects.append(held)
+            known.append(stored)
+        included = {id(one) for one in known if one is not None}
+        for one in others:
+            if id(one) not in included:
+                included.add(id(one))
+                objects.append(one.as_detection())
+                known.append(one)
+        return Boosted(self._confident(answer.with_objects(objects), known, to, now_ns), requests, hits)
+
+    def visible(self, viewer: Viewer, range_m: float, now_ns: int) -> tuple[list[Detection], int | None]:
+        """The confident objects in view. See ``maps.Map``."""
+        found = self.in_view(viewer.pose, viewer.horizontal_fov_rad, range_m)
+        if not self._always_serves:
+            found = [one for one in found if self._freshness.serves(one, viewer.header.origin, now_ns)]
+        return [one.as_detection() for one in found], None
 
     def match(self, label: str, location: Location) -> StoredObject | None:
         """The stored object that a sighting of class ``label`` at ``location`` shows: the nearest that fits."""
@@ -159,7 +299,8 @@ class ObjectMap:
         half_rad = min(horizontal_fov_rad / 2, math.pi)
         least_ahead = math.cos(half_rad) if half_rad < math.pi else -math.inf  # per metre of distance
         found = []
-        for cell in self._cells_in_view(pose, half_rad, range_m):
+        west, east, south, north = rectangle(pose, half_rad, range_m)
+        for cell in _cells((west, east), (south, north), self._view_cell_m):
             for stored in self._view_cells.get(cell, ()):
                 if stored.confidence < threshold:
                     continue
@@ -186,20 +327,6 @@ class ObjectMap:
         reach_m = REACH_GATES * self._rules.gate_m
         east_m, north_m, _ = location
         return _cells((east_m - reach_m, east_m + reach_m), (north_m - reach_m, north_m + reach_m), self._cell_m)
-
-    def _cells_in_view(self, pose: CameraPose, half_rad: float, range_m: float) -> list[Cell]:
-        """The cells of the upright rectangle around the kite that touches a circle sector's arc at its ends and middle;
-        around the whole circle if the sector is wide."""
-        east_m, north_m, _, heading_rad = pose
-        if half_rad > WIDE_RAD:
-            west, east, south, north = -range_m, range_m, -range_m, range_m
-        else:
-            left, right, tip_m = heading_rad + half_rad, heading_rad - half_rad, range_m / math.cos(half_rad)
-            easts = 0.0, range_m * math.cos(left), range_m * math.cos(right), tip_m * math.cos(heading_rad)
-            norths = 0.0, range_m * math.sin(left), range_m * math.sin(right), tip_m * math.sin(heading_rad)
-            west, east, south, north = min(easts), max(easts), min(norths), max(norths)
-        return _cells((east_m + west, east_m + east), (north_m + south, north_m + north), self._view_cell_m)
-
 
 def _cells(easts: tuple[float, float], norths: tuple[float, float], side_m: float) -> list[Cell]:
     """The cells of an upright rectangle, west to east."""

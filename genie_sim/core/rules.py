@@ -24,6 +24,7 @@ LITERAL: dict[str, Any] = {
 
 
 MissPolicy = Literal["immediate", "blocking", "hits_only"]
+NEVER = Choice("never")
 SIMILARITY = Choice("pose_grid", {"cell_m": 1.0, "heading_rad": math.radians(15.0)})
 
 
@@ -34,8 +35,9 @@ class ObjectMapRules:
     ``location_key``: ``gate`` (the nearest object of the class within ``gate_m``) or ``exact`` (equal coordinates).
     ``one_per_location``: any object at a location blocks a second (lines 4 and 7 as printed), classes not told apart.
     ``rule`` is the confidence rule by name, ``rate`` its lambda. ``threshold``: C_T as a number, ``range_60`` or
-    ``empirical`` (60th percentile of the first scores seen so far). ``forget_ns``: an object that nobody has seen for
-    so long is forgotten; ``None`` for never, as in the paper.
+    ``empirical`` (60th percentile of the first scores seen so far). ``confidence_source``: every object of every answer
+    counts as a sighting (``sightings``), or echoes do not (``origins``): only what a detector found counts, and of each
+    car at most once a second. ``freshness``: the policy, by name, that says when an object is not believed in any more.
     """
 
     location_key: Literal["gate", "exact"] = "gate"
@@ -44,7 +46,8 @@ class ObjectMapRules:
     rule: str = "noisy_or"
     rate: float = 0.1
     threshold: float | str = 0.60
-    forget_ns: int | None = None
+    confidence_source: Literal["sightings", "origins"] = "sightings"
+    freshness: Choice = NEVER
 
 
 @dataclass(frozen=True)

@@ -65,5 +65,6 @@ def _genie(
         on_edge=on_edge,
         alone=alone,
         miss_policy=miss_policy,
+        laws=place.laws,
         tells_changes=place.records_changes,
     )

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
-from genie_sim.messages import CameraPose, Detection, Header
+from genie_sim.messages import CameraPose, Detection, Header, Look
 from genie_sim.ros.codec import Codec
 
 
@@ -28,6 +28,8 @@ class RosMessage:
     read: Sequence[Detection] | None = None
     source: str = "detector"
     served_by: str = ""
+    look: None = None  # ROS messages carry none
+    valid_ns: None = None
 
     @classmethod
     def of(cls, payload: bytes, codec: Codec, origin: str, answer: bool) -> RosMessage:
@@ -53,6 +55,9 @@ class RosMessage:
 
     def with_objects(self, objects: Sequence[Detection]) -> RosMessage:
         return replace(self, objects=tuple(objects))
+
+    def with_look(self, look: Look | None, valid_ns: int | None) -> RosMessage:
+        return self
 
     def served(self, source: str, by: str) -> RosMessage:
         return replace(self, source=source, served_by=by)

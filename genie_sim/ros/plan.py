@@ -7,6 +7,8 @@ from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
+from genie_sim import plugins
+from genie_sim.core.freshness import FRESHNESS, MUST_HAVE
 from genie_sim.core.genies import make_genie
 from genie_sim.core.rules import GenieRules
 from genie_sim.core.similarity import SIMILARITIES
@@ -61,6 +63,10 @@ def checked_settings(settings: Mapping[str, Any], pose_topic: str | None) -> Gen
     genie = read_genie({**DEFAULTS, **settings})
     if genie.similarity.name == "pose_grid" and pose_topic is None:
         raise UserError("genie: similarity: pose_grid needs to know where the camera is: name a pose topic")
+    freshness = genie.object_map.freshness.name
+    if plugins.resolve("freshness policy", freshness, FRESHNESS, MUST_HAVE).tracks:
+        known = ", ".join(name for name, policy in FRESHNESS.items() if not policy.tracks)
+        raise UserError(f"genie: object_map.freshness: {freshness!r} tracks, which ROS messages cannot carry; {known}")
     return genie
 
 

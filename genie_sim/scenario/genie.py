@@ -10,6 +10,7 @@ from pydantic import BeforeValidator, WithJsonSchema
 from genie_sim import plugins, units
 from genie_sim.core.confidence import CONFIDENCE_RULES
 from genie_sim.core.eviction import EVICTIONS
+from genie_sim.core.freshness import FRESHNESS
 from genie_sim.core.rules import LITERAL, Capacity, GenieRules, ObjectMapRules
 from genie_sim.core.similarity import SIMILARITIES
 from genie_sim.errors import shown
@@ -83,7 +84,7 @@ _OBJECT_MAP = Plain(
     rule=_name("confidence rule", CONFIDENCE_RULES),
     rate=Probability,
     threshold=Annotated[float | str, BeforeValidator(_threshold), _THRESHOLD_SCHEMA],
-    forget_ns=PositiveDuration | None,
+    freshness=Annotated[Choice, PlugIn("freshness policy", FRESHNESS)],
 )
 _CAPACITY = Annotated[
     Annotated[Capacity, Plain(Capacity, entries=Count | None, bytes=PositiveSize | None)] | None,

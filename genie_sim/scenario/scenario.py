@@ -14,6 +14,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import ConfigDict, Field, PrivateAttr, model_validator
 
 from genie_sim import files, methods, plugins, units
+from genie_sim.core.consumer import ConsumerName
 from genie_sim.core.rules import GenieRules
 from genie_sim.errors import UserError, unknown
 from genie_sim.methods import METHODS
@@ -51,6 +52,7 @@ class Overridable(Model):
     model: str = "autoware_vision_detector"
     spread: Literal["isolated", "default", "loaded"] = "default"
     queue_length: Count = 1
+    consumer: ConsumerName = "newest"
     edge_network: Link = LINKS["ethernet_1g"]
     genie: GenieSection = GenieRules()
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
+from genie_sim.core.consumer import ConsumerName
+from genie_sim.core.freshness.laws import ASSUMED, DetectorLaws
 from genie_sim.core.rules import GenieRules
 from genie_sim.messages import Frame
 from genie_sim.sim.fault import TimedFault
@@ -54,7 +56,10 @@ class CarSetup:
 
 @dataclass(frozen=True, slots=True)
 class Setup:
-    """One scenario under one method's settings. Random streams are named by car, edge and link below ``seed``."""
+    """One scenario under one method's settings. Random streams are named by car, edge and link below ``seed``.
+
+    ``laws`` are those of the detectors, as maps and consumers that weigh evidence take them to be.
+    """
 
     seed: int
     cars: Sequence[CarSetup]
@@ -62,6 +67,8 @@ class Setup:
     edge_network: LinkModel
     genie: GenieRules = field(default_factory=GenieRules)
     queue_length: int = 1
+    consumer: ConsumerName = "newest"
+    laws: DetectorLaws = ASSUMED
     faults: Sequence[TimedFault] = ()
 
     @property

@@ -12,6 +12,7 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
+from genie_sim.core.freshness.laws import DetectorLaws
 from genie_sim.core.rules import GenieRules
 from genie_sim.messages import Effect, Message, Observation
 
@@ -57,7 +58,7 @@ class Place:
     ``sees``: pictures come here, from the host's own cameras or from cars; else only positions do. ``joined``: the car
     has an edge. ``genie`` are the rules of Genies here, ``None`` where the scenario wants none. ``stream`` gives a
     random generator by names, the same for this host under every method. ``records_changes``: whether observations are
-    to name the objects of a map that changed.
+    to name the objects of a map that changed. ``laws`` are those of the detectors.
     """
 
     name: str
@@ -66,6 +67,7 @@ class Place:
     genie: GenieRules | None
     stream: Callable[..., np.random.Generator]
     records_changes: bool
+    laws: DetectorLaws
 
 
 class Uplink(NamedTuple):

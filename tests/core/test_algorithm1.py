@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from genie_sim.core.freshness.ttl import Ttl
 from genie_sim.core.eviction import LRU
 from genie_sim.core.similarity import Exact
 from genie_sim.messages import Detections, Expired, Forgotten, ImageLookup, MapChange, ObjectLookups, Observe, Publish
@@ -68,7 +69,7 @@ def test_another_spot_another_camera_and_another_heading_are_misses():
 
 @pytest.mark.parametrize("tells", [True, False])
 def test_a_genie_tells_what_its_map_forgets_before_anything_else(tells):
-    asked = genie(object_map(forget_ns=S), tells_changes=tells)
+    asked = genie(object_map(freshness=Ttl(S)), tells_changes=tells)
     asked.on_message(IMAGES, frame(0), 0)
     asked.on_message(FROM_NODE, answer(frame(0), CAR, FAINT_BUS), 1)
     forgotten = Forgotten(tuple(MapChange(one.label, one.location, one.score) for one in (CAR, FAINT_BUS)))

@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from genie_sim.core.confidence import CONFIDENCE_RULES
+from genie_sim.core.freshness.ttl import Ttl
 from genie_sim.messages import CameraPose
 from tests.core.worlds import object_map, seen
 
@@ -263,7 +264,7 @@ def test_a_gate_as_wide_as_the_world_takes_no_longer():
 
 
 def test_an_object_that_nobody_sees_for_long_enough_is_forgotten():
-    objects = object_map(forget_ns=10)
+    objects = object_map(freshness=Ttl(10))
     objects.sight(seen("car", 0.9, at=(5.0, 0.0)), 0)
     objects.sight(seen("bus", 0.9, at=(40.0, 1.0)), 3)
     objects.sight(seen("car", 0.9, at=(5.1, 0.0)), 8)
@@ -287,7 +288,7 @@ def test_nothing_is_forgotten_unless_it_is_said():
 @given(st.lists(st.tuples(sightings, st.integers(0, 30)), max_size=8), st.sampled_from([0.3, 2.5]))
 def test_a_map_that_forgets_holds_what_was_seen_lately(rounds, gate_m):
     """Whatever cells it lies in, an object is there for as long as it was sighted within the time, and not longer."""
-    objects, now_ns, last_ns = object_map(gate_m=gate_m, forget_ns=20), 0, {}
+    objects, now_ns, last_ns = object_map(gate_m=gate_m, freshness=Ttl(20)), 0, {}
     for many, later_ns in rounds:
         now_ns += later_ns
         objects.forget(now_ns)

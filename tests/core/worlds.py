@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from genie_sim.core.eviction import Eviction, Unlimited
+from genie_sim.core.freshness.never import Never
 from genie_sim.core.message_cache import MessageCache, PendingIndex
 from genie_sim.core.node import GenieNode, detections_of_map
 from genie_sim.core.object_map import ObjectMap
@@ -58,6 +59,8 @@ class Lanes:
     served_by: str = ""
     objects: None = None
     size_bytes: int = 100
+    look: None = None
+    valid_ns: None = None
 
     def restamped(self, header: Header) -> Lanes:
         return replace(self, header=header)
@@ -69,9 +72,9 @@ class Lanes:
         return replace(self, source=source, served_by=by)
 
 
-def object_map(view_cell_m: float = 50.0, **rules: Any) -> ObjectMap:
+def object_map(view_cell_m: float = 50.0, freshness: Never | None = None, **rules: Any) -> ObjectMap:
     """An empty object map; ``rules`` are those of ``ObjectMapRules``."""
-    return ObjectMap(ObjectMapRules(**rules), view_cell_m)
+    return ObjectMap(ObjectMapRules(**rules), view_cell_m, freshness=freshness)
 
 
 def genie(

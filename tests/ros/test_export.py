@@ -23,7 +23,7 @@ START_NS = 10**9  # of ROS time, when the simulation begins
 
 @pytest.fixture(scope="module")
 def run() -> Run:
-    settings = ["cars[0].route.window=[0 s, 2 s]", "genie.object_map.forget=300 ms"]
+    settings = ["cars[0].route.window=[0 s, 2 s]", "genie.object_map.freshness={name: ttl, ttl: 300 ms}"]
     return runner.run_in_memory(load_scenario("1car_hetero", settings))
 
 

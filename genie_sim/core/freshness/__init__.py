@@ -1,0 +1,26 @@
+"""Freshness: how long an object map believes in what it was told. One policy a file.
+
+To add one, write a class with ``Never`` as its base and name it in ``FRESHNESS`` (or in a scenario as
+``package.module:Class``). Its arguments are its settings in YAML.
+"""
+
+from __future__ import annotations
+
+from genie_sim.core.freshness.class_ttl import ClassTtl
+from genie_sim.core.freshness.corroborate import Corroborate
+from genie_sim.core.freshness.existence import Existence
+from genie_sim.core.freshness.never import Never
+from genie_sim.core.freshness.recommended import Recommended
+from genie_sim.core.freshness.track import Tracks
+from genie_sim.core.freshness.ttl import Ttl
+
+FRESHNESS: dict[str, type[Never]] = {
+    "never": Never,
+    "ttl": Ttl,
+    "class_ttl": ClassTtl,
+    "track": Tracks,
+    "existence": Existence,
+    "corroborate": Corroborate,
+    "recommended": Recommended,
+}
+MUST_HAVE = ("tracks", "by_existence", "expires_ns", "serves", "existence", "seen", "unseen")

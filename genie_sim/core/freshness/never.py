@@ -1,0 +1,56 @@
+"""``never``: the map keeps every object for ever, as in the paper. The base of all other policies."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+
+from genie_sim.core.freshness.laws import ASSUMED, DetectorLaws
+from genie_sim.errors import shown
+from genie_sim.messages import Header
+
+
+class Never:
+    """An object stays for ever where it was first seen, and leaves the map's Genie as soon as C >= C_T.
+
+    Other policies override what they do otherwise. The objects they get have ``label``, ``score``, ``confidence``,
+    ``seen_ns``, ``sightings``, ``parked``, and ``origins``, a dict of the policy's own. Those of a policy with
+    ``tracks`` have the other attributes of ``tracking.Track``, too.
+    """
+
+    tracks: ClassVar[bool] = False  # objects move with a constant velocity, and looks travel with answers
+    by_existence: ClassVar[bool] = False  # ``p_min`` decides what leaves, and not C_T
+    shares: str = "look"  # what answers of an edge's detector hold: the tracks of the "look", or the "map"
+    p_min: float = 0.0
+    laws: DetectorLaws = ASSUMED  # what the detector is like; set by whoever makes the Genie
+
+    def expires_ns(self, one: Any) -> int | None:
+        """When to take out an object that nobody sees again; ``None``: never."""
+        return None
+
+    def serves(self, one: Any, to: str, now_ns: int) -> bool:
+        """Whether an object that is confident enough may leave in an answer to a car (``""``: to other Genies)."""
+        return True
+
+    def existence(self, one: Any, now_ns: int) -> float:
+        """How likely the object still exists; what ``tracks`` leaves only from ``p_min`` on."""
+        return 1.0
+
+    def seen(self, one: Any, score: float, header: Header) -> None:
+        """A detector found the object, in the frame with this header. Also called for new objects."""
+
+    def unseen(self, one: Any, range_m: float, header: Header) -> None:
+        """A detector looked at the object, so far away, and did not find it. Only for policies with ``tracks``."""
+
+
+def positive(**values_ns: int) -> None:
+    """Raises ``ValueError`` for a time that is not more than zero."""
+    for name, value_ns in values_ns.items():
+        if value_ns <= 0:
+            raise ValueError(f"{name.removesuffix('_ns')}: must be more than zero, but is {value_ns:g} ns")
+
+
+def probability(**values: float) -> None:
+    """Raises ``ValueError`` for a number outside 0..1."""
+    for name, value in values.items():
+        if isinstance(value, bool) or not 0 <= value <= 1:
+            raise ValueError(f"{name}: must be a number from 0 to 1, not {shown(value)}")

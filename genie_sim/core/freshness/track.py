@@ -1,0 +1,22 @@
+"""``track``: objects move with a constant velocity (``core.tracking``) and are served where they are predicted."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from genie_sim.core.freshness.never import Never, positive
+from genie_sim.core.tracking import COAST_NS
+
+
+class Tracks(Never):
+    """A moving object is predicted for ``coast_ns`` after it was last seen, then forgotten; others stay."""
+
+    tracks = True
+
+    def __init__(self, coast_ns: int = COAST_NS) -> None:
+        positive(coast_ns=coast_ns)
+        self._coast_ns = coast_ns
+
+    def expires_ns(self, one: Any) -> int | None:
+        seen_ns: int = one.seen_ns
+        return seen_ns + self._coast_ns if one.moving else None

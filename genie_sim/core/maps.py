@@ -1,0 +1,75 @@
+"""What a Genie needs of an object map, be it the paper's (``object_map``) or one of tracks (``track_map``)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple, Protocol
+
+from genie_sim.messages import Answer, CameraPose, Detection, Header, Location, MapChange, ObjectLookups
+
+
+class Viewer(NamedTuple):
+    """Who asks, and from where its camera looks."""
+
+    header: Header
+    pose: CameraPose
+    horizontal_fov_rad: float
+
+
+class Learned(NamedTuple):
+    """What a map makes of an answer: the answer with the map's confidences, what of it may go to clients, what to other
+    Genies, and the look-ups it took (``None`` for an answer without objects)."""
+
+    answer: Answer
+    to_clients: Answer
+    to_neighbours: Answer
+    lookups: ObjectLookups | None
+
+
+class Boosted(NamedTuple):
+    """What a map makes of a stored answer: what leaves, and the look-ups it took."""
+
+    answer: Answer
+    requests: int
+    hits: int
+
+
+class InMap(Protocol):
+    """An object of a map."""
+
+    label: str
+    confidence: float
+
+    @property
+    def location(self) -> Location: ...
+
+
+class Map(Protocol):
+    """An object map. Times are those of the Genie's clock [ns]."""
+
+    def __len__(self) -> int: ...
+
+    def __iter__(self) -> Iterator[InMap]: ...
+
+    def forget(self, now_ns: int) -> Sequence[InMap]:
+        """Removes and returns the objects whose time is over."""
+
+    def learn(self, answer: Answer, viewer: Viewer | None, now_ns: int, own: bool, tells_changes: bool) -> Learned:
+        """EnhancedCacheNewData. ``viewer`` is the request's, where it is known; ``own``: the answer is that of the
+        encapsulated node; ``tells_changes``: the look-ups are to name the objects that changed."""
+
+    def boost(self, answer: Answer, header: Header, viewer: Viewer | None, now_ns: int) -> Boosted | None:
+        """EnhancedCacheBoostData for a stored answer that leaves under ``header``; ``None`` if its type has no objects.
+        """
+
+    @property
+    def threshold(self) -> float:
+        """From which confidence on an object may leave the Genie."""
+
+    def visible(self, viewer: Viewer, range_m: float, now_ns: int) -> tuple[list[Detection], int | None]:
+        """The objects in view that may leave, and the time that their places are predicted for, if they are."""
+
+
+def as_change(one: InMap) -> MapChange:
+    """An object of a map as the log tells of it."""
+    return MapChange(one.label, one.location, one.confidence)
