@@ -199,7 +199,8 @@ def prepare_job(job: Job) -> Prepared:
     scenario = load_scenario(job.scenario, overrides, job.seed).model_copy(update={"methods": job.methods})
     assert isinstance(scenario.perception, Recorded)
     trace = _trace(scenario.perception.trace, float(words.get("min_score", 0.0)), float(words.get("frame_rate_hz", 0)))
-    devices = {one.device: _device(one.device) for one in (*scenario.cars, *scenario.edges)}
+    names = [car.device for car in scenario.cars] + [edge.device for edge in scenario.edges]
+    devices = {name: _device(name) for name in names}
     return Prepared(scenario, devices, {car.name: trace for car in scenario.cars})
 
 
