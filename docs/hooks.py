@@ -11,9 +11,8 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
-from genie_sim import catalogue
+from genie_sim import catalogue, files
 from genie_sim.recording import records
-from genie_sim.scenario import files
 from genie_sim.scenario.links import LINKS
 from genie_sim.scenario.profiles import DeviceProfile, load_profile
 from genie_sim.units import duration_text, rate_text
@@ -49,8 +48,10 @@ def devices() -> Iterator[str]:
 def links() -> Iterator[str]:
     yield "| name | up | down | delay | jitter |\n|---|---:|---:|---:|---:|"
     for name, link in LINKS.items():
-        rates = (rate_text(rate) if rate is not None else "no limit" for rate in (link.rate_up_bps, link.rate_down_bps))
-        yield f"| `{name}` | {' | '.join(rates)} | {duration_text(link.delay_ns)} | {duration_text(link.jitter_ns)} |"
+        of = link.parameters
+        both = (of["rate_up_bps"], of["rate_down_bps"])
+        rates = (rate_text(rate) if rate is not None else "no limit" for rate in both)
+        yield f"| `{name}` | {' | '.join(rates)} | {duration_text(of['delay_ns'])} | {duration_text(of['jitter_ns'])} |"
 
 
 def detectors() -> Iterator[str]:

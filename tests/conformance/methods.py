@@ -36,6 +36,11 @@ class MethodConformance:
         small.check_conserved(rows, [name])
         assert rows["first_answer_ns"].notna().any(), "it never answers"
 
+    def test_what_a_node_looks_up_is_told_where_it_runs(self, method: str):
+        lookups = small.tables(small.scenario([method]))["lookups"]
+        hosts = lookups["genie"].str.extract(r"^(car|edge)\d/")[0]
+        assert hosts.equals(lookups["placement"].rename(0))
+
     def test_twice_the_same(self, method: str):
         setting = small.scenario([method], **SETTINGS["lossy"])
         small.same(small.tables(setting), small.tables(setting))

@@ -95,6 +95,8 @@ def test_what_is_voided_says_who_did_it(target: str, method: str):
     assert host.accelerator.queued == host.cpu.queued == 0
     assert all(node.queued == 0 and not node._in_service for node in graph.nodes)
     busy_ns = host.accelerator.busy_ns, host.cpu.busy_ns
+    world.env.run(until=world.env.now + 1000)
+    assert (host.accelerator.busy_ns, host.cpu.busy_ns) == busy_ns, "nobody works on what is gone"
     world.run()
     rows = tables.frames.to_frame()
     small.check_conserved(rows, [read_method(method).name])
