@@ -66,8 +66,10 @@ def test_a_parked_car_that_was_passed_stays_and_goes_when_it_has_left():
     after(map_, *(look(2.1 + i, heading_deg=180.0) for i in range(60)))
     assert there(map_, 63) == [("car", 20.0, 0.0)], "nobody looked there, and parked cars stay"
     after(map_, look(64))
-    assert there(map_, 64) == [], "one look at the empty place is enough not to serve it"
-    after(map_, look(64.1), look(64.2), look(64.3))
+    assert there(map_, 64) != [], "what was seen so often is not gone because it was missed once"
+    after(map_, *(look(64.1 + 0.1 * i) for i in range(3)))
+    assert there(map_, 64.4) == []
+    after(map_, *(look(64.4 + 0.1 * i) for i in range(3)))
     assert len(map_) == 0
 
 
@@ -103,7 +105,7 @@ def test_a_detector_that_misses_twice_does_not_lose_the_object():
     """Not served after two misses by textbook independence, but still tracked: the next sighting brings it back."""
     map_ = after(tracks(), *(look(0.1 * i, car()) for i in range(12)))
     (held,) = map_
-    assert held.existence > 0.999
+    assert held.existence > 0.99
     after(map_, look(1.2))
     assert there(map_, 1.2) == [("car", 20.0, 0.0)]
     after(map_, look(1.3))
@@ -201,7 +203,7 @@ def test_a_measured_law_knows_a_good_detector_from_a_bad_one():
     good, bad = measured(looks(1)), measured(looks(2))
     assert good.found(True, 12.0) > 0.95 > 0.75 > bad.found(True, 12.0) > 0.4
     assert good.others == pytest.approx(ASSUMED.others), "no persons were seen"
-    assert measured([]) == pytest.approx(ASSUMED)
+    assert all(found == pytest.approx(known) for found, known in zip(measured([]), ASSUMED, strict=True))
 
 
 # What a look sees
@@ -209,7 +211,7 @@ def test_a_measured_law_knows_a_good_detector_from_a_bad_one():
 
 @pytest.mark.parametrize(
     ("at", "seen_there"),
-    [((20, 0), True), ((3, 0), False), ((41, 0), False), ((-20, 0), False), ((20, 19), True), ((20, 20), False)],
+    [((20, 0), True), ((3, 0), False), ((41, 0), False), ((-20, 0), False), ((20, 18), True), ((20, 20), False)],
 )
 def test_a_look_tells_of_its_field_of_view_alone(at, seen_there):
     assert (View(look(0)).range_m(*at) is not None) is seen_there
@@ -247,6 +249,7 @@ def test_what_one_car_saw_is_its_own_until_another_has_seen_it():
     assert shown("car1", 1.1) == ["car"] and shown("car3", 1.1) == []
     says("car2", 2.0, car())
     assert shown("car3", 2.1) == ["car"]
+    says("car1", 5.0, seen("bench", 0.9, at=(-30.0, 0.0)))
     assert shown("car3", 11.0) == [], "car1's word is more than ten seconds old"
 
 
@@ -258,10 +261,10 @@ def test_origins_count_no_echo():
         for stamp_s, kind in ((0.0, "detector"), (0.0, "detector"), (0.5, "cache"), (1.0, "detector")):
             said = answer(Header(round(stamp_s * S), "02", "car1"), car(score=0.5)).served(kind, "x")
             objects.learn(said, None, 0, False, False)
-            found.append(round(next(iter(objects)).confidence, 4))
+            found.append(round(next(iter(objects)).confidence, 3))
         return found
 
-    assert confidence("sightings") == [0.5, 0.525, 0.5487, 0.5713]
+    assert confidence("sightings") == [0.5, 0.525, 0.549, 0.571]
     assert confidence("origins") == [0.5, 0.5, 0.5, 0.525]
 
 
@@ -287,9 +290,8 @@ def test_looks_travel_their_bytes_count_and_hits_are_no_looks():
 
 
 def test_another_maps_track_is_taken_over_only_where_nobody_here_has_just_looked():
-    edge = after(
-        tracks(), *(look(0.1 * i, car(20.0, 0.0), car(20.0, 30.0), car="car2", heading_deg=30) for i in range(9))
-    )
+    both = car(20.0, 0.0), car(20.0, 30.0)
+    edge = after(tracks(), *(look(0.1 * i, *both, car="car2", heading_deg=30.0) for i in range(9)))
     objects, valid_ns = edge.visible(Viewer(Header(S, "02", "car1"), CameraPose(0, 0, 0, 0.5), math.pi), 50.0, S)
     sent = Detections(Header(S, "02", "car1"), tuple(objects), "cache").with_look(None, valid_ns)
     assert len(objects) == 2
