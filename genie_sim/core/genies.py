@@ -85,7 +85,7 @@ def _object_map(rules: GenieRules, laws: DetectorLaws, on_edge: bool) -> Map:
     if not policy.tracks:
         return ObjectMap(rules.object_map, rules.view_range_m, rule, policy)
     policy.laws = laws
-    return TrackMap(rules.object_map, policy, rule, policy.shares if on_edge else "map", rules.view_range_m)
+    return TrackMap(rules.object_map, policy, rule, "look" if on_edge else "map", rules.view_range_m)
 
 
 def confidence_rule(name: str) -> ConfidenceRule:

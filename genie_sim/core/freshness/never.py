@@ -19,7 +19,6 @@ class Never:
 
     tracks: ClassVar[bool] = False  # objects move with a constant velocity, and looks travel with answers
     by_existence: ClassVar[bool] = False  # ``p_min`` decides what leaves, and not C_T
-    shares: str = "look"  # what answers of an edge's detector hold: the tracks of the "look", or the "map"
     p_min: float = 0.0
     laws: DetectorLaws = ASSUMED  # what the detector is like; set by whoever makes the Genie
 

@@ -2,28 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Literal
-
 from genie_sim.core.freshness.existence import Existence
 from genie_sim.core.tracking import COAST_NS
 
 
 class Recommended(Existence):
-    """Serves what exists with a probability of at least ``p_min``, whatever C is.
-
-    An edge's answer to a car's frame holds the tracks of its ``look``, or all of its ``map`` that is in view.
-    """
+    """Serves what exists with a probability of at least ``p_min``, whatever C is."""
 
     by_existence = True
 
-    def __init__(
-        self,
-        p_min: float = 0.8,
-        shares: Literal["look", "map"] = "look",
-        coast_ns: int = COAST_NS,
-        measured: bool = True,
-    ) -> None:
+    def __init__(self, p_min: float = 0.8, coast_ns: int = COAST_NS, measured: bool = True) -> None:
         super().__init__("ipda", p_min, coast_ns, measured)
-        if shares not in ("look", "map"):
-            raise ValueError(f"shares: must be 'look' or 'map', not {shares!r}")
-        self.shares = shares

@@ -1,0 +1,405 @@
+"""Freshness policies against sequences worked by hand, and existence against the textbook's recursion."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from genie_sim.core.consumer import Newest, Tracker
+from genie_sim.core.freshness.class_ttl import ClassTtl
+from genie_sim.core.freshness.corroborate import Corroborate
+from genie_sim.core.freshness.existence import Existence
+from genie_sim.core.freshness.laws import ASSUMED, DetectorLaws
+from genie_sim.core.freshness.measure import measured
+from genie_sim.core.freshness.recommended import Recommended
+from genie_sim.core.freshness.track import Tracks
+from genie_sim.core.maps import Viewer
+from genie_sim.core.rules import ObjectMapRules
+from genie_sim.core.track_map import TrackMap
+from genie_sim.core.view import View
+from genie_sim.errors import UserError
+from genie_sim.messages import LOOK_BYTES, LOOK_DETECTION_BYTES, CameraPose, Detection, Detections, Header, Image, Look
+from genie_sim.scenario.genie import read_genie
+from tests.core.worlds import IMAGES, OBJECTS, S, answer, frame, genie, object_map, seen
+
+FROM_NODE = f"{OBJECTS}-local"
+MS = S // 1000
+FOV = math.radians(90.0)
+
+
+def look(t_s: float, *detections: Detection, at=(0.0, 0.0), heading_deg=0.0, car="car1", camera="02") -> Look:
+    """A look east from the origin, unless it is said otherwise."""
+    pose = CameraPose(at[0], at[1], 1.6, math.radians(heading_deg))
+    return Look(Header(round(t_s * S), camera, car), pose, FOV, detections)
+
+
+def tracks(policy=None, **rules) -> TrackMap:
+    return TrackMap(ObjectMapRules(**rules), policy or Recommended(measured=False))
+
+
+def after(map_: TrackMap, *looks: Look) -> TrackMap:
+    for one in looks:
+        map_.look(one, one.header.stamp_ns)
+    return map_
+
+
+def there(map_: TrackMap, t_s: float) -> list[tuple[str, float, float]]:
+    """What may leave at a time, by class and place."""
+    map_.forget(round(t_s * S))
+    found = [(one.label, *one.location[:2]) for one in map_.served(round(t_s * S))]
+    return sorted((label, round(east, 2), round(north, 2)) for label, east, north in found)
+
+
+def car(east=20.0, north=0.0, score=0.9, label="car") -> Detection:
+    return seen(label, score, at=(east, north))
+
+
+# Sequences
+
+
+def test_a_parked_car_that_was_passed_stays_and_goes_when_it_has_left():
+    """Seen for 2 s; then the camera looks elsewhere for a minute; then it looks at the empty place."""
+    map_ = after(tracks(), *(look(0.1 * i, car()) for i in range(21)))
+    after(map_, *(look(2.1 + i, heading_deg=180.0) for i in range(60)))
+    assert there(map_, 63) == [("car", 20.0, 0.0)], "nobody looked there, and parked cars stay"
+    after(map_, look(64))
+    assert there(map_, 64) != [], "what was seen so often is not gone because it was missed once"
+    after(map_, *(look(64.1 + 0.1 * i) for i in range(3)))
+    assert there(map_, 64.4) == []
+    after(map_, *(look(64.4 + 0.1 * i) for i in range(3)))
+    assert len(map_) == 0
+
+
+def test_a_van_ahead_that_drives_on_is_served_where_it_is_and_leaves_no_trail():
+    """10 m/s away from a camera that sees it every 100 ms: 2 s later one object, and 50 ms on, half a metre further."""
+    map_ = after(tracks(), *(look(0.1 * i, car(10.0 + i, label="truck" if i % 3 else "car")) for i in range(21)))
+    ((_, east_m, north_m),) = there(map_, 2.05)
+    assert east_m == pytest.approx(30.5, abs=0.15) and north_m == 0.0
+    (held,) = map_
+    assert held.velocity_mps[0] == pytest.approx(10.0, abs=0.3), "metres per second, away"
+    assert there(map_, 3.05) == [] and len(map_) == 0, "nobody saw it for a second"
+
+
+def test_the_papers_map_keeps_a_trail_of_the_same_van():
+    objects = object_map()
+    for i in range(10):
+        objects.sight(car(10.0 + 1.1 * i))
+    assert len(objects) == 10
+
+
+def test_an_occluded_car_is_not_missed():
+    """A bus drives in front of it: what it hides is no evidence. Beside it, it would be."""
+
+    def rest(*detections):
+        map_ = after(tracks(), *(look(0.1 * i, car(25.0)) for i in range(12)))
+        return there(after(map_, *(look(1.2 + 0.1 * i, *detections) for i in range(4))), 1.5)
+
+    assert ("car", 25.0, 0.0) in rest(seen("bus", 0.9, at=(12.0, 0.3)))
+    assert ("car", 25.0, 0.0) not in rest(seen("bus", 0.9, at=(12.0, 6.0)))
+
+
+def test_a_detector_that_misses_twice_does_not_lose_the_object():
+    """Not served after two misses by textbook independence, but still tracked: the next sighting brings it back."""
+    map_ = after(tracks(), *(look(0.1 * i, car()) for i in range(12)))
+    (held,) = map_
+    assert held.existence > 0.99
+    after(map_, look(1.2))
+    assert there(map_, 1.2) == [("car", 20.0, 0.0)]
+    after(map_, look(1.3))
+    assert len(map_) == 1
+    after(map_, look(1.4, car()))
+    assert there(map_, 1.4) == [("car", 20.0, 0.0)] and list(map_) == [held]
+
+
+def test_a_late_look_is_associated_by_predicting_back_and_moves_nothing():
+    map_ = after(tracks(), *(look(0.1 * i, car(10.0 + i)) for i in range(11)))
+    (held,) = map_
+    place, sightings = held.place(S), held.sightings
+    map_.look(look(0.55, car(15.5)), S)
+    assert list(map_) == [held] and held.sightings == sightings + 1, "it is the same car, half a second ago"
+    assert held.place(S) == place and held.seen.stamp_ns == S
+    map_.look(look(0.65), S)
+    assert there(map_, 1.0) != [], "a late look that does not show it says nothing about now"
+
+
+def test_the_same_look_by_two_ways_counts_once():
+    one = look(0, car(score=0.5))
+    map_ = after(tracks(), one)
+    (held,) = map_
+    before = held.existence
+    again, boosted = map_.look(one, 40 * MS)
+    assert again == [held] and boosted == {}
+    assert (held.existence, held.sightings) == (before, 1)
+    map_.look(one._replace(header=one.header._replace(frame_id="03")), 40 * MS)
+    assert held.existence > before and held.sightings == 2, "another camera's look is another look"
+
+
+def test_two_who_walk_side_by_side_stay_two():
+    walkers = [look(0.1 * i, *(seen("person", 0.9, at=(15.0 + 0.1 * i, n)) for n in (0.0, 1.5))) for i in range(10)]
+    assert len(after(tracks(), *walkers)) == 2
+
+
+# Existence
+
+
+def textbook(p: float, dt_s: float, survival: float, found: float, ratio: float | None) -> float:
+    """Musicki, Evans and Stankovic 1994, one target, one gate, written from the paper: predict with the survival, then
+    p' = (1 - d) p / (1 - d p), with d = found if nothing was detected, else d = 1 - ratio."""
+    p *= survival**dt_s
+    d = found if ratio is None else 1.0 - ratio
+    return (1.0 - d) * p / (1.0 - d * p)
+
+
+@given(st.lists(st.one_of(st.none(), st.floats(0.3, 1.0)), min_size=1, max_size=12), st.floats(4.0, 39.0))
+def test_existence_follows_the_textbooks_recursion(scores, range_m):
+    laws = DetectorLaws((0.9,) * 7, (0.8,) * 7, ASSUMED.ratios, ASSUMED.firsts)
+    policy = Existence(measured=False)
+    policy.laws = laws
+    map_ = after(tracks(policy), look(0, car(range_m, score=0.6)))
+    (held,) = map_
+    p = 0.6
+    for i, score in enumerate(scores, start=1):
+        survival = 0.9998 if held.parked else 0.97
+        header = Header(i * 100 * MS, "02", "car1")
+        if score is None:
+            policy.unseen(held, range_m, header)
+        else:
+            held.sightings += 1
+            policy.seen(held, score, header)
+        p = textbook(p, 0.1, survival, 0.9, None if score is None else 0.9 * score / 0.2)
+        assert held.existence == pytest.approx(p, rel=1e-9)
+        assert 0.0 <= held.existence <= 1.0
+
+
+def test_autowares_rule_halves_in_half_a_second_and_takes_misses_for_nothing():
+    policy = Existence("autoware")
+    (held,) = after(tracks(policy), look(0, car(score=0.8)))
+    assert policy.existence(held, S // 2) == pytest.approx(0.4)
+    policy.unseen(held, 20.0, Header(S, "02", "car1"))
+    assert held.existence == 0.8
+    held.sightings = 2
+    policy.seen(held, 0.5, Header(S // 2, "02", "car1"))
+    assert held.existence == pytest.approx(0.4 * 0.45 / (0.4 * 0.45 + 0.6 * 0.2))
+
+
+@pytest.mark.parametrize(("range_m", "found"), [(10.0, 0.9), (20.0, 0.9), (30.0, 0.6), (40.0, 0.3), (60.0, 0.2)])
+def test_the_assumed_chance_to_find_falls_with_the_range(range_m, found):
+    assert ASSUMED.found(True, range_m) == pytest.approx(found)
+
+
+def test_a_measured_law_knows_a_good_detector_from_a_bad_one():
+    """Twenty objects that every look finds, or every other look; a false one now and then."""
+
+    def looks(every: int) -> list[Look]:
+        places = [(8.0 + 2.0 * (i // 4), -6.0 + 4.0 * (i % 4)) for i in range(8)]
+        return [
+            look(0.1 * t, *(seen("car", 0.9, at=at) for k, at in enumerate(places) if (t + k) % every == 0))
+            for t in range(60)
+        ]
+
+    good, bad = measured(looks(1)), measured(looks(2))
+    assert good.found(True, 12.0) > 0.95 > 0.75 > bad.found(True, 12.0) > 0.4
+    assert good.others == pytest.approx(ASSUMED.others), "no persons were seen"
+    assert all(found == pytest.approx(known) for found, known in zip(measured([]), ASSUMED, strict=True))
+
+
+# What a look sees
+
+
+@pytest.mark.parametrize(
+    ("at", "seen_there"),
+    [((20, 0), True), ((3, 0), False), ((41, 0), False), ((-20, 0), False), ((20, 18), True), ((20, 20), False)],
+)
+def test_a_look_tells_of_its_field_of_view_alone(at, seen_there):
+    assert (View(look(0)).range_m(*at) is not None) is seen_there
+
+
+# Other policies
+
+
+def test_class_ttl_keeps_what_stands_and_forgets_what_moves():
+    objects = object_map(freshness=ClassTtl())
+    for label, north_m in (("person", 0.0), ("car", 5.0), ("bench", 10.0)):
+        objects.sight(seen(label, 0.9, at=(10.0, north_m)), 0)
+    objects.sight(car(30.0), 0)
+    objects.sight(car(30.0), 1 * S)  # at one place for a second: parked
+    for t_ns, gone in ((S // 2 - 1, []), (S // 2, ["person"]), (S, ["car"]), (300 * S, []), (301 * S, ["car"])):
+        assert [one.label for one in objects.forget(t_ns)] == gone
+    assert [one.label for one in objects] == ["bench"]
+
+
+def test_what_one_car_saw_is_its_own_until_another_has_seen_it():
+    objects = object_map(freshness=Corroborate(n=2, within_ns=10 * S))
+
+    def shown(to: str, t_s: float) -> list[str]:
+        viewer = Viewer(Header(round(t_s * S), "02", to), CameraPose(0.0, 0.0, 1.6, 0.0), FOV)
+        return [one.label for one in objects.visible(viewer, 50.0, round(t_s * S))[0]]
+
+    def says(who: str, t_s: float, *found: Detection) -> None:
+        told_ = answer(Header(round(t_s * S), "02", who), *found)
+        objects.learn(told_, None, round(t_s * S), True, False)
+
+    says("car1", 0.0, car())
+    assert shown("car2", 0.1) == ["car"], "nobody else is there to ask"
+    says("car2", 1.0)
+    says("car2", 1.0, seen("person", 0.9, at=(10.0, 5.0)))
+    assert shown("car1", 1.1) == ["car"] and shown("car3", 1.1) == []
+    says("car2", 2.0, car())
+    assert shown("car3", 2.1) == ["car"]
+    says("car1", 5.0, seen("bench", 0.9, at=(-30.0, 0.0)))
+    assert shown("car3", 11.0) == [], "car1's word is more than ten seconds old"
+
+
+def test_origins_count_no_echo():
+    """The car's own detector, then the edge's about the same picture, then a cache's, then one second later."""
+
+    def confidence(source: str) -> list[float]:
+        objects, found = object_map(confidence_source=source), []
+        for stamp_s, kind in ((0.0, "detector"), (0.0, "detector"), (0.5, "cache"), (1.0, "detector")):
+            said = answer(Header(round(stamp_s * S), "02", "car1"), car(score=0.5)).served(kind, "x")
+            objects.learn(said, None, 0, False, False)
+            found.append(round(next(iter(objects)).confidence, 3))
+        return found
+
+    assert confidence("sightings") == [0.5, 0.525, 0.549, 0.571]
+    assert confidence("origins") == [0.5, 0.5, 0.5, 0.525]
+
+
+# In a Genie
+
+
+def test_looks_travel_their_bytes_count_and_hits_are_no_looks():
+    policy = Recommended(measured=False)
+    asked = genie(TrackMap(ObjectMapRules(), policy, shares="look"))
+    request = frame(0)
+    asked.on_message(IMAGES, request, 0)
+    effects = asked.on_message(FROM_NODE, answer(request, seen("car", 0.9, at=(20.0, 0.0))), 50 * MS)
+    sent = [one.message for one in effects if getattr(one, "topic", "") == f"{OBJECTS}-remote"]
+    (look_,) = {one.look for one in sent}
+    assert look_.header == request.header and look_.pose == request.pose and len(look_.detections) == 1
+    without = sent[0].with_look(None, None)
+    assert sent[0].size_bytes == without.size_bytes + LOOK_BYTES + LOOK_DETECTION_BYTES
+    hit = asked.on_message(IMAGES, frame(0.2), 200 * MS)
+    (replayed,) = [one.message for one in hit if getattr(one, "topic", "") == OBJECTS]
+    assert replayed.look is None and replayed.valid_ns == 200 * MS and replayed.source == "cache"
+    (held,) = asked.object_map
+    assert held.sightings == 1
+
+
+def test_another_maps_track_is_taken_over_only_where_nobody_here_has_just_looked():
+    both = car(20.0, 0.0), car(20.0, 30.0)
+    edge = after(tracks(), *(look(0.1 * i, *both, car="car2", heading_deg=30.0) for i in range(9)))
+    objects, valid_ns = edge.visible(Viewer(Header(S, "02", "car1"), CameraPose(0, 0, 0, 0.5), math.pi), 50.0, S)
+    sent = Detections(Header(S, "02", "car1"), tuple(objects), "cache").with_look(None, valid_ns)
+    assert len(objects) == 2
+    mine = after(tracks(), look(0.9))
+    mine.learn(sent, None, S, False, False)
+    assert there(mine, 1.0) == [("car", 20.0, 30.0)], "the other place was in view, and empty"
+    (held,) = mine
+    existence = held.existence
+    mine.learn(sent, None, S, False, False)
+    assert held.existence == existence and len(mine) == 1, "an echo adds nothing"
+
+
+def test_a_genie_that_never_forgets_sends_no_looks():
+    asked = genie()
+    asked.on_message(IMAGES, frame(0), 0)
+    effects = asked.on_message(FROM_NODE, answer(frame(0), car()), 1)
+    assert all(one.message.look is None for one in effects if hasattr(one, "message"))
+
+
+# Consumers
+
+
+def image(t_s: float, camera="02") -> Image:
+    return Image(Header(round(t_s * S), camera, "car1"), 1, "", 0, CameraPose(0.0, 0.0, 1.6, 0.0), FOV)
+
+
+def held(consumer, t_s: float) -> list[tuple[str, float]]:
+    return [(one.label, round(one.location[0], 1)) for one in consumer.held(round(t_s * S))]
+
+
+def tell(consumer, t_s: float, *found: Detection, source="detector", camera="02") -> None:
+    taken = image(t_s, camera)
+    consumer.on_frame(taken)
+    consumer.on_answer(Detections(taken.header, found, source), round(t_s * S) + 30 * MS)
+
+
+def test_newest_holds_the_newest_answer_of_each_stream_where_it_was():
+    consumer = Newest()
+    tell(consumer, 0.0, car(10.0))
+    tell(consumer, 0.0, car(10.5), car(30.0), camera="03")
+    assert held(consumer, 1.0) == [("car", 10.0), ("car", 30.0)], "two within a metre are one"
+    tell(consumer, 0.1, car(11.5))
+    consumer.on_answer(Detections(image(0.05).header, (car(99.0),)), S)
+    assert held(consumer, 1.0) == [("car", 11.5), ("car", 10.5), ("car", 30.0)]
+
+
+def test_newest_predicts_what_has_a_velocity_and_lets_it_replace_older_views():
+    consumer = Newest()
+    tell(consumer, 0.0, car(33.0), camera="03")
+    map_ = after(tracks(), *(look(0.1 * i, car(10.0 + i)) for i in range(11)))
+    objects, valid_ns = map_.visible(Viewer(image(1.0).header, image(1.0).pose, FOV), 50.0, S)
+    consumer.on_frame(image(1.0))
+    consumer.on_answer(Detections(image(1.0).header, tuple(objects), "map").with_look(None, valid_ns), S)
+    assert held(consumer, 1.0) == [("car", pytest.approx(20.0, abs=0.1))]
+    assert held(consumer, 1.3) == [("car", pytest.approx(23.0, abs=0.2))]
+    assert held(consumer, 9.0) == [("car", pytest.approx(30.0, abs=0.3))], "for a second at most"
+
+
+def test_a_tracker_predicts_between_answers_and_takes_caches_for_nothing():
+    consumer = Tracker()
+    for i in range(11):
+        tell(consumer, 0.1 * i, car(10.0 + i))
+    tell(consumer, 1.05, car(30.0, 5.0), source="cache")
+    assert held(consumer, 1.2) == [("car", pytest.approx(22.0, abs=0.2))]
+
+
+# Bounds, determinism, bad input
+
+
+sightings = st.tuples(
+    st.floats(0.0, 3.0),
+    st.floats(-30.0, 60.0),
+    st.floats(-30.0, 30.0),
+    st.floats(0.3, 1.0),
+    st.sampled_from(["car", "truck", "person", "bench", "dog"]),
+)
+
+
+@given(st.lists(st.lists(sightings, max_size=5), max_size=12), st.sampled_from(["ipda", "autoware", "track"]))
+def test_whatever_is_seen_bounds_hold_and_the_same_again_is_the_same(rounds, name):
+    """In any order of time: probabilities in 0..1, the grids hold what the count says, and nothing depends on luck."""
+
+    def outcome() -> list[tuple[float, ...]]:
+        map_ = tracks(Tracks() if name == "track" else Existence(name, measured=False))
+        for i, many in enumerate(rounds):
+            t_s = many[0][0] if many else 0.0
+            found = [seen(label, score, at=(east, north)) for _, east, north, score, label in many]
+            map_.look(look(t_s, *found, camera=str(i)), round(t_s * S))
+            assert all(0.0 <= one.existence <= 1.0 and one.variance[0] >= 0.0 for one in map_)
+            assert len(list(map_)) == len(map_)
+        return [(one.number, one.east_m, one.existence) for one in map_]
+
+    assert outcome() == outcome()
+
+
+@pytest.mark.parametrize(
+    ("freshness", "says"),
+    [
+        ("newer", "unknown freshness policy 'newer'"),
+        ({"name": "recommended", "p_min": 1.5}, "freshness.p_min: must be a number from 0 to 1, not 1.5"),
+        ({"name": "existence", "p_min": -0.1}, "freshness.p_min: must be a number from 0 to 1, not -0.1"),
+        ({"name": "existence", "preset": "kalman"}, "freshness.preset"),
+        ({"name": "ttl", "ttl": "0 s"}, "freshness.ttl: must be more than zero"),
+        ({"name": "corroborate", "n": 0}, "freshness.n: must be at least 1"),
+        ({"name": "ttl", "tll": "1 s"}, "tll"),
+    ],
+)
+def test_what_cannot_be_meant_is_told_in_one_line(freshness, says):
+    with pytest.raises(UserError) as error:
+        read_genie({"object_map": {"freshness": freshness}})
+    assert says in str(error.value) and "\n" not in str(error.value)
