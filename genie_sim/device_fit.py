@@ -21,7 +21,7 @@ import yaml
 
 from genie_sim import __version__, units
 from genie_sim.errors import UserError
-from genie_sim.paths import whole_file
+from genie_sim.paths import atomic_write
 from genie_sim.scenario.profiles import DeviceProfile, load_profile
 
 LEAST = 20  # latencies; fewer say nothing about a tail
@@ -180,7 +180,7 @@ def write(path: Path, measured: Measured, fitted: Fit, empirical: bool = False) 
         "# Tags: P the paper, S a public source, M measured, D derived, A assumed. Written by genie-sim profile.\n"
     )
     text = heading + yaml.safe_dump(profile, sort_keys=False, allow_unicode=True, width=110)
-    with whole_file(path) as beside:
+    with atomic_write(path) as beside:
         path.parent.mkdir(parents=True, exist_ok=True)
         beside.write_text(text, encoding="utf-8")
         return load_profile(beside)

@@ -1,4 +1,4 @@
-"""Paths as users write them, and files that are there whole or not at all."""
+"""Paths as users write them, and files that are complete or not there at all."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ def expanded(path: str | Path) -> Path:
 
 
 @contextmanager
-def whole_file(path: Path) -> Iterator[Path]:
-    """A name beside ``path`` that nobody else uses: what is written there takes ``path``'s place once it is whole, and
-    vanishes if that fails. Raises ``UserError``, and before anything is written if ``path`` is a folder or a device."""
+def atomic_write(path: Path) -> Iterator[Path]:
+    """A temporary path in the folder of ``path``: the file written there replaces ``path`` when it is complete, and is
+    deleted if that fails. Raises ``UserError``, before anything is written if ``path`` is a folder or a device."""
     beside: Path | None = None
     try:
         if path.exists() and not path.is_file():

@@ -17,7 +17,7 @@ KINDS = {"input", "near_input", "calibrated", "prediction", "invariant", "table"
 
 
 def evidence(seeds=10, noise=0.0, **facts):
-    """Six scenarios with the same facts for every seed, each with some spread; ``image_reuse__local`` is a fact."""
+    """Six scenarios with the same facts for every seed, each with some spread; ``image_reuse__car`` is a fact."""
     spread = noise * np.linspace(-1, 1, seeds)
     named = {name.replace("__", ":"): value for name, value in facts.items()}
     return Evidence({("base", s): [{k: v + e for k, v in named.items()} for e in spread] for s in ALL})
@@ -71,11 +71,11 @@ def test_the_four_verdicts():
 
 
 def test_what_was_fitted_is_never_called_reproduced():
-    objects, images = {"object_reuse__local": 0.31, "object_reuse__remote": 0.31}, 0.0775
-    fits = evidence(**objects, image_reuse__local=images, image_reuse__remote=images)
+    objects, images = {"object_reuse__car": 0.31, "object_reuse__edge": 0.31}, 0.0775
+    fits = evidence(**objects, image_reuse__car=images, image_reuse__edge=images)
     assert judge_one(CLAIMS["C11"], fits).verdict == "calibrated"
     assert judge_one(CLAIMS["C13"], fits).verdict == "calibrated"
-    other = evidence(object_reuse__local=0.6, object_reuse__remote=0.6)
+    other = evidence(object_reuse__car=0.6, object_reuse__edge=0.6)
     assert judge_one(CLAIMS["C11"], other).verdict == "same direction, other size"
 
 
@@ -85,22 +85,22 @@ def test_an_invariant_holds_or_it_does_not():
 
 
 def test_a_verdict_that_hangs_on_the_seeds_is_marginal():
-    sure = evidence(noise=0.001, object_reuse__local=0.33, object_reuse__remote=0.33)
-    unsure = evidence(noise=0.08, object_reuse__local=0.33, object_reuse__remote=0.33)
+    sure = evidence(noise=0.001, object_reuse__car=0.33, object_reuse__edge=0.33)
+    unsure = evidence(noise=0.08, object_reuse__car=0.33, object_reuse__edge=0.33)
     assert not judge_one(CLAIMS["C11"], sure).marginal
     assert judge_one(CLAIMS["C11"], unsure).marginal
 
 
 def test_what_was_not_run_is_not_testable():
-    verdicts = {verdict.claim.id: verdict for verdict in judge(evidence(object_reuse__local=0.3))}
+    verdicts = {verdict.claim.id: verdict for verdict in judge(evidence(object_reuse__car=0.3))}
     assert verdicts["C31"].verdict == "not testable here"
     assert {verdict.verdict for verdict in verdicts.values()} <= set(VERDICTS)
 
 
 def test_other_readings_under_which_a_claim_would_hold_are_found():
     readings = {
-        "too_much": evidence(object_reuse__local=0.6, object_reuse__remote=0.6),
-        "just_right": evidence(object_reuse__local=0.3, object_reuse__remote=0.32),
+        "too_much": evidence(object_reuse__car=0.6, object_reuse__edge=0.6),
+        "just_right": evidence(object_reuse__car=0.3, object_reuse__edge=0.32),
     }
     assert supporting_variants(CLAIMS["C11"], readings) == ["just_right"]
 

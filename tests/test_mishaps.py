@@ -21,7 +21,7 @@ from test_fuzz import SEEDS, mutated, only_clear_errors
 import genie_sim as gs
 from genie_sim.cli import app, main
 from genie_sim.errors import UserError
-from genie_sim.paths import whole_file
+from genie_sim.paths import atomic_write
 from genie_sim.recording import records, tables
 from genie_sim.scenario.scenario import LONGEST_DAYS, load_scenario
 from tests.conftest import REPOSITORY
@@ -211,7 +211,7 @@ def test_only_a_file_is_replaced_by_a_file(what):
     """``--out=/dev/null`` would otherwise be the last of it, for whoever may rename there."""
     path = Path("there")
     path.mkdir() if what == "folder" else os.mkfifo(path)
-    with pytest.raises(UserError, match="there: cannot be written"), whole_file(path):
+    with pytest.raises(UserError, match="there: cannot be written"), atomic_write(path):
         raise AssertionError("nothing is written")
     assert [one.name for one in Path().iterdir()] == ["there"]
     assert not path.is_file()

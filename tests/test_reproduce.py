@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
+import shutil
 from pathlib import Path
 
 import pytest
@@ -183,11 +184,28 @@ def test_the_documents_show_the_committed_verdicts(document):
         assert verdict_table.between("section V", text) is not None
 
 
-if __name__ == "__main__":
+def refresh(repository):
+    """Writes the committed evaluation into the fitted parameters and the documents of a repository."""
     best = json.loads((PAPER / "calibration.json").read_text())["best"]
-    fitted = REPOSITORY / "genie_sim" / "paper" / "calibrated.yaml"
+    fitted = repository / "genie_sim" / "paper" / "calibrated.yaml"
     comments = [line for line in fitted.read_text(encoding="utf-8").splitlines() if line.startswith("#")]
     fitted.write_text("\n".join([*comments, *(f"{one.name}: {best[one.name]:g}" for one in ASSUMED.fitted)]) + "\n")
     for path in GENERATED:
+        path = repository / path.relative_to(REPOSITORY)
         shown = verdict_table.refreshed(path.read_text(encoding="utf-8"), verdict_table.generated_parts(PAPER))
         path.write_text(shown, encoding="utf-8")
+
+
+def test_refreshing_what_is_committed_changes_nothing(tmp_path):
+    """What ``python tests/test_reproduce.py`` does after an evaluation."""
+    files = [*GENERATED, REPOSITORY / "genie_sim" / "paper" / "calibrated.yaml"]
+    for path in files:
+        (tmp_path / path.relative_to(REPOSITORY)).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy(path, tmp_path / path.relative_to(REPOSITORY))
+    refresh(tmp_path)
+    for path in files:
+        assert (tmp_path / path.relative_to(REPOSITORY)).read_bytes() == path.read_bytes(), path
+
+
+if __name__ == "__main__":
+    refresh(REPOSITORY)

@@ -28,7 +28,7 @@ from genie_sim.errors import UserError
 from genie_sim.recording import provenance
 from genie_sim import files
 from genie_sim.scenario.scenario import load_scenario
-from genie_sim.sweep import tasks
+from genie_sim.sweep import tables, tasks
 from genie_sim.sweep.backends import Local
 from genie_sim.sweep.design import load_design
 from genie_sim.sweep.plan import plan
@@ -248,6 +248,24 @@ def test_each_axis_has_a_figure_and_the_folder_says_what_it_is(uninterrupted):
     assert {path.stem for path in (uninterrupted / "figures").iterdir()} == {"rate", "gate"}
     about = json.loads((uninterrupted / "sweep.json").read_text())
     assert (about["points"], about["runs"], about["sweep"]["scenario"]) == (4, 12, "1car_homo")
+
+
+def test_what_a_spreadsheet_would_take_for_a_formula_is_made_harmless_and_numbers_stay_numbers(tmp_path):
+    cases = ["=1+1", "+x", "-y", "@z", "plain", "\tq"]
+    table = pd.DataFrame({"point": range(6), "@case": cases, "value": [-1.5, math.nan, 2.0, -3.0, 0.0, 1.0]})
+    tables.write_csv(table, tmp_path / "table.csv")
+    text = (tmp_path / "table.csv").read_text()
+    assert text.splitlines()[:5] == ["point,'@case,value", "0,'=1+1,-1.5", "1,'+x,", "2,'-y,2.0", "3,'@z,-3.0"]
+    assert "4,plain,0.0" in text and "'\tq" in text
+
+
+def test_a_sweep_of_an_older_genie_sim_is_named_with_what_to_do(capsys):
+    write(SMALL)
+    Path("results/s").mkdir(parents=True)
+    Path("results/s/sweep.json").write_text('{"format": 1, "sweep": {}}')
+    assert main(["sweep", "s.yaml"]) == 2
+    said = "results/s: made by an older genie-sim: format 1, this one reads 2; run it again; choose another --out"
+    one_line(capsys, said)
 
 
 def test_an_axis_may_be_called_as_the_setting_it_varies():

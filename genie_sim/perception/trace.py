@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 from genie_sim.core.geometry import Array, Geodetic, heading_of, horizontal_fov_rad, transform
 from genie_sim.errors import UserError
 from genie_sim.messages import Box, CameraPose, Detection
-from genie_sim.paths import whole_file
+from genie_sim.paths import atomic_write
 
 if TYPE_CHECKING:
     import pyarrow
@@ -169,7 +169,7 @@ def write_trace(path: str | Path, trace: Trace) -> None:
         "provenance": trace.provenance,
     }
     schema = _schema().with_metadata({METADATA_KEY: json.dumps(metadata, sort_keys=True).encode()})
-    with whole_file(path) as beside:
+    with atomic_write(path) as beside:
         path.parent.mkdir(parents=True, exist_ok=True)
         with beside.open("wb") as file:  # of a path pyarrow makes a URI
             pq.write_table(pa.Table.from_pylist(rows, schema=schema), file, compression="zstd")

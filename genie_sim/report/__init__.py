@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from genie_sim.analysis import style
-from genie_sim.paths import whole_file
+from genie_sim.paths import atomic_write
 from genie_sim.recording import provenance
 from genie_sim.report.data import page_data
 
@@ -40,7 +40,7 @@ def write(path: Path, run: Run, start_ns: int = 0) -> None:
 
 def write_text(path: Path, text: str) -> None:
     """Beside and renamed. Raises ``UserError``."""
-    with whole_file(path) as beside:
+    with atomic_write(path) as beside:
         beside.write_text(text, encoding="utf-8")
 
 

@@ -24,7 +24,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from genie_sim.errors import UserError, unknown
-from genie_sim.paths import whole_file
+from genie_sim.paths import atomic_write
 from genie_sim.recording import provenance
 from genie_sim.ros import typestore as messages
 from genie_sim.ros.typestore import TF, typestore
@@ -74,7 +74,7 @@ def export(run: Run, out: Path, format: str) -> int:
     store = typestore(ros)
     with provenance.of_this_version(run.folder):
         entries = sorted(_Messages(run, store, ros), key=lambda entry: entry.t_ns)
-    with whole_file(out) as beside:
+    with atomic_write(out) as beside:
         out.parent.mkdir(parents=True, exist_ok=True)
         (_write_mcap if ros == 2 else _write_bag)(beside, store, entries)
     return len(entries)

@@ -43,7 +43,7 @@ class Interceptor(Protocol):
         return []
 
     def on_void(self) -> Sequence[Observation]:
-        """A fault takes its state: each request that it owes an answer is ``Expired``, its objects are ``Forgotten``."""
+        """A fault takes its state: each request it owes an answer is ``Expired``, its objects are ``Forgotten``."""
         return ()
 
 

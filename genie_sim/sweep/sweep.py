@@ -10,18 +10,19 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from genie_sim import files
+from genie_sim import files, report
 from genie_sim.errors import UserError
-from genie_sim.paths import PARTIAL, whole_file
+from genie_sim.paths import PARTIAL, atomic_write
 from genie_sim.perception.sources import Progress
 from genie_sim.recording import provenance
+from genie_sim.recording.tables import other_format
 from genie_sim.sweep import tables
 from genie_sim.sweep.backends import Dask, Local
 from genie_sim.sweep.design import Design, load_design
 from genie_sim.sweep.plan import Plan, plan, share, tasks
 from genie_sim.sweep.tasks import Failure
 
-FORMAT = 1
+FORMAT = 2
 ABOUT = "sweep.json"
 FAILURES = "failures"
 
@@ -114,7 +115,7 @@ class Sweep:
         return self.folder / FAILURES / f"{run_id}.txt"
 
     def _tell(self, failure: Failure) -> None:
-        with whole_file(self._told(failure.run_id)) as beside:
+        with atomic_write(self._told(failure.run_id)) as beside:
             beside.parent.mkdir(exist_ok=True)
             text = f"{self.plan.runs[failure.run_id].place}\n\n{failure.traceback}"
             beside.write_text(text, encoding="utf-8", errors="backslashreplace")
@@ -130,7 +131,6 @@ class Sweep:
         return self.folder / "parts"
 
     def _write(self) -> None:
-        from genie_sim import report
         from genie_sim.analysis import figures as of_runs
         from genie_sim.sweep import figures, page
 
@@ -170,17 +170,22 @@ class Sweep:
             "runs": len(self.plan.runs),
             **provenance.environment(),
         }
-        with whole_file(self.folder / ABOUT) as beside:
+        with atomic_write(self.folder / ABOUT) as beside:
             provenance.write_json(beside, about)
 
 
 def _check(folder: Path) -> None:
     """Raises ``UserError`` unless the folder is new, empty or a sweep's, and can be written."""
     provenance.check_writable(folder)
+    problem = ""
     try:
         if folder.is_dir() and any(folder.iterdir()):
             about = provenance.read_json(folder / ABOUT)
-            if not isinstance(about, dict) or "sweep" not in about or about.get("format") != FORMAT:
+            if not isinstance(about, dict) or "sweep" not in about:
                 raise ValueError
+            if about.get("format") != FORMAT:
+                problem = other_format(folder, about.get("format"), FORMAT)
     except (OSError, ValueError, UserError):
-        raise UserError(f"{folder}: holds something else than a sweep; choose another --out") from None
+        problem = f"{folder}: holds something else than a sweep"
+    if problem:
+        raise UserError(f"{problem}; choose another --out")

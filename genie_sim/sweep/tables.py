@@ -8,17 +8,20 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from genie_sim.analysis.statistics import across_seeds
 from genie_sim.errors import UserError
-from genie_sim.paths import whole_file
+from genie_sim.paths import atomic_write
 from genie_sim.recording import tables
 from genie_sim.sweep.plan import Entry
 from genie_sim.sweep.tasks import PART
 
 if TYPE_CHECKING:
     import pandas as pd
+
+
+FORMULA = ("=", "+", "-", "@", "\t", "\r")  # how a formula of a spreadsheet begins
 
 
 def done_runs(parts: Path) -> set[str]:
@@ -64,14 +67,21 @@ def write_parquet(table: pd.DataFrame, path: Path, about: Mapping[bytes, bytes])
     import pyarrow.parquet as pq
 
     made = pa.Table.from_pandas(table, preserve_index=False).replace_schema_metadata(dict(about))
-    with whole_file(path) as beside, beside.open("wb") as file:  # of a path pyarrow makes a URI
+    with atomic_write(path) as beside, beside.open("wb") as file:  # of a path pyarrow makes a URI
         pq.write_table(made, file, compression="zstd", version="2.6")
 
 
 def write_csv(table: pd.DataFrame, path: Path) -> None:
-    """An undefined number is an empty field. Raises ``UserError``."""
-    with whole_file(path) as beside, beside.open("w", encoding="utf-8", newline="") as file:
+    """An undefined number is an empty field. A text that a spreadsheet would take for a formula gets an apostrophe in
+    front. Raises ``UserError``."""
+    texts = table.select_dtypes(exclude="number").columns
+    table = table.assign(**{name: table[name].map(_harmless) for name in texts}).rename(columns=_harmless)
+    with atomic_write(path) as beside, beside.open("w", encoding="utf-8", newline="") as file:
         table.to_csv(file, index=False, lineterminator="\n")
+
+
+def _harmless(cell: Any) -> Any:
+    return f"'{cell}" if isinstance(cell, str) and cell.startswith(FORMULA) else cell
 
 
 def _paths(parts: Path) -> list[Path]:

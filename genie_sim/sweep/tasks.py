@@ -19,7 +19,7 @@ import genie_sim
 from genie_sim import runner
 from genie_sim.analysis import metrics
 from genie_sim.errors import UserError
-from genie_sim.paths import whole_file
+from genie_sim.paths import atomic_write
 from genie_sim.perception.sources import Frames
 from genie_sim.recording.results import Metric
 from genie_sim.recording.tables import Column, Schema, Table
@@ -127,7 +127,7 @@ def run_task(task: Task, packed: bytes) -> Finished:
     finished = Finished(len(task.runs) - len(failures), tuple(failures))
     if not finished.runs:
         return finished
-    with whole_file(task.part) as beside:
+    with atomic_write(task.part) as beside:
         task.part.parent.mkdir(parents=True, exist_ok=True)
         table.write(beside)
         with beside.open("rb") as written:  # on the disk before it has its name
