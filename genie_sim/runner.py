@@ -134,11 +134,10 @@ def _finished(prepared: Prepared, run_id: str, tables: Tables) -> Run:
     """The run that wrote these tables."""
     from genie_sim.analysis import metrics
 
-    frames, lookups, resources, poses, objects, *more = (table.to_frame() for table in tables)
-    truth = more[0] if more else None
-    measured = metrics.compute(methods_of(prepared), frames, lookups, resources, truth)
-    yaml = prepared.scenario.to_yaml()
-    return Run(run_id, facts(prepared), yaml, frames, lookups, resources, poses, objects, measured, truth=truth)
+    read: dict[str, Any] = {table.name: table.to_frame() for table in tables}
+    judged = read["answers"], read.get("truth")
+    measured = metrics.compute(methods_of(prepared), read["frames"], read["lookups"], read["resources"], *judged)
+    return Run(run_id, facts(prepared), prepared.scenario.to_yaml(), measured=measured, **read)
 
 
 def _fill(

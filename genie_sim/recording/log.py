@@ -18,6 +18,7 @@ from genie_sim.messages import (
     Observation,
 )
 from genie_sim.monitor import Placement, Resource
+from genie_sim.recording.answers import Answers
 from genie_sim.recording.records import Frame, Tables
 from genie_sim.recording.truth import Truth
 
@@ -28,9 +29,9 @@ class Log:
     """The rows of one method's run. A frame's row is found by its header and completed as the frame moves on. Then it
     goes into the table, which is compact; in the rare case that more becomes known, it is taken out again.
 
-    ``record`` names what is written besides frames and resources: ``lookups``, and what a replay needs, ``poses`` and
-    ``objects``. ``samples`` are the resources that are sampled: ``all``, those of ``edges``, or ``none``. ``truth``
-    judges the answers where it is known. The poses of the cars in ``posed`` are known already.
+    ``record`` names what is written besides frames and resources: ``lookups``, ``answers``, and what a replay needs,
+    ``poses`` and ``objects``. ``samples`` are the resources that are sampled: ``all``, those of ``edges``, or ``none``.
+    ``truth`` judges the answers where it is known. The poses of the cars in ``posed`` are known already.
     """
 
     def __init__(
@@ -51,6 +52,7 @@ class Log:
         self._lookups = tables.lookups if "lookups" in record else None
         self._poses = tables.poses if "poses" in record else None
         self._objects = tables.objects if "objects" in record else None
+        self._answers = Answers(method, tables.answers) if "answers" in record else None
         self.wants_changes = self._objects is not None  # of object maps
         self._open: dict[Header, Frame] = {}  # in order of their stamps
         self.published_frames = 0
@@ -62,6 +64,8 @@ class Log:
         self.published_frames += 1
         if self._truth is not None:
             self._truth.published(image)
+        if self._answers is not None:
+            self._answers.published(image)
         if self._poses is not None and car not in self._posed:
             at = image.pose
             where = at.east_m, at.north_m, at.heading_rad, image.horizontal_fov_rad
@@ -74,6 +78,8 @@ class Log:
             settled = takewhile(lambda header: header.stamp_ns < before_ns, self._open)
         for header in list(settled):
             self._frames.append(self._open.pop(header).row())
+            if self._answers is not None:
+                self._answers.forget(header)
 
     def _frame(self, header: Header) -> Frame | None:
         frame = self._open.get(header)
@@ -103,12 +109,15 @@ class Log:
         frame = self._frame(answer.header)
         if frame is None:
             return
-        if frame.first_answer_ns is None:
+        first, fresh = frame.first_answer_ns is None, answer.source != "map" and frame.fresh_answer_ns is None
+        if self._answers is not None and (first or fresh):
+            self._answers.answered(answer, source, first, fresh)
+        if first:
             frame.first_answer_ns = now_ns
             frame.source = source
             frame.served_by = answer.served_by
             frame.objects_served = len(answer.objects)
-        if answer.source != "map" and frame.fresh_answer_ns is None:
+        if fresh:
             frame.drop = None
             frame.fresh_answer_ns = now_ns
             frame.objects_fresh = len(answer.objects)

@@ -108,6 +108,23 @@ OBJECTS = Schema(
         Column("confidence", "float64", "", "from now on; null: the object is forgotten", True),
     ),
 )
+ANSWERS = Schema(
+    "answers",
+    "One row per first and per fresh answer, in order of time: its objects, compared with those that the method's "
+    "detector finds in that very frame. A proxy: the detector errs too. Objects without a place in the world are not "
+    "counted, nor answers that come 6 s after the frame or later.",
+    (
+        METHOD,
+        Column("car", "text", "", "the car whose camera took the frame"),
+        Column("stream", "text", "", "camera stream of that car (frame_id)"),
+        Column("stamp_ns", "int64", "ns", "when the camera took it"),
+        Column("which", "text", "", "first or fresh; an answer that is both has two rows"),
+        Column("source", "text", "", "what produced the answer"),
+        Column("served", "int32", "objects", "in the answer"),
+        Column("detected", "int32", "objects", "found by the detector in this frame"),
+        Column("matched", "int32", "objects", "pairs of the two: one class, at most 2 m apart, nearest first"),
+    ),
+)
 TRUTH = Schema(
     "truth",
     "One row per answered frame of a drive through a town: its first answer, compared with what is really there. A "
@@ -127,7 +144,7 @@ TRUTH = Schema(
     ),
     sorted_by=("method", "car", "stream", "stamp_ns"),
 )
-SCHEMAS = (FRAMES, LOOKUPS, RESOURCES, POSES, OBJECTS, TRUTH)
+SCHEMAS = (FRAMES, LOOKUPS, RESOURCES, POSES, OBJECTS, ANSWERS, TRUTH)
 
 _frame_row = attrgetter(*(column.name for column in FRAMES.columns))
 
@@ -170,14 +187,15 @@ class Tables:
     resources: Table = field(default_factory=lambda: Table(RESOURCES))
     poses: Table = field(default_factory=lambda: Table(POSES))
     objects: Table = field(default_factory=lambda: Table(OBJECTS))
+    answers: Table = field(default_factory=lambda: Table(ANSWERS))
     truth: Table | None = None
 
     @classmethod
     def spilling(cls, folder: Path | None) -> Tables:
         """With a folder, the rows of long tables wait there and not in memory."""
         spill = {one.name: None if folder is None else folder / f"{one.name}.rows" for one in SCHEMAS}
-        return cls(**{one.name: Table(one, spill[one.name]) for one in (LOOKUPS, RESOURCES, POSES, OBJECTS)})
+        return cls(**{one.name: Table(one, spill[one.name]) for one in (LOOKUPS, RESOURCES, POSES, OBJECTS, ANSWERS)})
 
     def __iter__(self) -> Iterator[Table]:
-        usual = (self.frames, self.lookups, self.resources, self.poses, self.objects)
+        usual = (self.frames, self.lookups, self.resources, self.poses, self.objects, self.answers)
         return iter(usual if self.truth is None else (*usual, self.truth))

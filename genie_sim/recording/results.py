@@ -56,10 +56,10 @@ class Metric:
 class Run:
     """One finished run.
 
-    The columns of ``frames``, ``lookups``, ``resources``, ``poses``, ``objects`` and ``truth`` (``None`` where it is
-    not known) are described, with their units, in ``genie_sim.recording.records``. ``facts`` is everything that
-    decided the outcome, ``yaml`` the scenario with every setting written out; ``folder`` is ``None`` for a run that was
-    not written down.
+    The columns of ``frames``, ``lookups``, ``resources``, ``poses``, ``objects``, ``answers`` and ``truth`` (``None``
+    where it is not known) are described, with their units, in ``genie_sim.recording.records``. ``facts`` is everything
+    that decided the outcome, ``yaml`` the scenario with every setting written out; ``folder`` is ``None`` for a run
+    that was not written down.
     """
 
     run_id: str
@@ -70,6 +70,7 @@ class Run:
     resources: pd.DataFrame
     poses: pd.DataFrame
     objects: pd.DataFrame
+    answers: pd.DataFrame
     measured: Sequence[Metric]
     folder: Path | None = None
     truth: pd.DataFrame | None = None
