@@ -13,6 +13,7 @@ import typer
 from genie_sim import __version__, arguments, terminal
 from genie_sim.arguments import ScenarioArgument, SeedOption, SetOption, path_argument, path_option
 from genie_sim.cli_perceive import perceive
+from genie_sim.cli_truth import truth
 from genie_sim.errors import UserError, unknown
 from genie_sim.paths import expanded
 from genie_sim.terminal import Commands, Progress
@@ -138,6 +139,7 @@ def rerun(folder: Annotated[Path, path_argument(help="A result folder.")]) -> No
 
 
 app.command()(perceive)
+app.command()(truth)
 
 
 @app.command()

@@ -7,7 +7,7 @@ import tempfile
 import time
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Literal
 
@@ -18,11 +18,10 @@ from genie_sim.errors import UserError, shown, unknown
 from genie_sim.fleet import expanded
 from genie_sim.perception.sources import SOURCES, Drive, Frames, Progress
 from genie_sim.recording import provenance
+from genie_sim.recording.held import Held
 from genie_sim.recording.log import Log
-from genie_sim.recording.records import TRUTH, Tables
+from genie_sim.recording.records import Tables
 from genie_sim.recording.results import MethodInfo, Metric, Run
-from genie_sim.recording.tables import Table
-from genie_sim.recording.truth import Truth
 from genie_sim.scenario.fields import validate
 from genie_sim.scenario.parts import Car, Route
 from genie_sim.scenario.profiles import DeviceProfile
@@ -135,7 +134,7 @@ def _finished(prepared: Prepared, run_id: str, tables: Tables) -> Run:
     from genie_sim.analysis import metrics
 
     read: dict[str, Any] = {table.name: table.to_frame() for table in tables}
-    judged = read["answers"], read.get("truth")
+    judged = read["answers"], read["held"]
     measured = metrics.compute(methods_of(prepared), read["frames"], read["lookups"], read["resources"], *judged)
     return Run(run_id, facts(prepared), prepared.scenario.to_yaml(), measured=measured, **read)
 
@@ -221,8 +220,6 @@ def simulate(prepared: Prepared, progress: Progress | None = None, spill: Path |
     With ``spill``, a folder, the rows of long tables wait there and not in memory; ``write`` completes their files.
     """
     scenario, tables = prepared.expanded, Tables.spilling(spill)
-    if prepared.frames.truth is not None and "truth" in scenario.record:
-        tables = replace(tables, truth=Table(TRUTH))
     built = build.shared(scenario, prepared.devices, prepared.drives)
     driven: set[str] = set()
     for number, entry in enumerate(scenario.methods):
@@ -254,17 +251,9 @@ def _log(prepared: Prepared, method: str, tables: Tables, driven: Collection[str
     samples: Literal["all", "edges", "none"] = "all" if prepared.scenario.fleet is None else "edges"
     if "resources" not in scenario.record:
         samples = "none"
-    return Log(method, tables, scenario.record, samples, _truth(prepared, method, tables.truth), driven)
-
-
-def _truth(prepared: Prepared, method: str, table: Table | None) -> Truth | None:
-    """What judges the answers of one method, where the truth is known and wanted."""
-    town = prepared.frames.truth
-    if table is None or town is None:
-        return None
-    source = prepared.scenario.source
-    begin_ns = {car: getattr(drive, "start_ns", 0) for car, drive in prepared.drives.items()}
-    return Truth(method, town, begin_ns, source.tolerance_m, source.range_m, table)
+    truths = {car: truth for car in prepared.drives if (truth := prepared.frames.truth_of(car)) is not None}
+    held = Held(method, truths, tables.held, driven) if truths and "held" in scenario.record else None
+    return Log(method, tables, scenario.record, samples, held, driven)
 
 
 @contextmanager

@@ -40,7 +40,7 @@ def compute(
     lookups: pd.DataFrame,
     resources: pd.DataFrame,
     answers: pd.DataFrame | None = None,
-    truth: pd.DataFrame | None = None,
+    held: pd.DataFrame | None = None,
 ) -> list[Metric]:
     """All metrics of one run from its tables (columns: ``records``), in a fixed order; ``methods`` are those that ran.
 
@@ -52,7 +52,7 @@ def compute(
         *(metric for name in names for place in PLACEMENTS for metric in _of_genies(lookups, name, place)),
         *_of_resources(resources, frames, names),
         *(correctness.of_answers(answers, names) if answers is not None and len(answers) else ()),
-        *(_of_truth(truth, names) if truth is not None and len(truth) else ()),
+        *(correctness.of_held(held, names) if held is not None and len(held) else ()),
     ]
     return [replace(one, value=_ten(one.value), low=_ten(one.low), high=_ten(one.high)) for one in found]
 
@@ -275,18 +275,6 @@ def _of_resource(samples: pd.DataFrame, last_stamp_ns: float) -> Iterator[tuple[
     carried = _number(last["bytes"])
     if carried is not None:
         yield "bytes", int(carried), "B", n
-
-
-def _of_truth(truth: pd.DataFrame, methods: Sequence[str]) -> Iterator[Metric]:
-    """Of the first answers: false positives among served objects, and objects in view that were served (recall)."""
-    blocks = Blocks(truth["car"], truth["stamp_ns"])
-    method = truth["method"].to_numpy(dtype=str)
-    count = {name: _floats(truth[name]) for name in ("served", "true", "in_view", "found")}
-    for name in methods:
-        mine, where = method == name, (name, "all", "")
-        if mine.any():
-            yield share(blocks, "ghost_share", where, mine * (count["served"] - count["true"]), mine * count["served"])
-            yield share(blocks, "object_recall", where, mine * count["found"], mine * count["in_view"])
 
 
 def _floats(column: pd.Series[Any]) -> Floats:

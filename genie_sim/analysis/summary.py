@@ -6,6 +6,7 @@ import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
+from genie_sim.analysis.correctness import FLOOR
 from genie_sim.analysis.metrics import DEADLINE_MS, WINDOW_REQUESTS
 from genie_sim.analysis.style import PLACEMENTS
 from genie_sim.recording.results import Metric
@@ -46,12 +47,25 @@ PROXY_ROWS = (
     ("wrong cache hits*", "wrong_hit_share"),
 )
 TRUTH_ROWS = (
-    ("false positives among served objects (ghosts)", "ghost_share"),
-    ("recall of visible objects", "object_recall"),
+    ("streaming: precision", "object_precision"),
+    ("recall, static", "object_recall_static"),
+    ("recall, moving", "object_recall_moving"),
+    ("F1", "streaming_f1"),
+    ("GOSPA", "gospa"),
+    ("ghosts", "ghost_share"),
+    ("- moved away", "ghost_share_moved_away"),
+    ("- never there", "ghost_share_never_there"),
+    ("- duplicates", "ghost_share_duplicate"),
+    ("age of what is held", "held_age"),
+    ("place error", "place_error"),
 )
 PROXY_NOTE = (
     "* A proxy: against the detector's own answer to the same frame, which errs too. Wrong cache hits: those with an "
     "F1 below 80 %."
+)
+TRUTH_NOTE = (
+    "Streaming: what the consumer holds at each instant, against what is really in view then. Floor: the detector's "
+    "own answer without any delay. Ghosts: held objects that are not there."
 )
 NO_TRUTH_NOTE = "What is really there is not known here; 'genie-sim truth' makes a truth table of any labelled drive."
 IMPROVEMENT_ROWS = (
@@ -133,16 +147,16 @@ def _tables(metrics: Sequence[Metric]) -> Iterator[_Table]:
 
 
 def _correctness(methods: Sequence[str], found: Found) -> Iterator[_Table]:
-    """Against the detector's own answers and, where it is known, against the truth."""
-    judged = [method for method in methods if ("ghost_share", method, "all", "") in found]
+    """Against the detector's own answers and, where it is known, against the truth; the floor stands last."""
     compared = [method for method in methods if ("first_proxy_f1", method, "all", "") in found]
-    columns = [method for method in methods if method in (*judged, *compared)]
+    columns = [(method, "all", component) for component in ("", FLOOR) for method in methods]
+    judged = [column for column in columns if ("streaming_f1", *column) in found]
+    columns = [column for column in columns if column in judged or (column[0] in compared and not column[2])]
     rows = (*(PROXY_ROWS if compared else ()), *(TRUTH_ROWS if judged else ()))
-    notes = [*([PROXY_NOTE] if compared else []), *([] if judged else [NO_TRUTH_NOTE])]
+    notes = [*([PROXY_NOTE] if compared else []), TRUTH_NOTE if judged else NO_TRUTH_NOTE]
     if columns:
-        yield _Table(
-            "Correctness", columns, _rows(rows, [(method, "all", "") for method in columns], found), " ".join(notes)
-        )
+        headings = [component or method for method, _, component in columns]
+        yield _Table("Correctness", headings, _rows(rows, columns, found), " ".join(notes))
 
 
 def _latencies(methods: Sequence[str], found: Found) -> _Table:

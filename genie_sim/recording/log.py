@@ -19,8 +19,8 @@ from genie_sim.messages import (
 )
 from genie_sim.monitor import Placement, Resource
 from genie_sim.recording.answers import Answers
+from genie_sim.recording.held import Held
 from genie_sim.recording.records import Frame, Tables
-from genie_sim.recording.truth import Truth
 
 SETTLED_NS = 6_000_000_000  # a frame this old has nearly always seen its last answer
 
@@ -31,7 +31,8 @@ class Log:
 
     ``record`` names what is written besides frames and resources: ``lookups``, ``answers``, and what a replay needs,
     ``poses`` and ``objects``. ``samples`` are the resources that are sampled: ``all``, those of ``edges``, or ``none``.
-    ``truth`` judges the answers where it is known. The poses of the cars in ``posed`` are known already.
+    ``held`` judges what the consumers hold, where the truth is known. The poses of the cars in ``posed`` are known
+    already.
     """
 
     def __init__(
@@ -40,12 +41,12 @@ class Log:
         tables: Tables,
         record: Collection[str] = ("lookups",),
         samples: Literal["all", "edges", "none"] = "all",
-        truth: Truth | None = None,
+        held: Held | None = None,
         posed: Collection[str] = (),
     ) -> None:
         self.method = method
         self.samples: Literal["all", "edges", "none"] = samples
-        self._truth = truth
+        self._held = held
         self._posed = frozenset(posed)
         self._frames = tables.frames
         self._resources = tables.resources
@@ -62,8 +63,8 @@ class Log:
         stamp_ns, stream, car = header
         self._open[header] = Frame(self.method, car, stream, number, lap, stamp_ns)
         self.published_frames += 1
-        if self._truth is not None:
-            self._truth.published(image)
+        if self._held is not None:
+            self._held.published(image)
         if self._answers is not None:
             self._answers.published(image)
         if self._poses is not None and car not in self._posed:
@@ -104,8 +105,8 @@ class Log:
 
     def answered(self, answer: Detections, source: str, now_ns: int) -> None:
         """An answer is in the consumer's hands. One under a stale stamp is no answer to this frame."""
-        if self._truth is not None:
-            self._truth.answered(answer, source)
+        if self._held is not None:
+            self._held.answered(answer, now_ns)
         frame = self._frame(answer.header)
         if frame is None:
             return
