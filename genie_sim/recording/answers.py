@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from genie_sim.messages import Detections, Header, Image
-from genie_sim.recording.matching import pairs, placed
+from genie_sim.recording.matching import SAME_M, near, pairs, placed
 from genie_sim.recording.tables import Table
 
 
@@ -36,7 +36,7 @@ class Answers:
             counts = len(detected), len(detected), len(detected)
         else:
             served = placed(answer.objects)
-            counts = len(served), len(detected), len(pairs(served, detected))
+            counts = len(served), len(detected), len(pairs(near(served, detected, SAME_M)))
         stamp_ns, stream, car = answer.header
         for which, is_this in (("first", first), ("fresh", fresh)):
             if is_this:

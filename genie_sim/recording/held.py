@@ -12,12 +12,11 @@ from typing import Protocol
 
 from genie_sim.core.consumer import Consumer, Newest
 from genie_sim.messages import Detection, Detections, Frame, Image, Location
-from genie_sim.recording.matching import Placed, class_of, pairs, placed
+from genie_sim.recording.matching import GOSPA_CUT_M, Placed, class_of, gospa_m, near, pairs, placed
 from genie_sim.recording.tables import Table
 from genie_sim.units import NS_PER_S
 
 CONSUMER, FLOOR = "consumer", "floor"
-GOSPA_CUT_M = 5.0
 REMEMBERED_NS = 10 * NS_PER_S  # what was there so long ago counts as moved away
 
 Places = dict[tuple[str, int, int], tuple[int, float, float]]
@@ -54,29 +53,6 @@ class DriveTruth(Protocol):
 
     def is_there(self, frame: Frame, label: str, east_m: float, north_m: float) -> bool:
         """Whether anything of a class, visible or not, is within ``reach_m`` of a place when the frame is taken."""
-
-
-def gospa(ours: Sequence[Placed], there: Sequence[Placed], cut_m: float = GOSPA_CUT_M) -> float:
-    """The GOSPA distance [m] of order 2 with alpha 2, from the distances of pairs and ``cut_m`` squared / 2 for each
-    object that is missed or false; a pair is of one class.
-
-    Source: A. S. Rahmathullah, A. F. Garcia-Fernandez, L. Svensson, "Generalized optimal sub-pattern assignment
-    metric", FUSION 2017, Proposition 1.
-    """
-    missed = cut_m * cut_m
-    if not ours or not there:
-        return math.sqrt(missed / 2 * (len(ours) + len(there)))
-    from scipy.optimize import linear_sum_assignment
-
-    costs = [
-        [
-            min((a.east_m - b.east_m) ** 2 + (a.north_m - b.north_m) ** 2, missed) if a.label == b.label else missed
-            for b in there
-        ]
-        for a in ours
-    ]
-    paired = sum(costs[i][j] for i, j in zip(*linear_sum_assignment(costs), strict=True))
-    return math.sqrt(paired + missed / 2 * abs(len(ours) - len(there)))
 
 
 class Held:
@@ -142,10 +118,18 @@ class Held:
         ]
         mine = placed(judged)
         real = [Placed(class_of(one.label), one.location[0], one.location[1]) for one in there]
-        found = pairs(mine, real, truth.reach_m)
+        candidates = near(mine, real, max(truth.reach_m, GOSPA_CUT_M))
+        found = pairs(candidates, truth.reach_m)
         right, seen = {i for _, i, _ in found}, [there[j].moving for _, _, j in found]
-        causes = {i: self._cause(image, one, real) for i, one in enumerate(mine) if i not in right}
+        near_real = {i for distance_m2, i, _ in candidates if distance_m2 <= truth.reach_m**2}
+        causes = {
+            i: "duplicate" if i in near_real else self._cause(image, one)
+            for i, one in enumerate(mine)
+            if i not in right
+        }
         kept = [i for i in range(len(mine)) if causes.get(i) != "hidden"]
+        cut_m2 = GOSPA_CUT_M * GOSPA_CUT_M
+        compared = [one for one in candidates if one[0] <= cut_m2 and causes.get(one[1]) != "hidden"]
         ghosts = list(causes.values())
         moving = sum(one.moving for one in there)
         ages_s = [self._age_s(now_ns, judged[i], since_ns) if what == CONSUMER else 0.0 for i in kept]
@@ -153,17 +137,15 @@ class Held:
             self._method, what, car, now_ns, len(kept), len(found),
             *(ghosts.count(cause) for cause in ("moved_away", "never_there", "duplicate", "hidden")),
             len(there) - moving, seen.count(False), moving, seen.count(True),
-            gospa([mine[i] for i in kept], real),
+            gospa_m(compared, len(kept), len(real)),
             sum(ages_s) / len(ages_s) if ages_s else None,
-            sum(distance_m for distance_m, _, _ in found) / len(found) if found else None,
+            sum(math.sqrt(distance_m2) for distance_m2, _, _ in found) / len(found) if found else None,
         ))  # fmt: skip
 
-    def _cause(self, image: Image, one: Placed, real: Sequence[Placed]) -> str:
-        """Why an object that has no pair has none."""
+    def _cause(self, image: Image, one: Placed) -> str:
+        """Why an object is held where nothing visible is."""
         label, east_m, north_m = one
         reach_m = self._truths[image.header.origin].reach_m
-        if any(near.label == label and _near(near.east_m, near.north_m, one, reach_m) for near in real):
-            return "duplicate"
         if self._truths[image.header.origin].is_there(image.content, label, east_m, north_m):
             return "hidden"
         x, y = math.floor(east_m / reach_m), math.floor(north_m / reach_m)
