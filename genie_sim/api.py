@@ -80,6 +80,12 @@ class Figures:
 
         return figures.latency_cdf({self._run.name: self._run.frames}, self._run.methods, self._run.footer, of)
 
+    def latency_accuracy(self) -> Figure:
+        """Mean time to first answer against streaming F1, or against the proxy where the truth is not known."""
+        from genie_sim.analysis.latency_accuracy import latency_accuracy
+
+        return latency_accuracy({self._run.name: self._run.measured}, self._run.methods, self._run.footer)
+
     def image_reuse(self) -> Figure:
         """Hits / requests of the message caches, on cars and on edges."""
         from genie_sim.analysis import figures

@@ -58,8 +58,13 @@ def in_style() -> Iterator[None]:
 
 def of_run(run: Run) -> dict[str, Figure]:
     """Every figure of one run, by file name, but of Genies and of use only what was simulated and recorded."""
+    from genie_sim.analysis.latency_accuracy import drawable, latency_accuracy  # it draws with this module
+
     frames, lookups, methods = {run.name: run.frames}, {run.name: run.lookups}, run.methods
-    figures = {
+    figures = {}
+    if drawable({run.name: run.measured}):
+        figures["latency_accuracy"] = latency_accuracy({run.name: run.measured}, methods, run.footer)
+    figures |= {
         "latency_cdf": latency_cdf(frames, methods, run.footer),
         "latency_cdf_of_answered": latency_cdf(frames, methods, run.footer, of="answered"),
     }
