@@ -12,6 +12,7 @@ import typer
 
 from genie_sim import __version__, arguments, terminal
 from genie_sim.arguments import ScenarioArgument, SeedOption, SetOption, path_argument, path_option
+from genie_sim.cli_compare import compare
 from genie_sim.cli_perceive import perceive
 from genie_sim.cli_truth import truth
 from genie_sim.errors import UserError, unknown
@@ -138,6 +139,7 @@ def rerun(folder: Annotated[Path, path_argument(help="A result folder.")]) -> No
         raise UserError(f"{folder}: the run does not reproduce its own result")
 
 
+app.command()(compare)
 app.command()(perceive)
 app.command()(truth)
 

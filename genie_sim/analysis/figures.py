@@ -7,6 +7,7 @@ one entry), the ``methods`` that ran, and the ``footer`` that names the run. Siz
 
 from __future__ import annotations
 
+import io
 import textwrap
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -86,6 +87,15 @@ def save(figure: Figure, folder: Path, name: str) -> list[Path]:
         figure.savefig(paths[0], metadata={"Date": None, "Creator": None})
         figure.savefig(paths[1], metadata={"Software": None})
     return paths
+
+
+def svg(figure: Figure) -> bytes:
+    """The figure as ``save`` writes it."""
+    to = io.BytesIO()
+    with in_style():
+        _settle(figure)
+        figure.savefig(to, format="svg", metadata={"Date": None, "Creator": None})
+    return to.getvalue()
 
 
 def _settle(figure: Figure) -> None:
