@@ -1,7 +1,7 @@
 """Compares finished runs: the methods of one, or the same methods under other settings.
 
-Differences are paired. With at least two seeds in common, by seed: the 95 % t interval of the differences. Else by
-blocks of one second of each car inside one run (``statistics.Blocks``): it says nothing of other seeds or drives.
+Differences are paired. With at least two seeds in common, by seed: the 95 % t interval of the differences. With one, by
+blocks of one second of each car inside its run (``statistics.Blocks``): that says nothing of other seeds or drives.
 """
 
 from __future__ import annotations
@@ -196,17 +196,12 @@ def _paired(arm: Arm, other: Arm) -> list[int]:
     return [seed for seed in arm.runs if seed in other.runs]
 
 
-def _one_each(arm: Arm, other: Arm) -> tuple[Run, Run]:
-    """A run of each, of one seed if they have one in common."""
-    for seed in _paired(arm, other):
-        return arm.runs[seed], other.runs[seed]
-    return next(iter(arm.runs.values())), next(iter(other.runs.values()))
-
-
 def _check(other: Arm, arm: Arm) -> None:
     """Raises UserError unless both saw the same frames."""
-    seeds = _paired(arm, other)
-    for mine, theirs in [(arm.runs[seed], other.runs[seed]) for seed in seeds] or [_one_each(arm, other)]:
+    if not _paired(arm, other):
+        seeds = (", ".join(map(str, sorted(one.runs))) for one in (other, arm))
+        raise UserError(f"compare: {other.label} and {arm.label} have no seed in common: {' and '.join(seeds)}")
+    for mine, theirs in [(arm.runs[seed], other.runs[seed]) for seed in _paired(arm, other)]:
         what = f"compare: {other.label} ({theirs.run_id}) and {arm.label} ({mine.run_id}) cannot be compared"
         drives = [one.facts["traces"] for one in (theirs, mine)]
         if drives[0] != drives[1]:
@@ -241,8 +236,8 @@ def _difference(metric: str, arm: Arm, other: Arm | None) -> Difference | None:
     if len(gaps) > 1:
         mean, half = _over_seeds(gaps)
         return Difference(metric, arm.label, value, unit, other.label, mean, *around(mean, half), SEEDS, len(gaps))
-    mine_run, their_run = _one_each(arm, other)
-    found = _over_blocks(sums(mine_run, arm.method.name), sums(their_run, other.method.name))
+    seed = _paired(arm, other)[0]
+    found = _over_blocks(sums(arm.runs[seed], arm.method.name), sums(other.runs[seed], other.method.name))
     if found is None:
         return Difference(metric, arm.label, value, unit, other.label, None, None, None, "", 0)
     gap, ends, n = found
