@@ -29,7 +29,7 @@ from genie_sim.scenario.scenario import Record
 from genie_sim.town import Town, TownRules
 
 FRAMES_A_S = 10
-FLEET_1000: tuple[Record, ...] = ("lookups", "resources", "truth")
+FLEET_1000: tuple[Record, ...] = ("lookups", "resources", "held")
 CARS, HOUR_S = 1_000_000, 3600
 # What is timed, and the memory of one cell: right at the beginning, when its caches are full, and later.
 FULL = (Setting(3, 3, 180, 30.0), Setting(1, 1, 20, 1.0), Setting(1, 1, 20, 120.0), Setting(1, 1, 20, 360.0))

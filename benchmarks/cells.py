@@ -71,7 +71,7 @@ class Tabled:
     frames: pd.DataFrame
     lookups: pd.DataFrame
     resources: pd.DataFrame
-    truth: pd.DataFrame
+    held: pd.DataFrame
 
 
 @dataclass(frozen=True)
@@ -103,8 +103,8 @@ FIGURES = (
     _share("object reuse, edges", "object_reuse", "edge"),
     Figure("confidence boost, cars", "confidence_boost", "car", 1000.0, "‰"),
     Figure("confidence boost, edges", "confidence_boost", "edge", 1000.0, "‰"),
-    _share("ghosts among the objects served", "ghost_share"),
-    _share("objects in view that are served", "object_recall"),
+    _share("ghosts among the objects held", "ghost_share"),
+    _share("visible objects that are held", "object_recall"),
 )
 AFTER_NS = 5 * NS_PER_S  # how long the frames after a hand-over are looked at by themselves
 AFTER = _share("the same, 5 s after a hand-over", "object_recall")  # last in every row of values
@@ -116,7 +116,7 @@ def small_town(setting: Setting, seed: int) -> Prepared:
         f"fleet.cars={setting.cars}",
         f"perception.duration={setting.drive_s} s",
         f"perception.town.blocks=[{BLOCKS_A_CELL * setting.columns}, {BLOCKS_A_CELL * setting.rows}]",
-        "record=[lookups, truth]",
+        "record=[lookups, held]",
         *setting.overrides,
     )
     return prepare(load_scenario("fleet_1000", settings, seed))
@@ -195,40 +195,39 @@ def together(cells: Sequence[Prepared]) -> Tabled:
         pd.concat([one.frames for one in ran], ignore_index=True),
         pd.concat([one.lookups for one in ran], ignore_index=True),
         pd.concat([one.resources for one in ran], ignore_index=True),
-        pd.concat([one.truth for one in ran], ignore_index=True),
+        pd.concat([one.held for one in ran], ignore_index=True),
     )
 
 
 def _tabled(tables: Tables) -> Tabled:
-    assert tables.truth is not None, "the scenario wants it recorded"
-    frames, lookups, resources, truth = (
-        one.to_frame() for one in (tables.frames, tables.lookups, tables.resources, tables.truth)
+    frames, lookups, resources, held = (
+        one.to_frame() for one in (tables.frames, tables.lookups, tables.resources, tables.held)
     )
-    for of_cars in (frames, lookups, truth):
+    for of_cars in (frames, lookups, held):
         of_cars["car"] = of_cars["car"].astype(str).str.partition(VISIT)[0]
     lookups["genie"] = lookups["genie"].astype(str).str.replace(r"\.\d+/", "/", regex=True)
-    return Tabled(frames, lookups, resources, truth)
+    return Tabled(frames, lookups, resources, held)
 
 
 def figures_of(tabled: Tabled) -> list[float]:
     """The figures of a run, in the order of ``FIGURES`` and in their units; NaN where one is not defined."""
     found = {
         (one.metric, one.method if one.placement == "all" else one.placement): one.value
-        for one in metrics.compute(GENIE, tabled.frames, tabled.lookups, tabled.resources, tabled.truth)
+        for one in metrics.compute(GENIE, tabled.frames, tabled.lookups, tabled.resources, held=tabled.held)
     }
     values = (found.get((figure.name, figure.role)) for figure in FIGURES)
     return [np.nan if value is None else value * figure.factor for value, figure in zip(values, FIGURES, strict=True)]
 
 
-def recall_after_hand_overs(truth: pd.DataFrame, handed_over: Mapping[str, Sequence[tuple[int, str]]]) -> float:
-    """The share of objects in view that are served, of the frames taken soon after their car was handed over."""
-    soon = np.zeros(len(truth), dtype=bool)
+def recall_after_hand_overs(held: pd.DataFrame, handed_over: Mapping[str, Sequence[tuple[int, str]]]) -> float:
+    """The share of visible objects that are held, soon after their car was handed over."""
+    soon = np.zeros(len(held), dtype=bool)
     for car, passed in handed_over.items():
-        mine = (truth["car"] == car).to_numpy()
+        mine = ((held["car"] == car) & (held["what"] == "consumer")).to_numpy()
         for at_ns, _ in passed:
-            soon |= mine & truth["stamp_ns"].between(at_ns, at_ns + AFTER_NS).to_numpy()
-    in_view = int(truth["in_view"][soon].sum())
-    return float(truth["found"][soon].sum()) / in_view if in_view else np.nan
+            soon |= mine & held["stamp_ns"].between(at_ns, at_ns + AFTER_NS).to_numpy()
+    visible = int((held["visible_static"] + held["visible_moving"])[soon].sum())
+    return float(held["right"][soon].sum()) / visible if visible else np.nan
 
 
 @dataclass(frozen=True)
@@ -257,7 +256,7 @@ def _of_seed(setting: Setting, seed: int) -> tuple[dict[str, list[float]], int, 
     tables = {cut: together(make(joint)) for cut, make in CUTS.items()}
     passed = hand_overs(joint)
     figures = {
-        cut: [*figures_of(one), recall_after_hand_overs(one.truth, passed) * AFTER.factor]
+        cut: [*figures_of(one), recall_after_hand_overs(one.held, passed) * AFTER.factor]
         for cut, one in tables.items()
     }
     return figures, len(tables[JOINT].frames), sum(map(len, passed.values()))

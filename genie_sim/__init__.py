@@ -7,10 +7,10 @@ is first used.
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from genie_sim.api import Figures, Run, Scenario, UserError, load, load_scenario, run
+    from genie_sim.api import Figures, Run, Scenario, UserError, compare, load, load_scenario, run
 
 __version__ = "0.1.0"
-__all__ = ["Figures", "Run", "Scenario", "UserError", "__version__", "load", "load_scenario", "run"]
+__all__ = ["Figures", "Run", "Scenario", "UserError", "__version__", "compare", "load", "load_scenario", "run"]
 
 
 def __getattr__(name: str) -> Any:

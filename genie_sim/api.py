@@ -20,10 +20,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from genie_sim import report, runner
+from genie_sim.analysis import compare as comparing
 from genie_sim.errors import UserError
 from genie_sim.paths import expanded
 from genie_sim.perception.sources import Progress
 from genie_sim.recording import results
+from genie_sim.report import comparison
 from genie_sim.scenario import scenario
 from genie_sim.scenario.scenario import Scenario
 
@@ -31,7 +33,7 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
-__all__ = ["Figures", "Run", "Scenario", "UserError", "load", "load_scenario", "run"]
+__all__ = ["Figures", "Run", "Scenario", "UserError", "compare", "load", "load_scenario", "run"]
 
 Settings = Mapping[str, Any] | Sequence[str]
 
@@ -77,6 +79,12 @@ class Figures:
     def latency_cdf(self, of: str = "published") -> Figure:
         """Distribution of response times, as shares of the ``published`` or of the ``answered`` frames."""
         return self._draw("latency_cdf", {self._run.name: self._run.frames}, of=of)
+
+    def latency_accuracy(self) -> Figure:
+        """Mean time to first answer against streaming F1, or against the proxy where the truth is not known."""
+        from genie_sim.analysis.latency_accuracy import latency_accuracy
+
+        return latency_accuracy({self._run.name: self._run.measured}, self._run.methods, self._run.footer)
 
     def image_reuse(self) -> Figure:
         """Hits / requests of the message caches, on cars and on edges."""
@@ -126,6 +134,50 @@ def run(
 def load(folder: str | Path) -> Run:
     """The run in a result folder. Raises ``UserError`` for anything else, or for one that is not whole."""
     return _in_hand(results.load(folder))
+
+
+def compare(*results_: results.Run | str | Path, methods: Sequence[str] = ()) -> Comparison:
+    """Compares runs, or result folders, that saw the same frames, or the methods of one: paired differences with
+    intervals, by seed where there are several of a setting, else by blocks of one second.
+
+    ``methods``: which, the first of them to compare with. Raises ``UserError`` for what cannot be compared.
+    """
+    runs = [one if isinstance(one, results.Run) else results.load(one) for one in results_]
+    return Comparison(comparing.compare(runs, methods))
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Runs compared: ``table`` and ``settings`` as pandas tables, ``text()``, figures and a page."""
+
+    _made: comparing.Comparison
+
+    @cached_property
+    def table(self) -> pd.DataFrame:
+        """One row per metric and method; see ``analysis.compare.Difference``."""
+        import pandas as pd
+
+        return pd.DataFrame(self._made.rows, columns=comparing.Difference._fields)
+
+    @cached_property
+    def settings(self) -> pd.DataFrame:
+        """What differs: a row per setting, a column per result."""
+        import pandas as pd
+
+        return pd.DataFrame.from_dict(dict(self._made.settings), orient="index", columns=list(self._made.names))
+
+    @property
+    def figures(self) -> Mapping[str, Figure]:
+        """Overlaid distributions of response times, and latency against accuracy."""
+        return comparison.figures(self._made)
+
+    def text(self, format: str = "markdown") -> str:
+        """The table as ``markdown``, ``csv`` or ``latex``."""
+        return comparison.text(self._made, format)
+
+    def report(self, folder: str | Path) -> Path:
+        """Writes a page, figures and tables into a folder."""
+        return comparison.write(self._made, expanded(folder))
 
 
 def load_scenario(

@@ -12,7 +12,9 @@ import typer
 
 from genie_sim import __version__, arguments, terminal
 from genie_sim.arguments import MethodsOption, ScenarioArgument, SeedOption, SetOption, path_argument, path_option
+from genie_sim.cli_compare import compare
 from genie_sim.cli_perceive import perceive
+from genie_sim.cli_truth import truth
 from genie_sim.errors import UserError, unknown
 from genie_sim.paths import expanded
 from genie_sim.terminal import Commands, Progress
@@ -145,7 +147,9 @@ def rerun(folder: Annotated[Path, path_argument(help="A result folder.")]) -> No
         raise UserError(f"{folder}: the run does not reproduce its own result")
 
 
+app.command()(compare)
 app.command()(perceive)
+app.command()(truth)
 
 
 @app.command()

@@ -50,7 +50,8 @@ def available(kind: Kind) -> dict[str, Path]:
     found: dict[str, Path] = {}
     for root in (Path(), _shipped()):
         for path in sorted((root / kind.folder).glob(f"*{kind.suffix}")):
-            found.setdefault(path.stem, path)
+            if "." not in path.stem:  # NAME.truth.parquet belongs to a trace
+                found.setdefault(path.stem, path)
     return dict(sorted(found.items()))
 
 

@@ -7,26 +7,29 @@ import tempfile
 import time
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
 import genie_sim
 from genie_sim import build, plugins
 from genie_sim.build import check_faults_of, method_facts, plugin_digests
+from genie_sim.core.consumer import CONSUMERS
 from genie_sim.errors import UserError, shown, unknown
 from genie_sim.fleet import expanded
 from genie_sim.perception.sources import SOURCES, Drive, Frames, Progress
 from genie_sim.recording import provenance
+from genie_sim.recording.held import Held
 from genie_sim.recording.log import Log
-from genie_sim.recording.records import TRUTH, Tables
+from genie_sim.recording.records import Tables
 from genie_sim.recording.results import MethodInfo, Metric, Run
-from genie_sim.recording.tables import Table
-from genie_sim.recording.truth import Truth
 from genie_sim.scenario.fields import validate
 from genie_sim.scenario.parts import Car, Route
 from genie_sim.scenario.profiles import DeviceProfile
 from genie_sim.scenario.scenario import Scenario, load_scenario, read_scenario
+from genie_sim.sim.setup import Setup
+from genie_sim.sim.world import World
 from genie_sim.units import NS_PER_S
 
 
@@ -134,11 +137,10 @@ def _finished(prepared: Prepared, run_id: str, tables: Tables) -> Run:
     """The run that wrote these tables."""
     from genie_sim.analysis import metrics
 
-    frames, lookups, resources, poses, objects, *more = (table.to_frame() for table in tables)
-    truth = more[0] if more else None
-    measured = metrics.compute(methods_of(prepared), frames, lookups, resources, truth)
-    yaml = prepared.scenario.to_yaml()
-    return Run(run_id, facts(prepared), yaml, frames, lookups, resources, poses, objects, measured, truth=truth)
+    read: dict[str, Any] = {table.name: table.to_frame() for table in tables}
+    judged = read["answers"], read["held"]
+    measured = metrics.compute(methods_of(prepared), read["frames"], read["lookups"], read["resources"], *judged)
+    return Run(run_id, facts(prepared), prepared.scenario.to_yaml(), measured=measured, **read)
 
 
 def _fill(
@@ -222,12 +224,11 @@ def simulate(prepared: Prepared, progress: Progress | None = None, spill: Path |
     With ``spill``, a folder, the rows of long tables wait there and not in memory; ``write`` completes their files.
     """
     scenario, tables = prepared.expanded, Tables.spilling(spill)
-    if prepared.frames.truth is not None and "truth" in scenario.record:
-        tables = replace(tables, truth=Table(TRUTH))
     built = build.shared(scenario, prepared.devices, prepared.drives)
     driven: set[str] = set()
     for number, entry in enumerate(scenario.methods):
-        log = _log(prepared, entry.name, tables, driven)
+        setup = build.setup(built, entry)
+        log = _log(prepared, entry.name, setup, tables, driven)
         began_s = time.perf_counter()
 
         def tell(
@@ -244,28 +245,22 @@ def simulate(prepared: Prepared, progress: Progress | None = None, spill: Path |
                 progress((done * end_ns + now_ns) / NS_PER_S, len(scenario.methods) * end_ns / NS_PER_S, what)
 
         with _gc_disabled():
-            world = build.world(built, entry, log)
+            world = World(setup, build.method(entry), log)
             world.run(tell)
             driven.update(world.hosts)
     return tables
 
 
-def _log(prepared: Prepared, method: str, tables: Tables, driven: Collection[str]) -> Log:
+def _log(prepared: Prepared, method: str, setup: Setup, tables: Tables, driven: Collection[str]) -> Log:
     scenario = prepared.expanded
     samples: Literal["all", "edges", "none"] = "all" if prepared.scenario.fleet is None else "edges"
     if "resources" not in scenario.record:
         samples = "none"
-    return Log(method, tables, scenario.record, samples, _truth(prepared, method, tables.truth), driven)
-
-
-def _truth(prepared: Prepared, method: str, table: Table | None) -> Truth | None:
-    """What judges the answers of one method, where the truth is known and wanted."""
-    town = prepared.frames.truth
-    if table is None or town is None:
-        return None
-    source = prepared.scenario.source
-    begin_ns = {car: getattr(drive, "start_ns", 0) for car, drive in prepared.drives.items()}
-    return Truth(method, town, begin_ns, source.tolerance_m, source.range_m, table)
+    truths = {car: truth for car in prepared.drives if (truth := prepared.frames.truth_of(car)) is not None}
+    held = None
+    if truths and "held" in scenario.record:
+        held = Held(method, truths, tables.held, driven, partial(CONSUMERS[setup.consumer], setup.laws))
+    return Log(method, tables, scenario.record, samples, held, driven)
 
 
 @contextmanager

@@ -39,5 +39,5 @@ def test_everything_is_measured():
     costs = cell_costs.measure(TINY)
     assert min(costs.least_s, costs.usual_s, costs.jointly_s, costs.prepare_s, costs.process) > 0
     assert min(costs.block_s, costs.block) > 0
-    assert {"frames", "lookups", "truth"} <= set(costs.disk) and min(costs.disk.values()) > 0
+    assert {"frames", "lookups", "held"} <= set(costs.disk) and min(costs.disk.values()) > 0
     assert "µs" in cell_costs.constants(costs) and costs.filled_s == 2.0

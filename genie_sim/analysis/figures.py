@@ -7,6 +7,7 @@ one entry), the ``methods`` that ran, and the ``footer`` that names the run. Siz
 
 from __future__ import annotations
 
+import io
 import textwrap
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -58,8 +59,13 @@ def in_style() -> Iterator[None]:
 
 def of_run(run: Run) -> dict[str, Figure]:
     """Every figure of one run, by file name, but of Genies and of use only what was simulated and recorded."""
+    from genie_sim.analysis.latency_accuracy import drawable, latency_accuracy  # it draws with this module
+
     frames, lookups, methods = {run.name: run.frames}, {run.name: run.lookups}, run.methods
-    figures = {
+    figures = {}
+    if drawable({run.name: run.measured}):
+        figures["latency_accuracy"] = latency_accuracy({run.name: run.measured}, methods, run.footer)
+    figures |= {
         "latency_cdf": latency_cdf(frames, methods, run.footer),
         "latency_cdf_of_answered": latency_cdf(frames, methods, run.footer, of="answered"),
     }
@@ -81,6 +87,15 @@ def save(figure: Figure, folder: Path, name: str) -> list[Path]:
         figure.savefig(paths[0], metadata={"Date": None, "Creator": None})
         figure.savefig(paths[1], metadata={"Software": None})
     return paths
+
+
+def svg(figure: Figure) -> bytes:
+    """The figure as ``save`` writes it."""
+    to = io.BytesIO()
+    with in_style():
+        _settle(figure)
+        figure.savefig(to, format="svg", metadata={"Date": None, "Creator": None})
+    return to.getvalue()
 
 
 def _settle(figure: Figure) -> None:

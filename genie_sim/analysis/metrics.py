@@ -18,7 +18,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from genie_sim.analysis.statistics import Blocks, Floats, around
+from genie_sim.analysis import correctness
+from genie_sim.analysis.statistics import Blocks, Floats, around, share
 from genie_sim.recording.results import MethodInfo, Metric
 from genie_sim.units import NS_PER_MS, NS_PER_S
 
@@ -38,7 +39,8 @@ def compute(
     frames: pd.DataFrame,
     lookups: pd.DataFrame,
     resources: pd.DataFrame,
-    truth: pd.DataFrame | None = None,
+    answers: pd.DataFrame | None = None,
+    held: pd.DataFrame | None = None,
 ) -> list[Metric]:
     """All metrics of one run from its tables (columns: ``records``), in a fixed order; ``methods`` are those that ran.
 
@@ -49,7 +51,8 @@ def compute(
         *_of_frames(frames, methods),
         *(metric for name in names for place in PLACEMENTS for metric in _of_genies(lookups, name, place)),
         *_of_resources(resources, frames, names),
-        *(_of_truth(truth, names) if truth is not None and len(truth) else ()),
+        *(correctness.of_answers(answers, names) if answers is not None and len(answers) else ()),
+        *(correctness.of_held(held, names) if held is not None and len(held) else ()),
     ]
     return [replace(one, value=_ten(one.value), low=_ten(one.low), high=_ten(one.high)) for one in found]
 
@@ -128,10 +131,10 @@ def _of_frames(frames: pd.DataFrame, methods: Sequence[MethodInfo]) -> Iterator[
         mine, where = method == name, (name, "all", "")
         for answer, values in response.items():
             yield from _latencies(blocks, np.where(mine, values, np.nan), f"{answer}_answer", where)
-        for share, flags in shares.items():
-            yield _share(blocks, f"{share}_share", where, mine & flags, mine)
+        for name_of_share, flags in shares.items():
+            yield share(blocks, f"{name_of_share}_share", where, mine & flags, mine)
         in_time = mine & shares["under_deadline"]
-        yield _share(blocks, "under_deadline_share_of_answered", where, in_time, mine & answered)
+        yield share(blocks, "under_deadline_share_of_answered", where, in_time, mine & answered)
         published = int(mine.sum())
         yield Metric("frames_published", *where, published, "frames", n=published)
         for part in ("answered", "dropped", "in_flight"):  # each frame is in exactly one of these
@@ -167,17 +170,6 @@ def _latencies(blocks: Blocks, values_ms: Floats, name: str, where: Where) -> It
         ends = (None, None) if half is None else (max(share - half, 0.0), min(share + half, 1.0))
         low, high = (None if end is None else float(np.quantile(values, end)) for end in ends)
         yield Metric(f"{name}_p{percent}", *where, value, "ms", low, high, n)
-
-
-def _share(blocks: Blocks, name: str, where: Where, part: Floats, whole: Floats) -> Metric:
-    """How many of ``whole`` are in ``part``; the interval stays within [0, 1]."""
-    n = int(whole.sum())
-    if not n:
-        return Metric(name, *where, None, "1")
-    value = float(part.sum() / n)
-    low, high = around(value, blocks.half_width(blocks.influence(part.astype(float), whole.astype(float))))
-    low, high = (None if end is None else min(max(end, 0.0), 1.0) for end in (low, high))
-    return Metric(name, *where, value, "1", low, high, n)
 
 
 def _throughput(frames: pd.DataFrame, where: Where) -> Metric:
@@ -283,22 +275,6 @@ def _of_resource(samples: pd.DataFrame, last_stamp_ns: float) -> Iterator[tuple[
     carried = _number(last["bytes"])
     if carried is not None:
         yield "bytes", int(carried), "B", n
-
-
-def _of_truth(truth: pd.DataFrame, methods: Sequence[str]) -> Iterator[Metric]:
-    """Of the first answers: false positives among served objects, cache hits that show an object which is not in view,
-    and objects in view that were served (recall)."""
-    blocks = Blocks(truth["car"], truth["stamp_ns"])
-    method = truth["method"].to_numpy(dtype=str)
-    hit = truth["source"].astype(str).str.endswith("_cache").to_numpy()
-    count = {name: _floats(truth[name]) for name in ("served", "true", "not_in_view", "in_view", "found")}
-    for name in methods:
-        mine, where = method == name, (name, "all", "")
-        if mine.any():
-            yield _share(blocks, "ghost_share", where, mine * (count["served"] - count["true"]), mine * count["served"])
-            wrong = mine & hit & (count["not_in_view"] > 0)
-            yield _share(blocks, "wrong_hit_share", where, wrong, mine & hit)
-            yield _share(blocks, "object_recall", where, mine * count["found"], mine * count["in_view"])
 
 
 def _floats(column: pd.Series[Any]) -> Floats:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from genie_sim.recording.results import Metric
 from genie_sim.units import NS_PER_S
 
 if TYPE_CHECKING:
@@ -78,3 +79,14 @@ class Blocks:
 def around(value: float, half: float | None) -> tuple[float | None, float | None]:
     """The ends of an interval of this half width."""
     return (None, None) if half is None else (value - half, value + half)
+
+
+def share(blocks: Blocks, name: str, where: tuple[str, str, str], part: Floats, whole: Floats) -> Metric:
+    """How many of ``whole`` are in ``part``, at a method, placement and component; the interval stays within [0, 1]."""
+    n = int(whole.sum())
+    if not n:
+        return Metric(name, *where, None, "1")
+    value = float(part.sum() / n)
+    low, high = around(value, blocks.half_width(blocks.influence(part.astype(float), whole.astype(float))))
+    low, high = (None if end is None else min(max(end, 0.0), 1.0) for end in (low, high))
+    return Metric(name, *where, value, "1", low, high, n)

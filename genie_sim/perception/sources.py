@@ -10,6 +10,7 @@ import os
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 from genie_sim import files
@@ -19,6 +20,7 @@ from genie_sim.messages import Frame
 
 if TYPE_CHECKING:
     from genie_sim.perception.trace import Trace
+    from genie_sim.perception.truth_table import RecordedTruth, TruthTable
 
 SOURCES: dict[str, str] = {
     "recorded": "genie_sim.perception.sources:Recorded",
@@ -38,21 +40,13 @@ class Drive(Protocol):
     def frames(self) -> Mapping[str, Sequence[Frame]]: ...
 
 
-class TrueWorld(Protocol):
-    """Knows where everything really is."""
-
-    def is_there(self, label: str, east_m: float, north_m: float, range_m: float, t_ns: int) -> bool:
-        """Whether anything of a class is within a distance of a place at a time of the source's clock."""
-
-
 class Frames(Protocol):
-    """An open source. ``truth`` is ``None`` where nobody knows what is really there. ``seeded``: another seed gives
-    other frames."""
+    """An open source. ``seeded``: another seed gives other frames."""
 
     seeded: bool
 
-    @property
-    def truth(self) -> TrueWorld | None: ...
+    def truth_of(self, car: str) -> Any:
+        """What is really there on the car's drive (``recording.held.DriveTruth``); ``None`` where nobody knows."""
 
     def drive(self, car: str, trace: str | None, start_ns: int) -> Drive:
         """What a car sees that starts at this time; ``trace`` is its route's. Raises ``UserError``."""
@@ -80,7 +74,8 @@ class Recorded:
     def open(self, seed: int, origin: Geodetic | None, progress: Progress | None = None) -> Recordings:
         from genie_sim.perception.trace import read_trace
 
-        return Recordings(read_trace(files.find(files.TRACE, self.trace)), origin)
+        path = files.find(files.TRACE, self.trace)
+        return Recordings(read_trace(path), origin, path)
 
 
 @dataclass(frozen=True)
@@ -123,26 +118,43 @@ class Live:
 
 @dataclass
 class Recordings:
-    """Traces around one origin: the scenario's, and those that single routes name."""
+    """Traces around one origin: the scenario's, and those that single routes name. Beside the file of a trace (``path``
+    is the main one's) there may be a truth table."""
 
     main: Trace
     origin: Geodetic | None = None
-    truth: None = None
+    path: Path | None = None
     seeded: bool = False
     _read: dict[str | None, Trace] = field(default_factory=dict)
-    _of_cars: dict[str, Trace] = field(default_factory=dict)
+    _truths: dict[str | None, TruthTable | None] = field(default_factory=dict)
+    _of_cars: dict[str, str | None] = field(default_factory=dict)
 
     def drive(self, car: str, trace: str | None, start_ns: int) -> Trace:
         from genie_sim.perception.trace import read_trace
+        from genie_sim.perception.truth_table import truth_beside
 
         if trace not in self._read:
-            made = self.main if trace is None else read_trace(files.find(files.TRACE, trace))
-            self._read[trace] = made.rebased(self.main.origin if self.origin is None else self.origin)
-        self._of_cars[car] = self._read[trace]
-        return self._of_cars[car]
+            path = self.path if trace is None else files.find(files.TRACE, trace)
+            made = self.main if trace is None or path is None else read_trace(path)
+            origin = self.main.origin if self.origin is None else self.origin
+            truth = None if path is None else truth_beside(path, made)
+            self._read[trace] = made.rebased(origin)
+            self._truths[trace] = truth and truth.rebased(origin)
+        self._of_cars[car] = trace
+        return self._read[trace]
+
+    def truth_of(self, car: str) -> RecordedTruth | None:
+        from genie_sim.perception.truth_table import RecordedTruth
+
+        table = self._truths[self._of_cars[car]]
+        return None if table is None else RecordedTruth(table)
 
     def digests(self) -> Mapping[str, str]:
-        return {car: trace.digest for car, trace in self._of_cars.items()}
+        found = {car: self._read[trace].digest for car, trace in self._of_cars.items()}
+        truths = {car: self._truths[trace] for car, trace in self._of_cars.items()}
+        return found | {f"truth of {car}": table.digest for car, table in truths.items() if table is not None}
 
     def provenance(self) -> Mapping[str, Mapping[str, Any]]:
-        return {trace.name: dict(trace.provenance) for trace in self._of_cars.values()}
+        traces = {one.name: dict(one.provenance) for one in map(self._read.__getitem__, self._of_cars.values())}
+        tables = [table for table in map(self._truths.__getitem__, self._of_cars.values()) if table is not None]
+        return traces | {f"truth of {table.provenance['trace']}": dict(table.provenance) for table in tables}

@@ -18,8 +18,9 @@ from genie_sim.messages import (
     Observation,
 )
 from genie_sim.monitor import Placement, Resource
+from genie_sim.recording.answers import Answers
+from genie_sim.recording.held import Held
 from genie_sim.recording.records import Frame, Tables
-from genie_sim.recording.truth import Truth
 
 SETTLED_NS = 6_000_000_000  # a frame this old has nearly always seen its last answer
 
@@ -28,9 +29,10 @@ class Log:
     """The rows of one method's run. A frame's row is found by its header and completed as the frame moves on. Then it
     goes into the table, which is compact; in the rare case that more becomes known, it is taken out again.
 
-    ``record`` names what is written besides frames and resources: ``lookups``, and what a replay needs, ``poses`` and
-    ``objects``. ``samples`` are the resources that are sampled: ``all``, those of ``edges``, or ``none``. ``truth``
-    judges the answers where it is known. The poses of the cars in ``posed`` are known already.
+    ``record`` names what is written besides frames and resources: ``lookups``, ``answers``, and what a replay needs,
+    ``poses`` and ``objects``. ``samples`` are the resources that are sampled: ``all``, those of ``edges``, or ``none``.
+    ``held`` judges what the consumers hold, where the truth is known. The poses of the cars in ``posed`` are known
+    already.
     """
 
     def __init__(
@@ -39,18 +41,19 @@ class Log:
         tables: Tables,
         record: Collection[str] = ("lookups",),
         samples: Literal["all", "edges", "none"] = "all",
-        truth: Truth | None = None,
+        held: Held | None = None,
         posed: Collection[str] = (),
     ) -> None:
         self.method = method
         self.samples: Literal["all", "edges", "none"] = samples
-        self._truth = truth
+        self._held = held
         self._posed = frozenset(posed)
         self._frames = tables.frames
         self._resources = tables.resources
         self._lookups = tables.lookups if "lookups" in record else None
         self._poses = tables.poses if "poses" in record else None
         self._objects = tables.objects if "objects" in record else None
+        self._answers = Answers(method, tables.answers) if "answers" in record else None
         self.wants_changes = self._objects is not None  # of object maps
         self._open: dict[Header, Frame] = {}  # in order of their stamps
         self.published_frames = 0
@@ -60,8 +63,10 @@ class Log:
         stamp_ns, stream, car = header
         self._open[header] = Frame(self.method, car, stream, number, lap, stamp_ns)
         self.published_frames += 1
-        if self._truth is not None:
-            self._truth.published(image)
+        if self._held is not None:
+            self._held.published(image)
+        if self._answers is not None:
+            self._answers.published(image)
         if self._poses is not None and car not in self._posed:
             at = image.pose
             where = at.east_m, at.north_m, at.heading_rad, image.horizontal_fov_rad
@@ -74,6 +79,8 @@ class Log:
             settled = takewhile(lambda header: header.stamp_ns < before_ns, self._open)
         for header in list(settled):
             self._frames.append(self._open.pop(header).row())
+            if self._answers is not None:
+                self._answers.forget(header)
 
     def _frame(self, header: Header) -> Frame | None:
         frame = self._open.get(header)
@@ -98,17 +105,20 @@ class Log:
 
     def answered(self, answer: Detections, source: str, now_ns: int) -> None:
         """An answer is in the consumer's hands. One under a stale stamp is no answer to this frame."""
-        if self._truth is not None:
-            self._truth.answered(answer, source)
+        if self._held is not None:
+            self._held.answered(answer, now_ns)
         frame = self._frame(answer.header)
         if frame is None:
             return
-        if frame.first_answer_ns is None:
+        first, fresh = frame.first_answer_ns is None, answer.source != "map" and frame.fresh_answer_ns is None
+        if self._answers is not None and (first or fresh):
+            self._answers.answered(answer, source, first, fresh)
+        if first:
             frame.first_answer_ns = now_ns
             frame.source = source
             frame.served_by = answer.served_by
             frame.objects_served = len(answer.objects)
-        if answer.source != "map" and frame.fresh_answer_ns is None:
+        if fresh:
             frame.drop = None
             frame.fresh_answer_ns = now_ns
             frame.objects_fresh = len(answer.objects)

@@ -1,5 +1,5 @@
-"""What a run writes down: one row per frame, per look-up, per sample of a resource, per pose and per map change; where
-the truth is known, per answered frame what its answer was worth.
+"""What a run writes down: one row per frame, per look-up, per sample of a resource, per pose and per map change; per
+answer how right it was, and where the truth is known, per instant what a consumer held.
 
 Rows are measurements (instants, counts, names); latencies and ratios are computed from them later, in ``metrics``. A
 value that is not known stays ``None``.
@@ -108,26 +108,51 @@ OBJECTS = Schema(
         Column("confidence", "float64", "", "from now on; null: the object is forgotten", True),
     ),
 )
-TRUTH = Schema(
-    "truth",
-    "One row per answered frame of a drive through a town: its first answer, compared with what is really there. A "
-    "served object is true if one of its class really is within the town's `tolerance` of it at the time of the frame. "
-    "Objects without a place in the world are not counted.",
+ANSWERS = Schema(
+    "answers",
+    "One row per first and per fresh answer, in order of time: its objects, compared with those that the method's "
+    "detector finds in that very frame. A proxy: the detector errs too. Objects without a place in the world are not "
+    "counted, nor answers that come 6 s after the frame or later.",
     (
         METHOD,
         Column("car", "text", "", "the car whose camera took the frame"),
         Column("stream", "text", "", "camera stream of that car (frame_id)"),
         Column("stamp_ns", "int64", "ns", "when the camera took it"),
-        Column("source", "text", "", "what produced the first answer"),
-        Column("served", "int32", "objects", "with a place, in the first answer"),
-        Column("true", "int32", "objects", "of those served: one of the class is there; the others are ghosts"),
-        Column("not_in_view", "int32", "objects", "of those served: none of the class that is in view is there"),
-        Column("in_view", "int32", "objects", "really in view, and within genie.view_range"),
-        Column("found", "int32", "objects", "of those in view: one of the class is served there"),
+        Column("which", "text", "", "first or fresh; an answer that is both has two rows"),
+        Column("source", "text", "", "what produced the answer"),
+        Column("served", "int32", "objects", "in the answer"),
+        Column("detected", "int32", "objects", "found by the detector in this frame"),
+        Column("matched", "int32", "objects", "pairs of the two: one class, at most 2 m apart, nearest first"),
     ),
-    sorted_by=("method", "car", "stream", "stamp_ns"),
 )
-SCHEMAS = (FRAMES, LOOKUPS, RESOURCES, POSES, OBJECTS, TRUTH)
+HELD = Schema(
+    "held",
+    "Where the truth is known, one row per car and frame of its first camera, in order of time: what its consumer "
+    "holds when the frame is taken, compared with what is really in view then. An object held is right if one of its "
+    "class is within reach of it, each counted once, nearest first. The detector's own answer to the frame without any "
+    "delay, the floor, is judged in the same way; it is written under the first method that the car drives with, and "
+    "the same under every other.",
+    (
+        METHOD,
+        Column("what", "text", "", "consumer or floor"),
+        Column("car", "text", "", "the car that is judged"),
+        Column("stamp_ns", "int64", "ns", "the instant"),
+        Column("held", "int32", "objects", "in the field of view; without those of classes that are not known"),
+        Column("right", "int32", "objects", "of those held: a visible object is there"),
+        Column("moved_away", "int32", "objects", "of those held: not there, but visible there in the 10 s before"),
+        Column("never_there", "int32", "objects", "of those held: not there, nor before"),
+        Column("duplicate", "int32", "objects", "of those held: what is there is held once more"),
+        Column("hidden", "int32", "objects", "there, but not visible; counted in no other column"),
+        Column("visible_static", "int32", "objects", "visible and not moving"),
+        Column("found_static", "int32", "objects", "of those: held"),
+        Column("visible_moving", "int32", "objects", "visible and moving"),
+        Column("found_moving", "int32", "objects", "of those: held"),
+        Column("gospa_m", "float64", "m", "GOSPA, p = 2, c = 5 m, alpha = 2"),
+        Column("age_s", "float64", "s", "mean over those held: time since it was seen; a lower bound", True),
+        Column("error_m", "float64", "m", "mean over those right: distance from what is there", True),
+    ),
+)
+SCHEMAS = (FRAMES, LOOKUPS, RESOURCES, POSES, OBJECTS, ANSWERS, HELD)
 
 _frame_row = attrgetter(*(column.name for column in FRAMES.columns))
 
@@ -163,21 +188,21 @@ class Frame:
 
 @dataclass(frozen=True)
 class Tables:
-    """What a run writes down. ``truth`` is ``None`` where nobody knows it."""
+    """What a run writes down. ``held`` stays empty where nobody knows the truth."""
 
     frames: Table = field(default_factory=lambda: Table(FRAMES))
     lookups: Table = field(default_factory=lambda: Table(LOOKUPS))
     resources: Table = field(default_factory=lambda: Table(RESOURCES))
     poses: Table = field(default_factory=lambda: Table(POSES))
     objects: Table = field(default_factory=lambda: Table(OBJECTS))
-    truth: Table | None = None
+    answers: Table = field(default_factory=lambda: Table(ANSWERS))
+    held: Table = field(default_factory=lambda: Table(HELD))
 
     @classmethod
     def spilling(cls, folder: Path | None) -> Tables:
         """With a folder, the rows of long tables wait there and not in memory."""
         spill = {one.name: None if folder is None else folder / f"{one.name}.rows" for one in SCHEMAS}
-        return cls(**{one.name: Table(one, spill[one.name]) for one in (LOOKUPS, RESOURCES, POSES, OBJECTS)})
+        return cls(**{one.name: Table(one, spill[one.name]) for one in SCHEMAS if not one.sorted_by})
 
     def __iter__(self) -> Iterator[Table]:
-        usual = (self.frames, self.lookups, self.resources, self.poses, self.objects)
-        return iter(usual if self.truth is None else (*usual, self.truth))
+        return iter((self.frames, self.lookups, self.resources, self.poses, self.objects, self.answers, self.held))

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from genie_sim.errors import UserError
 from genie_sim.paths import expanded
 from genie_sim.recording import provenance
-from genie_sim.recording.records import SCHEMAS, TRUTH
+from genie_sim.recording.records import SCHEMAS
 from genie_sim.recording.tables import read
 
 if TYPE_CHECKING:
@@ -56,10 +56,9 @@ class Metric:
 class Run:
     """One finished run.
 
-    The columns of ``frames``, ``lookups``, ``resources``, ``poses``, ``objects`` and ``truth`` (``None`` where it is
-    not known) are described, with their units, in ``genie_sim.recording.records``. ``facts`` is everything that
-    decided the outcome, ``yaml`` the scenario with every setting written out; ``folder`` is ``None`` for a run that was
-    not written down.
+    The columns of ``frames``, ``lookups``, ``resources``, ``poses``, ``objects``, ``answers`` and ``held`` are
+    described, with their units, in ``genie_sim.recording.records``. ``facts`` is everything that decided the outcome,
+    ``yaml`` the scenario with every setting written out; ``folder`` is ``None`` for a run that was not written down.
     """
 
     run_id: str
@@ -70,9 +69,10 @@ class Run:
     resources: pd.DataFrame
     poses: pd.DataFrame
     objects: pd.DataFrame
+    answers: pd.DataFrame
+    held: pd.DataFrame
     measured: Sequence[Metric]
     folder: Path | None = None
-    truth: pd.DataFrame | None = None
 
     def __repr__(self) -> str:
         where = self.folder if self.folder is not None else "not written to a folder"
@@ -101,8 +101,7 @@ def load(folder: str | Path) -> Run:
         if (folder / name).is_file():
             raise UserError(f"{folder}: holds {what}, not one run")
     made = provenance.read_run_json(folder)
-    paths = {schema: folder / f"{schema.name}.parquet" for schema in SCHEMAS}
-    tables = {schema.name: read(path, schema) for schema, path in paths.items() if schema != TRUTH or path.is_file()}
+    tables = {schema.name: read(folder / f"{schema.name}.parquet", schema) for schema in SCHEMAS}
     with provenance.of_this_version(folder):
         measured = [Metric(**metric) for metric in provenance.read_json(folder / "metrics.json")]
     yaml = _text(folder / "scenario.resolved.yaml")

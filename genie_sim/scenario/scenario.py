@@ -33,8 +33,8 @@ from genie_sim.scenario.profiles import DeviceProfile, load_profile
 from genie_sim.scenario.yaml_input import dump, read_mapping
 from genie_sim.seeds import stream
 
-Record = Literal["lookups", "resources", "poses", "objects", "truth"]
-RECORDS: tuple[Record, ...] = ("lookups", "resources", "poses", "objects", "truth")
+Record = Literal["lookups", "resources", "poses", "objects", "answers", "held"]
+RECORDS: tuple[Record, ...] = ("lookups", "resources", "poses", "objects", "answers", "held")
 USUAL_METHODS = tuple(map(read_method, methods.USUAL))
 
 EDGES = "edges"  # the network between edges, in the names of links

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from genie_sim.messages import Detections, Image, Message
-from genie_sim.sim.nodes import ConsumerNode
+from genie_sim.messages import Detections, Message
+from genie_sim.sim.nodes import Consumer
 from genie_sim.sim.station import IMAGES, OBJECTS
 
 if TYPE_CHECKING:
-    from genie_sim.core.consumer import Consumer
     from genie_sim.sim.ros_graph import Graph
     from genie_sim.sim.uplinks import CarUplink
     from genie_sim.sim.world import World
@@ -19,28 +18,22 @@ class CarListener:
     """Tells the monitor of each frame when it reaches the first node's queue, and of each answer when the consumer has
     it. With ``no_server`` no node takes the frames: they are lost at once."""
 
-    def __init__(
-        self, world: World, car: str, graph: Graph, consumer: Consumer, uplink: CarUplink | None, no_server: bool
-    ) -> None:
+    def __init__(self, world: World, car: str, graph: Graph, uplink: CarUplink | None, no_server: bool) -> None:
         self.address = f"{graph.name}/watch"
         self._world = world
         self._car = car
-        self._consumer = consumer
         self._uplink = uplink
         self._no_server = no_server
         graph.subscribe(IMAGES, self)
-        ConsumerNode(f"{car}/consumer", graph, OBJECTS, self._answered)
+        Consumer(f"{car}/consumer", graph, OBJECTS, self._answered)
 
     def deliver(self, topic: str, message: Message, sender: str) -> None:
-        assert isinstance(message, Image)
-        self._consumer.on_frame(message)
         if self._no_server:
             self._world.monitor.dropped(message, f"{self._car}:no_edge")
         else:
             self._world.monitor.received(message.header, self._world.env.now)
 
     def _answered(self, answer: Detections, now_ns: int) -> None:
-        self._consumer.on_answer(answer, now_ns)
         self._world.monitor.answered(answer, self._source(answer), now_ns)
 
     def _source(self, answer: Detections) -> str:

@@ -93,7 +93,7 @@ class InterceptorNode(Node):
         self._set_timer()
 
 
-class ConsumerNode:
+class Consumer:
     """Node Z: takes the answers to its car's frames from whichever node sends them, and keeps the first of each."""
 
     def __init__(self, name: str, graph: Graph, topic: str, answered: Callable[[Detections, int], None]) -> None:

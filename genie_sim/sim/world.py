@@ -7,7 +7,6 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from genie_sim import seeds
-from genie_sim.core.consumer import CONSUMERS, Consumer
 from genie_sim.errors import UserError, unknown
 from genie_sim.messages import Observation
 from genie_sim.monitor import Monitor, Placement, Resource
@@ -47,7 +46,6 @@ class World:
         self.uplinks: dict[str, CarUplink] = {}
         self.hosts: dict[str, tuple[Host, Graph]] = {}
         self.links: dict[str, Link] = {}
-        self.consumers: dict[str, Consumer] = {}  # by car
         self.end_ns = 0  # when the last frame is taken
         self.outages: list[tuple[str, str]] = []  # the targets of links that are down now, and by which fault
         self._method = method
@@ -136,8 +134,7 @@ class World:
         uplink = None
         if station.uplink is not None:
             uplink = self.uplinks[car.name] = CarUplink(self, car, graph, station.uplink)
-        consumer = self.consumers[car.name] = CONSUMERS[self.setup.consumer](self.setup.laws)
-        CarListener(self, car.name, graph, consumer, uplink, no_server=uplink is None and car.name not in self._fronts)
+        CarListener(self, car.name, graph, uplink, no_server=uplink is None and car.name not in self._fronts)
         for camera in car.cameras:
             node = Camera(camera, car, host, graph, IMAGES, self.monitor.published)
             self.end_ns = max(self.end_ns, node.last_stamp_ns)

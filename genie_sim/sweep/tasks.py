@@ -138,9 +138,10 @@ def run_task(task: Task, packed: bytes) -> Finished:
 def measured(prepared: runner.Prepared) -> Sequence[Metric]:
     """Simulates one run: the metrics of its methods and of their Genies, not of single resources: a fleet has many."""
     tables = runner.simulate(prepared)
-    frames, lookups, resources = (table.to_frame() for table in (tables.frames, tables.lookups, tables.resources))
-    truth = tables.truth.to_frame() if tables.truth is not None else None
-    return metrics.compute(runner.methods_of(prepared), frames, lookups, resources.iloc[:0], truth)
+    read = {table.name: table.to_frame() for table in tables if table.name not in ("poses", "objects")}
+    judged = read["answers"], read["held"]
+    no_resources = read["resources"].iloc[:0]
+    return metrics.compute(runner.methods_of(prepared), read["frames"], read["lookups"], no_resources, *judged)
 
 
 @functools.lru_cache(maxsize=1)

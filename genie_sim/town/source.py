@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from genie_sim.core.geometry import Geodetic
-from genie_sim.town.rules import TownRules
+from genie_sim.messages import Frame
+from genie_sim.town.rules import TownRules, TrueObject
 from genie_sim.units import NS_PER_MS, NS_PER_S, duration_text, length_text
 
 if TYPE_CHECKING:
@@ -18,21 +19,22 @@ if TYPE_CHECKING:
 # Far beyond what anyone has simulated, see docs/explanation/million-cars.md; more is a slip of the pen, which would
 # fill the memory before anything is said.
 MOST_FRAMES, MOST_BLOCK_M = 100_000_000, 10_000.0
+VEHICLES = ("car", "truck")  # one class for whoever judges
 
 
 @dataclass(frozen=True)
 class InTown:
     """Every car drives its own way through a generated town.
 
-    Each drives for ``duration_ns`` and takes a frame every ``interval_ns``; recordings are "02" and "03". A served
-    object is true if one of its class really is within ``tolerance_m`` of it: the detector's own error of places, and
-    the object map's usual gate. Objects up to ``range_m`` away count as visible. Both are a ruler, the same whatever a
-    Genie is told. The town is made from ``town`` and the scenario's seed.
+    Each drives for ``duration_ns`` and takes a frame every ``interval_ns``; recordings are "02" and "03". An object
+    that a car's consumer holds is right if one of its class really is within ``tolerance_m`` of it; objects up to
+    ``range_m`` away count. Both are a ruler, the same whatever a Genie is told. The town is made from ``town`` and the
+    scenario's seed.
     """
 
     duration_ns: int = 60 * NS_PER_S
     interval_ns: int = 100 * NS_PER_MS
-    tolerance_m: float = 3.0
+    tolerance_m: float = 2.0
     range_m: float = 50.0
     town: TownRules = field(default_factory=TownRules)
 
@@ -64,15 +66,42 @@ class TownDrives:
     """A town with the drives through it. A car sees the town at the time that the simulation has then, but for the
     phases of its cameras."""
 
-    truth: Town
+    town: Town
     settings: InTown
     seeded: bool = True
+    _starts_ns: dict[str, int] = field(default_factory=dict)
 
     def drive(self, car: str, trace: str | None, start_ns: int) -> Drive:
-        return self.truth.drive(car, self.settings.duration_ns, self.settings.interval_ns, start_ns)
+        self._starts_ns[car] = start_ns
+        return self.town.drive(car, self.settings.duration_ns, self.settings.interval_ns, start_ns)
+
+    def truth_of(self, car: str) -> TownTruth:
+        return TownTruth(self.town, self._starts_ns[car], self.settings.tolerance_m, self.settings.range_m)
 
     def digests(self) -> Mapping[str, str]:
-        return {self.truth.name: self.truth.digest}
+        return {self.town.name: self.town.digest}
 
     def provenance(self) -> Mapping[str, Mapping[str, Any]]:
-        return {self.truth.name: dict(self.truth.provenance)}
+        return {self.town.name: dict(self.town.provenance)}
+
+
+@dataclass(frozen=True)
+class TownTruth:
+    """What is really there on the drive of a car that starts at ``start_ns`` of the town's clock."""
+
+    town: Town
+    start_ns: int
+    reach_m: float
+    range_m: float
+
+    def knows(self, label: str) -> bool:
+        return True
+
+    def visible(self, frame: Any) -> Sequence[TrueObject]:
+        seen: Sequence[TrueObject] = frame.truth()
+        return seen
+
+    def is_there(self, frame: Frame, label: str, east_m: float, north_m: float) -> bool:
+        t_ns = self.start_ns + frame.stamp_ns
+        labels = VEHICLES if label in VEHICLES else (label,)
+        return any(self.town.is_there(one, east_m, north_m, self.reach_m, t_ns) for one in labels)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from genie_sim.core.freshness.ttl import Ttl
 from genie_sim.core.eviction import LRU
+from genie_sim.core.freshness.ttl import Ttl
 from genie_sim.core.similarity import Exact
 from genie_sim.messages import Detections, Expired, Forgotten, ImageLookup, MapChange, ObjectLookups, Observe, Publish
 from tests.core.worlds import (

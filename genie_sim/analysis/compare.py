@@ -1,0 +1,308 @@
+"""Compares finished runs: the methods of one, or the same methods under other settings.
+
+Differences are paired. With at least two seeds in common, by seed: the 95 % t interval of the differences. With one, by
+blocks of one second of each car inside its run (``statistics.Blocks``): that says nothing of other seeds or drives.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from genie_sim.analysis.metrics import DEADLINE_MS, response_ms
+from genie_sim.analysis.statistics import CONFIDENCE, Blocks, Floats, around
+from genie_sim.errors import UserError, shown, unknown
+from genie_sim.recording.results import MethodInfo, Metric, Run
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+SEEDS, BLOCKS = "seeds", "blocks of 1 s"
+
+
+class Sums(NamedTuple):
+    """A metric as a ratio of sums over rows: of which car, when, above and below."""
+
+    car: pd.Series[Any]
+    stamp_ns: pd.Series[int]
+    above: Floats
+    below: Floats
+
+    @property
+    def value(self) -> float | None:
+        below = float(self.below.sum())
+        return float(self.above.sum()) / below if below else None
+
+
+def _of_frames(run: Run, method: str, values: Callable[[pd.DataFrame], tuple[Floats, Floats]]) -> Sums:
+    frames = run.frames[run.frames["method"] == method]
+    return Sums(frames["car"], frames["stamp_ns"], *values(frames))
+
+
+def _latency(run: Run, method: str, answer: str) -> Sums:
+    def values(frames: pd.DataFrame) -> tuple[Floats, Floats]:
+        times = response_ms(frames, answer)
+        return np.nan_to_num(times), (~np.isnan(times)).astype(float)
+
+    return _of_frames(run, method, values)
+
+
+def _share(run: Run, method: str, flags: Callable[[pd.DataFrame], Any]) -> Sums:
+    return _of_frames(run, method, lambda frames: (np.asarray(flags(frames), dtype=float), np.ones(len(frames))))
+
+
+def _proxy(run: Run, method: str, answer: str) -> Sums:
+    rows = run.answers[(run.answers["method"] == method) & (run.answers["which"] == answer)]
+    served, detected, matched = (rows[name].to_numpy(float) for name in ("served", "detected", "matched"))
+    return Sums(rows["car"], rows["stamp_ns"], 2 * matched, served + detected)
+
+
+def _held(run: Run, method: str, values: Callable[[pd.DataFrame], tuple[Any, Any]]) -> Sums:
+    rows = run.held[(run.held["method"] == method) & (run.held["what"] == "consumer")]
+    above, below = (np.asarray(one, dtype=float) for one in values(rows))
+    return Sums(rows["car"], rows["stamp_ns"], above, below)
+
+
+def _visible(rows: pd.DataFrame) -> Any:
+    return rows["visible_static"] + rows["visible_moving"]
+
+
+# Metric, its unit, and its sums in one run under one method.
+COMPARED: Mapping[str, tuple[str, Callable[[Run, str], Sums]]] = {
+    "first_answer_mean": ("ms", lambda run, method: _latency(run, method, "first")),
+    "fresh_answer_mean": ("ms", lambda run, method: _latency(run, method, "fresh")),
+    "answered_share": ("1", lambda run, method: _share(run, method, lambda one: one["first_answer_ns"].notna())),
+    "under_deadline_share": (
+        "1",
+        lambda run, method: _share(run, method, lambda one: response_ms(one, "first") < DEADLINE_MS),
+    ),
+    "first_proxy_f1": ("1", lambda run, method: _proxy(run, method, "first")),
+    "fresh_proxy_f1": ("1", lambda run, method: _proxy(run, method, "fresh")),
+    "streaming_f1": (
+        "1",
+        lambda run, method: _held(run, method, lambda one: (2 * one["right"], one["held"] + _visible(one))),
+    ),
+    "object_recall": ("1", lambda run, method: _held(run, method, lambda one: (one["right"], _visible(one)))),
+    "ghost_share": ("1", lambda run, method: _held(run, method, lambda one: (one["held"] - one["right"], one["held"]))),
+    "gospa": ("m", lambda run, method: _held(run, method, lambda one: (one["gospa_m"], np.ones(len(one))))),
+}
+
+
+@dataclass(frozen=True)
+class Arm:
+    """One method under one setting: its runs by seed."""
+
+    label: str
+    method: MethodInfo
+    runs: Mapping[int, Run]
+
+
+class Difference(NamedTuple):
+    """A metric of an arm and, where there is another to compare with, its value minus that one's. ``by`` says what the
+    interval is over, ``n`` over how many."""
+
+    metric: str
+    arm: str
+    value: float | None
+    unit: str
+    against: str
+    difference: float | None
+    low: float | None
+    high: float | None
+    by: str
+    n: int
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """What was compared: ``rows`` metric by metric, and ``settings``: the path of each that differs, with its value
+    under every setting, in the order of ``names``."""
+
+    arms: Sequence[Arm]
+    rows: Sequence[Difference]
+    names: Sequence[str]
+    settings: Mapping[str, Sequence[str]]
+
+    @property
+    def by(self) -> str:
+        """What the intervals are over, in words."""
+        found = sorted({row.by for row in self.rows if row.by})
+        return f"95 % intervals of paired differences, by {' and '.join(found)}" if found else "nothing to compare with"
+
+
+def compare(runs: Sequence[Run], methods: Sequence[str] = ()) -> Comparison:
+    """Compares runs that saw the same frames. Runs that differ in nothing but the seed are one setting.
+
+    ``methods``: which, in this order (default: all). The first setting is what the others are compared with, under the
+    same method; of one setting alone, the first method. Raises UserError for runs that cannot be compared.
+    """
+    groups = _groups(runs)
+    names = _names(groups)
+    arms: list[Arm] = []
+    against: dict[str, Arm] = {}
+    for place, group in enumerate(groups):
+        chosen = _chosen(next(iter(group.values())), methods)
+        for method in chosen:
+            label = method.name if len(groups) == 1 else f"{names[place]}: {method.name}"
+            arm = Arm(label, method, group)
+            same = [one for one in arms if one.runs is groups[0] and (place == 0 or one.method.name == method.name)]
+            if same and (place or len(groups) == 1):
+                _check(same[0], arm)
+                against[label] = same[0]
+            arms.append(arm)
+    if not against:
+        raise UserError("compare: nothing to compare: give two results, or one with several methods")
+    rows = [row for name in COMPARED for arm in arms if (row := _difference(name, arm, against.get(arm.label)))]
+    return Comparison(arms, rows, names, _settings([next(iter(group.values())) for group in groups]))
+
+
+def _chosen(run: Run, names: Sequence[str]) -> list[MethodInfo]:
+    known = {method.name: method for method in run.methods}
+    for name in names:
+        if name not in known:
+            raise UserError(f"compare: {run.name}-{run.run_id}: {unknown('method', name, known)}")
+    return [known[name] for name in names] or list(known.values())
+
+
+def _groups(runs: Sequence[Run]) -> list[dict[int, Run]]:
+    """Runs by seed, of each setting."""
+    groups: list[tuple[Any, dict[int, Run]]] = []
+    for run in runs:
+        seed = run.facts["scenario"]["seed"]
+        setting = {name: value for name, value in run.facts["scenario"].items() if name != "seed"}
+        setting = {"scenario": setting, **{name: run.facts[name] for name in ("genie_sim", "devices", "plugins")}}
+        for known, group in groups:
+            if known == setting:
+                if seed in group:
+                    raise UserError(f"compare: {run.name}-{run.run_id}: the same run is given twice")
+                group[seed] = run
+                break
+        else:
+            groups.append((setting, {seed: run}))
+    return [group for _, group in groups]
+
+
+def _names(groups: Sequence[Mapping[int, Run]]) -> list[str]:
+    first = [next(iter(group.values())) for group in groups]
+    names = [run.name for run in first]
+    return names if len(set(names)) == len(names) else [f"{run.name}-{run.run_id[:6]}" for run in first]
+
+
+def _paired(arm: Arm, other: Arm) -> list[int]:
+    """The seeds that both have."""
+    return [seed for seed in arm.runs if seed in other.runs]
+
+
+def _check(other: Arm, arm: Arm) -> None:
+    """Raises UserError unless both saw the same frames."""
+    if not _paired(arm, other):
+        seeds = (", ".join(map(str, sorted(one.runs))) for one in (other, arm))
+        raise UserError(f"compare: {other.label} and {arm.label} have no seed in common: {' and '.join(seeds)}")
+    for mine, theirs in [(arm.runs[seed], other.runs[seed]) for seed in _paired(arm, other)]:
+        what = f"compare: {other.label} ({theirs.run_id}) and {arm.label} ({mine.run_id}) cannot be compared"
+        drives = [one.facts["traces"] for one in (theirs, mine)]
+        if drives[0] != drives[1]:
+            names = sorted(name for name in {**drives[0], **drives[1]} if drives[0].get(name) != drives[1].get(name))
+            raise UserError(f"{what}: other drives ({', '.join(names[:3])})")
+        frames = [
+            set(zip(rows["car"], rows["stream"], rows["stamp_ns"], strict=True))
+            for rows in (
+                theirs.frames[theirs.frames["method"] == other.method.name],
+                mine.frames[mine.frames["method"] == arm.method.name],
+            )
+        ]
+        if frames[0] != frames[1]:
+            raise UserError(f"{what}: other frames ({len(frames[0]):,} and {len(frames[1]):,}): other cars or cameras")
+
+
+def _difference(metric: str, arm: Arm, other: Arm | None) -> Difference | None:
+    unit, sums = COMPARED[metric]
+    values = {seed: sums(run, arm.method.name).value for seed, run in arm.runs.items()}
+    known = [value for value in values.values() if value is not None]
+    if not known:
+        return None
+    value = float(np.mean(known))
+    if other is None:
+        return Difference(metric, arm.label, value, unit, "", None, None, None, "", 0)
+    theirs = {seed: sums(run, other.method.name).value for seed, run in other.runs.items()}
+    gaps = [
+        mine - reference
+        for seed in _paired(arm, other)
+        if (mine := values[seed]) is not None and (reference := theirs[seed]) is not None
+    ]
+    if len(gaps) > 1:
+        mean, half = _over_seeds(gaps)
+        return Difference(metric, arm.label, value, unit, other.label, mean, *around(mean, half), SEEDS, len(gaps))
+    seed = _paired(arm, other)[0]
+    found = _over_blocks(sums(arm.runs[seed], arm.method.name), sums(other.runs[seed], other.method.name))
+    if found is None:
+        return Difference(metric, arm.label, value, unit, other.label, None, None, None, "", 0)
+    gap, ends, n = found
+    return Difference(metric, arm.label, value, unit, other.label, gap, *ends, BLOCKS, n)
+
+
+def _over_seeds(gaps: Sequence[float]) -> tuple[float, float]:
+    """Mean and half of the t interval."""
+    from scipy.special import stdtrit
+
+    half = stdtrit(len(gaps) - 1, (1 + CONFIDENCE) / 2) * np.std(gaps, ddof=1) / np.sqrt(len(gaps))
+    return float(np.mean(gaps)), float(half)
+
+
+def _over_blocks(mine: Sums, theirs: Sums) -> tuple[float, tuple[float | None, float | None], int] | None:
+    """The difference of two ratios with its interval, and the number of blocks; ``None`` where one is not defined."""
+    import pandas as pd
+
+    if mine.value is None or theirs.value is None:
+        return None
+    cars = pd.concat([mine.car.astype(str), theirs.car.astype(str)])
+    blocks = Blocks(cars, pd.concat([mine.stamp_ns, theirs.stamp_ns]))
+    none = [np.zeros(len(theirs.above)), np.zeros(len(mine.above))]
+    ours = blocks.influence(*(np.concatenate([part, none[0]]) for part in (mine.above, mine.below)))
+    other = blocks.influence(*(np.concatenate([none[1], part]) for part in (theirs.above, theirs.below)))
+    gap = mine.value - theirs.value
+    return gap, around(gap, blocks.half_width(ours - other)), len(ours)
+
+
+def _settings(runs: Sequence[Run]) -> dict[str, list[str]]:
+    """What differs between settings: each path, and its value in each, ``-`` where it is not there."""
+    flat = [dict(_flat({key: run.facts[key] for key in ("scenario", "devices", "genie_sim")})) for run in runs]
+    paths = dict.fromkeys(path for one in flat for path in one)
+    found = {path: [shown(one[path]) if path in one else "-" for one in flat] for path in paths}
+    skipped = ("scenario.seed", "scenario.name", "scenario.description")
+    return {path: values for path, values in found.items() if len(set(values)) > 1 and path not in skipped}
+
+
+def _flat(value: Any, path: str = "") -> Iterator[tuple[str, Any]]:
+    if isinstance(value, Mapping) and value:
+        for key in value:
+            yield from _flat(value[key], f"{path}.{key}" if path else str(key))
+    elif isinstance(value, list | tuple) and value:
+        for place, one in enumerate(value):
+            yield from _flat(one, f"{path}[{place}]")
+    else:
+        yield path, value
+
+
+def as_metrics(comparison: Comparison) -> tuple[list[Metric], list[MethodInfo]]:
+    """The arms as if each were a method, for figures: means over seeds, or the run's own numbers with intervals."""
+    found: list[Metric] = []
+    for arm in comparison.arms:
+        for name in COMPARED:
+            of_runs = [
+                one
+                for run in arm.runs.values()
+                for one in run.measured
+                if (one.metric, one.method, one.placement, one.component) == (name, arm.method.name, "all", "")
+                and one.value is not None
+            ]
+            if len(of_runs) == 1:
+                found.append(replace(of_runs[0], method=arm.label))
+            elif of_runs:
+                mean, half = _over_seeds([one.value for one in of_runs if one.value is not None])
+                low, high = around(mean, half)
+                found.append(replace(of_runs[0], method=arm.label, value=mean, low=low, high=high))
+    return found, [MethodInfo(arm.label, arm.label, arm.method.baseline) for arm in comparison.arms]
