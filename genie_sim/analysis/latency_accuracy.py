@@ -11,7 +11,7 @@ from matplotlib.ticker import FuncFormatter, NullFormatter, ScalarFormatter
 
 from genie_sim.analysis import style
 from genie_sim.analysis.correctness import FLOOR
-from genie_sim.analysis.figures import _finish, in_style
+from genie_sim.analysis.drawing import finish, in_style
 from genie_sim.recording.results import MethodInfo, Metric
 
 LATENCY = "first_answer_mean"
@@ -61,7 +61,7 @@ def latency_accuracy(runs: Numbers, methods: Sequence[MethodInfo], footer: str =
     axis.yaxis.set_major_formatter(FuncFormatter(style.percent_tick))
     axis.set_xlabel("mean time to first answer [ms], logarithmic")
     axis.set_ylabel("F1")
-    _finish(figure, f"Latency against accuracy: {ACCURACY[accuracy]}", footer, [axis])
+    finish(figure, f"Latency against accuracy: {ACCURACY[accuracy]}", footer, [axis])
     return figure
 
 
