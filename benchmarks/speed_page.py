@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
 from genie_sim.analysis import style
-from genie_sim.analysis.figures import in_style
+from genie_sim.analysis.drawing import in_style
 from genie_sim.analysis.style import COLUMN_IN
 from genie_sim.errors import UserError
 

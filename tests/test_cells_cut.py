@@ -39,8 +39,8 @@ def test_every_cut_has_the_frames_of_the_joint_run(joint: Prepared, ran: dict[st
 
 def test_a_cut_run_is_judged_by_the_same_truth(ran: dict[str, Tabled]):
     """What is in view depends on the place, the time and the town: a visit that was shifted would see other things."""
-    columns = ["car", "stream", "stamp_ns", "in_view"]
-    seen = {cut: {row[:3]: row[3] for row in one.truth[columns].itertuples(False, None)} for cut, one in ran.items()}
+    columns = ["car", "what", "stamp_ns", "visible_static"]
+    seen = {cut: {row[:3]: row[3] for row in one.held[columns].itertuples(False, None)} for cut, one in ran.items()}
     assert sum(seen[JOINT].values()) > 0
     for cut in CUTS:
         both = seen[JOINT].keys() & seen[cut].keys()
@@ -83,10 +83,11 @@ def test_cells_apart_are_one_town_without_sharing_whose_cars_arrive_empty(joint:
 def test_frames_after_a_hand_over_are_those_of_its_car_and_the_next_five_seconds():
     at_ns = 7 * NS_PER_S
     rows = [("car1", -1, 4, 4), ("car1", 0, 10, 3), ("car1", 5, 10, 5), ("car1", 6, 4, 4), ("car2", 1, 4, 4)]
-    columns = ["car", "stamp_ns", "in_view", "found"]
-    truth = pd.DataFrame([(car, at_ns + s * NS_PER_S, seen, found) for car, s, seen, found in rows], columns=columns)
-    assert cells.recall_after_hand_overs(truth, {"car1": [(at_ns, "e")], "car2": []}) == 8 / 20
-    assert np.isnan(cells.recall_after_hand_overs(truth, {"car2": []}))
+    columns = ["car", "stamp_ns", "visible_static", "right"]
+    held = pd.DataFrame([(car, at_ns + s * NS_PER_S, seen, found) for car, s, seen, found in rows], columns=columns)
+    held = held.assign(what="consumer", visible_moving=0)
+    assert cells.recall_after_hand_overs(held, {"car1": [(at_ns, "e")], "car2": []}) == 8 / 20
+    assert np.isnan(cells.recall_after_hand_overs(held, {"car2": []}))
 
 
 def test_a_cell_is_one_of_fleet_1000():

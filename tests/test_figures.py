@@ -30,7 +30,7 @@ def tables() -> tuple[pd.DataFrame, pd.DataFrame, pd.DataFrame]:
 def run_of(frames, lookups, resources, methods=METHODS) -> Run:
     facts = {"scenario": {"name": "3car_hetero", "seed": 1}, "methods": [asdict(method) for method in methods]}
     none = pd.DataFrame()
-    return Run("0123456789ab", facts, "", frames, lookups, resources, none, none, ())
+    return Run("0123456789ab", facts, "", frames, lookups, resources, none, none, none, none, ())
 
 
 def words(path: Path) -> str:

@@ -44,7 +44,20 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     "catalogue": _READ,
     "arguments": (*_READ, "catalogue"),
     "cli_perceive": (*_READ, "ros", "arguments"),
-    "cli": (*_RUN, "device_fit", "ros", "paper", "sweep", "catalogue", "arguments", "cli_perceive"),
+    "cli_truth": ("perception", "arguments"),
+    "cli_compare": ("recording", "analysis", "report", "arguments"),
+    "cli": (
+        *_RUN,
+        "device_fit",
+        "ros",
+        "paper",
+        "sweep",
+        "catalogue",
+        "arguments",
+        "cli_perceive",
+        "cli_truth",
+        "cli_compare",
+    ),
     "__main__": ("cli",),
 }
 

@@ -9,18 +9,18 @@ from __future__ import annotations
 
 import io
 import textwrap
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.style import context
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator, ScalarFormatter
 
 from genie_sim.analysis import style
+from genie_sim.analysis.drawing import finish, handles, in_style
+from genie_sim.analysis.latency_accuracy import drawable, latency_accuracy
 from genie_sim.analysis.metrics import (
     DEADLINE_MS,
     WINDOW_REQUESTS,
@@ -30,7 +30,7 @@ from genie_sim.analysis.metrics import (
     running_use,
     windowed_reuse,
 )
-from genie_sim.analysis.style import COLUMN_IN, LINE_IN, PAGE_IN, PLACEMENTS, percent_tick, thinned
+from genie_sim.analysis.style import COLUMN_IN, PAGE_IN, PLACEMENTS, percent_tick, thinned
 from genie_sim.recording.results import MethodInfo, Run
 from genie_sim.units import NS_PER_S
 
@@ -50,17 +50,8 @@ LEAST_USE = 0.01
 TITLE_CHARACTERS_PER_IN = 15
 
 
-@contextmanager
-def in_style() -> Iterator[None]:
-    """Within it, and in a function that it decorates, matplotlib draws in this style, whatever the user's is."""
-    with context(["default", style.RC]):
-        yield
-
-
 def of_run(run: Run) -> dict[str, Figure]:
     """Every figure of one run, by file name, but of Genies and of use only what was simulated and recorded."""
-    from genie_sim.analysis.latency_accuracy import drawable, latency_accuracy  # it draws with this module
-
     frames, lookups, methods = {run.name: run.frames}, {run.name: run.lookups}, run.methods
     figures = {}
     if drawable({run.name: run.measured}):
@@ -269,31 +260,10 @@ def _grid(panels: Panels) -> tuple[Figure, list[Axes]]:
     return figure, axes[: len(panels)]
 
 
-def finish(figure: Figure, title: str, footer: str, axes: Iterable[Axes] = ()) -> None:
-    """Lays a figure out: what is shown, above; below the panels their common legend, and which run it is."""
-    width_in, height_in = figure.get_size_inches()
-    figure.suptitle(textwrap.fill(title, int(width_in * 14)), x=0.01, ha="left")
-    lines = textwrap.wrap(footer, int(width_in * 15))
-    figure.text(0.01, 0.01, "\n".join(lines), ha="left", va="bottom", color="0.35")
-    below = len(lines) * LINE_IN / height_in
-    handles = _handles(axes)
-    if handles:
-        columns = 2 if width_in <= COLUMN_IN else len(handles)
-        labels, drawn = list(handles), list(handles.values())
-        figure.legend(drawn, labels, loc="lower center", bbox_to_anchor=(0.5, below), ncols=columns)
-        below += (-(-len(handles) // columns) + 0.6) * LINE_IN / height_in
-    figure.set_layout_engine("constrained", rect=(0.0, below, 1.0, 1.0 - below))
-
-
-def _handles(axes: Iterable[Axes]) -> dict[str, Any]:
-    """What stands in the legends of these panels, each label once."""
-    return {label: handle for axis in axes for handle, label in zip(*axis.get_legend_handles_labels(), strict=True)}
-
-
 def _legend_beside(axes: list[Axes]) -> None:
-    handles = _handles(axes)
-    if handles:
-        legend = axes[-1].legend(list(handles.values()), list(handles), loc="center left", labelspacing=0.2)
+    drawn = handles(axes)
+    if drawn:
+        legend = axes[-1].legend(list(drawn.values()), list(drawn), loc="center left", labelspacing=0.2)
         legend.set_bbox_to_anchor((1.0, 0.5))
 
 

@@ -11,7 +11,7 @@ from matplotlib.ticker import FuncFormatter, NullFormatter, ScalarFormatter
 
 from genie_sim.analysis import style
 from genie_sim.analysis.correctness import FLOOR
-from genie_sim.analysis.figures import finish, in_style
+from genie_sim.analysis.drawing import finish, in_style
 from genie_sim.recording.results import MethodInfo, Metric
 
 LATENCY = "first_answer_mean"

@@ -12,7 +12,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import NullLocator, PercentFormatter
 
 from genie_sim.analysis import style
-from genie_sim.analysis.figures import in_style, save
+from genie_sim.analysis.drawing import in_style
+from genie_sim.analysis.figures import save
 from genie_sim.analysis.style import PAGE_IN
 from genie_sim.paper.calibrate import Calibration
 from genie_sim.paper.facts import METHODS

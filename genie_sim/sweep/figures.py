@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, NullLocator
 
 from genie_sim.analysis import style
-from genie_sim.analysis.figures import finish, in_style
+from genie_sim.analysis.drawing import finish, in_style
 from genie_sim.analysis.statistics import across_seeds
 from genie_sim.analysis.style import PAGE_IN, PLACEMENTS, percent_tick
 from genie_sim.sweep.design import Axis
