@@ -143,6 +143,15 @@ def test_two_who_walk_side_by_side_stay_two():
     assert len(after(tracks(), *walkers)) == 2
 
 
+def test_two_detections_never_show_one_track():
+    """The second is nearer to the first's track than to its own, which is taken."""
+    def walker(north_m: float) -> Detection:
+        return seen("person", 0.9, at=(10.0, north_m))
+
+    map_ = after(tracks(), look(0, walker(0.0), walker(2.4)), look(0.1, walker(0.2), walker(1.1)))
+    assert [one.sightings for one in map_] == [2, 2]
+
+
 # Existence
 
 
