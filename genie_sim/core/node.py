@@ -217,7 +217,7 @@ class GenieNode:
                 made, requests, hits = boosted
                 assert made.objects is not None
                 answer = answer.with_objects(made.objects)
-                if answer.look is not None or made.valid_ns is not None:  # what is answered from a cache is no look
+                if made.valid_ns is not None:
                     answer = answer.with_look(None, made.valid_ns)
                 lookups = ObjectLookups(answer.header, "boost", requests, hits, 0, 0.0, len(self.object_map))
                 effects.append(Observe(lookups))

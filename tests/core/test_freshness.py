@@ -121,8 +121,9 @@ def test_a_late_look_is_associated_by_predicting_back_and_moves_nothing():
     map_.look(look(0.55, car(15.5)), S)
     assert list(map_) == [held] and held.sightings == sightings + 1, "it is the same car, half a second ago"
     assert held.place(S) == place and held.seen.stamp_ns == S
+    existence = held.existence
     map_.look(look(0.65), S)
-    assert there(map_, 1.0) != [], "a late look that does not show it says nothing about now"
+    assert held.existence == existence, "a late look that does not show it says nothing about now"
 
 
 def test_the_same_look_by_two_ways_counts_once():
@@ -140,6 +141,15 @@ def test_the_same_look_by_two_ways_counts_once():
 def test_two_who_walk_side_by_side_stay_two():
     walkers = [look(0.1 * i, *(seen("person", 0.9, at=(15.0 + 0.1 * i, n)) for n in (0.0, 1.5))) for i in range(10)]
     assert len(after(tracks(), *walkers)) == 2
+
+
+def test_two_detections_never_show_one_track():
+    """The second is nearer to the first's track than to its own, which is taken."""
+    def walker(north_m: float) -> Detection:
+        return seen("person", 0.9, at=(10.0, north_m))
+
+    map_ = after(tracks(), look(0, walker(0.0), walker(2.4)), look(0.1, walker(0.2), walker(1.1)))
+    assert [one.sightings for one in map_] == [2, 2]
 
 
 # Existence
@@ -215,6 +225,13 @@ def test_a_measured_law_knows_a_good_detector_from_a_bad_one():
 )
 def test_a_look_tells_of_its_field_of_view_alone(at, seen_there):
     assert (View(look(0)).range_m(*at) is not None) is seen_there
+
+
+@pytest.mark.parametrize(("east_m", "hidden"), [(19.0, False), (21.5, False), (22.5, True), (35.0, True)])
+def test_a_detection_hides_what_is_two_metres_behind_it(east_m, hidden):
+    view = View(look(0, car(20.0)))
+    assert (view.range_m(east_m, 0.2) is None) is hidden
+    assert view.range_m(35.0, 3.0) is not None, "beside its shadow"
 
 
 # Other policies
@@ -302,6 +319,20 @@ def test_another_maps_track_is_taken_over_only_where_nobody_here_has_just_looked
     existence = held.existence
     mine.learn(sent, None, S, False, False)
     assert held.existence == existence and len(mine) == 1, "an echo adds nothing"
+
+
+def test_of_two_maps_tracks_the_one_that_was_seen_later_counts():
+    def sent(last: int, east_m: float) -> Detections:
+        map_ = after(tracks(), *(look(0.1 * i, car(east_m), car="car2") for i in range(last)))
+        viewer = Viewer(Header(S, "02", "car1"), CameraPose(0.0, 0.0, 1.6, 0.0), FOV)
+        objects, valid_ns = map_.visible(viewer, 50.0, S)
+        return Detections(viewer.header, tuple(objects), "map").with_look(None, valid_ns)
+
+    for first, second in ((9, 8), (8, 9)):
+        mine = tracks()
+        for last in (first, second):
+            mine.learn(sent(last, 20.0 if last == 9 else 20.5), None, S, False, False)
+        assert there(mine, 1.0) == [("car", 20.0, 0.0)]
 
 
 def test_a_genie_that_never_forgets_sends_no_looks():
