@@ -52,13 +52,15 @@ def run(
     out: Annotated[Path, path_option(help="The folder that gets the result folder.")] = Path("results"),
     no_report: Annotated[bool, typer.Option("--no-report", help="Leave out report.html.")] = False,
 ) -> None:
-    """Simulate a scenario under each of its methods: local, remote and with Genie, unless it says otherwise.
+    """Simulate a scenario under each of its methods.
+
+    Those are local, remote and Genie, unless it says otherwise.
 
     \b
     genie-sim run 3car_hetero
     genie-sim run 3car_hetero --set cars[0].device=orin_nano --set genie.eviction=lru
     genie-sim run mine.yaml --seed 7 --out lab
-    genie-sim run mine.yaml --methods genie,my_module:MyMethod
+    genie-sim run mine.yaml --methods genie,mine:Cache
     """
     from genie_sim import build, runner
     from genie_sim.scenario.scenario import load_scenario, with_methods

@@ -97,7 +97,7 @@ def test_without_sequences_nothing_is_simulated(tmp_path, monkeypatch, capsys):
 @pytest.mark.parametrize("sequence", ["0000", "0014"])
 def test_cars_drive_the_declared_parts_of_a_real_sequence(kitti_root, sequence):
     prepared = drives.prepare_drive(DriveJob(kitti_root / "tracking", sequence, "3car_hetero"))
-    frames = prepared.traces["car1"].frames["02"]
+    frames = prepared.drives["car1"].frames["02"]
     assert {camera.recording for camera in prepared.scenario.cameras} == {"02"}
     whole_ns = len(frames) * 100_000_000
     windows = [[t / whole_ns for t in car.route.window_ns] for car in prepared.scenario.cars]

@@ -39,7 +39,7 @@ def read_method(value: object) -> MethodEntry:
         return value
     given: dict[str, Any] = dict(value) if isinstance(value, Mapping) else {"method": value}
     method = given.pop("method", given.get("name"))
-    name: Any = given.pop("name", _short(method))
+    name = given.pop("name", _short(method))
     title = given.pop("title", None)
     if title is not None and (not isinstance(title, str) or not title.strip()):
         problem("title", f"must be text, not {shown(title)}")
@@ -50,7 +50,9 @@ def read_method(value: object) -> MethodEntry:
     of_scenario = {key: item for key, item in given.items() if key in OVERRIDABLE}
     arguments = {key: item for key, item in given.items() if key not in OVERRIDABLE}
     choice = _PLUG_IN.read({"method": method, **arguments})
-    return MethodEntry(name=str(name), method=choice, title=title, settings=of_scenario)
+    if not isinstance(name, str):
+        problem("name", f"must be text, not {shown(name)}")
+    return MethodEntry(name=name, method=choice, title=title, settings=of_scenario)
 
 
 def _short(method: object) -> object:

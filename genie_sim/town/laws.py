@@ -85,7 +85,7 @@ class DetectorLaws:
 
     def __init__(self, fitted: Mapping[str, Any]) -> None:
         self.provenance: Mapping[str, Any] = fitted["provenance"]
-        self.digest = str(fitted["digest"])  # given when they were fitted; it seeds what towns draw from them
+        self.digest = str(fitted.get("digest", ""))  # given when they were fitted; it seeds what towns draw from them
         called = fitted["vehicle_names"]
         running = accumulate(round(share * 0x10000) for _, share in called["names"])
         names = tuple((share, str(name)) for share, (name, _) in zip(running, called["names"], strict=True))

@@ -18,7 +18,7 @@ from tests.conformance.faults import FaultConformance, RandomFaultConformance, S
 
 OWN = "tests.conformance.own"
 OUTAGES = [{"fault": "outage", "target": target} for target in ("car1", "edge1", "car1->edge1", "edge1->car1")]
-HAND_OVER = {"fault": "hand_over", "target": "car1", "edge": "edge2"}
+HAND_OVER = {"fault": "hand_over", "target": "car1", "edge": "edge2", "gap": "600 ms"}
 CRASHES = [{"fault": f"{OWN}:Crash", "target": target} for target in ("edge1", "car1")]
 
 
@@ -43,6 +43,7 @@ class TestOutagesAtRandomTimes(RandomFaultConformance):
 
 @pytest.mark.parametrize("fault", [HAND_OVER])
 class TestHandOver(FaultConformance):
+    times = {"begin": "0.5 s"}  # its gap says when it ends  # noqa: RUF012
     drops = "car1:hand_over"
 
 
