@@ -60,7 +60,7 @@ def run(
     genie-sim run 3car_hetero
     genie-sim run 3car_hetero --set cars[0].device=orin_nano --set genie.eviction=lru
     genie-sim run mine.yaml --seed 7 --out lab
-    genie-sim run mine.yaml --methods genie,mine:Cache
+    genie-sim run mine.yaml --methods local,genie
     """
     from genie_sim import build, runner
     from genie_sim.scenario.scenario import load_scenario, with_methods

@@ -19,7 +19,10 @@ def compare(
     format: Annotated[str, typer.Option(help="Of the printed table: markdown, csv or latex.")] = "markdown",
     out: Annotated[Path | None, path_option(help="Also write a page, figures and tables into this folder.")] = None,
 ) -> None:
-    """Compare results that saw the same frames, or the methods of one."""
+    """Compare results that saw the same frames.
+
+    Of one result alone, its methods are compared.
+    """
     from genie_sim.analysis.compare import compare as compare_runs
     from genie_sim.recording import results
     from genie_sim.report import comparison

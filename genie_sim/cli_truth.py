@@ -18,7 +18,10 @@ def truth(
         Path | None, path_option(help="The file; default: NAME.truth.parquet beside the trace, where runs find it.")
     ] = None,
 ) -> None:
-    """Compute what really is in view of a trace's frames, from KITTI's labels."""
+    """Compute what really is there on a trace's drive.
+
+    It comes from KITTI's labels of the drive, and lets runs on the trace tell how right their answers are.
+    """
     from genie_sim import files
     from genie_sim.perception import perceive, truth_table
     from genie_sim.perception.trace import read_trace

@@ -256,7 +256,8 @@ def _log(prepared: Prepared, method: str, setup: Setup, tables: Tables, driven: 
     samples: Literal["all", "edges", "none"] = "all" if prepared.scenario.fleet is None else "edges"
     if "resources" not in scenario.record:
         samples = "none"
-    truths = {car: truth for car in prepared.drives if (truth := prepared.frames.truth_of(car)) is not None}
+    truth_of = getattr(prepared.frames, "truth_of", None)  # a source of one's own need not know what is there
+    truths = {car: truth for car in prepared.drives if truth_of is not None and (truth := truth_of(car)) is not None}
     held = None
     if truths and "held" in scenario.record:
         held = Held(method, truths, tables.held, driven, partial(CONSUMERS[setup.consumer], setup.laws))

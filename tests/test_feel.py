@@ -196,7 +196,7 @@ def completed(*words: str) -> list[str]:
 
 def test_the_shell_completes_commands_names_and_settings():
     assert "report" in completed("rep")
-    assert {"3car_hetero", "3car_homo"} == set(completed("run", "3car"))
+    assert {"3car_hetero", "3car_homo", "3car_recommended"} == set(completed("run", "3car"))
     assert completed("list", "evi") == ["evictions"]
     assert completed("run", "3car_hetero", "--set", "genie.object_map.th") == ["genie.object_map.threshold="]
     assert "cars[0].route.laps=" in completed("run", "3car_hetero", "--set", "cars[0].route.")
@@ -225,7 +225,8 @@ def test_help_is_there_before_anything_heavy(arguments):
     loaded = set(told.stdout.splitlines()[-1].split())
     assert not loaded & HEAVY
     ours = {name for name in loaded if name.startswith("genie_sim.")}
-    command_line = {"genie_sim.cli", "genie_sim.cli_perceive", "genie_sim.terminal", "genie_sim.arguments"}
+    parts = ("cli", "cli_compare", "cli_perceive", "cli_truth", "terminal", "arguments")
+    command_line = {f"genie_sim.{part}" for part in parts}
     assert ours <= {*command_line, "genie_sim.errors", "genie_sim.paths"}
     bare = subprocess.run([sys.executable, "-c", "import sys, typer.main; print(*sys.modules)"], capture_output=True)
     added = loaded - set(bare.stdout.decode().split()) - ours

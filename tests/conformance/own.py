@@ -32,7 +32,6 @@ class Street:
     speed_mps: float = 5.0
 
     seeded = False
-    truth = None
 
     def open(self, seed, origin, progress=None):
         return self
