@@ -39,7 +39,7 @@ def latency_accuracy(runs: Numbers, methods: Sequence[MethodInfo], footer: str =
     accuracy = drawable(runs)
     if accuracy is None:
         raise ValueError("runs without a common accuracy")
-    figure = Figure(figsize=(style.COLUMN_IN, 3.0))
+    figure = Figure(figsize=(1.5 * style.COLUMN_IN, 2.8))
     axis = figure.subplots()
     for number, (label, measured) in enumerate(runs.items()):
         found = {(one.metric, one.method, one.component): one for one in measured if one.placement == "all"}
@@ -61,7 +61,8 @@ def latency_accuracy(runs: Numbers, methods: Sequence[MethodInfo], footer: str =
     axis.yaxis.set_major_formatter(FuncFormatter(style.percent_tick))
     axis.set_xlabel("mean time to first answer [ms], logarithmic")
     axis.set_ylabel("F1")
-    finish(figure, f"Latency against accuracy: {ACCURACY[accuracy]}", footer, [axis])
+    axis.legend(loc="center left", bbox_to_anchor=(1.02, 0.5))
+    finish(figure, f"Latency against accuracy: {ACCURACY[accuracy]}", footer)
     return figure
 
 
