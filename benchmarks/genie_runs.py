@@ -19,7 +19,7 @@ from unittest import mock
 import numpy as np
 
 from benchmarks.station import PERIOD_NS, Outcome, scheduled_events
-from genie_sim import build
+from genie_sim import runner
 from genie_sim.recording.records import Tables
 from genie_sim.runner import Prepared, Progress, prepare, simulate
 from genie_sim.scenario.scenario import Scenario, load_scenario, read_scenario
@@ -118,7 +118,7 @@ def _counted(prepared: Prepared, progress: Progress | None = None) -> tuple[Tabl
         worlds.append(World(*arguments, **named))
         return worlds[-1]
 
-    with mock.patch.object(build, "World", remembered):
+    with mock.patch.object(runner, "World", remembered):
         tables = simulate(prepared, progress)
     return tables, sum(scheduled_events(world.env) for world in worlds)
 

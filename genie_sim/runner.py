@@ -257,7 +257,8 @@ def _log(prepared: Prepared, method: str, setup: Setup, tables: Tables, driven: 
     if "resources" not in scenario.record:
         samples = "none"
     truth_of = getattr(prepared.frames, "truth_of", None)  # a source of one's own need not know what is there
-    truths = {car: truth for car in prepared.drives if truth_of is not None and (truth := truth_of(car)) is not None}
+    known = {} if truth_of is None else {car: truth_of(drive) for car, drive in prepared.drives.items()}
+    truths = {car: truth for car, truth in known.items() if truth is not None}
     held = None
     if truths and "held" in scenario.record:
         held = Held(method, truths, tables.held, driven, partial(CONSUMERS[setup.consumer], setup.laws))

@@ -15,7 +15,7 @@ from genie_sim.analysis import metrics, summary
 from genie_sim.analysis.correctness import of_answers
 from genie_sim.messages import CameraPose, Detection, Detections, Header, Image
 from genie_sim.recording.answers import Answers
-from genie_sim.recording.matching import SAME_M, Placed, pairs, placed
+from genie_sim.recording.matching import SAME_M, Placed, near, pairs, placed
 from genie_sim.recording.records import ANSWERS
 from genie_sim.recording.results import Metric
 from genie_sim.recording.tables import Table
@@ -59,13 +59,14 @@ def test_a_truck_is_found_as_a_car():
 
 def test_each_object_is_paired_once_and_the_nearest_first():
     ours = placed([one("car", 10.0), one("car", 11.5)])
-    assert pairs(ours, placed([one("car", 11.0)])) == [(pytest.approx(0.5), 1, 0)]
+    assert pairs(near(ours, placed([one("car", 11.0)]), SAME_M)) == [(pytest.approx(0.5), 1, 0)]
     twins = [one("car", 10.0), one("car", 10.5), one("car", 11.0)]
     assert compared([one("car", 10.4)], ("map", twins, True, False)) == [("first", "map", 3, 1, 1)]
 
 
 def test_ties_are_broken_by_the_order_of_the_lists():
-    assert pairs([Placed("car", 0.0, 0.0)], [Placed("car", 1.0, 0.0), Placed("car", -1.0, 0.0)]) == [(1.0, 0, 0)]
+    beside = [Placed("car", 1.0, 0.0), Placed("car", -1.0, 0.0)]
+    assert pairs(near([Placed("car", 0.0, 0.0)], beside, SAME_M)) == [(1.0, 0, 0)]
 
 
 def test_objects_without_a_place_are_not_counted_even_in_an_answer_that_is_the_same():

@@ -45,7 +45,7 @@ def swept(text: str, folder: Path, name: str) -> Path:
 
 TOWN = """
 scenario: fleet_30
-set: {genie.object_map.freshness: {name: ttl}, methods: [genie], perception.duration: 1 s, record: [lookups, truth]}
+set: {genie.object_map.freshness: {name: ttl}, methods: [genie], perception.duration: 1 s, record: [lookups, held]}
 seeds: 1
 samples: 4
 axes:
@@ -116,7 +116,7 @@ def test_one_seed_gives_no_intervals(drawn):
 def test_a_large_sweep_is_thinned_honestly(crossed, monkeypatch):
     monkeypatch.setattr(sweep, "MOST_NUMBERS", 3 * 4 * 19)
     shown = embedded(sweep.page(crossed))
-    assert {one["name"] for one in shown["metrics"]} == set(sweep.MAIN) - {"ghost_share", "object_recall"}, "no town"
+    assert {one["name"] for one in shown["metrics"]} == set(sweep.MAIN)
     assert 1 <= len(shown["table"]["points"]) < 6
     assert any("main metrics only" in note for note in shown["notes"])
     assert any(" of 6 points" in note for note in shown["notes"])

@@ -45,8 +45,8 @@ class Frames(Protocol):
 
     seeded: bool
 
-    def truth_of(self, car: str) -> Any:
-        """What is really there on the car's drive (``recording.held.DriveTruth``); ``None`` where nobody knows."""
+    def truth_of(self, drive: Any) -> Any:
+        """What is really there on a drive from here (``recording.held.DriveTruth``); ``None`` where nobody knows."""
 
     def drive(self, car: str, trace: str | None, start_ns: int) -> Drive:
         """What a car sees that starts at this time; ``trace`` is its route's. Raises ``UserError``."""
@@ -126,7 +126,7 @@ class Recordings:
     path: Path | None = None
     seeded: bool = False
     _read: dict[str | None, Trace] = field(default_factory=dict)
-    _truths: dict[str | None, TruthTable | None] = field(default_factory=dict)
+    _truths: dict[str, TruthTable] = field(default_factory=dict)  # by the trace's digest
     _of_cars: dict[str, str | None] = field(default_factory=dict)
 
     def drive(self, car: str, trace: str | None, start_ns: int) -> Trace:
@@ -137,24 +137,25 @@ class Recordings:
             path = self.path if trace is None else files.find(files.TRACE, trace)
             made = self.main if trace is None or path is None else read_trace(path)
             origin = self.main.origin if self.origin is None else self.origin
-            truth = None if path is None else truth_beside(path, made)
             self._read[trace] = made.rebased(origin)
-            self._truths[trace] = truth and truth.rebased(origin)
+            truth = None if path is None else truth_beside(path, made)
+            if truth is not None:
+                self._truths[self._read[trace].digest] = truth.rebased(origin)
         self._of_cars[car] = trace
         return self._read[trace]
 
-    def truth_of(self, car: str) -> RecordedTruth | None:
+    def truth_of(self, drive: Trace) -> RecordedTruth | None:
         from genie_sim.perception.truth_table import RecordedTruth
 
-        table = self._truths[self._of_cars[car]]
+        table = self._truths.get(drive.digest)
         return None if table is None else RecordedTruth(table)
 
     def digests(self) -> Mapping[str, str]:
         found = {car: self._read[trace].digest for car, trace in self._of_cars.items()}
-        truths = {car: self._truths[trace] for car, trace in self._of_cars.items()}
-        return found | {f"truth of {car}": table.digest for car, table in truths.items() if table is not None}
+        known = {car: self._truths[digest] for car, digest in found.items() if digest in self._truths}
+        return found | {f"truth of {car}": table.digest for car, table in known.items()}
 
     def provenance(self) -> Mapping[str, Mapping[str, Any]]:
         traces = {one.name: dict(one.provenance) for one in map(self._read.__getitem__, self._of_cars.values())}
-        tables = [table for table in map(self._truths.__getitem__, self._of_cars.values()) if table is not None]
+        tables = self._truths.values()
         return traces | {f"truth of {table.provenance['trace']}": dict(table.provenance) for table in tables}

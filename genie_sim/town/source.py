@@ -69,14 +69,12 @@ class TownDrives:
     town: Town
     settings: InTown
     seeded: bool = True
-    _starts_ns: dict[str, int] = field(default_factory=dict)
 
     def drive(self, car: str, trace: str | None, start_ns: int) -> Drive:
-        self._starts_ns[car] = start_ns
         return self.town.drive(car, self.settings.duration_ns, self.settings.interval_ns, start_ns)
 
-    def truth_of(self, car: str) -> TownTruth:
-        return TownTruth(self.town, self._starts_ns[car], self.settings.tolerance_m, self.settings.range_m)
+    def truth_of(self, drive: Drive) -> TownTruth:
+        return TownTruth(self.town, drive.start_ns, self.settings.tolerance_m, self.settings.range_m)
 
     def digests(self) -> Mapping[str, str]:
         return {self.town.name: self.town.digest}

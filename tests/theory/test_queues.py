@@ -23,7 +23,7 @@ from genie_sim.scenario.links import LINKS
 from genie_sim.sim.clock import Clock
 from genie_sim.sim.device import Host, Processor
 from genie_sim.sim.link import Link
-from genie_sim.sim.nodes import ConsumerNode, Detector
+from genie_sim.sim.nodes import Consumer, Detector
 from genie_sim.sim.ros_graph import Graph
 
 pytestmark = pytest.mark.no_cover  # long runs of what the tests of sim run already
@@ -196,7 +196,7 @@ def detector_run(rng: np.random.Generator, rho: float, queue_length: int, images
         queue_length,
         lambda message, where: dropped.append(message.header.stamp_ns),
     )
-    ConsumerNode("consumer", graph, "/objects", consume)
+    Consumer("consumer", graph, "/objects", consume)
 
     def come(number: int) -> None:
         graph.inject("/image_raw", image(number, env.now), "camera")
