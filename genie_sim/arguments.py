@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 import typer
 
-from genie_sim.errors import UserError, shown
+from genie_sim.errors import UserError, short_repr
 from genie_sim.paths import expanded
 
 MOST_COUNT = 1024
@@ -97,7 +97,7 @@ def _path(parameter: typer.CallbackParam, value: Path | None) -> Path | None:
     if value is None:
         return None
     if bad := _UNPRINTABLE.search(str(value)):
-        raise UserError(f"{parameter.opts[0]}: {shown(str(value))} holds the character {bad[0]!r}")
+        raise UserError(f"{parameter.opts[0]}: {short_repr(str(value))} holds the character {bad[0]!r}")
     return expanded(value)
 
 

@@ -10,7 +10,7 @@ class UserError(Exception):
     """One clear line naming file, field, value and choices. ``genie-sim`` prints it and exits with status 1."""
 
 
-def shown(value: object) -> str:
+def short_repr(value: object) -> str:
     """A value for an error message: short, on one line."""
     text = repr(value)
     return text if len(text) <= 60 else f"{text[:57]}..."
@@ -21,4 +21,4 @@ def unknown(what: str, value: object, choices: Iterable[str]) -> str:
     names = sorted(choices)
     near = difflib.get_close_matches(str(value), names, n=1)
     hint = f" (did you mean {near[0]!r}?)" if near else ""
-    return f"unknown {what} {shown(value)}{hint}; " + (f"known: {', '.join(names)}" if names else "there are none")
+    return f"unknown {what} {short_repr(value)}{hint}; " + (f"known: {', '.join(names)}" if names else "there are none")

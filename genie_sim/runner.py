@@ -16,7 +16,7 @@ import genie_sim
 from genie_sim import build, plugins
 from genie_sim.build import check_faults_of, method_facts, plugin_digests
 from genie_sim.core.consumer import CONSUMERS
-from genie_sim.errors import UserError, shown, unknown
+from genie_sim.errors import UserError, short_repr, unknown
 from genie_sim.fleet import expanded
 from genie_sim.perception.sources import SOURCES, Drive, Frames, Progress
 from genie_sim.recording import provenance
@@ -117,7 +117,7 @@ def _difference(name: str, before: object, now: object) -> str:
         for key in (*now, *before):
             if before.get(key) != now.get(key):
                 return _difference(f"{name}.{key}", before.get(key), now.get(key))
-    return f"{name}: {shown(before)} when it was made, {shown(now)} now"
+    return f"{name}: {short_repr(before)} when it was made, {short_repr(now)} now"
 
 
 def facts(prepared: Prepared) -> dict[str, Any]:

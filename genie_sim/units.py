@@ -13,7 +13,7 @@ from collections.abc import Collection, Mapping
 from decimal import Decimal
 from fractions import Fraction
 
-from genie_sim.errors import shown
+from genie_sim.errors import short_repr
 
 NS_PER_US = 1_000
 NS_PER_MS = 1_000_000
@@ -105,34 +105,34 @@ def _whole(value: object, what: str, example: str, units: Mapping[str, int], cou
     number, unit = _split(value, what, example, units)
     exact = number * units[unit] if unit else Fraction(0)
     if exact.denominator != 1:
-        raise ValueError(f"{what} {shown(value)} is not a whole number of {counted}")
+        raise ValueError(f"{what} {short_repr(value)} is not a whole number of {counted}")
     if abs(exact) > _LARGEST:
-        raise ValueError(f"{what} {shown(value)} is too large")
+        raise ValueError(f"{what} {short_repr(value)} is too large")
     return int(exact)
 
 
 def _split(value: object, what: str, example: str, units: Collection[str]) -> tuple[Fraction, str]:
     """Number and unit of a text; the unit is empty for a bare zero only."""
     if isinstance(value, bool) or not isinstance(value, str | int | float):
-        raise ValueError(f"{what} {shown(value)} is not a number with a unit; write for example '{example}'")
+        raise ValueError(f"{what} {short_repr(value)} is not a number with a unit; write for example '{example}'")
     match = _QUANTITY.fullmatch(str(value).strip())
     if match is None:
-        raise ValueError(f"{what} {shown(value)} is not a number with a unit; write for example '{example}'")
+        raise ValueError(f"{what} {short_repr(value)} is not a number with a unit; write for example '{example}'")
     number = Fraction(Decimal(match[1]))
     unit = (match[2] or "").replace("μ", "µ")  # Greek mu and the micro sign look the same
     if not unit:
         if number == 0:
             return number, ""
-        raise ValueError(f"{what} {shown(value)} has no unit; write for example '{example}'")
+        raise ValueError(f"{what} {short_repr(value)} has no unit; write for example '{example}'")
     if unit not in units:
-        raise ValueError(f"{what} {shown(value)} has an unknown unit {unit!r}; known: {', '.join(units)}")
+        raise ValueError(f"{what} {short_repr(value)} has an unknown unit {unit!r}; known: {', '.join(units)}")
     return number, unit
 
 
 def _finite(number: Fraction, value: object, what: str) -> float:
     plain = float(number)
     if plain == 0.0 and number != 0:
-        raise ValueError(f"{what} {shown(value)} is too small")
+        raise ValueError(f"{what} {short_repr(value)} is too small")
     return plain
 
 

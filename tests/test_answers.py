@@ -59,7 +59,7 @@ def test_a_truck_is_found_as_a_car():
 
 def test_each_object_is_paired_once_and_the_nearest_first():
     ours = placed([one("car", 10.0), one("car", 11.5)])
-    assert pairs(near(ours, placed([one("car", 11.0)]), SAME_M)) == [(pytest.approx(0.5), 1, 0)]
+    assert pairs(near(ours, placed([one("car", 11.0)]), SAME_M)) == [(pytest.approx(0.5**2), 1, 0)]
     twins = [one("car", 10.0), one("car", 10.5), one("car", 11.0)]
     assert compared([one("car", 10.4)], ("map", twins, True, False)) == [("first", "map", 3, 1, 1)]
 

@@ -120,7 +120,7 @@ FAULTS = "hand_over, outage, or package.module:Class"
         ({"name": "a", "method": "gene"}, "methods[0].method: unknown method 'gene' (did you mean 'genie'?); known: "),
         (
             {"method": "genie", "models": "x"},
-            "methods[0].models: unknown parameter of genie 'models' (did you mean 'model'?); known: consumer, edge_network, ",
+            "methods[0].models: unknown parameter of genie 'models' (did you mean 'model'?); known: consumer, ",
         ),
         ({"method": "genie", "seed": 3}, "methods[0].seed: unknown parameter of genie 'seed' (did you mean "),
         ({"method": "genie", "title": ""}, "methods[0].title: must be text, not ''"),

@@ -14,7 +14,7 @@ import numpy as np
 
 from genie_sim.analysis.metrics import DEADLINE_MS, response_ms
 from genie_sim.analysis.statistics import CONFIDENCE, Blocks, Floats, around
-from genie_sim.errors import UserError, shown, unknown
+from genie_sim.errors import UserError, short_repr, unknown
 from genie_sim.recording.results import MethodInfo, Metric, Run
 
 if TYPE_CHECKING:
@@ -271,7 +271,7 @@ def _settings(runs: Sequence[Run]) -> dict[str, list[str]]:
     """What differs between settings: each path, and its value in each, ``-`` where it is not there."""
     flat = [dict(_flat({key: run.facts[key] for key in ("scenario", "devices", "genie_sim")})) for run in runs]
     paths = dict.fromkeys(path for one in flat for path in one)
-    found = {path: [shown(one[path]) if path in one else "-" for one in flat] for path in paths}
+    found = {path: [short_repr(one[path]) if path in one else "-" for one in flat] for path in paths}
     skipped = ("scenario.seed", "scenario.name", "scenario.description")
     return {path: values for path, values in found.items() if len(set(values)) > 1 and path not in skipped}
 

@@ -21,7 +21,7 @@ from genie_sim.core.object_map import ObjectMap
 from genie_sim.core.rules import GenieRules, MissPolicy
 from genie_sim.core.similarity import SIMILARITIES
 from genie_sim.core.track_map import TrackMap
-from genie_sim.errors import UserError, shown
+from genie_sim.errors import UserError, short_repr
 from genie_sim.messages import Header
 
 SIMILARITY_METHODS = ("key", "index")
@@ -106,7 +106,7 @@ def confidence_rule(name: str) -> ConfidenceRule:
         if isinstance(confidence, Real) and not isinstance(confidence, bool) and 0 <= float(confidence) <= 1:
             return float(confidence)
         given = f"{before:g}, {seen:g}, {rate:g}"
-        raise UserError(f"confidence rule {name!r}: of {given} it makes {shown(confidence)}, no number from 0 to 1")
+        raise UserError(f"confidence rule {name!r}: of {given} it makes {short_repr(confidence)}, no number from 0 to 1")
 
     checked(0.5, 0.5, 0.1)
     return checked

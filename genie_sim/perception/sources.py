@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from genie_sim import files
 from genie_sim.core.geometry import Geodetic
-from genie_sim.errors import UserError, shown
+from genie_sim.errors import UserError, short_repr
 from genie_sim.messages import Frame
 
 if TYPE_CHECKING:
@@ -93,7 +93,7 @@ class Live:
 
     def __post_init__(self) -> None:
         if not re.fullmatch(r"\d{4}_\d{2}_\d{2}/\d{4}", self.drive, re.ASCII):
-            raise ValueError(f"drive: must be a date and a number such as '2011_09_26/0005', not {shown(self.drive)}")
+            raise ValueError(f"drive: must be a date and a number such as '2011_09_26/0005', not {short_repr(self.drive)}")
         if not self.cameras:
             raise ValueError("cameras: must not be empty")
         if not 0 <= self.min_score <= 1:

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import genie_sim
-from genie_sim.errors import UserError, shown
+from genie_sim.errors import UserError, short_repr
 from genie_sim.recording.tables import other_format
 
 RESULT_FORMAT = 2
@@ -131,7 +131,7 @@ def of_this_version(folder: Path | None) -> Iterator[None]:
     except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
         if folder is None:
             raise
-        raise UserError(f"{folder}: not the results of this version of genie-sim: {shown(error)}") from error
+        raise UserError(f"{folder}: not the results of this version of genie-sim: {short_repr(error)}") from error
 
 
 def read_run_json(folder: Path) -> dict[str, Any]:

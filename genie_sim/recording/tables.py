@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
-from genie_sim.errors import UserError, shown
+from genie_sim.errors import UserError, short_repr
 
 if TYPE_CHECKING:
     import numpy as np
@@ -280,7 +280,7 @@ def other_format(path: Path, found: object, reads: int) -> str:
     """What is wrong with results of another format, and what to do."""
     if isinstance(found, int) and found < reads:
         return f"{path}: made by an older genie-sim: format {found}, this one reads {reads}; run it again"
-    return f"{path}: format {shown(found)}, this genie-sim reads {reads}"
+    return f"{path}: format {short_repr(found)}, this genie-sim reads {reads}"
 
 
 def read(path: Path, schema: Schema) -> pd.DataFrame:

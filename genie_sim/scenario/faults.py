@@ -8,7 +8,7 @@ from typing import Annotated, Any, Self
 from pydantic import BeforeValidator, Field, PlainSerializer, WithJsonSchema, model_validator
 
 from genie_sim import plugins
-from genie_sim.errors import shown
+from genie_sim.errors import short_repr
 from genie_sim.faults import FAULTS, MUST_HAVE
 from genie_sim.plugins import Choice
 from genie_sim.scenario.fields import Duration, Model, PositiveDuration, problem
@@ -53,7 +53,7 @@ def _read(value: object) -> object:
     if isinstance(value, FaultEntry):
         return value
     if not isinstance(value, Mapping):
-        problem("", f"must be a mapping such as {{fault: outage, target: car1, begin: 3 s}}, not {shown(value)}")
+        problem("", f"must be a mapping such as {{fault: outage, target: car1, begin: 3 s}}, not {short_repr(value)}")
     if "fault" not in value:
         problem("fault", "missing")
     times = {key: item for key, item in value.items() if key in _TIMES}

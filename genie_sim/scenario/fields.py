@@ -23,7 +23,7 @@ from pydantic import (
 from pydantic_core import ErrorDetails, PydanticCustomError
 
 from genie_sim import units
-from genie_sim.errors import UserError, shown, unknown
+from genie_sim.errors import UserError, short_repr, unknown
 
 Number = TypeVar("Number", int, float)
 AnyModel = TypeVar("AnyModel", bound="Model")
@@ -45,7 +45,7 @@ class Model(BaseModel):
         if not isinstance(data, Mapping):
             if isinstance(data, cls):
                 return data
-            problem("", f"must be a mapping, not {shown(data)}")
+            problem("", f"must be a mapping, not {short_repr(data)}")
         names = cls.yaml_names()
         for key in data:
             if key not in names:
@@ -93,7 +93,7 @@ def _path(error: ErrorDetails, data: object) -> str:
 
 def _step(name: object) -> str:
     """A key as part of a path; in quotes if it is no plain word."""
-    return name if isinstance(name, str) and re.fullmatch(r"[\w-]{1,40}", name) else shown(name)
+    return name if isinstance(name, str) and re.fullmatch(r"[\w-]{1,40}", name) else short_repr(name)
 
 
 def _text(error: ErrorDetails) -> str:
@@ -135,7 +135,7 @@ def _text(error: ErrorDetails) -> str:
     if kind == "too_long":
         return f"must hold at most {context['max_length']} values"
     if kind in wanted:
-        return f"{wanted[kind]}, not {shown(value)}"
+        return f"{wanted[kind]}, not {short_repr(value)}"
     return error["msg"]
 
 
@@ -143,7 +143,7 @@ def _at_least_zero(read: Callable[[object], Number]) -> Callable[[object], Numbe
     def checked(value: object) -> Number:
         number = read(value)
         if number < 0:
-            raise ValueError(f"must not be negative, but is {shown(value)}")
+            raise ValueError(f"must not be negative, but is {short_repr(value)}")
         return number
 
     return checked
@@ -153,7 +153,7 @@ def _above_zero(read: Callable[[object], Number]) -> Callable[[object], Number]:
     def checked(value: object) -> Number:
         number = read(value)
         if number <= 0:
-            raise ValueError(f"must be more than zero, but is {shown(value)}")
+            raise ValueError(f"must be more than zero, but is {short_repr(value)}")
         return number
 
     return checked

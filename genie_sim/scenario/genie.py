@@ -13,7 +13,7 @@ from genie_sim.core.eviction import EVICTIONS
 from genie_sim.core.freshness import FRESHNESS
 from genie_sim.core.rules import LITERAL, Capacity, GenieRules, ObjectMapRules
 from genie_sim.core.similarity import SIMILARITIES
-from genie_sim.errors import shown
+from genie_sim.errors import short_repr
 from genie_sim.plugins import Choice
 from genie_sim.scenario.fields import (
     Count,
@@ -31,7 +31,7 @@ def _threshold(value: object) -> object:
     if value in ("range_60", "empirical"):
         return value
     if isinstance(value, bool) or not isinstance(value, int | float) or not 0 <= value <= 1:
-        raise ValueError(f"must be a number from 0 to 1, 'range_60' or 'empirical', not {shown(value)}")
+        raise ValueError(f"must be a number from 0 to 1, 'range_60' or 'empirical', not {short_repr(value)}")
     return float(value)
 
 
@@ -45,7 +45,7 @@ def _capacity(value: object) -> object:
     try:
         units.size_bytes(value)
     except ValueError as error:
-        raise ValueError(f"must be such as '1000 entries' or '10 MB', not {shown(value)}") from error
+        raise ValueError(f"must be such as '1000 entries' or '10 MB', not {short_repr(value)}") from error
     return {"bytes": value}
 
 

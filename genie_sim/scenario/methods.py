@@ -9,7 +9,7 @@ from pydantic import BeforeValidator, Field, PlainSerializer, WithJsonSchema
 
 from genie_sim import plugins
 from genie_sim.core.rules import LITERAL
-from genie_sim.errors import shown
+from genie_sim.errors import short_repr
 from genie_sim.methods import METHODS, MUST_HAVE
 from genie_sim.plugins import Choice
 from genie_sim.scenario.fields import Model, Name, problem
@@ -42,7 +42,7 @@ def read_method(value: object) -> MethodEntry:
     name = given.pop("name", _short(method))
     title = given.pop("title", None)
     if title is not None and (not isinstance(title, str) or not title.strip()):
-        problem("title", f"must be text, not {shown(title)}")
+        problem("title", f"must be text, not {short_repr(title)}")
     try:
         plugins.checked_name("method", method, METHODS)
     except ValueError as error:
@@ -51,7 +51,7 @@ def read_method(value: object) -> MethodEntry:
     arguments = {key: item for key, item in given.items() if key not in OVERRIDABLE}
     choice = _PLUG_IN.read({"method": method, **arguments})
     if not isinstance(name, str):
-        problem("name", f"must be text, not {shown(name)}")
+        problem("name", f"must be text, not {short_repr(name)}")
     return MethodEntry(name=name, method=choice, title=title, settings=of_scenario)
 
 

@@ -6,7 +6,7 @@ import re
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-from genie_sim.errors import UserError, shown
+from genie_sim.errors import UserError, short_repr
 from genie_sim.scenario.yaml_input import parse
 
 _STEP = re.compile(r"\.?([A-Za-z_]\w*)|\[(\d{1,6})\]")
@@ -62,7 +62,7 @@ def _assign(settings: dict[str, Any], steps: list[str | int], value: Any, text: 
             path += f"[{step}]"
         else:
             if not isinstance(here, dict):
-                raise UserError(f"{text}: {path}: is {shown(here)}, which has no setting {step!r}")
+                raise UserError(f"{text}: {path}: is {short_repr(here)}, which has no setting {step!r}")
             path += f".{step}" if path else step
         if following is None:
             here[step] = value

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Self
 from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
 
 from genie_sim import units
-from genie_sim.errors import shown
+from genie_sim.errors import short_repr
 from genie_sim.scenario.fields import Count, Duration, Listed, Model, Name, PositiveSize, problem
 from genie_sim.scenario.links import Link
 
@@ -76,7 +76,7 @@ class Route(Model):
 
 def _cameras(value: object) -> object:
     if not isinstance(value, bool | list | tuple):
-        raise ValueError(f"must be true, false or a list of cameras, not {shown(value)}")
+        raise ValueError(f"must be true, false or a list of cameras, not {short_repr(value)}")
     return tuple(value) if isinstance(value, list) else value
 
 

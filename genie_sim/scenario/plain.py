@@ -18,7 +18,7 @@ from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, core_schema
 
 from genie_sim import plugins
-from genie_sim.errors import UserError, shown, unknown
+from genie_sim.errors import UserError, short_repr, unknown
 from genie_sim.plugins import Choice, Parameter
 from genie_sim.scenario.fields import Duration, Length, Listed, Model, Rate, Size, Turn, first_problem, problem
 
@@ -98,7 +98,7 @@ class PlugIn:
         if isinstance(value, Choice):
             return value
         if not isinstance(value, str | Mapping):
-            problem("", f"must be a name or a mapping, not {shown(value)}")
+            problem("", f"must be a name or a mapping, not {short_repr(value)}")
         given = dict(value) if isinstance(value, Mapping) else {self._key: value}
         try:
             name = plugins.checked_name(self.what, given.pop(self._key, self._default), self.registry)
@@ -182,5 +182,5 @@ def _written(model: type[Model], values: Mapping[str, Any]) -> dict[str, Any]:
 
 def _as_it_stands(key: str, value: object) -> Parameter:
     if not isinstance(value, Parameter):
-        problem(key, f"must be a number, true or false, or text, not {shown(value)}")
+        problem(key, f"must be a number, true or false, or text, not {short_repr(value)}")
     return value

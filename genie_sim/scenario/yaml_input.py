@@ -14,7 +14,7 @@ from typing import Any
 
 import yaml
 
-from genie_sim.errors import UserError, shown
+from genie_sim.errors import UserError, short_repr
 
 MOST_BYTES = 1_000_000
 MOST_NODES = 100_000
@@ -48,7 +48,7 @@ def read_mapping(path: Path) -> dict[str, Any]:
     if value is None:
         raise UserError(f"{path}: is empty; expected a mapping such as 'name: value'")
     if not isinstance(value, dict):
-        what = "a list" if isinstance(value, list) else f"the single value {shown(value)}"
+        what = "a list" if isinstance(value, list) else f"the single value {short_repr(value)}"
         raise UserError(f"{path}: is {what}; expected a mapping such as 'name: value'")
     return value
 

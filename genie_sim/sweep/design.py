@@ -18,7 +18,7 @@ import numpy as np
 from pydantic import BeforeValidator, Field, model_validator
 
 from genie_sim import files, units
-from genie_sim.errors import shown
+from genie_sim.errors import short_repr
 from genie_sim.scenario.fields import Model, Name, problem, validate
 from genie_sim.scenario.yaml_input import read_mapping
 from genie_sim.seeds import stream
@@ -46,7 +46,7 @@ def _quantity(value: object) -> tuple[float, str] | None:
 def _end(value: object) -> tuple[float, str]:
     quantity = _quantity(value)
     if quantity is None:
-        raise ValueError(f"must be a number, or one with a unit such as '0.5 m', not {shown(value)}")
+        raise ValueError(f"must be a number, or one with a unit such as '0.5 m', not {short_repr(value)}")
     return quantity
 
 
@@ -124,7 +124,7 @@ class Axis(Model):
         if self.span is None or self.span is self.grid:
             twice = _twice(level for level, _ in self.levels())
             if twice is not None:
-                problem(given[0], f"the value {shown(twice)} comes twice")
+                problem(given[0], f"the value {short_repr(twice)} comes twice")
         return self
 
     @property

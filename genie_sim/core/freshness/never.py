@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any, ClassVar
 
 from genie_sim.core.freshness.laws import ASSUMED, DetectorLaws
-from genie_sim.errors import shown
+from genie_sim.errors import short_repr
 from genie_sim.messages import Header
 
 
@@ -52,4 +52,4 @@ def probability(**values: float) -> None:
     """Raises ``ValueError`` for a number outside 0..1."""
     for name, value in values.items():
         if isinstance(value, bool) or not 0 <= value <= 1:
-            raise ValueError(f"{name}: must be a number from 0 to 1, not {shown(value)}")
+            raise ValueError(f"{name}: must be a number from 0 to 1, not {short_repr(value)}")
