@@ -106,7 +106,8 @@ def confidence_rule(name: str) -> ConfidenceRule:
         if isinstance(confidence, Real) and not isinstance(confidence, bool) and 0 <= float(confidence) <= 1:
             return float(confidence)
         given = f"{before:g}, {seen:g}, {rate:g}"
-        raise UserError(f"confidence rule {name!r}: of {given} it makes {short_repr(confidence)}, no number from 0 to 1")
+        made = short_repr(confidence)
+        raise UserError(f"confidence rule {name!r}: of {given} it makes {made}, no number from 0 to 1")
 
     checked(0.5, 0.5, 0.1)
     return checked

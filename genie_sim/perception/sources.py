@@ -93,7 +93,8 @@ class Live:
 
     def __post_init__(self) -> None:
         if not re.fullmatch(r"\d{4}_\d{2}_\d{2}/\d{4}", self.drive, re.ASCII):
-            raise ValueError(f"drive: must be a date and a number such as '2011_09_26/0005', not {short_repr(self.drive)}")
+            given = short_repr(self.drive)
+            raise ValueError(f"drive: must be a date and a number such as '2011_09_26/0005', not {given}")
         if not self.cameras:
             raise ValueError("cameras: must not be empty")
         if not 0 <= self.min_score <= 1:
