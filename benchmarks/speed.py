@@ -120,7 +120,7 @@ class Measured:
 
 
 def measure(sizes: Sizes, peers_python: str, command: str, tell: Callable[[str], None]) -> Measured:
-    """Runs the whole benchmark; ``tell`` is told what is under way."""
+    """Runs the whole benchmark; ``tell`` is told what runs."""
     tell("3 cars")
     skipped: dict[str, str] = {}
     versions: dict[str, str] = {}

@@ -39,7 +39,7 @@ def in_processes(
     import joblib
     from joblib.externals.loky.process_executor import TerminatedWorkerError
 
-    # Leaving early asks for what is under way to be cancelled; joblib would warn of it beside our one line.
+    # Leaving early asks for pending work to be cancelled; joblib would warn of it beside our one line.
     warnings.filterwarnings("ignore", message=r"\d+ tasks ", module=r"joblib\.")
     pool = joblib.Parallel(workers, batch_size=1, return_as="generator" if ordered else "generator_unordered")
     results = pool(joblib.delayed(_run)(run, job) for job in jobs)

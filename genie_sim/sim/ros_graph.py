@@ -179,7 +179,7 @@ class Node:
         self.graph.publish(self, topic, message, to)
 
     def void(self, where: str) -> None:
-        """A fault: what is queued and in service here is lost, dropped by ``where``, and the node starts afresh."""
+        """A fault: what is queued and in service here is lost, dropped by ``where``, and the node starts anew."""
         queued = [message for queue in self._queues.values() for _, message, _ in queue]
         for message in (*self._in_service, *queued):
             self.drops += 1

@@ -74,13 +74,13 @@ def world(setting: Scenario, place: int = 0) -> tuple[World, Tables]:
 
 
 def check_conserved(rows: pd.DataFrame, methods: Sequence[str]) -> None:
-    """Every frame that was published is there once, and was answered afresh or dropped: nothing is in flight any more,
+    """Every frame that was published is there once, and was answered with a fresh result or dropped: nothing is in flight any more,
     and nothing is both."""
     counts = rows.groupby(["method", "car"], observed=True).size().to_dict()
     assert counts == {(method, f"car{i}"): FRAMES for method in methods for i in (1, 2)}
     assert not rows.duplicated(["method", "car", "stream", "stamp_ns"]).any()
     answered, dropped = rows["fresh_answer_ns"].notna(), rows["drop"].notna()
-    assert not (answered & dropped).any(), "answered afresh and dropped"
+    assert not (answered & dropped).any(), "a fresh result, and dropped"
     lost = rows[~(answered | dropped)]
     assert lost.empty, f"neither answered nor dropped, with nothing in flight:\n{lost}"
     first = rows["first_answer_ns"].dropna()
