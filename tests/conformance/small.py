@@ -74,7 +74,7 @@ def world(setting: Scenario, place: int = 0) -> tuple[World, Tables]:
 
 
 def check_conserved(rows: pd.DataFrame, methods: Sequence[str]) -> None:
-    """Every frame that was published is there once, and was answered with a fresh result or dropped: nothing is in flight any more,
+    """Every frame that was published is there once, and was freshly answered or dropped: nothing is in flight any more,
     and nothing is both."""
     counts = rows.groupby(["method", "car"], observed=True).size().to_dict()
     assert counts == {(method, f"car{i}"): FRAMES for method in methods for i in (1, 2)}
