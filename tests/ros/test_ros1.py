@@ -127,7 +127,7 @@ def test_what_cannot_be_attached_to_is_refused_and_left_alone(master: Master):
     detector = master.start_node(DETECTOR, "detector.py")
     assert f"unknown node '/vision_darknet' (did you mean '{DETECTOR}'?)" in master.try_attach("/vision_darknet")
     assert "pose_grid needs to know where the camera is" in master.try_attach(settings={"similarity": "pose_grid"})
-    assert "genie: eviction: unknown eviction 'lruu'" in master.try_attach(settings={"eviction": "lruu"})
+    assert "genie.eviction: unknown eviction 'lruu'" in master.try_attach(settings={"eviction": "lruu"})
     assert "needs a key file" in master.try_attach(connect=["127.0.0.1:1"])
     assert "unknown topic '/image'" in master.try_attach(requests=["/image"])
     assert master.pid_of(DETECTOR) == detector.pid

@@ -21,10 +21,10 @@ IMAGE_MD5 = "060021388200f6f0f447d0fcd9c64743"
 
 
 def lookups(master: Master) -> list[tuple[str, str, str]]:
-    """Origin, outcome, asker of every look-up."""
+    """Origin, outcome, requester of every look-up."""
     records = map(json.loads, (master.folder / "record.jsonl").read_text().splitlines())
     return [
-        (record["header"]["origin"], record["outcome"], record["asker"])
+        (record["header"]["origin"], record["outcome"], record["requester"])
         for record in records
         if record["record"] == "ImageLookup"
     ]
