@@ -14,17 +14,17 @@ import signal
 import statistics
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+from unittest import mock
 
 import numpy as np
 import yaml
 
-from genie_sim import runner
+from genie_sim import build, runner
 from genie_sim.core.similarity import PoseGrid
 from genie_sim.perception.trace import TraceFrame, read_trace
-from genie_sim.scenario.profiles import DeviceProfile
 from genie_sim.scenario.scenario import Scenario, read_scenario
 from tests.ros.conftest import DETECTOR, REPOSITORY, Master, until
 
@@ -192,19 +192,10 @@ class KnownTimes:
     """Service times known in advance, in the place of a law to draw them from."""
 
     def __init__(self, times_ns: Sequence[int]) -> None:
-        self._left: Iterator[int] = iter(times_ns)
+        self._times_ns = times_ns
 
-    def at(self, z: float) -> int:
-        return next(self._left)
-
-
-class SleepingDevice(DeviceProfile):
-    """The measured device, whose detector takes the recorded times."""
-
-    times_ns: tuple[int, ...] = ()
-
-    def service_time(self, model: str, spread: str = "default") -> Any:
-        return KnownTimes(self.times_ns)
+    def draws(self, rng: Any) -> Iterator[int]:
+        return iter(self._times_ns)
 
 
 def profile_of(parts: Parts) -> dict[str, Any]:
@@ -234,10 +225,9 @@ def simulate(parts: Parts, sleeps: Sequence[int], folder: Path) -> Drive:
     path.write_text(yaml.safe_dump(profile_of(parts)))
     prepared = runner.prepare(scenario_on(path))
     overhead_ns = parts.detector_overhead_ns
-    times_ns = tuple(sleep + overhead_ns for sleep in sleeps)
-    device = SleepingDevice.model_validate_json(prepared.devices[str(path)].model_dump_json(by_alias=True))
-    device = device.model_copy(update={"times_ns": times_ns})
-    tables = runner.simulate(replace(prepared, devices={str(path): device}))
+    known = KnownTimes([sleep + overhead_ns for sleep in sleeps])
+    with mock.patch.object(build, "detector_time", lambda *profile: known):
+        tables = runner.simulate(prepared)
     seen, lookups = tables.frames.to_frame(), tables.lookups.to_frame()
     images, objects = lookups[lookups["kind"] == "image"], lookups[lookups["kind"] != "image"]
     counts = objects[["kind", "requests", "hits", "updates"]].itertuples(index=False)

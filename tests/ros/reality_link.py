@@ -94,17 +94,16 @@ def simulated_ms(rate_bps: int, size_bytes: int, count: int) -> list[float]:
     import numpy as np
 
     from genie_sim.messages import Detections, Header
-    from genie_sim.scenario.links import LinkProfile
     from genie_sim.sim.clock import Clock
     from genie_sim.sim.link import Link
+    from genie_sim.sim.link_models.wire import Wire
 
     class Message(Detections):
         size_bytes = property(lambda self: size_bytes)  # type: ignore[assignment]
 
-    rate, overhead = f"{rate_bps} bit/s", f"{TBF_OVERHEAD_BYTES} B"
-    fields = {"rate_up": rate, "rate_down": rate, "delay": "0 s", "overhead": overhead}
+    wire = Wire(rate_bps, rate_bps, 0, overhead_bytes=TBF_OVERHEAD_BYTES)
     env = Clock()
-    link = Link(env, "veth", LinkProfile.model_validate(fields), True, np.random.default_rng(0), queue_length=count)
+    link = Link(env, "veth", wire.channel(True, np.random.default_rng(0)), queue_length=count)
     arrived_ms: list[float] = []
     for number in range(count):
         link.send("images", Message(Header(number, "", ""), ()), lambda: arrived_ms.append(env.now / NS_PER_MS))
