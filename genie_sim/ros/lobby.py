@@ -44,14 +44,17 @@ class Lobby:
         self._strangers: dict[int, Stranger] = {}  # by descriptor, the oldest first
         self._poll = select.poll()
         self._closed = threading.Event()
+        self._thread = threading.Thread(target=self._run, daemon=True)
         listener.setblocking(False)
         self._poll.register(listener, select.POLLIN)
 
     def start(self) -> None:
-        threading.Thread(target=self._run, daemon=True).start()
+        self._thread.start()
 
     def close(self) -> None:
+        """The address is free when this returns, so that another Genie can listen there at once."""
         self._closed.set()
+        self._thread.join(FULL_S + 2 * STEP_S)
 
     def _run(self) -> None:
         while not self._closed.is_set():
