@@ -10,7 +10,6 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
-from conftest import CommandLine
 from run_page import blocks
 
 REPOSITORY = Path(__file__).resolve().parent.parent
@@ -32,7 +31,7 @@ def skip(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_the_method_of_the_guide_is_in_everything_that_a_run_makes(skip: Path, run_cli: CommandLine):
+def test_the_method_of_the_guide_is_in_everything_that_a_run_makes(skip: Path, run_cli):
     window = "cars[0].route.window=[0 s, 3 s]"
     ran = run_cli("run", "1car_hetero", "--methods", "local,genie,skip:Skip", "--set", window)
     assert ran.returncode == 0, ran.stderr
@@ -53,7 +52,7 @@ def test_the_method_of_the_guide_is_in_everything_that_a_run_makes(skip: Path, r
         assert re.search(r"Skip|skip frames", (folder / "figures" / f"{name}.svg").read_text()), name
 
 
-def test_the_method_of_the_guide_is_in_everything_that_a_sweep_makes(skip: Path, run_cli: CommandLine):
+def test_the_method_of_the_guide_is_in_everything_that_a_sweep_makes(skip: Path, run_cli):
     ran = run_cli("sweep", "skips.yaml")
     assert ran.returncode == 0, ran.stderr
     folder = skip / "results" / "skips"
