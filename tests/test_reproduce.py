@@ -27,6 +27,7 @@ GENERATED = (REPOSITORY / "README.md", REPOSITORY / "docs" / "paper.md")
 ASSUMED = load_assumptions()
 MARKERS = {  # of a document's generated parts
     "verdicts": ("<!-- verdicts:begin -->", "<!-- verdicts:end -->"),
+    "counts": ("<!-- counts:begin -->", "<!-- counts:end -->"),
     "section V": ("<!-- section-v:begin -->", "<!-- section-v:end -->"),
     "worth": ("<!-- worth:begin -->", "<!-- worth:end -->"),
     "table I": ("<!-- table-1:begin -->", "<!-- table-1:end -->"),
@@ -47,7 +48,8 @@ def section_v(rows: list[dict]) -> str:
 def generated_parts(folder: Path) -> dict[str, str]:
     """What documents show of a result folder, by the name of the part. Raises ``UserError``."""
     rows = verdict_table.read_rows(folder)
-    parts = {"verdicts": verdict_table.table(rows), "section V": section_v(rows), "table I": table1.markdown()}
+    parts = {"verdicts": verdict_table.table(rows), "counts": verdict_table.counts_table(rows)}
+    parts |= {"section V": section_v(rows), "table I": table1.markdown()}
     quality = folder / "quality.json"
     if quality.is_file():
         parts["worth"] = verdict_table.worth_table(provenance.read_json(quality))
@@ -228,7 +230,10 @@ def test_the_documents_show_the_committed_verdicts(document):
     for name, part in generated_parts(PAPER).items():
         shown = between(name, text)
         assert shown is None or shown == part, f"{document.name} shows other {name}: python tests/test_reproduce.py"
+    if document.name == "README.md":
+        assert between("counts", text) is not None
     if document.name == "paper.md":
+        assert between("verdicts", text) is not None
         assert between("section V", text) is not None
 
 

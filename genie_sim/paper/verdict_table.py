@@ -1,4 +1,4 @@
-"""The verdicts as Markdown: the table in the README, and the document beside the results."""
+"""The verdicts as Markdown: the tables in the README and the docs, and the document beside the results."""
 
 from __future__ import annotations
 
@@ -42,6 +42,18 @@ def table(rows: Sequence[Row]) -> str:
     for one in rows:
         said = f"{one['verdict']}{' (marginal)' if one['marginal'] else ''}"
         lines.append(f"| {one['id']} | {one['claim']} | {one['kind'].replace('_', ' ')} | {_found(one)} | {said} |")
+    return "\n".join([*lines, "", _counts(rows)])
+
+
+def counts_table(rows: Sequence[Row]) -> str:
+    """How many claims of each kind have each verdict."""
+    counts = Counter((one["kind"], one["verdict"]) for one in rows)
+    kinds = list(dict.fromkeys(one["kind"] for one in rows))
+    said = [verdict for verdict in VERDICTS if any(counts[kind, verdict] for kind in kinds)]
+    lines = [f"| claims | {' | '.join(said)} |", f"|---|{'---|' * len(said)}"]
+    for kind in kinds:
+        cells = [str(counts[kind, verdict] or "") for verdict in said]
+        lines.append(f"| {kind.replace('_', ' ')} | {' | '.join(cells)} |")
     return "\n".join([*lines, "", _counts(rows)])
 
 
