@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 from genie_sim import plugins
 from genie_sim.core import genies
+from genie_sim.core.caches.features import feature_of
 from genie_sim.core.freshness.laws import ASSUMED, DetectorLaws
 from genie_sim.core.freshness.measure import measured
 from genie_sim.errors import UserError
@@ -19,7 +20,7 @@ from genie_sim.plugins import Choice
 from genie_sim.scenario.faults import check_faults, timed
 from genie_sim.scenario.methods import MethodEntry
 from genie_sim.scenario.parts import Car
-from genie_sim.scenario.profiles import DeviceProfile
+from genie_sim.scenario.profiles import DeviceProfile, KeyTime
 from genie_sim.scenario.scenario import Scenario
 from genie_sim.sim.fault import TimedFault
 from genie_sim.sim.link_models import LINK_MODELS, LinkModel
@@ -104,7 +105,15 @@ def device(profile: DeviceProfile, model: str, spread: str = "default") -> Devic
         HopTime(hop.small.value, hop.per_megabyte.value),
         ServiceTime(genie.median.value, genie.spread.loc, genie.spread.sigma),
         detector_time(profile, model, spread),
+        {name: _key_time(profile, one, model) for name, one in profile.keys.items()},
     )
+
+
+def _key_time(profile: DeviceProfile, key: KeyTime, model: str) -> tuple[Literal["cpu", "accelerator"], int]:
+    if key.of_detection is None:
+        assert key.median_ns is not None
+        return "cpu", key.median_ns
+    return "accelerator", round(key.of_detection * profile.median_ns(model))
 
 
 def detector_time(profile: DeviceProfile, model: str, spread: str = "default") -> ServiceTime:
@@ -168,6 +177,24 @@ def check_faults_of(scenario: Scenario) -> None:
     edges = [edge.name for edge in scenario.edges]
     for field, text in check_faults(scenario.faults, {car.name: car.edge for car in scenario.cars}, edges, own=True):
         raise UserError(f"{scenario.name}: {field}: {text}")
+
+
+def check_features(scenario: Scenario, drives: Mapping[str, Drive]) -> None:
+    """Raises ``UserError`` where a method needs a feature that a car's frames do not have."""
+    for index, entry in enumerate(scenario.methods):
+        name = getattr(method(entry), "feature", None)
+        if name is None:
+            continue
+        for car in scenario.cars:
+            drive = drives[car.name]
+            frame = drive.frames[scenario.cameras_of(car)[0].recording][0]
+            if feature_of(frame, name) is None:
+                where = f"{scenario.name}: methods[{index}].feature"
+                known = ", ".join(getattr(frame, "features", {})) or "none"
+                raise UserError(
+                    f"{where}: the frames of {drive.name} have no feature {name!r}, but {known}: {entry.name} cannot "
+                    "run on them; 'genie-sim perceive' makes features"
+                )
 
 
 def own_plugins(scenario: Scenario) -> list[tuple[str, str]]:

@@ -122,6 +122,9 @@ def _difference(name: str, before: object, now: object) -> str:
 
 def facts(prepared: Prepared) -> dict[str, Any]:
     """Everything that decides the outcome of a run."""
+    needed = any(getattr(build.method(entry), "feature", None) for entry in prepared.scenario.methods)
+    known = prepared.frames.provenance() if needed else {}
+    features = {name: dict(facts["features"]) for name, facts in known.items() if "features" in facts}
     return {
         "format": provenance.RESULT_FORMAT,
         "genie_sim": genie_sim.__version__,
@@ -130,6 +133,7 @@ def facts(prepared: Prepared) -> dict[str, Any]:
         "traces": dict(prepared.frames.digests()),
         "plugins": plugin_digests(prepared.scenario),
         "methods": method_facts(prepared.scenario),
+        **({"features": features} if features else {}),
     }
 
 
@@ -213,6 +217,7 @@ def on_frames(scenario: Scenario, frames: Frames, devices: Mapping[str, DevicePr
     for index, car in enumerate(full.cars[:1] if scenario.fleet else full.cars):
         _check_route(scenario, index, car, drives[car.name])
     check_faults_of(full)
+    build.check_features(full, drives)
     named = [car.device for car in full.cars] + [edge.device for edge in full.edges]
     known = scenario.profiles if devices is None else devices
     return Prepared(scenario, full, {name: known[name] for name in dict.fromkeys(named)}, frames, drives)

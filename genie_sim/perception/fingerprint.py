@@ -1,4 +1,4 @@
-"""The difference hash of a picture: 64 bits that stay nearly the same when the picture does."""
+"""What stays nearly the same when a picture does: its difference hash of 64 bits, and its colours."""
 
 from __future__ import annotations
 
@@ -15,6 +15,12 @@ MOST_PIXELS = 2**31 // 255  # their sum fits into 32 bits
 def difference_hash(image_bgr: np.ndarray) -> int:
     """64-bit dHash of a picture (height, width, 3), blue, green, red."""
     return hash_of_grey(cv2.cvtColor(image_bgr, cv2.COLOR_BGR2GRAY))
+
+
+def hue_saturation(image_bgr: np.ndarray) -> np.ndarray:
+    """Histogram (16, 8) of hue and saturation of every fourth pixel of every fourth row."""
+    few = cv2.cvtColor(np.ascontiguousarray(image_bgr[::4, ::4]), cv2.COLOR_BGR2HSV)
+    return cv2.calcHist([few], [0, 1], None, [16, 8], [0, 180, 0, 256])
 
 
 def hash_of_grey(grey: np.ndarray) -> int:

@@ -28,6 +28,7 @@ class YoloxNano(OnnxDetector):
     file_name: ClassVar[str] = "yolox_nano.onnx"
     default_size: ClassVar[tuple[int, int] | None] = (640, 192)
     strides = (8, 16, 32)
+    gap = "yolox_gap"
 
     def prepare(self, image_bgr: np.ndarray) -> tuple[np.ndarray, float]:
         """BGR from 0 to 255, as it is."""

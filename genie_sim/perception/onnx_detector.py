@@ -14,6 +14,7 @@ from typing import Any, ClassVar, NamedTuple
 import cv2
 import numpy as np
 
+from genie_sim.core.caches.features import packed
 from genie_sim.errors import UserError, unknown
 from genie_sim.messages import Box
 from genie_sim.perception.trace import SCORE_DECIMALS
@@ -70,7 +71,8 @@ class OnnxDetector(ABC):
 
     A subclass says its ``name``, the ``file_name`` of its weights, its usual ``default_size`` (width, height; ``None``:
     what the file says), the ``strides`` of its cells, how many ``outputs`` it has and of which shapes, how it wants a
-    picture (``prepare``) and what its outputs mean (``decode``).
+    picture (``prepare``) and what its outputs mean (``decode``). ``gap`` names the feature that the mean over the
+    backbone's last activation makes, for networks that pool at several sizes there.
     """
 
     name: ClassVar[str]
@@ -78,6 +80,7 @@ class OnnxDetector(ABC):
     default_size: ClassVar[tuple[int, int] | None]
     strides: ClassVar[tuple[int, ...]]
     outputs: ClassVar[int] = 1
+    gap: ClassVar[str] = ""
 
     def __init__(
         self,
@@ -92,6 +95,7 @@ class OnnxDetector(ABC):
         if not 0 < min_score < 1:
             raise UserError(f"detector {self.name}: min_score {min_score} is not between 0 and 1")
         network = read_network(weights, self.outputs)
+        self._activation = add_last_activation(network.graph) if self.gap else False
         self.size = size or self.default_size or _own_size(weights, network)
         width, height = self.size
         if any(side <= 0 or side % max(self.strides) for side in self.size):
@@ -136,9 +140,13 @@ class OnnxDetector(ABC):
 
     def found(self, outputs: Sequence[np.ndarray], scale: float, image_size: tuple[int, int]) -> list[Found]:
         """Road users and furniture in a picture of (width, height), best score first."""
-        boxes, scores = self.decode(outputs)
+        boxes, scores = self.decode(outputs[: self.outputs])
         limits = np.array([*image_size, *image_size], dtype=np.float64)
         return best_boxes(np.clip(boxes / scale, 0.0, limits), scores, self.min_score, self.labels)
+
+    def features(self, outputs: Sequence[np.ndarray]) -> dict[str, bytes]:
+        """What the network itself tells of the picture as a whole, by name."""
+        return {self.gap: packed(outputs[-1].mean(axis=(1, 2)))} if self._activation else {}
 
     def detect(self, image_bgr: np.ndarray) -> list[Found]:
         """All three steps at once."""
@@ -149,7 +157,7 @@ class OnnxDetector(ABC):
         """One run on a grey picture tells a network with other inputs or outputs."""
         blob, _ = self.prepare(np.full((self.size[1], self.size[0], 3), GREY, np.uint8))
         try:
-            shapes = [output.shape for output in self.infer_many([blob] * self.batch)[-1]]
+            shapes = [output.shape for output in self.infer_many([blob] * self.batch)[-1][: self.outputs]]
         except Exception as error:  # ONNX Runtime's exceptions have no common base of their own
             if self.batch > 1:
                 raise UserError(
@@ -194,6 +202,22 @@ def read_network(weights: Path, outputs: int) -> Any:
     del graph.input[:], graph.value_info[:]
     graph.input.extend(inputs)
     return network
+
+
+def add_last_activation(graph: Any) -> bool:
+    """Adds an output: the activation that follows the concatenation of what the last poolings made (in YOLOX, spatial
+    pyramid pooling at the end of the backbone). Whether there is one; it is found by the structure, not by a name."""
+    from onnx import TensorProto, helper
+
+    pooled = [node.output[0] for node in graph.node if node.op_type == "MaxPool"]
+    ends = [node.output[0] for node in graph.node if node.op_type == "Concat" and len({*node.input} & {*pooled}) > 1]
+    for name in ends[-1:]:
+        conv = [node.output[0] for node in graph.node if node.op_type == "Conv" and name in node.input]
+        after = [node.output[0] for node in graph.node if {*node.input} & {*conv[:1]} and node.op_type != "Sigmoid"]
+        if after:
+            graph.output.append(helper.make_tensor_value_info(after[0], TensorProto.FLOAT, [None] * 4))
+            return True
+    return False
 
 
 def open_session(

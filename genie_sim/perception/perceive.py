@@ -18,7 +18,7 @@ from genie_sim.perception.detector import ImageDetector, make_detector
 from genie_sim.perception.kitti import ATTRIBUTION, CameraFrame, KittiDrive, open_drive
 from genie_sim.perception.onnx_detector import CPU, MIN_SCORE, NMS_IOU
 from genie_sim.perception.pipeline import trace_frames
-from genie_sim.perception.trace import Trace, TraceFrame
+from genie_sim.perception.trace import Trace, TraceFrame, feature_facts
 from genie_sim.perception.tracking import tracking_trace
 
 PACKAGES = ("numpy", "onnxruntime", "opencv-python-headless", "pykitti", "pymap3d")
@@ -84,8 +84,8 @@ def perceive(
     if threads is None or batch is None:
         threads, batch = tuning.fastest(opened, chosen, make, threads, batch, say)
     detector = make(threads, batch)
-    provenance = _provenance(opened, detector, min_score, threads, batch)
     by_camera = _by_camera(trace_frames(opened, chosen, detector, place_from), len(chosen), progress)
+    provenance = _provenance(opened, detector, min_score, threads, batch) | {"features": feature_facts(by_camera)}
     return Trace(f"kitti_{drive.split('/')[1]}", opened.origin, by_camera, provenance)
 
 

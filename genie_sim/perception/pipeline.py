@@ -15,11 +15,12 @@ from typing import Any, NamedTuple, TypeVar
 import cv2
 import numpy as np
 
+from genie_sim.core.caches.features import packed
 from genie_sim.core.geometry import Array, transform
 from genie_sim.perception import placement
 from genie_sim.perception.detector import Found, ImageDetector
 from genie_sim.perception.files import read_bytes
-from genie_sim.perception.fingerprint import difference_hash
+from genie_sim.perception.fingerprint import difference_hash, hue_saturation
 from genie_sim.perception.kitti import CameraFrame, KittiDrive, decode_image
 from genie_sim.perception.onnx_detector import OnnxDetector
 from genie_sim.perception.placement import Placement, Plane
@@ -38,6 +39,7 @@ class _Picture(NamedTuple):
     size: tuple[int, int]
     fingerprints: tuple[str, int]
     placement: Placement
+    hsv: bytes
     blob: np.ndarray
     scale: float
 
@@ -58,6 +60,9 @@ class _InOneStep:
 
     def found(self, outputs: Any, scale: float, image_size: tuple[int, int]) -> list[Found]:
         return list(outputs)
+
+    def features(self, outputs: Any) -> dict[str, bytes]:
+        return {}
 
 
 def trace_frames(
@@ -119,7 +124,7 @@ def _read(
     size = (image.shape[1], image.shape[0])
     fingerprints = (hashlib.sha256(data).hexdigest(), difference_hash(image))
     here = Placement(frame.intrinsics, size, drive.camera_SE3_velo(frame.camera), *scanned(frame.index))
-    return _Picture(frame, size, fingerprints, here, *steps.prepare(image))
+    return _Picture(frame, size, fingerprints, here, packed(hue_saturation(image)), *steps.prepare(image))
 
 
 def _placed(
@@ -132,7 +137,6 @@ def _placed(
         place = None if point is None else transform(frame.world_SE3_camera, point)
         detections.append(detection(label, score, box, place, method))
     stamp_ns = frame.stamp_ns - drive.first_stamp_ns
-    pose = frame.world_SE3_camera
-    return trace_frame(
-        frame.camera, frame.index, stamp_ns, picture.size, picture.fingerprints, pose, frame.intrinsics, detections
-    )
+    seen = picture.size, picture.fingerprints, frame.world_SE3_camera, frame.intrinsics
+    features = {"hsv": picture.hsv} | steps.features(outputs)
+    return trace_frame(frame.camera, frame.index, stamp_ns, *seen, detections, features)

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
 FORMAT_VERSION = 1
 METADATA_KEY = b"genie_sim"
+FEATURE = "feature_"  # how the columns of features begin; a trace need not have any
 
 # sensor_msgs/Image in ROS 1, without the pixels: sequence number, stamp, frame_id, height, width, encoding, endianness,
 # step and length of the data.
@@ -48,7 +49,8 @@ class TraceFrame:
 
     ``stamp_ns`` counts from the drive's first frame, ``size_bytes`` is that of a ``sensor_msgs/Image``, ``digest`` the
     sha256 of the image file, ``dhash`` the unsigned 64-bit difference hash of the grey image. ``pose`` is the camera's
-    centre in the trace's east-north-up frame with the heading of its optical axis.
+    centre in the trace's east-north-up frame with the heading of its optical axis. ``features`` are short vectors by
+    name, as ``core.caches.features`` packs them; a trace may have none.
     """
 
     camera: str
@@ -62,6 +64,7 @@ class TraceFrame:
     pose: CameraPose
     horizontal_fov_rad: float
     detections: tuple[Detection, ...]
+    features: Mapping[str, bytes] = field(default_factory=dict, hash=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,7 +72,8 @@ class Trace:
     """All frames of one drive, by camera and in order of time, placed around one geodetic origin.
 
     ``origin`` is latitude [deg], longitude [deg], altitude [m]. ``digest`` is the sha256 of origin and frames: it does
-    not change with the name, the provenance or the Parquet version.
+    not change with the name, the provenance or the Parquet version, nor with the features, whose own digests are in the
+    provenance.
     """
 
     name: str
@@ -131,6 +135,7 @@ def trace_frame(
     world_SE3_camera: Array,
     intrinsics: Array,
     detections: Iterable[Detection],
+    features: Mapping[str, bytes] | None = None,
 ) -> TraceFrame:
     """A frame as a trace keeps it; ``size`` is (width, height), ``fingerprints`` are its digest and dhash."""
     east_m, north_m, up_m = _rounded(world_SE3_camera[:3, 3], POSITION_DECIMALS)
@@ -147,7 +152,21 @@ def trace_frame(
         pose=CameraPose(east_m, north_m, up_m, round(heading_of(optical_axis), ANGLE_DECIMALS)),
         horizontal_fov_rad=round(horizontal_fov_rad(intrinsics, size[0]), ANGLE_DECIMALS),
         detections=tuple(detections),
+        features=features or {},
     )
+
+
+def feature_facts(frames: Mapping[str, Sequence[TraceFrame]]) -> dict[str, dict[str, Any]]:
+    """Of each feature that every frame has: its dimension, and the sha256 of all of them, camera by camera."""
+    ordered = [frame for camera in sorted(frames) for frame in frames[camera]]
+    names = set.intersection(*(set(frame.features) for frame in ordered)) if ordered else set()
+    return {
+        name: {
+            "dimension": len(ordered[0].features[name]),
+            "sha256": hashlib.sha256(b"".join(frame.features[name] for frame in ordered)).hexdigest(),
+        }
+        for name in sorted(names)
+    }
 
 
 def _rounded(numbers: Sequence[float] | Array, decimals: int) -> tuple[Any, ...]:
@@ -163,7 +182,12 @@ def write_trace(path: str | Path, trace: Trace) -> None:
     import pyarrow.parquet as pq
 
     path = Path(path)
-    rows = [_row(frame) for camera in sorted(trace.frames) for frame in trace.frames[camera]]
+    frames = [frame for camera in sorted(trace.frames) for frame in trace.frames[camera]]
+    features = sorted(feature_facts(trace.frames))
+    rows = [_row(frame) | {FEATURE + name: frame.features[name] for name in features} for frame in frames]
+    schema = _schema()
+    for name in features:
+        schema = schema.append(pa.field(FEATURE + name, pa.binary(len(frames[0].features[name]))))
     metadata = {
         "format_version": FORMAT_VERSION,
         "name": trace.name,
@@ -171,7 +195,7 @@ def write_trace(path: str | Path, trace: Trace) -> None:
         "digest": trace.digest,
         "provenance": trace.provenance,
     }
-    schema = _schema().with_metadata({METADATA_KEY: json.dumps(metadata, sort_keys=True).encode()})
+    schema = schema.with_metadata({METADATA_KEY: json.dumps(metadata, sort_keys=True).encode()})
     with atomic_write(path) as partial:
         path.parent.mkdir(parents=True, exist_ok=True)
         with partial.open("wb") as file:  # pyarrow would take a path for a URI
@@ -204,6 +228,8 @@ def read_trace(path: str | Path) -> Trace:
     trace = Trace(metadata["name"], tuple(metadata["origin"]), by_camera, metadata["provenance"])
     if trace.digest != metadata["digest"]:
         raise UserError(f"{path}: content does not match its own digest {metadata['digest'][:12]}: file was altered")
+    if "features" in trace.provenance and trace.provenance["features"] != feature_facts(by_camera):
+        raise UserError(f"{path}: features do not match the digests in its own provenance: file was altered")
     return trace
 
 
@@ -343,4 +369,5 @@ def _frame(row: Mapping[str, Any]) -> TraceFrame:
     )
     plain = ("camera", "index", "stamp_ns", "width", "height", "size_bytes", "digest", "dhash", "horizontal_fov_rad")
     pose = CameraPose(row["east_m"], row["north_m"], row["up_m"], row["heading_rad"])
-    return TraceFrame(**{name: row[name] for name in plain}, pose=pose, detections=detections)
+    features = {name.removeprefix(FEATURE): row[name] for name in row if name.startswith(FEATURE)}
+    return TraceFrame(**{name: row[name] for name in plain}, pose=pose, detections=detections, features=features)

@@ -82,8 +82,33 @@ class ModelTime(Model):
         return self
 
 
+class KeyTime(Model):
+    """What a picture's key costs: CPU time (``median``), or accelerator time as a share of one detection's median."""
+
+    median_ns: PositiveDuration | None = Field(default=None, alias="median")
+    of_detection: Annotated[float, Field(gt=0, le=1)] | None = None
+    tag: Tag
+    source: Annotated[str, Field(min_length=1)]
+
+    @model_validator(mode="after")
+    def _one_of_both(self) -> KeyTime:
+        if (self.median_ns is None) == (self.of_detection is None):
+            problem("median", "exactly one of 'median' and 'of_detection' must be given")
+        return self
+
+
+KEYS = {  # by the name of the feature; a profile may say otherwise
+    "hsv": KeyTime.model_validate({"median": "1 ms", "tag": "A", "source": "assumed: a histogram of a picture"}),
+    "yolox_gap": KeyTime(
+        of_detection=0.455,
+        tag="D",
+        source="multiplications of YOLOX-nano up to this tensor, 168.9 of 371.0 million at 640x192",
+    ),
+}
+
+
 class DeviceProfile(Model):
-    """One computer: a car's or an edge's."""
+    """One computer: a car's or an edge's. ``keys``: what similarity keys cost, by the name of the feature."""
 
     name: Name
     title: str
@@ -91,6 +116,7 @@ class DeviceProfile(Model):
     hop: Hop
     genie_time: GenieTime = Field(alias="genie")
     spreads: Spreads
+    keys: dict[Name, KeyTime] = KEYS
     models: dict[Name, ModelTime]
 
     def median_ns(self, model: str) -> int:

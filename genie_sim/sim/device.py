@@ -95,6 +95,11 @@ class Host:
         """The detector looks at one image."""
         self.accelerator.run(next(self._detector_times), done)
 
+    def compute_key(self, name: str, done: Done) -> None:
+        """A picture's similarity key is made."""
+        processor, service_ns = self.device.keys[name]
+        (self.cpu if processor == "cpu" else self.accelerator).run(service_ns, done)
+
     def serve_message(self, done: Done) -> None:
         """A Genie handles one message."""
         self.cpu.run(next(self._message_times), done)

@@ -35,7 +35,8 @@ class Detector(Node):
 class InterceptorNode(Node):
     """A pure node in the simulated graph: every message costs CPU time, every effect becomes a publication.
 
-    ``make`` makes the pure node, and a fresh one whenever a fault takes its state away.
+    ``make`` makes the pure node, and a fresh one whenever a fault takes its state away. ``key`` names what is computed
+    of every picture first.
     """
 
     def __init__(
@@ -46,17 +47,22 @@ class InterceptorNode(Node):
         queue_length: int,
         observe: Observer,
         drop: Dropped,
+        key: str | None = None,
     ):
         pure = make()
         topics = pure.subscriptions(), pure.publications()
         super().__init__(pure.name, host, graph, *topics, queue_length, threads=host.device.cores, dropped=drop)
         self.pure = pure
         self._make = make
+        self._key = key
         self._observe = observe
         self._timer_set = False
 
     def work(self, message: Message, done: Done) -> None:
-        self.host.serve_message(done)
+        if self._key is not None and isinstance(message, Image):
+            self.host.compute_key(self._key, lambda: self.host.serve_message(done))
+        else:
+            self.host.serve_message(done)
 
     def handle(self, topic: str, message: Message, sender: str) -> None:
         self._carry_out(self.pure.on_message(topic, message, self.env.now, sender))
@@ -114,6 +120,7 @@ def attach(
     queue_length: int,
     observe: Observer,
     drop: Dropped,
+    key: str | None = None,
     suffix: str = "-local",
 ) -> InterceptorNode:
     """Encapsulates a running node (Section III-B): the node itself is not touched.
@@ -124,4 +131,4 @@ def attach(
     node = graph.node(node_name)
     subscribed, published = graph.topics_of(node_name)
     graph.remap(node_name, {topic: topic + suffix for topic in (*subscribed, *published)})
-    return InterceptorNode(lambda: make(subscribed, published), node.host, graph, queue_length, observe, drop)
+    return InterceptorNode(lambda: make(subscribed, published), node.host, graph, queue_length, observe, drop, key)

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Literal
 
 import numpy as np
 
@@ -63,10 +64,14 @@ class HopTime:
 
 @dataclass(frozen=True, slots=True)
 class Device:
-    """One kind of computer: its cores, and how long a hop, a Genie's message and a detection take on it."""
+    """One kind of computer: its cores, and how long a hop, a Genie's message and a detection take on it.
+
+    ``keys``: how long [ns] a picture's key of some name takes, on the CPU or on the accelerator.
+    """
 
     name: str
     cores: int
     hop: HopTime
     message_time: ServiceTime
     detector_time: ServiceTime
+    keys: Mapping[str, tuple[Literal["cpu", "accelerator"], int]] = field(default_factory=dict)

@@ -58,7 +58,7 @@ class Place:
     ``sees``: pictures come here, from the host's own cameras or from cars; else only positions do. ``joined``: the car
     has an edge. ``genie`` are the rules of Genies here, ``None`` where the scenario wants none. ``stream`` gives a
     random generator by names, the same for this host under every method. ``records_changes``: whether observations are
-    to name the objects of a map that changed. ``laws`` are those of the detectors.
+    to name the objects of a map that changed. ``laws`` are those of the detectors. ``edges`` are all edges, in order.
     """
 
     name: str
@@ -68,6 +68,7 @@ class Place:
     stream: Callable[..., np.random.Generator]
     records_changes: bool
     laws: DetectorLaws
+    edges: tuple[str, ...]
 
 
 class Uplink(NamedTuple):
@@ -81,13 +82,16 @@ class Uplink(NamedTuple):
 class Station:
     """What stands on a host. ``interceptor`` takes over the topics of the detector, or its names where none runs.
 
-    ``uplink`` joins a car to its edge. ``hears`` are the topics of neighbouring edges that reach this edge.
+    ``uplink`` joins a car to its edge. ``hears`` are the topics of neighbouring edges that reach this edge. ``key``
+    names the feature that the interceptor makes of every picture, which takes its time here; whoever gets the picture
+    from it gets the key, too.
     """
 
     detector: bool = False
     interceptor: MakeInterceptor | None = None
     uplink: Uplink | None = None
     hears: tuple[str, ...] = ()
+    key: str | None = None
 
 
 class Method(Protocol):

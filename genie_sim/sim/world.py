@@ -49,6 +49,7 @@ class World:
         self.end_ns = 0  # when the last frame is taken
         self.outages: list[tuple[str, str]] = []  # the targets of links that are down now, and by which fault
         self._method = method
+        self._edge_names = tuple(edge.name for edge in setup.edges)
         self._fronts: dict[str, str] = {}  # of each host, the node that takes what comes over links
         self._build_edges()
         of_edges = len(self.resources)
@@ -145,7 +146,7 @@ class World:
 
         setup = self.setup
         rules = setup.genie if genie else None
-        return Place(name, sees, joined, rules, stream, self.monitor.wants_changes, setup.laws)
+        return Place(name, sees, joined, rules, stream, self.monitor.wants_changes, setup.laws, self._edge_names)
 
     def _add(self, resource: Resource) -> None:
         self.resources.append(resource)
@@ -170,7 +171,7 @@ class World:
         def observe(node: str, record: Observation) -> None:
             self.monitor.observe(node, placement, record, self.env.now)
 
-        told = self.setup.queue_length, observe, self.monitor.dropped
+        told = self.setup.queue_length, observe, self.monitor.dropped, station.key
         if station.detector:
             node = attach(graph, f"{place}/{DETECTOR}", make, *told)
         else:

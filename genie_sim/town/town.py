@@ -22,6 +22,7 @@ from genie_sim.town.noise import mix
 from genie_sim.town.objects import HEIGHT, HORIZONTAL_FOV_RAD, WIDTH
 from genie_sim.town.rules import TownRules, TrueObject
 from genie_sim.town.streets import Street, Streets, lay_out
+from genie_sim.town.surrogate import LAWS, surrogates
 
 ORIGIN: Geodetic = (49.0, 8.4, 115.0)  # near Karlsruhe, where KITTI was recorded; the town itself is made up
 STREAM = "city"  # names the random streams, here and in digests: another word makes another town of every seed
@@ -81,7 +82,8 @@ class Town:
     def provenance(self) -> Mapping[str, object]:
         """Where it comes from, for ``run.json``."""
         laws = {"laws": dict(self.laws.provenance), "laws_digest": self.laws.digest}
-        return {"source": "town", "rules": asdict(self.rules), "seed": self.seed, **laws}
+        features = dict.fromkeys(LAWS, "surrogate")
+        return {"source": "town", "rules": asdict(self.rules), "seed": self.seed, **laws, "features": features}
 
     def course(self, car: str, start_ns: int, end_ns: int) -> routes.Course:
         """Where a car is from ``start_ns`` to ``end_ns``."""
@@ -173,6 +175,11 @@ class TownFrame:
         """What is really in view: in the field of view, not hidden by houses, within ``TownRules.view_m``, and at least
         25 pixels high in the picture, as KITTI's labels that count."""
         return true_objects(self._in_view())
+
+    @property
+    def features(self) -> dict[str, bytes]:
+        """Surrogates, by name: the town has no pictures."""
+        return {name: one.at(self.pose, self.dhash) for name, one in surrogates(self._drive.town.seed).items()}
 
     def _in_view(self) -> View:
         if self._view is None:
