@@ -9,10 +9,12 @@ from typing import Annotated, Any
 
 import typer
 
+from genie_sim import plugins
 from genie_sim.errors import UserError, short_repr
 from genie_sim.paths import expanded
 
 MOST_COUNT = 1024
+_DIGITS = re.compile("[0-9]{1,9}")
 _UNPRINTABLE = re.compile(r"[\x00-\x1f\x7f\ud800-\udfff]")
 
 
@@ -79,6 +81,15 @@ MethodsOption = Annotated[
         autocompletion=_methods,
     ),
 ]
+def _own_code(context: typer.Context, value: bool) -> bool:
+    """Holds from here to the end of the command, whatever it does with the option."""
+    context.with_resource(plugins.own_code(value))
+    return value
+
+
+OwnCodeOption = Annotated[  # of every command that reads result folders
+    bool, typer.Option("--allow-own-code", help="Import classes that a folder names.", callback=_own_code)
+]
 SeedOption = Annotated[int | None, typer.Option(min=0, help="Root of all random streams; default: the scenario's.")]
 
 
@@ -105,10 +116,10 @@ def width_height(option: str, text: str | None) -> tuple[int, int] | None:
     """``832x256``."""
     if text is None:
         return None
-    width, _, height = text.partition("x")
-    if not (width.isdecimal() and height.isdecimal()):
-        raise UserError(f"{option}: {text!r} is no width and height in pixels, such as 832x256")
-    return int(width), int(height)
+    width, height = map(_count, text.partition("x")[::2])
+    if width is None or height is None:
+        raise UserError(f"{option}: {short_repr(text)} is no width and height in pixels, such as 832x256")
+    return width, height
 
 
 def geodetic(option: str, text: str | None) -> tuple[float, float, float] | None:
@@ -116,14 +127,17 @@ def geodetic(option: str, text: str | None) -> tuple[float, float, float] | None
     if text is None:
         return None
     try:
+        if not text.isascii() or "_" in text:  # float() reads the digits of every script, and 4_9
+            raise ValueError
         latitude, longitude, altitude_m = map(float, text.split(","))
     except ValueError as error:
-        raise UserError(f"{option}: {text!r} is no latitude, longitude, altitude, such as 49.01,8.42,112.8") from error
+        such = "is no latitude, longitude, altitude, such as 49.01,8.42,112.8"
+        raise UserError(f"{option}: {short_repr(text)} {such}") from error
     for name, value, most in (("latitude", latitude, 90), ("longitude", longitude, 180)):
         if not abs(value) <= most:
-            raise UserError(f"{option}: {text!r}: {name} {value:g} is not between -{most} and {most} degrees")
+            raise UserError(f"{option}: {short_repr(text)}: {name} {value} is not between -{most} and {most} degrees")
     if not math.isfinite(altitude_m):
-        raise UserError(f"{option}: {text!r}: altitude {altitude_m} is no number of metres")
+        raise UserError(f"{option}: {short_repr(text)}: altitude {altitude_m} is no number of metres")
     return latitude, longitude, altitude_m
 
 
@@ -131,14 +145,20 @@ def count_or_auto(option: str, text: str) -> int | None:
     """``4`` or ``auto``, which is ``None``: to be found out."""
     if text == "auto":
         return None
-    if not text.isdecimal() or not 1 <= int(text) <= MOST_COUNT:
-        raise UserError(f"{option}: {text!r} is neither auto nor a number from 1 to {MOST_COUNT}")
-    return int(text)
+    count = _count(text)
+    if count is None or not 1 <= count <= MOST_COUNT:
+        raise UserError(f"{option}: {short_repr(text)} is neither auto nor a number from 1 to {MOST_COUNT}")
+    return count
 
 
 def shard(text: str) -> tuple[int, int]:
     """``2/8`` to (2, 8)."""
-    number, slash, of = text.partition("/")
-    if not (slash and number.isdecimal() and of.isdecimal() and 1 <= int(number) <= int(of)):
-        raise typer.BadParameter(f"--shard {text}: must be I/N with I from 1 to N, such as 2/8")
-    return int(number), int(of)
+    number, of = map(_count, text.partition("/")[::2])
+    if number is None or of is None or not 1 <= number <= of:
+        raise typer.BadParameter(f"--shard {short_repr(text)}: must be I/N with I from 1 to N, such as 2/8")
+    return number, of
+
+
+def _count(text: str) -> int | None:
+    """A number of up to nine digits, 0 to 9 alone: Python reads those of every script, but not five thousand."""
+    return int(text) if _DIGITS.fullmatch(text) else None

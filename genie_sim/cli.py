@@ -85,6 +85,7 @@ def report(
     folder: Annotated[Path, path_argument(help="A result folder of 'run', 'reproduce' or 'sweep'.")],
     start: Annotated[str, typer.Option(help="Where the replay of a long run begins, such as '60 s'.")] = "0 s",
     out: Annotated[Path | None, path_option(help="The page to write; default: report.html in the folder.")] = None,
+    allow_own_code: arguments.OwnCodeOption = False,
 ) -> None:
     """Write one HTML page about a run, an evaluation or a sweep."""
     from genie_sim import units
@@ -137,7 +138,10 @@ def reproduce(
 
 
 @app.command()
-def rerun(folder: Annotated[Path, path_argument(help="A result folder.")]) -> None:
+def rerun(
+    folder: Annotated[Path, path_argument(help="A result folder.")],
+    allow_own_code: arguments.OwnCodeOption = False,
+) -> None:
     """Run a result folder again and compare it byte for byte."""
     from genie_sim import runner
 
@@ -334,6 +338,7 @@ def export(
     folder: Annotated[Path, path_argument(help="A result folder.")],
     format: Annotated[str, typer.Option(help="mcap (Foxglove, ROS 2) or bag (RViz, ROS 1).")] = "mcap",
     out: Annotated[Path | None, path_option(help="The file; default: run.mcap or run.bag in the folder.")] = None,
+    allow_own_code: arguments.OwnCodeOption = False,
 ) -> None:
     """Write a run as a bag, for Foxglove or RViz."""
     from genie_sim.recording import results

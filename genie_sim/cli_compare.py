@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from genie_sim.arguments import path_option
+from genie_sim.arguments import OwnCodeOption, path_option
 from genie_sim.errors import UserError, unknown
 
 
@@ -18,6 +18,7 @@ def compare(
     ] = None,
     format: Annotated[str, typer.Option(help="Of the printed table: markdown, csv or latex.")] = "markdown",
     out: Annotated[Path | None, path_option(help="Also write a page, figures and tables into this folder.")] = None,
+    allow_own_code: OwnCodeOption = False,
 ) -> None:
     """Compare results that saw the same frames.
 

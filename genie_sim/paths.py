@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import secrets
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -37,3 +39,28 @@ def atomic_write(path: Path) -> Iterator[Path]:
         if beside is not None:
             with suppress(OSError):
                 beside.unlink()
+
+
+@contextmanager
+def locked(folder: Path, wait: bool = True) -> Iterator[None]:
+    """Holds the lock of a folder, which tells other processes, however this one ends, whether it is still there.
+
+    Raises ``OSError`` where the folder is gone, or, without ``wait``, where another process holds the lock or the file
+    system knows no locks. With it such a file system is no obstacle.
+    """
+    if sys.platform == "win32":
+        if not wait:
+            raise OSError("folders have no locks here")
+        yield
+        return
+    import fcntl
+
+    number = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        with suppress(*[OSError] * wait):  # a file system without locks
+            fcntl.flock(number, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
+        if not os.path.samestat(os.fstat(number), folder.stat()):
+            raise FileNotFoundError(folder)
+        yield
+    finally:
+        os.close(number)

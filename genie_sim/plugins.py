@@ -11,7 +11,8 @@ import importlib
 import inspect
 import re
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -20,6 +21,19 @@ from genie_sim.errors import UserError, unknown
 
 Parameter = bool | int | float | str
 _CLASS = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*:[A-Za-z_]\w*")
+_own_code_allowed = True
+
+
+@contextmanager
+def own_code(allowed: bool) -> Iterator[None]:
+    """Unless ``allowed``, nothing in this process imports a class of the user's own while it lasts: what a result
+    folder names may be anybody's. Around everything that a command does with such a folder."""
+    global _own_code_allowed
+    before, _own_code_allowed = _own_code_allowed, allowed
+    try:
+        yield
+    finally:
+        _own_code_allowed = before
 
 
 @dataclass(frozen=True)
@@ -56,8 +70,11 @@ def resolve(what: str, name: str, registry: Mapping[str, Any], methods: tuple[st
     path = name if entry is None else entry
     if not is_own(path):
         raise UserError(unknown(what, name, registry))
-    if entry is None and "" not in sys.path:
-        sys.path.append("")
+    if entry is None:
+        if not _own_code_allowed:
+            raise UserError(f"{what} {name!r}: code of somebody's own, which runs with --allow-own-code only")
+        if "" not in sys.path:
+            sys.path.append("")
     module_name, _, class_name = path.partition(":")
     try:
         found = getattr(importlib.import_module(module_name), class_name)

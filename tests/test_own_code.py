@@ -3,14 +3,21 @@
 from __future__ import annotations
 
 import json
+import os
+import shutil
+import subprocess
+import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
-from genie_sim import catalogue
+from genie_sim import catalogue, plugins, runner
+from genie_sim.cli import main
 from genie_sim.errors import UserError
 from genie_sim.scenario.scenario import load_scenario, with_methods
-from tests.conftest import CommandLine
+from tests.conftest import REPOSITORY, CommandLine
+from tests.kitti_folder import make_drive
 
 SCENARIO = """
 description: Three methods, one with settings of its own.
@@ -109,3 +116,95 @@ def test_list_says_what_can_be_listed(run_cli: CommandLine):
     assert wrong.returncode == 1 and "unknown kind of thing to list 'method' (did you mean 'methods'?)" in wrong.stderr
     everything = run_cli("list").stdout
     assert all(f"{kind}:" in everything.splitlines() for kind in catalogue.KINDS)
+
+
+# Folders from elsewhere
+
+TRAP = "open('sprung', 'w').close()\n"
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The result folder of a run with a class of somebody's own."""
+    folder = tmp_path_factory.mktemp("made")
+    (folder / "own.py").write_text(OWN)
+    (folder / "mine.yaml").write_text(SCENARIO)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(folder)
+        result = runner.run(folder / "mine.yaml", ["methods=[local, {name: mine, method: 'own:Nothing'}]"], out=folder)
+    sys.modules.pop("own")
+    return result.folder
+
+
+@pytest.fixture
+def from_elsewhere(made: Path, tmp_path: Path) -> Path:
+    """The same, where a module of that name lies that nobody should import."""
+    (tmp_path / "own.py").write_text(TRAP + OWN)
+    return Path(shutil.copytree(made, tmp_path / "moved"))
+
+
+def test_a_folder_from_elsewhere_imports_nothing_unless_it_is_allowed(
+    from_elsewhere: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    folder = str(from_elsewhere)
+    for command in (["report", folder], ["export", folder], ["compare", folder]):
+        assert main(command) == 0, command
+    assert main(["rerun", folder]) == 1
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line == "genie-sim: method 'own:Nothing': code of somebody's own, which runs with --allow-own-code only"
+    assert not (tmp_path / "sprung").exists()
+    (tmp_path / "own.py").write_text(OWN)
+    assert main(["rerun", folder, "--allow-own-code"]) == 0
+    sys.modules.pop("own")
+    assert main(["rerun", folder]) == 1, "allowed for one command only"
+    assert plugins.resolve("method", "own:Nothing", {}), "and refused for one only"
+
+
+def test_a_command_inside_a_folder_from_elsewhere_imports_nothing_of_it(from_elsewhere: Path):
+    """Where Python itself would look first, and matplotlib for its settings."""
+    for module in ("own", "simpy", "pandas", "numexpr"):  # needed, needed later, looked for by pandas
+        (from_elsewhere / f"{module}.py").write_text(TRAP)
+    (from_elsewhere / "matplotlibrc").write_text("backend: module://own\n")
+    for command, status in (("report", 0), ("rerun", 1)):
+        inside = subprocess.run(
+            [sys.executable, "-m", "genie_sim", command, "."], cwd=from_elsewhere, capture_output=True, text=True,
+            env={**os.environ, "PYTHONPATH": str(REPOSITORY)},
+        )  # fmt: skip
+        assert inside.returncode == status and inside.stderr.count("\n") == status, inside.stderr
+    assert "--allow-own-code only" in inside.stderr
+    assert not (from_elsewhere / "sprung").exists()
+
+
+OWN_CLASS = "trap:Nothing"
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"methods": [OWN_CLASS]},
+        {"methods": [{"name": "x", "method": OWN_CLASS}]},
+        {"methods": [{"name": "x", "method": "genie", "genie": {"eviction": OWN_CLASS}}]},
+        {"genie": {"eviction": OWN_CLASS}},
+        {"genie": {"similarity": OWN_CLASS}},
+        {"genie": {"object_map": {"freshness": OWN_CLASS}}},
+        {"genie": {"object_map": {"rule": OWN_CLASS}}},
+        {"perception": {"source": OWN_CLASS}},
+        {"perception": {"source": "live", "kitti": "kitti", "detector": OWN_CLASS}},
+        {"edge_network": OWN_CLASS},
+        {"cars": [{"name": "car1", "device": "jetson_tx2", "edge": "edge1", "link": OWN_CLASS}]},
+        {"faults": [{"fault": OWN_CLASS, "target": "car1", "begin": "0 s", "end": "1 s"}]},
+    ],
+    ids=str,
+)
+def test_wherever_a_folder_names_a_class_it_is_not_imported(
+    made: Path, tmp_path: Path, changes: dict[str, Any], capsys: pytest.CaptureFixture[str]
+):
+    (tmp_path / "trap.py").write_text(TRAP + OWN)
+    make_drive(tmp_path / "kitti")
+    said = json.loads((made / "run.json").read_text())
+    said["facts"]["scenario"] |= {"methods": ["local", "genie"]} | changes
+    (tmp_path / "folder").mkdir()
+    (tmp_path / "folder" / "run.json").write_text(json.dumps(said))
+    assert main(["rerun", "folder"]) == 1
+    assert not (tmp_path / "sprung").exists()
+    assert "--allow-own-code only" in capsys.readouterr().err

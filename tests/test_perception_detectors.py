@@ -190,7 +190,7 @@ def test_an_unknown_provider_names_those_that_exist(tmp_path):
     [
         ("nowhere:Detector", "No module named 'nowhere'"),
         ("pathlib:Nothing", "has no attribute 'Nothing'"),
-        ("pathlib:Path", "is no class with a file_name and detect"),
+        ("pathlib:Path", "has no method detect, file_name"),
     ],
 )
 def test_a_detector_of_one_s_own_that_is_none(name, message):

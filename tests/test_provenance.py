@@ -206,3 +206,70 @@ def test_run_json_comes_back_and_anything_else_is_named(tmp_path):
         with pytest.raises(UserError, match=r"run\.json") as caught:
             provenance.read_run_json(tmp_path)
         assert "\n" not in str(caught.value)
+
+
+# Folders of processes that were killed
+
+KILLED = """
+import os, signal, sys
+from pathlib import Path
+from genie_sim.recording import provenance
+
+final, when = Path(sys.argv[1]), sys.argv[2]
+rmtree, rename = provenance.shutil.rmtree, Path.rename
+
+def die(*_, **__):
+    os.kill(os.getpid(), signal.SIGKILL)
+
+def renamed(self, target):
+    if when == "before the rename" and provenance.EARLIER not in str(target):
+        die()
+    return rename(self, target)
+
+Path.rename = renamed
+if when == "before the earlier goes":
+    provenance.shutil.rmtree = die
+with provenance.result_folder(final) as partial:
+    (partial / "frames.parquet").write_text("new")
+    (partial / "run.json").write_text("{}")
+    print("began", flush=True)
+    if when == "half done":
+        sys.stdin.read()
+"""
+
+
+def killed_process(final: Path, when: str) -> subprocess.Popen[str]:
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
+    made = subprocess.Popen(
+        [sys.executable, "-c", KILLED, final, when], env=environment, text=True, stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+    )  # fmt: skip
+    assert made.stdout is not None and made.stdout.readline() == "began\n"
+    return made
+
+
+@pytest.mark.unix
+def test_what_a_killed_process_left_goes_and_what_a_living_one_makes_stays(tmp_path: Path):
+    killed, living = killed_process(tmp_path / "a", "half done"), killed_process(tmp_path / "b", "half done")
+    (tmp_path / ".mine.01234567").mkdir()  # no name of ours
+    killed.kill()
+    killed.wait()
+    assert len(everything_in(tmp_path)) == 7
+    write_whole_result(tmp_path / "c")
+    left = {name.partition("/")[0] for name in everything_in(tmp_path)}
+    assert "c" in left and ".mine.01234567" in left
+    assert [name.startswith(".b.") for name in left - {"c", ".mine.01234567"}] == [True], "it is being made"
+    living.communicate("")
+    assert (tmp_path / "b" / "frames.parquet").read_text() == "new" and not list(tmp_path.glob(".b.*"))
+
+
+@pytest.mark.unix
+@pytest.mark.parametrize(("when", "text"), [("before the rename", "earlier"), ("before the earlier goes", "new")])
+def test_a_kill_while_a_result_is_replaced_loses_none(tmp_path: Path, when: str, text: str):
+    final = tmp_path / "run"
+    write_whole_result(final, "earlier")
+    assert killed_process(final, when).wait() == -9
+    assert list(tmp_path.glob(f".run.*{provenance.EARLIER}")), "killed in the midst of it"
+    write_whole_result(tmp_path / "other")
+    assert (final / "frames.parquet").read_text() == text
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["other", "run"]

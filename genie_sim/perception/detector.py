@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import importlib
 import os
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import ClassVar, Protocol
 
 import numpy as np
 
-from genie_sim.errors import UserError, unknown
+from genie_sim import plugins
+from genie_sim.errors import UserError
 from genie_sim.paths import expanded
 from genie_sim.perception.networks import NanodetM, Yolov8, YoloxNano, YoloxS, YoloxTiny
 from genie_sim.perception.onnx_detector import CPU, MIN_SCORE, Found, OnnxDetector
@@ -53,13 +52,12 @@ def make_detector(
     execution providers, best first; ``threads`` are the network's, ``batch`` is how many pictures it gets at a time.
     Detectors that are no ``OnnxDetector`` have neither. Raises UserError.
     """
-    kind = _own_class(name) if ":" in name else DETECTORS.get(name)
-    if kind is None:
-        raise UserError(unknown("detector", name, DETECTORS))
+    kind = plugins.resolve("detector", name, DETECTORS, ("detect", "file_name"))
     path = find_weights(kind.file_name, weights)
-    if issubclass(kind, OnnxDetector):
-        return kind(path, size, min_score, providers, threads, batch)
-    return kind(path, size, min_score)
+    network = isinstance(kind, type) and issubclass(kind, OnnxDetector)
+    more = (providers, threads, batch) if network else ()
+    made: ImageDetector = plugins.call("detector", name, kind, path, size, min_score, *more)
+    return made
 
 
 def find_weights(file_name: str, weights: str | Path | None = None) -> Path:
@@ -72,16 +70,3 @@ def find_weights(file_name: str, weights: str | Path | None = None) -> Path:
     if not path.is_file():
         raise UserError(f"{path}: no such weights file")
     return path
-
-
-def _own_class(name: str) -> type[ImageDetector]:
-    module, _, kind = name.partition(":")
-    if "" not in sys.path:
-        sys.path.append("")  # a class may lie in the current folder
-    try:
-        found = getattr(importlib.import_module(module), kind)
-    except (ImportError, AttributeError, ValueError) as error:
-        raise UserError(f"detector {name!r}: {error}") from error
-    if not (isinstance(found, type) and hasattr(found, "detect") and hasattr(found, "file_name")):
-        raise UserError(f"detector {name!r}: is no class with a file_name and detect()")
-    return found

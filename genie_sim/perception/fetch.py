@@ -213,7 +213,7 @@ def _receive(url: str, part: Path, progress: Progress, size_bytes: int | None) -
         goes_on = here > 0 and answer.status == 206 and _starts_at(answer, here)
         done = here if goes_on else 0
         length = answer.headers.get("Content-Length")
-        total = done + int(length) if length and length.isdigit() else size_bytes
+        total = done + int(length) if length and re.fullmatch("[0-9]{1,18}", length) else size_bytes
         if size_bytes is not None and total is not None and total > size_bytes:
             raise UserError(f"{url}: {total:,} bytes instead of {size_bytes:,}: another file")
         with part.open("ab" if goes_on else "wb") as file:

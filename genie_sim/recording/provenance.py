@@ -6,18 +6,20 @@ import hashlib
 import json
 import os
 import platform
+import re
 import secrets
 import shutil
 import subprocess
 import tempfile
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from importlib import metadata
 from pathlib import Path
 from typing import Any
 
 import genie_sim
 from genie_sim.errors import UserError, short_repr
+from genie_sim.paths import PARTIAL, locked
 from genie_sim.recording.tables import other_format
 
 RESULT_FORMAT = 2
@@ -30,6 +32,8 @@ NEEDED: dict[str, tuple[type, str]] = {  # of run.json, whatever is done with a 
     "facts.traces": (dict, "a mapping"),
     "facts.methods": (list, "a list"),
 }
+EARLIER = ".earlier"  # the name of a result while another takes its place
+_LEFT = re.compile(rf"\.(?P<name>.+)\.[0-9a-f]{{8}}{re.escape(PARTIAL)}(?P<earlier>{re.escape(EARLIER)})?")
 PACKAGES = ("simpy", "numpy", "pandas", "pyarrow", "pydantic", "matplotlib")
 
 
@@ -81,13 +85,19 @@ def check_replaceable(final: Path) -> None:
 
 @contextmanager
 def result_folder(final: Path) -> Iterator[Path]:
-    """A folder to fill, which takes the place of ``final`` once it is complete, and vanishes if that fails."""
+    """A folder to fill, which takes the place of ``final`` once it is complete, and vanishes if that fails. What
+    killed processes have left beside it is cleared away."""
     check_replaceable(final)
-    partial = final.with_name(f".{final.name}.{secrets.token_hex(4)}")
+    partial = final.with_name(f".{final.name}.{secrets.token_hex(4)}{PARTIAL}")
     try:
-        partial.mkdir(parents=True)
-        yield partial
-        _take_place(partial, final)
+        final.parent.mkdir(parents=True, exist_ok=True)
+        with ExitStack() as held:
+            with locked(final.parent):  # nobody clears the new folder away before its lock is held
+                _clear_away(final.parent)
+                partial.mkdir()
+                held.enter_context(locked(partial))
+            yield partial
+            _take_place(partial, final)
     except OSError as error:
         raise UserError(f"{final}: cannot be written: {error.strerror or error}") from error
     finally:
@@ -99,14 +109,28 @@ def _take_place(partial: Path, final: Path) -> None:
     if not final.exists():
         partial.rename(final)
         return
-    earlier = partial.with_name(f"{partial.name}.earlier")
-    final.rename(earlier)
-    try:
-        partial.rename(final)
-    except BaseException:
-        earlier.rename(final)
-        raise
-    shutil.rmtree(earlier)
+    earlier = partial.with_name(f"{partial.name}{EARLIER}")
+    with locked(final):
+        final.rename(earlier)
+        try:
+            partial.rename(final)
+        except BaseException:
+            earlier.rename(final)
+            raise
+        shutil.rmtree(earlier)
+
+
+def _clear_away(folder: Path) -> None:
+    """Removes folders of processes that were killed: nobody holds their locks. A result that one of them was about to
+    replace comes back."""
+    for left in folder.glob(f".*{PARTIAL}*"):
+        found = _LEFT.fullmatch(left.name)
+        with suppress(OSError), locked(left, wait=False):  # locked, or gone: somebody else's affair
+            final = folder / found["name"] if found else left
+            if found and found["earlier"] and not final.exists():
+                left.rename(final)
+            elif found:
+                shutil.rmtree(left)
 
 
 def write_json(path: Path, value: object) -> None:

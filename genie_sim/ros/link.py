@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import random
+import re
 import socket
 import ssl
 import threading
@@ -159,7 +160,7 @@ class _Warnings:
 
 def _address(text: str) -> tuple[str, int]:
     host, colon, port = text.rpartition(":")
-    if not colon or not port.isdecimal() or int(port) > 65535:
+    if not colon or re.fullmatch("[0-9]{1,5}", port) is None or int(port) > 65535:
         raise UserError(f"link: {text!r} is no address; write host:port")
     return host, int(port)
 
