@@ -10,6 +10,9 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+sys.path.insert(0, str(Path(__file__).resolve().parent))
+
+from settings import settings
 
 from genie_sim import catalogue, files
 from genie_sim.recording import records
@@ -66,7 +69,7 @@ def all_settings() -> Iterator[str]:
 
 
 GENERATED: dict[str, Callable[[], Iterator[str]]] = {
-    one.__name__: one for one in (commands, tables, devices, links, detectors, all_settings)
+    one.__name__: one for one in (commands, tables, devices, links, detectors, settings, all_settings)
 }
 
 

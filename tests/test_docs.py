@@ -77,6 +77,17 @@ def test_every_name_of_the_registries_is_explained():
             assert f"`{name}`" in text, f"{kind}: {name} is in no page"
 
 
+def test_every_setting_is_explained_and_none_is_invented(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.syspath_prepend(str(DOCS))
+    import settings
+
+    explained = [path for group in settings.meanings().values() for path in group]
+    assert sorted(explained) == sorted(settings.paths())
+    page = "\n".join(settings.settings())
+    assert "### `genie.request_expiry` {#genie.request_expiry}\n\nduration such as `30 ms` or `null`; default `2 s`" in page
+    assert "### `genie.eviction` {#genie.eviction}\n\n`unlimited` · `lru` · `lfu` · `ttl` or" in page
+
+
 def test_every_reading_of_the_paper_is_explained():
     """Each setting under ``genie:`` and each of its choices stands in the page on how the paper is read."""
     from genie_sim.scenario.schema import json_schema
