@@ -84,8 +84,8 @@ def test_every_setting_is_explained_and_none_is_invented(monkeypatch: pytest.Mon
     explained = [path for group in settings.meanings().values() for path in group]
     assert sorted(explained) == sorted(settings.paths())
     page = "\n".join(settings.settings())
-    assert "### `genie.request_expiry` {#genie.request_expiry}\n\nduration such as `30 ms` or `null`; default `2 s`" in page
-    assert "### `genie.eviction` {#genie.eviction}\n\n`unlimited` · `lru` · `lfu` · `ttl` or" in page
+    assert "{#genie.request_expiry}\n\nduration such as `30 ms` or `null`; default `2 s`\n" in page
+    assert "{#genie.eviction}\n\n`unlimited` · `lru` · `lfu` · `ttl` or" in page
 
 
 def test_every_reading_of_the_paper_is_explained():
