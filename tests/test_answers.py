@@ -13,9 +13,9 @@ from made_up_run import METHODS
 from genie_sim import runner
 from genie_sim.analysis import metrics, summary
 from genie_sim.analysis.correctness import of_answers
+from genie_sim.core.matching import SAME_M, Placed, near, pairs, placed
 from genie_sim.messages import CameraPose, Detection, Detections, Header, Image
 from genie_sim.recording.answers import Answers
-from genie_sim.recording.matching import SAME_M, Placed, near, pairs, placed
 from genie_sim.recording.records import ANSWERS
 from genie_sim.recording.results import Metric
 from genie_sim.recording.tables import Table

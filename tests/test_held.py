@@ -13,6 +13,7 @@ import pytest
 from genie_sim import files, runner
 from genie_sim.analysis import summary
 from genie_sim.analysis.correctness import FLOOR, of_held
+from genie_sim.core.matching import Placed, near
 from genie_sim.errors import UserError
 from genie_sim.messages import CameraPose, Detection, Detections, Header, Image, Location
 from genie_sim.perception.sources import Recordings
@@ -27,7 +28,7 @@ from genie_sim.perception.truth_table import (
 )
 from genie_sim.recording import results
 from genie_sim.recording.held import Held
-from genie_sim.recording.matching import Placed, gospa_m, near
+from genie_sim.recording.matching import gospa_m
 from genie_sim.recording.records import HELD
 from genie_sim.recording.results import Metric
 from genie_sim.recording.tables import Table

@@ -9,6 +9,8 @@ METHODS: dict[str, str] = {
     "local": "genie_sim.methods.local:Local",
     "remote": "genie_sim.methods.remote:Remote",
     "genie": "genie_sim.methods.genie:Genie",
+    "sim_lru": "genie_sim.methods.sim_lru:SimilarityLRU",
+    "rnd_lru": "genie_sim.methods.rnd_lru:RandomLRU",
 }
-USUAL = tuple(METHODS)  # what a scenario compares if it does not say
+USUAL = ("local", "remote", "genie")  # what a scenario compares if it does not say
 MUST_HAVE = ("title", "baseline", "on_car", "on_edge")

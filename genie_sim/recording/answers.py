@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from genie_sim.core.matching import SAME_M, near, pairs, placed
 from genie_sim.messages import Detections, Header, Image
-from genie_sim.recording.matching import SAME_M, near, pairs, placed
 from genie_sim.recording.tables import Table
 
 

@@ -11,8 +11,9 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Protocol
 
 from genie_sim.core.consumer import Consumer, Newest
+from genie_sim.core.matching import Placed, class_of, near, pairs, placed
 from genie_sim.messages import Detection, Detections, Frame, Image, Location
-from genie_sim.recording.matching import GOSPA_CUT_M, Placed, class_of, gospa_m, near, pairs, placed
+from genie_sim.recording.matching import GOSPA_CUT_M, gospa_m
 from genie_sim.recording.tables import Table
 from genie_sim.units import NS_PER_S
 

@@ -1,75 +1,13 @@
-"""Which objects of two lists are the same ones, and how far apart the lists are.
-
-Cars, trucks and buses are one class: a detector that confuses them has still found the vehicle.
-"""
+"""How far apart two lists of objects are."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from typing import NamedTuple
 
-from genie_sim.messages import Detection
+from genie_sim.core.matching import Near
 
-SAME_M = 2.0  # half of what separates parked cars
 GOSPA_CUT_M = 5.0
-_CLASSES = {"truck": "car", "bus": "car"}
-
-
-Near = tuple[float, int, int]  # squared distance [m2] of a pair, and its indices in two lists
-
-
-class Placed(NamedTuple):
-    """An object's class, and where it is on the ground [m]."""
-
-    label: str
-    east_m: float
-    north_m: float
-
-
-def placed(objects: Iterable[Detection]) -> list[Placed]:
-    """Those that have a place in the world."""
-    return [
-        Placed(_CLASSES.get(one.label, one.label), one.location[0], one.location[1])
-        for one in objects
-        if one.location is not None
-    ]
-
-
-def class_of(label: str) -> str:
-    """The class under which an object of this label is compared."""
-    return _CLASSES.get(label, label)
-
-
-def near(ours: Sequence[Placed], theirs: Sequence[Placed], reach_m: float) -> list[Near]:
-    """All pairs of one class within reach: squared distance [m2] and the two indices; nearest first, ties in the order
-    of the lists."""
-    by_class: dict[str, list[tuple[int, float, float]]] = {}
-    for j, (label, east_m, north_m) in enumerate(theirs):
-        by_class.setdefault(label, []).append((j, east_m, north_m))
-    reach_m2, found = reach_m * reach_m, []
-    for i, (label, east_m, north_m) in enumerate(ours):
-        for j, there_east_m, there_north_m in by_class.get(label, ()):
-            away_east_m, away_north_m = there_east_m - east_m, there_north_m - north_m
-            distance_m2 = away_east_m * away_east_m + away_north_m * away_north_m
-            if distance_m2 <= reach_m2:
-                found.append((distance_m2, i, j))
-    found.sort()
-    return found
-
-
-def pairs(candidates: Sequence[Near], reach_m: float = SAME_M) -> list[Near]:
-    """Those of ``near`` that are within reach and in which each object occurs once: greedy, nearest first."""
-    mine: set[int] = set()
-    other: set[int] = set()
-    found = []
-    for one in candidates:
-        distance_m2, i, j = one
-        if distance_m2 <= reach_m * reach_m and i not in mine and j not in other:
-            mine.add(i)
-            other.add(j)
-            found.append(one)
-    return found
 
 
 def gospa_m(candidates: Sequence[Near], ours: int, theirs: int, cut_m: float = GOSPA_CUT_M) -> float:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from genie_sim.faults.outage import Outage
 from genie_sim.messages import CameraPose, Detection, Observe, Publish
@@ -22,6 +22,7 @@ class StreetFrame:
     detections: tuple[Detection, ...]
     size_bytes: int = 1_397_297
     horizontal_fov_rad: float = math.radians(81.4)
+    features: dict = field(default_factory=dict, hash=False)
 
 
 @dataclass(frozen=True)
@@ -53,7 +54,8 @@ class Street:
         ahead = [8.0 * place for place in range(20) if 4.0 < 8.0 * place - east_m < 40.0]
         found = tuple(Detection("car", 0.8, (0.0, 0.0, 9.0, 9.0), (x, 4.0, 0.8), 0.8, "scan") for x in ahead)
         pose = CameraPose(east_m, 0.5 * (camera == "right"), 1.6, 0.0)
-        return StreetFrame(number * 100_000_000, pose, f"{camera} {number}", number, found)
+        features = {"hsv": bytes([round(east_m * 5), *[0] * 63])}  # 0.02 a metre
+        return StreetFrame(number * 100_000_000, pose, f"{camera} {number}", number, found, features=features)
 
 
 @dataclass(frozen=True)

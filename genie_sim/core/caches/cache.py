@@ -1,0 +1,116 @@
+"""What similarity caches share: a message cache whose keys are vectors, and the node around it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Hashable, Iterator, Sequence
+from dataclasses import replace
+from typing import Any, Literal
+
+from genie_sim.core.caches.nearest import Key, Nearest
+from genie_sim.core.eviction import Eviction
+from genie_sim.core.maps import InMap, Learned, Viewer
+from genie_sim.core.message_cache import Answers, MessageCache, PendingIndex
+from genie_sim.core.node import GenieNode
+from genie_sim.core.rules import Capacity, GenieRules
+from genie_sim.core.similarity import KeyIndex
+from genie_sim.messages import Answer, CameraPose, Detection
+
+Replay = Literal["world", "camera"]
+
+
+class SimilarityCache(MessageCache):
+    """Answers by the vectors of their pictures. A subclass says which stored answer is replayed: ``choose``.
+
+    ``replay``: its objects stand where they were in the ``world``, or as they did before the ``camera``, which the
+    requester's pose then places.
+    """
+
+    def __init__(self, eviction: Eviction, capacity: Capacity | None, replay: Replay) -> None:
+        limits = (capacity.entries, capacity.bytes) if capacity is not None else (None, None)
+        self.keys = Nearest()
+        super().__init__(self.keys, eviction, *limits)
+        self._replay = replay
+
+    def get(self, key: Hashable, now_ns: int) -> Answers | None:
+        assert isinstance(key, Key)
+        held = self.choose(key, now_ns)
+        if held is None:
+            return None
+        self._eviction.used(held, now_ns)
+        answers = self._answers[held]
+        if self._replay == "world":
+            return answers
+        return {topic: moved(answer, held.pose, key.pose) for topic, answer in answers.items()}
+
+    def choose(self, key: Key, now_ns: int) -> Key | None:
+        """The stored key whose answers are replayed; ``None`` on a miss."""
+        raise NotImplementedError
+
+    def near(self, key: Key, count: int, now_ns: int, radius: float = math.inf) -> list[tuple[float, Key]]:
+        """The nearest keys whose time is not over, as ``Nearest.near``."""
+        found = self.keys.near(key, count, radius)
+        old = [one for _, one in found if self._find(one, now_ns) is None]  # it removes them
+        return self.near(key, count, now_ns, radius) if old else found
+
+    def objects(self, key: Key) -> Sequence[Detection]:
+        """What is in the stored answers of a key."""
+        return [one for answer in self._answers[key].values() for one in answer.objects or ()]
+
+
+def moved(answer: Answer, there: CameraPose, here: CameraPose) -> Answer:
+    """The answer with every object as far ahead and aside of ``here`` as it was of ``there``."""
+    turn = here.heading_rad - there.heading_rad
+    c, s = math.cos(turn), math.sin(turn)
+
+    def place(one: Detection) -> Detection:
+        if one.location is None:
+            return one
+        east_m, north_m, up_m = (a - b for a, b in zip(one.location, there[:3], strict=True))
+        at = here.east_m + c * east_m - s * north_m, here.north_m + s * east_m + c * north_m, here.up_m + up_m
+        return one._replace(location=at)
+
+    return answer if answer.objects is None else answer.with_objects([place(one) for one in answer.objects])
+
+
+class NoMap:
+    """No object map: what the node finds goes to everybody as it is."""
+
+    threshold = 0.0
+
+    def __len__(self) -> int:
+        return 0
+
+    def __iter__(self) -> Iterator[InMap]:
+        return iter(())
+
+    def forget(self, now_ns: int) -> Sequence[InMap]:
+        return ()
+
+    def learn(self, answer: Answer, viewer: Viewer | None, now_ns: int, own: bool, tells_changes: bool) -> Learned:
+        return Learned(answer, answer, answer, None)
+
+    def boost(self, answer: Answer, header: Any, viewer: Viewer | None, now_ns: int) -> None:
+        return None
+
+    def visible(self, viewer: Viewer, range_m: float, now_ns: int) -> tuple[list[Detection], int | None]:
+        return [], None
+
+
+def cache_node(
+    rules: GenieRules,
+    name: str,
+    subscribed: tuple[str, ...],
+    published: tuple[str, ...],
+    *,
+    key: Callable[[Any], Hashable],
+    new_cache: Callable[[], MessageCache],
+    pending: Callable[[], KeyIndex],
+    **changes: Any,
+) -> GenieNode:
+    """A node that takes over a detector's topics with a cache alone: requests wait for the first answer, misses go to
+    the detector and up, equal ones coalesce (``pending`` says which are equal). ``changes`` are other rules."""
+    usual: dict[str, Any] = {"share_answers": "on_request", "miss_policy": "blocking", "pending_index": "across_topics"}
+    mine = replace(rules, **(usual | changes))
+    waiting = PendingIndex(lambda header: header, pending)
+    return GenieNode(name, subscribed, published, mine, key, new_cache, waiting, NoMap())

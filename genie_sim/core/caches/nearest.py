@@ -1,0 +1,106 @@
+"""Keys that are vectors, and the nearest of them. Distances are exact: they are computed in whole numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable
+
+import numpy as np
+
+from genie_sim.core.caches.features import DIMENSION, UNIT, Vector, feature_of, unpacked
+from genie_sim.messages import CameraPose, Image
+
+
+class Key:
+    """Of one picture: its feature, the camera that took it, and from where. No two pictures have equal keys."""
+
+    __slots__ = ("pose", "square", "stream", "vector")
+
+    def __init__(self, vector: Vector, stream: str, pose: CameraPose) -> None:
+        self.vector, self.stream, self.pose = vector, stream, pose
+        self.square = float(vector @ vector)
+
+
+def key_of(feature: str) -> Callable[[Image], Key]:
+    """What makes keys out of a feature. Pictures of different cameras of a car are never alike, as under Genie."""
+
+    def key(image: Image) -> Key:
+        packed = feature_of(image.content, feature)
+        assert packed is not None, "checked before the run"
+        return Key(unpacked(packed), image.header.frame_id, image.pose)
+
+    return key
+
+
+class Nearest:
+    """A set of keys. ``find`` gives the key itself, or where there is a ``radius`` the nearest other one within it."""
+
+    def __init__(self, radius: Callable[[], float] | None = None) -> None:
+        self._radius = radius
+        self._keys: list[Key | None] = []  # by slot
+        self._slots: dict[Hashable, int] = {}
+        self._free: list[int] = []
+        self._vectors = np.zeros((64, DIMENSION), np.float32)
+        self._squares = np.zeros(64, np.float32)
+        self._streams = np.full(64, -1)  # of free slots
+        self._born = np.zeros(64, np.int64)
+        self._stream_numbers: dict[str, int] = {}
+        self._added = 0
+
+    def __len__(self) -> int:
+        return len(self._slots)
+
+    def add(self, key: Hashable) -> None:
+        assert isinstance(key, Key)
+        if key in self._slots:
+            return
+        slot = self._free.pop() if self._free else len(self._keys)
+        if slot == len(self._keys):
+            self._keys.append(None)
+        if slot == len(self._squares):
+            self._grow()
+        self._keys[slot], self._slots[key] = key, slot
+        self._vectors[slot], self._squares[slot] = key.vector, key.square
+        self._streams[slot] = self._stream_numbers.setdefault(key.stream, len(self._stream_numbers))
+        self._born[slot] = self._added = self._added + 1
+
+    def discard(self, key: Hashable) -> None:
+        slot = self._slots.pop(key, None)
+        if slot is not None:
+            self._keys[slot] = None
+            self._streams[slot] = -1
+            self._free.append(slot)
+
+    def find(self, key: Hashable) -> Hashable | None:
+        if key in self._slots:
+            return key
+        if self._radius is None or not self._slots:
+            return None
+        assert isinstance(key, Key)
+        nearest = self.near(key, 1, self._radius())
+        return nearest[0][1] if nearest else None
+
+    def near(self, key: Key, count: int, radius: float = np.inf) -> list[tuple[float, Key]]:
+        """Up to ``count`` other keys of the same camera with their distances, at most ``radius``: nearest first, of
+        equally near ones the older."""
+        stream = self._stream_numbers.get(key.stream)
+        used = len(self._keys)
+        if stream is None or not used:
+            return []
+        dots = self._vectors[:used] @ key.vector
+        squares: Vector = self._squares[:used] - 2 * dots + np.float32(key.square)
+        squares[self._streams[:used] != stream] = np.inf
+        mine = self._slots.get(key)
+        if mine is not None:
+            squares[mine] = np.inf
+        most = (radius * UNIT) ** 2
+        if count < used:
+            most = min(most, float(squares.min() if count == 1 else np.partition(squares, count - 1)[count - 1]))
+        slots = np.flatnonzero((squares <= most) & (squares < np.inf))
+        ordered = slots[np.lexsort((self._born[slots], squares[slots]))][:count]
+        held = [(float(np.sqrt(squares[slot])) / UNIT, self._keys[slot]) for slot in ordered.tolist()]
+        return [(distance, one) for distance, one in held if one is not None]
+
+    def _grow(self) -> None:
+        for name in ("_vectors", "_squares", "_streams", "_born"):
+            old = getattr(self, name)
+            setattr(self, name, np.concatenate([old, np.full_like(old, -1)]))

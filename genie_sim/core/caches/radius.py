@@ -1,0 +1,39 @@
+"""SIM-LRU and RND-LRU: what is near enough is the same (F. Chierichetti, R. Kumar, S. Vassilvitskii, PODS 2009)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from genie_sim.core.caches.cache import Replay, SimilarityCache
+from genie_sim.core.caches.nearest import Key
+from genie_sim.core.eviction import LRU
+from genie_sim.core.rules import Capacity
+
+
+class SimLRU(SimilarityCache):
+    """A hit is the nearest stored key up to ``radius`` away; it moves to the front, the request is not stored."""
+
+    def __init__(self, capacity: Capacity | None, radius: float, replay: Replay = "world") -> None:
+        super().__init__(LRU(), capacity, replay)
+        self.radius = radius
+
+    def choose(self, key: Key, now_ns: int) -> Key | None:
+        nearest = self.near(key, 1, now_ns, self.radius)
+        return nearest[0][1] if nearest else None
+
+
+class RndLRU(SimLRU):
+    """What is ``d`` away is a hit with probability max(0, 1 - d / radius)."""
+
+    def __init__(
+        self, capacity: Capacity | None, radius: float, rng: np.random.Generator, replay: Replay = "world"
+    ) -> None:
+        super().__init__(capacity, radius, replay)
+        self._rng = rng
+
+    def choose(self, key: Key, now_ns: int) -> Key | None:
+        nearest = self.near(key, 1, now_ns, self.radius)
+        if not nearest:
+            return None
+        distance, held = nearest[0]
+        return held if self._rng.random() * self.radius < self.radius - distance or not distance else None
