@@ -85,6 +85,7 @@ def _numbers(device: DeviceProfile) -> Iterator[str]:
     median, spread = device.genie_time.median, device.genie_time.spread
     yield f"| Genie, a message, median | {duration_text(median.value)} | {median.tag} | {_cell(median.source)} |"
     yield f"| Genie, loc and sigma | {spread.loc}, {spread.sigma} | {spread.tag} | {_cell(spread.source)} |"
+    yield f"| encoding pictures, factor | {device.codec.value:g} | {device.codec.tag} | {_cell(device.codec.source)} |"
     for name in ("isolated", "default", "loaded"):
         law = getattr(device.spreads, name)
         yield f"| spread `{name}`, loc and sigma | {law.loc}, {law.sigma} | {law.tag} | {_cell(law.source)} |"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any, Literal
 
 from genie_sim import plugins
@@ -22,6 +23,7 @@ from genie_sim.scenario.methods import MethodEntry
 from genie_sim.scenario.parts import Car
 from genie_sim.scenario.profiles import DeviceProfile, KeyTime
 from genie_sim.scenario.scenario import Scenario
+from genie_sim.sim.encoding import Codec
 from genie_sim.sim.fault import TimedFault
 from genie_sim.sim.link_models import LINK_MODELS, LinkModel
 from genie_sim.sim.service import Device, HopTime, ServiceTime
@@ -42,12 +44,18 @@ class Built:
     links: dict[str, LinkModel]
     faults: Sequence[TimedFault]
     laws: list[DetectorLaws]  # one, once they are measured
+    encoded: Mapping[tuple[str, str], Drive]  # by encoding and car
 
 
-def shared(scenario: Scenario, devices: Mapping[str, DeviceProfile], drives: Mapping[str, Drive]) -> Built:
-    """What all methods share. ``drives`` by the car's name. Raises ``UserError``."""
+def shared(
+    scenario: Scenario,
+    devices: Mapping[str, DeviceProfile],
+    drives: Mapping[str, Drive],
+    encoded: Mapping[tuple[str, str], Drive] = MappingProxyType({}),
+) -> Built:
+    """What all methods share. ``drives`` by the car's name, ``encoded`` by encoding and car. Raises ``UserError``."""
     faults = [timed(entry, place) for place, entry in enumerate(scenario.faults)]
-    return Built(scenario, devices, drives, {}, faults, [])
+    return Built(scenario, devices, drives, {}, faults, [], encoded)
 
 
 def world(built: Built, entry: MethodEntry, monitor: Monitor) -> World:
@@ -75,6 +83,22 @@ def setup(built: Built, entry: MethodEntry) -> Setup:
         consumer=scenario.consumer,
         laws=_laws(built, scenario),
         faults=built.faults,
+        codec=_codec(built, scenario),
+    )
+
+
+def _codec(built: Built, scenario: Scenario) -> Codec | None:
+    """How pictures are sent; ``None``: as they are."""
+    encoding = scenario.image_encoding
+    if encoding == "raw":
+        return None
+    drives = {car: drive for (how, car), drive in built.encoded.items() if how == encoding}
+    return Codec(
+        encoding,
+        {
+            car: {(one.digest, one.stamp_ns): one for frames in drive.frames.values() for one in frames}
+            for car, drive in drives.items()
+        },
     )
 
 
@@ -106,6 +130,7 @@ def device(profile: DeviceProfile, model: str, spread: str = "default") -> Devic
         ServiceTime(genie.median.value, genie.spread.loc, genie.spread.sigma),
         detector_time(profile, model, spread),
         {name: _key_time(profile, one, model) for name, one in profile.keys.items()},
+        profile.codec.value,
     )
 
 

@@ -12,6 +12,7 @@ import typer
 from genie_sim import arguments
 from genie_sim.arguments import path_option
 from genie_sim.errors import UserError
+from genie_sim.messages import Encoding
 from genie_sim.terminal import Progress
 
 if TYPE_CHECKING:
@@ -32,6 +33,7 @@ SIZE = typer.Option(metavar="WxH", help="The network's input, such as 832x256.")
 PROVIDERS = typer.Option(help="ONNX Runtime's execution providers, best first, such as CUDAExecutionProvider.")
 THREADS = typer.Option(metavar="N|auto", help="The network's; auto: what is fastest here.")
 BATCH = typer.Option(metavar="N|auto", help="Pictures at a time; auto: what is fastest here.")
+ENCODING = typer.Option(help="How pictures reach the detector.")
 MIN_SCORE = typer.Option(min=0.0, max=1.0, help="Keep detections from this score on.")
 ORIGIN = typer.Option(metavar="LAT,LON,ALT", help="The world's origin; default: the drive's first fix.")
 MISSING = typer.Option("--allow-missing-scans", help="Place by the ground alone where there is no scan.")
@@ -60,6 +62,7 @@ def perceive(
     allow_missing_scans: Annotated[bool, MISSING] = False,
     evaluate: Annotated[bool, EVALUATE] = False,
     labels: Annotated[str | None, LABELS] = None,
+    encoding: Annotated[Encoding, ENCODING] = "raw",
     frames: Annotated[Path | None, FRAMES] = None,
     video: Annotated[Path | None, VIDEO] = None,
 ) -> None:
@@ -67,7 +70,7 @@ def perceive(
     from genie_sim.perception import perceive as perception
     from genie_sim.perception.detector import make_detector
 
-    _check(drive, bag, out is not None, evaluate or frames is not None or video is not None)
+    _check(drive, bag, encoding, out is not None, evaluate or frames is not None or video is not None)
     network, world = arguments.width_height("--size", size), arguments.geodetic("--origin", origin)
     at_once = arguments.count_or_auto("--threads", threads), arguments.count_or_auto("--batch", batch)
     cameras_, providers_ = cameras.split(","), providers.split(",")
@@ -81,7 +84,7 @@ def perceive(
     with Progress(unit="frames") as progress:
         everything = perception.perceive(
             root, drive, cameras_, detector, weights, lowest, network, world, progress, None,
-            allow_missing_scans, providers_, min_score, *at_once, typer.echo,
+            allow_missing_scans, providers_, min_score, *at_once, typer.echo, encoding,
         )  # fmt: skip
     trace = everything.at_least(min_score)
     _write(out, trace)
@@ -91,11 +94,13 @@ def perceive(
         _draw(trace, perception.images(root, drive, cameras_), frames, video)
 
 
-def _check(drive: str | None, bag: Path | None, writes: bool, shows: bool) -> None:
+def _check(drive: str | None, bag: Path | None, encoding: Encoding, writes: bool, shows: bool) -> None:
     if (drive is None) == (bag is None):
         raise UserError("perceive: give either --drive or --bag")
     if not (writes or shows):
         raise UserError("perceive: say what you want: --out, --evaluate, --frames or --video")
+    if bag is not None and encoding != "raw":
+        raise UserError("perceive: --encoding is for drives: a bag's pictures are looked at as they were recorded")
     if bag is not None and shows:
         raise UserError("perceive: a bag has neither KITTI's labels nor its pictures: give --out alone")
 

@@ -8,10 +8,12 @@ boxes pixels ``(x1, y1, x2, y2)``.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple, Protocol, Self
+from typing import Any, Literal, NamedTuple, Protocol, Self
 
 Location = tuple[float, float, float]
 Box = tuple[float, float, float, float]
+
+Encoding = Literal["raw", "png", "jpeg90", "jpeg80"]  # how pictures are sent; the number is JPEG's quality
 
 # autowarefoundation/autoware: a DetectedObjectArray of n objects with empty clouds takes 26 + 400 n bytes.
 ARRAY_BYTES = 26

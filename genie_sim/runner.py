@@ -18,6 +18,7 @@ from genie_sim.build import check_faults_of, method_facts, plugin_digests
 from genie_sim.core.consumer import CONSUMERS
 from genie_sim.errors import UserError, short_repr, unknown
 from genie_sim.fleet import expanded
+from genie_sim.messages import Encoding
 from genie_sim.perception.sources import SOURCES, Drive, Frames, Progress
 from genie_sim.recording import provenance
 from genie_sim.recording.held import Held
@@ -37,7 +38,8 @@ from genie_sim.units import NS_PER_S
 class Prepared:
     """A scenario with everything it names: its open frame source, devices by name, and each car's drive by its name.
 
-    ``expanded`` is the scenario with every car and edge of its fleet.
+    ``expanded`` is the scenario with every car and edge of its fleet; ``encoded`` what the drives are after their
+    pictures were sent, by encoding and car.
     """
 
     scenario: Scenario
@@ -45,6 +47,7 @@ class Prepared:
     devices: Mapping[str, DeviceProfile]
     frames: Frames
     drives: Mapping[str, Drive]
+    encoded: Mapping[tuple[str, str], Any]
 
 
 @dataclass(frozen=True)
@@ -130,7 +133,10 @@ def facts(prepared: Prepared) -> dict[str, Any]:
         "genie_sim": genie_sim.__version__,
         "scenario": prepared.scenario.model_dump(mode="json", by_alias=True),
         "devices": {name: device.model_dump(mode="json", by_alias=True) for name, device in prepared.devices.items()},
-        "traces": dict(prepared.frames.digests()),
+        "traces": {
+            **prepared.frames.digests(),
+            **{f"{encoding} of {car}": drive.digest for (encoding, car), drive in prepared.encoded.items()},
+        },
         "plugins": plugin_digests(prepared.scenario),
         "methods": method_facts(prepared.scenario),
         **({"features": features} if features else {}),
@@ -218,9 +224,25 @@ def on_frames(scenario: Scenario, frames: Frames, devices: Mapping[str, DevicePr
         _check_route(scenario, index, car, drives[car.name])
     check_faults_of(full)
     build.check_features(full, drives)
+    encoded: dict[tuple[str, str], Any] = {
+        (how, car.name): _encoded(scenario, frames, car.name, how)
+        for how in dict.fromkeys(scenario.under(entry).image_encoding for entry in scenario.methods)
+        for car in full.cars
+        if how != "raw" and car.edge is not None
+    }
     named = [car.device for car in full.cars] + [edge.device for edge in full.edges]
     known = scenario.profiles if devices is None else devices
-    return Prepared(scenario, full, {name: known[name] for name in dict.fromkeys(named)}, frames, drives)
+    return Prepared(scenario, full, {name: known[name] for name in dict.fromkeys(named)}, frames, drives, encoded)
+
+
+def _encoded(scenario: Scenario, frames: Any, car: str, encoding: Encoding) -> Any:
+    """A car's drive after its pictures were sent. Raises ``UserError`` where the source has no such pictures."""
+    if not hasattr(frames, "encoded"):
+        raise UserError(
+            f"{scenario.name}: image_encoding: source {scenario.perception.name!r} has no pictures to encode: leave it "
+            "'raw', and give 'cameras' a 'size'"
+        )
+    return frames.encoded(car, encoding)
 
 
 def simulate(prepared: Prepared, progress: Progress | None = None, spill: Path | None = None) -> Tables:
@@ -229,7 +251,7 @@ def simulate(prepared: Prepared, progress: Progress | None = None, spill: Path |
     With ``spill``, a folder, the rows of long tables wait there and not in memory; ``write`` completes their files.
     """
     scenario, tables = prepared.expanded, Tables.spilling(spill)
-    built = build.shared(scenario, prepared.devices, prepared.drives)
+    built = build.shared(scenario, prepared.devices, prepared.drives, prepared.encoded)
     driven: set[str] = set()
     for number, entry in enumerate(scenario.methods):
         setup = build.setup(built, entry)

@@ -66,7 +66,7 @@ def test_the_wheel_names_both_licences_and_carries_their_texts(wheel: Path):
     assert "License-Expression: Apache-2.0 AND CC-BY-NC-SA-3.0\n" in metadata
     named = re.findall("^License-File: (.*)$", metadata, re.MULTILINE)
     traces = "scenarios/traces/kitti_0005"
-    assert named == ["LICENSE", f"{traces}.LICENSE.md", f"{traces}.truth.LICENSE.md"]
+    assert named == ["LICENSE", *(f"{traces}.{one}LICENSE.md" for one in ("", "jpeg80.", "jpeg90.", "png.", "truth."))]
     assert {f"{folder}licenses/{name}" for name in named} <= set(packed.namelist())
 
 

@@ -12,6 +12,7 @@ from kitti_folder import DATE, FIRST_STAMP_S, HEIGHT, WIDTH, make_drive, make_ne
 from genie_sim.core.geometry import inverse, project, transform
 from genie_sim.errors import UserError
 from genie_sim.perception import placement
+from genie_sim.perception.encoding import encoded_beside
 from genie_sim.perception.fingerprint import difference_hash
 from genie_sim.perception.kitti import open_drive
 from genie_sim.perception.perceive import perceive
@@ -55,6 +56,38 @@ def test_a_drive_becomes_a_trace(street):
     (car,) = frame.detections
     assert (car.label, car.method, car.confidence) == ("car", "scan", car.score)
     assert car.location == pytest.approx((2.0 + 15.0 + HALF_DEPTH_M["car"], 0.0, 0.0), abs=0.2)
+
+
+def test_encoded_pictures_have_their_own_sizes_and_are_found_by_what_they_were_made_from(street, tmp_path):
+    root, weights = street
+    raw, png, jpeg = (perceive(root, DRIVE, weights=weights, encoding=one) for one in ("raw", "png", "jpeg80"))
+    for before, lossless, lossy in zip(*(one.frames["03"] for one in (raw, png, jpeg)), strict=True):
+        assert lossless.detections == before.detections and len(lossy.detections) == 1
+        assert lossless.size_bytes < before.size_bytes and lossy.size_bytes not in (before.size_bytes, 47)
+        assert lossless.digest == lossy.digest == before.digest
+    assert jpeg.provenance["parameters"]["encoding"] == "jpeg80" and "encoding" not in raw.provenance["parameters"]
+    path = tmp_path / "mine.parquet"
+    for name, trace in (("mine", raw), ("mine.png", png), ("mine.jpeg90", jpeg)):
+        write_trace(tmp_path / f"{name}.parquet", trace)
+    assert encoded_beside(path, raw, "png").digest == png.digest
+    with pytest.raises(UserError, match=r"mine.parquet has no mine.jpeg80.parquet beside it; .*--encoding jpeg80"):
+        encoded_beside(path, raw, "jpeg80")
+    with pytest.raises(UserError, match=r"mine.jpeg90.parquet: is not of pictures encoded as jpeg90"):
+        encoded_beside(path, raw, "jpeg90")
+    with pytest.raises(UserError, match=r"mine.png.parquet: is not of the pictures of mine.parquet"):
+        encoded_beside(path, read_trace(SHIPPED), "png")
+
+
+@pytest.mark.parametrize("encoding", ["png", "jpeg90", "jpeg80"])
+def test_the_shipped_encodings_are_of_the_shipped_pictures(encoding):
+    raw = read_trace(SHIPPED)
+    sent = encoded_beside(SHIPPED, raw, encoding)
+    pairs = [both for camera in raw.frames for both in zip(raw.frames[camera], sent.frames[camera], strict=True)]
+    share = sum(one.size_bytes for _, one in pairs) / sum(one.size_bytes for one, _ in pairs)
+    assert share == pytest.approx({"png": 0.574, "jpeg90": 0.097, "jpeg80": 0.062}[encoding], abs=0.001)
+    found = [[[(d.label, round(d.score, 2)) for d in frame.detections] for frame in both] for both in pairs]
+    same = [one == other for one, other in found]
+    assert sum(same) / len(same) > 0.98 if encoding == "png" else not all(same)  # the last digits are the processor's
 
 
 def test_cameras_share_a_scan_and_opencv_gets_its_threads_back(street, monkeypatch):

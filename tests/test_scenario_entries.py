@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from sim.street import drive, street
 
-from genie_sim import build
+from genie_sim import build, runner
 from genie_sim.errors import UserError
 from genie_sim.scenario.scenario import Scenario, read_scenario
 from genie_sim.scenario.yaml_input import parse
@@ -200,3 +200,15 @@ def test_mistakes_in_the_cameras_of_a_car(cameras: object, message: str) -> None
 def test_a_recording_that_a_car_s_own_camera_names_must_be_there() -> None:
     with pytest.raises(UserError, match=r"^x: cars\[0\].cameras\[0\].recording: unknown recording '09'"):
         drive(with_cameras([{**FRONT, "recording": "09"}]), street(seconds=1.0))
+
+
+def test_pictures_are_encoded_where_there_are_such_pictures():
+    setting = scenario(methods=["remote", {"name": "jpeg", "method": "remote", "image_encoding": "jpeg80"}])
+    prepared = runner.prepare(setting)
+    assert set(prepared.encoded) == {("jpeg80", "car1")}  # car2 sends nothing
+    assert runner.facts(prepared)["traces"]["jpeg80 of car1"] == prepared.encoded["jpeg80", "car1"].digest
+    with pytest.raises(UserError, match=r"image_encoding: unknown image encoding 'jpeg79'.*: jpeg80, jpeg90, png, raw"):
+        scenario(image_encoding="jpeg79")
+    town = scenario(perception={"source": "town", "duration": "1 s"}, image_encoding="jpeg80")
+    with pytest.raises(UserError, match=r"^x: image_encoding: source 'town' has no pictures to encode: leave it 'raw'"):
+        runner.prepare(town)

@@ -12,6 +12,7 @@ from typing import Any
 
 from genie_sim.core.geometry import Geodetic
 from genie_sim.errors import UserError
+from genie_sim.messages import Encoding
 from genie_sim.paths import expanded
 from genie_sim.perception import placement, tuning
 from genie_sim.perception.detector import ImageDetector, make_detector
@@ -54,39 +55,46 @@ def perceive(
     threads: int | None = 1,
     batch: int | None = 1,
     say: Callable[[str], None] = log.info,
+    encoding: Encoding = "raw",
 ) -> Trace:
     """The trace of a KITTI drive. The same input gives the same trace. Raises UserError.
 
     Parameters:
         kitti_root: KITTI's folder; None: what GENIE_SIM_KITTI says.
-        drive: such as ``2011_09_26/0005``, or ``tracking/0005`` for a sequence of the tracking benchmark.
+        drive: such as ``2011_09_26/0005``, or ``tracking/0005`` for a tracking sequence.
         detector_name: a detector, or ``package.module:Class``; of a sequence ``pointrcnn`` or ``rrc``, as published.
         weights: the network's file or its folder; None: what GENIE_SIM_WEIGHTS says.
-        min_score: the lowest score that is kept, in [0, 1].
+        min_score: the lowest score kept, in [0, 1].
         size: (width, height) of the network's input [pixels]; None: the detector's usual one.
         origin: of the world, (latitude [deg], longitude [deg], altitude [m]); None: the drive's first fix.
         progress: is called with the frames done and all frames.
         frames: the frame numbers to look at; None: all.
-        providers: ONNX Runtime's execution providers, best first.
+        providers: ONNX Runtime's, best first.
         place_from: detections with a lower score are kept without a location.
+        encoding: of the pictures before the detector sees them.
         threads, batch: of the network, and its pictures at a time; None: what is fastest here, which ``say`` is told.
     """
     root = kitti_folder(kitti_root)
+    if drive.startswith(TRACKING) and (threads, batch, encoding) != (1, 1, "raw"):
+        raise UserError(f"{drive}: its detections are published ones: threads, batch and encoding mean nothing")
     if drive.startswith(TRACKING):
-        if (threads, batch) != (1, 1):
-            raise UserError(f"{drive}: its detections are published ones, so threads and batch mean nothing")
         return tracking_trace(root / "tracking", drive.removeprefix(TRACKING), detector_name, min_score, origin)
     opened = open_drive(root, drive, cameras, origin, allow_missing_scans)
-    chosen = [frame for frame in in_turn(opened) if frames is None or frame.index in frames]
-    if not chosen:
-        raise UserError(f"{root}: drive {drive} has none of the frames that were asked for")
+    chosen = _chosen(opened, frames)
     make = partial(make_detector, detector_name, weights, size, min_score, providers)
     if threads is None or batch is None:
         threads, batch = tuning.fastest(opened, chosen, make, threads, batch, say)
     detector = make(threads, batch)
-    by_camera = _by_camera(trace_frames(opened, chosen, detector, place_from), len(chosen), progress)
-    provenance = _provenance(opened, detector, min_score, threads, batch) | {"features": feature_facts(by_camera)}
-    return Trace(f"kitti_{drive.split('/')[1]}", opened.origin, by_camera, provenance)
+    by_camera = _by_camera(trace_frames(opened, chosen, detector, place_from, encoding), len(chosen), progress)
+    about = _provenance(opened, detector, min_score, threads, batch, encoding) | {"features": feature_facts(by_camera)}
+    return Trace(f"kitti_{drive.split('/')[1]}", opened.origin, by_camera, about)
+
+
+def _chosen(opened: KittiDrive, frames: Collection[int] | None) -> list[CameraFrame]:
+    chosen = [frame for frame in in_turn(opened) if frames is None or frame.index in frames]
+    if not chosen:
+        raise UserError(f"{opened.name}: has none of the frames that were asked for")
+    return chosen
 
 
 def _by_camera(
@@ -115,9 +123,10 @@ def images(root: Path, drive: str, cameras: Sequence[str]) -> dict[tuple[str, in
 
 
 def _provenance(
-    drive: KittiDrive, detector: ImageDetector, min_score: float, threads: int, batch: int
+    drive: KittiDrive, detector: ImageDetector, min_score: float, threads: int, batch: int, encoding: Encoding
 ) -> dict[str, Any]:
-    unusual = {} if (threads, batch) == (1, 1) else {"threads": threads, "batch": batch}
+    unusual: dict[str, Any] = {} if (threads, batch) == (1, 1) else {"threads": threads, "batch": batch}
+    unusual |= {} if encoding == "raw" else {"encoding": encoding}
     return {
         "data": ATTRIBUTION,
         "drive": drive.name,

@@ -17,8 +17,10 @@ import numpy as np
 
 from genie_sim.core.caches.features import packed
 from genie_sim.core.geometry import Array, transform
+from genie_sim.messages import Encoding
 from genie_sim.perception import placement
 from genie_sim.perception.detector import Found, ImageDetector
+from genie_sim.perception.encoding import sent
 from genie_sim.perception.files import read_bytes
 from genie_sim.perception.fingerprint import difference_hash, hue_saturation
 from genie_sim.perception.kitti import CameraFrame, KittiDrive, decode_image
@@ -37,6 +39,7 @@ class _Picture(NamedTuple):
 
     frame: CameraFrame
     size: tuple[int, int]
+    size_bytes: int | None
     fingerprints: tuple[str, int]
     placement: Placement
     hsv: bytes
@@ -66,7 +69,11 @@ class _InOneStep:
 
 
 def trace_frames(
-    drive: KittiDrive, frames: Iterable[CameraFrame], detector: ImageDetector, place_from: float = 0.0
+    drive: KittiDrive,
+    frames: Iterable[CameraFrame],
+    detector: ImageDetector,
+    place_from: float = 0.0,
+    encoding: Encoding = "raw",
 ) -> Iterator[TraceFrame]:
     """The frames as a trace keeps them, in order. The network has this thread for itself: the processors it leaves
     free read the frames that come, and place what was found in those that went."""
@@ -74,7 +81,7 @@ def trace_frames(
     free = (os.cpu_count() or 1) - steps.threads
     scanned = lru_cache(2 * READ_AHEAD)(partial(_scanned, drive))
     with _one_thread_of_opencv(), ThreadPoolExecutor(min(max(free, 1), MOST_WORKERS)) as workers:
-        read = partial(workers.submit, partial(_read, drive, steps, scanned))
+        read = partial(workers.submit, partial(_read, drive, steps, scanned, encoding))
         place = partial(workers.submit, partial(_placed, drive, steps, place_from))
         pictures = _in_order(map(read, frames), READ_AHEAD + steps.batch)
         yield from _in_order(starmap(place, _inferred(steps, pictures)), READ_AHEAD)
@@ -117,14 +124,18 @@ def _read(
     drive: KittiDrive,
     steps: OnnxDetector | _InOneStep,
     scanned: Callable[[int], tuple[Array | None, Plane]],
+    encoding: Encoding,
     frame: CameraFrame,
 ) -> _Picture:
     data = read_bytes(frame.image_path)
     image = decode_image(frame.image_path, data)
-    size = (image.shape[1], image.shape[0])
+    size, size_bytes = (image.shape[1], image.shape[0]), None
     fingerprints = (hashlib.sha256(data).hexdigest(), difference_hash(image))
+    if encoding != "raw":
+        image, size_bytes = sent(image, encoding)
     here = Placement(frame.intrinsics, size, drive.camera_SE3_velo(frame.camera), *scanned(frame.index))
-    return _Picture(frame, size, fingerprints, here, packed(hue_saturation(image)), *steps.prepare(image))
+    hsv = packed(hue_saturation(image))
+    return _Picture(frame, size, size_bytes, fingerprints, here, hsv, *steps.prepare(image))
 
 
 def _placed(
@@ -139,4 +150,4 @@ def _placed(
     stamp_ns = frame.stamp_ns - drive.first_stamp_ns
     seen = picture.size, picture.fingerprints, frame.world_SE3_camera, frame.intrinsics
     features = {"hsv": picture.hsv} | steps.features(outputs)
-    return trace_frame(frame.camera, frame.index, stamp_ns, *seen, detections, features)
+    return trace_frame(frame.camera, frame.index, stamp_ns, *seen, detections, features, picture.size_bytes)

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 from genie_sim import files
 from genie_sim.core.geometry import Geodetic
 from genie_sim.errors import UserError, short_repr
-from genie_sim.messages import Frame
+from genie_sim.messages import Encoding, Frame
 
 if TYPE_CHECKING:
     from genie_sim.perception.trace import Trace
@@ -129,6 +129,7 @@ class Recordings:
     _read: dict[str | None, Trace] = field(default_factory=dict)
     _truths: dict[str, TruthTable] = field(default_factory=dict)  # by the trace's digest
     _of_cars: dict[str, str | None] = field(default_factory=dict)
+    _encoded: dict[tuple[str | None, Encoding], Trace] = field(default_factory=dict)
 
     def drive(self, car: str, trace: str | None, start_ns: int) -> Trace:
         from genie_sim.perception.trace import read_trace
@@ -150,6 +151,16 @@ class Recordings:
 
         table = self._truths.get(drive.digest)
         return None if table is None else RecordedTruth(table)
+
+    def encoded(self, car: str, encoding: Encoding) -> Trace:
+        """A car's drive as its pictures are after being encoded and decoded. Raises ``UserError``."""
+        from genie_sim.perception.encoding import encoded_beside
+
+        trace = self._of_cars[car]
+        if (trace, encoding) not in self._encoded:
+            path = self.path if trace is None else files.find(files.TRACE, trace)
+            self._encoded[trace, encoding] = encoded_beside(path, self._read[trace], encoding)
+        return self._encoded[trace, encoding]
 
     def digests(self) -> Mapping[str, str]:
         found = {car: self._read[trace].digest for car, trace in self._of_cars.items()}

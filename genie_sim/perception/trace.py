@@ -47,10 +47,11 @@ MIN_HEIGHT_PX = 25  # KITTI's benchmark judges no object that is lower in the pi
 class TraceFrame:
     """One camera frame: when it was taken and from where, the fingerprints of its image, and what was found in it.
 
-    ``stamp_ns`` counts from the drive's first frame, ``size_bytes`` is that of a ``sensor_msgs/Image``, ``digest`` the
-    sha256 of the image file, ``dhash`` the unsigned 64-bit difference hash of the grey image. ``pose`` is the camera's
-    centre in the trace's east-north-up frame with the heading of its optical axis. ``features`` are short vectors by
-    name, as ``core.caches.features`` packs them; a trace may have none.
+    ``stamp_ns`` counts from the drive's first frame, ``size_bytes`` is that of a ``sensor_msgs/Image``, or of the
+    encoded picture in which things were found, ``digest`` the sha256 of the image file, ``dhash`` the unsigned 64-bit
+    difference hash of the grey image. ``pose`` is the camera's centre in the trace's east-north-up frame with the
+    heading of its optical axis. ``features`` are short vectors by name, as ``core.caches.features`` packs them; a trace
+    may have none.
     """
 
     camera: str
@@ -136,8 +137,10 @@ def trace_frame(
     intrinsics: Array,
     detections: Iterable[Detection],
     features: Mapping[str, bytes] | None = None,
+    size_bytes: int | None = None,
 ) -> TraceFrame:
-    """A frame as a trace keeps it; ``size`` is (width, height), ``fingerprints`` are its digest and dhash."""
+    """A frame as a trace keeps it; ``size`` is (width, height), ``fingerprints`` are its digest and dhash, and
+    ``size_bytes`` of ``None`` is that of the raw pixels."""
     east_m, north_m, up_m = _rounded(world_SE3_camera[:3, 3], POSITION_DECIMALS)
     optical_axis = world_SE3_camera[:3, 2]
     return TraceFrame(
@@ -146,7 +149,7 @@ def trace_frame(
         stamp_ns=stamp_ns,
         width=size[0],
         height=size[1],
-        size_bytes=size[0] * size[1] * 3 + IMAGE_HEADER_BYTES,
+        size_bytes=(size[0] * size[1] * 3 if size_bytes is None else size_bytes) + IMAGE_HEADER_BYTES,
         digest=fingerprints[0],
         dhash=fingerprints[1],
         pose=CameraPose(east_m, north_m, up_m, round(heading_of(optical_axis), ANGLE_DECIMALS)),

@@ -16,7 +16,7 @@ from genie_sim.scenario.fields import Model, Name, problem
 from genie_sim.scenario.plain import OWN_CLASS_SCHEMA, PlugIn
 
 # What ``scenario.Overridable`` holds.
-OVERRIDABLE = ("genie", "model", "spread", "queue_length", "consumer", "edge_network")
+OVERRIDABLE = ("genie", "model", "spread", "queue_length", "consumer", "image_encoding", "edge_network")
 _PLUG_IN = PlugIn("method", METHODS, key="method", beside=("name", "title", *OVERRIDABLE))
 
 

@@ -106,15 +106,22 @@ KEYS = {  # by the name of the feature; a profile may say otherwise
     ),
 }
 
+_CODEC = Sourced(value=1.0, tag="A", source="as fast as the processor that sim/encoding.py was measured on")
+
 
 class DeviceProfile(Model):
-    """One computer: a car's or an edge's. ``keys``: what similarity keys cost, by the name of the feature."""
+    """One computer: a car's or an edge's.
+
+    ``keys``: what similarity keys cost, by the name of the feature. ``codec``: how many times as long as in
+    ``sim/encoding.py`` it takes to encode and decode pictures.
+    """
 
     name: Name
     title: str
     cores: Sourced[Annotated[int, Field(ge=1, le=1024)]]
     hop: Hop
     genie_time: GenieTime = Field(alias="genie")
+    codec: Sourced[Annotated[float, Field(gt=0, le=1000)]] = _CODEC
     spreads: Spreads
     keys: dict[Name, KeyTime] = KEYS
     models: dict[Name, ModelTime]

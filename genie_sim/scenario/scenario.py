@@ -17,6 +17,7 @@ from genie_sim import files, methods, plugins, units
 from genie_sim.core.consumer import ConsumerName
 from genie_sim.core.rules import GenieRules
 from genie_sim.errors import UserError, unknown
+from genie_sim.messages import Encoding
 from genie_sim.methods import METHODS
 from genie_sim.perception.sources import SOURCES
 from genie_sim.plugins import Choice
@@ -53,6 +54,7 @@ class Overridable(Model):
     spread: Literal["isolated", "default", "loaded"] = "default"
     queue_length: Count = 1
     consumer: ConsumerName = "newest"
+    image_encoding: Encoding = "raw"
     edge_network: Link = LINKS["ethernet_1g"]
     genie: GenieSection = GenieRules()
 

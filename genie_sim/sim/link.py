@@ -7,6 +7,7 @@ from collections.abc import Callable, Hashable
 
 from genie_sim.messages import Message
 from genie_sim.sim.clock import Clock
+from genie_sim.sim.encoding import Codec, Coder
 from genie_sim.sim.link_models import Channel
 from genie_sim.sim.ros_graph import Dropped, Graph
 
@@ -113,18 +114,21 @@ class Bridge:
     ``reaches`` is the address of the node at the far end, for messages meant for one receiver. ``carried`` is told of
     each message that was on the wire. After ``take_down`` nothing gets across any more, neither what comes then nor
     what was on its way; ``lost`` is told of each such message at the moment it would have begun or ended its way.
+    With a ``codec`` pictures go as it encodes them.
     """
 
     def __init__(
         self,
         link: Link,
-        target: Graph,
+        target: Graph | Coder,
         topic: str,
         reaches: str,
         carried: Carried | None = None,
         lost: Carried | None = None,
+        codec: Codec | None = None,
     ) -> None:
         self.address = reaches
+        self._codec = codec
         self._link = link
         self._target = target
         self._topic = topic
@@ -146,6 +150,8 @@ class Bridge:
         if not self._is_up:
             self._lose(message)
             return
+        if self._codec is not None:
+            message = self._codec.on_wire(message)
         flow = (self.address, self._topic, message.header.frame_id)
         times_up = self._times_up
         self._link.send(flow, message, lambda: self._arrive(message, sender, times_up), self._carried)

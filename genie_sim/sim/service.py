@@ -66,7 +66,8 @@ class HopTime:
 class Device:
     """One kind of computer: its cores, and how long a hop, a Genie's message and a detection take on it.
 
-    ``keys``: how long [ns] a picture's key of some name takes, on the CPU or on the accelerator.
+    ``keys``: how long [ns] a picture's key of some name takes, on the CPU or on the accelerator. ``codec_factor``: how
+    many times as long as in ``encoding.TIMES_NS`` encoding and decoding take.
     """
 
     name: str
@@ -75,3 +76,4 @@ class Device:
     message_time: ServiceTime
     detector_time: ServiceTime
     keys: Mapping[str, tuple[Literal["cpu", "accelerator"], int]] = field(default_factory=dict)
+    codec_factor: float = 1.0

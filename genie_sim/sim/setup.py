@@ -9,6 +9,7 @@ from genie_sim.core.consumer import ConsumerName
 from genie_sim.core.freshness.laws import ASSUMED, DetectorLaws
 from genie_sim.core.rules import GenieRules
 from genie_sim.messages import Frame
+from genie_sim.sim.encoding import Codec
 from genie_sim.sim.fault import TimedFault
 from genie_sim.sim.link_models import LinkModel
 from genie_sim.sim.service import Device
@@ -58,7 +59,8 @@ class CarSetup:
 class Setup:
     """One scenario under one method's settings. Random streams are named by car, edge and link below ``seed``.
 
-    ``laws`` are those of the detectors, as maps and consumers that weigh evidence take them to be.
+    ``laws`` are those of the detectors, as maps and consumers that weigh evidence take them to be. ``codec`` of
+    ``None`` sends pictures as they are.
     """
 
     seed: int
@@ -70,6 +72,7 @@ class Setup:
     consumer: ConsumerName = "newest"
     laws: DetectorLaws = ASSUMED
     faults: Sequence[TimedFault] = ()
+    codec: Codec | None = None
 
     @property
     def blind_edges(self) -> set[str | None]:

@@ -10,6 +10,7 @@ from genie_sim.sim.station import OBJECTS, Station
 
 if TYPE_CHECKING:
     from genie_sim.sim.device import Host
+    from genie_sim.sim.encoding import Coder
     from genie_sim.sim.ros_graph import Graph
     from genie_sim.sim.setup import EdgeSetup
     from genie_sim.sim.world import World
@@ -25,6 +26,7 @@ class Edge:
         self.host = host
         self.graph = graph
         self.station = station
+        self.target: Graph | Coder = graph  # what takes what comes over links
         self.downlinks = Downlinks(f"{name}/cars")
         graph.bridge(OBJECTS, self.downlinks)
 
@@ -43,8 +45,9 @@ def join_edges(world: World, edges: Mapping[str, Edge]) -> None:
     """What an edge publishes on the topics that its neighbours hear reaches them through its port to the network."""
     if not any(edge.station.hears for edge in edges.values()):
         return
+    codec = world.setup.codec
     for name, others in neighbours(world.setup.edges):
         port = world.link(f"{name}->{EDGES}", world.setup.edge_network, up=True)
         for other in (edges[one] for one in others):
             for topic in other.station.hears:
-                edges[name].graph.bridge(topic, Bridge(port, other.graph, topic, world.front(other.name)))
+                edges[name].graph.bridge(topic, Bridge(port, other.target, topic, world.front(other.name), codec=codec))

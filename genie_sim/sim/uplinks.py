@@ -34,10 +34,17 @@ class CarUplink:
         self._topics = topics
         self._lost_by = ""  # what made the car leave
         self._bridges: dict[str, tuple[Bridge, Bridge]] = {}  # up and down, by the edge
+        self._encoder = world.coder(car.name, "encoder", 0, self._send)
         self.join(car.edge)
         graph.bridge(topics.up, self)
 
     def deliver(self, topic: str, message: Message, sender: str) -> None:
+        if self._encoder is None:
+            self._send(topic, message, sender)
+        else:
+            self._encoder.inject(topic, message, sender)
+
+    def _send(self, topic: str, message: Message, sender: str) -> None:
         self._bridges[self.edge][0].deliver(topic, message, sender)
 
     def leave(self, lost_by: str) -> None:
@@ -62,7 +69,7 @@ class CarUplink:
         up = self._world.link(f"{car.name}->{edge.name}", car.link, up=True)
         down = self._world.link(f"{edge.name}->{car.name}", car.link, up=False)
         sent, received = partial(monitor.carried, "bytes_up"), partial(monitor.carried, "bytes_down")
-        upwards = Bridge(up, edge.graph, IMAGES, f"{edge.name}/{DETECTOR}", sent, self._lost)
+        upwards = Bridge(up, edge.target, IMAGES, f"{edge.name}/{DETECTOR}", sent, self._lost, self._world.setup.codec)
         downwards = Bridge(down, self._graph, self._topics.down, self._world.front(car.name), received, self._lost)
         edge.downlinks.of_car[car.name] = downwards
         return upwards, downwards

@@ -14,6 +14,7 @@ from genie_sim.sim import fault
 from genie_sim.sim.cameras import Camera
 from genie_sim.sim.clock import Clock, Process
 from genie_sim.sim.device import Host
+from genie_sim.sim.encoding import Coder, Take
 from genie_sim.sim.link import Link
 from genie_sim.sim.link_models import LinkModel
 from genie_sim.sim.listener import CarListener
@@ -88,6 +89,16 @@ class World:
         """The links called ``target``, or those with an end there: a car, an edge, or ``edges`` for their network."""
         return (link for link in self.links.values() if is_at(link, target))
 
+    def coder(self, place: str, name: str, step: int, take: Take) -> Coder | None:
+        """A new encoder (step 0) or decoder (1) on a host; ``None`` where pictures are sent as they are."""
+        setup, (host, graph) = self.setup, self.hosts[place]
+        if setup.codec is None:
+            return None
+        drop, queue_length = self.monitor.dropped, setup.queue_length
+        made = Coder(f"{place}/{name}", host, graph, setup.codec, step, take, queue_length, drop)
+        self._add(made)
+        return made
+
     def void(self, host: str, where: str) -> None:
         """What is queued and in service on a host is lost, dropped by ``where``, and its nodes forget what they know.
 
@@ -121,6 +132,7 @@ class World:
                 self._add_detector(name)
         for name, built in self.edges.items():
             self._add_interceptor(name, built.station, "edge")
+            built.target = self.coder(name, "decoder", 1, built.graph.inject) or built.graph
         join_edges(self, self.edges)
 
     def _build_car(self, car: CarSetup) -> None:

@@ -100,10 +100,17 @@ def build(
     trace: Trace | None = None,
     devices: Mapping[str, DeviceProfile] | None = None,
     tables: Tables | None = None,
+    sent: Trace | None = None,
 ) -> tuple[World, Tables]:
-    """The world of one method, by the name of its entry, ready to run, and the tables that it will fill."""
-    prepared = on_frames(setting, Recordings(trace if trace is not None else street()), devices)
-    shared = construction.shared(prepared.expanded, prepared.devices, prepared.drives)
+    """The world of one method, by the name of its entry, ready to run, and the tables that it will fill.
+
+    ``sent`` is the trace as its pictures are after being encoded as the scenario says.
+    """
+    recordings = Recordings(trace if trace is not None else street())
+    if sent is not None:
+        recordings._encoded[None, setting.image_encoding] = sent
+    prepared = on_frames(setting, recordings, devices)
+    shared = construction.shared(prepared.expanded, prepared.devices, prepared.drives, prepared.encoded)
     entry = next(entry for entry in setting.methods if entry.name == method)
     tables = tables if tables is not None else Tables()
     return construction.world(shared, entry, Log(method, tables)), tables
@@ -113,9 +120,10 @@ def drive(
     setting: Scenario,
     trace: Trace | None = None,
     devices: Mapping[str, DeviceProfile] | None = None,
+    sent: Trace | None = None,
 ) -> dict[str, pd.DataFrame]:
     """Runs every method of the scenario. The tables by name: frames, lookups, resources."""
     tables = Tables()
     for method in setting.methods:
-        build(setting, method.name, trace, devices, tables)[0].run()
+        build(setting, method.name, trace, devices, tables, sent)[0].run()
     return {table.name: table.to_frame() for table in (tables.frames, tables.lookups, tables.resources)}

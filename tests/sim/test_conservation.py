@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 from typing import Any
 
 import pandas as pd
@@ -12,7 +13,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from sim.street import build, fixed_device, scenario, street
 
+from genie_sim.perception.trace import Trace
 from genie_sim.scenario.scenario import Scenario
+from genie_sim.sim.encoding import Coder
 from genie_sim.sim.link import Link
 from genie_sim.sim.nodes import Detector, InterceptorNode
 from genie_sim.sim.ros_graph import Node
@@ -20,6 +23,12 @@ from genie_sim.sim.station import DETECTOR
 from genie_sim.sim.world import DRAIN_NS, World
 
 TRACE = street(seconds=2.0)
+SENT = Trace(
+    "sent",
+    TRACE.origin,
+    {name: [replace(one, size_bytes=90_000) for one in found] for name, found in TRACE.frames.items()},
+    {},
+)
 USUAL = None  # the profiles that are shipped
 BUSY = {  # one core and a slow Genie: its own queue overflows too
     "jetson_tx2": fixed_device("jetson_tx2", detector="150 ms", genie="40 ms", cores=1),
@@ -42,7 +51,7 @@ class Run:
 
     def __init__(self, setting: Scenario, method: str, devices) -> None:
         self.setting, self.method = setting, method
-        self.world, tables = build(setting, method, TRACE, devices)
+        self.world, tables = build(setting, method, TRACE, devices, sent=SENT)
         self.world.run()
         self.frames = tables.frames.to_frame()
         self.resources = tables.resources.to_frame()
@@ -61,6 +70,12 @@ class Run:
 
     def arrived(self, *links: str) -> int:
         return sum(self.of(Link)[name].completed for name in links)
+
+    def uncoded(self, *hosts: str) -> int:
+        """Pictures that their encoders or decoders have dropped."""
+        coders = [one for one in self.of(Coder).values() if one.name.split("/")[0] in hosts]
+        assert not any(one.queued for one in coders)
+        return sum(one.drops for one in coders)
 
     def looked_up(self, genie: str, outcome: str, requester: str = "client") -> int:
         rows = self.lookups
@@ -135,7 +150,7 @@ def check_remote(run: Run) -> None:
     for edge in run.setting.edges:
         cars = [car.name for car in run.setting.cars if car.edge == edge.name]
         detector = detectors[f"{edge.name}/{DETECTOR}"]
-        assert taken(detector) == run.arrived(*(f"{car}->{edge.name}" for car in cars))
+        assert taken(detector) == run.arrived(*(f"{car}->{edge.name}" for car in cars)) - run.uncoded(edge.name)
         assert detector.completed == sum(taken(links[f"{edge.name}->{car}"]) for car in cars)
     for car in run.setting.cars:
         mine = run.settled[run.settled["car"] == car.name]
@@ -143,7 +158,8 @@ def check_remote(run: Run) -> None:
         if car.edge is None:
             assert answered == 0 and mine["received_ns"].isna().all(), "nobody is there to receive anything"
             continue
-        assert taken(links[f"{car.name}->{car.edge}"]) == len(mine) == mine["received_ns"].notna().sum()
+        sent = taken(links[f"{car.name}->{car.edge}"]) + run.uncoded(car.name)
+        assert sent == len(mine) == mine["received_ns"].notna().sum()
         assert answered == run.arrived(f"{car.edge}->{car.name}")
         assert set(mine["source"]) <= {"edge_detector", "none"}
 
@@ -164,7 +180,7 @@ def check_genie(run: Run) -> None:
         assert mine["coalesced"].eq(True).sum() == run.looked_up(name, "coalesced")
         assert taken(detector) == misses, "each miss goes to the car's own detector ..."
         if car.edge is not None:
-            assert taken(links[up]) == misses, "... and up the link"
+            assert taken(links[up]) + run.uncoded(car.name) == misses, "... and up the link"
     edges = [edge.name for edge in run.setting.edges]
     for edge in edges:
         name = f"{edge}/genie"
@@ -174,7 +190,7 @@ def check_genie(run: Run) -> None:
         assert taken(detectors[f"{edge}/{DETECTOR}"]) == misses
     ups = [f"{car.name}->{car.edge}" for car in encapsulated if car.edge is not None]
     came = run.arrived(*ups, *(f"{edge}->edges" for edge in edges))
-    came += sum(detectors[f"{edge}/{DETECTOR}"].completed for edge in edges)
+    came += sum(detectors[f"{edge}/{DETECTOR}"].completed - run.uncoded(edge) for edge in edges)
     assert sum(taken(genies[f"{edge}/genie"]) for edge in edges) == came
     if not run.setting.genie.share_requests:
         assert not (run.lookups["requester"] == "neighbour").any()
@@ -247,6 +263,7 @@ def scenarios(draw) -> Scenario:
     ]
     more = {"cameras": ALL_AT_ONCE, "start_jitter": "0 s"} if draw(st.booleans()) else {}
     rules |= {"eviction": eviction, **limits}
+    more |= {"image_encoding": draw(st.sampled_from(("raw", "png", "jpeg80")))}
     return scenario(fleet, queue_length=draw(st.integers(1, 3)), genie=rules, faults=outages, **more)
 
 

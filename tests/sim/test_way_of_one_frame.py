@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import pandas as pd
@@ -54,7 +55,12 @@ ONE_CAMERA = [{"name": "camera_02", "recording": "02"}]
 
 
 def frames(
-    of: Trace, fleet: list[dict[str, Any]] | None = None, detector: str = "300 ms", cores: int = 4, **settings: Any
+    of: Trace,
+    fleet: list[dict[str, Any]] | None = None,
+    detector: str = "300 ms",
+    cores: int = 4,
+    sent: Trace | None = None,
+    **settings: Any,
 ) -> dict[str, pd.DataFrame]:
     """The frames of each method, with the times counted from their stamps."""
     devices = {
@@ -63,7 +69,7 @@ def frames(
     }
     fleet = fleet if fleet is not None else [car("car1", "edge1")]
     setting = scenario(fleet, **({"cameras": ONE_CAMERA, "start_jitter": "0 s"} | settings))
-    table = drive(setting, of, devices)["frames"]
+    table = drive(setting, of, devices, sent)["frames"]
     for column in ("received", "first_answer", "fresh_answer"):
         table[column] = table[f"{column}_ns"] - table["stamp_ns"]
     return {str(method): rows.reset_index(drop=True) for method, rows in table.groupby("method", observed=True)}
@@ -94,6 +100,26 @@ def test_remote():
     assert answers(row) == (answer, answer, "edge_detector")
     assert answer == 75_572_324
     assert (row["objects_served"], row["bytes_up"], row["bytes_down"]) == (1, IMAGE_BYTES, ANSWER_BYTES)
+
+
+SENT_BYTES = 100_000  # one object was lost, two are new
+SENT = Trace(
+    "sent",
+    (49.0, 8.4, 110.0),
+    {"02": (replace(ONE_FRAME.frames["02"][0], size_bytes=SENT_BYTES, detections=(OBJECT, OBJECT)),)},
+    {},
+)
+ENCODE, DECODE = 1_620_865, 1_900_324  # 1.16 and 1.36 ms/MB, of the picture in memory
+LINK_SENT = 850_400 + DELAY  # 70 segments with 90 B each
+
+
+def test_an_encoded_picture_costs_both_cpus_and_is_what_the_edge_s_detector_sees():
+    found = frames(ONE_FRAME, sent=SENT, image_encoding="jpeg80")
+    assert answers(found["local"].loc[0])[0] == OWN_DETECTOR and found["local"].loc[0, "objects_served"] == 1
+    row = found["remote"].loc[0]
+    down = EDGE_HOP_ANSWER + 400 + (826 + 90) * 8 + DELAY  # two objects
+    assert answers(row)[0] == CAR_HOP_IMAGE + ENCODE + LINK_SENT + DECODE + EDGE_DETECTOR + down
+    assert (row["objects_served"], row["bytes_up"], row["bytes_down"]) == (2, SENT_BYTES, 826)
 
 
 def test_genie_answers_a_miss_from_its_map_at_once_and_with_the_edge_s_detection_later():
@@ -167,6 +193,17 @@ def test_another_car_s_edge_answers_before_one_s_own_has_detected_anything():
     fresh = FIRST_LOOK + UP + EDGE_GENIE + there_and_back + EDGE_GENIE + DOWN + LAST_STEP
     assert answers(rows.loc[1]) == (fresh, fresh, "peer_cache")
     assert there_and_back < EDGE_DETECTION
+
+
+def test_edges_pass_encoded_pictures_on_and_each_decodes_them():
+    cars = [car("car1", "edge1"), car("car2", "edge2", start="1 s")]
+    rules = {"miss_policy": "blocking", "share_answers": "on_request"}
+    row = frames(ONE_FRAME, cars, sent=SENT, image_encoding="jpeg80", genie=rules)["genie"].loc[1]
+    two_objects = 400 + 400 * 8  # more to hand over, and on the wire
+    there_and_back = EDGE_HOP_IMAGE + LINK_SENT + DECODE + EDGE_GENIE + EDGE_HOP_ANSWER + LINK_ANSWER + two_objects
+    up = CAR_HOP_IMAGE + ENCODE + LINK_SENT + DECODE
+    fresh = FIRST_LOOK + up + EDGE_GENIE + there_and_back + EDGE_GENIE + DOWN + two_objects + LAST_STEP + 800
+    assert answers(row) == (fresh, fresh, "peer_cache")
 
 
 def test_what_an_edge_has_detected_is_on_the_other_edges_when_the_next_car_asks_there():
