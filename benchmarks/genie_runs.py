@@ -24,6 +24,7 @@ from genie_sim.recording.records import Tables
 from genie_sim.runner import Prepared, Progress, prepare, simulate
 from genie_sim.scenario.scenario import Scenario, load_scenario, read_scenario
 from genie_sim.seeds import stream
+from genie_sim.sim.clock import FIRST
 from genie_sim.sim.world import World
 
 REPOSITORY = Path(__file__).resolve().parent.parent
@@ -120,7 +121,7 @@ def _counted(prepared: Prepared, progress: Progress | None = None) -> tuple[Tabl
 
     with mock.patch.object(runner, "World", remembered):
         tables = simulate(prepared, progress)
-    return tables, sum(scheduled_events(world.env) for world in worlds)
+    return tables, sum(scheduled_events(world.env) - FIRST for world in worlds)
 
 
 @dataclass(frozen=True)

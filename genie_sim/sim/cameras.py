@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from genie_sim.messages import Frame, Header, Image
-from genie_sim.sim.clock import Process
 from genie_sim.sim.device import Host
 from genie_sim.sim.ros_graph import Graph, Node
 from genie_sim.sim.setup import CameraSetup, CarSetup
@@ -36,7 +35,7 @@ class Camera(Node):
         self._frames: Sequence[Frame] = inside
         self._lap_ns = end_ns - begin_ns + car.pause_ns
         self._published = published
-        self.env.process(self._replay())
+        self._coming = enumerate((lap, frame) for lap in range(car.laps) for frame in inside)
 
     @property
     def last_stamp_ns(self) -> int:
@@ -45,18 +44,21 @@ class Camera(Node):
 
     def _stamp_ns(self, lap: int, frame: Frame) -> int:
         start_ns = self._car.start_ns + self._camera.phase_ns
-        return start_ns + lap * self._lap_ns + frame.stamp_ns - self._begin_ns
+        return int(start_ns + lap * self._lap_ns + frame.stamp_ns - self._begin_ns)
 
-    def _replay(self) -> Process:
-        number = 0
-        for lap in range(self._car.laps):
-            for frame in self._frames:
-                stamp_ns = self._stamp_ns(lap, frame)
-                yield self.env.timeout(stamp_ns - self.env.now)
-                image = self._image(Header(stamp_ns, self._camera.name, self._car.name), frame)
-                self._published(image, number, lap)
-                self.publish(self._topic, image)
-                number += 1
+    def wait(self) -> None:
+        """For the next frame."""
+        coming = next(self._coming, None)
+        if coming is not None:
+            number, (lap, frame) = coming
+            stamp_ns = self._stamp_ns(lap, frame)
+            self.env.after(stamp_ns - self.env.now, self._take, number, lap, stamp_ns, frame)
+
+    def _take(self, number: int, lap: int, stamp_ns: int, frame: Frame) -> None:
+        image = self._image(Header(stamp_ns, self._camera.name, self._car.name), frame)
+        self._published(image, number, lap)
+        self.publish(self._topic, image)
+        self.wait()
 
     def _image(self, header: Header, frame: Frame) -> Image:
         if not self._car.sees:

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
 from genie_sim.sim.clock import Clock
 from genie_sim.sim.service import Device
 
-Done = Callable[[], None]
+Done = Callable[..., None]
 
 
 class Processor:
@@ -26,9 +27,8 @@ class Processor:
         self.capacity = capacity
         self.completed = 0
         self._serving = 0
-        self._waiting: deque[tuple[int, Done]] = deque()
-        self._busy_ns = 0  # until ``_since_ns``
-        self._since_ns = 0
+        self._waiting: deque[tuple[int, Done, tuple[Any, ...]]] = deque()
+        self._busy_ns = 0  # of the jobs that are over, without the beginnings of those in service
         self._generation = 0  # counts how often everything here was voided
 
     @property
@@ -38,38 +38,35 @@ class Processor:
     @property
     def busy_ns(self) -> int:
         """Server time used until now, jobs in service included."""
-        return self._busy_ns + self._serving * (self.env.now - self._since_ns)
+        return self._busy_ns + self._serving * self.env.now
 
-    def run(self, service_ns: int, done: Done) -> None:
-        """A job that waits for a free server, keeps it for ``service_ns``, and calls ``done`` then."""
+    def run(self, service_ns: int, done: Done, *arguments: Any) -> None:
+        """A job that waits for a free server, keeps it for ``service_ns``, and calls ``done(*arguments)`` then."""
         if self._serving < self.capacity:
-            self._change(+1)
-            self.env.after(service_ns, self._finished, done, self._generation)
+            self._serving += 1
+            self._busy_ns -= self.env.now
+            self.env.after(service_ns, self._finished, self._generation, done, arguments)
         else:
-            self._waiting.append((service_ns, done))
+            self._waiting.append((service_ns, done, arguments))
 
     def void(self) -> None:
         """Forgets every job that waits or is in service: none of them is ever done."""
         self._waiting.clear()
-        self._change(-self._serving)
+        self._busy_ns = self.busy_ns
+        self._serving = 0
         self._generation += 1
 
-    def _finished(self, done: Done, generation: int) -> None:
+    def _finished(self, generation: int, done: Done, arguments: tuple[Any, ...]) -> None:
         if generation != self._generation:
             return
         self.completed += 1
         if self._waiting:
-            service_ns, its_done = self._waiting.popleft()
-            self.env.after(service_ns, self._finished, its_done, generation)
+            service_ns, *job = self._waiting.popleft()
+            self.env.after(service_ns, self._finished, generation, *job)
         else:
-            self._change(-1)
-        done()
-
-    def _change(self, serving: int) -> None:
-        now_ns = self.env.now
-        self._busy_ns += self._serving * (now_ns - self._since_ns)
-        self._since_ns = now_ns
-        self._serving += serving
+            self._serving -= 1
+            self._busy_ns += self.env.now
+        done(*arguments)
 
 
 class Host:
@@ -87,19 +84,26 @@ class Host:
         self.device = device
         self.accelerator = Processor(env, f"{name}.accelerator", "accelerator")
         self.cpu = Processor(env, f"{name}.cpu", "cpu", device.cores)
-        self.hop_ns = device.hop.of
+        self._hops_ns: dict[int, int] = {}  # by the message's size
         self._detector_times = device.detector_time.draws(accelerator_rng)
         self._message_times = device.message_time.draws(cpu_rng)
 
-    def infer(self, done: Done) -> None:
-        """The detector looks at one image."""
-        self.accelerator.run(next(self._detector_times), done)
+    def hop_ns(self, size_bytes: int) -> int:
+        """How long a message takes to another process."""
+        hop_ns = self._hops_ns.get(size_bytes)
+        if hop_ns is None:
+            hop_ns = self._hops_ns[size_bytes] = self.device.hop.of(size_bytes)
+        return hop_ns
 
-    def compute_key(self, name: str, done: Done) -> None:
+    def infer(self, done: Done, *arguments: Any) -> None:
+        """The detector looks at one image."""
+        self.accelerator.run(next(self._detector_times), done, *arguments)
+
+    def compute_key(self, name: str, done: Done, *arguments: Any) -> None:
         """A picture's similarity key is made."""
         processor, service_ns = self.device.keys[name]
-        (self.cpu if processor == "cpu" else self.accelerator).run(service_ns, done)
+        (self.cpu if processor == "cpu" else self.accelerator).run(service_ns, done, *arguments)
 
-    def serve_message(self, done: Done) -> None:
+    def serve_message(self, done: Done, *arguments: Any) -> None:
         """A Genie handles one message."""
-        self.cpu.run(next(self._message_times), done)
+        self.cpu.run(next(self._message_times), done, *arguments)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from genie_sim.messages import Detection, Encoding, Frame, Image, Message
 from genie_sim.sim.device import Done, Host
@@ -86,9 +86,9 @@ class Coder(Node):
             camera = message.header
             self.deliver(f"{topic} {camera.origin}/{camera.frame_id}", message, sender)
 
-    def work(self, message: Message, done: Done) -> None:
+    def work(self, message: Message, done: Done, *arguments: Any) -> None:
         raw = self._codec.in_memory(message)
-        self.host.cpu.run(round(raw.size_bytes / MEGABYTE * self._per_megabyte), done)
+        self.host.cpu.run(round(raw.size_bytes / MEGABYTE * self._per_megabyte), done, *arguments)
 
     def handle(self, topic: str, message: Message, sender: str) -> None:
         self._take(topic.partition(" ")[0], self._codec.in_memory(message), sender)

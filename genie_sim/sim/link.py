@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter, deque
 from collections.abc import Callable, Hashable
+from typing import Any
 
 from genie_sim.messages import Message
 from genie_sim.sim.clock import Clock
@@ -11,7 +12,7 @@ from genie_sim.sim.encoding import Codec, Coder
 from genie_sim.sim.link_models import Channel
 from genie_sim.sim.ros_graph import Dropped, Graph
 
-Deliver = Callable[[], None]
+Deliver = Callable[..., None]
 Carried = Callable[[Message], None]
 
 
@@ -38,7 +39,7 @@ class Link:
         self._channel = channel
         self._queue_length = queue_length
         self._dropped = dropped
-        self._waiting: deque[tuple[Hashable, Message, Deliver, Carried | None]] = deque()
+        self._waiting: deque[tuple[Hashable, Message, Carried | None, Deliver, tuple[Any, ...]]] = deque()
         self._flows: Counter[Hashable] = Counter()
         self._busy = False
         self._busy_since_ns = 0
@@ -54,14 +55,16 @@ class Link:
         """How long the wire has been in use until now."""
         return self._busy_ns + (self.env.now - self._busy_since_ns if self._busy else 0)
 
-    def send(self, flow: Hashable, message: Message, deliver: Deliver, carried: Carried | None = None) -> None:
-        """Queues a message; ``deliver`` is called when it arrives at the other end, if it does.
+    def send(
+        self, flow: Hashable, message: Message, deliver: Deliver, *arguments: Any, carried: Carried | None = None
+    ) -> None:
+        """Queues a message; ``deliver(*arguments)`` is called when it arrives at the other end, if it does.
 
         ``carried`` is told when it has been on the wire, whether it arrives or is lost.
         """
         if self._busy and self._flows[flow] >= self._queue_length:
             self._drop_oldest(flow)
-        self._waiting.append((flow, message, deliver, carried))
+        self._waiting.append((flow, message, carried, deliver, arguments))
         self._flows[flow] += 1
         if not self._busy:
             self._busy = True
@@ -70,12 +73,14 @@ class Link:
 
     def _transmit(self) -> None:
         """The next message goes on the wire."""
-        flow, message, deliver, carried = self._waiting.popleft()
+        flow, message, *others = self._waiting.popleft()
         self._flows[flow] -= 1
         occupied_ns = self._channel.occupied_ns(message.size_bytes, self.env.now)
-        self.env.after(occupied_ns, self._transmitted, message, deliver, carried)
+        self.env.after(int(occupied_ns), self._transmitted, message, *others)
 
-    def _transmitted(self, message: Message, deliver: Deliver, carried: Carried | None) -> None:
+    def _transmitted(
+        self, message: Message, carried: Carried | None, deliver: Deliver, arguments: tuple[Any, ...]
+    ) -> None:
         """Its last bit is on the wire: it arrives after the delay, or is lost."""
         now_ns = self.env.now
         self.sent_bytes += message.size_bytes
@@ -87,8 +92,8 @@ class Link:
             self._lose(message, self.name)
         else:
             self.completed += 1
-            self._last_arrival_ns = max(now_ns + delay_ns, self._last_arrival_ns)
-            self.env.after(self._last_arrival_ns - now_ns, deliver)
+            self._last_arrival_ns = max(now_ns + int(delay_ns), self._last_arrival_ns)
+            self.env.after(self._last_arrival_ns - now_ns, deliver, *arguments)
         if self._waiting:
             self._transmit()
         else:
@@ -153,8 +158,7 @@ class Bridge:
         if self._codec is not None:
             message = self._codec.on_wire(message)
         flow = (self.address, self._topic, message.header.frame_id)
-        times_up = self._times_up
-        self._link.send(flow, message, lambda: self._arrive(message, sender, times_up), self._carried)
+        self._link.send(flow, message, self._arrive, message, sender, self._times_up, carried=self._carried)
 
     def _arrive(self, message: Message, sender: str, times_up: int) -> None:
         if self._is_up and times_up == self._times_up:

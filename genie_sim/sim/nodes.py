@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 from genie_sim.messages import Detections, Effect, Expired, Image, Message, Observation, Publish
 from genie_sim.sim.device import Done, Host
@@ -24,8 +25,8 @@ class Detector(Node):
     ) -> None:
         super().__init__(name, host, graph, (images,), (objects,), queue_length, dropped=drop)
 
-    def work(self, message: Message, done: Done) -> None:
-        self.host.infer(done)
+    def work(self, message: Message, done: Done, *arguments: Any) -> None:
+        self.host.infer(done, *arguments)
 
     def handle(self, topic: str, message: Message, sender: str) -> None:
         assert isinstance(message, Image)
@@ -58,15 +59,16 @@ class InterceptorNode(Node):
         self._observe = observe
         self._timer_set = False
 
-    def work(self, message: Message, done: Done) -> None:
+    def work(self, message: Message, done: Done, *arguments: Any) -> None:
         if self._key is not None and isinstance(message, Image):
-            self.host.compute_key(self._key, lambda: self.host.serve_message(done))
+            self.host.compute_key(self._key, self.host.serve_message, done, *arguments)
         else:
-            self.host.serve_message(done)
+            self.host.serve_message(done, *arguments)
 
     def handle(self, topic: str, message: Message, sender: str) -> None:
         self._carry_out(self.pure.on_message(topic, message, self.env.now, sender))
-        self._set_timer()
+        if not self._timer_set:
+            self._set_timer()
 
     def void(self, where: str) -> None:
         super().void(where)
@@ -86,12 +88,10 @@ class InterceptorNode(Node):
 
     def _set_timer(self) -> None:
         """Any message that comes tells the node the time. The timer is for when none does, so it may be late."""
-        if self._timer_set:
-            return
         deadline_ns = self.pure.next_deadline_ns()
         if deadline_ns is not None:
             self._timer_set = True
-            self.env.after(max(deadline_ns - self.env.now, 0) + TIMER_LATE_NS, self._on_timer)
+            self.env.after(max(int(deadline_ns) - self.env.now, 0) + TIMER_LATE_NS, self._on_timer)
 
     def _on_timer(self) -> None:
         self._timer_set = False

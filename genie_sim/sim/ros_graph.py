@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterable
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from genie_sim.messages import Message
 from genie_sim.sim.clock import Clock
@@ -38,7 +38,6 @@ class Graph:
         self._bridges: dict[str, list[Subscriber]] = {}
         self._nodes: dict[str, Node] = {}
         self._remapped: dict[str, dict[str, str]] = {}
-        self._routes: dict[tuple[str, str], tuple[str, list[Subscriber]]] = {}  # of what a node publishes on a topic
 
     def register(self, node: Node) -> None:
         """A node announces itself and its topics to the master."""
@@ -71,28 +70,32 @@ class Graph:
                 self._subscribers[names.get(old, old)].remove(node)
                 self.subscribe(new, node)
             names[old] = new
-        self._routes.clear()
+        self._rejoined()
 
     def subscribe(self, topic: str, subscriber: Subscriber) -> None:
         self._subscribers.setdefault(topic, []).append(subscriber)
-        self._routes.clear()
+        self._rejoined()
 
     def bridge(self, topic: str, bridge: Subscriber) -> None:
         """What is published here on the topic goes to another graph too; what came from another graph does not."""
         self._bridges.setdefault(topic, []).append(bridge)
-        self._routes.clear()
+        self._rejoined()
+
+    def _rejoined(self) -> None:
+        for node in self._nodes.values():
+            node.routes.clear()
 
     def publish(self, node: Node, topic: str, message: Message, to: str | None = None) -> None:
         """Delivers to every other node that subscribes to the topic, or only to the one whose address is ``to``."""
-        route = self._routes.get((node.name, topic))
+        route = node.routes.get(topic)
         if route is None:
-            route = self._routes[node.name, topic] = self._route(node, topic)
+            route = node.routes[topic] = self._route(node, topic)
         current, receivers = route
         if to is not None:
             receivers = [one for one in receivers if one.address == to]
         if receivers:
             hop_ns = node.host.hop_ns(message.size_bytes)
-            self.env.after(hop_ns, self._arrive, receivers, current, message, node.address)
+            self.env.after(hop_ns, self._arrive, receivers, current, message, node.name)
 
     def _route(self, node: Node, topic: str) -> tuple[str, list[Subscriber]]:
         """The current name of a node's topic, and who gets what the node publishes on it."""
@@ -137,8 +140,11 @@ class Node:
         self.env = graph.env
         self.subscribes = tuple(subscribes)
         self.publishes = tuple(publishes)
+        self.address = name
         self.drops = 0
         self.completed = 0
+        self.queued = 0  # how many messages wait, over all topics
+        self.routes: dict[str, tuple[str, list[Subscriber]]] = {}  # of what it publishes, kept by the graph
         self._queue_length = queue_length
         self._idle_threads = threads
         self._threads = threads
@@ -149,15 +155,6 @@ class Node:
         self._dropped = dropped
         graph.register(self)
 
-    @property
-    def address(self) -> str:
-        return self.name
-
-    @property
-    def queued(self) -> int:
-        """How many messages wait, over all topics."""
-        return sum(map(len, self._queues.values()))
-
     def deliver(self, topic: str, message: Message, sender: str) -> None:
         """An idle thread takes the message, or it joins its topic's queue; the oldest makes room in a full one."""
         if self._idle_threads:
@@ -167,8 +164,10 @@ class Node:
         queue = self._queues.get(topic)
         if queue is None:
             queue = self._queues[topic] = deque()
+        self.queued += 1
         if len(queue) >= self._queue_length:
             _, oldest, _ = queue.popleft()
+            self.queued -= 1
             self.drops += 1
             if self._dropped is not None:
                 self._dropped(oldest, f"{self.name}:{topic}")
@@ -186,12 +185,13 @@ class Node:
             if self._dropped is not None:
                 self._dropped(message, where)
         self._queues.clear()
+        self.queued = 0
         self._in_service.clear()
         self._idle_threads = self._threads
         self._generation += 1
 
-    def work(self, message: Message, done: Callable[[], None]) -> None:
-        """Handling a message takes until ``done`` is called."""
+    def work(self, message: Message, done: Callable[..., None], *arguments: Any) -> None:
+        """Handling a message takes until ``done(*arguments)`` is called."""
         raise NotImplementedError
 
     def handle(self, topic: str, message: Message, sender: str) -> None:
@@ -200,8 +200,7 @@ class Node:
 
     def _serve(self, topic: str, message: Message, sender: str) -> None:
         self._in_service.append(message)
-        generation = self._generation
-        self.work(message, lambda: self._served(topic, message, sender, generation))
+        self.work(message, self._served, topic, message, sender, self._generation)
 
     def _served(self, topic: str, message: Message, sender: str, generation: int) -> None:
         """The thread goes on with what waits, first come first served, or is idle."""
@@ -210,10 +209,11 @@ class Node:
         self._in_service.remove(message)
         self.completed += 1
         self.handle(topic, message, sender)
-        waiting = [one for one, queue in self._queues.items() if queue]
-        if not waiting:
+        if not self.queued:
             self._idle_threads += 1
             return
+        self.queued -= 1
+        waiting = [one for one, queue in self._queues.items() if queue]
         topic = min(waiting, key=lambda one: self._queues[one][0][0])
         _, message, sender = self._queues[topic].popleft()
         self._serve(topic, message, sender)

@@ -12,7 +12,7 @@ from genie_sim.messages import Observation
 from genie_sim.monitor import Monitor, Placement, Resource
 from genie_sim.sim import fault
 from genie_sim.sim.cameras import Camera
-from genie_sim.sim.clock import Clock, Process
+from genie_sim.sim.clock import Clock
 from genie_sim.sim.device import Host
 from genie_sim.sim.encoding import Coder, Take
 from genie_sim.sim.link import Link
@@ -51,6 +51,7 @@ class World:
         self.outages: list[tuple[str, str]] = []  # the targets of links that are down now, and by which fault
         self._method = method
         self._edge_names = tuple(edge.name for edge in setup.edges)
+        self._cameras: list[Camera] = []
         self._fronts: dict[str, str] = {}  # of each host, the node that takes what comes over links
         self._build_edges()
         of_edges = len(self.resources)
@@ -60,14 +61,23 @@ class World:
         self._sampled: list[Resource] = sampled[monitor.samples]
         for timed in setup.faults:
             fault.start(self, timed)
+        for camera in self._cameras:
+            camera.wait()
 
     def run(self, progress: Callable[[int, int], None] | None = None) -> None:
         """Runs until nothing is in flight any more, at most ten minutes after the last frame. ``progress`` gets the
         time now and at the end [ns]."""
-        sampler = self.env.process(self._sampler(progress))
+
+        def sample() -> None:
+            self.monitor.sample(self._sampled, self.env.now)
+            if progress is not None:
+                progress(min(self.env.now, self.end_ns), self.end_ns)
+            self.env.after(SAMPLE_NS, sample)
+
+        sample()
         for waited_ns in range(DRAIN_NS, MOST_DRAIN_NS + 1, DRAIN_NS):
             self.env.run(until=self.end_ns + waited_ns)
-            if self.env.waits_only_for(sampler):
+            if self.env.waits_only_for(sample):
                 break
         self.monitor.sample(self._sampled, self.env.now)
         self.monitor.close()
@@ -150,6 +160,7 @@ class World:
         CarListener(self, car.name, graph, uplink, no_server=uplink is None and car.name not in self._fronts)
         for camera in car.cameras:
             node = Camera(camera, car, host, graph, IMAGES, self.monitor.published)
+            self._cameras.append(node)
             self.end_ns = max(self.end_ns, node.last_stamp_ns)
 
     def _place(self, name: str, sees: bool, joined: bool, genie: bool) -> Place:
@@ -190,13 +201,6 @@ class World:
             node = InterceptorNode(lambda: make((IMAGES,), (OBJECTS,)), host, graph, *told)
         self._add(node)
         self._fronts[place] = node.name
-
-    def _sampler(self, progress: Callable[[int, int], None] | None) -> Process:
-        while True:
-            self.monitor.sample(self._sampled, self.env.now)
-            if progress is not None:
-                progress(min(self.env.now, self.end_ns), self.end_ns)
-            yield self.env.timeout(SAMPLE_NS)
 
 
 def is_at(link: Link, target: str) -> bool:

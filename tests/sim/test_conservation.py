@@ -8,13 +8,13 @@ from typing import Any
 
 import pandas as pd
 import pytest
-import simpy
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from sim.street import build, fixed_device, scenario, street
 
 from genie_sim.perception.trace import Trace
 from genie_sim.scenario.scenario import Scenario
+from genie_sim.sim.clock import Clock
 from genie_sim.sim.encoding import Coder
 from genie_sim.sim.link import Link
 from genie_sim.sim.nodes import Detector, InterceptorNode
@@ -292,15 +292,15 @@ def test_what_is_in_flight_at_the_end_of_a_run_is_inside_the_world(monkeypatch: 
 
 
 def test_time_is_whole_nanoseconds(monkeypatch: pytest.MonkeyPatch):
-    """Every delay of every event is an int: 0.1 + 0.2 never comes after 0.3."""
+    """Every delay is an int: 0.1 + 0.2 never comes after 0.3."""
     kinds: set[type] = set()
-    schedule = simpy.Environment.schedule
+    after = Clock.after
 
-    def spy(self, event, priority=simpy.events.NORMAL, delay=0) -> None:
-        kinds.add(type(delay))
-        schedule(self, event, priority, delay)
+    def spy(self, delay_ns, call, *arguments) -> None:
+        kinds.add(type(delay_ns))
+        after(self, delay_ns, call, *arguments)
 
-    monkeypatch.setattr(simpy.Environment, "schedule", spy)
+    monkeypatch.setattr(Clock, "after", spy)
     shaky = {"name": "car1", "device": "jetson_tx2", "edge": "edge1", "link": "wifi"}
     for method in ("local", "remote", "genie"):
         world, _ = build(scenario([shaky]), method, TRACE)

@@ -40,8 +40,8 @@ class Clerk(Node):
         super().__init__(*arguments, **settings)
         self.done: list[tuple[int, int, str]] = []
 
-    def work(self, message, done: Callable[[], None]) -> None:
-        self.env.after(WORK_NS, done)
+    def work(self, message, done: Callable[..., None], *arguments) -> None:
+        self.env.after(WORK_NS, done, *arguments)
 
     def handle(self, topic: str, message, sender: str) -> None:
         self.done.append((self.env.now, message.header.stamp_ns, topic))
