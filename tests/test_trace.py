@@ -76,7 +76,7 @@ def test_same_trace_same_bytes(path, tmp_path):
 def test_digest_follows_the_content_only():
     here = trace()
     assert replace(here, name="other", provenance={}).digest == here.digest
-    moved_box = here.frames["02"][0].detections[0]._replace(box=(10.0, 20.0, 60.0, 50.01))
+    moved_box = replace(here.frames["02"][0].detections[0], box=(10.0, 20.0, 60.0, 50.01))
     changed = frame(detections=(moved_box,))
     assert trace(**{"02": (changed,)}).digest != trace(**{"02": (frame(),)}).digest
     assert replace(here, frames=dict(reversed(here.frames.items()))).digest == here.digest

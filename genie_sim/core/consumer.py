@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections import OrderedDict
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Literal, Protocol
 
 from genie_sim.core.freshness.laws import ASSUMED, DetectorLaws
@@ -134,7 +135,7 @@ def _moved(one: Detection, for_ns: int) -> Detection:
         return one
     (east_mps, north_mps), dt_s = one.motion.velocity_mps, min(for_ns, COAST_NS) * 1e-9
     east_m, north_m, up_m = one.location
-    return one._replace(location=(east_m + east_mps * dt_s, north_m + north_mps * dt_s, up_m))
+    return replace(one, location=(east_m + east_mps * dt_s, north_m + north_mps * dt_s, up_m))
 
 
 def _apart_m(one: Detection, other: Detection) -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
 from genie_sim.messages import Answer, CameraPose, Detection, Header, Location, MapChange, ObjectLookups
@@ -16,7 +17,8 @@ class Viewer(NamedTuple):
     horizontal_fov_rad: float
 
 
-class Learned(NamedTuple):
+@dataclass(slots=True)
+class Learned:
     """What a map makes of an answer: the answer with the map's confidences, what of it may go to clients, what to other
     Genies, and the look-ups it took (``None`` for an answer without objects)."""
 
@@ -26,7 +28,8 @@ class Learned(NamedTuple):
     lookups: ObjectLookups | None
 
 
-class Boosted(NamedTuple):
+@dataclass(slots=True)
+class Boosted:
     """What a map makes of a stored answer: what leaves, and the look-ups it took."""
 
     answer: Answer

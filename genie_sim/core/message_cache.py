@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections import OrderedDict
 from collections.abc import Callable, Hashable, Iterator
 from dataclasses import dataclass, field
-from typing import NamedTuple
 
 from genie_sim.core.eviction import Eviction
 from genie_sim.core.maps import Viewer
@@ -85,7 +84,8 @@ class MessageCache:
         self._eviction.removed(key)
 
 
-class Requester(NamedTuple):
+@dataclass(slots=True)
+class Requester:
     """Who wants the answer to a request: a client of ours, or a neighbour (``name``, if the middleware tells it).
 
     ``served`` are the topics on which the cache has already answered.

@@ -22,6 +22,7 @@ On a car ``-remote`` leads to its edge, where the car is a client; between edges
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
+from dataclasses import replace
 from typing import Any, Protocol
 
 from genie_sim.core.maps import Map, Viewer, as_change
@@ -162,7 +163,7 @@ class GenieNode:
         if len(answers) < len(self._published):  # the node may still be about to answer on its other topics
             pending = self._pending.by_key(topic, key)
             if pending is not None:
-                pending.requesters.append(requester._replace(served=frozenset(answers)))
+                pending.requesters.append(replace(requester, served=frozenset(answers)))
         # line 16: cache hit
         return [self._looked_up(requester, "hit"), *self._replay(answers, requester, request, now_ns)]
 
@@ -214,12 +215,12 @@ class GenieNode:
             answer = answer.served("cache", self.name)
             boosted = self.object_map.boost(stored, requester.header, _viewer(request), now_ns)
             if boosted is not None:
-                made, requests, hits = boosted
+                made, counts = boosted.answer, (boosted.requests, boosted.hits, 0, 0.0, len(self.object_map))
                 assert made.objects is not None
                 answer = answer.with_objects(made.objects)
                 if made.valid_ns is not None:
                     answer = answer.with_look(None, made.valid_ns)
-                lookups = ObjectLookups(answer.header, "boost", requests, hits, 0, 0.0, len(self.object_map))
+                lookups = ObjectLookups(answer.header, "boost", *counts)
                 effects.append(Observe(lookups))
             effects.append(self._deliver(topic, answer, requester))
         return effects

@@ -99,7 +99,7 @@ class Trace:
             ahead = new_SE3_old[:3, :3] @ [math.cos(pose.heading_rad), math.sin(pose.heading_rad), 0.0]
             east_m, north_m, up_m = transform(new_SE3_old, pose[:3]).tolist()
             detections = tuple(
-                d if d.location is None else d._replace(location=tuple(transform(new_SE3_old, d.location).tolist()))
+                d if d.location is None else replace(d, location=tuple(transform(new_SE3_old, d.location).tolist()))
                 for d in frame.detections
             )
             return replace(frame, pose=CameraPose(east_m, north_m, up_m, heading_of(ahead)), detections=detections)

@@ -137,17 +137,16 @@ class Log:
         header = event.header
         stamp_ns, stream, car = header
         if isinstance(event, ObjectLookups):
-            _, kind, requests, hits, updates, boost_sum, objects, changes = event
             if self._lookups is not None:
-                counts = requests, hits, updates, boost_sum, objects
+                counts = event.requests, event.hits, event.updates, event.boost_sum, event.objects
                 frame_ = None, car, stream, stamp_ns, None
-                self._lookups.append((self.method, now_ns, genie, placement, kind, *frame_, *counts))
-            self._changed(genie, changes, now_ns)
+                self._lookups.append((self.method, now_ns, genie, placement, event.kind, *frame_, *counts))
+            self._changed(genie, event.changes, now_ns)
         elif isinstance(event, ImageLookup):
-            _, outcome, requester, entries = event
+            requester, outcome = event.requester, event.outcome
             hit = outcome == "hit"
             if self._lookups is not None:
-                what = requester, car, stream, stamp_ns, outcome, 1, int(hit), 0, 0.0, entries
+                what = requester, car, stream, stamp_ns, outcome, 1, int(hit), 0, 0.0, event.entries
                 self._lookups.append((self.method, now_ns, genie, placement, "image", *what))
             if placement == "car" and requester == "client":
                 frame = self._frame(header)

@@ -41,14 +41,11 @@ class WireType(NamedTuple):
 class RosObject(Detection):
     """A detection that remembers the ROS object it was read from (``raw``), so that no field of it gets lost."""
 
-    raw: Any
-
-    def __new__(
-        cls, label: str, score: float, box: Box | None, location: Location | None, confidence: float, raw: Any
-    ) -> RosObject:
-        made = super().__new__(cls, label, score, box, location, confidence, "ros")
-        made.raw = raw
-        return made
+    def __init__(
+        self, label: str, score: float, box: Box | None, location: Location | None, confidence: float, raw: Any
+    ) -> None:
+        super().__init__(label, score, box, location, confidence, "ros")
+        self.raw = raw
 
     def with_confidence(self, confidence: float) -> RosObject:
         return RosObject(self.label, self.score, self.box, self.location, confidence, self.raw)

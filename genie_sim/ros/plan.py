@@ -112,7 +112,7 @@ class Recorder:
 
     def __call__(self, record: Observation, now_ns: int) -> None:
         if self._file is not None:
-            line = {"t_ns": now_ns, "record": type(record).__name__, **record._asdict()}
+            line = {"t_ns": now_ns, "record": type(record).__name__, **asdict(record)}
             if not isinstance(record, Forgotten):
                 line["header"] = record.header._asdict()
             self._file.write(json.dumps(line) + "\n")

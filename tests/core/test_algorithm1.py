@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from genie_sim.core.eviction import LRU
@@ -88,7 +90,7 @@ def test_a_genie_that_does_not_tell_changes_does_all_else_as_one_that_does():
         told, untold = (one.on_message(FROM_NODE, answer(frames, CAR, FAINT_BUS), S) for one in (telling, silent))
         lookups = facts(told, ObjectLookups)
         assert [len(one.changes) for one in lookups] == [2]
-        assert facts(untold, ObjectLookups) == [one._replace(changes=()) for one in lookups]
+        assert facts(untold, ObjectLookups) == [replace(one, changes=()) for one in lookups]
         assert publications(untold) == publications(told)
 
 
@@ -159,7 +161,7 @@ def test_a_hit_is_replayed_under_the_new_header_with_what_the_map_knows():
     asked = genie(miss_policy="blocking")
     asked.on_message(IMAGES, frame(0), 0)
     asked.on_message(FROM_NODE, answer(frame(0), CAR, bus), 1)
-    asked.on_message(FROM_OTHERS, answer(frame(5, car="car9"), bus._replace(score=0.9, confidence=0.9), person), 2)
+    asked.on_message(FROM_OTHERS, answer(frame(5, car="car9"), replace(bus, score=0.9, confidence=0.9), person), 2)
 
     again = frame(10)
     [hit, boost, delivered] = asked.on_message(IMAGES, again, 10 * S)

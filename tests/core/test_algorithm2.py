@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from dataclasses import replace
 
 import pytest
 from hypothesis import given, settings
@@ -39,7 +40,7 @@ def test_a_first_sighting_is_stored_with_its_score():
 
 
 def test_an_object_that_another_map_has_confirmed_comes_with_its_confidence():
-    _, stored = object_map().sight(seen("car", 0.3)._replace(confidence=0.7))
+    _, stored = object_map().sight(replace(seen("car", 0.3), confidence=0.7))
     assert (stored.score, stored.confidence) == (0.3, 0.7)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import struct
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -198,7 +199,7 @@ def test_objects_survive_the_object_map(ros: int):
     (read,) = codec.objects(again)
     assert (read.label, read.confidence, read.location) == ("car", 0.75, (1.0, 2.0, 3.0))
     assert codec.content(codec.restamped(again, 99, "map")) == codec.content(again)
-    nowhere = codec.with_objects(b"", Header(1, "map", ""), [from_map._replace(location=(math.nan,) * 3)])
+    nowhere = codec.with_objects(b"", Header(1, "map", ""), [replace(from_map, location=(math.nan,) * 3)])
     assert codec.objects(nowhere)[0].location is None
     with pytest.raises(ValueError, match="no "):
         codec.objects(payload[:-3])

@@ -68,7 +68,7 @@ def moved(answer: Answer, there: CameraPose, here: CameraPose) -> Answer:
             return one
         east_m, north_m, up_m = (a - b for a, b in zip(one.location, there[:3], strict=True))
         at = here.east_m + c * east_m - s * north_m, here.north_m + s * east_m + c * north_m, here.up_m + up_m
-        return one._replace(location=at)
+        return replace(one, location=at)
 
     return answer if answer.objects is None else answer.with_objects([place(one) for one in answer.objects])
 
