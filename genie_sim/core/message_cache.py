@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections import OrderedDict
+from collections import deque
 from collections.abc import Callable, Hashable, Iterator
 from dataclasses import dataclass, field
 
@@ -117,7 +117,8 @@ class PendingIndex:
     def __init__(self, identity: Callable[[Header], Hashable], new_keys: Callable[[], KeyIndex]) -> None:
         self._identity = identity
         self._new_keys = new_keys
-        self._by_header: OrderedDict[Hashable, PendingRequest] = OrderedDict()  # by deadline
+        self._by_header: dict[Hashable, PendingRequest] = {}
+        self._waiting: deque[tuple[Hashable, PendingRequest]] = deque()  # the same by deadline
         self._keys: dict[str, KeyIndex] = {}
         self._open: dict[tuple[str, Hashable], PendingRequest] = {}
         self.next_deadline_ns: int | None = None  # when the oldest request expires
@@ -139,21 +140,24 @@ class PendingIndex:
         return None if held is None else self._open.get((topic, held))
 
     def open(self, header: Header, pending: PendingRequest) -> None:
-        """A request waits from now on. Deadlines must not decrease from call to call."""
-        if not self._by_header:
+        """A request waits from now on, one of this header at a time. Deadlines must not decrease from call to call."""
+        if not self._waiting:
             self.next_deadline_ns = pending.deadline_ns
-        self._by_header[self._identity(header)] = pending
+        identity = self._identity(header)
+        self._by_header[identity] = pending
+        self._waiting.append((identity, pending))
         if pending.forwarded:
             self._keys.setdefault(pending.topic, self._new_keys()).add(pending.key)
             self._open[pending.topic, pending.key] = pending
 
     def expire(self, now_ns: int) -> Iterator[PendingRequest]:
         """Removes and yields the requests whose deadline has come."""
-        while self._by_header:
-            identity, pending = next(iter(self._by_header.items()))
+        while self._waiting:
+            identity, pending = self._waiting[0]
             self.next_deadline_ns = pending.deadline_ns
             if pending.deadline_ns is None or pending.deadline_ns > now_ns:
                 return
+            self._waiting.popleft()
             del self._by_header[identity]
             self.close(pending)
             yield pending
@@ -161,6 +165,6 @@ class PendingIndex:
 
     def close(self, pending: PendingRequest) -> None:
         """Nobody needs to join this request any more; its header stays known for a second answer."""
-        if self._open.get((pending.topic, pending.key)) is pending:
+        if pending.forwarded and self._open.get((pending.topic, pending.key)) is pending:
             del self._open[pending.topic, pending.key]
             self._keys[pending.topic].discard(pending.key)

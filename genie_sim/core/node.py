@@ -118,7 +118,8 @@ class GenieNode:
         deadline_ns = self._pending.next_deadline_ns
         if deadline_ns is not None and deadline_ns <= now_ns:
             before += self.on_deadline(now_ns)
-        return before + self._on_arrival(topic, message, now_ns, sender)
+        effects = self._on_arrival(topic, message, now_ns, sender)
+        return before + effects if before else effects
 
     def next_deadline_ns(self) -> int | None:
         """When ``on_deadline`` wants to be called, if no message comes before."""
@@ -138,7 +139,7 @@ class GenieNode:
 
     def cache_entries(self) -> int:
         """How many requests the message cache holds answers to."""
-        return sum(len(database) for database in self._databases.values())
+        return sum(map(len, self._databases.values()))
 
     def _on_arrival(self, topic: str, message: Any, now_ns: int, sender: str | None) -> list[Effect]:
         if topic in self._requests:

@@ -12,7 +12,7 @@ from typing import Any
 
 from genie_sim.core.confidence import CONFIDENCE_RULES, ConfidenceRule
 from genie_sim.core.freshness.never import Never
-from genie_sim.core.maps import Boosted, Learned, Viewer, as_change
+from genie_sim.core.maps import Boosted, Learned, Viewer
 from genie_sim.core.rules import ObjectMapRules
 from genie_sim.core.tracking import PARKED_NS
 from genie_sim.core.view import rectangle
@@ -26,7 +26,7 @@ ROW = 2.0**26  # cells from one row to the next: no row of cells on earth has as
 Cell = float  # the number of a cell: a whole number, counted east in rows that are counted north
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, eq=False)
 class StoredObject:
     """An object of the map. The location is that of the first sighting."""
 
@@ -39,7 +39,12 @@ class StoredObject:
     sightings: int = 1
     origins: dict[str, int] = field(default_factory=dict)
     spoke_ns: dict[str, int] = field(default_factory=dict)
+    east_m: float = field(init=False)
+    north_m: float = field(init=False)
     _detection: Detection | None = None
+
+    def __post_init__(self) -> None:
+        self.east_m, self.north_m, _ = self.location
 
     @property
     def parked(self) -> bool:
@@ -72,10 +77,12 @@ class ObjectMap:
         self._freshness = Never() if freshness is None else freshness
         self._always_serves = getattr(type(self._freshness), "serves", None) is Never.serves
         self._expires = getattr(type(self._freshness), "expires_ns", None) is not Never.expires_ns
+        self._notes = getattr(type(self._freshness), "seen", None) is not Never.seen
         self._origins = rules.confidence_source == "origins"
         self._boosts: dict[int, tuple[Answer, Boosted]] = {}  # by the identity of the stored answer
         self._boosted_changes = 0  # of the map, when they were made
         self._boosted = CONFIDENCE_RULES[rules.rule] if confidence_rule is None else confidence_rule
+        self._any_class = rules.one_per_location
         self._exact = rules.location_key == "exact"
         self._cell_m = CELL_GATES * rules.gate_m
         self._gate2 = 0.0 if self._exact else rules.gate_m**2
@@ -148,7 +155,7 @@ class ObjectMap:
                 stored.confidence = self._boosted(before, seen.confidence, rules.rate)
             stored.seen_ns = now_ns
             stored.sightings += 1
-            if header is not None:
+            if self._notes and header is not None:
                 self._freshness.seen(stored, seen.score, header)
             return before, stored
         stored = StoredObject(seen.label, seen.location, seen.score, seen.confidence, now_ns, now_ns)
@@ -200,7 +207,7 @@ class ObjectMap:
             objects.append(seen)
             known.append(stored)
             if tells_changes:
-                changes.append(as_change(stored))
+                changes.append(MapChange(stored.label, stored.location, stored.confidence))
         facts = ObjectLookups(answer.header, "sighting", requests, hits, updates, boost, len(self), tuple(changes))
         answer = answer.with_objects(objects)
         to_clients = to_neighbours = self._confident(answer, known, answer.header.origin, now_ns)
@@ -211,13 +218,15 @@ class ObjectMap:
     def _confident(self, answer: Answer, known: Sequence[StoredObject | None], to: str, now_ns: int) -> Answer:
         """The answer without what must not leave a Genie: the objects below C_T (Section III-D), and those that the
         freshness policy keeps back."""
-        threshold, always = self.threshold, self._always_serves
+        threshold, objects = self.threshold, answer.objects or ()
+        if self._always_serves:
+            return answer.with_objects([seen for seen in objects if seen.confidence >= threshold])
+        serves = self._freshness.serves
         return answer.with_objects(
             [
                 seen
-                for seen, stored in zip(answer.objects or (), known, strict=True)
-                if seen.confidence >= threshold
-                and (always or stored is None or self._freshness.serves(stored, to, now_ns))
+                for seen, stored in zip(objects, known, strict=True)
+                if seen.confidence >= threshold and (stored is None or serves(stored, to, now_ns))
             ]
         )
 
@@ -240,12 +249,13 @@ class ObjectMap:
         objects: list[Detection] = []
         known: list[StoredObject | None] = []
         requests = hits = 0
+        threshold = self.threshold
         others: list[StoredObject] = []
         for held in answer.objects or ():  # a list of its own: the stored answer stays as it is
             stored = None
             if held.location is not None:
                 requests += 1
-                there = [one for one in self.at(held.location) if one.confidence >= self.threshold]
+                there = [one for one in self.at(held.location) if one.confidence >= threshold]
                 stored = self.match(held.label, held.location)
                 if stored is not None:
                     held = held.with_confidence(stored.confidence)
@@ -271,11 +281,13 @@ class ObjectMap:
     def match(self, label: str, location: Location) -> StoredObject | None:
         """The stored object that a sighting of class ``label`` at ``location`` shows: the nearest that fits."""
         east_m, north_m, _ = location
-        any_class = self._rules.one_per_location
+        any_class = self._any_class
         best, best2 = None, self._gate2
-        for one in self._cells.get(self._cell(location), ()):
-            if any_class or one.label == label:
-                away_east_m, away_north_m = one.location[0] - east_m, one.location[1] - north_m
+        cell_m = self._cell_m
+        cell = location if self._exact else east_m // cell_m + north_m // cell_m * ROW
+        for one in self._cells.get(cell, ()):
+            if one.label == label or any_class:
+                away_east_m, away_north_m = one.east_m - east_m, one.north_m - north_m
                 distance2 = away_east_m * away_east_m + away_north_m * away_north_m
                 if distance2 < best2 or (best is None and distance2 == best2):
                     best, best2 = one, distance2
@@ -286,7 +298,7 @@ class ObjectMap:
         east_m, north_m, _ = location
         found = []
         for one in self._cells.get(self._cell(location), ()):
-            away_east_m, away_north_m = one.location[0] - east_m, one.location[1] - north_m
+            away_east_m, away_north_m = one.east_m - east_m, one.north_m - north_m
             if away_east_m * away_east_m + away_north_m * away_north_m <= self._gate2:
                 found.append(one)
         return found
@@ -298,17 +310,17 @@ class ObjectMap:
         ahead_east, ahead_north = math.cos(heading_rad), math.sin(heading_rad)
         half_rad = min(horizontal_fov_rad / 2, math.pi)
         least_ahead = math.cos(half_rad) if half_rad < math.pi else -math.inf  # per metre of distance
-        found = []
+        found, sqrt = [], math.sqrt
         west, east, south, north = rectangle(pose, half_rad, range_m)
         for cell in _cells((west, east), (south, north), self._view_cell_m):
             for stored in self._view_cells.get(cell, ()):
                 if stored.confidence < threshold:
                     continue
-                away_east_m, away_north_m = stored.location[0] - east_m, stored.location[1] - north_m
+                away_east_m, away_north_m = stored.east_m - east_m, stored.north_m - north_m
                 distance2 = away_east_m * away_east_m + away_north_m * away_north_m
                 if distance2 <= range2:
                     ahead_m = away_east_m * ahead_east + away_north_m * ahead_north
-                    if ahead_m >= least_ahead * math.sqrt(distance2):
+                    if ahead_m >= least_ahead * sqrt(distance2):
                         found.append(stored)
         return found
 

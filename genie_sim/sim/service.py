@@ -45,9 +45,13 @@ class ServiceTime:
 
     def draws(self, rng: np.random.Generator) -> Iterator[int]:
         """Endless service times [ns]."""
+        median_ns, loc, rest, sigma, exp = self.median_ns, self.loc, 1.0 - self.loc, self.sigma, math.exp
         while True:  # several normal numbers at once are the same ones, and cost little more than one
             for z in rng.standard_normal(16).tolist():
-                yield self.at(z)
+                if self.quantiles_ns:
+                    yield self.at(z)
+                else:
+                    yield round(median_ns * (loc + rest * exp(sigma * z))) or 1
 
 
 @dataclass(frozen=True, slots=True)

@@ -54,12 +54,17 @@ class WireChannel:
         self._wire = wire
         self._rate_bps = rate_bps
         self._rng = rng
+        self._occupied_ns: dict[int, int] = {}  # by the message's size
 
     def occupied_ns(self, size_bytes: int, now_ns: int) -> int:
         """How long the wire is in use for a message, headers of all its segments included."""
         if self._rate_bps is None:
             return 0
-        return -(-self._wire.wire_bits(size_bytes) * NS_PER_S // self._rate_bps)
+        occupied_ns = self._occupied_ns.get(size_bytes)
+        if occupied_ns is None:
+            occupied_ns = -(-self._wire.wire_bits(size_bytes) * NS_PER_S // self._rate_bps)
+            self._occupied_ns[size_bytes] = occupied_ns
+        return occupied_ns
 
     def delay_ns(self, size_bytes: int, now_ns: int) -> int | None:
         wire = self._wire
