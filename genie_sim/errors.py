@@ -16,6 +16,11 @@ def short_repr(value: object) -> str:
     return text if len(text) <= 60 else f"{text[:57]}..."
 
 
+def first_line(error: BaseException) -> str:
+    """What an exception of a library says, as far as it goes into one line."""
+    return (str(error).strip() or type(error).__name__).splitlines()[0]
+
+
 def unknown(what: str, value: object, choices: Iterable[str]) -> str:
     """``unknown eviction 'lruu' (did you mean 'lru'?); known: lfu, lru, ttl, unlimited``."""
     names = sorted(choices)

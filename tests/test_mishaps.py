@@ -2,27 +2,20 @@
 
 from __future__ import annotations
 
-import copy
-import json
 import os
 import shutil
 import subprocess
 import sys
 import typing
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 import typer
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
-from test_fuzz import SEEDS, mutated, only_clear_errors
 
 import genie_sim as gs
 from genie_sim.cli import app, main
 from genie_sim.errors import UserError
 from genie_sim.paths import atomic_write
-from genie_sim.recording import records, tables
 from genie_sim.scenario.scenario import LONGEST_DAYS, load_scenario
 from tests.conftest import REPOSITORY
 
@@ -52,35 +45,6 @@ def one_line(said: str, message: str) -> None:
 # Results that somebody changed, or that another version wrote
 
 
-def places(value: object, here: tuple[object, ...] = ()) -> Iterator[tuple[typing.Any, ...]]:
-    """The way to every value in some JSON."""
-    items = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
-    for key, inner in items:
-        yield (*here, key)
-        yield from places(inner, (*here, key))
-
-
-@settings(max_examples=60, suppress_health_check=list(HealthCheck), deadline=None)
-@given(st.data())
-def test_a_report_of_a_changed_result_is_whole_or_gets_one_line(made, data):
-    name = data.draw(st.sampled_from(["run.json", "metrics.json"]))
-    changed = copy.deepcopy(json.loads((made / name).read_text()))
-    *way, last = data.draw(st.sampled_from(list(places(changed))))
-    at = changed
-    for step in way:
-        at = at[step]
-    bad = data.draw(st.sampled_from(["gone", None, 5, "x", [], {}, [1], {"a": 1}, float("nan"), True]))
-    if bad == "gone":
-        del at[last]
-    else:
-        at[last] = bad
-    folder = Path("changed")
-    shutil.rmtree(folder, ignore_errors=True)
-    shutil.copytree(made, folder)
-    (folder / name).write_text(json.dumps(changed))
-    only_clear_errors(lambda: gs.load(folder).report(Path("page.html")))
-
-
 @pytest.mark.parametrize("command", ["report", "export", "rerun"])
 @pytest.mark.parametrize("text", ["", "[]", "3", "{}", "\udc80", "[" * 100_000, '{"format": 1}'])
 def test_a_run_json_that_is_none_gets_one_line(command, text, folder, capsys):
@@ -108,14 +72,6 @@ def test_a_table_without_one_of_its_columns_is_told(folder, capsys):
     pq.write_table(table.drop_columns(["bytes_up"]), path)
     assert main(["report", str(folder)]) == 1
     one_line(capsys.readouterr().err, "frames.parquet: column bytes_up: missing, or not int64")
-
-
-@settings(max_examples=200, suppress_health_check=list(HealthCheck), deadline=None)
-@given(SEEDS)
-def test_a_broken_table(made, seed):
-    broken = Path("broken.parquet")
-    broken.write_bytes(mutated((made / "frames.parquet").read_bytes(), seed))
-    only_clear_errors(lambda: tables.read(broken, records.FRAMES))
 
 
 def test_a_run_that_wrote_down_no_poses_is_no_bag(capsys):

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from genie_sim.core.geometry import Array, Geodetic, heading_of, horizontal_fov_rad, transform
-from genie_sim.errors import UserError
+from genie_sim.errors import UserError, first_line
 from genie_sim.messages import Box, CameraPose, Detection
 from genie_sim.paths import atomic_write
 
@@ -227,7 +227,7 @@ def read_trace(path: str | Path) -> Trace:
         frames = [_frame(row) for row in table.to_pylist()]
     except (TypeError, ValueError) as error:
         raise UserError(f"{path}: a row cannot be read: {error}") from error
-    by_camera = _checked(path, frames)
+    by_camera = checked(path, frames)
     trace = Trace(metadata["name"], tuple(metadata["origin"]), by_camera, metadata["provenance"])
     if trace.digest != metadata["digest"]:
         raise UserError(f"{path}: content does not match its own digest {metadata['digest'][:12]}: file was altered")
@@ -247,8 +247,8 @@ def _read_table(path: Path) -> pyarrow.Table:
         with path.open("rb") as file:
             return pq.ParquetFile(file).read()
     except (pa.ArrowException, OSError, ValueError) as error:
-        reason = str(error).strip().splitlines()[0] if str(error).strip() else type(error).__name__
-        raise UserError(f"{path}: not a readable Parquet file (truncated or of another kind): {reason}") from error
+        what = "not a readable Parquet file (truncated or of another kind)"
+        raise UserError(f"{path}: {what}: {first_line(error)}") from error
 
 
 def _metadata(path: Path, schema: pyarrow.Schema) -> dict[str, Any]:
@@ -267,12 +267,13 @@ def _metadata(path: Path, schema: pyarrow.Schema) -> dict[str, Any]:
         if not isinstance(metadata.get(name), kind):
             raise UserError(f"{path}: metadata: {name!r} is missing or not a {kind.__name__}")
     origin = metadata["origin"]
-    if len(origin) != 3 or not all(_within([x], most) for x, most in zip(origin, MOST_ORIGIN, strict=True)):
+    if len(origin) != 3 or not all(within([x], most) for x, most in zip(origin, MOST_ORIGIN, strict=True)):
         raise UserError(f"{path}: metadata: origin {origin!r} is not latitude, longitude, altitude")
     return metadata
 
 
-def _checked(path: Path, frames: Iterable[TraceFrame]) -> dict[str, tuple[TraceFrame, ...]]:
+def checked(path: Path, frames: Iterable[TraceFrame]) -> dict[str, tuple[TraceFrame, ...]]:
+    """The frames by camera. Raises UserError, naming ``path``, where they are in no order or hold what nothing is."""
     by_camera: dict[str, list[TraceFrame]] = {}
     for frame in frames:
         where = f"{path}: camera {frame.camera!r}, frame {frame.index}"
@@ -281,13 +282,13 @@ def _checked(path: Path, frames: Iterable[TraceFrame]) -> dict[str, tuple[TraceF
             raise UserError(f"{where}: stamp_ns {frame.stamp_ns} does not follow {earlier[-1].stamp_ns}")
         if frame.stamp_ns < 0 or min(frame.width, frame.height, frame.size_bytes) <= 0:
             raise UserError(f"{where}: stamp_ns, width, height and size_bytes must not be negative or zero")
-        if not (_within(frame.pose[:3], MOST_M) and _within(frame.pose[3:], MOST_HEADING_RAD)):
+        if not (within(frame.pose[:3], MOST_M) and within(frame.pose[3:], MOST_HEADING_RAD)):
             raise UserError(f"{where}: pose {tuple(frame.pose)} is no place on Earth [m] and a heading [rad]")
         if not 0 < frame.horizontal_fov_rad < math.pi:
             raise UserError(f"{where}: horizontal_fov_rad {frame.horizontal_fov_rad} is not between 0 and pi")
         for detection in frame.detections:
             numbers = (detection.score, *(detection.box or ()), *(detection.location or ()))
-            if not (_within(numbers, MOST_M) and 0 <= detection.score <= 1):
+            if not (within(numbers, MOST_M) and 0 <= detection.score <= 1):
                 raise UserError(f"{where}: a {detection.label} whose score, box or location is not a number in range")
             if not (isinstance(detection.label, str) and isinstance(detection.method, str)):
                 raise UserError(f"{where}: a detection without a label or a method")
@@ -297,7 +298,7 @@ def _checked(path: Path, frames: Iterable[TraceFrame]) -> dict[str, tuple[TraceF
     return {camera: tuple(sequence) for camera, sequence in by_camera.items()}
 
 
-def _within(numbers: Sequence[Any], most: float) -> bool:
+def within(numbers: Sequence[Any], most: float) -> bool:
     """Whether all are numbers, neither infinite nor larger than ``most``."""
     return all(isinstance(x, int | float) and abs(x) <= most for x in numbers)
 

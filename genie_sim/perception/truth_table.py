@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from genie_sim.core.geometry import Geodetic, transform
-from genie_sim.errors import UserError
+from genie_sim.errors import UserError, first_line
 from genie_sim.messages import Frame, Location
 from genie_sim.paths import atomic_write
 from genie_sim.perception.trace import METADATA_KEY, POSITION_DECIMALS, Trace
@@ -214,8 +214,7 @@ def read_truth_table(path: Path) -> TruthTable:
         table = TruthTable(about["trace"], tuple(about["origin"]), rows, about["provenance"])
         digest = about["digest"]
     except (pa.ArrowException, OSError, ValueError, KeyError, TypeError) as error:
-        reason = str(error).strip().splitlines()[0] if str(error).strip() else type(error).__name__
-        raise UserError(f"{path}: not a truth table: {reason}") from error
+        raise UserError(f"{path}: not a truth table: {first_line(error)}") from error
     if table.digest != digest:
         raise UserError(f"{path}: content does not match its own digest {str(digest)[:12]}: file was altered")
     return table

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
-from genie_sim.errors import UserError, short_repr
+from genie_sim.errors import UserError, first_line, short_repr
 
 if TYPE_CHECKING:
     import numpy as np
@@ -301,7 +301,7 @@ def read(path: Path, schema: Schema) -> pd.DataFrame:
     except KeyError:
         raise UserError(f"{path}: a Parquet file, but not written by genie-sim") from None
     except (pa.ArrowException, OSError, ValueError) as error:
-        raise UserError(f"{path}: not a readable Parquet file: {str(error).strip().splitlines()[0]}") from error
+        raise UserError(f"{path}: not a readable Parquet file: {first_line(error)}") from error
     if about.get("table") != schema.name:
         raise UserError(f"{path}: holds the table {about.get('table')!r}, expected {schema.name!r}")
     if about.get("format_version") != FORMAT_VERSION:

@@ -9,22 +9,31 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
+import math
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from genie_sim.core.geometry import Array, Geodetic, rigid, transform
-from genie_sim.errors import UserError, unknown
+from genie_sim.errors import UserError, first_line, unknown
 from genie_sim.messages import Box, Detection
 from genie_sim.perception.fingerprint import difference_hash
 from genie_sim.perception.geodesy import enu_SE3_enu
 from genie_sim.perception.placement import HALF_DEPTH_M, Placement
-from genie_sim.perception.trace import Trace, TraceFrame, detection, trace_frame
+from genie_sim.perception.trace import (
+    MOST_M,
+    MOST_ORIGIN,
+    Trace,
+    TraceFrame,
+    checked,
+    detection,
+    trace_frame,
+    within,
+)
 from genie_sim.ros.images import picture
 from genie_sim.ros.tf import Frames, Track, rotation
 from genie_sim.ros.typestore import stamp_ns as header_stamp_ns
@@ -41,6 +50,7 @@ WORLD_FRAMES = ("map", "world")
 SCAN_WITHIN_NS = 60_000_000  # half a turn of a laser at 10 Hz, and a little
 WAIT_NS = 300_000_000  # for the scan that was taken with an image
 FLOAT32 = 7
+LONGEST = 200  # of what rosbags says about a broken file, which may be the file
 
 Progress = Callable[[int, int], None]
 Topics = Mapping[str, str]
@@ -85,13 +95,13 @@ def perceive_bag(
         topics = {one.topic: one.msgtype for one in reader.connections}
         if detections is not None:
             _check_topic(path, detections, topics, ARRAYS)
-        around = _surroundings(reader, detections)
+        around = _surroundings(path, reader, detections)
         selected = _cameras(path, cameras, topics, around.intrinsics)
         place = _Places(path, around, origin)
         scans = sorted(topic for topic, kind in topics.items() if kind == POINTS)
         total = sum(one.msgcount for one in reader.connections if one.topic in selected.values())
         made: dict[str, list[TraceFrame]] = {}
-        for done, (camera, image, cloud) in enumerate(_pictures(reader, selected, scans[:1]), start=1):
+        for done, (camera, image, cloud) in enumerate(_pictures(path, reader, selected, scans[:1]), start=1):
             frame = _frame(path, camera, selected[camera], done, image, cloud, around, place, detector, min_score)
             if frame is not None:
                 made.setdefault(camera, []).append(frame)
@@ -191,46 +201,73 @@ def _rig_poses(here: Track, turns: Iterable[tuple[int, Array, str]], lever: Arra
 @contextlib.contextmanager
 def _opened(path: Path) -> Iterator[Any]:
     store = typestore(2)
-    from rosbags.highlevel import AnyReader, AnyReaderError
+    from rosbags.highlevel import AnyReader
 
     if not path.exists():
         raise UserError(f"{path}: no such bag")
     try:
-        with AnyReader([path], default_typestore=store) as reader:
-            yield reader
-    except (AnyReaderError, OSError) as error:
-        raise UserError(f"{path}: cannot be read as a bag: {error}") from error
+        reader = AnyReader([path], default_typestore=store)
+        reader.open()
+    except Exception as error:  # whatever a broken file makes of its readers
+        raise _unreadable(path, error) from error
+    try:
+        yield reader
+    finally:
+        reader.close()
 
 
-def _surroundings(reader: Any, detections: str | None) -> Surroundings:
+def _messages(path: Path, reader: Any, chosen: Sequence[Any]) -> Iterator[tuple[Any, int, Any]]:
+    """Connection, time of the recording [ns] and message, of the ``chosen`` connections."""
+    try:
+        for connection, at_ns, raw in reader.messages(chosen) if chosen else ():
+            yield connection, at_ns, reader.deserialize(raw, connection.msgtype)
+    except Exception as error:
+        raise _unreadable(path, error) from error
+
+
+def _unreadable(path: Path, error: Exception) -> UserError:
+    return UserError(f"{path}: cannot be read as a bag: {first_line(error)[:LONGEST]}")
+
+
+def _surroundings(path: Path, reader: Any, detections: str | None) -> Surroundings:
     around = Surroundings()
     kinds = (*TRANSFORMS, CAMERA_INFO, FIX, IMU)
     chosen = [one for one in reader.connections if one.msgtype in kinds or one.topic == detections]
-    for connection, _, raw in reader.messages(chosen) if chosen else ():
+    for connection, _, message in _messages(path, reader, chosen):
         kind, topic = connection.msgtype, connection.topic
-        message = reader.deserialize(raw, kind)
         if kind in TRANSFORMS:
             for one in message.transforms:
-                place, turn = one.transform.translation, one.transform.rotation
-                step = rigid(rotation(turn.x, turn.y, turn.z, turn.w), (place.x, place.y, place.z))
+                place, turn = one.transform.translation, _rotation(one.transform.rotation)
+                if turn is None or not within((place.x, place.y, place.z), MOST_M):
+                    raise UserError(f"{path}: {topic}: a transform to {one.child_frame_id!r} that is no place and turn")
+                step = rigid(turn, (place.x, place.y, place.z))
                 parent, child = one.header.frame_id, one.child_frame_id
                 around.frames.heard(parent, child, header_stamp_ns(one.header), step, topic.endswith("static"))
         elif kind == CAMERA_INFO:
             projection = np.array(message.P if hasattr(message, "P") else message.p).reshape(3, 4)
             camera = np.array(message.K if hasattr(message, "K") else message.k).reshape(3, 3)
             around.intrinsics[topic] = projection[:, :3] if projection[0, 0] else camera
+            if not (np.isfinite(around.intrinsics[topic]).all() and around.intrinsics[topic].diagonal().min() > 0):
+                raise UserError(f"{path}: {topic}: no intrinsics of a camera")
         elif kind == FIX:
             fix = (message.latitude, message.longitude, message.altitude)
-            if np.isfinite(fix).all():
+            if all(within([number], most) for number, most in zip(fix, MOST_ORIGIN, strict=True)):
                 around.fixes.append((header_stamp_ns(message.header), fix, message.header.frame_id))
         elif kind == IMU:
-            turn = message.orientation
-            if turn.x or turn.y or turn.z or turn.w:
-                turned = rotation(turn.x, turn.y, turn.z, turn.w)
-                around.turns.append((header_stamp_ns(message.header), turned, message.header.frame_id))
+            turn = _rotation(message.orientation)
+            if turn is not None:
+                around.turns.append((header_stamp_ns(message.header), turn, message.header.frame_id))
         else:
-            around.seen[header_stamp_ns(message.header)] = tuple(_objects(message, kind))
+            seen = around.seen[header_stamp_ns(message.header)] = tuple(_objects(message, kind))
+            if not all(within((one.score, *one.box, *(one.location or ())), MOST_M) for one in seen):
+                raise UserError(f"{path}: {topic}: an object whose score, box or place is no number in range")
     return around
+
+
+def _rotation(turn: Any) -> Array | None:
+    """``None`` for a quaternion that is none; all zeros say that nobody knows."""
+    quaternion = (turn.x, turn.y, turn.z, turn.w)
+    return rotation(*quaternion) if 0.1 < math.hypot(*quaternion) < 10 else None
 
 
 def _objects(message: Any, kind: str) -> Iterator[Seen]:
@@ -285,7 +322,9 @@ def _check_topic(path: Path, topic: str, topics: Mapping[str, str], kinds: Seque
         raise UserError(f"{path}: {unknown('topic', topic, usable)}" if usable else f"{path}: no {' or '.join(kinds)}")
 
 
-def _pictures(reader: Any, selected: Topics, scans: Sequence[str]) -> Iterator[tuple[str, Any, Any]]:
+def _pictures(
+    path: Path, reader: Any, selected: Topics, scans: Sequence[str]
+) -> Iterator[tuple[str, Any, Any]]:
     """Each image with its camera's name and the scan nearest in time (``None``: there is none near)."""
     names = {topic: name for name, topic in selected.items()}
     waiting: deque[tuple[int, str, Any]] = deque()
@@ -297,8 +336,7 @@ def _pictures(reader: Any, selected: Topics, scans: Sequence[str]) -> Iterator[t
         near = min(recent, key=lambda scan: abs(header_stamp_ns(scan.header) - stamp_ns), default=None)
         return near if near is not None and abs(header_stamp_ns(near.header) - stamp_ns) <= SCAN_WITHIN_NS else None
 
-    for connection, at_ns, raw in reader.messages(chosen):
-        message = reader.deserialize(raw, connection.msgtype)
+    for connection, at_ns, message in _messages(path, reader, chosen):
         if connection.topic in names:
             waiting.append((at_ns, names[connection.topic], message))
         else:
@@ -323,7 +361,9 @@ def _picture(path: Path, topic: str, message: Any) -> np.ndarray:
             return picture(message)
         except (ValueError, UserError) as error:
             raise UserError(f"{path}: {topic}: {error}") from error
-    image = cv2.imdecode(np.frombuffer(bytes(message.data), np.uint8), cv2.IMREAD_COLOR)
+    image = None
+    with contextlib.suppress(cv2.error):  # it holds nothing, or too much
+        image = cv2.imdecode(np.frombuffer(bytes(message.data), np.uint8), cv2.IMREAD_COLOR)
     if image is None:
         raise UserError(f"{path}: {topic}: a compressed image that cannot be read ({message.format})")
     return image
@@ -335,30 +375,29 @@ def _points(path: Path, cloud: Any) -> Array:
     if not {"x", "y", "z"} <= offsets.keys():
         raise UserError(f"{path}: a {POINTS} without float32 fields x, y and z")
     float32, names = (">f4" if cloud.is_bigendian else "<f4"), ["x", "y", "z"]
+    data, count = bytes(cloud.data), cloud.width * cloud.height
+    if len(data) < count * cloud.point_step or cloud.point_step < max(offsets[name] for name in names) + 4:
+        raise UserError(f"{path}: a {POINTS} cut short: {len(data)} bytes")
     layout = np.dtype(
         {"names": names, "formats": [float32] * 3, "offsets": [offsets[name] for name in names],
          "itemsize": cloud.point_step}
     )  # fmt: skip
-    data = bytes(cloud.data)
-    if len(data) < cloud.width * cloud.height * cloud.point_step:
-        raise UserError(f"{path}: a {POINTS} cut short: {len(data)} bytes")
-    read = np.frombuffer(data, layout, cloud.width * cloud.height)
+    read = np.frombuffer(data, layout, count)
     points: Array = np.column_stack([read[name] for name in names]).astype(np.float64)
     return points[np.isfinite(points).all(axis=1)]
 
 
 def _numbered(path: Path, made: Mapping[str, list[TraceFrame]]) -> dict[str, tuple[TraceFrame, ...]]:
-    """Frame numbers of each camera, and stamps that begin with the first frame."""
+    """Frame numbers of each camera, and stamps that begin with the first one's. Raises UserError."""
     first_ns = min(frame.stamp_ns for frames in made.values() for frame in frames)
-    numbered = {}
-    for camera, frames in made.items():
-        for earlier, later in pairwise(frames):
-            if later.stamp_ns <= earlier.stamp_ns:
-                raise UserError(f"{path}: camera {camera}: stamp {later.stamp_ns} does not follow {earlier.stamp_ns}")
-        numbered[camera] = tuple(
-            replace(frame, index=index, stamp_ns=frame.stamp_ns - first_ns) for index, frame in enumerate(frames)
-        )
-    return numbered
+    return checked(
+        path,
+        (
+            replace(frame, index=index, stamp_ns=frame.stamp_ns - first_ns)
+            for frames in made.values()
+            for index, frame in enumerate(frames)
+        ),
+    )
 
 
 def _provenance(

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from genie_sim import report
 from genie_sim.analysis.statistics import across_seeds
-from genie_sim.errors import UserError
+from genie_sim.errors import UserError, first_line
 from genie_sim.recording import provenance
 from genie_sim.report.data import rounded
 
@@ -88,7 +88,7 @@ def _read(folder: Path) -> tuple[dict[str, Any], pd.DataFrame, pd.DataFrame]:
     except FileNotFoundError:
         raise UserError(f"{path}: missing; the sweep is not finished, run it again for the rest") from None
     except (OSError, ValueError) as error:
-        raise UserError(f"{path}: cannot be read: {error}") from error
+        raise UserError(f"{path}: cannot be read: {first_line(error)}") from error
     return about, runs, points
 
 

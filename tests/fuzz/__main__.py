@@ -1,0 +1,45 @@
+"""``python -m tests.fuzz --cases 100000``: broken input of every kind, and a table of what became of it.
+
+``--only NAME`` takes one kind, ``--first N`` begins with case N: ``--only bags --first 37 --cases 1`` does one again.
+"""
+
+from __future__ import annotations
+
+import argparse
+import resource
+import sys
+import tempfile
+from pathlib import Path
+
+from tests.fuzz import files, harness, ros, settings
+
+TARGETS = (*files.TARGETS, *settings.TARGETS, *ros.TARGETS)
+ALL = sum(target.share for target in TARGETS)
+MOST_MEMORY = 8 * 2**30  # what asks for more than this is told that there is none
+
+
+def main() -> int:
+    asked = argparse.ArgumentParser(description=__doc__)
+    asked.add_argument("--cases", type=int, default=ALL)
+    asked.add_argument("--only", choices=[target.name for target in TARGETS])
+    asked.add_argument("--first", type=int, default=0)
+    asked.add_argument("--seed", type=int, default=harness.SEED)
+    given = asked.parse_args()
+    resource.setrlimit(resource.RLIMIT_AS, (MOST_MEMORY, resource.getrlimit(resource.RLIMIT_AS)[1]))
+    tallies = {}
+    for target in TARGETS:
+        if given.only not in (None, target.name):
+            continue
+        count = given.cases if given.only else -(-given.cases * target.share // ALL)
+        with tempfile.TemporaryDirectory() as folder:
+            numbers = range(given.first, given.first + count)
+            tallies[target.name] = harness.run(target, Path(folder), numbers, given.seed)
+        print(harness.table({target.name: tallies[target.name]}).splitlines()[2], file=sys.stderr, flush=True)
+        for bug in tallies[target.name].bugs:
+            print(bug, file=sys.stderr, flush=True)
+    print(harness.table(tallies))
+    return int(any(tally.bugs for tally in tallies.values()))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

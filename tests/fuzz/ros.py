@@ -1,0 +1,197 @@
+"""What comes from ROS and from other Genies: bags, messages, frames of a link, key files."""
+
+from __future__ import annotations
+
+import json
+import random
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from genie_sim.core.geometry import rigid
+from genie_sim.errors import UserError
+from genie_sim.messages import Header
+from genie_sim.perception.trace import read_trace, write_trace
+from genie_sim.ros import wire
+from genie_sim.ros.bags import perceive_bag
+from genie_sim.ros.certificates import Credentials
+from genie_sim.ros.codec import IMAGE, MARKER, MARKERS, OBJECTS, Codec, WireType, codec_of
+from genie_sim.ros.images import CHANNELS
+from genie_sim.ros.keys import make_authority, make_peer
+from genie_sim.ros.message import RosMessage
+from genie_sim.ros.poses import POSE_TYPES, Poses
+from genie_sim.ros.typestore import header, message, typestore
+from tests.fuzz.files import one_file
+from tests.fuzz.harness import Case, Target
+from tests.fuzz.mutation import VALUES, broken, changed
+from tests.ros import test_bags
+from tests.ros.conftest import HERE
+from tests.ros.test_bags import BagWriter
+
+DEFINITION = (HERE / "objects.txt").read_text()
+
+
+def small_street(path: Path) -> BagWriter:
+    """Two small frames with all that a bag can say."""
+    bag = BagWriter(path)
+    bag.camera_info(test_bags.START_NS, np.array([[70.0, 0, 32], [0, 70, 18], [0, 0, 1]]), (64, 36))
+    bag.transform(test_bags.START_NS, "imu_link", test_bags.CAMERA, test_bags.IMU_SE3_CAMERA)
+    bag.transform(test_bags.START_NS, "imu_link", "velo_link", rigid(np.eye(3), (0.0, 0.0, 0.8)))
+    for number in range(2):
+        stamp_ns = test_bags.START_NS + number * test_bags.STEP_NS
+        bag.position(stamp_ns, test_bags.ORIGIN, (0.0, 0.0, 0.1 * number))
+        bag.image(stamp_ns, np.full((36, 64, 3), 10 * number, np.uint8))
+        bag.scan(stamp_ns + 2_000_000, np.array([(20.0, y / 2, 0.0) for y in range(-6, 6)]), late_ns=70_000_000)
+        bag.objects(stamp_ns, {"label": "car", "score": 0.75, "x": 28, "y": 15, "width": 8, "height": 6})
+    return bag
+
+
+def bags(folder: Path) -> Case:
+    """Half of them: the file broken anywhere. Half: whole files in which one message is broken."""
+    streets = {kind: small_street(folder / f"street.{kind}") for kind in ("bag", "mcap", "ros2")}
+    whole = {kind: bag.write() for kind, bag in streets.items()}
+    files = {kind: path.read_bytes() for kind, path in whole.items() if path.is_file()}
+    parts = {path: path.read_bytes() for path in sorted(whole["ros2"].iterdir())}
+    path = folder / "broken"
+
+    def of_messages(rng: random.Random) -> Path:
+        kind = rng.choice(("bag", "mcap"))
+        path = folder / f"broken.{kind}"
+        path.unlink(missing_ok=True)
+        bag = streets[kind]
+        at, count = rng.randrange(len(bag.messages)), iter(range(10**6))
+        serialize = "serialize_ros1" if kind == "bag" else "serialize_cdr"
+        original = getattr(bag.store, serialize)
+
+        def written(one: Any, name: str) -> bytes:
+            whole = bytes(original(one, name))
+            return broken(whole, rng) if next(count) == at else whole
+
+        made = BagWriter(path)
+        made.messages, made.store = bag.messages, _Breaking(bag.store, serialize, written)
+        return made.write()
+
+    def case(rng: random.Random) -> None:
+        if rng.random() < 0.5:
+            made = of_messages(rng)
+        elif rng.random() < 0.4:
+            made = whole["ros2"]
+            part = rng.choice(list(parts))
+            part.write_bytes(broken(parts[part], rng))
+        else:
+            kind = rng.choice(list(files))
+            made = path.with_suffix(f".{kind}")
+            made.write_bytes(broken(files[kind], rng))
+        try:
+            write_trace(folder / "trace.parquet", perceive_bag(made, detections=test_bags.OBJECTS))
+            read_trace(folder / "trace.parquet")
+        finally:
+            for part, content in parts.items():
+                part.write_bytes(content)
+
+    return case
+
+
+class _Breaking:
+    """A type store of which one method is another."""
+
+    def __init__(self, store: Any, name: str, method: Any) -> None:
+        self._store, self._name, self._method = store, name, method
+
+    def __getattr__(self, name: str) -> Any:
+        return self._method if name == self._name else getattr(self._store, name)
+
+
+def _payloads(ros: int) -> list[tuple[Codec, bytes]]:
+    """A good message of each type that a Genie reads."""
+    store = typestore(1, DEFINITION, OBJECTS) if ros == 1 else typestore(2)
+    at, pixels = header(store, 10**9 + 7, "camera"), np.arange(360).astype(np.uint8)
+    made = {
+        IMAGE: message(store, IMAGE, header=at, width=12, height=10, step=36, encoding="bgr8", data=pixels),
+        MARKERS: message(store, MARKERS, markers=[message(store, MARKER, header=at, ns="car", id=n) for n in range(2)]),
+    }  # fmt: skip
+    if ros == 1:  # no ROS 2 has it
+        one = message(store, "autoware_msgs/msg/DetectedObject", header=at, label="car", score=0.5, space_frame="map")
+        made[OBJECTS] = message(store, OBJECTS, header=at, objects=[one, one])
+    write = store.serialize_ros1 if ros == 1 else store.serialize_cdr
+
+    def codec(kind: str) -> Codec:
+        return codec_of(WireType(kind.replace("/msg/", "/"), "1" * 32, DEFINITION if kind == OBJECTS else ""), ros)
+
+    return [(codec(kind), bytes(write(one, kind))) for kind, one in made.items()]
+
+
+def messages(folder: Path) -> Case:
+    """What a node of the own network says: read, hashed, given another header and other objects."""
+    good = [*_payloads(1), *_payloads(2)]
+    poses = [(ros, kind, Poses(ros)) for ros in (1, 2) for kind in POSE_TYPES]
+    store = {ros: typestore(ros) for ros in (1, 2)}
+    encodings = [name.encode() for name in CHANNELS]
+
+    def case(rng: random.Random) -> None:
+        if rng.random() < 0.15:
+            ros, kind, heard = rng.choice(poses)
+            full = kind.replace("/", "/msg/")
+            whole = message(store[ros], full, header=header(store[ros], 10**9, "map"))
+            write = store[ros].serialize_ros1 if ros == 1 else store[ros].serialize_cdr
+            heard.heard(kind, broken(bytes(write(whole, full)), rng))
+            return
+        codec, payload = rng.choice(good)
+        made = broken(payload, rng)
+        if rng.random() < 0.2:
+            made = made.replace(b"bgr8", rng.choice(encodings)[:4].ljust(4))
+        read = RosMessage.of(made, codec, "car1", answer=codec.holds_objects)
+        assert len(read.digest) == 64
+        if codec.type.name.endswith("Image"):
+            assert 0 <= read.dhash < 2**64
+        if codec.holds_objects:
+            read.with_objects(read.objects[:1] if read.objects else ()).encoded()
+        same = Header(read.header.stamp_ns, read.header.frame_id, "car1")
+        if 0 <= read.header.stamp_ns < 2**31 * 10**9:
+            read.restamped(same).encoded(7)
+
+    return case
+
+
+def frames(folder: Path) -> Case:
+    """What a Genie with a valid certificate says over its link."""
+    codecs = {f"/{number}": codec for number, (codec, _) in enumerate(_payloads(1))}
+    good = []
+    for number, (codec, payload) in enumerate(_payloads(1)):
+        frame = wire.encode(f"/{number}", RosMessage.of(payload, codec, "car1", codec.holds_objects))
+        end = 4 + int.from_bytes(frame[:4], "big")
+        good.append((frame, json.loads(frame[4:end]), frame[end:]))
+
+    def case(rng: random.Random) -> None:
+        frame, said, payload = rng.choice(good)
+        if rng.random() < 0.6:
+            said = changed({**said, "pose": [1.0, 2.0, 3.0, 4.0], "fov_rad": 1.4}, rng)
+            text = json.dumps(rng.choice(VALUES) if rng.random() < 0.05 else said).encode()
+            frame = wire.LENGTH.pack(len(text)) + text + payload
+        if rng.random() < 0.5:
+            frame = broken(frame, rng)
+        found = wire.decode(frame, codecs.get)
+        if found is not None:
+            wire.encode(*found)
+
+    return case
+
+
+def keys(folder: Path) -> Case:
+    make_authority(folder)
+    whole = make_peer(folder, "car1", "car").read_bytes()
+
+    def read(path: Path) -> None:
+        path.chmod(0o600)
+        Credentials(str(path))
+
+    return one_file(folder / "broken.pem", whole, read)
+
+
+TARGETS = (
+    Target("bags", 60, bags),
+    Target("messages", 170, messages, (UserError, ValueError)),
+    Target("link frames", 120, frames, (ValueError,)),
+    Target("key files", 30, keys),
+)
