@@ -24,16 +24,7 @@ from genie_sim.messages import Box, Detection
 from genie_sim.perception.fingerprint import difference_hash
 from genie_sim.perception.geodesy import enu_SE3_enu
 from genie_sim.perception.placement import HALF_DEPTH_M, Placement
-from genie_sim.perception.trace import (
-    MOST_M,
-    MOST_ORIGIN,
-    Trace,
-    TraceFrame,
-    checked,
-    detection,
-    trace_frame,
-    within,
-)
+from genie_sim.perception.trace import MOST_M, MOST_ORIGIN, Trace, TraceFrame, checked, detection, trace_frame, within
 from genie_sim.ros.images import picture
 from genie_sim.ros.tf import Frames, Track, rotation
 from genie_sim.ros.typestore import stamp_ns as header_stamp_ns
@@ -114,17 +105,9 @@ def perceive_bag(
 
 
 def _frame(
-    path: Path,
-    camera: str,
-    topic: str,
-    number: int,
-    message: Any,
-    cloud: Any,
-    around: Surroundings,
-    place: _Places,
-    detector: ImageDetector | None,
-    min_score: float,
-) -> TraceFrame | None:
+    path: Path, camera: str, topic: str, number: int, message: Any, cloud: Any, around: Surroundings, place: _Places,
+    detector: ImageDetector | None, min_score: float,
+) -> TraceFrame | None:  # fmt: skip
     """One picture perceived; ``None`` where nobody knows where it was taken. Its stamp is still the bag's."""
     stamp_ns, frame_id = header_stamp_ns(message.header), message.header.frame_id
     world_SE3_camera = place.at(frame_id, stamp_ns)
