@@ -10,6 +10,7 @@ from typing import Any, Literal
 from genie_sim.core.caches.nearest import Key, Nearest
 from genie_sim.core.eviction import Eviction
 from genie_sim.core.maps import InMap, Learned, Viewer
+from genie_sim.core.matching import Placed, placed
 from genie_sim.core.message_cache import Answers, MessageCache, PendingIndex
 from genie_sim.core.node import GenieNode
 from genie_sim.core.rules import Capacity, GenieRules
@@ -17,6 +18,8 @@ from genie_sim.core.similarity import KeyIndex
 from genie_sim.messages import Answer, CameraPose, Detection
 
 Replay = Literal["world", "camera"]
+ORIGIN = CameraPose(0.0, 0.0, 0.0, 0.0)
+SAME_F1 = 0.8  # assumed: from here on two answers are the same
 
 
 class SimilarityCache(MessageCache):
@@ -53,9 +56,22 @@ class SimilarityCache(MessageCache):
         old = [one for _, one in found if self._find(one, now_ns) is None]  # it removes them
         return self.near(key, count, now_ns, radius) if old else found
 
-    def objects(self, key: Key) -> Sequence[Detection]:
-        """What is in the stored answers of a key."""
-        return [one for answer in self._answers[key].values() for one in answer.objects or ()]
+    def put(self, key: Hashable, topic: str, answer: Answer, now_ns: int) -> None:
+        if key not in self._answers:
+            assert isinstance(key, Key)
+            self.learn(key, answer, now_ns)
+        super().put(key, topic, answer, now_ns)
+
+    def learn(self, key: Key, answer: Answer, now_ns: int) -> None:
+        """The first answer to a request is known, and about to be stored."""
+
+    def seen(self, answer: Answer, pose: CameraPose) -> list[Placed]:
+        """The objects of an answer to a request from ``pose``, in places that are comparable between requests."""
+        return placed((answer if self._replay == "world" else moved(answer, pose, ORIGIN)).objects or ())
+
+    def held(self, key: Key) -> list[Placed]:
+        """The same of the stored answers of a key."""
+        return [one for answer in self._answers[key].values() for one in self.seen(answer, key.pose)]
 
 
 def moved(answer: Answer, there: CameraPose, here: CameraPose) -> Answer:

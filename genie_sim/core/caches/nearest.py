@@ -5,9 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Hashable
 
 import numpy as np
+import numpy.typing as npt
 
 from genie_sim.core.caches.features import DIMENSION, UNIT, Vector, feature_of, unpacked
 from genie_sim.messages import CameraPose, Image
+
+Slots = npt.NDArray[np.intp]
 
 
 class Key:
@@ -92,12 +95,16 @@ class Nearest:
         mine = self._slots.get(key)
         if mine is not None:
             squares[mine] = np.inf
+        return self._first(np.arange(used), squares, count, radius)
+
+    def _first(self, slots: Slots, squares: Vector, count: int, radius: float) -> list[tuple[float, Key]]:
+        """Of the keys in these slots, so far away each (squared), the ``count`` nearest; infinity is none."""
         most = (radius * UNIT) ** 2
-        if count < used:
+        if count < len(slots):
             most = min(most, float(squares.min() if count == 1 else np.partition(squares, count - 1)[count - 1]))
-        slots = np.flatnonzero((squares <= most) & (squares < np.inf))
-        ordered = slots[np.lexsort((self._born[slots], squares[slots]))][:count]
-        held = [(float(np.sqrt(squares[slot])) / UNIT, self._keys[slot]) for slot in ordered.tolist()]
+        near = np.flatnonzero((squares <= most) & (squares < np.inf))
+        ordered = near[np.lexsort((self._born[slots[near]], squares[near]))][:count]
+        held = [(float(np.sqrt(squares[one])) / UNIT, self._keys[slots[one]]) for one in ordered.tolist()]
         return [(distance, one) for distance, one in held if one is not None]
 
     def _grow(self) -> None:
