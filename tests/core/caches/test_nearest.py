@@ -79,6 +79,9 @@ def test_an_answer_moves_with_its_camera():
     here = CameraPose(100.0, 50.0, 1.6, math.pi / 2)
     (one,) = moved(answer(10.0), HERE, here).objects
     assert one.location == pytest.approx((100.0, 60.0, 0.8))
+    aside = CameraPose(0.0, -3.0, 1.6, 0.0)  # 3 m to the right of where it was: the car is 3 m to its left
+    (one,) = moved(answer(10.0), aside, here).objects
+    assert one.location == pytest.approx((97.0, 60.0, 0.8))
     assert moved(answer(10.0), HERE, HERE) == answer(10.0)
     cache = SimLRU(None, 0.1, replay="camera")
     cache.put(key(0), TOPIC, answer(10.0), 0)

@@ -1,0 +1,105 @@
+"""The baselines in small worlds: where their caches stand, and what a scenario may not say of them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from genie_sim import files, runner
+from genie_sim.errors import UserError
+from genie_sim.methods import METHODS
+from genie_sim.perception.trace import Trace, read_trace, write_trace
+from genie_sim.scenario.scenario import load_scenario
+from tests.conformance import small
+
+SIMILAR = ("sim_lru", "rnd_lru", "potluck", "foggycache")
+
+
+def wrong(method: dict, **settings) -> str:
+    with pytest.raises(UserError) as error:
+        runner.run_in_memory(small.scenario([method], **settings))
+    assert "\n" not in str(error.value)
+    return str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"method": "foggycache", "theta": 1.2}, "theta: must be from 0 to 1, but is 1.2"),
+        ({"method": "foggycache", "neighbours": 1}, "neighbours: must be at least 2, but is 1"),
+        ({"method": "potluck", "dropout": -0.1}, "dropout: must be from 0 to 1, but is -0.1"),
+        ({"method": "potluck", "keep": 2}, "keep: must be from 0 to 1, but is 2"),
+        ({"method": "sim_lru", "radius": -1}, "radius: must be at least 0, but is -1"),
+        ({"method": "sim_lru", "replay": "there"}, "replay"),
+        ({"method": "deadline", "shares": []}, "shares: must not be empty"),
+        ({"method": "deadline", "deadline": "0 s"}, "deadline: must be at least 1, but is 0"),
+        ({"method": "central", "at": "edge7"}, "unknown edge 'edge7'"),
+        ({"method": "rnd_lru", "genie": {"capacity": "0 entries"}}, "capacity"),
+    ],
+)
+def test_a_setting_that_makes_no_sense_is_one_line(settings: dict, message: str):
+    assert message in wrong({"name": "mine", **settings})
+
+
+@pytest.mark.parametrize("method", SIMILAR)
+def test_frames_without_the_feature_are_named(method: str):
+    said = wrong({"name": "mine", "method": method, "feature": "yolox_gap"})
+    assert said.startswith("small: methods[0].feature: the frames of street have no feature 'yolox_gap', but hsv")
+    assert "mine cannot run on them" in said
+
+
+def test_a_trace_without_features_still_runs_what_needs_none(tmp_path):
+    shipped = read_trace(files.find(files.TRACE, "kitti_0005"))
+    bare = {camera: tuple(replace(one, features={}) for one in some[:3]) for camera, some in shipped.frames.items()}
+    write_trace(tmp_path / "bare.parquet", Trace("bare", shipped.origin, bare, {}))
+    told = [f"perception.trace={tmp_path / 'bare.parquet'}", "cars[0].route.window=[0 s, 0.3 s]"]
+    without = load_scenario("1car_hetero", [*told, "methods=[genie, central, deadline, oracle]"])
+    assert len(runner.run_in_memory(without).frames)
+    with pytest.raises(UserError, match=r"the frames of bare have no feature 'hsv', but none: sim_lru cannot run"):
+        runner.run_in_memory(load_scenario("1car_hetero", [*told, "methods=[genie, sim_lru]"]))
+
+
+def test_the_central_cache_is_asked_by_other_edges_and_there_is_no_other():
+    slow = {"perception": {"source": "tests.conformance.own:Street", "speed_mps": 1.0}}
+    found = small.tables(small.scenario([{"method": "central", "at": "edge2"}], **slow))
+    lookups = found["lookups"][found["lookups"]["kind"] == "image"]
+    most = lookups.groupby("genie")["entries"].max().to_dict()
+    assert most["edge1/asker"] == 0 < most["edge2/genie"]
+    assert set(most) == {"edge1/asker", "edge2/genie"}
+    asked = lookups[lookups["requester"] == "neighbour"]
+    assert set(asked["genie"]) == {"edge2/genie"} and (asked["hits"] > 0).any()
+    assert "peer_cache" in set(found["frames"]["source"])
+
+
+def test_a_key_takes_its_time_where_it_is_made():
+    """The accelerator of a car that makes ``yolox_gap`` keys has no time left for detections."""
+    entries = "methods=[sim_lru, {name: gap, method: sim_lru, feature: yolox_gap, radius: 0.2}]"
+    run = runner.run_in_memory(load_scenario("1car_hetero", [entries, "cars[0].route.window=[0 s, 3 s]"]))
+    value = {(one.metric, one.method, one.component): one.value for one in run.measured if one.value is not None}
+    assert value["fresh_answer_mean", "gap", ""] > 3 * value["fresh_answer_mean", "sim_lru", ""]
+    assert value["throughput", "gap", "car1.accelerator"] > value["throughput", "sim_lru", "car1.accelerator"]
+
+
+def test_replays_live_in_the_world_or_before_the_camera():
+    entries = [{"name": name, "method": "sim_lru", "radius": 0.05, "replay": name} for name in ("world", "camera")]
+    rows = small.tables(small.scenario(entries))["answers"]
+    hits = rows[rows["source"].isin(["own_cache", "edge_cache"]) & (rows["which"] == "fresh")]
+    matched = hits.groupby("method")[["served", "matched"]].sum()
+    assert (matched["matched"] / matched["served"]).loc["world"] > 0.9, "parked cars stay where they are"
+    assert len(hits[hits["method"] == "camera"]) > 20
+
+
+def test_oracle_hits_are_right_and_no_cache_has_more_right_ones():
+    methods = ["genie", "central", *SIMILAR, "oracle"]
+    run = runner.run_in_memory(load_scenario("baselines", [f"methods={methods}"]))
+    value = {(one.metric, one.method): one.value for one in run.measured if one.placement == "all"}
+    assert value["wrong_hit_share", "oracle"] == 0.0
+    rows = run.frames.groupby("method", observed=True)
+    hits = rows["source"].agg(lambda one: one.isin(["own_cache", "edge_cache", "peer_cache"]).mean())
+    for method in SIMILAR:
+        assert hits[method] * (1 - value["wrong_hit_share", method]) < hits["oracle"], method
+
+
+def test_every_baseline_is_a_method_with_a_name():
+    assert {*SIMILAR, "central", "deadline", "oracle"} < set(METHODS)
