@@ -275,6 +275,7 @@ def simulate(prepared: Prepared, progress: Progress | None = None, spill: Path |
             world = World(setup, build.method(entry), log)
             world.run(tell)
             driven.update(world.hosts)
+            world.dismantle()
     return tables
 
 
@@ -283,26 +284,30 @@ def _log(prepared: Prepared, method: str, setup: Setup, tables: Tables, driven: 
     samples: Literal["all", "edges", "none"] = "all" if prepared.scenario.fleet is None else "edges"
     if "resources" not in scenario.record:
         samples = "none"
-    truth_of = getattr(prepared.frames, "truth_of", None)  # a source of one's own need not know what is there
+    # A source of one's own need not know what is there.
+    truth_of = getattr(prepared.frames, "truth_of", None) if "held" in scenario.record else None
     known = {} if truth_of is None else {car: truth_of(drive) for car, drive in prepared.drives.items()}
     truths = {car: truth for car, truth in known.items() if truth is not None}
     held = None
-    if truths and "held" in scenario.record:
+    if truths:
         held = Held(method, truths, tables.held, driven, partial(CONSUMERS[setup.consumer], setup.laws))
     return Log(method, tables, scenario.record, samples, held, driven)
 
 
 @contextmanager
 def _gc_disabled() -> Iterator[None]:
-    """A simulation makes very many small objects, and no cycles that only Python's collector would free; what classes
-    of somebody's own leave in cycles stays until the run is over. With ten thousand cars in memory, looking through
-    all that lives would take longer than the simulation."""
+    """A simulation makes very many small objects, and leaves no cycles that only Python's collector would free; what
+    classes of somebody's own leave in cycles stays until it looks through old objects. With ten thousand cars in
+    memory, looking through all that lives would take longer than the simulation; so it does not begin with that at the
+    end either, as it would if what was made meanwhile were new to it."""
     was_enabled = gc.isenabled()
     gc.disable()
     try:
         yield
     finally:
         if was_enabled:
+            gc.freeze()
+            gc.unfreeze()
             gc.enable()
 
 

@@ -131,42 +131,56 @@ class Log:
 
     def observe(self, genie: str, placement: Placement, event: Observation, now_ns: int) -> None:
         """What a Genie tells of its cache or map."""
-        if isinstance(event, Forgotten):
-            self._changed(genie, [(label, location, None) for label, location, _ in event.objects], now_ns)
-            return
-        header = event.header
-        stamp_ns, stream, car = header
-        if isinstance(event, ObjectLookups):
-            if self._lookups is not None:
-                counts = event.requests, event.hits, event.updates, event.boost_sum, event.objects
-                frame_ = None, car, stream, stamp_ns, None
-                self._lookups.append((self.method, now_ns, genie, placement, event.kind, *frame_, *counts))
-            self._changed(genie, event.changes, now_ns)
-        elif isinstance(event, ImageLookup):
+        if isinstance(event, ImageLookup):
             requester, outcome = event.requester, event.outcome
             hit = outcome == "hit"
             if self._lookups is not None:
-                what = requester, car, stream, stamp_ns, outcome, 1, int(hit), 0, 0.0, event.entries
-                self._lookups.append((self.method, now_ns, genie, placement, "image", *what))
+                stamp_ns, stream, car = event.header
+                self._lookups.append((
+                    self.method, now_ns, genie, placement, "image", requester, car, stream, stamp_ns, outcome,
+                    1, int(hit), 0, 0.0, event.entries,
+                ))  # fmt: skip
             if placement == "car" and requester == "client":
-                frame = self._frame(header)
+                frame = self._frame(event.header)
                 assert frame is not None, "every frame is published first"
                 frame.image_hit = hit
                 frame.coalesced = outcome == "coalesced"
+        elif isinstance(event, ObjectLookups):
+            if self._lookups is not None:
+                stamp_ns, stream, car = event.header
+                self._lookups.append((
+                    self.method, now_ns, genie, placement, event.kind, None, car, stream, stamp_ns, None,
+                    event.requests, event.hits, event.updates, event.boost_sum, event.objects,
+                ))  # fmt: skip
+            if event.changes:
+                self._changed(genie, event.changes, now_ns)
+        elif isinstance(event, Forgotten):
+            self._changed(genie, [(label, location, None) for label, location, _ in event.objects], now_ns)
         elif placement == "car":
-            lost = self._frame(header)
+            lost = self._frame(event.header)
             if lost is not None and lost.drop is None and lost.fresh_answer_ns is None:
                 lost.drop = f"{genie}:expired"
 
     def _changed(self, genie: str, changes: Iterable[tuple[str, Location, float | None]], now_ns: int) -> None:
         """Objects of a Genie's map are new, have another confidence, or none any more."""
         if self._objects is not None:
-            for label, location, confidence in changes:
-                self._objects.append((self.method, now_ns, genie, label, location[0], location[1], confidence))
+            append, method = self._objects.append, self.method
+            for label, (east_m, north_m, _), confidence in changes:
+                append((method, now_ns, genie, label, east_m, north_m, confidence))
 
     def sample(self, resources: Sequence[Resource], now_ns: int) -> None:
         """The state of every device, link and queue at this instant."""
         self.close(now_ns - SETTLED_NS)
-        for one in resources:
-            used = one.capacity, one.busy_ns, one.queued, one.completed, one.drops, one.sent_bytes
-            self._resources.append((self.method, now_ns, one.name, one.kind, *used))
+        if resources:
+            self._resources.extend(
+                [self.method] * len(resources),
+                [now_ns] * len(resources),
+                [one.name for one in resources],
+                [one.kind for one in resources],
+                [one.capacity for one in resources],
+                [one.busy_ns for one in resources],
+                [one.queued for one in resources],
+                [one.completed for one in resources],
+                [one.drops for one in resources],
+                [one.sent_bytes for one in resources],
+            )

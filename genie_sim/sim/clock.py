@@ -71,7 +71,12 @@ class Clock(simpy.Environment):
 
     def waits_only_for(self, call: Callable[..., None]) -> bool:
         """Whether nothing else is to happen any more."""
-        return all(one is call for one, _ in self._calls.values())
+        return all(one == call for one, _ in self._calls.values())
+
+    def clear(self) -> None:
+        """Nothing happens any more."""
+        self._heap.clear()
+        self._calls.clear()
 
     def _happens(self, event: simpy.Event) -> None:
         self._queue.append((self.now, NORMAL, 0, event))

@@ -81,6 +81,12 @@ class Graph:
         self._bridges.setdefault(topic, []).append(bridge)
         self._rejoined()
 
+    def clear(self) -> None:
+        """Nobody is here any more."""
+        self._rejoined()
+        for known in (self._subscribers, self._bridges, self._nodes):
+            known.clear()
+
     def _rejoined(self) -> None:
         for node in self._nodes.values():
             node.routes.clear()

@@ -62,6 +62,10 @@ class CarUplink:
             self._bridges[name] = self._bridges_to(self._world.edges[name])
         self.edge = name
 
+    def clear(self) -> None:
+        """No connection is left."""
+        self._bridges.clear()
+
     def _bridges_to(self, edge: Edge) -> tuple[Bridge, Bridge]:
         """What carries the car's frames up to an edge, and the answers to them down."""
         car, monitor = self._car, self._world.monitor

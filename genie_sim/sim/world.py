@@ -68,19 +68,29 @@ class World:
         """Runs until nothing is in flight any more, at most ten minutes after the last frame. ``progress`` gets the
         time now and at the end [ns]."""
 
-        def sample() -> None:
-            self.monitor.sample(self._sampled, self.env.now)
-            if progress is not None:
-                progress(min(self.env.now, self.end_ns), self.end_ns)
-            self.env.after(SAMPLE_NS, sample)
-
-        sample()
+        self._sample(progress)
         for waited_ns in range(DRAIN_NS, MOST_DRAIN_NS + 1, DRAIN_NS):
             self.env.run(until=self.end_ns + waited_ns)
-            if self.env.waits_only_for(sample):
+            if self.env.waits_only_for(self._sample):
                 break
         self.monitor.sample(self._sampled, self.env.now)
         self.monitor.close()
+
+    def _sample(self, progress: Callable[[int, int], None] | None) -> None:
+        self.monitor.sample(self._sampled, self.env.now)
+        if progress is not None:
+            progress(min(self.env.now, self.end_ns), self.end_ns)
+        self.env.after(SAMPLE_NS, self._sample, progress)
+
+    def dismantle(self) -> None:
+        """After the run: takes everything apart, so that it is freed at once and not by Python's collector."""
+        for _, graph in self.hosts.values():
+            graph.clear()
+        for uplink in self.uplinks.values():
+            uplink.clear()
+        for parts in (self.hosts, self.edges, self.uplinks, self.links, self.resources, self._sampled, self._cameras):
+            parts.clear()
+        self.env.clear()
 
     def stream(self, *names: str) -> np.random.Generator:
         """The random generator of these names: the same under every method."""

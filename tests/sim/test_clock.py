@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import gc
 import random
 from typing import Any
 
 import pytest
 import simpy
 
+from genie_sim.runner import prepare, simulate
 from genie_sim.sim.clock import Clock
+from tests.conformance import small
 
 
 def course(env: Any, seed: int) -> list[tuple[Any, ...]]:
@@ -66,3 +69,15 @@ def test_a_failure_that_nobody_handles_ends_the_run_and_time_never_runs_backward
         env.run(until=3)
     with pytest.raises(ValueError):
         env.run(until=0)
+
+
+def test_a_run_leaves_nothing_to_pythons_collector():
+    prepared = prepare(small.scenario(cars=[small.car(1), small.car(2)]))
+    simulate(prepared)
+    gc.collect()
+    gc.disable()
+    try:
+        simulate(prepared)
+        assert gc.collect() == 0
+    finally:
+        gc.enable()
