@@ -7,10 +7,13 @@ is first used.
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from genie_sim.api import Figures, Run, Scenario, UserError, compare, load, load_scenario, run
+    from genie_sim.api import Figures, Run, Scenario, UserError, compare, differences, load, load_scenario, run, sweep
 
 __version__ = "0.1.0"
-__all__ = ["Figures", "Run", "Scenario", "UserError", "__version__", "compare", "load", "load_scenario", "run"]
+__all__ = [
+    "Figures", "Run", "Scenario", "UserError", "__version__", "compare", "differences", "load", "load_scenario", "run",
+    "sweep",
+]  # fmt: skip
 
 
 def __getattr__(name: str) -> Any:

@@ -13,6 +13,8 @@ What is wrong with the input raises ``gs.UserError``, with one line that names f
 from __future__ import annotations
 
 import json
+import re
+import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from functools import cached_property
@@ -33,7 +35,7 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
-__all__ = ["Figures", "Run", "Scenario", "UserError", "compare", "load", "load_scenario", "run"]
+__all__ = ["Figures", "Run", "Scenario", "UserError", "compare", "differences", "load", "load_scenario", "run", "sweep"]
 
 Settings = Mapping[str, Any] | Sequence[str]
 
@@ -178,6 +180,63 @@ class Comparison:
     def report(self, folder: str | Path) -> Path:
         """Writes a page, figures and tables into a folder."""
         return comparison.write(self._made, expanded(folder))
+
+
+def sweep(
+    scenario: str | Path,
+    axes: Mapping[str, Any],
+    settings: Mapping[str, Any] | None = None,
+    *,
+    seeds: int | Sequence[int] = 5,
+    samples: int | None = None,
+    every_run: bool = False,
+    jobs: int | None = None,
+    out: str | Path | None = None,
+    progress: Progress | None = None,
+) -> pd.DataFrame:
+    """Simulates a scenario along axes, every point with all ``seeds`` (5: the seeds 1 to 5), in ``jobs`` processes
+    (default: one a core).
+
+    ``axes``: by name, as in a sweep's file, or by the path of a setting with a list of its values:
+    ``{"genie.object_map.gate": ["1 m", "2 m"], "link": {"set": "cars[0].link", "list": ["wifi", "lte"]}}``.
+    Returns one row per point, metric, method, placement and component: the axes' values, the mean over seeds
+    (``value``), its 95 % t interval (``low``, ``high``) and the number of ``runs``; with ``every_run`` one row per run
+    instead, which ``differences`` takes. ``out``: a folder that gets the sweep's folder, and what is there is not run
+    again. Raises ``UserError``.
+    """
+    import pandas as pd
+
+    from genie_sim import parallel
+    from genie_sim.sweep.backends import Local
+    from genie_sim.sweep.design import read_design
+    from genie_sim.sweep.sweep import Sweep
+
+    named = dict(_axis(path, axis) for path, axis in axes.items())
+    given = {"name": "sweep", "scenario": str(scenario), "axes": named, "set": dict(settings or {}), "samples": samples}
+    design = read_design({**given, "seeds": seeds if isinstance(seeds, int) else list(seeds)}, "sweep")
+    with tempfile.TemporaryDirectory() as scratch:
+        work = Sweep.of(design, "sweep", expanded(out or scratch), progress)
+        work.run(Local(jobs or parallel.workers_here()), progress=progress)
+        return pd.read_parquet(work.finish().folder / ("runs.parquet" if every_run else "table.parquet"))
+
+
+def _axis(path: str, axis: Any) -> tuple[str, Any]:
+    """A list stands for an axis along the setting that its name says, called by the last word of the path."""
+    if isinstance(axis, str) or not isinstance(axis, Sequence):
+        return path, axis
+    return re.findall(r"\w+", path)[-1], {"set": path, "list": list(axis)}
+
+
+def differences(runs: pd.DataFrame, along: str, to: Any) -> pd.DataFrame:
+    """Paired differences in a sweep's runs (``sweep(..., every_run=True)`` or ``runs.parquet``): of every value of the
+    column ``along``, an axis or ``method``, from the value ``to``, seed by seed, with 95 % t intervals.
+
+    Raises ``UserError``.
+    """
+    from genie_sim.sweep import tables
+
+    columns = list(runs.columns[3 : runs.columns.get_loc("metric")])
+    return tables.differences(runs, columns, along, to)
 
 
 def load_scenario(

@@ -20,6 +20,7 @@ import pytest
 from made_up_run import METHODS
 from scipy import stats
 
+import genie_sim
 from genie_sim import files, runner
 from genie_sim.analysis import metrics
 from genie_sim.cli import main
@@ -27,7 +28,7 @@ from genie_sim.core.similarity import Exact
 from genie_sim.errors import UserError
 from genie_sim.recording import provenance
 from genie_sim.scenario.scenario import load_scenario
-from genie_sim.sweep import tables, tasks
+from genie_sim.sweep import figures, tables, tasks
 from genie_sim.sweep.backends import Local
 from genie_sim.sweep.design import load_design
 from genie_sim.sweep.plan import plan
@@ -44,6 +45,7 @@ axes:
   gate: {set: [genie.object_map.gate, genie.view_range], grid: {from: 1 m, to: 3 m, points: 2}}
 """
 TABLES = ("table.parquet", "table.csv", "runs.parquet", "figures/rate.svg", "figures/gate.svg", "figures/gate.png")
+TABLES += ("figures/rate-gate.svg", "differences.parquet", "differences.csv")
 
 
 def write(text: str, name: str = "s.yaml") -> str:
@@ -245,9 +247,67 @@ def test_the_csv_says_the_same_as_the_parquet_file(uninterrupted):
 
 
 def test_each_axis_has_a_figure_and_the_folder_says_what_it_is(uninterrupted):
-    assert {path.stem for path in (uninterrupted / "figures").iterdir()} == {"rate", "gate"}
+    assert {path.stem for path in (uninterrupted / "figures").iterdir()} == {"rate", "gate", "rate-gate"}
     about = json.loads((uninterrupted / "sweep.json").read_text())
     assert (about["points"], about["runs"], about["sweep"]["scenario"]) == (4, 12, "1car_homo")
+
+
+def test_a_figure_along_an_axis_shows_every_value_of_the_other_one_and_no_mean_over_it(uninterrupted):
+    runs = pd.read_parquet(uninterrupted / "runs.parquet")
+    design = load_design(write(SMALL))
+    drawn = dict(figures.of_sweep(design, runs, "made up"))
+    titles = [panel.get_title() for panel in drawn["rate"].axes if panel.get_title()]
+    assert titles == ["gate [m] = 1", "gate [m] = 3"]
+    mean = runs[runs["metric"] == "first_answer_mean"].groupby(["gate [m]", "rate"])["value"].mean()
+    panels = [panel for panel in drawn["rate"].axes if "first answer" in panel.get_ylabel()]
+    shown = panels[0].get_lines()[0].get_xydata()
+    assert shown == pytest.approx(np.array([[0.1, mean[1.0, 0.1]], [0.5, mean[1.0, 0.5]]]))
+    cells = [text.get_text() for text in drawn["rate-gate"].axes[0].texts]
+    assert cells == [f"{mean[gate, rate]:.3g}" for rate in (0.1, 0.5) for gate in (1.0, 3.0)]
+
+
+def test_a_third_axis_has_figures_of_its_own_that_say_where_they_are(uninterrupted):
+    runs = pd.read_parquet(uninterrupted / "runs.parquet")
+    both = pd.concat([runs.assign(rule="ema"), runs.assign(rule="noisy_or")])
+    text = SMALL + "  rule: {set: genie.object_map.rule, list: [ema, noisy_or]}\n"
+    drawn = dict(figures.of_sweep(load_design(write(text)), both, "made up"))
+    assert list(drawn) == ["rate-1", "rate-2", "gate-1", "gate-2", "rule-1", "rule-2", "rate-gate-1", "rate-gate-2"]
+    assert drawn["rate-2"].get_suptitle().replace("\n", " ").endswith("at rule = noisy_or")
+
+
+def test_differences_are_paired_by_seed(uninterrupted):
+    """Source: SciPy's paired t interval over seeds 1 to 3."""
+    runs = pd.read_parquet(uninterrupted / "runs.parquet")
+    mine = runs[(runs["metric"] == "first_answer_mean") & (runs["gate [m]"] == 3.0)]
+    low, high = (mine[mine["rate"] == rate].set_index("seed")["value"] for rate in (0.1, 0.5))
+    found = genie_sim.differences(runs, "rate", to=0.1)
+    row = found[(found["metric"] == "first_answer_mean") & (found["gate [m]"] == 3.0)].iloc[0]
+    gaps = high - low
+    assert (row["rate"], row["value"], row["runs"]) == (0.5, pytest.approx(gaps.mean()), 3)
+    expected = stats.t.interval(0.95, 2, gaps.mean(), stats.sem(gaps)) if gaps.std() else (gaps.mean(), gaps.mean())
+    assert (row["low"], row["high"]) == pytest.approx(expected)
+    written = pd.read_csv(uninterrupted / "differences.csv")
+    assert set(zip(written["along"], written["against"], strict=True)) == {("rate", 0.1), ("gate [m]", 1.0)}
+    same = written[(written["along"] == "rate") & (written["metric"] == row["metric"]) & (written["gate [m]"] == 3.0)]
+    assert same["value"].tolist() == [pytest.approx(row["value"])]
+
+
+def test_differences_name_columns_and_values_that_are_not_there(uninterrupted):
+    runs = pd.read_parquet(uninterrupted / "runs.parquet")
+    with pytest.raises(UserError, match=r"unknown column 'speed'; known: gate \[m\], method, rate"):
+        genie_sim.differences(runs, "speed", to=1)
+    with pytest.raises(UserError, match=r"method: unknown value 'local'; known: genie"):
+        genie_sim.differences(runs, "method", to="local")
+
+
+def test_a_sweep_from_python_is_that_of_the_file(uninterrupted):
+    settings = {"cars[0].route.window": ["0 s", "1 s"], "methods": ["genie"]}
+    axes = {"genie.object_map.rate": [0.1, 0.5]}
+    axes["gate"] = {"set": ["genie.object_map.gate", "genie.view_range"], "list": ["1 m", "3 m"]}
+    made = genie_sim.sweep("1car_homo", axes, settings, seeds=3, jobs=1)
+    pd.testing.assert_frame_equal(made, pd.read_parquet(uninterrupted / "table.parquet"))
+    with pytest.raises(UserError, match=r"^sweep: speed: unknown field"):
+        genie_sim.sweep("1car_homo", {"speed": [1, 2]}, settings, seeds=1)
 
 
 def test_what_a_spreadsheet_would_take_for_a_formula_is_made_harmless_and_numbers_stay_numbers(tmp_path):

@@ -256,6 +256,11 @@ class Design(Model):
         return int(np.prod(crossed, dtype=object)) * (self.samples or 1) * len(self.seeds)
 
     @property
+    def crossed(self) -> list[str]:
+        """The axes of which every combination is made."""
+        return [name for name, axis in self.axes.items() if not axis.sampled]
+
+    @property
     def columns(self) -> dict[str, str]:
         """The column of each axis in the tables: its name, and its unit in brackets."""
         return {name: f"{name} [{axis.unit}]" if axis.unit else name for name, axis in self.axes.items()}
@@ -294,7 +299,10 @@ def _overrides(settings: Mapping[str, Any]) -> tuple[str, ...]:
 def load_design(path_or_name: str | Path) -> Design:
     """A sweep file, by path or by name. Raises ``UserError``."""
     path = files.find(files.SWEEP, path_or_name)
-    data = read_mapping(path)
-    data.setdefault("name", path.stem)
-    return validate(Design, data, lambda field: str(path))
+    return read_design({"name": path.stem, **read_mapping(path)}, str(path))
+
+
+def read_design(data: Mapping[str, Any], where: str) -> Design:
+    """A sweep as in YAML; ``where`` it comes from is in front of what is wrong with it. Raises ``UserError``."""
+    return validate(Design, data, lambda field: where)
 

@@ -1,9 +1,10 @@
-"""One figure per axis of a sweep: what reuse, boost and response times do along it."""
+"""Figures of a sweep: what reuse, response times and correctness do along each axis, and over two axes at once."""
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 from matplotlib.axes import Axes
@@ -13,14 +14,16 @@ from matplotlib.ticker import FuncFormatter, NullLocator
 from genie_sim.analysis import style
 from genie_sim.analysis.drawing import finish, in_style
 from genie_sim.analysis.statistics import across_seeds
-from genie_sim.analysis.style import PAGE_IN, PLACEMENTS, percent_tick
-from genie_sim.sweep.design import Axis
+from genie_sim.analysis.style import PAGE_IN, PLACEMENTS, percent_tick, thinned
+from genie_sim.sweep.design import Axis, Design, Level
 
 if TYPE_CHECKING:
     import pandas as pd
 
 LOGARITHMIC_FROM = 20.0  # a list that spans so much, largest to smallest
 MOST_TICKS = 8
+MOST_COLUMNS = 4  # of panels, side by side
+MOST_PLACES = 6  # of the axes beyond the second, each with figures of its own
 LEVEL_CHARACTERS = 16  # of a value that is a text, as in the page
 PANELS = {  # metric -> label of its panel
     "image_reuse": "image reuse",
@@ -30,45 +33,138 @@ PANELS = {  # metric -> label of its panel
     "fresh_answer_mean": "fresh answer, mean [ms]",
     "under_deadline_share": "answered in 33 ms",
     "fresh_answered_share": "with a fresh answer",
+    "streaming_f1": "streaming F1",
     "ghost_share": "ghost share",
     "object_recall": "object recall",
 }
+HEATED = ("first_answer_mean", "object_reuse", "streaming_f1", "ghost_share")  # drawn as heat maps
 SHARES = (
-    "image_reuse", "object_reuse", "under_deadline_share", "fresh_answered_share", "ghost_share", "object_recall"
+    "image_reuse", "object_reuse", "under_deadline_share", "fresh_answered_share", "streaming_f1", "ghost_share",
+    "object_recall",
 )  # fmt: skip
 MARKER_ROOM = 0.03  # above the highest value, of the panel's height
 
 
+def of_sweep(design: Design, runs: pd.DataFrame, footer: str) -> Iterator[tuple[str, Figure]]:
+    """Every figure with the name of its file; ``runs`` is ``tables.of_runs``.
+
+    Along each axis, with a column of panels for each value of one other axis; a heat map of the first two crossed
+    axes. Where there are more axes, every combination of their first values has figures of its own. Only over values
+    that were drawn is anything averaged, and the title says so.
+    """
+    columns, crossed = design.columns, design.crossed
+    for name, axis in design.axes.items():
+        others = [other for other in crossed if other != name]
+        averaged = [] if axis.sampled else [columns[other] for other in design.axes if other not in crossed]
+        beside = columns[others[0]] if others else None
+        for suffix, said, here in _places(runs, [columns[other] for other in others[1:]]):
+            yield f"{name}{suffix}", along(axis, columns[name], here, footer, beside, averaged, said)
+    if len(crossed) > 1:
+        first, second = crossed[:2]
+        for suffix, said, here in _places(runs, [columns[other] for other in crossed[2:]]):
+            yield f"{first}-{second}{suffix}", heat(columns[first], columns[second], here, footer, said)
+
+
+def _places(runs: pd.DataFrame, columns: Sequence[str]) -> Iterator[tuple[str, str, pd.DataFrame]]:
+    """The runs at every combination of values of these columns, with a suffix for file names and words for titles."""
+    values = [list(dict.fromkeys(runs[column])) for column in columns]
+    for number, place in enumerate(itertools.islice(itertools.product(*values), MOST_PLACES), start=1):
+        here = runs
+        for column, value in zip(columns, place, strict=True):
+            here = here[here[column] == value]
+        said = ", ".join(f"{column} = {_shortened(value)}" for column, value in zip(columns, place, strict=True))
+        yield (f"-{number}" if columns else ""), said, here
+
+
 @in_style()
-def along(axis: Axis, column: str, runs: pd.DataFrame, footer: str, others: Sequence[str] = ()) -> Figure:
-    """Means along one axis with their 95 % intervals across seeds; over ``others`` it is averaged, seed by seed.
+def along(
+    axis: Axis,
+    column: str,
+    runs: pd.DataFrame,
+    footer: str,
+    beside: str | None = None,
+    averaged: Sequence[str] = (),
+    at: str = "",
+) -> Figure:
+    """Means along one axis with their 95 % intervals across seeds: a row of panels a metric, and with ``beside``
+    another axis a column for each of its values. ``averaged`` axes and where the runs are ``at`` stand in the title.
 
     Drawn values of a sampled axis are no line but points, for the other sampled axes differ from one to the next.
-    ``runs`` is ``tables.of_runs``.
     """
-    means = across_seeds(runs.dropna(subset=["metric"]), [column])
+    levels: Sequence[Any] = list(dict.fromkeys(runs[beside])) if beside else [None]
+    kept = [levels[place] for place in thinned(len(levels), MOST_COLUMNS)]
+    means = across_seeds(runs.dropna(subset=["metric"]), [column, *([beside] if beside else [])])
     methods = list(dict.fromkeys(means["method"]))
     shown = [panel for panel in PANELS.items() if (means["metric"] == panel[0]).any()]
-    rows = max(1, -(-len(shown) // 3))
-    figure = Figure(figsize=(PAGE_IN, 1.3 + 1.9 * rows))
-    averaged = f", averaged over {', '.join(others)}" if others else ""
-    several = runs["seed"].nunique() > 1
-    shows = "means and 95 % intervals across seeds" if several else "one seed, so without intervals"
-    title = f"Along {column}: {shows}{averaged}"
-    grid = figure.subplots(rows, 3, squeeze=False)
-    for panel, (metric, label) in zip(grid.flat, shown, strict=False):
-        _draw(panel, axis, column, means[means["metric"] == metric], methods)
-        panel.set_ylabel(label)
+    wide = 3 if beside is None else len(kept)
+    rows = max(1, -(-len(shown) // 3)) if beside is None else max(1, len(shown))
+    figure = Figure(figsize=(PAGE_IN, 1.3 + (1.9 if beside is None else 1.5) * rows))
+    grid = figure.subplots(rows, wide, squeeze=False, sharey=False if beside is None else "row")
+    panels = [(metric, label, level) for metric, label in shown for level in kept]
+    for panel, (metric, label, level) in zip(grid.flat, panels, strict=False):
+        mine = means[means["metric"] == metric]
+        _draw(panel, axis, column, mine if level is None else mine[mine[beside] == level], methods)
+        leftmost = panel.get_subplotspec().is_first_col()
+        panel.set_ylabel(label if leftmost or beside is None else "")
         panel.set_xlabel(f"{column}, logarithmic" if panel.get_xscale() == "log" else column)
+        if level is not None and metric == shown[0][0]:
+            panel.set_title(f"{beside} = {_shortened(level)}")
         if metric in SHARES:
             panel.yaxis.set_major_formatter(FuncFormatter(percent_tick))
         low, high = panel.get_ylim()
         low = min(0.0, low)
         panel.set_ylim(low, high + MARKER_ROOM * (high - low))
-    for panel in list(grid.flat)[len(shown) :]:
+    for panel in list(grid.flat)[len(panels) :]:
         panel.remove()
-    finish(figure, title, footer, figure.axes)
+    some = f", {len(kept)} of {len(levels)} values of {beside}" if len(kept) < len(levels) else ""
+    over = f", averaged over {', '.join(averaged)}" if averaged else ""
+    finish(figure, f"Along {column}: {_shows(runs)}{some}{over}{', at ' + at if at else ''}", footer, figure.axes)
     return figure
+
+
+@in_style()
+def heat(first: str, second: str, runs: pd.DataFrame, footer: str, at: str = "") -> Figure:
+    """Means across seeds over two axes, ``second`` to the right and ``first`` upwards: a row of panels a metric, a
+    column a method. Darker is more, on one scale a metric; of Genies' metrics those on cars are shown."""
+    means = across_seeds(runs.dropna(subset=["metric"]), [first, second])
+    means = means[means["placement"].isin(("all", "car")) & means["metric"].isin(HEATED) & means["value"].notna()]
+    methods = list(dict.fromkeys(means["method"]))
+    metrics = [metric for metric in HEATED if (means["metric"] == metric).any()]
+    up, right = ([*dict.fromkeys(runs[column])] for column in (first, second))
+    height_in = 1.0 + len(metrics) * (0.8 + 0.22 * len(up))
+    figure = Figure(figsize=(PAGE_IN, max(2.0, height_in)))
+    grid = figure.subplots(max(1, len(metrics)), max(1, len(methods)), squeeze=False)
+    for row, metric in zip(grid, metrics, strict=False):
+        mine = means[means["metric"] == metric]
+        ends = (float(mine["value"].min()), float(mine["value"].max()))
+        for panel, method in zip(row, methods, strict=True):
+            cells = mine[mine["method"] == method].pivot_table(index=first, columns=second, values="value", sort=False)
+            if cells.empty:
+                panel.set_axis_off()
+                continue
+            _heat_map(panel, cells.reindex(index=up, columns=right), ends, percent=metric in SHARES)
+            panel.set_title(f"{method}: {PANELS[metric]}")
+            panel.set_xlabel(second)
+            panel.set_ylabel(first if panel.get_subplotspec().is_first_col() else "")
+    finish(figure, f"Over {first} and {second}: means{', at ' + at if at else ''}", footer)
+    return figure
+
+
+def _heat_map(panel: Axes, cells: pd.DataFrame, ends: tuple[float, float], percent: bool) -> None:
+    values = cells.to_numpy(float)
+    panel.imshow(values, cmap="Blues", aspect="auto", origin="lower", vmin=ends[0], vmax=ends[1])
+    panel.grid(False)
+    panel.set_xticks(range(values.shape[1]), [_shortened(level) for level in cells.columns])
+    panel.set_yticks(range(values.shape[0]), [_shortened(level) for level in cells.index])
+    middle = sum(ends) / 2
+    for (y, x), value in [(place, values[place]) for place in itertools.product(*map(range, values.shape))]:
+        if not math.isnan(value):
+            text = f"{100 * value:.0f} %" if percent else f"{value:.3g}"
+            panel.text(x, y, text, ha="center", va="center", color="white" if value > middle else "black", fontsize=7)
+
+
+def _shows(runs: pd.DataFrame) -> str:
+    return "means and 95 % intervals across seeds" if runs["seed"].nunique() > 1 else "one seed, so without intervals"
 
 
 def _draw(panel: Axes, axis: Axis, column: str, means: pd.DataFrame, methods: Sequence[str]) -> None:
@@ -87,7 +183,7 @@ def _draw(panel: Axes, axis: Axis, column: str, means: pd.DataFrame, methods: Se
             line["linestyle"] = "none"
         panel.errorbar(x, mine["value"], yerr=ends, markersize=3.5, capsize=2, **line)
     if not numeric:
-        names = [_shortened(str(level)) for level in levels]
+        names = [_shortened(level) for level in levels]
         panel.set_xticks(range(len(names)), names)
         if sum(map(len, names)) >= 24:
             for name in panel.get_xticklabels():
@@ -127,6 +223,7 @@ def _round_ticks(low: float, high: float) -> list[float]:
     return [tick for tick in ticks if low <= tick <= high] or [low, high]
 
 
-def _shortened(text: str) -> str:
+def _shortened(level: Level) -> str:
+    text = level if isinstance(level, str) else f"{level:g}"
     return text if len(text) <= LEVEL_CHARACTERS else f"{text[: LEVEL_CHARACTERS - 1]}…"
 

@@ -56,10 +56,14 @@ class Sweep:
     @classmethod
     def load(cls, path_or_name: str | Path, out: Path, progress: Progress | None = None) -> Sweep:
         """Reads and checks the sweep and its folder. Raises ``UserError``."""
-        design = load_design(path_or_name)
+        return cls.of(load_design(path_or_name), str(files.find(files.SWEEP, path_or_name)), out, progress)
+
+    @classmethod
+    def of(cls, design: Design, where: str, out: Path, progress: Progress | None = None) -> Sweep:
+        """Checks a sweep and its folder; ``where`` the sweep comes from. Raises ``UserError``."""
         folder = out / design.name
         _check(folder)
-        return cls(design, folder, plan(design, str(files.find(files.SWEEP, path_or_name)), progress))
+        return cls(design, folder, plan(design, where, progress))
 
     def run(self, backend: Local | Dask, shard: tuple[int, int] = (1, 1), progress: Progress | None = None) -> None:
         """Runs what is missing of a shard ``(i, n)``. Raises ``UserError``; where runs failed, when all others are
@@ -122,7 +126,7 @@ class Sweep:
 
     def _forget_results(self) -> None:
         """Tables, figures and page of earlier axes or fewer seeds; the parts stay."""
-        old = ("table.*", "runs.parquet", "figures/*", "report.html")
+        old = ("table.*", "differences.*", "runs.parquet", "figures/*", "report.html")
         for path in itertools.chain.from_iterable(map(self.folder.glob, old)):
             path.unlink(missing_ok=True)
 
@@ -141,11 +145,12 @@ class Sweep:
         tables.write_parquet(runs, self.folder / "runs.parquet", {b"genie_sim": about})
         tables.write_parquet(points, self.folder / "table.parquet", {b"genie_sim": about})
         tables.write_csv(points, self.folder / "table.csv")
+        crossed = [self.design.columns[name] for name in self.design.crossed]
+        compared = tables.all_differences(runs, columns, crossed)
+        tables.write_parquet(compared, self.folder / "differences.parquet", {b"genie_sim": about})
+        tables.write_csv(compared, self.folder / "differences.csv")
         (self.folder / "figures").mkdir(exist_ok=True)
-        for name, axis in self.design.axes.items():
-            drawn_together = {other for other, its in self.design.axes.items() if axis.sampled and its.sampled}
-            others = [other for other in self.design.axes if other not in {name, *drawn_together}]
-            figure = figures.along(axis, self.design.columns[name], runs, self._footer(), others)
+        for name, figure in figures.of_sweep(self.design, runs, self._footer()):
             of_runs.save(figure, self.folder / "figures", name)
         self._write_about()  # another sweep of this name may have begun in the meantime
         for leftover in self._parts.glob(f".*{PARTIAL}"):

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from genie_sim.analysis.statistics import across_seeds
-from genie_sim.errors import UserError
+from genie_sim.errors import UserError, unknown
 from genie_sim.paths import atomic_write
 from genie_sim.recording import tables
 from genie_sim.sweep.plan import Entry
@@ -59,6 +59,39 @@ def of_points(runs: pd.DataFrame, columns: Sequence[str]) -> pd.DataFrame:
     means = across_seeds(runs, ["point"])
     places = runs[["point", *columns]].drop_duplicates("point")
     return places.merge(means, on="point", how="left")
+
+
+def differences(runs: pd.DataFrame, columns: Sequence[str], along: str, to: Any) -> pd.DataFrame:
+    """Paired differences of every metric: each value of the column ``along`` minus the value ``to``, seed by seed.
+
+    ``runs`` is ``of_runs`` with the axes in ``columns``; ``along`` is one of them or ``method``. Returns the axes,
+    the metric, its mean difference ``value``, the 95 % t interval ``low`` and ``high``, and ``runs``, the pairs that
+    define it. Raises ``UserError`` for a column or a value that is not there.
+    """
+    known = [*columns, "method"]
+    if along not in known:
+        raise UserError(f"differences: {unknown('column', along, known)}")
+    found = list(dict.fromkeys(runs[along].dropna()))
+    if to not in found:
+        raise UserError(f"differences: {along}: {unknown('value', str(to), map(str, found))}")
+    every = [*columns, "method", "metric", "placement", "component", "unit", "seed"]
+    paired_by = [name for name in every if name != along]
+    reference = runs[runs[along] == to][[*paired_by, "value"]]
+    others = runs[(runs[along] != to) & runs["metric"].notna()]
+    both = others.merge(reference, on=paired_by, suffixes=("", "_reference"))
+    return across_seeds(both.assign(value=both["value"] - both["value_reference"]), columns)
+
+
+def all_differences(runs: pd.DataFrame, columns: Sequence[str], crossed: Sequence[str]) -> pd.DataFrame:
+    """Paired differences of methods from the first method, and along each ``crossed`` column from its first value:
+    ``along`` and ``against`` say which."""
+    import pandas as pd
+
+    found = []
+    for along in ("method", *crossed):
+        first = runs[along].dropna().iloc[0]
+        found.append(differences(runs, columns, along, first).assign(along=along, against=str(first)))
+    return pd.concat(found, ignore_index=True)
 
 
 def write_parquet(table: pd.DataFrame, path: Path, about: Mapping[bytes, bytes]) -> None:
