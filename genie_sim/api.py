@@ -207,9 +207,9 @@ def sweep(
     import pandas as pd
 
     from genie_sim import parallel
-    from genie_sim.sweep.backends import Local
-    from genie_sim.sweep.design import read_design
-    from genie_sim.sweep.sweep import Sweep
+    from genie_sim.sweeps.backends import Local
+    from genie_sim.sweeps.design import read_design
+    from genie_sim.sweeps.sweep import Sweep
 
     named = dict(_axis(path, axis) for path, axis in axes.items())
     given = {"name": "sweep", "scenario": str(scenario), "axes": named, "set": dict(settings or {}), "samples": samples}
@@ -233,7 +233,7 @@ def differences(runs: pd.DataFrame, along: str, to: Any) -> pd.DataFrame:
 
     Raises ``UserError``.
     """
-    from genie_sim.sweep import tables
+    from genie_sim.sweeps import tables
 
     columns = list(runs.columns[3 : runs.columns.get_loc("metric")])
     return tables.differences(runs, columns, along, to)

@@ -104,7 +104,7 @@ def _write_page(folder: Path, path: Path, start_ns: int) -> None:
     from genie_sim import report
     from genie_sim.paper import page as evaluation
     from genie_sim.recording import results
-    from genie_sim.sweep import page as sweep
+    from genie_sim.sweeps import page as sweep
 
     for name, write in {"verdicts.json": evaluation.write, "sweep.json": sweep.write}.items():
         if (folder / name).is_file():
@@ -233,8 +233,8 @@ def sweep(
     if (backend == "dask") != (scheduler is not None):
         raise typer.BadParameter("--backend dask and --scheduler ADDRESS belong together")
     from genie_sim import parallel
-    from genie_sim.sweep.backends import Dask, Local
-    from genie_sim.sweep.sweep import Sweep
+    from genie_sim.sweeps.backends import Dask, Local
+    from genie_sim.sweeps.sweep import Sweep
 
     with Progress(unit="points") as progress:
         work = Sweep.load(sweep, out, progress)

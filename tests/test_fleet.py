@@ -23,9 +23,9 @@ from genie_sim.scenario.faults import FaultEntry
 from genie_sim.scenario.fleet import Fleet
 from genie_sim.scenario.scenario import Scenario, load_scenario, read_scenario
 from genie_sim.scenario.yaml_input import parse
-from genie_sim.sweep.design import load_design
-from genie_sim.sweep.plan import plan
-from genie_sim.sweep.tasks import Finished, Task, run_task
+from genie_sim.sweeps.design import load_design
+from genie_sim.sweeps.plan import plan
+from genie_sim.sweeps.tasks import Finished, Task, run_task
 from genie_sim.town import Town
 from genie_sim.units import NS_PER_MS, NS_PER_S
 

@@ -10,9 +10,9 @@ import pandas as pd
 import pytest
 
 from genie_sim.cli import main
-from genie_sim.sweep import figures
-from genie_sim.sweep import page as sweep
-from genie_sim.sweep.design import load_design
+from genie_sim.sweeps import figures
+from genie_sim.sweeps import page as sweep
+from genie_sim.sweeps.design import load_design
 from tests.browser import Browser, installed
 from tests.test_report import EVIL, MEGABYTE, embedded, picture
 

@@ -28,11 +28,11 @@ from genie_sim.core.similarity import Exact
 from genie_sim.errors import UserError
 from genie_sim.recording import provenance
 from genie_sim.scenario.scenario import load_scenario
-from genie_sim.sweep import figures, tables, tasks
-from genie_sim.sweep.backends import Local
-from genie_sim.sweep.design import load_design
-from genie_sim.sweep.plan import plan
-from genie_sim.sweep.sweep import Sweep
+from genie_sim.sweeps import figures, tables, tasks
+from genie_sim.sweeps.backends import Local
+from genie_sim.sweeps.design import load_design
+from genie_sim.sweeps.plan import plan
+from genie_sim.sweeps.sweep import Sweep
 from genie_sim.town import town
 from tests.conftest import REPOSITORY
 
@@ -306,7 +306,7 @@ def test_a_sweep_from_python_is_that_of_the_file(uninterrupted):
     axes["gate"] = {"set": ["genie.object_map.gate", "genie.view_range"], "list": ["1 m", "3 m"]}
     made = genie_sim.sweep("1car_homo", axes, settings, seeds=3, jobs=1)
     pd.testing.assert_frame_equal(made, pd.read_parquet(uninterrupted / "table.parquet"))
-    with pytest.raises(UserError, match=r"^sweep: speed: unknown field"):
+    with pytest.raises(UserError, match=r"^sweep: speed=1: speed: unknown field"):
         genie_sim.sweep("1car_homo", {"speed": [1, 2]}, settings, seeds=1)
 
 
@@ -556,7 +556,7 @@ def test_a_dask_worker_that_is_killed_loses_nothing(uninterrupted):
 
 def test_a_scheduler_that_is_not_there_gets_one_line(capsys, monkeypatch):
     pytest.importorskip("distributed", reason="Dask comes with '.[dask]'")
-    monkeypatch.setattr("genie_sim.sweep.backends.SCHEDULER_TIMEOUT_S", 1)
+    monkeypatch.setattr("genie_sim.sweeps.backends.SCHEDULER_TIMEOUT_S", 1)
     assert main(["sweep", write(SMALL), "--backend", "dask", "--scheduler", "tcp://127.0.0.1:1"]) == 1
     one_line(capsys, "--scheduler tcp://127.0.0.1:1: no Dask scheduler answers there")
 

@@ -16,11 +16,11 @@ from genie_sim.paths import PARTIAL, atomic_write
 from genie_sim.perception.sources import Progress
 from genie_sim.recording import provenance
 from genie_sim.recording.tables import other_format
-from genie_sim.sweep import tables
-from genie_sim.sweep.backends import Dask, Local
-from genie_sim.sweep.design import Design, load_design
-from genie_sim.sweep.plan import Plan, plan, share, tasks
-from genie_sim.sweep.tasks import Failure
+from genie_sim.sweeps import tables
+from genie_sim.sweeps.backends import Dask, Local
+from genie_sim.sweeps.design import Design, load_design
+from genie_sim.sweeps.plan import Plan, plan, share, tasks
+from genie_sim.sweeps.tasks import Failure
 
 FORMAT = 2
 ABOUT = "sweep.json"
@@ -136,7 +136,7 @@ class Sweep:
 
     def _write(self) -> None:
         from genie_sim.analysis import figures as of_runs
-        from genie_sim.sweep import figures, page
+        from genie_sim.sweeps import figures, page
 
         columns = list(self.design.columns.values())
         runs = tables.of_runs(self.plan.entries, columns, tables.read_parts(self._parts, self.plan.runs.keys()))

@@ -13,8 +13,8 @@ from genie_sim.recording import provenance
 from genie_sim.runner import Prepared
 from genie_sim.scenario.profiles import DeviceProfile
 from genie_sim.scenario.scenario import Scenario, load_scenario
-from genie_sim.sweep.design import Design, Level
-from genie_sim.sweep.tasks import Run, Shared, Task
+from genie_sim.sweeps.design import Design, Level
+from genie_sim.sweeps.tasks import Run, Shared, Task
 
 TASK_FRAMES = 30_000  # about ten seconds of work, which is what a kill may cost a worker
 LEAST_TASKS_A_WORKER = 4  # so that no worker waits long for the last one

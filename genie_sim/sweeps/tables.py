@@ -14,8 +14,8 @@ from genie_sim.analysis.statistics import across_seeds
 from genie_sim.errors import UserError, unknown
 from genie_sim.paths import atomic_write
 from genie_sim.recording import tables
-from genie_sim.sweep.plan import Entry
-from genie_sim.sweep.tasks import PART
+from genie_sim.sweeps.plan import Entry
+from genie_sim.sweeps.tasks import PART
 
 if TYPE_CHECKING:
     import pandas as pd

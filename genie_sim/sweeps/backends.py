@@ -7,7 +7,7 @@ from collections.abc import Generator, Sequence
 
 from genie_sim.errors import UserError
 from genie_sim.parallel import in_processes
-from genie_sim.sweep.tasks import Finished, Shared, Task, run_task
+from genie_sim.sweeps.tasks import Finished, Shared, Task, run_task
 
 SCHEDULER_TIMEOUT_S = 10
 WORKERS_TIMEOUT_S = 120

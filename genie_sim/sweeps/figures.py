@@ -15,7 +15,7 @@ from genie_sim.analysis import style
 from genie_sim.analysis.drawing import finish, in_style
 from genie_sim.analysis.statistics import across_seeds
 from genie_sim.analysis.style import PAGE_IN, PLACEMENTS, percent_tick, thinned
-from genie_sim.sweep.design import Axis, Design, Level
+from genie_sim.sweeps.design import Axis, Design, Level
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -29,8 +29,8 @@ PANELS = {  # metric -> label of its panel
     "image_reuse": "image reuse",
     "object_reuse": "object reuse",
     "confidence_boost": "confidence boost",
-    "first_answer_mean": "first answer, mean [ms]",
-    "fresh_answer_mean": "fresh answer, mean [ms]",
+    "first_answer_mean": "first answer [ms]",
+    "fresh_answer_mean": "fresh answer [ms]",
     "under_deadline_share": "answered in 33 ms",
     "fresh_answered_share": "with a fresh answer",
     "streaming_f1": "streaming F1",
@@ -93,29 +93,31 @@ def along(
     """
     levels: Sequence[Any] = list(dict.fromkeys(runs[beside])) if beside else [None]
     kept = [levels[place] for place in thinned(len(levels), MOST_COLUMNS)]
-    means = across_seeds(runs.dropna(subset=["metric"]), [column, *([beside] if beside else [])])
+    means = across_seeds(runs[runs["component"] == ""], [column, *([beside] if beside else [])])
     methods = list(dict.fromkeys(means["method"]))
     shown = [panel for panel in PANELS.items() if (means["metric"] == panel[0]).any()]
     wide = 3 if beside is None else len(kept)
     rows = max(1, -(-len(shown) // 3)) if beside is None else max(1, len(shown))
-    figure = Figure(figsize=(PAGE_IN, 1.3 + (1.9 if beside is None else 1.5) * rows))
+    figure = Figure(figsize=(PAGE_IN, 1.3 + (1.9 if beside is None else 1.3) * rows))
     grid = figure.subplots(rows, wide, squeeze=False, sharey=False if beside is None else "row")
     panels = [(metric, label, level) for metric, label in shown for level in kept]
     for panel, (metric, label, level) in zip(grid.flat, panels, strict=False):
         mine = means[means["metric"] == metric]
         _draw(panel, axis, column, mine if level is None else mine[mine[beside] == level], methods)
-        leftmost = panel.get_subplotspec().is_first_col()
-        panel.set_ylabel(label if leftmost or beside is None else "")
-        panel.set_xlabel(f"{column}, logarithmic" if panel.get_xscale() == "log" else column)
-        if level is not None and metric == shown[0][0]:
+        place = panel.get_subplotspec()
+        panel.set_ylabel(label if beside is None or place.is_first_col() else "")
+        if beside is None or place.is_last_row():
+            panel.set_xlabel(f"{column}, logarithmic" if panel.get_xscale() == "log" else column)
+        if level is not None and place.is_first_row():
             panel.set_title(f"{beside} = {_shortened(level)}")
         if metric in SHARES:
             panel.yaxis.set_major_formatter(FuncFormatter(percent_tick))
+    for panel in list(grid.flat)[len(panels) :]:
+        panel.remove()
+    for panel in figure.axes if beside is None else grid[:, 0]:  # after all are drawn, for a row shares its limits
         low, high = panel.get_ylim()
         low = min(0.0, low)
         panel.set_ylim(low, high + MARKER_ROOM * (high - low))
-    for panel in list(grid.flat)[len(panels) :]:
-        panel.remove()
     some = f", {len(kept)} of {len(levels)} values of {beside}" if len(kept) < len(levels) else ""
     over = f", averaged over {', '.join(averaged)}" if averaged else ""
     finish(figure, f"Along {column}: {_shows(runs)}{some}{over}{', at ' + at if at else ''}", footer, figure.axes)
@@ -126,7 +128,7 @@ def along(
 def heat(first: str, second: str, runs: pd.DataFrame, footer: str, at: str = "") -> Figure:
     """Means across seeds over two axes, ``second`` to the right and ``first`` upwards: a row of panels a metric, a
     column a method. Darker is more, on one scale a metric; of Genies' metrics those on cars are shown."""
-    means = across_seeds(runs.dropna(subset=["metric"]), [first, second])
+    means = across_seeds(runs[runs["component"] == ""], [first, second])
     means = means[means["placement"].isin(("all", "car")) & means["metric"].isin(HEATED) & means["value"].notna()]
     methods = list(dict.fromkeys(means["method"]))
     metrics = [metric for metric in HEATED if (means["metric"] == metric).any()]
@@ -146,7 +148,7 @@ def heat(first: str, second: str, runs: pd.DataFrame, footer: str, at: str = "")
             panel.set_title(f"{method}: {PANELS[metric]}")
             panel.set_xlabel(second)
             panel.set_ylabel(first if panel.get_subplotspec().is_first_col() else "")
-    finish(figure, f"Over {first} and {second}: means{', at ' + at if at else ''}", footer)
+    finish(figure, f"Over {first} and {second}: means across seeds, darker is more{', at ' + at if at else ''}", footer)
     return figure
 
 
