@@ -40,7 +40,7 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     "ros": ("core", "scenario", "recording", "perception"),
     "paper": _RUN,
     "sweeps": _RUN,
-    "api": _RUN,
+    "api": (*_RUN, "sweeps"),
     "catalogue": _READ,
     "arguments": (*_READ, "catalogue"),
     "cli_perceive": (*_READ, "ros", "arguments"),
