@@ -80,7 +80,7 @@ class Figures:
 
     def latency_cdf(self, of: str = "published") -> Figure:
         """Distribution of response times, as shares of the ``published`` or of the ``answered`` frames."""
-        return self._draw("latency_cdf", {self._run.name: self._run.frames}, of=of)
+        return self._draw("latency_cdf", {self._run.name: self._run.tables["frames"]}, of=of)
 
     def latency_accuracy(self) -> Figure:
         """Mean time to first answer against streaming F1, or against the proxy where the truth is not known."""
@@ -90,19 +90,19 @@ class Figures:
 
     def image_reuse(self) -> Figure:
         """Hits / requests of the message caches, on cars and on edges."""
-        return self._draw("image_reuse", {self._run.name: self._run.lookups})
+        return self._draw("image_reuse", {self._run.name: self._run.tables["lookups"]})
 
     def object_reuse(self) -> Figure:
         """Object look-ups answered by an object with C >= C_T, on cars and on edges."""
-        return self._draw("object_reuse", {self._run.name: self._run.lookups})
+        return self._draw("object_reuse", {self._run.name: self._run.tables["lookups"]})
 
     def confidence_boost(self) -> Figure:
         """Running mean of C_new - C_old over the updates of the object maps."""
-        return self._draw("confidence_boost", {self._run.name: self._run.lookups})
+        return self._draw("confidence_boost", {self._run.name: self._run.tables["lookups"]})
 
     def resource_use(self) -> Figure:
         """Use of devices and links, and queues, over simulated time."""
-        return self._draw("resource_use", self._run.resources)
+        return self._draw("resource_use", self._run.tables["resources"])
 
     def _draw(self, name: str, table: Any, **more: str) -> Figure:
         """Imports matplotlib, which takes a while, only now."""
@@ -255,7 +255,7 @@ def load_scenario(
 
 
 def _in_hand(run: results.Run) -> Run:
-    return Run(**vars(run))
+    return Run(run.run_id, run.facts, run.yaml, run.tables, run.measured, run.folder)
 
 
 def _overrides(settings: Settings) -> Sequence[str]:

@@ -147,10 +147,10 @@ def _finished(prepared: Prepared, run_id: str, tables: Tables) -> Run:
     """The run that wrote these tables."""
     from genie_sim.analysis import metrics
 
-    read: dict[str, Any] = {table.name: table.to_frame() for table in tables}
-    judged = read["answers"], read["held"]
-    measured = metrics.compute(methods_of(prepared), read["frames"], read["lookups"], read["resources"], *judged)
-    return Run(run_id, facts(prepared), prepared.scenario.to_yaml(), measured=measured, **read)
+    read = {table.name: table.columns() for table in tables}
+    used = (read[name] for name in ("frames", "lookups", "resources", "answers", "held"))
+    measured = metrics.compute(methods_of(prepared), *used)
+    return Run(run_id, facts(prepared), prepared.scenario.to_yaml(), read, measured)
 
 
 def _fill(

@@ -87,7 +87,7 @@ def table(*rows: tuple[str, str, int, int, int]) -> pd.DataFrame:
     made = Table(ANSWERS)
     for number, (which, source, *counts) in enumerate(rows):
         made.append(("genie", "car1", "camera_02", number * SECOND, which, source, *counts))
-    return made.to_frame()
+    return made.columns()
 
 
 def values(found: Sequence[Metric]) -> dict[tuple[str, str], tuple[float | None, int]]:

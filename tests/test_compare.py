@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ import genie_sim as gs
 from genie_sim import cli, runner
 from genie_sim.analysis.compare import BLOCKS, COMPARED, SEEDS, Difference, compare
 from genie_sim.errors import UserError
+from genie_sim.recording.columns import Columns
 from genie_sim.recording.results import Run
 from genie_sim.report import comparison
 from genie_sim.scenario.scenario import load_scenario
@@ -77,7 +79,7 @@ def test_a_block_interval_by_hand(usual: list[Run]):
     seconds = (frames["stamp_ns"] // 10**9 - frames["stamp_ns"].min() // 10**9).to_numpy()
     late_ms = np.where(frames["method"] == "genie", 10.0, 20.0 + np.array([1.0, 4.0, 7.0])[seconds])
     frames["first_answer_ns"] = frames["stamp_ns"] + (late_ms * 1e6).astype(int)
-    made = compare([Run(**{**vars(usual[0]), "frames": frames})], ["remote", "genie"])
+    made = compare([replace(usual[0], tables={**usual[0].tables, "frames": Columns.of(frames)})], ["remote", "genie"])
     found = row(list(made.rows), "first_answer_mean", "genie")
     half = 4.302653 * 3.0 / np.sqrt(3)
     assert (found.difference, found.low, found.high) == pytest.approx((-14.0, -14.0 - half, -14.0 + half), rel=1e-6)

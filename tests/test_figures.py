@@ -13,6 +13,7 @@ import pytest
 from made_up_run import METHODS
 
 from genie_sim.analysis import figures, metrics, style
+from genie_sim.recording.columns import Columns
 from genie_sim.recording.records import FRAMES, LOOKUPS, RESOURCES
 from genie_sim.recording.results import MethodInfo, Run
 from genie_sim.recording.tables import Table
@@ -29,8 +30,8 @@ def tables() -> tuple[pd.DataFrame, pd.DataFrame, pd.DataFrame]:
 
 def run_of(frames, lookups, resources, methods=METHODS) -> Run:
     facts = {"scenario": {"name": "3car_hetero", "seed": 1}, "methods": [asdict(method) for method in methods]}
-    none = pd.DataFrame()
-    return Run("0123456789ab", facts, "", frames, lookups, resources, none, none, none, none, ())
+    tables = {"frames": frames, "lookups": lookups, "resources": resources}
+    return Run("0123456789ab", facts, "", {name: Columns.of(table) for name, table in tables.items()}, ())
 
 
 def words(path: Path) -> str:

@@ -193,7 +193,7 @@ def test_metrics_are_sums_over_instants():
         held = counts[0]
         table.append(("genie", "consumer", "car1", number * SECOND, *counts, 3.0 * number, 0.5 if held else None, None))
     table.append(("genie", "floor", "car1", 0, 1, 1, 0, 0, 0, 0, 1, 1, 0, 0, 0.0, 0.0, 0.25))
-    found = list(of_held(table.to_frame(), ["local", "genie"]))
+    found = list(of_held(table.columns(), ["local", "genie"]))
     expected = {
         "object_precision": 0.5, "object_recall": 0.4, "object_recall_static": 1 / 3, "object_recall_moving": 0.5,
         "streaming_f1": 4 / 9, "ghost_share": 0.5, "ghost_share_moved_away": 0.25, "ghost_share_never_there": 0.25,

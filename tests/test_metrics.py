@@ -11,6 +11,7 @@ import pytest
 from made_up_run import METHODS
 
 from genie_sim.analysis import metrics
+from genie_sim.recording.columns import Columns
 from genie_sim.recording.records import FRAMES, LOOKUPS, RESOURCES, Frame
 from genie_sim.recording.results import MethodInfo, Metric
 from genie_sim.recording.tables import Table
@@ -209,7 +210,7 @@ def test_error_bars_are_the_extreme_windows_of_50_requests():
 def test_windows_of_objects_hold_whole_messages():
     """20 requests a message: a window needs three messages, 60 requests, to hold 50."""
     table = lookup_table(*events("car1/genie", "sighting", [20, 0, 10, 20], requests=20))
-    windows = metrics.windowed_reuse(table)
+    windows = metrics.windowed_reuse(Columns.of(table))
     assert list(windows["t_ns"]) == [2 * S, 3 * S]
     assert list(windows["ratio"]) == [30 / 60, 30 / 60]
 
@@ -220,7 +221,7 @@ def test_the_running_boost_weighs_updates_not_events():
         ("genie", 1, "g", "car", "boost", None, "car1", "c", 0, None, 1, 0, 0, 0.00, 1),
         ("genie", 2, "g", "car", "boost", None, "car1", "c", 0, None, 3, 3, 3, 0.06, 1),
     )
-    curve = metrics.running_boost(table)
+    curve = metrics.running_boost(Columns.of(table))
     assert list(curve["updates"]) == [1, 4]
     assert list(curve["boost"]) == pytest.approx([0.10, 0.04])
 

@@ -18,6 +18,7 @@ from matplotlib.image import imread
 import genie_sim as gs
 from genie_sim import report
 from genie_sim.cli import main
+from genie_sim.recording.columns import Text
 from genie_sim.report import data, replay
 from tests.browser import Browser, installed
 
@@ -158,7 +159,7 @@ def test_what_a_map_forgets_is_gone_from_the_replay():
 
 
 def test_a_run_without_poses_says_so(run):
-    told = embedded(report.page(replace(run, poses=run.poses.iloc[:0])))
+    told = embedded(report.page(replace(run, tables={**run.tables, "poses": run.tables["poses"].rows([])})))
     assert told["replay"] is None
     assert any("no replay" in note for note in told["notes"])
 
@@ -230,15 +231,14 @@ def evil_run(run: gs.Run) -> gs.Run:
     facts = copy.deepcopy(dict(run.facts))
     facts["scenario"] |= {"name": EVIL, "description": EVIL, "model": EVIL}
     facts["scenario"]["cars"][0]["name"] = facts["scenario"]["edges"][0]["name"] = EVIL
-    tables = {}
+    tables = dict(run.tables)
     for name in ("frames", "lookups", "poses"):
-        tables[name] = getattr(run, name).copy()
         for column in ("car", "stream", "served_by", "genie"):
-            if column in tables[name]:
-                tables[name][column] = tables[name][column].cat.rename_categories(
-                    lambda text: text.replace("car1", EVIL).replace("camera_02", EVIL)
-                )
-    return replace(run, facts=facts, yaml=EVIL, **tables)
+            if column in tables[name].names:
+                text = tables[name][column]
+                evil = [one.replace("car1", EVIL).replace("camera_02", EVIL) for one in text.names]
+                tables[name] = tables[name].assign(**{column: Text.of(text.codes, evil)})
+    return replace(run, facts=facts, yaml=EVIL, tables=tables)
 
 
 def test_no_name_ends_the_data_or_becomes_markup(run):
@@ -535,7 +535,7 @@ def test_every_kind_of_run_has_its_page(browser, tmp_path, scenario, cars, setti
 
 
 def test_a_page_without_replay_still_draws(browser, tmp_path, run):
-    browser.open(replace(run, poses=run.poses.iloc[:0]).report(tmp_path / "r.html"))
+    browser.open(replace(run, tables={**run.tables, "poses": run.tables["poses"].rows([])}).report(tmp_path / "r.html"))
     assert browser.errors == []
     assert browser.evaluate("byId('street').hidden")
     assert "Street" not in browser.evaluate("document.querySelector('nav').innerText"), "no way to what is not there"

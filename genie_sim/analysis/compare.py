@@ -8,17 +8,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from genie_sim.analysis.metrics import DEADLINE_MS, response_ms
-from genie_sim.analysis.statistics import CONFIDENCE, Blocks, Floats, around
+from genie_sim.analysis.statistics import Blocks, Floats, around, t_quantile
 from genie_sim.errors import UserError, short_repr, unknown
+from genie_sim.recording.columns import Columns, Text, joined
 from genie_sim.recording.results import MethodInfo, Metric, Run
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 SEEDS, BLOCKS = "seeds", "blocks of 1 s"
 
@@ -26,8 +24,8 @@ SEEDS, BLOCKS = "seeds", "blocks of 1 s"
 class Sums(NamedTuple):
     """A metric as a ratio of sums over rows: of which car, when, above and below."""
 
-    car: pd.Series[Any]
-    stamp_ns: pd.Series[int]
+    car: Text
+    stamp_ns: Any
     above: Floats
     below: Floats
 
@@ -37,36 +35,36 @@ class Sums(NamedTuple):
         return float(self.above.sum()) / below if below else None
 
 
-def _of_frames(run: Run, method: str, values: Callable[[pd.DataFrame], tuple[Floats, Floats]]) -> Sums:
-    frames = run.frames[run.frames["method"] == method]
+def _of_frames(run: Run, method: str, values: Callable[[Columns], tuple[Floats, Floats]]) -> Sums:
+    frames = run.tables["frames"].where(method=method)
     return Sums(frames["car"], frames["stamp_ns"], *values(frames))
 
 
 def _latency(run: Run, method: str, answer: str) -> Sums:
-    def values(frames: pd.DataFrame) -> tuple[Floats, Floats]:
+    def values(frames: Columns) -> tuple[Floats, Floats]:
         times = response_ms(frames, answer)
         return np.nan_to_num(times), (~np.isnan(times)).astype(float)
 
     return _of_frames(run, method, values)
 
 
-def _share(run: Run, method: str, flags: Callable[[pd.DataFrame], Any]) -> Sums:
+def _share(run: Run, method: str, flags: Callable[[Columns], Any]) -> Sums:
     return _of_frames(run, method, lambda frames: (np.asarray(flags(frames), dtype=float), np.ones(len(frames))))
 
 
 def _proxy(run: Run, method: str, answer: str) -> Sums:
-    rows = run.answers[(run.answers["method"] == method) & (run.answers["which"] == answer)]
-    served, detected, matched = (rows[name].to_numpy(float) for name in ("served", "detected", "matched"))
+    rows = run.tables["answers"].where(method=method, which=answer)
+    served, detected, matched = map(rows.floats, ("served", "detected", "matched"))
     return Sums(rows["car"], rows["stamp_ns"], 2 * matched, served + detected)
 
 
-def _held(run: Run, method: str, values: Callable[[pd.DataFrame], tuple[Any, Any]]) -> Sums:
-    rows = run.held[(run.held["method"] == method) & (run.held["what"] == "consumer")]
+def _held(run: Run, method: str, values: Callable[[Columns], tuple[Any, Any]]) -> Sums:
+    rows = run.tables["held"].where(method=method, what="consumer")
     above, below = (np.asarray(one, dtype=float) for one in values(rows))
     return Sums(rows["car"], rows["stamp_ns"], above, below)
 
 
-def _visible(rows: pd.DataFrame) -> Any:
+def _visible(rows: Columns) -> Any:
     return rows["visible_static"] + rows["visible_moving"]
 
 
@@ -74,7 +72,10 @@ def _visible(rows: pd.DataFrame) -> Any:
 COMPARED: Mapping[str, tuple[str, Callable[[Run, str], Sums]]] = {
     "first_answer_mean": ("ms", lambda run, method: _latency(run, method, "first")),
     "fresh_answer_mean": ("ms", lambda run, method: _latency(run, method, "fresh")),
-    "answered_share": ("1", lambda run, method: _share(run, method, lambda one: one["first_answer_ns"].notna())),
+    "answered_share": (
+        "1",
+        lambda run, method: _share(run, method, lambda one: ~np.isnan(one.floats("first_answer_ns"))),
+    ),
     "under_deadline_share": (
         "1",
         lambda run, method: _share(run, method, lambda one: response_ms(one, "first") < DEADLINE_MS),
@@ -208,11 +209,9 @@ def _check(other: Arm, arm: Arm) -> None:
             names = sorted(name for name in {**drives[0], **drives[1]} if drives[0].get(name) != drives[1].get(name))
             raise UserError(f"{what}: other drives ({', '.join(names[:3])})")
         frames = [
-            set(zip(rows["car"], rows["stream"], rows["stamp_ns"], strict=True))
-            for rows in (
-                theirs.frames[theirs.frames["method"] == other.method.name],
-                mine.frames[mine.frames["method"] == arm.method.name],
-            )
+            set(zip(rows["car"].tolist(), rows["stream"].tolist(), rows["stamp_ns"].tolist(), strict=True))
+            for run, method in ((theirs, other.method), (mine, arm.method))
+            for rows in [run.tables["frames"].where(method=method.name)]
         ]
         if frames[0] != frames[1]:
             raise UserError(f"{what}: other frames ({len(frames[0]):,} and {len(frames[1]):,}): other cars or cameras")
@@ -246,20 +245,15 @@ def _difference(metric: str, arm: Arm, other: Arm | None) -> Difference | None:
 
 def _over_seeds(gaps: Sequence[float]) -> tuple[float, float]:
     """Mean and half of the t interval."""
-    from scipy.special import stdtrit
-
-    half = stdtrit(len(gaps) - 1, (1 + CONFIDENCE) / 2) * np.std(gaps, ddof=1) / np.sqrt(len(gaps))
+    half = t_quantile(len(gaps) - 1) * np.std(gaps, ddof=1) / np.sqrt(len(gaps))
     return float(np.mean(gaps)), float(half)
 
 
 def _over_blocks(mine: Sums, theirs: Sums) -> tuple[float, tuple[float | None, float | None], int] | None:
     """The difference of two ratios with its interval, and the number of blocks; ``None`` where one is not defined."""
-    import pandas as pd
-
     if mine.value is None or theirs.value is None:
         return None
-    cars = pd.concat([mine.car.astype(str), theirs.car.astype(str)])
-    blocks = Blocks(cars, pd.concat([mine.stamp_ns, theirs.stamp_ns]))
+    blocks = Blocks(joined([mine.car, theirs.car]), np.concatenate([mine.stamp_ns, theirs.stamp_ns]))
     none = [np.zeros(len(theirs.above)), np.zeros(len(mine.above))]
     ours = blocks.influence(*(np.concatenate([part, none[0]]) for part in (mine.above, mine.below)))
     other = blocks.influence(*(np.concatenate([none[1], part]) for part in (theirs.above, theirs.below)))

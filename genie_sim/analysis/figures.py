@@ -31,13 +31,15 @@ from genie_sim.analysis.metrics import (
     windowed_reuse,
 )
 from genie_sim.analysis.style import COLUMN_IN, PAGE_IN, PLACEMENTS, percent_tick, thinned
+from genie_sim.recording.columns import Columns
 from genie_sim.recording.results import MethodInfo, Run
 from genie_sim.units import NS_PER_S
 
 if TYPE_CHECKING:
     import pandas as pd
 
-Panels = Mapping[str, "pd.DataFrame"]
+Panels = Mapping[str, "Columns | pd.DataFrame"]
+Tables = Mapping[str, Columns]
 Methods = Sequence[MethodInfo]
 
 RESOURCE_KINDS = {
@@ -52,21 +54,22 @@ TITLE_CHARACTERS_PER_IN = 15
 
 def of_run(run: Run) -> dict[str, Figure]:
     """Every figure of one run, by file name, but of Genies and of use only what was simulated and recorded."""
-    frames, lookups, methods = {run.name: run.frames}, {run.name: run.lookups}, run.methods
+    frames, lookups, resources = (run.tables[name] for name in ("frames", "lookups", "resources"))
+    methods, panel = run.methods, run.name
     figures = {}
-    if drawable({run.name: run.measured}):
-        figures["latency_accuracy"] = latency_accuracy({run.name: run.measured}, methods, run.footer)
+    if drawable({panel: run.measured}):
+        figures["latency_accuracy"] = latency_accuracy({panel: run.measured}, methods, run.footer)
     figures |= {
-        "latency_cdf": latency_cdf(frames, methods, run.footer),
-        "latency_cdf_of_answered": latency_cdf(frames, methods, run.footer, of="answered"),
+        "latency_cdf": latency_cdf({panel: frames}, methods, run.footer),
+        "latency_cdf_of_answered": latency_cdf({panel: frames}, methods, run.footer, of="answered"),
     }
-    if len(run.resources):
-        of_cars = {f"{car}.accelerator" for car in run.frames["car"].unique()} & set(run.resources["resource"].unique())
-        figures["resources"] = resource_use(run.resources, methods, run.footer, "" if of_cars else "edges: ")
-    if len(run.lookups):
-        figures["image_reuse"] = image_reuse(lookups, methods, run.footer)
-        figures["object_reuse"] = object_reuse(lookups, methods, run.footer)
-        figures["confidence_boost"] = confidence_boost(lookups, methods, run.footer)
+    if len(resources):
+        of_cars = {f"{car}.accelerator" for car in frames["car"].unique()} & set(resources["resource"].unique())
+        figures["resources"] = resource_use(resources, methods, run.footer, "" if of_cars else "edges: ")
+    if len(lookups):
+        figures["image_reuse"] = image_reuse({panel: lookups}, methods, run.footer)
+        figures["object_reuse"] = object_reuse({panel: lookups}, methods, run.footer)
+        figures["confidence_boost"] = confidence_boost({panel: lookups}, methods, run.footer)
     return figures
 
 
@@ -108,12 +111,13 @@ def latency_cdf(panels: Panels, methods: Methods, footer: str = "", of: str = "p
     fresh answer is drawn where it differs from the first.
     """
     figure, axes = _grid(panels)
-    low, high = _limits_ms(panels)
-    for axis, (label, frames) in zip(axes, panels.items(), strict=True):
+    tables = {label: Columns.of(frames) for label, frames in panels.items()}
+    low, high = _limits_ms(tables)
+    for axis, (label, frames) in zip(axes, tables.items(), strict=True):
         shares: dict[str, list[str]] = {"answered": [], "fresh": []}
         for position, method in enumerate(methods):
-            mine = frames[frames["method"] == method.name]
-            if mine.empty:
+            mine = frames.where(method=method.name)
+            if not len(mine):
                 continue
             line = style.method_line(position)
             first, fresh = (_known(response_ms(mine, answer)) for answer in ("first", "fresh"))
@@ -138,14 +142,17 @@ def latency_cdf(panels: Panels, methods: Methods, footer: str = "", of: str = "p
 @in_style()
 def image_reuse(panels: Panels, methods: Methods, footer: str = "") -> Figure:
     """Hits / requests of the message caches, asked by their own clients (paper: Fig. "reuse-img")."""
-    of_clients = {label: _rows(lookups, kind="image", requester="client") for label, lookups in panels.items()}
+    of_clients = {
+        label: Columns.of(lookups).where(kind="image", requester="client") for label, lookups in panels.items()
+    }
     return _reuse_bars(of_clients, methods, "Image reuse", footer)
 
 
 @in_style()
 def object_reuse(panels: Panels, methods: Methods, footer: str = "") -> Figure:
     """Object look-ups answered by an object with C >= C_T / all of them (paper: Fig. "reuse-obj")."""
-    of_maps = {label: lookups[lookups["kind"] != "image"] for label, lookups in panels.items()}
+    tables = {label: Columns.of(lookups) for label, lookups in panels.items()}
+    of_maps = {label: lookups.rows(lookups["kind"] != "image") for label, lookups in tables.items()}
     return _reuse_bars(of_maps, methods, "Object reuse", footer)
 
 
@@ -156,16 +163,17 @@ def confidence_boost(panels: Panels, methods: Methods, footer: str = "") -> Figu
     In greys; with several methods that run Genies, in the colour of each.
     """
     figure, axes = _grid(panels)
-    several = len(_with_genies(panels, methods)) > 1
-    for axis, (label, lookups) in zip(axes, panels.items(), strict=True):
-        for position, method in _with_genies(panels, methods):
+    tables = {label: Columns.of(lookups) for label, lookups in panels.items()}
+    several = len(_with_genies(tables, methods)) > 1
+    for axis, (label, lookups) in zip(axes, tables.items(), strict=True):
+        for position, method in _with_genies(tables, methods):
             for placement, where in PLACEMENTS.items():
-                curve = running_boost(_rows(lookups, method=method.name, placement=placement))
+                curve = running_boost(lookups.where(method=method.name, placement=placement))
                 kept = thinned(len(curve))
                 look = style.placement_line(placement) | {"label": f"Genies {where}"}
                 if several:
                     look |= {"color": style.COLOURS[position % len(style.COLOURS)], "label": f"{method.title}, {where}"}
-                axis.plot(curve["updates"].to_numpy()[kept], curve["boost"].to_numpy()[kept], **look)
+                axis.plot(curve["updates"][kept], curve["boost"][kept], **look)
         axis.set_title(label)
         axis.margins(x=0.02)
     _label_outer(axes, "updates so far", "mean of C(new) - C(old)")
@@ -174,19 +182,20 @@ def confidence_boost(panels: Panels, methods: Methods, footer: str = "") -> Figu
 
 
 @in_style()
-def resource_use(resources: pd.DataFrame, methods: Methods, footer: str = "", whose: str = "") -> Figure:
+def resource_use(resources: Columns | pd.DataFrame, methods: Methods, footer: str = "", whose: str = "") -> Figure:
     """Utilization of accelerators, CPUs and links, and queue lengths over simulated time; a column a method.
 
     Each point is the mean of the last second. What is never used by 1 % (queues: never holds a message) is left out;
     more than eight of a kind are drawn as their range and median. A panel in which nothing is left says "none".
     ``whose`` begins the title where the resources are not everybody's.
     """
+    resources = Columns.of(resources)
     kinds = [kind for kind in RESOURCE_KINDS if (resources["kind"] == kind).any()]
     methods = [method for method in methods if (resources["method"] == method.name).any()]
     figure = Figure(figsize=(PAGE_IN, 0.9 + 1.25 * max(len(kinds), 1)))
     grid = figure.subplots(max(len(kinds), 1), max(len(methods), 1), sharex=True, sharey="row", squeeze=False)
     for row, kind in zip(grid, kinds, strict=False):
-        used = [_used(_rows(resources, kind=kind, method=method.name)) for method in methods]
+        used = [_used(resources.where(kind=kind, method=method.name)) for method in methods]
         names = sorted({name for curves in used for name in curves})
         for axis, curves in zip(row, used, strict=False):
             _draw_use(axis, curves, names)
@@ -204,7 +213,7 @@ def resource_use(resources: pd.DataFrame, methods: Methods, footer: str = "", wh
     return figure
 
 
-def _reuse_bars(panels: Panels, methods: Methods, what: str, footer: str) -> Figure:
+def _reuse_bars(panels: Tables, methods: Methods, what: str, footer: str) -> Figure:
     """Bars are means over the Genies on cars and on edges, error bars the extreme windows of any of them."""
     ran = [method for _, method in _with_genies(panels, methods)] or methods[:1]
     groups = [(label, method, lookups) for label, lookups in panels.items() for method in ran]
@@ -214,7 +223,7 @@ def _reuse_bars(panels: Panels, methods: Methods, what: str, footer: str) -> Fig
     for side, (placement, where) in enumerate(PLACEMENTS.items()):
         look = style.placement_bar(placement) | {"label": f"Genies {where}"}
         for x, (_, method, lookups) in enumerate(groups):
-            mine = _rows(lookups, method=method.name, placement=placement)
+            mine = lookups.where(method=method.name, placement=placement)
             _reuse_bar(axis, x + 0.38 * (side - 0.5), mine, look)
     labels = [label if len(ran) == 1 else f"{label}\n{method.title}" for label, method, _ in groups]
     axis.set_xticks(range(len(groups)), labels)
@@ -227,12 +236,12 @@ def _reuse_bars(panels: Panels, methods: Methods, what: str, footer: str) -> Fig
     return figure
 
 
-def _reuse_bar(axis: Axes, left: float, lookups: pd.DataFrame, look: dict[str, Any]) -> None:
-    ratios, windows = reuse(lookups), windowed_reuse(lookups)["ratio"]
-    if not len(ratios):
+def _reuse_bar(axis: Axes, left: float, lookups: Columns, look: dict[str, Any]) -> None:
+    ratios, windows = list(reuse(lookups).values()), windowed_reuse(lookups)["ratio"]
+    if not ratios:
         axis.text(left, 0.01, "none", ha="center", va="bottom")
         return
-    mean = float(ratios.mean())
+    mean = float(np.mean(ratios))
     axis.bar(left, mean, 0.34, edgecolor="black", linewidth=0.7, **look)
     if len(windows):
         ends = [[max(mean - windows.min(), 0)], [max(windows.max() - mean, 0)]]
@@ -241,7 +250,7 @@ def _reuse_bar(axis: Axes, left: float, lookups: pd.DataFrame, look: dict[str, A
     axis.annotate(_percent(mean), (left, 0), (0, 3), textcoords="offset points", ha="center", va="bottom", bbox=box)
 
 
-def _with_genies(panels: Panels, methods: Methods) -> list[tuple[int, MethodInfo]]:
+def _with_genies(panels: Tables, methods: Methods) -> list[tuple[int, MethodInfo]]:
     """The methods under which Genies looked something up, with their positions."""
     names = {name for lookups in panels.values() for name in lookups["method"].unique()}
     return [(position, method) for position, method in enumerate(methods) if method.name in names]
@@ -284,7 +293,7 @@ def _logarithmic_ms(axis: Axes, low: float, high: float) -> None:
     axis.xaxis.set_major_formatter(ScalarFormatter())
 
 
-def _limits_ms(panels: Panels) -> tuple[float, float]:
+def _limits_ms(panels: Tables) -> tuple[float, float]:
     """Of all response times and the deadline, with some room; a logarithmic axis starts at 0.1 ms at the latest."""
     times = [_known(response_ms(frames, answer)) for frames in panels.values() for answer in ("first", "fresh")]
     known = np.concatenate([*times, [DEADLINE_MS]])
@@ -300,7 +309,7 @@ def _step(axis: Axes, values_ms: Any, whole: int | None, end_ms: float, **line: 
         axis.plot([*values_ms[kept], end_ms], [*shares, shares[-1]], drawstyle="steps-post", **line)
 
 
-def _use(samples: pd.DataFrame) -> tuple[Any, Any]:
+def _use(samples: Columns) -> tuple[Any, Any]:
     """Time [s], and over the last second the mean length of a queue or the share of time spent serving."""
     t_ns, total_ns = running_use(samples)
     begin_ns = np.maximum(t_ns - NS_PER_S, 0.0)
@@ -308,10 +317,9 @@ def _use(samples: pd.DataFrame) -> tuple[Any, Any]:
     return t_ns[1:] / NS_PER_S, ((total_ns - np.interp(begin_ns, t_ns, total_ns)) / span_ns)[1:]
 
 
-def _used(of_kind: pd.DataFrame) -> dict[str, tuple[Any, Any]]:
+def _used(of_kind: Columns) -> dict[str, tuple[Any, Any]]:
     """The curve of each resource that is used at all."""
-    ordered = of_kind.sort_values("t_ns", kind="stable")
-    curves = {str(name): _use(samples) for name, samples in ordered.groupby("resource", observed=True)}
+    curves = {name: _use(samples) for name, samples in of_kind.by("t_ns").groups("resource")}
     return {name: curve for name, curve in curves.items() if curve[1].max() >= LEAST_USE}
 
 
@@ -331,12 +339,6 @@ def _draw_use(axis: Axes, curves: dict[str, tuple[Any, Any]], names: list[str]) 
 def _short(resource: str) -> str:
     """``edge1.accelerator`` to ``edge1``: the row already says the kind."""
     return resource.removesuffix(".accelerator").removesuffix(".cpu")
-
-
-def _rows(table: pd.DataFrame, **where: str) -> pd.DataFrame:
-    for column, value in where.items():
-        table = table[table[column] == value]
-    return table
 
 
 def _known(values: Any) -> Any:

@@ -14,17 +14,20 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from genie_sim.analysis import correctness
 from genie_sim.analysis.statistics import Blocks, Floats, around, share
+from genie_sim.recording.columns import Columns, Text
 from genie_sim.recording.results import MethodInfo, Metric
 from genie_sim.units import NS_PER_MS, NS_PER_S
 
 if TYPE_CHECKING:
     import pandas as pd
+
+    Table = Columns | pd.DataFrame
 
 PLACEMENTS = ("car", "edge")  # of Genies
 DEADLINE_MS = 33.0  # Section V-B: 30 frames/s
@@ -36,99 +39,101 @@ Where = tuple[str, str, str]  # method, placement, component
 
 def compute(
     methods: Sequence[MethodInfo],
-    frames: pd.DataFrame,
-    lookups: pd.DataFrame,
-    resources: pd.DataFrame,
-    answers: pd.DataFrame | None = None,
-    held: pd.DataFrame | None = None,
+    frames: Table,
+    lookups: Table,
+    resources: Table,
+    answers: Table | None = None,
+    held: Table | None = None,
 ) -> list[Metric]:
     """All metrics of one run from its tables (columns: ``records``), in a fixed order; ``methods`` are those that ran.
 
     Numbers have ten digits: what follows may differ between processors, which add up in different orders.
     """
+    frames, lookups, resources = map(Columns.of, (frames, lookups, resources))
     names = [method.name for method in methods]
     found = [
         *_of_frames(frames, methods),
         *(metric for name in names for place in PLACEMENTS for metric in _of_genies(lookups, name, place)),
         *_of_resources(resources, frames, names),
-        *(correctness.of_answers(answers, names) if answers is not None and len(answers) else ()),
-        *(correctness.of_held(held, names) if held is not None and len(held) else ()),
+        *(correctness.of_answers(Columns.of(answers), names) if answers is not None and len(answers) else ()),
+        *(correctness.of_held(Columns.of(held), names) if held is not None and len(held) else ()),
     ]
     return [replace(one, value=_ten(one.value), low=_ten(one.low), high=_ten(one.high)) for one in found]
 
 
-def response_ms(frames: pd.DataFrame, answer: str) -> Floats:
+def response_ms(frames: Columns, answer: str) -> Floats:
     """From received to the ``first`` or the ``fresh`` answer, in milliseconds; NaN where there is none."""
-    return (_floats(frames[f"{answer}_answer_ns"]) - _floats(frames["received_ns"])) / NS_PER_MS
+    return (frames.floats(f"{answer}_answer_ns") - frames.floats("received_ns")) / NS_PER_MS
 
 
-def reuse(lookups: pd.DataFrame) -> pd.Series[float]:
+def reuse(lookups: Columns) -> dict[str, float]:
     """hits / requests of each Genie; a coalesced request is not a hit. Genies that were asked nothing are left out."""
-    sums = lookups.groupby("genie", observed=True)[["requests", "hits"]].sum()
-    sums = sums[sums["requests"] > 0]
-    return sums["hits"] / sums["requests"]
+    genies: Text = lookups["genie"]
+    requests, hits = (np.bincount(genies.codes, lookups[name], len(genies.names)) for name in ("requests", "hits"))
+    return {genies.names[one]: float(hits[one] / requests[one]) for one in np.flatnonzero(requests)}
 
 
-def windowed_reuse(lookups: pd.DataFrame, window: int = WINDOW_REQUESTS) -> pd.DataFrame:
+def windowed_reuse(lookups: Columns, window: int = WINDOW_REQUESTS) -> Columns:
     """hits / requests over the last ``window`` requests, per Genie: columns ``genie``, ``t_ns``, ``ratio``.
 
     A window ends with each message and holds as few messages as make up ``window`` requests: exactly ``window`` for
     images, which are asked for one by one. A Genie with fewer requests has no window.
     """
-    import pandas as pd
-
-    genies: list[Any] = []
+    names: list[str] = []
+    places: list[int] = []
     instants, ratios = [np.zeros(0, dtype=np.int64)], [np.zeros(0)]
-    for genie, events in lookups.groupby("genie", observed=True):
-        requests = np.concatenate([[0], np.cumsum(events["requests"].to_numpy())])
-        hits = np.concatenate([[0], np.cumsum(events["hits"].to_numpy())])
+    for genie, events in lookups.groups("genie"):
+        requests = np.concatenate([[0], np.cumsum(events["requests"])])
+        hits = np.concatenate([[0], np.cumsum(events["hits"])])
         ends = np.flatnonzero(requests >= window)
         starts = np.searchsorted(requests, requests[ends] - window, side="right") - 1
         ratios.append((hits[ends] - hits[starts]) / (requests[ends] - requests[starts]))
-        instants.append(events["t_ns"].to_numpy()[ends - 1])
-        genies += [genie] * len(ends)
-    return pd.DataFrame({"genie": genies, "t_ns": np.concatenate(instants), "ratio": np.concatenate(ratios)})
+        instants.append(events["t_ns"][ends - 1])
+        places += [len(names)] * len(ends)
+        names.append(genie)
+    genies = Text(np.array(places, dtype=np.int32), names)
+    return Columns({"genie": genies, "t_ns": np.concatenate(instants), "ratio": np.concatenate(ratios)})
 
 
-def running_boost(lookups: pd.DataFrame) -> pd.DataFrame:
+def running_boost(lookups: Columns) -> Columns:
     """Mean of C_new - C_old over all updates so far: columns ``t_ns``, ``updates`` (how many) and ``boost``."""
-    import pandas as pd
-
-    events = lookups[lookups["updates"] > 0]
-    updates = events["updates"].cumsum().to_numpy()
-    boost = events["boost_sum"].cumsum().to_numpy() / updates
-    return pd.DataFrame({"t_ns": events["t_ns"].to_numpy(), "updates": updates, "boost": boost})
+    events = lookups.rows(lookups["updates"] > 0)
+    updates = np.cumsum(events["updates"])
+    boost = np.cumsum(events["boost_sum"]) / updates
+    return Columns({"t_ns": events["t_ns"], "updates": updates, "boost": boost})
 
 
-def running_use(samples: pd.DataFrame) -> tuple[Floats, Floats]:
+def running_use(samples: Columns) -> tuple[Floats, Floats]:
     """Of one resource, in order of time: the instants of its samples [ns], 0 before them, and the time that each of its
     servers has worked until then [ns]. For a queue: its length times how long it had that."""
-    t_ns = np.concatenate([[0.0], samples["t_ns"].to_numpy(float)])
-    if samples["capacity"].isna().any():
-        return t_ns, np.concatenate([[0.0], np.cumsum(samples["queue"].to_numpy(float) * np.diff(t_ns))])
-    return t_ns, np.concatenate([[0.0], samples["busy_ns"].to_numpy(float)]) / float(samples["capacity"].iloc[0])
+    t_ns = np.concatenate([[0.0], samples.floats("t_ns")])
+    capacity = samples.floats("capacity")
+    if np.isnan(capacity).any():
+        return t_ns, np.concatenate([[0.0], np.cumsum(samples.floats("queue") * np.diff(t_ns))])
+    return t_ns, np.concatenate([[0.0], samples.floats("busy_ns")]) / float(capacity[0])
 
 
-def _of_frames(frames: pd.DataFrame, methods: Sequence[MethodInfo]) -> Iterator[Metric]:
-    if frames.empty:
+def _of_frames(frames: Columns, methods: Sequence[MethodInfo]) -> Iterator[Metric]:
+    if not len(frames):
         return
     blocks = Blocks(frames["car"], frames["stamp_ns"])
-    method = frames["method"].to_numpy(dtype=str)
+    method = frames["method"]
     response = {answer: response_ms(frames, answer) for answer in ("first", "fresh")}
-    answered = frames["first_answer_ns"].notna().to_numpy()
-    dropped = ~answered & frames["drop"].notna().to_numpy()
+    answered = ~np.isnan(frames.floats("first_answer_ns"))
+    dropped = ~answered & frames["drop"].known
     shares = {
         "answered": answered,
         "under_deadline": response["first"] < DEADLINE_MS,
-        "fresh_answered": frames["fresh_answer_ns"].notna().to_numpy(),
+        "fresh_answered": ~np.isnan(frames.floats("fresh_answer_ns")),
         "fresh_under_deadline": response["fresh"] < DEADLINE_MS,
         "dropped": dropped,
         "in_flight": ~answered & ~dropped,
-        "empty_answer": answered & (_floats(frames["objects_served"]) == 0),
+        "empty_answer": answered & (frames.floats("objects_served") == 0),
     }
-    ran = [one for one in methods if (method == one.name).any()]
+    masks = {one.name: method == one.name for one in methods}
+    ran = [one for one in methods if masks[one.name].any()]
     for name in (one.name for one in ran):
-        mine, where = method == name, (name, "all", "")
+        mine, where = masks[name], (name, "all", "")
         for answer, values in response.items():
             yield from _latencies(blocks, np.where(mine, values, np.nan), f"{answer}_answer", where)
         for name_of_share, flags in shares.items():
@@ -139,9 +144,9 @@ def _of_frames(frames: pd.DataFrame, methods: Sequence[MethodInfo]) -> Iterator[
         yield Metric("frames_published", *where, published, "frames", n=published)
         for part in ("answered", "dropped", "in_flight"):  # each frame is in exactly one of these
             yield Metric(f"frames_{part}", *where, int((mine & shares[part]).sum()), "frames", n=published)
-        yield _throughput(frames[mine], where)
+        yield _throughput(frames.rows(mine), where)
     for answer, values in response.items():
-        times = {one.name: np.where(method == one.name, values, np.nan) for one in ran}
+        times = {one.name: np.where(masks[one.name], values, np.nan) for one in ran}
         for better in (one.name for one in ran if not one.baseline):
             for baseline in (one.name for one in ran if one.baseline):
                 where = better, "all", baseline
@@ -172,10 +177,10 @@ def _latencies(blocks: Blocks, values_ms: Floats, name: str, where: Where) -> It
         yield Metric(f"{name}_p{percent}", *where, value, "ms", low, high, n)
 
 
-def _throughput(frames: pd.DataFrame, where: Where) -> Metric:
+def _throughput(frames: Columns, where: Where) -> Metric:
     """Fresh answers per second, from the first stamp to the last instant on record."""
-    fresh = _floats(frames["fresh_answer_ns"])
-    instants = np.concatenate([_floats(frames["stamp_ns"]), _floats(frames["first_answer_ns"]), fresh])
+    fresh = frames.floats("fresh_answer_ns")
+    instants = np.concatenate([frames.floats("stamp_ns"), frames.floats("first_answer_ns"), fresh])
     seconds = (np.nanmax(instants) - np.nanmin(instants)) / NS_PER_S
     count = int((~np.isnan(fresh)).sum())
     return Metric("fresh_answer_throughput", *where, count / seconds if seconds > 0 else None, "1/s", n=count)
@@ -196,14 +201,15 @@ def _improvement(blocks: Blocks, name: str, where: Where, ours_ms: Floats, their
     return Metric(name, *where, value, "1", *around(value, half), n)
 
 
-def _of_genies(lookups: pd.DataFrame, method: str, placement: str) -> Iterator[Metric]:
+def _of_genies(lookups: Columns, method: str, placement: str) -> Iterator[Metric]:
     """Of the Genies that a method runs on cars or on edges."""
-    lookups = lookups[(lookups["method"] == method) & (lookups["placement"] == placement)]
-    if lookups.empty:
+    lookups = lookups.where(method=method, placement=placement)
+    if not len(lookups):
         return
     where = method, placement, ""
-    images, objects = lookups[lookups["kind"] == "image"], lookups[lookups["kind"] != "image"]
-    of_clients = images[images["requester"] == "client"]
+    of_image = lookups["kind"] == "image"
+    images, objects = lookups.rows(of_image), lookups.rows(~of_image)
+    of_clients = images.where(requester="client")
     yield _reuse(of_clients, "image_reuse", where)
     yield _reuse(images, "image_reuse_with_neighbours", where)
     coalesced = int((of_clients["outcome"] == "coalesced").sum())
@@ -211,79 +217,74 @@ def _of_genies(lookups: pd.DataFrame, method: str, placement: str) -> Iterator[M
     yield Metric("coalesced_share", *where, coalesced / n if n else None, "1", n=n)
     yield _reuse(objects, "object_reuse", where)
     for kind in ("sighting", "boost"):
-        yield _reuse(objects[objects["kind"] == kind], f"object_reuse_{kind}", where)
+        yield _reuse(objects.where(kind=kind), f"object_reuse_{kind}", where)
     yield _boost(objects, where)
     for name, events in (("stored_images", images), ("stored_objects", objects)):
-        last = events.groupby("genie", observed=True)["entries"].last()
-        yield Metric(name, *where, float(last.mean()) if len(last) else None, "entries/Genie", n=len(last))
+        last = last_of_genies(events)
+        yield Metric(name, *where, float(np.mean(last)) if last else None, "entries/Genie", n=len(last))
 
 
-def _reuse(lookups: pd.DataFrame, name: str, where: Where) -> Metric:
-    ratios, windows = reuse(lookups), windowed_reuse(lookups)["ratio"]
+def last_of_genies(events: Columns) -> list[int]:
+    """How many entries each Genie's cache or map had at the end."""
+    return [int(of_one["entries"][-1]) for _, of_one in events.groups("genie")]
+
+
+def _reuse(lookups: Columns, name: str, where: Where) -> Metric:
+    ratios, windows = list(reuse(lookups).values()), windowed_reuse(lookups)["ratio"]
     low, high = (float(windows.min()), float(windows.max())) if len(windows) else (None, None)
-    value = float(ratios.mean()) if len(ratios) else None
+    value = float(np.mean(ratios)) if ratios else None
     return Metric(name, *where, value, "1", low, high, int(lookups["requests"].sum()))
 
 
-def _boost(objects: pd.DataFrame, where: Where) -> Metric:
+def _boost(objects: Columns, where: Where) -> Metric:
     """The running mean of C_new - C_old at the end of the run, over all these Genies."""
-    events = objects[objects["updates"] > 0]
+    events = objects.rows(objects["updates"] > 0)
     n = int(events["updates"].sum())
     if not n:
         return Metric("confidence_boost", *where, None, "1")
     value = float(events["boost_sum"].sum() / n)
     blocks = Blocks(events["genie"], events["t_ns"])
-    half = blocks.half_width(blocks.influence(_floats(events["boost_sum"]), _floats(events["updates"])))
+    half = blocks.half_width(blocks.influence(events["boost_sum"], events.floats("updates")))
     return Metric("confidence_boost", *where, value, "1", *around(value, half), n)
 
 
-def _of_resources(resources: pd.DataFrame, frames: pd.DataFrame, methods: Sequence[str]) -> Iterator[Metric]:
+def _of_resources(resources: Columns, frames: Columns, methods: Sequence[str]) -> Iterator[Metric]:
     """Per method and resource, which is the ``component``; a link has the placement ``all``.
 
     Utilization, mean queue and throughput are those until the last frame was published (afterwards a run only waits
     for answers); the other counts are those at its end. Queues are seen at the samples only.
     """
-    ordered = resources.sort_values("t_ns", kind="stable")
+    if not len(resources):
+        return
+    ordered = resources.by("t_ns")
     cars = set(frames["car"].unique())
     for method in methods:
-        mine = ordered[ordered["method"] == method]
-        stamps = frames.loc[frames["method"] == method, "stamp_ns"]
+        stamps = frames["stamp_ns"][frames["method"] == method]
         last_stamp_ns = stamps.max() if len(stamps) else np.inf
-        for resource, samples in mine.groupby("resource", observed=True):
-            name = str(resource)
+        for name, samples in ordered.where(method=method).groups("resource"):
             is_link, host = "->" in name, re.sub(r"(\.accelerator|\.cpu|/.*)$", "", name)
             placement = "all" if is_link else "car" if host in cars else "edge"
             for metric, value, unit, n in _of_resource(samples, last_stamp_ns):
                 yield Metric(metric, method, placement, name, value, unit, n=n)
 
 
-def _of_resource(samples: pd.DataFrame, last_stamp_ns: float) -> Iterator[tuple[str, float, str, int]]:
+def _of_resource(samples: Columns, last_stamp_ns: float) -> Iterator[tuple[str, float, str, int]]:
     """Name, value, unit, n."""
-    last, n = samples.iloc[-1], len(samples)
-    active = samples[samples["t_ns"] <= last_stamp_ns]
+    capacity, carried, n = samples.floats("capacity")[-1], samples.floats("bytes")[-1], len(samples)
+    active = samples.rows(samples["t_ns"] <= last_stamp_ns)
     seconds = float(active["t_ns"].max()) / NS_PER_S if len(active) else 0.0
-    capacity = _number(last["capacity"])
     if seconds > 0:
-        if capacity is not None:
-            busy_s = float(active["busy_ns"].iloc[-1]) / NS_PER_S
-            yield "utilization", busy_s / (capacity * seconds), "1", len(active)
+        if not np.isnan(capacity):
+            busy_s = float(active["busy_ns"][-1]) / NS_PER_S
+            yield "utilization", busy_s / (float(capacity) * seconds), "1", len(active)
         yield "queue_mean", float(active["queue"].mean()), "messages", len(active)
-        yield "throughput", int(active["completed"].iloc[-1]) / seconds, "1/s", len(active)
+        yield "throughput", int(active["completed"][-1]) / seconds, "1/s", len(active)
     yield "queue_max", int(samples["queue"].max()), "messages", n
-    yield "completed", int(last["completed"]), "messages", n
-    yield "dropped", int(last["dropped"]), "messages", n
-    carried = _number(last["bytes"])
-    if carried is not None:
+    yield "completed", int(samples["completed"][-1]), "messages", n
+    yield "dropped", int(samples["dropped"][-1]), "messages", n
+    if not np.isnan(carried):
         yield "bytes", int(carried), "B", n
-
-
-def _floats(column: pd.Series[Any]) -> Floats:
-    return column.to_numpy(dtype=np.float64, na_value=np.nan)
 
 
 def _ten(value: float | None) -> float | None:
     return float(f"{value:.10g}") if isinstance(value, float) else value
-
-
-def _number(value: Any) -> float | None:
-    return None if value is None or value != value else float(value)

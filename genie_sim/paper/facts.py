@@ -4,16 +4,13 @@ frames, ``metric:car`` and ``metric:edge`` of Genies -> value, NaN where not def
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from genie_sim.analysis import metrics
+from genie_sim.recording.columns import Columns
 from genie_sim.recording.results import MethodInfo
 from genie_sim.units import NS_PER_MS, NS_PER_S
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 Facts = dict[str, float]
 
@@ -26,76 +23,74 @@ METHODS = (  # of the paper's evaluation
 EARLY_PERCENTILES = (10, 20, 30, 40, 50)
 
 
-def facts_of(
-    frames: pd.DataFrame, lookups: pd.DataFrame, resources: pd.DataFrame, lap_ns: int | None = None
-) -> Facts:
+def facts_of(frames: Columns, lookups: Columns, resources: Columns, lap_ns: int | None = None) -> Facts:
     """All facts of a run from its tables. ``lap_ns``: when the second lap begins, if there is one."""
     facts: Facts = {}
-    cars = sorted(frames["car"].astype(str).unique())
-    for one in metrics.compute(METHODS, frames, lookups, resources.iloc[:0]):  # of resources what is named below
+    for one in metrics.compute(METHODS, frames, lookups, resources.rows([])):  # of resources what is named below
         key = one.component or (one.method if one.placement == "all" else one.placement)
         facts[f"{one.metric}:{key}"] = math.nan if one.value is None else one.value
         if "reuse" in one.metric:
             facts[f"{one.metric}_high:{key}"] = math.nan if one.high is None else one.high
     for method in (method.name for method in METHODS):
-        mine = frames[frames["method"] == method]
-        if mine.empty:
+        mine = frames.where(method=method)
+        if not len(mine):
             continue
-        times_ms = metrics.response_ms(mine, "first")
+        times_ms, stamp_ns = metrics.response_ms(mine, "first"), mine["stamp_ns"]
         for percent in EARLY_PERCENTILES:
             facts[f"first_answer_p{percent}:{method}"] = _percentile(times_ms, percent)
-        late = mine["stamp_ns"] > mine["stamp_ns"].min() + 2 / 3 * (mine["stamp_ns"].max() - mine["stamp_ns"].min())
-        facts[f"late_fresh_share:{method}"] = float(mine["fresh_answer_ns"].notna()[late].mean())
-        facts[f"late_answered_share:{method}"] = float(mine["first_answer_ns"].notna()[late].mean())
-        for car in cars:
-            of_car = metrics.response_ms(mine[mine["car"] == car], "first")
+        late = stamp_ns > stamp_ns.min() + 2 / 3 * (stamp_ns.max() - stamp_ns.min())
+        for answer, name in (("fresh", "late_fresh_share"), ("first", "late_answered_share")):
+            facts[f"{name}:{method}"] = float((~np.isnan(mine.floats(f"{answer}_answer_ns")))[late].mean())
+        for car in frames["car"].unique():
+            of_car = times_ms[mine["car"] == car]
             known = of_car[~np.isnan(of_car)]
             facts[f"first_answer_mean:{method}:{car}"] = float(known.mean()) if len(known) else math.nan
             facts[f"first_answer_p99:{method}:{car}"] = _percentile(of_car, 99)
-    both = frames[(frames["method"] == "remote") & (frames["bytes_up"] > 0) & (frames["bytes_down"] > 0)]
+    both = frames.rows((frames["method"] == "remote") & (frames["bytes_up"] > 0) & (frames["bytes_down"] > 0))
     facts["image_to_objects_bytes"] = ratio(both["bytes_up"].sum(), both["bytes_down"].sum())
+    maps = lookups.rows(lookups["kind"] != "image")
     for placement in metrics.PLACEMENTS:
-        facts[f"boost_per_object:{placement}"] = _boost_per_object(lookups[lookups["placement"] == placement])
+        facts[f"boost_per_object:{placement}"] = _boost_per_object(maps.where(placement=placement))
     facts["image_peak_at:car"] = _peak_at(lookups, frames)
-    for genie, reused in metrics.reuse(lookups[lookups["kind"] != "image"]).items():
-        facts[f"object_reuse:{genie}"] = float(reused)
+    facts.update({f"object_reuse:{genie}": reused for genie, reused in metrics.reuse(maps).items()})
     facts.update(_of_resources(resources, lap_ns))
     return facts
 
 
-def _of_resources(resources: pd.DataFrame, lap_ns: int | None) -> Facts:
+def _of_resources(resources: Columns, lap_ns: int | None) -> Facts:
+    """What devices had done at the end."""
     facts: Facts = {}
-    last = resources.sort_values("t_ns", kind="stable").groupby(["method", "resource"], observed=True).last()
-    last = last.reset_index()
-    cpus = last[(last["method"] == "genie") & (last["kind"] == "cpu")]
-    facts["handling_ms"] = ratio(cpus["busy_ns"].sum() / NS_PER_MS, cpus["completed"].sum())
-    accelerators = last[last["kind"] == "accelerator"]
-    columns = (accelerators[name].tolist() for name in ("method", "resource", "completed", "busy_ns"))
-    for method, resource, completed, busy_ns in zip(*columns, strict=True):
-        host = str(resource).removesuffix(".accelerator")
-        facts[f"accelerator_rate:{method}:{host}"] = ratio(completed, busy_ns / NS_PER_S)
-    of_genie = resources[(resources["method"] == "genie") & (resources["kind"] == "accelerator")]
-    facts["detector_runs"] = float(accelerators.loc[accelerators["method"] == "genie", "completed"].sum())
+    resources = resources.by("t_ns")
+    cpus = [of_one.rows([-1]) for _, of_one in resources.where(method="genie", kind="cpu").groups("resource")]
+    busy_ns, completed = (sum(int(one[name][0]) for one in cpus) for name in ("busy_ns", "completed"))
+    facts["handling_ms"] = ratio(busy_ns / NS_PER_MS, completed)
+    runs = {"": 0, ":lap1": 0}
+    for method, of_method in resources.where(kind="accelerator").groups("method"):
+        for resource, samples in of_method.groups("resource"):
+            host, completed = resource.removesuffix(".accelerator"), samples["completed"]
+            facts[f"accelerator_rate:{method}:{host}"] = ratio(completed[-1], samples["busy_ns"][-1] / NS_PER_S)
+            if method == "genie":
+                runs[""] += int(completed[-1])
+                if lap_ns is not None:
+                    runs[":lap1"] += int(completed[samples["t_ns"] <= lap_ns].max(initial=0))
+    facts["detector_runs"] = float(runs[""])
     if lap_ns is not None:
-        first = of_genie[of_genie["t_ns"] <= lap_ns].groupby("resource", observed=True)["completed"].max().sum()
-        facts["detector_runs:lap1"] = float(first)
-        facts["detector_runs:lap2"] = facts["detector_runs"] - float(first)
+        facts["detector_runs:lap1"] = float(runs[":lap1"])
+        facts["detector_runs:lap2"] = facts["detector_runs"] - facts["detector_runs:lap1"]
     return facts
 
 
-def _boost_per_object(lookups: pd.DataFrame) -> float:
+def _boost_per_object(maps: Columns) -> float:
     """All confidence added by the end of the run, over the objects then stored: another reading of Section V-E."""
-    maps = lookups[lookups["kind"] != "image"]
-    return ratio(maps["boost_sum"].sum(), maps.groupby("genie", observed=True)["entries"].last().sum())
+    return ratio(maps["boost_sum"].sum(), sum(metrics.last_of_genies(maps)))
 
 
-def _peak_at(lookups: pd.DataFrame, frames: pd.DataFrame) -> float:
+def _peak_at(lookups: Columns, frames: Columns) -> float:
     """When the highest windowed image reuse of any car's Genie was reached, as a share of the run."""
-    of_clients = (lookups["kind"] == "image") & (lookups["requester"] == "client")
-    windows = metrics.windowed_reuse(lookups[of_clients & (lookups["placement"] == "car")])
+    windows = metrics.windowed_reuse(lookups.where(kind="image", requester="client", placement="car"))
     if not len(windows) or windows["ratio"].max() <= 0:
         return math.nan
-    at_ns = int(windows["t_ns"].to_numpy()[np.argmax(windows["ratio"].to_numpy(float))])
+    at_ns = int(windows["t_ns"][np.argmax(windows["ratio"])])
     begin_ns, end_ns = int(frames["stamp_ns"].min()), int(frames["stamp_ns"].max())
     return ratio(at_ns - begin_ns, end_ns - begin_ns)
 

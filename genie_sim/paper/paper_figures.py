@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -13,9 +13,7 @@ from genie_sim.paper import sensitivity
 from genie_sim.paper.checks import ALL, CASE, HE, HO
 from genie_sim.paper.facts import METHODS
 from genie_sim.paper.replicate import Outcome
-
-if TYPE_CHECKING:
-    import pandas as pd
+from genie_sim.recording.columns import Columns, Text, concat
 
 TITLES = {name: f"{name[0]} car{'s' if name[0] > '1' else ''}, {'hetero.' if name in HE else 'homo.'}" for name in ALL}
 SHORT = {name: f"{name[0]} {'he' if name in HE else 'ho'}" for name in ALL}
@@ -38,10 +36,10 @@ def draw_paper_figures(folder: Path, tables: Mapping[str, Sequence[Outcome]], fo
 def _case_study(outcomes: Sequence[Outcome], footer: str) -> Any:
     frames = _pooled(outcomes, "frames")
     lookups = _table(outcomes[0], "lookups")
-    genie = frames[frames["method"] == "genie"]
+    genie = frames.where(method="genie")
     times = {}
     for car, label in (("car2", "car2, no cameras"), ("car1", "car1, cameras")):
-        values = metrics.response_ms(genie[genie["car"] == car], "first")
+        values = metrics.response_ms(genie.where(car=car), "first")
         times[label] = values[~np.isnan(values)]
     reuse = {
         "objects, car2 (no cameras)": _running(lookups, "car2/genie", image=False),
@@ -50,26 +48,26 @@ def _case_study(outcomes: Sequence[Outcome], footer: str) -> Any:
     return sensitivity.case_study(times, reuse, f"{footer}; reuse: the first seed")
 
 
-def _running(lookups: pd.DataFrame, genie: str, image: bool) -> tuple[Any, Any]:
-    events = lookups[(lookups["genie"] == genie) & ((lookups["kind"] == "image") == image) & (lookups["requests"] > 0)]
-    hits, requests = events["hits"].cumsum().to_numpy(float), events["requests"].cumsum().to_numpy(float)
+def _running(lookups: Columns, genie: str, image: bool) -> tuple[Any, Any]:
+    mine = (lookups["genie"] == genie) & ((lookups["kind"] == "image") == image) & (lookups["requests"] > 0)
+    events = lookups.rows(mine)
+    hits, requests = (np.cumsum(events.floats(name)) for name in ("hits", "requests"))
     return np.arange(1, len(events) + 1), hits / requests
 
 
-def _pooled(outcomes: Sequence[Outcome], table: str) -> pd.DataFrame:
+def _pooled(outcomes: Sequence[Outcome], table: str) -> Columns:
     """All seeds in one table; each seed's Genies are Genies of their own, so bars are means over Genies and seeds."""
-    import pandas as pd
-
     parts = []
     for number, outcome in enumerate(outcomes):
         part = _table(outcome, table)
-        if "genie" in part:
-            part = part.assign(genie=part["genie"].astype(str) + f"#{number}")
+        if "genie" in part.names:
+            genies = part["genie"]
+            part = part.assign(genie=Text.of(genies.codes, [f"{genie}#{number}" for genie in genies.names]))
         parts.append(part)
-    return pd.concat(parts, ignore_index=True)
+    return concat(parts)
 
 
-def _table(outcome: Outcome, name: str) -> pd.DataFrame:
-    found: pd.DataFrame | None = getattr(outcome, name)
+def _table(outcome: Outcome, name: str) -> Columns:
+    found: Columns | None = getattr(outcome, name)
     assert found is not None, "base runs keep their tables"
     return found

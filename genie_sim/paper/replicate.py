@@ -13,7 +13,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 from genie_sim import build, files
 from genie_sim.messages import Detections, Image, Location, Message
@@ -22,15 +22,13 @@ from genie_sim.paper.facts import Facts, facts_of
 from genie_sim.parallel import in_processes
 from genie_sim.perception.sources import Recordings
 from genie_sim.perception.trace import Trace, TraceFrame, read_trace
+from genie_sim.recording.columns import Columns
 from genie_sim.recording.log import Log
 from genie_sim.recording.records import Tables
 from genie_sim.runner import Prepared, on_frames
 from genie_sim.scenario.scenario import Scenario, load_scenario
 from genie_sim.sim.nodes import Detector, InterceptorNode
 from genie_sim.sim.station import OBJECTS
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 ROUTE_S = 5.2  # assumptions.yaml: evaluation.route
 STREET_S = 3 * ROUTE_S  # of the 15.8 s that are recorded
@@ -59,8 +57,8 @@ class Outcome:
     """What a job gave."""
 
     facts: Facts
-    frames: pd.DataFrame | None = None
-    lookups: pd.DataFrame | None = None
+    frames: Columns | None = None
+    lookups: Columns | None = None
 
 
 def run_jobs(jobs: Sequence[Job], workers: int, progress: Progress | None = None, what: str = "runs") -> list[Outcome]:
@@ -116,7 +114,7 @@ def outcome_of(prepared: Prepared, keep_tables: bool = False) -> Outcome:
         for genie in genies:
             placement = "edge" if genie.host.name in world.edges else "car"
             stored[placement] += [one.confidence for one in genie.pure.object_map]
-    frames, lookups, resources = (table.to_frame() for table in (tables.frames, tables.lookups, tables.resources))
+    frames, lookups, resources = (table.columns() for table in (tables.frames, tables.lookups, tables.resources))
     facts = facts_of(frames, lookups, resources, lap_ns=_lap_ns(prepared.scenario))
     for placement, confidences in stored.items():
         facts[f"stored_confidence:{placement}"] = sum(confidences) / len(confidences) if confidences else math.nan

@@ -48,10 +48,44 @@ def _most_gained(group: Sequence[Near], cut_m2: float) -> float:
     rows, columns = ({one[side]: None for one in group} for side in (1, 2))
     if len(rows) == 1 or len(columns) == 1:
         return cut_m2 - min(distance_m2 for distance_m2, _, _ in group)
-    from scipy.optimize import linear_sum_assignment
-
+    if len(rows) > len(columns):
+        rows, columns, group = columns, rows, [(one[0], one[2], one[1]) for one in group]
     row, column = ({index: place for place, index in enumerate(indices)} for indices in (rows, columns))
     gains = [[0.0] * len(columns) for _ in rows]
     for distance_m2, i, j in group:
         gains[row[i]][column[j]] = cut_m2 - distance_m2
-    return math.fsum(gains[i][j] for i, j in zip(*linear_sum_assignment(gains, maximize=True), strict=True))
+    return math.fsum(gains[i][j] for i, j in enumerate(_assigned(gains)))
+
+
+def _assigned(gains: Sequence[Sequence[float]]) -> list[int]:
+    """The column of each row, no two alike, whose gains sum to the most; there are at least as many columns as rows.
+
+    Shortest augmenting paths, as in scipy's ``linear_sum_assignment``, which takes as long to import as a run takes.
+    Source: R. Jonker, A. Volgenant, Computing 38, 1987. Place 0 of the lists is the row that is being assigned.
+    """
+    columns = range(1, len(gains[0]) + 1)
+    of_row, of_column = [0.0] * (len(gains) + 1), [0.0] * (len(columns) + 1)  # prices: none pays less than it costs
+    owner = [0] * (len(columns) + 1)
+    for row in range(1, len(gains) + 1):
+        owner[0], here = row, 0
+        least, came_from, done = [math.inf] * (len(columns) + 1), [0] * (len(columns) + 1), {0}
+        while owner[here]:
+            i = owner[here]
+            for j in columns:
+                cost = -gains[i - 1][j - 1] - of_row[i] - of_column[j]
+                if j not in done and cost < least[j]:
+                    least[j], came_from[j] = cost, here
+            here = min((j for j in columns if j not in done), key=least.__getitem__)
+            step = least[here]
+            for j in (0, *columns):
+                if j in done:
+                    of_row[owner[j]] += step
+                    of_column[j] -= step
+                else:
+                    least[j] -= step
+            done.add(here)
+        while here:
+            owner[here] = owner[came_from[here]]
+            here = came_from[here]
+    found = {owner[j]: j - 1 for j in columns if owner[j]}
+    return [found[row] for row in range(1, len(gains) + 1)]

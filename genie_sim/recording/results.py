@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from genie_sim.errors import UserError
 from genie_sim.paths import expanded
 from genie_sim.recording import provenance
+from genie_sim.recording.columns import Columns
 from genie_sim.recording.records import SCHEMAS
 from genie_sim.recording.tables import read
 
@@ -56,27 +58,57 @@ class Metric:
 class Run:
     """One finished run.
 
-    The columns of ``frames``, ``lookups``, ``resources``, ``poses``, ``objects``, ``answers`` and ``held`` are
-    described, with their units, in ``genie_sim.recording.records``. ``facts`` is everything that decided the outcome,
-    ``yaml`` the scenario with every setting written out; ``folder`` is ``None`` for a run that was not written down.
+    ``facts`` is everything that decided the outcome, ``yaml`` the scenario with every setting written out; ``folder``
+    is ``None`` for a run that was not written down. ``tables`` holds the tables by name, as numpy columns; ``frames``
+    and so on are the same as pandas tables, made when they are first asked for. The columns are described, with their
+    units, in ``genie_sim.recording.records``.
     """
 
     run_id: str
     facts: Mapping[str, Any]
     yaml: str
-    frames: pd.DataFrame
-    lookups: pd.DataFrame
-    resources: pd.DataFrame
-    poses: pd.DataFrame
-    objects: pd.DataFrame
-    answers: pd.DataFrame
-    held: pd.DataFrame
+    tables: Mapping[str, Columns]
     measured: Sequence[Metric]
     folder: Path | None = None
 
+    @cached_property
+    def frames(self) -> pd.DataFrame:
+        """One row per method, car, stream and frame."""
+        return self.tables["frames"].to_frame()
+
+    @cached_property
+    def lookups(self) -> pd.DataFrame:
+        """One row per message for which a Genie asked its message cache or its object map."""
+        return self.tables["lookups"].to_frame()
+
+    @cached_property
+    def resources(self) -> pd.DataFrame:
+        """One row per resource and sample."""
+        return self.tables["resources"].to_frame()
+
+    @cached_property
+    def poses(self) -> pd.DataFrame:
+        """One row per car, stream and frame: where the camera stood."""
+        return self.tables["poses"].to_frame()
+
+    @cached_property
+    def objects(self) -> pd.DataFrame:
+        """One row per change of an object map."""
+        return self.tables["objects"].to_frame()
+
+    @cached_property
+    def answers(self) -> pd.DataFrame:
+        """One row per first and per fresh answer: how right it was, by the detector's own answer."""
+        return self.tables["answers"].to_frame()
+
+    @cached_property
+    def held(self) -> pd.DataFrame:
+        """One row per car and instant: what its consumer held, against what was there."""
+        return self.tables["held"].to_frame()
+
     def __repr__(self) -> str:
         where = self.folder if self.folder is not None else "not written to a folder"
-        return f"<Run {self.name}-{self.run_id}: {len(self.frames):,} frames, {where}>"
+        return f"<Run {self.name}-{self.run_id}: {len(self.tables['frames']):,} frames, {where}>"
 
     @property
     def name(self) -> str:
@@ -105,7 +137,7 @@ def load(folder: str | Path) -> Run:
     with provenance.of_this_version(folder):
         measured = [Metric(**metric) for metric in provenance.read_json(folder / "metrics.json")]
     yaml = _text(folder / "scenario.resolved.yaml")
-    return Run(made["run_id"], made["facts"], yaml, measured=measured, folder=folder, **tables)
+    return Run(made["run_id"], made["facts"], yaml, tables, measured, folder)
 
 
 def _text(path: Path) -> str:

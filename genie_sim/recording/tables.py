@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
 from genie_sim.errors import UserError, first_line, short_repr
+from genie_sim.recording.columns import NO_TEXT, Columns, Text
 
 if TYPE_CHECKING:
     import numpy as np
@@ -88,7 +89,7 @@ class _Buffer:
 
     def __init__(self, column: Column) -> None:
         code, self._none = _BUFFERS[column.kind]
-        self.column = column
+        self.about = column
         self.values = array(code)
         self.codes = _Codes()
         self._is_text = column.kind == "text"
@@ -97,7 +98,7 @@ class _Buffer:
         """Raises TypeError for a None in a column that is never empty."""
         none, codes = self._none, self.codes
         try:
-            if not self.column.nullable:
+            if not self.about.nullable:
                 kept = list(map(codes.__getitem__, values) if self._is_text else values)
             elif self._is_text:
                 kept = [none if value is None else codes[value] for value in values]
@@ -105,20 +106,35 @@ class _Buffer:
                 kept = [none if value is None else value for value in values]
             self.values.fromlist(kept)  # three times as fast as ``extend``
         except TypeError as error:
-            raise TypeError(f"column {self.column.name!r} is never empty" if None in values else str(error)) from None
+            raise TypeError(f"column {self.about.name!r} is never empty" if None in values else str(error)) from None
 
     def decode(self, value: Any) -> Any:
         """What ``extend`` was given for it."""
-        if self.column.nullable and (value == self._none or value != value):
+        if self.about.nullable and (value == self._none or value != value):
             return None
         if self._is_text:
             return list(self.codes)[value]
-        return bool(value) if self.column.kind == "bool" else value
+        return bool(value) if self.about.kind == "bool" else value
 
     def numpy(self, rows: int) -> np.ndarray[Any, np.dtype[Any]]:
         import numpy as np
 
         return np.frombuffer(self.values, dtype=self.values.typecode, count=rows)
+
+    def column(self, values: np.ndarray[Any, np.dtype[Any]]) -> Any:
+        """These values as ``read`` finds them in a file."""
+        if self._is_text:
+            return Text.of(values, list(self.codes))
+        if self.about.kind == "float64":
+            return values
+        unknown = values == self._none if self.about.nullable else None
+        if self.about.kind == "bool":
+            values = values == 1
+        if unknown is None or not unknown.any():
+            return values
+        values = values.astype(object if self.about.kind == "bool" else "float64")
+        values[unknown] = None
+        return values
 
     def rank(self, rows: int) -> np.ndarray[Any, np.dtype[Any]]:
         """Numbers that sort as the column's values do."""
@@ -133,17 +149,14 @@ class _Buffer:
         import numpy as np
         import pyarrow as pa
 
-        unknown = np.isnan(values) if self.column.kind == "float64" else values == self._none
-        mask = unknown if self.column.nullable else None
-        if self.column.kind == "bool":
+        unknown = np.isnan(values) if self.about.kind == "float64" else values == self._none
+        mask = unknown if self.about.nullable else None
+        if self.about.kind == "bool":
             return pa.array(values == 1, mask=mask)
         if not self._is_text:
             return pa.array(values, mask=mask)
-        names = sorted(self.codes)
-        place = {self.codes[name]: index for index, name in enumerate(names)}
-        new_codes = np.array([place[code] for code in range(len(names))] + [0], dtype=np.int32)
-        indices = pa.array(new_codes[values], mask=mask)
-        return pa.DictionaryArray.from_arrays(indices, pa.array(names, type=pa.string()))
+        text = Text.of(values, list(self.codes))
+        return pa.DictionaryArray.from_arrays(pa.array(text.codes, mask=mask), pa.array(text.names, type=pa.string()))
 
 
 class Table:
@@ -205,7 +218,7 @@ class Table:
         found = np.ones(self._rows, dtype=bool)
         for name, value in known.items():
             buffer = self._buffers[name]
-            is_text = buffer.column.kind == "text"
+            is_text = buffer.about.kind == "text"
             found &= buffer.numpy(self._rows) == (buffer.codes.get(str(value), -1) if is_text else value)
         if not found.any():
             return None
@@ -238,16 +251,19 @@ class Table:
         with path.open("wb") as file, self._parquet(file) as writer:
             self._write_rows(writer)
 
-    def to_frame(self) -> pd.DataFrame:
-        """The same table that ``read`` finds in the file. Text is categorical, an unknown number NaN."""
-        import pyarrow as pa
-
+    def columns(self) -> Columns:
+        """The same columns that ``read`` finds in the file."""
         if self._spilled:
             assert self._written is not None, "what went to a file is read when all of it is there"
             return read(self._written, self.schema)
         self._store()
-        frame: pd.DataFrame = pa.Table.from_batches(self._batches(), schema=self.schema.arrow()).to_pandas()
-        return frame
+        order: Any = self._order()
+        buffers = self._buffers.items()
+        return Columns({name: buffer.column(buffer.numpy(self._rows)[order].copy()) for name, buffer in buffers})
+
+    def to_frame(self) -> pd.DataFrame:
+        """The same as a pandas table. Text is categorical, an unknown number NaN."""
+        return self.columns().to_frame()
 
     def _parquet(self, file: BinaryIO) -> pq.ParquetWriter:
         """A writer into an open file: of a path pyarrow makes a URI, and of a leading "~" a home."""
@@ -269,18 +285,21 @@ class Table:
         self._spilled += self._rows
         self._rows = 0
 
-    def _batches(self) -> Iterator[pa.RecordBatch]:
+    def _order(self) -> Any:
+        """The places of the rows, sorted if the schema wants it."""
         import numpy as np
+
+        if not self.schema.sorted_by:
+            return slice(0, self._rows)
+        return np.lexsort([self._buffers[name].rank(self._rows) for name in reversed(self.schema.sorted_by)])
+
+    def _batches(self) -> Iterator[pa.RecordBatch]:
         import pyarrow as pa
 
-        schema, rows = self.schema.arrow(), self._rows
-        order = None
-        if self.schema.sorted_by:
-            order = np.lexsort([self._buffers[name].rank(rows) for name in reversed(self.schema.sorted_by)])
+        schema, rows, order = self.schema.arrow(), self._rows, self._order()
         for start in range(0, rows, ROWS_PER_GROUP):
-            part: Any = slice(start, min(start + ROWS_PER_GROUP, rows))
-            if order is not None:
-                part = order[part]
+            end = min(start + ROWS_PER_GROUP, rows)
+            part: Any = slice(start, end) if isinstance(order, slice) else order[start:end]
             arrays = [buffer.arrow(buffer.numpy(rows)[part]) for buffer in self._buffers.values()]
             yield pa.record_batch(arrays, schema=schema)
 
@@ -292,7 +311,7 @@ def other_format(path: Path, found: object, reads: int) -> str:
     return f"{path}: format {short_repr(found)}, this genie-sim reads {reads}"
 
 
-def read(path: Path, schema: Schema) -> pd.DataFrame:
+def read(path: Path, schema: Schema) -> Columns:
     """The rows of a file that a table of this schema wrote.
 
     Raises UserError for a missing, truncated or foreign file, another table or another format version.
@@ -319,7 +338,15 @@ def read(path: Path, schema: Schema) -> pd.DataFrame:
         at = table.schema.get_field_index(field.name)
         if at < 0 or table.schema.field(at).type != field.type:
             raise UserError(f"{path}: column {field.name}: missing, or not {field.type}")
-    frame: pd.DataFrame = table.to_pandas()
-    for name in frame.select_dtypes("category"):  # the groups of a file may know different names
-        frame[name] = frame[name].cat.reorder_categories(sorted(frame[name].cat.categories))
-    return frame
+    return Columns({field.name: _read_column(table.column(field.name)) for field in table.schema})
+
+
+def _read_column(column: pa.ChunkedArray) -> Any:
+    import numpy as np
+    import pyarrow as pa
+
+    if not pa.types.is_dictionary(column.type):
+        return column.to_numpy()
+    whole = column.unify_dictionaries().combine_chunks()  # the groups of a file may know different names
+    codes = whole.indices.to_numpy(zero_copy_only=False)
+    return Text.of(np.nan_to_num(codes, nan=NO_TEXT).astype(np.int32), whole.dictionary.to_pylist())

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 from genie_sim.analysis.compare import BLOCKS, COMPARED, Comparison, Difference, as_metrics
 from genie_sim.errors import UserError, unknown
 from genie_sim.paths import atomic_write
+from genie_sim.recording.columns import concat
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -53,19 +54,17 @@ def text(comparison: Comparison, format: str = "markdown") -> str:
 
 def figures(comparison: Comparison) -> dict[str, Figure]:
     """Overlaid distributions of first answers, and latency against accuracy where the arms have one in common."""
-    import pandas as pd
-
     from genie_sim.analysis import figures as of_runs
     from genie_sim.analysis.latency_accuracy import drawable, latency_accuracy
 
     measured, methods = as_metrics(comparison)
     parts = [
-        run.frames[run.frames["method"] == arm.method.name].assign(method=arm.label)
+        run.tables["frames"].where(method=arm.method.name).assign(method=arm.label)
         for arm in comparison.arms
         for run in arm.runs.values()
     ]
     title = " and ".join(comparison.names)
-    made = {"latency_cdf": of_runs.latency_cdf({title: pd.concat(parts, ignore_index=True)}, methods)}
+    made = {"latency_cdf": of_runs.latency_cdf({title: concat(parts)}, methods)}
     if drawable({title: measured}):
         made["latency_accuracy"] = latency_accuracy({title: measured}, methods)
     return made

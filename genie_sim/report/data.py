@@ -24,8 +24,7 @@ from genie_sim.report.replay import last_instant_ns, replay_data
 from genie_sim.units import NS_PER_S
 
 if TYPE_CHECKING:
-    import pandas as pd
-
+    from genie_sim.recording.columns import Columns
     from genie_sim.recording.results import Metric, Run
 
     Floats = np.ndarray[Any, np.dtype[np.float64]]
@@ -42,7 +41,8 @@ RESOURCES_ON_PAGE = 300
 def page_data(run: Run, start_ns: int = 0) -> dict[str, Any]:
     """Everything on the page. ``start_ns`` is where the replay begins, if the run is too long to be shown whole."""
     notes: list[str] = []
-    objects, images = run.lookups["kind"] != "image", run.lookups["requester"] == "client"
+    lookups = run.tables["lookups"]
+    of_maps = lookups["kind"] != "image"
     return {
         "about": _about(run),
         "methods": list(_methods(run)),
@@ -53,8 +53,8 @@ def page_data(run: Run, start_ns: int = 0) -> dict[str, Any]:
         "deadline_ms": DEADLINE_MS,
         "cdf": list(_cdfs(run)),
         "over_time": {
-            "image_reuse": list(_reuse(run, run.lookups[images & ~objects], notes)),
-            "object_reuse": list(_reuse(run, run.lookups[objects], notes)),
+            "image_reuse": list(_reuse(run, lookups.where(kind="image", requester="client"), notes)),
+            "object_reuse": list(_reuse(run, lookups.rows(of_maps), notes)),
             "confidence_boost": list(_boost(run)),
         },
         "window_requests": WINDOW_REQUESTS,
@@ -67,8 +67,8 @@ def page_data(run: Run, start_ns: int = 0) -> dict[str, Any]:
 def _methods(run: Run) -> Iterator[dict[str, Any]]:
     """The methods in their order, with their frames, and of their first answers the share from the object map."""
     for method in run.methods:
-        mine = run.frames[run.frames["method"] == method.name]
-        answered = mine[mine["first_answer_ns"].notna()]
+        mine = run.tables["frames"].where(method=method.name)
+        answered = mine.rows(~np.isnan(mine.floats("first_answer_ns")))
         from_map = rounded(float((answered["source"] == "map").mean())) if len(answered) else None
         yield {**asdict(method), "frames": len(mine), "from_map": from_map}
 
@@ -117,12 +117,12 @@ def _who(scenario: Mapping[str, Any], devices: Mapping[str, str]) -> tuple[list[
 
 def _how_many(run: Run) -> dict[str, int | None]:
     """Cars and edges. A fleet's resources are those of its edges; without them nobody counted the edges."""
-    scenario, resources = run.facts["scenario"], run.resources
+    scenario = run.facts["scenario"]
     fleet = scenario.get("fleet")
     if fleet is None:
         return {"cars": len(scenario["cars"]), "edges": len(scenario["edges"])}
-    accelerators = resources.loc[resources["kind"] == "accelerator", "resource"]
-    return {"cars": fleet["cars"], "edges": accelerators.nunique() or None}
+    accelerators = run.tables["resources"].where(kind="accelerator")["resource"].unique()
+    return {"cars": fleet["cars"], "edges": len(accelerators) or None}
 
 
 def _car(car: Mapping[str, Any], device: str) -> dict[str, Any]:
@@ -165,7 +165,7 @@ def _route(route: Mapping[str, Any]) -> str:
 def _cdfs(run: Run) -> Iterator[dict[str, Any]]:
     """Response times of each method. ``rank[i]`` of ``published`` frames were answered within ``ms[i]``."""
     for method in run.methods:
-        mine = run.frames[run.frames["method"] == method.name]
+        mine = run.tables["frames"].where(method=method.name)
         for answer in ("first", "fresh"):
             times = response_ms(mine, answer)
             known = np.sort(times[~np.isnan(times)])
@@ -181,38 +181,38 @@ def _cdfs(run: Run) -> Iterator[dict[str, Any]]:
                 }
 
 
-def _placed(run: Run, lookups: pd.DataFrame) -> Iterator[tuple[dict[str, str], pd.DataFrame]]:
+def _placed(run: Run, lookups: Columns) -> Iterator[tuple[dict[str, str], Columns]]:
     """The look-ups of each method's Genies on cars, and on edges."""
     for method in run.methods:
-        mine = lookups[lookups["method"] == method.name]
         for placement in PLACEMENTS:
-            yield {"method": method.name, "placement": placement}, mine[mine["placement"] == placement]
+            where = {"method": method.name, "placement": placement}
+            yield where, lookups.where(**where)
 
 
-def _reuse(run: Run, lookups: pd.DataFrame, notes: list[str]) -> Iterator[dict[str, Any]]:
+def _reuse(run: Run, lookups: Columns, notes: list[str]) -> Iterator[dict[str, Any]]:
     """hits / requests over the last 50 requests of each Genie."""
     for where, placed in _placed(run, lookups):
         windows = windowed_reuse(placed)
-        genies = sorted(windows["genie"].astype(str).unique(), key=_by_number)
+        genies = sorted(windows["genie"].unique(), key=_by_number)
         if len(genies) > GENIES_PER_PLACEMENT:
             shown = f"{GENIES_PER_PLACEMENT} of {len(genies)} Genies {PLACEMENTS[where['placement']]}"
             notes.append(f"Reuse over time shows {shown}; the metrics count all.")
         for genie in genies[:GENIES_PER_PLACEMENT]:
-            mine = windows[windows["genie"] == genie]
+            mine = windows.where(genie=genie)
             yield {**where, "name": genie, **_curve(mine["t_ns"], mine["ratio"], 3)}
 
 
 def _boost(run: Run) -> Iterator[dict[str, Any]]:
     """The running mean of C_new - C_old over the updates of all object maps on cars, and on edges."""
-    for where, placed in _placed(run, run.lookups):
+    for where, placed in _placed(run, run.tables["lookups"]):
         running = running_boost(placed)
         if len(running):
             yield {**where, "name": "", **_curve(running["t_ns"], running["boost"], 5)}
 
 
-def _curve(t_ns: pd.Series[Any], values: pd.Series[Any], digits: int) -> dict[str, list[float]]:
+def _curve(t_ns: Floats, values: Floats, digits: int) -> dict[str, list[float]]:
     kept = thinned(len(values), POINTS_PER_CURVE)
-    return {"x": _list(t_ns.to_numpy(float)[kept] / NS_PER_S, 2), "y": _list(values.to_numpy(float)[kept], digits)}
+    return {"x": _list(t_ns[kept] / NS_PER_S, 2), "y": _list(values[kept], digits)}
 
 
 def _by_number(name: str) -> list[tuple[int, str]]:
@@ -222,16 +222,22 @@ def _by_number(name: str) -> list[tuple[int, str]]:
 
 def _use(run: Run, notes: list[str]) -> Iterator[dict[str, Any]]:
     """Share of time spent serving, or mean length of a queue, in equal parts of the time while frames were taken."""
-    resources, end_ns = run.resources, int(run.frames["stamp_ns"].max()) if len(run.frames) else 0
-    if resources.empty or not end_ns:
+    resources, stamps_ns = run.tables["resources"], run.tables["frames"]["stamp_ns"]
+    end_ns = int(stamps_ns.max()) if len(stamps_ns) else 0
+    if not len(resources) or not end_ns:
         return
     if run.facts["scenario"].get("fleet"):
         notes.append("Of a fleet, devices, links and queues of the edges alone are recorded.")
     width_ns = max(LEAST_BIN_NS, -(-end_ns // (BINS * SAMPLE_NS)) * SAMPLE_NS)
     edges_ns = np.arange(0, end_ns + width_ns, width_ns, dtype=np.float64)
     middles = _list((edges_ns[1:] + edges_ns[:-1]) / 2 / NS_PER_S, 2)
-    for (method, kind), group in resources.groupby(["method", "kind"], observed=True):
-        curves = {str(name): _mean_use(samples, edges_ns) for name, samples in group.groupby("resource", observed=True)}
+    groups = (
+        (method, kind, samples)
+        for method, of_method in resources.groups("method")
+        for kind, samples in of_method.groups("kind")
+    )
+    for method, kind, group in groups:
+        curves = {name: _mean_use(samples, edges_ns) for name, samples in group.groups("resource")}
         busiest = sorted(curves, key=lambda name: (-float(curves[name].sum()), name))
         used = [name for name in busiest if curves[name].max() >= LEAST_USE]
         if len(used[:RESOURCES_PER_KIND]) < len(curves):
@@ -243,7 +249,7 @@ def _use(run: Run, notes: list[str]) -> Iterator[dict[str, Any]]:
             yield {"method": method, "kind": kind, "name": name, "x": middles, "y": _list(curves[name], 4)}
 
 
-def _mean_use(samples: pd.DataFrame, edges_ns: Floats) -> Floats:
+def _mean_use(samples: Columns, edges_ns: Floats) -> Floats:
     mean: Floats = np.diff(np.interp(edges_ns, *running_use(samples))) / np.maximum(np.diff(edges_ns), 1.0)
     return mean
 

@@ -6,15 +6,16 @@ maps in it, rather than a thinned whole that would show a hit here and hide the 
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from genie_sim.recording.columns import NO_TEXT, Columns, Text
 from genie_sim.units import NS_PER_MS, NS_PER_S
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from genie_sim.recording.results import Run
 
     Column = np.ndarray[Any, Any]
@@ -35,13 +36,14 @@ class _Names:
     def code(self, name: object) -> int:
         return self.all.setdefault(str(name), len(self.all))
 
-    def codes(self, column: pd.Series[Any]) -> list[int]:
-        import pandas as pd
-
-        values, names = pd.factorize(column.astype(object), use_na_sentinel=True)
-        numbers = np.array([*map(self.code, names), UNKNOWN])
-        codes: list[int] = numbers[values].tolist()
-        return codes
+    def codes(self, column: Text) -> list[int]:
+        """Of a column; new texts are numbered as they first occur."""
+        codes, first = np.unique(column.codes, return_index=True)
+        places = {int(code): self.code(column.names[code]) for code in codes[np.argsort(first)] if code != NO_TEXT}
+        numbers = np.full(len(column.names) + 1, UNKNOWN)
+        numbers[list(places)] = list(places.values())
+        found: list[int] = numbers[column.codes].tolist()
+        return found
 
 
 def replay_data(run: Run, start_ns: int, notes: list[str]) -> dict[str, Any] | None:
@@ -49,11 +51,12 @@ def replay_data(run: Run, start_ns: int, notes: list[str]) -> dict[str, Any] | N
     if run.facts["scenario"].get("fleet") is not None:
         notes.append("There is no replay of a fleet: its cars are too many, and change their edges.")
         return None
-    if run.poses.empty:
+    poses = run.tables["poses"]
+    if not len(poses):
         notes.append("There is no replay: the run holds no poses.")
         return None
     last_ns = last_instant_ns(run)
-    begin_ns = min(max(start_ns, 0), int(run.poses["stamp_ns"].max()))
+    begin_ns = min(max(start_ns, 0), int(poses["stamp_ns"].max()))
     end_ns = _end_ns(run, begin_ns)
     if begin_ns > 0 or end_ns < last_ns:
         notes.append(
@@ -63,8 +66,8 @@ def replay_data(run: Run, start_ns: int, notes: list[str]) -> dict[str, Any] | N
             "Everything else covers the whole run. Another stretch: genie-sim report DIR --start '60 s'"
         )
     names = _Names()
-    shown = _between(run.poses, "stamp_ns", begin_ns, end_ns)
-    poses = shown.sort_values(["car", "stream", "frame"], ignore_index=True)
+    poses = _between(poses, "stamp_ns", begin_ns, end_ns)
+    poses = poses.rows(np.lexsort((poses["frame"], poses["stream"].codes, poses["car"].codes)))
     return {
         "begin_us": begin_ns // US,
         "end_us": end_ns // US,
@@ -72,9 +75,11 @@ def replay_data(run: Run, start_ns: int, notes: list[str]) -> dict[str, Any] | N
         "methods": [
             {
                 "name": method.name,
-                "frames": _frames(run.frames[run.frames["method"] == method.name], poses, names),
-                "lookups": _lookups(run.lookups[run.lookups["method"] == method.name], poses, names),
-                "objects": list(_objects(run.objects[run.objects["method"] == method.name], begin_ns, end_ns, names)),
+                "frames": _frames(run.tables["frames"].where(method=method.name), poses, names),
+                "lookups": _lookups(run.tables["lookups"].where(method=method.name), poses, names),
+                "objects": list(
+                    _objects(run.tables["objects"].where(method=method.name), begin_ns, end_ns, names)
+                ),
             }
             for method in run.methods
         ],
@@ -87,115 +92,136 @@ def replay_data(run: Run, start_ns: int, notes: list[str]) -> dict[str, Any] | N
 def last_instant_ns(run: Run) -> int:
     """The last instant on record: of frames, answers, look-ups and object maps; 0 for an empty run."""
     instants = {"frames": ["stamp_ns", "first_answer_ns", "fresh_answer_ns"], "lookups": ["t_ns"], "objects": ["t_ns"]}
-    found = (getattr(run, table)[column].max() for table, columns in instants.items() for column in columns)
-    return max((int(last) for last in found if last == last), default=0)
+    found = (run.tables[table].floats(column) for table, columns in instants.items() for column in columns)
+    return max((int(np.nanmax(one)) for one in found if not np.isnan(one).all()), default=0)
 
 
 def _end_ns(run: Run, begin_ns: int) -> int:
     """The last instant that is shown: that of the run, else as many whole seconds as fit, at least one."""
-    tables = ((run.frames, "stamp_ns"), (run.lookups, "stamp_ns"), (run.objects, "t_ns"))
-    instants = np.sort(np.concatenate([table[column].to_numpy(np.int64) for table, column in tables]))
+    tables = (("frames", "stamp_ns"), ("lookups", "stamp_ns"), ("objects", "t_ns"))
+    instants = np.sort(np.concatenate([run.tables[name][column] for name, column in tables]))
     first = int(np.searchsorted(instants, begin_ns))
     if len(instants) - first <= MOST_ROWS:
         return last_instant_ns(run)
     return begin_ns + max((int(instants[first + MOST_ROWS]) - begin_ns) // NS_PER_S, 1) * NS_PER_S
 
 
-def _between(table: pd.DataFrame, column: str, begin_ns: int, end_ns: int) -> pd.DataFrame:
-    return table[(table[column] >= begin_ns) & (table[column] < end_ns)]
+def _between(table: Columns, column: str, begin_ns: int, end_ns: int) -> Columns:
+    return table.rows((table[column] >= begin_ns) & (table[column] < end_ns))
 
 
-def _about(table: pd.DataFrame, poses: pd.DataFrame) -> pd.DataFrame:
-    """The rows about frames of the stretch that is shown."""
-    return _between(table, "stamp_ns", int(poses["stamp_ns"].min()), int(poses["stamp_ns"].max()) + 1)
+def _places(poses: Columns, table: Columns, column: str) -> Column:
+    """The place in ``poses`` of the frame that each row is about, -1 where it is not there; a frame is told by its
+    camera and by ``column``, which is its number or its stamp."""
+    cars, streams = poses["car"].names, poses["stream"].names
+    least, most = int(poses[column].min()), int(poses[column].max())
+    keys, sought = (
+        (one["car"].codes_in(cars) * len(streams) + one["stream"].codes_in(streams)) * (most - least + 1)
+        + (one[column].astype(np.int64) - least)
+        for one in (poses, table)
+    )
+    there = (table["car"].isin(cars) & table["stream"].isin(streams)) & (table[column] >= least)
+    found = np.minimum(np.searchsorted(keys, sought), len(keys) - 1)
+    return np.where(there & (table[column] <= most) & (keys[found] == sought), found, UNKNOWN)
 
 
-def _streams(poses: pd.DataFrame) -> Any:
+def _streams(poses: Columns) -> Iterator[dict[str, Any]]:
     """The frames of each camera in order: when and where they were taken. A frame's id is its place in ``poses``."""
-    for (car, stream), mine in poses.groupby(["car", "stream"], observed=True, sort=False):
+    changed = (np.diff(poses["car"].codes) != 0) | (np.diff(poses["stream"].codes) != 0)
+    begins = [0, *(np.flatnonzero(changed) + 1).tolist(), len(poses)]
+    for begin, end in pairwise(begins):
+        mine = poses.rows(slice(begin, end))
         yield {
-            "car": car,
-            "stream": stream,
-            "first_id": int(mine.index[0]),
-            "first_frame": int(mine["frame"].iloc[0]),
-            "fov_mrad": round(1000 * float(mine["horizontal_fov_rad"].iloc[0])),
-            "stamp_us": _deltas(mine["stamp_ns"].to_numpy() // US),
+            "car": mine["car"].tolist()[0],
+            "stream": mine["stream"].tolist()[0],
+            "first_id": begin,
+            "first_frame": int(mine["frame"][0]),
+            "fov_mrad": round(1000 * float(mine["horizontal_fov_rad"][0])),
+            "stamp_us": _deltas(mine["stamp_ns"] // US),
             "east_cm": _deltas(_scaled(mine["east_m"], 100)),
             "north_cm": _deltas(_scaled(mine["north_m"], 100)),
             "heading_mrad": _deltas(_scaled(mine["heading_rad"], 1000)),
         }
 
 
-def _frames(mine: pd.DataFrame, poses: pd.DataFrame, names: _Names) -> dict[str, Any]:
+def _frames(mine: Columns, poses: Columns, names: _Names) -> dict[str, Any]:
     """What became of each frame under one method, by the frame's id. Instants are counted from the stamp."""
-    key = ["car", "stream", "frame"]
-    rows = _plain(poses)[key].merge(_plain(_about(mine, poses)), on=key, how="left", validate="one_to_one")
-    since = {name: rows[f"{name}_ns"] - rows["stamp_ns"] for name in ("received", "first_answer", "fresh_answer")}
-    hit = np.where(rows["coalesced"].eq(True), 2, np.where(rows["image_hit"].eq(True), 1, 0))
+    ids = _places(poses, mine, "frame")
+    here = np.flatnonzero(ids != UNKNOWN)
+    rows, ids = mine.rows(here), ids[here]
+
+    def by_id(values: Column, unknown: Any = UNKNOWN) -> Column:
+        found = np.full(len(poses), unknown, dtype=values.dtype)
+        found[ids] = values
+        return found
+
+    def numbers(values: Column) -> list[int]:
+        found: list[int] = by_id(_integers(values)).tolist()
+        return found
+
+    instants = {name: rows.floats(f"{name}_ns") for name in ("received", "first_answer", "fresh_answer")}
+    flags = zip(rows["image_hit"].tolist(), rows["coalesced"].tolist(), strict=True)
+    outcome = [UNKNOWN if hit is None else 2 if coalesced else int(hit) for hit, coalesced in flags]
+    texts = {name: rows[name] for name in ("source", "served_by", "drop")}
     return {
-        **{f"{name}_us": _integers(values // US) for name, values in since.items()},
-        "outcome": np.where(rows["image_hit"].isna(), UNKNOWN, hit).tolist(),
-        **{name: names.codes(rows[name]) for name in ("source", "served_by", "drop")},
-        **{name: _integers(rows[name]) for name in ("objects_served", "objects_fresh", "bytes_up", "bytes_down")},
+        **{f"{name}_us": numbers((values - rows["stamp_ns"]) // US) for name, values in instants.items()},
+        "outcome": numbers(np.array(outcome)),
+        **{name: names.codes(Text(by_id(text.codes, NO_TEXT), text.names)) for name, text in texts.items()},
+        **{name: numbers(rows[name]) for name in ("objects_served", "objects_fresh", "bytes_up", "bytes_down")},
     }
 
 
-def _lookups(mine: pd.DataFrame, poses: pd.DataFrame, names: _Names) -> dict[str, Any]:
+def _lookups(mine: Columns, poses: Columns, names: _Names) -> dict[str, Any]:
     """One method's look-ups about these frames, in order of time."""
-    key = ["car", "stream", "stamp_ns"]
-    ids = _plain(poses)[key].assign(frame_id=poses.index)
-    rows = _plain(_about(mine, poses)).merge(ids, on=key, how="inner", validate="many_to_one")
-    rows = rows.sort_values("t_ns", kind="stable")
+    ids = _places(poses, mine, "stamp_ns")
+    here = np.flatnonzero(ids != UNKNOWN)
+    here = here[np.argsort(mine["t_ns"][here], kind="stable")]
+    rows = mine.rows(here)
     return {
-        "t_us": _deltas(rows["t_ns"].to_numpy() // US),
+        "t_us": _deltas(rows["t_ns"] // US),
         "genie": names.codes(rows["genie"]),
         "edge": (rows["placement"] == "edge").astype(int).tolist(),
         "neighbour": (rows["requester"] == "neighbour").astype(int).tolist(),
-        "kind": rows["kind"].astype(str).map(KINDS.index).tolist(),
-        "outcome": rows["outcome"].astype(object).map(_outcome).tolist(),
+        "kind": rows["kind"].codes_in(KINDS).tolist(),
+        "outcome": rows["outcome"].codes_in(OUTCOMES).tolist(),
         "boost_e4": _scaled(rows["boost_sum"], 10_000).tolist(),
-        **{name: rows[name].tolist() for name in ("frame_id", "requests", "hits", "updates", "entries")},
+        "frame_id": ids[here].tolist(),
+        **{name: rows[name].tolist() for name in ("requests", "hits", "updates", "entries")},
     }
 
 
-def _plain(table: pd.DataFrame) -> pd.DataFrame:
-    """Cars and streams as text: two tables' categories may differ, and then do not compare."""
-    return table.astype({"car": str, "stream": str})
-
-
-def _outcome(outcome: object) -> int:
-    return OUTCOMES.index(outcome) if isinstance(outcome, str) else UNKNOWN
-
-
-def _objects(mine: pd.DataFrame, begin_ns: int, end_ns: int, names: _Names) -> Any:
+def _objects(mine: Columns, begin_ns: int, end_ns: int, names: _Names) -> Iterator[list[Any]]:
     """One method's map objects: where each is, and its confidence from each instant on, -1 where it is forgotten."""
-    changes = mine[mine["t_ns"] <= end_ns]
-    by_object: Any = changes.groupby(["genie", "label", "east_m", "north_m"], observed=True, sort=True)
-    for (genie, label, east_m, north_m), of_one in by_object:
-        t_ns = of_one["t_ns"].to_numpy()
+    mine = mine.rows(mine["t_ns"] <= end_ns)
+    keys = [mine["north_m"], mine["east_m"], mine["label"].codes, mine["genie"].codes]
+    mine = mine.rows(np.lexsort(keys))
+    places = [mine["genie"].codes, mine["label"].codes, mine["east_m"], mine["north_m"]]
+    begins = np.flatnonzero(np.any([np.diff(one, prepend=np.nan) != 0 for one in places], axis=0))
+    genies, labels, all_ns = mine["genie"].tolist(), mine["label"].tolist(), mine["t_ns"]
+    confidence = _scaled(np.nan_to_num(mine["confidence"], nan=UNKNOWN / 1000), 1000)
+    for begin, end in pairwise([*begins.tolist(), len(mine)]):
+        t_ns = all_ns[begin:end]
         first = max(int(np.searchsorted(t_ns, begin_ns, side="right")) - 1, 0)  # the last before the replay begins
         yield [
-            names.code(genie),
-            names.code(label),
-            round(100 * east_m),
-            round(100 * north_m),
+            names.code(genies[begin]),
+            names.code(labels[begin]),
+            round(100 * mine["east_m"][begin]),
+            round(100 * mine["north_m"][begin]),
             _deltas(np.maximum(t_ns[first:], begin_ns) // NS_PER_MS),
-            _scaled(of_one["confidence"].iloc[first:].fillna(UNKNOWN / 1000), 1000).tolist(),
+            confidence[begin + first : end].tolist(),
         ]
 
 
-def _scaled(values: pd.Series[Any], scale: int) -> Column:
-    return np.round(values.to_numpy(np.float64) * scale).astype(np.int64)
+def _scaled(values: Column, scale: int) -> Column:
+    return np.round(values * scale).astype(np.int64)
 
 
 def _deltas(values: Column) -> list[int]:
     """The first value, then the differences: short numbers."""
-    deltas: list[int] = np.diff(values.astype(np.int64), prepend=0).tolist()
+    deltas: list[int] = np.diff(values, prepend=0).tolist()
     return deltas
 
 
-def _integers(values: pd.Series[Any]) -> list[int]:
+def _integers(values: Column) -> Column:
     """Whole numbers, -1 for unknown."""
-    numbers = np.nan_to_num(values.to_numpy(np.float64, na_value=np.nan), nan=UNKNOWN)
-    whole: list[int] = numbers.astype(np.int64).tolist()
-    return whole
+    return np.nan_to_num(values, nan=UNKNOWN).astype(np.int64)

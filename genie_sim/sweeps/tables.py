@@ -123,6 +123,6 @@ def _paths(parts: Path) -> list[Path]:
 
 def _part(path: Path) -> pd.DataFrame:
     try:
-        return tables.read(path, PART)
+        return tables.read(path, PART).to_frame()
     except UserError as error:
         raise UserError(f"{error}; delete it, and its runs are made again") from error

@@ -138,10 +138,9 @@ def run_task(task: Task, packed: bytes) -> Finished:
 def measured(prepared: runner.Prepared) -> Sequence[Metric]:
     """Simulates one run: the metrics of its methods and of their Genies, not of single resources: a fleet has many."""
     tables = runner.simulate(prepared)
-    read = {table.name: table.to_frame() for table in tables if table.name not in ("poses", "objects")}
-    judged = read["answers"], read["held"]
-    no_resources = read["resources"].iloc[:0]
-    return metrics.compute(runner.methods_of(prepared), read["frames"], read["lookups"], no_resources, *judged)
+    none = tables.resources.columns().rows([])
+    used = (tables.frames.columns(), tables.lookups.columns(), none, tables.answers.columns(), tables.held.columns())
+    return metrics.compute(runner.methods_of(prepared), *used)
 
 
 @functools.lru_cache(maxsize=1)
