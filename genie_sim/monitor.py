@@ -53,7 +53,7 @@ class Monitor(Protocol):
     def dropped(self, message: Message, where: str) -> None:
         """A copy of a frame, or an answer to it, was lost; ``where`` names the queue, link or fault."""
 
-    def observe(self, node: str, placement: Placement, record: Observation, now_ns: int) -> None:
+    def observe(self, placement: Placement, node: str, record: Observation, now_ns: int) -> None:
         """An observation of a cache or map."""
 
     def sample(self, resources: Sequence[Resource], now_ns: int) -> None:

@@ -94,6 +94,13 @@ class GenieNode:
         self._neighbour_requests = {topic + self._remote: topic for topic in subscribed}
         self._own_answers = {topic + self._local: topic for topic in published}
         self._remote_answers = {topic + self._remote: topic for topic in published}
+        # Of each topic that something arrives on: the node's own one, whether requests do, and whether of its own side.
+        self._arrivals: dict[str, tuple[str, str, bool, bool]] = {
+            **{topic: (topic, about, False, False) for topic, about in self._remote_answers.items()},
+            **{topic: (topic, about, False, True) for topic, about in self._own_answers.items()},
+            **{topic: (topic, about, True, False) for topic, about in self._neighbour_requests.items()},
+            **{topic: (topic, topic, True, True) for topic in self._requests},
+        }
 
     def subscriptions(self) -> tuple[str, ...]:
         """Every topic that this Genie listens to."""
@@ -118,7 +125,7 @@ class GenieNode:
         deadline_ns = self._pending.next_deadline_ns
         if deadline_ns is not None and deadline_ns <= now_ns:
             before += self.on_deadline(now_ns)
-        effects = self._on_arrival(topic, message, now_ns, sender)
+        effects = self._on_arrival(*self._arrivals[topic], message, now_ns, sender)
         return before + effects if before else effects
 
     def next_deadline_ns(self) -> int | None:
@@ -141,17 +148,14 @@ class GenieNode:
         """How many requests the message cache holds answers to."""
         return sum(map(len, self._databases.values()))
 
-    def _on_arrival(self, topic: str, message: Any, now_ns: int, sender: str | None) -> list[Effect]:
-        if topic in self._requests:
-            return self._on_request(topic, message, Requester(message.header, False, sender), now_ns)
-        if topic in self._neighbour_requests:
-            requested = self._neighbour_requests[topic]
-            return self._on_request(requested, message, Requester(message.header, True, sender), now_ns)
+    def _on_arrival(
+        self, topic: str, about: str, request: bool, own: bool, message: Any, now_ns: int, sender: str | None
+    ) -> list[Effect]:
+        if request:
+            return self._on_request(about, message, Requester(message.header, not own, sender), now_ns)
         if self.rules.pending_index == "per_topic":
             return self._on_unknown(topic, message)
-        if topic in self._own_answers:
-            return self._on_answer(self._own_answers[topic], message, now_ns, own=True)
-        return self._on_answer(self._remote_answers[topic], message, now_ns, own=False)
+        return self._on_answer(about, message, now_ns, own=own)
 
     def _on_request(self, topic: str, request: Request, requester: Requester, now_ns: int) -> list[Effect]:
         database = self._databases.get(topic)

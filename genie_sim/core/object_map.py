@@ -41,7 +41,7 @@ class StoredObject:
     spoke_ns: dict[str, int] = field(default_factory=dict)
     east_m: float = field(init=False)
     north_m: float = field(init=False)
-    _detection: Detection | None = None
+    detection: Detection | None = None  # as it is asked for, once it has been
 
     def __post_init__(self) -> None:
         self.east_m, self.north_m, _ = self.location
@@ -52,11 +52,8 @@ class StoredObject:
         return self.seen_ns - self.first_ns >= PARKED_NS
 
     def as_detection(self) -> Detection:
-        detection = self._detection
-        if detection is None or detection.confidence != self.confidence:  # most are asked for often
-            detection = Detection(self.label, self.score, None, self.location, self.confidence, "map")
-            self._detection = detection
-        return detection
+        self.detection = Detection(self.label, self.score, None, self.location, self.confidence, "map")
+        return self.detection
 
 
 class ObjectMap:
@@ -153,6 +150,7 @@ class ObjectMap:
             before = stored.confidence
             if not self._origins or self._speaks(stored, header):
                 stored.confidence = self._boosted(before, seen.confidence, rules.rate)
+                stored.detection = None
             stored.seen_ns = now_ns
             stored.sightings += 1
             if self._notes and header is not None:
@@ -187,6 +185,7 @@ class ObjectMap:
         if answer.objects is None:
             return Learned(answer, answer, answer, None)
         threshold, detected = self.threshold, answer.source == "detector"
+        header = answer.header if detected else None
         objects: list[Detection] = []
         known: list[StoredObject | None] = []
         changes: list[MapChange] = []
@@ -198,7 +197,7 @@ class ObjectMap:
                 known.append(None)
                 continue
             requests += 1
-            before, stored = self.sight(seen, now_ns, answer.header if detected and seen.method != "map" else None)
+            before, stored = self.sight(seen, now_ns, None if seen.method == "map" else header)
             if before is not None:
                 hits += before >= threshold
                 updates += 1
@@ -267,7 +266,7 @@ class ObjectMap:
         for one in others:
             if id(one) not in included:
                 included.add(id(one))
-                objects.append(one.as_detection())
+                objects.append(one.detection or one.as_detection())
                 known.append(one)
         return Boosted(self._confident(answer.with_objects(objects), known, to, now_ns), requests, hits)
 
@@ -276,7 +275,7 @@ class ObjectMap:
         found = self.in_view(viewer.pose, viewer.horizontal_fov_rad, range_m)
         if not self._always_serves:
             found = [one for one in found if self._freshness.serves(one, viewer.header.origin, now_ns)]
-        return [one.as_detection() for one in found], None
+        return [one.detection or one.as_detection() for one in found], None
 
     def match(self, label: str, location: Location) -> StoredObject | None:
         """The stored object that a sighting of class ``label`` at ``location`` shows: the nearest that fits."""
@@ -343,8 +342,13 @@ class ObjectMap:
 def _cells(easts: tuple[float, float], norths: tuple[float, float], side_m: float) -> list[Cell]:
     """The cells of an upright rectangle, west to east."""
     west, east, south, north = easts[0] // side_m, easts[1] // side_m, norths[0] // side_m, norths[1] // side_m
-    if west == east and south == north:  # mostly, where the rectangle is small
-        return [west + south * ROW]
+    if west == east:
+        if south == north:  # mostly, where the rectangle is small
+            return [west + south * ROW]
+        if south + 1 == north:
+            return [west + south * ROW, west + north * ROW]
+    elif south == north and west + 1 == east:
+        return [west + south * ROW, east + south * ROW]
     rows = range(int(south), int(north) + 1)
     return [i + j * ROW for i in range(int(west), int(east) + 1) for j in rows]
 

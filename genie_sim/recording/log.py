@@ -93,13 +93,13 @@ class Log:
 
     def received(self, header: Header, now_ns: int) -> None:
         """The frame is in the queue of the first node that handles it."""
-        frame = self._frame(header)
+        frame = self._open.get(header) or self._frame(header)
         assert frame is not None, "every frame is published first"
         frame.received_ns = now_ns
 
     def carried(self, column: str, message: Message) -> None:
         """A message about a frame was on the wire of the car's link; ``column`` is ``bytes_up`` or ``bytes_down``."""
-        frame = self._frame(message.header)
+        frame = self._open.get(message.header) or self._frame(message.header)
         if frame is not None:
             setattr(frame, column, getattr(frame, column) + message.size_bytes)
 
@@ -107,7 +107,7 @@ class Log:
         """An answer is in the consumer's hands. One under a stale stamp is no answer to this frame."""
         if self._held is not None:
             self._held.answered(answer, now_ns)
-        frame = self._frame(answer.header)
+        frame = self._open.get(answer.header) or self._frame(answer.header)
         if frame is None:
             return
         first, fresh = frame.first_answer_ns is None, answer.source != "map" and frame.fresh_answer_ns is None
@@ -129,7 +129,7 @@ class Log:
         if frame is not None and frame.fresh_answer_ns is None:
             frame.drop = where
 
-    def observe(self, genie: str, placement: Placement, event: Observation, now_ns: int) -> None:
+    def observe(self, placement: Placement, genie: str, event: Observation, now_ns: int) -> None:
         """What a Genie tells of its cache or map."""
         if isinstance(event, ImageLookup):
             requester, outcome = event.requester, event.outcome
@@ -141,7 +141,7 @@ class Log:
                     1, int(hit), 0, 0.0, event.entries,
                 ))  # fmt: skip
             if placement == "car" and requester == "client":
-                frame = self._frame(event.header)
+                frame = self._open.get(event.header) or self._frame(event.header)
                 assert frame is not None, "every frame is published first"
                 frame.image_hit = hit
                 frame.coalesced = outcome == "coalesced"

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from genie_sim.sim.clock import Clock
-from genie_sim.sim.service import Device
+from genie_sim.sim.service import Device, HopTime
 
 Done = Callable[..., None]
 
@@ -69,6 +69,16 @@ class Processor:
         done(*arguments)
 
 
+class _Hops(dict[int, int]):
+    def __init__(self, law: HopTime) -> None:
+        super().__init__()
+        self._law = law
+
+    def __missing__(self, size_bytes: int) -> int:
+        self[size_bytes] = hop_ns = self._law.of(size_bytes)
+        return hop_ns
+
+
 class Host:
     """A car's board or an edge server: one accelerator, the cores of its CPU, and how long a message hop takes."""
 
@@ -84,16 +94,9 @@ class Host:
         self.device = device
         self.accelerator = Processor(env, f"{name}.accelerator", "accelerator")
         self.cpu = Processor(env, f"{name}.cpu", "cpu", device.cores)
-        self._hops_ns: dict[int, int] = {}  # by the message's size
+        self.hop_ns = _Hops(device.hop)  # how long a message takes to another process, by its size
         self._detector_times = device.detector_time.draws(accelerator_rng)
         self._message_times = device.message_time.draws(cpu_rng)
-
-    def hop_ns(self, size_bytes: int) -> int:
-        """How long a message takes to another process."""
-        hop_ns = self._hops_ns.get(size_bytes)
-        if hop_ns is None:
-            hop_ns = self._hops_ns[size_bytes] = self.device.hop.of(size_bytes)
-        return hop_ns
 
     def infer(self, done: Done, *arguments: Any) -> None:
         """The detector looks at one image."""

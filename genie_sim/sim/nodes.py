@@ -11,7 +11,7 @@ from genie_sim.sim.ros_graph import Dropped, Graph, Node
 from genie_sim.sim.station import Interceptor, MakeInterceptor
 
 TIMER_LATE_NS = 500_000_000
-Observer = Callable[[str, Observation], None]  # the node's name, and what it observed
+Observer = Callable[[str, Observation, int], None]  # the node's name, what it observed, and when
 
 
 class Detector(Node):
@@ -74,17 +74,18 @@ class InterceptorNode(Node):
         super().void(where)
         for record in self.pure.on_void():
             if not isinstance(record, Expired):
-                self._observe(self.name, record)
+                self._observe(self.name, record, self.env.now)
             elif self._dropped is not None:
                 self._dropped(Detections(record.header, ()), where)
         self.pure = self._make()
 
     def _carry_out(self, effects: list[Effect]) -> None:
+        publish = self.graph.publish
         for effect in effects:
             if isinstance(effect, Publish):
-                self.publish(effect.topic, effect.message, effect.to)
+                publish(self, effect.topic, effect.message, effect.to)
             else:
-                self._observe(self.name, effect.record)
+                self._observe(self.name, effect.record, self.env.now)
 
     def _set_timer(self) -> None:
         """Any message that comes tells the node the time. The timer is for when none does, so it may be late."""

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from functools import partial
 
 import numpy as np
 
 from genie_sim import seeds
 from genie_sim.errors import UserError, unknown
-from genie_sim.messages import Observation
 from genie_sim.monitor import Monitor, Placement, Resource
 from genie_sim.sim import fault
 from genie_sim.sim.cameras import Camera
@@ -201,9 +201,7 @@ class World:
             return
         host, graph = self.hosts[place]
 
-        def observe(node: str, record: Observation) -> None:
-            self.monitor.observe(node, placement, record, self.env.now)
-
+        observe = partial(self.monitor.observe, placement)
         told = self.setup.queue_length, observe, self.monitor.dropped, station.key
         if station.detector:
             node = attach(graph, f"{place}/{DETECTOR}", make, *told)

@@ -244,7 +244,7 @@ def test_any_node_can_be_encapsulated_whatever_its_topics():
 
     graph, host = office()
     Clerk("lanes", host, graph, ("/clouds", "/map"), ("/lanes", "/signs"))
-    attach(graph, "lanes", make, 1, lambda genie, record: None, lambda message, where: None, suffix="_local")
+    attach(graph, "lanes", make, 1, lambda genie, record, now_ns: None, lambda message, where: None, suffix="_local")
     assert told == [(("/clouds", "/map"), ("/lanes", "/signs"))]
     assert graph.topics_of("lanes") == (("/clouds_local", "/map_local"), ("/lanes_local", "/signs_local"))
 
@@ -336,14 +336,13 @@ def test_requests_of_one_edge_are_not_passed_on_by_the_others():
     world, _ = build(scenario(3), "genie")
     published: list[tuple[str, str]] = []
     for edge in world.edges.values():
-        genie = edge.graph.node(f"{edge.name}/genie")
 
-        def spy(topic, message, to=None, edge=edge, publish=genie.publish) -> None:
+        def spy(node, topic, message, to=None, edge=edge, publish=edge.graph.publish) -> None:
             if topic == f"{IMAGES}-remote":
                 published.append((edge.name, message.header.origin))
-            publish(topic, message, to)
+            publish(node, topic, message, to)
 
-        genie.publish = spy
+        edge.graph.publish = spy
     world.run()
     assert set(published) == {("edge1", "car1"), ("edge2", "car2"), ("edge3", "car3")}
 
