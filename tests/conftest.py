@@ -21,8 +21,14 @@ settings.load_profile("genie_sim")
 CommandLine = Callable[..., subprocess.CompletedProcess[str]]
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--by-hand", action="store_true", help="also what takes minutes: tests marked by_hand")
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     for item in items:
+        if item.get_closest_marker("by_hand") and not config.getoption("--by-hand"):
+            item.add_marker(pytest.mark.skip(reason="takes minutes: --by-hand"))
         if item.get_closest_marker("slow"):
             item.add_marker(pytest.mark.no_cover)  # it would take twice as long, for what others have run already
         if sys.platform == "win32" and item.get_closest_marker("unix"):

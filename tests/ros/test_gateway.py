@@ -67,6 +67,17 @@ def test_an_opaque_message_is_known_by_its_bytes_and_answered_under_its_own_head
     assert [to for to, *_ in car.sent] == ["edge1", "edge1"], "only misses go up"
 
 
+def test_stamps_that_go_back_are_stamps_like_others():
+    """A bag that begins again, or a clock that has been set: a request is known by its stamp, not by its order."""
+    car = Site("car1", "car")
+    for stamp_ns in (9, 5, 7, 1):
+        car.hear("/scan", message(stamp_ns, b"%d" % stamp_ns))
+    for stamp_ns in (1, 7, 5, 9):
+        car.hear("/result_local", message(stamp_ns, b"to %d" % stamp_ns))
+    answers = [(header.stamp_ns, content) for topic, header, content in car.said if topic == "/result"]
+    assert answers == [(1, b"to 1"), (7, b"to 7"), (5, b"to 5"), (9, b"to 9")]
+
+
 def test_what_the_node_says_unasked_or_late_still_reaches_the_robot():
     car = Site("car1", "car", request_expiry="2 s")
     car.hear("/result_local", message(7, b"unasked"))

@@ -13,6 +13,7 @@ import select
 import signal
 import socket
 import ssl
+import statistics
 import struct
 import subprocess
 import sys
@@ -20,6 +21,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -167,6 +169,46 @@ def test_both_directions_at_once_under_load(edge: Site, new_site: Callable[..., 
     for site in (car, edge):
         seconds = [message.header.stamp_ns for *_, message in site.got]
         assert len(seconds) > 50 and seconds == sorted(set(seconds)), "in order, none twice"
+
+
+class Watched:
+    """Notes when two threads are in a socket at a time."""
+
+    def __init__(self, sock: ssl.SSLSocket) -> None:
+        self._inside, self.together, self.used = threading.Lock(), 0, 0
+        for name in ("send", "recv_into"):
+            setattr(sock, name, partial(self._used, getattr(sock, name)))
+
+    def _used(self, operation: Callable[[memoryview], int], view: memoryview) -> int:
+        alone = self._inside.acquire(blocking=False)
+        self.together += not alone
+        self.used += 1
+        try:
+            time.sleep(0.001)  # long enough for the other one to come
+            return operation(view)
+        finally:
+            if alone:
+                self._inside.release()
+
+
+def test_reader_and_writer_take_turns(edge: Site, new_site: Callable[..., Site], monkeypatch: pytest.MonkeyPatch):
+    """OpenSSL says that a connection must not be used by two threads at once; what then happens is not defined."""
+    watched: list[Watched] = []
+
+    def made(*arguments: object) -> connection.Connection:
+        one = connection.Connection(*arguments)
+        watched.append(Watched(one._sock))
+        return one
+
+    monkeypatch.setattr(link, "Connection", made)
+    car = new_site("car1", "car", connect=(edge.address,))
+    until(lambda: car.names() == ["edge1"] and edge.names() == ["car1"], "both are connected")
+    for second in range(1, 200):
+        car.links.send("edge1", REQUEST, image(second, size=100_000))
+        edge.links.send("car1", "/objects", image(second, 100_000, SCAN))
+        time.sleep(0.002)
+    until(lambda: min(one.used for one in watched) > 100, "they have been busy")
+    assert [one.together for one in watched] == [0, 0]
 
 
 def test_a_slow_link_holds_two_images_and_the_newest_ones(edge: Site, new_site: Callable[..., Site]):
@@ -380,6 +422,46 @@ def test_a_connection_ends_with_its_certificate(edge: Site, keys: Keys, monkeypa
         until(lambda: edge.names() == [], "it is cut", 2.0)
 
 
+def test_a_clock_that_goes_back_cuts_nothing(
+    edge: Site, new_site: Callable[..., Site], monkeypatch: pytest.MonkeyPatch
+):
+    """Only the end of a certificate is looked up in the time of day; everything else is counted by a steady clock."""
+    car = new_site("car1", "car", connect=(edge.address,))
+    until(lambda: car.names() == ["edge1"] and edge.names() == ["car1"], "both are connected")
+    held, now_s = [*car.links._connections.values(), *edge.links._connections.values()], [time.time()]
+
+    def back() -> float:
+        now_s[0] -= 3600
+        return now_s[0]
+
+    monkeypatch.setattr(time, "time", back)
+    for second in (3, 2, 1):  # and so do the stamps of what is sent
+        car.links.send("edge1", REQUEST, image(second))
+        until(lambda second=second: len(edge.got) == 4 - second, "an image arrives")
+    time.sleep(connection.PING_S + 0.2)
+    assert [*car.links._connections.values(), *edge.links._connections.values()] == held
+    assert [message.header.stamp_ns // 10**9 for *_, message in edge.got] == [3, 2, 1]
+
+
+@pytest.mark.by_hand
+def test_a_million_frames_arrive_in_order_and_nothing_piles_up(edge: Site, new_site: Callable[..., Site]):
+    car = new_site("car1", "car", connect=(edge.address,))
+    until(lambda: car.names() == ["edge1"] and edge.names() == ["car1"], "both are connected")
+    seen, begun, grown = [0], time.monotonic(), [0]
+    edge.then = lambda peer, topic, message: seen.append(message.header.stamp_ns // 10**9) or edge.got.clear()
+    sent = 0
+    while len(seen) <= 1_000_000:
+        sent += 1
+        car.links.send("edge1", REQUEST, image(sent))
+        while sent - seen[-1] > 1:  # two may wait, so none is dropped
+            time.sleep(0)
+        if sent in (100_000, 1_000_000):
+            grown.append(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
+    assert seen == list(range(1_000_001)), "in order, none twice, none lost"
+    print(f"a million frames in {time.monotonic() - begun:.0f} s, {(grown[2] - grown[1]) / 1024:.0f} MB more meanwhile")
+    assert grown[2] - grown[1] < 100 * 1024, "the list of what was seen, 36 MB, and little else"
+
+
 # What a peer may say
 
 PAYLOAD = image(1).payload
@@ -499,15 +581,23 @@ def attack(keys: Keys, tmp_path: Path, seconds: float) -> list[float]:
     return took_s
 
 
-def test_strangers_do_not_keep_a_right_client_out(keys: Keys, tmp_path: Path):
-    took_s = attack(keys, tmp_path, 5.0)
-    assert len(took_s) > 5 and max(took_s) < 1.0, took_s
+@pytest.mark.parametrize("seconds", [5, pytest.param(60, marks=pytest.mark.by_hand)])
+def test_strangers_do_not_keep_a_right_client_out(keys: Keys, tmp_path: Path, seconds: int):
+    took_s = attack(keys, tmp_path, seconds)
+    print(f"{len(took_s)} times in, after {statistics.median(took_s):.3f} s, at most {max(took_s):.3f} s")
+    assert len(took_s) > seconds and max(took_s) < 1.0, sorted(took_s)[-10:]
 
 
-@pytest.mark.slow
-def test_strangers_do_not_keep_a_right_client_out_for_a_minute(keys: Keys, tmp_path: Path):
-    took_s = attack(keys, tmp_path, 60.0)
-    assert len(took_s) > 60 and max(took_s) < 1.0, sorted(took_s)[-10:]
+def test_a_dozen_peers_behind_one_address_get_in_at_a_time(edge: Site, keys: Keys):
+    """Cars in one network share an address; that all of them come back at once is how an edge begins its day."""
+    context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
+    context.check_hostname, context.verify_mode = False, ssl.CERT_NONE
+    context.load_cert_chain(keys("car1", "car"))
+    waiting = [socket.create_connection(("127.0.0.1", edge.port), timeout=10) for _ in range(12)]
+    time.sleep(0.3)  # all of them are in their handshake
+    for one in waiting:
+        with context.wrap_socket(one) as secure:
+            assert secure.recv(8) == framed(wire.PING), "it is heard, and told that somebody is there"
 
 
 def test_no_more_strangers_than_allowed_and_the_oldest_makes_room(edge: Site):
