@@ -13,6 +13,7 @@ import pytest
 from genie_sim.errors import UserError
 from genie_sim.recording import provenance
 from genie_sim.recording.provenance import check_writable, result_folder, run_id
+from tests import kills
 
 FACTS = {
     "scenario": {"name": "3car_hetero", "seed": 1, "cars": [{"name": "car1"}]},
@@ -273,3 +274,11 @@ def test_a_kill_while_a_result_is_replaced_loses_none(tmp_path: Path, when: str,
     write_whole_result(tmp_path / "other")
     assert (final / "frames.parquet").read_text() == text
     assert sorted(path.name for path in tmp_path.iterdir()) == ["other", "run"]
+
+
+@pytest.mark.unix
+@pytest.mark.slow
+def test_runs_and_sweeps_killed_at_random_instants_lose_nothing(capsys: pytest.CaptureFixture[str]):
+    """A few kills; ``python -m tests.kills --kills 100`` does them by the hundred, and those of Dask and reproduce."""
+    assert kills.main(["--kills", "5", "--only", "run", "sweep"]) == 0, capsys.readouterr().out
+    assert capsys.readouterr().out.count("\n") == 4
