@@ -60,7 +60,7 @@ def changed(tree: Any, rng: random.Random) -> Any:
         elif what == 3:
             holder[key] = copy.deepcopy(rng.choice(places)[0])
         elif what == 4 and isinstance(holder[key], int | float) and not isinstance(holder[key], bool):
-            holder[key] = holder[key] * rng.choice((-1, 0, 10, 1000, 0.1))
+            holder[key] = holder[key] * rng.choice((-1, 0, 10, 1000))
         else:
             holder[key] = copy.deepcopy(rng.choice(VALUES))
     return made
