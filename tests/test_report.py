@@ -328,9 +328,9 @@ def test_the_page_of_a_town_says_how_much_of_the_answers_was_not_there(browser, 
     browser.open(in_town.report(tmp_path / "r.html"))
     assert browser.errors == []
     ghosts = in_town.metrics.query("metric == 'ghost_share' and method == 'genie'")["value"].item()
-    assert f"{100 * ghosts:.3g} % were false positives" in browser.evaluate("byId('headline').textContent")
+    assert f"{100 * ghosts:.3g} % were not there" in browser.evaluate("byId('headline').textContent")
     shown = browser.evaluate("byId('by-method').innerText")
-    assert "Recall of visible objects" in shown and "False positives among served objects" in shown
+    assert "Recall of visible objects" in shown and "Ghosts among held objects" in shown
 
 
 def test_the_page_of_a_run_that_recorded_frames_alone_has_no_empty_table(browser, tmp_path):
@@ -342,6 +342,9 @@ def test_the_page_of_a_run_that_recorded_frames_alone_has_no_empty_table(browser
 
 def test_the_numbers_on_the_page_are_the_metrics(browser, file, run):
     browser.open(file)
+    assert browser.evaluate("document.querySelector('.chart') === byId('accuracy')"), "the first figure"
+    assert browser.evaluate("document.querySelectorAll('#accuracy > svg circle').length") == 3
+    assert "the detector without delay" in browser.evaluate("byId('accuracy').textContent")
     mean = run.metrics.query("metric == 'first_answer_mean' and method == 'genie'")["value"].item()
     assert f"{mean:.3g} ms" in browser.evaluate("byId('headline').textContent")
     assert browser.evaluate("byId('metric-table').tBodies[0].rows.length") == len(run.metrics)

@@ -82,7 +82,9 @@ def test_sweep_writes_the_page_and_report_writes_it_again(crossed, capsys):
 
 
 def test_the_table_is_that_of_the_sweep(crossed):
-    shown = embedded(sweep.page(crossed))["table"]
+    data = embedded(sweep.page(crossed))
+    shown, titles = data["table"], [one["title"] for one in data["methods"]]
+    assert titles == ["local (L)", "remote (R)", "Genie (DG)"]
     points = pd.read_parquet(crossed / "table.parquet")
     mine = points[(points["metric"] == "object_reuse") & (points["placement"] == "car")]
     assert shown["levels"] == [mine["rate"].tolist(), mine["rule"].tolist()]

@@ -38,7 +38,7 @@ function aboutMethod({ name, title, from_map }, baselines) {
   if (fresh !== null) {
     parts.push("A fresh result took ", strong(asText(fresh, "ms")), `; ${percent(valueOf("fresh_answered_share", name))} of the frames got one${compared("fresh_answered_share")}`);
   }
-  if (ghosts !== null) parts.push("Of the objects in first answers, ", strong(percent(ghosts)), ` were false positives${compared("ghost_share")}`);
+  if (ghosts !== null) parts.push("Of the objects that its consumers held, ", strong(percent(ghosts)), ` were not there${compared("ghost_share")}`);
   return parts;
 }
 
@@ -60,7 +60,7 @@ function showResults() {
     [`First answer within ${DATA.deadline_ms} ms`, "under_deadline_share", Math.max], ["Fresh result, mean", "fresh_answer_mean", Math.min],
     ["Fresh result, 95th percentile", "fresh_answer_p95", Math.min], [`Fresh result within ${DATA.deadline_ms} ms`, "fresh_under_deadline_share", Math.max],
     ["Frames answered at all", "answered_share", Math.max], ["Frames with a fresh result", "fresh_answered_share", Math.max], ["Frames dropped", "dropped_share", Math.min],
-    ["False positives among served objects", "ghost_share", Math.min], ["Incorrect cache hits", "wrong_hit_share", Math.min],
+    ["Ghosts among held objects", "ghost_share", Math.min], ["Incorrect cache hits", "wrong_hit_share", Math.min],
     ["Recall of visible objects", "object_recall", Math.max]].filter(([, name]) => METHODS.some((one) => metric(name, one.name)));   // the truth is not always known
   table(byId("by-method"), null, ["", ...METHODS.map((one) => methodKey(one.name))], rows.map(([text, name, better]) => {
     const found = METHODS.map((method) => metric(name, method.name));
@@ -79,6 +79,22 @@ function showResults() {
     })]));
   byId("placement-note").textContent = `Reuse: hits / requests, mean over Genies; in small print the lowest and the highest ratio in any ` +
     `${DATA.window_requests} requests of one Genie. A coalesced request is not a hit.`;
+}
+
+// How early the first answers come, against how right they are: what consumers hold where the truth is known, else the proxy.
+function showAccuracy() {
+  const common = (name) => METHODS.every((one) => valueOf(name, one.name) !== null && valueOf("first_answer_mean", one.name) !== null);
+  const name = ["streaming_f1", "first_proxy_f1"].find(common);
+  if (!name) return;
+  const streaming = name === "streaming_f1", floor = METHODS.map((one) => valueOf(name, one.name, "all", "floor")).find((value) => value !== null);
+  const series = METHODS.map((one) => {
+    const { value, low, high } = metric(name, one.name);
+    return { name: one.title, color: methodClass(one.name), points: [{ x: valueOf("first_answer_mean", one.name), found: [value, low, high] }] };
+  });
+  intervalChart(byId("accuracy"), { title: "Latency against accuracy", series, x: { log: true, label: "mean time to first answer [ms], logarithmic", read: (value) => asText(value, "ms") },
+    y: { label: "F1", most: 1, format: percent, read: percent, levels: floor ? [{ y: floor, label: "the detector without delay" }] : [] },
+    note: streaming ? "F1 of what consumers hold at each instant, against what is in view then. Up and to the left is better."
+      : "F1 of first answers against the detector's own answer to the frame, a proxy. 'genie-sim truth' adds the truth of a labelled drive. Up and to the left is better." });
 }
 
 function showLatency() {
@@ -156,6 +172,7 @@ function showMetrics() {
 }
 
 showResults();
+showAccuracy();
 showLatency();
 showOverTime();
 showUse();

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 MAIN = (
     "image_reuse", "object_reuse", "confidence_boost", "first_answer_mean", "fresh_answer_mean",
-    "under_deadline_share", "fresh_answered_share", "ghost_share", "object_recall",
+    "under_deadline_share", "fresh_answered_share", "streaming_f1", "ghost_share", "object_recall",
 )  # fmt: skip
 OF = ["method", "placement", "component"]
 BY = ["metric", *OF]
@@ -47,7 +47,7 @@ def page_data(folder: Path) -> dict[str, Any]:
     """Everything on the page, as plain JSON values; nothing of when, where and how fast it was made."""
     about, runs, points = _read(folder)
     notes: list[str] = []
-    settings, by_name = about["sweep"], about["sweep"]["axes"]
+    settings, by_name, titles = about["sweep"], about["sweep"]["axes"], about.get("titles", {})
     columns = [str(name) for name in points.columns[1 : 1 + len(by_name)]]
     axes = {column: by_name[column.partition(" [")[0]] for column in columns}  # JSON sorts them by name
     found = points.dropna(subset=["metric"])
@@ -60,7 +60,7 @@ def page_data(folder: Path) -> dict[str, Any]:
             **{name: about[name] for name in ("points", "runs", "genie_sim")},
         },
         "axes": [{"column": name, "of": axis["set"], "sampled": _sampled(axis)} for name, axis in axes.items()],
-        "methods": [{"name": name, "title": name} for name in dict.fromkeys(found["method"])],
+        "methods": [{"name": name, "title": titles.get(name, name)} for name in dict.fromkeys(found["method"])],
         "metrics": [
             {"name": name, "unit": unit, "of": of[name], "main": name in MAIN} for name, unit in metrics.groups
         ],

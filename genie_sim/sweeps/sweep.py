@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from genie_sim import files, report
+from genie_sim import build, files, report
 from genie_sim.errors import UserError
 from genie_sim.paths import PARTIAL, atomic_write
 from genie_sim.perception.sources import Progress
@@ -167,12 +167,19 @@ class Sweep:
     def _settings(self) -> dict[str, object]:
         return self.design.model_dump(mode="json", by_alias=True)
 
+    def _titles(self) -> dict[str, str]:
+        """What pages call each method."""
+        runs, seed = self.plan.runs, self.design.seeds[0]  # one of each point
+        found = (build.method_facts(runs[one.run_id].scenario) for one in self.plan.entries if one.seed == seed)
+        return {method["name"]: method["title"] for methods in found for method in methods}
+
     def _write_about(self) -> None:
         about = {
             "format": FORMAT,
             "sweep": self._settings(),
             "points": self.design.runs // len(self.design.seeds),
             "runs": len(self.plan.runs),
+            "titles": self._titles(),
             **provenance.environment(),
         }
         with atomic_write(self.folder / ABOUT) as beside:
