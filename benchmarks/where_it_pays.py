@@ -92,8 +92,8 @@ def run() -> None:
     """Both sweeps, and the numbers of the page."""
     methods = load_design("where_it_pays").settings["methods"]
     sweep("drives", drives(REPORTING), methods)
-    command("sweep", "where_it_pays", "--out", "results")
-    found = pd.concat([pd.read_parquet(path) for path in (OUT / "runs.parquet", OUT / "drives" / "runs.parquet")])
+    command("sweep", "where_it_pays", "--out", str(OUT))
+    found = pd.concat([pd.read_parquet(OUT / name / "runs.parquet") for name in ("where_it_pays", "drives")])
     kept = found[found["metric"].isin(SHOWN) & (found["component"] == "")]
     kept[["condition", "seed", "method", "metric", "value"]].round(5).to_csv(OUT / "seeds.csv", index=False)
 
