@@ -20,7 +20,7 @@ from matplotlib.figure import Figure
 
 from genie_sim.analysis import style
 from genie_sim.analysis.statistics import across_seeds
-from genie_sim.sweep.design import load_design
+from genie_sim.sweeps.design import load_design
 
 OUT = Path("results/where_it_pays")
 CHOOSING = ("0003", "0005", "0007", "0009", "0014", "0016", "0019")
