@@ -158,7 +158,8 @@ class ObjectMap:
             return before, stored
         stored = StoredObject(seen.label, seen.location, seen.score, seen.confidence, now_ns, now_ns)
         if header is not None:
-            stored.spoke_ns[header.origin] = header.stamp_ns
+            if self._origins:
+                stored.spoke_ns[header.origin] = header.stamp_ns
             self._freshness.seen(stored, seen.score, header)
         if self._expires and (expires_ns := self._freshness.expires_ns(stored)) is not None:
             heapq.heappush(self._to_forget, (expires_ns, next(self._numbers), stored))

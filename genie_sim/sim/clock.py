@@ -1,23 +1,19 @@
 """Simulated time: SimPy's environment, with a clock in whole nanoseconds.
 
-Most of what happens in a run is one call at a later time. The heap holds a whole number for each: its instant, and in
-the lowest ``ORDER_BITS`` its place in SimPy's order of what happens at one instant. By that number the call is found.
+Most of what happens in a run is one call at a later time. The heap holds the instants at which something happens, whole
+numbers, and each has a list of calls, in the order in which they were scheduled.
 """
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable
 from heapq import heappop, heappush
-from itertools import count
 from typing import Any
 
 import simpy
 from simpy.core import EmptySchedule, Infinity
 from simpy.events import NORMAL, EventPriority
-
-ORDER_BITS = 48
-PRIORITY_BITS = 44  # below them calls and events are numbered as they are scheduled
-FIRST = NORMAL << PRIORITY_BITS  # of these numbers
 
 
 class Clock(simpy.Environment):
@@ -27,55 +23,67 @@ class Clock(simpy.Environment):
 
     def __init__(self) -> None:
         super().__init__()
-        self._eid = count(FIRST)
-        self._heap: list[int] = []
-        self._calls: dict[int, tuple[Callable[..., None], tuple[Any, ...]]] = {}
+        self._instants: list[int] = []
+        self._calls: dict[int, list[tuple[Callable[..., None], tuple[Any, ...]]]] = {}
+        self._urgent: deque[simpy.Event] = deque()  # what comes before all other calls of this instant
 
     def after(self, delay_ns: int, call: Callable[..., None], *arguments: Any) -> None:
-        """Calls ``call(*arguments)`` in ``delay_ns`` of simulated time, an ``int`` (numpy's are too short)."""
-        key = (self.now + delay_ns << ORDER_BITS) + next(self._eid)
-        self._calls[key] = call, arguments
-        heappush(self._heap, key)
+        """Calls ``call(*arguments)`` in ``delay_ns`` of simulated time."""
+        at_ns = self.now + delay_ns
+        calls = self._calls.get(at_ns)
+        if calls is None:
+            self._calls[at_ns] = [(call, arguments)]
+            heappush(self._instants, at_ns)
+        else:
+            calls.append((call, arguments))
 
     def schedule(self, event: simpy.Event, priority: EventPriority = NORMAL, delay: Any = 0) -> None:
         """SimPy's way to say when an event happens; ``delay`` is a whole number, too."""
-        key = (self.now + int(delay) << ORDER_BITS) + next(self._eid) + (priority - NORMAL << PRIORITY_BITS)
-        self._calls[key] = self._happens, (event,)
-        heappush(self._heap, key)
+        if priority == NORMAL:
+            self.after(int(delay), self._happens, event)
+        else:  # a process begins or is interrupted
+            self._urgent.append(event)
 
     def peek(self) -> Any:
         """When something happens next."""
-        return self._heap[0] >> ORDER_BITS if self._heap else Infinity
+        return self.now if self._urgent else self._instants[0] if self._instants else Infinity
 
     def step(self) -> None:
         """What happens next."""
-        if not self._heap:
+        if self._urgent:
+            self._happens(self._urgent.popleft())
+            return
+        if not self._instants:
             raise EmptySchedule
-        key = heappop(self._heap)
-        self.now = key >> ORDER_BITS
-        call, arguments = self._calls.pop(key)
+        self.now = self._instants[0]
+        call, arguments = self._calls[self.now].pop(0)
+        if not self._calls[self.now]:
+            del self._calls[heappop(self._instants)]
         call(*arguments)
 
     def run(self, until: Any = None) -> Any:
         """Lets time pass: to an instant [ns], to an event, or as long as something happens."""
-        if not isinstance(until, int) or until <= self.now:
+        if until is None or isinstance(until, simpy.Event) or until <= self.now:
             return super().run(until)
-        heap, take, end = self._heap, self._calls.pop, until << ORDER_BITS
-        while heap and heap[0] < end:
-            key = heappop(heap)
-            self.now = key >> ORDER_BITS
-            call, arguments = take(key)
-            call(*arguments)
-        self.now = until
+        instants, take, urgent = self._instants, self._calls.pop, self._urgent
+        while urgent:
+            self.step()
+        while instants and instants[0] < until:
+            self.now = at_ns = heappop(instants)
+            for call, arguments in take(at_ns):
+                call(*arguments)
+                while urgent:
+                    self.step()
+        self.now = int(until)
         return None
 
     def waits_only_for(self, call: Callable[..., None]) -> bool:
         """Whether nothing else is to happen any more."""
-        return all(one == call for one, _ in self._calls.values())
+        return all(one == call for calls in self._calls.values() for one, _ in calls)
 
     def clear(self) -> None:
         """Nothing happens any more."""
-        self._heap.clear()
+        self._instants.clear()
         self._calls.clear()
 
     def _happens(self, event: simpy.Event) -> None:
