@@ -131,7 +131,7 @@ def options(folder: Path) -> Case:
     def guarded(rng: random.Random) -> None:
         stopped = (
             "runner.run_to_folder", "paper.reproduce.reproduce", "perception.fetch.urlopen", "device_fit.measure",
-            "sweep.sweep.Sweep.run", "ros.attach._graph",
+            "sweeps.sweep.Sweep.run", "ros.attach._graph",
         )  # fmt: skip
         with contextlib.ExitStack() as stack:
             for name in stopped:
