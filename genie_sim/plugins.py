@@ -11,17 +11,19 @@ import importlib
 import inspect
 import re
 import sys
+import traceback
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from genie_sim.errors import UserError, unknown
+from genie_sim.errors import UserError, short_repr, unknown
 
 Parameter = bool | int | float | str
 _CLASS = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*:[A-Za-z_]\w*")
 _own_code_allowed = True
+_own_modules: dict[str, str] = {}  # what was asked of each
 
 
 @contextmanager
@@ -70,12 +72,13 @@ def resolve(what: str, name: str, registry: Mapping[str, Any], methods: tuple[st
     path = name if entry is None else entry
     if not is_own(path):
         raise UserError(unknown(what, name, registry))
+    module_name, _, class_name = path.partition(":")
     if entry is None:
+        _own_modules[module_name] = f"{what} {name!r}"
         if not _own_code_allowed:
             raise UserError(f"{what} {name!r}: code of somebody's own, which runs with --allow-own-code only")
         if "" not in sys.path:
             sys.path.append("")
-    module_name, _, class_name = path.partition(":")
     try:
         found = getattr(importlib.import_module(module_name), class_name)
     except Exception as error:  # whatever an own module raises when it is imported
@@ -84,6 +87,15 @@ def resolve(what: str, name: str, registry: Mapping[str, Any], methods: tuple[st
     if lacking:
         raise UserError(f"{what} {name!r}: has no method {', '.join(lacking)}; needs {', '.join(methods)}")
     return found
+
+
+def own_fault(error: BaseException) -> str | None:
+    """One line about an exception that comes out of a class of the user's own, ``None`` for any other."""
+    for frame, line in reversed(list(traceback.walk_tb(error.__traceback__))):
+        if whose := _own_modules.get(frame.f_globals.get("__name__", "")):
+            where = f"{Path(frame.f_code.co_filename).name}, line {line}, in {frame.f_code.co_name}"
+            return f"{whose}: {type(error).__name__}: {short_repr(str(error))} ({where})"
+    return None
 
 
 def make(what: str, choice: Choice, registry: Mapping[str, Any], methods: tuple[str, ...] = ()) -> Any:

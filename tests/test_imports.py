@@ -45,6 +45,7 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     "arguments": (*_READ, "catalogue"),
     "cli_perceive": (*_READ, "ros", "arguments"),
     "cli_truth": ("perception", "arguments"),
+    "cli_ros": ("scenario", "ros", "arguments"),
     "cli_compare": ("recording", "analysis", "report", "arguments"),
     "cli": (
         *_RUN,
@@ -56,6 +57,7 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
         "arguments",
         "cli_perceive",
         "cli_truth",
+        "cli_ros",
         "cli_compare",
     ),
     "__main__": ("cli",),

@@ -118,6 +118,40 @@ def test_list_says_what_can_be_listed(run_cli: CommandLine):
     assert all(f"{kind}:" in everything.splitlines() for kind in catalogue.KINDS)
 
 
+@pytest.mark.parametrize(
+    ("setting", "line"),
+    [
+        ("methods=['raising:Method']", "method 'raising:Method': RuntimeError: 'why' (raising.py, line 6, in on_car"),
+        ("genie.eviction=raising:Keep", "eviction 'raising:Keep': KeyError: \"'why'\" (raising.py, line 12, in stored"),
+    ],
+)
+def test_code_of_ones_own_that_raises_is_one_line_and_debug_shows_where(
+    tmp_path: Path, setting: str, line: str, capsys: pytest.CaptureFixture[str]
+):
+    (tmp_path / "raising.py").write_text(RAISING)
+    command = ["run", "1car_homo", "--no-report", "--set", "cars[0].route.window=[0 s, 1 s]", "--set", setting]
+    assert main(command) == 1
+    assert capsys.readouterr().err == f"genie-sim: {line}); genie-sim --debug shows more\n"
+    with pytest.raises((RuntimeError, KeyError), match="why"):
+        main(["--debug", *command])
+    assert not list(tmp_path.glob("results/*"))
+
+
+RAISING = """
+from genie_sim.methods.local import Local
+
+class Method(Local):
+    def on_car(self, place):
+        raise RuntimeError("why")
+
+class Keep:
+    def used(self, *_): ...
+    removed = victim = expires_ns = used
+    def stored(self, *_):
+        raise KeyError("why")
+"""
+
+
 # Folders from elsewhere
 
 TRAP = "open('sprung', 'w').close()\n"
