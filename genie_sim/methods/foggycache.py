@@ -28,6 +28,3 @@ class Foggy(Similarity):
     def cache(self, place: Place, capacity: Capacity | None) -> SimilarityCache:
         rng = place.stream("foggycache")
         return FoggyCache(capacity, rng, self.replay, self.theta, self.neighbours, self.radius)
-
-    def reach(self, cache: SimilarityCache) -> float:
-        return 0.0  # one answer that is not known yet is no vote

@@ -16,6 +16,3 @@ class RandomLRU(SimilarityLRU):
 
     def cache(self, place: Place, capacity: Capacity | None) -> SimilarityCache:
         return RndLRU(capacity, self.radius, place.stream("rnd_lru"), self.replay)
-
-    def reach(self, cache: SimilarityCache) -> float:
-        return 0.0  # what is refused as a hit is not to come back as company

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+import functools
 import math
-from collections.abc import Callable, Hashable, Iterator, Sequence
+from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from typing import Any, Literal
 
 from genie_sim.core.caches.nearest import Key, Nearest
 from genie_sim.core.eviction import Eviction
 from genie_sim.core.maps import InMap, Learned, Viewer
-from genie_sim.core.matching import Placed, placed
+from genie_sim.core.matching import Placed, f1, placed
 from genie_sim.core.message_cache import Answers, MessageCache, PendingIndex
 from genie_sim.core.node import GenieNode
 from genie_sim.core.rules import Capacity, GenieRules
@@ -34,6 +35,7 @@ class SimilarityCache(MessageCache):
         self.keys = Nearest()
         super().__init__(self.keys, eviction, *limits)
         self._replay = replay
+        self._held: dict[Hashable, Objects] = {}
 
     def get(self, key: Hashable, now_ns: int) -> Answers | None:
         assert isinstance(key, Key)
@@ -60,33 +62,63 @@ class SimilarityCache(MessageCache):
         if key not in self._answers:
             assert isinstance(key, Key)
             self.learn(key, answer, now_ns)
+        self._held.pop(key, None)
         super().put(key, topic, answer, now_ns)
 
     def learn(self, key: Key, answer: Answer, now_ns: int) -> None:
         """The first answer to a request is known, and about to be stored."""
 
-    def seen(self, answer: Answer, pose: CameraPose) -> list[Placed]:
-        """The objects of an answer to a request from ``pose``, in places that are comparable between requests."""
-        return placed((answer if self._replay == "world" else moved(answer, pose, ORIGIN)).objects or ())
+    def seen(self, answers: Iterable[Answer], pose: CameraPose) -> Objects:
+        """The objects of answers to a request from ``pose``, in places that are comparable between requests."""
+        there = ORIGIN if self._replay == "world" else pose
+        return objects(tuple(placed(one for each in answers for one in moved(each, there, ORIGIN).objects or ())))
 
-    def held(self, key: Key) -> list[Placed]:
+    def held(self, key: Key) -> Objects:
         """The same of the stored answers of a key."""
-        return [one for answer in self._answers[key].values() for one in self.seen(answer, key.pose)]
+        found = self._held.get(key)
+        if found is None:
+            found = self._held[key] = self.seen(self._answers[key].values(), key.pose)
+        return found
+
+    def _remove(self, key: Hashable) -> None:
+        super()._remove(key)
+        self._held.pop(key, None)
+
+
+class Objects:
+    """What is in an answer; equal to itself only, so that a comparison made before is quickly found again."""
+
+    __slots__ = ("placed",)
+
+    def __init__(self, found: Sequence[Placed]) -> None:
+        self.placed = found
+
+
+objects = functools.lru_cache(maxsize=4096)(Objects)  # of the same places the same
+
+
+@functools.lru_cache(maxsize=4096)
+def same(one: Objects, other: Objects) -> bool:
+    """Whether two answers are taken for the same."""
+    return f1(one.placed, other.placed) >= SAME_F1
 
 
 def moved(answer: Answer, there: CameraPose, here: CameraPose) -> Answer:
     """The answer with every object as far ahead and aside of ``here`` as it was of ``there``."""
+    if there == here or answer.objects is None:
+        return answer
     turn = here.heading_rad - there.heading_rad
     c, s = math.cos(turn), math.sin(turn)
 
     def place(one: Detection) -> Detection:
         if one.location is None:
             return one
-        east_m, north_m, up_m = (a - b for a, b in zip(one.location, there[:3], strict=True))
+        east_m, north_m, up_m = one.location
+        east_m, north_m, up_m = east_m - there.east_m, north_m - there.north_m, up_m - there.up_m
         at = here.east_m + c * east_m - s * north_m, here.north_m + s * east_m + c * north_m, here.up_m + up_m
-        return replace(one, location=at)
+        return Detection(one.label, one.score, one.box, at, one.confidence, one.method, one.motion)
 
-    return answer if answer.objects is None else answer.with_objects([place(one) for one in answer.objects])
+    return answer.with_objects([place(one) for one in answer.objects])
 
 
 class NoMap:

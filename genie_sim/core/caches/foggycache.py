@@ -7,11 +7,10 @@ from collections.abc import Hashable
 
 import numpy as np
 
-from genie_sim.core.caches.cache import SAME_F1, Replay, SimilarityCache
+from genie_sim.core.caches.cache import Objects, Replay, SimilarityCache, same
 from genie_sim.core.caches.features import DIMENSION, UNIT, Vector
 from genie_sim.core.caches.nearest import Key, Nearest
 from genie_sim.core.eviction import LRU
-from genie_sim.core.matching import Placed, f1
 from genie_sim.core.rules import Capacity
 
 TABLES, HASHES = 4, 8  # assumed
@@ -36,20 +35,19 @@ class Hashed(Nearest):
     def add(self, key: Hashable) -> None:
         assert isinstance(key, Key)
         super().add(key)
-        for table, bucket in zip(self._tables, self._buckets(key.vector), strict=True):
-            table.setdefault(bucket, {})[key] = None
+        self._put(key)
 
     def discard(self, key: Hashable) -> None:
         if key in self._slots:
             assert isinstance(key, Key)
-            for table, bucket in zip(self._tables, self._buckets(key.vector), strict=True):
+            for table, bucket in zip(self._tables, self._buckets(key), strict=True):
                 del table[bucket][key]
                 if not table[bucket]:
                     del table[bucket]
         super().discard(key)
 
     def near(self, key: Key, count: int, radius: float = math.inf) -> list[tuple[float, Key]]:
-        buckets = zip(self._tables, self._buckets(key.vector), strict=True)
+        buckets = zip(self._tables, self._buckets(key), strict=True)
         found = dict.fromkeys(one for table, bucket in buckets for one in table.get(bucket, ()))
         slots = np.array([self._slots[one] for one in found if one.stream == key.stream and one is not key], np.intp)
         self._lookups += 1
@@ -68,17 +66,25 @@ class Hashed(Nearest):
 
     def _rehash(self, width: float) -> None:
         self.width = width
+        self._last: tuple[Key | None, list[bytes]] = None, []
         self._tables: list[dict[bytes, dict[Key, None]]] = [{} for _ in range(TABLES)]
         for key in self._slots:
             assert isinstance(key, Key)
-            for table, bucket in zip(self._tables, self._buckets(key.vector), strict=True):
-                table.setdefault(bucket, {})[key] = None
+            self._put(key)
 
-    def _buckets(self, vector: Vector) -> list[bytes]:
-        width = max(round(self.width * UNIT * GRAIN), 1)
-        offsets = np.floor(self._offsets * width)
-        hashes = ((self._directions @ vector + offsets) // width).astype(np.int32)
-        return [one.tobytes() for one in hashes.reshape(TABLES, HASHES)]
+    def _put(self, key: Key) -> None:
+        for table, bucket in zip(self._tables, self._buckets(key), strict=True):
+            table.setdefault(bucket, {})[key] = None
+
+    def _buckets(self, key: Key) -> list[bytes]:
+        """Of each table, the bucket of a key."""
+        if self._last[0] is not key:  # a miss asks, then stores
+            width = max(round(self.width * UNIT * GRAIN), 1)
+            offsets = np.floor(self._offsets * width)
+            packed = np.floor((self._directions @ key.vector + offsets) / width).astype(np.int32).tobytes()
+            step = len(packed) // TABLES
+            self._last = key, [packed[begin : begin + step] for begin in range(0, len(packed), step)]
+        return self._last[1]
 
 
 class FoggyCache(SimilarityCache):
@@ -98,15 +104,15 @@ class FoggyCache(SimilarityCache):
         radius: float = 0.3,
     ) -> None:
         super().__init__(LRU(), capacity, replay)
-        self.keys = self._index = Hashed(rng, 4 * radius, neighbours, 4 * neighbours)
+        self.keys = self._index = Hashed(rng, 4 * radius, neighbours, 2 * neighbours)
         self._theta, self._neighbours, self._radius = theta, neighbours, radius
 
     def choose(self, key: Key, now_ns: int) -> Key | None:
-        clusters: list[tuple[list[Placed], list[Key]]] = []
+        clusters: list[tuple[Objects, list[Key]]] = []
         for _, one in self.near(key, self._neighbours, now_ns, self._radius):
             objects = self.held(one)
             for first, members in clusters:
-                if f1(objects, first) >= SAME_F1:
+                if same(objects, first):
                     members.append(one)
                     break
             else:

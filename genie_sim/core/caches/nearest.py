@@ -11,6 +11,8 @@ from genie_sim.core.caches.features import DIMENSION, UNIT, Vector, feature_of, 
 from genie_sim.messages import CameraPose, Image
 
 Slots = npt.NDArray[np.intp]
+NONE = -1.0  # as a radius: no other key is near enough
+MOST = 1e9  # more than any squared distance
 
 
 class Key:
@@ -35,9 +37,9 @@ def key_of(feature: str) -> Callable[[Image], Key]:
 
 
 class Nearest:
-    """A set of keys. ``find`` gives the key itself, or where there is a ``radius`` the nearest other one within it."""
+    """A set of keys. ``find`` gives the key itself, else the nearest other one within ``radius``, if any may be."""
 
-    def __init__(self, radius: Callable[[], float] | None = None) -> None:
+    def __init__(self, radius: Callable[[], float] = lambda: NONE) -> None:
         self._radius = radius
         self._keys: list[Key | None] = []  # by slot
         self._slots: dict[Hashable, int] = {}
@@ -76,10 +78,11 @@ class Nearest:
     def find(self, key: Hashable) -> Hashable | None:
         if key in self._slots:
             return key
-        if self._radius is None or not self._slots:
+        radius = self._radius() if self._slots else NONE
+        if radius < 0:
             return None
         assert isinstance(key, Key)
-        nearest = self.near(key, 1, self._radius())
+        nearest = self.near(key, 1, radius)
         return nearest[0][1] if nearest else None
 
     def near(self, key: Key, count: int, radius: float = np.inf) -> list[tuple[float, Key]]:
@@ -99,11 +102,11 @@ class Nearest:
 
     def _first(self, slots: Slots, squares: Vector, count: int, radius: float) -> list[tuple[float, Key]]:
         """Of the keys in these slots, so far away each (squared), the ``count`` nearest; infinity is none."""
-        most = (radius * UNIT) ** 2
+        most = min((radius * UNIT) ** 2, MOST)
         if count < len(slots):
             most = min(most, float(squares.min() if count == 1 else np.partition(squares, count - 1)[count - 1]))
-        near = np.flatnonzero((squares <= most) & (squares < np.inf))
-        ordered = near[np.lexsort((self._born[slots[near]], squares[near]))][:count]
+        near = np.flatnonzero(squares <= most)
+        ordered = near if len(near) < 2 else near[np.lexsort((self._born[slots[near]], squares[near]))][:count]
         held = [(float(np.sqrt(squares[one])) / UNIT, self._keys[slots[one]]) for one in ordered.tolist()]
         return [(distance, one) for distance, one in held if one is not None]
 

@@ -6,10 +6,9 @@ from collections.abc import Hashable
 
 import numpy as np
 
-from genie_sim.core.caches.cache import SAME_F1, Replay, SimilarityCache
+from genie_sim.core.caches.cache import Replay, SimilarityCache, same
 from genie_sim.core.caches.nearest import Key
 from genie_sim.core.eviction import TTL
-from genie_sim.core.matching import f1
 from genie_sim.core.rules import Capacity
 from genie_sim.messages import Answer
 
@@ -71,10 +70,10 @@ class Potluck(SimilarityCache):
     def learn(self, key: Key, answer: Answer, now_ns: int) -> None:
         nearest = self.near(key, 1, now_ns) if len(self) >= self._warm else []
         for distance, other in nearest:
-            same = f1(self.seen(answer, key.pose), self.held(other)) >= SAME_F1
-            if distance <= self.threshold and not same:
+            agree = same(self.seen([answer], key.pose), self.held(other))
+            if distance <= self.threshold and not agree:
                 self.threshold /= self._tighten
-            elif distance > self.threshold and same:
+            elif distance > self.threshold and agree:
                 self.threshold = (1 - self._keep) * distance + self._keep * self.threshold
 
     def put(self, key: Hashable, topic: str, answer: Answer, now_ns: int) -> None:
