@@ -1,4 +1,4 @@
-"""A bound, not a method: a cache that knows which answers are right, and has everybody's at once."""
+"""A bound, not a method: a cache that knows which answers are right, has everybody's at once, and takes no time."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Oracle:
         if not place.sees:
             return None
         node = partial(AllKnowing, place.name, self._known)
-        return Station(detector=True, interceptor=node, uplink=UPLINK if place.joined else None)
+        return Station(detector=True, interceptor=node, uplink=UPLINK if place.joined else None, free=True)
 
     def on_edge(self, place: Place) -> Station:
         return Station(detector=place.sees)

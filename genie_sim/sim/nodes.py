@@ -37,7 +37,7 @@ class InterceptorNode(Node):
     """A pure node in the simulated graph: every message costs CPU time, every effect becomes a publication.
 
     ``make`` makes the pure node, and a fresh one whenever a fault takes its state away. ``key`` names what is computed
-    of every picture first.
+    of every picture first; what is ``free`` takes no time.
     """
 
     def __init__(
@@ -49,18 +49,21 @@ class InterceptorNode(Node):
         observe: Observer,
         drop: Dropped,
         key: str | None = None,
+        free: bool = False,
     ):
         pure = make()
         topics = pure.subscriptions(), pure.publications()
         super().__init__(pure.name, host, graph, *topics, queue_length, threads=host.device.cores, dropped=drop)
         self.pure = pure
         self._make = make
-        self._key = key
+        self._key, self._free = key, free
         self._observe = observe
         self._timer_set = False
 
     def work(self, message: Message, done: Done, *arguments: Any) -> None:
-        if self._key is not None and isinstance(message, Image):
+        if self._free:
+            done(*arguments)
+        elif self._key is not None and isinstance(message, Image):
             self.host.compute_key(self._key, self.host.serve_message, done, *arguments)
         else:
             self.host.serve_message(done, *arguments)
@@ -122,6 +125,7 @@ def attach(
     observe: Observer,
     drop: Dropped,
     key: str | None = None,
+    free: bool = False,
     suffix: str = "-local",
 ) -> InterceptorNode:
     """Encapsulates a running node (Section III-B): the node itself is not touched.
@@ -132,4 +136,5 @@ def attach(
     node = graph.node(node_name)
     subscribed, published = graph.topics_of(node_name)
     graph.remap(node_name, {topic: topic + suffix for topic in (*subscribed, *published)})
-    return InterceptorNode(lambda: make(subscribed, published), node.host, graph, queue_length, observe, drop, key)
+    told = queue_length, observe, drop, key, free
+    return InterceptorNode(lambda: make(subscribed, published), node.host, graph, *told)

@@ -84,7 +84,7 @@ class Station:
 
     ``uplink`` joins a car to its edge. ``hears`` are the topics of neighbouring edges that reach this edge. ``key``
     names the feature that the interceptor makes of every picture, which takes its time here; whoever gets the picture
-    from it gets the key, too.
+    from it gets the key, too. ``free``: what the interceptor does takes no time, as that of a bound may.
     """
 
     detector: bool = False
@@ -92,6 +92,7 @@ class Station:
     uplink: Uplink | None = None
     hears: tuple[str, ...] = ()
     key: str | None = None
+    free: bool = False
 
 
 class Method(Protocol):

@@ -202,7 +202,7 @@ class World:
         host, graph = self.hosts[place]
 
         observe = partial(self.monitor.observe, placement)
-        told = self.setup.queue_length, observe, self.monitor.dropped, station.key
+        told = self.setup.queue_length, observe, self.monitor.dropped, station.key, station.free
         if station.detector:
             node = attach(graph, f"{place}/{DETECTOR}", make, *told)
         else:
