@@ -12,7 +12,7 @@ import typer
 
 from genie_sim import __version__, arguments, plugins, terminal
 from genie_sim.arguments import MethodsOption, ScenarioArgument, SeedOption, SetOption, path_argument, path_option
-from genie_sim.cli_compare import compare
+from genie_sim.cli_compare import compare, figures, rerun
 from genie_sim.cli_perceive import perceive
 from genie_sim.cli_ros import attach, detach, keys
 from genie_sim.cli_truth import truth
@@ -53,6 +53,7 @@ def run(
     methods: MethodsOption = None,
     out: Annotated[Path, path_option(help="The folder that gets the result folder.")] = Path("results"),
     no_report: Annotated[bool, typer.Option("--no-report", help="Leave out report.html.")] = False,
+    figures: Annotated[bool, typer.Option("--figures", help="Draw the figures as well, as SVG.")] = False,
 ) -> None:
     """Simulate a scenario under each of its methods.
 
@@ -73,11 +74,12 @@ def run(
     if own := build.own_plugins(setting):
         typer.echo(f"{setting.name} runs code of its own: {', '.join(f'{what} {name}' for what, name in own)}")
     with Progress() as progress:
-        result = runner.run_to_folder(setting, out, progress, with_report=not no_report)
+        result = runner.run_to_folder(setting, out, progress, not no_report, ("svg",) if figures else ())
     from genie_sim.analysis import summary
 
-    typer.echo(summary.text(result.metrics, width=min(terminal.width(), 100)))
-    typer.echo(f"Results: {result.folder}\nFigures: {result.folder / 'figures'}")
+    typer.echo(summary.text(result.metrics, width=min(terminal.width(), 100)), nl=False)
+    typer.echo(f"Results: {result.folder} (all tables, with intervals: summary.md)")
+    typer.echo(f"Figures: {result.folder / 'figures' if figures else f'genie-sim figures {result.folder}'}")
     if not no_report:
         typer.echo(f"Report:  {result.folder / terminal.PAGE}")
 
@@ -139,23 +141,9 @@ def reproduce(
     typer.echo(f"Report:  {result.folder / terminal.PAGE}")
 
 
-@app.command()
-def rerun(
-    folder: Annotated[Path, path_argument(help="A result folder.")],
-    allow_own_code: arguments.OwnCodeOption = False,
-) -> None:
-    """Run a result folder again and compare it byte for byte."""
-    from genie_sim import runner
-
-    with Progress() as progress:
-        compared = runner.rerun(folder, progress)
-    for name, same in compared.items():
-        typer.echo(f"{name}: {'identical' if same else 'DIFFERENT'}")
-    if not all(compared.values()):
-        raise UserError(f"{folder}: the run does not reproduce its own result")
-
-
+app.command()(rerun)
 app.command()(compare)
+app.command()(figures)
 app.command()(perceive)
 app.command()(truth)
 

@@ -1,4 +1,7 @@
-"""The command ``genie-sim compare``. Everything heavy is imported after the arguments are parsed."""
+"""Commands about results that are there: ``compare``, ``figures`` and ``rerun``.
+
+Everything heavy is imported after the arguments are parsed.
+"""
 
 from __future__ import annotations
 
@@ -7,8 +10,9 @@ from typing import Annotated
 
 import typer
 
-from genie_sim.arguments import OwnCodeOption, path_option
+from genie_sim.arguments import OwnCodeOption, path_argument, path_option
 from genie_sim.errors import UserError, unknown
+from genie_sim.terminal import Progress
 
 
 def compare(
@@ -38,3 +42,41 @@ def compare(
             typer.echo(f"{path}: {' | '.join(values)}")
     if out is not None:
         typer.echo(f"Report: {comparison.write(made, out)}", err=format != "markdown")
+
+
+def figures(
+    folder: Annotated[Path, path_argument(help="A result folder of 'run'.")],
+    format: Annotated[str, typer.Option(metavar="A,B,...", help="svg, png, pdf, or several.")] = "svg",
+    out: Annotated[Path | None, path_option(help="Where to; default: figures in the result folder.")] = None,
+) -> None:
+    """Draw the figures of a run.
+
+    \b
+    genie-sim figures results/3car_hetero-65c23e86c242 --format svg,pdf
+    """
+    from genie_sim.analysis import figures as of_runs
+    from genie_sim.recording import provenance, results
+
+    formats = list(dict.fromkeys(format.split(",")))
+    for one in formats:
+        if one not in of_runs.FORMATS:
+            raise UserError(f"--format: {unknown('format', one, of_runs.FORMATS)}")
+    run = results.load(folder)
+    with provenance.of_this_version(folder):
+        paths = of_runs.write(run, folder / "figures" if out is None else out, formats)
+    typer.echo("\n".join(map(str, paths)))
+
+
+def rerun(
+    folder: Annotated[Path, path_argument(help="A result folder.")],
+    allow_own_code: OwnCodeOption = False,
+) -> None:
+    """Run a result folder again and compare it byte for byte."""
+    from genie_sim import runner
+
+    with Progress() as progress:
+        compared = runner.rerun(folder, progress)
+    for name, same in compared.items():
+        typer.echo(f"{name}: {'identical' if same else 'DIFFERENT'}")
+    if not all(compared.values()):
+        raise UserError(f"{folder}: the run does not reproduce its own result")

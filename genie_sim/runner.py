@@ -65,20 +65,25 @@ def run(
     seed: int | None = None,
     out: Path = Path("results"),
     progress: Progress | None = None,
-    with_report: bool = True,
 ) -> Result:
     """Simulates a scenario and writes ``out/<scenario>-<run id>``. Raises ``UserError`` before it simulates."""
-    return run_to_folder(load_scenario(path_or_name, overrides, seed), out, progress, with_report)
+    return run_to_folder(load_scenario(path_or_name, overrides, seed), out, progress)
 
 
-def run_to_folder(scenario: Scenario, out: Path, progress: Progress | None = None, with_report: bool = True) -> Result:
-    """The same for a scenario at hand."""
+def run_to_folder(
+    scenario: Scenario,
+    out: Path,
+    progress: Progress | None = None,
+    with_report: bool = True,
+    figures: Sequence[str] = (),
+) -> Result:
+    """The same for a scenario at hand. ``figures``: the formats to draw them in, such as ``svg``."""
     provenance.check_writable(out)
     prepared = prepare(scenario, progress)
     run_id = provenance.run_id(facts(prepared))
     folder = out / f"{scenario.name}-{run_id}"
     with provenance.result_folder(folder) as partial:
-        metrics = _fill(partial, prepared, run_id, progress, with_report)
+        metrics = _fill(partial, prepared, run_id, progress, with_report, figures)
     return Result(folder, run_id, metrics)
 
 
@@ -105,7 +110,8 @@ def rerun(folder: Path, progress: Progress | None = None) -> dict[str, bool]:
             raise UserError(f"{folder}: {_difference(key, before, again[key])}")
     with tempfile.TemporaryDirectory() as temporary:
         with_report = (folder / "report.html").is_file()
-        _fill(Path(temporary), prepared, made["run_id"], progress, with_report)
+        drawn = sorted({path.suffix[1:] for path in (folder / "figures").glob("*.*")})
+        _fill(Path(temporary), prepared, made["run_id"], progress, with_report, drawn)
         names = sorted(str(path.relative_to(temporary)) for path in Path(temporary).rglob("*") if path.is_file())
         return {
             name: (folder / name).is_file() and (folder / name).read_bytes() == (Path(temporary) / name).read_bytes()
@@ -154,11 +160,11 @@ def _finished(prepared: Prepared, run_id: str, tables: Tables) -> Run:
 
 
 def _fill(
-    folder: Path, prepared: Prepared, run_id: str, progress: Progress | None, with_report: bool
+    folder: Path, prepared: Prepared, run_id: str, progress: Progress | None, with_report: bool, drawn: Sequence[str]
 ) -> Sequence[Metric]:
-    """Simulates and writes the files of a result folder."""
+    """Simulates and writes the files of a result folder; figures in the formats ``drawn``."""
     from genie_sim import report
-    from genie_sim.analysis import figures, summary
+    from genie_sim.analysis import summary
 
     began_s = time.perf_counter()
     tables = simulate(prepared, progress, spill=folder)
@@ -168,9 +174,10 @@ def _fill(
     provenance.write_json(folder / "metrics.json", [asdict(metric) for metric in made.measured])
     described = summary.markdown(made.measured, prepared.scenario.name, run_id, prepared.scenario.seed)
     (folder / "summary.md").write_text(described, encoding="utf-8")
-    (folder / "figures").mkdir()
-    for name, figure in figures.of_run(made).items():
-        figures.save(figure, folder / "figures", name)
+    if drawn:
+        from genie_sim.analysis import figures
+
+        figures.write(made, folder / "figures", drawn)
     if with_report:
         report.write(folder / report.NAME, made)
     (folder / "scenario.resolved.yaml").write_text(made.yaml, encoding="utf-8")

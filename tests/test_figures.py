@@ -13,6 +13,7 @@ import pytest
 from made_up_run import METHODS
 
 from genie_sim.analysis import figures, metrics, style
+from genie_sim.cli import main
 from genie_sim.recording.columns import Columns
 from genie_sim.recording.records import FRAMES, LOOKUPS, RESOURCES
 from genie_sim.recording.results import MethodInfo, Run
@@ -200,3 +201,22 @@ def test_a_run_in_which_nothing_happened_has_figures_too(tmp_path):
     lookups.append(("genie", 0, "car1/genie", "car", "image", "client", "car1", "c", 0, "miss", 1, 0, 0, 0.0, 1))
     figures.save(figures.image_reuse({"run": lookups.to_frame()}, METHODS), tmp_path, "image_reuse")
     assert "none" in words(tmp_path / "image_reuse.svg")  # no Genie on an edge
+
+
+def test_figures_of_a_result_are_drawn_when_asked_for(capsys, tmp_path):
+    """Every format, the same bytes twice; another format or folder is refused in one line."""
+    few = ["--set", "cars[0].route.window=[0 s, 1 s]", "--set", "methods=[local]", "--out", str(tmp_path)]
+    assert main(["run", "1car_homo", "--no-report", *few]) == 0
+    (folder,) = tmp_path.glob("1car_homo-*")
+    capsys.readouterr()
+    for out in ("a", "b"):
+        assert main(["figures", str(folder), "--format", "svg,pdf,png", "--out", str(tmp_path / out)]) == 0
+    names = sorted(path.name for path in (tmp_path / "a").iterdir())
+    assert {"latency_cdf.svg", "latency_cdf.pdf", "latency_cdf.png"} <= set(names)
+    assert all((tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes() for name in names)
+    assert b"/FontFile2" in (tmp_path / "a" / "latency_cdf.pdf").read_bytes(), "its fonts are in it"
+    assert main(["figures", str(folder)]) == 0 and (folder / "figures" / "resources.svg").is_file()
+    assert main(["rerun", str(folder)]) == 0 and "figures/resources.svg: identical" in capsys.readouterr().out
+    for wrong in ([str(folder), "--format", "svg,jpg"], [str(tmp_path)]):
+        assert main(["figures", *wrong]) == 1
+        assert len(capsys.readouterr().err.splitlines()) == 1

@@ -203,9 +203,10 @@ def test_a_closed_output_is_no_reason_to_fail(closed):
 
 @pytest.mark.parametrize("backend", ["foo", "tkagg"])
 def test_figures_need_no_window(backend):
-    done = genie_sim("run", "1car_homo", "--set=cars[0].route.window=[0 s, 1 s]", "--no-report", MPLBACKEND=backend)
+    short = "--set=cars[0].route.window=[0 s, 1 s]"
+    done = genie_sim("run", "1car_homo", short, "--no-report", "--figures", MPLBACKEND=backend)
     assert (done.returncode, done.stderr) == (0, "")
-    assert list(Path("results").glob("*/figures/latency_cdf.png"))
+    assert list(Path("results").glob("*/figures/latency_cdf.svg"))
 
 
 def genie_sim(*arguments: str, stdout: object = subprocess.PIPE, code: str = "", **env: str) -> typing.Any:

@@ -20,21 +20,45 @@ def row(text: str, label: str) -> list[str]:
     return line.removeprefix(label).split()
 
 
-def test_first_and_fresh_answers_stand_beside_each_other(found):
+def test_a_terminal_sees_every_method_and_of_devices_the_three_busiest(found):
     text = summary.text(found)
+    known = {(metric.metric, metric.method): metric.value for metric in found}
+    methods = ("local", "remote", "genie")
+    assert text.splitlines()[0].split() == list(methods)
+    for label, metric in (
+        ("first answer, mean [ms]", "first_answer_mean"),
+        ("fresh answer,", "fresh_answer_mean"),
+    ):
+        assert row(text, label)[-3:] == [f"{known[metric, method]:.3g}" for method in methods]
+    assert text.count("busy [%]") == 3 and len(text.splitlines()) <= 24
+    assert text.index("first answer") < text.index("image reuse on cars") < text.index("busy")
+    assert "Times count from when a frame reached the first node's queue." in " ".join(text.split())
+
+
+def test_first_and_fresh_answers_stand_beside_each_other(found):
+    text = markdown(found)
     means = [("first_answer_mean", role) for role in ("local", "remote", "genie")] + [("fresh_answer_mean", "genie")]
     known = {(metric.metric, metric.method): metric.value for metric in found}
-    assert row(text, "mean [ms]") == [f"{known[mean]:.3g}" for mean in means]
-    above, below = text.splitlines()[1:3]
-    assert (above.split(), below.split()) == (["genie", "genie"], ["local", "remote", "first", "fresh"])
+    cells = [cell.split()[0] for cell in row_of(text, "mean [ms]")]
+    assert cells == [f"{known[mean]:.3g}" for mean in means]
+    assert "| | local | remote | genie first | genie fresh |" in text
 
 
 @pytest.mark.parametrize("width", [40, 60, 80, 200])
 def test_the_tables_fit_the_window(found, width):
     text = summary.text(found, width)
     assert max(map(len, text.splitlines())) <= width
-    for words in ("under 33 ms", "dropped", "empty", "image reuse", "object reuse", "confidence boost", "improvement"):
+    for words in ("within 33 ms", "dropped", "image reuse", "object reuse"):
         assert words in " ".join(text.lower().split()), words
+
+
+def markdown(found: list[Metric]) -> str:
+    return summary.markdown(found, "3car_hetero", "0123456789ab", 1)
+
+
+def row_of(text: str, label: str) -> list[str]:
+    (line,) = [line for line in text.splitlines() if line.startswith(f"| {label} |")]
+    return [cell.strip() for cell in line.split("|")[2:-1]]
 
 
 def test_the_tables_are_plain_text(found):
@@ -49,14 +73,15 @@ def test_unknown_is_a_dash_and_never_a_number():
         Metric("answered_share", "local", "all", "", 0.0, "1", n=7),
     ]
     text = summary.text(unanswered)
-    assert row(text, "mean [ms]") == ["-"]
-    assert row(text, "answered  ") == ["0", "%"]
-    assert "nan" not in text.lower() and "None" not in text
+    assert row(text, "first answer, mean [ms]") == ["-"]
+    assert row_of(markdown(unanswered), "answered") == ["0 %"]
+    for said in (text, markdown(unanswered)):
+        assert "nan" not in said.lower() and "None" not in said
 
 
 def test_methods_and_roles_that_were_not_simulated_have_no_column():
     local_only = [Metric("frames_published", "local", "all", "", 7, "frames", n=7)]
-    text = summary.text(local_only)
+    text = summary.text(local_only) + summary.markdown(local_only, "s", "0", 1).partition("## ")[2]
     assert "genie" not in text and "Improvement" not in text and "image reuse" not in text
 
 
@@ -65,10 +90,10 @@ def test_numbers_have_three_digits_and_a_unit():
     run += [Metric("image_reuse", "genie", "edge", "", 0.30612, "1", 0.1, 0.52)]
     run += [Metric("first_answer_mean", "remote", "all", "", 1234.5678, "ms")]
     run += [Metric("confidence_boost", "genie", "edge", "", 0.012345, "1")]
-    text = summary.text(run)
-    assert row(text, "image reuse  ") == ["30.6", "%"]
-    assert row(text, "confidence boost") == ["0.0123"]
-    assert row(text, "mean [ms]") == ["1,235"]
+    text = markdown(run)
+    assert row_of(text, "image reuse") == ["30.6 % (10 to 52)"]
+    assert row_of(text, "confidence boost") == ["0.0123"]
+    assert row_of(text, "mean [ms]") == ["1,235"]
 
 
 def test_the_markdown_names_the_run_and_says_what_the_intervals_mean(found):
@@ -87,7 +112,8 @@ def test_the_markdown_names_the_run_and_says_what_the_intervals_mean(found):
 def test_a_fleet_shows_its_busiest_devices_and_counts_the_others():
     run = [Metric("frames_published", "genie", "all", "", 1, "frames")]
     run += [Metric("utilization", "genie", "edge", f"edge{i:02}.accelerator", i / 100, "1") for i in range(60)]
-    text = summary.text(run)
+    assert "edge59.accelerator" in summary.text(run) and "edge56.accelerator" not in summary.text(run)
+    text = markdown(run)
     assert "edge59.accelerator" in text and "edge10.accelerator" not in text
     assert "47 less busy ones are in metrics.json." in text  # 60, without 12 shown and one that idles
 
@@ -100,10 +126,8 @@ def test_any_method_whose_fresh_answers_come_later_has_both_columns_and_genies_a
         run.append(Metric("fresh_answer_mean", method, "all", "", fresh, "ms"))
     run.append(Metric("improvement_first_answer", "swift", "all", "plain", 0.5, "1"))
     run += [Metric("image_reuse", method, "car", "", 0.5, "1") for method in ("swift", "slow")]
-    text = summary.text(run)
-    assert row(text, "mean [ms]") == ["10", "20", "10", "10", "30"]
-    above, below = text.splitlines()[1:3]
-    assert above.split() == ["swift", "swift", "slow", "slow"]
-    assert below.split() == ["first", "fresh", "plain", "first", "fresh"]
+    text = markdown(run)
+    assert row_of(text, "mean [ms]") == ["10", "20", "10", "10", "30"]
+    assert "| | swift first | swift fresh | plain | slow first | slow fresh |" in text
     for title in ("Improvement by swift, of the mean", "Genies under swift", "Genies under slow"):
         assert title in text

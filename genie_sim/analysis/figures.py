@@ -48,6 +48,7 @@ RESOURCE_KINDS = {
     "link": "links busy",
     "queue": "messages waiting",
 }
+FORMATS = {"svg": ("Date", "Creator"), "png": ("Software",), "pdf": ("CreationDate", "Creator", "Producer")}  # not told
 LEAST_USE = 0.01
 TITLE_CHARACTERS_PER_IN = 15
 
@@ -73,14 +74,20 @@ def of_run(run: Run) -> dict[str, Figure]:
     return figures
 
 
-def save(figure: Figure, folder: Path, name: str) -> list[Path]:
-    """Writes ``name.svg`` and ``name.png``, without date and version. Raises OSError if it cannot."""
-    paths = [folder / f"{name}.svg", folder / f"{name}.png"]
+def save(figure: Figure, folder: Path, name: str, formats: Sequence[str] = ("svg", "png")) -> list[Path]:
+    """Writes ``name.svg`` and so on, without date and version. Raises OSError if it cannot."""
+    paths = [folder / f"{name}.{format}" for format in formats]
     with in_style():
         _settle(figure)
-        figure.savefig(paths[0], metadata={"Date": None, "Creator": None})
-        figure.savefig(paths[1], metadata={"Software": None})
+        for path, format in zip(paths, formats, strict=True):
+            figure.savefig(path, format=format, metadata=dict.fromkeys(FORMATS[format]))
     return paths
+
+
+def write(run: Run, folder: Path, formats: Sequence[str]) -> list[Path]:
+    """Writes every figure of a run into a folder. Raises OSError if it cannot."""
+    folder.mkdir(parents=True, exist_ok=True)
+    return [path for name, figure in of_run(run).items() for path in save(figure, folder, name, formats)]
 
 
 def svg(figure: Figure) -> bytes:

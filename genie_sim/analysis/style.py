@@ -32,6 +32,7 @@ RC: dict[str, Any] = {
     "legend.handlelength": 2.4,
     "savefig.dpi": 200,
     "svg.fonttype": "none",  # text stays text
+    "pdf.fonttype": 42,  # fonts are inside, as TrueType
     "svg.hashsalt": "genie-sim",
 }
 COLOURS = ("#E69F00", "#C44E00", "#0B3C6F", "#009E73", "#CC79A7", "#56B4E9", "#777777", "#000000")

@@ -1,4 +1,4 @@
-"""What a run found, in tables for a terminal of any width and for ``summary.md``."""
+"""What a run found: in one table that fits a terminal, and in all tables of ``summary.md``."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from genie_sim.analysis.metrics import DEADLINE_MS, WINDOW_REQUESTS
 from genie_sim.analysis.style import PLACEMENTS
 from genie_sim.recording.results import Metric
 
-MOST_RESOURCES = 12
+MOST_RESOURCES, MOST_ON_SCREEN = 12, 3
 LEAST_USE = 0.01
 UNKNOWN = "-"
 LATENCY_TITLE = "Time from received to answer"
@@ -19,6 +19,26 @@ LATENCY_NOTE = (
     "First: the first answer to reach the consumer, be it from the object map. Fresh: a detection or a cached answer "
     "of this very frame. Times are those of answered frames, the share under the deadline is of all published ones."
 )
+
+SCREEN_ROWS = (
+    ("first answer, mean [ms]", "first_answer_mean"),
+    ("first answer, p95 [ms]", "first_answer_p95"),
+    (f"first within {DEADLINE_MS:g} ms [%]", "under_deadline_share"),
+    ("fresh answer, mean [ms]", "fresh_answer_mean"),
+    ("with a fresh answer [%]", "fresh_answered_share"),
+    ("dropped [%]", "dropped_share"),
+    ("F1 of what is held [%]", "streaming_f1"),
+    ("- ghosts in it [%]", "ghost_share"),
+    ("- its age [s]", "held_age"),
+    ("F1 of first answer* [%]", "first_proxy_f1"),
+    ("wrong cache hits* [%]", "wrong_hit_share"),
+)
+SCREEN_REUSE = (("image reuse", "image_reuse"), ("object reuse", "object_reuse"))
+SCREEN_NOTE = (
+    "Times count from when a frame reached the first node's queue. Shares: of all frames. Fresh: about this very frame."
+)
+SCREEN_FLOOR = "Held: by the consumer, against what is there; floor: the detector without delay."
+SCREEN_PROXY = "* Against the detector's own answer to the frame."
 
 Found = Mapping[tuple[str, str, str, str], Metric]  # by metric, method, placement, component
 
@@ -105,8 +125,28 @@ class _Table:
 
 
 def text(metrics: Sequence[Metric], width: int = 80) -> str:
-    """Plain tables of at most ``width`` characters a line (from 40 on); long labels are wrapped."""
-    return "\n\n".join("\n".join(_text_lines(table, width)) for table in _tables(metrics)) + "\n"
+    """The table for a terminal, lines of at most ``width`` characters (from 40 on); long labels are wrapped. Of the
+    rows that any method has: how early, how fresh and how right answers are, then reuse, then the busiest devices."""
+    found, methods = _found(metrics)
+    columns = [(method, "all", "") for method in methods]
+    columns += [column for method in methods if ("streaming_f1", *(column := (method, "all", FLOOR))) in found][:1]
+    rows = _rows(SCREEN_ROWS, columns, found)
+    for label, metric in SCREEN_REUSE:
+        for placement, where in PLACEMENTS.items():
+            rows.append((f"{label} {where} [%]", [found.get((metric, method, placement, "")) for method in methods]))
+    busiest = _busiest(metrics)[:MOST_ON_SCREEN]
+    rows += [(f"{name} busy [%]", [_use(metrics).get((name, method)) for method in methods]) for name in busiest]
+    rows = [(label, [*cells, *[None] * (len(columns) - len(cells))]) for label, cells in rows if any(cells)]
+    notes = [SCREEN_NOTE, SCREEN_FLOOR if len(columns) > len(methods) else NO_TRUTH_NOTE if rows else ""]
+    notes.append(SCREEN_PROXY if any("*" in label for label, _ in rows) else "")
+    headings = [component or method for method, _, component in columns]
+    return "\n".join(_text_lines(_Table("", headings, rows, " ".join(filter(None, notes)), units=False), width)) + "\n"
+
+
+def _found(metrics: Sequence[Metric]) -> tuple[Found, list[str]]:
+    """The metrics by where they are, and the methods that ran, in their order."""
+    found = {(one.metric, one.method, one.placement, one.component): one for one in metrics}
+    return found, list(dict.fromkeys(one.method for one in metrics if one.metric == "frames_published"))
 
 
 def markdown(metrics: Sequence[Metric], scenario: str, run_id: str, seed: int) -> str:
@@ -126,8 +166,7 @@ def markdown(metrics: Sequence[Metric], scenario: str, run_id: str, seed: int) -
 
 def _tables(metrics: Sequence[Metric]) -> Iterator[_Table]:
     """The methods have the order of the metrics, which is that in which they ran."""
-    found: Found = {(one.metric, one.method, one.placement, one.component): one for one in metrics}
-    methods = list(dict.fromkeys(one.method for one in metrics if one.metric == "frames_published"))
+    found, methods = _found(metrics)
     if methods:
         yield _latencies(methods, found)
         yield _Table("Published frames", methods, _rows(FRAME_ROWS, [(method, "all", "") for method in methods], found))
@@ -181,12 +220,7 @@ def _rows(
 
 def _utilization(methods: Sequence[str], metrics: Sequence[Metric]) -> Iterator[_Table]:
     """Of the busiest devices and links while frames were published; a fleet's others are counted."""
-    found = {(one.component, one.method): one for one in metrics if one.metric == "utilization"}
-    busiest: dict[str, float] = {}
-    for (resource, _), metric in found.items():
-        if (metric.value or 0.0) >= LEAST_USE:
-            busiest[resource] = max(busiest.get(resource, 0.0), metric.value or 0.0)
-    names = sorted(busiest, key=lambda resource: (-busiest[resource], resource))
+    found, names = _use(metrics), _busiest(metrics)
     most = sorted(names[:MOST_RESOURCES])
     if most:
         rows = [(name, [found.get((name, method)) for method in methods]) for name in most]
@@ -195,17 +229,27 @@ def _utilization(methods: Sequence[str], metrics: Sequence[Metric]) -> Iterator[
         yield _Table("Utilization", methods, rows, more)
 
 
+def _use(metrics: Sequence[Metric]) -> dict[tuple[str, str], Metric]:
+    """How busy each resource was under each method."""
+    return {(one.component, one.method): one for one in metrics if one.metric == "utilization"}
+
+
+def _busiest(metrics: Sequence[Metric]) -> list[str]:
+    """The resources that are used at all, the busiest under any method first."""
+    busiest: dict[str, float] = {}
+    for (resource, _), metric in _use(metrics).items():
+        if (metric.value or 0.0) >= LEAST_USE:
+            busiest[resource] = max(busiest.get(resource, 0.0), metric.value or 0.0)
+    return sorted(busiest, key=lambda resource: (-busiest[resource], resource))
+
+
 def _text_lines(table: _Table, width: int) -> Iterator[str]:
     cells = [[_show(cell, table.units) for cell in row] for _, row in table.rows]
-    headings = [heading.split(" ") if not table.units else [heading] for heading in table.columns]
-    columns = zip(headings, *cells, strict=True)
-    widths = [max(len(one) for one in (*heading, *column)) for heading, *column in columns]
+    columns = zip(table.columns, *cells, strict=True)
+    widths = [max(map(len, column)) for column in columns]
     room = max(width - sum(2 + one for one in widths), 8)
-    label_width = min(room, max(len(label) for label, _ in table.rows))
-    yield from textwrap.wrap(table.title, width)
-    tallest = max(map(len, headings))
-    for words in zip(*([""] * (tallest - len(heading)) + heading for heading in headings), strict=True):
-        yield _line("", label_width, words, widths)
+    label_width = min(room, max((len(label) for label, _ in table.rows), default=0))
+    yield _line("", label_width, table.columns, widths)
     for (label, _), row in zip(table.rows, cells, strict=True):
         *above, last = textwrap.wrap(label, label_width)
         yield from above

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import OrderedDict
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Literal, Protocol
 
@@ -14,7 +14,7 @@ from genie_sim.core.rules import ObjectMapRules
 from genie_sim.core.track_map import TrackMap
 from genie_sim.core.tracking import COAST_NS, NEAR_M
 from genie_sim.core.view import bearing
-from genie_sim.messages import Detection, Detections, Header, Image, Look
+from genie_sim.messages import Detection, Detections, Header, Image, Location, Look
 
 ConsumerName = Literal["newest", "tracker"]
 ASKED = 256  # so many of its last frames a consumer remembers
@@ -73,6 +73,7 @@ class Newest:
         answers = [self._newest[stream] for stream in sorted(self._newest)]
         answers.sort(key=lambda one: 0 if one.valid_ns is None else -one.valid_ns)
         kept: list[Detection] = []
+        places: dict[str, list[Location]] = {}  # of those kept, by their class
         shown: list[Image] = []
         for answer in answers:
             for one in answer.objects:
@@ -80,7 +81,9 @@ class Newest:
                 if at is None or any(_sees(image, at[0], at[1]) for image in shown):
                     continue
                 one = one if answer.valid_ns is None else _moved(one, now_ns - answer.valid_ns)
-                if not any(one.label == other.label and _apart_m(one, other) < NEAR_M for other in kept):
+                others = places.setdefault(one.label, [])
+                if one.location is not None and not _is_near(one.location, others):
+                    others.append(one.location)
                     kept.append(one)
             image = self._frames.get(answer.header)
             if answer.valid_ns is not None and image is not None:
@@ -138,6 +141,9 @@ def _moved(one: Detection, for_ns: int) -> Detection:
     return replace(one, location=(east_m + east_mps * dt_s, north_m + north_mps * dt_s, up_m))
 
 
-def _apart_m(one: Detection, other: Detection) -> float:
-    assert one.location is not None and other.location is not None
-    return math.hypot(one.location[0] - other.location[0], one.location[1] - other.location[1])
+def _is_near(at: Location, others: Sequence[Location]) -> bool:
+    east_m, north_m, _ = at
+    for other in others:
+        if abs(other[0] - east_m) < NEAR_M and math.hypot(other[0] - east_m, other[1] - north_m) < NEAR_M:
+            return True
+    return False

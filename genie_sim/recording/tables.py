@@ -146,17 +146,27 @@ class _Buffer:
         return np.argsort(np.argsort(np.array(list(self.codes), dtype=str)))[values] if rows else values
 
     def arrow(self, values: np.ndarray[Any, np.dtype[Any]]) -> pa.Array:
+        """These values for a file. From buffers: of an array or a list, pyarrow looks whether it is one of pandas',
+        and imports that, which takes as long as to simulate."""
         import numpy as np
         import pyarrow as pa
 
-        unknown = np.isnan(values) if self.about.kind == "float64" else values == self._none
-        mask = unknown if self.about.nullable else None
+        validity = None
+        if self.about.nullable:
+            known = ~np.isnan(values) if self.about.kind == "float64" else values != self._none
+            validity = pa.py_buffer(np.packbits(known, bitorder="little"))
+        if self._is_text:
+            text = Text.of(values, list(self.codes))
+            encoded = [name.encode() for name in text.names]
+            ends = np.cumsum([0, *map(len, encoded)], dtype=np.int32)
+            names = pa.StringArray.from_buffers(len(encoded), pa.py_buffer(ends), pa.py_buffer(b"".join(encoded)))
+            codes = pa.Array.from_buffers(pa.int32(), len(values), [validity, pa.py_buffer(np.maximum(text.codes, 0))])
+            return pa.DictionaryArray.from_arrays(codes, names)
         if self.about.kind == "bool":
-            return pa.array(values == 1, mask=mask)
-        if not self._is_text:
-            return pa.array(values, mask=mask)
-        text = Text.of(values, list(self.codes))
-        return pa.DictionaryArray.from_arrays(pa.array(text.codes, mask=mask), pa.array(text.names, type=pa.string()))
+            bits = np.packbits(values == 1, bitorder="little")
+            return pa.Array.from_buffers(pa.bool_(), len(values), [validity, pa.py_buffer(bits)])
+        kind = getattr(pa, self.about.kind)()
+        return pa.Array.from_buffers(kind, len(values), [validity, pa.py_buffer(np.ascontiguousarray(values))])
 
 
 class Table:
@@ -301,7 +311,7 @@ class Table:
             end = min(start + ROWS_PER_GROUP, rows)
             part: Any = slice(start, end) if isinstance(order, slice) else order[start:end]
             arrays = [buffer.arrow(buffer.numpy(rows)[part]) for buffer in self._buffers.values()]
-            yield pa.record_batch(arrays, schema=schema)
+            yield pa.RecordBatch.from_arrays(arrays, schema=schema)
 
 
 def other_format(path: Path, found: object, reads: int) -> str:
