@@ -12,7 +12,7 @@ import typer
 
 from genie_sim import __version__, arguments, plugins, terminal
 from genie_sim.arguments import MethodsOption, ScenarioArgument, SeedOption, SetOption, path_argument, path_option
-from genie_sim.cli_compare import compare, figures, rerun
+from genie_sim.cli_compare import compare, figures
 from genie_sim.cli_perceive import perceive
 from genie_sim.cli_ros import attach, detach, keys
 from genie_sim.cli_truth import truth
@@ -27,7 +27,6 @@ genie-sim reproduce --quick
 
 Simulates Genie, the smart ROS cache for connected vehicles and edge servers.
 """
-
 
 app = typer.Typer(cls=Commands, help=EXAMPLES, rich_markup_mode=None, pretty_exceptions_enable=False)
 
@@ -141,7 +140,21 @@ def reproduce(
     typer.echo(f"Report:  {result.folder / terminal.PAGE}")
 
 
-app.command()(rerun)
+@app.command()
+def rerun(
+    folder: Annotated[Path, path_argument(help="A result folder.")], allow_own_code: arguments.OwnCodeOption = False
+) -> None:
+    """Run a result folder again and compare it byte for byte."""
+    from genie_sim import runner
+
+    with Progress() as progress:
+        compared = runner.rerun(folder, progress)
+    for name, same in compared.items():
+        typer.echo(f"{name}: {'identical' if same else 'DIFFERENT'}")
+    if not all(compared.values()):
+        raise UserError(f"{folder}: the run does not reproduce its own result")
+
+
 app.command()(compare)
 app.command()(figures)
 app.command()(perceive)

@@ -1,7 +1,4 @@
-"""Commands about results that are there: ``compare``, ``figures`` and ``rerun``.
-
-Everything heavy is imported after the arguments are parsed.
-"""
+"""Commands about results that are there. Everything heavy is imported after the arguments are parsed."""
 
 from __future__ import annotations
 
@@ -12,7 +9,6 @@ import typer
 
 from genie_sim.arguments import OwnCodeOption, path_argument, path_option
 from genie_sim.errors import UserError, unknown
-from genie_sim.terminal import Progress
 
 
 def compare(
@@ -65,18 +61,3 @@ def figures(
     with provenance.of_this_version(folder):
         paths = of_runs.write(run, folder / "figures" if out is None else out, formats)
     typer.echo("\n".join(map(str, paths)))
-
-
-def rerun(
-    folder: Annotated[Path, path_argument(help="A result folder.")],
-    allow_own_code: OwnCodeOption = False,
-) -> None:
-    """Run a result folder again and compare it byte for byte."""
-    from genie_sim import runner
-
-    with Progress() as progress:
-        compared = runner.rerun(folder, progress)
-    for name, same in compared.items():
-        typer.echo(f"{name}: {'identical' if same else 'DIFFERENT'}")
-    if not all(compared.values()):
-        raise UserError(f"{folder}: the run does not reproduce its own result")
