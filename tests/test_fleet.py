@@ -8,6 +8,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 import pytest
 from hypothesis import given
@@ -17,7 +18,8 @@ from genie_sim import files, runner
 from genie_sim.errors import UserError
 from genie_sim.fleet import CHECK_NS, Cells, device_of_each
 from genie_sim.recording.records import Tables
-from genie_sim.report import data
+from genie_sim.recording.results import Run
+from genie_sim.report import data, fleet_map
 from genie_sim.runner import prepare, simulate
 from genie_sim.scenario.faults import FaultEntry
 from genie_sim.scenario.fleet import Fleet
@@ -276,10 +278,67 @@ def test_the_page_of_a_fleet_tells_of_its_cars_together_and_stays_small(monkeypa
     use = {one.component: one.value or 0 for one in run.measured if one.metric == "utilization"}
     assert min(use.get(name, 0) for name in of_resources) >= max(use.get(name, 0) for name in everywhere - of_resources)
     told = " ".join(shown["notes"])
-    assert "There is no replay of a fleet" in told and f"the 10 busiest of {len(everywhere)}" in told
+    assert f"the 10 busiest of {len(everywhere)}" in told
     assert {one.metric for one in run.measured if not one.component} == {
         name for name, _, _, component, *_ in shown["metrics"] if not component
     }
+
+
+@pytest.fixture(scope="module")
+def driven() -> Run:
+    """Twelve cars that change their cells, under two methods."""
+    return runner.run_in_memory(small(fleet=fleet(cars=12, hysteresis="0 m"), methods=["remote", "genie"]))
+
+
+def test_the_map_of_a_fleet_has_its_cars_where_their_last_frame_was_taken(driven: Run, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(fleet_map, "MOST_CARS", 3)
+    notes: list[str] = []
+    shown = fleet_map.fleet_data(driven, notes)
+    assert shown is not None and [car["name"] for car in shown["cars"]] == ["car1", "car6", "car12"]
+    assert notes == ["The map draws 3 of 12 cars, evenly chosen; load and reuse count all."]
+    poses = driven.poses[driven.poses["car"] == "car6"]
+    for instant, (second, east, north) in enumerate(
+        zip(shown["instants_s"], shown["cars"][1]["east"], shown["cars"][1]["north"], strict=True)
+    ):
+        before = poses[poses["stamp_ns"] <= second * 1e9]
+        here = (before if len(before) else poses).sort_values("stamp_ns").iloc[-1 if len(before) else 0]
+        assert (east, north) == (round(here["east_m"]), round(here["north_m"])), instant
+
+
+def test_the_map_of_a_fleet_tells_load_reuse_and_hand_overs_of_all_cars(driven: Run):
+    shown = fleet_map.fleet_data(driven, [])
+    assert shown is not None and len(shown["cells"]) == 6
+    of_genies = [cell for cell in shown["reuse"] if cell["method"] == "genie"]
+    asked = driven.lookups[(driven.lookups["kind"] == "image") & (driven.lookups["placement"] == "edge")]
+    for cell in of_genies:
+        mine = asked[asked["genie"].astype(str) == "edge_{}_{}/genie".format(*cell["cell"])]
+        mine = mine[mine["t_ns"] <= shown["instants_s"][-1] * 1e9]
+        assert cell["values"][-1] == pytest.approx(mine["hits"].sum() / mine["requests"].sum(), abs=5e-4)
+    loads = {tuple(cell["cell"]): cell["values"] for cell in shown["load"] if cell["method"] == "remote"}
+    for (column, row), values in loads.items():
+        samples = driven.resources[driven.resources["resource"] == f"edge_{column}_{row}.accelerator"]
+        samples = samples[(samples["method"] == "remote") & (samples["t_ns"] <= shown["instants_s"][-1] * 1e9)]
+        assert sum(values) * shown["instants_s"][1] == pytest.approx(samples["busy_ns"].iloc[-1] / 1e9, abs=0.02)
+    frames = asked[(asked["requester"] == "client") & (asked["method"] == "genie")].sort_values("t_ns")
+    changes = sum((mine["genie"].astype(str) != mine["genie"].astype(str).shift()).sum() - 1 for _, mine in
+                  frames.astype({"car": str}).groupby("car"))  # fmt: skip
+    assert shown["hand_overs"] == [{"method": "genie", "until": shown["hand_overs"][0]["until"]}]
+    assert shown["hand_overs"][0]["until"][-1] == changes > 0
+
+
+def test_the_page_of_a_fleet_has_distributions_over_all_cars_and_ghosts_by_age(driven: Run):
+    shown = fleet_map.fleet_data(driven, [])
+    assert shown is not None
+    first = next(one for one in shown["over_cars"] if (one["method"], one["of"]) == ("remote", "first_p95"))
+    mine = driven.frames[(driven.frames["method"] == "remote") & driven.frames["first_answer_ns"].notna()]
+    times = (mine["first_answer_ns"] - mine["received_ns"]).astype(float) / 1e6
+    slowest = max(np.quantile(of_car, 0.95) for _, of_car in times.groupby(mine["car"].astype(str)))
+    assert (first["x"][-1], first["y"][-1], len(first["x"])) == (pytest.approx(slowest, abs=1e-3), 1.0, 12)
+    held = driven.held[(driven.held["what"] == "consumer") & (driven.held["method"] == "genie")]
+    rows = next(one["rows"] for one in shown["ghosts_by_age"] if one["method"] == "genie")
+    assert sum(objects for _, _, objects, _ in rows) == held["held"].sum()
+    ghosts = sum(objects * share for _, _, objects, share in rows)
+    assert ghosts == pytest.approx((held["held"] - held["right"]).sum(), rel=2e-3)
 
 
 @pytest.mark.parametrize(("name", "cars_to_a_cell"), [("fleet_30", 7.5), ("fleet_1000", 20.4), ("fleet_10000", None)])

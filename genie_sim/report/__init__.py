@@ -49,7 +49,7 @@ def page(run: Run, start_ns: int = 0) -> str:
     """
     with provenance.of_this_version(run.folder):
         elsewhere = "The numbers are also in metrics.json and summary.md beside it."
-        title, scripts = f"{run.name}, run {run.run_id}", (*REPLAY, "many.js", "run.js")
+        title, scripts = f"{run.name}, run {run.run_id}", (*REPLAY, "many.js", "fleet.js", "run.js")
         return assemble("run.html", scripts, title, page_data(run, start_ns), elsewhere)
 
 

@@ -20,6 +20,7 @@ from genie_sim.analysis.metrics import (
     windowed_reuse,
 )
 from genie_sim.analysis.style import PLACEMENTS, thinned
+from genie_sim.report.fleet_map import fleet_data
 from genie_sim.report.replay import last_instant_ns, replay_data
 from genie_sim.units import NS_PER_S
 
@@ -60,6 +61,7 @@ def page_data(run: Run, start_ns: int = 0) -> dict[str, Any]:
         "window_requests": WINDOW_REQUESTS,
         "use": list(_use(run, notes)),
         "replay": replay_data(run, start_ns, notes),
+        "fleet": fleet_data(run, notes),
         "notes": list(dict.fromkeys(notes)),
     }
 

@@ -178,4 +178,5 @@ showOverTime();
 showUse();
 showMetrics();
 showReplay();
+showFleet();
 showAbout();
