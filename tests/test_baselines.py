@@ -90,6 +90,7 @@ def test_replays_live_in_the_world_or_before_the_camera():
     assert len(hits[hits["method"] == "camera"]) > 20
 
 
+@pytest.mark.slow
 def test_oracle_hits_are_right_and_no_cache_has_more_right_ones():
     methods = ["genie", "central", *SIMILAR, "oracle"]
     run = runner.run_in_memory(load_scenario("baselines", [f"methods={methods}"]))

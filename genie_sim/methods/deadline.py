@@ -6,11 +6,9 @@ from functools import partial
 
 from genie_sim.core.caches.deadline import Scheduler, Send
 from genie_sim.messages import Effect, Expired, Image, Message, Observe, Publish
-from genie_sim.methods.similarity import REMOTE, UPLINK, at_least, share
-from genie_sim.sim.station import Interceptor, Place, Station
+from genie_sim.methods.similarity import LOCAL, REMOTE, UPLINK, TwoWays, at_least, share
+from genie_sim.sim.station import Place, Station
 from genie_sim.units import NS_PER_MS, NS_PER_S
-
-LOCAL = "-local"
 
 
 class Deadline:
@@ -38,7 +36,7 @@ class Deadline:
         return Station(detector=place.sees)
 
 
-class Router(Interceptor):
+class Router(TwoWays):
     """Sends each picture on its way, and answers with what comes back."""
 
     def __init__(
@@ -48,15 +46,8 @@ class Router(Interceptor):
         subscribed: tuple[str, ...],
         published: tuple[str, ...],
     ) -> None:
-        self.name = f"{car}/router"
-        (self._images,), (self._objects,) = subscribed, published
+        super().__init__(f"{car}/router", subscribed, published)
         self._scheduler = Scheduler(*told)
-
-    def subscriptions(self) -> tuple[str, ...]:
-        return self._images, self._objects + LOCAL, self._objects + REMOTE
-
-    def publications(self) -> tuple[str, ...]:
-        return self._objects, self._images + LOCAL, self._images + REMOTE
 
     def on_message(self, topic: str, message: Message, now_ns: int, sender: str | None = None) -> list[Effect]:
         if topic != self._images:

@@ -6,10 +6,8 @@ from functools import partial
 
 from genie_sim.core.caches.oracle import KnownAnswers
 from genie_sim.messages import Detections, Effect, Image, ImageLookup, Message, Observe, Publish
-from genie_sim.methods.similarity import REMOTE, UPLINK
-from genie_sim.sim.station import Interceptor, Place, Station
-
-LOCAL = "-local"
+from genie_sim.methods.similarity import LOCAL, REMOTE, UPLINK, TwoWays
+from genie_sim.sim.station import Place, Station
 
 
 class Oracle:
@@ -31,20 +29,14 @@ class Oracle:
         return Station(detector=place.sees)
 
 
-class AllKnowing(Interceptor):
+class AllKnowing(TwoWays):
     """Replays a right answer, or takes the first of both detectors: with the draws that they have, the faster way."""
 
     def __init__(
         self, car: str, known: KnownAnswers, subscribed: tuple[str, ...], published: tuple[str, ...]
     ) -> None:
-        self.name = f"{car}/oracle"
-        (self._images,), (self._objects,), self._known = subscribed, published, known
-
-    def subscriptions(self) -> tuple[str, ...]:
-        return self._images, self._objects + LOCAL, self._objects + REMOTE
-
-    def publications(self) -> tuple[str, ...]:
-        return self._objects, self._images + LOCAL, self._images + REMOTE
+        super().__init__(f"{car}/oracle", subscribed, published)
+        self._known = known
 
     def on_message(self, topic: str, message: Message, now_ns: int, sender: str | None = None) -> list[Effect]:
         if topic != self._images:

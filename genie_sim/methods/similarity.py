@@ -9,9 +9,9 @@ from genie_sim.core.caches.cache import Replay, SimilarityCache, cache_node
 from genie_sim.core.caches.nearest import NONE, Nearest, key_of
 from genie_sim.core.node import GenieNode
 from genie_sim.core.rules import Capacity
-from genie_sim.sim.station import IMAGES, OBJECTS, Place, Station, Uplink
+from genie_sim.sim.station import IMAGES, OBJECTS, Interceptor, Place, Station, Uplink
 
-REMOTE = "-remote"
+LOCAL, REMOTE = "-local", "-remote"
 UPLINK = Uplink(IMAGES + REMOTE, OBJECTS + REMOTE)
 
 
@@ -76,3 +76,17 @@ class Similarity:
             pending=lambda: Nearest(lambda: self.reach(cache)),
             share_requests=place.joined and not on_edge,
         )
+
+
+class TwoWays(Interceptor):
+    """A car's pictures come here, and go to its own detector or up; answers come from both."""
+
+    def __init__(self, name: str, subscribed: tuple[str, ...], published: tuple[str, ...]) -> None:
+        self.name = name
+        (self._images,), (self._objects,) = subscribed, published
+
+    def subscriptions(self) -> tuple[str, ...]:
+        return self._images, self._objects + LOCAL, self._objects + REMOTE
+
+    def publications(self) -> tuple[str, ...]:
+        return self._objects, self._images + LOCAL, self._images + REMOTE
