@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Hashable
 from dataclasses import replace
 from numbers import Real
 from typing import Any
@@ -71,7 +70,7 @@ def make_genie(
     parts: dict[str, Any] = {
         "key": similarity.key,
         "new_cache": new_cache,
-        "pending": PendingIndex(_identity(rules.header_identity), similarity.index),
+        "pending": PendingIndex(_stamp if rules.header_identity == "stamp" else None, similarity.index),
         "object_map": _object_map(rules, laws, on_edge),
         "map_answer": detections_of_map,
     }
@@ -123,7 +122,5 @@ def chosen_plugins(rules: GenieRules) -> tuple[tuple[str, str], ...]:
     )
 
 
-def _identity(name: str) -> Callable[[Header], Hashable]:
-    if name == "stamp":
-        return lambda header: header.stamp_ns
-    return lambda header: header
+def _stamp(header: Header) -> int:
+    return header.stamp_ns

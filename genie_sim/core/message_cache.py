@@ -114,7 +114,8 @@ class PendingRequest:
 class PendingIndex:
     """Header of a request -> the request that waits, and key -> the request that an equal one can join."""
 
-    def __init__(self, identity: Callable[[Header], Hashable], new_keys: Callable[[], KeyIndex]) -> None:
+    def __init__(self, identity: Callable[[Header], Hashable] | None, new_keys: Callable[[], KeyIndex]) -> None:
+        """``identity``: what of a header counts, ``None`` for all of it."""
         self._identity = identity
         self._new_keys = new_keys
         self._by_header: dict[Hashable, PendingRequest] = {}
@@ -131,7 +132,7 @@ class PendingIndex:
 
     def by_header(self, header: Header) -> PendingRequest | None:
         """The request that an answer with this header belongs to."""
-        return self._by_header.get(self._identity(header))
+        return self._by_header.get(header if self._identity is None else self._identity(header))
 
     def by_key(self, topic: str, key: Hashable) -> PendingRequest | None:
         """The request that our node already works on for an equal message."""
@@ -143,7 +144,7 @@ class PendingIndex:
         """A request waits from now on, one of this header at a time. Deadlines must not decrease from call to call."""
         if not self._waiting:
             self.next_deadline_ns = pending.deadline_ns
-        identity = self._identity(header)
+        identity = header if self._identity is None else self._identity(header)
         self._by_header[identity] = pending
         self._waiting.append((identity, pending))
         if pending.forwarded:

@@ -64,7 +64,7 @@ class Line:
                 channel,
                 message,
                 lambda: self.arrived.append((number, self.env.now)),
-                lambda one: self.carried.append(one.header.stamp_ns),
+                carried=lambda one: self.carried.append(one.header.stamp_ns),
             )
 
         self.env.timeout(at_ns).callbacks.append(lambda _: now())

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -47,6 +49,13 @@ class Wire:
         return WireChannel(self, self.rate_up_bps if up else self.rate_down_bps, rng)
 
 
+def _delays_ns(wire: Wire, rng: np.random.Generator) -> Iterator[int]:
+    """Those of a link without losses."""
+    while wire.jitter_ns:  # several numbers at once are the same ones, and cost little more than one
+        yield from (wire.delay_ns + rng.integers(wire.jitter_ns + 1, size=16)).tolist()
+    yield from itertools.repeat(wire.delay_ns)
+
+
 class WireChannel:
     """One direction of a wire."""
 
@@ -54,6 +63,7 @@ class WireChannel:
         self._wire = wire
         self._rate_bps = rate_bps
         self._rng = rng
+        self._delays_ns = _delays_ns(wire, rng)
         self._occupied_ns: dict[int, int] = {}  # by the message's size
 
     def occupied_ns(self, size_bytes: int, now_ns: int) -> int:
@@ -68,6 +78,8 @@ class WireChannel:
 
     def delay_ns(self, size_bytes: int, now_ns: int) -> int | None:
         wire = self._wire
-        if wire.loss and self._rng.random() < wire.loss:
-            return None
-        return wire.delay_ns + (int(self._rng.integers(wire.jitter_ns + 1)) if wire.jitter_ns else 0)
+        if wire.loss:
+            if self._rng.random() < wire.loss:
+                return None
+            return wire.delay_ns + (int(self._rng.integers(wire.jitter_ns + 1)) if wire.jitter_ns else 0)
+        return next(self._delays_ns)
