@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from sim.street import street
 
-from genie_sim.paper.quality import KITTI, measure, summarise
+from genie_sim.paper.quality import KITTI, Truth, measure, summarise
 from genie_sim.paper.replicate import Answer, Held
 from genie_sim.perception.labels import LabelledTrack, Labels, distance_m, read_tracking_labels, read_tracklets
 
@@ -24,7 +24,7 @@ WINDOW = {"car1": (0, 2 * SECOND)}
 def holding(*objects, tracks, since_ns=0):
     """The numbers of a car that is handed these objects once and then nothing more."""
     answers = {"car1": [Answer(since_ns, since_ns, "camera_02", tuple(objects))]}
-    return measure(Held(answers, {"car1": 0}), STREET, Labels(STREET.origin, tracks), WINDOW)
+    return measure(Held(answers, {"car1": 0}), STREET, Truth(Labels(STREET.origin, tracks)), WINDOW)
 
 
 def test_a_parked_car_stays_right():
@@ -65,7 +65,7 @@ def test_before_the_answer_the_consumer_holds_nothing():
 
 def test_seen_in_two_streams_it_is_held_once():
     answers = [Answer(0, 0, stream, (("car", (24.0, 4.0, 0.8)),)) for stream in ("camera_02", "camera_03")]
-    found = measure(Held({"car1": answers}, {"car1": 0}), STREET, Labels(STREET.origin, (PARKED,)), WINDOW)
+    found = measure(Held({"car1": answers}, {"car1": 0}), STREET, Truth(Labels(STREET.origin, (PARKED,))), WINDOW)
     assert found["precision"] == 1.0
 
 

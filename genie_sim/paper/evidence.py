@@ -13,10 +13,10 @@ from typing import Any
 
 import numpy as np
 
-from genie_sim.analysis.statistics import t_quantile
 from genie_sim.paper.facts import Facts
 
 Values = np.ndarray[Any, np.dtype[np.float64]]  # one per seed
+CONFIDENCE = 0.95
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,9 +72,11 @@ class Evidence:
 
 def interval(values: Values) -> tuple[float, float, float]:
     """Mean and 95 % t interval over seeds; without spread or with one seed it is a point."""
+    from scipy.special import stdtrit
+
     mean, n = float(np.mean(values)), len(values)
     spread = float(np.std(values, ddof=1)) if n > 1 else 0.0
-    half = t_quantile(n - 1) * spread / math.sqrt(n) if spread > 0 else 0.0
+    half = float(stdtrit(n - 1, (1 + CONFIDENCE) / 2)) * spread / math.sqrt(n) if spread > 0 else 0.0
     return mean, mean - half, mean + half
 
 

@@ -21,8 +21,8 @@ from genie_sim.paper.evidence import interval
 from genie_sim.paper.facts import ratio
 from genie_sim.paper.replicate import Answer, Held, Job, prepare_job, run_for_answers
 from genie_sim.paths import expanded
-from genie_sim.perception.labels import LabelledTrack, Labels, distance_m, read_tracklets
-from genie_sim.perception.trace import Trace, TraceFrame
+from genie_sim.perception.labels import Labels, distance_m, read_tracklets
+from genie_sim.perception.trace import Trace
 
 KITTI = "GENIE_SIM_KITTI"
 KINDS = {"car": ("vehicle",), "truck": ("vehicle",), "bus": ("vehicle",), "person": ("person", "cyclist")}
@@ -33,6 +33,7 @@ STEP_NS = 100_000_000
 VIEW = "02"  # the recording whose field of view counts
 
 Object = tuple[str, Location]
+There = tuple[str, bool, Location]  # of a labelled object: its kind, whether it moves, and where it is
 
 
 @dataclass
@@ -73,25 +74,40 @@ def measure_job(job: Job) -> dict[str, dict[str, float]]:
     prepared = prepare_job(job)
     trace = next(iter(prepared.drives.values()))
     assert isinstance(trace, Trace), "the evaluation drives recorded streets"
-    labels = _labels(expanded(os.environ[KITTI]), str(trace.provenance["drive"]), trace.origin)
+    truth = _truth(expanded(os.environ[KITTI]), str(trace.provenance["drive"]), trace.origin)
     windows = {car.name: car.route.window_ns for car in prepared.scenario.cars}
-    return {method: measure(held, trace, labels, windows) for method, held in run_for_answers(prepared).items()}
+    return {method: measure(held, trace, truth, windows) for method, held in run_for_answers(prepared).items()}
+
+
+class Truth:
+    """The labelled objects of a drive at any instant, remembered: very many cars and runs ask for the same ones."""
+
+    def __init__(self, labels: Labels) -> None:
+        self._tracks = [(track, track.moving) for track in labels.tracks]
+        self._at: dict[int, list[There]] = {}
+
+    def at(self, drive_ns: int) -> list[There]:
+        if drive_ns not in self._at:
+            places = ((track.kind, moving, track.at(drive_ns)) for track, moving in self._tracks)
+            self._at[drive_ns] = [(kind, moving, at) for kind, moving, at in places if at is not None]
+        return self._at[drive_ns]
 
 
 def measure(
-    held: Held, trace: Trace, labels: Labels, windows_ns: Mapping[str, tuple[int, int] | None]
+    held: Held, trace: Trace, truth: Truth, windows_ns: Mapping[str, tuple[int, int] | None]
 ) -> dict[str, float]:
     """The numbers of one method in one run, over all cars and instants."""
-    count = Count()
-    seen_ns = _first_seen(trace)
+    count, seen_ns, frames = Count(), _first_seen(trace), trace.frames[VIEW]
+    stamps_ns = np.array([frame.stamp_ns for frame in frames])
     for car, answers in held.answers.items():
         late_ns = held.late_ns[car]
-        begin_ns, end_ns = windows_ns[car] or (0, trace.frames[VIEW][-1].stamp_ns)
-        for drive_ns in range(begin_ns, min(end_ns, trace.frames[VIEW][-1].stamp_ns), STEP_NS):
-            pose = _pose_at(trace.frames[VIEW], drive_ns)
-            objects = [one for one in _holding(answers, drive_ns + late_ns) if one[0] in KINDS and pose.sees(one[1])]
-            there = [(track, at) for track in labels.tracks if (at := track.at(drive_ns)) and pose.sees(at)]
-            _compare(count, objects, there, labels, seen_ns)
+        begin_ns, end_ns = windows_ns[car] or (0, frames[-1].stamp_ns)
+        instants = range(begin_ns, min(end_ns, frames[-1].stamp_ns), STEP_NS)
+        for drive_ns, holding in zip(instants, _holding(answers, [one + late_ns for one in instants]), strict=True):
+            frame = frames[int(np.argmin(np.abs(stamps_ns - drive_ns)))]
+            pose = _View(frame.pose, frame.horizontal_fov_rad / 2)
+            objects = [one for one in holding if one[0] in KINDS and pose.sees(one[1])]
+            _compare(count, objects, [one for one in truth.at(drive_ns) if pose.sees(one[2])], truth, seen_ns)
             for label, at in objects:
                 ages = _ages_ns(seen_ns[label, at], drive_ns + late_ns, held.late_ns, windows_ns)
                 count.ages_s.append(min(ages, default=0) / 1e9)
@@ -113,16 +129,16 @@ def summarise(runs: Sequence[Mapping[str, Mapping[str, float]]], seeds: int) -> 
 def _compare(
     count: Count,
     objects: Sequence[Object],
-    there: Sequence[tuple[LabelledTrack, Location]],
-    labels: Labels,
+    there: Sequence[There],
+    truth: Truth,
     seen_ns: Mapping[Object, int],
 ) -> None:
     """Pairs what is held with what is there, nearest first, each once."""
     pairs = sorted(
         (distance_m(at, place), i, j)
         for i, (label, at) in enumerate(objects)
-        for j, (track, place) in enumerate(there)
-        if track.kind in KINDS[label] and distance_m(at, place) <= SAME_M
+        for j, (kind, _, place) in enumerate(there)
+        if kind in KINDS[label] and distance_m(at, place) <= SAME_M
     )
     right: set[int] = set()
     found: set[int] = set()
@@ -133,35 +149,39 @@ def _compare(
             count.errors_m.append(error_m)
     count.held += len(objects)
     count.right += len(right)
-    for j, (track, _) in enumerate(there):
-        count.truth[track.moving] += 1
-        count.found[track.moving] += j in found
+    for j, (_, moving, _) in enumerate(there):
+        count.truth[moving] += 1
+        count.found[moving] += j in found
     for i, (label, at) in enumerate(objects):
         if i not in right:
             was_there = any(
-                (place := track.at(seen_ns[label, at])) and distance_m(at, place) <= SAME_M
-                for track in labels.tracks
-                if track.kind in KINDS[label]
+                kind in KINDS[label] and distance_m(at, place) <= SAME_M
+                for kind, _, place in truth.at(seen_ns[label, at])
             )
             count.moved_away += was_there
             count.never_there += not was_there
 
 
-def _holding(answers: Sequence[Answer], now_ns: int) -> list[Object]:
-    """The objects of each stream's newest answer so far; of several at one place the first."""
+def _holding(answers: Sequence[Answer], instants_ns: Sequence[int]) -> Iterator[list[Object]]:
+    """At each instant, the objects of each stream's newest answer so far; of several at one place the first."""
     newest: dict[str, Answer] = {}
-    for answer in answers:
-        if answer.t_ns > now_ns:
-            break
-        held = newest.get(answer.stream)
-        if held is None or answer.stamp_ns >= held.stamp_ns:
-            newest[answer.stream] = answer
-    kept: list[Object] = []
-    for stream in sorted(newest):
-        for label, at in newest[stream].objects:
-            if not any(one == label and distance_m(at, place) < MERGE_M for one, place in kept):
-                kept.append((label, at))
-    return kept
+    coming = 0
+    for now_ns in instants_ns:
+        while coming < len(answers) and answers[coming].t_ns <= now_ns:
+            answer = answers[coming]
+            held = newest.get(answer.stream)
+            if held is None or answer.stamp_ns >= held.stamp_ns:
+                newest[answer.stream] = answer
+            coming += 1
+        kept: list[Object] = []
+        places: dict[str, list[Location]] = {}
+        for stream in sorted(newest):
+            for label, at in newest[stream].objects:
+                others = places.setdefault(label, [])
+                if not any(abs(at[0] - one[0]) < MERGE_M and distance_m(at, one) < MERGE_M for one in others):
+                    others.append(at)
+                    kept.append((label, at))
+        yield kept
 
 
 def _first_seen(trace: Trace) -> dict[Object, int]:
@@ -196,9 +216,6 @@ class _View:
         return math.hypot(east_m, north_m) <= RANGE_M and abs(bearing) <= self.half_fov_rad
 
 
-def _pose_at(frames: Sequence[TraceFrame], drive_ns: int) -> _View:
-    frame = min(frames, key=lambda one: abs(one.stamp_ns - drive_ns))
-    return _View(frame.pose, frame.horizontal_fov_rad / 2)
-
-
-_labels = functools.lru_cache(maxsize=None)(read_tracklets)
+@functools.cache
+def _truth(*place: Any) -> Truth:
+    return Truth(read_tracklets(*place))

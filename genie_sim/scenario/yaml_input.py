@@ -7,6 +7,8 @@ refused.
 
 from __future__ import annotations
 
+import copy
+import functools
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -55,6 +57,12 @@ def read_mapping(path: Path) -> dict[str, Any]:
 
 def parse(text: str, where: str) -> Any:
     """The plain data in ``text``; errors are ``UserError`` that begin with ``where`` and the line."""
+    return copy.deepcopy(_parsed(text, where))
+
+
+@functools.lru_cache(maxsize=64)
+def _parsed(text: str, where: str) -> Any:
+    """The same, remembered: the runs of an evaluation read the same few files thousands of times."""
     try:
         loader = _Loader(text)
         node = loader.get_single_node()
