@@ -247,11 +247,14 @@ def load_scenario(
     Raises ``UserError``.
     """
     overrides = _overrides(settings)
-    if isinstance(source, str | Path):
-        return scenario.load_scenario(source, overrides, seed)
-    if isinstance(source, Scenario):
-        source = source.model_dump(mode="json", by_alias=True)
-    return scenario.read_scenario({"name": "scenario", **source}, overrides, seed)
+    try:
+        if isinstance(source, str | Path):
+            return scenario.load_scenario(source, overrides, seed)
+        if isinstance(source, Scenario):
+            source = source.model_dump(mode="json", by_alias=True)
+        return scenario.read_scenario({"name": "scenario", **source}, overrides, seed)
+    except UserError as error:
+        raise UserError(str(error).removeprefix("--set ")) from error  # that is how the command line says it
 
 
 def _in_hand(run: results.Run) -> Run:

@@ -163,7 +163,7 @@ app.command()(truth)
 
 @app.command()
 def fetch(
-    what: Annotated[str, typer.Argument(help="model or drive.")],
+    what: Annotated[str, typer.Argument(metavar="model|drive", help="What is fetched.")],
     name: Annotated[str, typer.Argument(help="Such as yolox-nano, or 2011_09_26_drive_0005.")],
     out: Annotated[
         Path | None, path_option(help="The folder; default: $GENIE_SIM_WEIGHTS or weights, $GENIE_SIM_KITTI or kitti.")
@@ -298,7 +298,7 @@ def list_(
 
 
 @app.command()
-def schema(what: Annotated[str, typer.Argument(help="scenario or device.")]) -> None:
+def schema(what: Annotated[str, typer.Argument(metavar="scenario|device", help="What kind of file.")]) -> None:
     """Print the JSON Schema of scenarios or devices, for editors."""
     import json
 

@@ -6,12 +6,16 @@ first in the current folder's ``scenarios``, ``scenarios/traces`` or ``device_pr
 
 from __future__ import annotations
 
+import functools
+import logging
 from pathlib import Path
 from typing import NamedTuple
 
 import genie_sim
 from genie_sim.errors import UserError, unknown
 from genie_sim.paths import expanded
+
+log = logging.getLogger(__name__)
 
 
 class Kind(NamedTuple):
@@ -36,13 +40,22 @@ def find(kind: Kind, path_or_name: str | Path) -> Path:
         try:
             if path.is_file():
                 return path
-            raise UserError(f"{text}: {'is a folder, not a file' if path.is_dir() else 'no such file'}")
+            shipped = f"; the {kind.what} {path.stem!r} needs no path" if path.stem in available(kind) else ""
+            raise UserError(f"{text}: {'is a folder, not a file' if path.is_dir() else 'no such file'}{shipped}")
         except OSError as error:  # for example a name longer than the file system allows
             raise UserError(f"{text}: {error.strerror}") from error
     known = available(kind)
     if text not in known:
         raise UserError(unknown(kind.what, text, known))
+    _tell_of_two(known[text], _shipped() / kind.folder / known[text].name)
     return known[text]
+
+
+@functools.cache
+def _tell_of_two(path: Path, shipped: Path) -> None:
+    """Once: a name means the user's own file although another of that name comes with genie-sim."""
+    if shipped.is_file() and path.resolve() != shipped.resolve():
+        log.warning("%s is used, not what comes with genie-sim under this name", path)
 
 
 def available(kind: Kind) -> dict[str, Path]:

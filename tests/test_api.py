@@ -119,3 +119,13 @@ def test_the_names_are_there_but_nothing_heavy_until_they_are_used():
     assert told.stdout.split() == ["True", "False", "genie_sim.api"]
     with pytest.raises(AttributeError, match="runn"):
         _ = gs.runn
+
+
+def test_settings_from_python_are_not_called_options_of_a_command():
+    with pytest.raises(gs.UserError, match=r"^genie\.evictionn=\"lru\": genie\.evictionn: unknown field"):
+        gs.load_scenario("1car_homo", {"genie.evictionn": "lru"})
+
+
+def test_the_next_entry_of_a_list_can_be_set():
+    made = gs.load_scenario("1car_homo", {"cars[1].name": "second", "cars[1].device": "orin_nano"})
+    assert [car.name for car in made.cars] == ["car1", "second"]

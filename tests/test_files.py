@@ -147,3 +147,18 @@ def test_whatever_is_typed_ends_in_data_or_in_one_line(text: str) -> None:
         parse(text, "text")
     except UserError as error:
         assert str(error).startswith("text: ") and "\n" not in str(error)
+
+
+def test_a_file_that_is_not_there_but_comes_with_genie_sim_is_named():
+    with pytest.raises(UserError, match=r"^3car_hetero\.yaml: no such file; the scenario '3car_hetero' needs no path$"):
+        files.find(files.SCENARIO, "3car_hetero.yaml")
+
+
+def test_a_file_of_ones_own_under_a_shipped_name_is_used_and_told_once(caplog: pytest.LogCaptureFixture):
+    Path("device_profiles").mkdir()
+    Path("device_profiles/jetson_tx2.yaml").write_text("mine")
+    files._tell_of_two.cache_clear()
+    with caplog.at_level("WARNING"):
+        assert {files.find(files.DEVICE, "jetson_tx2") for _ in range(3)} == {Path("device_profiles/jetson_tx2.yaml")}
+    said = "device_profiles/jetson_tx2.yaml is used, not what comes with genie-sim under this name"
+    assert [one.replace("\\", "/") for one in caplog.messages] == [said]

@@ -351,7 +351,7 @@ MISTAKES = [
     ),
     (
         TWO_CARS + "methods: [genie, lokal]\n",
-        "methods[1]: unknown method 'lokal' (did you mean 'local'?); known: genie, ",
+        "methods[1]: unknown method 'lokal' (did you mean 'local'?); known: central, ",
     ),
     (
         TWO_CARS + "model: yolov9s\n",
@@ -465,7 +465,7 @@ def test_of_several_mistakes_the_first_is_told_and_the_others_counted() -> None:
             "cars[0].device: unknown device 'tx3'; known: agx_orin, agx_xavier, jetson_tx2, orin_nano, ",
         ),
         ("cars[0].route={laps: 0}", "cars[0].route.laps: must be at least 1, not 0"),
-        ("cars[2].device=tx2", "cars: has 2 entries, counted from 0"),
+        ("cars[3].device=tx2", "cars: has 2 entries, counted from 0; the next is cars[2]"),
         (
             "cars.device=tx2",
             "cars: is [{'name': 'car1', 'device': 'jetson_tx2', 'edge': 'edge1'..., which has no setting",

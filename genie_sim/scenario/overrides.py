@@ -57,8 +57,11 @@ def _assign(settings: dict[str, Any], steps: list[str | int], value: Any, text: 
             if not isinstance(here, list):
                 left_out = ", which leaves it out: set it as a whole" if here is None else ""
                 raise UserError(f"{text}: {path}: is not a list in the scenario{left_out}")
-            if step >= len(here):
-                raise UserError(f"{text}: {path}: has {len(here)} entries, counted from 0")
+            if step > len(here):
+                count = "1 entry" if len(here) == 1 else f"{len(here)} entries"
+                raise UserError(f"{text}: {path}: has {count}, counted from 0; the next is {path}[{len(here)}]")
+            if step == len(here):
+                here.append({} if isinstance(following, str) else [])
             path += f"[{step}]"
         else:
             if not isinstance(here, dict):
