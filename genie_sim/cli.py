@@ -64,6 +64,9 @@ def run(
     genie-sim run mine.yaml --seed 7 --out lab
     genie-sim run mine.yaml --methods local,genie
     """
+    from genie_sim import files
+
+    files.find(files.SCENARIO, scenario)  # a slip is told before anything heavy is imported
     from genie_sim import build, runner
     from genie_sim.scenario.scenario import load_scenario, with_methods
 

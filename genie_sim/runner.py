@@ -90,7 +90,7 @@ def run_to_folder(
 def run_in_memory(scenario: Scenario, progress: Progress | None = None) -> Run:
     """Simulates a scenario and writes nothing. Raises ``UserError`` before it simulates."""
     prepared = prepare(scenario, progress)
-    return _finished(prepared, provenance.run_id(facts(prepared)), simulate(prepared, progress))
+    return finished(prepared, provenance.run_id(facts(prepared)), simulate(prepared, progress))
 
 
 def rerun(folder: Path, progress: Progress | None = None) -> dict[str, bool]:
@@ -149,7 +149,7 @@ def facts(prepared: Prepared) -> dict[str, Any]:
     }
 
 
-def _finished(prepared: Prepared, run_id: str, tables: Tables) -> Run:
+def finished(prepared: Prepared, run_id: str, tables: Tables) -> Run:
     """The run that wrote these tables."""
     from genie_sim.analysis import metrics
 
@@ -170,7 +170,7 @@ def _fill(
     tables = simulate(prepared, progress, spill=folder)
     for table in tables:
         table.write(folder / f"{table.name}.parquet")
-    made = _finished(prepared, run_id, tables)
+    made = finished(prepared, run_id, tables)
     provenance.write_json(folder / "metrics.json", [asdict(metric) for metric in made.measured])
     described = summary.markdown(made.measured, prepared.scenario.name, run_id, prepared.scenario.seed)
     (folder / "summary.md").write_text(described, encoding="utf-8")

@@ -288,3 +288,15 @@ def test_a_users_own_policy_decides_the_run_id_by_its_code(run_cli):
         Path("mine.py").write_text(text)
         assert run_cli("run", "s.yaml", "--no-report").returncode == 0
     assert len(list(Path("results").glob("s-*"))) == 2
+
+
+def test_the_main_command_imports_nothing_that_it_does_not_need():
+    """Each of these takes as long to import as the simulation takes."""
+    code = (
+        "import sys; from genie_sim.cli import main; "
+        "status = main(['run', '1car_homo', '--set', 'cars[0].route.window=[0 s, 1 s]']); "
+        "print('imported:', sorted({'pandas', 'matplotlib', 'scipy', 'cv2', 'PIL'} & set(sys.modules))); "
+        "sys.exit(status)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.endswith("imported: []\n"), done.stdout[-200:]
