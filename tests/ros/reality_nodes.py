@@ -105,7 +105,7 @@ def sender(sizes, count):
             image = image_of({"at_ns": number, "size_bytes": size_bytes}, data)
             image.header.stamp = rospy.Time(*divmod(time.monotonic_ns(), 10**9))
             publisher.publish(image)
-            time.sleep(0.05)
+            time.sleep(0.02)
     time.sleep(0.5)
 
 

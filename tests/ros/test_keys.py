@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import contextlib
+import ssl
 from pathlib import Path
 
 import pytest
 
 from genie_sim.cli import main
-from genie_sim.ros.certificates import Credentials
+from genie_sim.ros.certificates import Credentials, identity
 from genie_sim.ros.gateway import Peer
+from genie_sim.ros.keys import make_authority, make_peer
 
 
 @pytest.fixture
@@ -53,3 +56,37 @@ def test_what_makes_no_key_is_said_in_a_line(folder: Path, capsys: pytest.Captur
 def test_no_openssl(capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setenv("PATH", str(tmp_path))
     assert "no program 'openssl' here" in refused(capsys, "ca", str(tmp_path / "keys"))
+
+
+def test_keys_are_revoked_by_a_new_authority(tmp_path: Path):
+    """As ``docs/explanation/security.md`` tells: a new authority, new files for all others, attached again."""
+    old, new = tmp_path / "old", tmp_path / "new"
+    for folder in (old, new):
+        make_authority(folder)
+    stolen = {name: make_peer(old, name, role) for name, role in (("car1", "car"), ("edge2", "edge"))}
+    fresh = {name: make_peer(new, name, role) for name, role in (("car2", "car"), ("edge1", "edge"))}
+    assert meet(fresh["car2"], fresh["edge1"]) == (Peer("car2", "car"), Peer("edge1", "edge"))
+    for dials, listens in ((stolen["car1"], fresh["edge1"]), (fresh["car2"], stolen["edge2"])):
+        with pytest.raises(ssl.SSLError):
+            meet(dials, listens)
+
+
+def test_an_old_and_a_renewed_certificate_are_both_good(tmp_path: Path):
+    """So Genies are renewed one by one."""
+    make_authority(tmp_path)
+    edge, car = make_peer(tmp_path, "edge1", "edge"), make_peer(tmp_path, "car1", "car")
+    older = car.rename(tmp_path / "car1.old")
+    renewed = make_peer(tmp_path, "car1", "car")
+    assert meet(older, edge) == meet(renewed, edge) == (Peer("car1", "car"), Peer("edge1", "edge"))
+    assert older.read_bytes() != renewed.read_bytes()
+
+
+def meet(dials: Path, listens: Path) -> tuple[Peer, Peer]:
+    """Whom the listener and the dialler have seen after a handshake in memory. Raises ssl.SSLError."""
+    there, back = ssl.MemoryBIO(), ssl.MemoryBIO()
+    dialler = Credentials(str(dials)).dialling.wrap_bio(back, there)
+    listener = Credentials(str(listens)).listening.wrap_bio(there, back, server_side=True)
+    for side in (dialler, listener, dialler, listener):
+        with contextlib.suppress(ssl.SSLWantReadError):
+            side.do_handshake()
+    return identity(listener.getpeercert() or {}), identity(dialler.getpeercert() or {})

@@ -32,6 +32,7 @@ from genie_sim.ros import connection, link, lobby, wire
 from genie_sim.ros.certificates import Credentials
 from genie_sim.ros.codec import WireType, codec_of
 from genie_sim.ros.gateway import Peer
+from genie_sim.ros.genie_process import OneLine
 from genie_sim.ros.link import TlsLinks
 from genie_sim.ros.message import RosMessage
 from genie_sim.ros.plan import Plan
@@ -818,7 +819,27 @@ def test_who_sits_on_the_wire_can_cut_it_but_not_change_it(edge: Site, new_site:
     assert not any(b"camera" in data or REQUEST.encode() in data for data in seen), "nothing is readable"
 
 
-# The key file
+# The key file, and what is said of all this
+
+
+def test_the_numbers_of_the_security_page_are_those_of_the_code():
+    page = " ".join((REPOSITORY / "docs" / "explanation" / "security.md").read_text().split())
+    for told in (
+        f"have {lobby.HANDSHAKE_S:.0f} s. At most {lobby.STRANGERS} of them",
+        f"{lobby.STRANGERS_OF_ONE_HOST} from one address",
+        f"at most {link.WARNINGS_PER_S} a second",
+        f"more than {wire.MAX_FRAME_BYTES // 2**20} MB",
+        f"Each ends after {connection.SILENCE_S:.0f} s",
+        f"within {connection.SILENCE_S + connection.PING_S:.0f} s",
+    ):
+        assert told in page, told
+    assert (lobby.STRANGERS, lobby.STRANGERS_OF_ONE_HOST, lobby.HANDSHAKE_S) == (64, 16, 2.0), "a change is a decision"
+
+
+def test_a_line_of_the_log_is_one_line_whatever_it_quotes():
+    quoted = "a\nlink: edge1 is connected\x1b[2J\u2028"
+    record = logging.LogRecord("x", logging.WARNING, "", 0, "refused: %s", (quoted,), None)
+    assert OneLine().format(record) == "refused: a\\nlink: edge1 is connected\\x1b[2J\\u2028"
 
 
 def test_a_key_file_is_private_and_whole(tmp_path: Path, keys: Keys):
