@@ -112,7 +112,7 @@ class Cluster:
 def started(victim: Victim, folder: Path) -> Iterator[subprocess.Popen[bytes]]:
     process = subprocess.Popen(
         [sys.executable, "-m", "genie_sim", *victim.command], cwd=folder, stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL, start_new_session=True, env={**os.environ, "PYTHONPATH": str(REPOSITORY)},
+        stderr=(folder / "stderr").open("w"), start_new_session=True, env={**os.environ, "PYTHONPATH": str(REPOSITORY)},
     )  # fmt: skip
     try:
         yield process
@@ -133,7 +133,7 @@ def undisturbed(victim: Victim, folder: Path) -> dict[str, str]:
     """What comes of it when nobody disturbs it; and how long it takes."""
     begun = time.monotonic()
     with started(victim, prepare(folder)) as process:
-        assert process.wait() == 0, victim.command
+        assert process.wait() == 0, (victim.command, (folder / "stderr").read_text())
     victim.took_s = time.monotonic() - begun
     return {name: digest for name, digest in victim.whole(folder).items() if "/parts/" not in name}
 
@@ -158,7 +158,7 @@ def torment(victim: Victim, folder: Path, kills: int, rng: random.Random) -> Non
         if victim.whole is of_sweep and expected.keys() <= after.keys():
             here = prepare(folder / f"{victim.name} {number}")
     with started(victim, here) as process:
-        assert process.wait() == 0, victim.command
+        assert process.wait() == 0, (victim.command, (here / "stderr").read_text())
     made = victim.whole(here)
     victim.other += sum(made.get(name) != digest for name, digest in expected.items())
     victim.left += len([path for path in (here / "results").rglob(".*") if path.name != ".gitignore"])

@@ -79,17 +79,10 @@ class State:
 
 
 def attach(
-    node: str,
-    *,
-    name: str | None = None,
-    role: str = "car",
-    requests: Sequence[str] = (),
-    leave: Sequence[str] = (),
-    pid: int | None = None,
-    master_uri: str | None = None,
-    say: Callable[[str], None] = lambda line: None,
+    node: str, *, name: str | None = None, role: str = "car", requests: Sequence[str] = (), leave: Sequence[str] = (),
+    pid: int | None = None, master_uri: str | None = None, say: Callable[[str], None] = lambda line: None,
     **of_plan: Any,
-) -> None:
+) -> None:  # fmt: skip
     """Attaches a Genie to ``node`` and stays until interrupted (SIGINT, SIGTERM, SIGHUP) or until ``detach``.
 
     ``requests`` names the subscribed topics that go through the Genie (default: the one with images, or the only one
@@ -174,13 +167,9 @@ def restore_orphan() -> None:
 
 
 def _watch(
-    plan: Plan,
-    graph: Graph,
-    path: Path,
-    behind: NodeProcess,
-    interrupted: Callable[[], bool],
+    plan: Plan, graph: Graph, path: Path, behind: NodeProcess, interrupted: Callable[[], bool],
     attached: Callable[[], None],
-) -> None:
+) -> None:  # fmt: skip
     """Runs the Genie's process until somebody wants it to end; leaves it ended."""
     environment = {**os.environ, **graph.environment, STATE: str(path)}
     command = [sys.executable, "-m", graph.module]

@@ -68,14 +68,10 @@ class Surroundings:
 
 
 def perceive_bag(
-    path: str | Path,
-    detector: ImageDetector | None = None,
-    cameras: Sequence[str] = (),
-    detections: str | None = None,
-    origin: Geodetic | None = None,
-    min_score: float = 0.3,
+    path: str | Path, detector: ImageDetector | None = None, cameras: Sequence[str] = (),
+    detections: str | None = None, origin: Geodetic | None = None, min_score: float = 0.3,
     progress: Progress | None = None,
-) -> Trace:
+) -> Trace:  # fmt: skip
     """The trace of a bag. Either ``detector`` looks at its pictures, or ``detections`` names a topic of the bag.
 
     ``cameras`` are image topics, ``NAME=TOPIC`` to call them otherwise than the topic does; by default all that have a
@@ -373,14 +369,11 @@ def _points(path: Path, cloud: Any) -> Array:
 def _numbered(path: Path, made: Mapping[str, list[TraceFrame]]) -> dict[str, tuple[TraceFrame, ...]]:
     """Frame numbers of each camera, and stamps that begin with the first one's. Raises UserError."""
     first_ns = min(frame.stamp_ns for frames in made.values() for frame in frames)
-    return checked(
-        path,
-        (
-            replace(frame, index=index, stamp_ns=frame.stamp_ns - first_ns)
-            for frames in made.values()
-            for index, frame in enumerate(frames)
-        ),
-    )
+    numbered = [
+        replace(frame, index=index, stamp_ns=frame.stamp_ns - first_ns)
+        for frames in made.values() for index, frame in enumerate(frames)
+    ]  # fmt: skip
+    return checked(path, numbered)
 
 
 def _provenance(

@@ -158,39 +158,21 @@ class _Messages:
         return Entry(_ros_ns(t_ns), "/events", kind, event)
 
     def _marker(
-        self,
-        t_ns: int,
-        ns: str,
-        number: int,
-        shape: int,
-        place: tuple[float, ...],
-        size: tuple[float, ...],
-        colour: tuple[float, ...],
-        text: str,
-        shown_ns: int = 0,
-        frame: str = MAP_FRAME,
-    ) -> Any:
+        self, t_ns: int, ns: str, number: int, shape: int, place: tuple[float, ...], size: tuple[float, ...],
+        colour: tuple[float, ...], text: str, shown_ns: int = 0, frame: str = MAP_FRAME,
+    ) -> Any:  # fmt: skip
         """``shown_ns`` of 0: until the next one of this number. One in another frame than the map moves with it."""
         make = self._make
         seconds, nanoseconds = divmod(shown_ns, NS_PER_S)
-        pose = make(
-            "geometry_msgs/msg/Pose",
-            position=make("geometry_msgs/msg/Point", **dict(zip("xyz", place, strict=True))),
-            orientation=self._heading(0.0),
-        )
+        point = make("geometry_msgs/msg/Point", **dict(zip("xyz", place, strict=True)))
         return make(
             "visualization_msgs/msg/Marker",
-            header=self._header(t_ns, frame),
-            ns=ns,
-            id=number,
-            type=shape,
-            pose=pose,
+            header=self._header(t_ns, frame), ns=ns, id=number, type=shape, text=text, frame_locked=frame != MAP_FRAME,
+            pose=make("geometry_msgs/msg/Pose", position=point, orientation=self._heading(0.0)),
             scale=make("geometry_msgs/msg/Vector3", **dict(zip("xyz", size, strict=True))),
             color=make("std_msgs/msg/ColorRGBA", **dict(zip("rgba", colour, strict=True))),
             lifetime=make("builtin_interfaces/msg/Duration", sec=seconds, nanosec=nanoseconds),
-            frame_locked=frame != MAP_FRAME,
-            text=text,
-        )
+        )  # fmt: skip
 
     def _heading(self, heading_rad: float) -> Any:
         half = heading_rad / 2

@@ -31,6 +31,11 @@ LOCAL, REMOTE = "_local", "_remote"  # "-" is not legal in the names of real ROS
 OUTSTANDING = 10_000  # requests remembered at most, where they never expire
 
 
+def plain(topic: str) -> str:
+    """The topic as the robot calls it."""
+    return topic.removesuffix(LOCAL).removesuffix(REMOTE)
+
+
 class Peer(NamedTuple):
     """Another Genie, as its link has authenticated it. ``role`` is ``car`` or ``edge``."""
 
@@ -63,15 +68,9 @@ class Gateway:
     """
 
     def __init__(
-        self,
-        genie: GenieNode,
-        role: str,
-        requests: tuple[str, ...],
-        answers: tuple[str, ...],
-        publish: Callable[[str, RosMessage], None],
-        observe: Callable[[Observation, int], None],
-        links: Links,
-    ) -> None:
+        self, genie: GenieNode, role: str, requests: tuple[str, ...], answers: tuple[str, ...],
+        publish: Callable[[str, RosMessage], None], observe: Callable[[Observation, int], None], links: Links,
+    ) -> None:  # fmt: skip
         self.genie = genie
         self._role = role
         self._publish = publish

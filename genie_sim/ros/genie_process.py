@@ -12,11 +12,12 @@ from collections.abc import Callable
 
 from genie_sim.errors import UserError
 from genie_sim.ros.codec import Codec, codec_of
-from genie_sim.ros.gateway import LOCAL, REMOTE, Peer, View
+from genie_sim.ros.gateway import Peer, View, plain
 from genie_sim.ros.link import TlsLinks
 from genie_sim.ros.message import RosMessage
 from genie_sim.ros.plan import Plan, Recorder, make_gateway
 from genie_sim.ros.poses import Poses
+from genie_sim.terminal import one_line
 
 log = logging.getLogger(__name__)
 QUEUE_LENGTH = 10  # between a Genie and its own node; the node's own queue decides what is dropped
@@ -67,7 +68,7 @@ class GenieProcess(ABC):
 
     def from_ros(self, topic: str, payload: bytes, codec: Codec, sender: str) -> None:
         """A message of the own network. One that cannot be read is dropped."""
-        answer = topic.removesuffix(LOCAL).removesuffix(REMOTE) in self.plan.answers
+        answer = plain(topic) in self.plan.answers
         try:
             message = RosMessage.of(payload, codec, self.plan.name, answer)
             pose = None if self._poses is None else self._poses.at(message.header.stamp_ns)
@@ -142,8 +143,7 @@ class OneLine(logging.Formatter):
     """A message in one line, whatever it quotes."""
 
     def format(self, record: logging.LogRecord) -> str:
-        text = super().format(record)
-        return "".join(sign if sign.isprintable() else sign.encode("unicode_escape").decode() for sign in text)
+        return one_line(super().format(record))
 
 
 def _log_to_stderr() -> None:

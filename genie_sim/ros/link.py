@@ -49,7 +49,7 @@ class TlsLinks:
                 listener = socket.create_server(_address(plan.listen), backlog=BACKLOG)
             except OSError as error:
                 raise UserError(f"link: cannot listen on {plan.listen}: {error.strerror}") from error
-            self._lobby = Lobby(listener, self._credentials.listening, self._admit, self._warn)
+            self._lobby = Lobby(listener, self._credentials.listening, self._serve, self._warn)
 
     def start(self, on_message: OnMessage) -> None:
         """From now on ``on_message`` is called, from several threads; what it raises is logged."""
@@ -77,9 +77,6 @@ class TlsLinks:
             connections = list(self._connections.values())
         for connection in connections:
             connection.close()
-
-    def _admit(self, sock: ssl.SSLSocket, where: str) -> None:
-        threading.Thread(target=self._serve, args=(sock, where), daemon=True).start()
 
     def _serve(self, sock: ssl.SSLSocket, where: str) -> None:
         try:

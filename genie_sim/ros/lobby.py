@@ -31,15 +31,13 @@ class Stranger:
 
 
 class Lobby:
-    """Accepts at ``listener``. ``admit`` gets whoever has shown a certificate, ``warn`` a line for everybody else."""
+    """Accepts at ``listener``. ``admit`` gets, in a thread of its own, whoever has shown a certificate, ``warn`` a line
+    for everybody else."""
 
     def __init__(
-        self,
-        listener: socket.socket,
-        context: ssl.SSLContext,
-        admit: Callable[[ssl.SSLSocket, str], None],
+        self, listener: socket.socket, context: ssl.SSLContext, admit: Callable[[ssl.SSLSocket, str], None],
         warn: Callable[[str], None],
-    ) -> None:
+    ) -> None:  # fmt: skip
         self._listener, self._context, self._admit, self._warn = listener, context, admit, warn
         self._strangers: dict[int, Stranger] = {}  # by descriptor, the oldest first
         self._poll = select.poll()
@@ -114,7 +112,8 @@ class Lobby:
             self._refuse(stranger, reason(error))
         else:
             self._forget(stranger)
-            self._admit(stranger.sock, f"{stranger.address[0]}:{stranger.address[1]}")
+            admitted = stranger.sock, f"{stranger.address[0]}:{stranger.address[1]}"
+            threading.Thread(target=self._admit, args=admitted, daemon=True).start()
 
     def _refuse(self, stranger: Stranger, why: str) -> None:
         self._forget(stranger)

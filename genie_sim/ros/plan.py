@@ -82,12 +82,9 @@ def check(plan: Plan) -> None:
 
 
 def make_gateway(
-    plan: Plan,
-    publish: Callable[[str, RosMessage], None],
-    observe: Callable[[Observation, int], None],
-    links: Links,
+    plan: Plan, publish: Callable[[str, RosMessage], None], observe: Callable[[Observation, int], None], links: Links,
     object_codec: Codec | None,
-) -> Gateway:
+) -> Gateway:  # fmt: skip
     """The Genie of a plan, in its gateway. ``object_codec`` makes answers out of map objects, if answers hold any."""
     settings = checked_settings(plan.settings, plan.pose_topic)
     middleware: dict[str, Any] = {"suffixes": (LOCAL, REMOTE), "map_answer": None}

@@ -12,7 +12,7 @@ import rospy
 
 from genie_sim.errors import UserError
 from genie_sim.ros.codec import Codec, WireType, codec_of
-from genie_sim.ros.gateway import LOCAL, REMOTE
+from genie_sim.ros.gateway import LOCAL, REMOTE, plain
 from genie_sim.ros.genie_process import QUEUE_LENGTH, GenieProcess, run
 from genie_sim.ros.message import RosMessage
 from genie_sim.ros.plan import Plan
@@ -33,7 +33,7 @@ class Ros1Genie(GenieProcess):
 
     def connect(self) -> None:
         for topic in self.gateway.genie.publications():
-            codec = self.codecs.get(_plain(topic))
+            codec = self.codecs.get(plain(topic))
             if codec is not None:
                 self._publisher(topic, codec.type)
         for topic in self.gateway.genie.subscriptions():
@@ -73,7 +73,7 @@ class Ros1Genie(GenieProcess):
         if connection["callerid"] == rospy.get_name():
             return  # our own words on a -remote topic
         try:
-            codec = self._codec(_plain(topic), connection)
+            codec = self._codec(plain(topic), connection)
         except UserError as error:
             self.fail(error)
         else:
@@ -94,19 +94,11 @@ class Ros1Genie(GenieProcess):
             message_class = type("Bytes", (rospy.AnyMsg,), {**fields, "__slots__": []})
             publisher = rospy.Publisher(topic, message_class, queue_size=QUEUE_LENGTH, tcp_nodelay=True)
             self._publishers[topic] = (wire_type, publisher, message_class)
-            if _plain(topic) not in self.plan.types and topic.endswith(LOCAL) and self._subscribers:
-                _wait_for_subscriber(publisher)
+            deadline = time.monotonic() + CONNECT_S
+            if plain(topic) not in self.plan.types and topic.endswith(LOCAL) and self._subscribers:
+                while not publisher.get_num_connections() and time.monotonic() < deadline:
+                    time.sleep(0.01)
         return self._publishers[topic]
-
-
-def _wait_for_subscriber(publisher: Any) -> None:
-    deadline = time.monotonic() + CONNECT_S
-    while not publisher.get_num_connections() and time.monotonic() < deadline:
-        time.sleep(0.01)
-
-
-def _plain(topic: str) -> str:
-    return topic.removesuffix(LOCAL).removesuffix(REMOTE)
 
 
 if __name__ == "__main__":

@@ -16,7 +16,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from genie_sim.errors import UserError
-from genie_sim.ros.gateway import LOCAL
+from genie_sim.ros.gateway import LOCAL, plain
 from genie_sim.ros.genie_process import QUEUE_LENGTH, GenieProcess, run
 from genie_sim.ros.message import RosMessage
 from genie_sim.ros.plan import Plan
@@ -55,7 +55,7 @@ class Ros2Genie(GenieProcess):
 
     def publish(self, topic: str, message: RosMessage) -> None:
         publisher = self._publishers.get(topic)
-        if publisher is not None and self.codecs[topic.removesuffix(LOCAL)].type.name == message.codec.type.name:
+        if publisher is not None and self.codecs[plain(topic)].type.name == message.codec.type.name:
             publisher.publish(message.encoded())  # else a -remote topic, or map objects for a topic that holds none
 
     def heard(self) -> bool:
@@ -68,10 +68,10 @@ class Ros2Genie(GenieProcess):
         rclpy.shutdown(context=self._context)
 
     def _on_message(self, topic: str, payload: bytes) -> None:
-        self.from_ros(topic, payload, self.codecs[topic.removesuffix(LOCAL)], "")
+        self.from_ros(topic, payload, self.codecs[plain(topic)], "")
 
     def _class(self, topic: str) -> Any:
-        return class_of(self.codecs[topic.removesuffix(LOCAL)].type.name)
+        return class_of(self.codecs[plain(topic)].type.name)
 
     def _quality(self, topic: str) -> QoSProfile:
         """Reliable, unless a publisher of the topic offers less, which then would not be heard at all."""
