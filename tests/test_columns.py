@@ -46,7 +46,8 @@ def test_the_best_pairs_are_scipys():
     rng = np.random.default_rng(3)
     for _ in range(300):
         rows = int(rng.integers(1, 7))
-        gains = np.where(rng.random((rows, rows + int(rng.integers(0, 6)))) < 0.5, 0.0, rng.uniform(0, 25))
+        shape = rows, rows + int(rng.integers(0, 6))
+        gains = np.where(rng.random(shape) < 0.5, 0.0, rng.uniform(0, 25, shape))
         found, best = _assigned(gains.tolist()), linear_sum_assignment(gains, maximize=True)
         assert len(set(found)) == rows
         assert math.fsum(gains[range(rows), found]) == pytest.approx(math.fsum(gains[best]), abs=1e-9)
