@@ -53,8 +53,8 @@ def find(kind: Kind, path_or_name: str | Path) -> Path:
 
 @functools.cache
 def _tell_of_two(path: Path, shipped: Path) -> None:
-    """Once: a name means the user's own file although another of that name comes with genie-sim."""
-    if shipped.is_file() and path.resolve() != shipped.resolve():
+    """Once: a name means the user's own file although one of that name and another content comes with genie-sim."""
+    if shipped.is_file() and path.resolve() != shipped.resolve() and path.read_bytes() != shipped.read_bytes():
         log.warning("%s is used, not what comes with genie-sim under this name", path)
 
 
