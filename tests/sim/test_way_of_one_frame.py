@@ -6,6 +6,7 @@ from dataclasses import replace
 from typing import Any
 
 import pandas as pd
+import pytest
 from sim.street import FOV_RAD, drive, fixed_device, scenario
 
 from genie_sim.messages import CameraPose, Detection
@@ -60,6 +61,7 @@ def frames(
     detector: str = "300 ms",
     cores: int = 4,
     sent: Trace | None = None,
+    codec: float = 1.0,
     **settings: Any,
 ) -> dict[str, pd.DataFrame]:
     """The frames of each method, with the times counted from their stamps."""
@@ -67,6 +69,8 @@ def frames(
         "jetson_tx2": fixed_device("jetson_tx2", detector=detector, genie="9 ms", cores=cores),
         "agx_xavier": fixed_device("agx_xavier", detector="60 ms", genie="8 ms", hop="0.2 ms", per_megabyte="1 ms"),
     }
+    slow = devices["jetson_tx2"].codec.model_copy(update={"value": codec})
+    devices["jetson_tx2"] = devices["jetson_tx2"].model_copy(update={"codec": slow})
     fleet = fleet if fleet is not None else [car("car1", "edge1")]
     setting = scenario(fleet, **({"cameras": ONE_CAMERA, "start_jitter": "0 s"} | settings))
     table = drive(setting, of, devices, sent)["frames"]
@@ -120,6 +124,8 @@ def test_an_encoded_picture_costs_both_cpus_and_is_what_the_edge_s_detector_sees
     down = EDGE_HOP_ANSWER + 400 + (826 + 90) * 8 + DELAY  # two objects
     assert answers(row)[0] == CAR_HOP_IMAGE + ENCODE + LINK_SENT + DECODE + EDGE_DETECTOR + down
     assert (row["objects_served"], row["bytes_up"], row["bytes_down"]) == (2, SENT_BYTES, 826)
+    slow = frames(ONE_FRAME, sent=SENT, codec=4.0, image_encoding="jpeg80")["remote"].loc[0]
+    assert answers(slow)[0] - answers(row)[0] == pytest.approx(3 * ENCODE, abs=3)
 
 
 def test_genie_answers_a_miss_from_its_map_at_once_and_with_the_edge_s_detection_later():
