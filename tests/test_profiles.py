@@ -175,7 +175,7 @@ TIME = {"median": "1 ms", "tag": "A", "source": "a guess"}
     [
         (
             {"colour": "green"},
-            "mine.yaml: colour: unknown field; known: name, title, cores, hop, genie, spreads, keys, models",
+            "mine.yaml: colour: unknown field; known: name, title, cores, hop, genie, codec, spreads, keys, models",
         ),
         ({"coers": 4}, "mine.yaml: coers: unknown field; did you mean 'cores'?"),
         ({"cores": 4}, "mine.yaml: cores: must be a mapping, not 4"),
