@@ -55,7 +55,10 @@ class SimilarityCache(MessageCache):
     def near(self, key: Key, count: int, now_ns: int, radius: float = math.inf) -> list[tuple[float, Key]]:
         """The nearest keys whose time is not over, as ``Nearest.near``."""
         found = self.keys.near(key, count, radius)
-        old = [one for _, one in found if self._find(one, now_ns) is None]  # it removes them
+        expires_ns = self._eviction.expires_ns
+        old = [one for _, one in found if (end_ns := expires_ns(one)) is not None and end_ns <= now_ns]
+        for one in old:
+            self._remove(one)
         return self.near(key, count, now_ns, radius) if old else found
 
     def put(self, key: Hashable, topic: str, answer: Answer, now_ns: int) -> None:

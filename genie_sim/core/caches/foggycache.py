@@ -49,7 +49,7 @@ class Hashed(Nearest):
     def near(self, key: Key, count: int, radius: float = math.inf) -> list[tuple[float, Key]]:
         buckets = zip(self._tables, self._buckets(key), strict=True)
         found = dict.fromkeys(one for table, bucket in buckets for one in table.get(bucket, ()))
-        slots = np.array([self._slots[one] for one in found if one.stream == key.stream and one is not key], np.intp)
+        slots = np.array([self._slots[one] for one in found if one is not key], np.intp)
         self._lookups += 1
         self._found += len(slots)
         if self._lookups == EVERY:
@@ -66,6 +66,8 @@ class Hashed(Nearest):
 
     def _rehash(self, width: float) -> None:
         self.width = width
+        self._whole = max(round(width * UNIT * GRAIN), 1)
+        self._shift = np.floor(self._offsets * self._whole)
         self._last: tuple[Key | None, list[bytes]] = None, []
         self._tables: list[dict[bytes, dict[Key, None]]] = [{} for _ in range(TABLES)]
         for key in self._slots:
@@ -77,13 +79,11 @@ class Hashed(Nearest):
             table.setdefault(bucket, {})[key] = None
 
     def _buckets(self, key: Key) -> list[bytes]:
-        """Of each table, the bucket of a key."""
+        """Of each table, the bucket of a key; those of different cameras have none in common."""
         if self._last[0] is not key:  # a miss asks, then stores
-            width = max(round(self.width * UNIT * GRAIN), 1)
-            offsets = np.floor(self._offsets * width)
-            packed = np.floor((self._directions @ key.vector + offsets) / width).astype(np.int32).tobytes()
-            step = len(packed) // TABLES
-            self._last = key, [packed[begin : begin + step] for begin in range(0, len(packed), step)]
+            packed = np.floor((self._directions @ key.vector + self._shift) / self._whole).astype(np.int32).tobytes()
+            camera, step = key.stream.encode(), len(packed) // TABLES
+            self._last = key, [camera + packed[begin : begin + step] for begin in range(0, len(packed), step)]
         return self._last[1]
 
 
