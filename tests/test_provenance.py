@@ -278,7 +278,7 @@ def test_a_kill_while_a_result_is_replaced_loses_none(tmp_path: Path, when: str,
 
 @pytest.mark.unix
 @pytest.mark.slow
-def test_runs_and_sweeps_killed_at_random_instants_lose_nothing(capsys: pytest.CaptureFixture[str]):
-    """A few kills; ``python -m tests.kills --kills 100`` does them by the hundred, and those of Dask and reproduce."""
-    assert kills.main(["--kills", "5", "--only", "run", "sweep"]) == 0, capsys.readouterr().out
-    assert capsys.readouterr().out.count("\n") == 4
+def test_a_run_killed_at_random_instants_loses_nothing(capsys: pytest.CaptureFixture[str]):
+    """Two kills; ``python -m tests.kills --kills 100`` does them by the hundred, of sweeps and of reproduce, too."""
+    assert kills.main(["--kills", "2", "--only", "run"]) == 0, capsys.readouterr().out
+    assert capsys.readouterr().out.count("\n") == 3
