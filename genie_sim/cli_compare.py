@@ -44,6 +44,7 @@ def figures(
     folder: Annotated[Path, path_argument(help="A result folder of 'run'.")],
     format: Annotated[str, typer.Option(metavar="A,B,...", help="svg, png, pdf, or several.")] = "svg",
     out: Annotated[Path | None, path_option(help="Where to; default: figures in the result folder.")] = None,
+    allow_own_code: OwnCodeOption = False,
 ) -> None:
     """Draw the figures of a run.
 

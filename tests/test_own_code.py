@@ -182,7 +182,7 @@ def test_a_folder_from_elsewhere_imports_nothing_unless_it_is_allowed(
     from_elsewhere: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ):
     folder = str(from_elsewhere)
-    for command in (["report", folder], ["export", folder], ["compare", folder]):
+    for command in (["report", folder], ["export", folder], ["compare", folder], ["figures", folder]):
         assert main(command) == 0, command
     assert main(["rerun", folder]) == 1
     (line,) = capsys.readouterr().err.splitlines()
