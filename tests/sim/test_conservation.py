@@ -34,6 +34,9 @@ BUSY = {  # one core and a slow Genie: its own queue overflows too
     "jetson_tx2": fixed_device("jetson_tx2", detector="150 ms", genie="40 ms", cores=1),
     "agx_xavier": fixed_device("agx_xavier", detector="60 ms", genie="15 ms", cores=2),
 }
+SLOW_CODEC = {  # encoders drop pictures
+    name: one.model_copy(update={"codec": one.codec.model_copy(update={"value": 8.0})}) for name, one in BUSY.items()
+}
 ALL_AT_ONCE = [{"name": f"camera_{i}", "recording": f"0{2 + i % 2}"} for i in range(4)]
 LONGEST_WORK_NS = 15_000_000_000  # nothing takes longer: an image at 1 Mbit/s
 LINKS = (
@@ -279,6 +282,13 @@ def test_nothing_is_lost_and_nothing_appears(setting: Scenario, devices):
 @pytest.mark.parametrize("cars", [1, 2, 3])
 def test_the_usual_cars(cars: int):
     check(scenario(cars))
+
+
+def test_pictures_that_wait_too_long_for_a_slow_encoder_are_dropped():
+    setting = scenario(2, image_encoding="png", cameras=ALL_AT_ONCE)
+    run = Run(setting, "remote", SLOW_CODEC)
+    assert run.uncoded("car1") == run.settled["drop"].astype(str).str.startswith("car1/encoder:").sum() > 0
+    check(setting, SLOW_CODEC)
 
 
 def test_what_is_in_flight_at_the_end_of_a_run_is_inside_the_world(monkeypatch: pytest.MonkeyPatch):
