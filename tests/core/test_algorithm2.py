@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 
 from genie_sim.core.confidence import CONFIDENCE_RULES
 from genie_sim.core.freshness.ttl import Ttl
-from genie_sim.messages import CameraPose
+from genie_sim.core.maps import Viewer
+from genie_sim.messages import CameraPose, Header
 from tests.core.worlds import object_map, seen
 
 coordinates = st.integers(-500, 500).map(lambda centimetres: centimetres / 100)
@@ -229,6 +230,14 @@ def test_the_field_of_view_extends_half_to_either_side(fov_deg, seen_at_30_deg):
 def test_the_view_ends_at_its_range():
     assert in_view(surroundings(), range_m=29.9) == set()
     assert in_view(surroundings(), range_m=70.1) == {"east", "far east"}
+
+
+def test_what_is_in_view_is_told_with_the_confidence_that_it_has_by_then():
+    viewer, objects = Viewer(Header(0, "02", "car1"), CameraPose(0.0, 0.0, 0.0, 0.0), 1.0), object_map()
+    for confidence in (0.8, 0.8 + 0.1 * 0.8 * (1 - 0.8)):
+        _, stored = objects.sight(seen("car", 0.8))
+        assert stored.confidence == confidence
+        assert [one.confidence for one in objects.visible(viewer, 50.0, 0)[0]] == [confidence]
 
 
 def test_only_confident_objects_are_in_view():
