@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 FORMAT_VERSION = 2
 METADATA_KEY = b"genie_sim"
 ROWS_PER_GROUP = 65_536
+FORMULA = ("=", "+", "-", "@", "\t", "\r")  # how a formula of a spreadsheet begins
 
 Value = int | float | str | bool | None
 
@@ -349,6 +350,11 @@ def read(path: Path, schema: Schema) -> Columns:
         if at < 0 or table.schema.field(at).type != field.type:
             raise UserError(f"{path}: column {field.name}: missing, or not {field.type}")
     return Columns({field.name: _read_column(table.column(field.name)) for field in table.schema})
+
+
+def harmless(cell: Any) -> Any:
+    """A cell for CSV: a text that a spreadsheet would take for a formula gets an apostrophe in front."""
+    return f"'{cell}" if isinstance(cell, str) and cell.startswith(FORMULA) else cell
 
 
 def _read_column(column: pa.ChunkedArray) -> Any:

@@ -14,6 +14,7 @@ from genie_sim.analysis.compare import BLOCKS, COMPARED, Comparison, Difference,
 from genie_sim.errors import UserError, unknown
 from genie_sim.paths import atomic_write
 from genie_sim.recording.columns import concat
+from genie_sim.recording.tables import harmless
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -136,7 +137,7 @@ def _plain(cell: object) -> object:
     """Ten digits; nothing that a spreadsheet takes for a formula."""
     if isinstance(cell, float):
         return float(f"{cell:.10g}")
-    return f"'{cell}" if isinstance(cell, str) and cell[:1] in "=+-@" and cell else cell
+    return harmless(cell)
 
 
 def _table(headings: Sequence[str], rows: Sequence[Sequence[str]], first_number: int) -> str:

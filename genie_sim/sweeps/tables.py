@@ -21,9 +21,6 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-FORMULA = ("=", "+", "-", "@", "\t", "\r")  # how a formula of a spreadsheet begins
-
-
 def done_runs(parts: Path) -> set[str]:
     """The ids of all runs in a folder of parts. Raises ``UserError`` for a part that cannot be read."""
     return {run_id for path in _paths(parts) for run_id in _part(path)["run_id"].unique()}
@@ -108,13 +105,9 @@ def write_csv(table: pd.DataFrame, path: Path) -> None:
     """An undefined number is an empty field. A text that a spreadsheet would take for a formula gets an apostrophe in
     front. Raises ``UserError``."""
     texts = table.select_dtypes(exclude="number").columns
-    table = table.assign(**{name: table[name].map(_harmless) for name in texts}).rename(columns=_harmless)
+    table = table.assign(**{name: table[name].map(tables.harmless) for name in texts}).rename(columns=tables.harmless)
     with atomic_write(path) as beside, beside.open("w", encoding="utf-8", newline="") as file:
         table.to_csv(file, index=False, lineterminator="\n")
-
-
-def _harmless(cell: Any) -> Any:
-    return f"'{cell}" if isinstance(cell, str) and cell.startswith(FORMULA) else cell
 
 
 def _paths(parts: Path) -> list[Path]:
