@@ -12,7 +12,7 @@ import typer
 
 from genie_sim import __version__, arguments, plugins, terminal
 from genie_sim.arguments import MethodsOption, ScenarioArgument, SeedOption, SetOption, path_argument, path_option
-from genie_sim.cli_compare import compare, figures
+from genie_sim.cli_compare import compare, figures, table
 from genie_sim.cli_perceive import perceive
 from genie_sim.cli_ros import attach, detach, keys
 from genie_sim.cli_truth import truth
@@ -160,6 +160,7 @@ def rerun(
 
 app.command()(compare)
 app.command()(figures)
+app.command()(table)
 app.command()(perceive)
 app.command()(truth)
 

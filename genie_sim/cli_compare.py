@@ -24,12 +24,12 @@ def compare(
 
     Of one result alone, its methods are compared.
     """
+    from genie_sim.analysis import text_table
     from genie_sim.analysis.compare import compare as compare_runs
     from genie_sim.recording import results
     from genie_sim.report import comparison
 
-    if format not in comparison.FORMATS:
-        raise UserError(f"--format: {unknown('format', format, comparison.FORMATS)}")
+    text_table.checked(format)
     made = compare_runs([results.load(folder) for folder in folders], method or ())
     typer.echo(comparison.text(made, format), nl=False)
     if format == "markdown":
@@ -62,3 +62,29 @@ def figures(
     with provenance.of_this_version(folder):
         paths = of_runs.write(run, folder / "figures" if out is None else out, formats)
     typer.echo("\n".join(map(str, paths)))
+
+
+def table(
+    folder: Annotated[Path, path_argument(help="A result folder of 'run'.")],
+    format: Annotated[str, typer.Option(help="markdown, latex or csv (every metric, all digits).")] = "markdown",
+    allow_own_code: OwnCodeOption = False,
+) -> None:
+    """Print the numbers of a run as a table for a paper.
+
+    \b
+    genie-sim table results/3car_hetero-65c23e86c242 --format latex
+    """
+    from dataclasses import astuple, fields
+
+    from genie_sim.analysis import summary, text_table
+    from genie_sim.recording import results
+
+    text_table.checked(format)
+    run = results.load(folder)
+    if format == "csv":
+        names = [field.name for field in fields(results.Metric)]
+        typer.echo(text_table.exact(names, map(astuple, run.measured)), nl=False)
+    else:
+        titles = {method.name: method.title for method in run.methods}
+        headings, rows = summary.cells(run.measured, titles)
+        typer.echo(text_table.rounded(format, headings, rows, "l" + "r" * (len(headings) - 1)), nl=False)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import made_up_run
 import pytest
 
-from genie_sim.analysis import metrics, summary
+from genie_sim.analysis import metrics, summary, text_table
 from genie_sim.recording.results import Metric
 
 
@@ -33,6 +33,27 @@ def test_a_terminal_sees_every_method_and_of_devices_the_three_busiest(found):
     assert text.count("busy [%]") == 3 and len(text.splitlines()) <= 24
     assert text.index("first answer") < text.index("image reuse on cars") < text.index("busy")
     assert "Times count from when a frame reached the first node's queue." in " ".join(text.split())
+
+
+def test_a_table_for_a_paper_has_the_same_numbers_with_intervals_in_every_format(found):
+    one = next(metric for metric in found if (metric.metric, metric.method) == ("first_answer_mean", "remote"))
+    headings, rows = summary.cells(found, {"remote": "remote (R)"})
+    assert headings == ["", "local", "remote (R)", "genie"]
+    shown = f"{one.value:.3g} ({one.low:.3g} to {one.high:.3g})"
+    assert rows[0][2] == shown
+    assert [row[0] for row in rows] == [line[: len(row[0])] for line, row in
+                                        zip(summary.text(found, 200).splitlines()[1:], rows, strict=False)]  # fmt: skip
+    markdown = text_table.rounded("markdown", headings, rows, "lrrr").splitlines()
+    assert markdown[1] == "|---|---:|---:|---:|" and shown in markdown[2].split(" | ")
+    latex = text_table.rounded("latex", headings, rows, "lrrr").splitlines()
+    assert latex[0] == r"\begin{tabular}{lrrr}" and latex[-1] == r"\end{tabular}"
+    assert latex[2] == r" & local & remote (R) & genie \\" and r"[\%]" in latex[6]
+    assert len([line for line in latex if line.endswith(r"\\")]) == len(rows) + 1
+
+
+def test_csv_has_all_digits_and_no_formula():
+    text = text_table.exact(["a", "b"], [["=1+1", 1 / 3], ["-", None], ["plain", -2.0]])
+    assert text == "a,b\n'=1+1,0.3333333333\n'-,\nplain,-2.0\n"
 
 
 def test_first_and_fresh_answers_stand_beside_each_other(found):

@@ -127,6 +127,21 @@ class _Table:
 def text(metrics: Sequence[Metric], width: int = 80) -> str:
     """The table for a terminal, lines of at most ``width`` characters (from 40 on); long labels are wrapped. Of the
     rows that any method has: how early, how fresh and how right answers are, then reuse, then the busiest devices."""
+    headings, rows = _screen(metrics)
+    notes = [SCREEN_NOTE, SCREEN_FLOOR if FLOOR in headings else NO_TRUTH_NOTE if rows else ""]
+    notes.append(SCREEN_PROXY if any("*" in label for label, _ in rows) else "")
+    return "\n".join(_text_lines(_Table("", headings, rows, " ".join(filter(None, notes)), units=False), width)) + "\n"
+
+
+def cells(metrics: Sequence[Metric], titles: Mapping[str, str]) -> tuple[list[str], list[list[str]]]:
+    """The same table as headings and rows of text with the intervals inside the run; methods have their ``titles``."""
+    headings, rows = _screen(metrics)
+    made = [[label, *(_show(cell, unit=False) + _interval(cell) for cell in row)] for label, row in rows]
+    return ["", *(titles.get(heading, heading) for heading in headings)], made
+
+
+def _screen(metrics: Sequence[Metric]) -> tuple[list[str], list[tuple[str, list[Metric | None]]]]:
+    """The columns of the one table and its rows: those that any method has."""
     found, methods = _found(metrics)
     columns = [(method, "all", "") for method in methods]
     columns += [column for method in methods if ("streaming_f1", *(column := (method, "all", FLOOR))) in found][:1]
@@ -136,11 +151,8 @@ def text(metrics: Sequence[Metric], width: int = 80) -> str:
             rows.append((f"{label} {where} [%]", [found.get((metric, method, placement, "")) for method in methods]))
     busiest = _busiest(metrics)[:MOST_ON_SCREEN]
     rows += [(f"{name} busy [%]", [_use(metrics).get((name, method)) for method in methods]) for name in busiest]
-    rows = [(label, [*cells, *[None] * (len(columns) - len(cells))]) for label, cells in rows if any(cells)]
-    notes = [SCREEN_NOTE, SCREEN_FLOOR if len(columns) > len(methods) else NO_TRUTH_NOTE if rows else ""]
-    notes.append(SCREEN_PROXY if any("*" in label for label, _ in rows) else "")
-    headings = [component or method for method, _, component in columns]
-    return "\n".join(_text_lines(_Table("", headings, rows, " ".join(filter(None, notes)), units=False), width)) + "\n"
+    rows = [(label, [*row, *[None] * (len(columns) - len(row))]) for label, row in rows if any(row)]
+    return [component or method for method, _, component in columns], rows
 
 
 def _found(metrics: Sequence[Metric]) -> tuple[Found, list[str]]:

@@ -3,29 +3,24 @@
 from __future__ import annotations
 
 import base64
-import csv
-import io
 from collections.abc import Sequence
 from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from genie_sim.analysis import text_table
 from genie_sim.analysis.compare import BLOCKS, COMPARED, Comparison, Difference, as_metrics
-from genie_sim.errors import UserError, unknown
 from genie_sim.paths import atomic_write
 from genie_sim.recording.columns import concat
-from genie_sim.recording.tables import harmless
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-FORMATS = {"markdown": ".md", "csv": ".csv", "latex": ".tex"}
 PAGE = "compare.html"
 HEADINGS = ("metric", "of", "value", "against", "difference", "95 % interval", "paired by", "pairs")
 ONE_RUN = (
     "Blocks of one second tell how sure a difference is inside these runs; other seeds and drives may differ by more."
 )
-LATEX = str.maketrans({"_": r"\_", "%": r"\%", "&": r"\&", "#": r"\#", "$": r"\$", "{": r"\{", "}": r"\}"})
 STYLE = """body{font:15px/1.5 system-ui,sans-serif;max-width:72rem;margin:2rem auto;padding:0 1rem;color:#222}
 table{border-collapse:collapse;margin:1rem 0}td,th{padding:.2rem .7rem;border-bottom:1px solid #ddd;text-align:left}
 td.n{text-align:right;font-variant-numeric:tabular-nums}img{max-width:100%}code{overflow-wrap:anywhere}"""
@@ -33,24 +28,9 @@ td.n{text-align:right;font-variant-numeric:tabular-nums}img{max-width:100%}code{
 
 def text(comparison: Comparison, format: str = "markdown") -> str:
     """The table of metrics; markdown and LaTeX round, csv does not. Raises UserError for another format."""
-    if format not in FORMATS:
-        raise UserError(f"compare: {unknown('format', format, FORMATS)}")
-    if format == "csv":
-        to = io.StringIO()
-        rows = csv.writer(to, lineterminator="\n")
-        rows.writerow(Difference._fields)
-        rows.writerows([_plain(cell) for cell in row] for row in comparison.rows)
-        return to.getvalue()
-    cells = [_cells(row) for row in comparison.rows]
-    if format == "markdown":
-        head = ["| " + " | ".join(HEADINGS) + " |", "|---|---|---:|---|---:|---:|---|---:|"]
-        return (
-            "\n".join([*head, *("| " + " | ".join(one.replace("|", r"\|") for one in row) + " |" for row in cells)])
-            + "\n"
-        )
-    lines = [" & ".join(one.translate(LATEX) for one in row) + r" \\" for row in (HEADINGS, *cells)]
-    body = [r"\begin{tabular}{llrlrrlr}", r"\hline", lines[0], r"\hline", *lines[1:], r"\hline", r"\end{tabular}"]
-    return "\n".join(body) + "\n"
+    if text_table.checked(format) == "csv":
+        return text_table.exact(Difference._fields, comparison.rows)
+    return text_table.rounded(format, HEADINGS, map(_cells, comparison.rows), "llrlrrlr")
 
 
 def figures(comparison: Comparison) -> dict[str, Figure]:
@@ -109,7 +89,7 @@ def write(comparison: Comparison, folder: Path) -> Path:
     from genie_sim.analysis.figures import save
 
     (folder / "figures").mkdir(parents=True, exist_ok=True)
-    for name, suffix in FORMATS.items():
+    for name, suffix in text_table.FORMATS.items():
         with atomic_write(folder / f"table{suffix}") as beside:
             beside.write_text(text(comparison, name), encoding="utf-8")
     for name, figure in figures(comparison).items():
@@ -131,13 +111,6 @@ def _cells(row: Difference) -> list[str]:
     gap = "-" if row.difference is None else f"{number(row.difference, '+')} {difference}"
     value = "-" if row.value is None else f"{number(row.value)} {unit}"
     return [row.metric, row.arm, value, row.against or "-", gap, ends, row.by or "-", str(row.n or "-")]
-
-
-def _plain(cell: object) -> object:
-    """Ten digits; nothing that a spreadsheet takes for a formula."""
-    if isinstance(cell, float):
-        return float(f"{cell:.10g}")
-    return harmless(cell)
 
 
 def _table(headings: Sequence[str], rows: Sequence[Sequence[str]], first_number: int) -> str:
