@@ -11,9 +11,11 @@ from genie_sim.errors import UserError
 from genie_sim.methods import METHODS
 from genie_sim.perception.trace import Trace, read_trace, write_trace
 from genie_sim.scenario.scenario import load_scenario
+from genie_sim.sim.station import DETECTOR
 from tests.conformance import small
 
 SIMILAR = ("sim_lru", "rnd_lru", "potluck", "foggycache")
+SLOW = {"perception": {"source": "tests.conformance.own:Street", "speed_mps": 1.0}}
 
 
 def wrong(method: dict, **settings) -> str:
@@ -35,6 +37,9 @@ def wrong(method: dict, **settings) -> str:
         ({"method": "deadline", "shares": []}, "shares: must not be empty"),
         ({"method": "deadline", "deadline": "0 s"}, "deadline: must be at least 1, but is 0"),
         ({"method": "central", "at": "edge7"}, "unknown edge 'edge7'"),
+        ({"method": "cachier", "cloud": "edge7"}, "cachier: cloud: unknown edge 'edge7'"),
+        ({"method": "cachier", "per_entry": "-1 ms"}, "per_entry"),
+        ({"method": "cachier", "period": "0 s"}, "period: must be at least 1, but is 0"),
         ({"method": "rnd_lru", "genie": {"capacity": "0 entries"}}, "capacity"),
     ],
 )
@@ -61,8 +66,7 @@ def test_a_trace_without_features_still_runs_what_needs_none(tmp_path):
 
 
 def test_the_central_cache_is_asked_by_other_edges_and_there_is_no_other():
-    slow = {"perception": {"source": "tests.conformance.own:Street", "speed_mps": 1.0}}
-    found = small.tables(small.scenario([{"method": "central", "at": "edge2"}], **slow))
+    found = small.tables(small.scenario([{"method": "central", "at": "edge2"}], **SLOW))
     lookups = found["lookups"][found["lookups"]["kind"] == "image"]
     most = lookups.groupby("genie")["entries"].max().to_dict()
     assert most["edge1/asker"] == 0 < most["edge2/genie"]
@@ -70,6 +74,37 @@ def test_the_central_cache_is_asked_by_other_edges_and_there_is_no_other():
     asked = lookups[lookups["requester"] == "neighbour"]
     assert set(asked["genie"]) == {"edge2/genie"} and (asked["hits"] > 0).any()
     assert "peer_cache" in set(found["frames"]["source"])
+
+
+def test_cachier_answers_from_an_edge_or_from_the_cloud_and_nothing_else_detects():
+    """The cars of the cloud's own edge are served by it; the cache of the other is filled with what it forwards."""
+    found = small.tables(small.scenario([{"method": "cachier", "cloud": "edge1", "per_entry": "0 ms"}], **SLOW))
+    rows = found["frames"].dropna(subset="fresh_answer_ns")
+    served = rows.groupby("car")["served_by"].agg(set).to_dict()
+    assert served == {"car1": {f"edge1/{DETECTOR}"}, "car2": {f"edge1/{DETECTOR}", "edge2/cache"}}
+    lookups = found["lookups"].groupby("genie")["entries"].max().to_dict()
+    assert lookups["edge1/cloud"] == 0 < lookups["edge2/cache"]
+    busy = found["resources"].groupby("resource")["busy_ns"].max()
+    assert busy["edge1.accelerator"] > 0 == busy[["car1.accelerator", "car2.accelerator", "edge2.accelerator"]].sum()
+
+
+def test_cachiers_look_ups_take_their_time_and_keep_its_caches_small():
+    entries = [{"name": f"each-{ms}", "method": "cachier", "per_entry": f"{ms} ms"} for ms in (0, 2, 200)]
+    street = {"perception": {"source": "tests.conformance.own:Street", "seconds": 12.0, "speed_mps": 4.0}}
+    found = small.tables(small.scenario(entries, **street, record=["lookups", "resources"]))
+    caches = found["lookups"].query("genie == 'edge1/cache' and t_ns > 5.5e9").groupby("method")["entries"].max()
+    assert caches["each-200"] == 0 < caches["each-2"] == caches["each-0"], "all are asked for equally often"
+    cpu = found["resources"].query("resource == 'edge1.cpu'").groupby("method")["busy_ns"].max()
+    assert cpu["each-2"] > 2 * cpu["each-0"]
+
+
+def test_cachier_wants_a_cloud_that_its_edges_reach():
+    edges = [
+        {"name": "edge1", "device": "agx_xavier", "neighbours": []},
+        {"name": "edge2", "device": "agx_xavier", "neighbours": []},
+    ]
+    said = wrong({"name": "mine", "method": "cachier"}, edges=edges)
+    assert said.endswith("cachier: cloud: edge1 is no neighbour of edge2, and can forward nothing to it")
 
 
 def test_a_key_takes_its_time_where_it_is_made():
@@ -103,4 +138,4 @@ def test_oracle_hits_are_right_and_no_cache_has_more_right_ones():
 
 
 def test_every_baseline_is_a_method_with_a_name():
-    assert {*SIMILAR, "central", "deadline", "oracle"} < set(METHODS)
+    assert {*SIMILAR, "central", "cachier", "deadline", "oracle"} < set(METHODS)

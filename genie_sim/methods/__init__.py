@@ -14,6 +14,7 @@ METHODS: dict[str, str] = {
     "rnd_lru": "genie_sim.methods.rnd_lru:RandomLRU",
     "potluck": "genie_sim.methods.potluck:AdaptiveThreshold",
     "foggycache": "genie_sim.methods.foggycache:Foggy",
+    "cachier": "genie_sim.methods.cachier:EdgeOfCloud",
     "deadline": "genie_sim.methods.deadline:Deadline",
     "oracle": "genie_sim.methods.oracle:Oracle",
 }

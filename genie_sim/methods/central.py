@@ -6,12 +6,9 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
-from genie_sim.core.caches.cache import NoMap
-from genie_sim.core.eviction import Unlimited
+from genie_sim.core.caches.cache import NoMap, stores_nothing
 from genie_sim.core.genies import make_genie
-from genie_sim.core.message_cache import MessageCache
 from genie_sim.core.node import GenieNode
-from genie_sim.core.similarity import Exact
 from genie_sim.errors import UserError, unknown
 from genie_sim.sim.station import IMAGES, OBJECTS, Place, Station, Uplink
 
@@ -55,8 +52,5 @@ def _hub(place: Place, subscribed: tuple[str, ...], published: tuple[str, ...]) 
 def _asker(place: Place, subscribed: tuple[str, ...], published: tuple[str, ...]) -> GenieNode:
     """It stores nothing: what it is asked goes to its detector and to the hub, the first answer goes back."""
     assert place.genie is not None
-    without: dict[str, Any] = {
-        "new_cache": lambda: MessageCache(Exact().index(), Unlimited(), capacity_entries=0),
-        "object_map": NoMap(),
-    }
+    without: dict[str, Any] = {"new_cache": stores_nothing, "object_map": NoMap()}
     return make_genie(place.genie, f"{place.name}/asker", subscribed, published, on_edge=True, **without)

@@ -52,17 +52,18 @@ class Similarity:
             return None  # a car without cameras has no pictures to compare
         if place.genie is None:
             return Station(detector=True)
-        node = partial(self._node, place, on_edge=False)
+        node = partial(self._node, place, on_edge=False, asks=place.joined)
         return Station(detector=True, interceptor=node, uplink=UPLINK if place.joined else None, key=self.feature)
 
     def on_edge(self, place: Place) -> Station:
         if not place.sees:
             return Station()
-        return Station(detector=True, interceptor=partial(self._node, place, on_edge=True))
+        return Station(detector=True, interceptor=partial(self._node, place, on_edge=True, asks=False))
 
     def _node(
-        self, place: Place, subscribed: tuple[str, ...], published: tuple[str, ...], *, on_edge: bool
+        self, place: Place, subscribed: tuple[str, ...], published: tuple[str, ...], *, on_edge: bool, asks: bool
     ) -> GenieNode:
+        """``asks``: what it misses goes to ``-remote``, too."""
         rules = place.genie
         assert rules is not None
         cache = self.cache(place, rules.capacity if on_edge or rules.car_capacity is None else rules.car_capacity)
@@ -74,7 +75,7 @@ class Similarity:
             key=key_of(self.feature),
             new_cache=lambda: cache,
             pending=lambda: Nearest(lambda: self.reach(cache)),
-            share_requests=place.joined and not on_edge,
+            share_requests=asks,
         )
 
 

@@ -156,7 +156,7 @@ class Log:
                 self._changed(genie, event.changes, now_ns)
         elif isinstance(event, Forgotten):
             self._changed(genie, [(label, location, None) for label, location, _ in event.objects], now_ns)
-        elif placement == "car":
+        else:
             lost = self._frame(event.header)
             if lost is not None and lost.drop is None and lost.fresh_answer_ns is None:
                 lost.drop = f"{genie}:expired"

@@ -8,9 +8,10 @@ from typing import Any
 from genie_sim.messages import Detections, Effect, Expired, Image, Message, Observation, Publish
 from genie_sim.sim.device import Done, Host
 from genie_sim.sim.ros_graph import Dropped, Graph, Node
-from genie_sim.sim.station import Interceptor, MakeInterceptor
+from genie_sim.sim.station import Interceptor, MakeInterceptor, Station
 
 TIMER_LATE_NS = 500_000_000
+PLAIN = Station()
 Observer = Callable[[str, Observation, int], None]  # the node's name, what it observed, and when
 
 
@@ -36,8 +37,8 @@ class Detector(Node):
 class InterceptorNode(Node):
     """A pure node in the simulated graph: every message costs CPU time, every effect becomes a publication.
 
-    ``make`` makes the pure node, and a fresh one whenever a fault takes its state away. ``key`` names what is computed
-    of every picture first; what is ``free`` takes no time.
+    ``make`` makes the pure node, and a fresh one whenever a fault takes its state away. ``station`` says what it does
+    with a picture that takes time besides.
     """
 
     def __init__(
@@ -48,15 +49,14 @@ class InterceptorNode(Node):
         queue_length: int,
         observe: Observer,
         drop: Dropped,
-        key: str | None = None,
-        free: bool = False,
+        station: Station = PLAIN,
     ):
         pure = make()
         topics = pure.subscriptions(), pure.publications()
         super().__init__(pure.name, host, graph, *topics, queue_length, threads=host.device.cores, dropped=drop)
         self.pure = pure
         self._make = make
-        self._key, self._free = key, free
+        self._key, self._free, self._per_entry_ns = station.key, station.free, station.per_entry_ns
         self._observe = observe
         self._timer_set = False
 
@@ -64,7 +64,14 @@ class InterceptorNode(Node):
         if self._free:
             done(*arguments)
         elif self._key is not None and isinstance(message, Image):
-            self.host.compute_key(self._key, self.host.serve_message, done, *arguments)
+            self.host.compute_key(self._key, self._look_up, done, *arguments)
+        else:
+            self.host.serve_message(done, *arguments)
+
+    def _look_up(self, done: Done, *arguments: Any) -> None:
+        if self._per_entry_ns:
+            search_ns = self._per_entry_ns * self.pure.cache_entries()
+            self.host.cpu.run(search_ns, self.host.serve_message, done, *arguments)
         else:
             self.host.serve_message(done, *arguments)
 
@@ -124,8 +131,7 @@ def attach(
     queue_length: int,
     observe: Observer,
     drop: Dropped,
-    key: str | None = None,
-    free: bool = False,
+    station: Station = PLAIN,
     suffix: str = "-local",
 ) -> InterceptorNode:
     """Encapsulates a running node (Section III-B): the node itself is not touched.
@@ -136,5 +142,5 @@ def attach(
     node = graph.node(node_name)
     subscribed, published = graph.topics_of(node_name)
     graph.remap(node_name, {topic: topic + suffix for topic in (*subscribed, *published)})
-    told = queue_length, observe, drop, key, free
+    told = queue_length, observe, drop, station
     return InterceptorNode(lambda: make(subscribed, published), node.host, graph, *told)

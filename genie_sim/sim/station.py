@@ -43,6 +43,10 @@ class Interceptor(Protocol):
         """The time has come."""
         return []
 
+    def cache_entries(self) -> int:
+        """How many answers its cache holds, where each of them takes its time (``Station.per_entry_ns``)."""
+        return 0
+
     def on_void(self) -> Sequence[Observation]:
         """A fault takes its state: each request that it owes an answer is ``Expired``, its objects ``Forgotten``."""
         return ()
@@ -58,7 +62,8 @@ class Place:
     ``sees``: pictures come here, from the host's own cameras or from cars; else only positions do. ``joined``: the car
     has an edge. ``genie`` are the rules of Genies here, ``None`` where the scenario wants none. ``stream`` gives a
     random generator by names, the same for this host under every method. ``records_changes``: whether observations are
-    to name the objects of a map that changed. ``laws`` are those of the detectors. ``edges`` are all edges, in order.
+    to name the objects of a map that changed. ``laws`` are those of the detectors. ``edges`` are all edges, in order,
+    ``neighbours`` those that an edge is joined to.
     """
 
     name: str
@@ -69,6 +74,7 @@ class Place:
     records_changes: bool
     laws: DetectorLaws
     edges: tuple[str, ...]
+    neighbours: Sequence[str] = ()
 
 
 class Uplink(NamedTuple):
@@ -84,7 +90,8 @@ class Station:
 
     ``uplink`` joins a car to its edge. ``hears`` are the topics of neighbouring edges that reach this edge. ``key``
     names the feature that the interceptor makes of every picture, which takes its time here; whoever gets the picture
-    from it gets the key, too. ``free``: what the interceptor does takes no time, as that of a bound may.
+    from it gets the key, too. To look the key up takes ``per_entry_ns`` of CPU time for each entry of the cache.
+    ``free``: what the interceptor does takes no time, as that of a bound may.
     """
 
     detector: bool = False
@@ -93,6 +100,7 @@ class Station:
     hears: tuple[str, ...] = ()
     key: str | None = None
     free: bool = False
+    per_entry_ns: int = 0
 
 
 class Method(Protocol):

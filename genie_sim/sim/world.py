@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -23,7 +24,7 @@ from genie_sim.sim.ros_graph import Graph
 from genie_sim.sim.service import Device
 from genie_sim.sim.setup import CarSetup, Setup
 from genie_sim.sim.station import DETECTOR, IMAGES, OBJECTS, Method, Place, Station
-from genie_sim.sim.topology import Edge, join_edges
+from genie_sim.sim.topology import Edge, join_edges, neighbours
 from genie_sim.sim.uplinks import CarUplink
 
 SAMPLE_NS = 100_000_000
@@ -139,10 +140,10 @@ class World:
         return self._fronts.get(host, f"{host}/consumer")
 
     def _build_edges(self) -> None:
-        blind = self.setup.blind_edges
+        blind, joined = self.setup.blind_edges, dict(neighbours(self.setup.edges))
         for edge in self.setup.edges:
             name = edge.name
-            place = self._place(name, sees=name not in blind, joined=True, genie=True)
+            place = replace(self._place(name, name not in blind, True, True), neighbours=joined[name])
             station = self._method.on_edge(place)
             host = self._add_host(name, edge.device)
             graph = Graph(self.env, name)
@@ -202,7 +203,7 @@ class World:
         host, graph = self.hosts[place]
 
         observe = partial(self.monitor.observe, placement)
-        told = self.setup.queue_length, observe, self.monitor.dropped, station.key, station.free
+        told = self.setup.queue_length, observe, self.monitor.dropped, station
         if station.detector:
             node = attach(graph, f"{place}/{DETECTOR}", make, *told)
         else:

@@ -9,13 +9,13 @@ from dataclasses import replace
 from typing import Any, Literal
 
 from genie_sim.core.caches.nearest import Key, Nearest
-from genie_sim.core.eviction import Eviction
+from genie_sim.core.eviction import Eviction, Unlimited
 from genie_sim.core.maps import InMap, Learned, Viewer
 from genie_sim.core.matching import Placed, f1, placed
 from genie_sim.core.message_cache import Answers, MessageCache, PendingIndex
 from genie_sim.core.node import GenieNode
 from genie_sim.core.rules import Capacity, GenieRules
-from genie_sim.core.similarity import KeyIndex
+from genie_sim.core.similarity import Exact, KeyIndex
 from genie_sim.messages import Answer, CameraPose, Detection
 
 Replay = Literal["world", "camera"]
@@ -146,6 +146,11 @@ class NoMap:
 
     def visible(self, viewer: Viewer, range_m: float, now_ns: int) -> tuple[list[Detection], int | None]:
         return [], None
+
+
+def stores_nothing() -> MessageCache:
+    """A message cache without room."""
+    return MessageCache(Exact().index(), Unlimited(), capacity_entries=0)
 
 
 def cache_node(
