@@ -138,7 +138,9 @@ def test_a_run_compares_every_answer_and_a_baseline_is_always_right():
     assert (made.answers["matched"] <= np.minimum(made.answers["served"], made.answers["detected"])).all()
     f1 = {one.method: one.value for one in made.measured if one.metric == "fresh_proxy_f1"}
     assert (f1["local"], f1["remote"]) == (1.0, 1.0)
-    assert "Correctness" in summary.text(made.measured) and "A proxy" in summary.text(made.measured)
+    told = " ".join(summary.text(made.measured).split())
+    assert "F1 of first answer*" in told and "* Against the detector's own answer to the frame." in told
+    assert "A proxy" in " ".join(summary.markdown(made.measured, "1car_hetero", "run", 1).split())
 
 
 def test_answers_may_be_left_out_and_change_nothing_else():

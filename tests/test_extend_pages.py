@@ -37,8 +37,10 @@ def test_the_method_of_the_guide_is_in_everything_that_a_run_makes(skip: Path, r
     assert ran.returncode == 0, ran.stderr
     first, table = ran.stdout.splitlines()[0], ran.stdout
     assert first == "1car_hetero runs code of its own: method skip:Skip"
-    assert "Improvement by Skip" in table and re.search(r"^ +local +genie +Skip$", table, re.MULTILINE), table
+    assert re.search(r"^ +local +genie +Skip +floor$", table, re.MULTILINE), table
     (folder,) = (skip / "results").iterdir()
+    assert "Improvement by Skip" in (folder / "summary.md").read_text()
+    assert run_cli("figures", str(folder)).returncode == 0
     for name in ("frames", "lookups", "resources"):
         rows = pd.read_parquet(folder / f"{name}.parquet")
         assert "Skip" in set(rows["method"]), name

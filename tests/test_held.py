@@ -213,7 +213,8 @@ def test_the_default_trace_has_its_truth_and_a_run_says_so(tmp_path: Path):
     assert set(run.held["what"]) == {"consumer", "floor"}
     for method in ("remote", "genie"):
         assert 0 < value(run.measured, "streaming_f1", method) < value(run.measured, "streaming_f1", "remote", FLOOR)
-    assert "GOSPA" in summary.text(run.measured) and "floor" in summary.text(run.measured)
+    assert "GOSPA" in summary.markdown(run.measured, "1car_hetero", "run", 1)
+    assert "F1 of what is held" in summary.text(run.measured) and "floor" in summary.text(run.measured)
     assert any(name.startswith("truth of") for name in run.facts["traces"])
     assert all(runner.rerun(made.folder).values()), "the same bytes"
 

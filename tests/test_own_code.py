@@ -175,6 +175,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def from_elsewhere(made: Path, tmp_path: Path) -> Path:
     """The same, where a module of that name lies that nobody should import."""
     (tmp_path / "own.py").write_text(TRAP + OWN)
+    sys.modules.pop("own", None)  # other tests have classes of their own, too
     return Path(shutil.copytree(made, tmp_path / "moved"))
 
 

@@ -93,7 +93,7 @@ def test_right_and_ahead_are_the_camera_s():
 @pytest.mark.parametrize(
     ("option", "message"),
     [
-        ("--origin=91,1,2", "latitude 91 is not between -90 and 90 degrees"),
+        ("--origin=91,1,2", "latitude 91.0 is not between -90 and 90 degrees"),
         ("--origin=49,-180.5,2", "longitude -180.5 is not between -180 and 180 degrees"),
         ("--origin=nan,1,2", "latitude nan is not between"),
         ("--origin=49,8,inf", "altitude inf is no number of metres"),

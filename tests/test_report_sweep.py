@@ -135,14 +135,15 @@ def test_an_unfinished_sweep_gets_one_line(crossed, capsys):
     assert "sweep.json: cannot be read" in foreign
 
 
-def test_along_a_drawn_axis_the_other_drawn_ones_vary_and_are_not_averaged_over(drawn, crossed):
+def test_only_drawn_values_are_averaged_over_and_not_along_a_drawn_axis(drawn, crossed, town):
     assert "averaged over" not in (drawn / "figures" / "gate.svg").read_text()
-    assert any("averaged over" in path.read_text() for path in (crossed / "figures").glob("*.svg"))
+    assert not any("averaged over" in path.read_text() for path in (crossed / "figures").glob("*.svg"))
+    assert "averaged over forget" in (town / "figures" / "size.svg").read_text()
 
 
 def test_the_figures_of_a_sweep_in_a_town_show_its_ghosts(town):
-    words = (town / "figures" / "forget.svg").read_text()
-    assert "ghost share" in words and "object recall" in words
+    words = (town / "figures" / "forget-1.svg").read_text()
+    assert "ghost share" in words and "size = 3" in words
     assert "ghost_share" in {one["name"] for one in embedded(sweep.page(town))["metrics"] if one["main"]}
 
 
@@ -210,11 +211,11 @@ def test_the_metric_and_the_lines_are_chosen(browser, crossed):
     keys = "[...byId('curves').querySelectorAll('.chart:first-child .keys button')].map(one => one.textContent)"
     assert browser.evaluate(keys) == ["on cars", "on edges"]
     choose(browser, "metric", "fresh_answer_mean")
-    assert browser.evaluate(keys) == ["local", "remote", "genie"]
+    assert browser.evaluate(keys) == ["local (L)", "remote (R)", "Genie (DG)"]
     assert "fresh answer mean [ms] along rate" in browser.evaluate("byId('curves').textContent")
     choose(browser, "split", "rule")
     assert browser.evaluate(keys) == ["rule noisy_or", "rule ema"]
-    assert browser.evaluate("byId('series').selectedOptions[0].text") == "genie"
+    assert browser.evaluate("byId('series').selectedOptions[0].text") == "Genie (DG)"
     assert browser.evaluate("byId('curves').children.length") == 1, (
         "along the rule itself nothing is left to tell apart"
     )

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from sim.street import drive, street
 
-from genie_sim import build, runner
+from genie_sim import build, methods, runner
 from genie_sim.errors import UserError
 from genie_sim.scenario.scenario import Scenario, read_scenario
 from genie_sim.scenario.yaml_input import parse
@@ -109,7 +109,7 @@ def test_hand_overs_may_be_written_in_any_order() -> None:
     assert len(scenario(faults=[back, HAND_OVER]).faults) == 2
 
 
-METHODS = "genie, local, remote, or package.module:Class"
+METHODS = f"{', '.join(sorted(methods.METHODS))}, or package.module:Class"
 FAULTS = "hand_over, outage, or package.module:Class"
 
 

@@ -36,6 +36,14 @@ from genie_sim.sweeps.sweep import Sweep
 from genie_sim.town import town
 from tests.conftest import REPOSITORY
 
+
+@pytest.fixture(autouse=True)
+def _draws_only_where_figures_matter(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Drawing takes most of a small sweep's time; tests marked ``drawn`` have figures, and those that compare bytes."""
+    if request.node.get_closest_marker("drawn") is None and "uninterrupted" not in request.fixturenames:
+        monkeypatch.setattr(figures, "of_sweep", lambda *_: iter(()))
+
+
 SMALL = """
 scenario: 1car_homo
 set: {"cars[0].route.window": [0 s, 1 s], methods: [genie]}
@@ -338,6 +346,7 @@ def test_an_axis_may_be_called_as_the_setting_it_varies():
     assert Path("results/s/report.html").is_file()
 
 
+@pytest.mark.drawn
 def test_figures_of_an_axis_that_is_gone_go_though_nothing_is_run_again(monkeypatch):
     assert main(["sweep", write(SMALL), "--jobs", "1"]) == 0
     simulated = count_runs(monkeypatch)
@@ -412,6 +421,7 @@ def test_ctrl_c_or_the_end_of_a_batch_job_ends_with_130_and_one_line_and_keeps_w
     same_bytes(uninterrupted)
 
 
+@pytest.mark.drawn
 def test_what_is_done_is_not_run_again_even_along_other_axes(monkeypatch):
     simulated = count_runs(monkeypatch)
     assert main(["sweep", write(SMALL), "--jobs", "1"]) == 0
@@ -423,7 +433,8 @@ def test_what_is_done_is_not_run_again_even_along_other_axes(monkeypatch):
     assert main(["sweep", "s.yaml", "--jobs", "1"]) == 0
     assert len(simulated) == 18, "half of the points were there"
     assert set(pd.read_csv("results/s/table.csv")["weight"]) == {0.2, 0.5}
-    assert {path.stem for path in Path("results/s/figures").iterdir()} == {"weight", "gate"}, "not those of before"
+    drawn = {path.stem for path in Path("results/s/figures").iterdir()}
+    assert drawn == {"weight", "gate", "weight-gate"}, "not those of before"
 
 
 class Broken(Exact):

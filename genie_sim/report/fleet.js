@@ -5,7 +5,7 @@ const MARGIN_PX = 14;
 
 function showFleet() {
   const fleet = DATA.fleet;
-  if (!fleet) return;
+  if (!fleet) { byId("town").remove(); return; }
   byId("town").hidden = false;
   const slider = byId("fleet-time"), size = [fleet.blocks[0] * fleet.block_m, fleet.blocks[1] * fleet.block_m];
   const columns = 1 + Math.max(0, ...fleet.cells.map(([column]) => column)), rows = 1 + Math.max(0, ...fleet.cells.map(([, row]) => row));
@@ -133,7 +133,7 @@ function showOverCars(fleet) {
       y: { min: 0, max: 1, label: "share of cars", format: percent, read: percent } });
   }
   const rows = [...new Set(fleet.ghosts_by_age.flatMap((one) => one.rows.map(([low]) => low)))].sort((a, b) => a - b);
-  byId("h-ages").hidden = !rows.length;
+  byId("by-age").hidden = !rows.length;
   if (!rows.length) return;
   const until = new Map(fleet.ghosts_by_age.flatMap((one) => one.rows.map(([low, high]) => [low, high])));
   table(byId("ghosts-by-age"), null, ["age", ...fleet.ghosts_by_age.map((one) => methodKey(one.method))], rows.map((low) => [

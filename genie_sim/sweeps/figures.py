@@ -37,6 +37,9 @@ PANELS = {  # metric -> label of its panel
     "ghost_share": "ghost share",
     "object_recall": "object recall",
 }
+SIDE_BY_SIDE = (  # of these, where each value of another axis has a column of panels
+    "image_reuse", "object_reuse", "first_answer_mean", "fresh_answered_share", "streaming_f1", "ghost_share"
+)  # fmt: skip
 HEATED = ("first_answer_mean", "object_reuse", "streaming_f1", "ghost_share")  # drawn as heat maps
 SHARES = (
     "image_reuse", "object_reuse", "under_deadline_share", "fresh_answered_share", "streaming_f1", "ghost_share",
@@ -96,6 +99,7 @@ def along(
     means = across_seeds(runs[runs["component"] == ""], [column, *([beside] if beside else [])])
     methods = list(dict.fromkeys(means["method"]))
     shown = [panel for panel in PANELS.items() if (means["metric"] == panel[0]).any()]
+    shown = shown if beside is None else [panel for panel in shown if panel[0] in SIDE_BY_SIDE]
     wide = 3 if beside is None else len(kept)
     rows = max(1, -(-len(shown) // 3)) if beside is None else max(1, len(shown))
     figure = Figure(figsize=(PAGE_IN, 1.3 + (1.9 if beside is None else 1.3) * rows))
