@@ -139,3 +139,21 @@ def test_oracle_hits_are_right_and_no_cache_has_more_right_ones():
 
 def test_every_baseline_is_a_method_with_a_name():
     assert {*SIMILAR, "central", "cachier", "deadline", "oracle"} < set(METHODS)
+
+
+@pytest.mark.parametrize("method", [name for name in METHODS if name not in ("local", "remote", "genie")])
+def test_a_method_takes_cars_without_cameras_without_edge_or_without_genie_as_they_are(method: str):
+    """A car without cameras has nothing to compare; one without an edge is answered by its own detector, if at all."""
+    cars = ["cars[0].route.window=[1 s, 1.6 s]", "cars[1].route.window=[1 s, 1.6 s]"]
+    cars += ["cars[2]={name: alone, device: jetson_tx2, route: {window: [1 s, 1.6 s]}}"]
+    cars += ["cars[3]={name: plain, device: jetson_tx2, edge: edge1, genie: false, route: {window: [1 s, 1.6 s]}}"]
+    own = "{name: cachier, method: cachier, cloud: edge1}" if method == "cachier" else method
+    run = runner.run_in_memory(load_scenario("case_study", [*cars, f"methods=[{own}]"]))
+    frames = run.frames.astype({"car": str})
+    answered = frames[frames["first_answer_ns"].notna()]
+    assert {"car1", "plain"} <= set(answered["car"])
+    assert "car2" not in set(answered["car"]), "nobody asks for it"
+    if method == "cachier":
+        assert "alone" not in set(answered["car"]), "its own detector is not used"
+    else:
+        assert "alone" in set(answered["car"])
