@@ -34,7 +34,7 @@ HEADS = ("first ms", "fresh ms", "answered", "hits", "wrong hits", "recall", "gh
          "edges busy")  # fmt: skip
 IN_SHORT = (
     "remote", "genie", "central", "sim_lru-0.05", "sim_lru-0.1", "rnd_lru-0.1", "potluck-0.8", "foggycache-0.9",
-    "deadline-300ms", "oracle",
+    "cachier-2ms", "deadline-300ms", "oracle",
 )  # fmt: skip
 PANELS = ("as in the scenario", "LTE", "10 cars on one edge")
 Table = pd.DataFrame

@@ -98,6 +98,14 @@ def test_cachiers_look_ups_take_their_time_and_keep_its_caches_small():
     assert cpu["each-2"] > 2 * cpu["each-0"]
 
 
+def test_pictures_that_wait_for_one_that_is_lost_are_lost_at_the_cache():
+    """They were never sent on, so no link and no detector can tell of them."""
+    lossy = {"like": "ethernet_1g", "loss": 0.5}
+    rows = small.frames(small.scenario(["cachier"], **SLOW, edge_network=lossy))
+    small.check_conserved(rows, ["cachier"])
+    assert (rows["drop"] == "edge1/cache:expired").any()
+
+
 def test_cachier_wants_a_cloud_that_its_edges_reach():
     edges = [
         {"name": "edge1", "device": "agx_xavier", "neighbours": []},

@@ -109,3 +109,8 @@ def test_the_clouds_time_is_a_moving_mean_of_answered_misses():
     assert cache.cloud_ns == 90 * MS
     asked(cache, 1.0, 2 * S, cloud_ns=500 * MS)  # a hit tells nothing
     assert cache.cloud_ns == 90 * MS
+    slow = at(3.0)
+    cache.get(slow, 2900 * MS)
+    cache.get(at(4.0), 3050 * MS)  # what was lost is forgotten by now
+    cache.put(slow, TOPIC, answer(3.0), 3070 * MS)
+    assert cache.cloud_ns == 100 * MS
