@@ -27,7 +27,7 @@ cars: [{name: car1, device: jetson_tx2, edge: edge1, route: {window: [0 s, 1 s]}
 methods:
   - local
   - {name: tiny, method: genie, genie: {eviction: lru, capacity: 3 entries}}
-  - {name: mine, method: "own:Nothing", share: 3}
+  - {name: mine, method: "mod:Nothing", share: 3}
 """
 OWN = """
 from genie_sim.methods.local import Local
@@ -43,7 +43,7 @@ class Nothing(Local):
 
 @pytest.fixture
 def mine(tmp_path: Path) -> Path:
-    (tmp_path / "own.py").write_text(OWN)
+    (tmp_path / "mod.py").write_text(OWN)
     (tmp_path / "mine.yaml").write_text(SCENARIO)
     return tmp_path / "mine.yaml"
 
@@ -75,20 +75,20 @@ def test_a_method_that_nobody_knows_is_one_line(mine: Path, names: list[str], me
 def test_run_takes_methods_and_says_first_that_code_of_ones_own_runs(mine: Path, run_cli: CommandLine, tmp_path: Path):
     ran = run_cli("run", "mine.yaml", "--methods", "mine,remote", "--no-report")
     assert ran.returncode == 0, ran.stderr
-    assert ran.stdout.splitlines()[0] == "mine runs code of its own: method own:Nothing"
+    assert ran.stdout.splitlines()[0] == "mine runs code of its own: method mod:Nothing"
     (folder,) = (tmp_path / "results").iterdir()
     facts = json.loads((folder / "run.json").read_text())["facts"]
     assert facts["methods"] == [
         {"name": "mine", "title": "mine", "baseline": True},
         {"name": "remote", "title": "remote (R)", "baseline": True},
     ]
-    assert list(facts["plugins"]) == ["method own:Nothing"]
+    assert list(facts["plugins"]) == ["method mod:Nothing"]
 
     shipped = run_cli("run", "mine.yaml", "--methods", "tiny,local", "--no-report")
     assert shipped.returncode == 0 and "of its own" not in shipped.stdout
-    own = run_cli("run", "mine.yaml", "--methods", "own:Nothing", "--no-report", "--set", "genie.eviction=own:Keep")
-    assert own.stdout == "mine runs code of its own: method own:Nothing, eviction own:Keep\n", "before it is run"
-    assert own.stderr == "genie-sim: eviction 'own:Keep': module 'own' has no attribute 'Keep'\n"
+    own = run_cli("run", "mine.yaml", "--methods", "mod:Nothing", "--no-report", "--set", "genie.eviction=mod:Keep")
+    assert own.stdout == "mine runs code of its own: method mod:Nothing, eviction mod:Keep\n", "before it is run"
+    assert own.stderr == "genie-sim: eviction 'mod:Keep': module 'mod' has no attribute 'Keep'\n"
     assert own.returncode == 1
     wrong = run_cli("run", "mine.yaml", "--methods", "tiny,loca")
     assert wrong.returncode == 1 and wrong.stderr.count("\n") == 1
@@ -162,20 +162,20 @@ TRAP = "open('sprung', 'w').close()\n"
 def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The result folder of a run with a class of somebody's own."""
     folder = tmp_path_factory.mktemp("made")
-    (folder / "own.py").write_text(OWN)
+    (folder / "mod.py").write_text(OWN)
     (folder / "mine.yaml").write_text(SCENARIO)
     with pytest.MonkeyPatch.context() as patch:
         patch.syspath_prepend(folder)
-        result = runner.run(folder / "mine.yaml", ["methods=[local, {name: mine, method: 'own:Nothing'}]"], out=folder)
-    sys.modules.pop("own")
+        result = runner.run(folder / "mine.yaml", ["methods=[local, {name: mine, method: 'mod:Nothing'}]"], out=folder)
+    sys.modules.pop("mod")
     return result.folder
 
 
 @pytest.fixture
 def from_elsewhere(made: Path, tmp_path: Path) -> Path:
     """The same, where a module of that name lies that nobody should import."""
-    (tmp_path / "own.py").write_text(TRAP + OWN)
-    sys.modules.pop("own", None)  # other tests have classes of their own, too
+    (tmp_path / "mod.py").write_text(TRAP + OWN)
+    sys.modules.pop("mod", None)  # other tests have classes of their own, too
     return Path(shutil.copytree(made, tmp_path / "moved"))
 
 
@@ -187,18 +187,18 @@ def test_a_folder_from_elsewhere_imports_nothing_unless_it_is_allowed(
         assert main(command) == 0, command
     assert main(["rerun", folder]) == 1
     (line,) = capsys.readouterr().err.splitlines()
-    assert line == "genie-sim: method 'own:Nothing': code of somebody's own, which runs with --allow-own-code only"
+    assert line == "genie-sim: method 'mod:Nothing': code of somebody's own, which runs with --allow-own-code only"
     assert not (tmp_path / "sprung").exists()
-    (tmp_path / "own.py").write_text(OWN)
+    (tmp_path / "mod.py").write_text(OWN)
     assert main(["rerun", folder, "--allow-own-code"]) == 0
-    sys.modules.pop("own")
+    sys.modules.pop("mod")
     assert main(["rerun", folder]) == 1, "allowed for one command only"
-    assert plugins.resolve("method", "own:Nothing", {}), "and refused for one only"
+    assert plugins.resolve("method", "mod:Nothing", {}), "and refused for one only"
 
 
 def test_a_command_inside_a_folder_from_elsewhere_imports_nothing_of_it(from_elsewhere: Path):
     """Where Python itself would look first, and matplotlib for its settings."""
-    for module in ("own", "simpy", "pandas", "numexpr"):  # needed, needed later, looked for by pandas
+    for module in ("mod", "simpy", "pandas", "numexpr"):  # needed, needed later, looked for by pandas
         (from_elsewhere / f"{module}.py").write_text(TRAP)
     (from_elsewhere / "matplotlibrc").write_text("backend: module://own\n")
     for command, status in (("report", 0), ("rerun", 1)):

@@ -351,7 +351,7 @@ MISTAKES = [
     ),
     (
         TWO_CARS + "methods: [genie, lokal]\n",
-        "methods[1]: unknown method 'lokal' (did you mean 'local'?); known: central, ",
+        "methods[1]: unknown method 'lokal' (did you mean 'local'?); known: ",
     ),
     (
         TWO_CARS + "model: yolov9s\n",
