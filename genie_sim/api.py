@@ -217,7 +217,8 @@ def sweep(
     with tempfile.TemporaryDirectory() as scratch:
         work = Sweep.of(design, "sweep", expanded(out or scratch), progress)
         work.run(Local(jobs or parallel.workers_here()), progress=progress)
-        return pd.read_parquet(work.finish().folder / ("runs.parquet" if every_run else "table.parquet"))
+        made = work.finish(pictures=out is not None)
+        return pd.read_parquet(made.folder / ("runs.parquet" if every_run else "table.parquet"))
 
 
 def _axis(path: str, axis: Any) -> tuple[str, Any]:

@@ -308,12 +308,17 @@ def test_differences_name_columns_and_values_that_are_not_there(uninterrupted):
         genie_sim.differences(runs, "method", to="local")
 
 
-def test_a_sweep_from_python_is_that_of_the_file(uninterrupted):
+def test_a_sweep_from_python_is_that_of_the_file_and_draws_what_is_kept_only(uninterrupted, monkeypatch):
+    drawn: list[str] = []
+    monkeypatch.setattr(figures, "of_sweep", lambda design, *_: iter(drawn.append(design.name) or ()))
     settings = {"cars[0].route.window": ["0 s", "1 s"], "methods": ["genie"]}
     axes = {"genie.object_map.rate": [0.1, 0.5]}
     axes["gate"] = {"set": ["genie.object_map.gate", "genie.view_range"], "list": ["1 m", "3 m"]}
     made = genie_sim.sweep("1car_homo", axes, settings, seeds=3, jobs=1)
     pd.testing.assert_frame_equal(made, pd.read_parquet(uninterrupted / "table.parquet"))
+    assert drawn == []
+    genie_sim.sweep("1car_homo", {"genie.object_map.rate": [0.1]}, settings, seeds=1, jobs=1, out="kept")
+    assert drawn == ["sweep"]
     with pytest.raises(UserError, match=r"^sweep: speed=1: speed: unknown field"):
         genie_sim.sweep("1car_homo", {"speed": [1, 2]}, settings, seeds=1)
 

@@ -9,6 +9,7 @@ import shutil
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from genie_sim import build, files, report
 from genie_sim.errors import UserError
@@ -21,6 +22,9 @@ from genie_sim.sweeps.backends import Dask, Local
 from genie_sim.sweeps.design import Design, load_design
 from genie_sim.sweeps.plan import Plan, plan, share, tasks
 from genie_sim.sweeps.tasks import Failure
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 FORMAT = 2
 ABOUT = "sweep.json"
@@ -103,13 +107,15 @@ class Sweep:
         if {run.run_id for run in mine} - tables.done_runs(self._parts):
             raise UserError(f"{self._parts}: the workers' parts are not there; they must write to the same file system")
 
-    def finish(self) -> Swept:
-        """Makes the tables and figures if every run is done. Raises ``UserError``."""
+    def finish(self, pictures: bool = True) -> Swept:
+        """Makes the tables, and with ``pictures`` figures and page, if every run is done. Raises ``UserError``."""
         done = len(tables.done_runs(self._parts) & self.plan.runs.keys())
         swept = Swept(self.folder, self.design.runs // len(self.design.seeds), len(self.plan.runs), done)
         if swept.complete:
             try:
-                self._write()
+                runs = self._write()
+                if pictures:
+                    self._draw(runs)
             except OSError as error:
                 raise UserError(f"{self.folder}: cannot be written: {error.strerror or error}") from error
         return swept
@@ -134,10 +140,8 @@ class Sweep:
     def _parts(self) -> Path:
         return self.folder / "parts"
 
-    def _write(self) -> None:
-        from genie_sim.analysis import figures as of_runs
-        from genie_sim.sweeps import figures, page
-
+    def _write(self) -> pd.DataFrame:
+        """The tables; returns that of all runs."""
         columns = list(self.design.columns.values())
         runs = tables.of_runs(self.plan.entries, columns, tables.read_parts(self._parts, self.plan.runs.keys()))
         points = tables.of_points(runs, columns)
@@ -149,13 +153,20 @@ class Sweep:
         compared = tables.all_differences(runs, columns, crossed)
         tables.write_parquet(compared, self.folder / "differences.parquet", {b"genie_sim": about})
         tables.write_csv(compared, self.folder / "differences.csv")
-        (self.folder / "figures").mkdir(exist_ok=True)
-        for name, figure in figures.of_sweep(self.design, runs, self._footer()):
-            of_runs.save(figure, self.folder / "figures", name)
         self._write_about()  # another sweep of this name may have begun in the meantime
         for leftover in self._parts.glob(f".*{PARTIAL}"):
             leftover.unlink(missing_ok=True)  # of workers that were killed
         shutil.rmtree(self.folder / FAILURES, ignore_errors=True)  # of runs that a plug-in has since been mended for
+        return runs
+
+    def _draw(self, runs: pd.DataFrame) -> None:
+        """The figures and the page."""
+        from genie_sim.analysis import figures as of_runs
+        from genie_sim.sweeps import figures, page
+
+        (self.folder / "figures").mkdir(exist_ok=True)
+        for name, figure in figures.of_sweep(self.design, runs, self._footer()):
+            of_runs.save(figure, self.folder / "figures", name)
         page.write(self.folder / report.NAME, self.folder)
 
     def _footer(self) -> str:
