@@ -260,7 +260,7 @@ def test_a_table_of_another_trace_is_refused_in_one_line(table: TruthTable, trac
     with pytest.raises(UserError, match=r"mine\.truth\.parquet: belongs to the trace 000000000000, mine\.parquet is"):
         Recordings(trace, path=path).drive("car1", None, 0)
     path_beside(path).write_bytes(b"nothing")
-    with pytest.raises(UserError, match="not a truth table"):
+    with pytest.raises(UserError, match="not a readable Parquet file"):
         truth_beside(path, trace)
 
 

@@ -17,7 +17,9 @@ REPOSITORY = Path(__file__).resolve().parent.parent
 PACKAGE = REPOSITORY / "genie_sim"
 
 # Modules that any other may import; they import one another only.
-BASE = ("errors", "units", "messages", "paths", "seeds", "plugins", "files", "monitor", "parallel", "terminal")
+BASE = (
+    "errors", "units", "messages", "paths", "seeds", "plugins", "files", "monitor", "parallel", "parquet", "terminal",
+)  # fmt: skip
 _SIMULATED = ("core", "sim", "methods", "faults")
 _READ = (*_SIMULATED, "perception", "town", "scenario")
 _RUN = (*_READ, "recording", "analysis", "report", "fleet", "build", "runner")

@@ -8,9 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Hashable
-from typing import Protocol
-
-import numpy as np
+from typing import Any, Protocol
 
 from genie_sim.messages import Image
 
@@ -28,28 +26,19 @@ class Similarity(Protocol):
 class KeyIndex(Protocol):
     """A set of keys with a tolerant look-up."""
 
-    def add(self, key: Hashable) -> None: ...
+    def add(self, key: Hashable, /) -> None: ...
 
-    def discard(self, key: Hashable) -> None: ...
+    def discard(self, key: Hashable, /) -> None: ...
 
     def find(self, key: Hashable) -> Hashable | None:
         """The held key that equals ``key`` under this similarity, else ``None``."""
 
 
-class _EqualKeys:
+class _EqualKeys(set[Hashable]):
     """Keys that are the same only if they are equal."""
 
-    def __init__(self) -> None:
-        self._keys: set[Hashable] = set()
-
-    def add(self, key: Hashable) -> None:
-        self._keys.add(key)
-
-    def discard(self, key: Hashable) -> None:
-        self._keys.discard(key)
-
     def find(self, key: Hashable) -> Hashable | None:
-        return key if key in self._keys else None
+        return key if key in self else None
 
 
 class Exact:
@@ -100,52 +89,24 @@ class DHash:
         return image.dhash
 
     def index(self) -> KeyIndex:
-        return _HammingIndex(self._radius)
+        return _NearHashes(self._radius)
 
 
-class _HammingIndex:
+class _NearHashes(dict[Any, None]):
     """64-bit keys; finds the nearest within a Hamming radius, the older key of two equally near ones."""
 
     def __init__(self, radius: int) -> None:
         self._radius = radius
-        self._slots: dict[Hashable, int] = {}
-        self._keys = np.zeros(64, dtype=np.uint64)
-        self._used = 0
 
-    def add(self, key: Hashable) -> None:
-        assert isinstance(key, int)
-        if key in self._slots:
-            return
-        if self._used == len(self._keys):
-            self._compact()
-        self._keys[self._used] = key
-        self._slots[key] = self._used
-        self._used += 1
+    def add(self, key: Any) -> None:
+        self.setdefault(key)
 
-    def discard(self, key: Hashable) -> None:
-        self._slots.pop(key, None)
+    def discard(self, key: Any) -> None:
+        self.pop(key, None)
 
-    def find(self, key: Hashable) -> Hashable | None:
-        assert isinstance(key, int)
-        if key in self._slots:
-            return key
-        difference = self._keys[: self._used] ^ np.uint64(key)
-        bits = np.unpackbits(difference.view(np.uint8).reshape(-1, 8), axis=1).sum(axis=1)
-        for slot in np.argsort(bits, kind="stable"):
-            if bits[slot] > self._radius:
-                return None
-            near = int(self._keys[slot])
-            if self._slots.get(near) == slot:
-                return near
-        return None
-
-    def _compact(self) -> None:
-        """Drops the discarded keys and doubles the room."""
-        live = list(self._slots)
-        self._keys = np.zeros(2 * max(len(live), 32), dtype=np.uint64)
-        self._keys[: len(live)] = np.array(live, dtype=np.uint64)
-        self._slots = {key: slot for slot, key in enumerate(live)}
-        self._used = len(live)
+    def find(self, key: Any) -> Hashable | None:
+        nearest = key if key in self else min(self, key=lambda held: (held ^ key).bit_count(), default=None)
+        return nearest if nearest is not None and (nearest ^ key).bit_count() <= self._radius else None
 
 
 SIMILARITIES: dict[str, Callable[..., Similarity]] = {"exact": Exact, "pose_grid": PoseGrid, "dhash": DHash}

@@ -14,17 +14,18 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from genie_sim import parquet
 from genie_sim.core.geometry import Array, Geodetic, heading_of, horizontal_fov_rad, transform
-from genie_sim.errors import UserError, first_line
+from genie_sim.errors import UserError
 from genie_sim.messages import Box, CameraPose, Detection
-from genie_sim.paths import atomic_write
 
 if TYPE_CHECKING:
     import pyarrow
 
 FORMAT_VERSION = 1
-METADATA_KEY = b"genie_sim"
 FEATURE = "feature_"  # how the columns of features begin; a trace need not have any
+PLAIN = ("camera", "index", "stamp_ns", "width", "height", "size_bytes", "digest", "dhash")  # columns, and fields
+BOX, PLACE = ("x1", "y1", "x2", "y2"), ("east_m", "north_m", "up_m")
 
 # sensor_msgs/Image in ROS 1, without the pixels: sequence number, stamp, frame_id, height, width, encoding, endianness,
 # step and length of the data.
@@ -177,32 +178,24 @@ def _rounded(numbers: Sequence[float] | Array, decimals: int) -> tuple[Any, ...]
 
 
 def write_trace(path: str | Path, trace: Trace) -> None:
-    """Write a trace to a temporary file and rename it, so that a killed run leaves no partial trace.
-
-    The same trace gives the same bytes with the same pyarrow. Raises UserError where the folder cannot be written.
-    """
+    """Writes a trace, whole or not at all; the same one gives the same bytes with the same pyarrow. Raises UserError
+    where the folder cannot be written."""
     import pyarrow as pa
-    import pyarrow.parquet as pq
 
-    path = Path(path)
     frames = [frame for camera in sorted(trace.frames) for frame in trace.frames[camera]]
     features = sorted(feature_facts(trace.frames))
-    rows = [_row(frame) | {FEATURE + name: frame.features[name] for name in features} for frame in frames]
     schema = _schema()
     for name in features:
         schema = schema.append(pa.field(FEATURE + name, pa.binary(len(frames[0].features[name]))))
-    metadata = {
+    about = {
         "format_version": FORMAT_VERSION,
         "name": trace.name,
         "origin": list(trace.origin),
         "digest": trace.digest,
         "provenance": trace.provenance,
     }
-    schema = schema.with_metadata({METADATA_KEY: json.dumps(metadata, sort_keys=True).encode()})
-    with atomic_write(path) as partial:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with partial.open("wb") as file:  # pyarrow would take a path for a URI
-            pq.write_table(pa.Table.from_pylist(rows, schema=schema), file, compression="zstd")
+    rows = (_row(frame) | {FEATURE + name: frame.features[name] for name in features} for frame in frames)
+    parquet.write(Path(path), schema, rows, about)
 
 
 def read_trace(path: str | Path) -> Trace:
@@ -212,64 +205,35 @@ def read_trace(path: str | Path) -> Trace:
     a missing column, time stamps out of order and poses that are not numbers.
     """
     path = Path(path)
-    table = _read_table(path)
-    metadata = _metadata(path, table.schema)
-    missing = [name for name in _schema().names if name not in table.schema.names]
-    if missing:
-        raise UserError(f"{path}: column {missing[0]!r} is missing; is the file complete?")
-    for expected in _schema():
-        actual = table.schema.field(expected.name).type
-        if actual != expected.type:
-            raise UserError(f"{path}: column {expected.name!r} has type {actual}, expected {expected.type}")
-        if table.column(expected.name).null_count:
-            raise UserError(f"{path}: column {expected.name!r} has empty values")
+    table, about = parquet.read(path, "trace")
+    _check_about(path, about)
+    parquet.check_columns(path, table, _schema())
+    for name in _schema().names:
+        if table.column(name).null_count:
+            raise UserError(f"{path}: column {name!r} has empty values")
     try:
         frames = [_frame(row) for row in table.to_pylist()]
     except (TypeError, ValueError) as error:
         raise UserError(f"{path}: a row cannot be read: {error}") from error
     by_camera = checked(path, frames)
-    trace = Trace(metadata["name"], tuple(metadata["origin"]), by_camera, metadata["provenance"])
-    if trace.digest != metadata["digest"]:
-        raise UserError(f"{path}: content does not match its own digest {metadata['digest'][:12]}: file was altered")
+    trace = Trace(about["name"], tuple(about["origin"]), by_camera, about["provenance"])
+    if trace.digest != about["digest"]:
+        raise UserError(f"{path}: content does not match its own digest {about['digest'][:12]}: file was altered")
     if "features" in trace.provenance and trace.provenance["features"] != feature_facts(by_camera):
         raise UserError(f"{path}: features do not match the digests in its own provenance: file was altered")
     return trace
 
 
-def _read_table(path: Path) -> pyarrow.Table:
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-
-    if not path.is_file():
-        raise UserError(f"{path}: no such trace file")
-    try:
-        # Exactly this open file: pyarrow takes a path for a URI, and read_table takes a folder "a=1" for a partition.
-        with path.open("rb") as file:
-            return pq.ParquetFile(file).read()
-    except (pa.ArrowException, OSError, ValueError) as error:
-        what = "not a readable Parquet file (truncated or of another kind)"
-        raise UserError(f"{path}: {what}: {first_line(error)}") from error
-
-
-def _metadata(path: Path, schema: pyarrow.Schema) -> dict[str, Any]:
-    raw = (schema.metadata or {}).get(METADATA_KEY)
-    if raw is None:
-        raise UserError(f"{path}: a Parquet file, but not a genie-sim trace (no {METADATA_KEY.decode()!r} metadata)")
-    try:
-        metadata: dict[str, Any] = json.loads(raw)
-        version = metadata["format_version"]
-    except (ValueError, KeyError, TypeError, RecursionError) as error:
-        raise UserError(f"{path}: the trace's metadata cannot be read: {error}") from error
+def _check_about(path: Path, about: Mapping[str, Any]) -> None:
+    version = about.get("format_version")
     if version != FORMAT_VERSION:
         raise UserError(f"{path}: format_version: trace has version {version!r}, this genie-sim reads {FORMAT_VERSION}")
-    kinds = {"name": str, "origin": list, "digest": str, "provenance": dict}
-    for name, kind in kinds.items():
-        if not isinstance(metadata.get(name), kind):
+    for name, kind in {"name": str, "origin": list, "digest": str, "provenance": dict}.items():
+        if not isinstance(about.get(name), kind):
             raise UserError(f"{path}: metadata: {name!r} is missing or not a {kind.__name__}")
-    origin = metadata["origin"]
+    origin = about["origin"]
     if len(origin) != 3 or not all(within([x], most) for x, most in zip(origin, MOST_ORIGIN, strict=True)):
         raise UserError(f"{path}: metadata: origin {origin!r} is not latitude, longitude, altitude")
-    return metadata
 
 
 def checked(path: Path, frames: Iterable[TraceFrame]) -> dict[str, tuple[TraceFrame, ...]]:
@@ -312,66 +276,43 @@ def _content_digest(origin: Geodetic, frames: Mapping[str, Sequence[TraceFrame]]
 def _schema() -> pyarrow.Schema:
     import pyarrow as pa
 
-    box = [(name, pa.float64()) for name in ("x1", "y1", "x2", "y2")]
-    place = [(name, pa.float64()) for name in ("east_m", "north_m", "up_m")]
-    detection = pa.struct([("label", pa.string()), ("score", pa.float64()), *box, *place, ("method", pa.string())])
+    kinds = {"camera": pa.string(), "digest": pa.string(), "dhash": pa.uint64()}
+    detection = [
+        ("label", pa.string()),
+        *((name, pa.float64()) for name in ("score", *BOX, *PLACE)),
+        ("method", pa.string()),
+    ]
     return pa.schema(
         [
-            ("camera", pa.string()),
-            ("index", pa.int64()),
-            ("stamp_ns", pa.int64()),
-            ("width", pa.int64()),
-            ("height", pa.int64()),
-            ("size_bytes", pa.int64()),
-            ("digest", pa.string()),
-            ("dhash", pa.uint64()),
-            *place,
-            ("heading_rad", pa.float64()),
-            ("horizontal_fov_rad", pa.float64()),
-            ("detections", pa.list_(detection)),
+            *((name, kinds.get(name, pa.int64())) for name in PLAIN),
+            *((name, pa.float64()) for name in (*CameraPose._fields, "horizontal_fov_rad")),
+            ("detections", pa.list_(pa.struct(detection))),
         ]
     )
 
 
 def _row(frame: TraceFrame) -> dict[str, Any]:
     """One row of the file; a detection's confidence is not stored, it starts as its score."""
-    pose = frame.pose
-    return {
-        "camera": frame.camera,
-        "index": frame.index,
-        "stamp_ns": frame.stamp_ns,
-        "width": frame.width,
-        "height": frame.height,
-        "size_bytes": frame.size_bytes,
-        "digest": frame.digest,
-        "dhash": frame.dhash,
-        "east_m": pose.east_m,
-        "north_m": pose.north_m,
-        "up_m": pose.up_m,
-        "heading_rad": pose.heading_rad,
-        "horizontal_fov_rad": frame.horizontal_fov_rad,
-        "detections": [
-            {"label": d.label, "score": d.score, "method": d.method}
-            | dict(zip(("x1", "y1", "x2", "y2"), d.box or (None, None, None, None), strict=True))
-            | dict(zip(("east_m", "north_m", "up_m"), d.location or (None, None, None), strict=True))
-            for d in frame.detections
-        ],
-    }
+    detections = [
+        {"label": d.label, "score": d.score, "method": d.method}
+        | dict(zip(BOX, d.box or (None,) * 4, strict=True))
+        | dict(zip(PLACE, d.location or (None,) * 3, strict=True))
+        for d in frame.detections
+    ]
+    plain = {name: getattr(frame, name) for name in (*PLAIN, "horizontal_fov_rad")}
+    return plain | frame.pose._asdict() | {"detections": detections}
 
 
 def _frame(row: Mapping[str, Any]) -> TraceFrame:
+    def several(of: Mapping[str, Any], names: Sequence[str]) -> Any:
+        return None if of[names[0]] is None else tuple(of[name] for name in names)
+
     detections = tuple(
-        Detection(
-            label=d["label"],
-            score=d["score"],
-            box=None if d["x1"] is None else (d["x1"], d["y1"], d["x2"], d["y2"]),
-            location=None if d["east_m"] is None else (d["east_m"], d["north_m"], d["up_m"]),
-            confidence=d["score"],
-            method=d["method"],
-        )
+        Detection(d["label"], d["score"], several(d, BOX), several(d, PLACE), d["score"], d["method"])
         for d in row["detections"]
     )
-    plain = ("camera", "index", "stamp_ns", "width", "height", "size_bytes", "digest", "dhash", "horizontal_fov_rad")
-    pose = CameraPose(row["east_m"], row["north_m"], row["up_m"], row["heading_rad"])
+    plain = {name: row[name] for name in (*PLAIN, "horizontal_fov_rad")}
     features = {name.removeprefix(FEATURE): row[name] for name in row if name.startswith(FEATURE)}
-    return TraceFrame(**{name: row[name] for name in plain}, pose=pose, detections=detections, features=features)
+    return TraceFrame(
+        **plain, pose=CameraPose(*(row[name] for name in CameraPose._fields)), detections=detections, features=features
+    )

@@ -14,11 +14,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from genie_sim import parquet
 from genie_sim.core.geometry import Geodetic, transform
 from genie_sim.errors import UserError, first_line
 from genie_sim.messages import Frame, Location
-from genie_sim.paths import atomic_write
-from genie_sim.perception.trace import METADATA_KEY, POSITION_DECIMALS, Trace
+from genie_sim.perception.trace import POSITION_DECIMALS, Trace
 
 if TYPE_CHECKING:
     import pyarrow
@@ -157,9 +157,6 @@ def _digest_of_labels(root: Path, drive: str) -> str:
 
 def write_truth(path: Path, table: TruthTable) -> None:
     """Writes a table; the same one gives the same bytes with the same pyarrow."""
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-
     about = {
         "format_version": FORMAT_VERSION,
         "trace": table.trace,
@@ -167,12 +164,7 @@ def write_truth(path: Path, table: TruthTable) -> None:
         "digest": table.digest,
         "provenance": table.provenance,
     }
-    schema = _schema().with_metadata({METADATA_KEY: json.dumps(about, sort_keys=True).encode()})
-    with atomic_write(path) as beside:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with beside.open("wb") as file:
-            rows = pa.Table.from_pylist([row._asdict() for row in table.rows], schema=schema)
-            pq.write_table(rows, file, compression="zstd")
+    parquet.write(path, _schema(), (row._asdict() for row in table.rows), about)
 
 
 def path_beside(path: Path) -> Path:
@@ -199,21 +191,16 @@ def truth_beside(path: Path, trace: Trace) -> TruthTable | None:
 
 def read_truth_table(path: Path) -> TruthTable:
     """Reads a truth table and checks all of it. Raises UserError."""
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-
+    read, about = parquet.read(path, "truth table")
+    if about.get("format_version") != FORMAT_VERSION:
+        version = about.get("format_version")
+        raise UserError(f"{path}: format_version: {version!r}, this genie-sim reads {FORMAT_VERSION}")
+    parquet.check_columns(path, read, _schema())
     try:
-        with path.open("rb") as file:
-            read = pq.ParquetFile(file).read()
-        about = json.loads((read.schema.metadata or {})[METADATA_KEY])
-        if about["format_version"] != FORMAT_VERSION:
-            raise UserError(
-                f"{path}: format_version: {about['format_version']!r}, this genie-sim reads {FORMAT_VERSION}"
-            )
         rows = tuple(TruthRow(**row) for row in read.select(_schema().names).to_pylist())
         table = TruthTable(about["trace"], tuple(about["origin"]), rows, about["provenance"])
         digest = about["digest"]
-    except (pa.ArrowException, OSError, ValueError, KeyError, TypeError) as error:
+    except (ValueError, KeyError, TypeError) as error:
         raise UserError(f"{path}: not a truth table: {first_line(error)}") from error
     if table.digest != digest:
         raise UserError(f"{path}: content does not match its own digest {str(digest)[:12]}: file was altered")

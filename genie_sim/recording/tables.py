@@ -13,7 +13,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
-from genie_sim.errors import UserError, first_line, short_repr
+from genie_sim import parquet
+from genie_sim.errors import UserError, short_repr
 from genie_sim.recording.columns import NO_TEXT, Columns, Text
 
 if TYPE_CHECKING:
@@ -23,7 +24,6 @@ if TYPE_CHECKING:
     import pyarrow.parquet as pq
 
 FORMAT_VERSION = 2
-METADATA_KEY = b"genie_sim"
 ROWS_PER_GROUP = 65_536
 FORMULA = ("=", "+", "-", "@", "\t", "\r")  # how a formula of a spreadsheet begins
 
@@ -72,7 +72,7 @@ class Schema:
             about = {"unit": column.unit, "description": column.description}
             fields.append(pa.field(column.name, types.get(column.kind, text), column.nullable, about))
         told = json.dumps({"format_version": FORMAT_VERSION, "table": self.name}, sort_keys=True)
-        return pa.schema(fields, metadata={METADATA_KEY: told.encode()})
+        return pa.schema(fields, metadata={parquet.METADATA_KEY: told.encode()})
 
 
 class _Codes(dict[str, int]):
@@ -327,28 +327,12 @@ def read(path: Path, schema: Schema) -> Columns:
 
     Raises UserError for a missing, truncated or foreign file, another table or another format version.
     """
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-
-    if not path.is_file():
-        raise UserError(f"{path}: no such file")
-    try:
-        # Exactly this open file: of a path pyarrow makes a URI, and "a=1" in a folder's name read_table a partition.
-        with path.open("rb") as file:
-            table = pq.ParquetFile(file).read()
-        about = json.loads((table.schema.metadata or {})[METADATA_KEY])
-    except KeyError:
-        raise UserError(f"{path}: a Parquet file, but not written by genie-sim") from None
-    except (pa.ArrowException, OSError, ValueError) as error:
-        raise UserError(f"{path}: not a readable Parquet file: {first_line(error)}") from error
+    table, about = parquet.read(path, "file")
     if about.get("table") != schema.name:
         raise UserError(f"{path}: holds the table {about.get('table')!r}, expected {schema.name!r}")
     if about.get("format_version") != FORMAT_VERSION:
         raise UserError(other_format(path, about.get("format_version"), FORMAT_VERSION))
-    for field in schema.arrow():
-        at = table.schema.get_field_index(field.name)
-        if at < 0 or table.schema.field(at).type != field.type:
-            raise UserError(f"{path}: column {field.name}: missing, or not {field.type}")
+    parquet.check_columns(path, table, schema.arrow())
     return Columns({field.name: _read_column(table.column(field.name)) for field in table.schema})
 
 

@@ -1,0 +1,65 @@
+"""Parquet files of genie-sim: each says what it is in its schema's metadata, and is written whole or not at all."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from genie_sim.errors import UserError, first_line
+from genie_sim.paths import atomic_write
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+METADATA_KEY = b"genie_sim"
+
+
+def write(path: Path, schema: pa.Schema, rows: Iterable[Mapping[str, Any]], about: Mapping[str, Any]) -> None:
+    """Writes rows, and what the file says of itself; the same give the same bytes with the same pyarrow.
+
+    Raises UserError where the folder cannot be written.
+    """
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    table = pa.Table.from_pylist(list(rows), schema.with_metadata({METADATA_KEY: json.dumps(about, sort_keys=True)}))
+    with atomic_write(path) as partial:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with partial.open("wb") as file:  # pyarrow would take a path for a URI
+            pq.write_table(table, file, compression="zstd")
+
+
+def read(path: Path, what: str) -> tuple[pa.Table, dict[str, Any]]:
+    """The table in a file, and what the file says of itself.
+
+    Raises UserError for a missing, truncated or foreign file; ``what`` it should be is in the message.
+    """
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    if not path.is_file():
+        raise UserError(f"{path}: no such {what}")
+    try:
+        # Exactly this open file: pyarrow takes a path for a URI, and read_table takes a folder "a=1" for a partition.
+        with path.open("rb") as file:
+            table = pq.ParquetFile(file).read()
+    except (pa.ArrowException, OSError, ValueError) as error:
+        raise UserError(f"{path}: not a readable Parquet file: {first_line(error)}") from error
+    told = (table.schema.metadata or {}).get(METADATA_KEY)
+    if told is None:
+        raise UserError(f"{path}: a Parquet file, but not a {what} of genie-sim")
+    try:
+        about: dict[str, Any] = dict(json.loads(told))
+    except (ValueError, TypeError, RecursionError) as error:
+        raise UserError(f"{path}: its metadata cannot be read: {first_line(error)}") from error
+    return table, about
+
+
+def check_columns(path: Path, table: pa.Table, schema: pa.Schema) -> None:
+    """Raises UserError unless the table has every column of ``schema``, with its type."""
+    for field in schema:
+        at = table.schema.get_field_index(field.name)
+        if at < 0 or table.schema.field(at).type != field.type:
+            raise UserError(f"{path}: column {field.name}: missing, or not {field.type}")
