@@ -9,7 +9,7 @@ import pytest
 
 from genie_sim.paper import table1
 from genie_sim.paper.checks import ALL, CHECKS, load_claims
-from genie_sim.paper.claims import VERDICTS, judge, judge_one, supporting_variants, verdict_of
+from genie_sim.paper.claims import VERDICTS, holds_under, judge, judge_one, verdict_of
 from genie_sim.paper.evidence import Evidence, Finding, all_positive, below, interval, matches
 
 CLAIMS = {claim.id: claim for claim in load_claims()}
@@ -102,7 +102,8 @@ def test_other_readings_under_which_a_claim_would_hold_are_found():
         "too_much": evidence(object_reuse__car=0.6, object_reuse__edge=0.6),
         "just_right": evidence(object_reuse__car=0.3, object_reuse__edge=0.32),
     }
-    assert supporting_variants(CLAIMS["C11"], readings) == ["just_right"]
+    assert holds_under(CLAIMS["C11"], readings) == {"too_much": False, "just_right": True}
+    assert holds_under(CLAIMS["C30"], readings) == {}, "nobody tried"
 
 
 def test_table_1_has_two_misprints_both_divided_by_the_wrong_device():

@@ -48,7 +48,6 @@ class Assumptions:
     scenarios: tuple[str, ...]
     seeds: tuple[int, ...]
     calibration_seeds: tuple[int, ...]
-    sensitivity_seeds: tuple[int, ...]
     settings: tuple[str, ...]
     fixed: tuple[dict[str, str], ...]
     fitted: tuple[Fitted, ...]
@@ -66,7 +65,6 @@ def load_assumptions() -> Assumptions:
         scenarios=tuple(evaluation["scenarios"]),
         seeds=tuple(evaluation["seeds"]),
         calibration_seeds=tuple(evaluation["calibration_seeds"]),
-        sensitivity_seeds=tuple(evaluation["sensitivity_seeds"]),
         settings=tuple(evaluation["settings"]),
         fixed=tuple(data["fixed"]),
         fitted=tuple(

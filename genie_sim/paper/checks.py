@@ -47,7 +47,8 @@ def load_claims() -> list[Claim]:
 def improvements(evidence: Evidence, answer: str = "first") -> dict[str, Values]:
     """1 - mean(DG) / mean(baseline), for 6 scenarios x {L, R}."""
     return {
-        f"{scenario} {letter}": evidence.of(scenario, f"improvement_{answer}_answer:{baseline}")
+        f"{scenario} {letter}": 1
+        - _over(evidence, scenario, f"{answer}_answer_mean:genie", f"{answer}_answer_mean:{baseline}")
         for scenario in ALL
         for letter, baseline in BASELINES.items()
     }
@@ -267,7 +268,7 @@ CHECKS: dict[str, Check] = {
     "C29": lambda e, c: below(e.of(CASE, "first_answer_p99:genie:car2"), c.expect, "ms", near=2 * c.expect),
     "C30": _c30,
     "C31": lambda e, c: all_positive({"car2": e.of(CASE, "object_reuse:car2/genie")}),
-    "C32": lambda e, c: above(e.mean_of(ALL, ["image_to_objects_bytes"]), c.expect, near=10.0),
+    "C32": lambda e, c: above(e.mean_of(ALL, ["image_to_objects_bytes:remote"]), c.expect, near=10.0),
     "C33": _c33, "C34": _c34,
     "C35": lambda e, c: above(e.mean_of(ALL, ["detector_untouched"]), c.expect),
     "C36": _c36, "C37": _c37, "C38": _c38, "C39": _c39,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -48,7 +47,7 @@ def judge_one(claim: Claim, evidence: Evidence) -> Verdict:
 
 def verdict_of(claim: Claim, finding: Finding | None) -> str:
     """One of ``VERDICTS``. What was fitted is never called reproduced: it is ``calibrated`` where the fit succeeded."""
-    if finding is None or finding.value is None or math.isnan(finding.value):
+    if finding is None or not finding.known:
         return VERDICTS[3]
     if finding.holds:
         return VERDICTS[4] if claim.kind == "calibrated" else VERDICTS[0]
@@ -62,7 +61,7 @@ def _look(claim: Claim, evidence: Evidence) -> Finding | None:
         return None
 
 
-def supporting_variants(claim: Claim, evidence: Mapping[str, Evidence]) -> list[str]:
-    """The names of the variants under which the claim's test holds."""
-    found = {name: _look(claim, runs) for name, runs in evidence.items()}
-    return [name for name, finding in found.items() if finding is not None and finding.holds]
+def holds_under(claim: Claim, evidence: Mapping[str, Evidence]) -> dict[str, bool]:
+    """Of each evidence by name, whether the claim's test holds there; where it cannot be tried, nothing."""
+    found = {name: _look(claim, one) for name, one in evidence.items()}
+    return {name: one.holds for name, one in found.items() if one is not None and one.known}

@@ -35,6 +35,11 @@ class Finding:
     direction: bool
     note: str = ""
 
+    @property
+    def known(self) -> bool:
+        """Whether the runs had what the test needs."""
+        return self.value is not None and not math.isnan(self.value)
+
 
 class Evidence:
     """Facts of runs by (variant, scenario), one for each seed, in the same order everywhere."""

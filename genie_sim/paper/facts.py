@@ -20,6 +20,8 @@ METHODS = (  # of the paper's evaluation
     MethodInfo("genie", "Genie (DG)", baseline=False),
 )
 
+BASELINES = tuple(method.name for method in METHODS if method.baseline)
+
 EARLY_PERCENTILES = (10, 20, 30, 40, 50)
 
 
@@ -46,8 +48,10 @@ def facts_of(frames: Columns, lookups: Columns, resources: Columns, lap_ns: int 
             known = of_car[~np.isnan(of_car)]
             facts[f"first_answer_mean:{method}:{car}"] = float(known.mean()) if len(known) else math.nan
             facts[f"first_answer_p99:{method}:{car}"] = _percentile(of_car, 99)
-    both = frames.rows((frames["method"] == "remote") & (frames["bytes_up"] > 0) & (frames["bytes_down"] > 0))
-    facts["image_to_objects_bytes"] = ratio(both["bytes_up"].sum(), both["bytes_down"].sum())
+    both = frames.where(method="remote")
+    both = both.rows((both["bytes_up"] > 0) & (both["bytes_down"] > 0))
+    if len(both):
+        facts["image_to_objects_bytes:remote"] = ratio(both["bytes_up"].sum(), both["bytes_down"].sum())
     maps = lookups.rows(lookups["kind"] != "image")
     for placement in metrics.PLACEMENTS:
         facts[f"boost_per_object:{placement}"] = _boost_per_object(maps.where(placement=placement))
@@ -55,6 +59,12 @@ def facts_of(frames: Columns, lookups: Columns, resources: Columns, lap_ns: int 
     facts.update({f"object_reuse:{genie}": reused for genie, reused in metrics.reuse(maps).items()})
     facts.update(_of_resources(resources, lap_ns))
     return facts
+
+
+def of_baselines(facts: Facts) -> Facts:
+    """Of a run's facts those that no Genie had a part in."""
+    plain = {name: value for name, value in facts.items() if not name.startswith("improvement_")}
+    return {name: value for name, value in plain.items() if set(name.split(":")) & {*BASELINES}}
 
 
 def _of_resources(resources: Columns, lap_ns: int | None) -> Facts:

@@ -18,10 +18,11 @@ import numpy as np
 from genie_sim import report
 from genie_sim.paper import drives, quality, verdict_table
 from genie_sim.paper import page as evaluation
+from genie_sim.paper.arms import Arms, arms_of, run_arms
 from genie_sim.paper.assumptions import Assumptions, load_assumptions
 from genie_sim.paper.calibrate import Calibration, calibrate, most_jobs
-from genie_sim.paper.checks import ALL, BOTH_IMAGES, BOTH_OBJECTS, CASE, HE, HO, SHARED, improvements, load_claims
-from genie_sim.paper.claims import VERDICTS, Verdict, judge, supporting_variants
+from genie_sim.paper.checks import ALL, CASE, HE, HO, SHARED, improvements
+from genie_sim.paper.claims import Verdict, judge
 from genie_sim.paper.evidence import Evidence, Values, interval
 from genie_sim.paper.facts import Facts
 from genie_sim.paper.replicate import Job, Outcome, Progress, TimeLeft, in_parallel, prepare_job, run_jobs
@@ -72,6 +73,7 @@ def reproduce(
     fitted = None if quick else calibrate(assumptions, workers, tell)
     settings = (*assumptions.settings, *(last_calibration() if fitted is None else fitted.best.settings))
     runs, tables = _base_runs(settings, used_seeds, workers, tell)
+    base = {scenario: runs["base", scenario] for scenario in ALL}
     made = _Evaluation(
         settings,
         used_seeds,
@@ -79,7 +81,7 @@ def reproduce(
         judge(Evidence(runs)),
         tables,
         fitted,
-        _Sensitivity({}, [], {}) if quick else _sensitivity(assumptions, settings, workers, tell),
+        None if quick else run_arms(assumptions, settings, used_seeds, base, workers, tell),
         _worth(settings, used_seeds, workers, tell),
     )
     driven = drives.run_drives(on_drives, workers, tell) if on_drives else []
@@ -101,32 +103,8 @@ def last_calibration() -> tuple[str, ...]:
 
 
 @dataclass(frozen=True)
-class _Sensitivity:
-    """What other readings and other values of open parameters give."""
-
-    variants: dict[str, Evidence]
-    sweeps: list[dict[str, Any]]
-    plausible: dict[str, str]
-
-    def supporting(self, verdicts: Sequence[Verdict]) -> dict[str, list[str]]:
-        """For each claim that was not reproduced, what would make its test hold, and whether that is plausible."""
-        found = {}
-        for verdict in verdicts:
-            if verdict.verdict in VERDICTS[1:3]:
-                names = supporting_variants(verdict.claim, self.variants)
-                found[verdict.claim.id] = [f"{name} (plausible: {self.plausible[name]})" for name in names]
-        return found
-
-    def as_json(self) -> dict[str, Any]:
-        """For ``sensitivity.json``."""
-        variants = {name: _reuse(one) | {"plausible": self.plausible[name]} for name, one in self.variants.items()}
-        by_claim = {claim.id: supporting_variants(claim, self.variants) for claim in load_claims()}
-        return {"sweeps": self.sweeps, "variants": variants, "claims_that_hold_under": by_claim}
-
-
-@dataclass(frozen=True)
 class _Evaluation:
-    """Everything that came out; ``worth`` is ``None`` where KITTI's labels are not at hand."""
+    """Everything that came out; ``arms`` is ``None`` in a quick one, ``worth`` where KITTI's labels are not at hand."""
 
     settings: tuple[str, ...]
     seeds: tuple[int, ...]
@@ -134,13 +112,12 @@ class _Evaluation:
     verdicts: list[Verdict]
     tables: Mapping[str, Sequence[Outcome]]
     fitted: Calibration | None
-    sensitivity: _Sensitivity
+    arms: Arms | None
     worth: list[dict[str, Any]] | None
 
     def write(self, folder: Path) -> None:
         """Everything but figures and page. Raises OSError."""
-        supporting = self.sensitivity.supporting(self.verdicts)
-        rows = [verdict_table.row(verdict, supporting.get(verdict.claim.id)) for verdict in self.verdicts]
+        rows = [verdict_table.row(verdict, self.arms) for verdict in self.verdicts]
         provenance.write_json(folder / "verdicts.json", rows)
         text = verdict_table.document(rows, self.settings, self.worth)
         (folder / "verdicts.md").write_text(text, encoding="utf-8")
@@ -149,8 +126,8 @@ class _Evaluation:
             provenance.write_json(folder / "quality.json", self.worth)
         if self.fitted is not None:
             provenance.write_json(folder / "calibration.json", self.fitted.as_json())
-        if self.sensitivity.variants:
-            provenance.write_json(folder / "sensitivity.json", self.sensitivity.as_json())
+        if self.arms is not None:
+            provenance.write_json(folder / "sensitivity.json", self.arms.as_json())
 
     def draw(self, folder: Path) -> None:
         """The figures. Raises OSError."""
@@ -160,7 +137,8 @@ class _Evaluation:
         folder.mkdir()
         footer = f"genie-sim reproduce, {', '.join(self.settings)}, {len(self.seeds)} seeds"
         draw_paper_figures(folder, self.tables, footer)
-        draw_sensitivity(folder, self.fitted, self.sensitivity.sweeps, self.worth, load_assumptions().targets, footer)
+        sweeps = self.arms.sweeps if self.arms is not None else []
+        draw_sensitivity(folder, self.fitted, sweeps, self.worth, load_assumptions().targets, footer)
 
     def provenance(self) -> dict[str, Any]:
         """For ``run.json``: what the numbers come from."""
@@ -188,8 +166,7 @@ def _total(assumptions: Assumptions, quick: bool, seeds: int) -> int:
     worth = seeds * len(ALL) if quality.labels_are_here() else 0
     if quick:
         return base + worth
-    points = len(assumptions.variants) + sum(len(sweep.values) for sweep in assumptions.sweeps)
-    return base + worth + most_jobs(assumptions) + points * len(ALL) * len(assumptions.sensitivity_seeds)
+    return base + worth + most_jobs(assumptions) + len(list(arms_of(assumptions))) * len(ALL) * seeds
 
 
 def _base_runs(
@@ -206,55 +183,6 @@ def _base_runs(
     grouped = {place: [next(outcomes) for _ in seeds] for place in places}
     facts = {place: [outcome.facts for outcome in group] for place, group in grouped.items()}
     return facts, {scenario: group for (variant, scenario), group in grouped.items() if variant == "base"}
-
-
-def _sensitivity(assumptions: Assumptions, settings: tuple[str, ...], workers: int, progress: Progress) -> _Sensitivity:
-    """Every variant with all methods, every sweep value with Genie alone, on the sensitivity seeds."""
-    points: list[tuple[str, tuple[str, ...], tuple[str, ...]]] = []
-    plausible = {}
-    for variant in assumptions.variants:
-        points.append((variant.name, variant.settings, ("local", "remote", "genie")))
-        plausible[variant.name] = variant.plausible
-    for sweep in assumptions.sweeps:
-        low, high = sweep.plausible
-        for value in sweep.values:
-            name = f"{sweep.parameter}={value:g}"
-            points.append((name, (name,), ("genie",)))
-            plausible[name] = "yes" if low <= value <= high else "no"
-    seeds = assumptions.sensitivity_seeds
-    jobs = [
-        Job(scenario, seed, (*settings, *more), methods)
-        for _, more, methods in points
-        for scenario in ALL
-        for seed in seeds
-    ]
-    outcomes = iter(run_jobs(jobs, workers, progress, "variants and sweeps"))
-    evidence = {
-        name: Evidence({("base", scenario): [next(outcomes).facts for _ in seeds] for scenario in ALL})
-        for name, _, _ in points
-    }
-    used = dict(setting.split("=", 1) for setting in settings)
-    rows = [
-        {
-            "parameter": sweep.parameter,
-            "title": sweep.parameter.removesuffix("_m").removesuffix("_hz").split(".")[-1].replace("_", " "),
-            "unit": sweep.unit,
-            "paper": sweep.paper,
-            "used": float(used[sweep.parameter]) if sweep.parameter in used else None,
-            "points": [{"value": value} | _reuse(evidence[f"{sweep.parameter}={value:g}"]) for value in sweep.values],
-        }
-        for sweep in assumptions.sweeps
-    ]
-    return _Sensitivity(evidence, rows, plausible)
-
-
-def _reuse(evidence: Evidence) -> dict[str, tuple[float, float, float]]:
-    return {
-        "object_reuse": interval(evidence.mean_of(ALL, BOTH_OBJECTS)),
-        "image_reuse": interval(evidence.mean_of(ALL, BOTH_IMAGES)),
-        "first_answer_ms": interval(evidence.mean_of(ALL, ["first_answer_mean:genie"])),
-        "fresh_answer_ms": interval(evidence.mean_of(ALL, ["fresh_answer_mean:genie"])),
-    }
 
 
 def _worth(

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from genie_sim.paper import table1
+from genie_sim.paper.arms import Arms
 from genie_sim.paper.claims import VERDICTS, Verdict
 from genie_sim.paper.evidence import Finding
 from genie_sim.recording import provenance
@@ -19,11 +20,11 @@ MOST_NAMED = 4  # variants named beside a claim
 Row = Mapping[str, Any]
 
 
-def row(verdict: Verdict, supporting: Sequence[str] | None = None) -> dict[str, Any]:
-    """A verdict as plain data. ``supporting``: under which other readings the claim's test holds."""
+def row(verdict: Verdict, arms: Arms | None = None) -> dict[str, Any]:
+    """A verdict as plain data. ``arms``: the other readings and values, told of where the claim is not reproduced."""
     finding = verdict.finding or Finding(None, None, None, 0, "1", False, False)
-    known = finding.value is not None and finding.value == finding.value
-    numbers = (finding.value, finding.low, finding.high) if known else (None, None, None)
+    numbers = (finding.value, finding.low, finding.high) if finding.known else (None, None, None)
+    names, tried = arms.holding(verdict.claim) if arms and verdict.verdict in VERDICTS[1:3] else (None, None)
     return {
         **asdict(verdict.claim),
         **dict(zip(("value", "low", "high"), map(_rounded, numbers), strict=True)),
@@ -32,7 +33,8 @@ def row(verdict: Verdict, supporting: Sequence[str] | None = None) -> dict[str, 
         "note": finding.note,
         "verdict": verdict.verdict,
         "marginal": verdict.marginal,
-        "holds_under": list(supporting) if supporting is not None else None,
+        "holds_under": names,
+        "tried_under": tried,
     }
 
 
@@ -74,12 +76,8 @@ def document(rows: Sequence[Row], settings: Sequence[str], worth: Sequence[Row] 
     for one in rows:
         parts.append(f"**{one['id']}** ({one['where']}): {one['claim']}. *{one['verdict']}*; kind: {one['kind']}.")
         parts.append(f"Test: {one['test']}. Found: {_found(one)}{'; ' + one['note'] if one['note'] else ''}.")
-        if one["holds_under"]:
-            named = one["holds_under"]
-            more = f", and {len(named) - 2 * MOST_NAMED} more" if len(named) > 2 * MOST_NAMED else ""
-            parts.append(f"Would hold under: {', '.join(named[: 2 * MOST_NAMED])}{more}.")
-        elif one["holds_under"] is not None:
-            parts.append("Would hold under none of the other readings and values that were tried.")
+        if one["holds_under"] is not None:
+            parts.append(_elsewhere(one))
         parts.append("")
     parts += ["## Table I", "", table1.markdown(), "", "## What the answers are worth", ""]
     if worth is None:
@@ -87,6 +85,18 @@ def document(rows: Sequence[Row], settings: Sequence[str], worth: Sequence[Row] 
     else:
         parts += worth_table(worth).splitlines()
     return "\n".join(parts) + "\n"
+
+
+def _elsewhere(one: Row) -> str:
+    """Whether a claim would hold under another reading; that it does not, and that nobody tried, are two answers."""
+    named, tried = one["holds_under"], one["tried_under"]
+    if not tried:
+        return "Not tried under any other reading or value: their runs lack what the test needs."
+    where = f"of the {tried} other readings and values that were tried, {one['n']} seeds each"
+    if not named:
+        return f"Holds under none {where}."
+    more = f", and {len(named) - 2 * MOST_NAMED} more" if len(named) > 2 * MOST_NAMED else ""
+    return f"Holds under {len(named)} {where}: {', '.join(named[: 2 * MOST_NAMED])}{more}."
 
 
 def worth_table(rows: Sequence[Row]) -> str:

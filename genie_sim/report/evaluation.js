@@ -51,7 +51,7 @@ function evidence(claim) {
     ["Found", isNumber(claim.value) ? `${withInterval([claim.value, claim.low, claim.high], foundText(claim))}, ${claim.n} ${claim.n === 1 ? "value" : "seeds"}` : "not measured"],
     ...(claim.note ? [["Note", claim.note]] : []),
     ["Verdict", claim.verdict + (claim.marginal ? "; marginal: another set of seeds could say otherwise" : "")]];
-  if (claim.holds_under && DATA.sensitivity) facts.push(["Would hold under", claim.holds_under.length ? list(claim.holds_under) : "none of the other readings and values that were tried"]);
+  if (claim.holds_under && DATA.sensitivity) facts.push(["Would hold under", claim.holds_under.length ? list(claim.holds_under) : claim.tried_under === 0 ? "not tried: the runs of other readings and values lack what the test needs" : `none of the ${claim.tried_under} other readings and values that were tried, ${claim.n} seeds each`]);
   return [make("dl", {}, ...facts.map(([name, value]) => make("div", {}, make("dt", {}, name), make("dd", {}, value)))), scale(claim), ...claim.figures.map(picture)];
 }
 

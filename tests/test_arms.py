@@ -1,0 +1,111 @@
+"""Other readings and values: on the evaluation's own seeds, nothing run twice, and told from what nobody tried."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import pytest
+
+from genie_sim.paper import arms, verdict_table
+from genie_sim.paper.assumptions import Sweep, Variant, load_assumptions
+from genie_sim.paper.checks import ALL, load_claims
+from genie_sim.paper.claims import Verdict
+from genie_sim.paper.evidence import Finding
+from genie_sim.paper.facts import of_baselines
+from genie_sim.paper.replicate import Job, Outcome, run_job
+from genie_sim.paper.reproduce import last_calibration
+
+CLAIMS = {claim.id: claim for claim in load_claims()}
+SEEDS = (1, 2, 3, 4)
+FEW = dataclasses.replace(
+    load_assumptions(),
+    variants=(
+        Variant("other_rule", ("genie.object_map.rule=ema",), "yes", ""),
+        Variant("ideal_link", ("links=ideal",), "arguable", ""),
+        Variant("half_a_metre", ("genie.similarity={name: pose_grid, cell: 0.5 m}",), "yes", ""),
+    ),
+    sweeps=(
+        Sweep("image_cell_m", "m", (0.5, 1.0), (0.5, 2.0), "not given"),
+        Sweep("min_score", "1", (0.3, 0.7), (0.3, 0.5), "not given"),
+    ),
+)
+
+
+def made_up(level):
+    return {f"{kind}_reuse:{place}": level for kind in ("image", "object") for place in ("car", "edge")}
+
+
+@pytest.fixture
+def found(monkeypatch):
+    """The few arms of a made-up world, in which the other rule reuses 31 % of the objects, and the jobs it took."""
+    ran = []
+
+    def world(jobs, *_):
+        ran.extend(jobs)
+        return [Outcome(made_up(0.31 if "genie.object_map.rule=ema" in job.settings else 0.6)) for job in jobs]
+
+    monkeypatch.setattr(arms, "run_jobs", world)
+    base = {scenario: [made_up(0.6) | {"under_deadline_share:local": 0.0} for _ in SEEDS] for scenario in ALL}
+    return arms.run_arms(FEW, last_calibration(), SEEDS, base, 1, None), ran
+
+
+def test_every_arm_has_the_seeds_of_the_evaluation(found):
+    made, ran = found
+    assert {job.seed for job in ran} == set(SEEDS)
+    assert made.seeds == made.as_json()["seeds"] == len(SEEDS)
+    assert all(one.seeds == len(SEEDS) for one in made.evidence.values())
+
+
+def test_what_is_known_is_not_run_again(found):
+    made, ran = found
+    runs = {(job.settings[-1], job.methods) for job in ran}
+    assert runs == {
+        ("genie.object_map.rule=ema", ("genie",)),  # the baselines do what they did
+        ("links=ideal", ("local", "remote", "genie")),
+        ("genie.similarity={name: pose_grid, cell: 0.5 m}", ("genie",)),
+        ("min_score=0.7", ("genie",)),
+    }
+    assert len(ran) == 4 * len(ALL) * len(SEEDS)
+    known = {name: one.of(ALL[0], "under_deadline_share:local")[0] == 0 for name, one in made.evidence.items()}
+    assert [name for name, has in known.items() if has] == ["other_rule", "half_a_metre", "image_cell_m=0.5"]
+
+
+def test_a_value_that_the_evaluation_uses_is_a_point_of_the_curve_but_no_other_reading(found):
+    made, _ = found
+    assert set(made.evidence) == {"other_rule", "ideal_link", "half_a_metre", "image_cell_m=0.5", "min_score=0.7"}
+    assert [point["object_reuse"][0] for point in made.sweeps[0]["points"]] == pytest.approx([0.6, 0.6])
+    assert list(made.as_json()["variants"]) == ["other_rule", "ideal_link", "half_a_metre"]
+
+
+def test_where_a_claim_holds_where_not_and_where_nobody_tried(found):
+    made, _ = found
+    assert made.holding(CLAIMS["C11"]) == (["other_rule (plausible: yes)"], 5)
+    assert made.holding(CLAIMS["C13"]) == ([], 5)
+    assert made.holding(CLAIMS["C9"]) == ([], 0), "R is missing"
+    assert made.holding(CLAIMS["C30"]) == ([], 0), "no arm runs the case study"
+    missed = Finding(0.6, 0.5, 0.7, len(SEEDS), "1", holds=False, direction=True)
+    said = {}
+    for name in ("C11", "C13", "C30"):
+        row = verdict_table.row(Verdict(CLAIMS[name], missed, "not reproduced", False), made)
+        said[name] = verdict_table.document([row], [], None)
+    assert "Holds under 1 of the 5 other readings and values that were tried, 4 seeds each: other_rule" in said["C11"]
+    assert "Holds under none of the 5 other readings and values that were tried, 4 seeds each." in said["C13"]
+    assert "Not tried under any other reading or value" in said["C30"]
+
+
+def test_a_quick_evaluation_says_nothing_of_other_readings():
+    missed = Finding(0.6, 0.5, 0.7, 4, "1", holds=False, direction=True)
+    row = verdict_table.row(Verdict(CLAIMS["C11"], missed, "not reproduced", False))
+    assert row["holds_under"] is None and row["tried_under"] is None
+    assert "tried" not in verdict_table.document([row], [], None).split("## Table I")[0].split("## Each claim")[1]
+
+
+def test_baselines_do_the_same_whatever_genie_s_settings_are():
+    settings = (*last_calibration(), "genie.object_map.rule=ema")
+    base = run_job(Job("1car_hetero", 1, last_calibration())).facts
+    whole = run_job(Job("1car_hetero", 1, settings)).facts
+    merged = {**of_baselines(base), **run_job(Job("1car_hetero", 1, settings, ("genie",))).facts}
+    missing = set(whole) - set(merged)
+    assert all(name.startswith("improvement_") for name in missing), missing
+    assert merged == pytest.approx({name: whole[name] for name in merged}, nan_ok=True, rel=0)
+    assert whole["confidence_boost:car"] != base["confidence_boost:car"]
