@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from genie_sim.analysis import correctness
-from genie_sim.analysis.statistics import Blocks, Floats, around, share
+from genie_sim.analysis.statistics import Blocks, Floats, NoBlocks, around, share
 from genie_sim.recording.columns import Columns, Text
 from genie_sim.recording.results import MethodInfo, Metric
 from genie_sim.units import NS_PER_MS, NS_PER_S
@@ -44,16 +44,19 @@ def compute(
     resources: Table,
     answers: Table | None = None,
     held: Table | None = None,
+    *,
+    intervals: bool = True,
 ) -> list[Metric]:
     """All metrics of one run from its tables (columns: ``records``), in a fixed order; ``methods`` are those that ran.
+    ``intervals``: of frames and boosts, too; for many runs, whose spread is what counts, they are left out.
 
     Numbers have ten digits: what follows may differ between processors, which add up in different orders.
     """
     frames, lookups, resources = map(Columns.of, (frames, lookups, resources))
     names = [method.name for method in methods]
     found = [
-        *_of_frames(frames, methods),
-        *(metric for name in names for place in PLACEMENTS for metric in _of_genies(lookups, name, place)),
+        *_of_frames(frames, methods, intervals),
+        *(metric for name in names for place in PLACEMENTS for metric in _of_genies(lookups, name, place, intervals)),
         *_of_resources(resources, frames, names),
         *(correctness.of_answers(Columns.of(answers), names) if answers is not None and len(answers) else ()),
         *(correctness.of_held(Columns.of(held), names) if held is not None and len(held) else ()),
@@ -113,10 +116,10 @@ def running_use(samples: Columns) -> tuple[Floats, Floats]:
     return t_ns, np.concatenate([[0.0], samples.floats("busy_ns")]) / float(capacity[0])
 
 
-def _of_frames(frames: Columns, methods: Sequence[MethodInfo]) -> Iterator[Metric]:
+def _of_frames(frames: Columns, methods: Sequence[MethodInfo], intervals: bool) -> Iterator[Metric]:
     if not len(frames):
         return
-    blocks = Blocks(frames["car"], frames["stamp_ns"])
+    blocks = Blocks(frames["car"], frames["stamp_ns"]) if intervals else NoBlocks()
     method = frames["method"]
     response = {answer: response_ms(frames, answer) for answer in ("first", "fresh")}
     answered = ~np.isnan(frames.floats("first_answer_ns"))
@@ -168,8 +171,8 @@ def _latencies(blocks: Blocks, values_ms: Floats, name: str, where: Where) -> It
     mean = float(values.mean())
     half = blocks.half_width(blocks.influence(np.where(known, values_ms, 0.0), known.astype(float)))
     yield Metric(f"{name}_mean", *where, mean, "ms", *around(mean, half), n)
-    for percent in PERCENTILES:
-        value, share = float(np.percentile(values, percent)), percent / 100
+    for percent, value in zip(PERCENTILES, np.percentile(values, PERCENTILES).tolist(), strict=True):
+        share = percent / 100
         below = known & (values_ms <= value)
         half = blocks.half_width(blocks.influence(below.astype(float), known.astype(float)))
         ends = (None, None) if half is None else (max(share - half, 0.0), min(share + half, 1.0))
@@ -201,7 +204,7 @@ def _improvement(blocks: Blocks, name: str, where: Where, ours_ms: Floats, their
     return Metric(name, *where, value, "1", *around(value, half), n)
 
 
-def _of_genies(lookups: Columns, method: str, placement: str) -> Iterator[Metric]:
+def _of_genies(lookups: Columns, method: str, placement: str, intervals: bool) -> Iterator[Metric]:
     """Of the Genies that a method runs on cars or on edges."""
     lookups = lookups.where(method=method, placement=placement)
     if not len(lookups):
@@ -218,7 +221,7 @@ def _of_genies(lookups: Columns, method: str, placement: str) -> Iterator[Metric
     yield _reuse(objects, "object_reuse", where)
     for kind in ("sighting", "boost"):
         yield _reuse(objects.where(kind=kind), f"object_reuse_{kind}", where)
-    yield _boost(objects, where)
+    yield _boost(objects, where, intervals)
     for name, events in (("stored_images", images), ("stored_objects", objects)):
         last = last_of_genies(events)
         yield Metric(name, *where, float(np.mean(last)) if last else None, "entries/Genie", n=len(last))
@@ -236,14 +239,14 @@ def _reuse(lookups: Columns, name: str, where: Where) -> Metric:
     return Metric(name, *where, value, "1", low, high, int(lookups["requests"].sum()))
 
 
-def _boost(objects: Columns, where: Where) -> Metric:
+def _boost(objects: Columns, where: Where, intervals: bool) -> Metric:
     """The running mean of C_new - C_old at the end of the run, over all these Genies."""
     events = objects.rows(objects["updates"] > 0)
     n = int(events["updates"].sum())
     if not n:
         return Metric("confidence_boost", *where, None, "1")
     value = float(events["boost_sum"].sum() / n)
-    blocks = Blocks(events["genie"], events["t_ns"])
+    blocks = Blocks(events["genie"], events["t_ns"]) if intervals else NoBlocks()
     half = blocks.half_width(blocks.influence(events["boost_sum"], events.floats("updates")))
     return Metric("confidence_boost", *where, value, "1", *around(value, half), n)
 

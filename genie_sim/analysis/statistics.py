@@ -76,6 +76,19 @@ class Blocks:
         return sums
 
 
+class NoBlocks(Blocks):
+    """Takes the place of blocks where nobody asks for intervals: nothing is computed, every interval is unknown."""
+
+    def __init__(self) -> None:
+        self._nothing: Floats = np.zeros(0)
+
+    def influence(self, above: Floats, below: Floats) -> Floats:
+        return self._nothing
+
+    def half_width(self, influence: Floats) -> None:
+        return None
+
+
 @functools.lru_cache(maxsize=4096)
 def t_quantile(freedom: int) -> float:
     """The 97.5 % quantile of Student's t distribution; scipy has it too, and takes as long to import as a run does.

@@ -10,7 +10,7 @@ import numpy as np
 
 from genie_sim.analysis.metrics import PLACEMENTS
 from genie_sim.paper import table1
-from genie_sim.paper.evidence import Evidence, Finding, Values, above, all_positive, below, matches
+from genie_sim.paper.evidence import BASE, Evidence, Finding, Values, above, all_positive, below, matches
 from genie_sim.scenario.profiles import load_profile
 from genie_sim.scenario.yaml_input import parse
 
@@ -283,7 +283,7 @@ def _ratio(evidence: Evidence, above_: str, below_: str, name: str) -> Values:
     return evidence.of(above_, name) / evidence.of(below_, name)
 
 
-def _over(evidence: Evidence, scenario: str, above_: str, below_: str, variant: str | None = None) -> Values:
+def _over(evidence: Evidence, scenario: str, above_: str, below_: str, variant: str = BASE) -> Values:
     return evidence.of(scenario, above_, variant) / evidence.of(scenario, below_, variant)
 
 

@@ -13,10 +13,12 @@ from typing import Any
 
 import numpy as np
 
+from genie_sim.paper.definitions import fact
 from genie_sim.paper.facts import Facts
 
 Values = np.ndarray[Any, np.dtype[np.float64]]  # one per seed
 CONFIDENCE = 0.95
+BASE = "base"  # the variant that is meant where none is named
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,22 +44,26 @@ class Finding:
 
 
 class Evidence:
-    """Facts of runs by (variant, scenario), one for each seed, in the same order everywhere."""
+    """Facts of runs by (variant, scenario), one for each seed, in the same order everywhere. ``definitions``: of each
+    metric, which one is meant by it, where it is not the default's."""
 
-    def __init__(self, runs: Mapping[tuple[str, str], Sequence[Facts]], base: str = "base") -> None:
+    def __init__(
+        self, runs: Mapping[tuple[str, str], Sequence[Facts]], definitions: Mapping[str, str] | None = None
+    ) -> None:
         self._runs = runs
-        self._base = base
+        self._definitions = definitions or {}
 
-    def of(self, scenario: str, name: str, variant: str | None = None) -> Values:
+    def of(self, scenario: str, name: str, variant: str = BASE) -> Values:
         """A fact's values over seeds. Raises ``KeyError`` where such a run was not made."""
-        runs = self._runs[variant if variant is not None else self._base, scenario]
-        return np.array([run.get(name, math.nan) for run in runs], dtype=float)
+        runs = self._runs[variant, scenario]
+        meant = fact(name, self._definitions)
+        return np.array([run.get(meant, math.nan) for run in runs], dtype=float)
 
     def names(self, scenario: str) -> list[str]:
         """The facts that any run of a scenario has, sorted."""
-        return sorted({name for facts in self._runs[self._base, scenario] for name in facts})
+        return sorted({name for facts in self._runs[BASE, scenario] for name in facts})
 
-    def mean_of(self, scenarios: Sequence[str], names: Sequence[str], variant: str | None = None) -> Values:
+    def mean_of(self, scenarios: Sequence[str], names: Sequence[str], variant: str = BASE) -> Values:
         """Mean over scenarios and facts, seed by seed; what is not defined is left out."""
         table = np.array([self.of(scenario, name, variant) for scenario in scenarios for name in names])
         known = ~np.isnan(table)
@@ -68,11 +74,11 @@ class Evidence:
     def resampled(self, places: Sequence[int]) -> Evidence:
         """The evidence that other seeds could have given: the seeds at these places, some more than once."""
         runs = {key: [facts[place] for place in places if place < len(facts)] for key, facts in self._runs.items()}
-        return Evidence(runs, self._base)
+        return Evidence(runs, self._definitions)
 
     @property
     def seeds(self) -> int:
-        return max((len(facts) for (variant, _), facts in self._runs.items() if variant == self._base), default=0)
+        return max((len(facts) for (variant, _), facts in self._runs.items() if variant == BASE), default=0)
 
 
 def interval(values: Values) -> tuple[float, float, float]:

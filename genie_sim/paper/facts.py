@@ -4,12 +4,14 @@ frames, ``metric:car`` and ``metric:edge`` of Genies -> value, NaN where not def
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
 from genie_sim.analysis import metrics
+from genie_sim.paper.definitions import fact
 from genie_sim.recording.columns import Columns
-from genie_sim.recording.results import MethodInfo
+from genie_sim.recording.results import MethodInfo, Metric
 from genie_sim.units import NS_PER_MS, NS_PER_S
 
 Facts = dict[str, float]
@@ -22,32 +24,19 @@ METHODS = (  # of the paper's evaluation
 
 BASELINES = tuple(method.name for method in METHODS if method.baseline)
 
+FOR_EVER_NS = 2**62
 EARLY_PERCENTILES = (10, 20, 30, 40, 50)
 
 
-def facts_of(frames: Columns, lookups: Columns, resources: Columns, lap_ns: int | None = None) -> Facts:
-    """All facts of a run from its tables. ``lap_ns``: when the second lap begins, if there is one."""
-    facts: Facts = {}
-    for one in metrics.compute(METHODS, frames, lookups, resources.rows([])):  # of resources what is named below
-        key = one.component or (one.method if one.placement == "all" else one.placement)
-        facts[f"{one.metric}:{key}"] = math.nan if one.value is None else one.value
-        if "reuse" in one.metric:
-            facts[f"{one.metric}_high:{key}"] = math.nan if one.high is None else one.high
-    for method in (method.name for method in METHODS):
-        mine = frames.where(method=method)
-        if not len(mine):
-            continue
-        times_ms, stamp_ns = metrics.response_ms(mine, "first"), mine["stamp_ns"]
-        for percent in EARLY_PERCENTILES:
-            facts[f"first_answer_p{percent}:{method}"] = _percentile(times_ms, percent)
-        late = stamp_ns > stamp_ns.min() + 2 / 3 * (stamp_ns.max() - stamp_ns.min())
-        for answer, name in (("fresh", "late_fresh_share"), ("first", "late_answered_share")):
-            facts[f"{name}:{method}"] = float((~np.isnan(mine.floats(f"{answer}_answer_ns")))[late].mean())
-        for car in frames["car"].unique():
-            of_car = times_ms[mine["car"] == car]
-            known = of_car[~np.isnan(of_car)]
-            facts[f"first_answer_mean:{method}:{car}"] = float(known.mean()) if len(known) else math.nan
-            facts[f"first_answer_p99:{method}:{car}"] = _percentile(of_car, 99)
+def facts_of(frames: Columns, lookups: Columns, resources: Columns) -> Facts:
+    """All facts of a run from its tables, each under every definition of its metric (``definitions.fact``)."""
+    facts = _of_metrics(metrics.compute(METHODS, frames, lookups, resources.rows([]), intervals=False))
+    facts.update(_of_early_and_late(frames))
+    stamped = frames.assign(received_ns=frames["stamp_ns"])
+    from_stamp = _of_metrics(metrics.compute(METHODS, stamped, lookups.rows([]), resources.rows([]), intervals=False))
+    for name, value in (from_stamp | _of_early_and_late(stamped)).items():
+        if (renamed := fact(name, {"time": "stamp"})) != name:
+            facts[renamed] = value
     both = frames.where(method="remote")
     both = both.rows((both["bytes_up"] > 0) & (both["bytes_down"] > 0))
     if len(both):
@@ -55,9 +44,44 @@ def facts_of(frames: Columns, lookups: Columns, resources: Columns, lap_ns: int 
     maps = lookups.rows(lookups["kind"] != "image")
     for placement in metrics.PLACEMENTS:
         facts[f"boost_per_object:{placement}"] = _boost_per_object(maps.where(placement=placement))
-    facts["image_peak_at:car"] = _peak_at(lookups, frames)
+    facts.update(of_running_ratios(lookups))
+    of_cars = lookups.where(kind="image", requester="client", placement="car")
+    for name, ratios in (("", metrics.windowed_reuse(of_cars)), ("_running", running_reuse(of_cars))):
+        facts[f"image{name}_peak_at:car"] = _peak_at(ratios, frames)
     facts.update({f"object_reuse:{genie}": reused for genie, reused in metrics.reuse(maps).items()})
-    facts.update(_of_resources(resources, lap_ns))
+    facts.update(_of_resources(resources, frames["stamp_ns"][frames["lap"] == 1].min(initial=FOR_EVER_NS)))
+    return facts
+
+
+def _of_metrics(found: Iterable[Metric]) -> Facts:
+    """Each metric's value; of reuse the highest window, too."""
+    facts: Facts = {}
+    for one in found:
+        key = one.component or (one.method if one.placement == "all" else one.placement)
+        facts[f"{one.metric}:{key}"] = math.nan if one.value is None else one.value
+        if "reuse" in one.metric:
+            facts[f"{one.metric}_high:{key}"] = math.nan if one.high is None else one.high
+    return facts
+
+
+def _of_early_and_late(frames: Columns) -> Facts:
+    """Of each method the early percentiles, the answers to the last third of the frames, and each car's times."""
+    facts: Facts = {}
+    for method in (method.name for method in METHODS):
+        mine = frames.where(method=method)
+        if not len(mine):
+            continue
+        times_ms, stamp_ns = metrics.response_ms(mine, "first"), mine["stamp_ns"]
+        for percent, value in zip(EARLY_PERCENTILES, _percentiles(times_ms, EARLY_PERCENTILES), strict=True):
+            facts[f"first_answer_p{percent}:{method}"] = value
+        late = stamp_ns > stamp_ns.min() + 2 / 3 * (stamp_ns.max() - stamp_ns.min())
+        for answer, name in (("fresh", "late_fresh_share"), ("first", "late_answered_share")):
+            facts[f"{name}:{method}"] = float((~np.isnan(mine.floats(f"{answer}_answer_ns")))[late].mean())
+        for car in frames["car"].unique():
+            of_car = times_ms[mine["car"] == car]
+            known = of_car[~np.isnan(of_car)]
+            facts[f"first_answer_mean:{method}:{car}"] = float(known.mean()) if len(known) else math.nan
+            facts[f"first_answer_p99:{method}:{car}"] = _percentiles(of_car, [99])[0]
     return facts
 
 
@@ -67,27 +91,48 @@ def of_baselines(facts: Facts) -> Facts:
     return {name: value for name, value in plain.items() if set(name.split(":")) & {*BASELINES}}
 
 
-def _of_resources(resources: Columns, lap_ns: int | None) -> Facts:
-    """What devices had done at the end."""
+def running_reuse(lookups: Columns) -> Columns:
+    """hits / requests of each Genie so far, after each of its messages: columns ``t_ns`` and ``ratio``."""
+    instants, ratios = [np.zeros(0, dtype=np.int64)], [np.zeros(0)]
+    for _, events in lookups.rows(lookups["requests"] > 0).groups("genie"):
+        instants.append(events["t_ns"])
+        ratios.append(np.cumsum(events["hits"]) / np.cumsum(events["requests"]))
+    return Columns({"t_ns": np.concatenate(instants), "ratio": np.concatenate(ratios)})
+
+
+def of_running_ratios(lookups: Columns) -> Facts:
+    """The highest running ratio that any Genie of a role had, for each of the reuse metrics with error bars."""
+    of_image = lookups["kind"] == "image"
+    images, objects = lookups.rows(of_image), lookups.rows(~of_image)
+    facts: Facts = {}
+    for metric, events in (
+        ("image_reuse", images.where(requester="client")),
+        ("image_reuse_with_neighbours", images),
+        ("object_reuse", objects),
+    ):
+        for placement in metrics.PLACEMENTS:
+            ratios = running_reuse(events.where(placement=placement))["ratio"]
+            facts[f"{metric}_highest_running:{placement}"] = float(ratios.max()) if len(ratios) else math.nan
+    return facts
+
+
+def _of_resources(resources: Columns, lap_ns: int) -> Facts:
+    """What devices had done at the end, and detectors when the second lap began."""
     facts: Facts = {}
     resources = resources.by("t_ns")
     cpus = [of_one.rows([-1]) for _, of_one in resources.where(method="genie", kind="cpu").groups("resource")]
     busy_ns, completed = (sum(int(one[name][0]) for one in cpus) for name in ("busy_ns", "completed"))
     facts["handling_ms"] = ratio(busy_ns / NS_PER_MS, completed)
-    runs = {"": 0, ":lap1": 0}
+    runs = lap1 = 0
     for method, of_method in resources.where(kind="accelerator").groups("method"):
         for resource, samples in of_method.groups("resource"):
             host, completed = resource.removesuffix(".accelerator"), samples["completed"]
             facts[f"accelerator_rate:{method}:{host}"] = ratio(completed[-1], samples["busy_ns"][-1] / NS_PER_S)
             if method == "genie":
-                runs[""] += int(completed[-1])
-                if lap_ns is not None:
-                    runs[":lap1"] += int(completed[samples["t_ns"] <= lap_ns].max(initial=0))
-    facts["detector_runs"] = float(runs[""])
-    if lap_ns is not None:
-        facts["detector_runs:lap1"] = float(runs[":lap1"])
-        facts["detector_runs:lap2"] = facts["detector_runs"] - facts["detector_runs:lap1"]
-    return facts
+                runs += int(completed[-1])
+                lap1 += int(completed[samples["t_ns"] <= lap_ns].max(initial=0))
+    of_laps = {":lap1": lap1, ":lap2": runs - lap1} if lap_ns < FOR_EVER_NS else {}
+    return facts | {f"detector_runs{lap}": float(count) for lap, count in {"": runs, **of_laps}.items()}
 
 
 def _boost_per_object(maps: Columns) -> float:
@@ -95,19 +140,18 @@ def _boost_per_object(maps: Columns) -> float:
     return ratio(maps["boost_sum"].sum(), sum(metrics.last_of_genies(maps)))
 
 
-def _peak_at(lookups: Columns, frames: Columns) -> float:
-    """When the highest windowed image reuse of any car's Genie was reached, as a share of the run."""
-    windows = metrics.windowed_reuse(lookups.where(kind="image", requester="client", placement="car"))
-    if not len(windows) or windows["ratio"].max() <= 0:
+def _peak_at(ratios: Columns, frames: Columns) -> float:
+    """When the highest ratio was reached, as a share of the run."""
+    if not len(ratios) or ratios["ratio"].max() <= 0:
         return math.nan
-    at_ns = int(windows["t_ns"][np.argmax(windows["ratio"])])
+    at_ns = int(ratios["t_ns"][np.argmax(ratios["ratio"])])
     begin_ns, end_ns = int(frames["stamp_ns"].min()), int(frames["stamp_ns"].max())
     return ratio(at_ns - begin_ns, end_ns - begin_ns)
 
 
-def _percentile(values: np.ndarray, percent: float) -> float:
+def _percentiles(values: np.ndarray, percents: Sequence[float]) -> list[float]:
     known = values[~np.isnan(values)]
-    return float(np.percentile(known, percent)) if len(known) else math.nan
+    return np.percentile(known, percents).tolist() if len(known) else [math.nan] * len(percents)
 
 
 def ratio(above: float, below: float) -> float:

@@ -115,7 +115,7 @@ def outcome_of(prepared: Prepared, keep_tables: bool = False) -> Outcome:
             placement = "edge" if genie.host.name in world.edges else "car"
             stored[placement] += [one.confidence for one in genie.pure.object_map]
     frames, lookups, resources = (table.columns() for table in (tables.frames, tables.lookups, tables.resources))
-    facts = facts_of(frames, lookups, resources, lap_ns=_lap_ns(prepared.scenario))
+    facts = facts_of(frames, lookups, resources)
     for placement, confidences in stored.items():
         facts[f"stored_confidence:{placement}"] = sum(confidences) / len(confidences) if confidences else math.nan
     same = all(len(seen) == 1 for seen in detectors.values())
@@ -195,8 +195,7 @@ class _Shared:
 def prepare_job(job: Job) -> Prepared:
     """The scenario, devices and traces of a job. Raises ``UserError``."""
     words, overrides = _split(job.settings)
-    plain = load_scenario(job.scenario)
-    overrides = [*_expanded(plain, words, job.seed), f"methods=[{', '.join(job.methods)}]", *overrides]
+    overrides = [*_expanded(_plain(job.scenario), words, job.seed), f"methods=[{', '.join(job.methods)}]", *overrides]
     scenario = load_scenario(job.scenario, overrides, job.seed)
     name = str(scenario.perception.parameters["trace"])
     trace = _trace(name, float(words.get("min_score", 0.0)), float(words.get("frame_rate_hz", 0)))
@@ -204,9 +203,10 @@ def prepare_job(job: Job) -> Prepared:
 
 
 WORDS = (
-    "overlap", "gate_m", "order", "laps", "quadro", "all_edges", "links", "link", "image_cell_m", "view_range_m",
-    "min_score", "frame_rate_hz",
+    "overlap", "gate_m", "order", "same_bag_s", "laps", "quadro", "all_edges", "links", "link", "image_cell_m",
+    "view_range_m", "min_score", "frame_rate_hz",
 )  # fmt: skip
+_plain = functools.lru_cache(load_scenario)
 
 
 def _split(settings: Sequence[str]) -> tuple[dict[str, str], list[str]]:
@@ -228,6 +228,9 @@ def _expanded(scenario: Scenario, words: Mapping[str, str], seed: int) -> Iterat
     if "overlap" in words:
         yield from _routes(scenario, float(words["overlap"]), words.get("order"), seed)
     for index in range(len(cars)):
+        if "same_bag_s" in words:  # all of the drive, begun this much after the car before
+            yield f"cars[{index}].route.window=null"
+            yield f"cars[{index}].route.start={index * float(words['same_bag_s']):g} s"
         if "laps" in words:
             yield f"cars[{index}].route.laps={words['laps']}"
         if "links" in words:
@@ -264,14 +267,6 @@ def _routes(scenario: Scenario, overlap: float, order: str | None, seed: int) ->
     for index, place in enumerate(places):
         begin_s = first_s + place * step_s
         yield f"cars[{index}].route.window=[{begin_s:.3f} s, {begin_s + ROUTE_S:.3f} s]"
-
-
-def _lap_ns(scenario: Scenario) -> int | None:
-    """When the second lap begins, for scenarios with laps."""
-    route = scenario.cars[0].route
-    if route.laps == 1 or route.window_ns is None:
-        return None
-    return route.start_ns + route.window_ns[1] - route.window_ns[0] + route.pause_ns
 
 
 @functools.lru_cache(maxsize=32)

@@ -1,0 +1,164 @@
+"""Readings of the paper: files that say what they change and why, and what each means by a metric."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from genie_sim.errors import UserError
+from genie_sim.paper.definitions import DEFINITIONS, fact
+from genie_sim.paper.evidence import Evidence
+from genie_sim.paper.facts import facts_of, of_running_ratios, running_reuse
+from genie_sim.paper.readings import FOLDER, NAMES, load_reading, load_readings
+from genie_sim.recording.columns import Columns, Text
+from tests import made_up_run
+
+MS = 1_000_000
+FITTED = {"overlap": 0.35, "gate_m": 0.25}
+
+
+def test_every_file_is_a_reading_and_every_reading_has_a_file():
+    assert sorted(path.stem for path in FOLDER.iterdir()) == sorted(NAMES)
+    assert [one.name for one in load_readings()] == list(NAMES)
+    assert [one.name for one in load_readings("bench")] == ["bench"]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_reading_gives_its_reasons_and_what_was_known_of_outcomes(name):
+    reading = load_reading(name)
+    given = [*reading.choices, *(one for one in dict(reading.metrics).values() if one is not None)]
+    assert all(len(one.why) > 40 and one.quote for one in given if one.why != "As it says.")
+    assert len(reading.why) > 100 and len(reading.known) > 100
+
+
+def test_the_default_means_what_the_facts_mean_and_defines_every_metric():
+    default = load_reading("default")
+    assert list(default.definitions) == list(DEFINITIONS)
+    assert all(DEFINITIONS[metric][definition] == () for metric, definition in default.definitions.items())
+    assert default.settings(FITTED) == ("overlap=0.35", "gate_m=0.25")
+
+
+def test_two_passes_is_the_default_with_one_change():
+    assert load_reading("two_passes").settings(FITTED) == ("overlap=0.35", "gate_m=0.25", "genie.passes=2")
+    assert load_reading("two_passes").definitions == {}
+    shown = load_reading("two_passes").as_json()["metrics"]
+    assert shown == load_reading("default").as_json()["metrics"]
+
+
+def test_bench_fits_nothing_and_means_something_else_by_every_metric():
+    bench = load_reading("bench")
+    assert bench.fitted == () and not any(one.startswith(("overlap", "gate")) for one in bench.settings(FITTED))
+    assert bench.definitions == {
+        "time": "stamp", "image_reuse": "all_requests", "error_bars": "running", "boost": "per_object"
+    }  # fmt: skip
+
+
+MINE = (FOLDER / "bench.yaml").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("fitted: []", "fitted: [gate]", "fitted[0]: unknown fitted 'gate' (did you mean 'gate_m'?)"),
+        ("title:", "titel:", "titel: unknown field; did you mean 'title'?"),
+        ("metrics:\n", "metrics:\n  tim: 3\n", "metrics.tim: unknown field; did you mean 'time'?"),
+        (
+            "definition: stamp", "definition: stmp",
+            "metrics.time.definition: unknown definition 'stmp' (did you mean 'stamp'?); known: received, stamp",
+        ),
+        ("    why: As it says.", "    wy: As it says.", "choices[6].wy: unknown field; did you mean 'why'?"),
+    ],
+)  # fmt: skip
+def test_a_reading_with_a_slip_is_one_line_with_file_field_and_choices(tmp_path, old, new, said):
+    path = tmp_path / "mine.yaml"
+    path.write_text(MINE.replace(old, new, 1))
+    with pytest.raises(UserError) as told:
+        load_reading(str(path))
+    assert str(told.value).startswith(f"{path}: {said}")
+    assert "\n" not in str(told.value)
+
+
+def test_an_unknown_reading_is_answered_with_the_known_ones():
+    with pytest.raises(UserError, match=r"unknown reading 'bnch' \(did you mean 'bench'\?\); known: bench, default"):
+        load_readings("bnch")
+
+
+@pytest.mark.parametrize(
+    ("metric", "definition", "name", "meant"),
+    [
+        ("time", "stamp", "first_answer_mean:genie", "first_answer_mean_from_stamp:genie"),
+        ("time", "stamp", "first_answer_p99:genie:car2", "first_answer_p99_from_stamp:genie:car2"),
+        ("time", "stamp", "fresh_under_deadline_share:local", "fresh_under_deadline_share_from_stamp:local"),
+        ("time", "stamp", "late_fresh_share:genie", "late_fresh_share:genie"),
+        ("time", "stamp", "fresh_answer_throughput:genie", "fresh_answer_throughput:genie"),
+        ("image_reuse", "all_requests", "image_reuse:edge", "image_reuse_with_neighbours:edge"),
+        ("image_reuse", "all_requests", "image_reuse_with_neighbours:edge", "image_reuse_with_neighbours:edge"),
+        ("error_bars", "running", "object_reuse_high:car", "object_reuse_highest_running:car"),
+        ("error_bars", "running", "object_reuse:car", "object_reuse:car"),
+        ("error_bars", "running", "image_peak_at:car", "image_running_peak_at:car"),
+        ("boost", "per_object", "confidence_boost:edge", "boost_per_object:edge"),
+    ],
+)
+def test_a_definition_names_another_fact(metric, definition, name, meant):
+    assert fact(name, {metric: definition}) == meant
+    assert fact(name, {}) == name
+
+
+def test_two_definitions_of_one_fact_go_together():
+    both = {"image_reuse": "all_requests", "error_bars": "running"}
+    assert fact("image_reuse_high:car", both) == "image_reuse_with_neighbours_highest_running:car"
+
+
+def test_evidence_under_a_definition_has_that_definition_s_values_after_resampling_too():
+    facts = [{"confidence_boost:car": 0.1, "boost_per_object:car": float(seed)} for seed in (1, 2, 3)]
+    evidence = Evidence({("base", "1car_homo"): facts}, {"boost": "per_object"})
+    assert evidence.of("1car_homo", "confidence_boost:car").tolist() == [1, 2, 3]
+    assert evidence.resampled([2, 0]).of("1car_homo", "confidence_boost:car").tolist() == [3, 1]
+
+
+def lookups(*rows):
+    """(genie, kind, requester, requests, hits), one row per 100 ms."""
+    genies, kinds, requesters, requests, hits = zip(*rows, strict=True)
+
+    def text(values):
+        return Text.of(np.arange(len(values)), values)
+
+    return Columns({
+        "genie": text(genies), "kind": text(kinds), "requester": text(requesters),
+        "placement": text(["car" if one.startswith("car") else "edge" for one in genies]), "method": text(genies),
+        "requests": np.array(requests), "hits": np.array(hits), "t_ns": np.arange(len(rows)) * 100 * MS,
+    })  # fmt: skip
+
+
+def test_the_running_ratio_is_hits_so_far_over_requests_so_far_of_each_genie():
+    found = running_reuse(lookups(
+        ("car1", "image", "client", 1, 0), ("car1", "image", "client", 1, 1), ("edge1", "image", "client", 4, 1),
+        ("car1", "image", "client", 2, 0), ("edge1", "image", "client", 0, 0),
+    ))  # fmt: skip
+    assert found["ratio"].tolist() == [0, 1 / 2, 1 / 4, 1 / 4]
+    assert found["t_ns"].tolist() == [0, 100 * MS, 300 * MS, 200 * MS]
+
+
+def test_a_run_s_facts_have_every_definition():
+    """Made up: every picture waits 3 ms for its first node."""
+    tables = [made_up_run.frames(cars=1, seconds=3), made_up_run.lookups(cars=1), made_up_run.resources(cars=1)]
+    facts = facts_of(*(table.columns() for table in tables))
+    for name in ("first_answer_mean:genie", "first_answer_p10:local", "first_answer_p99:remote:car1"):
+        assert facts[fact(name, {"time": "stamp"})] == pytest.approx(facts[name] + 3)
+    assert facts["under_deadline_share_from_stamp:remote"] <= facts["under_deadline_share:remote"]
+    for metric, definitions in DEFINITIONS.items():
+        for definition in definitions:
+            renamed = {fact(name, {metric: definition}) for name in facts}
+            assert renamed <= set(facts), (metric, definition)
+
+
+def test_the_highest_running_ratio_is_that_of_any_genie_of_the_role():
+    ones = [("car1", "image", "client", 1, hit) for hit in (0, 1, 1, 0)]
+    others = [("car2", "image", "client", 1, hit) for hit in (0, 0, 1, 0)]
+    edges = [("edge1", "image", "client", 1, 0), ("edge1", "image", "neighbour", 1, 1)]
+    found = of_running_ratios(lookups(*ones, *others, *edges, ("car2", "boost", "", 4, 3)))
+    assert found["image_reuse_highest_running:car"] == pytest.approx(2 / 3)
+    assert found["image_reuse_highest_running:edge"] == 0
+    assert found["image_reuse_with_neighbours_highest_running:edge"] == 1 / 2
+    assert found["object_reuse_highest_running:car"] == 3 / 4
+    assert np.isnan(found["object_reuse_highest_running:edge"])
