@@ -2,12 +2,36 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Literal, Protocol
+from collections.abc import Iterator, Sequence
+from typing import Literal, NamedTuple, Protocol
 
 from genie_sim.messages import Detections, Header, Image, Message, Observation
 
 Placement = Literal["car", "edge"]
+
+
+class Step(NamedTuple):
+    """What took until ``end_ns`` on the way of a frame, at which node, link or host, and the step before it. Parts are
+    ``queueing`` (for a thread, a processor or a link), ``hop`` (between processes of a host), ``genie`` (a cache's or a
+    router's work), ``inference``, ``encoding`` (and decoding), ``uplink``, ``downlink``, ``edges`` (their network) and
+    ``pending`` (until the answer to an equal frame, or a deadline)."""
+
+    part: str
+    place: str
+    end_ns: int
+    before: Step | None
+    header: Header
+
+    def since(self, begin_ns: int) -> Iterator[tuple[str, str, int, int]]:
+        """Part, place, begin and end of each step from an instant on, the last one first. Steps of one part that follow
+        one another at one place are one."""
+        last: Step | None = self
+        while last is not None and last.before is not None and last.end_ns > begin_ns:
+            first = last.before
+            while first.before is not None and first[:2] == last[:2] and first.end_ns > begin_ns:
+                first = first.before
+            yield last.part, last.place, max(first.end_ns, begin_ns), last.end_ns
+            last = first
 
 
 class Resource(Protocol):
@@ -36,6 +60,7 @@ class Monitor(Protocol):
     """Notes what happens in the run of one method; ``recording.log.Log`` writes it into tables."""
 
     wants_changes: bool  # whether it is to be told which objects of a map changed
+    wants_steps: bool  # whether it is to be told the way of each answer
     samples: Literal["all", "edges", "none"]  # whose resources are sampled
 
     def published(self, image: Image, number: int, lap: int) -> None:
@@ -47,8 +72,8 @@ class Monitor(Protocol):
     def carried(self, column: str, message: Message) -> None:
         """A message about a frame was on the wire of the car's link: ``bytes_up`` or ``bytes_down``."""
 
-    def answered(self, answer: Detections, source: str, now_ns: int) -> None:
-        """An answer is in the consumer's hands."""
+    def answered(self, answer: Detections, source: str, now_ns: int, way: Step | None = None) -> None:
+        """An answer is in the consumer's hands, with the steps that led to it, if they are wanted."""
 
     def dropped(self, message: Message, where: str) -> None:
         """A copy of a frame, or an answer to it, was lost; ``where`` names the queue, link or fault."""

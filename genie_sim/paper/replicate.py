@@ -18,6 +18,7 @@ from typing import Any, TypeVar
 from genie_sim import build, files
 from genie_sim.messages import Detections, Image, Location, Message
 from genie_sim.methods.genie import REMOTE
+from genie_sim.monitor import Step
 from genie_sim.paper.facts import Facts, facts_of
 from genie_sim.parallel import in_processes
 from genie_sim.perception.sources import Recordings
@@ -170,8 +171,8 @@ class _AnswerLog(Log):
         self.held.answers.setdefault(header.origin, [])
         self.held.late_ns.setdefault(header.origin, header.stamp_ns - image.content.stamp_ns)
 
-    def answered(self, answer: Detections, source: str, now_ns: int) -> None:
-        super().answered(answer, source, now_ns)
+    def answered(self, answer: Detections, source: str, now_ns: int, way: Step | None = None) -> None:
+        super().answered(answer, source, now_ns, way)
         header = answer.header
         objects = tuple((one.label, one.location) for one in answer.objects if one.location is not None)
         self.held.answers[header.origin].append(Answer(now_ns, header.stamp_ns, header.frame_id, objects))

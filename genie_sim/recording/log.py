@@ -17,7 +17,7 @@ from genie_sim.messages import (
     ObjectLookups,
     Observation,
 )
-from genie_sim.monitor import Placement, Resource
+from genie_sim.monitor import Placement, Resource, Step
 from genie_sim.recording.answers import Answers
 from genie_sim.recording.held import Held
 from genie_sim.recording.records import Frame, Tables
@@ -29,10 +29,10 @@ class Log:
     """The rows of one method's run. A frame's row is found by its header and completed as the frame moves on. Then it
     goes into the table, which is compact; in the rare case that more becomes known, it is taken out again.
 
-    ``record`` names what is written besides frames and resources: ``lookups``, ``answers``, and what a replay needs,
-    ``poses`` and ``objects``. ``samples`` are the resources that are sampled: ``all``, those of ``edges``, or ``none``.
-    ``held`` judges what the consumers hold, where the truth is known. The poses of the cars in ``posed`` are known
-    already.
+    ``record`` names what is written besides frames and resources: ``lookups``, ``answers``, ``steps``, and what a
+    replay needs, ``poses`` and ``objects``. ``samples`` are the resources that are sampled: ``all``, those of
+    ``edges``, or ``none``. ``held`` judges what the consumers hold, where the truth is known. The poses of the cars in
+    ``posed`` are known already.
     """
 
     def __init__(
@@ -54,7 +54,9 @@ class Log:
         self._poses = tables.poses if "poses" in record else None
         self._objects = tables.objects if "objects" in record else None
         self._answers = Answers(method, tables.answers) if "answers" in record else None
+        self._steps = tables.steps if "steps" in record else None
         self.wants_changes = self._objects is not None  # of object maps
+        self.wants_steps = self._steps is not None
         self._open: dict[Header, Frame] = {}  # in order of their stamps
         self.published_frames = 0
 
@@ -103,7 +105,7 @@ class Log:
         if frame is not None:
             setattr(frame, column, getattr(frame, column) + message.size_bytes)
 
-    def answered(self, answer: Detections, source: str, now_ns: int) -> None:
+    def answered(self, answer: Detections, source: str, now_ns: int, way: Step | None = None) -> None:
         """An answer is in the consumer's hands. One under a stale stamp is no answer to this frame."""
         if self._held is not None:
             self._held.answered(answer, now_ns)
@@ -113,6 +115,10 @@ class Log:
         first, fresh = frame.first_answer_ns is None, answer.source != "map" and frame.fresh_answer_ns is None
         if self._answers is not None and (first or fresh):
             self._answers.answered(answer, source, first, fresh)
+        if self._steps is not None and way is not None and frame.received_ns is not None and (first or fresh):
+            which = "both" if first and fresh else "first" if first else "fresh"
+            for step in reversed(list(way.since(frame.received_ns))):
+                self._steps.append((self.method, frame.car, frame.stream, frame.stamp_ns, which, *step))
         if first:
             frame.first_answer_ns = now_ns
             frame.source = source

@@ -152,7 +152,29 @@ HELD = Schema(
         Column("error_m", "float64", "m", "mean over those right: distance from what is there", True),
     ),
 )
-SCHEMAS = (FRAMES, LOOKUPS, RESOURCES, POSES, OBJECTS, ANSWERS, HELD)
+STEPS = Schema(
+    "steps",
+    "One row per step on the way of a first or fresh answer, from when the frame was received until the consumer had "
+    "it; in order of time, answer by answer. A step begins when the one before it ends, so they add up to the "
+    "response time.",
+    (
+        METHOD,
+        Column("car", "text", "", "the car whose camera took the frame"),
+        Column("stream", "text", "", "camera stream of that car (frame_id)"),
+        Column("stamp_ns", "int64", "ns", "when the camera took it"),
+        Column("which", "text", "", "first or fresh answer, or both in one"),
+        Column(
+            "part", "text", "",
+            "queueing (for a thread, a processor or a link), hop (between processes), genie (work of a cache or "
+            "router), inference, encoding (and decoding), uplink, downlink, edges (their network), or pending (until "
+            "the answer to an equal frame, or a deadline)",
+        ),
+        Column("place", "text", "", "the node, processor or link; of a hop, the host"),
+        Column("begin_ns", "int64", "ns", "simulated time"),
+        Column("end_ns", "int64", "ns", "simulated time"),
+    ),
+)  # fmt: skip
+SCHEMAS = (FRAMES, LOOKUPS, RESOURCES, POSES, OBJECTS, ANSWERS, HELD, STEPS)
 
 _frame_row = attrgetter(*(column.name for column in FRAMES.columns))
 
@@ -197,6 +219,7 @@ class Tables:
     objects: Table = field(default_factory=lambda: Table(OBJECTS))
     answers: Table = field(default_factory=lambda: Table(ANSWERS))
     held: Table = field(default_factory=lambda: Table(HELD))
+    steps: Table = field(default_factory=lambda: Table(STEPS))
 
     @classmethod
     def spilling(cls, folder: Path | None) -> Tables:
@@ -205,4 +228,4 @@ class Tables:
         return cls(**{one.name: Table(one, spill[one.name]) for one in SCHEMAS if not one.sorted_by})
 
     def __iter__(self) -> Iterator[Table]:
-        return iter((self.frames, self.lookups, self.resources, self.poses, self.objects, self.answers, self.held))
+        return (getattr(self, one.name) for one in SCHEMAS)

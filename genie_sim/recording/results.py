@@ -106,6 +106,11 @@ class Run:
         """One row per car and instant: what its consumer held, against what was there."""
         return self.tables["held"].to_frame()
 
+    @cached_property
+    def steps(self) -> pd.DataFrame:
+        """One row per step on the way of an answer."""
+        return self.tables["steps"].to_frame()
+
     def __repr__(self) -> str:
         where = self.folder if self.folder is not None else "not written to a folder"
         return f"<Run {self.name}-{self.run_id}: {len(self.tables['frames']):,} frames, {where}>"

@@ -9,7 +9,7 @@ from __future__ import annotations
 import copy
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Literal, Self, get_args
 
 from pydantic import ConfigDict, Field, PrivateAttr, model_validator
 
@@ -34,8 +34,8 @@ from genie_sim.scenario.profiles import DeviceProfile, load_profile
 from genie_sim.scenario.yaml_input import dump, read_mapping
 from genie_sim.seeds import stream
 
-Record = Literal["lookups", "resources", "poses", "objects", "answers", "held"]
-RECORDS: tuple[Record, ...] = ("lookups", "resources", "poses", "objects", "answers", "held")
+Record = Literal["lookups", "resources", "poses", "objects", "answers", "held", "steps"]
+RECORDS: tuple[Record, ...] = get_args(Record)
 USUAL_METHODS = tuple(map(read_method, methods.USUAL))
 
 EDGES = "edges"  # the network between edges, in the names of links

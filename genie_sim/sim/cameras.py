@@ -56,6 +56,7 @@ class Camera(Node):
 
     def _take(self, number: int, lap: int, stamp_ns: int, frame: Frame) -> None:
         image = self._image(Header(stamp_ns, self._camera.name, self._car.name), frame)
+        self.env.begin(image.header)
         self._published(image, number, lap)
         self.publish(self._topic, image)
         self.wait()

@@ -15,11 +15,15 @@ import simpy
 from simpy.core import EmptySchedule, Infinity
 from simpy.events import NORMAL, EventPriority
 
+from genie_sim.messages import Header
+from genie_sim.monitor import Step
+
 
 class Clock(simpy.Environment):
     """The time of a run: ``now`` is in nanoseconds since its start."""
 
     now: int = 0  # SimPy allows for fractions; delays here are whole, so this stays whole
+    way: Step | None = None  # what led to the call that is carried out now, where somebody wants to know
 
     def __init__(self) -> None:
         super().__init__()
@@ -36,6 +40,12 @@ class Clock(simpy.Environment):
             heappush(self._instants, at_ns)
         else:
             calls.append((call, arguments))
+
+    def begin(self, header: Header) -> None:
+        """What is done from now on is about a new frame; only ``StepClock`` follows it."""
+
+    def waited(self, way: Step | None, part: str, place: str) -> None:
+        """What is done from now on goes on with ``way``, which has waited at this place until now."""
 
     def schedule(self, event: simpy.Event, priority: EventPriority = NORMAL, delay: Any = 0) -> None:
         """SimPy's way to say when an event happens; ``delay`` is a whole number, too."""

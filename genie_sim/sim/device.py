@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from genie_sim.monitor import Step
 from genie_sim.sim.clock import Clock
 from genie_sim.sim.service import Device, HopTime
 
@@ -27,7 +28,7 @@ class Processor:
         self.capacity = capacity
         self.completed = 0
         self._serving = 0
-        self._waiting: deque[tuple[int, Done, tuple[Any, ...]]] = deque()
+        self._waiting: deque[tuple[Step | None, int, Done, tuple[Any, ...]]] = deque()
         self._busy_ns = 0  # of the jobs that are over, without the beginnings of those in service
         self._generation = 0  # counts how often everything here was voided
 
@@ -47,7 +48,7 @@ class Processor:
             self._busy_ns -= self.env.now
             self.env.after(service_ns, self._finished, self._generation, done, arguments)
         else:
-            self._waiting.append((service_ns, done, arguments))
+            self._waiting.append((self.env.way, service_ns, done, arguments))
 
     def void(self) -> None:
         """Forgets every job that waits or is in service: none of them is ever done."""
@@ -61,8 +62,11 @@ class Processor:
             return
         self.completed += 1
         if self._waiting:
-            service_ns, *job = self._waiting.popleft()
+            mine = self.env.way
+            way, service_ns, *job = self._waiting.popleft()
+            self.env.waited(way, "queueing", self.name)
             self.env.after(service_ns, self._finished, generation, *job)
+            self.env.way = mine
         else:
             self._serving -= 1
             self._busy_ns += self.env.now

@@ -70,6 +70,8 @@ class Coder(Node):
     """Encodes (``step`` 0) or decodes (1) pictures on the CPU of its host; then ``take`` gets them, and all else at
     once. It keeps the newest pictures of each camera, as the node that it belongs to does."""
 
+    part = "encoding"
+
     def __init__(
         self, name: str, host: Host, graph: Graph, codec: Codec, step: int, take: Take, queue_length: int, drop: Dropped
     ) -> None:

@@ -7,6 +7,7 @@ from collections.abc import Callable, Hashable
 from typing import Any
 
 from genie_sim.messages import Message
+from genie_sim.monitor import Step
 from genie_sim.sim.clock import Clock
 from genie_sim.sim.encoding import Codec, Coder
 from genie_sim.sim.link_models import Channel
@@ -26,6 +27,7 @@ class Link:
 
     kind = "link"
     capacity = 1
+    part = "edges"  # what the time on it counts as: ``uplink``, ``downlink``, or that of the network between edges
 
     def __init__(
         self, env: Clock, name: str, channel: Channel, queue_length: int = 1, dropped: Dropped | None = None
@@ -39,7 +41,7 @@ class Link:
         self._channel = channel
         self._queue_length = queue_length
         self._dropped = dropped
-        self._waiting: deque[tuple[Hashable, Message, Carried | None, Deliver, tuple[Any, ...]]] = deque()
+        self._waiting: deque[tuple[Hashable, Message, Step | None, Carried | None, Deliver, tuple[Any, ...]]] = deque()
         self._flows: Counter[Hashable] = Counter()
         self._busy = False
         self._busy_since_ns = 0
@@ -64,7 +66,7 @@ class Link:
         """
         if self._busy and self._flows[flow] >= self._queue_length:
             self._drop_oldest(flow)
-        self._waiting.append((flow, message, carried, deliver, arguments))
+        self._waiting.append((flow, message, self.env.way, carried, deliver, arguments))
         self._flows[flow] += 1
         if not self._busy:
             self._busy = True
@@ -73,8 +75,9 @@ class Link:
 
     def _transmit(self) -> None:
         """The next message goes on the wire."""
-        flow, message, *others = self._waiting.popleft()
+        flow, message, way, *others = self._waiting.popleft()
         self._flows[flow] -= 1
+        self.env.waited(way, "queueing", self.name)
         occupied_ns = self._channel.occupied_ns(message.size_bytes, self.env.now)
         self.env.after(int(occupied_ns), self._transmitted, message, *others)
 
@@ -134,7 +137,7 @@ class Bridge:
     ) -> None:
         self.address = reaches
         self._codec = codec
-        self._link = link
+        self.link = link
         self._target = target
         self._topic = topic
         self._carried = carried
@@ -158,7 +161,7 @@ class Bridge:
         if self._codec is not None:
             message = self._codec.on_wire(message)
         flow = (self.address, self._topic, message.header.frame_id)
-        self._link.send(flow, message, self._arrive, message, sender, self._times_up, carried=self._carried)
+        self.link.send(flow, message, self._arrive, message, sender, self._times_up, carried=self._carried)
 
     def _arrive(self, message: Message, sender: str, times_up: int) -> None:
         if self._is_up and times_up == self._times_up:

@@ -34,7 +34,7 @@ class CarListener:
             self._world.monitor.received(message.header, self._world.env.now)
 
     def _answered(self, answer: Detections, now_ns: int) -> None:
-        self._world.monitor.answered(answer, self._source(answer), now_ns)
+        self._world.monitor.answered(answer, self._source(answer), now_ns, self._world.env.way)
 
     def _source(self, answer: Detections) -> str:
         """Where an answer comes from, seen from the car at this moment."""

@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from genie_sim.messages import Detections, Effect, Expired, Image, Message, Observation, Publish
+from genie_sim.messages import Detections, Effect, Expired, Header, Image, Message, Observation, Publish
+from genie_sim.monitor import Step
 from genie_sim.sim.device import Done, Host
 from genie_sim.sim.ros_graph import Dropped, Graph, Node
 from genie_sim.sim.station import Interceptor, MakeInterceptor, Station
 
 TIMER_LATE_NS = 500_000_000
+MOST_WAYS = 20_000  # that a node remembers
 PLAIN = Station()
 Observer = Callable[[str, Observation, int], None]  # the node's name, what it observed, and when
 
@@ -20,6 +22,8 @@ class Detector(Node):
 
     What it finds is what the recording's detector found in the frame; how long it takes is the device's business.
     """
+
+    part = "inference"
 
     def __init__(
         self, name: str, host: Host, graph: Graph, images: str, objects: str, queue_length: int, drop: Dropped
@@ -59,6 +63,7 @@ class InterceptorNode(Node):
         self._key, self._free, self._per_entry_ns = station.key, station.free, station.per_entry_ns
         self._observe = observe
         self._timer_set = False
+        self._ways: dict[Header, Step] = {}  # of the frames that it was asked about
 
     def work(self, message: Message, done: Done, *arguments: Any) -> None:
         if self._free:
@@ -71,12 +76,20 @@ class InterceptorNode(Node):
     def _look_up(self, done: Done, *arguments: Any) -> None:
         if self._per_entry_ns:
             search_ns = self._per_entry_ns * self.pure.cache_entries()
-            self.host.cpu.run(search_ns, self.host.serve_message, done, *arguments)
+            self.host.cpu.run(search_ns, self._decide, done, *arguments)
         else:
-            self.host.serve_message(done, *arguments)
+            self._decide(done, *arguments)
+
+    def _decide(self, done: Done, *arguments: Any) -> None:
+        self.host.serve_message(done, *arguments)
 
     def handle(self, topic: str, message: Message, sender: str) -> None:
-        self._carry_out(self.pure.on_message(topic, message, self.env.now, sender))
+        effects, way = self.pure.on_message(topic, message, self.env.now, sender), self.env.way
+        if way is not None and isinstance(message, Image):
+            self._ways[message.header] = way
+            if len(self._ways) > MOST_WAYS:
+                del self._ways[next(iter(self._ways))]
+        self._carry_out(effects)
         if not self._timer_set:
             self._set_timer()
 
@@ -90,10 +103,14 @@ class InterceptorNode(Node):
         self.pure = self._make()
 
     def _carry_out(self, effects: list[Effect]) -> None:
-        publish = self.graph.publish
+        publish, way = self.graph.publish, self.env.way
         for effect in effects:
             if isinstance(effect, Publish):
+                header = effect.message.header
+                if way is not None and header != way.header and header in self._ways:  # it had waited for this
+                    self.env.waited(self._ways[header], "pending", self.name)
                 publish(self, effect.topic, effect.message, effect.to)
+                self.env.way = way
             else:
                 self._observe(self.name, effect.record, self.env.now)
 

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, Any, Protocol
 
 from genie_sim.messages import Message
+from genie_sim.monitor import Step
 from genie_sim.sim.clock import Clock
 
 if TYPE_CHECKING:
@@ -128,6 +129,7 @@ class Node:
     capacity = None  # nothing is served here: the host's processors do that
     busy_ns = 0
     sent_bytes = None
+    part = "genie"  # what its work counts as, on the way of a frame
 
     def __init__(
         self,
@@ -154,7 +156,7 @@ class Node:
         self._queue_length = queue_length
         self._idle_threads = threads
         self._threads = threads
-        self._queues: dict[str, deque[tuple[int, Message, str]]] = {}
+        self._queues: dict[str, deque[tuple[int, Message, str, Step | None]]] = {}
         self._in_service: list[Message] = []
         self._generation = 0  # counts how often everything here was voided
         self._arrivals = 0
@@ -172,12 +174,12 @@ class Node:
             queue = self._queues[topic] = deque()
         self.queued += 1
         if len(queue) >= self._queue_length:
-            _, oldest, _ = queue.popleft()
+            _, oldest, *_ = queue.popleft()
             self.queued -= 1
             self.drops += 1
             if self._dropped is not None:
                 self._dropped(oldest, f"{self.name}:{topic}")
-        queue.append((self._arrivals, message, sender))
+        queue.append((self._arrivals, message, sender, self.env.way))
         self._arrivals += 1
 
     def publish(self, topic: str, message: Message, to: str | None = None) -> None:
@@ -185,7 +187,7 @@ class Node:
 
     def void(self, where: str) -> None:
         """A fault: what is queued and in service here is lost, dropped by ``where``, and the node starts anew."""
-        queued = [message for queue in self._queues.values() for _, message, _ in queue]
+        queued = [message for queue in self._queues.values() for _, message, *_ in queue]
         for message in (*self._in_service, *queued):
             self.drops += 1
             if self._dropped is not None:
@@ -221,5 +223,6 @@ class Node:
         self.queued -= 1
         waiting = [one for one, queue in self._queues.items() if queue]
         topic = min(waiting, key=lambda one: self._queues[one][0][0])
-        _, message, sender = self._queues[topic].popleft()
+        _, message, sender, way = self._queues[topic].popleft()
+        self.env.waited(way, "queueing", self.name)
         self._serve(topic, message, sender)

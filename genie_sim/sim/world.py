@@ -24,6 +24,7 @@ from genie_sim.sim.ros_graph import Graph
 from genie_sim.sim.service import Device
 from genie_sim.sim.setup import CarSetup, Setup
 from genie_sim.sim.station import DETECTOR, IMAGES, OBJECTS, Method, Place, Station
+from genie_sim.sim.steps import StepClock
 from genie_sim.sim.topology import Edge, join_edges, neighbours
 from genie_sim.sim.uplinks import CarUplink
 
@@ -40,7 +41,7 @@ class World:
     """
 
     def __init__(self, setup: Setup, method: Method, monitor: Monitor) -> None:
-        self.env = Clock()
+        self.env = StepClock() if monitor.wants_steps else Clock()
         self.setup = setup
         self.monitor = monitor
         self.resources: list[Resource] = []

@@ -11,6 +11,7 @@ from sim.street import FOV_RAD, drive, fixed_device, scenario
 
 from genie_sim.messages import CameraPose, Detection
 from genie_sim.perception.trace import Trace, TraceFrame
+from genie_sim.scenario.profiles import DeviceProfile
 
 MS = 1_000_000
 IMAGE_BYTES = 1_397_297
@@ -55,6 +56,14 @@ ONE_FRAME = trace(view(0, 0, 0.5))
 ONE_CAMERA = [{"name": "camera_02", "recording": "02"}]
 
 
+def fixed(detector: str = "300 ms", cores: int = 4) -> dict[str, DeviceProfile]:
+    """The devices whose times stand above."""
+    return {
+        "jetson_tx2": fixed_device("jetson_tx2", detector=detector, genie="9 ms", cores=cores),
+        "agx_xavier": fixed_device("agx_xavier", detector="60 ms", genie="8 ms", hop="0.2 ms", per_megabyte="1 ms"),
+    }
+
+
 def frames(
     of: Trace,
     fleet: list[dict[str, Any]] | None = None,
@@ -65,10 +74,7 @@ def frames(
     **settings: Any,
 ) -> dict[str, pd.DataFrame]:
     """The frames of each method, with the times counted from their stamps."""
-    devices = {
-        "jetson_tx2": fixed_device("jetson_tx2", detector=detector, genie="9 ms", cores=cores),
-        "agx_xavier": fixed_device("agx_xavier", detector="60 ms", genie="8 ms", hop="0.2 ms", per_megabyte="1 ms"),
-    }
+    devices = fixed(detector, cores)
     slow = devices["jetson_tx2"].codec.model_copy(update={"value": codec})
     devices["jetson_tx2"] = devices["jetson_tx2"].model_copy(update={"codec": slow})
     fleet = fleet if fleet is not None else [car("car1", "edge1")]

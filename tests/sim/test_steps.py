@@ -1,0 +1,227 @@
+"""Where the time of a frame goes: every step of an answer's way, by hand and for every method that there is."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pandas as pd
+import pytest
+from numpy.random import default_rng
+from sim.street import build, scenario, street
+from sim.test_way_of_one_frame import (
+    CAR_DETECTOR,
+    CAR_GENIE,
+    CAR_HOP_ANSWER,
+    CAR_HOP_EMPTY,
+    CAR_HOP_IMAGE,
+    DECODE,
+    EDGE_DETECTOR,
+    EDGE_GENIE,
+    EDGE_HOP_ANSWER,
+    EDGE_HOP_IMAGE,
+    ENCODE,
+    LINK_ANSWER,
+    LINK_IMAGE,
+    LINK_SENT,
+    MS,
+    ONE_CAMERA,
+    ONE_FRAME,
+    SENT,
+    car,
+    fixed,
+    trace,
+    view,
+)
+
+from genie_sim.build import device
+from genie_sim.messages import CameraPose, Detections, Header, Image, Publish
+from genie_sim.methods import METHODS
+from genie_sim.monitor import Step
+from genie_sim.recording.log import Log
+from genie_sim.recording.records import Tables
+from genie_sim.runner import run_in_memory
+from genie_sim.scenario.scenario import RECORDS, load_scenario
+from genie_sim.sim.device import Host, Processor
+from genie_sim.sim.nodes import Consumer, InterceptorNode
+from genie_sim.sim.ros_graph import Graph
+from genie_sim.sim.station import IMAGES, OBJECTS, Interceptor
+from genie_sim.sim.steps import StepClock
+
+UP = [("hop", CAR_HOP_IMAGE), ("uplink", LINK_IMAGE)]
+ON_EDGE = [("hop", EDGE_HOP_IMAGE), ("inference", EDGE_DETECTOR), ("hop", EDGE_HOP_ANSWER), ("genie", EDGE_GENIE)]
+DOWN = [("hop", EDGE_HOP_ANSWER), ("downlink", LINK_ANSWER)]
+LAST = [("genie", CAR_GENIE), ("hop", CAR_HOP_ANSWER)]
+
+
+def tables(method: str, of: Any, setting: Any, record: Any = RECORDS, **options: Any) -> Tables:
+    written = Tables()
+    world, _ = build(setting, method, of, options.get("devices"), written, options.get("sent"))
+    world = type(world)(world.setup, world._method, Log(method, written, record))
+    world.run()
+    return written
+
+
+def way(method: str, of: Any = ONE_FRAME, fleet: Any = None, number: int = 0, which: str = "fresh", **more: Any) -> Any:
+    """Part and length of each step to the fresh (or first) answer to one frame."""
+    options = {name: more.pop(name) for name in ("sent",) if name in more}
+    setting = scenario(fleet or [car("car1", "edge1")], **({"cameras": ONE_CAMERA, "start_jitter": "0 s"} | more))
+    found = tables(method, of, setting, devices=fixed(), **options).steps.to_frame()
+    mine = found[found["which"].isin([which, "both"])]
+    stamp_ns = sorted(mine["stamp_ns"].unique())[number]
+    rows = mine[mine["stamp_ns"] == stamp_ns]
+    return list(zip(rows["part"], rows["end_ns"] - rows["begin_ns"], strict=True))
+
+
+def test_without_caches():
+    assert way("local") == [("inference", CAR_DETECTOR), ("hop", CAR_HOP_ANSWER)]
+    assert way("remote") == [("uplink", LINK_IMAGE), ("inference", EDGE_DETECTOR), *DOWN]
+
+
+def test_genie():
+    assert way("genie", which="first") == [("genie", CAR_GENIE), ("hop", CAR_HOP_EMPTY)]
+    assert way("genie") == [("genie", CAR_GENIE), *UP, ("genie", EDGE_GENIE), *ON_EDGE, *DOWN, *LAST]
+
+
+def test_encoded_pictures():
+    steps = way("remote", sent=SENT, image_encoding="jpeg80")
+    coded = [("encoding", ENCODE), ("uplink", LINK_SENT), ("encoding", DECODE)]
+    assert steps[:4] == [*coded, ("inference", EDGE_DETECTOR)]
+
+
+def test_a_frame_that_waits_for_an_equal_one_and_one_that_waits_for_the_wire_and_the_detector():
+    whole = sum(took for _, took in way("genie"))
+    coalesced = way("genie", trace(view(0, 0, 0.5), view(1, 50 * MS, 0.7)), number=1)
+    assert coalesced == [
+        ("genie", CAR_GENIE),
+        ("pending", whole - 50 * MS - CAR_GENIE - CAR_HOP_ANSWER),
+        ("hop", CAR_HOP_ANSWER),
+    ]
+    later = trace(view(0, 0, 0.5), view(1, 2 * MS, 5.5))
+    on_wire = LINK_IMAGE - 200_000
+    waits = EDGE_DETECTOR - on_wire  # while the first is looked at
+    assert way("remote", later, number=1) == [
+        ("queueing", on_wire - 2 * MS), ("uplink", LINK_IMAGE), ("queueing", waits), ("inference", EDGE_DETECTOR), *DOWN
+    ]  # fmt: skip
+
+
+def test_a_peer_answers():
+    cars = [car("car1", "edge1"), car("car2", "edge2", start="1 s")]
+    rules = {"miss_policy": "blocking", "share_answers": "on_request"}
+    there = [("hop", EDGE_HOP_IMAGE), ("edges", LINK_IMAGE), ("genie", EDGE_GENIE)]
+    back = [("hop", EDGE_HOP_ANSWER), ("edges", LINK_ANSWER), ("genie", EDGE_GENIE)]
+    assert way("genie", fleet=cars, number=1, genie=rules) == [
+        ("genie", CAR_GENIE), *UP, ("genie", EDGE_GENIE), *there, *back, *DOWN, *LAST
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        ("start_jitter=30 ms",),
+        ("genie.miss_policy=blocking", "genie.same_key_pending=forward", "queue_length=3", "cars[0].link=wifi"),
+        ("faults=[{fault: outage, target: car1, begin: 1 s, end: 1500 ms}]", "genie.share_answers=on_request"),
+    ],
+)
+def test_the_steps_of_every_answer_of_every_method_add_up_to_the_nanosecond(settings):
+    windows = [f"cars[{i}].route.window=[{3 * i} s, {3 * i + 2} s]" for i in range(3)]
+    run = run_in_memory(load_scenario("baselines", [*windows, *settings]))
+    assert {one.name for one in run.methods} == set(METHODS)
+    key = ["method", "car", "stream", "stamp_ns"]
+    for which in ("first", "fresh"):
+        ways = run.steps[run.steps["which"].isin([which, "both"])].groupby(key, observed=True)
+        known = run.frames[run.frames[f"{which}_answer_ns"].notna()].set_index(key).sort_index()
+        assert set(known.index.get_level_values("method")) == set(METHODS)
+        steps = pd.DataFrame({"begin": ways["begin_ns"].first(), "end": ways["end_ns"].last(), "n": ways.size()})
+        steps["sum"] = ways["end_ns"].sum() - ways["begin_ns"].sum()
+        steps["whole"] = known[f"{which}_answer_ns"] - known["received_ns"]
+        assert steps.index.equals(known.index) and (steps["sum"] == steps["whole"]).all()
+        assert (steps["begin"] == known["received_ns"]).all() and (steps["end"] == known[f"{which}_answer_ns"]).all()
+    took = run.steps["end_ns"] - run.steps["begin_ns"]
+    assert (took > 0).all(), "what takes no time is no step"
+    waits = run.steps.assign(took=took).groupby(["method", "part"], observed=True)["took"].sum().unstack()
+    assert waits.loc["local"].dropna().index.isin(["queueing", "inference", "hop"]).all()
+    assert waits.loc["remote"].dropna().index.isin(["queueing", "uplink", "inference", "downlink", "hop"]).all()
+
+
+def test_nothing_else_changes_because_of_it():
+    setting = scenario(2, start_jitter="30 ms")
+    others = [one for one in RECORDS if one != "steps"]
+    with_steps, without = (tables("genie", street(3.0), setting, record) for record in (RECORDS, others))
+    for one, other in zip(with_steps, without, strict=True):
+        if one.name != "steps":
+            pd.testing.assert_frame_equal(one.to_frame(), other.to_frame())
+    assert len(with_steps.steps) and not len(without.steps)
+
+
+def test_steps_in_a_row_at_one_place_are_one():
+    header: Any = None
+    begun = Step("", "", 0, None, header)
+    hop = Step("hop", "car1", 10, begun, header)
+    up = Step("uplink", "car1->edge1", 25, Step("uplink", "car1->edge1", 20, hop, header), header)
+    assert list(up.since(10)) == [("uplink", "car1->edge1", 10, 25)]
+    assert list(up.since(0)) == [("uplink", "car1->edge1", 10, 25), ("hop", "car1", 0, 10)]
+    assert list(up.since(12)) == [("uplink", "car1->edge1", 12, 25)]
+    assert list(up.since(25)) == []
+
+
+class Job:
+    """What a processor does, for one frame after the other."""
+
+    part, name = "inference", "detector"
+
+    def __init__(self, clock: StepClock) -> None:
+        self.clock, self.ways = clock, []
+
+    def done(self) -> None:
+        self.ways.append(self.clock.way)
+
+
+def test_what_waits_for_a_processor_keeps_its_own_way():
+    clock = StepClock()
+    processor, job = Processor(clock, "car1.accelerator", "accelerator"), Job(clock)
+    for number in range(2):
+        clock.begin(Header(number, "camera", "car1"))
+        processor.run(10, job.done)
+    clock.way = None
+    clock.run(until=100)
+    assert [list(one.since(-1))[::-1] for one in job.ways] == [
+        [("inference", "detector", 0, 10)],
+        [("queueing", "car1.accelerator", 0, 10), ("inference", "detector", 10, 20)],
+    ]
+    assert [one.header.stamp_ns for one in job.ways] == [0, 1]
+
+
+class InTwos(Interceptor):
+    """Answers two frames at once, the older first."""
+
+    name = "twos"
+
+    def __init__(self) -> None:
+        self.waiting: list[Any] = []
+
+    def subscriptions(self):
+        return (IMAGES,)
+
+    def publications(self):
+        return (OBJECTS,)
+
+    def on_message(self, topic, message, now_ns, sender=None):
+        self.waiting.append(message.header)
+        return [Publish(OBJECTS, Detections(one, ())) for one in self.waiting] if len(self.waiting) == 2 else []
+
+
+def test_an_answer_to_an_older_frame_does_not_take_over_the_way_of_the_others():
+    clock, ways = StepClock(), {}
+    host = Host(clock, "car1", device(fixed()["jetson_tx2"], "autoware_vision_detector"), *[default_rng(1)] * 2)
+    graph = Graph(clock, "car1")
+    node = InterceptorNode(InTwos, host, graph, 1, lambda *_: None, lambda *_: None)
+    Consumer("consumer", graph, OBJECTS, lambda answer, _: ways.setdefault(answer.header.stamp_ns, clock.way))
+    for stamp_ns in (MS, 5 * MS):
+        clock.run(until=stamp_ns)
+        header = Header(stamp_ns, "camera", "car1")
+        clock.begin(header)
+        node.deliver(IMAGES, Image(header, 0, "", 0, CameraPose(0.0, 0.0, 0.0, 0.0), 1.0), "camera")
+        clock.way = None
+    clock.run(until=100 * MS)
+    parts = {stamp_ns: [step[0] for step in one.since(-1)][::-1] for stamp_ns, one in ways.items()}
+    assert parts == {MS: ["genie", "pending", "hop"], 5 * MS: ["genie", "hop"]}
