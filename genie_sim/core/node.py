@@ -25,7 +25,7 @@ from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from typing import Any, Protocol
 
-from genie_sim.core.maps import Map, Viewer, as_change
+from genie_sim.core.maps import Learned, Map, Viewer, as_change
 from genie_sim.core.message_cache import Answers, MessageCache, PendingIndex, PendingRequest, Requester
 from genie_sim.core.rules import GenieRules
 from genie_sim.messages import (
@@ -80,6 +80,7 @@ class GenieNode:
         tells_changes: bool = True,
     ) -> None:
         self.name = name
+        self._own = (name, name.partition("/")[0])  # origins of this host's frames: real ROS names Genies, SimPy hosts
         self.rules = rules
         self.object_map = object_map
         self._key = key
@@ -244,8 +245,8 @@ class GenieNode:
                 pending.answered.add(topic)
                 if len(pending.answered) == len(self._published):
                     self._pending.close(pending)
-                to_clients = answer if own and self.rules.fresh_objects == "all" else learned.to_clients
-                effects += self._release(topic, pending, to_clients, learned.to_neighbours, own)
+                to_host = answer if own and self.rules.fresh_objects == "all" else learned.to_clients
+                effects += self._release(topic, pending, to_host, learned, own)
         if broadcast:
             effects.append(Publish(topic + self._remote, learned.to_neighbours))
         return effects
@@ -265,17 +266,20 @@ class GenieNode:
         database.put(pending.key, topic, answer, now_ns)
 
     def _release(
-        self, topic: str, pending: PendingRequest, to_clients: Answer, to_neighbours: Answer, own: bool
+        self, topic: str, pending: PendingRequest, to_host: Answer, learned: Learned, own: bool
     ) -> list[Effect]:
-        """The first answer goes to everyone who waits for it, under each one's own header."""
+        """The first answer goes to everyone who waits for it, under each one's own header: ``to_host`` to the clients
+        on this host, to others what may leave it."""
         effects: list[Effect] = []
         broadcast = own and self.rules.share_answers == "broadcast"
         for requester in pending.requesters:
             hits_only = not requester.neighbour and self.rules.miss_policy == "hits_only"
-            covered_by_broadcast = requester.neighbour and broadcast and requester.header == to_neighbours.header
+            covered_by_broadcast = requester.neighbour and broadcast and requester.header == to_host.header
             if topic in requester.served or hits_only or covered_by_broadcast:
                 continue
-            answer = to_neighbours if requester.neighbour else to_clients
+            answer = learned.to_neighbours if requester.neighbour else learned.to_clients
+            if not requester.neighbour and requester.header.origin in self._own:
+                answer = to_host
             mine = answer if requester.header == answer.header else answer.restamped(requester.header)
             effects.append(self._deliver(topic, mine, requester))
         return effects

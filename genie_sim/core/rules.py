@@ -78,7 +78,8 @@ class GenieRules:
     ``request_expiry_ns``: after this time an unanswered request is forgotten, ``None`` for never. ``miss_policy``: a
     client whose request misses gets the map's objects in view at once and the detection later (``immediate``), the
     first detection (``blocking``) or nothing (``hits_only``). ``view_range_m`` limits what is in view.
-    ``fresh_objects``: only ``confident`` objects reach clients, or ``all`` of the node's own fresh answer.
+    ``fresh_objects``: only ``confident`` objects reach clients, or ``all`` of the node's own fresh answer reach those on
+    the node's own host.
     """
 
     algorithm: Literal["default", "literal"] = "default"

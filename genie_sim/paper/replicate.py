@@ -109,8 +109,9 @@ def outcome_of(prepared: Prepared, keep_tables: bool = False) -> Outcome:
                 if method.name == "genie":
                     behind_genie.append(one.graph.topics_of(one.name) != (one.subscribes, one.publishes))
         for genie in genies:
-            for topic in (OBJECTS, OBJECTS + REMOTE):
-                genie.graph.subscribe(topic, shared)
+            if genie.host.name in world.edges or prepared.scenario.genie.fresh_objects == "confident":
+                genie.graph.subscribe(OBJECTS, shared)
+            genie.graph.subscribe(OBJECTS + REMOTE, shared)
         world.run()
         for genie in genies:
             placement = "edge" if genie.host.name in world.edges else "car"
@@ -179,7 +180,7 @@ class _AnswerLog(Log):
 
 
 class _Shared:
-    """Listens to what Genies publish and counts the objects, those below C_T apart; takes no time."""
+    """Listens to what Genies share and counts the objects, those below C_T apart; takes no time."""
 
     def __init__(self, threshold: float | str) -> None:
         self.address = "claims"

@@ -414,17 +414,22 @@ def test_with_hits_only_a_miss_is_never_answered():
     assert labels(answers(asked.on_message(IMAGES, frame(1), S))[0]) == ["car"]
 
 
-def test_all_fresh_objects_may_reach_the_own_clients_but_nobody_else():
-    asked = genie(miss_policy="blocking", fresh_objects="all")
+@pytest.mark.parametrize(
+    ("name", "delivered"),
+    [("car1/genie", ["car", "bus"]), ("car1", ["car", "bus"]), ("edge1/genie", ["car"]), ("car12/genie", ["car"])],
+)
+def test_all_fresh_objects_may_reach_the_clients_on_the_nodes_own_host_but_nobody_else(name, delivered):
+    """The transparent answer: who asks over a link gets what is above C_T, whatever the scenario says."""
+    asked = genie(name=name, miss_policy="blocking", fresh_objects="all")
     asked.on_message(IMAGES, frame(0), 0)
-    delivered, shared = publications(asked.on_message(FROM_NODE, answer(frame(0), CAR, FAINT_BUS), 1))
-    assert (delivered.topic, labels(delivered.message)) == (OBJECTS, ["car", "bus"])
+    to_client, shared = publications(asked.on_message(FROM_NODE, answer(frame(0), CAR, FAINT_BUS), 1))
+    assert (to_client.topic, labels(to_client.message)) == (OBJECTS, delivered)
     assert (shared.topic, labels(shared.message)) == (FROM_OTHERS, ["car"])
     assert labels(answers(asked.on_message(IMAGES, frame(1), S))[0]) == ["car"]  # a replay is not fresh
 
 
 def test_what_another_genie_says_is_not_the_own_nodes_fresh_answer():
-    asked = genie(miss_policy="blocking", fresh_objects="all")
+    asked = genie(name="car1/genie", miss_policy="blocking", fresh_objects="all")
     asked.on_message(IMAGES, frame(0), 0)
     assert labels(answers(asked.on_message(FROM_OTHERS, answer(frame(0), CAR, FAINT_BUS), 1))[0]) == ["car"]
 
