@@ -65,6 +65,8 @@ def make_genie(
         rules,
         share_answers=rules.share_answers if on_edge else "on_request",
         share_requests=rules.share_requests if on_edge else not alone,
+        share_filter=rules.share_filter if on_edge else "confident",
+        car_learns="all" if on_edge else rules.car_learns,
         miss_policy=miss_policy,
     )
     parts: dict[str, Any] = {

@@ -30,9 +30,10 @@ class Learned:
 
 @dataclass(slots=True)
 class Boosted:
-    """What a map makes of a stored answer: what leaves, and the look-ups it took."""
+    """What a map makes of a stored answer: all of it, what of that may go to clients, and the look-ups it took."""
 
     answer: Answer
+    to_clients: Answer
     requests: int
     hits: int
 

@@ -82,6 +82,7 @@ class GenieNode:
         self.name = name
         self._own = (name, name.partition("/")[0])  # origins of this host's frames: real ROS names Genies, SimPy hosts
         self.rules = rules
+        self._shares_all = rules.share_filter == "all"
         self.object_map = object_map
         self._key = key
         self._new_cache = new_cache
@@ -221,7 +222,8 @@ class GenieNode:
             answer = answer.served("cache", self.name)
             boosted = self.object_map.boost(stored, requester.header, _viewer(request), now_ns)
             if boosted is not None:
-                made, counts = boosted.answer, (boosted.requests, boosted.hits, 0, 0.0, len(self.object_map))
+                made = boosted.answer if requester.neighbour and self._shares_all else boosted.to_clients
+                counts = (boosted.requests, boosted.hits, 0, 0.0, len(self.object_map))
                 assert made.objects is not None
                 answer = answer.with_objects(made.objects)
                 if made.valid_ns is not None:
@@ -234,21 +236,26 @@ class GenieNode:
     def _on_answer(self, topic: str, answer: Answer, now_ns: int, *, own: bool) -> list[Effect]:
         """Lines 8 to 11, and delivery to everyone who waits. ``own``: the encapsulated node's answer."""
         pending = self._pending.by_header(answer.header)
+        learns = own or self.rules.car_learns == "all"
         viewer = None if pending is None else pending.viewer
-        learned = self.object_map.learn(answer, viewer, now_ns, own, self._tells_changes)  # line 9
+        learned = Learned(answer, answer, answer, None)
+        if learns:
+            learned = self.object_map.learn(answer, viewer, now_ns, own, self._tells_changes)  # line 9
         answer = learned.answer
+        to_neighbours = answer if self._shares_all else learned.to_neighbours
         effects: list[Effect] = [] if learned.lookups is None else [Observe(learned.lookups)]
         broadcast = own and self.rules.share_answers == "broadcast"
         if pending is not None:
-            self._store(topic, pending, answer, now_ns)  # line 10
+            if learns:
+                self._store(topic, pending, answer, now_ns)  # line 10
             if topic not in pending.answered:
                 pending.answered.add(topic)
                 if len(pending.answered) == len(self._published):
                     self._pending.close(pending)
                 to_host = answer if own and self.rules.fresh_objects == "all" else learned.to_clients
-                effects += self._release(topic, pending, to_host, learned, own)
+                effects += self._release(topic, pending, to_host, learned.to_clients, to_neighbours, own)
         if broadcast:
-            effects.append(Publish(topic + self._remote, learned.to_neighbours))
+            effects.append(Publish(topic + self._remote, to_neighbours))
         return effects
 
     def _store(self, topic: str, pending: PendingRequest, answer: Answer, now_ns: int) -> None:
@@ -266,10 +273,10 @@ class GenieNode:
         database.put(pending.key, topic, answer, now_ns)
 
     def _release(
-        self, topic: str, pending: PendingRequest, to_host: Answer, learned: Learned, own: bool
+        self, topic: str, pending: PendingRequest, to_host: Answer, to_others: Answer, to_neighbours: Answer, own: bool
     ) -> list[Effect]:
-        """The first answer goes to everyone who waits for it, under each one's own header: ``to_host`` to the clients
-        on this host, to others what may leave it."""
+        """The first answer goes to everyone who waits for it, under each one's own header: ``to_host`` to clients on
+        this host, ``to_others`` to those behind a link."""
         effects: list[Effect] = []
         broadcast = own and self.rules.share_answers == "broadcast"
         for requester in pending.requesters:
@@ -277,9 +284,8 @@ class GenieNode:
             covered_by_broadcast = requester.neighbour and broadcast and requester.header == to_host.header
             if topic in requester.served or hits_only or covered_by_broadcast:
                 continue
-            answer = learned.to_neighbours if requester.neighbour else learned.to_clients
-            if not requester.neighbour and requester.header.origin in self._own:
-                answer = to_host
+            to_client = to_host if requester.header.origin in self._own else to_others
+            answer = to_neighbours if requester.neighbour else to_client
             mine = answer if requester.header == answer.header else answer.restamped(requester.header)
             effects.append(self._deliver(topic, mine, requester))
         return effects
@@ -291,10 +297,13 @@ class GenieNode:
 
     def _on_unknown(self, topic: str, answer: Answer) -> list[Effect]:
         """An answer under the literal index: no request on its topic has its header, so it is taken for a request."""
+        to_neighbours = answer
         if answer.objects is not None:
             threshold = self.object_map.threshold
             answer = answer.with_objects([one for one in answer.objects if one.confidence >= threshold])
-        return [Publish(topic + self._local, answer), Publish(topic + self._remote, answer)]
+        if not self._shares_all:
+            to_neighbours = answer
+        return [Publish(topic + self._local, answer), Publish(topic + self._remote, to_neighbours)]
 
     def _looked_up(self, requester: Requester, outcome: str) -> Observe:
         who = "neighbour" if requester.neighbour else "client"

@@ -269,7 +269,8 @@ class ObjectMap:
                 included.add(id(one))
                 objects.append(one.detection or one.as_detection())
                 known.append(one)
-        return Boosted(self._confident(answer.with_objects(objects), known, to, now_ns), requests, hits)
+        answer = answer.with_objects(objects)
+        return Boosted(answer, self._confident(answer, known, to, now_ns), requests, hits)
 
     def visible(self, viewer: Viewer, range_m: float, now_ns: int) -> tuple[list[Detection], int | None]:
         """The confident objects in view. See ``maps.Map``."""

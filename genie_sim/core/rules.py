@@ -78,8 +78,9 @@ class GenieRules:
     ``request_expiry_ns``: after this time an unanswered request is forgotten, ``None`` for never. ``miss_policy``: a
     client whose request misses gets the map's objects in view at once and the detection later (``immediate``), the
     first detection (``blocking``) or nothing (``hits_only``). ``view_range_m`` limits what is in view.
-    ``fresh_objects``: only ``confident`` objects reach clients, or ``all`` of the node's own fresh answer reach those on
-    the node's own host.
+    ``fresh_objects``: only ``confident`` objects reach clients, or those on the node's own host get ``all`` of what it
+    finds. ``share_filter``: edges send each other ``confident`` objects only, or ``all`` (C_T towards cars only).
+    ``car_learns``: a car's Genie stores ``all`` answers, or its ``own`` node's only: the edge's just go on to clients.
     """
 
     algorithm: Literal["default", "literal"] = "default"
@@ -100,6 +101,8 @@ class GenieRules:
     miss_policy: MissPolicy = "immediate"
     view_range_m: float = 50.0
     fresh_objects: Literal["confident", "all"] = "confident"
+    share_filter: Literal["confident", "all"] = "confident"
+    car_learns: Literal["all", "own"] = "all"
     object_map: ObjectMapRules = field(default_factory=ObjectMapRules)
 
     def __post_init__(self) -> None:

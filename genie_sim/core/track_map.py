@@ -116,10 +116,11 @@ class TrackMap:
                 requests += 1
                 stored = self.match(one.label, one.location[0], one.location[1], now_ns)
                 hits += stored is not None and self._serves(stored, header.origin, now_ns)
-        if viewer is None:
-            return Boosted(answer.with_look(None, None), requests, hits)
-        objects, valid_ns = self.visible(viewer, self._view_range_m, now_ns)
-        return Boosted(answer.with_objects(objects).with_look(None, valid_ns), requests, hits)
+        answer = answer.with_look(None, None)
+        if viewer is not None:
+            objects, valid_ns = self.visible(viewer, self._view_range_m, now_ns)
+            answer = answer.with_objects(objects).with_look(None, valid_ns)
+        return Boosted(answer, answer, requests, hits)
 
     def visible(self, viewer: Viewer, range_m: float, now_ns: int) -> tuple[list[Detection], int | None]:
         half_rad = min(viewer.horizontal_fov_rad / 2, math.pi)

@@ -9,6 +9,7 @@ for the same spot. Both follow Algorithm 1 as every Genie does; they only have n
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 
 from genie_sim.core.genies import make_genie
@@ -57,8 +58,9 @@ def _genie(
     miss_policy: MissPolicy | None = None,
 ) -> GenieNode:
     assert place.genie is not None
+    rules = place.genie if place.sees else replace(place.genie, car_learns="all")  # there is no own node to learn from
     return make_genie(
-        place.genie,
+        rules,
         f"{place.name}/genie",
         subscribed,
         published,

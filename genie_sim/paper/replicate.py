@@ -108,10 +108,12 @@ def outcome_of(prepared: Prepared, keep_tables: bool = False) -> Outcome:
                 detectors.setdefault(one.name, set()).add(_node_fingerprint(one))
                 if method.name == "genie":
                     behind_genie.append(one.graph.topics_of(one.name) != (one.subscribes, one.publishes))
+        rules = prepared.scenario.genie
         for genie in genies:
-            if genie.host.name in world.edges or prepared.scenario.genie.fresh_objects == "confident":
+            if genie.host.name in world.edges or rules.fresh_objects == "confident":
                 genie.graph.subscribe(OBJECTS, shared)
-            genie.graph.subscribe(OBJECTS + REMOTE, shared)
+            if rules.share_filter == "confident":
+                genie.graph.subscribe(OBJECTS + REMOTE, shared)
         world.run()
         for genie in genies:
             placement = "edge" if genie.host.name in world.edges else "car"
@@ -180,7 +182,10 @@ class _AnswerLog(Log):
 
 
 class _Shared:
-    """Listens to what Genies share and counts the objects, those below C_T apart; takes no time."""
+    """Listens to what Genies share under C_T and counts the objects, those below it apart; takes no time.
+
+    Where a scenario says so, C_T is not for what edges send each other, and not for what a car's own node finds.
+    """
 
     def __init__(self, threshold: float | str) -> None:
         self.address = "claims"

@@ -616,3 +616,32 @@ def test_a_genie_stands_between_everyone_and_the_node():
 def test_a_topic_that_is_not_the_nodes_is_refused():
     with pytest.raises(KeyError):
         genie().on_message("/points_raw", frame(0), 0)
+
+
+# What Genies learn and share
+
+
+def test_an_edge_may_send_other_edges_every_object_but_a_car_never():
+    asked = genie(miss_policy="blocking", share_filter="all")
+    asked.on_message(IMAGES, frame(0), 0)
+    to_client, shared = publications(asked.on_message(FROM_NODE, answer(frame(0), CAR, FAINT_BUS), 1))
+    assert (to_client.topic, labels(to_client.message)) == (OBJECTS, ["car"])
+    assert (shared.topic, labels(shared.message)) == (FROM_OTHERS, ["car", "bus"])
+    assert labels(answers(asked.on_message(IMAGES, frame(1), S))[0]) == ["car"]
+    hit = asked.on_message(TO_OTHERS, frame(2, car="car2"), 2 * S, NEIGHBOUR)
+    assert labels(answers(hit, FROM_OTHERS)[0]) == ["car", "bus"]
+
+
+def test_a_car_that_learns_from_its_own_node_only_passes_the_edges_answer_on():
+    asked = genie(name="car1/genie", car_learns="own", share_answers="on_request")
+    asked.on_message(IMAGES, frame(0), 0)
+    effects = asked.on_message(FROM_OTHERS, answer(frame(0), CAR), 1)
+    assert [labels(one) for one in answers(effects)] == [["car"]]
+    assert facts(effects, ObjectLookups) == []
+    assert (asked.cache_entries(), len(asked.object_map)) == (0, 0)
+    again = asked.on_message(IMAGES, frame(1), S)
+    assert lookup(frame(1), "miss") in again
+    assert labels(answers(again)[0]) == []
+    assert answers(asked.on_message(FROM_NODE, answer(frame(0), CAR, FAINT_BUS), S + 1)) == []  # too late, but learned
+    assert (asked.cache_entries(), len(asked.object_map)) == (1, 2)
+    assert lookup(frame(2), "hit", 1) in asked.on_message(IMAGES, frame(2), 2 * S)

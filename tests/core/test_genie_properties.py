@@ -26,6 +26,8 @@ READINGS = {
     "request_expiry_ns": [2 * S, S // 2, None],
     "miss_policy": ["immediate", "blocking", "hits_only"],
     "fresh_objects": ["confident", "all"],
+    "share_filter": ["confident", "all"],
+    "car_learns": ["all", "own"],
     "name": ["edge1/genie", "car1/genie"],
 }
 MAP_READINGS = {
@@ -62,12 +64,17 @@ whatever = settings(max_examples=60)
 @whatever
 @given(genies(), any_story)
 def test_only_confident_objects_ever_leave(make_genie, story):
-    """C >= C_T (Section III-D); but for the node's fresh answers to clients on its host, where a scenario says ``all``."""
+    """C >= C_T (Section III-D), but for what a scenario says to pass on whole: the node's fresh answers to clients on
+    its host, an edge's to other edges, and answers that a car does not learn from."""
     telling = make_genie()
-    for _, effects in tell(telling, story):
+    rules, on_car = telling.rules, telling.name == "car1/genie"
+    for step, effects in tell(telling, story):
         for effect in publications(effects):
-            fresh = effect.topic == OBJECTS and effect.message.source == "detector" and telling.name == "car1/genie"
-            if effect.topic.startswith(OBJECTS) and not (fresh and telling.rules.fresh_objects == "all"):
+            fresh = effect.topic == OBJECTS and effect.message.source == "detector"
+            whole = fresh and on_car and rules.fresh_objects == "all"
+            whole |= effect.topic == f"{OBJECTS}-remote" and rules.share_filter == "all"
+            whole |= rules.car_learns == "own" and step.topic == f"{OBJECTS}-remote"
+            if effect.topic.startswith(OBJECTS) and not whole:
                 assert all(one.confidence >= telling.object_map.threshold for one in effect.message.objects)
 
 
