@@ -90,8 +90,8 @@ def test_two_parameters_are_fitted_to_two_numbers_on_seeds_of_their_own():
 def test_fitted_parameters_are_swept_over_more_than_their_plausible_ranges():
     swept = {sweep.parameter: sweep for sweep in ASSUMED.sweeps}
     for one in ASSUMED.fitted:
-        assert swept[one.name].plausible == (one.low, one.high)
-        assert max(swept[one.name].values) > one.high
+        assert swept[one.name].plausible == one.range
+        assert max(swept[one.name].values) > one.range[1]
 
 
 def test_everything_fixed_has_a_reason():

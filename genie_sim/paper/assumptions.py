@@ -2,26 +2,29 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+from pydantic import BaseModel, ConfigDict, Field
+
 from genie_sim.scenario.yaml_input import read_mapping
 
 
-@dataclass(frozen=True, slots=True)
-class Variant:
+class _Part(BaseModel):
+    model_config = ConfigDict(frozen=True)
+
+
+class Variant(_Part):
     """Another reading or machine. ``plausible``: ``yes``, ``arguable`` or ``no``, whatever comes out."""
 
     name: str
-    settings: tuple[str, ...]
+    settings: tuple[str, ...] = Field(alias="set")
     plausible: str
     why: str
 
 
-@dataclass(frozen=True, slots=True)
-class Sweep:
+class Sweep(_Part):
     """One open parameter, the values it is tried at and their plausible range; ``paper``: what the paper gives."""
 
     parameter: str
@@ -31,25 +34,22 @@ class Sweep:
     paper: str
 
 
-@dataclass(frozen=True, slots=True)
-class Fitted:
+class Fitted(_Part):
     """A calibrated parameter's physically plausible range."""
 
     name: str
-    low: float
-    high: float
+    range: tuple[float, float]
     why: str
 
 
-@dataclass(frozen=True, slots=True)
-class Assumptions:
+class Assumptions(_Part):
     """The content of the file."""
 
     scenarios: tuple[str, ...]
     seeds: tuple[int, ...]
     calibration_seeds: tuple[int, ...]
     settings: tuple[str, ...]
-    fixed: tuple[dict[str, str], ...]
+    fixed: tuple[dict[str, Any], ...]
     fitted: tuple[Fitted, ...]
     targets: dict[str, float]
     variants: tuple[Variant, ...]
@@ -59,33 +59,8 @@ class Assumptions:
 @lru_cache(maxsize=1)
 def load_assumptions() -> Assumptions:
     """The committed assumptions."""
-    data: dict[str, Any] = read_mapping(Path(__file__).with_name("assumptions.yaml"))
-    evaluation, calibrated = data["evaluation"], data["calibrated"]
-    return Assumptions(
-        scenarios=tuple(evaluation["scenarios"]),
-        seeds=tuple(evaluation["seeds"]),
-        calibration_seeds=tuple(evaluation["calibration_seeds"]),
-        settings=tuple(evaluation["settings"]),
-        fixed=tuple(data["fixed"]),
-        fitted=tuple(
-            Fitted(name, *_range(one["range"]), one["why"])
-            for name, one in calibrated["parameters"].items()
-        ),
-        targets={name: float(target["value"]) for name, target in calibrated["targets"].items()},
-        variants=tuple(
-            Variant(one["name"], tuple(one["set"]), one["plausible"], one["why"]) for one in data["variants"]
-        ),
-        sweeps=tuple(
-            Sweep(one["parameter"], one["unit"], _floats(one["values"]), _range(one["plausible"]), one["paper"])
-            for one in data["sweeps"]
-        ),
-    )
-
-
-def _floats(values: list[float]) -> tuple[float, ...]:
-    return tuple(float(value) for value in values)
-
-
-def _range(values: list[float]) -> tuple[float, float]:
-    low, high = _floats(values)
-    return low, high
+    data = read_mapping(Path(__file__).with_name("assumptions.yaml"))
+    calibrated = data["calibrated"]
+    fitted = [{"name": name, **one} for name, one in calibrated["parameters"].items()]
+    targets = {name: target["value"] for name, target in calibrated["targets"].items()}
+    return Assumptions.model_validate({**data, **data["evaluation"], "fitted": fitted, "targets": targets})

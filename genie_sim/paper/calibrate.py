@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
+from itertools import product
 from typing import Any
 
 from genie_sim.paper.assumptions import Assumptions
@@ -70,29 +71,25 @@ class Calibration:
 
 def calibrate(assumptions: Assumptions, workers: int, progress: Progress | None = None) -> Calibration:
     """The point of the plausible ranges that fits the two published numbers best."""
-    overlap, gate = assumptions.fitted
-    steps = (overlap.high - overlap.low) / (GRID - 1), (gate.high - gate.low) / (GRID - 1)
-    grid = [
-        (round(overlap.low + i * steps[0], 4), round(gate.low + j * steps[1], 4))
-        for i in range(GRID)
-        for j in range(GRID)
-    ]
-    tried = _try(assumptions, grid, workers, progress)
-    for _ in range(REFINEMENTS):
-        steps = steps[0] / 2, steps[1] / 2
-        best = min(tried, key=lambda one: one.misfit(assumptions.targets))
-        around = [
-            (round(best.overlap + i * steps[0], 4), round(best.gate_m + j * steps[1], 4))
-            for i in (-1, 0, 1)
-            for j in (-1, 0, 1)
-        ]
+    ranges = [one.range for one in assumptions.fitted]
+    steps = [(high - low) / (GRID - 1) for low, high in ranges]
+    tried: list[Point] = []
+
+    def attempt(middle: Sequence[float], places: Sequence[int]) -> Point:
+        """Tries all points so many steps away from one, within the ranges; the best point of all so far."""
+        axes = [[round(at + i * step, 4) for i in places] for at, step in zip(middle, steps, strict=True)]
         known = {(one.overlap, one.gate_m) for one in tried}
-        inside = [
-            (o, g) for o, g in around
-            if overlap.low <= o <= overlap.high and gate.low <= g <= gate.high and (o, g) not in known
+        new = [
+            (overlap, gate_m) for overlap, gate_m in product(*axes)
+            if ranges[0][0] <= overlap <= ranges[0][1] and ranges[1][0] <= gate_m <= ranges[1][1]
         ]  # fmt: skip
-        tried += _try(assumptions, inside, workers, progress)
-    best = min(tried, key=lambda one: one.misfit(assumptions.targets))
+        tried.extend(_try(assumptions, [point for point in new if point not in known], workers, progress))
+        return min(tried, key=lambda one: one.misfit(assumptions.targets))
+
+    best = attempt([low for low, _ in ranges], range(GRID))
+    for _ in range(REFINEMENTS):
+        steps = [step / 2 for step in steps]
+        best = attempt((best.overlap, best.gate_m), (-1, 0, 1))
     return Calibration(best, tuple(sorted(tried, key=lambda one: (one.overlap, one.gate_m))), assumptions.targets)
 
 

@@ -44,6 +44,13 @@ class Cell:
             return self.printed_speedup is not self.speedup
         return abs(self.printed_speedup - self.speedup) > ROUNDING
 
+    def __str__(self) -> str:
+        """As printed; a misprinted speed-up is followed by the right one in bold."""
+        if self.printed_ms is None:
+            return "out of memory"
+        right = f" **{self.speedup:.2f}x**" if self.misprinted else ""
+        return f"{self.printed_ms:.2f} / {self.printed_speedup:.2f}x{right}"
+
 
 def cells() -> list[Cell]:
     """All 24 cells; the speed-up is over the slowest device that can run the model, as the caption says."""
@@ -53,24 +60,15 @@ def cells() -> list[Cell]:
         slowest = max(cell[0] for cell in printed if cell is not None)
         for (column, profile), cell in zip(profiles.items(), printed, strict=True):
             median_ns = profile.models[MODELS[model]].median_ns
-            ours_ms = None if median_ns is None else median_ns / 1e6
-            if cell is None:
-                found.append(Cell(model, column, None, ours_ms, None, None))
-            else:
-                found.append(Cell(model, column, cell[0], ours_ms, cell[1], slowest / cell[0]))
+            ms, speedup = cell or (None, None)
+            right = None if ms is None else slowest / ms
+            found.append(Cell(model, column, ms, None if median_ns is None else median_ns / 1e6, speedup, right))
     return found
 
 
 def markdown() -> str:
-    """The table with its printed speed-ups; a misprinted one is followed by the right one in bold."""
-    found = {(cell.model, cell.device): cell for cell in cells()}
-    rows = [f"| {model} | {' | '.join(_shown(found[model, device]) for device in DEVICES)} |" for model in MODELS]
+    """The table with its printed speed-ups."""
+    found = cells()
+    rows = [f"| {model} | {' | '.join(str(one) for one in found if one.model == model)} |" for model in MODELS]
     about = "Milliseconds / speed-up over the slowest device. Bold: what the printed one should be."
     return "\n".join([f"| model | {' | '.join(DEVICES)} |", f"|---|{'---|' * len(DEVICES)}", *rows, "", about])
-
-
-def _shown(cell: Cell) -> str:
-    if cell.printed_ms is None:
-        return "out of memory"
-    right = f" **{cell.speedup:.2f}x**" if cell.misprinted else ""
-    return f"{cell.printed_ms:.2f} / {cell.printed_speedup:.2f}x{right}"
