@@ -1,6 +1,6 @@
 """A generated town with ground truth, for fleets of thousands of cars; its detector is fitted on a real trace."""
 
-from genie_sim.town.rules import TownRules, TrueObject
+from genie_sim.town.rules import TownRules
 from genie_sim.town.town import Drive, Town, TownFrame
 
-__all__ = ["Drive", "Town", "TownFrame", "TownRules", "TrueObject"]
+__all__ = ["Drive", "Town", "TownFrame", "TownRules"]

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import math
 from operator import attrgetter
-from typing import Protocol
 
 from genie_sim.messages import CameraPose, Detection
 from genie_sim.perception.trace import POSITION_DECIMALS, SCORE_DECIMALS
 from genie_sim.town.laws import MIDDLE, STEPS_PER_Z, VIEW_STEP_M, DetectorLaws, TransientLaw, quantile
 from genie_sim.town.noise import MASK, NORMAL_MASK, SMOOTH_MASK, mix, normals
-from genie_sim.town.objects import HORIZONTAL_FOV_RAD, MIDDLES_M, Area, TownObject
-from genie_sim.town.rules import TrueObject
+from genie_sim.town.objects import HORIZONTAL_FOV_RAD, MIDDLES_M, TownObject
+from genie_sim.town.streets import Streets
 
 NEAREST_M = 3.5  # KITTI's nearest labelled object is 3 m away: nearer ones leave the picture
 MOST_Z = 3.7  # the largest number of the table of normal ones is smaller
@@ -21,17 +20,10 @@ _score = attrgetter("score")
 View = list[tuple[TownObject, float]]  # everything in view, ghosts too, with its range [m]
 
 
-class Scene(Protocol):
-    """What a camera looks at."""
-
-    def ahead(self, east_m: float, north_m: float, area: Area, t_s: float) -> list[TownObject]:
-        """All that is not hidden from a place, in an area, at a time [s]."""
-
-
 class SyntheticDetector:
     """Finds, misses and imagines objects as the laws say, for a camera that stands anywhere in a scene."""
 
-    def __init__(self, scene: Scene, laws: DetectorLaws, view_m: float) -> None:
+    def __init__(self, scene: Streets, laws: DetectorLaws, view_m: float) -> None:
         """``view_m`` is how far it looks [m]."""
         self._scene, self._view_m = scene, view_m
         self.transient = laws.transient
@@ -110,11 +102,6 @@ class SyntheticDetector:
                 if NEAREST_M <= range_m <= one[3] and range_m <= view_m:
                     found.append((one, range_m))
         return found
-
-
-def true_objects(view: View) -> tuple[TrueObject, ...]:
-    """What is really in view: all but the ghosts."""
-    return tuple(one.truth() for one, _ in view if one.real)
 
 
 def _gone(x: float, y: float, c: float, s: float) -> tuple[float, int]:

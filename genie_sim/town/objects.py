@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+from genie_sim.messages import Location
 from genie_sim.perception.trace import MIN_HEIGHT_PX
 from genie_sim.town.laws import GroupLaws
 from genie_sim.town.noise import NORMAL_MASK, mix, normals
-from genie_sim.town.rules import TrueObject
 
 # The colour cameras of KITTI's drive 2011_09_26/0005, as its trace has them (A. Geiger et al., IJRR 2013).
 WIDTH, HEIGHT = 1242, 375
@@ -57,9 +57,10 @@ class TownObject(NamedTuple):
     moving: bool
     real: bool
 
-    def truth(self) -> TrueObject:
-        """As the truth has it."""
-        return TrueObject(self.number, self.label, (self.east_m, self.north_m, self.up_m), self.moving)
+    @property
+    def location(self) -> Location:
+        """Where its middle is, at the time it was asked for."""
+        return self.east_m, self.north_m, self.up_m
 
 
 def town_object(

@@ -6,6 +6,7 @@ is one formula.
 
 from __future__ import annotations
 
+import functools
 import heapq
 import math
 from bisect import bisect_right
@@ -68,22 +69,17 @@ class Commuting:
         self._destinations: list[Node] = [nodes[k] for k in random.permutation(len(nodes))[:count].tolist()]
         weights = [(k + 1) ** -rules.popularity for k in range(count)]
         self._shares = [share / sum(weights) for share in accumulate(weights)]
-        self._away_s: dict[Node, dict[Node, float]] = {}
+        self._away = functools.cache(self._seconds_to)
 
     def destination(self, draw: float) -> Node:
         """The destination that a number in [0, 1) stands for."""
         return self._destinations[min(bisect_right(self._shares, draw), len(self._destinations) - 1)]
 
     def neighbours(self, node: Node) -> Iterator[Node]:
-        i, j = node
-        if i < self._east:
-            yield i + 1, j
-        if j < self._north:
-            yield i, j + 1
-        if i > 0:
-            yield i - 1, j
-        if j > 0:
-            yield i, j - 1
+        for way_i, way_j in ((1, 0), (0, 1), (-1, 0), (0, -1)):
+            i, j = node[0] + way_i, node[1] + way_j
+            if 0 <= i <= self._east and 0 <= j <= self._north:
+                yield i, j
 
     def limit_mps(self, a: Node, b: Node) -> float:
         return self._rules.limit_mps(a[1] if a[1] == b[1] else a[0])
@@ -91,24 +87,16 @@ class Commuting:
     def after(self, before: Node | None, node: Node, destination: Node) -> Node:
         """The next junction on the quickest way; straight on rather than a turn that gains nothing, never back."""
         away_s = self._away(destination)
-        best, best_cost = node, math.inf
-        for there in self.neighbours(node):
-            if there == before:
-                continue
-            cost = self._rules.block_m / self.limit_mps(node, there) + away_s[there]
-            if before is not None and (there[0] - node[0], there[1] - node[1]) != (
-                node[0] - before[0],
-                node[1] - before[1],
-            ):
-                cost += 1e-3
-            if cost < best_cost:
-                best, best_cost = there, cost
-        return best
+        straight_on = before and (2 * node[0] - before[0], 2 * node[1] - before[1])
 
-    def _away(self, destination: Node) -> dict[Node, float]:
+        def cost(there: Node) -> float:
+            cost_s = self._rules.block_m / self.limit_mps(node, there) + away_s[there]
+            return cost_s if there == straight_on or before is None else cost_s + 1e-3
+
+        return min((there for there in self.neighbours(node) if there != before), key=cost, default=node)
+
+    def _seconds_to(self, destination: Node) -> dict[Node, float]:
         """Seconds from every junction to a destination (Dijkstra)."""
-        if destination in self._away_s:
-            return self._away_s[destination]
         away_s = {destination: 0.0}
         queue = [(0.0, destination)]
         while queue:
@@ -120,7 +108,6 @@ class Commuting:
                 if reached < away_s.get(there, math.inf):
                     away_s[there] = reached
                     heapq.heappush(queue, (reached, there))
-        self._away_s[destination] = away_s
         return away_s
 
     def trip(self, random: np.random.Generator) -> Iterator[Node]:
@@ -174,28 +161,29 @@ def drive(rules: TownRules, commuting: Commuting, random: np.random.Generator, b
         turn = way[0] * (beyond[1] - there[1]) - way[1] * (beyond[0] - there[0])  # 1 left, -1 right
         through = min(limit, commuting.limit_mps(there, beyond))
         crossing = rules.main(there[0]), rules.main(there[1])
-        main, other_main = (crossing[0], crossing[1]) if way[0] == 0 else (crossing[1], crossing[0])
+        main, other_main = crossing if way[0] == 0 else crossing[::-1]
         if turn:
             through = LEFT_MPS if turn > 0 else RIGHT_MPS
         elif not main and not other_main:
             through = min(through, CAREFUL_MPS)
         place = _entry(rules, here, way, offset_m)
         length_m = straight_m - offset_m
-        wait_until_s: float | None = None
+        wait_until_s: float | None = 0.0 if other_main else None
         if main and other_main:
-            arrival_s = t_s + _straight_s(rules, length_m, speed, through, limit)
+            arrival_s = t_s + sum(seconds for seconds, _, _ in _phases(rules, length_m, speed, through, limit))
             green_s = green_at(there, way[0] == 0, arrival_s)
             wait_until_s = green_s if green_s > arrival_s else None
-        elif other_main:
-            wait_until_s = 0.0
-        t_s, place = _straight(
-            rules, course, t_s, place, length_m, speed, through if wait_until_s is None else 0.0, limit
-        )
-        speed = through
+        gone_m, begin = 0.0, place
+        for seconds, at_first, acceleration in _phases(
+            rules, length_m, speed, through if wait_until_s is None else 0.0, limit
+        ):
+            course.add(t_s, _along(begin, 0.0, gone_m), 0.0, at_first, acceleration)
+            t_s += seconds
+            gone_m += seconds * (at_first + 0.5 * acceleration * seconds)
+        place, speed = _along(begin, 0.0, length_m), through
         if wait_until_s is not None:
             course.add(t_s, place, 0.0, 0.0, 0.0)
-            t_s = max(t_s + STOP_S, wait_until_s)
-            speed = 0.0
+            t_s, speed = max(t_s + STOP_S, wait_until_s), 0.0
         t_s, speed = _manoeuvre(rules, course, t_s, place, turn, speed, through)
         here, there, offset_m = there, beyond, 0.0
     return course
@@ -209,40 +197,17 @@ def _entry(rules: TownRules, here: Node, way: Node, offset_m: float) -> Place:
     return east_m, north_m, math.atan2(way[1], way[0])
 
 
-def _peak(rules: TownRules, length_m: float, begin: float, end: float, limit: float) -> float:
-    """The speed from which braking begins."""
-    a, b = rules.acceleration_mps2, rules.braking_mps2
-    reachable = (2 * a * b * length_m + b * begin**2 + a * end**2) / (a + b)
-    return max(begin, end, min(limit, math.sqrt(reachable)))
-
-
 def _phases(
     rules: TownRules, length_m: float, begin: float, end: float, limit: float
 ) -> list[tuple[float, float, float]]:
-    """Of a straight part: seconds, speed at first and acceleration of each phase."""
+    """Of a straight part: seconds, speed at first and acceleration of each phase; braking begins at the peak."""
     a, b = rules.acceleration_mps2, rules.braking_mps2
-    peak = _peak(rules, length_m, begin, end, limit)
+    reachable = (2 * a * b * length_m + b * begin**2 + a * end**2) / (a + b)
+    peak = max(begin, end, min(limit, math.sqrt(reachable)))
     faster_m, slower_m = (peak**2 - begin**2) / (2 * a), (peak**2 - end**2) / (2 * b)
     even_m = max(0.0, length_m - faster_m - slower_m)
     phases = [((peak - begin) / a, begin, a), (even_m / peak, peak, 0.0), ((peak - end) / b, peak, -b)]
     return [phase for phase in phases if phase[0] > 0]
-
-
-def _straight_s(rules: TownRules, length_m: float, begin: float, end: float, limit: float) -> float:
-    return sum(seconds for seconds, _, _ in _phases(rules, length_m, begin, end, limit))
-
-
-def _straight(
-    rules: TownRules, course: Course, t_s: float, place: Place, length_m: float, begin: float, end: float, limit: float
-) -> tuple[float, Place]:
-    east_m, north_m, heading = place
-    c, s = math.cos(heading), math.sin(heading)
-    gone_m = 0.0
-    for seconds, speed, acceleration in _phases(rules, length_m, begin, end, limit):
-        course.add(t_s, (east_m + gone_m * c, north_m + gone_m * s, heading), 0.0, speed, acceleration)
-        t_s += seconds
-        gone_m += seconds * (speed + 0.5 * acceleration * seconds)
-    return t_s, (east_m + length_m * c, north_m + length_m * s, heading)
 
 
 def _manoeuvre(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, fields
-from typing import NamedTuple, NoReturn
+from typing import NoReturn
 
 from genie_sim.errors import UserError
 
@@ -105,12 +105,3 @@ class TownRules:
 
     def limit_mps(self, street: int) -> float:
         return self.main_speed_mps if self.main(street) else self.speed_mps
-
-
-class TrueObject(NamedTuple):
-    """An object of the town: its number, its class, where its middle is [m] at the time it was asked for."""
-
-    number: int
-    label: str
-    location: tuple[float, float, float]
-    moving: bool

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 from genie_sim.core.geometry import Geodetic
 from genie_sim.messages import Frame
-from genie_sim.town.rules import TownRules, TrueObject
+from genie_sim.town.objects import TownObject
+from genie_sim.town.rules import TownRules
 from genie_sim.units import NS_PER_MS, NS_PER_S, duration_text, length_text
 
 if TYPE_CHECKING:
@@ -95,8 +96,8 @@ class TownTruth:
     def knows(self, label: str) -> bool:
         return True
 
-    def visible(self, frame: Any) -> Sequence[TrueObject]:
-        seen: Sequence[TrueObject] = frame.truth()
+    def visible(self, frame: Any) -> Sequence[TownObject]:
+        seen: Sequence[TownObject] = frame.truth()
         return seen
 
     def is_there(self, frame: Frame, label: str, east_m: float, north_m: float) -> bool:

@@ -8,7 +8,7 @@ import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
-from typing import overload
+from typing import Any
 
 from genie_sim.core.geometry import Geodetic
 from genie_sim.errors import UserError
@@ -16,11 +16,11 @@ from genie_sim.messages import CameraPose, Detection
 from genie_sim.perception.trace import IMAGE_HEADER_BYTES, POSITION_DECIMALS
 from genie_sim.seeds import stream
 from genie_sim.town import routes
-from genie_sim.town.detector import SyntheticDetector, View, true_objects
+from genie_sim.town.detector import SyntheticDetector, View
 from genie_sim.town.laws import DetectorLaws, detector_laws
 from genie_sim.town.noise import mix
-from genie_sim.town.objects import HEIGHT, HORIZONTAL_FOV_RAD, WIDTH
-from genie_sim.town.rules import TownRules, TrueObject
+from genie_sim.town.objects import HEIGHT, HORIZONTAL_FOV_RAD, WIDTH, TownObject
+from genie_sim.town.rules import TownRules
 from genie_sim.town.streets import Street, Streets, lay_out
 from genie_sim.town.surrogate import LAWS, surrogates
 
@@ -90,10 +90,10 @@ class Town:
         random = stream(self.seed, STREAM, "car", car)
         return routes.drive(self.rules, self._commuting, random, start_ns * 1e-9, end_ns * 1e-9)
 
-    def truth_near(self, east_m: float, north_m: float, range_m: float, t_ns: int) -> tuple[TrueObject, ...]:
+    def truth_near(self, east_m: float, north_m: float, range_m: float, t_ns: int) -> tuple[TownObject, ...]:
         """Everything that really is within a distance of a place at a time, by number."""
         found = self.streets.near(east_m, north_m, range_m, t_ns * 1e-9)
-        return tuple(sorted((one.truth() for one in found if one.real), key=lambda one: one.number))
+        return tuple(sorted((one for one in found if one.real), key=lambda one: one.number))
 
     def is_there(self, label: str, east_m: float, north_m: float, range_m: float, t_ns: int) -> bool:
         """Whether anything of a class really is within a distance of a place at a time."""
@@ -171,10 +171,10 @@ class TownFrame:
             self._detections = self._drive.town.detector.detect(self._in_view(), self.pose, *self._heading, self.dhash)
         return self._detections
 
-    def truth(self) -> tuple[TrueObject, ...]:
+    def truth(self) -> tuple[TownObject, ...]:
         """What is really in view: in the field of view, not hidden by houses, within ``TownRules.view_m``, and at least
         25 pixels high in the picture, as KITTI's labels that count."""
-        return true_objects(self._in_view())
+        return tuple(one for one, _ in self._in_view() if one.real)
 
     @property
     def features(self) -> dict[str, bytes]:
@@ -209,15 +209,8 @@ class TownFrames(Sequence[TownFrame]):
     def __len__(self) -> int:
         return self._count
 
-    @overload
-    def __getitem__(self, index: int) -> TownFrame: ...
-
-    @overload
-    def __getitem__(self, index: slice) -> tuple[TownFrame, ...]: ...
-
-    def __getitem__(self, index: int | slice) -> TownFrame | tuple[TownFrame, ...]:
-        if isinstance(index, slice):
-            return tuple(TownFrame(self._drive, self._camera, i) for i in range(*index.indices(self._count)))
-        if not -self._count <= index < self._count:
-            raise IndexError(f"frame {index} of {self._count}")
-        return TownFrame(self._drive, self._camera, index % self._count)
+    def __getitem__(self, index: Any) -> Any:
+        chosen = range(self._count)[index]
+        if isinstance(chosen, range):
+            return tuple(TownFrame(self._drive, self._camera, i) for i in chosen)
+        return TownFrame(self._drive, self._camera, chosen)
