@@ -291,14 +291,20 @@ def _log(prepared: Prepared, method: str, setup: Setup, tables: Tables, driven: 
     samples: Literal["all", "edges", "none"] = "all" if prepared.scenario.fleet is None else "edges"
     if "resources" not in scenario.record:
         samples = "none"
+    held = held_of(prepared, method, setup, tables, driven)
+    return Log(method, tables, scenario.record, samples, held, driven)
+
+
+def held_of(prepared: Prepared, method: str, setup: Setup, tables: Tables, driven: Collection[str]) -> Held | None:
+    """What judges the consumers of one method, if the scenario wants it; ``None`` where nobody knows what is there on
+    any car's drive. The floor of the cars in ``driven`` is written already."""
     # A source of one's own need not know what is there.
-    truth_of = getattr(prepared.frames, "truth_of", None) if "held" in scenario.record else None
+    truth_of = getattr(prepared.frames, "truth_of", None) if "held" in prepared.scenario.record else None
     known = {} if truth_of is None else {car: truth_of(drive) for car, drive in prepared.drives.items()}
     truths = {car: truth for car, truth in known.items() if truth is not None}
-    held = None
-    if truths:
-        held = Held(method, truths, tables.held, driven, partial(CONSUMERS[setup.consumer], setup.laws))
-    return Log(method, tables, scenario.record, samples, held, driven)
+    if not truths:
+        return None
+    return Held(method, truths, tables.held, driven, partial(CONSUMERS[setup.consumer], setup.laws))
 
 
 @contextmanager

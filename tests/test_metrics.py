@@ -166,7 +166,7 @@ def test_the_interval_of_an_improvement_narrows_when_both_arms_share_their_ups_a
 
 
 def test_reuse_is_the_mean_over_the_genies_on_cars_or_edges():
-    """Car 1 hits 10 of 20, car 2 1 of 4: the mean of the ratios is 0.375, not 11 of 24."""
+    """Car 1 hits 10 of 20, car 2 1 of 4: the mean of the ratios is 0.375; pooled it is 11 of 24."""
     table = lookup_table(
         *events("car1/genie", "image", [0, 1] * 10),
         *events("car2/genie", "image", [1, 0, 0, 0]),
@@ -175,6 +175,7 @@ def test_reuse_is_the_mean_over_the_genies_on_cars_or_edges():
     result = of_tables(lookups=table)
     assert result["image_reuse", "car"].value == 0.375
     assert result["image_reuse", "edge"].value == 1.0
+    assert result["image_reuse_pooled", "car"].value == pytest.approx(11 / 24)
     assert result["image_reuse", "car"].n == 24
     assert result["image_reuse", "car"].low is None  # nobody made 50 requests
     assert result["stored_images", "car"].value == (20 + 4) / 2

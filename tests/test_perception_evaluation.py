@@ -31,10 +31,10 @@ def car(score, box=BOX, location=PLACE, label="car", method="scan"):
     return Detection(label, score, box, location, score, method)
 
 
-def judged(frames, labels, min_score=0.3, parked=()):
+def judged(frames, labels, min_score=0.3, moving=()):
     trace = Trace("made up", (49.0, 8.4, 100.0), {"02": tuple(frames)}, {})
     pictures = {("02", one.index): list(labels.get(one.index, ())) for one in frames}
-    return evaluate(trace, PictureLabels("made up", pictures, frozenset(parked)), min_score)
+    return evaluate(trace, PictureLabels("made up", pictures, frozenset(moving)), min_score)
 
 
 def label(box=BOX, counts=True, group="vehicles", centre=PLACE, track=1):
@@ -104,11 +104,13 @@ def test_location_error_is_taken_in_the_ground_plane():
 
 def test_a_steady_vehicle_stays_where_it_is_and_another_does_not():
     frames = [frame(car(0.9), car(0.8, ELSEWHERE, (20.0, i % 2 * 3.0, 0.0)), index=i) for i in range(6)]
-    e = judged(frames, {i: [label(), label(ELSEWHERE, track=2)] for i in range(6)}, parked=(1, 2))
+    e = judged(frames, {i: [label(), label(ELSEWHERE, track=2)] for i in range(6)})
     steady, unsteady = e.steadiness()
     assert (steady.radius_m, steady.label_radius_m) == (0.0, 0.0)
     assert unsteady.radius_m == pytest.approx(1.5)
     assert "Of 2 parked vehicles seen 5 times or more within 30 m, 1 stay within 1 m" in table(e)
+    driving = judged(frames, {i: [label(), label(ELSEWHERE, track=2)] for i in range(6)}, moving=(2,))
+    assert [one.track for one in driving.steadiness()] == [1]
 
 
 def test_detections_below_the_threshold_count_for_average_precision_only():
@@ -165,7 +167,7 @@ def test_tracklets_are_seen_where_they_stand(tmp_path):
         assert one.box == pytest.approx((320 - half, 96, 320 + half, 96 + 1.5 * half), abs=0.5)
         assert one.centre == pytest.approx((20.0, 0.0, -0.75), abs=0.02)
         assert one.counts
-    assert truth.parked == {0}
+    assert truth.moving == frozenset()
 
 
 @pytest.mark.real_data

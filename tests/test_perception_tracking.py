@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import cv2
@@ -10,8 +11,9 @@ import pytest
 
 from genie_sim.core.geometry import inverse, project, transform
 from genie_sim.errors import UserError
-from genie_sim.perception.labels import read_tracking_labels, tracking_labels
+from genie_sim.perception.labels import tracking_labels
 from genie_sim.perception.tracking import POINTRCNN_SCORES, open_sequence, sequences, tracking_trace
+from genie_sim.perception.truth import MOVING_MPS, read_truth
 
 CALIBRATION = """P2: 721.5377 0 609.5593 44.85728 0 721.5377 172.854 0.2163791 0 0 1 0.002745884
 R_rect 1 0 0 0 1 0 0 0 1
@@ -25,6 +27,7 @@ CAR = "{frame},2,500.0,170.0,600.0,230.0,{logit},1.5,1.6,3.9,-2.0,1.6,20.0,-1.6,
 @pytest.fixture
 def root(tmp_path):
     """Three frames of a car that stands still and looks east; a parked car 20 m ahead and 2 m to the left."""
+    tmp_path /= "tracking"
     for folder in ("training/oxts", "training/calib", "training/label_02", "detections/pointrcnn_Car",
                    "detections/pointrcnn_Pedestrian", "detections/rrc_Car", "detections/rrc_Pedestrian"):  # fmt: skip
         (tmp_path / folder).mkdir(parents=True)
@@ -53,11 +56,21 @@ def test_a_sequence_becomes_a_trace(root):
 
 
 def test_labels_and_detections_share_a_world(root):
-    origin = (49.001, 8.402, 100.0)
-    (track,) = read_tracking_labels(root / "training", "0003", origin).tracks
-    (car,) = tracking_trace(root, "0003", origin=origin).frames["02"][0].detections
-    assert car.location == pytest.approx(track.centres[0], abs=0.01)
-    assert not track.moving
+    trace = tracking_trace(root, "0003", origin=(49.001, 8.402, 100.0))
+    truth = read_truth(root.parent, "tracking/0003", trace)
+    (car,), (label,) = trace.frames["02"][0].detections, truth.pictures["02", 0]
+    assert car.location == pytest.approx(label.centre, abs=0.01)
+    assert (label.group, label.track, label.counts) == ("vehicles", 7, True)
+    assert truth.moving == frozenset()
+
+
+@pytest.mark.parametrize(("speed_mps", "moves"), [(0.8 * MOVING_MPS, False), (1.2 * MOVING_MPS, True), (-9.0, True)])
+def test_who_leaves_the_first_place_fast_enough_moves(root, speed_mps, moves):
+    """The labels of three frames, 0.1 s apart; the second track stands."""
+    label = "{} {} Car 0 0 -1.5 500 170 600 230 1.5 1.6 3.9 -2.0 1.6 {} -1.6\n"
+    lines = [label.format(i, track, 20.0 + i * 0.1 * v) for i in range(3) for track, v in ((7, speed_mps), (8, 0.0))]
+    (root / "training/label_02/0003.txt").write_text("".join(lines))
+    assert read_truth(root.parent, "tracking/0003", tracking_trace(root, "0003")).moving == ({7} if moves else set())
 
 
 def test_boxes_in_pictures_are_placed_by_the_ground(root):
@@ -169,10 +182,14 @@ def test_a_labelled_parked_car_has_one_place_in_the_world(kitti_root):
     themselves (sequence 0019 by more); a wrong transform moves centres by metres to tens of metres."""
     wander_m = []
     for sequence in sequences(kitti_root / "tracking"):
-        labels = read_tracking_labels(kitti_root / "tracking" / "training", sequence)
-        for track in labels.tracks:
-            if track.kind == "vehicle" and not track.moving and len(track.stamps_ns) >= 10:
-                offsets = track.centres - np.median(track.centres, axis=0)
+        truth = read_truth(kitti_root, f"tracking/{sequence}", tracking_trace(kitti_root / "tracking", sequence))
+        parked: dict[int, list[tuple[float, ...]]] = {}
+        for label in itertools.chain.from_iterable(truth.pictures.values()):
+            if label.group == "vehicles" and label.centre is not None and label.track not in truth.moving:
+                parked.setdefault(label.track, []).append(label.centre)
+        for centres in map(np.array, parked.values()):
+            if len(centres) >= 10:
+                offsets = centres - np.median(centres, axis=0)
                 wander_m.append(float(np.hypot(*offsets[:, :2].T).max()))
     median_m, p90_m = np.percentile(wander_m, [50, 90])
     print(f"{len(wander_m)} parked vehicles: farthest from their median place {median_m:.2f} m, p90 {p90_m:.2f} m")

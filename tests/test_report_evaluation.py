@@ -227,12 +227,11 @@ def test_an_interval_is_read_off_with_the_pointer_and_with_keys(browser, file):
 
 
 def test_a_quick_evaluation_says_what_it_did_not_do(browser, folder):
-    for name in ("calibration", "sensitivity", "quality"):
+    for name in ("calibration", "sensitivity"):
         (folder / f"{name}.json").unlink()
     evaluation.write(Path("report.html"), folder)
     browser.open(Path("report.html"))
     assert browser.errors == []
-    assert not browser.evaluate("byId('worth-none').hidden")
     assert not browser.evaluate("byId('sensitivity-none').hidden")
     assert "Not searched here" in browser.evaluate("byId('calibration-lead').textContent")
 

@@ -9,7 +9,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from genie_sim.analysis.statistics import Blocks, Floats, around, share
+from genie_sim.analysis.statistics import Blocks, Floats, NoBlocks, around, share
 from genie_sim.recording.columns import Columns
 from genie_sim.recording.results import Metric
 
@@ -39,10 +39,10 @@ def of_answers(answers: Columns, methods: Sequence[str]) -> Iterator[Metric]:
                 yield share(blocks, "wrong_hit_share", (name, placement, ""), hits & wrong, hits)
 
 
-def of_held(held: Columns, methods: Sequence[str]) -> Iterator[Metric]:
+def of_held(held: Columns, methods: Sequence[str], intervals: bool = True) -> Iterator[Metric]:
     """Streaming accuracy: of what the consumers hold at each instant, and as component ``floor`` of the detector's own
     answers without any delay, which are under the method that was recorded with them and hold for all."""
-    blocks = Blocks(held["car"], held["stamp_ns"])
+    blocks = Blocks(held["car"], held["stamp_ns"]) if intervals else NoBlocks()
     method, what = held["method"], held["what"]
     for name in methods:
         for component in ("", FLOOR):

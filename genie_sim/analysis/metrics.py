@@ -214,11 +214,13 @@ def _of_genies(lookups: Columns, method: str, placement: str, intervals: bool) -
     images, objects = lookups.rows(of_image), lookups.rows(~of_image)
     of_clients = images.where(requester="client")
     yield _reuse(of_clients, "image_reuse", where)
+    yield _pooled(of_clients, "image_reuse_pooled", where)
     yield _reuse(images, "image_reuse_with_neighbours", where)
     coalesced = int((of_clients["outcome"] == "coalesced").sum())
     n = len(of_clients)
     yield Metric("coalesced_share", *where, coalesced / n if n else None, "1", n=n)
     yield _reuse(objects, "object_reuse", where)
+    yield _pooled(objects, "object_reuse_pooled", where)
     for kind in ("sighting", "boost"):
         yield _reuse(objects.where(kind=kind), f"object_reuse_{kind}", where)
     yield _boost(objects, where, intervals)
@@ -237,6 +239,12 @@ def _reuse(lookups: Columns, name: str, where: Where) -> Metric:
     low, high = (float(windows.min()), float(windows.max())) if len(windows) else (None, None)
     value = float(np.mean(ratios)) if ratios else None
     return Metric(name, *where, value, "1", low, high, int(lookups["requests"].sum()))
+
+
+def _pooled(lookups: Columns, name: str, where: Where) -> Metric:
+    """Hits over the requests of all Genies together, so that each request weighs the same, not each Genie."""
+    hits, n = int(lookups["hits"].sum()), int(lookups["requests"].sum())
+    return Metric(name, *where, hits / n if n else None, "1", n=n)
 
 
 def _boost(objects: Columns, where: Where, intervals: bool) -> Metric:

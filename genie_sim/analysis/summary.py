@@ -94,10 +94,12 @@ IMPROVEMENT_ROWS = (
 )
 GENIE_ROWS = (
     ("image reuse", "image_reuse"),
+    ("image reuse, pooled over Genies", "image_reuse_pooled"),
     ("image reuse with neighbours", "image_reuse_with_neighbours"),
     ("wrong image hits*", "wrong_hit_share"),
     ("coalesced requests", "coalesced_share"),
     ("object reuse", "object_reuse"),
+    ("object reuse, pooled over Genies", "object_reuse_pooled"),
     ("confidence boost", "confidence_boost"),
     ("stored images per Genie", "stored_images"),
     ("stored objects per Genie", "stored_objects"),

@@ -81,7 +81,7 @@ def page_data(folder: Path) -> dict[str, Any]:
         "figures": list(_figures(folder / "figures", notes)),
         "calibration": _calibration(_read(folder / "calibration.json", missing=None)),
         "sensitivity": _sensitivity(_read(folder / "sensitivity.json", missing=None)),
-        "worth": _read(folder / "quality.json", missing=None),
+        "worth": _read(folder / "quality.json"),
         "notes": notes,
     }
 

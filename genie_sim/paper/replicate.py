@@ -16,9 +16,9 @@ from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
 from genie_sim import build, files
-from genie_sim.messages import Detections, Image, Location, Message
+from genie_sim.messages import Detections, Message
 from genie_sim.methods.genie import REMOTE
-from genie_sim.monitor import Step
+from genie_sim.paper import quality
 from genie_sim.paper.facts import Facts, facts_of
 from genie_sim.parallel import in_processes
 from genie_sim.perception.sources import Recordings
@@ -26,10 +26,11 @@ from genie_sim.perception.trace import Trace, TraceFrame, read_trace
 from genie_sim.recording.columns import Columns
 from genie_sim.recording.log import Log
 from genie_sim.recording.records import Tables
-from genie_sim.runner import Prepared, on_frames
+from genie_sim.runner import Prepared, held_of, on_frames
 from genie_sim.scenario.scenario import Scenario, load_scenario
 from genie_sim.sim.nodes import Detector, InterceptorNode
 from genie_sim.sim.station import OBJECTS
+from genie_sim.sim.world import World
 
 ROUTE_S = 5.2  # assumptions.yaml: evaluation.route
 STREET_S = 3 * ROUTE_S  # of the 15.8 s that are recorded
@@ -44,13 +45,15 @@ Work = TypeVar("Work")
 
 @dataclass(frozen=True, slots=True)
 class Job:
-    """One run. ``keep_tables``: the frames and look-ups come back too, for figures."""
+    """One run. ``keep_tables``: the frames and look-ups come back too, for figures. ``judged``: what consumers hold is
+    compared with what is really there, which takes half as long again."""
 
     scenario: str
     seed: int
     settings: tuple[str, ...] = ()
     methods: tuple[str, ...] = ("local", "remote", "genie")
     keep_tables: bool = False
+    judged: bool = False
 
 
 @dataclass(frozen=True)
@@ -100,8 +103,12 @@ def outcome_of(prepared: Prepared, keep_tables: bool = False) -> Outcome:
     detectors: dict[str, set[tuple[object, ...]]] = {}
     behind_genie: list[bool] = []
     built = build.shared(prepared.expanded, prepared.devices, prepared.drives)
+    judged: set[str] = set()
     for method in prepared.scenario.methods:
-        world = build.world(built, method, Log(method.name, tables))
+        setup = build.setup(built, method)
+        held = held_of(prepared, method.name, setup, tables, judged)
+        world = World(setup, build.method(method), Log(method.name, tables, held=held))
+        judged.update(prepared.drives)
         genies: list[Any] = [one for one in world.resources if isinstance(one, InterceptorNode)]
         for one in world.resources:
             if isinstance(one, Detector):
@@ -120,6 +127,7 @@ def outcome_of(prepared: Prepared, keep_tables: bool = False) -> Outcome:
             stored[placement] += [one.confidence for one in genie.pure.object_map]
     frames, lookups, resources = (table.columns() for table in (tables.frames, tables.lookups, tables.resources))
     facts = facts_of(frames, lookups, resources)
+    facts |= quality.facts_of(tables.held.columns())
     for placement, confidences in stored.items():
         facts[f"stored_confidence:{placement}"] = sum(confidences) / len(confidences) if confidences else math.nan
     same = all(len(seen) == 1 for seen in detectors.values())
@@ -127,58 +135,6 @@ def outcome_of(prepared: Prepared, keep_tables: bool = False) -> Outcome:
     facts["objects_shared"] = shared.objects
     facts["unconfident_objects_shared"] = shared.unconfident
     return Outcome(facts, frames, lookups) if keep_tables else Outcome(facts)
-
-
-@dataclass(frozen=True, slots=True)
-class Answer:
-    """What a consumer was handed at ``t_ns`` about a frame: the objects' classes and locations in the world."""
-
-    t_ns: int
-    stamp_ns: int
-    stream: str
-    objects: tuple[tuple[str, Location], ...]
-
-
-@dataclass
-class Held:
-    """Everything that the consumers of one method were handed, by car, and how far each car is behind its recording.
-
-    ``late_ns``: simulated time - time of the drive, of the car's first stream.
-    """
-
-    answers: dict[str, list[Answer]]
-    late_ns: dict[str, int]
-
-
-def run_for_answers(prepared: Prepared) -> dict[str, Held]:
-    """Simulates every method and keeps all answers, by method; for ``quality``."""
-    found: dict[str, Held] = {}
-    built = build.shared(prepared.expanded, prepared.devices, prepared.drives)
-    for method in prepared.scenario.methods:
-        log = _AnswerLog(method.name)
-        build.world(built, method, log).run()
-        found[method.name] = log.held
-    return found
-
-
-class _AnswerLog(Log):
-    """Keeps the answers themselves besides the facts about them."""
-
-    def __init__(self, method: str) -> None:
-        super().__init__(method, Tables())
-        self.held = Held({}, {})
-
-    def published(self, image: Image, number: int, lap: int) -> None:
-        super().published(image, number, lap)
-        header = image.header
-        self.held.answers.setdefault(header.origin, [])
-        self.held.late_ns.setdefault(header.origin, header.stamp_ns - image.content.stamp_ns)
-
-    def answered(self, answer: Detections, source: str, now_ns: int, way: Step | None = None) -> None:
-        super().answered(answer, source, now_ns, way)
-        header = answer.header
-        objects = tuple((one.label, one.location) for one in answer.objects if one.location is not None)
-        self.held.answers[header.origin].append(Answer(now_ns, header.stamp_ns, header.frame_id, objects))
 
 
 class _Shared:
@@ -202,11 +158,12 @@ class _Shared:
 def prepare_job(job: Job) -> Prepared:
     """The scenario, devices and traces of a job. Raises ``UserError``."""
     words, overrides = _split(job.settings)
-    overrides = [*_expanded(_plain(job.scenario), words, job.seed), f"methods=[{', '.join(job.methods)}]", *overrides]
+    own = [f"methods=[{', '.join(job.methods)}]", f"record=[{'held' if job.judged else ''}]"]
+    overrides = [*_expanded(_plain(job.scenario), words, job.seed), *own, *overrides]
     scenario = load_scenario(job.scenario, overrides, job.seed)
     name = str(scenario.perception.parameters["trace"])
-    trace = _trace(name, float(words.get("min_score", 0.0)), float(words.get("frame_rate_hz", 0)))
-    return on_frames(scenario, Recordings(trace))
+    recordings = _recordings(name, float(words.get("min_score", 0.0)), float(words.get("frame_rate_hz", 0)))
+    return on_frames(scenario, recordings)
 
 
 WORDS = (
@@ -277,18 +234,20 @@ def _routes(scenario: Scenario, overlap: float, order: str | None, seed: int) ->
 
 
 @functools.lru_cache(maxsize=32)
-def _trace(name: str, min_score: float, rate_hz: float) -> Trace:
-    """A trace with fewer detections (weaker ones left out) or fewer frames (every n-th kept)."""
+def _recordings(name: str, min_score: float, rate_hz: float) -> Recordings:
+    """A trace with fewer detections (weaker ones left out) or fewer frames (every n-th kept). What is really there is
+    known of the whole one."""
+    path = files.find(files.TRACE, name)
     if not min_score and not rate_hz:
-        return read_trace(files.find(files.TRACE, name))
-    whole = _trace(name, 0.0, 0.0)
+        return Recordings(read_trace(path), path=path)
+    whole = _recordings(name, 0.0, 0.0).main
     every = round(RECORDED_HZ / rate_hz) if rate_hz else 1
 
     def kept(frame: TraceFrame) -> TraceFrame:
         return replace(frame, detections=tuple(one for one in frame.detections if one.score >= min_score))
 
     frames = {camera: tuple(map(kept, sequence[::every])) for camera, sequence in whole.frames.items()}
-    return Trace(whole.name, whole.origin, frames, whole.provenance)
+    return Recordings(Trace(whole.name, whole.origin, frames, whole.provenance))
 
 
 class TimeLeft:

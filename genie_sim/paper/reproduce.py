@@ -25,7 +25,7 @@ from genie_sim.paper.checks import ALL, CASE, HE, HO, SHARED, improvements
 from genie_sim.paper.claims import Verdict, judge
 from genie_sim.paper.evidence import Evidence, Values, interval
 from genie_sim.paper.facts import Facts
-from genie_sim.paper.replicate import Job, Outcome, Progress, TimeLeft, in_parallel, prepare_job, run_jobs
+from genie_sim.paper.replicate import Job, Outcome, Progress, TimeLeft, prepare_job, run_jobs
 from genie_sim.recording import provenance
 from genie_sim.scenario.yaml_input import read_mapping
 
@@ -74,15 +74,16 @@ def reproduce(
     settings = (*assumptions.settings, *(last_calibration() if fitted is None else fitted.best.settings))
     runs, tables = _base_runs(settings, used_seeds, workers, tell)
     base = {scenario: runs["base", scenario] for scenario in ALL}
+    evidence = Evidence(runs)
     made = _Evaluation(
         settings,
         used_seeds,
-        Evidence(runs),
-        judge(Evidence(runs)),
+        evidence,
+        judge(evidence),
         tables,
         fitted,
         None if quick else run_arms(assumptions, settings, used_seeds, base, workers, tell),
-        _worth(settings, used_seeds, workers, tell),
+        quality.summarise(evidence, ALL),
     )
     driven = drives.run_drives(on_drives, workers, tell) if on_drives else []
     with provenance.result_folder(out) as folder:
@@ -104,7 +105,7 @@ def last_calibration() -> tuple[str, ...]:
 
 @dataclass(frozen=True)
 class _Evaluation:
-    """Everything that came out; ``arms`` is ``None`` in a quick one, ``worth`` where KITTI's labels are not at hand."""
+    """Everything that came out; ``arms`` is ``None`` in a quick one."""
 
     settings: tuple[str, ...]
     seeds: tuple[int, ...]
@@ -113,7 +114,7 @@ class _Evaluation:
     tables: Mapping[str, Sequence[Outcome]]
     fitted: Calibration | None
     arms: Arms | None
-    worth: list[dict[str, Any]] | None
+    worth: list[dict[str, Any]]
 
     def write(self, folder: Path) -> None:
         """Everything but figures and page. Raises OSError."""
@@ -122,8 +123,7 @@ class _Evaluation:
         text = verdict_table.document(rows, self.settings, self.worth)
         (folder / "verdicts.md").write_text(text, encoding="utf-8")
         provenance.write_json(folder / "metrics.json", _metrics(self.evidence))
-        if self.worth is not None:
-            provenance.write_json(folder / "quality.json", self.worth)
+        provenance.write_json(folder / "quality.json", self.worth)
         if self.fitted is not None:
             provenance.write_json(folder / "calibration.json", self.fitted.as_json())
         if self.arms is not None:
@@ -163,10 +163,9 @@ def _seeds(assumptions: Assumptions, quick: bool, seeds: int | None) -> tuple[in
 def _total(assumptions: Assumptions, quick: bool, seeds: int) -> int:
     """How many runs there will be, about."""
     base = seeds * (len(ALL) + sum(len(scenarios) for scenarios, _ in FOR_CLAIMS.values()))
-    worth = seeds * len(ALL) if quality.labels_are_here() else 0
     if quick:
-        return base + worth
-    return base + worth + most_jobs(assumptions) + len(list(arms_of(assumptions))) * len(ALL) * seeds
+        return base
+    return base + most_jobs(assumptions) + len(list(arms_of(assumptions))) * len(ALL) * seeds
 
 
 def _base_runs(
@@ -178,21 +177,12 @@ def _base_runs(
     jobs = []
     for variant, scenario in places:
         more = FOR_CLAIMS[variant][1]
-        jobs += [Job(scenario, seed, (*settings, *more), keep_tables=variant == "base") for seed in seeds]
+        base = variant == "base"
+        jobs += [Job(scenario, seed, (*settings, *more), keep_tables=base, judged=base) for seed in seeds]
     outcomes = iter(run_jobs(jobs, workers, progress, "claims"))
     grouped = {place: [next(outcomes) for _ in seeds] for place in places}
     facts = {place: [outcome.facts for outcome in group] for place, group in grouped.items()}
     return facts, {scenario: group for (variant, scenario), group in grouped.items() if variant == "base"}
-
-
-def _worth(
-    settings: tuple[str, ...], seeds: Sequence[int], workers: int, progress: Progress
-) -> list[dict[str, Any]] | None:
-    """What the answers are worth, against KITTI's labels; ``None`` where these are not at hand."""
-    if not quality.labels_are_here():
-        return None
-    jobs = [Job(scenario, seed, settings) for scenario in ALL for seed in seeds]
-    return quality.summarise(in_parallel(quality.measure_job, jobs, workers, progress, "quality"), len(seeds))
 
 
 def _metrics(evidence: Evidence) -> list[dict[str, Any]]:

@@ -115,8 +115,8 @@ def worth(rows: Sequence[Row], footer: str) -> Figure:
     """Precision, recall and ghosts of what the consumer holds, for L, R and DG; ``rows`` as ``quality`` makes them."""
     figure = Figure(figsize=(PAGE_IN, 2.6), layout="constrained")
     _title(figure, "What the consumer holds at each instant, against KITTI's labels (drive 0005)", footer)
-    names = {"precision": "precision", "recall_static": "recall, static", "recall_moving": "recall, moving",
-             "ghost_share": "ghosts"}  # fmt: skip
+    names = {"object_precision": "precision", "object_recall_static": "recall, static",
+             "object_recall_moving": "recall, moving", "ghost_share": "ghosts"}  # fmt: skip
     axis = figure.subplots()
     for place, method in enumerate(METHODS):
         for x, name in enumerate(names):
@@ -169,7 +169,7 @@ def draw_sensitivity(
     folder: Path,
     fitted: Calibration | None,
     sweep_rows: Sequence[Row],
-    worth_rows: Sequence[Row] | None,
+    worth_rows: Sequence[Row],
     targets: Mapping[str, float],
     footer: str,
 ) -> None:
@@ -179,5 +179,4 @@ def draw_sensitivity(
         save(calibration(found["tried"], found["best"], targets, footer), folder, "calibration")
     if sweep_rows:
         save(sweeps(sweep_rows, targets, footer), folder, "sensitivity")
-    if worth_rows:
-        save(worth(worth_rows, footer), folder, "worth")
+    save(worth(worth_rows, footer), folder, "worth")

@@ -69,7 +69,7 @@ def text(rows: Sequence[Row], width: int) -> str:
     return "\n".join([*lines, "", _counts(rows)])
 
 
-def document(rows: Sequence[Row], settings: Sequence[str], worth: Sequence[Row] | None) -> str:
+def document(rows: Sequence[Row], settings: Sequence[str], worth: Sequence[Row]) -> str:
     """The whole account beside the results: the table, each claim's test, and what the answers are worth."""
     parts = ["# What of the paper holds here", "", f"Calibrated: {', '.join(settings)}.", "", table(rows), ""]
     parts += ["## Each claim", ""]
@@ -79,11 +79,7 @@ def document(rows: Sequence[Row], settings: Sequence[str], worth: Sequence[Row] 
         if one["holds_under"] is not None:
             parts.append(_elsewhere(one))
         parts.append("")
-    parts += ["## Table I", "", table1.markdown(), "", "## What the answers are worth", ""]
-    if worth is None:
-        parts.append("Not measured: it needs KITTI's labels, found through the environment variable GENIE_SIM_KITTI.")
-    else:
-        parts += worth_table(worth).splitlines()
+    parts += ["## Table I", "", table1.markdown(), "", "## What the answers are worth", "", worth_table(worth)]
     return "\n".join(parts) + "\n"
 
 
@@ -106,8 +102,10 @@ def worth_table(rows: Sequence[Row]) -> str:
     found = {(one["method"], one["name"]): one for one in rows}
     lines = [f"| | {' | '.join(methods)} |", f"|---|{'---|' * len(methods)}"]
     for name in names:
-        cells = " | ".join("{value:.2f} ({low:.2f} to {high:.2f})".format_map(found[one, name]) for one in methods)
-        lines.append(f"| {name.replace('_', ' ')} | {cells} |")
+        mine = [found.get((one, name)) for one in methods]
+        cells = ["-" if one is None else "{value:.2f} ({low:.2f} to {high:.2f})".format_map(one) for one in mine]
+        unit = next((f" [{one['unit']}]" for one in mine if one and one.get("unit", "1") != "1"), "")
+        lines.append(f"| {name.replace('_', ' ')}{unit} | {' | '.join(cells)} |")
     return "\n".join(lines)
 
 

@@ -17,7 +17,6 @@ import numpy as np
 
 from genie_sim.core.geometry import Array
 from genie_sim.messages import Box, Detection
-from genie_sim.perception.labels import distance_m
 from genie_sim.perception.trace import MIN_HEIGHT_PX, Trace
 from genie_sim.perception.truth import Labelled, PictureLabels
 
@@ -43,7 +42,7 @@ class Judged(NamedTuple):
         """How far, in the ground plane, its location lies from the labelled centre."""
         if self.label is None or self.label.centre is None or self.detection.location is None:
             return None
-        return distance_m(self.detection.location, self.label.centre)
+        return math.dist(self.detection.location[:2], self.label.centre[:2])
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,7 +108,7 @@ class Evaluation:
         """Right detections from ``min_score`` on; with ``parked`` only those of parked vehicles."""
         chosen = self.groups.values() if group is None else [self.groups[group]]
         kept = [j for g in chosen for j in g.judged if j.label is not None and j.detection.score >= self.min_score]
-        return [j for j in kept if not parked or (j.label is not None and j.label.track in self.truth.parked)]
+        return [j for j in kept if not parked or (j.label is not None and j.label.track not in self.truth.moving)]
 
     def steadiness(self) -> list[Steadiness]:
         """Parked vehicles that were placed at least ``MIN_SIGHTINGS`` times from within ``STABLE_RANGE_M``."""
@@ -160,7 +159,7 @@ def _judge(group: str, trace: Trace, truth: PictureLabels) -> Group:
         if best is not None and overlaps[best] >= MIN_IOU[group]:
             taken.add((picture, best))
             centre = labels[best].centre
-            range_m = None if centre is None else distance_m((pose.east_m, pose.north_m, pose.up_m), centre)
+            range_m = None if centre is None else math.dist((pose.east_m, pose.north_m), centre[:2])
             judged.append(Judged(detection, labels[best], range_m))
         elif not _left_out(box, labels, boxes, overlaps, MIN_IOU[group]):
             judged.append(Judged(detection, None, None))

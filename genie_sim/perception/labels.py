@@ -1,13 +1,11 @@
-"""KITTI's own labels as tracks of objects in the east-north-up world.
+"""KITTI's own labels as its two kinds of files have them; ``truth`` makes one of them.
 
-Two sources give the same ``Labels``: the tracklets of a raw drive, and the labels of a tracking sequence. KITTI labels
-what its annotators saw in the laser scans; objects far away or never labelled are missing, so an object without a
-label nearby is not always a ghost.
+KITTI labels what its annotators saw in the laser scans; objects far away or never labelled are missing, so an object
+without a label nearby is not always a ghost.
 """
 
 from __future__ import annotations
 
-import math
 import xml.etree.ElementTree as ElementTree
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,56 +13,21 @@ from typing import NamedTuple
 
 import numpy as np
 
-from genie_sim.core.geometry import Array, Geodetic, rotation_from_rpy, transform
+from genie_sim.core.geometry import Array, rotation_from_rpy
 from genie_sim.errors import UserError
 from genie_sim.messages import Box, Location
 from genie_sim.perception.files import lines, read_bytes, within
-from genie_sim.perception.tracking import FRAME_NS, open_sequence
 
-KINDS = {  # KITTI's types by what a detector can tell apart; others (Misc, Tram, DontCare) are no objects here
-    "Car": "vehicle",
-    "Van": "vehicle",
-    "Truck": "vehicle",
-    "Pedestrian": "person",
-    "Person": "person",
-    "Person_sitting": "person",
-    "Person (sitting)": "person",
-    "Cyclist": "cyclist",
+GROUPS = {  # KITTI's types by what a detector can tell apart; others (Misc, Tram, DontCare) are no objects here
+    "Car": "vehicles",
+    "Van": "vehicles",
+    "Truck": "vehicles",
+    "Pedestrian": "persons",
+    "Person": "persons",
+    "Person_sitting": "persons",
+    "Person (sitting)": "persons",
+    "Cyclist": "persons",
 }
-# On drive 0005 the labelled centres of parked cars wander by up to 0.3 m a second, from the labels' and OXTS's own
-# errors; a slow walk is 1 m/s.
-MOVING_MPS = 0.5
-
-
-@dataclass(frozen=True, slots=True)
-class LabelledTrack:
-    """One labelled object: its kind, and its centre (n, 3) [m] at each of its time stamps [ns]."""
-
-    kind: str
-    stamps_ns: tuple[int, ...]
-    centres: Array
-
-    @property
-    def moving(self) -> bool:
-        """Whether it left the place of its first label faster than ``MOVING_MPS``, over the time it is labelled."""
-        seconds = (self.stamps_ns[-1] - self.stamps_ns[0]) / 1e9
-        return seconds > 0 and float(np.hypot(*(self.centres - self.centres[0])[:, :2].T).max()) / seconds > MOVING_MPS
-
-    def at(self, stamp_ns: int) -> Location | None:
-        """Where it was, between two labels in a straight line; ``None`` before its first and after its last label."""
-        if not self.stamps_ns[0] <= stamp_ns <= self.stamps_ns[-1]:
-            return None
-        east, north, up = (float(np.interp(stamp_ns, self.stamps_ns, column)) for column in self.centres.T)
-        return east, north, up
-
-
-@dataclass(frozen=True, slots=True)
-class Labels:
-    """All labelled objects of one drive around one geodetic origin; time counts from the drive's first frame."""
-
-    origin: Geodetic
-    tracks: tuple[LabelledTrack, ...]
-
 
 @dataclass(frozen=True, slots=True)
 class Tracklet:
@@ -104,41 +67,6 @@ class TrackingLabel(NamedTuple):
     occlusion: int
     box: Box
     centre: Location
-
-
-def read_tracklets(root: str | Path, drive: str, origin: Geodetic | None = None) -> Labels:
-    """The labels of a raw drive such as ``2011_09_26/0005``, on the clock of its colour cameras' trace.
-
-    Raises UserError for a missing or unreadable ``tracklet_labels.xml`` and for what ``open_drive`` refuses.
-    """
-    from genie_sim.perception.kitti import open_drive
-
-    opened = open_drive(root, drive, ("02", "03"), origin, allow_missing_scans=True)
-    stamps_ns = {frame.index: frame.stamp_ns - opened.first_stamp_ns for frame in opened.frames["02"]}
-    tracks = []
-    for item in tracklets(opened.tracklets):
-        frames = range(item.first, item.first + len(item.centres))
-        known = [frame for frame in frames if frame in stamps_ns]
-        if item.kind in KINDS and known:
-            places = [transform(opened.world_SE3_velo(frame), item.centres[frame - item.first]) for frame in known]
-            tracks.append(LabelledTrack(KINDS[item.kind], tuple(stamps_ns[frame] for frame in known), np.array(places)))
-    return Labels(opened.origin, tuple(tracks))
-
-
-def read_tracking_labels(training: str | Path, sequence: str, origin: Geodetic | None = None) -> Labels:
-    """The labels of a tracking sequence such as ``0000``; ``training`` holds ``label_02``, ``oxts`` and ``calib``.
-
-    Raises UserError for files that are missing or hold something else.
-    """
-    drive = open_sequence(training, sequence, origin)
-    path = Path(training) / "label_02" / f"{sequence}.txt"
-    seen: dict[int, tuple[str, list[int], list[Array]]] = {}
-    for label in tracking_labels(path, len(drive.world_SE3_camera0)):
-        if label.kind in KINDS:
-            _, stamps_ns, centres = seen.setdefault(label.track, (KINDS[label.kind], [], []))
-            stamps_ns.append(label.frame * FRAME_NS)
-            centres.append(transform(drive.world_SE3_camera0[label.frame], label.centre))
-    return Labels(drive.origin, tuple(LabelledTrack(kind, tuple(s), np.array(c)) for kind, s, c in seen.values()))
 
 
 def tracking_labels(path: Path, frames: int) -> list[TrackingLabel]:
@@ -186,8 +114,3 @@ def _tracklet(item: ElementTree.Element) -> Tracklet:
         occlusion=tuple(map(int, table[:, 4])),
         truncation=tuple(map(int, table[:, 5])),
     )
-
-
-def distance_m(a: Location, b: Location) -> float:
-    """How far apart two places are in the ground plane [m]."""
-    return math.hypot(a[0] - b[0], a[1] - b[1])

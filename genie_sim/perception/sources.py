@@ -120,11 +120,12 @@ class Live:
 @dataclass
 class Recordings:
     """Traces around one origin: the scenario's, and those that single routes name. Beside the file of a trace (``path``
-    is the main one's) there may be a truth table."""
+    is the main one's) there may be a truth table; ``truth`` is the main one's if it has no file."""
 
     main: Trace
     origin: Geodetic | None = None
     path: Path | None = None
+    truth: TruthTable | None = None
     seeded: bool = False
     _read: dict[str | None, Trace] = field(default_factory=dict)
     _truths: dict[str, TruthTable] = field(default_factory=dict)  # by the trace's digest
@@ -140,7 +141,7 @@ class Recordings:
             made = self.main if trace is None or path is None else read_trace(path)
             origin = self.main.origin if self.origin is None else self.origin
             self._read[trace] = made.rebased(origin)
-            truth = None if path is None else truth_beside(path, made)
+            truth = truth_beside(path, made) if path is not None else self.truth if trace is None else None
             if truth is not None:
                 self._truths[self._read[trace].digest] = truth.rebased(origin)
         self._of_cars[car] = trace

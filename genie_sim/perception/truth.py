@@ -19,12 +19,15 @@ from genie_sim.core.geometry import Array, project, transform
 from genie_sim.errors import UserError
 from genie_sim.messages import Box, Location
 from genie_sim.perception.kitti import open_drive
-from genie_sim.perception.labels import KINDS, LabelledTrack, tracking_labels, tracklets
+from genie_sim.perception.labels import GROUPS, tracking_labels, tracklets
 from genie_sim.perception.trace import MIN_HEIGHT_PX, Trace
 from genie_sim.perception.tracking import CAMERA, open_sequence
+from genie_sim.units import NS_PER_S
 
-GROUPS = {"vehicle": "vehicles", "person": "persons", "cyclist": "persons"}  # by kind of label
 IGNORED = {"Tram": "vehicles", "Misc": "vehicles", "DontCare": "anything"}  # by KITTI's type
+# On drive 0005 the labelled centres of parked cars wander by up to 0.3 m a second, from the labels' and OXTS's own
+# errors; a slow walk is 1 m/s.
+MOVING_MPS = 0.5
 
 Picture = tuple[str, int]  # camera and frame number
 
@@ -41,11 +44,11 @@ class Labelled(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class PictureLabels:
-    """The labels of all pictures of a trace, by picture, and the numbers of the tracks that never move."""
+    """The labels of all pictures of a trace, by picture, and the numbers of the tracks that move."""
 
     source: str
     pictures: Mapping[Picture, list[Labelled]]
-    parked: frozenset[int]
+    moving: frozenset[int]
 
 
 def read_truth(root: str | Path, labels: str, trace: Trace) -> PictureLabels:
@@ -72,7 +75,7 @@ def _of_tracklets(root: Path, drive: str, trace: Trace) -> PictureLabels:
             here = pictures.setdefault((camera, frame.index), [])
             for track, item in enumerate(items):
                 i = frame.index - item.first
-                if item.kind not in KINDS | IGNORED or not 0 <= i < len(item.centres):
+                if item.kind not in GROUPS | IGNORED or not 0 <= i < len(item.centres):
                     continue
                 corners = transform(camera_SE3_velo, item.corners(i))
                 box = _box_of(corners, known[frame.index].intrinsics, (frame.width, frame.height))
@@ -81,7 +84,7 @@ def _of_tracklets(root: Path, drive: str, trace: Trace) -> PictureLabels:
                 judged = item.truncation[i] in (0, 1) and item.occlusion[i] in (0, 1, 2) and corners[:, 2].min() > 0
                 centre = _location(transform(opened.world_SE3_velo(frame.index), item.centres[i]))
                 here.append(_labelled(track, item.kind, box, judged, centre))
-    return PictureLabels(f"tracklets of {drive}", pictures, _parked(pictures, trace))
+    return PictureLabels(f"tracklets of {drive}", pictures, _moving(pictures, trace))
 
 
 def _of_tracking(training: Path, sequence: str, trace: Trace) -> PictureLabels:
@@ -96,33 +99,38 @@ def _of_tracking(training: Path, sequence: str, trace: Trace) -> PictureLabels:
     pictures: dict[Picture, list[Labelled]] = {(CAMERA, frame.index): [] for frame in frames}
     path = training / "label_02" / f"{sequence}.txt"
     for label in tracking_labels(path, len(drive.world_SE3_camera0)):
-        if (CAMERA, label.frame) not in pictures or label.kind not in KINDS | IGNORED:
+        if (CAMERA, label.frame) not in pictures or label.kind not in GROUPS | IGNORED:
             continue
         judged = label.truncation in (0, 1) and label.occlusion in (0, 1, 2)
         centre = _location(transform(drive.world_SE3_camera0[label.frame], label.centre))
         here = pictures[CAMERA, label.frame]
         here.append(_labelled(label.track, label.kind, label.box, judged, centre))
-    return PictureLabels(f"label_02 of tracking/{sequence}", pictures, _parked(pictures, trace))
+    return PictureLabels(f"label_02 of tracking/{sequence}", pictures, _moving(pictures, trace))
 
 
 def _labelled(track: int, kind: str, box: Box, judged: bool, centre: Location) -> Labelled:
     if kind in IGNORED:
         return Labelled(track, IGNORED[kind], box, False, None)
     high = box[3] - box[1] >= MIN_HEIGHT_PX
-    return Labelled(track, GROUPS[KINDS[kind]], box, judged and high, centre)
+    return Labelled(track, GROUPS[kind], box, judged and high, centre)
 
 
-def _parked(pictures: Mapping[Picture, list[Labelled]], trace: Trace) -> frozenset[int]:
-    """Vehicles that do not move, as ``LabelledTrack`` says it."""
-    places: dict[int, dict[int, Location]] = {}
+def _moving(pictures: Mapping[Picture, list[Labelled]], trace: Trace) -> frozenset[int]:
+    """The tracks that got away from where they were first labelled faster than ``MOVING_MPS``, over all their time."""
     stamps_ns = {(camera, frame.index): frame.stamp_ns for camera in trace.frames for frame in trace.frames[camera]}
+    tracks: dict[int, dict[int, Location]] = {}
     for picture, labels in pictures.items():
         for label in labels:
-            if label.group == "vehicles" and label.centre is not None:
-                places.setdefault(label.track, {})[stamps_ns[picture]] = label.centre
-    ordered = {number: dict(sorted(at.items())) for number, at in places.items()}
-    tracks = {n: LabelledTrack("vehicle", tuple(at), np.array(list(at.values()))) for n, at in ordered.items()}
-    return frozenset(number for number, track in tracks.items() if not track.moving)
+            if label.centre is not None:
+                tracks.setdefault(label.track, {})[stamps_ns[picture]] = label.centre
+    return frozenset(track for track, places in tracks.items() if _speed_mps(places) > MOVING_MPS)
+
+
+def _speed_mps(places: Mapping[int, Location]) -> float:
+    """How far it got from its first place over the time between its first and its last."""
+    first_ns, last_ns = min(places), max(places)
+    away_m = max(math.dist(place[:2], places[first_ns][:2]) for place in places.values())
+    return away_m / ((last_ns - first_ns) / NS_PER_S) if last_ns > first_ns else 0.0
 
 
 def _box_of(corners: Array, intrinsics: Array, size: tuple[int, int]) -> Box | None:

@@ -117,33 +117,17 @@ def make_truth(root: str | Path, drive: str, trace: Trace) -> TruthTable:
 
     truth = read_truth(root, drive, trace)
     stamps_ns = {(camera, one.index): one.stamp_ns for camera in trace.frames for one in trace.frames[camera]}
-    tracks: dict[int, dict[int, Location]] = {}
     rows = []
     for (camera, index), labels in sorted(truth.pictures.items()):
-        stamp_ns = stamps_ns[camera, index]
         for label in sorted(labels):
             if label.centre is not None and label.group in LABELS:
-                tracks.setdefault(label.track, {})[stamp_ns] = label.centre
+                what = LABELS[label.group], label.track in truth.moving, label.counts
                 place = (round(x, POSITION_DECIMALS) for x in label.centre)
-                rows.append(
-                    TruthRow(camera, index, stamp_ns, label.track, LABELS[label.group], False, label.counts, *place)
-                )
-    moving = {number for number, places in tracks.items() if _moves(places)}
-    rows = [row._replace(moving=row.object in moving) for row in rows]
+                rows.append(TruthRow(camera, index, stamps_ns[camera, index], label.track, *what, *place))
     if not rows:
         raise UserError(f"{root}: no object of {drive} is in view of the trace {trace.name}")
     provenance = {"drive": drive, "labels": truth.source, "labels_sha256": _digest_of_labels(Path(root), drive)}
     return TruthTable(trace.digest, trace.origin, tuple(rows), {**provenance, "trace": trace.name})
-
-
-def _moves(places: Mapping[int, Location]) -> bool:
-    """Whether a track got away from where it was first seen faster than ``MOVING_MPS``."""
-    from genie_sim.perception.labels import MOVING_MPS
-
-    first_ns, last_ns = min(places), max(places)
-    east_m, north_m, _ = places[first_ns]
-    away_m = max(math.hypot(place[0] - east_m, place[1] - north_m) for place in places.values())
-    return last_ns > first_ns and away_m / ((last_ns - first_ns) / 1e9) > MOVING_MPS
 
 
 def _digest_of_labels(root: Path, drive: str) -> str:

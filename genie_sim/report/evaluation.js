@@ -130,14 +130,10 @@ function showAnswers() {
 }
 
 function showWorth() {
-  byId("worth-none").hidden = DATA.worth !== null;
-  if (DATA.worth === null) return;
   const methods = [...new Set(DATA.worth.map((one) => one.method))], names = [...new Set(DATA.worth.map((one) => one.name))];
-  const units = [[/_s(_|$)/, "s"], [/_m(_|$)/, "m"]];
   table(byId("worth-table"), null, ["", ...methods.map((method) => methodTitle(method))], names.map((name) => {
-    const [pattern, unit] = units.find(([one]) => one.test(name)) || [null, "1"];
-    const text = (value) => asText(value, unit);
-    return [words(pattern ? name.replace(pattern, "$1") : name), ...methods.map((method) => {
+    const { unit } = DATA.worth.find((row) => row.name === name), text = (value) => asText(value, unit);
+    return [words(name), ...methods.map((method) => {
       const one = DATA.worth.find((row) => row.method === method && row.name === name);
       return intervalCell(one && [one.value, one.low, one.high], text);
     })];

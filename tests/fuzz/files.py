@@ -12,7 +12,7 @@ from genie_sim.errors import UserError
 from genie_sim.perception import fetch
 from genie_sim.perception.detector import make_detector
 from genie_sim.perception.kitti import open_drive, read_image
-from genie_sim.perception.labels import read_tracking_labels, read_tracklets
+from genie_sim.perception.labels import tracking_labels, tracklets
 from genie_sim.perception.trace import read_trace, write_trace
 from genie_sim.perception.tracking import tracking_trace
 from genie_sim.scenario.profiles import load_profile
@@ -64,7 +64,7 @@ def drive(folder: Path) -> Case:
         for frame in opened.frames["02"]:
             opened.scan(frame.index)
             read_image(frame.image_path)
-        read_tracklets(folder, f"{DATE}/0005")
+        tracklets(opened.tracklets)
 
     return with_one_broken(folder, read)
 
@@ -87,7 +87,7 @@ def tracking(folder: Path) -> Case:
         refused = None
         reads = (
             partial(tracking_trace, folder, "0003"), partial(tracking_trace, folder, "0003", "rrc"),
-            partial(read_tracking_labels, folder / "training", "0003"),
+            partial(tracking_labels, folder / "training" / "label_02" / "0003.txt", 3),
         )  # fmt: skip
         for each in reads:
             try:
