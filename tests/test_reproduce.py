@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from genie_sim.paper import calibrate, table1, verdict_table
+from genie_sim.paper import calibrate, drives, table1, verdict_table
 from genie_sim.paper.assumptions import load_assumptions
 from genie_sim.paper.calibrate import Point
 from genie_sim.paper.checks import load_claims
@@ -30,6 +30,7 @@ MARKERS = {  # of a document's generated parts
     "counts": ("<!-- counts:begin -->", "<!-- counts:end -->"),
     "section V": ("<!-- section-v:begin -->", "<!-- section-v:end -->"),
     "worth": ("<!-- worth:begin -->", "<!-- worth:end -->"),
+    "drives": ("<!-- drives:begin -->", "<!-- drives:end -->"),
     "table I": ("<!-- table-1:begin -->", "<!-- table-1:end -->"),
 }
 
@@ -53,6 +54,8 @@ def generated_parts(folder: Path) -> dict[str, str]:
     quality = folder / "quality.json"
     if quality.is_file():
         parts["worth"] = verdict_table.worth_table(provenance.read_json(quality))
+    if (folder / "drives.json").is_file():
+        parts["drives"] = drives.markdown(provenance.read_json(folder / "drives.json"))
     return parts
 
 
