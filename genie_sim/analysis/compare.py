@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from genie_sim.analysis.metrics import DEADLINE_MS, response_ms
-from genie_sim.analysis.statistics import Blocks, Floats, around, t_quantile
+from genie_sim.analysis.statistics import Blocks, Floats, around, over_seeds
 from genie_sim.errors import UserError, short_repr, unknown
 from genie_sim.recording.columns import Columns, Text, joined
 from genie_sim.recording.results import MethodInfo, Metric, Run
@@ -233,7 +233,7 @@ def _difference(metric: str, arm: Arm, other: Arm | None) -> Difference | None:
         if (mine := values[seed]) is not None and (reference := theirs[seed]) is not None
     ]
     if len(gaps) > 1:
-        mean, half = _over_seeds(gaps)
+        mean, half = over_seeds(gaps)
         return Difference(metric, arm.label, value, unit, other.label, mean, *around(mean, half), SEEDS, len(gaps))
     seed = _paired(arm, other)[0]
     found = _over_blocks(sums(arm.runs[seed], arm.method.name), sums(other.runs[seed], other.method.name))
@@ -241,12 +241,6 @@ def _difference(metric: str, arm: Arm, other: Arm | None) -> Difference | None:
         return Difference(metric, arm.label, value, unit, other.label, None, None, None, "", 0)
     gap, ends, n = found
     return Difference(metric, arm.label, value, unit, other.label, gap, *ends, BLOCKS, n)
-
-
-def _over_seeds(gaps: Sequence[float]) -> tuple[float, float]:
-    """Mean and half of the t interval."""
-    half = t_quantile(len(gaps) - 1) * np.std(gaps, ddof=1) / np.sqrt(len(gaps))
-    return float(np.mean(gaps)), float(half)
 
 
 def _over_blocks(mine: Sums, theirs: Sums) -> tuple[float, tuple[float | None, float | None], int] | None:
@@ -296,7 +290,7 @@ def as_metrics(comparison: Comparison) -> tuple[list[Metric], list[MethodInfo]]:
             if len(of_runs) == 1:
                 found.append(replace(of_runs[0], method=arm.label))
             elif of_runs:
-                mean, half = _over_seeds([one.value for one in of_runs if one.value is not None])
+                mean, half = over_seeds([one.value for one in of_runs if one.value is not None])
                 low, high = around(mean, half)
                 found.append(replace(of_runs[0], method=arm.label, value=mean, low=low, high=high))
     return found, [MethodInfo(arm.label, arm.label, arm.method.baseline) for arm in comparison.arms]

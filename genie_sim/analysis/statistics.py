@@ -38,11 +38,22 @@ def across_seeds(runs: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
     n = found["runs"].to_numpy()
     half = np.full(len(n), np.nan)
     several = n > 1
-    half[several] = [t_quantile(runs - 1) for runs in n[several]] * spread[several] / np.sqrt(n[several])
+    half[several] = [half_of_mean(*one) for one in zip(spread[several], n[several], strict=True)]
     found = found.assign(low=found["value"] - half, high=found["value"] + half)
     for name in ("value", "low", "high"):  # ten digits: processors add up in different orders
         found[name] = [float(f"{number:.10g}") for number in found[name]]
     return found[[*by, *_METRIC, "value", "low", "high", "runs"]]
+
+
+def over_seeds(values: Sequence[float] | Floats) -> tuple[float, float]:
+    """Mean, and half of its 95 % t interval: 0 for one value."""
+    spread = float(np.std(values, ddof=1)) if len(values) > 1 else 0.0
+    return float(np.mean(values)), half_of_mean(spread, len(values)) if len(values) > 1 else 0.0
+
+
+def half_of_mean(spread: float, n: int) -> float:
+    """Half of the 95 % t interval of the mean of ``n`` values with this standard deviation."""
+    return float(t_quantile(int(n) - 1) * spread / math.sqrt(n))
 
 
 class Blocks:

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from genie_sim.paper.assumptions import Assumptions
-from genie_sim.paper.checks import ALL, BOTH_IMAGES, BOTH_OBJECTS, Claim, load_claims
+from genie_sim.paper.checks import ALL, BOTH_IMAGES, BOTH_OBJECTS, load_claims
 from genie_sim.paper.claims import holds_under
-from genie_sim.paper.evidence import Evidence, interval
+from genie_sim.paper.evidence import Claim, Evidence, interval
 from genie_sim.paper.facts import METHODS, Facts, of_baselines
 from genie_sim.paper.replicate import Job, Progress, prepare_job, run_jobs
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from genie_sim.paper.checks import CHECKS, Claim, load_claims
-from genie_sim.paper.evidence import Evidence, Finding
+from genie_sim.paper.checks import CHECKS, load_claims
+from genie_sim.paper.evidence import Claim, Evidence, Finding
 from genie_sim.seeds import stream
 
 RESAMPLES = 200
@@ -17,7 +17,10 @@ VERDICTS = ("reproduced", "same direction, other size", "not reproduced", "not t
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """A claim, what was found, and what we say of it. ``marginal``: another set of seeds could say otherwise."""
+    """A claim, what was found, and what we say of it.
+
+    ``marginal``: another set of seeds could say otherwise, as always where there is one seed and so no interval.
+    """
 
     claim: Claim
     finding: Finding | None
@@ -42,7 +45,7 @@ def judge_one(claim: Claim, evidence: Evidence) -> Verdict:
     for _ in range(RESAMPLES if finding.n > 1 else 0):
         places = random.integers(seeds, size=seeds).tolist()
         others += verdict_of(claim, _look(claim, evidence.resampled(places))) != verdict
-    return Verdict(claim, finding, verdict, others > MARGINAL * RESAMPLES)
+    return Verdict(claim, finding, verdict, finding.one_seed or others > MARGINAL * RESAMPLES)
 
 
 def verdict_of(claim: Claim, finding: Finding | None) -> str:

@@ -13,12 +13,27 @@ from typing import Any
 
 import numpy as np
 
+from genie_sim.analysis.statistics import over_seeds
 from genie_sim.paper.definitions import fact
 from genie_sim.paper.facts import Facts
 
 Values = np.ndarray[Any, np.dtype[np.float64]]  # one per seed
-CONFIDENCE = 0.95
 BASE = "base"  # the variant that is meant where none is named
+
+
+@dataclass(frozen=True, slots=True)
+class Claim:
+    """One line of ``claims.yaml``, which says what the thresholds are."""
+
+    id: str
+    where: str
+    kind: str
+    claim: str
+    test: str
+    expect: float
+    tolerance: float = 0.0
+    near: float | None = None
+    also: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,6 +51,11 @@ class Finding:
     holds: bool
     direction: bool
     note: str = ""
+
+    @property
+    def one_seed(self) -> bool:
+        """Whether the interval is a point because nothing was replicated; arithmetic needs no seeds."""
+        return self.n == 1 and self.low is not None
 
     @property
     def known(self) -> bool:
@@ -82,41 +102,47 @@ class Evidence:
 
 
 def interval(values: Values) -> tuple[float, float, float]:
-    """Mean and 95 % t interval over seeds; without spread or with one seed it is a point."""
-    from scipy.special import stdtrit
-
-    mean, n = float(np.mean(values)), len(values)
-    spread = float(np.std(values, ddof=1)) if n > 1 else 0.0
-    half = float(stdtrit(n - 1, (1 + CONFIDENCE) / 2)) * spread / math.sqrt(n) if spread > 0 else 0.0
+    """Mean and 95 % t interval over seeds; with one seed it is a point, which says nothing of other seeds."""
+    mean, half = over_seeds(values)
     return mean, mean - half, mean + half
 
 
-def matches(values: Values, expect: float, tolerance: float, unit: str = "1", note: str = "") -> Finding:
-    """Equivalence: the whole interval lies within the tolerance. The direction is that of ``expect`` from zero."""
+def matches(claim: Claim, values: Values, unit: str = "1", note: str = "") -> Finding:
+    """Equivalence: the whole interval lies within the tolerance of what is expected."""
+    low, high = claim.expect - claim.tolerance, claim.expect + claim.tolerance
+    return _within(claim, values, low, high, unit, note)
+
+
+def below(claim: Claim, values: Values, unit: str = "1", note: str = "") -> Finding:
+    """The whole interval lies at most at what is expected."""
+    return _within(claim, values, -math.inf, claim.expect, unit, note)
+
+
+def above(claim: Claim, values: Values, unit: str = "1", note: str = "") -> Finding:
+    """The whole interval lies at least at what is expected."""
+    return _within(claim, values, claim.expect, math.inf, unit, note)
+
+
+def _within(claim: Claim, values: Values, least: float, most: float, unit: str, note: str) -> Finding:
+    """The direction is shown where the whole interval lies on the claimed side of ``near``."""
     mean, low, high = interval(values)
-    holds = expect - tolerance <= low and high <= expect + tolerance
-    return Finding(mean, low, high, len(values), unit, holds, mean > 0 if expect > 0 else mean < 0, note)
+    holds, near = least <= low and high <= most, claim.near
+    direction = near is not None and (low > near if claim.expect > near else high < near)
+    return Finding(mean, low, high, len(values), unit, holds, direction, note)
 
 
-def below(values: Values, bound: float, unit: str = "1", note: str = "", near: float | None = None) -> Finding:
-    """The whole interval lies below a bound; up to ``near`` it is at least the direction that was claimed."""
-    mean, low, high = interval(values)
-    return Finding(mean, low, high, len(values), unit, high <= bound, near is not None and mean <= near, note)
-
-
-def above(values: Values, bound: float, unit: str = "1", note: str = "", near: float | None = None) -> Finding:
-    """The whole interval lies above a bound; down to ``near`` it is at least the direction that was claimed."""
-    mean, low, high = interval(values)
-    return Finding(mean, low, high, len(values), unit, low >= bound, near is not None and mean >= near, note)
-
-
-def all_positive(steps: Mapping[str, Values], unit: str = "1") -> Finding:
+def all_positive(parts: Mapping[str, Values], unit: str = "1", note: str = "") -> Finding:
     """Several effects that are all claimed to be positive: each one's interval must exclude zero.
 
-    The value is their average; the note names those that fail. The direction is right if the average is positive.
+    The value is their average; the note names those that are not shown, and says of which the opposite is. The
+    direction is shown where none of them is opposite, and the average's interval excludes zero or most are shown.
     """
-    average = np.mean([np.asarray(values) for values in steps.values()], axis=0)
+    ends = {name: interval(values) for name, values in parts.items()}
+    missed = {name: one for name, one in ends.items() if not one[1] > 0}
+    against = [name for name, (_, _, high) in missed.items() if high < 0]
+    said = [f"{name} {mean:+.3g}{' (opposite)' if name in against else ''}" for name, (mean, _, _) in missed.items()]
+    shown = f"{len(parts) - len(missed)} of {len(parts)} shown" + (f"; not: {', '.join(said)}" if said else "")
+    average = np.mean(list(parts.values()), axis=0)
     mean, low, high = interval(average)
-    failed = [f"{name} {interval(values)[0]:+.3g}" for name, values in steps.items() if not interval(values)[1] > 0]
-    note = f"{len(steps) - len(failed)} of {len(steps)} shown" + (f"; not: {', '.join(failed)}" if failed else "")
-    return Finding(mean, low, high, len(average), unit, not failed, mean > 0, note)
+    direction = not against and (low > 0 or 2 * len(missed) < len(parts))
+    return Finding(mean, low, high, len(average), unit, not missed, direction, f"{note}; {shown}" if note else shown)

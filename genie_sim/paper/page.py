@@ -63,7 +63,8 @@ def page(folder: Path) -> str:
 
 def page_data(folder: Path) -> dict[str, Any]:
     """Everything on the page, as plain JSON values; nothing of when, where and how fast it was made."""
-    notes: list[str] = []
+    rows = verdict_table.read_rows(folder)
+    notes = list(filter(None, [verdict_table.few_seeds(rows)]))
     about = _read(folder / "run.json")
     metrics = {(one["scenario"], one["name"]): one for one in _read(folder / "metrics.json")}
     names = ("genie_sim", "quick", "seeds", "settings", "calibration", "trace")
@@ -71,7 +72,7 @@ def page_data(folder: Path) -> dict[str, Any]:
         "about": {"name": TITLE, "description": "", **{name: about[name] for name in names}},
         "methods": [asdict(method) for method in METHODS],
         "verdicts": VERDICTS,
-        "claims": list(_claims(verdict_table.read_rows(folder))),
+        "claims": list(_claims(rows)),
         "improvement": [_interval(metrics.get(("all", f"improvement_{answer}"))) for answer in ("first", "fresh")],
         "answers": list(_answers(metrics)),
         "metrics": [

@@ -15,6 +15,7 @@ from genie_sim.paper.evidence import Finding
 from genie_sim.recording import provenance
 from genie_sim.scenario.yaml_input import parse
 
+ENOUGH_SEEDS = 10
 MOST_NAMED = 4  # variants named beside a claim
 
 Row = Mapping[str, Any]
@@ -126,13 +127,27 @@ def _counts(rows: Sequence[Row]) -> str:
     counts = Counter(one["verdict"] for one in rows)
     summary = "; ".join(f"{counts[verdict]} {verdict}" for verdict in VERDICTS if counts[verdict])
     marginal = sum(one["marginal"] for one in rows)
-    return f"{len(rows)} claims: {summary}. Marginal, another set of seeds could say otherwise: {marginal}."
+    said = f"{len(rows)} claims: {summary}. Marginal, another set of seeds could say otherwise: {marginal}."
+    return "\n".join(filter(None, [said, few_seeds(rows)]))
+
+
+def few_seeds(rows: Sequence[Row]) -> str:
+    """What so few seeds cannot decide; nothing where there are enough."""
+    n = max(one["n"] for one in rows)
+    if n == 1:
+        return "One seed has no interval: every verdict on a simulated number is marginal."
+    if n < ENOUGH_SEEDS:
+        said = f"{n} seeds do not decide what lies near a threshold"
+        return f"{said}: of such a claim another {n} say otherwise in one case of three."
+    return ""
 
 
 def _found(one: Row) -> str:
     if one["value"] is None:
         return "-"
     unit = "" if one["unit"] == "1" else f" {one['unit']}"
+    if one["n"] == 1 and one["low"] is not None:
+        return f"{one['value']:.3g}{unit} (one seed)"
     if one["low"] is None or one["low"] == one["high"]:
         return f"{one['value']:.3g}{unit}"
     return f"{one['value']:.3g}{unit} ({one['low']:.3g} to {one['high']:.3g})"

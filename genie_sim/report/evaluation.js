@@ -2,7 +2,7 @@
 
 const FIGURES = new Map(DATA.figures.map((one) => [one.name, one]));
 const KINDS = {
-  input: "true by construction, it was put in", near_input: "follows closely from what was put in",
+  input: "true by construction: it was put in, or what was put in leaves no other outcome", near_input: "follows closely from what was put in",
   calibrated: "one of the two numbers that two parameters were fitted to", prediction: "the simulator could have contradicted it",
   invariant: "must hold in every run", table: "arithmetic on the paper's own table",
 };
@@ -48,7 +48,7 @@ function evidence(claim) {
   const list = (items) => make("ul", {}, ...items.map((item) => make("li", {}, item)));
   const facts = [["Paper", claim.where], ...(claim.says.length ? [["Section V", list(claim.says.map(([part, says]) => `${part}: ${says}`))]] : []),
     ["Kind", `${words(claim.kind)}: ${KINDS[claim.kind] || ""}`], ["Test", claim.test], ["Expected", expected(claim)],
-    ["Found", isNumber(claim.value) ? `${withInterval([claim.value, claim.low, claim.high], foundText(claim))}, ${claim.n} ${claim.n === 1 ? "value" : "seeds"}` : "not measured"],
+    ["Found", isNumber(claim.value) ? `${withInterval([claim.value, claim.low, claim.high], foundText(claim))}, ${claim.n === 1 ? (claim.low === null ? "1 value" : "one seed: no interval") : `${claim.n} seeds`}` : "not measured"],
     ...(claim.note ? [["Note", claim.note]] : []),
     ["Verdict", claim.verdict + (claim.marginal ? "; marginal: another set of seeds could say otherwise" : "")]];
   if (claim.holds_under && DATA.sensitivity) facts.push(["Would hold under", claim.holds_under.length ? list(claim.holds_under) : claim.tried_under === 0 ? "not tried: the runs of other readings and values lack what the test needs" : `none of the ${claim.tried_under} other readings and values that were tried, ${claim.n} seeds each`]);
