@@ -225,15 +225,9 @@ class ImageLookup:
     entries: int
 
 
-class MapChange(NamedTuple):
-    """A stored object that is new or has been seen again, with its confidence from now on.
-
-    Class and location are those of its first sighting, so they tell which object it is.
-    """
-
-    label: str
-    location: Location
-    confidence: float
+# A stored object that is new or has been seen again, with its confidence from now on. Class and location are those of
+# its first sighting, so they tell which object it is.
+MapChange = tuple[str, Location, float]
 
 
 @dataclass(slots=True)

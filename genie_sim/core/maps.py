@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+from typing import Protocol
 
 from genie_sim.messages import Answer, CameraPose, Detection, Header, Location, MapChange, ObjectLookups
 
 
-class Viewer(NamedTuple):
+@dataclass(slots=True)
+class Viewer:
     """Who asks, and from where its camera looks."""
 
     header: Header
@@ -76,4 +77,4 @@ class Map(Protocol):
 
 def as_change(one: InMap) -> MapChange:
     """An object of a map as the log tells of it."""
-    return MapChange(one.label, one.location, one.confidence)
+    return one.label, one.location, one.confidence

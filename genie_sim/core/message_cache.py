@@ -6,7 +6,7 @@ from collections import deque
 from collections.abc import Callable, Hashable, Iterator
 from dataclasses import dataclass, field
 
-from genie_sim.core.eviction import Eviction
+from genie_sim.core.eviction import Eviction, Unlimited
 from genie_sim.core.maps import Viewer
 from genie_sim.core.similarity import KeyIndex
 from genie_sim.messages import Answer, Header
@@ -28,6 +28,8 @@ class MessageCache:
         self._eviction = eviction
         self._capacity_entries = capacity_entries
         self._capacity_bytes = capacity_bytes
+        self._limited = capacity_entries is not None or capacity_bytes is not None
+        self._expires = getattr(type(eviction), "expires_ns", None) is not Unlimited.expires_ns
         self._answers: dict[Hashable, Answers] = {}
         self.size_bytes = 0
 
@@ -47,11 +49,12 @@ class MessageCache:
 
         An answer larger than the whole capacity is not stored.
         """
-        if self._capacity_bytes is not None and answer.size_bytes > self._capacity_bytes:
+        size_bytes = answer.size_bytes
+        if self._capacity_bytes is not None and size_bytes > self._capacity_bytes:
             return
         held = self._find(key, now_ns)
         if held is None:
-            while self._answers and not self._fits(1, answer.size_bytes):
+            while self._limited and self._answers and not self._fits(1, size_bytes):
                 self._remove(self._eviction.victim())
             held = key
             self._index.add(held)
@@ -59,19 +62,21 @@ class MessageCache:
         answers = self._answers[held]
         old = answers.get(topic)
         answers[topic] = answer
-        self.size_bytes += answer.size_bytes - (old.size_bytes if old is not None else 0)
+        self.size_bytes += size_bytes - (old.size_bytes if old is not None else 0)
         self._eviction.stored(held, now_ns)
-        while not self._fits(0, 0):  # an answer grew
+        while self._limited and not self._fits(0, 0):  # an answer grew
             self._remove(self._eviction.victim())
 
     def _find(self, key: Hashable, now_ns: int) -> Hashable | None:
         """The held key that equals ``key``; those whose time is over go on the way."""
-        while (held := self._index.find(key)) is not None:
+        held = self._index.find(key)
+        while self._expires and held is not None:
             expires_ns = self._eviction.expires_ns(held)
             if expires_ns is None or now_ns < expires_ns:
-                return held
+                break
             self._remove(held)
-        return None
+            held = self._index.find(key)
+        return held
 
     def _fits(self, entries: int, size_bytes: int) -> bool:
         if self._capacity_entries is not None and len(self._answers) + entries > self._capacity_entries:

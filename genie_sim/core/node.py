@@ -117,7 +117,7 @@ class GenieNode:
         unknown = (*self._own_answers, *self._remote_answers)
         return (*topics, *(topic + suffix for topic in unknown for suffix in (self._local, self._remote)))
 
-    def on_message(self, topic: str, message: Message, now_ns: int, sender: str | None = None) -> list[Effect]:
+    def on_message(self, topic: str, message: Any, now_ns: int, sender: str | None = None) -> list[Effect]:
         """Algorithm 1, OnMessageArrival. ``sender`` names the neighbour that a reply goes to, ``None`` where the
         middleware does not tell: then it goes to all of them."""
         before: list[Effect] = []
@@ -127,7 +127,14 @@ class GenieNode:
         deadline_ns = self._pending.next_deadline_ns
         if deadline_ns is not None and deadline_ns <= now_ns:
             before += self.on_deadline(now_ns)
-        effects = self._on_arrival(*self._arrivals[topic], message, now_ns, sender)
+        topic, about, request, own = self._arrivals[topic]
+        effects: list[Effect]
+        if request:
+            effects = self._on_request(about, message, Requester(message.header, not own, sender), now_ns)
+        elif self.rules.pending_index == "per_topic":
+            effects = self._on_unknown(topic, message)
+        else:
+            effects = self._on_answer(about, message, now_ns, own=own)
         return before + effects if before else effects
 
     def next_deadline_ns(self) -> int | None:
@@ -150,15 +157,6 @@ class GenieNode:
         """How many requests the message cache holds answers to."""
         return sum(map(len, self._databases.values()))
 
-    def _on_arrival(
-        self, topic: str, about: str, request: bool, own: bool, message: Any, now_ns: int, sender: str | None
-    ) -> list[Effect]:
-        if request:
-            return self._on_request(about, message, Requester(message.header, not own, sender), now_ns)
-        if self.rules.pending_index == "per_topic":
-            return self._on_unknown(topic, message)
-        return self._on_answer(about, message, now_ns, own=own)
-
     def _on_request(self, topic: str, request: Request, requester: Requester, now_ns: int) -> list[Effect]:
         database = self._databases.get(topic)
         if database is None:
@@ -179,8 +177,9 @@ class GenieNode:
             return []  # this very request came before, over another way
         expiry_ns = self.rules.request_expiry_ns
         deadline_ns = None if expiry_ns is None else now_ns + expiry_ns
+        viewer = _viewer(request)
         if requester.neighbour and self.rules.neighbour_miss == "ignore":
-            opened = PendingRequest(topic, key, deadline_ns, False, viewer=_viewer(request))
+            opened = PendingRequest(topic, key, deadline_ns, False, viewer=viewer)
             self._pending.open(requester.header, opened)
             return [self._looked_up(requester, "miss")]
         pending = self._pending.by_key(topic, key) if self.rules.same_key_pending == "coalesce" else None
@@ -188,28 +187,25 @@ class GenieNode:
             if any(one.header == requester.header for one in pending.requesters):
                 return []
             pending.requesters.append(requester)
-            return [self._looked_up(requester, "coalesced"), *self._meanwhile(request, requester, now_ns)]
+            return [self._looked_up(requester, "coalesced"), *self._meanwhile(viewer, requester, now_ns)]
         # line 12: cache miss
         effects: list[Effect] = [self._looked_up(requester, "miss")]
         effects.append(Publish(topic + self._local, request))
         if self.rules.share_requests:
             effects.append(Publish(topic + self._remote, request))
-        opened = PendingRequest(topic, key, deadline_ns, True, [requester], viewer=_viewer(request))
+        opened = PendingRequest(topic, key, deadline_ns, True, [requester], viewer=viewer)
         self._pending.open(requester.header, opened)
-        return effects + self._meanwhile(request, requester, now_ns)
+        return effects + self._meanwhile(viewer, requester, now_ns)
 
-    def _meanwhile(self, request: Request, requester: Requester, now_ns: int) -> list[Effect]:
+    def _meanwhile(self, viewer: Viewer | None, requester: Requester, now_ns: int) -> list[Effect]:
         """What a client gets at once although its request missed: the map's confident objects in view.
 
         Without a pose there is no view, and no answer.
         """
-        if requester.neighbour or self._map_answer is None or self.rules.miss_policy != "immediate":
-            return []
-        viewer = _viewer(request)
-        if viewer is None:
+        if viewer is None or requester.neighbour or self._map_answer is None or self.rules.miss_policy != "immediate":
             return []
         objects, valid_ns = self.object_map.visible(viewer, self.rules.view_range_m, now_ns)
-        answer = self._map_answer(request.header, objects)
+        answer = self._map_answer(viewer.header, objects)
         if valid_ns is not None:
             answer = answer.with_look(None, valid_ns)
         return [Publish(topic, answer.served("map", self.name)) for topic in self._published]
@@ -217,19 +213,16 @@ class GenieNode:
     def _replay(self, answers: Answers, requester: Requester, request: Request, now_ns: int) -> list[Effect]:
         """Lines 17 to 19: the stored answers go to the sender, with what the map knows about their locations."""
         effects: list[Effect] = []
-        for topic, stored in answers.items():
-            answer = stored if self.rules.replay_stamp == "stored" else stored.restamped(requester.header)
-            answer = answer.served("cache", self.name)
-            boosted = self.object_map.boost(stored, requester.header, _viewer(request), now_ns)
+        viewer, restamps = _viewer(request), self.rules.replay_stamp != "stored"
+        for topic, answer in answers.items():
+            boosted = self.object_map.boost(answer, requester.header, viewer, now_ns)
             if boosted is not None:
-                made = boosted.answer if requester.neighbour and self._shares_all else boosted.to_clients
-                counts = (boosted.requests, boosted.hits, 0, 0.0, len(self.object_map))
-                assert made.objects is not None
-                answer = answer.with_objects(made.objects)
-                if made.valid_ns is not None:
-                    answer = answer.with_look(None, made.valid_ns)
-                lookups = ObjectLookups(answer.header, "boost", *counts)
-                effects.append(Observe(lookups))
+                answer = boosted.answer if requester.neighbour and self._shares_all else boosted.to_clients
+                counts = boosted.requests, boosted.hits, 0, 0.0, len(self.object_map)
+                header = requester.header if restamps else answer.header
+                effects.append(Observe(ObjectLookups(header, "boost", *counts)))
+            answer = answer.served("cache", self.name)
+            answer = answer.restamped(requester.header) if restamps else answer
             effects.append(self._deliver(topic, answer, requester))
         return effects
 

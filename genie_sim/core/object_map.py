@@ -88,6 +88,8 @@ class ObjectMap:
         self._view_cells: dict[Cell, list[StoredObject]] = {}
         self._first_scores: list[float] = []
         self._count = 0
+        named = {"range_60": RANGE_60, "empirical": 1.0}  # the latter until there is a score
+        self.threshold = named[rules.threshold] if isinstance(rules.threshold, str) else rules.threshold  # C_T
         self.changes = 0  # counts on whenever anything here becomes different
         self._to_forget: list[tuple[int, int, StoredObject]] = []  # a heap: when to look at it, a number of its own
         self._numbers = itertools.count()
@@ -97,17 +99,6 @@ class ObjectMap:
 
     def __iter__(self) -> Iterator[StoredObject]:
         return (stored for cell in self._view_cells.values() for stored in cell)
-
-    @property
-    def threshold(self) -> float:
-        """C_T, from which on an object may leave the Genie."""
-        threshold = self._rules.threshold
-        if not isinstance(threshold, str):
-            return threshold
-        if threshold == "range_60":
-            return RANGE_60
-        scores = self._first_scores
-        return scores[math.ceil(0.6 * len(scores)) - 1] if scores else 1.0
 
     def forget(self, now_ns: int) -> list[StoredObject]:
         """Removes and returns the objects whose time is over by the freshness policy."""
@@ -167,7 +158,9 @@ class ObjectMap:
             self._cells.setdefault(cell, []).append(stored)
         self._view_cells.setdefault(self._view_cell(seen.location), []).append(stored)
         if rules.threshold == "empirical":
-            bisect.insort(self._first_scores, seen.score)
+            scores = self._first_scores
+            bisect.insort(scores, seen.score)
+            self.threshold = scores[math.ceil(0.6 * len(scores)) - 1]
         self._count += 1
         return None, stored
 
@@ -207,7 +200,7 @@ class ObjectMap:
             objects.append(seen)
             known.append(stored)
             if tells_changes:
-                changes.append(MapChange(stored.label, stored.location, stored.confidence))
+                changes.append((stored.label, stored.location, stored.confidence))
         facts = ObjectLookups(answer.header, "sighting", requests, hits, updates, boost, len(self), tuple(changes))
         answer = answer.with_objects(objects)
         to_clients = to_neighbours = self._confident(answer, known, answer.header.origin, now_ns)

@@ -103,7 +103,8 @@ class TrackMap:
         served = answer.with_objects(self._served(shown, "" if look else answer.header.origin, now_ns))
         if look is None or self._shares == "look":
             return Learned(answer, served, served, facts)
-        objects, valid_ns = self.visible(Viewer(*look[:3]), self._view_range_m, now_ns)
+        viewer = Viewer(look.header, look.pose, look.horizontal_fov_rad)
+        objects, valid_ns = self.visible(viewer, self._view_range_m, now_ns)
         return Learned(answer, served.with_objects(objects).with_look(look, valid_ns), served, facts)
 
     def boost(self, answer: Answer, header: Header, viewer: Viewer | None, now_ns: int) -> Boosted | None:

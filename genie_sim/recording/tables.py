@@ -6,10 +6,12 @@
 from __future__ import annotations
 
 import json
+import struct
 from array import array
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
@@ -105,8 +107,8 @@ class _Buffer:
                 kept = [none if value is None else codes[value] for value in values]
             else:
                 kept = [none if value is None else value for value in values]
-            self.values.fromlist(kept)  # three times as fast as ``extend``
-        except TypeError as error:
+            self.values.frombytes(struct.pack(f"{len(kept)}{self.values.typecode}", *kept))  # the fastest way of them
+        except (TypeError, struct.error) as error:
             raise TypeError(f"column {self.about.name!r} is never empty" if None in values else str(error)) from None
 
     def decode(self, value: Any) -> Any:
@@ -183,6 +185,8 @@ class Table:
         self.schema = schema
         self._buffers = {column.name: _Buffer(column) for column in schema.columns}
         self._new: list[tuple[Value, ...]] = []
+        self._parts: list[tuple[Sequence[Value], ...]] = []  # column by column
+        self._waiting = 0  # rows in the parts
         self._rows = 0
         self._spill = spill
         self._spilled = 0
@@ -191,7 +195,7 @@ class Table:
         self._written: Path | None = None
 
     def __len__(self) -> int:
-        return self._spilled + self._rows + len(self._new)
+        return self._spilled + self._rows + len(self._new) + self._waiting
 
     @property
     def name(self) -> str:
@@ -205,14 +209,20 @@ class Table:
 
     def extend(self, *columns: Sequence[Value]) -> None:
         """Adds rows that are given column by column."""
-        self._store()
-        self._add(columns)
+        self._parts.append(columns)
+        self._waiting += len(columns[0])
+        if self._waiting >= _BUFFERED:
+            self._store()
 
     def _store(self) -> None:
         """Moves the new rows into the columns."""
         if self._new:
             self._add(tuple(zip(*self._new, strict=True)))
             self._new.clear()
+        if self._parts:
+            self._add([list(chain.from_iterable(parts)) for parts in zip(*self._parts, strict=True)])
+            self._parts.clear()
+            self._waiting = 0
 
     def _add(self, columns: Sequence[Sequence[Value]]) -> None:
         for buffer, values in zip(self._buffers.values(), columns, strict=True):

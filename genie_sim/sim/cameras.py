@@ -30,7 +30,7 @@ class Camera(Node):
         self._car = car
         self._topic = topic
         begin_ns, end_ns = window_ns if window_ns is not None else (frames[0].stamp_ns, frames[-1].stamp_ns + 1)
-        self._begin_ns = begin_ns
+        self._first_ns = car.start_ns + camera.phase_ns - begin_ns
         inside = frames if window_ns is None else [frame for frame in frames if begin_ns <= frame.stamp_ns < end_ns]
         self._frames: Sequence[Frame] = inside
         self._lap_ns = end_ns - begin_ns + car.pause_ns
@@ -43,8 +43,7 @@ class Camera(Node):
         return self._stamp_ns(self._car.laps - 1, self._frames[-1]) if self._frames else 0
 
     def _stamp_ns(self, lap: int, frame: Frame) -> int:
-        start_ns = self._car.start_ns + self._camera.phase_ns
-        return int(start_ns + lap * self._lap_ns + frame.stamp_ns - self._begin_ns)
+        return int(self._first_ns + lap * self._lap_ns + frame.stamp_ns)
 
     def wait(self) -> None:
         """For the next frame."""

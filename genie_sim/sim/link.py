@@ -64,41 +64,43 @@ class Link:
 
         ``carried`` is told when it has been on the wire, whether it arrives or is lost.
         """
-        if self._busy and self._flows[flow] >= self._queue_length:
-            self._drop_oldest(flow)
-        self._waiting.append((flow, message, self.env.way, carried, deliver, arguments))
-        self._flows[flow] += 1
         if not self._busy:
             self._busy = True
             self._busy_since_ns = self.env.now
-            self._transmit()
+            self._transmit(message, carried, deliver, arguments)
+            return
+        if self._flows[flow] >= self._queue_length:
+            self._drop_oldest(flow)
+        self._waiting.append((flow, message, self.env.way, carried, deliver, arguments))
+        self._flows[flow] += 1
 
-    def _transmit(self) -> None:
-        """The next message goes on the wire."""
-        flow, message, way, *others = self._waiting.popleft()
-        self._flows[flow] -= 1
-        self.env.waited(way, "queueing", self.name)
-        occupied_ns = self._channel.occupied_ns(message.size_bytes, self.env.now)
-        self.env.after(int(occupied_ns), self._transmitted, message, *others)
+    def _transmit(self, message: Message, *others: Any) -> None:
+        """A message goes on the wire."""
+        size_bytes = message.size_bytes
+        occupied_ns = self._channel.occupied_ns(size_bytes, self.env.now)
+        self.env.after(int(occupied_ns), self._transmitted, size_bytes, message, *others)
 
     def _transmitted(
-        self, message: Message, carried: Carried | None, deliver: Deliver, arguments: tuple[Any, ...]
+        self, size_bytes: int, message: Message, carried: Carried | None, deliver: Deliver, arguments: tuple[Any, ...]
     ) -> None:
         """Its last bit is on the wire: it arrives after the delay, or is lost."""
         now_ns = self.env.now
-        self.sent_bytes += message.size_bytes
+        self.sent_bytes += size_bytes
         if carried is not None:
             carried(message)
         if self.down_by:
             self._lose(message, f"{self.name}:{self.down_by[-1]}")
-        elif (delay_ns := self._channel.delay_ns(message.size_bytes, now_ns)) is None:
+        elif (delay_ns := self._channel.delay_ns(size_bytes, now_ns)) is None:
             self._lose(message, self.name)
         else:
             self.completed += 1
             self._last_arrival_ns = max(now_ns + int(delay_ns), self._last_arrival_ns)
             self.env.after(self._last_arrival_ns - now_ns, deliver, *arguments)
         if self._waiting:
-            self._transmit()
+            flow, message, way, *others = self._waiting.popleft()
+            self._flows[flow] -= 1
+            self.env.waited(way, "queueing", self.name)
+            self._transmit(message, *others)
         else:
             self._busy = False
             self._busy_ns += now_ns - self._busy_since_ns

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from itertools import chain
 from typing import Literal
 
 import numpy as np
@@ -45,13 +46,16 @@ class ServiceTime:
 
     def draws(self, rng: np.random.Generator) -> Iterator[int]:
         """Endless service times [ns]."""
+        return chain.from_iterable(self._draws(rng))
+
+    def _draws(self, rng: np.random.Generator) -> Iterator[Iterable[int]]:
         median_ns, loc, rest, sigma, exp = self.median_ns, self.loc, 1.0 - self.loc, self.sigma, math.exp
         while True:  # several normal numbers at once are the same ones, and cost little more than one
-            for z in rng.standard_normal(16).tolist():
-                if self.quantiles_ns:
-                    yield self.at(z)
-                else:
-                    yield round(median_ns * (loc + rest * exp(sigma * z))) or 1
+            numbers = rng.standard_normal(16).tolist()
+            if self.quantiles_ns:
+                yield map(self.at, numbers)
+            else:
+                yield [round(median_ns * (loc + rest * exp(sigma * z))) or 1 for z in numbers]
 
 
 @dataclass(frozen=True, slots=True)

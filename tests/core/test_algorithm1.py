@@ -9,7 +9,7 @@ import pytest
 from genie_sim.core.eviction import LRU
 from genie_sim.core.freshness.ttl import Ttl
 from genie_sim.core.similarity import Exact
-from genie_sim.messages import Detections, Expired, Forgotten, ImageLookup, MapChange, ObjectLookups, Observe, Publish
+from genie_sim.messages import Detections, Expired, Forgotten, ImageLookup, ObjectLookups, Observe, Publish
 from tests.core.worlds import (
     BRIDGE,
     CROSSING,
@@ -74,7 +74,7 @@ def test_a_genie_tells_what_its_map_forgets_before_anything_else(tells):
     asked = genie(object_map(freshness=Ttl(S)), tells_changes=tells)
     asked.on_message(IMAGES, frame(0), 0)
     asked.on_message(FROM_NODE, answer(frame(0), CAR, FAINT_BUS), 1)
-    forgotten = Forgotten(tuple(MapChange(one.label, one.location, one.score) for one in (CAR, FAINT_BUS)))
+    forgotten = Forgotten(tuple((one.label, one.location, one.score) for one in (CAR, FAINT_BUS)))
     later = asked.on_message(IMAGES, frame(1, at=BRIDGE), 3 * S)
     assert len(asked.object_map) == 0
     assert facts(later, Forgotten) == ([forgotten] if tells else [])
@@ -99,7 +99,7 @@ def test_the_nodes_answer_is_delivered_once_and_shared():
     first = frame(0)
     asked = genie(miss_policy="blocking")
     asked.on_message(IMAGES, first, 0)
-    stored = tuple(MapChange(one.label, one.location, one.score) for one in (CAR, FAINT_BUS))
+    stored = tuple((one.label, one.location, one.score) for one in (CAR, FAINT_BUS))
     assert asked.on_message(FROM_NODE, answer(first, CAR, FAINT_BUS), S // 10) == [
         Observe(ObjectLookups(first.header, "sighting", 2, hits=0, updates=0, boost_sum=0, objects=2, changes=stored)),
         Publish(OBJECTS, answer(first, CAR)),

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import chain, repeat
 
 import numpy as np
 
@@ -49,11 +49,10 @@ class Wire:
         return WireChannel(self, self.rate_up_bps if up else self.rate_down_bps, rng)
 
 
-def _delays_ns(wire: Wire, rng: np.random.Generator) -> Iterator[int]:
-    """Those of a link without losses."""
-    while wire.jitter_ns:  # several numbers at once are the same ones, and cost little more than one
-        yield from (wire.delay_ns + rng.integers(wire.jitter_ns + 1, size=16)).tolist()
-    yield from itertools.repeat(wire.delay_ns)
+def _delays_ns(wire: Wire, rng: np.random.Generator) -> Iterator[list[int]]:
+    """Those of a link with jitter: several numbers at once are the same ones, and cost little more than one."""
+    while True:
+        yield (wire.delay_ns + rng.integers(wire.jitter_ns + 1, size=16)).tolist()
 
 
 class WireChannel:
@@ -63,7 +62,7 @@ class WireChannel:
         self._wire = wire
         self._rate_bps = rate_bps
         self._rng = rng
-        self._delays_ns = _delays_ns(wire, rng)
+        self._delays_ns = chain.from_iterable(_delays_ns(wire, rng)) if wire.jitter_ns else repeat(wire.delay_ns)
         self._occupied_ns: dict[int, int] = {}  # by the message's size
 
     def occupied_ns(self, size_bytes: int, now_ns: int) -> int:
