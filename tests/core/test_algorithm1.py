@@ -644,4 +644,4 @@ def test_a_car_that_learns_from_its_own_node_only_passes_the_edges_answer_on():
     assert labels(answers(again)[0]) == []
     assert answers(asked.on_message(FROM_NODE, answer(frame(0), CAR, FAINT_BUS), S + 1)) == []  # too late, but learned
     assert (asked.cache_entries(), len(asked.object_map)) == (1, 2)
-    assert lookup(frame(2), "hit", 1) in asked.on_message(IMAGES, frame(2), 2 * S)
+    assert lookup(frame(2), "hit", entries=1) in asked.on_message(IMAGES, frame(2), 2 * S)
