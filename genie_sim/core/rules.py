@@ -81,6 +81,8 @@ class GenieRules:
     ``fresh_objects``: only ``confident`` objects reach clients, or those on the node's own host get ``all`` of what it
     finds. ``share_filter``: edges send each other ``confident`` objects only, or ``all`` (C_T towards cars only).
     ``car_learns``: a car's Genie stores ``all`` answers, or its ``own`` node's only: the edge's just go on to clients.
+    ``passes``: an answer that a Genie makes itself, from its cache or map, costs nothing beside its request (1), or as
+    much again (2).
     """
 
     algorithm: Literal["default", "literal"] = "default"
@@ -103,6 +105,7 @@ class GenieRules:
     fresh_objects: Literal["confident", "all"] = "confident"
     share_filter: Literal["confident", "all"] = "confident"
     car_learns: Literal["all", "own"] = "all"
+    passes: Literal[1, 2] = 1
     object_map: ObjectMapRules = field(default_factory=ObjectMapRules)
 
     def __post_init__(self) -> None:

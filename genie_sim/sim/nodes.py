@@ -9,7 +9,7 @@ from genie_sim.messages import Detections, Effect, Expired, Header, Image, Messa
 from genie_sim.monitor import Step
 from genie_sim.sim.device import Done, Host
 from genie_sim.sim.ros_graph import Dropped, Graph, Node
-from genie_sim.sim.station import Interceptor, MakeInterceptor, Station
+from genie_sim.sim.station import OBJECTS, Interceptor, MakeInterceptor, Station
 
 TIMER_LATE_NS = 500_000_000
 MOST_WAYS = 20_000  # that a node remembers
@@ -42,7 +42,8 @@ class InterceptorNode(Node):
     """A pure node in the simulated graph: every message costs CPU time, every effect becomes a publication.
 
     ``make`` makes the pure node, and a fresh one whenever a fault takes its state away. ``station`` says what it does
-    with a picture that takes time besides.
+    with a picture that takes time besides. With two ``passes`` an answer of its own making costs CPU time, too, before
+    it leaves on the original topic; what the detector or another node answers has paid when it came.
     """
 
     def __init__(
@@ -54,6 +55,7 @@ class InterceptorNode(Node):
         observe: Observer,
         drop: Dropped,
         station: Station = PLAIN,
+        passes: int = 1,
     ):
         pure = make()
         topics = pure.subscriptions(), pure.publications()
@@ -63,6 +65,7 @@ class InterceptorNode(Node):
         self._key, self._free, self._per_entry_ns = station.key, station.free, station.per_entry_ns
         self._observe = observe
         self._timer_set = False
+        self._two_passes = passes == 2 and not station.free
         self._ways: dict[Header, Step] = {}  # of the frames that it was asked about
 
     def work(self, message: Message, done: Done, *arguments: Any) -> None:
@@ -109,10 +112,23 @@ class InterceptorNode(Node):
                 header = effect.message.header
                 if way is not None and header != way.header and header in self._ways:  # it had waited for this
                     self.env.waited(self._ways[header], "pending", self.name)
-                publish(self, effect.topic, effect.message, effect.to)
+                if self._two_passes and self._made(effect):
+                    self._in_service.append(effect.message)
+                    self.host.serve_message(self._leave, effect)
+                else:
+                    publish(self, effect.topic, effect.message, effect.to)
                 self.env.way = way
             else:
                 self._observe(self.name, effect.record, self.env.now)
+
+    def _made(self, effect: Publish) -> bool:
+        """Whether this is an answer of the node's own making that leaves on the original topic."""
+        message = effect.message
+        return effect.topic == OBJECTS and isinstance(message, Detections) and message.served_by == self.name
+
+    def _leave(self, effect: Publish) -> None:
+        self._in_service.remove(effect.message)
+        self.graph.publish(self, effect.topic, effect.message, effect.to)
 
     def _set_timer(self) -> None:
         """Any message that comes tells the node the time. The timer is for when none does, so it may be late."""
@@ -149,6 +165,7 @@ def attach(
     observe: Observer,
     drop: Dropped,
     station: Station = PLAIN,
+    passes: int = 1,
     suffix: str = "-local",
 ) -> InterceptorNode:
     """Encapsulates a running node (Section III-B): the node itself is not touched.
@@ -159,5 +176,5 @@ def attach(
     node = graph.node(node_name)
     subscribed, published = graph.topics_of(node_name)
     graph.remap(node_name, {topic: topic + suffix for topic in (*subscribed, *published)})
-    told = queue_length, observe, drop, station
+    told = queue_length, observe, drop, station, passes
     return InterceptorNode(lambda: make(subscribed, published), node.host, graph, *told)

@@ -204,7 +204,7 @@ class World:
         host, graph = self.hosts[place]
 
         observe = partial(self.monitor.observe, placement)
-        told = self.setup.queue_length, observe, self.monitor.dropped, station
+        told = self.setup.queue_length, observe, self.monitor.dropped, station, self.setup.genie.passes
         if station.detector:
             node = attach(graph, f"{place}/{DETECTOR}", make, *told)
         else:

@@ -254,6 +254,9 @@ def scenarios(draw) -> Scenario:
         "share_requests": draw(st.booleans()),
         "request_expiry": draw(st.sampled_from(("2 s", "400 ms"))),
         "fresh_objects": draw(st.sampled_from(("confident", "all"))),
+        "share_filter": draw(st.sampled_from(("confident", "all"))),
+        "car_learns": draw(st.sampled_from(("all", "own"))),
+        "passes": draw(st.sampled_from((1, 2))),
     }
     eviction = draw(st.sampled_from(("unlimited", "lru", "lfu", "ttl")))
     limits = (

@@ -47,6 +47,8 @@ from genie_sim.sim.ros_graph import Graph
 from genie_sim.sim.station import IMAGES, OBJECTS, Interceptor
 from genie_sim.sim.steps import StepClock
 
+S = 1000 * MS
+
 UP = [("hop", CAR_HOP_IMAGE), ("uplink", LINK_IMAGE)]
 ON_EDGE = [("hop", EDGE_HOP_IMAGE), ("inference", EDGE_DETECTOR), ("hop", EDGE_HOP_ANSWER), ("genie", EDGE_GENIE)]
 DOWN = [("hop", EDGE_HOP_ANSWER), ("downlink", LINK_ANSWER)]
@@ -82,6 +84,22 @@ def test_genie():
     assert way("genie") == [("genie", CAR_GENIE), *UP, ("genie", EDGE_GENIE), *ON_EDGE, *DOWN, *LAST]
 
 
+def test_with_two_passes_what_a_genie_answers_itself_costs_on_the_way_out_too():
+    rules = {"passes": 2}
+    assert way("genie", which="first", genie=rules) == [("genie", 2 * CAR_GENIE), ("hop", CAR_HOP_EMPTY)]
+    assert way("genie", genie=rules) == way("genie"), "a detection pays when it comes in"
+    again = trace(view(0, 0, 0.5), view(1, 2 * S, 0.5))
+    (once, took), _ = way("genie", again, number=1)
+    assert way("genie", again, number=1, genie=rules)[0] == (once, took + CAR_GENIE), "a hit"
+
+
+def test_an_edge_answers_out_of_its_cache_in_two_passes():
+    cars = [car("car1", "edge1"), car("car2", "edge1", start="2 s")]
+    rules = {"miss_policy": "blocking", "passes": 2}
+    there, back = [("genie", CAR_GENIE), *UP], [*DOWN, *LAST]
+    assert way("genie", fleet=cars, number=1, genie=rules) == [*there, ("genie", 2 * EDGE_GENIE), *back]
+
+
 def test_encoded_pictures():
     steps = way("remote", sent=SENT, image_encoding="jpeg80")
     coded = [("encoding", ENCODE), ("uplink", LINK_SENT), ("encoding", DECODE)]
@@ -104,9 +122,10 @@ def test_a_frame_that_waits_for_an_equal_one_and_one_that_waits_for_the_wire_and
     ]  # fmt: skip
 
 
-def test_a_peer_answers():
+@pytest.mark.parametrize("passes", [1, 2])
+def test_a_peer_answers(passes):
     cars = [car("car1", "edge1"), car("car2", "edge2", start="1 s")]
-    rules = {"miss_policy": "blocking", "share_answers": "on_request"}
+    rules = {"miss_policy": "blocking", "share_answers": "on_request", "passes": passes}
     there = [("hop", EDGE_HOP_IMAGE), ("edges", LINK_IMAGE), ("genie", EDGE_GENIE)]
     back = [("hop", EDGE_HOP_ANSWER), ("edges", LINK_ANSWER), ("genie", EDGE_GENIE)]
     assert way("genie", fleet=cars, number=1, genie=rules) == [

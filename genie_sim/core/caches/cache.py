@@ -167,6 +167,7 @@ def cache_node(
     """A node that takes over a detector's topics with a cache alone: requests wait for the first answer, misses go to
     the detector and up, equal ones coalesce (``pending`` says which are equal). ``changes`` are other rules."""
     usual: dict[str, Any] = {"share_answers": "on_request", "miss_policy": "blocking", "pending_index": "across_topics"}
+    usual["car_learns"] = "all"
     mine = replace(rules, **(usual | changes))
     waiting = PendingIndex(lambda header: header, pending)
     return GenieNode(name, subscribed, published, mine, key, new_cache, waiting, NoMap())
