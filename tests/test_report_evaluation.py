@@ -217,6 +217,20 @@ def test_the_measure_of_first_and_fresh_answers_is_chosen(browser, file):
     assert browser.evaluate("byId('answer-table').textContent") != means
 
 
+def test_other_drives_are_shown_with_how_often_each_claim_holds(browser, file):
+    browser.open(file)
+    assert browser.evaluate("byId('drives-none').hidden")
+    committed = json.loads((PAPER / "drives.json").read_text())["directions"]
+    cells = "[row.cells[0].textContent, row.cells[3].textContent]"
+    rows = browser.evaluate(f"[...byId('drives-table').tBodies[0].rows].map((row) => {cells})")
+    names, counts = zip(*((f"{one['claim']} {one['says']}".strip(), one) for one in committed), strict=True)
+    assert rows == [[name, f"{one['holds']} of {one['drives']}"] for name, one in zip(names, counts, strict=True)]
+    lead = browser.evaluate("byId('drives-lead').textContent")
+    assert "Supported: slope -0.907 (-1.12 to -0.693), r = -0.93, 15 drives." in lead
+    assert browser.evaluate("byId('drives-chart').querySelectorAll('circle').length") > 15
+    assert browser.evaluate("byId('drives-each').tBodies[0].rows.length") == 15
+
+
 def test_an_interval_is_read_off_with_the_pointer_and_with_keys(browser, file):
     browser.open(file)
     browser.move(*middle(browser, "answer-charts"))
@@ -227,12 +241,13 @@ def test_an_interval_is_read_off_with_the_pointer_and_with_keys(browser, file):
 
 
 def test_a_quick_evaluation_says_what_it_did_not_do(browser, folder):
-    for name in ("calibration", "sensitivity"):
+    for name in ("calibration", "sensitivity", "drives"):
         (folder / f"{name}.json").unlink()
     evaluation.write(Path("report.html"), folder)
     browser.open(Path("report.html"))
     assert browser.errors == []
     assert not browser.evaluate("byId('sensitivity-none').hidden")
+    assert not browser.evaluate("byId('drives-none').hidden")
     assert "Not searched here" in browser.evaluate("byId('calibration-lead').textContent")
 
 

@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from town_truth import truth_near
 
 from genie_sim import files
 from genie_sim.errors import UserError
@@ -137,7 +138,7 @@ def test_what_moves_is_at_one_place_for_all(town):
     early, late = town.drive("car1", DURATION_NS), town.drive("car2", DURATION_NS, start_ns=5 * NS_PER_S)
     for drive, begin_ns in ((early, 0), (late, 5 * NS_PER_S)):
         for frame in drive.frames["02"][::20]:
-            there = town.truth_near(frame.pose.east_m, frame.pose.north_m, 61.0, begin_ns + frame.stamp_ns)
+            there = truth_near(town, frame.pose.east_m, frame.pose.north_m, 61.0, begin_ns + frame.stamp_ns)
             assert set(frame.truth()) <= set(there)
 
 

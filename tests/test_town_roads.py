@@ -7,6 +7,7 @@ import math
 
 import numpy as np
 import pytest
+from town_truth import truth_near
 
 from genie_sim.town import Town, TownRules
 from genie_sim.town.routes import CYCLE_S, LEFT_MPS, green_at
@@ -110,8 +111,8 @@ def test_commuters_overlap_more_than_uniform_travellers():
 def test_traffic_flows(town):
     """Who moves keeps its number and its speed; who stands, stands."""
     middle_m, speeds = (450.0, 375.0), {}
-    before = {one.number: one for one in town.truth_near(*middle_m, 200.0, 10 * NS_PER_S)}
-    after = {one.number: one for one in town.truth_near(*middle_m, 200.0, 11 * NS_PER_S)}
+    before = {one.number: one for one in truth_near(town, *middle_m, 200.0, 10 * NS_PER_S)}
+    after = {one.number: one for one in truth_near(town, *middle_m, 200.0, 11 * NS_PER_S)}
     assert len(before) > 100
     for number in before.keys() & after.keys():
         a, b = before[number], after[number]
@@ -126,7 +127,7 @@ def test_traffic_flows(town):
 
 def test_what_is_there_is_found_by_its_class(town):
     t_ns, (east_m, north_m) = 10 * NS_PER_S, (450.0, 375.0)
-    everything = town.truth_near(east_m, north_m, 150.0, t_ns)
+    everything = truth_near(town, east_m, north_m, 150.0, t_ns)
     labels = {one.label for one in everything}
     assert {"car", "person", "bicycle"} <= labels
     for step_m in range(-50, 50, 4):
@@ -138,15 +139,15 @@ def test_what_is_there_is_found_by_its_class(town):
 
 def test_nobody_has_the_number_of_another(town):
     for t_ns in (0, 100 * NS_PER_S, 3600 * NS_PER_S):
-        everything = town.truth_near(450.0, 375.0, 1000.0, t_ns)
+        everything = truth_near(town, 450.0, 375.0, 1000.0, t_ns)
         assert len({one.number for one in everything}) == len(everything)
         assert sum(one.moving for one in everything) == pytest.approx(
-            sum(one.moving for one in town.truth_near(450.0, 375.0, 1000.0, 0)), rel=0.01
+            sum(one.moving for one in truth_near(town, 450.0, 375.0, 1000.0, 0)), rel=0.01
         )
 
 
 def test_cyclists_are_a_bicycle_and_a_person(town):
-    everything = town.truth_near(450.0, 375.0, 1000.0, 0)
+    everything = truth_near(town, 450.0, 375.0, 1000.0, 0)
     bicycles = {one.location[:2] for one in everything if one.label == "bicycle" and one.moving}
     assert bicycles
     assert bicycles <= {one.location[:2] for one in everything if one.label == "person" and one.moving}
@@ -154,7 +155,7 @@ def test_cyclists_are_a_bicycle_and_a_person(town):
 
 def test_densities_are_those_of_the_rules(town):
     """Cars per 100 m of street: 15 parked and 1 moving, within a fifth (one town of 11 km of streets)."""
-    everything = town.truth_near(450.0, 375.0, 1000.0, 0)
+    everything = truth_near(town, 450.0, 375.0, 1000.0, 0)
     streets_m = (RULES.blocks[0] + 1) * town.size_m[1] + (RULES.blocks[1] + 1) * town.size_m[0]
     parked = sum(one.label in ("car", "truck") and not one.moving for one in everything)
     moving = sum(one.label == "car" and one.moving for one in everything)

@@ -83,6 +83,7 @@ def page_data(folder: Path) -> dict[str, Any]:
         "calibration": _calibration(_read(folder / "calibration.json", missing=None)),
         "sensitivity": _sensitivity(_read(folder / "sensitivity.json", missing=None)),
         "worth": _read(folder / "quality.json"),
+        "drives": _read(folder / "drives.json", missing=None),
         "notes": notes,
     }
 

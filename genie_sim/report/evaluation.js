@@ -142,6 +142,25 @@ function showWorth() {
   if (shown) byId("worth").append(shown);
 }
 
+function showDrives() {
+  const found = DATA.drives;
+  byId("drives-none").hidden = found !== null;
+  byId("drives-all").hidden = found === null;
+  if (found === null) return;
+  const { directions, hypothesis } = found, text = (value) => digits(value), name = (one) => `${one.claim} ${one.says}`.trim();
+  table(byId("drives-table"), `${found.seeds.length} seeds a drive`, ["number of each drive", "more than", "median", "holds", "contrary", "open"], directions.map((one) => [name(one),
+    text(one.bound), intervalCell([one.median, one.low, one.high], text), `${one.holds} of ${one.drives}`, String(one.contrary), String(one.drives - one.holds - one.contrary)]));
+  table(byId("drives-each"), null, ["drive", ...directions.map(name)], Object.keys(directions[0].numbers).map((drive) => [drive,
+    ...directions.map((one) => intervalCell(one.numbers[drive], text))]));
+  if (hypothesis === null) return;
+  const c18 = directions.find((one) => one.claim === "C18");
+  byId("drives-lead").replaceChildren("Stated before these runs: C18's number falls with the share of successive frames of a drive that fall into one image cell. ",
+    strong(hypothesis.supported ? "Supported" : "Not supported"), `: slope ${withInterval([hypothesis.slope, hypothesis.low, hypothesis.high], text)}, r = ${text(hypothesis.r)}, ${hypothesis.n} drives.`);
+  intervalChart(byId("drives-chart"), { title: "C18 by drive", x: { label: "share of successive frames in one image cell", read: (value) => `share ${digits(value)}` },
+    series: [{ name: c18.says, color: "m2", line: false, points: Object.entries(hypothesis.points).map(([drive, [x]]) => ({ x, found: c18.numbers[drive] })) }],
+    y: { label: c18.says, format: text, read: text, levels: [{ y: 0, label: "" }] } });
+}
+
 function showFigures() {
   const elsewhere = ["calibration", "sensitivity", "worth"];
   byId("figure-list").replaceChildren(...DATA.figures.filter((one) => !elsewhere.includes(one.name)).flatMap((one) => [make("h3", {}, one.title), picture(one.name)]));
@@ -203,6 +222,7 @@ function showMetrics() {
 showVerdicts();
 showAnswers();
 showWorth();
+showDrives();
 showFigures();
 showCalibration();
 showSensitivity();

@@ -90,11 +90,6 @@ class Town:
         random = stream(self.seed, STREAM, "car", car)
         return routes.drive(self.rules, self._commuting, random, start_ns * 1e-9, end_ns * 1e-9)
 
-    def truth_near(self, east_m: float, north_m: float, range_m: float, t_ns: int) -> tuple[TownObject, ...]:
-        """Everything that really is within a distance of a place at a time, by number."""
-        found = self.streets.near(east_m, north_m, range_m, t_ns * 1e-9)
-        return tuple(sorted((one for one in found if one.real), key=lambda one: one.number))
-
     def is_there(self, label: str, east_m: float, north_m: float, range_m: float, t_ns: int) -> bool:
         """Whether anything of a class really is within a distance of a place at a time."""
         return any(s.real for s in self.streets.near(east_m, north_m, range_m, t_ns * 1e-9, label))
