@@ -2,9 +2,8 @@
 
     python .ci/coverage_gate.py coverage.json
 
-The file is what ``coverage json`` writes (statements and branches). Only what ran in the tests' own processes counts:
-the command line, sweeps with several workers and real ROS run in processes of their own, so their folders look poorer
-than they are. Folders that are gated and not there (yet) are skipped.
+The file is what ``coverage json`` writes (statements and branches). Folders that are gated and not there (yet) are
+skipped.
 """
 
 from __future__ import annotations

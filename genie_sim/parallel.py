@@ -42,7 +42,7 @@ def in_processes(
     # Leaving early asks for pending work to be cancelled; joblib would warn of it beside our one line.
     warnings.filterwarnings("ignore", message=r"\d+ tasks ", module=r"joblib\.")
     pool = joblib.Parallel(workers, batch_size=1, return_as="generator" if ordered else "generator_unordered")
-    results = pool(joblib.delayed(_run)(run, job) for job in jobs)
+    results = pool(joblib.delayed(_run)(run, job, os.getpid()) for job in jobs)
     try:
         yield from results
     except TerminatedWorkerError as error:
@@ -51,16 +51,15 @@ def in_processes(
         results.close()
 
 
-def _run(run: Callable[[Job], Done], job: Job) -> Done:
-    _become_worker()
+def _run(run: Callable[[Job], Done], job: Job, parent: int) -> Done:
+    _become_worker(parent)
     return run(job)
 
 
 @functools.cache
-def _become_worker() -> None:
+def _become_worker(parent: int) -> None:
     """Ctrl-C is the main process' affair. If that is killed, its workers end at once instead of waiting for minutes."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    parent = os.getppid()
 
     def watch() -> None:
         while os.getppid() == parent:

@@ -200,6 +200,7 @@ def test_a_page_without_a_place_for_a_table_is_refused():
 
 
 @pytest.mark.slow
+@pytest.mark.slow
 def test_the_whole_benchmark_fills_the_page(tmp_path: Path):
     measured = speed.measure(TINY, NO_PYTHON, "python benchmarks/speed.py", lambda _: None)
     assert [race.cars for race in measured.races] == [3, 5]

@@ -20,13 +20,16 @@ REPLICATIONS = 20
 
 def normal_scores(values: npt.ArrayLike, bins: npt.ArrayLike) -> Array:
     """Each value's rank within its bin as a standard normal number; equal values (misses) share the middle rank."""
-    from scipy.stats import norm, rankdata
+    from scipy.special import ndtri
 
     values_, bins_ = np.asarray(values, dtype=float), np.asarray(bins)
-    z = np.empty(len(values_))
+    below = np.empty(len(values_))
     for k in np.unique(bins_):
         here = bins_ == k
-        z[here] = norm.ppf((rankdata(values_[here]) - 0.5) / here.sum())
+        ranked = np.sort(values_[here])
+        first, last = (np.searchsorted(ranked, values_[here], side) for side in ("left", "right"))
+        below[here] = (first + last) / (2 * len(ranked))
+    z = ndtri(below)
     z -= z.mean()
     scaled: Array = z / max(float(z.std()), 1e-9)
     return scaled

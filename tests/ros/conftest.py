@@ -273,4 +273,3 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
         if item.path.is_relative_to(HERE) and item.get_closest_marker("slow"):
             item.add_marker(pytest.mark.flaky(reruns=2))
-            item.add_marker(pytest.mark.alone)

@@ -15,7 +15,7 @@ import pytest
 from tests.ros import reality, reality_link
 from tests.ros.conftest import Master
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.alone]
 
 
 def within(real: float, simulated: float, tolerance: float) -> bool:
