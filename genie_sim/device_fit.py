@@ -98,20 +98,14 @@ def from_csv(path: Path, model: str) -> Measured:
         rows = list(csv.reader(read_text(path).splitlines()))
     except csv.Error as error:
         raise UserError(f"{path}: not a CSV file: {error}") from error
-    latencies_ms: list[float] = []
-    column: int | None = None
-    for number, row in enumerate(rows, start=1):
-        if not any(cell.strip() for cell in row):
-            continue
-        if column is None:
-            column = next((i for i, cell in enumerate(row) if _number(cell) is not None), None)
-            if column is None:
-                if number > 1:
-                    raise UserError(f"{path}: line {number}: no latency in milliseconds in {','.join(row)[:60]!r}")
-                continue
-        value = _number(row[column]) if column < len(row) else None
-        if value is None or not 0 < value < 1e9:
-            raise UserError(f"{path}: line {number}: no latency in milliseconds in {','.join(row)[:60]!r}")
+    filled = [(number, [*map(_number, row)]) for number, row in enumerate(rows, start=1) if "".join(row).strip()]
+    if filled and all(value is None for value in filled[0][1]):
+        del filled[0]  # names
+    column = next((i for i, value in enumerate(filled[0][1]) if value is not None), 0) if filled else 0
+    latencies_ms = []
+    for number, values in filled:
+        if column >= len(values) or not (value := values[column]) or not 0 < value < 1e9:
+            raise UserError(f"{path}: line {number}: no latency in milliseconds in {','.join(rows[number - 1])[:60]!r}")
         latencies_ms.append(value)
     if len(latencies_ms) < LEAST:
         raise UserError(f"{path}: {len(latencies_ms)} latencies, expected at least {LEAST}")
@@ -121,30 +115,25 @@ def from_csv(path: Path, model: str) -> Measured:
 def fit(latencies_ns: Times) -> Fit:
     """The law closest to the measured times."""
     from scipy.optimize import minimize
-    from scipy.stats import norm
+    from scipy.stats import kstest, lognorm, norm
 
     median_ns = float(np.median(latencies_ns))
-    measured = np.quantile(latencies_ns, SHARES) / median_ns
+    relative = np.asarray(latencies_ns) / median_ns
+    measured = np.quantile(relative, SHARES)
     z = norm.ppf(SHARES)
 
-    def law(loc: float, sigma: float, at: Any) -> Times:
-        times: Times = loc + (1.0 - loc) * np.exp(sigma * at)
-        return times
-
     def misfit(parameters: Sequence[float]) -> float:
-        return float(np.square(np.log(law(parameters[0], parameters[1], z) / measured)).sum())
+        loc, sigma = parameters
+        return float(np.square(np.log((loc + (1.0 - loc) * np.exp(sigma * z)) / measured)).sum())
 
     starts = [(loc, sigma) for loc in (0.2, 0.6, 0.9, 0.98) for sigma in (0.2, 0.6, 1.2)]
     bounds = [(0.0, 0.999), (0.001, 5.0)]
     best = min((minimize(misfit, start, bounds=bounds) for start in starts), key=lambda found: float(found.fun))
     loc, sigma = (round(float(value), 4) for value in best.x)
-    ordered = np.sort(latencies_ns) / median_ns
-    tail = np.maximum((ordered - loc) / (1.0 - loc), 1e-12)
-    expected = norm.cdf(np.log(tail) / sigma)
-    steps = np.arange(len(ordered) + 1) / len(ordered)
-    gap = float(np.maximum(np.abs(expected - steps[1:]), np.abs(expected - steps[:-1])).max())
-    p95, p99 = (float(law(loc, sigma, norm.ppf(share)) / np.quantile(ordered, share)) for share in (0.95, 0.99))
-    return Fit(round(median_ns), loc, sigma, round(gap, 4), round(p95, 3), round(p99, 3), len(ordered))
+    law = lognorm(sigma, loc, 1.0 - loc)
+    p95, p99 = (round(float(law.ppf(share) / np.quantile(relative, share)), 3) for share in (0.95, 0.99))
+    gap = round(float(kstest(relative, law.cdf).statistic), 4)
+    return Fit(round(median_ns), loc, sigma, gap, p95, p99, len(relative))
 
 
 def write(path: Path, measured: Measured, fitted: Fit, empirical: bool = False) -> DeviceProfile:

@@ -95,10 +95,9 @@ def server(monkeypatch):
 
 @pytest.fixture
 def nano(server, monkeypatch):
-    model = fetch.WeightsFile("yolox_nano.onnx", f"{server.base}/yolox_nano.onnx", len(CONTENT), SHA256)
-    monkeypatch.setitem(fetch.MODELS, "yolox-nano", model)
+    monkeypatch.setitem(fetch.MODELS, "yolox-nano", fetch.WeightsFile(len(CONTENT), SHA256))
+    monkeypatch.setattr(fetch.fetch_model, "__defaults__", (server.base,))
     server.files["/yolox_nano.onnx"] = CONTENT
-    return model
 
 
 def quiet(done, total):

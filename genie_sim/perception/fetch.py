@@ -8,6 +8,7 @@ from __future__ import annotations
 import hashlib
 import logging
 import re
+import shutil
 import stat
 import zipfile
 import zlib
@@ -33,35 +34,18 @@ Progress = Callable[[int, int], None]
 
 
 class WeightsFile(NamedTuple):
-    """A weights file: what ``--detector`` calls it, where it is published, and its bytes and SHA-256."""
+    """A published weights file: its bytes and SHA-256."""
 
-    file_name: str
-    url: str
     size_bytes: int
     sha256: str
 
 
-# Hashes and sizes as several public projects pin them.
+# By what ``--detector`` calls them. Hashes and sizes as several public projects pin them.
 YOLOX = "https://github.com/Megvii-BaseDetection/YOLOX/releases/download/0.1.1rc0"
 MODELS = {
-    "yolox-nano": WeightsFile(
-        "yolox_nano.onnx",
-        f"{YOLOX}/yolox_nano.onnx",
-        3_659_407,
-        "c789161ed43c8269fcd4e67c67eeeb4e80c622da2eb296a20bc6007bd18a0b7d",
-    ),
-    "yolox-tiny": WeightsFile(
-        "yolox_tiny.onnx",
-        f"{YOLOX}/yolox_tiny.onnx",
-        20_219_662,
-        "427cc366d34e27ff7a03e2899b5e3671425c262ea2291f88bb942bc1cc70b0f7",
-    ),
-    "yolox-s": WeightsFile(
-        "yolox_s.onnx",
-        f"{YOLOX}/yolox_s.onnx",
-        35_858_002,
-        "c5c2d13e59ae883e6af3b45daea64af4833a4951c92d116ec270d9ddbe998063",
-    ),
+    "yolox-nano": WeightsFile(3_659_407, "c789161ed43c8269fcd4e67c67eeeb4e80c622da2eb296a20bc6007bd18a0b7d"),
+    "yolox-tiny": WeightsFile(20_219_662, "427cc366d34e27ff7a03e2899b5e3671425c262ea2291f88bb942bc1cc70b0f7"),
+    "yolox-s": WeightsFile(35_858_002, "c5c2d13e59ae883e6af3b45daea64af4833a4951c92d116ec270d9ddbe998063"),
 }
 
 # KITTI publishes no hashes of its archives; the name of a drive is checked, and what is in the archive.
@@ -69,15 +53,13 @@ KITTI = "https://s3.eu-central-1.amazonaws.com/avg-kitti/raw_data"
 DRIVE = re.compile(r"(\d{4}_\d{2}_\d{2})_drive_(\d{4})")
 
 
-def fetch_model(name: str, folder: Path, progress: Progress, base: str | None = None) -> Path:
-    """The weights of a detector such as ``yolox-nano``; ``base`` is another place to take them from."""
+def fetch_model(name: str, folder: Path, progress: Progress, base: str = YOLOX) -> Path:
+    """The weights of a detector such as ``yolox-nano``; ``base`` is the place to take them from."""
     name = name.replace("_", "-")
     if name not in MODELS:
         raise UserError(unknown("model", name, MODELS))
-    model = MODELS[name]
-    url = model.url if base is None else f"{base}/{model.file_name}"
-    path = folder / model.file_name
-    download(url, path, progress, model.sha256, model.size_bytes)
+    path = folder / f"{name.replace('-', '_')}.onnx"
+    download(f"{base}/{path.name}", path, progress, MODELS[name].sha256, MODELS[name].size_bytes)
     return path
 
 
@@ -164,12 +146,7 @@ def unpack(archive: Path, folder: Path, most_bytes: int = MOST_UNPACKED_BYTES) -
                 part = target.with_name(target.name + ".part")
                 part.unlink(missing_ok=True)  # a link there would lead elsewhere
                 with packed.open(entry) as source, part.open("wb") as destination:
-                    left = entry.file_size
-                    while chunk := source.read(min(CHUNK_BYTES, left + 1)):
-                        left -= len(chunk)
-                        if left < 0:
-                            raise UserError(f"{archive}: {entry.filename}: is longer than the archive says")
-                        destination.write(chunk)
+                    shutil.copyfileobj(source, destination)  # never more than the archive says
                 part.replace(target)
             return [root / entry.filename for entry in entries]
     except (zipfile.BadZipFile, EOFError, NotImplementedError, RuntimeError, ValueError, zlib.error) as error:
@@ -188,21 +165,19 @@ def _check(archive: Path, entries: list[zipfile.ZipInfo], root: Path, most_bytes
         raise UserError(f"{archive}: unpacks to {total:,} bytes from {packed:,}, more than {MOST_RATIO} times as many")
     seen: set[str] = set()
     for entry in entries:
-        what = f"{archive}: {entry.filename!r}"
         name = PurePosixPath(entry.filename)
-        if not name.name:
-            raise UserError(f"{what} is no name of a file")
-        if name.is_absolute() or ".." in name.parts or "\\" in entry.filename or ":" in entry.filename:
-            raise UserError(f"{what} leads out of the folder")
-        if not (root / name).resolve().is_relative_to(root):
-            raise UserError(f"{what} leads out of the folder, by a link that is there already")
-        kind = stat.S_IFMT(entry.external_attr >> 16)
-        if kind not in (0, stat.S_IFREG):
-            raise UserError(f"{what} is a link or a device, not a file")
-        if entry.flag_bits & 1:
-            raise UserError(f"{what} is encrypted")
-        if str(name).lower() in seen:
-            raise UserError(f"{what} is in the archive twice")
+        outside = name.is_absolute() or ".." in name.parts or "\\" in entry.filename or ":" in entry.filename
+        target = (root / name).resolve()
+        for wrong, why in (
+            (not name.name, "is no name of a file"),
+            (outside, "leads out of the folder"),
+            (not target.is_relative_to(root), "leads out of the folder, by a link that is there already"),
+            (stat.S_IFMT(entry.external_attr >> 16) not in (0, stat.S_IFREG), "is a link or a device, not a file"),
+            (entry.flag_bits & 1, "is encrypted"),
+            (str(name).lower() in seen, "is in the archive twice"),
+        ):
+            if wrong:
+                raise UserError(f"{archive}: {entry.filename!r} {why}")
         seen.add(str(name).lower())
 
 

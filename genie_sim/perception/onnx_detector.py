@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 
 from genie_sim.core.caches.features import packed
-from genie_sim.errors import UserError, unknown
+from genie_sim.errors import UserError, first_line, unknown
 from genie_sim.messages import Box
 from genie_sim.perception.trace import SCORE_DECIMALS
 
@@ -310,11 +310,6 @@ def best_boxes(
     extents = [(x1, y1, x2 - x1, y2 - y1) for _, _, (x1, y1, x2, y2) in found]
     order = cv2.dnn.NMSBoxesBatched(extents, [f.score for f in found], groups, 0.0, iou)
     return sorted((found[i] for i in np.ravel(order)), key=lambda f: (-f.score, f.label, f.box))
-
-
-def first_line(error: Exception) -> str:
-    """An exception's own words, on one line."""
-    return (str(error).strip().splitlines() or [type(error).__name__])[0]
 
 
 def _own_size(weights: Path, network: Any) -> tuple[int, int]:

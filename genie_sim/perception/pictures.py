@@ -12,7 +12,7 @@ import numpy as np
 from genie_sim.core.object_map import ObjectMap
 from genie_sim.core.rules import ObjectMapRules
 from genie_sim.errors import UserError
-from genie_sim.messages import CameraPose, Detection, Location
+from genie_sim.messages import CameraPose, Location
 from genie_sim.perception.kitti import read_image
 from genie_sim.perception.trace import Trace, TraceFrame
 
@@ -27,8 +27,8 @@ OTHER = (115, 158, 0)
 Images = Mapping[tuple[str, int], Path]  # by camera and frame number
 
 
-def write_frames(folder: Path, trace: Trace, images: Images, progress: Callable[[int, int], None]) -> int:
-    """One PNG for each frame; returns how many. UserError where the folder cannot be written."""
+def write_frames(folder: Path, trace: Trace, images: Images, progress: Callable[[int, int], None]) -> None:
+    """One PNG for each frame. UserError where the folder cannot be written."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
         for count, (frame, picture) in enumerate(drawn(trace, images), start=1):
@@ -37,7 +37,6 @@ def write_frames(folder: Path, trace: Trace, images: Images, progress: Callable[
             progress(count, _frames(trace))
     except OSError as error:
         raise UserError(f"{folder}: cannot be written: {error.strerror}") from error
-    return _frames(trace)
 
 
 def write_video(path: Path, trace: Trace, images: Images, progress: Callable[[int, int], None]) -> None:
@@ -107,7 +106,8 @@ def _birds_eye(frame: TraceFrame, width: int) -> np.ndarray:
             continue
         right_m, ahead_m = _from_camera(frame.pose, detection.location)
         place = (foot[0] + round(right_m * pixels_per_m), foot[1] - round(ahead_m * pixels_per_m))
-        _dot(panel, place, detection)
+        colour, thickness = COLOURS.get(detection.label, OTHER), -1 if detection.method == "scan" else 2
+        cv2.circle(panel, place, 5, colour, thickness, cv2.LINE_AA)
     _text(panel, "placed in this frame (filled: by the scan, ring: by the ground)", (8, 16), INK)
     return panel
 
@@ -132,11 +132,6 @@ def _map(frame: TraceFrame, seen: ObjectMap, width: int) -> np.ndarray:
     cv2.arrowedLine(panel, centre, tip, INK, 2, cv2.LINE_AA, tipLength=0.5)
     _text(panel, f"object map: {len(seen)} objects, {confident} with C >= {seen.threshold:g} (filled)", (8, 16), INK)
     return panel
-
-
-def _dot(panel: np.ndarray, place: tuple[int, int], detection: Detection) -> None:
-    thickness = -1 if detection.method == "scan" else 2
-    cv2.circle(panel, place, 5, COLOURS.get(detection.label, OTHER), thickness, cv2.LINE_AA)
 
 
 def _from_camera(pose: CameraPose, location: Location) -> tuple[float, float]:

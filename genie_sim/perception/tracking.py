@@ -16,7 +16,7 @@ import numpy as np
 
 from genie_sim.core.geometry import Array, Geodetic, inverse, rigid, transform
 from genie_sim.errors import UserError, unknown
-from genie_sim.messages import Box, Detection
+from genie_sim.messages import Box, Detection, Location
 from genie_sim.perception.files import lines, numbers, read_bytes, within
 from genie_sim.perception.geodesy import read_oxts, world_SE3_imu
 from genie_sim.perception.placement import Placement
@@ -73,16 +73,6 @@ class TrackingDrive:
         return self.world_SE3_camera0[frame] @ inverse(self.camera2_SE3_camera0)
 
 
-@dataclass(frozen=True, slots=True)
-class Published:
-    """One published detection. ``centre`` is in the frame of the rectified camera 0, ``None`` for boxes in pictures."""
-
-    label: str
-    score: float
-    box: Box
-    centre: tuple[float, float, float] | None
-
-
 def sequences(root: str | Path) -> list[str]:
     """The names of all sequences in ``root``, which holds ``training``."""
     return _sequences(Path(root) / "training")
@@ -132,19 +122,15 @@ def tracking_trace(
         raise UserError(f"{root}: {unknown('published detector', detections, PUBLISHED)}")
     root = Path(root)
     drive = open_sequence(root / "training", sequence, origin)
-    by_frame: dict[int, list[Published]] = {}
+    by_frame: list[list[Detection]] = [[] for _ in drive.world_SE3_camera0]
     total = hashlib.sha256()
-    for kind in LABELS_OF:
+    for kind, label in LABELS_OF.items():
         path = root / "detections" / f"{detections}_{kind}" / f"{sequence}.txt"
         total.update(read_bytes(path))
-        for frame, found in PUBLISHED[detections](path, LABELS_OF[kind]):
-            if not 0 <= frame < len(drive.world_SE3_camera0):
-                raise UserError(f"{path}: frame {frame} has no line in oxts")
-            by_frame.setdefault(frame, []).append(found)
-    no_scan = Placement(drive.intrinsics, drive.size, drive.camera2_SE3_velo, None)
+        for index, found in _published(path, detections, label, drive):
+            by_frame[index].append(found)
     frames = []
-    for index in range(len(drive.world_SE3_camera0)):
-        here = [_placed(found, drive, index, no_scan) for found in by_frame.get(index, ())]
+    for index, here in enumerate(by_frame):
         kept = sorted((d for d in here if d.score >= min_score), key=lambda d: (-d.score, d.label, d.box or ()))
         digest = hashlib.sha256(f"tracking/{sequence}/{detections}/{index}".encode()).hexdigest()
         fingerprints = (digest, int(digest[:16], 16))
@@ -162,46 +148,43 @@ def tracking_trace(
     return Trace(f"tracking_{sequence}_{detections}", drive.origin, {CAMERA: tuple(frames)}, provenance)
 
 
-def _pointrcnn(path: Path, label: str) -> Iterator[tuple[int, Published]]:
-    """Lines of ``frame,type,x1,y1,x2,y2,score,h,w,l,x,y,z,ry,alpha``; x, y, z is the middle of the bottom."""
+def _published(path: Path, detector: str, label: str, drive: TrackingDrive) -> Iterator[tuple[int, Detection]]:
+    """Frame number and detection of each line of a file."""
+    columns, read = PUBLISHED[detector]
+    no_scan = Placement(drive.intrinsics, drive.size, drive.camera2_SE3_velo, None)
+    for row in numbers(path, columns).tolist():
+        index = int(row[0])
+        if row[0] != index:
+            raise UserError(f"{path}: {row[0]} is no frame number")
+        if not 0 <= index < len(drive.world_SE3_camera0):
+            raise UserError(f"{path}: frame {index} has no line in oxts")
+        score, box, centre = read(row, label)
+        if not 0 <= score <= 1:
+            raise UserError(f"{path}: score {score} is not between 0 and 1")
+        if box[2] < box[0] or box[3] < box[1]:
+            raise UserError(f"{path}: box {box} ends before it begins")
+        if centre is None:
+            point, method = no_scan.place(label, box)
+            place = None if point is None else transform(drive.world_SE3_camera2(index), point)
+        else:
+            place, method = transform(drive.world_SE3_camera0[index], centre), "scan"
+        yield index, detection(label, score, box, place, method)
+
+
+def _pointrcnn(row: list[float], label: str) -> tuple[float, Box, Location | None]:
+    """Of ``frame,type,x1,y1,x2,y2,score,h,w,l,x,y,z,ry,alpha``; x, y, z is the middle of the bottom."""
     a, b = POINTRCNN_SCORES[label]
-    for row in numbers(path, 15):
-        score = 1.0 / (1.0 + math.exp(-(a * float(np.clip(row[6], -50, 50)) + b)))
-        x, y, z = row[10:13].tolist()
-        yield _frame(path, row), Published(label, score, _box(path, row[2:6]), (x, y - float(row[7]) / 2, z))
+    score = 1.0 / (1.0 + math.exp(-(a * min(max(row[6], -50.0), 50.0) + b)))
+    return score, (row[2], row[3], row[4], row[5]), (row[10], row[11] - row[7] / 2, row[12])
 
 
-def _rrc(path: Path, label: str) -> Iterator[tuple[int, Published]]:
-    """Lines of ``frame,x1,y1,x2,y2,score``, the score in [0, 1]."""
-    for row in numbers(path, 6):
-        if not 0 <= row[5] <= 1:
-            raise UserError(f"{path}: score {row[5]} is not between 0 and 1")
-        yield _frame(path, row), Published(label, float(row[5]), _box(path, row[1:5]), None)
+def _rrc(row: list[float], label: str) -> tuple[float, Box, Location | None]:
+    """Of ``frame,x1,y1,x2,y2,score``, the score in [0, 1]."""
+    return row[5], (row[1], row[2], row[3], row[4]), None
 
 
-PUBLISHED = {"pointrcnn": _pointrcnn, "rrc": _rrc}
-
-
-def _placed(found: Published, drive: TrackingDrive, index: int, no_scan: Placement) -> Detection:
-    if found.centre is not None:
-        location = transform(drive.world_SE3_camera0[index], found.centre)
-        return detection(found.label, found.score, found.box, location, "scan")
-    point, method = no_scan.place(found.label, found.box)
-    place = None if point is None else transform(drive.world_SE3_camera2(index), point)
-    return detection(found.label, found.score, found.box, place, method)
-
-
-def _box(path: Path, row: Array) -> Box:
-    x1, y1, x2, y2 = row.tolist()
-    if x2 < x1 or y2 < y1:
-        raise UserError(f"{path}: box {(x1, y1, x2, y2)} ends before it begins")
-    return x1, y1, x2, y2
-
-
-def _frame(path: Path, row: Array) -> int:
-    if row[0] != int(row[0]):
-        raise UserError(f"{path}: {row[0]} is no frame number")
-    return int(row[0])
+# How many columns a file of a published detector has; score, box and, in the frame of the rectified camera 0, centre.
+PUBLISHED = {"pointrcnn": (15, _pointrcnn), "rrc": (6, _rrc)}
 
 
 def _picture_size(calibration: Path, pictures: Path, focal_px: float) -> tuple[int, int]:
