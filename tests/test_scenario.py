@@ -261,7 +261,10 @@ choices = st.fixed_dictionaries(
         "request_expiry": st.none() | st.integers(10**9, 10**12).map(lambda ns: f"{ns} ns"),
         "view_range": st.floats(1e-3, 1e3).map(lambda metres: f"{metres} m"),
         "object_map": st.fixed_dictionaries(
-            {"rate": st.floats(0, 1), "threshold": st.floats(0, 1) | st.sampled_from(["range_60", "empirical"])}
+            {
+                "rate": st.floats(0, 1),
+                "threshold": st.floats(0, 1) | st.sampled_from(["range_60", "empirical", {"percentile": 60.0}]),
+            }
         ),
     },
 )
@@ -408,8 +411,14 @@ MISTAKES = [
     ),
     (
         TWO_CARS + "genie: {object_map: {threshold: 60}}\n",
-        "genie.object_map.threshold: must be a number from 0 to 1, 'range_60' or 'empirical', not 60",
+        "genie.object_map.threshold: must be a number from 0 to 1, 'range_60', 'empirical' or {percentile: 60}, not 60",
     ),
+    (
+        TWO_CARS + "genie: {object_map: {threshold: {percentile: 101}}}\n",
+        "genie.object_map.threshold.percentile: must be at most 100.0, not 101",
+    ),
+    (TWO_CARS + "genie: {passes: 3}\n", "genie.passes: must be at most 2, not 3"),
+    (TWO_CARS + "genie: {car_learns: edge}\n", "genie.car_learns: unknown car learns 'edge'; known: all, own"),
     # cars, names, shapes
     ("edges: []\n", "cars: missing"),
     ("cars: []\n", "cars: must not be empty"),

@@ -13,12 +13,13 @@ from typing import Any
 from genie_sim.core.confidence import CONFIDENCE_RULES, ConfidenceRule
 from genie_sim.core.freshness.never import Never
 from genie_sim.core.maps import Boosted, Learned, Viewer
-from genie_sim.core.rules import ObjectMapRules
+from genie_sim.core.rules import ObjectMapRules, Percentile
 from genie_sim.core.tracking import PARKED_NS
 from genie_sim.core.view import rectangle
 from genie_sim.messages import Answer, CameraPose, Detection, Header, Location, MapChange, ObjectLookups
 
 RANGE_60 = 0.30 + 0.60 * (1.0 - 0.30)  # 60 % of the way up the range of scores that the detector reports
+EMPIRICAL_PERCENT = 60.0
 CELL_GATES = 4.0  # width of a cell, in gates
 REACH_GATES = 1.01  # how far around an object the cells list it: a gate, and room for rounding
 ORIGIN_NS = 1_000_000_000  # with ``confidence_source: origins``, a car's word counts again after so long
@@ -86,10 +87,11 @@ class ObjectMap:
         self._cells: dict[Any, list[StoredObject]] = {}  # by location if exact, else by cell
         self._view_cell_m = view_cell_m
         self._view_cells: dict[Cell, list[StoredObject]] = {}
-        self._first_scores: list[float] = []
         self._count = 0
-        named = {"range_60": RANGE_60, "empirical": 1.0}  # the latter until there is a score
-        self.threshold = named[rules.threshold] if isinstance(rules.threshold, str) else rules.threshold  # C_T
+        self._ranked: list[float] = []  # what C_T is a percentile of, in order
+        self._of_stored = isinstance(rules.threshold, Percentile)
+        self._of_scores = rules.threshold == "empirical"
+        self.threshold = fixed_threshold(rules.threshold)  # C_T
         self.changes = 0  # counts on whenever anything here becomes different
         self._to_forget: list[tuple[int, int, StoredObject]] = []  # a heap: when to look at it, a number of its own
         self._numbers = itertools.count()
@@ -124,6 +126,18 @@ class ObjectMap:
         for cell in self._cells_within_reach(stored.location):
             _remove(self._cells, cell, stored)
         _remove(self._view_cells, self._view_cell(stored.location), stored)
+        if self._of_stored:
+            self._rank(stored.confidence, None)
+
+    def _rank(self, old: float | None, new: float | None) -> None:
+        """Sets C_T, a percentile by nearest rank, when a value becomes another, comes (``old`` is ``None``) or goes."""
+        ranked, threshold = self._ranked, self._rules.threshold
+        if old is not None:
+            del ranked[bisect.bisect_left(ranked, old)]
+        if new is not None:
+            bisect.insort(ranked, new)
+        percent = threshold.percentile if isinstance(threshold, Percentile) else EMPIRICAL_PERCENT
+        self.threshold = ranked[math.ceil(percent * len(ranked) / 100) - 1] if ranked else 1.0
 
     def sight(
         self, seen: Detection, now_ns: int = 0, header: Header | None = None
@@ -142,6 +156,8 @@ class ObjectMap:
             if not self._origins or self._speaks(stored, header):
                 stored.confidence = self._boosted(before, seen.confidence, rules.rate)
                 stored.detection = None
+                if self._of_stored:
+                    self._rank(before, stored.confidence)
             stored.seen_ns = now_ns
             stored.sightings += 1
             if self._notes and header is not None:
@@ -157,10 +173,8 @@ class ObjectMap:
         for cell in self._cells_within_reach(seen.location):
             self._cells.setdefault(cell, []).append(stored)
         self._view_cells.setdefault(self._view_cell(seen.location), []).append(stored)
-        if rules.threshold == "empirical":
-            scores = self._first_scores
-            bisect.insort(scores, seen.score)
-            self.threshold = scores[math.ceil(0.6 * len(scores)) - 1]
+        if self._of_stored or self._of_scores:
+            self._rank(None, seen.confidence if self._of_stored else seen.score)
         self._count += 1
         return None, stored
 
@@ -333,6 +347,15 @@ class ObjectMap:
         reach_m = REACH_GATES * self._rules.gate_m
         east_m, north_m, _ = location
         return _cells((east_m - reach_m, east_m + reach_m), (north_m - reach_m, north_m + reach_m), self._cell_m)
+
+
+
+def fixed_threshold(threshold: float | str | Percentile) -> float:
+    """C_T as a number; 1 for a percentile, which there is none of yet."""
+    if isinstance(threshold, str):
+        return RANGE_60 if threshold == "range_60" else 1.0
+    return 1.0 if isinstance(threshold, Percentile) else threshold
+
 
 def _cells(easts: tuple[float, float], norths: tuple[float, float], side_m: float) -> list[Cell]:
     """The cells of an upright rectangle, west to east."""

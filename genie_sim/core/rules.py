@@ -29,15 +29,23 @@ SIMILARITY = Choice("pose_grid", {"cell_m": 1.0, "heading_rad": math.radians(15.
 
 
 @dataclass(frozen=True)
+class Percentile:
+    """C_T is this percentile, by nearest rank, of the confidences of all objects that a map holds."""
+
+    percentile: float
+
+
+@dataclass(frozen=True)
 class ObjectMapRules:
     """How Algorithm 2 is read.
 
     ``location_key``: ``gate`` (the nearest object of the class within ``gate_m``) or ``exact`` (equal coordinates).
     ``one_per_location``: any object at a location blocks a second (lines 4 and 7 as printed), classes not told apart.
-    ``rule`` is the confidence rule by name, ``rate`` its lambda. ``threshold``: C_T as a number, ``range_60`` or
-    ``empirical`` (60th percentile of the first scores seen so far). ``confidence_source``: every object of every answer
-    counts as a sighting (``sightings``), or echoes do not (``origins``): only what a detector found counts, and of each
-    car at most once a second. ``freshness``: the policy, by name, that says when an object is not believed in any more.
+    ``rule`` is the confidence rule by name, ``rate`` its lambda. ``threshold``: C_T as a number, ``range_60``,
+    ``empirical`` (60th percentile of the first scores seen so far) or a percentile of what is stored now.
+    ``confidence_source``: every object of every answer counts as a sighting (``sightings``), or echoes do not
+    (``origins``): only what a detector found counts, and of each car at most once a second. ``freshness``: the policy,
+    by name, that says when an object is not believed in any more.
     """
 
     location_key: Literal["gate", "exact"] = "gate"
@@ -45,7 +53,7 @@ class ObjectMapRules:
     one_per_location: bool = False
     rule: str = "noisy_or"
     rate: float = 0.1
-    threshold: float | str = 0.60
+    threshold: float | str | Percentile = 0.60
     confidence_source: Literal["sightings", "origins"] = "sightings"
     freshness: Choice = NEVER
 
@@ -105,7 +113,7 @@ class GenieRules:
     fresh_objects: Literal["confident", "all"] = "confident"
     share_filter: Literal["confident", "all"] = "confident"
     car_learns: Literal["all", "own"] = "all"
-    passes: Literal[1, 2] = 1
+    passes: int = 1
     object_map: ObjectMapRules = field(default_factory=ObjectMapRules)
 
     def __post_init__(self) -> None:

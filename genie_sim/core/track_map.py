@@ -11,10 +11,11 @@ from collections.abc import Iterable, Iterator, Sequence
 from genie_sim.core.confidence import CONFIDENCE_RULES, ConfidenceRule
 from genie_sim.core.freshness.never import Never
 from genie_sim.core.maps import Boosted, Learned, Viewer, as_change
-from genie_sim.core.object_map import ORIGIN_NS, RANGE_60
-from genie_sim.core.rules import ObjectMapRules
+from genie_sim.core.object_map import ORIGIN_NS, fixed_threshold
+from genie_sim.core.rules import ObjectMapRules, Percentile
 from genie_sim.core.tracking import COAST_NS, NEAR_M, Track, kind_of, sigma_of
 from genie_sim.core.view import FARTHEST_M, View, rectangle
+from genie_sim.errors import UserError
 from genie_sim.messages import Answer, Detection, Header, Look, ObjectLookups
 
 SLOW_CELL_M, FAST_CELL_M = 10.0, 60.0
@@ -49,8 +50,8 @@ class TrackMap:
         self._to_forget: list[tuple[int, int, Track]] = []  # a heap: when to look at it
         self._counted: OrderedDict[Header, None] = OrderedDict()
         self._latest: dict[tuple[str, str], tuple[int, View]] = {}  # the newest look of each camera
-        if rules.threshold == "empirical" and not freshness.by_existence:
-            raise ValueError("threshold: 'empirical' needs a freshness policy that does not track")
+        if not freshness.by_existence and (rules.threshold == "empirical" or isinstance(rules.threshold, Percentile)):
+            raise UserError("genie.object_map.threshold: a percentile needs a freshness policy that does not track")
 
     def __len__(self) -> int:
         return self._count
@@ -62,8 +63,7 @@ class TrackMap:
     def threshold(self) -> float:
         if self._policy.by_existence:
             return self._policy.p_min
-        threshold = self._rules.threshold
-        return RANGE_60 if isinstance(threshold, str) else threshold
+        return fixed_threshold(self._rules.threshold)
 
     def forget(self, now_ns: int) -> list[Track]:
         forgotten, waiting = [], self._to_forget

@@ -143,7 +143,7 @@ class _Shared:
     Where a scenario says so, C_T is not for what edges send each other, and not for what a car's own node finds.
     """
 
-    def __init__(self, threshold: float | str) -> None:
+    def __init__(self, threshold: object) -> None:
         self.address = "claims"
         self.objects = 0
         self.unconfident = 0

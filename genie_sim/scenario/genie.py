@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Annotated, Any
 
-from pydantic import BeforeValidator, WithJsonSchema
+from pydantic import BeforeValidator, Discriminator, Field, Tag, WithJsonSchema
 
 from genie_sim import plugins, units
 from genie_sim.core.confidence import CONFIDENCE_RULES
 from genie_sim.core.eviction import EVICTIONS
 from genie_sim.core.freshness import FRESHNESS
-from genie_sim.core.rules import LITERAL, Capacity, GenieRules, ObjectMapRules
+from genie_sim.core.rules import LITERAL, Capacity, GenieRules, ObjectMapRules, Percentile
 from genie_sim.core.similarity import SIMILARITIES
 from genie_sim.errors import short_repr
 from genie_sim.plugins import Choice
@@ -28,10 +28,11 @@ from genie_sim.scenario.plain import OWN_CLASS_SCHEMA, Plain, PlugIn
 
 
 def _threshold(value: object) -> object:
-    if value in ("range_60", "empirical"):
+    if isinstance(value, Mapping | Percentile) or value in ("range_60", "empirical"):
         return value
     if isinstance(value, bool) or not isinstance(value, int | float) or not 0 <= value <= 1:
-        raise ValueError(f"must be a number from 0 to 1, 'range_60' or 'empirical', not {short_repr(value)}")
+        known = "a number from 0 to 1, 'range_60', 'empirical' or {percentile: 60}"
+        raise ValueError(f"must be {known}, not {short_repr(value)}")
     return float(value)
 
 
@@ -64,8 +65,15 @@ def _literal_preset(data: Any) -> Any:
     return preset
 
 
+_PERCENTILE = {"percentile": {"type": "number", "exclusiveMinimum": 0, "maximum": 100}}
 _THRESHOLD_SCHEMA = WithJsonSchema(
-    {"anyOf": [{"type": "number", "minimum": 0, "maximum": 1}, {"enum": ["range_60", "empirical"]}]}
+    {
+        "anyOf": [
+            {"type": "number", "minimum": 0, "maximum": 1},
+            {"enum": ["range_60", "empirical"]},
+            {"type": "object", "properties": _PERCENTILE, "required": ["percentile"], "additionalProperties": False},
+        ]
+    }
 )
 _CAPACITY_SCHEMA = {
     "anyOf": [
@@ -78,12 +86,18 @@ _CAPACITY_SCHEMA = {
         {"type": "null"},
     ]
 }
+_PERCENTILE_OF_STORED = Annotated[Percentile, Plain(Percentile, percentile=Annotated[float, Field(gt=0, le=100)])]
 _OBJECT_MAP = Plain(
     ObjectMapRules,
     gate_m=PositiveLength,
     rule=_name("confidence rule", CONFIDENCE_RULES),
     rate=Probability,
-    threshold=Annotated[float | str, BeforeValidator(_threshold), _THRESHOLD_SCHEMA],
+    threshold=Annotated[
+        Annotated[float | str, Tag("value")] | Annotated[_PERCENTILE_OF_STORED, Tag("percentile")],
+        Discriminator(lambda value: "percentile" if isinstance(value, Mapping | Percentile) else "value"),
+        BeforeValidator(_threshold),
+        _THRESHOLD_SCHEMA,
+    ],
     freshness=Annotated[Choice, PlugIn("freshness policy", FRESHNESS)],
 )
 _CAPACITY = Annotated[
@@ -103,6 +117,7 @@ GenieSection = Annotated[
         ttl_ns=PositiveDuration | None,
         request_expiry_ns=PositiveDuration | None,
         view_range_m=PositiveLength,
+        passes=Annotated[int, Field(ge=1, le=2)],
         object_map=Annotated[ObjectMapRules, _OBJECT_MAP],
     ),
 ]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+import random
 from dataclasses import replace
 
 import pytest
@@ -13,8 +14,9 @@ from hypothesis import strategies as st
 from genie_sim.core.confidence import CONFIDENCE_RULES
 from genie_sim.core.freshness.ttl import Ttl
 from genie_sim.core.maps import Viewer
+from genie_sim.core.rules import Percentile
 from genie_sim.messages import CameraPose, Header
-from tests.core.worlds import object_map, seen
+from tests.core.worlds import S, object_map, seen
 
 coordinates = st.integers(-500, 500).map(lambda centimetres: centimetres / 100)
 scores = st.integers(0, 100).map(lambda percent: percent / 100)
@@ -171,6 +173,22 @@ def test_the_empirical_threshold_is_the_60th_percentile_of_first_scores(scores, 
     for number, score in enumerate(scores):
         told(objects, *[seen("car", score, at=(5.0 * number, 0.0))] * 2)  # the second sighting is no first score
     assert objects.threshold == percentile
+
+
+@pytest.mark.parametrize("percent", [1.0, 40.0, 60.0, 100.0])
+def test_c_t_may_be_a_percentile_of_all_that_is_stored(percent):
+    """Nearest rank: the lowest confidence that at least this share of the objects does not exceed."""
+    rng = random.Random(5)
+    objects = object_map(threshold=Percentile(percent), freshness=Ttl(4 * S))
+    assert objects.threshold == 1.0, "nothing is confident before there is anything"
+    for second in range(60):
+        objects.forget(second * S)
+        objects.sight(seen("car", rng.random(), at=(5.0 * rng.randrange(12), 0.0)), second * S)
+        stored = sorted(one.confidence for one in objects)
+        least = next(one for one in stored if sum(other <= one for other in stored) >= percent / 100 * len(stored))
+        assert objects.threshold == least
+    objects.forget(100 * S)
+    assert len(objects) == 0 and objects.threshold == 1.0
 
 
 # What is at a place: line 11

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from genie_sim.core.confidence import CONFIDENCE_RULES
 from genie_sim.core.eviction import LFU, LRU, TTL, Unlimited
+from genie_sim.core.rules import Percentile
 from genie_sim.core.similarity import DHash, Exact, PoseGrid
 from genie_sim.messages import Expired, ImageLookup, Observe, Publish
 from tests.core.stories import stories, tell
@@ -34,7 +35,7 @@ MAP_READINGS = {
     "rule": list(CONFIDENCE_RULES),
     "location_key": ["gate", "exact"],
     "one_per_location": [False, True],
-    "threshold": [0.6, 0.0, 1.0, "range_60", "empirical"],
+    "threshold": [0.6, 0.0, 1.0, "range_60", "empirical", Percentile(60.0), Percentile(100.0)],
 }
 CACHES = {
     "similarity": [PoseGrid(), Exact(), DHash(8)],
@@ -72,7 +73,7 @@ def test_only_confident_objects_ever_leave(make_genie, story):
         for effect in publications(effects):
             fresh = effect.topic == OBJECTS and effect.message.source == "detector"
             whole = fresh and on_car and rules.fresh_objects == "all"
-            whole |= effect.topic == f"{OBJECTS}-remote" and rules.share_filter == "all"
+            whole |= effect.topic.endswith("-remote") and rules.share_filter == "all"
             whole |= rules.car_learns == "own" and step.topic == f"{OBJECTS}-remote"
             if effect.topic.startswith(OBJECTS) and not whole:
                 assert all(one.confidence >= telling.object_map.threshold for one in effect.message.objects)
