@@ -8,18 +8,16 @@ whatever the number of processes.
 from __future__ import annotations
 
 import functools
-import math
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
-from typing import Any, TypeVar
+from typing import TypeVar
 
 from genie_sim import build, files
-from genie_sim.messages import Detections, Message
-from genie_sim.methods.genie import REMOTE
 from genie_sim.paper import quality
 from genie_sim.paper.facts import Facts, facts_of
+from genie_sim.paper.watch import Watch
 from genie_sim.parallel import in_processes
 from genie_sim.perception.sources import Recordings
 from genie_sim.perception.trace import Trace, TraceFrame, read_trace
@@ -28,8 +26,6 @@ from genie_sim.recording.log import Log
 from genie_sim.recording.records import Tables
 from genie_sim.runner import Prepared, held_of, on_frames
 from genie_sim.scenario.scenario import Scenario, load_scenario
-from genie_sim.sim.nodes import Detector, InterceptorNode
-from genie_sim.sim.station import OBJECTS
 from genie_sim.sim.world import World
 
 ROUTE_S = 5.2  # assumptions.yaml: evaluation.route
@@ -83,13 +79,6 @@ def in_parallel(
     return done
 
 
-def _node_fingerprint(node: Detector) -> tuple[object, ...]:
-    """The node itself, whatever the master calls its topics: its class, what it has, and what of that is plain."""
-    has = vars(node)
-    plain = {name: value for name, value in has.items() if isinstance(value, str | int | tuple | None)}
-    return (type(node), tuple(has), tuple(sorted(plain.items())))
-
-
 def run_job(job: Job) -> Outcome:
     """Simulates one job and computes its facts."""
     return outcome_of(prepare_job(job), job.keep_tables)
@@ -98,10 +87,7 @@ def run_job(job: Job) -> Outcome:
 def outcome_of(prepared: Prepared, keep_tables: bool = False) -> Outcome:
     """Simulates what is prepared and computes its facts."""
     tables = Tables()
-    shared = _Shared(prepared.scenario.genie.object_map.threshold)
-    stored: dict[str, list[float]] = {"car": [], "edge": []}
-    detectors: dict[str, set[tuple[object, ...]]] = {}
-    behind_genie: list[bool] = []
+    watch = Watch(prepared.scenario.genie)
     built = build.shared(prepared.expanded, prepared.devices, prepared.drives)
     judged: set[str] = set()
     for method in prepared.scenario.methods:
@@ -109,50 +95,12 @@ def outcome_of(prepared: Prepared, keep_tables: bool = False) -> Outcome:
         held = held_of(prepared, method.name, setup, tables, judged)
         world = World(setup, build.method(method), Log(method.name, tables, held=held))
         judged.update(prepared.drives)
-        genies: list[Any] = [one for one in world.resources if isinstance(one, InterceptorNode)]
-        for one in world.resources:
-            if isinstance(one, Detector):
-                detectors.setdefault(one.name, set()).add(_node_fingerprint(one))
-                if method.name == "genie":
-                    behind_genie.append(one.graph.topics_of(one.name) != (one.subscribes, one.publishes))
-        rules = prepared.scenario.genie
-        for genie in genies:
-            if genie.host.name in world.edges or rules.fresh_objects == "confident":
-                genie.graph.subscribe(OBJECTS, shared)
-            if rules.share_filter == "confident":
-                genie.graph.subscribe(OBJECTS + REMOTE, shared)
+        watch.before(method.name, world)
         world.run()
-        for genie in genies:
-            placement = "edge" if genie.host.name in world.edges else "car"
-            stored[placement] += [one.confidence for one in genie.pure.object_map]
+        watch.after(world)
     frames, lookups, resources = (table.columns() for table in (tables.frames, tables.lookups, tables.resources))
-    facts = facts_of(frames, lookups, resources)
-    facts |= quality.facts_of(tables.held.columns())
-    for placement, confidences in stored.items():
-        facts[f"stored_confidence:{placement}"] = sum(confidences) / len(confidences) if confidences else math.nan
-    same = all(len(seen) == 1 for seen in detectors.values())
-    facts["detector_untouched"] = float(same and all(behind_genie))
-    facts["objects_shared"] = shared.objects
-    facts["unconfident_objects_shared"] = shared.unconfident
+    facts = facts_of(frames, lookups, resources) | quality.facts_of(tables.held.columns()) | watch.facts()
     return Outcome(facts, frames, lookups) if keep_tables else Outcome(facts)
-
-
-class _Shared:
-    """Listens to what Genies share under C_T and counts the objects, those below it apart; takes no time.
-
-    Where a scenario says so, C_T is not for what edges send each other, and not for what a car's own node finds.
-    """
-
-    def __init__(self, threshold: object) -> None:
-        self.address = "claims"
-        self.objects = 0
-        self.unconfident = 0
-        self._threshold = threshold if isinstance(threshold, float) else 0.0  # others move: told by the Genie's tests
-
-    def deliver(self, topic: str, message: Message, sender: str) -> None:
-        assert isinstance(message, Detections)
-        self.objects += len(message.objects)
-        self.unconfident += sum(one.confidence < self._threshold for one in message.objects)
 
 
 def prepare_job(job: Job) -> Prepared:

@@ -1,0 +1,79 @@
+"""What no table tells of a run: what Genies shared and stored, and whether detectors were left as they are."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from genie_sim.core.node import GenieNode
+from genie_sim.messages import Detections, Message
+from genie_sim.methods.genie import REMOTE
+from genie_sim.paper.facts import Facts
+from genie_sim.sim.nodes import Detector, InterceptorNode
+from genie_sim.sim.station import OBJECTS
+
+if TYPE_CHECKING:
+    from genie_sim.core.rules import GenieRules
+    from genie_sim.sim.world import World
+
+
+class Watch:
+    """Watches the worlds of one run, method by method; takes no simulated time.
+
+    Counts the objects that Genies share under C_T, those below it apart. Where a scenario says so, C_T is not for what
+    edges send each other, and not for what a car's own node finds.
+    """
+
+    def __init__(self, rules: GenieRules) -> None:
+        self.address = "claims"
+        self._rules = rules
+        threshold = rules.object_map.threshold
+        self._threshold = threshold if isinstance(threshold, float) else 0.0  # others move: told by the Genie's tests
+        self._shared = self._unconfident = 0
+        self._stored: dict[str, list[float]] = {"car": [], "edge": []}
+        self._detectors: dict[str, set[tuple[object, ...]]] = {}
+        self._behind_genie = True
+
+    def before(self, method: str, world: World) -> None:
+        """Looks at the nodes of a world that is about to run, and listens to its Genies."""
+        for node in world.resources:
+            if isinstance(node, Detector):
+                self._detectors.setdefault(node.name, set()).add(_fingerprint(node))
+                if method == "genie":
+                    self._behind_genie &= node.graph.topics_of(node.name) != (node.subscribes, node.publishes)
+            if isinstance(node, InterceptorNode):
+                if node.host.name in world.edges or self._rules.fresh_objects == "confident":
+                    node.graph.subscribe(OBJECTS, self)
+                if self._rules.share_filter == "confident":
+                    node.graph.subscribe(OBJECTS + REMOTE, self)
+
+    def deliver(self, topic: str, message: Message, sender: str) -> None:
+        """Of the graph: what a Genie published."""
+        assert isinstance(message, Detections)
+        self._shared += len(message.objects)
+        self._unconfident += sum(one.confidence < self._threshold for one in message.objects)
+
+    def after(self, world: World) -> None:
+        """Looks at the maps of a world that has run."""
+        for node in world.resources:
+            if isinstance(node, InterceptorNode) and isinstance(node.pure, GenieNode):
+                placement = "edge" if node.host.name in world.edges else "car"
+                self._stored[placement] += [one.confidence for one in node.pure.object_map]
+
+    def facts(self) -> Facts:
+        """Of all worlds together."""
+        same = all(len(seen) == 1 for seen in self._detectors.values())
+        means = {place: sum(of) / len(of) if of else math.nan for place, of in self._stored.items()}
+        return {
+            **{f"stored_confidence:{place}": mean for place, mean in means.items()},
+            "detector_untouched": float(same and self._behind_genie),
+            "objects_shared": self._shared,
+            "unconfident_objects_shared": self._unconfident,
+        }
+
+
+def _fingerprint(node: Detector) -> tuple[object, ...]:
+    """The node itself, whatever the master calls its topics: its class, what it has, and what of that is plain."""
+    has = vars(node)
+    plain = {name: value for name, value in has.items() if isinstance(value, str | int | tuple | None)}
+    return (type(node), tuple(has), tuple(sorted(plain.items())))
