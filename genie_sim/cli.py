@@ -128,6 +128,9 @@ def reproduce(
     drives: Annotated[
         bool, typer.Option("--drives", help="The main claims on each of KITTI's tracking sequences, too.")
     ] = False,
+    reading: Annotated[
+        str | None, typer.Option(help="One reading of the paper, or a file of your own; default: all that there are.")
+    ] = None,
     out: Annotated[Path, path_option(help="The folder that gets the evaluation.")] = Path("results/reproduce"),
 ) -> None:
     """Run the paper's evaluation: figures and verdicts."""
@@ -135,7 +138,7 @@ def reproduce(
     from genie_sim.paper.reproduce import reproduce as run_evaluation
 
     with Progress(unit="runs") as progress:
-        result = run_evaluation(out, quick, seeds, jobs, progress, drives)
+        result = run_evaluation(out, quick, seeds, jobs, progress, drives, reading)
     typer.echo(verdict_table.text(verdict_table.read_rows(result.folder), terminal.width()))
     if result.drives:
         typer.echo(f"\n{result.drives}\n")

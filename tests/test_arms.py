@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 import pytest
 
 from genie_sim.paper import arms, verdict_table
@@ -12,23 +10,28 @@ from genie_sim.paper.checks import ALL, load_claims
 from genie_sim.paper.claims import Verdict
 from genie_sim.paper.evidence import Finding
 from genie_sim.paper.facts import of_baselines
+from genie_sim.paper.readings import load_reading
 from genie_sim.paper.replicate import Job, Outcome, run_job
 from genie_sim.paper.reproduce import last_calibration
+from genie_sim.paper.runs import Runs
 
 CLAIMS = {claim.id: claim for claim in load_claims()}
+DEFAULT = load_reading("default").as_json()
 SEEDS = (1, 2, 3, 4)
-FEW = dataclasses.replace(
-    load_assumptions(),
-    variants=(
-        Variant("other_rule", ("genie.object_map.rule=ema",), "yes", ""),
-        Variant("ideal_link", ("links=ideal",), "arguable", ""),
-        Variant("half_a_metre", ("genie.similarity={name: pose_grid, cell: 0.5 m}",), "yes", ""),
+FEW = load_assumptions().model_copy(update={
+    "variants": tuple(
+        Variant(name=name, set=(setting,), plausible=plausible, why="")
+        for name, setting, plausible in (
+            ("other_rule", "genie.object_map.rule=ema", "yes"),
+            ("ideal_link", "links=ideal", "arguable"),
+            ("half_a_metre", "genie.similarity={name: pose_grid, cell: 0.5 m}", "yes"),
+        )
     ),
-    sweeps=(
-        Sweep("image_cell_m", "m", (0.5, 1.0), (0.5, 2.0), "not given"),
-        Sweep("min_score", "1", (0.3, 0.7), (0.3, 0.5), "not given"),
+    "sweeps": tuple(
+        Sweep(parameter=parameter, unit="1", values=values, plausible=(0.3, 2.0), paper="not given")
+        for parameter, values in (("image_cell_m", (0.5, 1.0)), ("min_score", (0.3, 0.7)))
     ),
-)
+})  # fmt: skip
 
 
 def made_up(level):
@@ -40,13 +43,22 @@ def found(monkeypatch):
     """The few arms of a made-up world, in which the other rule reuses 31 % of the objects, and the jobs it took."""
     ran = []
 
-    def world(jobs, *_):
+    def world(run, jobs, *_):
         ran.extend(jobs)
-        return [Outcome(made_up(0.31 if "genie.object_map.rule=ema" in job.settings else 0.6)) for job in jobs]
+        local = {"under_deadline_share:local": 0.0}
+        return [
+            Outcome(
+                made_up(0.31 if "genie.object_map.rule=ema" in job.settings else 0.6)
+                | (local if "local" in job.methods else {})
+            )
+            for job in jobs
+        ]
 
-    monkeypatch.setattr(arms, "run_jobs", world)
-    base = {scenario: [made_up(0.6) | {"under_deadline_share:local": 0.0} for _ in SEEDS] for scenario in ALL}
-    return arms.run_arms(FEW, last_calibration(), SEEDS, base, 1, None), ran
+    monkeypatch.setattr("genie_sim.paper.runs.in_parallel", world)
+    runs = Runs(1)
+    runs([Job(scenario, seed, last_calibration()) for scenario in ALL for seed in SEEDS], "claims")
+    ran.clear()
+    return arms.run_arms(FEW, last_calibration(), SEEDS, runs), ran
 
 
 def test_every_arm_has_the_seeds_of_the_evaluation(found):
@@ -67,7 +79,8 @@ def test_what_is_known_is_not_run_again(found):
     }
     assert len(ran) == 4 * len(ALL) * len(SEEDS)
     known = {name: one.of(ALL[0], "under_deadline_share:local")[0] == 0 for name, one in made.evidence.items()}
-    assert [name for name, has in known.items() if has] == ["other_rule", "half_a_metre", "image_cell_m=0.5"]
+    with_baselines = ["other_rule", "ideal_link", "half_a_metre", "image_cell_m=0.5"]
+    assert [name for name, has in known.items() if has] == with_baselines
 
 
 def test_a_value_that_the_evaluation_uses_is_a_point_of_the_curve_but_no_other_reading(found):
@@ -87,7 +100,7 @@ def test_where_a_claim_holds_where_not_and_where_nobody_tried(found):
     said = {}
     for name in ("C11", "C13", "C30"):
         row = verdict_table.row(Verdict(CLAIMS[name], missed, "not reproduced", False), made)
-        said[name] = verdict_table.document([row], [], None)
+        said[name] = verdict_table.document([row], [DEFAULT], [])
     assert "Holds under 1 of the 5 other readings and values that were tried, 4 seeds each: other_rule" in said["C11"]
     assert "Holds under none of the 5 other readings and values that were tried, 4 seeds each." in said["C13"]
     assert "Not tried under any other reading or value" in said["C30"]
@@ -97,7 +110,8 @@ def test_a_quick_evaluation_says_nothing_of_other_readings():
     missed = Finding(0.6, 0.5, 0.7, 4, "1", holds=False, direction=True)
     row = verdict_table.row(Verdict(CLAIMS["C11"], missed, "not reproduced", False))
     assert row["holds_under"] is None and row["tried_under"] is None
-    assert "tried" not in verdict_table.document([row], [], None).split("## Table I")[0].split("## Each claim")[1]
+    document = verdict_table.document([row], [DEFAULT], [])
+    assert "tried" not in document.split("## Table I")[0].split("## Each claim")[1]
 
 
 def test_baselines_do_the_same_whatever_genie_s_settings_are():

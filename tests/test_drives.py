@@ -141,7 +141,7 @@ def test_without_sequences_nothing_is_simulated(tmp_path, monkeypatch, capsys):
     def simulated(*_):
         raise AssertionError("it was")
 
-    monkeypatch.setattr("genie_sim.paper.reproduce.run_jobs", simulated)
+    monkeypatch.setattr("genie_sim.paper.runs.in_parallel", simulated)
     monkeypatch.delenv("GENIE_SIM_KITTI", raising=False)
     assert main(["reproduce", "--quick", "--drives", "--out", "out"]) == 1
     assert capsys.readouterr().err.startswith("genie-sim: drives: set GENIE_SIM_KITTI to KITTI's folder")

@@ -14,7 +14,7 @@ from genie_sim.recording.columns import Columns, Text
 from tests import made_up_run
 
 MS = 1_000_000
-FITTED = {"overlap": 0.35, "gate_m": 0.25}
+FITTED = ("overlap=0.35", "gate_m=0.25")
 
 
 def test_every_file_is_a_reading_and_every_reading_has_a_file():

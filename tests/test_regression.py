@@ -13,7 +13,7 @@ from pathlib import Path
 
 from genie_sim.analysis.metrics import PLACEMENTS
 from genie_sim.paper.checks import ALL, CASE
-from genie_sim.paper.replicate import Job, run_jobs
+from genie_sim.paper.replicate import Job, in_parallel, run_job
 from genie_sim.paper.reproduce import last_calibration
 
 REPOSITORY = Path(__file__).resolve().parent.parent
@@ -34,7 +34,7 @@ def small_version() -> dict[str, float]:
     jobs = [Job(scenario, 1, last_calibration()) for scenario in (*ALL, CASE)]
     return {
         f"{job.scenario} {name}": float(f"{outcome.facts[name]:.9g}")
-        for job, outcome in zip(jobs, run_jobs(jobs, 1), strict=True)
+        for job, outcome in zip(jobs, in_parallel(run_job, jobs, 1), strict=True)
         for name in SMALL
         if name in outcome.facts
     }

@@ -13,24 +13,41 @@ import genie_sim as gs
 from genie_sim.cli import main
 from genie_sim.paper import page as evaluation
 from genie_sim.paper import verdict_table
+from genie_sim.paper.readings import load_reading
 from tests.browser import Browser, installed
 from tests.test_report import EVIL, MEGABYTE, embedded, middle, picture
 
 PAPER = Path(__file__).resolve().parent.parent / "results" / "paper"
-ROWS = verdict_table.read_rows(PAPER)
+ROWS = [row for row in verdict_table.read_rows(PAPER) if row["reading"] == "default"]
 SHOWN = "[...byId('claims').querySelectorAll('tr.claim')].map(row => row.id)"
 
 
+def with_bench(folder: Path) -> Path:
+    """The committed evaluation under the default reading, and a made-up outcome of another: C14 is turned round, C11 is
+    a prediction, and by the default's metrics nothing holds."""
+    by_default = dict.fromkeys(("value", "low", "high")) | {"verdict": "not reproduced"}
+    turned = {"C14": {"verdict": "reproduced", "marginal": True}, "C11": {"kind": "prediction"}}
+    bench = [
+        row | {"reading": "bench", "by_default_metrics": by_default, "note": "made up"} | turned.get(row["id"], {})
+        for row in ROWS
+    ]
+    (folder / "verdicts.json").write_text(json.dumps(ROWS + bench))
+    shown = [one.as_json() | {"settings": []} for one in (load_reading("default"), load_reading("bench"))]
+    (folder / "readings.json").write_text(json.dumps(shown))
+    return folder
+
+
 @pytest.fixture(scope="module")
-def page() -> str:
-    """Of the committed evaluation."""
-    return evaluation.page(PAPER)
+def page(tmp_path_factory) -> str:
+    """Of the committed evaluation with a made-up reading beside the default."""
+    copy = shutil.copytree(PAPER, tmp_path_factory.mktemp("page") / "evaluation")
+    return evaluation.page(with_bench(copy))
 
 
 @pytest.fixture
 def folder() -> Path:
-    """A copy of the committed evaluation, to be changed."""
-    return Path(shutil.copytree(PAPER, "evaluation", ignore=shutil.ignore_patterns("*.png")))
+    """A copy of the same evaluation, to be changed."""
+    return with_bench(Path(shutil.copytree(PAPER, "evaluation", ignore=shutil.ignore_patterns("*.png"))))
 
 
 def rewritten(path: Path, change) -> None:
@@ -44,8 +61,21 @@ def rewritten(path: Path, change) -> None:
 
 def test_every_claim_is_there_with_what_was_expected_found_and_judged(page):
     shown = embedded(page)["claims"]
-    for name in ("id", "claim", "kind", "expect", "verdict", "marginal", "test", "note", "value", "low", "high"):
+    for name in ("id", "claim", "kind", "expect", "test"):
         assert [one[name] for one in shown] == [row[name] for row in ROWS]
+    for name in ("verdict", "marginal", "note"):
+        assert [one["found"]["default"][name] for one in shown] == [row[name] for row in ROWS]
+    found = [[row[name] for name in ("value", "low", "high")] for row in ROWS]
+    assert [one["found"]["default"]["found"] for one in shown] == found
+    other = {one["id"]: one["found"]["bench"] for one in shown}
+    assert (other["C14"]["verdict"], other["C11"]["kind"]) == ("reproduced", "prediction")
+
+
+def test_each_reading_is_there_with_reasons_quotes_and_what_was_known(page):
+    default, bench = embedded(page)["readings"]
+    assert default["metrics"].keys() == bench["metrics"].keys()
+    assert default["metrics"]["boost"]["says"] != bench["metrics"]["boost"]["says"]
+    assert bench["known"] and all(choice["quote"] and choice["why"] for choice in bench["choices"])
 
 
 def test_a_claim_of_section_v_has_its_sentence_and_its_figure(page):
@@ -117,7 +147,7 @@ def test_reproduce_writes_the_page(monkeypatch):
     from genie_sim.paper.reproduce import reproduce
 
     monkeypatch.delenv("GENIE_SIM_KITTI", raising=False)
-    made = reproduce(Path("out"), quick=True, seeds=1, workers=1).folder
+    made = reproduce(Path("out"), quick=True, seeds=1, workers=1, reading="default").folder
     assert (made / "report.html").read_text(encoding="utf-8") == evaluation.page(made)
 
 
@@ -194,12 +224,39 @@ def test_claims_are_filtered_by_verdict_kind_words_and_marginality(browser, file
     assert "C27" not in browser.evaluate(SHOWN)
 
 
+def test_the_reading_decides_which_verdicts_are_filtered(browser, file):
+    browser.open(file)
+    counts = browser.evaluate("byId('counts').textContent")
+    assert "11 of 23" in counts and "all, by the default's metrics" in counts
+    heads = browser.evaluate("[...byId('claims').tHead.rows[0].cells].map(cell => cell.textContent)")
+    assert heads[-2:] == ["default", "bench"]
+    assert browser.evaluate("byId('C14').cells[4].textContent").startswith("not reproduced")
+    assert browser.evaluate("byId('C14').cells[5].textContent").startswith("reproducedmarginal")
+    browser.evaluate("byId('verdict-filter').querySelector('button').click()")
+    assert "C14" in browser.evaluate(SHOWN)
+    choose(browser, "reading", "bench")
+    assert browser.evaluate(SHOWN) == [row["id"] for row in ROWS], "another reading begins with all of its verdicts"
+    browser.evaluate("byId('verdict-filter').querySelector('button').click()")
+    assert "C14" not in browser.evaluate(SHOWN)
+    choose(browser, "reading", "default")
+    browser.evaluate("byId('marginal').click()")
+    assert browser.evaluate(SHOWN) == [row["id"] for row in ROWS if row["marginal"]]
+
+
+def test_readings_are_shown_with_what_they_mean(browser, file):
+    browser.open(file)
+    told = browser.evaluate("byId('reading-list').textContent")
+    assert "on the bench" in told and "similarity=exact" in told and "Known when it was written" in told
+    assert "objects then stored" in browser.evaluate("byId('meanings').textContent")
+
+
 def test_a_click_on_a_claim_opens_its_evidence_and_its_figure(browser, file):
     browser.open(file)
     browser.click(*middle(browser, "C14"))
     told = browser.evaluate("byId('C14').nextElementSibling.textContent")
     row = next(row for row in ROWS if row["id"] == "C14")
-    assert row["test"] in told and row["note"] in told and f"{row['n']} seeds" in told
+    assert row["test"] in told and row["note"] in told and "made up" in told and f"{row['n']} seeds" in told
+    assert "By the default's metrics" in told
     (name,) = browser.evaluate("[...byId('C14').nextElementSibling.querySelectorAll('img')].map(one => one.alt)")
     assert name == "Object reuse"
     browser.evaluate("byId('C15').querySelector('button').focus()")

@@ -14,7 +14,8 @@ from genie_sim.paper import calibrate, drives, table1, verdict_table
 from genie_sim.paper.assumptions import load_assumptions
 from genie_sim.paper.calibrate import Point
 from genie_sim.paper.checks import load_claims
-from genie_sim.paper.replicate import Job, Outcome, outcome_of, prepare_job, run_jobs
+from genie_sim.paper.readings import NAMES, load_readings
+from genie_sim.paper.replicate import Job, Outcome, in_parallel, outcome_of, prepare_job, run_job
 from genie_sim.paper.reproduce import last_calibration, reproduce
 from genie_sim.recording import provenance
 from genie_sim.runner import prepare
@@ -26,6 +27,7 @@ PAPER = REPOSITORY / "results" / "paper"
 GENERATED = (REPOSITORY / "README.md", REPOSITORY / "docs" / "paper.md")
 ASSUMED = load_assumptions()
 MARKERS = {  # of a document's generated parts
+    "readings": ("<!-- readings:begin -->", "<!-- readings:end -->"),
     "verdicts": ("<!-- verdicts:begin -->", "<!-- verdicts:end -->"),
     "counts": ("<!-- counts:begin -->", "<!-- counts:end -->"),
     "section V": ("<!-- section-v:begin -->", "<!-- section-v:end -->"),
@@ -37,12 +39,14 @@ MARKERS = {  # of a document's generated parts
 
 def section_v(rows: list[dict]) -> str:
     """Section V sentence by sentence: the figure and the verdicts."""
-    said = {one["id"]: f"{one['verdict']}{' (marginal)' if one['marginal'] else ''}" for one in rows}
-    lines = ["| Section V | the paper says | figure | here |", "|---|---|---|---|"]
+    found = verdict_table.by_claim(rows)
+    readings = list(next(iter(found.values())))
+    lines = [f"| Section V | the paper says | figure | {' | '.join(readings)} | here |"]
+    lines.append(f"|---|---|---|{'---|' * len(readings)}---|")
     for one in verdict_table.sentences():
         figure = f"`{one['figure']}`" if one["figure"] else ""
-        here = [f"{claim}: {said[claim]}" for claim in one["claims"]] + ([one["note"]] if one["note"] else [])
-        lines.append(f"| {one['part']} | {one['says']} | {figure} | {'; '.join(here)} |")
+        cells = ["; ".join(f"{claim}: {found[claim][name]['verdict']}" for claim in one["claims"]) for name in readings]
+        lines.append(f"| {one['part']} | {one['says']} | {figure} | {' | '.join(cells)} | {one['note'] or ''} |")
     return "\n".join(lines)
 
 
@@ -51,6 +55,7 @@ def generated_parts(folder: Path) -> dict[str, str]:
     rows = verdict_table.read_rows(folder)
     parts = {"verdicts": verdict_table.table(rows), "counts": verdict_table.counts_table(rows)}
     parts |= {"section V": section_v(rows), "table I": table1.markdown()}
+    parts["readings"] = verdict_table.readings_text(provenance.read_json(folder / "readings.json"))
     quality = folder / "quality.json"
     if quality.is_file():
         parts["worth"] = verdict_table.worth_table(provenance.read_json(quality))
@@ -159,14 +164,14 @@ def test_it_is_seen_when_attaching_a_genie_touches_the_node(harm, monkeypatch):
 def test_the_number_of_processes_does_not_change_a_number():
     places = [(scenario, seed) for scenario in ("1car_homo", "2car_hetero") for seed in (1, 2)]
     jobs = [Job(scenario, seed, last_calibration(), ("genie",)) for scenario, seed in places]
-    alone, together = run_jobs(jobs, 1), run_jobs(jobs, 2)
+    alone, together = in_parallel(run_job, jobs, 1), in_parallel(run_job, jobs, 2)
     assert json.dumps([one.facts for one in alone]) == json.dumps([one.facts for one in together])
 
 
-def test_the_search_finds_the_point_that_fits_and_stays_in_the_plausible_ranges(monkeypatch):
+def test_the_search_finds_the_point_that_fits_and_stays_in_the_plausible_ranges():
     """A made-up world in which the object reuse is the gate / 2 m and the image reuse a quarter of the overlap."""
 
-    def world(jobs, workers, progress, what):
+    def world(jobs, what):
         found = []
         for job in jobs:
             overlap, gate_m = (float(setting.split("=")[1]) for setting in job.settings[-2:])
@@ -174,8 +179,7 @@ def test_the_search_finds_the_point_that_fits_and_stays_in_the_plausible_ranges(
             found.append(Outcome(facts | {f"image_reuse:{placement}": overlap / 4 for placement in ("car", "edge")}))
         return found
 
-    monkeypatch.setattr(calibrate, "run_jobs", world)
-    found = calibrate.calibrate(ASSUMED, 1)
+    found = calibrate.calibrate(ASSUMED, world)
     assert found.best.gate_m == pytest.approx(0.62, abs=0.25)
     assert found.best.overlap == pytest.approx(0.31, abs=0.1)
     assert all(0.0 <= one.overlap <= 0.8 and 0.25 <= one.gate_m <= 2.1 for one in found.tried)
@@ -194,7 +198,7 @@ def test_a_quick_evaluation_judges_every_claim_and_draws_every_figure(tmp_path):
     told = []
     result = reproduce(tmp_path / "out", quick=True, seeds=1, workers=1, progress=lambda *what: told.append(what))
     rows = verdict_table.read_rows(result.folder)
-    assert [one["id"] for one in rows] == [claim.id for claim in load_claims()]
+    assert [(one["reading"], one["id"]) for one in rows] == [(name, one.id) for name in NAMES for one in load_claims()]
     assert told[-1][0] == told[-1][1], "the progress ends at its end"
     for name in ("latency_cdf", "image_reuse", "object_reuse", "confidence_boost", "case_study", "worth"):
         assert (result.folder / "figures" / f"{name}.svg").stat().st_size > 10_000
@@ -218,7 +222,9 @@ def test_the_committed_results_are_those_of_the_committed_assumptions():
         assert hashlib.sha256((here / name).read_bytes()).hexdigest() == digest, f"{name} changed: evaluate anew"
     assert about["quick"] is False
     assert tuple(about["seeds"]) == ASSUMED.seeds
-    assert tuple(about["settings"]) == (*ASSUMED.settings, *last_calibration())
+    assert {name: tuple(used) for name, used in about["settings"].items()} == {
+        one.name: one.settings(last_calibration()) for one in load_readings()
+    }
 
 
 def test_the_committed_figures_are_small():

@@ -1,25 +1,17 @@
-"""What other readings and other values of the open parameters give, on the same seeds as the evaluation itself.
-
-What is known is not run again: an arm whose set-up is that of the evaluation or of another arm has its facts, and
-where only Genie's settings differ, the baselines do what they did.
-"""
+"""What other readings and other values of the open parameters give, on the same seeds as the evaluation itself."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 from genie_sim.paper.assumptions import Assumptions
 from genie_sim.paper.checks import ALL, BOTH_IMAGES, BOTH_OBJECTS, load_claims
 from genie_sim.paper.claims import holds_under
 from genie_sim.paper.evidence import Claim, Evidence, interval
-from genie_sim.paper.facts import METHODS, Facts, of_baselines
-from genie_sim.paper.replicate import Job, Progress, prepare_job, run_jobs
-
-EVERY_METHOD = tuple(method.name for method in METHODS)
-
-Base = Mapping[str, Sequence[Facts]]  # the evaluation's own, by scenario
+from genie_sim.paper.replicate import EVERY_METHOD, Job
+from genie_sim.paper.runs import Runs
 
 
 class Arm(NamedTuple):
@@ -29,14 +21,6 @@ class Arm(NamedTuple):
     settings: tuple[str, ...]
     methods: tuple[str, ...]
     plausible: str
-
-
-class _Setup(NamedTuple):
-    """What a run depends on besides scenario and seed."""
-
-    world: str
-    genie: str
-    methods: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -81,43 +65,23 @@ def arms_of(assumptions: Assumptions) -> Iterator[Arm]:
             yield Arm(name, (name,), ("genie",), "yes" if low <= value <= high else "no")
 
 
-def run_arms(
-    assumptions: Assumptions, settings: tuple[str, ...], seeds: Sequence[int], base: Base, workers: int,
-    progress: Progress | None,
-) -> Arms:  # fmt: skip
-    """Runs what is not known yet of every arm; ``base`` has the same settings and seeds."""
-    arms = list(arms_of(assumptions))
-    ours = _setup(Job(ALL[-1], seeds[0], settings))
-    setups = {arm.name: _setup(Job(ALL[-1], seeds[0], (*settings, *arm.settings), arm.methods), ours) for arm in arms}
-    facts = {ours: base}
-    first = {setups[arm.name]: arm for arm in reversed(arms) if setups[arm.name] != ours}
-    jobs = [
-        Job(scenario, seed, (*settings, *arm.settings), ("genie",) if setup.world == ours.world else arm.methods)
-        for setup, arm in first.items()
-        for scenario in ALL
-        for seed in seeds
-    ]
-    outcomes = iter(run_jobs(jobs, workers, progress, "other readings"))
-    for setup in first:
-        facts[setup] = {
-            scenario: [
-                {**(of_baselines(one) if setup.world == ours.world else {}), **next(outcomes).facts}
-                for one in base[scenario]
-            ]
-            for scenario in ALL
-        }
-    evidence = {name: Evidence({("base", one): facts[setup][one] for one in ALL}) for name, setup in setups.items()}
-    others = {name: one for name, one in evidence.items() if setups[name] != ours}
+def run_arms(assumptions: Assumptions, settings: tuple[str, ...], seeds: Sequence[int], runs: Runs) -> Arms:
+    """Runs every arm, Genie alone where the evaluation's baselines do what they did."""
+    places = [(scenario, seed) for scenario in ALL for seed in seeds]
+    ours = runs([Job(scenario, seed, settings) for scenario, seed in places], "other readings")
+    arms, jobs = list(arms_of(assumptions)), []
+    for arm in arms:
+        whole = [Job(scenario, seed, (*settings, *arm.settings), arm.methods) for scenario, seed in places]
+        jobs += [replace(job, methods=("genie",)) if runs.has_baselines(job) else job for job in whole]
+    outcomes = runs(jobs, "other readings")
+    evidence, others = {}, {}
+    for number, arm in enumerate(arms):
+        mine = outcomes[number * len(places) : (number + 1) * len(places)]
+        facts = {place: outcome.facts for place, outcome in zip(places, mine, strict=True)}
+        evidence[arm.name] = Evidence({("base", one): [facts[one, seed] for seed in seeds] for one in ALL})
+        if any(one is not other for one, other in zip(mine, ours, strict=True)):
+            others[arm.name] = evidence[arm.name]
     return Arms(others, {arm.name: arm.plausible for arm in arms}, _curves(assumptions, settings, evidence), len(seeds))
-
-
-def _setup(job: Job, ours: _Setup | None = None) -> _Setup:
-    """Of a job. Where the world is ours, what all of our methods do is known, once Genie has run."""
-    prepared = prepare_job(job)
-    scenario = prepared.scenario.model_dump_json(exclude={"genie", "methods"})
-    world = f"{scenario} {sorted(prepared.frames.digests().items())}"
-    methods = ours.methods if ours is not None and world == ours.world else job.methods
-    return _Setup(world, str(prepared.scenario.genie), methods)
 
 
 def _curves(

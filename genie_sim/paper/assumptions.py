@@ -48,7 +48,6 @@ class Assumptions(_Part):
     scenarios: tuple[str, ...]
     seeds: tuple[int, ...]
     calibration_seeds: tuple[int, ...]
-    settings: tuple[str, ...]
     fixed: tuple[dict[str, Any], ...]
     fitted: tuple[Fitted, ...]
     targets: dict[str, float]

@@ -15,7 +15,7 @@ from typing import Any
 from genie_sim.paper.assumptions import Assumptions
 from genie_sim.paper.checks import BOTH_IMAGES, BOTH_OBJECTS
 from genie_sim.paper.evidence import Evidence
-from genie_sim.paper.replicate import Job, Progress, run_jobs
+from genie_sim.paper.replicate import Job, Simulate
 
 GRID = 5  # values of each parameter, ends of its range included
 REFINEMENTS = 2
@@ -69,8 +69,8 @@ class Calibration:
         return {"best": asdict(self.best), "reached": self.reached, "targets": self.targets, "tried": tried}
 
 
-def calibrate(assumptions: Assumptions, workers: int, progress: Progress | None = None) -> Calibration:
-    """The point of the plausible ranges that fits the two published numbers best."""
+def calibrate(assumptions: Assumptions, runs: Simulate) -> Calibration:
+    """The point of the plausible ranges that fits the two published numbers best; ``runs`` simulates."""
     ranges = [one.range for one in assumptions.fitted]
     steps = [(high - low) / (GRID - 1) for low, high in ranges]
     tried: list[Point] = []
@@ -83,7 +83,7 @@ def calibrate(assumptions: Assumptions, workers: int, progress: Progress | None 
             (overlap, gate_m) for overlap, gate_m in product(*axes)
             if ranges[0][0] <= overlap <= ranges[0][1] and ranges[1][0] <= gate_m <= ranges[1][1]
         ]  # fmt: skip
-        tried.extend(_try(assumptions, [point for point in new if point not in known], workers, progress))
+        tried.extend(_try(assumptions, [point for point in new if point not in known], runs))
         return min(tried, key=lambda one: one.misfit(assumptions.targets))
 
     best = attempt([low for low, _ in ranges], range(GRID))
@@ -98,17 +98,15 @@ def most_jobs(assumptions: Assumptions) -> int:
     return (GRID**2 + 8 * REFINEMENTS) * len(assumptions.scenarios) * len(assumptions.calibration_seeds)
 
 
-def _try(
-    assumptions: Assumptions, points: Sequence[tuple[float, float]], workers: int, progress: Progress | None
-) -> list[Point]:
+def _try(assumptions: Assumptions, points: Sequence[tuple[float, float]], runs: Simulate) -> list[Point]:
     seeds, scenarios = assumptions.calibration_seeds, assumptions.scenarios
     jobs = [
-        Job(scenario, seed, (*assumptions.settings, f"overlap={overlap:g}", f"gate_m={gate_m:g}"), ("genie",))
+        Job(scenario, seed, (f"overlap={overlap:g}", f"gate_m={gate_m:g}"), ("genie",))
         for overlap, gate_m in points
         for scenario in scenarios
         for seed in seeds
     ]
-    outcomes = iter(run_jobs(jobs, workers, progress, "calibration"))
+    outcomes = iter(runs(jobs, "calibration"))
     found = []
     for overlap, gate_m in points:
         evidence = Evidence({("base", scenario): [next(outcomes).facts for _ in seeds] for scenario in scenarios})

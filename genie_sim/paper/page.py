@@ -31,6 +31,7 @@ FIGURES = {  # in the paper's order, then ours
     "sensitivity": "Sensitivity",
     "worth": "What the answers are worth",
 }
+CLAIMED = ("id", "where", "claim", "test", "expect", "tolerance", "kind")  # kind: that of the first reading
 COMPARED = [method.name for method in METHODS]
 BASELINES = [method.name for method in METHODS if method.baseline]
 ANSWERS: tuple[tuple[str, str, str, str, list[str]], ...] = (  # title, unit, first, fresh, the methods they are of
@@ -65,19 +66,20 @@ def page_data(folder: Path) -> dict[str, Any]:
     """Everything on the page, as plain JSON values; nothing of when, where and how fast it was made."""
     rows = verdict_table.read_rows(folder)
     notes = list(filter(None, [verdict_table.few_seeds(rows)]))
-    about = _read(folder / "run.json")
-    metrics = {(one["scenario"], one["name"]): one for one in _read(folder / "metrics.json")}
-    names = ("genie_sim", "quick", "seeds", "settings", "calibration", "trace")
+    about, readings, every = (_read(folder / name) for name in ("run.json", "readings.json", "metrics.json"))
+    metrics = {(one["scenario"], one["name"]): one for one in every if one["reading"] == readings[0]["name"]}
+    names = ("genie_sim", "quick", "seeds", "calibration", "trace")
     return {
         "about": {"name": TITLE, "description": "", **{name: about[name] for name in names}},
         "methods": [asdict(method) for method in METHODS],
         "verdicts": VERDICTS,
+        "readings": readings,
         "claims": list(_claims(rows)),
-        "improvement": [_interval(metrics.get(("all", f"improvement_{answer}"))) for answer in ("first", "fresh")],
+        "improvement": [_of(metrics, "all", f"improvement_{answer}") for answer in ("first", "fresh")],
         "answers": list(_answers(metrics)),
         "metrics": [
-            [one["scenario"], one["name"], rounded(one["value"]), rounded(one["low"]), rounded(one["high"]), one["n"]]
-            for one in metrics.values()
+            [*(one[name] for name in ("reading", "scenario", "name")), *_interval(one), one["n"]]
+            for one in every
         ],
         "figures": list(_figures(folder / "figures", notes)),
         "calibration": _calibration(_read(folder / "calibration.json", missing=None)),
@@ -89,17 +91,25 @@ def page_data(folder: Path) -> dict[str, Any]:
 
 
 def _claims(rows: Sequence[Mapping[str, Any]]) -> Iterator[dict[str, Any]]:
-    """Each verdict, with the sentences of Section V that it judges and the figure that shows it."""
+    """Each claim with what came out under each reading, the sentences of Section V that make it, and their figure."""
     sentences = verdict_table.sentences()
-    for row in rows:
-        mine = [one for one in sentences if row["id"] in one["claims"]]
-        figures = list(dict.fromkeys(one["figure"] for one in mine if one["figure"]))
+    for claim, found in verdict_table.by_claim(rows).items():
+        mine = [one for one in sentences if claim in one["claims"]]
+        first = next(iter(found.values()))
         yield {
-            **row,
+            **{name: first[name] for name in CLAIMED},
             "says": [[one["part"], one["says"]] for one in mine],
-            "figures": figures,
-            **{name: rounded(row[name]) for name in ("value", "low", "high")},
+            "figures": list(dict.fromkeys(one["figure"] for one in mine if one["figure"])),
+            "found": {name: _finding(one) for name, one in found.items()},
         }
+
+
+def _finding(row: Mapping[str, Any]) -> dict[str, Any]:
+    """What came out under one reading: all of a row that is not said of the claim itself."""
+    plain = row["by_default_metrics"]
+    shown = {name: value for name, value in row.items() if name not in (*CLAIMED[:-1], "reading")}
+    by = plain and {"verdict": plain["verdict"], "found": _interval(plain)}
+    return shown | {"found": _interval(row), "by_default_metrics": by}
 
 
 def _answers(metrics: Mapping[tuple[str, str], Mapping[str, Any]]) -> Iterator[dict[str, Any]]:
@@ -107,7 +117,7 @@ def _answers(metrics: Mapping[tuple[str, str], Mapping[str, Any]]) -> Iterator[d
     scenarios = list(dict.fromkeys(scenario for scenario, _ in metrics if scenario != "all"))
     for title, unit, first, fresh, methods in ANSWERS:
         found = {
-            answer: {of: [_interval(metrics.get((one, f"{name}:{of}"))) for one in scenarios] for of in methods}
+            answer: {of: [_of(metrics, one, f"{name}:{of}") for one in scenarios] for of in methods}
             for answer, name in (("first", first), ("fresh", fresh))
         }
         yield {"title": title, "unit": unit, "scenarios": scenarios, "methods": methods} | found
@@ -172,8 +182,13 @@ def _number(claim: str) -> tuple[int, str]:
     return len(claim), claim
 
 
-def _interval(metric: Mapping[str, Any] | None) -> list[float | None] | None:
-    return None if metric is None else [rounded(metric[name]) for name in ("value", "low", "high")]
+def _of(metrics: Mapping[tuple[str, str], Mapping[str, Any]], *key: str) -> list[float | None] | None:
+    metric = metrics.get((key[0], key[1]))
+    return None if metric is None else _interval(metric)
+
+
+def _interval(metric: Mapping[str, Any]) -> list[float | None]:
+    return [rounded(metric[name]) for name in ("value", "low", "high")]
 
 
 def _read(path: Path, **default: Any) -> Any:

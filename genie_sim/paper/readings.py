@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable
 from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -15,7 +15,8 @@ from genie_sim.scenario.fields import Listed, Model, problem, validate
 from genie_sim.scenario.yaml_input import read_mapping
 
 FOLDER = Path(__file__).with_name("readings")
-NAMES = ("default", "two_passes", "bench")  # in the order in which they are shown
+DEFAULT = "default"
+NAMES = (DEFAULT, "two_passes", "bench")  # in the order in which they are shown
 
 Text = Annotated[str, Field(min_length=1)]
 Texts = Annotated[tuple[Text, ...], Listed]
@@ -52,6 +53,7 @@ class Reading(Model):
     calibration."""
 
     name: str
+    path: Path
     title: Text
     why: Text
     known: Text
@@ -72,15 +74,20 @@ class Reading(Model):
         given = ((metric, getattr(self.metrics, metric)) for metric in DEFINITIONS)
         return {metric: one.definition for metric, one in given if one is not None}
 
-    def settings(self, calibrated: Mapping[str, float]) -> tuple[str, ...]:
-        """Overrides of the shipped scenarios: what was fitted, and what the reading sets."""
-        fitted = (f"{name}={calibrated[name]:g}" for name in self.fitted)
+    @property
+    def means_others(self) -> bool:
+        """Whether some metric is not what the default means by it."""
+        return any(DEFINITIONS[metric][definition] for metric, definition in self.definitions.items())
+
+    def settings(self, calibrated: Iterable[str]) -> tuple[str, ...]:
+        """Settings of its runs: what it takes of those that were fitted, and what it sets."""
+        fitted = (setting for setting in calibrated if setting.partition("=")[0] in self.fitted)
         return *fitted, *(setting for choice in self.choices for setting in choice.settings)
 
     def as_json(self) -> dict[str, Any]:
         """For ``readings.json``: each metric as the reading means it."""
-        said = load_reading(NAMES[0]).metrics.model_dump() | self.metrics.model_dump(exclude_none=True)
-        return {**self.model_dump(by_alias=True), "metrics": said}
+        said = load_reading(DEFAULT).metrics.model_dump() | self.metrics.model_dump(exclude_none=True)
+        return {**self.model_dump(by_alias=True, exclude={"path"}), "metrics": said}
 
 
 def load_readings(name: str | None = None) -> list[Reading]:
@@ -93,4 +100,4 @@ def load_reading(name: str) -> Reading:
     path = Path(name) if name.endswith(".yaml") else FOLDER / f"{name}.yaml"
     if path.parent == FOLDER and name not in NAMES:
         raise UserError(f"{unknown('reading', name, NAMES)}, or the path of a .yaml file")
-    return validate(Reading, {"name": path.stem} | read_mapping(path), lambda _: str(path))
+    return validate(Reading, read_mapping(path) | {"name": path.stem, "path": path}, lambda _: str(path))

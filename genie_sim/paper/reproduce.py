@@ -8,7 +8,7 @@ from __future__ import annotations
 import hashlib
 import os
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from genie_sim import report
+from genie_sim.errors import UserError
 from genie_sim.paper import drives, quality, verdict_table
 from genie_sim.paper import page as evaluation
 from genie_sim.paper.arms import Arms, arms_of, run_arms
@@ -24,8 +25,9 @@ from genie_sim.paper.calibrate import Calibration, calibrate, most_jobs
 from genie_sim.paper.checks import ALL, CASE, HE, HO, SHARED, improvements
 from genie_sim.paper.claims import Verdict, judge
 from genie_sim.paper.evidence import Evidence, Values, interval
-from genie_sim.paper.facts import Facts
-from genie_sim.paper.replicate import Job, Outcome, Progress, TimeLeft, prepare_job, run_jobs
+from genie_sim.paper.readings import DEFAULT, Reading, load_readings
+from genie_sim.paper.replicate import Job, Outcome, Progress, TimeLeft, prepare_job
+from genie_sim.paper.runs import Runs
 from genie_sim.recording import provenance
 from genie_sim.scenario.yaml_input import read_mapping
 
@@ -44,47 +46,56 @@ Key = tuple[str, str]  # variant, scenario
 
 
 @dataclass(frozen=True)
+class Judged:
+    """What the claims come to under one reading; ``plain``: by the default's metrics where the reading means others."""
+
+    reading: Reading
+    settings: tuple[str, ...]
+    evidence: Evidence
+    verdicts: list[Verdict]
+    plain: list[Verdict] | None
+
+
+@dataclass(frozen=True)
 class Reproduction:
     """A finished evaluation; ``drives`` is the table of the claims on other drives, where it was wanted."""
 
     folder: Path
-    verdicts: list[Verdict]
+    readings: list[Judged]
     wall_time_s: float
     drives: str = ""
 
 
 def reproduce(
     out: Path, quick: bool = False, seeds: int | None = None, workers: int | None = None,
-    progress: Progress | None = None, with_drives: bool = False,
+    progress: Progress | None = None, with_drives: bool = False, reading: str | None = None,
 ) -> Reproduction:  # fmt: skip
     """Runs the evaluation and puts everything into ``out``, which appears when it is complete.
 
     ``quick``: few seeds, the calibration of the last full run, no variants and sweeps. ``seeds``: how many, instead of
     those of assumptions.yaml. ``with_drives``: the main claims on every sequence of KITTI's tracking benchmark, too.
-    Raises ``UserError`` where ``out`` cannot be written, or where there are no such sequences.
+    ``reading``: this one alone, by name or path; figures and what the answers are worth are those of the first reading,
+    variants and sweeps those of the default. Raises ``UserError`` where ``out`` cannot be written, a reading does not
+    fit the scenarios, or there are no such sequences.
     """
     provenance.check_writable(out.parent)
     provenance.check_replaceable(out)
+    readings = load_readings(reading)
+    assumptions, calibrated = load_assumptions(), last_calibration()
+    for one in readings:
+        check(one)
     on_drives = drives.jobs() if with_drives else []
-    assumptions = load_assumptions()
     workers = workers or os.cpu_count() or 1
     used_seeds = _seeds(assumptions, quick, seeds)
-    tell = TimeLeft(_total(assumptions, quick, len(used_seeds)) + len(on_drives), progress)
-    fitted = None if quick else calibrate(assumptions, workers, tell)
-    settings = (*assumptions.settings, *(last_calibration() if fitted is None else fitted.best.settings))
-    runs, tables = _base_runs(settings, used_seeds, workers, tell)
-    base = {scenario: runs["base", scenario] for scenario in ALL}
-    evidence = Evidence(runs)
-    made = _Evaluation(
-        settings,
-        used_seeds,
-        evidence,
-        judge(evidence),
-        tables,
-        fitted,
-        None if quick else run_arms(assumptions, settings, used_seeds, base, workers, tell),
-        quality.summarise(evidence, ALL),
-    )
+    swept = not quick and readings[0].name == DEFAULT
+    tell = TimeLeft(_total(assumptions, len(readings), quick, swept, len(used_seeds)) + len(on_drives), progress)
+    runs = Runs(workers, tell)
+    fitted = calibrate(assumptions, runs) if not quick and any(one.fitted for one in readings) else None
+    if fitted is not None:
+        calibrated = fitted.best.settings
+    judged, tables = _evaluate(readings, calibrated, used_seeds, runs)
+    arms = run_arms(assumptions, judged[0].settings, used_seeds, runs) if swept else None
+    made = _Evaluation(judged, used_seeds, tables, fitted, arms, quality.summarise(judged[0].evidence, ALL))
     driven = drives.run_drives(on_drives, workers, tell) if on_drives else []
     with provenance.result_folder(out) as folder:
         made.write(folder)
@@ -94,7 +105,7 @@ def reproduce(
         about = {"quick": quick, "workers": workers, "wall_time_s": round(wall_time_s, 1), **made.provenance()}
         provenance.write_json(folder / "run.json", about)
         evaluation.write(folder / report.NAME, folder)
-    return Reproduction(out, made.verdicts, wall_time_s, table)
+    return Reproduction(out, judged, wall_time_s, table)
 
 
 def last_calibration() -> tuple[str, ...]:
@@ -103,14 +114,23 @@ def last_calibration() -> tuple[str, ...]:
     return tuple(f"{name}={value:g}" for name, value in read_mapping(path).items())
 
 
+def check(reading: Reading) -> None:
+    """Raises ``UserError`` where a scenario cannot have what the reading sets."""
+    for number, choice in enumerate(reading.choices):
+        try:
+            for scenario in (HE[-1], CASE):
+                prepare_job(Job(scenario, 1, choice.settings))
+        except UserError as error:
+            raise UserError(f"{reading.path}: choices[{number}].set: {error}") from error
+
+
 @dataclass(frozen=True)
 class _Evaluation:
-    """Everything that came out; ``arms`` is ``None`` in a quick one."""
+    """Everything that came out; ``tables`` are the first reading's runs by scenario, ``arms`` is ``None`` where other
+    values were not tried."""
 
-    settings: tuple[str, ...]
+    judged: list[Judged]
     seeds: tuple[int, ...]
-    evidence: Evidence
-    verdicts: list[Verdict]
     tables: Mapping[str, Sequence[Outcome]]
     fitted: Calibration | None
     arms: Arms | None
@@ -118,11 +138,14 @@ class _Evaluation:
 
     def write(self, folder: Path) -> None:
         """Everything but figures and page. Raises OSError."""
-        rows = [verdict_table.row(verdict, self.arms) for verdict in self.verdicts]
+        rows = [row for one in self.judged for row in _rows(one, self.arms)]
+        readings = [one.reading.as_json() | {"settings": list(one.settings)} for one in self.judged]
         provenance.write_json(folder / "verdicts.json", rows)
-        text = verdict_table.document(rows, self.settings, self.worth)
+        provenance.write_json(folder / "readings.json", readings)
+        text = verdict_table.document(rows, readings, self.worth)
         (folder / "verdicts.md").write_text(text, encoding="utf-8")
-        provenance.write_json(folder / "metrics.json", _metrics(self.evidence))
+        metrics = [{"reading": one.reading.name, **row} for one in self.judged for row in _metrics(one.evidence)]
+        provenance.write_json(folder / "metrics.json", metrics)
         provenance.write_json(folder / "quality.json", self.worth)
         if self.fitted is not None:
             provenance.write_json(folder / "calibration.json", self.fitted.as_json())
@@ -135,7 +158,8 @@ class _Evaluation:
         from genie_sim.paper.sensitivity import draw_sensitivity
 
         folder.mkdir()
-        footer = f"genie-sim reproduce, {', '.join(self.settings)}, {len(self.seeds)} seeds"
+        first = self.judged[0]
+        footer = f"genie-sim reproduce, {first.reading.name}: {', '.join(first.settings)}, {len(self.seeds)} seeds"
         draw_paper_figures(folder, self.tables, footer)
         sweeps = self.arms.sweeps if self.arms is not None else []
         draw_sensitivity(folder, self.fitted, sweeps, self.worth, load_assumptions().targets, footer)
@@ -143,12 +167,16 @@ class _Evaluation:
     def provenance(self) -> dict[str, Any]:
         """For ``run.json``: what the numbers come from."""
         here = Path(__file__).parent
-        inputs = ("assumptions.yaml", "claims.yaml")
+        inputs = [here / name for name in ("assumptions.yaml", "claims.yaml")]
+        inputs += [one.reading.path for one in self.judged]
+        names = [str(path.relative_to(here)) if path.is_relative_to(here) else path.name for path in inputs]
         return {
-            "settings": list(self.settings),
+            "settings": {one.reading.name: list(one.settings) for one in self.judged},
             "seeds": list(self.seeds),
             "calibration": "searched" if self.fitted else "that of the last full run (calibrated.yaml)",
-            "inputs": {name: hashlib.sha256((here / name).read_bytes()).hexdigest() for name in inputs},
+            "inputs": {
+                name: hashlib.sha256(path.read_bytes()).hexdigest() for name, path in zip(names, inputs, strict=True)
+            },
             "trace": next(iter(prepare_job(Job(ALL[0], 1)).frames.digests().values())),
             **provenance.environment(),
         }
@@ -160,29 +188,46 @@ def _seeds(assumptions: Assumptions, quick: bool, seeds: int | None) -> tuple[in
     return assumptions.seeds[:QUICK_SEEDS] if quick else assumptions.seeds
 
 
-def _total(assumptions: Assumptions, quick: bool, seeds: int) -> int:
-    """How many runs there will be, about."""
-    base = seeds * (len(ALL) + sum(len(scenarios) for scenarios, _ in FOR_CLAIMS.values()))
-    if quick:
-        return base
-    return base + most_jobs(assumptions) + len(list(arms_of(assumptions))) * len(ALL) * seeds
+def _total(assumptions: Assumptions, readings: int, quick: bool, swept: bool, seeds: int) -> int:
+    """How many runs will be asked for, about; the progress bar is told of those that are known already, too."""
+    base = readings * seeds * (len(ALL) + sum(len(scenarios) for scenarios, _ in FOR_CLAIMS.values()))
+    arms = (len(list(arms_of(assumptions))) + 1) * len(ALL) * seeds if swept else 0
+    return base + arms + (0 if quick else most_jobs(assumptions))
 
 
-def _base_runs(
-    settings: tuple[str, ...], seeds: Sequence[int], workers: int, progress: Progress
-) -> tuple[dict[Key, list[Facts]], dict[str, list[Outcome]]]:
-    """Facts of all runs that the claims need, and the tables of the base runs by scenario."""
+def _evaluate(
+    readings: Sequence[Reading], calibrated: Sequence[str], seeds: Sequence[int], runs: Runs
+) -> tuple[list[Judged], dict[str, list[Outcome]]]:
+    """The verdicts under each reading, and the runs of the first by scenario, with their tables."""
     places: list[Key] = [("base", scenario) for scenario in ALL]
     places += [(variant, scenario) for variant, (scenarios, _) in FOR_CLAIMS.items() for scenario in scenarios]
+    settings = [one.settings(calibrated) for one in readings]
     jobs = []
-    for variant, scenario in places:
-        more = FOR_CLAIMS[variant][1]
-        base = variant == "base"
-        jobs += [Job(scenario, seed, (*settings, *more), keep_tables=base, judged=base) for seed in seeds]
-    outcomes = iter(run_jobs(jobs, workers, progress, "claims"))
-    grouped = {place: [next(outcomes) for _ in seeds] for place in places}
-    facts = {place: [outcome.facts for outcome in group] for place, group in grouped.items()}
-    return facts, {scenario: group for (variant, scenario), group in grouped.items() if variant == "base"}
+    for mine in settings:
+        for variant, scenario in places:
+            shown = mine is settings[0] and variant == "base"
+            more = (*mine, *FOR_CLAIMS[variant][1])
+            jobs += [Job(scenario, seed, more, keep_tables=shown, judged=shown) for seed in seeds]
+    outcomes = iter(runs(jobs, "claims"))
+    judged: list[Judged] = []
+    tables = {}
+    for one, mine in zip(readings, settings, strict=True):
+        grouped = {place: [next(outcomes) for _ in seeds] for place in places}
+        if not judged:
+            tables = {scenario: group for (variant, scenario), group in grouped.items() if variant == "base"}
+        facts = {place: [outcome.facts for outcome in group] for place, group in grouped.items()}
+        evidence, fitted = Evidence(facts, one.definitions), bool(one.fitted)
+        plain = judge(Evidence(facts), fitted) if one.means_others else None
+        judged.append(Judged(one, mine, evidence, judge(evidence, fitted), plain))
+    return judged, tables
+
+
+def _rows(judged: Judged, arms: Arms | None) -> Iterator[dict[str, Any]]:
+    """Each verdict as plain data."""
+    arms = arms if judged.reading.name == DEFAULT else None
+    plain = [None] * len(judged.verdicts) if judged.plain is None else judged.plain
+    for verdict, other in zip(judged.verdicts, plain, strict=True):
+        yield verdict_table.row(verdict, arms, judged.reading.name, other)
 
 
 def _metrics(evidence: Evidence) -> list[dict[str, Any]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
@@ -12,76 +13,117 @@ from genie_sim.paper import table1
 from genie_sim.paper.arms import Arms
 from genie_sim.paper.claims import VERDICTS, Verdict
 from genie_sim.paper.evidence import Finding
+from genie_sim.paper.readings import DEFAULT
 from genie_sim.recording import provenance
 from genie_sim.scenario.yaml_input import parse
 
 ENOUGH_SEEDS = 10
 MOST_NAMED = 4  # variants named beside a claim
+MARKS = dict(zip(VERDICTS, "+~-?=", strict=True))  # where there is little room
 
 Row = Mapping[str, Any]
 
 
-def row(verdict: Verdict, arms: Arms | None = None) -> dict[str, Any]:
-    """A verdict as plain data. ``arms``: the other readings and values, told of where the claim is not reproduced."""
+def row(
+    verdict: Verdict, arms: Arms | None = None, reading: str = DEFAULT, plain: Verdict | None = None
+) -> dict[str, Any]:
+    """A verdict as plain data. ``arms``: the other values, told of where the claim is not reproduced. ``plain``: the
+    verdict by the default's metrics, where the reading means others."""
     finding = verdict.finding or Finding(None, None, None, 0, "1", False, False)
-    numbers = (finding.value, finding.low, finding.high) if finding.known else (None, None, None)
     names, tried = arms.holding(verdict.claim) if arms and verdict.verdict in VERDICTS[1:3] else (None, None)
     return {
+        "reading": reading,
         **asdict(verdict.claim),
-        **dict(zip(("value", "low", "high"), map(_rounded, numbers), strict=True)),
+        **_numbers(finding),
         "unit": finding.unit,
         "n": finding.n,
         "note": finding.note,
         "verdict": verdict.verdict,
         "marginal": verdict.marginal,
+        "by_default_metrics": _plain(plain) if plain is not None else None,
         "holds_under": names,
         "tried_under": tried,
     }
 
 
-def table(rows: Sequence[Row]) -> str:
-    """Claim, kind, what was found and the verdict, one line each, and the count of each verdict."""
-    lines = ["| | the paper says | kind | found (95 % interval) | verdict |", "|---|---|---|---|---|"]
+def by_claim(rows: Sequence[Row]) -> dict[str, dict[str, Row]]:
+    """The rows of each claim by reading."""
+    found: dict[str, dict[str, Row]] = {}
     for one in rows:
-        said = f"{one['verdict']}{' (marginal)' if one['marginal'] else ''}"
-        lines.append(f"| {one['id']} | {one['claim']} | {one['kind'].replace('_', ' ')} | {_found(one)} | {said} |")
-    return "\n".join([*lines, "", _counts(rows)])
+        found.setdefault(one["id"], {})[one["reading"]] = one
+    return found
+
+
+def table(rows: Sequence[Row]) -> str:
+    """The claims, one line each, with what was found and the verdict under each reading; the counts below."""
+    readings = _readings(rows)
+    lines = [f"| | the paper says | kind | {' | '.join(readings)} |", f"|---|---|---|{'---|' * len(readings)}"]
+    for claim, found in by_claim(rows).items():
+        first = found[readings[0]]
+        cells = " | ".join(f"{_verdict(found[one])}: {_found(found[one])}" for one in readings)
+        lines.append(f"| {claim} | {first['claim']} | {_words(first['kind'])} | {cells} |")
+    return "\n".join([*lines, "", *_counts(rows)])
 
 
 def counts_table(rows: Sequence[Row]) -> str:
-    """How many claims of each kind have each verdict."""
-    counts = Counter((one["kind"], one["verdict"]) for one in rows)
+    """How many claims of each kind are reproduced under each reading."""
+    readings = _readings(rows)
     kinds = list(dict.fromkeys(one["kind"] for one in rows))
-    said = [verdict for verdict in VERDICTS if any(counts[kind, verdict] for kind in kinds)]
-    lines = [f"| claims | {' | '.join(said)} |", f"|---|{'---|' * len(said)}"]
+    lines = [f"| reproduced | {' | '.join(readings)} |", f"|---|{'---|' * len(readings)}"]
     for kind in kinds:
-        cells = [str(counts[kind, verdict] or "") for verdict in said]
-        lines.append(f"| {kind.replace('_', ' ')} | {' | '.join(cells)} |")
-    return "\n".join([*lines, "", _counts(rows)])
+        mine = [[one for one in rows if one["reading"] == name and one["kind"] == kind] for name in readings]
+        cells = [f"{sum(map(_holds, ones))} of {len(ones)}" if ones else "" for ones in mine]
+        lines.append(f"| {_words(kind)} | {' | '.join(cells)} |")
+    return "\n".join([*lines, "", *_counts(rows)])
 
 
 def text(rows: Sequence[Row], width: int) -> str:
-    """Verdict, claim and what was found, for a terminal of ``width`` columns; the counts below."""
-    lines = []
-    for one in rows:
-        said = f"{one['verdict']}{' (marginal)' if one['marginal'] else ''}"
-        line = f"{one['id']:4} {said:38} {_found(one):28} {one['claim']}"
+    """Each claim with its verdict and number under each reading, for a terminal of ``width`` columns."""
+    readings = _readings(rows)
+    lines = [f"{'':4} {' '.join(f'{name:18}' for name in readings)}"]
+    for claim, found in by_claim(rows).items():
+        cells = " ".join(f"{_mark(found[one])} {_number(found[one]):15}" for one in readings)
+        line = f"{claim:4} {cells} {found[readings[0]]['claim']}"
         lines.append(line if len(line) <= width else f"{line[: max(width - 3, 0)]}...")
-    return "\n".join([*lines, "", _counts(rows)])
+    marks = ", ".join(f"{mark} {verdict}" for verdict, mark in MARKS.items())
+    legend = f"{marks}; * marginal, another set of seeds could say otherwise"
+    return "\n".join([*lines, "", *textwrap.wrap(legend, width), "", *_counts(rows)])
 
 
-def document(rows: Sequence[Row], settings: Sequence[str], worth: Sequence[Row]) -> str:
-    """The whole account beside the results: the table, each claim's test, and what the answers are worth."""
-    parts = ["# What of the paper holds here", "", f"Calibrated: {', '.join(settings)}.", "", table(rows), ""]
+def document(rows: Sequence[Row], readings: Sequence[Row], worth: Sequence[Row]) -> str:
+    """The whole account beside the results: the table, the readings, each claim's test, what the answers are worth."""
+    parts = ["# What of the paper holds here", "", table(rows), "", "## The readings", "", readings_text(readings), ""]
     parts += ["## Each claim", ""]
-    for one in rows:
-        parts.append(f"**{one['id']}** ({one['where']}): {one['claim']}. *{one['verdict']}*; kind: {one['kind']}.")
-        parts.append(f"Test: {one['test']}. Found: {_found(one)}{'; ' + one['note'] if one['note'] else ''}.")
-        if one["holds_under"] is not None:
-            parts.append(_elsewhere(one))
+    for claim, found in by_claim(rows).items():
+        first = next(iter(found.values()))
+        parts.append(f"**{claim}** ({first['where']}): {first['claim']}. Kind: {_words(first['kind'])}.")
+        parts.append(f"Test: {first['test']}.")
+        for name, one in found.items():
+            note = f"; {one['note']}" if one["note"] else ""
+            plain = one["by_default_metrics"]
+            by = f"; by the default's metrics {plain['verdict']}: {_found(one | plain)}" if plain else ""
+            parts.append(f"- {name}: *{_verdict(one)}*: {_found(one)}{note}{by}.")
+        parts += [_elsewhere(one) for one in found.values() if one["holds_under"] is not None]
         parts.append("")
     parts += ["## Table I", "", table1.markdown(), "", "## What the answers are worth", "", worth_table(worth)]
     return "\n".join(parts) + "\n"
+
+
+def readings_text(readings: Sequence[Row]) -> str:
+    """What each reading sets, why, and what was known of its outcomes; below, what each means by the metrics."""
+    parts = []
+    for one in readings:
+        parts += [f"**{one['name']}**: {one['title']}. {one['why']}", ""]
+        parts += [f"*Known when it was written.* {one['known']}", ""]
+        for choice in one["choices"]:
+            parts.append(f'- `{", ".join(choice["set"])}`: "{choice["quote"]}". {choice["why"]}')
+        parts += [""] if one["choices"] else []
+    names = [one["name"] for one in readings]
+    parts += [f"| what is meant by | {' | '.join(names)} |", f"|---|{'---|' * len(names)}"]
+    for metric in readings[0]["metrics"]:
+        said = [one["metrics"][metric]["says"] for one in readings]
+        parts.append(f"| {_words(metric)} | {' | '.join(said)} |")
+    return "\n".join(parts)
 
 
 def _elsewhere(one: Row) -> str:
@@ -123,12 +165,57 @@ def sentences() -> list[dict[str, Any]]:
     return found
 
 
-def _counts(rows: Sequence[Row]) -> str:
-    counts = Counter(one["verdict"] for one in rows)
-    summary = "; ".join(f"{counts[verdict]} {verdict}" for verdict in VERDICTS if counts[verdict])
-    marginal = sum(one["marginal"] for one in rows)
-    said = f"{len(rows)} claims: {summary}. Marginal, another set of seeds could say otherwise: {marginal}."
-    return "\n".join(filter(None, [said, few_seeds(rows)]))
+def _counts(rows: Sequence[Row]) -> list[str]:
+    """For each reading how many claims have each verdict, and of what kinds those are that are reproduced."""
+    said = []
+    for name in _readings(rows):
+        mine = [one for one in rows if one["reading"] == name]
+        verdicts = Counter(one["verdict"] for one in mine)
+        kinds = Counter(one["kind"] for one in mine if one["verdict"] == VERDICTS[0])
+        of_kinds = ", ".join(f"{count} {_words(kind)}" for kind, count in kinds.items())
+        others = "".join(f"; {verdicts[verdict]} {verdict}" for verdict in VERDICTS[1:] if verdicts[verdict])
+        plain = [one["by_default_metrics"]["verdict"] == VERDICTS[0] for one in mine if one["by_default_metrics"]]
+        by = f" By the default's metrics {sum(plain)} are." if plain else ""
+        marginal = sum(one["marginal"] for one in mine)
+        reproduced = f"of {len(mine)} claims {verdicts[VERDICTS[0]]} reproduced ({of_kinds})"
+        said.append(f"- {name}: {reproduced}{others}; {marginal} marginal.{by}")
+    return [*said, *filter(None, ["", few_seeds(rows)])]
+
+
+def _readings(rows: Sequence[Row]) -> list[str]:
+    return list(dict.fromkeys(one["reading"] for one in rows))
+
+
+def _verdict(one: Row) -> str:
+    return f"{one['verdict']}{' (marginal)' if one['marginal'] else ''}"
+
+
+def _holds(one: Row) -> bool:
+    """As claimed; a number that was fitted, as it was fitted."""
+    return one["verdict"] in (VERDICTS[0], VERDICTS[4])
+
+
+def _mark(one: Row) -> str:
+    return MARKS[one["verdict"]] + ("*" if one["marginal"] else " ")
+
+
+def _plain(verdict: Verdict) -> dict[str, Any]:
+    """A verdict by the default's metrics."""
+    return {"verdict": verdict.verdict, **_numbers(verdict.finding)}
+
+
+def _numbers(finding: Finding | None) -> dict[str, float | None]:
+    if finding is None or not finding.known:
+        return {"value": None, "low": None, "high": None}
+    return {name: _rounded(getattr(finding, name)) for name in ("value", "low", "high")}
+
+
+def _words(name: str) -> str:
+    return name.replace("_", " ")
+
+
+def _number(one: Row) -> str:
+    return "-" if one["value"] is None else f"{one['value']:.3g}{'' if one['unit'] == '1' else ' ' + one['unit']}"
 
 
 def few_seeds(rows: Sequence[Row]) -> str:
@@ -143,14 +230,11 @@ def few_seeds(rows: Sequence[Row]) -> str:
 
 
 def _found(one: Row) -> str:
-    if one["value"] is None:
-        return "-"
-    unit = "" if one["unit"] == "1" else f" {one['unit']}"
     if one["n"] == 1 and one["low"] is not None:
-        return f"{one['value']:.3g}{unit} (one seed)"
+        return f"{_number(one)} (one seed)"
     if one["low"] is None or one["low"] == one["high"]:
-        return f"{one['value']:.3g}{unit}"
-    return f"{one['value']:.3g}{unit} ({one['low']:.3g} to {one['high']:.3g})"
+        return _number(one)
+    return f"{_number(one)} ({one['low']:.3g} to {one['high']:.3g})"
 
 
 def _rounded(value: float | None) -> float | None:

@@ -6,8 +6,9 @@ const KINDS = {
   calibrated: "one of the two numbers that two parameters were fitted to", prediction: "the simulator could have contradicted it",
   invariant: "must hold in every run", table: "arithmetic on the paper's own table",
 };
+const READINGS = DATA.readings.map((one) => one.name);
 const verdictClass = (verdict) => `verdict v${DATA.verdicts.indexOf(verdict)}`;
-const foundText = (claim) => (value) => (claim.unit === "1" ? digits(value) : `${digits(value)} ${claim.unit}`);
+const foundText = (one) => (value) => (one.unit === "1" ? digits(value) : `${digits(value)} ${one.unit}`);
 const scenarioText = (name) => ({ case_study: "case study", all: "all" })[name] || name.replace(/^(\d)car_/, (_, n) => `${n} car${n > 1 ? "s" : ""}, `).replace(/hetero$/, "he").replace(/homo$/, "ho");
 
 function picture(name) {
@@ -16,14 +17,14 @@ function picture(name) {
 }
 
 function showAbout() {
-  showFrame("an evaluation", { evaluation: ABOUT.quick ? "quick" : "full", seeds: ABOUT.seeds.length, settings: ABOUT.settings.join(", "),
+  showFrame("an evaluation", { evaluation: ABOUT.quick ? "quick" : "full", seeds: ABOUT.seeds.length, readings: READINGS.map(words).join(", "),
     calibration: ABOUT.calibration, claims: DATA.claims.length },
   `traces with the digest ${ABOUT.trace.slice(0, 12)}. Versions and digests are in run.json beside this page.`);
 }
 
-function scale(claim) {
-  if (!isNumber(claim.value) || claim.kind === "table") return null;
-  const ends = [claim.value, claim.low, claim.high, claim.expect - claim.tolerance, claim.expect + claim.tolerance].filter(isNumber);
+function scale(claim, found) {
+  if (!isNumber(found[0]) || claim.kind === "table") return null;
+  const ends = [...found, claim.expect - claim.tolerance, claim.expect + claim.tolerance].filter(isNumber);
   let low = Math.min(...ends), high = Math.max(...ends);
   const slack = 0.12 * (high - low || Math.abs(high) || 1);
   low -= slack;
@@ -35,8 +36,8 @@ function scale(claim) {
     box ? draw("rect", { x: at(claim.expect - claim.tolerance), y: 16, width: at(claim.expect + claim.tolerance) - at(claim.expect - claim.tolerance), height: 30, fill: "var(--unsure)" }) : null,
     draw("line", { x1: at(claim.expect), x2: at(claim.expect), y1: 16, y2: 46, stroke: "var(--sure)", "stroke-dasharray": "4 3", "stroke-width": 1.5 }),
     draw("text", { x: at(claim.expect), y: 11, "text-anchor": "middle" }, "expected"),
-    isNumber(claim.low) ? draw("line", { x1: at(claim.low), x2: at(claim.high), y1: 31, y2: 31, stroke: "var(--accent)", "stroke-width": 3 }) : null,
-    draw("circle", { cx: at(claim.value), cy: 31, r: 5, fill: "var(--accent)" }), ...ticks));
+    isNumber(found[1]) ? draw("line", { x1: at(found[1]), x2: at(found[2]), y1: 31, y2: 31, stroke: "var(--accent)", "stroke-width": 3 }) : null,
+    draw("circle", { cx: at(found[0]), cy: 31, r: 5, fill: "var(--accent)" }), ...ticks));
 }
 
 function expected(claim) {
@@ -44,68 +45,112 @@ function expected(claim) {
   return claim.tolerance ? `${digits(claim.expect)} \u00b1 ${digits(claim.tolerance)}` : `bound ${digits(claim.expect)}`;
 }
 
+const listed = (items) => make("ul", {}, ...items.map((item) => make("li", {}, item)));
+const defined = (facts) => make("dl", {}, ...facts.map(([name, value]) => make("div", {}, make("dt", {}, name), make("dd", {}, value))));
+const said = (one) => one.verdict + (one.marginal ? "; marginal: another set of seeds could say otherwise" : "");
+
+function replicated(one) {
+  if (one.n === 1) return one.found[1] === null ? "1 value" : "one seed: no interval";
+  return `${one.n} seeds`;
+}
+
+function finding(claim, name) {
+  const one = claim.found[name], by = one.by_default_metrics;
+  const facts = [["Verdict", said(one)], ...(one.kind === claim.kind ? [] : [["Kind", `${words(one.kind)}, as nothing was fitted`]]),
+    ["Found", isNumber(one.found[0]) ? `${withInterval(one.found, foundText(one))}, ${replicated(one)}` : "not measured"],
+    ...(one.note ? [["Note", one.note]] : []), ...(by ? [["By the default's metrics", `${by.verdict}: ${withInterval(by.found, foundText(one))}`]] : [])];
+  if (one.holds_under && DATA.sensitivity) facts.push(["Would hold under", one.holds_under.length ? listed(one.holds_under) : one.tried_under === 0 ? "not tried: the runs of other readings and values lack what the test needs" : `none of the ${one.tried_under} other readings and values that were tried, ${one.n} seeds each`]);
+  return [make("h4", {}, words(name)), defined(facts), scale(claim, one.found)];
+}
+
 function evidence(claim) {
-  const list = (items) => make("ul", {}, ...items.map((item) => make("li", {}, item)));
-  const facts = [["Paper", claim.where], ...(claim.says.length ? [["Section V", list(claim.says.map(([part, says]) => `${part}: ${says}`))]] : []),
-    ["Kind", `${words(claim.kind)}: ${KINDS[claim.kind] || ""}`], ["Test", claim.test], ["Expected", expected(claim)],
-    ["Found", isNumber(claim.value) ? `${withInterval([claim.value, claim.low, claim.high], foundText(claim))}, ${claim.n === 1 ? (claim.low === null ? "1 value" : "one seed: no interval") : `${claim.n} seeds`}` : "not measured"],
-    ...(claim.note ? [["Note", claim.note]] : []),
-    ["Verdict", claim.verdict + (claim.marginal ? "; marginal: another set of seeds could say otherwise" : "")]];
-  if (claim.holds_under && DATA.sensitivity) facts.push(["Would hold under", claim.holds_under.length ? list(claim.holds_under) : claim.tried_under === 0 ? "not tried: the runs of other readings and values lack what the test needs" : `none of the ${claim.tried_under} other readings and values that were tried, ${claim.n} seeds each`]);
-  return [make("dl", {}, ...facts.map(([name, value]) => make("div", {}, make("dt", {}, name), make("dd", {}, value)))), scale(claim), ...claim.figures.map(picture)];
+  const facts = [["Paper", claim.where], ...(claim.says.length ? [["Section V", listed(claim.says.map(([part, says]) => `${part}: ${says}`))]] : []),
+    ["Kind", `${words(claim.kind)}: ${KINDS[claim.kind] || ""}`], ["Test", claim.test], ["Expected", expected(claim)]];
+  return [defined(facts), ...READINGS.flatMap((name) => finding(claim, name)), ...claim.figures.map(picture)];
+}
+
+function verdictCell(one) {
+  const cell = make("td", {}, make("span", { class: verdictClass(one.verdict) }, one.verdict), one.marginal ? make("span", { class: "marginal" }, "marginal") : null);
+  if (isNumber(one.found[0])) cell.append(make("small", { class: "found" }, withInterval(one.found, foundText(one))));
+  return cell;
 }
 
 function claimRow(claim) {
   const opener = make("button", { type: "button", class: "open", "aria-expanded": "false" }, claim.id);
   const row = make("tr", { class: "claim", id: claim.id }, make("th", { scope: "row" }, opener), make("td", {}, claim.claim), make("td", {}, words(claim.kind)),
-    make("td", { class: "number" }, expected(claim)), intervalCell([claim.value, claim.low, claim.high], foundText(claim)),
-    make("td", {}, make("span", { class: verdictClass(claim.verdict) }, claim.verdict), claim.marginal ? make("span", { class: "marginal" }, "marginal") : null));
+    make("td", { class: "number" }, expected(claim)), ...READINGS.map((name) => verdictCell(claim.found[name])));
   const open = () => {
     const now = opener.getAttribute("aria-expanded") !== "true";
     opener.setAttribute("aria-expanded", String(now));
-    if (now) row.after(make("tr", { class: "evidence" }, make("td", { colspan: 6 }, make("div", {}, ...evidence(claim).filter(Boolean)))));
+    if (now) row.after(make("tr", { class: "evidence" }, make("td", { colspan: 4 + READINGS.length }, make("div", {}, ...evidence(claim).filter(Boolean)))));
     else row.nextElementSibling.remove();
   };
   row.addEventListener("click", () => { if (!String(window.getSelection())) open(); });
   return row;
 }
 
+// How many claims are reproduced under each reading, by what kind of claim they are.
+function showCounts() {
+  const of = (name) => DATA.claims.map((claim) => claim.found[name]), reproduced = (one) => one.verdict === DATA.verdicts[0];
+  const cell = (ones, holds) => make("td", { class: "number" }, ones.length ? `${ones.filter(holds).length} of ${ones.length}` : "");
+  const kinds = [...new Set(READINGS.flatMap((name) => of(name).map((one) => one.kind)))];
+  const row = (name, chosen, holds) => [name, ...READINGS.map((reading) => cell(of(reading).filter(chosen), holds))];
+  const fitted = (one) => reproduced(one) || one.verdict === "calibrated";
+  table(byId("counts"), "Reproduced, by kind of claim", ["", ...READINGS.map(words)], [
+    ...kinds.map((kind) => row(words(kind), (one) => one.kind === kind, fitted)), row("all, what was fitted left out", () => true, reproduced),
+    ...(READINGS.some((name) => of(name)[0].by_default_metrics) ? [row("all, by the default's metrics", () => true, (one) => reproduced(one.by_default_metrics || one))] : [])]);
+  const predicted = (name) => of(name).filter((one) => one.kind === "prediction");
+  byId("headline").replaceChildren("Of ", strong(`${DATA.claims.length} claims`), ", reproduced are ", ...READINGS.flatMap((name, i) => [i ? "; " : "",
+    strong(`${of(name).filter(reproduced).length} under ${words(name)}`), `, among them ${predicted(name).filter(reproduced).length} of ${predicted(name).length} predictions`]), ".");
+}
+
 function showVerdicts() {
-  const count = (verdict) => DATA.claims.filter((claim) => claim.verdict === verdict).length;
-  const used = DATA.verdicts.filter(count), hidden = new Set(), marginal = DATA.claims.filter((claim) => claim.marginal).length;
-  const predictions = DATA.claims.filter((claim) => claim.kind === "prediction");
-  byId("headline").replaceChildren("Of ", strong(`${DATA.claims.length} claims`), `, ${used.map((verdict) => `${count(verdict)} ${verdict}`).join("; ")}. Of the `,
-    strong(`${predictions.length} predictions`), ", which the simulator could have contradicted, ", strong(`${predictions.filter((claim) => claim.verdict === "reproduced").length} reproduced`),
-    `. Marginal: ${marginal}.`);
-  byId("bar").replaceChildren(...used.map((verdict) => {
-    const part = make("span", { class: `v${DATA.verdicts.indexOf(verdict)}` });
-    part.style.flexGrow = count(verdict);
-    return part;
-  }));
-  byId("verdict-filter").replaceChildren(...used.map((verdict) => make("button", { type: "button", class: verdictClass(verdict), "aria-pressed": "true", onclick: (event) => {
-    if (!hidden.delete(verdict)) hidden.add(verdict);
-    event.currentTarget.setAttribute("aria-pressed", String(!hidden.has(verdict)));
-    render();
-  } }, `${verdict} ${count(verdict)}`)));
-  const kinds = [...new Set(DATA.claims.map((claim) => claim.kind))];
+  const hidden = new Set(), kinds = [...new Set(DATA.claims.map((claim) => claim.kind))];
+  byId("reading").replaceChildren(...READINGS.map((name) => option(name, words(name))));
   byId("kind").replaceChildren(option("", "all"), ...kinds.map((kind) => option(kind, words(kind))));
   byId("kinds").textContent = `Kinds: ${kinds.map((kind) => `${words(kind)}, ${KINDS[kind] || ""}`).join("; ")}.`;
+  const under = (claim) => claim.found[byId("reading").value];
   const render = () => {
     const asked = byId("search").value.toLowerCase().split(/\s+/).filter(Boolean), kind = byId("kind").value;
-    const shown = DATA.claims.filter((claim) => !hidden.has(claim.verdict) && (!kind || claim.kind === kind) && (!byId("marginal").checked || claim.marginal)
+    const shown = DATA.claims.filter((claim) => !hidden.has(under(claim).verdict) && (!kind || claim.kind === kind) && (!byId("marginal").checked || under(claim).marginal)
       && asked.every((word) => `${claim.id} ${claim.claim} ${claim.where} ${claim.test}`.toLowerCase().includes(word)));
-    table(byId("claims"), null, ["", "the paper says", "kind", "expected", "found", "verdict"], []);
+    table(byId("claims"), null, ["", "the paper says", "kind", "expected", ...READINGS.map(words)], []);
     byId("claims").tBodies[0].replaceChildren(...shown.map(claimRow));
     byId("count").textContent = `${shown.length} of ${DATA.claims.length}`;
   };
+  const choose = () => {
+    hidden.clear();
+    const count = (verdict) => DATA.claims.filter((claim) => under(claim).verdict === verdict).length, used = DATA.verdicts.filter(count);
+    byId("bar").replaceChildren(...used.map((verdict) => {
+      const part = make("span", { class: `v${DATA.verdicts.indexOf(verdict)}` });
+      part.style.flexGrow = count(verdict);
+      return part;
+    }));
+    byId("verdict-filter").replaceChildren(...used.map((verdict) => make("button", { type: "button", class: verdictClass(verdict), "aria-pressed": "true", onclick: (event) => {
+      if (!hidden.delete(verdict)) hidden.add(verdict);
+      event.currentTarget.setAttribute("aria-pressed", String(!hidden.has(verdict)));
+      render();
+    } }, `${verdict} ${count(verdict)}`)));
+    render();
+  };
   for (const id of ["kind", "marginal", "search"]) byId(id).addEventListener("input", render);
-  render();
+  byId("reading").addEventListener("input", choose);
+  choose();
+}
+
+function showReadings() {
+  byId("reading-list").replaceChildren(...DATA.readings.flatMap((one) => [make("h3", {}, `${words(one.name)}: ${one.title}`), make("p", {}, one.why),
+    make("p", { class: "small" }, make("strong", {}, "Known when it was written: "), one.known),
+    ...(one.choices.length ? [listed(one.choices.map((choice) => [make("code", {}, choice.set.join(", ")), `: \u201c${choice.quote}\u201d. ${choice.why}`]).map((parts) => make("span", {}, ...parts)))] : []),
+    make("p", { class: "small" }, "Settings: ", make("code", {}, one.settings.join(", ") || "none"))]));
+  table(byId("meanings"), null, ["", ...READINGS.map(words)], Object.keys(DATA.readings[0].metrics).map((metric) => [words(metric),
+    ...DATA.readings.map((one) => make("td", {}, one.metrics[metric].says, make("small", { class: "found" }, one.metrics[metric].why)))]));
 }
 
 function showAnswers() {
-  const [first, fresh] = DATA.improvement, listed = (methods) => methods.map((one) => one.title).join(" and ");
-  byId("answers-lead").replaceChildren(...(first && fresh ? [`Mean improvement of ${listed(METHODS.filter((one) => !one.baseline))} over ` +
-    `${listed(METHODS.filter((one) => one.baseline))}, six scenarios: `, strong(withInterval(first, percent)),
+  const [first, fresh] = DATA.improvement, titles = (methods) => methods.map((one) => one.title).join(" and ");
+  byId("answers-lead").replaceChildren(...(first && fresh ? [`Mean improvement of ${titles(METHODS.filter((one) => !one.baseline))} over ` +
+    `${titles(METHODS.filter((one) => one.baseline))}, six scenarios: `, strong(withInterval(first, percent)),
   " by the first answer, ", strong(withInterval(fresh, percent)), " by the fresh result."] : []));
   byId("measure").replaceChildren(...DATA.answers.map((one, i) => option(i, one.title)));
   const render = () => {
@@ -170,7 +215,7 @@ function showCalibration() {
   const found = DATA.calibration;
   byId("tried-all").hidden = found === null;
   if (found === null) {
-    byId("calibration-lead").textContent = `Not searched here: ${ABOUT.settings.join(", ")}, ${ABOUT.calibration}.`;
+    byId("calibration-lead").textContent = `Not searched here: ${DATA.readings[0].settings.join(", ")}, ${ABOUT.calibration}.`;
     return;
   }
   const { best, targets } = found;
@@ -215,11 +260,13 @@ function showSensitivity() {
 
 function showMetrics() {
   const text = (value) => (value === null ? "" : digits(value, 4));
-  filteredTable("metric", ["scenario", "number", "mean", "low", "high", "seeds"],
-    DATA.metrics.map(([scenario, name, value, low, high, n]) => [scenario, name, text(value), text(low), text(high), String(n)]), 2);
+  filteredTable("metric", ["reading", "scenario", "number", "mean", "low", "high", "seeds"],
+    DATA.metrics.map(([reading, scenario, name, value, low, high, n]) => [words(reading), scenario, name, text(value), text(low), text(high), String(n)]), 3);
 }
 
+showCounts();
 showVerdicts();
+showReadings();
 showAnswers();
 showWorth();
 showDrives();
