@@ -43,24 +43,30 @@ def compare(
 def figures(
     folder: Annotated[Path, path_argument(help="A result folder of 'run'.")],
     format: Annotated[str, typer.Option(metavar="A,B,...", help="svg, png, pdf, or several.")] = "svg",
+    width: Annotated[
+        str | None, typer.Option(help="Of a printed 'column' (3.5 in) or 'page' (7.16 in); default: what fits each.")
+    ] = None,
     out: Annotated[Path | None, path_option(help="Where to; default: figures in the result folder.")] = None,
     allow_own_code: OwnCodeOption = False,
 ) -> None:
-    """Draw the figures of a run.
+    """Draw the figures of a run, as a paper wants them: no title, fonts embedded in PDF.
 
     \b
     genie-sim figures results/3car_hetero-65c23e86c242 --format svg,pdf
     """
     from genie_sim.analysis import figures as of_runs
+    from genie_sim.analysis import style
     from genie_sim.recording import provenance, results
 
     formats = list(dict.fromkeys(format.split(",")))
     for one in formats:
         if one not in of_runs.FORMATS:
             raise UserError(f"--format: {unknown('format', one, of_runs.FORMATS)}")
+    if width not in (None, *style.WIDTHS):
+        raise UserError(f"--width: {unknown('width', str(width), style.WIDTHS)}")
     run = results.load(folder)
     with provenance.of_this_version(folder):
-        paths = of_runs.write(run, folder / "figures" if out is None else out, formats)
+        paths = of_runs.write(run, folder / "figures" if out is None else out, formats, width)
     typer.echo("\n".join(map(str, paths)))
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import made_up_run
@@ -11,12 +11,14 @@ import matplotlib as mpl
 import pandas as pd
 import pytest
 from made_up_run import METHODS
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from genie_sim.analysis import figures, metrics, style
+from genie_sim.analysis.breakdown import parts_of, time_parts
 from genie_sim.cli import main
 from genie_sim.recording.columns import Columns
 from genie_sim.recording.records import FRAMES, LOOKUPS, RESOURCES
-from genie_sim.recording.results import MethodInfo, Run
+from genie_sim.recording.results import MethodInfo, Metric, Run
 from genie_sim.recording.tables import Table
 
 FOOTER = "3car_hetero, run 0123456789ab, seed 1"
@@ -41,26 +43,31 @@ def words(path: Path) -> str:
 
 
 def curves(figure, panel: int = 0) -> dict[str, tuple]:
-    return {line.get_label(): line.get_data() for line in figure.axes[panel].lines}
+    """By the label, without the share behind it."""
+    return {re.sub(r", [\d.]+ %$", "", line.get_label()): line.get_data() for line in figure.axes[panel].lines}
 
 
 def test_every_figure_of_a_run_names_the_run_its_units_and_what_is_drawn(tables, tmp_path):
     expected = {
-        "latency_cdf": ["local (L)", "remote (R)", "Genie (DG)", "genie, fresh answer", "33 ms deadline", "[ms]"],
-        "latency_cdf_of_answered": ["share of answered frames", "answered: local", "fresh: genie"],
+        "latency_cdf": ["local (L), ", "remote (R), ", "Genie (DG), 100 %", "Genie (DG), fresh, ", "33 ms deadline"],
+        "latency_cdf_of_answered": ["share of answered frames", "response time [ms]"],
         "image_reuse": ["Genies on cars", "Genies on edges", "hits / requests"],
-        "object_reuse": ["Object reuse", "Genies on cars", "Genies on edges"],
+        "object_reuse": ["object reuse, hits / requests", "Genies on cars", "Genies on edges"],
         "confidence_boost": ["Genies on cars", "Genies on edges", "updates so far"],
         "resources": ["accelerators busy", "links busy", "messages waiting", "simulated time [s]", "car1", "edge2"],
     }
-    drawn = figures.of_run(run_of(*tables))
+    run_id, drawn = "0123456789ab", figures.of_run(run_of(*tables))
     assert set(drawn) == set(expected)
     for name, figure in drawn.items():
         svg, png = figures.save(figure, tmp_path, name)
         assert png.read_bytes().startswith(b"\x89PNG")
         text = words(svg)
-        for label in (FOOTER, *expected[name]):
+        for label in expected[name]:
             assert label in text, (name, label, text)
+        title, footer = figure.get_label().split("\n")
+        told = [f"<dc:title>{title}</dc:title>", f"<dc:description>{FOOTER}</dc:description>"]
+        assert footer == FOOTER and all(one in svg.read_text() for one in told)
+        assert title not in text and run_id not in text, "a paper has a caption"
 
 
 def test_the_same_tables_give_the_same_bytes_whatever_the_user_s_settings(tables, tmp_path):
@@ -103,12 +110,10 @@ def test_methods_of_any_name_and_number_are_drawn_in_their_order(tables, tmp_pat
     swift = frames[frames["method"] == "genie"].assign(method="swift")
     drawn = figures.of_run(run_of(pd.concat([swift, frames]), both, resources, methods))
     told = {name: words(figures.save(figure, tmp_path, name)[0]) for name, figure in drawn.items()}
-    assert "Swift" in told["latency_cdf"] and "swift, fresh answer" in told["latency_cdf"]
+    assert "Swift, 100 %" in told["latency_cdf"] and "Swift, fresh, " in told["latency_cdf"]
     assert "local" not in told["latency_cdf"].lower()
     assert curves(drawn["latency_cdf"])["Swift"][1][-1] == 1.0
-    assert [line.get_color() for line in drawn["latency_cdf"].axes[0].lines if line.get_label() == "Swift"] == [
-        style.COLOURS[0]
-    ]
+    assert drawn["latency_cdf"].axes[0].lines[0].get_color() == style.COLOURS[0]
     assert "Swift, on cars" in told["confidence_boost"] and "Genie, on edges" in told["confidence_boost"]
     assert len(drawn["image_reuse"].axes[0].get_xticklabels()) == 2
 
@@ -159,25 +164,65 @@ def test_a_fleet_s_resources_are_a_range_and_a_median_not_a_hundred_lines(tmp_pa
     assert "car17" not in words(svg)
 
 
-def test_a_method_of_which_nothing_was_used_says_none_instead_of_empty_panels(tmp_path):
+def test_a_method_of_which_nothing_was_used_says_so_instead_of_empty_panels(tmp_path):
     table = Table(RESOURCES)
     for tenth in range(1, 31):
         t_ns = tenth * 100_000_000
         table.append(("local", t_ns, "edge1.accelerator", "accelerator", 1, 0, 0, 0, 0, None))
         table.append(("remote", t_ns, "edge1.accelerator", "accelerator", 1, t_ns, 0, tenth, 0, None))
     local, remote = figures.resource_use(table.to_frame(), METHODS).axes
-    assert [text.get_text() for text in local.texts] == ["none"] and not remote.texts
+    assert [text.get_text() for text in local.texts] == ["not used"] and not remote.texts
 
 
-def test_use_is_that_of_the_edges_where_no_car_s_was_recorded_and_left_out_without_any():
+def test_a_kind_of_which_nothing_is_used_has_no_panel_and_a_colour_is_one_host():
     frames, resources = made_up_run.frames().to_frame(), made_up_run.resources().to_frame()
-    edges = resources[~resources["resource"].str.startswith("car")]
-    titles = [
-        figures.of_run(run_of(frames, Table(LOOKUPS).to_frame(), some))["resources"].get_suptitle()
-        for some in (resources, edges)
-    ]
-    assert [title.split()[0] for title in titles] == ["Use", "Edges:"]
-    assert "resources" not in figures.of_run(run_of(frames, Table(LOOKUPS).to_frame(), edges.iloc[:0]))
+    idle = resources.assign(busy_ns=0, queue=0)
+    assert len(figures.resource_use(idle, METHODS).axes) == len(METHODS)
+    colours: dict[str, set[str]] = {}
+    for axis in figures.resource_use(resources, METHODS).axes:
+        for line in axis.lines:
+            colours.setdefault(line.get_color(), set()).add(line.get_label())
+    assert all(len({name for name in names if not name.startswith("_")}) <= 1 for names in colours.values())
+    assert not set(colours) & set(style.COLOURS), "a host is no method"
+    assert "resources" not in figures.of_run(run_of(frames, Table(LOOKUPS).to_frame(), resources.iloc[:0]))
+
+
+def test_a_paper_s_widths(tables):
+    for name, width_in in style.WIDTHS.items():
+        drawn = figures.of_run(run_of(*tables), width_in)
+        assert {figure.get_figwidth() for key, figure in drawn.items() if key != "resources"} == {width_in}, name
+
+
+def test_no_legend_lies_on_data_and_all_of_it_is_on_the_figure(tables):
+    for name, figure in figures.of_run(run_of(*tables)).items():
+        figure.draw_without_rendering()
+        renderer = FigureCanvasAgg(figure).get_renderer()
+        for legend in figure.legends:
+            box = legend.get_window_extent(renderer)
+            panels = [axis.get_tightbbox(renderer) for axis in figure.axes]
+            assert not any(box.overlaps(panel) for panel in panels), name
+            assert box.x0 >= 0 and box.x1 <= figure.bbox.width, name
+
+
+def test_the_first_updates_do_not_flatten_the_curve_of_the_confidence_boost(tables):
+    lookups = tables[1].copy()
+    first = lookups.index[lookups["updates"] > 0][0]
+    lookups.loc[first, "boost_sum"] = 1000.0 * lookups["boost_sum"].max()
+    axis = figures.confidence_boost({"run": lookups}, METHODS).axes[0]
+    assert axis.get_ylim()[1] < 0.2 * max(line.get_ydata().max() for line in axis.lines)
+
+
+def test_the_parts_of_the_time_are_stacked_up_to_the_mean():
+    parts = {"queueing": 10.0, "uplink": 5.5, "inference": 20.0}
+    measured = [Metric("first_answer_part", "remote", "all", part, value, "ms") for part, value in parts.items()]
+    both = [*measured, *(replace(one, metric="fresh_answer_part") for one in measured)]
+    later = [replace(one, metric="fresh_answer_part", method="genie", value=2 * one.value) for one in measured]
+    assert parts_of([*both, *later], METHODS) == {
+        "remote (R)": parts, "Genie (DG), fresh": {part: 2 * value for part, value in parts.items()}
+    }  # fmt: skip
+    axis = time_parts([*both, *later], METHODS, FOOTER).axes[0]
+    ends = [max(bar.get_x() + bar.get_width() for bar in axis.patches if round(bar.get_y()) == y) for y in (0, 1)]
+    assert ends == [35.5, 71.0] and [text.get_text() for text in axis.texts] == ["35.5", "71"]
 
 
 def test_utilization_is_that_of_the_last_second():
@@ -215,8 +260,9 @@ def test_figures_of_a_result_are_drawn_when_asked_for(capsys, tmp_path):
     assert {"latency_cdf.svg", "latency_cdf.pdf", "latency_cdf.png"} <= set(names)
     assert all((tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes() for name in names)
     assert b"/FontFile2" in (tmp_path / "a" / "latency_cdf.pdf").read_bytes(), "its fonts are in it"
+    assert b"/Type3" not in (tmp_path / "a" / "latency_cdf.pdf").read_bytes()
     assert main(["figures", str(folder)]) == 0 and (folder / "figures" / "resources.svg").is_file()
     assert main(["rerun", str(folder)]) == 0 and "figures/resources.svg: identical" in capsys.readouterr().out
-    for wrong in ([str(folder), "--format", "svg,jpg"], [str(tmp_path)]):
+    for wrong in ([str(folder), "--format", "svg,jpg"], [str(folder), "--width", "broad"], [str(tmp_path)]):
         assert main(["figures", *wrong]) == 1
         assert len(capsys.readouterr().err.splitlines()) == 1

@@ -153,7 +153,7 @@ def test_values_on_an_axis_can_be_read(town):
     runs = pd.read_parquet(town / "runs.parquet")
     drawn = figures.along(axes["forget"], "forget [ms]", runs, "")
     assert [tick.get_text() for tick in drawn.axes[0].get_xticklabels()] == ["200", "500", "1000", "2000"]
-    assert drawn.get_suptitle().endswith("one seed, so without intervals")
+    assert drawn.get_label().split("\n")[0].endswith("one seed, so without intervals")
     assert {panel.get_xlabel() for panel in drawn.axes} == {"forget [ms], logarithmic"}
     assert any(panel.get_ylabel().startswith("with a fresh") for panel in drawn.axes), "latencies are of those alone"
     mixes = figures.along(axes["mix"], "mix", runs, "")

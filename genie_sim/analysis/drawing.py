@@ -1,9 +1,8 @@
-"""What all figures share: their style, title, legend and footer."""
+"""What all figures share: their style and legend."""
 
 from __future__ import annotations
 
-import textwrap
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -12,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.style import context
 
 from genie_sim.analysis import style
-from genie_sim.analysis.style import COLUMN_IN, LINE_IN
+from genie_sim.analysis.style import CHARACTER_IN, LINE_IN
 
 
 @contextmanager
@@ -22,19 +21,28 @@ def in_style() -> Iterator[None]:
         yield
 
 
-def finish(figure: Figure, title: str, footer: str, axes: Iterable[Axes] = ()) -> None:
-    """What is shown, above; below the panels their common legend, and which run it is."""
+def finish(figure: Figure, title: str, footer: str, axes: Iterable[Axes] = (), note: str = "") -> None:
+    """The common legend of the panels, below them, for which the figure grows, and above them a ``note`` of what they
+    do not show. The title, and which run it is, stand in the file alone: on paper there is a caption."""
+    if note:
+        figure.suptitle(note, x=0.01, ha="left")
+    figure.set_label(f"{title}\n{footer}")
     width_in, height_in = figure.get_size_inches()
-    figure.suptitle(textwrap.fill(title, int(width_in * 14)), x=0.01, ha="left")
-    lines = textwrap.wrap(footer, int(width_in * 15))
-    figure.text(0.01, 0.01, "\n".join(lines), ha="left", va="bottom", color="0.35")
-    below = len(lines) * LINE_IN / height_in
-    named = handles(axes)
+    below, named = 0.0, handles(axes)
     if named:
-        columns = 2 if width_in <= COLUMN_IN else len(named)
-        figure.legend(list(named.values()), list(named), loc="lower center", bbox_to_anchor=(0.5, below), ncols=columns)
-        below += (-(-len(named) // columns) + 0.6) * LINE_IN / height_in
+        columns = _columns(list(named), width_in)
+        figure.legend(list(named.values()), list(named), loc="lower center", ncols=columns)
+        legend_in = (-(-len(named) // columns) + 0.4) * LINE_IN
+        figure.set_figheight(height_in + legend_in)
+        below = legend_in / (height_in + legend_in)
     figure.set_layout_engine("constrained", rect=(0.0, below, 1.0, 1.0 - below))
+
+
+def _columns(labels: Sequence[str], width_in: float) -> int:
+    """As many columns of a legend as fit the figure."""
+    room = int((width_in - 0.2) / (max(map(len, labels)) * CHARACTER_IN + 0.4))
+    rows = -(-len(labels) // max(min(len(labels), room), 1))
+    return -(-len(labels) // rows)
 
 
 def handles(axes: Iterable[Axes]) -> dict[str, Any]:

@@ -1,13 +1,14 @@
 """The figures of the paper's Section V, drawn from the tables of runs.
 
 Each function takes ``panels``: a label for every run (``{"3 cars, heterogeneous": frames}``; one run is a mapping with
-one entry), the ``methods`` that ran, and the ``footer`` that names the run. Sizes are those of a printed column
-(88 mm) or page (182 mm) with text of 8 points. The same tables give the same bytes with the same matplotlib.
+one entry), the ``methods`` that ran, the ``footer`` that names the run, and ``width_in``: a printed column's or page's,
+with text of 8 points; by default whichever fits. The same tables give the same bytes with the same matplotlib.
 """
 
 from __future__ import annotations
 
 import io
+import re
 import textwrap
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -19,10 +20,12 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator, ScalarFormatter
 
 from genie_sim.analysis import style
-from genie_sim.analysis.drawing import finish, handles, in_style
+from genie_sim.analysis.breakdown import time_parts
+from genie_sim.analysis.drawing import finish, in_style
 from genie_sim.analysis.latency_accuracy import drawable, latency_accuracy
 from genie_sim.analysis.metrics import (
     DEADLINE_MS,
+    PART,
     WINDOW_REQUESTS,
     response_ms,
     reuse,
@@ -30,7 +33,7 @@ from genie_sim.analysis.metrics import (
     running_use,
     windowed_reuse,
 )
-from genie_sim.analysis.style import COLUMN_IN, PAGE_IN, PLACEMENTS, percent_tick, thinned
+from genie_sim.analysis.style import COLUMN_IN, PAGE_IN, PLACEMENTS, by_number, percent_tick, thinned
 from genie_sim.recording.columns import Columns
 from genie_sim.recording.results import MethodInfo, Run
 from genie_sim.units import NS_PER_S
@@ -48,46 +51,62 @@ RESOURCE_KINDS = {
     "link": "links busy",
     "queue": "messages waiting",
 }
-FORMATS = {"svg": ("Date", "Creator"), "png": ("Software",), "pdf": ("CreationDate", "Creator", "Producer")}  # not told
+# Of each format: what the title and the description of a figure are called in it, and what it is not to tell.
+FORMATS: dict[str, tuple[str, str, tuple[str, ...]]] = {
+    "svg": ("Title", "Description", ("Date", "Creator")),
+    "png": ("Title", "Description", ("Software",)),
+    "pdf": ("Title", "Subject", ("CreationDate", "Creator", "Producer")),
+}
 LEAST_USE = 0.01
+FEW_UPDATES = 50
 TITLE_CHARACTERS_PER_IN = 15
 
 
-def of_run(run: Run) -> dict[str, Figure]:
-    """Every figure of one run, by file name, but of Genies and of use only what was simulated and recorded."""
+def of_run(run: Run, width_in: float | None = None) -> dict[str, Figure]:
+    """Every figure of one run, by file name, but of Genies and of use only what was simulated and recorded. They are
+    ``width_in`` wide if that is given; use needs a page."""
     frames, lookups, resources = (run.tables[name] for name in ("frames", "lookups", "resources"))
-    methods, panel = run.methods, run.name
+    methods, panel, said = run.methods, run.name, (run.footer, width_in)
     figures = {}
     if drawable({panel: run.measured}):
-        figures["latency_accuracy"] = latency_accuracy({panel: run.measured}, methods, run.footer)
+        figures["latency_accuracy"] = latency_accuracy({panel: run.measured}, methods, *said)
     figures |= {
-        "latency_cdf": latency_cdf({panel: frames}, methods, run.footer),
-        "latency_cdf_of_answered": latency_cdf({panel: frames}, methods, run.footer, of="answered"),
+        "latency_cdf": latency_cdf({panel: frames}, methods, *said),
+        "latency_cdf_of_answered": latency_cdf({panel: frames}, methods, *said, of="answered"),
     }
+    if any(one.metric in PART.values() for one in run.measured):
+        figures["time_parts"] = time_parts(run.measured, methods, *said)
     if len(resources):
-        of_cars = {f"{car}.accelerator" for car in frames["car"].unique()} & set(resources["resource"].unique())
-        figures["resources"] = resource_use(resources, methods, run.footer, "" if of_cars else "edges: ")
+        figures["resources"] = resource_use(resources, methods, run.footer)
     if len(lookups):
-        figures["image_reuse"] = image_reuse({panel: lookups}, methods, run.footer)
-        figures["object_reuse"] = object_reuse({panel: lookups}, methods, run.footer)
-        figures["confidence_boost"] = confidence_boost({panel: lookups}, methods, run.footer)
+        figures["image_reuse"] = image_reuse({panel: lookups}, methods, *said)
+        figures["object_reuse"] = object_reuse({panel: lookups}, methods, *said)
+        figures["confidence_boost"] = confidence_boost({panel: lookups}, methods, *said)
     return figures
 
 
 def save(figure: Figure, folder: Path, name: str, formats: Sequence[str] = ("svg", "png")) -> list[Path]:
-    """Writes ``name.svg`` and so on, without date and version. Raises OSError if it cannot."""
+    """Writes ``name.svg`` and so on, with the figure's title and run but without date and version. Raises OSError."""
     paths = [folder / f"{name}.{format}" for format in formats]
     with in_style():
         _settle(figure)
         for path, format in zip(paths, formats, strict=True):
-            figure.savefig(path, format=format, metadata=dict.fromkeys(FORMATS[format]))
+            figure.savefig(path, format=format, metadata=_metadata(figure, format))
     return paths
 
 
-def write(run: Run, folder: Path, formats: Sequence[str]) -> list[Path]:
-    """Writes every figure of a run into a folder. Raises OSError if it cannot."""
+def _metadata(figure: Figure, format: str) -> dict[str, str | None]:
+    title, description, untold = FORMATS[format]
+    said = zip((title, description), str(figure.get_label()).split("\n"), strict=False)
+    return dict.fromkeys(untold) | {name: text for name, text in said if text}
+
+
+def write(run: Run, folder: Path, formats: Sequence[str], width: str | None = None) -> list[Path]:
+    """Writes every figure of a run into a folder, as wide as a ``column`` or ``page`` if that is said. Raises OSError
+    if it cannot."""
     folder.mkdir(parents=True, exist_ok=True)
-    return [path for name, figure in of_run(run).items() for path in save(figure, folder, name, formats)]
+    drawn = of_run(run, None if width is None else style.WIDTHS[width])
+    return [path for name, figure in drawn.items() for path in save(figure, folder, name, formats)]
 
 
 def svg(figure: Figure) -> bytes:
@@ -95,7 +114,7 @@ def svg(figure: Figure) -> bytes:
     to = io.BytesIO()
     with in_style():
         _settle(figure)
-        figure.savefig(to, format="svg", metadata={"Date": None, "Creator": None})
+        figure.savefig(to, format="svg", metadata=_metadata(figure, "svg"))
     return to.getvalue()
 
 
@@ -110,14 +129,16 @@ def _settle(figure: Figure) -> None:
 
 
 @in_style()
-def latency_cdf(panels: Panels, methods: Methods, footer: str = "", of: str = "published") -> Figure:
+def latency_cdf(
+    panels: Panels, methods: Methods, footer: str = "", width_in: float | None = None, of: str = "published"
+) -> Figure:
     """Response time under each method, with the 33 ms deadline (paper: Fig. "cdf-time").
 
     ``of="published"``: a curve ends at the share of frames that were answered at all. ``of="answered"``, the paper's
-    way: every curve reaches 1, however many frames were dropped. Either way each panel's title tells the shares. The
-    fresh answer is drawn where it differs from the first.
+    way: every curve reaches 1, however many frames were dropped. Either way the shares are told: of one run in the
+    legend, of several above each panel. The fresh answer is drawn where it differs from the first.
     """
-    figure, axes = _grid(panels)
+    figure, axes = _grid(panels, width_in)
     tables = {label: Columns.of(frames) for label, frames in panels.items()}
     low, high = _limits_ms(tables)
     for axis, (label, frames) in zip(axes, tables.items(), strict=True):
@@ -128,17 +149,20 @@ def latency_cdf(panels: Panels, methods: Methods, footer: str = "", of: str = "p
                 continue
             line = style.method_line(position)
             first, fresh = (_known(response_ms(mine, answer)) for answer in ("first", "fresh"))
-            whole = len(mine) if of == "published" else None
-            _step(axis, first, whole, high, label=method.title, **line)
-            shares["answered"].append(f"{method.name} {_percent(len(first) / len(mine))}")
-            if not np.array_equal(first, fresh):
-                thin = line | {"linewidth": 0.9, "linestyle": (0, (4, 2)), "label": f"{method.name}, fresh answer"}
-                _step(axis, fresh, whole, high, **thin)
-                shares["fresh"].append(f"{method.name} {_percent(len(fresh) / len(mine))}")
+            looks = {"answered": (first, line), "fresh": (fresh, line | {"linewidth": 0.9, "linestyle": (0, (4, 2))})}
+            if np.array_equal(first, fresh):
+                del looks["fresh"]
+            for answer, (values, look) in looks.items():
+                share = _percent(len(values) / len(mine))
+                name = method.title if answer == "answered" else f"{method.title}, fresh"
+                shares[answer].append(f"{method.name} {share}")
+                told = name if len(panels) > 1 else f"{name}, {share}"
+                _step(axis, values, len(mine) if of == "published" else None, high, **look | {"label": told})
         axis.axvline(DEADLINE_MS, color="black", linewidth=0.9, linestyle="--", label=f"{DEADLINE_MS:g} ms deadline")
-        told = [f"{what}: {', '.join(found)}" for what, found in shares.items() if found]
-        room = int(axis.get_position().width * figure.get_figwidth() * TITLE_CHARACTERS_PER_IN)
-        axis.set_title("\n".join([label, *(line for one in told for line in textwrap.wrap(one, room))]))
+        if len(panels) > 1:
+            said = [f"{what}: {', '.join(found)}" for what, found in shares.items() if found]
+            room = int(axis.get_position().width * figure.get_figwidth() * TITLE_CHARACTERS_PER_IN)
+            axis.set_title("\n".join([label, *(line for one in said for line in textwrap.wrap(one, room))]))
         axis.set_ylim(0, 1.02)
         _logarithmic_ms(axis, low, high)
     _label_outer(axes, "response time [ms], logarithmic", f"share of {of} frames")
@@ -147,85 +171,94 @@ def latency_cdf(panels: Panels, methods: Methods, footer: str = "", of: str = "p
 
 
 @in_style()
-def image_reuse(panels: Panels, methods: Methods, footer: str = "") -> Figure:
+def image_reuse(panels: Panels, methods: Methods, footer: str = "", width_in: float | None = None) -> Figure:
     """Hits / requests of the message caches, asked by their own clients (paper: Fig. "reuse-img")."""
     of_clients = {
         label: Columns.of(lookups).where(kind="image", requester="client") for label, lookups in panels.items()
     }
-    return _reuse_bars(of_clients, methods, "Image reuse", footer)
+    return _reuse_bars(of_clients, methods, "Image reuse", footer, width_in)
 
 
 @in_style()
-def object_reuse(panels: Panels, methods: Methods, footer: str = "") -> Figure:
+def object_reuse(panels: Panels, methods: Methods, footer: str = "", width_in: float | None = None) -> Figure:
     """Object look-ups answered by an object with C >= C_T / all of them (paper: Fig. "reuse-obj")."""
     tables = {label: Columns.of(lookups) for label, lookups in panels.items()}
     of_maps = {label: lookups.rows(lookups["kind"] != "image") for label, lookups in tables.items()}
-    return _reuse_bars(of_maps, methods, "Object reuse", footer)
+    return _reuse_bars(of_maps, methods, "Object reuse", footer, width_in)
 
 
 @in_style()
-def confidence_boost(panels: Panels, methods: Methods, footer: str = "") -> Figure:
+def confidence_boost(panels: Panels, methods: Methods, footer: str = "", width_in: float | None = None) -> Figure:
     """Running mean of C_new - C_old over the updates of the object maps on cars and on edges (paper: Fig. "boost").
 
-    In greys; with several methods that run Genies, in the colour of each.
+    In greys; with several methods that run Genies, in the colour of each. The axis is that of the curves after their
+    first updates, which are means of few and may lie outside.
     """
-    figure, axes = _grid(panels)
+    figure, axes = _grid(panels, width_in)
     tables = {label: Columns.of(lookups) for label, lookups in panels.items()}
     several = len(_with_genies(tables, methods)) > 1
+    settled: list[float] = []
     for axis, (label, lookups) in zip(axes, tables.items(), strict=True):
         for position, method in _with_genies(tables, methods):
             for placement, where in PLACEMENTS.items():
                 curve = running_boost(lookups.where(method=method.name, placement=placement))
                 kept = thinned(len(curve))
+                settled += curve["boost"][curve["updates"] > FEW_UPDATES].tolist()
                 look = style.placement_line(placement) | {"label": f"Genies {where}"}
                 if several:
                     look |= {"color": style.COLOURS[position % len(style.COLOURS)], "label": f"{method.title}, {where}"}
                 axis.plot(curve["updates"][kept], curve["boost"][kept], **look)
-        axis.set_title(label)
+        axis.set_title(label if len(panels) > 1 else "")
         axis.margins(x=0.02)
+    if settled:
+        room = 0.08 * (max(settled) - min(settled)) or 0.01
+        axes[0].set_ylim(min(settled) - room, max(settled) + room)
     _label_outer(axes, "updates so far", "mean of C(new) - C(old)")
     finish(figure, "Confidence boost: running mean over the updates of the object maps", footer, axes)
     return figure
 
 
 @in_style()
-def resource_use(resources: Columns | pd.DataFrame, methods: Methods, footer: str = "", whose: str = "") -> Figure:
+def resource_use(resources: Columns | pd.DataFrame, methods: Methods, footer: str = "") -> Figure:
     """Utilization of accelerators, CPUs and links, and queue lengths over simulated time; a column a method.
 
-    Each point is the mean of the last second. What is never used by 1 % (queues: never holds a message) is left out;
-    more than eight of a kind are drawn as their range and median. A panel in which nothing is left says "none".
-    ``whose`` begins the title where the resources are not everybody's.
+    Each point is the mean of the last second. What is never used by 1 % (queues: never holds a message) is left out,
+    and so is a kind of which nothing is used. A colour is a host in every panel; of a host, the second link or queue is
+    dashed, the third dotted. More than eight hosts are drawn as their range and median.
     """
     resources = Columns.of(resources)
-    kinds = [kind for kind in RESOURCE_KINDS if (resources["kind"] == kind).any()]
     methods = [method for method in methods if (resources["method"] == method.name).any()]
-    figure = Figure(figsize=(PAGE_IN, 0.9 + 1.25 * max(len(kinds), 1)))
-    grid = figure.subplots(max(len(kinds), 1), max(len(methods), 1), sharex=True, sharey="row", squeeze=False)
-    for row, kind in zip(grid, kinds, strict=False):
-        used = [_used(resources.where(kind=kind, method=method.name)) for method in methods]
-        names = sorted({name for curves in used for name in curves})
-        for axis, curves in zip(row, used, strict=False):
-            _draw_use(axis, curves, names)
+    used = {
+        kind: [_used(resources.where(kind=kind, method=method.name)) for method in methods]
+        for kind in RESOURCE_KINDS
+        if (resources["kind"] == kind).any()
+    }
+    used = {kind: curves for kind, curves in used.items() if any(curves)} or dict(list(used.items())[:1])
+    hosts = sorted({_host(name) for of_kind in used.values() for curves in of_kind for name in curves}, key=by_number)
+    figure = Figure(figsize=(PAGE_IN, 0.4 + 1.15 * max(len(used), 1)))
+    grid = figure.subplots(max(len(used), 1), max(len(methods), 1), sharex=True, sharey="row", squeeze=False)
+    for row, (kind, of_kind) in zip(grid, used.items(), strict=False):
+        names = sorted({name for curves in of_kind for name in curves}, key=by_number)
+        for axis, curves in zip(row, of_kind, strict=False):
+            _draw_use(axis, curves, names, hosts)
             if kind != "queue":
                 axis.set_ylim(0, 1.05)
                 axis.yaxis.set_major_formatter(FuncFormatter(percent_tick))
         row[0].set_ylabel(RESOURCE_KINDS[kind])
-        _legend_beside(list(row))
     for axis, method in zip(grid[0], methods, strict=False):
         axis.set_title(method.title)
     for axis in grid[-1]:
         axis.set_xlabel("simulated time [s]")
-    title = "use of devices and links, and queues, over simulated time"
-    finish(figure, f"{whose}{title}".capitalize(), footer)
+    finish(figure, "Use of devices and links, and queues, over simulated time", footer, list(grid.flat))
     return figure
 
 
-def _reuse_bars(panels: Tables, methods: Methods, what: str, footer: str) -> Figure:
+def _reuse_bars(panels: Tables, methods: Methods, what: str, footer: str, width_in: float | None) -> Figure:
     """Bars are means over the Genies on cars and on edges, error bars the extreme windows of any of them."""
     ran = [method for _, method in _with_genies(panels, methods)] or methods[:1]
     groups = [(label, method, lookups) for label, lookups in panels.items() for method in ran]
     title = f"{what}: mean over Genies; bars: extreme windows of {WINDOW_REQUESTS} requests of any Genie"
-    figure = Figure(figsize=(COLUMN_IN if len(groups) <= 3 else PAGE_IN, 2.7))
+    figure = Figure(figsize=(width_in or (COLUMN_IN if len(groups) <= 3 else PAGE_IN), 1.9))
     axis = figure.subplots()
     for side, (placement, where) in enumerate(PLACEMENTS.items()):
         look = style.placement_bar(placement) | {"label": f"Genies {where}"}
@@ -238,7 +271,7 @@ def _reuse_bars(panels: Tables, methods: Methods, what: str, footer: str) -> Fig
     axis.set_ylim(0, None)
     axis.grid(axis="x", visible=False)
     axis.yaxis.set_major_formatter(FuncFormatter(percent_tick))
-    axis.set_ylabel("hits / requests")
+    axis.set_ylabel(f"{what.lower()}, hits / requests")
     finish(figure, title, footer, [axis])
     return figure
 
@@ -263,24 +296,16 @@ def _with_genies(panels: Tables, methods: Methods) -> list[tuple[int, MethodInfo
     return [(position, method) for position, method in enumerate(methods) if method.name in names]
 
 
-def _grid(panels: Panels) -> tuple[Figure, list[Axes]]:
-    """One panel a run: at most three beside each other, as in the paper."""
-    columns = min(len(panels), 3)
+def _grid(panels: Panels, width_in: float | None) -> tuple[Figure, list[Axes]]:
+    """One panel a run: at most three beside each other, as in the paper; one in a column's width."""
+    columns = 1 if width_in == COLUMN_IN else min(len(panels), 3)
     rows = -(-len(panels) // columns)
-    width_in = COLUMN_IN if columns == 1 else PAGE_IN
-    figure = Figure(figsize=(width_in, 1.4 + 2.0 * rows))
+    figure = Figure(figsize=(width_in or (COLUMN_IN if columns == 1 else PAGE_IN), 0.3 + 1.75 * rows))
     grid = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
     axes = list(grid.flat)
     for axis in axes[len(panels) :]:
         axis.remove()
     return figure, axes[: len(panels)]
-
-
-def _legend_beside(axes: list[Axes]) -> None:
-    drawn = handles(axes)
-    if drawn:
-        legend = axes[-1].legend(list(drawn.values()), list(drawn), loc="center left", labelspacing=0.2)
-        legend.set_bbox_to_anchor((1.0, 0.5))
 
 
 def _label_outer(axes: list[Axes], x_label: str, y_label: str) -> None:
@@ -330,12 +355,15 @@ def _used(of_kind: Columns) -> dict[str, tuple[Any, Any]]:
     return {name: curve for name, curve in curves.items() if curve[1].max() >= LEAST_USE}
 
 
-def _draw_use(axis: Axes, curves: dict[str, tuple[Any, Any]], names: list[str]) -> None:
+def _draw_use(axis: Axes, curves: dict[str, tuple[Any, Any]], names: list[str], hosts: list[str]) -> None:
     if not curves:
-        axis.text(0.5, 0.5, "none", transform=axis.transAxes, ha="center", va="center", color="0.35")
-    elif len(names) <= len(style.COLOURS):
+        axis.text(0.5, 0.5, "not used", transform=axis.transAxes, ha="center", va="center", color="0.35")
+    elif len(hosts) <= len(style.HOSTS):
         for name, (t_s, values) in curves.items():
-            axis.plot(t_s, values, label=_short(name), **style.method_line(names.index(name)) | {"linewidth": 1.0})
+            host = _host(name)
+            nth = [one for one in names if _host(one) == host].index(name)
+            look: dict[str, Any] = {"color": style.HOSTS[hosts.index(host)], "linestyle": ("-", "--", ":")[min(nth, 2)]}
+            axis.plot(t_s, values, linewidth=1.0, label=host if nth == 0 else None, **look)
     else:
         t_s = np.unique(np.concatenate([t for t, _ in curves.values()]))
         values = np.stack([np.interp(t_s, *curve) for curve in curves.values()])
@@ -343,9 +371,9 @@ def _draw_use(axis: Axes, curves: dict[str, tuple[Any, Any]], names: list[str]) 
         axis.plot(t_s, np.median(values, axis=0), color="black", linewidth=1.2, label="median")
 
 
-def _short(resource: str) -> str:
-    """``edge1.accelerator`` to ``edge1``: the row already says the kind."""
-    return resource.removesuffix(".accelerator").removesuffix(".cpu")
+def _host(resource: str) -> str:
+    """``edge1.accelerator``, ``edge1->car1`` and ``edge1/genie:/image_raw`` to ``edge1``."""
+    return re.split(r"[./]|->", resource)[0]
 
 
 def _known(values: Any) -> Any:

@@ -20,6 +20,8 @@ ACCURACY = {  # the first of them that every method has
     "first_proxy_f1": "F1 of first answers against the detector's own",
 }
 
+LABELS = {"streaming_f1": "streaming F1", "first_proxy_f1": "F1 of first answers"}
+
 Numbers = Mapping[str, Sequence[Metric]]
 
 
@@ -30,7 +32,9 @@ def drawable(runs: Numbers) -> str | None:
 
 
 @in_style()
-def latency_accuracy(runs: Numbers, methods: Sequence[MethodInfo], footer: str = "") -> Figure:
+def latency_accuracy(
+    runs: Numbers, methods: Sequence[MethodInfo], footer: str = "", width_in: float | None = None
+) -> Figure:
     """A point per run and method, with the intervals of both; up and to the left is better.
 
     ``runs``: metrics by label. Streaming F1 where every run has it, else the proxy; the dotted line is the detector's
@@ -39,7 +43,7 @@ def latency_accuracy(runs: Numbers, methods: Sequence[MethodInfo], footer: str =
     accuracy = drawable(runs)
     if accuracy is None:
         raise ValueError("runs without a common accuracy")
-    figure = Figure(figsize=(1.5 * style.COLUMN_IN, 2.8))
+    figure = Figure(figsize=(width_in or style.COLUMN_IN, 2.1))
     axis = figure.subplots()
     for number, (label, measured) in enumerate(runs.items()):
         found = {(one.metric, one.method, one.component): one for one in measured if one.placement == "all"}
@@ -53,16 +57,15 @@ def latency_accuracy(runs: Numbers, methods: Sequence[MethodInfo], footer: str =
             axis.errorbar(x.value, y.value, _ends(y), _ends(x), linestyle="", capsize=2, label=name, **look)
         floors = [one.value for (name, _, part), one in found.items() if (name, part) == (accuracy, FLOOR)]
         if floors and floors[0] is not None:
-            axis.axhline(floors[0], color="0.4", linewidth=0.9, linestyle=":", label="the detector without delay")
+            axis.axhline(floors[0], color="0.4", linewidth=0.9, linestyle=":", label="detector without delay")
     axis.set_xscale("log")
     axis.xaxis.set_major_formatter(ScalarFormatter())
     axis.xaxis.set_minor_formatter(NullFormatter())
     axis.set_ylim(0, 1.02)
     axis.yaxis.set_major_formatter(FuncFormatter(style.percent_tick))
     axis.set_xlabel("mean time to first answer [ms], logarithmic")
-    axis.set_ylabel("F1")
-    axis.legend(loc="center left", bbox_to_anchor=(1.02, 0.5))
-    finish(figure, f"Latency against accuracy: {ACCURACY[accuracy]}", footer)
+    axis.set_ylabel(LABELS[accuracy])
+    finish(figure, f"Latency against accuracy: {ACCURACY[accuracy]}", footer, [axis])
     return figure
 
 

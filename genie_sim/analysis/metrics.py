@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 PLACEMENTS = ("car", "edge")  # of Genies
 DEADLINE_MS = 33.0  # Section V-B: 30 frames/s
 WINDOW_REQUESTS = 50
+PART = {"first": "first_answer_part", "fresh": "fresh_answer_part"}  # what each part of a mean took, by answer
 PERCENTILES = (50, 95, 99)
 
 Where = tuple[str, str, str]  # method, placement, component
@@ -44,6 +45,7 @@ def compute(
     resources: Table,
     answers: Table | None = None,
     held: Table | None = None,
+    steps: Table | None = None,
     *,
     intervals: bool = True,
 ) -> list[Metric]:
@@ -60,6 +62,7 @@ def compute(
         *_of_resources(resources, frames, names),
         *(correctness.of_answers(Columns.of(answers), names) if answers is not None and len(answers) else ()),
         *(correctness.of_held(Columns.of(held), names) if held is not None and len(held) else ()),
+        *(_of_steps(Columns.of(steps), frames, names) if steps is not None and len(steps) else ()),
     ]
     return [replace(one, value=_ten(one.value), low=_ten(one.low), high=_ten(one.high)) for one in found]
 
@@ -295,6 +298,20 @@ def _of_resource(samples: Columns, last_stamp_ns: float) -> Iterator[tuple[str, 
     yield "dropped", int(samples["dropped"][-1]), "messages", n
     if not np.isnan(carried):
         yield "bytes", int(carried), "B", n
+
+
+def _of_steps(steps: Columns, frames: Columns, methods: Sequence[str]) -> Iterator[Metric]:
+    """What each part took, mean over all frames that got the answer; the parts add up to the mean response time."""
+    for method in methods:
+        mine, published = steps.where(method=method), frames.where(method=method)
+        for answer, metric in PART.items():
+            n = int((~np.isnan(published.floats(f"{answer}_answer_ns"))).sum())
+            of_answer = mine.rows(mine["which"].isin((answer, "both")))
+            took_ns, parts = of_answer["end_ns"] - of_answer["begin_ns"], of_answer["part"]
+            sums = dict(zip(parts.names, np.bincount(parts.codes, took_ns, len(parts.names)), strict=True))
+            for part, sum_ns in sums.items():
+                if n and sum_ns:
+                    yield Metric(metric, method, "all", part, float(sum_ns) / n / NS_PER_MS, "ms", n=n)
 
 
 def _ten(value: float | None) -> float | None:

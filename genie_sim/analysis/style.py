@@ -7,12 +7,14 @@ are told apart with any colour vision (after Okabe and Ito), and in greyscale by
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import numpy as np
 
-COLUMN_IN, PAGE_IN = 3.46, 7.16  # width of a printed column and page
-LINE_IN = 0.17  # height of a line of 8 points
+COLUMN_IN, PAGE_IN = 3.5, 7.16  # width of a column and of a page of IEEE's and ACM's journals and proceedings
+WIDTHS = {"column": COLUMN_IN, "page": PAGE_IN}
+LINE_IN, CHARACTER_IN = 0.17, 0.058  # height of a line of 8 points, and about the width of a character
 RC: dict[str, Any] = {
     "font.size": 8,
     "axes.titlesize": 8,
@@ -29,18 +31,32 @@ RC: dict[str, Any] = {
     "grid.linewidth": 0.6,
     "hatch.linewidth": 0.6,
     "legend.frameon": False,
-    "legend.handlelength": 2.4,
+    "legend.handlelength": 2.2,
+    "legend.columnspacing": 1.0,
     "savefig.dpi": 200,
     "svg.fonttype": "none",  # text stays text
     "pdf.fonttype": 42,  # fonts are inside, as TrueType
     "svg.hashsalt": "genie-sim",
 }
 COLOURS = ("#E69F00", "#C44E00", "#0B3C6F", "#009E73", "#CC79A7", "#56B4E9", "#777777", "#000000")
+HOSTS = ("#332288", "#88CCEE", "#44AA99", "#117733", "#999933", "#DDCC77", "#CC6677", "#882255")  # no method's (Tol)
 DARK_COLOURS = ("#F0B13C", "#FF8A4C", "#79B8FF", "#35C498", "#F08FC4", "#5AC8FA", "#A0A0A0", "#E8E8E8")  # dark pages
 DOTTED, DASH_DOT, SOLID, DASHED = (0, (1, 1)), (0, (5, 1.2, 1, 1.2)), "-", (0, (4, 1.2))
 DASHES = (DOTTED, DASH_DOT, SOLID, DASHED)
 HATCHES = ("////", "....", "", "xxxx", "\\\\\\\\", "++++", "oooo", "----")
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
+# What a response time goes into: its name, and a light tone and a hatch of no method's (after Paul Tol).
+PARTS: dict[str, tuple[str, dict[str, Any]]] = {
+    "queueing": ("queueing", {"facecolor": "#DDDDDD", "hatch": "...."}),
+    "pending": ("equal frame pending", {"facecolor": "#FFFFFF", "hatch": "xxxx"}),
+    "genie": ("Genie or cache", {"facecolor": "#77AADD", "hatch": ""}),
+    "hop": ("hops", {"facecolor": "#FFAABB", "hatch": "||||"}),
+    "encoding": ("encoding", {"facecolor": "#BBCC33", "hatch": "++++"}),
+    "uplink": ("uplink", {"facecolor": "#EEDD88", "hatch": "////"}),
+    "inference": ("inference", {"facecolor": "#44BB99", "hatch": ""}),
+    "edges": ("network of edges", {"facecolor": "#99DDFF", "hatch": "----"}),
+    "downlink": ("downlink", {"facecolor": "#EE8866", "hatch": "\\\\\\\\"}),
+}
 PLACEMENTS = {"car": "on cars", "edge": "on edges"}
 _PLACEMENT_DASHES = {"car": DASHED, "edge": SOLID}
 _PLACEMENT_TONES = {"car": ("0.85", "////"), "edge": ("0.45", "")}
@@ -72,6 +88,11 @@ def placement_bar(placement: str) -> dict[str, Any]:
 def thinned(n: int, most: int = 1000) -> np.ndarray[Any, np.dtype[np.int64]]:
     """At most ``most`` places of n, evenly spread, both ends among them: enough to draw a curve through."""
     return np.unique(np.linspace(0, n - 1, min(n, most)).astype(np.int64)) if n else np.arange(0)
+
+
+def by_number(name: str) -> list[tuple[int, str]]:
+    """A key to sort names by: ``car2`` comes before ``car10``."""
+    return [(int(part or 0), text) for text, part in re.findall(r"(\D*)(\d*)", name)]
 
 
 def percent_tick(share: float, _place: object) -> str:

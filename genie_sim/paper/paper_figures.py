@@ -16,13 +16,13 @@ from genie_sim.paper.replicate import Outcome
 from genie_sim.recording.columns import Columns, Text, concat
 
 TITLES = {name: f"{name[0]} car{'s' if name[0] > '1' else ''}, {'hetero.' if name in HE else 'homo.'}" for name in ALL}
-SHORT = {name: f"{name[0]} {'he' if name in HE else 'ho'}" for name in ALL}
+WRAPPED = {name: title.replace(", ", "\n") for name, title in TITLES.items()}
 
 
 def draw_paper_figures(folder: Path, tables: Mapping[str, Sequence[Outcome]], footer: str) -> None:
     """Response times, reuse, confidence boost and the case study, as SVG and PNG. Raises OSError."""
     frames = {TITLES[name]: _pooled(tables[name], "frames") for name in (*HO, *HE)}
-    lookups = {SHORT[name]: _pooled(tables[name], "lookups") for name in (*HO, *HE)}
+    lookups = {WRAPPED[name]: _pooled(tables[name], "lookups") for name in (*HO, *HE)}
     one_seed = {TITLES[name]: _table(tables[name][0], "lookups") for name in (*HO, *HE)}
     one = f"{footer}; the first seed"
     figures.save(figures.latency_cdf(frames, METHODS, footer, of="answered"), folder, "latency_cdf")

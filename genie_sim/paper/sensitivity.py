@@ -18,9 +18,9 @@ from genie_sim.analysis.style import PAGE_IN
 from genie_sim.paper.calibrate import Calibration
 from genie_sim.paper.facts import METHODS
 
-OBJECTS_LINE: dict[str, Any] = {"color": "#0B3C6F", "marker": "o", "markersize": 3.5, "linewidth": 1.6}
+OBJECTS_LINE: dict[str, Any] = {"color": "0.1", "marker": "o", "markersize": 3.5, "linewidth": 1.6}
 IMAGES_LINE: dict[str, Any] = {
-    "color": "#E69F00", "marker": "s", "markersize": 3.5, "linewidth": 1.6, "linestyle": (0, (4, 1.2)),
+    "color": "0.55", "marker": "s", "markersize": 3.5, "linewidth": 1.6, "linestyle": (0, (4, 1.2)),
 }  # fmt: skip
 PAPER_LINE: dict[str, Any] = {"linewidth": 0.9, "linestyle": (0, (1, 1.5))}
 LOGARITHMIC_FROM = 10.0  # a sweep whose largest value is this many times its smallest gets a logarithmic axis
@@ -89,24 +89,24 @@ def case_study(times_ms: Mapping[str, Any], reuse: Mapping[str, tuple[Any, Any]]
 
     ``reuse``: by label, event numbers and the running ratio hits / requests.
     """
-    figure = Figure(figsize=(PAGE_IN, 2.6), layout="constrained")
+    figure = Figure(figsize=(PAGE_IN, 2.8), layout="constrained")
     _title(figure, "Vision-assisted driving: car2 has no cameras", footer)
     left, right = figure.subplots(1, 2)
-    looks = (("#0B3C6F", "-"), ("#E69F00", (0, (4, 1.2))), ("#777777", (0, (1, 1.5))))
-    for (label, values), (colour, dashes) in zip(times_ms.items(), looks, strict=False):
+    looks = (OBJECTS_LINE | {"marker": ""}, IMAGES_LINE | {"marker": ""})
+    for (label, values), look in zip(times_ms.items(), looks, strict=True):
         ordered = np.sort(values)
-        left.plot(ordered, np.arange(1, len(ordered) + 1) / len(ordered), color=colour, linestyle=dashes, label=label)
+        left.plot(ordered, np.arange(1, len(ordered) + 1) / len(ordered), label=label, **look)
     left.axvline(41.0, color="black", linewidth=0.9, linestyle="--", label="41 ms (24 frames/s)")
     left.set_xlabel("response time, first answer [ms]")
     left.set_ylabel("share of frames")
-    left.legend(loc="lower right")
-    for (label, (events, ratio)), (colour, dashes) in zip(reuse.items(), looks, strict=False):
-        right.plot(events, ratio, color=colour, linestyle=dashes, label=label)
+    for (label, (events, ratio)), look in zip(reuse.items(), looks, strict=True):
+        right.plot(events, ratio, label=label, **look)
     right.set_xlabel("events (messages looked up)")
     right.set_ylabel("running hits / requests")
     right.set_ylim(0, 1.02)
     right.yaxis.set_major_formatter(PercentFormatter(1))
-    right.legend(loc="center right")
+    for axis in (left, right):
+        axis.legend(loc="upper center", bbox_to_anchor=(0.5, -0.24), ncols=1)
     return figure
 
 
@@ -136,7 +136,8 @@ def worth(rows: Sequence[Row], footer: str) -> Figure:
 
 
 def _title(figure: Figure, title: str, footer: str) -> None:
-    figure.suptitle(f"{title}\n{footer}", x=0.01, ha="left", fontsize=8)
+    """For the file alone, as in ``analysis.drawing.finish``."""
+    figure.set_label(f"{title}\n{footer}")
 
 
 def _sweep(axis: Axes, row: Row, targets: Mapping[str, float]) -> None:
@@ -150,9 +151,9 @@ def _sweep(axis: Axes, row: Row, targets: Mapping[str, float]) -> None:
         axis.plot(values, mean, label=label, **look)
         axis.fill_between(values, low, high, color=look["color"], alpha=0.2, linewidth=0)
     level = targets["object_reuse_mean"]
-    axis.axhline(level, color="#0B3C6F", label=f"paper: {100 * level:.0f} % of objects", **PAPER_LINE)
+    axis.axhline(level, color="0.1", label=f"paper: {100 * level:.0f} % of objects", **PAPER_LINE)
     images = level / targets["object_to_image_reuse"]
-    axis.axhline(images, color="#E69F00", label="paper: a quarter of it", **PAPER_LINE)
+    axis.axhline(images, color="0.55", label="paper: a quarter of it", **PAPER_LINE)
     if row["used"] is not None:
         axis.axvline(row["used"], color="0.5", linewidth=0.8)
     if values.min() > 0 and values.max() / values.min() >= LOGARITHMIC_FROM:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, astuple
 from typing import TYPE_CHECKING, Any
@@ -13,13 +12,14 @@ import numpy as np
 from genie_sim import units
 from genie_sim.analysis.metrics import (
     DEADLINE_MS,
+    PART,
     WINDOW_REQUESTS,
     response_ms,
     running_boost,
     running_use,
     windowed_reuse,
 )
-from genie_sim.analysis.style import PLACEMENTS, thinned
+from genie_sim.analysis.style import PLACEMENTS, by_number, thinned
 from genie_sim.report.fleet_map import fleet_data
 from genie_sim.report.replay import last_instant_ns, replay_data
 from genie_sim.units import NS_PER_S
@@ -138,7 +138,8 @@ def _link(link: object) -> str | None:
 
 def _shown(measured: Sequence[Metric], notes: list[str]) -> list[Metric]:
     """All metrics but those of the less busy of very many resources."""
-    of_resources = [one for one in measured if one.component and not one.metric.startswith("improvement")]
+    others = ("improvement", *PART.values())
+    of_resources = [one for one in measured if one.component and not one.metric.startswith(others)]
     use = {(one.method, one.component): 0.0 for one in of_resources}
     use |= {(one.method, one.component): one.value or 0.0 for one in of_resources if one.metric == "utilization"}
     if len(use) <= RESOURCES_ON_PAGE:
@@ -195,7 +196,7 @@ def _reuse(run: Run, lookups: Columns, notes: list[str]) -> Iterator[dict[str, A
     """hits / requests over the last 50 requests of each Genie."""
     for where, placed in _placed(run, lookups):
         windows = windowed_reuse(placed)
-        genies = sorted(windows["genie"].unique(), key=_by_number)
+        genies = sorted(windows["genie"].unique(), key=by_number)
         if len(genies) > GENIES_PER_PLACEMENT:
             shown = f"{GENIES_PER_PLACEMENT} of {len(genies)} Genies {PLACEMENTS[where['placement']]}"
             notes.append(f"Reuse over time shows {shown}; the metrics count all.")
@@ -215,11 +216,6 @@ def _boost(run: Run) -> Iterator[dict[str, Any]]:
 def _curve(t_ns: Floats, values: Floats, digits: int) -> dict[str, list[float]]:
     kept = thinned(len(values), POINTS_PER_CURVE)
     return {"x": _list(t_ns[kept] / NS_PER_S, 2), "y": _list(values[kept], digits)}
-
-
-def _by_number(name: str) -> list[tuple[int, str]]:
-    """``car2`` comes before ``car10``."""
-    return [(int(part or 0), text) for text, part in re.findall(r"(\D*)(\d*)", name)]
 
 
 def _use(run: Run, notes: list[str]) -> Iterator[dict[str, Any]]:

@@ -53,7 +53,7 @@ def of_sweep(design: Design, runs: pd.DataFrame, footer: str) -> Iterator[tuple[
 
     Along each axis, with a column of panels for each value of one other axis; a heat map of the first two crossed
     axes. Where there are more axes, every combination of their first values has figures of its own. Only over values
-    that were drawn is anything averaged, and the title says so.
+    that were drawn is anything averaged, and the figure says so.
     """
     columns, crossed = design.columns, design.crossed
     for name, axis in design.axes.items():
@@ -90,7 +90,7 @@ def along(
     at: str = "",
 ) -> Figure:
     """Means along one axis with their 95 % intervals across seeds: a row of panels a metric, and with ``beside``
-    another axis a column for each of its values. ``averaged`` axes and where the runs are ``at`` stand in the title.
+    another axis a column for each of its values. ``averaged`` axes and where the runs are ``at`` are told above them.
 
     Drawn values of a sampled axis are no line but points, for the other sampled axes differ from one to the next.
     """
@@ -102,7 +102,7 @@ def along(
     shown = shown if beside is None else [panel for panel in shown if panel[0] in SIDE_BY_SIDE]
     wide = 3 if beside is None else len(kept)
     rows = max(1, -(-len(shown) // 3)) if beside is None else max(1, len(shown))
-    figure = Figure(figsize=(PAGE_IN, 1.3 + (1.9 if beside is None else 1.3) * rows))
+    figure = Figure(figsize=(PAGE_IN, 0.6 + (1.8 if beside is None else 1.3) * rows))
     grid = figure.subplots(rows, wide, squeeze=False, sharey=False if beside is None else "row")
     panels = [(metric, label, level) for metric, label in shown for level in kept]
     for panel, (metric, label, level) in zip(grid.flat, panels, strict=False):
@@ -122,9 +122,10 @@ def along(
         low, high = panel.get_ylim()
         low = min(0.0, low)
         panel.set_ylim(low, high + MARKER_ROOM * (high - low))
-    some = f", {len(kept)} of {len(levels)} values of {beside}" if len(kept) < len(levels) else ""
-    over = f", averaged over {', '.join(averaged)}" if averaged else ""
-    finish(figure, f"Along {column}: {_shows(runs)}{some}{over}{', at ' + at if at else ''}", footer, figure.axes)
+    note = [f"{len(kept)} of {len(levels)} values of {beside}"] if len(kept) < len(levels) else []
+    note += [f"averaged over {', '.join(averaged)}"] if averaged else []
+    note += [f"at {at}"] if at else []
+    finish(figure, f"Along {column}: {_shows(runs)}", footer, figure.axes, "; ".join(note))
     return figure
 
 
@@ -137,7 +138,7 @@ def heat(first: str, second: str, runs: pd.DataFrame, footer: str, at: str = "")
     methods = list(dict.fromkeys(means["method"]))
     metrics = [metric for metric in HEATED if (means["metric"] == metric).any()]
     up, right = ([*dict.fromkeys(runs[column])] for column in (first, second))
-    height_in = 1.0 + len(metrics) * (0.8 + 0.22 * len(up))
+    height_in = 0.5 + len(metrics) * (0.8 + 0.22 * len(up))
     figure = Figure(figsize=(PAGE_IN, max(2.0, height_in)))
     grid = figure.subplots(max(1, len(metrics)), max(1, len(methods)), squeeze=False)
     for row, metric in zip(grid, metrics, strict=False):
@@ -152,7 +153,8 @@ def heat(first: str, second: str, runs: pd.DataFrame, footer: str, at: str = "")
             panel.set_title(f"{method}: {PANELS[metric]}")
             panel.set_xlabel(second)
             panel.set_ylabel(first if panel.get_subplotspec().is_first_col() else "")
-    finish(figure, f"Over {first} and {second}: means across seeds, darker is more{', at ' + at if at else ''}", footer)
+    title = f"Over {first} and {second}: means across seeds, darker is more"
+    finish(figure, title, footer, note=f"at {at}" if at else "")
     return figure
 
 

@@ -165,7 +165,10 @@ class Sweep:
         from genie_sim.sweeps import figures, page
 
         (self.folder / "figures").mkdir(exist_ok=True)
-        for name, figure in figures.of_sweep(self.design, runs, self._footer()):
+        titles = self._titles()
+        told = {name: title if list(titles.values()).count(title) == 1 else name for name, title in titles.items()}
+        titled = runs.assign(method=runs["method"].map(told))
+        for name, figure in figures.of_sweep(self.design, titled, self._footer()):
             of_runs.save(figure, self.folder / "figures", name)
         page.write(self.folder / report.NAME, self.folder)
 
