@@ -10,16 +10,15 @@ from genie_sim.core.caches.cache import NoMap, stores_nothing
 from genie_sim.core.genies import make_genie
 from genie_sim.core.node import GenieNode
 from genie_sim.errors import UserError, unknown
-from genie_sim.sim.station import IMAGES, OBJECTS, Place, Station, Uplink
+from genie_sim.sim.station import IMAGES, OBJECTS, Method, Place, Station, Uplink
 
 REMOTE = "-remote"
 
 
-class Central:
+class Central(Method):
     """One edge has the only cache, a Genie's; the other edges ask it for what their cars send up."""
 
     title = "central cache"
-    baseline = False
 
     def __init__(self, at: str | None = None) -> None:
         """``at``: the edge with the cache; ``None``: the first one."""

@@ -7,15 +7,14 @@ from functools import partial
 from genie_sim.core.caches.deadline import Scheduler, Send
 from genie_sim.messages import Effect, Expired, Image, Message, Observe, Publish
 from genie_sim.methods.similarity import LOCAL, REMOTE, UPLINK, TwoWays, at_least, share
-from genie_sim.sim.station import Place, Station
+from genie_sim.sim.station import Method, Place, Station
 from genie_sim.units import NS_PER_MS, NS_PER_S
 
 
-class Deadline:
+class Deadline(Method):
     """Each frame goes to the car's detector or up, in less quality if need be, or nowhere if both are too late."""
 
     title = "deadline"
-    baseline = False
 
     def __init__(
         self, deadline_ns: int = 300 * NS_PER_MS, shares: tuple[float, ...] = (1.0, 0.7, 0.35), probe_ns: int = NS_PER_S
@@ -31,9 +30,6 @@ class Deadline:
         if not place.joined:
             return Station(detector=True)
         return Station(detector=True, interceptor=partial(Router, place.name, self._told), uplink=UPLINK)
-
-    def on_edge(self, place: Place) -> Station:
-        return Station(detector=place.sees)
 
 
 class Router(TwoWays):

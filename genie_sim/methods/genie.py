@@ -15,7 +15,7 @@ from functools import partial
 from genie_sim.core.genies import make_genie
 from genie_sim.core.node import GenieNode
 from genie_sim.core.rules import MissPolicy
-from genie_sim.sim.station import IMAGES, OBJECTS, Place, Station, Uplink
+from genie_sim.sim.station import IMAGES, OBJECTS, Method, Place, Station, Uplink
 
 REMOTE = "-remote"
 UPLINK = Uplink(IMAGES + REMOTE, OBJECTS + REMOTE)
@@ -26,11 +26,10 @@ PHANTOM_ON_CAR: MissPolicy = "blocking"
 PHANTOM_ON_EDGE: MissPolicy = "immediate"
 
 
-class Genie:
+class Genie(Method):
     """A Genie stands before every detector, cars upload what they miss, and edges share over the edge network."""
 
     title = "Genie (DG)"
-    baseline = False
 
     def on_car(self, place: Place) -> Station | None:
         if not place.sees:

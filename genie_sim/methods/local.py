@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from genie_sim.sim.station import Place, Station
+from genie_sim.sim.station import Method, Place, Station
 
 
-class Local:
+class Local(Method):
     """Each car runs its own detector."""
 
     title = "local (L)"
@@ -13,6 +13,3 @@ class Local:
 
     def on_car(self, place: Place) -> Station | None:
         return Station(detector=True) if place.sees else None
-
-    def on_edge(self, place: Place) -> Station:
-        return Station(detector=place.sees)

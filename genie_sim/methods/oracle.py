@@ -7,14 +7,13 @@ from functools import partial
 from genie_sim.core.caches.oracle import KnownAnswers
 from genie_sim.messages import Detections, Effect, Image, ImageLookup, Message, Observe, Publish
 from genie_sim.methods.similarity import LOCAL, REMOTE, UPLINK, TwoWays
-from genie_sim.sim.station import Place, Station
+from genie_sim.sim.station import Method, Place, Station
 
 
-class Oracle:
+class Oracle(Method):
     """A bound: each car at once has every answer that any car got, and replays only those that are right."""
 
     title = "oracle (bound)"
-    baseline = False
 
     def __init__(self) -> None:
         self._known = KnownAnswers()
@@ -24,9 +23,6 @@ class Oracle:
             return None
         node = partial(AllKnowing, place.name, self._known)
         return Station(detector=True, interceptor=node, uplink=UPLINK if place.joined else None, free=True)
-
-    def on_edge(self, place: Place) -> Station:
-        return Station(detector=place.sees)
 
 
 class AllKnowing(TwoWays):

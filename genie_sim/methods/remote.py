@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from genie_sim.sim.station import IMAGES, OBJECTS, Place, Station, Uplink
+from genie_sim.sim.station import IMAGES, OBJECTS, Method, Place, Station, Uplink
 
 
-class Remote:
+class Remote(Method):
     """Each car's frames go to its edge's detector."""
 
     title = "remote (R)"
@@ -15,6 +15,3 @@ class Remote:
         if not place.sees:
             return None
         return Station(uplink=Uplink(IMAGES, OBJECTS) if place.joined else None)
-
-    def on_edge(self, place: Place) -> Station:
-        return Station(detector=place.sees)

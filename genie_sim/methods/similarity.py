@@ -9,7 +9,7 @@ from genie_sim.core.caches.cache import Replay, SimilarityCache, cache_node
 from genie_sim.core.caches.nearest import NONE, Nearest, key_of
 from genie_sim.core.node import GenieNode
 from genie_sim.core.rules import Capacity
-from genie_sim.sim.station import IMAGES, OBJECTS, Interceptor, Place, Station, Uplink
+from genie_sim.sim.station import IMAGES, OBJECTS, Interceptor, Method, Place, Station, Uplink
 
 LOCAL, REMOTE = "-local", "-remote"
 UPLINK = Uplink(IMAGES + REMOTE, OBJECTS + REMOTE)
@@ -29,7 +29,7 @@ def at_least(name: str, value: float, least: float) -> float:
     return value
 
 
-class Similarity:
+class Similarity(Method):
     """A cache before every detector, on cars and edges alike; cars upload what they miss, edges share nothing.
 
     ``feature`` names the pictures' vectors. The car computes it and sends it along with the picture. A subclass makes
@@ -37,7 +37,6 @@ class Similarity:
     """
 
     title = "similarity cache"
-    baseline = False
     feature = "hsv"
     replay: Replay = "camera"
 
