@@ -7,8 +7,7 @@ import pytest
 from kitti_folder import DATE, make_network
 
 from genie_sim.errors import UserError
-from genie_sim.perception.detector import DETECTORS, find_weights, make_detector
-from genie_sim.perception.networks import YoloxNano
+from genie_sim.perception.detector import DETECTORS, YoloxNano, find_weights, make_detector
 from genie_sim.perception.onnx_detector import COCO_LABELS, ROAD_LABELS, best_boxes, letterbox
 
 

@@ -12,11 +12,11 @@ from kitti_folder import DATE, FIRST_STAMP_S, HEIGHT, WIDTH, make_drive, make_ne
 from genie_sim.core.geometry import inverse, project, transform
 from genie_sim.errors import UserError
 from genie_sim.perception import placement
-from genie_sim.perception.encoding import encoded_beside
-from genie_sim.perception.fingerprint import difference_hash
+from genie_sim.perception.encoding import difference_hash
 from genie_sim.perception.kitti import open_drive
 from genie_sim.perception.perceive import perceive
 from genie_sim.perception.placement import HALF_DEPTH_M
+from genie_sim.perception.sources import encoded_beside
 from genie_sim.perception.trace import read_trace, write_trace
 from genie_sim.perception.tuning import simplest, thread_counts
 

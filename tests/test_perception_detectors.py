@@ -10,8 +10,7 @@ from kitti_folder import make_network
 from made_up_networks import make_nanodet, make_yolov8
 
 from genie_sim.errors import UserError
-from genie_sim.perception.detector import DETECTORS, make_detector
-from genie_sim.perception.networks import Yolov8
+from genie_sim.perception.detector import DETECTORS, Yolov8, make_detector
 from genie_sim.perception.onnx_detector import ROAD_LABELS
 
 

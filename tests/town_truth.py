@@ -8,4 +8,4 @@ from genie_sim.town.town import Town
 def truth_near(town: Town, east_m: float, north_m: float, range_m: float, t_ns: int):
     """Everything that really is within a distance of a place at a time, by number."""
     found = town.streets.near(east_m, north_m, range_m, t_ns * 1e-9)
-    return tuple(sorted((one.truth() for one in found if one.real), key=lambda one: one.number))
+    return tuple(sorted((one for one in found if one.real), key=lambda one: one.number))

@@ -1,15 +1,11 @@
-"""Pictures as they are after being sent: encoded, and decoded again."""
+"""Pictures as they are after being sent, and what stays nearly the same when a picture changes."""
 
 from __future__ import annotations
-
-from pathlib import Path
 
 import cv2
 import numpy as np
 
-from genie_sim.errors import UserError
 from genie_sim.messages import Encoding
-from genie_sim.perception.trace import Trace, read_trace
 
 # How OpenCV is asked for each, with libjpeg-turbo and libpng as they come with it.
 FORMATS: dict[Encoding, tuple[str, list[int]]] = {
@@ -26,24 +22,14 @@ def sent(image_bgr: np.ndarray, encoding: Encoding) -> tuple[np.ndarray, int]:
     return np.asarray(cv2.imdecode(data, cv2.IMREAD_COLOR)), len(data)
 
 
-def encoded_beside(path: Path | None, trace: Trace, encoding: Encoding) -> Trace:
-    """The trace of the same pictures, encoded: the file ``NAME.jpeg80.parquet`` beside ``NAME.parquet``.
-
-    Raises UserError where there is none, or where it is of other pictures.
-    """
-    if path is None:
-        raise UserError(f"image_encoding: {encoding} needs a trace in a file, {trace.name} is none")
-    beside = path.with_suffix(f".{encoding}{path.suffix}")
-    if not beside.is_file():
-        made = f"'genie-sim perceive --encoding {encoding} --out {beside}' makes it"
-        raise UserError(f"image_encoding: {encoding}: {path.name} has no {beside.name} beside it; {made}")
-    found = read_trace(beside)
-    if found.provenance.get("parameters", {}).get("encoding") != encoding:
-        raise UserError(f"{beside}: is not of pictures encoded as {encoding}")
-    if _pictures(found) != _pictures(trace):
-        raise UserError(f"{beside}: is not of the pictures of {path.name}; make it again, or take it away")
-    return found.rebased(trace.origin)
+def difference_hash(image_bgr: np.ndarray) -> int:
+    """64-bit dHash of a picture (height, width, 3), blue, green, red: of its grey picture shrunk to 9x8 by area, one
+    bit for each pixel brighter than its left one."""
+    small = cv2.resize(cv2.cvtColor(image_bgr, cv2.COLOR_BGR2GRAY), (9, 8), interpolation=cv2.INTER_AREA)
+    return int.from_bytes(np.packbits(small[:, 1:] > small[:, :-1]).tobytes(), "big")
 
 
-def _pictures(trace: Trace) -> list[tuple[str, int, str]]:
-    return [(one.camera, one.stamp_ns, one.digest) for camera in sorted(trace.frames) for one in trace.frames[camera]]
+def hue_saturation(image_bgr: np.ndarray) -> np.ndarray:
+    """Histogram (16, 8) of hue and saturation of every fourth pixel of every fourth row."""
+    few = cv2.cvtColor(np.ascontiguousarray(image_bgr[::4, ::4]), cv2.COLOR_BGR2HSV)
+    return cv2.calcHist([few], [0, 1], None, [16, 8], [0, 180, 0, 256])

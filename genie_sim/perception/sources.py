@@ -155,8 +155,6 @@ class Recordings:
 
     def encoded(self, car: str, encoding: Encoding) -> Trace:
         """A car's drive as its pictures are after being encoded and decoded. Raises ``UserError``."""
-        from genie_sim.perception.encoding import encoded_beside
-
         trace = self._of_cars[car]
         if (trace, encoding) not in self._encoded:
             path = self.path if trace is None else files.find(files.TRACE, trace)
@@ -172,3 +170,28 @@ class Recordings:
         traces = {one.name: dict(one.provenance) for one in map(self._read.__getitem__, self._of_cars.values())}
         tables = self._truths.values()
         return traces | {f"truth of {table.provenance['trace']}": dict(table.provenance) for table in tables}
+
+
+def encoded_beside(path: Path | None, trace: Trace, encoding: Encoding) -> Trace:
+    """The trace of the same pictures, encoded: the file ``NAME.jpeg80.parquet`` beside ``NAME.parquet``.
+
+    Raises UserError where there is none, or where it is of other pictures.
+    """
+    if path is None:
+        raise UserError(f"image_encoding: {encoding} needs a trace in a file, {trace.name} is none")
+    beside = path.with_suffix(f".{encoding}{path.suffix}")
+    if not beside.is_file():
+        made = f"'genie-sim perceive --encoding {encoding} --out {beside}' makes it"
+        raise UserError(f"image_encoding: {encoding}: {path.name} has no {beside.name} beside it; {made}")
+    from genie_sim.perception.trace import read_trace
+
+    found = read_trace(beside)
+    if found.provenance.get("parameters", {}).get("encoding") != encoding:
+        raise UserError(f"{beside}: is not of pictures encoded as {encoding}")
+    if _pictures(found) != _pictures(trace):
+        raise UserError(f"{beside}: is not of the pictures of {path.name}; make it again, or take it away")
+    return found.rebased(trace.origin)
+
+
+def _pictures(trace: Trace) -> list[tuple[str, int, str]]:
+    return [(one.camera, one.stamp_ns, one.digest) for camera in sorted(trace.frames) for one in trace.frames[camera]]

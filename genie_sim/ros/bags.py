@@ -21,7 +21,7 @@ import numpy as np
 from genie_sim.core.geometry import Array, Geodetic, rigid, transform
 from genie_sim.errors import UserError, first_line, unknown
 from genie_sim.messages import Box, Detection
-from genie_sim.perception.fingerprint import difference_hash
+from genie_sim.perception.encoding import difference_hash
 from genie_sim.perception.geodesy import enu_SE3_enu
 from genie_sim.perception.placement import HALF_DEPTH_M, Placement
 from genie_sim.perception.trace import MOST_M, MOST_ORIGIN, Trace, TraceFrame, checked, detection, trace_frame, within

@@ -116,7 +116,7 @@ class Codec:
 
     def dhash(self, payload: bytes) -> int:
         """The 64-bit difference hash of an image; equal to the one in a perception trace."""
-        from genie_sim.perception.fingerprint import difference_hash
+        from genie_sim.perception.encoding import difference_hash
 
         if self._name != IMAGE:
             raise UserError(f"dhash: {self.type.name} is no {IMAGE}")

@@ -56,27 +56,23 @@ class TownRules:
         if len(two) != 2 or any(type(n) is not int or not 1 <= n <= MOST_BLOCKS for n in two):
             raise UserError(f"town: blocks: {self.blocks!r} is not two whole numbers from 1 to {MOST_BLOCKS}")
         object.__setattr__(self, "blocks", two)
-        for field in fields(self):
+        positive = ("speed_mps", "main_speed_mps", "acceleration_mps2", "braking_mps2", "view_m")
+        for field in fields(self)[1:]:
             value = getattr(self, field.name)
-            if field.name == "blocks":
-                continue
             if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
                 self._refuse(field.name, "is not a finite number")
             if isinstance(field.default, float):  # 15 and 15.0 are one town
                 object.__setattr__(self, field.name, float(value))
-        for name in ("main_every", "destinations"):
-            if not isinstance(getattr(self, name), int) or getattr(self, name) < 1:
-                self._refuse(name, "is not a whole number from 1 on")
-        for name in ("speed_mps", "main_speed_mps", "acceleration_mps2", "braking_mps2", "view_m"):
-            if getattr(self, name) <= 0:
-                self._refuse(name, "is not positive")
+            elif not isinstance(value, int) or value < 1:
+                self._refuse(field.name, "is not a whole number from 1 on")
+            if field.name in positive and value <= 0:
+                self._refuse(field.name, "is not positive")
+            if field.name.endswith("_100m") and not 0 <= value <= MOST_PER_100M:
+                self._refuse(field.name, f"is not between 0 and {MOST_PER_100M:g}")
         if self.view_m > MOST_VIEW_M:
             self._refuse("view_m", f"is more than {MOST_VIEW_M} m, where no law is known")
         if self.popularity < 0:
             self._refuse("popularity", "is negative")
-        for field in fields(self):
-            if field.name.endswith("_100m") and not 0 <= getattr(self, field.name) <= MOST_PER_100M:
-                self._refuse(field.name, f"is not between 0 and {MOST_PER_100M:g}")
         if not 0 <= self.truck_share <= 1:
             self._refuse("truck_share", "is not between 0 and 1")
         braking_m = max(self.speed_mps, self.main_speed_mps) ** 2 / (2 * self.braking_mps2)

@@ -112,16 +112,14 @@ def lay_out(
     for side in (-1, 1):
         for along_m, is_truck in _parked(rules, crossings, random):
             stand("truck" if is_truck else "car", along_m, side * PARKED_M)
-    for label, density, beside_m in (
-        ("bicycle", rules.parked_bicycles_per_100m, PAVEMENT_M - 1.0),
-        ("person", rules.standing_people_per_100m, PAVEMENT_M),
-        *((label, rules.furniture_per_100m * share, PAVEMENT_M + 1.0) for label, share in FURNITURE),
+    for label, density, beside_m, real in (
+        ("bicycle", rules.parked_bicycles_per_100m, PAVEMENT_M - 1.0, True),
+        ("person", rules.standing_people_per_100m, PAVEMENT_M, True),
+        *((label, rules.furniture_per_100m * share, PAVEMENT_M + 1.0, True) for label, share in FURNITURE),
+        *((label, density, GHOST_BESIDE_M, False) for label, density in laws.ghosts_per_100m.items()),
     ):
         for along_m, side in _scattered(density, length_m, random):
-            stand(label, along_m, side * beside_m)
-    for label, density in laws.ghosts_per_100m.items():
-        for along_m, side in _scattered(density, length_m, random):
-            stand(label, along_m, side * GHOST_BESIDE_M, real=False)
+            stand(label, along_m, side * beside_m, real)
     for crossing in range(crossings + 1):
         other = rules.main(crossing)
         if not other:

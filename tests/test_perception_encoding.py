@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from genie_sim.perception.fingerprint import difference_hash
+from genie_sim.perception.encoding import difference_hash
 
 
 @pytest.mark.parametrize("grey", [0, 77, 255])
