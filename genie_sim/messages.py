@@ -122,6 +122,8 @@ class Detection:
     motion: Motion | None = None
 
     def with_confidence(self, confidence: float) -> Detection:
+        if confidence == self.confidence:
+            return self
         return Detection(self.label, self.score, self.box, self.location, confidence, self.method, self.motion)
 
 

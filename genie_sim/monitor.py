@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import Literal, NamedTuple, Protocol
+from dataclasses import dataclass
+from typing import Literal, Protocol
 
 from genie_sim.messages import Detections, Header, Image, Message, Observation
 
 Placement = Literal["car", "edge"]
 
 
-class Step(NamedTuple):
+@dataclass(slots=True)
+class Step:
     """What took until ``end_ns`` on the way of a frame, at which node, link or host, and the step before it. Parts are
     ``queueing`` (for a thread, a processor or a link), ``hop`` (between processes of a host), ``genie`` (a cache's or a
     router's work), ``inference``, ``encoding`` (and decoding), ``uplink``, ``downlink``, ``edges`` (their network) and
@@ -27,8 +29,8 @@ class Step(NamedTuple):
         one another at one place are one."""
         last: Step | None = self
         while last is not None and last.before is not None and last.end_ns > begin_ns:
-            first = last.before
-            while first.before is not None and first[:2] == last[:2] and first.end_ns > begin_ns:
+            first, here = last.before, (last.part, last.place)
+            while first.before is not None and (first.part, first.place) == here and first.end_ns > begin_ns:
                 first = first.before
             yield last.part, last.place, max(first.end_ns, begin_ns), last.end_ns
             last = first

@@ -13,7 +13,7 @@ import pytest
 from genie_sim import files, runner
 from genie_sim.analysis import summary
 from genie_sim.analysis.correctness import FLOOR, of_held
-from genie_sim.core.matching import Placed, near
+from genie_sim.core.matching import near
 from genie_sim.errors import UserError
 from genie_sim.messages import CameraPose, Detection, Detections, Header, Image, Location
 from genie_sim.perception.sources import Recordings
@@ -99,8 +99,8 @@ def last(*steps: Step) -> dict[str, Any]:
 
 def test_gospa_by_hand():
     """Two pairs at 3 m and 1 m, one missed, one false: sqrt(9 + 1 + 2 * 12.5); p = 2, c = 5, alpha = 2."""
-    ours = [Placed("car", 3.0, 0.0), Placed("car", 20.0, 1.0), Placed("car", 90.0, 0.0)]
-    there = [Placed("car", 0.0, 0.0), Placed("car", 20.0, 0.0), Placed("car", 50.0, 0.0)]
+    ours = [("car", 3.0, 0.0), ("car", 20.0, 1.0), ("car", 90.0, 0.0)]
+    there = [("car", 0.0, 0.0), ("car", 20.0, 0.0), ("car", 50.0, 0.0)]
     assert gospa_m(near(ours, there, 5.0), 3, 3) == pytest.approx(math.sqrt(35.0))
     assert gospa_m([], 0, 0) == 0.0
     assert gospa_m([], 2, 0) == pytest.approx(5.0), "c / 2 ** (1 / 2) for each, not normalised by their number"
@@ -109,25 +109,25 @@ def test_gospa_by_hand():
 def test_gospa_of_the_example_of_its_paper():
     """Rahmathullah et al. 2017, Section III: two targets x1, x2. An estimate with both at distance D < c and one false
     target is worse than without by c**p / alpha; a missed and a false one cost the same as a pair at c."""
-    there = [Placed("car", 0.0, 0.0), Placed("car", 100.0, 0.0)]
-    both = [Placed("car", 0.0, 2.0), Placed("car", 100.0, 2.0)]
-    false = [*both, Placed("car", 50.0, 0.0)]
+    there = [("car", 0.0, 0.0), ("car", 100.0, 0.0)]
+    both = [("car", 0.0, 2.0), ("car", 100.0, 2.0)]
+    false = [*both, ("car", 50.0, 0.0)]
     exact, more = (gospa_m(near(ours, there, 5.0), len(ours), 2) for ours in (both, false))
     assert (exact**2, more**2) == (pytest.approx(8.0), pytest.approx(8.0 + 25.0 / 2))
-    far, at_cut = [Placed("car", 6.0, 0.0)], [Placed("car", 5.0, 0.0)]
-    single = [Placed("car", 0.0, 0.0)]
+    far, at_cut = [("car", 6.0, 0.0)], [("car", 5.0, 0.0)]
+    single = [("car", 0.0, 0.0)]
     assert gospa_m(near(far, single, 5.0), 1, 1) == gospa_m(near(at_cut, single, 5.0), 1, 1) == pytest.approx(5.0)
 
 
 def test_gospa_takes_the_best_assignment_and_not_the_nearest_pair_first():
     """Ours at 0 and 3, theirs at 1 and -3.5: nearest first pairs 0 with 1 and leaves 6.5 m; the best costs 16.25."""
-    ours = [Placed("car", 0.0, 0.0), Placed("car", 3.0, 0.0)]
-    there = [Placed("car", 1.0, 0.0), Placed("car", -3.5, 0.0)]
+    ours = [("car", 0.0, 0.0), ("car", 3.0, 0.0)]
+    there = [("car", 1.0, 0.0), ("car", -3.5, 0.0)]
     assert gospa_m(near(ours, there, 5.0), 2, 2) == pytest.approx(math.sqrt(4.0 + 12.25))
 
 
 def test_classes_are_never_paired():
-    assert gospa_m(near([Placed("car", 0.0, 0.0)], [Placed("person", 0.0, 0.0)], 5.0), 1, 1) == pytest.approx(5.0)
+    assert gospa_m(near([("car", 0.0, 0.0)], [("person", 0.0, 0.0)], 5.0), 1, 1) == pytest.approx(5.0)
 
 
 def test_a_parked_car_stays_right_and_ages():

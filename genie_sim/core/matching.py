@@ -6,7 +6,6 @@ Cars, trucks and buses are one class: a detector that confuses them has still fo
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import NamedTuple
 
 from genie_sim.messages import Detection
 
@@ -17,18 +16,13 @@ _CLASSES = {"truck": "car", "bus": "car"}
 Near = tuple[float, int, int]  # squared distance [m2] of a pair, and its indices in two lists
 
 
-class Placed(NamedTuple):
-    """An object's class, and where it is on the ground [m]."""
-
-    label: str
-    east_m: float
-    north_m: float
+Placed = tuple[str, float, float]  # an object's class, and where it is on the ground, east and north [m]
 
 
 def placed(objects: Iterable[Detection]) -> list[Placed]:
     """Those that have a place in the world."""
     return [
-        Placed(_CLASSES.get(one.label, one.label), one.location[0], one.location[1])
+        (_CLASSES.get(one.label, one.label), one.location[0], one.location[1])
         for one in objects
         if one.location is not None
     ]

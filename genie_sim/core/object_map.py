@@ -150,7 +150,8 @@ class ObjectMap:
         assert seen.location is not None
         self.changes += 1
         rules = self._rules
-        stored = self.match(seen.label, seen.location)
+        around = self._cells.get(self._cell(seen.location))
+        stored = None if around is None else self._nearest(seen.label, seen.location, around)
         if stored is not None:
             before = stored.confidence
             if not self._origins or self._speaks(stored, header):
@@ -262,8 +263,9 @@ class ObjectMap:
             stored = None
             if held.location is not None:
                 requests += 1
-                there = [one for one in self.at(held.location) if one.confidence >= threshold]
-                stored = self.match(held.label, held.location)
+                around = self.at(held.location)
+                there = [one for one in around if one.confidence >= threshold]
+                stored = self._nearest(held.label, held.location, around)
                 if stored is not None:
                     held = held.with_confidence(stored.confidence)
                 hits += bool(there)
@@ -288,12 +290,13 @@ class ObjectMap:
 
     def match(self, label: str, location: Location) -> StoredObject | None:
         """The stored object that a sighting of class ``label`` at ``location`` shows: the nearest that fits."""
+        return self._nearest(label, location, self._cells.get(self._cell(location), ()))
+
+    def _nearest(self, label: str, location: Location, around: Sequence[StoredObject]) -> StoredObject | None:
         east_m, north_m, _ = location
         any_class = self._any_class
         best, best2 = None, self._gate2
-        cell_m = self._cell_m
-        cell = location if self._exact else east_m // cell_m + north_m // cell_m * ROW
-        for one in self._cells.get(cell, ()):
+        for one in around:
             if one.label == label or any_class:
                 away_east_m, away_north_m = one.east_m - east_m, one.north_m - north_m
                 distance2 = away_east_m * away_east_m + away_north_m * away_north_m

@@ -118,7 +118,7 @@ class Held:
             if one.location is not None and truth.knows(one.label) and _in_view(image, one.location, truth.range_m)
         ]
         mine = placed(judged)
-        real = [Placed(class_of(one.label), one.location[0], one.location[1]) for one in there]
+        real = [(class_of(one.label), one.location[0], one.location[1]) for one in there]
         candidates = near(mine, real, max(truth.reach_m, GOSPA_CUT_M))
         found = pairs(candidates, truth.reach_m)
         right, seen = {i for _, i, _ in found}, [there[j].moving for _, _, j in found]
@@ -181,7 +181,7 @@ class Held:
 
 
 def _near(east_m: float, north_m: float, one: Placed, reach_m: float) -> bool:
-    return (east_m - one.east_m) ** 2 + (north_m - one.north_m) ** 2 <= reach_m * reach_m
+    return (east_m - one[1]) ** 2 + (north_m - one[2]) ** 2 <= reach_m * reach_m
 
 
 def _in_view(image: Image, at: Location, range_m: float) -> bool:

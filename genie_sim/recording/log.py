@@ -21,6 +21,7 @@ from genie_sim.monitor import Placement, Resource, Step
 from genie_sim.recording.answers import Answers
 from genie_sim.recording.held import Held
 from genie_sim.recording.records import Frame, Tables
+from genie_sim.recording.tables import Value
 
 SETTLED_NS = 6_000_000_000  # a frame this old has nearly always seen its last answer
 
@@ -177,16 +178,10 @@ class Log:
     def sample(self, resources: Sequence[Resource], now_ns: int) -> None:
         """The state of every device, link and queue at this instant."""
         self.close(now_ns - SETTLED_NS)
-        if resources:
-            self._resources.extend(
-                [self.method] * len(resources),
-                [now_ns] * len(resources),
-                [one.name for one in resources],
-                [one.kind for one in resources],
-                [one.capacity for one in resources],
-                [one.busy_ns for one in resources],
-                [one.queued for one in resources],
-                [one.completed for one in resources],
-                [one.drops for one in resources],
-                [one.sent_bytes for one in resources],
-            )
+        values: list[Value] = []
+        for one in resources:
+            values += (
+                self.method, now_ns, one.name, one.kind, one.capacity, one.busy_ns,
+                one.queued, one.completed, one.drops, one.sent_bytes,
+            )  # fmt: skip
+        self._resources.append(values)

@@ -11,7 +11,6 @@ from array import array
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
-from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
@@ -184,9 +183,9 @@ class Table:
             raise ValueError(f"{schema.name}: rows that are to be sorted have to stay in memory")
         self.schema = schema
         self._buffers = {column.name: _Buffer(column) for column in schema.columns}
-        self._new: list[tuple[Value, ...]] = []
-        self._parts: list[tuple[Sequence[Value], ...]] = []  # column by column
-        self._waiting = 0  # rows in the parts
+        self._new: list[Value] = []  # of rows that are not in the columns yet, row by row
+        self._width = len(schema.columns)
+        self._room = _BUFFERED * self._width  # how many values wait at most
         self._rows = 0
         self._spill = spill
         self._spilled = 0
@@ -195,34 +194,23 @@ class Table:
         self._written: Path | None = None
 
     def __len__(self) -> int:
-        return self._spilled + self._rows + len(self._new) + self._waiting
+        return self._spilled + self._rows + len(self._new) // self._width
 
     @property
     def name(self) -> str:
         return self.schema.name
 
-    def append(self, row: tuple[Value, ...]) -> None:
-        """Adds a row; its values are in the order of the columns."""
-        self._new.append(row)
-        if len(self._new) >= _BUFFERED:
-            self._store()
-
-    def extend(self, *columns: Sequence[Value]) -> None:
-        """Adds rows that are given column by column."""
-        self._parts.append(columns)
-        self._waiting += len(columns[0])
-        if self._waiting >= _BUFFERED:
+    def append(self, values: Sequence[Value]) -> None:
+        """Adds a row, or several one after the other; their values are in the order of the columns."""
+        self._new += values
+        if len(self._new) >= self._room:
             self._store()
 
     def _store(self) -> None:
         """Moves the new rows into the columns."""
         if self._new:
-            self._add(tuple(zip(*self._new, strict=True)))
+            self._add([self._new[place :: self._width] for place in range(self._width)])
             self._new.clear()
-        if self._parts:
-            self._add([list(chain.from_iterable(parts)) for parts in zip(*self._parts, strict=True)])
-            self._parts.clear()
-            self._waiting = 0
 
     def _add(self, columns: Sequence[Sequence[Value]]) -> None:
         for buffer, values in zip(self._buffers.values(), columns, strict=True):
@@ -230,6 +218,8 @@ class Table:
         self._rows += len(columns[0])
         if self._spill is not None and self._rows >= ROWS_PER_GROUP:
             self._spill_rows(self._spill)
+        left = _BUFFERED if self._spill is None else ROWS_PER_GROUP - self._rows
+        self._room = min(_BUFFERED, left) * self._width
 
     def take(self, **known: Value) -> tuple[Value, ...] | None:
         """Takes the row with these values out again, ``None`` if there is none; slow. The last row takes its place."""

@@ -55,4 +55,5 @@ class KnownAnswers:
 
 
 def _cell(one: Placed) -> Cell:
-    return one.label, math.floor(one.east_m / SAME_M), math.floor(one.north_m / SAME_M)
+    label, east_m, north_m = one
+    return label, math.floor(east_m / SAME_M), math.floor(north_m / SAME_M)
