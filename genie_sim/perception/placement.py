@@ -143,7 +143,7 @@ class Placement:
         if len(inside) >= MIN_POINTS:
             right, ahead_of_it = self._points[0, inside], self._points[2, inside]
             ranges_m = np.hypot(right, ahead_of_it)
-            group = near_group(ranges_m, ground_m)
+            group = self._object(label, box, inside, ranges_m, ground_m)
             if label in VEHICLE_SIZES and len(group) >= MIN_SHAPE_POINTS:
                 seen = np.column_stack([right[group], ahead_of_it[group]])
                 middle = shape.centre(seen, VEHICLE_SIZES[label], self._cut(box))
@@ -158,6 +158,10 @@ class Placement:
         centre = ahead * (surface_m + HALF_DEPTH_M[label]) / math.hypot(ahead[0], ahead[2])
         x, y, z = centre.tolist()
         return (x, y, z), method
+
+    def _object(self, label: str, box: Box, inside: Indices, ranges_m: Array, ground_m: float | None) -> Indices:
+        """Which of the points inside a box, given their distances, are the object's."""
+        return near_group(ranges_m, ground_m)
 
     def _inside(self, box: Box) -> Indices:
         """The points in the inner part of a box."""
@@ -190,15 +194,20 @@ def near_group(ranges_m: Array, ground_m: float | None) -> Indices:
 
     Dense groups are compared with the distance of the object's foot on the ground; without it the nearest one counts.
     """
-    order = np.argsort(ranges_m, kind="stable")
-    ordered = ranges_m[order]
-    ends = [0, *(np.flatnonzero(ordered[1:] - ordered[:-1] > GROUP_GAP_M) + 1).tolist(), len(order)]
-    groups = [order[first:end] for first, end in pairwise(ends)]
-    enough = max(MIN_POINTS, DENSE_SHARE * len(order))
+    groups = groups_of(ranges_m)
+    enough = max(MIN_POINTS, DENSE_SHARE * len(ranges_m))
     dense = [group for group in groups if len(group) >= enough] or [max(groups, key=len)]
     if ground_m is None:
         return dense[0]
     return min(dense, key=lambda group: abs(math.log(surface(ranges_m[group]) / ground_m)))
+
+
+def groups_of(ranges_m: Array) -> list[Indices]:
+    """Points by distance, a new group after each gap."""
+    order = np.argsort(ranges_m, kind="stable")
+    ordered = ranges_m[order]
+    ends = [0, *(np.flatnonzero(ordered[1:] - ordered[:-1] > GROUP_GAP_M) + 1).tolist(), len(order)]
+    return [order[first:end] for first, end in pairwise(ends)]
 
 
 def surface(ranges_m: Array) -> float:
