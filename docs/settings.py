@@ -22,7 +22,7 @@ UNITS = {  # by the example that the schema gives of a quantity
 }
 KINDS = {"integer": "whole number", "number": "number", "boolean": "true or false", "string": "text", "array": "list"}
 OWN_CLASS = "`package.module:Class`"
-REPEATED = ("cars[].cameras[].", "cars[].link.", "fleet.link.")  # described once, under cameras and edge_network
+REPEATED = ("cars[].cameras[].", "cars[].link.", "fleet.link.", "convoy.link.", "convoy.route.")  # described elsewhere
 
 Node = Mapping[str, Any]
 

@@ -514,7 +514,7 @@ def test_unknown_scenarios() -> None:
 def test_a_schema_for_editors_comes_for_free() -> None:
     schema = Scenario.model_json_schema(by_alias=True)
     assert schema["required"] == ["name"]
-    assert schema["anyOf"] == [{"required": ["cars"]}, {"required": ["fleet"]}]
+    assert schema["anyOf"] == [{"required": [who]} for who in ("cars", "convoy", "fleet")]
     assert schema["properties"]["start_jitter"]["examples"] == ["30 ms"]
 
 

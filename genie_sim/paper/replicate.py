@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 from typing import TypeVar
 
 from genie_sim import build, files
+from genie_sim.errors import UserError, unknown
 from genie_sim.paper import quality
 from genie_sim.paper.facts import METHODS, Facts, facts_of
 from genie_sim.paper.watch import Watch
@@ -33,6 +34,8 @@ STREET_S = 3 * ROUTE_S  # of the 15.8 s that are recorded
 GOLDEN = (5**0.5 - 1) / 2
 CUT_S = 2.5  # when `link=cut` cuts the links: in mid run
 RECORDED_HZ = 10.0
+QUADRO = "quadro_rtx_4000"
+SERVERS = ("one", "all", "shared")
 
 EVERY_METHOD = tuple(method.name for method in METHODS)
 
@@ -117,7 +120,7 @@ def prepare_job(job: Job) -> Prepared:
 
 WORDS = (
     "overlap", "gate_m", "order", "same_bag_s", "laps", "similarity", "quadro", "all_edges", "links", "link",
-    "image_cell_m", "view_range_m", "min_score", "frame_rate_hz",
+    "image_cell_m", "view_range_m", "min_score", "frame_rate_hz", "server",
 )  # fmt: skip
 _plain = functools.lru_cache(load_scenario)
 
@@ -137,7 +140,7 @@ def _split(settings: Sequence[str]) -> tuple[dict[str, str], list[str]]:
 
 def _expanded(scenario: Scenario, words: Mapping[str, str], seed: int) -> Iterator[str]:
     """The evaluation's own words as overrides of the scenario."""
-    cars, edges = scenario.cars, scenario.edges
+    cars = scenario.cars
     if "overlap" in words:
         yield from _routes(scenario, float(words["overlap"]), words.get("order"), seed)
     for index in range(len(cars)):
@@ -151,11 +154,7 @@ def _expanded(scenario: Scenario, words: Mapping[str, str], seed: int) -> Iterat
     if words.get("link") == "cut":
         cuts = [f"{{fault: outage, target: {car.name}, begin: {CUT_S} s}}" for car in cars]
         yield f"faults=[{', '.join(cuts)}]"
-    for index, edge in enumerate(edges):
-        if "all_edges" in words:
-            yield f"edges[{index}].device={words['all_edges']}"
-        elif "quadro" in words and edge.device == "quadro_rtx_4000":
-            yield f"edges[{index}].device={words['quadro']}"
+    yield from _edges(scenario, words)
     if "links" in words:
         yield f"edge_network={words['links']}"
     if "gate_m" in words:
@@ -166,6 +165,24 @@ def _expanded(scenario: Scenario, words: Mapping[str, str], seed: int) -> Iterat
         yield f"genie.similarity={{name: pose_grid, cell: {words['image_cell_m']} m}}"
     if "view_range_m" in words:
         yield f"genie.view_range={words['view_range_m']} m"
+
+
+def _edges(scenario: Scenario, words: Mapping[str, str]) -> Iterator[str]:
+    """The devices of edges. ``server``: in heterogeneous scenarios ``one`` edge is the powerful server, ``all`` are, or
+    one is ``shared`` by all cars."""
+    server, quadro = words.get("server", SERVERS[0]), words.get("quadro", QUADRO)
+    if server not in SERVERS:
+        raise UserError(f"server: {unknown('server', server, SERVERS)}")
+    heterogeneous = any(edge.device == QUADRO for edge in scenario.edges)
+    if server == "shared" and heterogeneous:
+        yield f"edges=[{{name: edge1, device: {words.get('all_edges', quadro)}}}]"
+        yield from (f"cars[{index}].edge=edge1" for index in range(len(scenario.cars)))
+        return
+    for index, edge in enumerate(scenario.edges):
+        if "all_edges" in words:
+            yield f"edges[{index}].device={words['all_edges']}"
+        elif edge.device == QUADRO or (server == "all" and heterogeneous):
+            yield f"edges[{index}].device={quadro}"
 
 
 def _routes(scenario: Scenario, overlap: float, order: str | None, seed: int) -> Iterator[str]:

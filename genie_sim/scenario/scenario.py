@@ -11,7 +11,7 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self, get_args
 
-from pydantic import ConfigDict, Field, PrivateAttr, model_validator
+from pydantic import ConfigDict, Field, PrivateAttr, ValidationError, model_validator
 
 from genie_sim import files, methods, plugins, units
 from genie_sim.core.consumer import ConsumerName
@@ -21,8 +21,9 @@ from genie_sim.messages import Encoding
 from genie_sim.methods import METHODS
 from genie_sim.perception.sources import SOURCES
 from genie_sim.plugins import Choice
+from genie_sim.scenario.convoy import Convoy
 from genie_sim.scenario.faults import FaultField, check_faults
-from genie_sim.scenario.fields import Count, Duration, Listed, Model, Name, problem, validate
+from genie_sim.scenario.fields import Count, Duration, Listed, Model, Name, first_problem, problem, validate
 from genie_sim.scenario.fleet import MOST_EDGES, Fleet
 from genie_sim.scenario.genie import GenieSection
 from genie_sim.scenario.links import LINKS, Link
@@ -62,11 +63,11 @@ class Overridable(Model):
 class Scenario(Overridable):
     """Everything that decides the outcome of a run, but for the files it names.
 
-    Who drives is said by ``cars`` and ``edges``, or by ``fleet``. Of the tables beside the frames only those in
-    ``record`` are written down, and of a fleet's resources only those of its edges.
+    Who drives is said by ``cars`` and ``edges``, which a ``convoy`` is turned into, or by ``fleet``. Of the tables
+    beside the frames only those in ``record`` are written down, and of a fleet's resources only those of its edges.
     """
 
-    model_config = ConfigDict(json_schema_extra={"anyOf": [{"required": ["cars"]}, {"required": ["fleet"]}]})
+    model_config = ConfigDict(json_schema_extra={"anyOf": [{"required": [who]} for who in ("cars", "convoy", "fleet")]})
 
     name: Name
     description: str = ""
@@ -81,6 +82,7 @@ class Scenario(Overridable):
     edges: Annotated[tuple[Edge, ...], Listed] = ()
     cars: Annotated[tuple[Car, ...], Listed] = ()
     fleet: Fleet | None = None
+    convoy: Convoy | None = None
     faults: Annotated[tuple[FaultField, ...], Listed] = ()
     record: Annotated[tuple[Record, ...], Listed] = RECORDS
     _profiles: dict[str, DeviceProfile] = PrivateAttr(default_factory=dict)
@@ -90,6 +92,8 @@ class Scenario(Overridable):
     def _somebody_drives(cls, data: Any) -> Any:
         if isinstance(data, Mapping) and "axes" in data:
             problem("axes", "belongs to a sweep, which 'genie-sim sweep' runs")
+        if isinstance(data, Mapping) and data.get("convoy") is not None:
+            data = _without_convoy(data)
         if isinstance(data, Mapping) and data.get("fleet") is None and "cars" not in data:
             problem("cars", "missing")
         return data
@@ -272,6 +276,18 @@ class Scenario(Overridable):
         """Every setting written out; reads back to an equal scenario."""
         written = self.model_dump(mode="json", by_alias=True)
         return dump({key: written[key] for key in ("name", "description", "seed", "methods")} | written)
+
+
+def _without_convoy(data: Mapping[str, Any]) -> dict[str, Any]:
+    """The scenario with the cars and edges that its convoy stands for."""
+    for field in ("cars", "edges", "fleet"):
+        if data.get(field):
+            problem(field, "a convoy brings its own cars and edges; leave them out, or 'convoy'")
+    try:
+        return {**data, "convoy": None, **Convoy.model_validate(data["convoy"]).expanded()}
+    except ValidationError as error:
+        field, text = first_problem(error, data["convoy"])
+        problem(f"convoy.{field}".rstrip("."), text)
 
 
 def _unknown_edge(name: str, edges: Collection[str]) -> str:

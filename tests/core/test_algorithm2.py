@@ -183,7 +183,8 @@ def test_c_t_may_be_a_percentile_of_all_that_is_stored(percent):
     assert objects.threshold == 1.0, "nothing is confident before there is anything"
     for second in range(60):
         objects.forget(second * S)
-        objects.sight(seen("car", rng.random(), at=(5.0 * rng.randrange(12), 0.0)), second * S)
+        one = seen("car", rng.random(), at=(5.0 * rng.randrange(12), 0.0)).with_confidence(rng.random())
+        objects.sight(one, second * S)
         stored = sorted(one.confidence for one in objects)
         least = next(one for one in stored if sum(other <= one for other in stored) >= percent / 100 * len(stored))
         assert objects.threshold == least
