@@ -94,6 +94,27 @@ def test_a_frame_of_the_replay_is_that_of_the_tables(run, page):
         assert len(hits) == (mine["stamp_ns"] == row["stamp_ns"]).sum() > 0
 
 
+def test_the_steps_of_every_frame_add_up_to_its_response_time(run, page):
+    shown = embedded(page)["replay"]
+    for one in shown["methods"]:
+        steps, frames = one["steps"], run.frames[run.frames["method"] == one["name"]]
+        sums = {"first": 0, "fresh": 0, "both": 0}
+        for which, took_ns in zip(steps["which"], steps["took_ns"], strict=True):
+            sums[shown["whichs"][which]] += took_ns
+        for answer in ("first", "fresh"):
+            whole = (frames[f"{answer}_answer_ns"] - frames["received_ns"]).sum()
+            assert sums[answer] + sums["both"] == whole > 0
+        assert set(steps["frame_id"]) <= set(range(sum(len(stream["stamp_us"]) for stream in shown["streams"])))
+
+
+def test_ghosts_that_a_car_holds_are_those_of_the_table(run, page):
+    for one in embedded(page)["replay"]["methods"]:
+        mine = run.held[(run.held["method"] == one["name"]) & (run.held["what"] == "consumer")]
+        assert {car: sum(of["right"]) for car, of in one["held"].items()} == {
+            str(car): rows["right"].sum() for car, rows in mine.groupby("car", observed=True)
+        }
+
+
 def of_method(shown: dict, name: str) -> dict:
     return next(one for one in shown["methods"] if one["name"] == name)
 
@@ -397,6 +418,24 @@ def test_a_click_on_a_frame_tells_its_story(browser, file, run):
     if pd.notna(row["objects_fresh"]):
         assert f"{int(row['objects_fresh'])} object" in story
     assert "dropped at" in story or "fresh" in story
+    last = "fresh" if pd.notna(row["fresh_answer_ns"]) else "first"
+    whole_ms = (row[f"{last}_answer_ns"] - row["received_ns"]) / 1e6
+    assert browser.evaluate("byId('story').querySelector('tbody tr:last-child').textContent") == f"all{whole_ms:.6f} ms"
+    assert "ghosts" in browser.evaluate("byId('now').textContent")
+
+
+def test_where_the_time_goes_is_the_mean_of_the_answers(browser, file, run):
+    browser.open(file)
+    rows = browser.evaluate(
+        "[...byId('part-table').querySelectorAll('tbody tr')].map((row) => [row.firstChild, row.lastChild]"
+        ".map((cell) => cell.textContent))"
+    )
+    means = {one.metric: one.value for one in run.measured if (one.method, one.component) == ("genie", "")}
+    told = {name: float(value.removesuffix(" ms")) for name, value in rows}
+    assert told["Genie (DG), first"] == pytest.approx(means["first_answer_mean"], rel=5e-3)
+    assert told["Genie (DG), fresh"] == pytest.approx(means["fresh_answer_mean"], rel=5e-3)
+    bars = browser.evaluate("byId('part-bars').querySelectorAll('svg.parts').length")
+    assert bars == len(rows) >= 4
 
 
 def test_what_is_clicked_in_the_strip_stays_under_the_pointer(browser, tmp_path):

@@ -40,6 +40,7 @@ RC: dict[str, Any] = {
 }
 COLOURS = ("#E69F00", "#C44E00", "#0B3C6F", "#009E73", "#CC79A7", "#56B4E9", "#777777", "#000000")
 HOSTS = ("#332288", "#88CCEE", "#44AA99", "#117733", "#999933", "#DDCC77", "#CC6677", "#882255")  # no method's (Tol)
+DARK_HOSTS = ("#9C90F0", "#88CCEE", "#44AA99", "#4FBF74", "#BBBB55", "#DDCC77", "#E08895", "#D873A4")
 DARK_COLOURS = ("#F0B13C", "#FF8A4C", "#79B8FF", "#35C498", "#F08FC4", "#5AC8FA", "#A0A0A0", "#E8E8E8")  # dark pages
 DOTTED, DASH_DOT, SOLID, DASHED = (0, (1, 1)), (0, (5, 1.2, 1, 1.2)), "-", (0, (4, 1.2))
 DASHES = (DOTTED, DASH_DOT, SOLID, DASHED)

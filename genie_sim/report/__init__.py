@@ -49,7 +49,7 @@ def page(run: Run, start_ns: int = 0) -> str:
     """
     with provenance.of_this_version(run.folder):
         elsewhere = "The numbers are also in metrics.json and summary.md beside it."
-        title, scripts = f"{run.name}, run {run.run_id}", (*REPLAY, "many.js", "fleet.js", "run.js")
+        title, scripts = f"{run.name}, run {run.run_id}", ("parts.js", *REPLAY, "many.js", "fleet.js", "run.js")
         return assemble("run.html", scripts, title, page_data(run, start_ns), elsewhere)
 
 
@@ -74,13 +74,19 @@ def assemble(
 
 
 def _palette() -> str:
-    """The methods' colours as variables ``--method-0`` and so on, and their lines as classes ``m0`` and so on."""
+    """The colours of methods as variables ``--method-0`` and so on, of hosts as ``--host-0``; methods' lines as classes
+    ``m0`` and so on, those of hosts ``h0``, and parts of the time ``part-0``."""
     light, dark = (
-        ":root{" + "".join(f"--method-{i}:{colour};" for i, colour in enumerate(colours)) + "}"
-        for colours in (style.COLOURS, style.DARK_COLOURS)
+        ":root{" + "".join(f"--{of}-{i}:{one};" for of, all in named.items() for i, one in enumerate(all)) + "}"
+        for named in (
+            {"method": style.COLOURS, "host": style.HOSTS},
+            {"method": style.DARK_COLOURS, "host": style.DARK_HOSTS},
+        )
     )
     lines = (f".m{i}{{--c:var(--method-{i});stroke-dasharray:{_dashes(i)}}}" for i in range(len(style.COLOURS)))
-    return "\n".join([light, f"@media (prefers-color-scheme: dark){{{dark}}}", *lines, ""])
+    parts = (f".part-{i}{{fill:{look['facecolor']}}}" for i, (_, look) in enumerate(style.PARTS.values()))
+    hosts = (f".h{i}{{--c:var(--host-{i})}}" for i in range(len(style.HOSTS)))
+    return "\n".join([light, f"@media (prefers-color-scheme: dark){{{dark}}}", *lines, *parts, *hosts, ""])
 
 
 def _dashes(position: int) -> str:

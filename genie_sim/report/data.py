@@ -19,7 +19,7 @@ from genie_sim.analysis.metrics import (
     running_use,
     windowed_reuse,
 )
-from genie_sim.analysis.style import PLACEMENTS, by_number, thinned
+from genie_sim.analysis.style import PARTS, PLACEMENTS, by_number, thinned
 from genie_sim.report.fleet_map import fleet_data
 from genie_sim.report.replay import last_instant_ns, replay_data
 from genie_sim.units import NS_PER_S
@@ -51,6 +51,7 @@ def page_data(run: Run, start_ns: int = 0) -> dict[str, Any]:
             [rounded(value) if isinstance(value, float) else value for value in astuple(one)]
             for one in _shown(run.measured, notes)
         ],
+        "parts": [{"name": name, "title": title} for name, (title, _) in PARTS.items()],
         "deadline_ms": DEADLINE_MS,
         "cdf": list(_cdfs(run)),
         "over_time": {

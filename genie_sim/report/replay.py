@@ -1,7 +1,7 @@
 """The street of a run over time, and the story of each frame: columns of whole numbers that pack well as JSON.
 
-A long run does not fit into one page. Then a stretch of it is kept, with every frame, look-up and change of the object
-maps in it, rather than a thinned whole that would show a hit here and hide the next; the page says which stretch.
+A long run does not fit into one page. Then a stretch of it is kept, with every frame, step, look-up and change of the
+object maps in it, rather than a thinned whole that would show a hit here and hide the next; the page says which.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from genie_sim.analysis import style
 from genie_sim.recording.columns import NO_TEXT, Columns, Text
 from genie_sim.units import NS_PER_MS, NS_PER_S
 
@@ -20,10 +21,11 @@ if TYPE_CHECKING:
 
     Column = np.ndarray[Any, Any]
 
-MOST_ROWS = 200_000  # of frames, look-ups and map changes together: about 7 MB of JSON
+MOST_ROWS = 200_000  # of frames, look-ups, map changes and steps together: about 7 MB of JSON
 US = 1_000
 KINDS = ("image", "sighting", "boost")
 OUTCOMES = ("miss", "hit", "coalesced")
+WHICHS = ("first", "fresh", "both")
 UNKNOWN = -1
 
 
@@ -79,12 +81,15 @@ def replay_data(run: Run, start_ns: int, notes: list[str]) -> dict[str, Any] | N
                 "objects": list(
                     _objects(run.tables["objects"].where(method=method.name), begin_ns, end_ns, names)
                 ),
+                "held": dict(_held(run.tables["held"].where(method=method.name, what="consumer"), end_ns)),
+                "steps": _steps(run.tables["steps"].where(method=method.name), poses, names),
             }
             for method in run.methods
         ],
         "names": list(names.all),
         "kinds": KINDS,
         "outcomes": OUTCOMES,
+        "whichs": WHICHS,
     }
 
 
@@ -97,7 +102,7 @@ def last_instant_ns(run: Run) -> int:
 
 def _end_ns(run: Run, begin_ns: int) -> int:
     """The last instant that is shown: that of the run, else as many whole seconds as fit, at least one."""
-    tables = (("frames", "stamp_ns"), ("lookups", "stamp_ns"), ("objects", "t_ns"))
+    tables = (("frames", "stamp_ns"), ("lookups", "stamp_ns"), ("objects", "t_ns"), ("steps", "stamp_ns"))
     instants = np.sort(np.concatenate([run.tables[name][column] for name, column in tables]))
     first = int(np.searchsorted(instants, begin_ns))
     if len(instants) - first <= MOST_ROWS:
@@ -186,6 +191,27 @@ def _lookups(mine: Columns, poses: Columns, names: _Names) -> dict[str, Any]:
         "boost_e4": _scaled(rows["boost_sum"], 10_000).tolist(),
         "frame_id": ids[here].tolist(),
         **{name: rows[name].tolist() for name in ("requests", "hits", "updates", "entries")},
+    }
+
+
+def _held(mine: Columns, end_ns: int) -> Iterator[tuple[str, dict[str, list[int]]]]:
+    """By car, where the truth is known: how many objects its consumer holds at each instant, and how many are there."""
+    for car, rows in mine.rows(mine["stamp_ns"] <= end_ns).groups("car"):
+        counts = {name: rows[name].tolist() for name in ("held", "right")}
+        yield car, {"t_us": _deltas(rows["stamp_ns"] // US), **counts}
+
+
+def _steps(mine: Columns, poses: Columns, names: _Names) -> dict[str, Any]:
+    """The steps to the answers to these frames under one method, answer by answer."""
+    ids = _places(poses, mine, "stamp_ns")
+    here = np.flatnonzero(ids != UNKNOWN)
+    rows = mine.rows(here)
+    return {
+        "frame_id": ids[here].tolist(),
+        "which": rows["which"].codes_in(WHICHS).tolist(),
+        "part": rows["part"].codes_in(tuple(style.PARTS)).tolist(),
+        "place": names.codes(rows["place"]),
+        "took_ns": (rows["end_ns"] - rows["begin_ns"]).tolist(),
     }
 
 

@@ -99,11 +99,18 @@ function showNow(run, t) {
   table(byId("now"), "What each car holds", ["", ...run.methods.map((one) => methodKey(one.name))], cars.map((car, place) => [car.name, ...run.methods.map((method) => {
     const held = holding(run, method, place, t);
     if (held === null) return make("td", {}, "nothing yet");
-    return make("td", {}, countOf(held.objects), make("small", {}, `${held.age < 1e6 ? `${Math.round(held.age / 1000)} ms` : `${(held.age / 1e6).toFixed(1)} s`} old`),
+    return make("td", {}, countOf(held.objects), ghosts(method.judged[place], t), make("small", {}, `${held.age < 1e6 ? `${Math.round(held.age / 1000)} ms` : `${(held.age / 1e6).toFixed(1)} s`} old`),
       make("small", {}, `${held.source === "map" ? "object map" : words(held.source)}${held.fresh ? ", fresh" : ""}`));
   })]));
-  byId("now-about").textContent = `The newest answer: its objects, its age since the frame was received, its source.` +
+  const truth = run.methods.some((one) => one.judged.some(Boolean)) ? " Ghosts: held in its field of view at its last frame, but not there." : "";
+  byId("now-about").textContent = `The newest answer: its objects, its age since the frame was received, its source.${truth}` +
     (cars.length < run.cars.length ? ` The first ${cars.length} of ${run.cars.length} cars.` : "");
+}
+
+// Where the truth is known: how many of the objects that a consumer holds in its field of view are not there.
+function ghosts(judged, t) {
+  const i = judged ? lastUpTo(judged.t, t) : -1;
+  return i < 0 ? null : make("small", { class: judged.held[i] > judged.right[i] ? "o-miss" : "o-hit" }, `${judged.held[i] - judged.right[i]} of ${judged.held[i]} in view are ghosts`);
 }
 
 function showLegend(run, method) {

@@ -29,17 +29,23 @@ function decode(replay, about) {
 }
 
 // What happened under one method. `rows` are the columns of its frames; `held` what each car holds from which instant on.
-function methodOf(run, { name, frames: rows, lookups: { t_us, ...columns }, objects }) {
-  const lookups = { ...columns, t: undelta(t_us) }, of_frame = new Map(), places = new Map();
-  lookups.frame_id.forEach((id, row) => { if (of_frame.has(id)) of_frame.get(id).push(row); else of_frame.set(id, [row]); });
+function methodOf(run, { name, frames: rows, lookups: { t_us, ...columns }, objects, held, steps }) {
+  const lookups = { ...columns, t: undelta(t_us) }, of_frame = byFrame(lookups.frame_id), places = new Map();
   const images = lookups.kind.flatMap((kind, row) => run.kinds[kind] === "image" ? [row] : []);
   for (const [genie, label, east, north, t, confidence] of objects) {
     const key = `${label} ${east} ${north}`;
     if (!places.has(key)) places.set(key, { label: run.names[label], east: east / 100, north: north / 100, maps: [] });
     places.get(key).maps.push({ genie, t: undelta(t, 1000), confidence });
   }
-  return { name, title: methodTitle(name), rows, lookups, of_frame, images, image_t: images.map((row) => lookups.t[row]),
-    objects: [...places.values()], caches: rows.outcome.some((one) => one >= 0), held: run.cars.map((car) => answersOf(run, car, rows)) };
+  return { name, title: methodTitle(name), rows, lookups, of_frame, steps: { ...steps, of_frame: byFrame(steps.frame_id) }, images, image_t: images.map((row) => lookups.t[row]),
+    objects: [...places.values()], caches: rows.outcome.some((one) => one >= 0), held: run.cars.map((car) => answersOf(run, car, rows)),
+    judged: run.cars.map(({ name: car }) => held[car] && { ...held[car], t: undelta(held[car].t_us) }) };
+}
+
+function byFrame(ids) {
+  const found = new Map();
+  ids.forEach((id, row) => { if (found.has(id)) found.get(id).push(row); else found.set(id, [row]); });
+  return found;
 }
 
 // The answers to a car, in order of time, that were about a newer frame than any before.

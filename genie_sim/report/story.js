@@ -19,7 +19,7 @@ function storyOf(run, method, id) {
   steps.sort((one, other) => one.t - other.t);
   const never = method.rows.received_us[id] < 0 ? " No queue received this frame: here they count from the picture." : "";
   return [comparison(run, id), title, make("p", { class: "small" }, `Times count from when the first node's queue received the frame, as in the metrics.${never}`),
-    make("ol", {}, ...steps.map((step) => make("li", {}, make("span", {}, step.t >= LAST ? "" : inMs(step.t - zero)),
+    ...partsOfFrame(run, method, id), make("ol", {}, ...steps.map((step) => make("li", {}, make("span", {}, step.t >= LAST ? "" : inMs(step.t - zero)),
       make("span", { class: step.tone ? `o-${step.tone}` : null }, step.text, step.small ? make("span", { class: "small" }, step.small) : null))))];
 }
 
@@ -72,12 +72,18 @@ function comparison(run, id) {
   const span = 1.05 * Math.max(1000, ...methods.flatMap(since)), across = (us) => left + us / span * (width - left - 40);
   const svg = draw("svg", { width, height: row * methods.length + 29, role: "img",
     "aria-label": methods.map(({ title, rows }) => `${title}: ${inWords(run, rows, id)}`).join("; ") });
+  const shown = new Set();
   methods.forEach((method, index) => {
     const y = index * row + 20, [first, fresh] = since(method), last = Math.max(first, fresh), told = inWords(run, method.rows, id);
     svg.append(draw("text", { x: 0, y: y + 4 }, method.title));
     if (narrow || last < 0) svg.append(draw("text", { class: "quiet", x: narrow ? 0 : left, y: narrow ? y + 20 : y + 4 }, told));
     if (last < 0) return;
-    const mine = draw("g", { class: methodClass(method.name) }, draw("path", { d: `M${across(0)} ${y}H${across(last)}`, "stroke-width": 3 }),
+    for (const { part, place, from, took } of stepsTo(run, method, id)) {
+      svg.append(draw("rect", { class: `step ${partClass(part)}`, x: across(from / 1000), y: y - 5, width: Math.max(took / 1000 / span * (width - left - 40), 0.5), height: 10 },
+        draw("title", {}, `${partTitle(part)}, ${place}: ${inMs(took / 1000)}`)));
+      shown.add(part);
+    }
+    const mine = draw("g", { class: methodClass(method.name) }, ...(shown.size ? [] : [draw("path", { d: `M${across(0)} ${y}H${across(last)}`, "stroke-width": 3 })]),
       draw("circle", { cx: across(first), cy: y, r: 5.5 }));
     if (fresh >= 0 && fresh !== first) mine.append(draw("circle", { class: "hollow", cx: across(fresh), cy: y, r: 5.5 }));
     svg.append(mine);
@@ -88,7 +94,7 @@ function comparison(run, id) {
   const sign = (shape, text) => make("span", {}, draw("svg", { width: 14, height: 14, "aria-hidden": "true" }, shape), text);
   return make("div", { class: "scroll" }, svg, make("div", { class: "legend" },
     sign(draw("circle", { cx: 7, cy: 7, r: 5, fill: "currentColor" }), "first answer (or first and fresh in one)"),
-    sign(draw("circle", { class: "hollow", cx: 7, cy: 7, r: 5, stroke: "currentColor" }), "fresh result")));
+    sign(draw("circle", { class: "hollow", cx: 7, cy: 7, r: 5, stroke: "currentColor" }), "fresh result")), partKeys(shown));
 }
 function inWords(run, rows, id) {
   const first = rows.first_answer_us[id], fresh = rows.fresh_answer_us[id], drop = rows.drop[id], ms = (us) => inMs(us - receivedAt(rows, id));
