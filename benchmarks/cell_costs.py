@@ -23,8 +23,9 @@ from benchmarks.cells import BLOCKS_A_CELL, CARS_A_CELL, Setting, apart, small_t
 from benchmarks.genie_runs import REPOSITORY
 from benchmarks.speed import machine
 from benchmarks.speed_page import table
+from genie_sim.build import Prepared
 from genie_sim.errors import UserError
-from genie_sim.runner import Prepared, simulate
+from genie_sim.runner import simulate
 from genie_sim.scenario.scenario import Record
 from genie_sim.town import Town, TownRules
 

@@ -26,12 +26,13 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from benchmarks.speed_page import DOCS, filled, table
 from genie_sim.analysis import metrics
+from genie_sim.build import Prepared
 from genie_sim.errors import UserError
 from genie_sim.paper.evidence import Values, interval
 from genie_sim.parallel import in_processes, workers_here
 from genie_sim.recording.records import Tables
 from genie_sim.recording.results import MethodInfo
-from genie_sim.runner import Prepared, prepare, simulate
+from genie_sim.runner import prepare, simulate
 from genie_sim.scenario.parts import Car, Edge, Route
 from genie_sim.scenario.scenario import load_scenario
 from genie_sim.units import NS_PER_S

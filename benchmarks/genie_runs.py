@@ -20,8 +20,9 @@ from unittest import mock
 import numpy as np
 
 from benchmarks.station import PERIOD_NS, Outcome
+from genie_sim.build import Prepared
 from genie_sim.recording.records import Tables
-from genie_sim.runner import Prepared, Progress, prepare, simulate
+from genie_sim.runner import Progress, prepare, simulate
 from genie_sim.scenario.scenario import Scenario, load_scenario, read_scenario
 from genie_sim.seeds import stream
 from genie_sim.sim.clock import Clock

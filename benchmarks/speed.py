@@ -26,9 +26,10 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 from benchmarks import genie_runs, peers, speed_page
 from benchmarks.genie_runs import Drive, Hot, Work, drive, fleet, run_genie, three_cars, work_of
 from benchmarks.station import ENGINES, Outcome, Station, station_of
+from genie_sim.build import Prepared
 from genie_sim.errors import UserError
 from genie_sim.recording import provenance
-from genie_sim.runner import Prepared, prepare
+from genie_sim.runner import prepare
 
 CAMERAS_PER_CAR = 4
 FIRST_LAP, ALL_LAPS, FLEET = "Genie, first lap", "Genie, {} laps", "Genie"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from types import MappingProxyType
+from functools import cached_property
 from typing import Any, Literal
 
 from genie_sim import plugins
@@ -16,7 +16,7 @@ from genie_sim.errors import UserError
 from genie_sim.messages import Header, Look
 from genie_sim.methods import METHODS, MUST_HAVE
 from genie_sim.monitor import Monitor
-from genie_sim.perception.sources import Drive
+from genie_sim.perception.sources import Drive, Frames
 from genie_sim.plugins import Choice
 from genie_sim.scenario.faults import check_faults, timed
 from genie_sim.scenario.methods import MethodEntry
@@ -35,32 +35,46 @@ MEASURED_FRAMES = 600  # at most, of one camera, that a detector's laws are meas
 
 
 @dataclass(frozen=True)
-class Built:
-    """Everything that every method of a scenario shares, as plain values."""
+class Prepared:
+    """A scenario with everything it names: its open frame source, devices by name, and each car's drive by its name.
+
+    ``expanded`` is the scenario with every car and edge of its fleet; ``encoded`` what the drives are after their
+    pictures were sent, by encoding and car.
+    """
 
     scenario: Scenario
+    expanded: Scenario
     devices: Mapping[str, DeviceProfile]
+    frames: Frames
     drives: Mapping[str, Drive]
-    links: dict[str, LinkModel]
-    faults: Sequence[TimedFault]
-    laws: list[DetectorLaws]  # one, once they are measured
-    encoded: Mapping[tuple[str, str], Drive]  # by encoding and car
+    encoded: Mapping[tuple[str, str], Any]
+
+    @cached_property
+    def faults(self) -> Sequence[TimedFault]:
+        """What goes wrong under every method. Raises ``UserError``."""
+        return [timed(entry, place) for place, entry in enumerate(self.expanded.faults)]
+
+    @cached_property
+    def links(self) -> dict[str, LinkModel]:
+        """One model for all links that are the same, as they are asked for: a fleet has one, and very many cars."""
+        return {}
+
+    @cached_property
+    def laws(self) -> DetectorLaws:
+        """The detectors' laws, measured on what one camera of the first car sees."""
+        car = self.expanded.cars[0]
+        recording = self.expanded.cameras_of(car)[0].recording
+        frames = self.drives[car.name].frames[recording][:MEASURED_FRAMES]
+        looks = (
+            Look(Header(one.stamp_ns, recording, car.name), one.pose, one.horizontal_fov_rad, one.detections)
+            for one in frames
+        )
+        return measured(looks)
 
 
-def shared(
-    scenario: Scenario,
-    devices: Mapping[str, DeviceProfile],
-    drives: Mapping[str, Drive],
-    encoded: Mapping[tuple[str, str], Drive] = MappingProxyType({}),
-) -> Built:
-    """What all methods share. ``drives`` by the car's name, ``encoded`` by encoding and car. Raises ``UserError``."""
-    faults = [timed(entry, place) for place, entry in enumerate(scenario.faults)]
-    return Built(scenario, devices, drives, {}, faults, [], encoded)
-
-
-def world(built: Built, entry: MethodEntry, monitor: Monitor) -> World:
+def world(prepared: Prepared, entry: MethodEntry, monitor: Monitor) -> World:
     """The world of one method, ready to run. Raises ``UserError``."""
-    return World(setup(built, entry), method(entry), monitor)
+    return World(setup(prepared, entry), method(entry), monitor)
 
 
 def method(entry: MethodEntry) -> Method:
@@ -69,30 +83,30 @@ def method(entry: MethodEntry) -> Method:
     return made
 
 
-def setup(built: Built, entry: MethodEntry) -> Setup:
+def setup(prepared: Prepared, entry: MethodEntry) -> Setup:
     """The scenario under one method's settings."""
-    scenario = built.scenario.under(entry)
-    devices = {name: device(one, scenario.model, scenario.spread) for name, one in built.devices.items()}
+    scenario = prepared.expanded.under(entry)
+    devices = {name: device(one, scenario.model, scenario.spread) for name, one in prepared.devices.items()}
     return Setup(
         seed=scenario.seed,
-        cars=[_car(built, scenario, devices, car) for car in scenario.cars],
+        cars=[_car(prepared, scenario, devices, car) for car in scenario.cars],
         edges=[EdgeSetup(edge.name, devices[edge.device], edge.neighbours) for edge in scenario.edges],
         edge_network=link_model(scenario.edge_network),
         genie=scenario.genie,
         queue_length=scenario.queue_length,
         consumer=scenario.consumer,
-        laws=_laws(built, scenario),
-        faults=built.faults,
-        codec=_codec(built, scenario),
+        laws=_laws(prepared, scenario),
+        faults=prepared.faults,
+        codec=_codec(prepared, scenario),
     )
 
 
-def _codec(built: Built, scenario: Scenario) -> Codec | None:
+def _codec(prepared: Prepared, scenario: Scenario) -> Codec | None:
     """How pictures are sent; ``None``: as they are."""
     encoding = scenario.image_encoding
     if encoding == "raw":
         return None
-    drives = {car: drive for (how, car), drive in built.encoded.items() if how == encoding}
+    drives = {car: drive for (how, car), drive in prepared.encoded.items() if how == encoding}
     return Codec(
         encoding,
         {
@@ -102,22 +116,10 @@ def _codec(built: Built, scenario: Scenario) -> Codec | None:
     )
 
 
-def _laws(built: Built, scenario: Scenario) -> DetectorLaws:
-    """The detectors' laws for maps and consumers that weigh evidence: measured on what one camera of the first car
-    sees, where somebody wants them."""
-    choice = scenario.genie.object_map.freshness
-    if scenario.consumer != "tracker" and not choice.parameters.get("measured"):
-        return ASSUMED
-    if not built.laws:
-        car = scenario.cars[0]
-        recording = scenario.cameras_of(car)[0].recording
-        frames = built.drives[car.name].frames[recording][:MEASURED_FRAMES]
-        looks = (
-            Look(Header(one.stamp_ns, recording, car.name), one.pose, one.horizontal_fov_rad, one.detections)
-            for one in frames
-        )
-        built.laws.append(measured(looks))
-    return built.laws[0]
+def _laws(prepared: Prepared, scenario: Scenario) -> DetectorLaws:
+    """The detectors' laws for maps and consumers that weigh evidence: measured where somebody wants them."""
+    wanted = scenario.consumer == "tracker" or scenario.genie.object_map.freshness.parameters.get("measured")
+    return prepared.laws if wanted else ASSUMED
 
 
 def device(profile: DeviceProfile, model: str, spread: str = "default") -> Device:
@@ -154,8 +156,8 @@ def link_model(choice: Choice) -> LinkModel:
     return made
 
 
-def _car(built: Built, scenario: Scenario, devices: Mapping[str, Device], car: Car) -> CarSetup:
-    frames, route = built.drives[car.name].frames, car.route
+def _car(prepared: Prepared, scenario: Scenario, devices: Mapping[str, Device], car: Car) -> CarSetup:
+    frames, route = prepared.drives[car.name].frames, car.route
     cameras = [
         CameraSetup(camera.name, frames[camera.recording], camera.phase_ns, camera.size_bytes)
         for camera in scenario.cameras_of(car)
@@ -164,7 +166,7 @@ def _car(built: Built, scenario: Scenario, devices: Mapping[str, Device], car: C
         name=car.name,
         device=devices[car.device],
         edge=car.edge,
-        link=None if car.link is None else _link(built, car.link),
+        link=None if car.link is None else _link(prepared, car.link),
         cameras=cameras,
         sees=car.cameras is not False,
         genie=car.genie,
@@ -175,12 +177,11 @@ def _car(built: Built, scenario: Scenario, devices: Mapping[str, Device], car: C
     )
 
 
-def _link(built: Built, choice: Choice) -> LinkModel:
-    """One model for all links that are the same: a fleet has one, and very many cars."""
+def _link(prepared: Prepared, choice: Choice) -> LinkModel:
     key = repr(choice)
-    if key not in built.links:
-        built.links[key] = link_model(choice)
-    return built.links[key]
+    if key not in prepared.links:
+        prepared.links[key] = link_model(choice)
+    return prepared.links[key]
 
 
 def method_facts(scenario: Scenario) -> list[dict[str, Any]]:

@@ -14,7 +14,7 @@ from typing import Any, Literal
 
 import genie_sim
 from genie_sim import build, plugins
-from genie_sim.build import check_faults_of, method_facts, plugin_digests
+from genie_sim.build import Prepared, check_faults_of, method_facts, plugin_digests
 from genie_sim.core.consumer import CONSUMERS
 from genie_sim.errors import UserError, short_repr, unknown
 from genie_sim.fleet import expanded
@@ -32,22 +32,6 @@ from genie_sim.scenario.scenario import Scenario, load_scenario, read_scenario
 from genie_sim.sim.setup import Setup
 from genie_sim.sim.world import World
 from genie_sim.units import NS_PER_S
-
-
-@dataclass(frozen=True)
-class Prepared:
-    """A scenario with everything it names: its open frame source, devices by name, and each car's drive by its name.
-
-    ``expanded`` is the scenario with every car and edge of its fleet; ``encoded`` what the drives are after their
-    pictures were sent, by encoding and car.
-    """
-
-    scenario: Scenario
-    expanded: Scenario
-    devices: Mapping[str, DeviceProfile]
-    frames: Frames
-    drives: Mapping[str, Drive]
-    encoded: Mapping[tuple[str, str], Any]
 
 
 @dataclass(frozen=True)
@@ -258,10 +242,9 @@ def simulate(prepared: Prepared, progress: Progress | None = None, spill: Path |
     With ``spill``, a folder, the rows of long tables wait there and not in memory; ``write`` completes their files.
     """
     scenario, tables = prepared.expanded, Tables.spilling(spill)
-    built = build.shared(scenario, prepared.devices, prepared.drives, prepared.encoded)
     driven: set[str] = set()
     for number, entry in enumerate(scenario.methods):
-        setup = build.setup(built, entry)
+        setup = build.setup(prepared, entry)
         log = _log(prepared, entry.name, setup, tables, driven)
         began_s = time.perf_counter()
 

@@ -11,8 +11,8 @@ import pytest
 
 from benchmarks import cells
 from benchmarks.cells import CUTS, FIGURES, JOINT, Compared, Setting, Tabled, apart, small_town, together, visits
+from genie_sim.build import Prepared
 from genie_sim.errors import UserError
-from genie_sim.runner import Prepared
 from genie_sim.scenario.scenario import load_scenario
 from genie_sim.units import NS_PER_S
 

@@ -24,6 +24,7 @@ from scipy import stats
 import genie_sim
 from genie_sim import files, runner
 from genie_sim.analysis import metrics
+from genie_sim.build import Prepared
 from genie_sim.cli import main
 from genie_sim.core.similarity import Exact
 from genie_sim.errors import UserError
@@ -622,7 +623,7 @@ def count_runs(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     simulated: list[str] = []
     measured = tasks.measured
 
-    def counted(prepared: runner.Prepared) -> object:
+    def counted(prepared: Prepared) -> object:
         simulated.append(prepared.scenario.name)
         return measured(prepared)
 

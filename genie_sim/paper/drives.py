@@ -35,6 +35,7 @@ import numpy as np
 from genie_sim import plugins
 from genie_sim.analysis.metrics import PLACEMENTS
 from genie_sim.analysis.statistics import t_quantile
+from genie_sim.build import Prepared
 from genie_sim.core.genies import SIMILARITY_METHODS
 from genie_sim.core.similarity import SIMILARITIES
 from genie_sim.errors import UserError
@@ -49,7 +50,7 @@ from genie_sim.perception.trace import Trace
 from genie_sim.perception.tracking import CAMERA, FRAME_NS, sequences, tracking_trace
 from genie_sim.perception.truth_table import make_truth
 from genie_sim.recording import provenance
-from genie_sim.runner import Prepared, on_frames
+from genie_sim.runner import on_frames
 from genie_sim.scenario.scenario import Scenario, load_scenario
 from genie_sim.units import NS_PER_S
 

@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 from typing import TypeVar
 
 from genie_sim import build, files
+from genie_sim.build import Prepared
 from genie_sim.errors import UserError, unknown
 from genie_sim.paper import quality
 from genie_sim.paper.facts import METHODS, Facts, facts_of
@@ -25,7 +26,7 @@ from genie_sim.perception.trace import Trace, TraceFrame, read_trace
 from genie_sim.recording.columns import Columns
 from genie_sim.recording.log import Log
 from genie_sim.recording.records import Tables
-from genie_sim.runner import Prepared, held_of, on_frames
+from genie_sim.runner import held_of, on_frames
 from genie_sim.scenario.scenario import Scenario, load_scenario
 from genie_sim.sim.world import World
 
@@ -92,10 +93,9 @@ def outcome_of(prepared: Prepared, keep_tables: bool = False) -> Outcome:
     """Simulates what is prepared and computes its facts."""
     tables = Tables()
     watch = Watch(prepared.scenario.genie)
-    built = build.shared(prepared.expanded, prepared.devices, prepared.drives)
     judged: set[str] = set()
     for method in prepared.scenario.methods:
-        setup = build.setup(built, method)
+        setup = build.setup(prepared, method)
         held = held_of(prepared, method.name, setup, tables, judged)
         world = World(setup, build.method(method), Log(method.name, tables, held=held))
         judged.update(prepared.drives)

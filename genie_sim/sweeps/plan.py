@@ -7,10 +7,10 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from genie_sim import runner
+from genie_sim.build import Prepared
 from genie_sim.errors import UserError
 from genie_sim.perception.sources import Frames, Progress
 from genie_sim.recording import provenance
-from genie_sim.runner import Prepared
 from genie_sim.scenario.profiles import DeviceProfile
 from genie_sim.scenario.scenario import Scenario, load_scenario
 from genie_sim.sweeps.design import Design, Level

@@ -18,6 +18,7 @@ from pathlib import Path
 import genie_sim
 from genie_sim import runner
 from genie_sim.analysis import metrics
+from genie_sim.build import Prepared
 from genie_sim.errors import UserError
 from genie_sim.paths import atomic_write
 from genie_sim.perception.sources import Frames
@@ -135,7 +136,7 @@ def run_task(task: Task, packed: bytes) -> Finished:
     return finished
 
 
-def measured(prepared: runner.Prepared) -> Sequence[Metric]:
+def measured(prepared: Prepared) -> Sequence[Metric]:
     """Simulates one run: the metrics of its methods and of their Genies, not of single resources: a fleet has many."""
     tables = runner.simulate(prepared)
     none = tables.resources.columns().rows([])

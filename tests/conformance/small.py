@@ -68,9 +68,8 @@ def same(one: Mapping[str, pd.DataFrame], other: Mapping[str, pd.DataFrame]) -> 
 def world(setting: Scenario, place: int = 0) -> tuple[World, Tables]:
     """The world of one of the scenario's methods, ready to run, and the tables that it fills."""
     prepared, filled = runner.prepare(setting), Tables()
-    built = build.shared(prepared.expanded, prepared.devices, prepared.drives)
     entry = setting.methods[place]
-    return build.world(built, entry, Log(entry.name, filled, setting.record)), filled
+    return build.world(prepared, entry, Log(entry.name, filled, setting.record)), filled
 
 
 def check_conserved(rows: pd.DataFrame, methods: Sequence[str]) -> None:

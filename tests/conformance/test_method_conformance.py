@@ -35,9 +35,8 @@ def test_a_method_of_a_name_that_nobody_knows_never_runs():
         small.scenario([{"name": "mine", "method": "gene"}])
     entry = MethodEntry(name="gene", method=Choice("gene"))
     prepared = runner.prepare(small.scenario())
-    built = build.shared(prepared.expanded, prepared.devices, prepared.drives)
     with pytest.raises(UserError, match=r"^unknown method 'gene' \(did you mean 'genie'\?\); known: .*, genie, local"):
-        build.world(built, entry, Log("gene", Tables()))
+        build.world(prepared, entry, Log("gene", Tables()))
     with pytest.raises(UserError, match="unknown method 'gene'"):
         runner.run_in_memory(small.scenario().model_copy(update={"methods": (entry,)}))
 

@@ -110,10 +110,9 @@ def build(
     if sent is not None:
         recordings._encoded[None, setting.image_encoding] = sent
     prepared = on_frames(setting, recordings, devices)
-    shared = construction.shared(prepared.expanded, prepared.devices, prepared.drives, prepared.encoded)
     entry = next(entry for entry in setting.methods if entry.name == method)
     tables = tables if tables is not None else Tables()
-    return construction.world(shared, entry, Log(method, tables)), tables
+    return construction.world(prepared, entry, Log(method, tables)), tables
 
 
 def drive(
