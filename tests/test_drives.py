@@ -13,10 +13,13 @@ from test_perception_tracking import CALIBRATION
 
 from genie_sim.cli import main
 from genie_sim.errors import UserError
+from genie_sim.messages import CameraPose
 from genie_sim.paper import drives
 from genie_sim.paper.checks import load_claims
 from genie_sim.paper.drives import DIRECTIONS, FACTS, SAME_CELL, SCENARIOS, SEEDS, DriveJob, Driven
 from genie_sim.paper.reproduce import reproduce
+from genie_sim.perception.trace import Trace, TraceFrame
+from genie_sim.scenario.scenario import load_scenario
 
 REPOSITORY = Path(__file__).resolve().parent.parent
 
@@ -50,11 +53,11 @@ def test_a_claim_holds_on_some_drives_and_not_on_others():
     one = found(
         drive("0001", image_reuse__car=0.1, image_reuse__edge=0.3),
         drive("0002", image_reuse__car=0.4, image_reuse__edge=0.3),
-        drive("0003", image_reuse__car=0.1, image_reuse__edge=0.6),
+        drive("0003", image_reuse__car=0.1, image_reuse__edge=0.9),
     )["image reuse, remote - local"]
     assert (one["holds"], one["contrary"], one["drives"], one["claim"]) == (2, 1, 3, "C18")
-    assert (one["median"], one["low"], one["high"]) == (0.2, -0.1, 0.5)
-    assert one["numbers"] == {"0001": [0.2] * 3, "0002": [-0.1] * 3, "0003": [0.5] * 3}
+    assert (one["median"], one["low"], one["high"]) == (0.2, -0.1, 0.8)
+    assert one["numbers"] == {"0001": [0.2] * 3, "0002": [-0.1] * 3, "0003": [0.8] * 3}
 
 
 def test_where_seeds_disagree_a_drive_is_open():
@@ -148,6 +151,24 @@ def test_without_sequences_nothing_is_simulated(tmp_path, monkeypatch, capsys):
     monkeypatch.setenv("GENIE_SIM_KITTI", str(tmp_path))
     with pytest.raises(UserError, match="tracking: no sequences of KITTI's tracking benchmark here"):
         reproduce(tmp_path / "out", quick=True, with_drives=True)
+
+
+@pytest.mark.parametrize(
+    ("steps_m", "headings_rad", "share"),
+    [
+        ((0.1, 0.5, 0.9, 1.3), (0, 0, 0, 0), 2 / 3),
+        ((0.1, 0.1, 0.1), (0.0, 0.0, 1.0), 1 / 2),
+        ((0.5, 1.5, 2.5), (0, 0, 0), 0.0),
+    ],
+)
+def test_frames_share_a_cell_where_neither_place_nor_heading_leaves_it(steps_m, headings_rad, share):
+    """Cells of 1 m and sectors of 15 degrees, the default."""
+    frames = tuple(
+        TraceFrame("02", i, i * 10**8, 1242, 375, 1, f"{i}", i, CameraPose(east_m, 0.0, 0.0, heading), 1.4, ())
+        for i, (east_m, heading) in enumerate(zip(steps_m, headings_rad, strict=True))
+    )
+    trace = Trace("made up", (49.0, 8.4, 100.0), {"02": frames}, {})
+    assert drives.same_cell_share(load_scenario("3car_homo"), trace) == pytest.approx(share)
 
 
 def make_sequences(root, names):

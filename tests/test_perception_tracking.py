@@ -14,6 +14,7 @@ from genie_sim.errors import UserError
 from genie_sim.perception.labels import tracking_labels
 from genie_sim.perception.tracking import POINTRCNN_SCORES, open_sequence, sequences, tracking_trace
 from genie_sim.perception.truth import MOVING_MPS, read_truth
+from genie_sim.perception.truth_table import make_truth
 
 CALIBRATION = """P2: 721.5377 0 609.5593 44.85728 0 721.5377 172.854 0.2163791 0 0 1 0.002745884
 R_rect 1 0 0 0 1 0 0 0 1
@@ -70,7 +71,20 @@ def test_who_leaves_the_first_place_fast_enough_moves(root, speed_mps, moves):
     label = "{} {} Car 0 0 -1.5 500 170 600 230 1.5 1.6 3.9 -2.0 1.6 {} -1.6\n"
     lines = [label.format(i, track, 20.0 + i * 0.1 * v) for i in range(3) for track, v in ((7, speed_mps), (8, 0.0))]
     (root / "training/label_02/0003.txt").write_text("".join(lines))
-    assert read_truth(root.parent, "tracking/0003", tracking_trace(root, "0003")).moving == ({7} if moves else set())
+    trace = tracking_trace(root, "0003")
+    assert read_truth(root.parent, "tracking/0003", trace).moving == ({7} if moves else set())
+    rows = make_truth(root.parent, "tracking/0003", trace).rows
+    assert [(row.frame, row.object, row.moving) for row in rows] == [
+        (frame, track, moves and track == 7) for frame in range(3) for track in (7, 8)
+    ]
+
+
+def test_who_comes_back_has_moved(root):
+    """The farthest from the first place counts: 0.12 m in 0.2 s."""
+    label = "{} 7 Car 0 0 -1.5 500 170 600 230 1.5 1.6 3.9 -2.0 1.6 {} -1.6\n"
+    lines = [label.format(i, z) for i, z in enumerate((20.0, 20.12, 20.06))]
+    (root / "training/label_02/0003.txt").write_text("".join(lines))
+    assert read_truth(root.parent, "tracking/0003", tracking_trace(root, "0003")).moving == {7}
 
 
 def test_boxes_in_pictures_are_placed_by_the_ground(root):
