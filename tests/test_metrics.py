@@ -9,8 +9,10 @@ import numpy as np
 import pandas as pd
 import pytest
 from made_up_run import METHODS
+from scipy import stats
 
 from genie_sim.analysis import metrics
+from genie_sim.analysis.statistics import across_seeds, wilson
 from genie_sim.recording.columns import Columns
 from genie_sim.recording.records import FRAMES, LOOKUPS, RESOURCES, Frame
 from genie_sim.recording.results import MethodInfo, Metric
@@ -163,6 +165,28 @@ def test_the_interval_of_an_improvement_narrows_when_both_arms_share_their_ups_a
     assert improvement.value == pytest.approx(0.9)
     assert mean.high - mean.low > 20
     assert improvement.high - improvement.low < 1e-9
+
+
+@pytest.mark.parametrize(("hits", "n"), [(0, 40), (1, 40), (13, 40), (39, 40), (40, 40), (5, 100_000)])
+def test_the_interval_of_a_share_is_wilson_s(hits, n):
+    """Source: SciPy, for rows that are independent."""
+    p = hits / n
+    half = 1.959963984540054 * np.sqrt(p * (1 - p) / n)
+    expected = stats.binomtest(hits, n).proportion_ci(0.95, method="wilson")
+    assert wilson(p, half, n) == pytest.approx((expected.low, expected.high), abs=1e-12)
+
+
+def test_no_interval_of_a_share_leaves_0_to_1_over_seeds_either():
+    shares = pd.DataFrame({
+        "metric": "answered_share", "method": "genie", "placement": "all", "component": "", "unit": "1",
+        "seed": [1, 2, 3], "value": [0.99, 1.0, 0.9], "point": 0,
+    })  # fmt: skip
+    row = across_seeds(shares, ["point"]).iloc[0]
+    assert 0 < row["low"] < row["value"] < row["high"] < 1
+    plain = across_seeds(shares, ["point"], differences=True).iloc[0]
+    assert plain["high"] > 1 and plain["high"] - plain["value"] == pytest.approx(plain["value"] - plain["low"])
+    boost = across_seeds(shares.assign(metric="confidence_boost"), ["point"]).iloc[0]
+    assert boost["high"] == plain["high"]
 
 
 def test_reuse_is_the_mean_over_the_genies_on_cars_or_edges():

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from genie_sim.analysis.metrics import DEADLINE_MS, response_ms
-from genie_sim.analysis.statistics import Blocks, Floats, around, over_seeds
+from genie_sim.analysis.statistics import Blocks, Floats, around, over_seeds, wilson
 from genie_sim.errors import UserError, short_repr, unknown
 from genie_sim.recording.columns import Columns, Text, joined
 from genie_sim.recording.results import MethodInfo, Metric, Run
@@ -291,6 +291,6 @@ def as_metrics(comparison: Comparison) -> tuple[list[Metric], list[MethodInfo]]:
                 found.append(replace(of_runs[0], method=arm.label))
             elif of_runs:
                 mean, half = over_seeds([one.value for one in of_runs if one.value is not None])
-                low, high = around(mean, half)
+                low, high = wilson(mean, half) if COMPARED[name][0] == "1" else around(mean, half)
                 found.append(replace(of_runs[0], method=arm.label, value=mean, low=low, high=high))
     return found, [MethodInfo(arm.label, arm.label, arm.method.baseline) for arm in comparison.arms]

@@ -40,7 +40,7 @@ def finish(figure: Figure, title: str, footer: str, axes: Iterable[Axes] = (), n
 
 def _columns(labels: Sequence[str], width_in: float) -> int:
     """As many columns of a legend as fit the figure."""
-    room = int((width_in - 0.2) / (max(map(len, labels)) * CHARACTER_IN + 0.4))
+    room = int((width_in - 0.1) / (max(map(len, labels)) * CHARACTER_IN + 0.4))
     rows = -(-len(labels) // max(min(len(labels), room), 1))
     return -(-len(labels) // rows)
 

@@ -4,7 +4,8 @@
 
 - latencies, shares, improvements and boosts of one run: the 95 % interval from batch means over blocks of one second
   of camera time, each car (for boosts each Genie) a stratum. It covers the variability *inside* this run, with frames
-  of one second correlated as they like; it says nothing of other seeds or drives.
+  of one second correlated as they like; it says nothing of other seeds or drives. Of shares it is Wilson's, with as
+  many rows as that variability stands for.
 - reuse: the lowest and highest ratio in any window of 50 requests of any Genie (the paper's error bars).
 - ``statistics.across_seeds``: the 95 % t interval over runs.
 """

@@ -20,16 +20,17 @@ BLOCK_NS = NS_PER_S
 CONFIDENCE = 0.95
 NORMAL_QUANTILE = 1.959963984540054  # of (1 + CONFIDENCE) / 2
 
+NO_SHARES = ("confidence_boost", "improvement")  # metrics of unit 1 that may be below 0
 _METRIC = ["metric", "method", "placement", "component", "unit"]  # the columns that tell which
 
 Floats = np.ndarray[Any, np.dtype[np.float64]]
 
 
-def across_seeds(runs: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
+def across_seeds(runs: pd.DataFrame, by: Sequence[str], differences: bool = False) -> pd.DataFrame:
     """Mean, 95 % t interval and count of each metric within the groups ``by``: columns value, low, high, runs.
 
     The unit of replication is the seed: with several runs of a group under one seed, their mean counts once. One seed
-    gives no interval.
+    gives no interval. That of a share (not of ``differences``) is Wilson's, so it stays within 0 and 1.
     """
     per_seed = runs.groupby([*by, *_METRIC, "seed"], sort=False, dropna=False)["value"].mean()
     grouped = per_seed.groupby([*by, *_METRIC], sort=False, dropna=False)
@@ -40,6 +41,9 @@ def across_seeds(runs: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
     several = n > 1
     half[several] = [half_of_mean(*one) for one in zip(spread[several], n[several], strict=True)]
     found = found.assign(low=found["value"] - half, high=found["value"] + half)
+    shares = (found["unit"] == "1") & ~found["metric"].str.startswith(NO_SHARES) & ~np.isnan(half) & (not differences)
+    ends = [wilson(value, reach) for value, reach in zip(found["value"][shares], half[shares], strict=True)]
+    found.loc[shares, ["low", "high"]] = np.reshape(ends, (-1, 2))
     for name in ("value", "low", "high"):  # ten digits: processors add up in different orders
         found[name] = [float(f"{number:.10g}") for number in found[name]]
     return found[[*by, *_METRIC, "value", "low", "high", "runs"]]
@@ -145,12 +149,26 @@ def around(value: float, half: float | None) -> tuple[float | None, float | None
     return (None, None) if half is None else (value - half, value + half)
 
 
+def wilson(value: float, half: float, n: int = 0) -> tuple[float, float]:
+    """Wilson's interval of a share whose usual one reaches ``half`` to either side, which says for how many independent
+    rows it stands; of a share of 0 or 1, that of ``n`` rows (0: nothing but the value). It stays within 0 and 1.
+
+    Source: E. B. Wilson, "Probable inference, the law of succession, and statistical inference", 1927; with an
+    effective number of rows: E. L. Korn, B. I. Graubard, "Confidence intervals for proportions with small expected
+    number of positive counts estimated from survey data", 1998.
+    """
+    spread = value * (1 - value)
+    k = half**2 / spread if spread > 0 else NORMAL_QUANTILE**2 / n if n else 0.0  # quantile squared / rows
+    middle, reach = value + k / 2, math.sqrt(k * spread + k * k / 4)
+    return max((middle - reach) / (1 + k), 0.0), min((middle + reach) / (1 + k), 1.0)
+
+
 def share(blocks: Blocks, name: str, where: tuple[str, str, str], part: Floats, whole: Floats) -> Metric:
-    """How many of ``whole`` are in ``part``, at a method, placement and component; the interval stays within [0, 1]."""
+    """How many of ``whole`` are in ``part``, at a method, placement and component, with Wilson's interval."""
     n = int(whole.sum())
     if not n:
         return Metric(name, *where, None, "1")
     value = float(part.sum() / n)
-    low, high = around(value, blocks.half_width(blocks.influence(part.astype(float), whole.astype(float))))
-    low, high = (None if end is None else min(max(end, 0.0), 1.0) for end in (low, high))
+    half = blocks.half_width(blocks.influence(part.astype(float), whole.astype(float)))
+    low, high = (None, None) if half is None else wilson(value, half, n)
     return Metric(name, *where, value, "1", low, high, n)

@@ -50,7 +50,7 @@ MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
 PARTS: dict[str, tuple[str, dict[str, Any]]] = {
     "queueing": ("queueing", {"facecolor": "#DDDDDD", "hatch": "...."}),
     "pending": ("equal frame pending", {"facecolor": "#FFFFFF", "hatch": "xxxx"}),
-    "genie": ("Genie or cache", {"facecolor": "#77AADD", "hatch": ""}),
+    "genie": ("Genie or cache", {"facecolor": "#77AADD", "hatch": "oooo"}),
     "hop": ("hops", {"facecolor": "#FFAABB", "hatch": "||||"}),
     "encoding": ("encoding", {"facecolor": "#BBCC33", "hatch": "++++"}),
     "uplink": ("uplink", {"facecolor": "#EEDD88", "hatch": "////"}),

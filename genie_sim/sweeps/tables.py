@@ -76,7 +76,7 @@ def differences(runs: pd.DataFrame, columns: Sequence[str], along: str, to: Any)
     reference = runs[runs[along] == to][[*paired_by, "value"]]
     others = runs[(runs[along] != to) & runs["metric"].notna()]
     both = others.merge(reference, on=paired_by, suffixes=("", "_reference"))
-    return across_seeds(both.assign(value=both["value"] - both["value_reference"]), columns)
+    return across_seeds(both.assign(value=both["value"] - both["value_reference"]), columns, differences=True)
 
 
 def all_differences(runs: pd.DataFrame, columns: Sequence[str], crossed: Sequence[str]) -> pd.DataFrame:
