@@ -131,9 +131,19 @@ def reproduce(
     reading: Annotated[
         str | None, typer.Option(help="One reading of the paper, or a file of your own; default: all that there are.")
     ] = None,
-    out: Annotated[Path, path_option(help="The folder that gets the evaluation.")] = Path("results/reproduce"),
+    explore: Annotated[
+        bool, typer.Option("--explore", help="Instead: the claims all over the paper's open choices. Resumable.")
+    ] = False,
+    out: Annotated[
+        Path | None, path_option(help="The folder that gets it; default: results/reproduce or results/explore.")
+    ] = None,
 ) -> None:
     """Run the paper's evaluation: figures and verdicts."""
+    if explore:
+        if quick or drives or seeds is not None or reading is not None:
+            raise UserError("--explore: has a design of its own; of the others only --jobs and --out go with it")
+        return _explore(out or Path("results/explore"), jobs)
+    out = out or Path("results/reproduce")
     from genie_sim.paper import verdict_table
     from genie_sim.paper.reproduce import reproduce as run_evaluation
 
@@ -144,6 +154,15 @@ def reproduce(
         typer.echo(f"\n{result.drives}\n")
     typer.echo(f"Results: {result.folder} ({result.wall_time_s:.0f} s)\nFigures: {result.folder / 'figures'}")
     typer.echo(f"Report:  {result.folder / terminal.PAGE}")
+
+
+def _explore(out: Path, jobs: int | None) -> None:
+    from genie_sim.paper import explore
+    from genie_sim.parallel import workers_here
+
+    with Progress(unit="points") as progress:
+        found = explore.explore(out, jobs or workers_here(), progress)
+    typer.echo(f"{explore.text(found)}\n\nResults: {out}")
 
 
 @app.command()

@@ -1,0 +1,119 @@
+"""The design over the paper's open choices: the same wherever it is run, and it goes on where it ended."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from genie_sim.cli import app
+from genie_sim.errors import UserError
+from genie_sim.paper import explore
+from genie_sim.paper.checks import load_claims
+from genie_sim.paper.replicate import Job, prepare_job
+
+CLAIMS = [claim.id for claim in load_claims() if claim.kind != "table"]
+POINTS = explore.points(explore.design()["points"])
+
+
+def row(number, holds):
+    """A finished point; ``holds``: of some claims whether they do, the others never hold."""
+    return {"point": str(number), **POINTS[number], **dict.fromkeys(CLAIMS, "0"), **holds}
+
+
+def test_levels_are_drawn_evenly_and_more_points_begin_with_the_same():
+    assert explore.points(10) == POINTS[:10]
+    for name, levels in explore.levels().items():
+        drawn = [point[name] for point in POINTS[:64]]
+        assert {drawn.count(level) for level in levels} <= {64 // len(levels) + shift for shift in (-1, 0, 1)}, name
+
+
+@pytest.mark.parametrize("name", explore.design()["choices"])
+def test_every_level_makes_another_scenario_and_the_first_is_the_defaults(name):
+    choices = explore.design()["choices"]
+    usual = [setting for choice in choices.values() for setting in next(iter(choice.values()))]
+    made = []
+    for settings in choices[name].values():
+        job = Job("3car_hetero", 1, (*usual, *settings))
+        made.append(prepare_job(job).scenario.to_yaml())
+    assert len(set(made)) == len(made)
+    calibrated = ["overlap=0.35", "gate_m=0.25"]
+    if name not in ("routes", "location"):  # which are fitted
+        assert made[0] == prepare_job(Job("3car_hetero", 1, tuple(calibrated))).scenario.to_yaml()
+
+
+def test_every_claim_is_judged_at_a_point():
+    judged = explore.judged((2, POINTS[2]))
+    assert {name: judged[name] for name in POINTS[2]} == POINTS[2]
+    assert {judged[claim] for claim in CLAIMS} <= {"0", "1", ""}
+    assert sum(judged[claim] == "" for claim in CLAIMS) < 6 and judged["C33"] == "1"
+
+
+def test_a_design_goes_on_where_it_ended(tmp_path, monkeypatch):
+    ran = []
+
+    def judged(numbered):
+        if len(ran) == 5:
+            raise KeyboardInterrupt
+        ran.append(numbered[0])
+        return row(numbered[0], {"C1": str(numbered[0] % 2)})
+
+    monkeypatch.setattr(explore, "judged", judged)
+    with pytest.raises(KeyboardInterrupt):
+        explore.explore(tmp_path, 1, count=9)
+    ran.clear()
+    found = explore.explore(tmp_path, 1, count=9)
+    assert ran == [5, 6, 7, 8]
+    assert (found["points"], found["claims"]["C1"]["holds"]) == (9, round(4 / 9, 3))
+    ran.clear()
+    assert explore.explore(tmp_path, 1, count=9) == found and ran == []
+
+
+def test_points_of_another_design_are_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr(explore, "judged", lambda numbered: row(numbered[0], {}))
+    explore.explore(tmp_path, 1, count=3)
+    monkeypatch.setitem(explore.design(), "sequence", 18)
+    with pytest.raises(UserError, match="point 0 is of another design; name another folder with --out"):
+        explore.explore(tmp_path, 1, count=3)
+
+
+def test_what_drives_a_claim_is_found_and_chance_is_not():
+    noise = np.random.default_rng(1)
+    rows = [
+        row(n, {"C1": str(int(point["passes"] == "two")), "C2": str(noise.integers(2))})
+        for n, point in enumerate(POINTS)
+    ]
+    found = explore.answers(rows)["claims"]
+    name, driver = next(iter(found["C1"]["drivers"].items()))
+    assert (name, driver["holds_at"]) == ("passes", {"one": 0.0, "two": 1.0})
+    assert driver["share_of_variance"] == pytest.approx(1.0, abs=0.02)
+    assert max(of["share_of_variance"] for of in found["C2"]["drivers"].values()) < 0.2
+    assert found["C3"] == {"tried": len(POINTS), "holds": 0.0, "drivers": {}}
+
+
+def test_pairs_that_never_hold_together_are_found():
+    rows = [
+        row(n, {"C1": str(n % 2), "C2": str(1 - n % 2), "C3": str(n % 2), "C4": "1" if n == 1 else "0"})
+        for n in range(64)
+    ]
+    found = explore.answers(rows)["never_together"]
+    assert [(one["claims"], one["expected"]) for one in found] == [(["C1", "C2"], 16.0), (["C2", "C3"], 16.0)]
+
+
+def test_a_half_that_predicts_the_other_is_told_from_one_that_does_not():
+    halves = explore.design()["halves"]
+    first, second = halves.values()
+
+    def split(other):
+        rows = [row(n, dict.fromkeys(first, str(n % 2)) | dict.fromkeys(second, str(other(n)))) for n in range(64)]
+        return {one["by"]: one for one in explore.answers(rows)["split"]}[next(iter(halves))]
+
+    same, unrelated = split(lambda n: n % 2), split(lambda n: n // 2 % 2)
+    assert (same["own"], same["other"], same["other_of_all"], same["r"]) == (1.0, 1.0, 0.5, 1.0)
+    assert same["other"] > same["chance"][1]
+    assert unrelated["own"] == 1.0 and unrelated["chance"][0] < unrelated["other"] < unrelated["chance"][1]
+
+
+def test_what_does_not_go_with_explore_is_refused():
+    told = CliRunner().invoke(app, ["reproduce", "--explore", "--quick"])
+    assert told.exit_code != 0 and "--explore: has a design of its own" in (told.output + str(told.exception))
