@@ -10,6 +10,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from town_truth import truth_near
 
 from benchmarks.town_fit import fit, validation
 from genie_sim import files
@@ -182,7 +183,7 @@ def test_ghosts_come_back_at_their_places(laws):
     """A place where the real detector was wrong again and again is one in the town; it is no true object."""
     town = Town(TownRules(blocks=(3, 3)), 1)
     everything = town.streets.near(225.0, 225.0, 500.0, 0.0)
-    real = {one.number for one in town.truth_near(225.0, 225.0, 500.0, 0)}
+    real = {one.number for one in truth_near(town, 225.0, 225.0, 500.0, 0)}
     ghosts = [one for one in everything if not one.real]
     assert real.isdisjoint(one.number for one in ghosts)
     streets_m = 2 * 4 * 450

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+from town_truth import truth_near
 
 from genie_sim.town import Town, TownRules
 from genie_sim.town.detector import HORIZONTAL_FOV_RAD, NEAREST_M
@@ -44,7 +45,7 @@ def test_in_view_is_what_no_house_hides(town):
         for frame in drive.frames["02"][::20]:
             pose = frame.pose
             mine = {one.number: one for one in frame.truth()}
-            for one in town.truth_near(pose.east_m, pose.north_m, RULES.view_m + 5, frame.stamp_ns):
+            for one in truth_near(town, pose.east_m, pose.north_m, RULES.view_m + 5, frame.stamp_ns):
                 reach_m = min(RULES.view_m, REACHES_M[one.label])
                 range_m = math.dist(pose[:2], one.location[:2])
                 sight = pose[:2], one.location[:2]
