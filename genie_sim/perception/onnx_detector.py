@@ -107,7 +107,7 @@ class OnnxDetector(ABC):
         self.sha256 = hashlib.sha256(weights.read_bytes()).hexdigest()
         self.labels = self.labels_of(weights, {entry.key: entry.value for entry in network.metadata_props})
         self.cells, self.cell_strides = _cells(self.size, self.strides)
-        self._session = open_session(weights, network, self.size, providers, threads, batch)
+        self._session = self._opened(weights, network, providers)
         self._input = self._session.get_inputs()[0].name
         self._check(weights)
 
@@ -153,17 +153,39 @@ class OnnxDetector(ABC):
         blob, scale = self.prepare(image_bgr)
         return self.found(self.infer(blob), scale, (image_bgr.shape[1], image_bgr.shape[0]))
 
+    def _opened(self, weights: Path, network: Any, providers: Sequence[str]) -> Any:
+        """An ONNX Runtime session; the network may have been made for another size and for one picture."""
+        import onnxruntime
+
+        for provider in providers:
+            if provider not in onnxruntime.get_available_providers():
+                raise UserError(unknown("provider", provider, onnxruntime.get_available_providers()))
+        dims = network.graph.input[0].type.tensor_type.shape.dim
+        for dim, value in zip(dims, (self.batch, 3, self.size[1], self.size[0]), strict=True):
+            dim.dim_value = value
+        for number, output in enumerate(network.graph.output):
+            for axis, dim in enumerate(output.type.tensor_type.shape.dim):
+                dim.dim_param = f"output_{number}_{axis}"
+        if self.batch > 1:
+            _reshape_for(network.graph, self.batch)
+        options = onnxruntime.SessionOptions()
+        options.intra_op_num_threads, options.inter_op_num_threads = self.threads, 1
+        options.execution_mode = onnxruntime.ExecutionMode.ORT_SEQUENTIAL
+        options.add_session_config_entry("session.intra_op.allow_spinning", "0")  # leaves the cores to others
+        options.log_severity_level = 4
+        try:
+            return onnxruntime.InferenceSession(network.SerializeToString(), options, providers=list(providers))
+        except Exception as error:  # ONNX Runtime's exceptions have no common base of their own
+            raise UserError(f"{weights}: ONNX Runtime cannot use this network: {first_line(error)}") from error
+
     def _check(self, weights: Path) -> None:
         """One run on a grey picture tells a network with other inputs or outputs."""
         blob, _ = self.prepare(np.full((self.size[1], self.size[0], 3), GREY, np.uint8))
         try:
             shapes = [output.shape for output in self.infer_many([blob] * self.batch)[-1][: self.outputs]]
         except Exception as error:  # ONNX Runtime's exceptions have no common base of their own
-            if self.batch > 1:
-                raise UserError(
-                    f"{weights}: cannot take {self.batch} pictures at a time: {first_line(error)}"
-                ) from error
-            raise UserError(f"{weights}: is no {self.name} network: {first_line(error)}") from error
+            what = f"cannot take {self.batch} pictures at a time" if self.batch > 1 else f"is no {self.name} network"
+            raise UserError(f"{weights}: {what}: {first_line(error)}") from error
         expected = self.output_shapes()
         if shapes != expected:
             one, other = (", ".join(map(str, many)) for many in (shapes, expected))
@@ -218,42 +240,6 @@ def add_last_activation(graph: Any) -> bool:
             graph.output.append(helper.make_tensor_value_info(after[0], TensorProto.FLOAT, [None] * 4))
             return True
     return False
-
-
-def open_session(
-    weights: Path,
-    network: Any,
-    size: tuple[int, int],
-    providers: Sequence[str] = (CPU,),
-    threads: int = 1,
-    batch: int = 1,
-) -> Any:
-    """An ONNX Runtime session for pictures of (width, height), so many at a time; the network may have been made for
-    another size and for one picture."""
-    import onnxruntime
-
-    for provider in providers:
-        if provider not in onnxruntime.get_available_providers():
-            raise UserError(unknown("provider", provider, onnxruntime.get_available_providers()))
-    for dim, value in zip(network.graph.input[0].type.tensor_type.shape.dim, (batch, 3, size[1], size[0]), strict=True):
-        dim.dim_value = value
-    for number, output in enumerate(network.graph.output):
-        for axis, dim in enumerate(output.type.tensor_type.shape.dim):
-            dim.dim_param = f"output_{number}_{axis}"
-    if batch > 1:
-        _reshape_for(network.graph, batch)
-    options = onnxruntime.SessionOptions()
-    options.intra_op_num_threads = threads
-    options.inter_op_num_threads = 1
-    options.execution_mode = onnxruntime.ExecutionMode.ORT_SEQUENTIAL
-    options.add_session_config_entry(
-        "session.intra_op.allow_spinning", "0"
-    )  # waiting threads leave the cores to others
-    options.log_severity_level = 4
-    try:
-        return onnxruntime.InferenceSession(network.SerializeToString(), options, providers=list(providers))
-    except Exception as error:  # ONNX Runtime's exceptions have no common base of their own
-        raise UserError(f"{weights}: ONNX Runtime cannot use this network: {first_line(error)}") from error
 
 
 def _reshape_for(graph: Any, batch: int) -> None:
