@@ -21,8 +21,7 @@ import yaml
 
 from genie_sim import __version__, units
 from genie_sim.errors import UserError
-from genie_sim.paths import atomic_write
-from genie_sim.perception.files import read_text
+from genie_sim.paths import atomic_write, read_text
 from genie_sim.scenario.profiles import DeviceProfile, load_profile
 
 LEAST = 20  # latencies; fewer say nothing about a tail

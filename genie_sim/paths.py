@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import secrets
+import stat
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -23,20 +24,45 @@ def expanded(path: str | Path) -> Path:
 
 
 @contextmanager
+def usable(path: Path, what: str = "cannot be written") -> Iterator[None]:
+    """Where the machine refuses what is done within it, that is a ``UserError``: the path, ``what``, and why."""
+    try:
+        yield
+    except OSError as error:
+        raise UserError(f"{path}: {what}: {error.strerror or error}") from error
+
+
+def read_bytes(path: Path) -> bytes:
+    """All bytes of a regular file. Raises UserError for anything else: a device or a pipe may have no end."""
+    try:
+        if not stat.S_ISREG(path.stat().st_mode):
+            raise UserError(f"{path}: cannot be read: not a regular file")
+        return path.read_bytes()
+    except (OSError, ValueError) as error:
+        raise UserError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from error
+
+
+def read_text(path: Path) -> str:
+    """The text of a regular file in UTF-8, lines ending in a newline. Raises UserError."""
+    try:
+        text = read_bytes(path).decode("utf-8")
+    except UnicodeDecodeError as error:
+        raise UserError(f"{path}: not a text file: {error}") from error
+    return text.replace("\r\n", "\n").replace("\r", "\n")
+
+
+@contextmanager
 def atomic_write(path: Path) -> Iterator[Path]:
     """A temporary path in the folder of ``path``: the file written there replaces ``path`` when it is complete, and is
     deleted if that fails. Raises ``UserError``, before anything is written if ``path`` is a folder or a device."""
-    beside: Path | None = None
-    try:
+    with usable(path):
         if path.exists() and not path.is_file():
             raise UserError(f"{path}: cannot be written: {'a folder' if path.is_dir() else 'no file'} of that name")
         beside = path.with_name(f".{path.name}.{secrets.token_hex(4)}{PARTIAL}")
-        yield beside
-        beside.replace(path)
-    except OSError as error:
-        raise UserError(f"{path}: cannot be written: {error.strerror or error}") from error
-    finally:
-        if beside is not None:
+        try:
+            yield beside
+            beside.replace(path)
+        finally:
             with suppress(OSError):
                 beside.unlink()
 

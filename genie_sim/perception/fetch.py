@@ -20,6 +20,7 @@ from urllib.error import HTTPError, URLError
 from urllib.request import Request, urlopen
 
 from genie_sim.errors import UserError, unknown
+from genie_sim.paths import usable
 
 log = logging.getLogger(__name__)
 
@@ -106,7 +107,7 @@ def download(
     if path.is_file() and sha256 is not None and _sha256(path) == sha256:
         return
     part = path.with_name(path.name + ".part")
-    try:
+    with usable(path):
         path.parent.mkdir(parents=True, exist_ok=True)
         for attempt in range(1, TRIES + 1):
             try:
@@ -128,8 +129,6 @@ def download(
                 f"{url}: sha256 {actual[:12]}... instead of {sha256[:12]}...: corrupted or another file; {by_hand}"
             )
         part.replace(path)
-    except OSError as error:
-        raise UserError(f"{path}: cannot be written: {error.strerror or error}") from error
 
 
 def unpack(archive: Path, folder: Path, most_bytes: int = MOST_UNPACKED_BYTES) -> list[Path]:

@@ -1,8 +1,7 @@
-"""Reads input files as bytes, as text or as rows of numbers. Every error names the file and, in text, the line."""
+"""Reads input files as rows of numbers. Every error names the file and the line."""
 
 from __future__ import annotations
 
-import stat
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -11,26 +10,9 @@ import numpy.typing as npt
 
 from genie_sim.core.geometry import Array
 from genie_sim.errors import UserError
+from genie_sim.paths import read_text
 
 MOST = 1e9  # no number in KITTI's files is larger
-
-def read_bytes(path: Path) -> bytes:
-    """All bytes of a regular file. Raises UserError for anything else: a device or a pipe may have no end."""
-    try:
-        if not stat.S_ISREG(path.stat().st_mode):
-            raise UserError(f"{path}: cannot be read: not a regular file")
-        return path.read_bytes()
-    except (OSError, ValueError) as error:
-        raise UserError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from error
-
-
-def read_text(path: Path) -> str:
-    """The text of a regular file in UTF-8, lines ending in a newline. Raises UserError."""
-    try:
-        text = read_bytes(path).decode("utf-8")
-    except UnicodeDecodeError as error:
-        raise UserError(f"{path}: not a text file: {error}") from error
-    return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
 def within(values: npt.ArrayLike) -> bool:

@@ -21,7 +21,8 @@ import pykitti
 
 from genie_sim.core.geometry import Array, Geodetic, inverse
 from genie_sim.errors import UserError, unknown
-from genie_sim.perception.files import read_bytes, read_text, within
+from genie_sim.paths import read_bytes, read_text
+from genie_sim.perception.files import within
 from genie_sim.perception.geodesy import read_oxts, world_SE3_imu
 
 log = logging.getLogger(__name__)

@@ -16,7 +16,8 @@ import numpy as np
 from genie_sim.core.geometry import Array, rotation_from_rpy
 from genie_sim.errors import UserError
 from genie_sim.messages import Box, Location
-from genie_sim.perception.files import lines, read_bytes, within
+from genie_sim.paths import read_bytes
+from genie_sim.perception.files import lines, within
 
 GROUPS = {  # KITTI's types by what a detector can tell apart; others (Misc, Tram, DontCare) are no objects here
     "Car": "vehicles",

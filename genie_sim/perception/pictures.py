@@ -13,6 +13,7 @@ from genie_sim.core.object_map import ObjectMap
 from genie_sim.core.rules import ObjectMapRules
 from genie_sim.errors import UserError
 from genie_sim.messages import CameraPose, Location
+from genie_sim.paths import usable
 from genie_sim.perception.kitti import read_image
 from genie_sim.perception.trace import Trace, TraceFrame
 
@@ -29,14 +30,12 @@ Images = Mapping[tuple[str, int], Path]  # by camera and frame number
 
 def write_frames(folder: Path, trace: Trace, images: Images, progress: Callable[[int, int], None]) -> None:
     """One PNG for each frame. UserError where the folder cannot be written."""
-    try:
+    with usable(folder):
         folder.mkdir(parents=True, exist_ok=True)
         for count, (frame, picture) in enumerate(drawn(trace, images), start=1):
             _, png = cv2.imencode(".png", picture)
             (folder / f"camera_{frame.camera}_{frame.index:06d}.png").write_bytes(png.tobytes())
             progress(count, _frames(trace))
-    except OSError as error:
-        raise UserError(f"{folder}: cannot be written: {error.strerror}") from error
 
 
 def write_video(path: Path, trace: Trace, images: Images, progress: Callable[[int, int], None]) -> None:

@@ -18,10 +18,10 @@ import numpy as np
 from genie_sim.core.caches.features import packed
 from genie_sim.core.geometry import Array, transform
 from genie_sim.messages import Encoding
+from genie_sim.paths import read_bytes
 from genie_sim.perception import placement
 from genie_sim.perception.detector import Found, ImageDetector
 from genie_sim.perception.encoding import difference_hash, hue_saturation, sent
-from genie_sim.perception.files import read_bytes
 from genie_sim.perception.kitti import CameraFrame, KittiDrive, decode_image
 from genie_sim.perception.onnx_detector import OnnxDetector
 from genie_sim.perception.placement import Placement, Plane

@@ -17,7 +17,8 @@ import numpy as np
 from genie_sim.core.geometry import Array, Geodetic, inverse, rigid, transform
 from genie_sim.errors import UserError, unknown
 from genie_sim.messages import Box, Detection, Location
-from genie_sim.perception.files import lines, numbers, read_bytes, within
+from genie_sim.paths import read_bytes
+from genie_sim.perception.files import lines, numbers, within
 from genie_sim.perception.geodesy import read_oxts, world_SE3_imu
 from genie_sim.perception.placement import Placement
 from genie_sim.perception.trace import Trace, detection, trace_frame

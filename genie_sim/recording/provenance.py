@@ -19,7 +19,7 @@ from typing import Any
 
 import genie_sim
 from genie_sim.errors import UserError, short_repr
-from genie_sim.paths import PARTIAL, locked
+from genie_sim.paths import PARTIAL, locked, read_text, usable
 from genie_sim.recording.tables import other_format
 
 RESULT_FORMAT = 3
@@ -65,20 +65,15 @@ def environment() -> dict[str, Any]:
 
 def check_writable(out: Path) -> None:
     """Raises ``UserError`` unless ``out``, which need not exist, can hold result folders. Leaves nothing behind."""
-    try:
+    with usable(out, "no results can be written there"):
         existing = next(path for path in (out, *out.absolute().parents) if path.exists())
-        with tempfile.TemporaryFile(dir=existing):
-            pass
-    except OSError as error:
-        raise UserError(f"{out}: no results can be written there: {error.strerror or error}") from error
+        tempfile.TemporaryFile(dir=existing).close()
 
 
 def check_replaceable(final: Path) -> None:
     """Raises ``UserError`` unless a result folder can take the place of ``final``: nothing else is ever deleted."""
-    try:
+    with usable(final, "cannot be read"):
         free = not final.exists() or (final.is_dir() and ((final / "run.json").is_file() or not any(final.iterdir())))
-    except OSError as error:
-        raise UserError(f"{final}: cannot be read: {error.strerror}") from error
     if not free or not final.name:
         raise UserError(f"{final}: holds something else than a result; choose another --out")
 
@@ -141,9 +136,9 @@ def write_json(path: Path, value: object) -> None:
 def read_json(path: Path) -> Any:
     """What a file of JSON holds. Raises ``UserError``."""
     try:
-        return json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError) as error:
-        raise UserError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from error
+        return json.loads(read_text(path))
+    except (ValueError, RecursionError) as error:
+        raise UserError(f"{path}: cannot be read: {error}") from error
 
 
 @contextmanager

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from genie_sim.errors import UserError
-from genie_sim.paths import expanded
+from genie_sim.paths import expanded, read_text
 from genie_sim.recording import provenance
 from genie_sim.recording.columns import Columns
 from genie_sim.recording.records import SCHEMAS
@@ -141,12 +141,5 @@ def load(folder: str | Path) -> Run:
     tables = {schema.name: read(folder / f"{schema.name}.parquet", schema) for schema in SCHEMAS}
     with provenance.of_this_version(folder):
         measured = [Metric(**metric) for metric in provenance.read_json(folder / "metrics.json")]
-    yaml = _text(folder / "scenario.resolved.yaml")
+    yaml = read_text(folder / "scenario.resolved.yaml")
     return Run(made["run_id"], made["facts"], yaml, tables, measured, folder)
-
-
-def _text(path: Path) -> str:
-    try:
-        return path.read_text(encoding="utf-8")
-    except (OSError, ValueError) as error:
-        raise UserError(f"{path}: cannot be read: {error}") from error

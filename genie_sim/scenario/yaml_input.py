@@ -17,6 +17,7 @@ from typing import Any
 import yaml
 
 from genie_sim.errors import UserError, short_repr
+from genie_sim.paths import usable
 
 MOST_BYTES = 1_000_000
 MOST_NODES = 100_000
@@ -35,12 +36,10 @@ _PLAIN = {
 
 def read_mapping(path: Path) -> dict[str, Any]:
     """The one mapping in a YAML file. Raises ``UserError`` with file and line."""
-    try:
-        data = path.read_bytes() if path.stat().st_size <= MOST_BYTES else None
-    except OSError as error:
-        raise UserError(f"{path}: cannot be read: {error.strerror}") from error
-    if data is None:
-        raise UserError(f"{path}: is larger than {MOST_BYTES} bytes; a file of settings is smaller")
+    with usable(path, "cannot be read"):
+        if path.stat().st_size > MOST_BYTES:
+            raise UserError(f"{path}: is larger than {MOST_BYTES} bytes; a file of settings is smaller")
+        data = path.read_bytes()
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:

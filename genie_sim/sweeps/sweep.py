@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from genie_sim import build, files, report
 from genie_sim.errors import UserError
-from genie_sim.paths import PARTIAL, atomic_write
+from genie_sim.paths import PARTIAL, atomic_write, usable
 from genie_sim.perception.sources import Progress
 from genie_sim.recording import provenance
 from genie_sim.recording.tables import other_format
@@ -72,11 +72,9 @@ class Sweep:
     def run(self, backend: Local | Dask, shard: tuple[int, int] = (1, 1), progress: Progress | None = None) -> None:
         """Runs what is missing of a shard ``(i, n)``. Raises ``UserError``; where runs failed, when all others are
         done."""
-        try:
+        with usable(self.folder):
             self._parts.mkdir(parents=True, exist_ok=True)
             self._write_about()
-        except OSError as error:
-            raise UserError(f"{self.folder}: cannot be written: {error.strerror or error}") from error
         mine = share(self.plan.runs.values(), shard)
         done = tables.done_runs(self._parts)
         missing = [run for run in mine if run.run_id not in done]
@@ -112,12 +110,10 @@ class Sweep:
         done = len(tables.done_runs(self._parts) & self.plan.runs.keys())
         swept = Swept(self.folder, self.design.runs // len(self.design.seeds), len(self.plan.runs), done)
         if swept.complete:
-            try:
+            with usable(self.folder):
                 runs = self._write()
                 if pictures:
                     self._draw(runs)
-            except OSError as error:
-                raise UserError(f"{self.folder}: cannot be written: {error.strerror or error}") from error
         return swept
 
     def _told(self, run_id: str) -> Path:
