@@ -207,9 +207,9 @@ def sweep(
     import pandas as pd
 
     from genie_sim import parallel
-    from genie_sim.sweeps.backends import Local
     from genie_sim.sweeps.design import read_design
     from genie_sim.sweeps.sweep import Sweep
+    from genie_sim.sweeps.tasks import Local
 
     named = dict(_axis(path, axis) for path, axis in axes.items())
     given = {"name": "sweep", "scenario": str(scenario), "axes": named, "set": dict(settings or {}), "samples": samples}

@@ -13,9 +13,8 @@ import typer
 from genie_sim import __version__, arguments, plugins, terminal
 from genie_sim.arguments import MethodsOption, ScenarioArgument, SeedOption, SetOption, path_argument, path_option
 from genie_sim.cli_compare import compare, figures, table
-from genie_sim.cli_perceive import perceive
+from genie_sim.cli_perceive import perceive, truth
 from genie_sim.cli_ros import attach, detach, keys
-from genie_sim.cli_truth import truth
 from genie_sim.errors import UserError, unknown
 from genie_sim.paths import expanded
 from genie_sim.terminal import Commands, Progress
@@ -262,8 +261,8 @@ def sweep(
     if (backend == "dask") != (scheduler is not None):
         raise typer.BadParameter("--backend dask and --scheduler ADDRESS belong together")
     from genie_sim import parallel
-    from genie_sim.sweeps.backends import Dask, Local
     from genie_sim.sweeps.sweep import Sweep
+    from genie_sim.sweeps.tasks import Dask, Local
 
     with Progress(unit="points") as progress:
         work = Sweep.load(sweep, out, progress)

@@ -71,7 +71,7 @@ def keys_ca(
     days: Annotated[int, typer.Option(help="How long it is valid.")] = 3650,
 ) -> None:
     """Make a certificate authority: the one that all linked Genies trust."""
-    from genie_sim.ros.keys import make_authority
+    from genie_sim.ros.certificates import make_authority
 
     typer.echo(make_authority(folder, days))
 
@@ -84,6 +84,6 @@ def keys_peer(
     days: Annotated[int, typer.Option(help="How long it is valid.")] = 365,
 ) -> None:
     """Make one Genie's key file, to be copied to its machine."""
-    from genie_sim.ros.keys import make_peer
+    from genie_sim.ros.certificates import make_peer
 
     typer.echo(make_peer(ca, name, role, days))

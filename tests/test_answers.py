@@ -15,7 +15,7 @@ from genie_sim.analysis import metrics, summary
 from genie_sim.analysis.correctness import of_answers
 from genie_sim.core.matching import SAME_M, Placed, near, pairs, placed
 from genie_sim.messages import CameraPose, Detection, Detections, Header, Image
-from genie_sim.recording.answers import Answers
+from genie_sim.recording.held import Answers
 from genie_sim.recording.records import ANSWERS
 from genie_sim.recording.results import Metric
 from genie_sim.recording.tables import Table

@@ -11,7 +11,7 @@ import pytest
 
 from genie_sim.analysis.statistics import t_quantile
 from genie_sim.recording.columns import Columns, Text, concat
-from genie_sim.recording.matching import _assigned
+from genie_sim.recording.held import _assigned
 
 
 def test_columns_hold_what_pandas_holds():

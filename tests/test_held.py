@@ -27,8 +27,7 @@ from genie_sim.perception.truth_table import (
     write_truth,
 )
 from genie_sim.recording import results
-from genie_sim.recording.held import Held
-from genie_sim.recording.matching import gospa_m
+from genie_sim.recording.held import Held, gospa_m
 from genie_sim.recording.records import HELD
 from genie_sim.recording.results import Metric
 from genie_sim.recording.tables import Table

@@ -31,10 +31,10 @@ from genie_sim.errors import UserError
 from genie_sim.recording import provenance
 from genie_sim.scenario.scenario import load_scenario
 from genie_sim.sweeps import figures, tables, tasks
-from genie_sim.sweeps.backends import Local
 from genie_sim.sweeps.design import load_design
 from genie_sim.sweeps.plan import plan
 from genie_sim.sweeps.sweep import Sweep
+from genie_sim.sweeps.tasks import Local
 from genie_sim.town import town
 from tests.conftest import REPOSITORY
 
@@ -577,7 +577,7 @@ def test_a_dask_worker_that_is_killed_loses_nothing(uninterrupted):
 
 def test_a_scheduler_that_is_not_there_gets_one_line(capsys, monkeypatch):
     pytest.importorskip("distributed", reason="Dask comes with '.[dask]'")
-    monkeypatch.setattr("genie_sim.sweeps.backends.SCHEDULER_TIMEOUT_S", 1)
+    monkeypatch.setattr("genie_sim.sweeps.tasks.SCHEDULER_TIMEOUT_S", 1)
     assert main(["sweep", write(SMALL), "--backend", "dask", "--scheduler", "tcp://127.0.0.1:1"]) == 1
     one_line(capsys, "--scheduler tcp://127.0.0.1:1: no Dask scheduler answers there")
 

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections import OrderedDict
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Literal, Protocol
+from typing import Literal
 
 from genie_sim.core.freshness.laws import ASSUMED, DetectorLaws
 from genie_sim.core.freshness.recommended import Recommended
@@ -20,35 +21,28 @@ ConsumerName = Literal["newest", "tracker"]
 ASKED = 256  # so many of its last frames a consumer remembers
 
 
-class Consumer(Protocol):
+class Consumer(ABC):
     """The node that the answers are for. Times are nanoseconds of the clock that stamps frames."""
+
+    def __init__(self) -> None:
+        self._frames: OrderedDict[Header, Image] = OrderedDict()  # that answers may still come for
 
     def on_frame(self, image: Image) -> None:
         """The car took a frame, to which answers will come."""
+        self._frames[image.header] = image
+        if len(self._frames) > ASKED:
+            self._frames.popitem(last=False)
 
+    @abstractmethod
     def on_answer(self, answer: Detections, now_ns: int) -> None:
         """An answer is in the consumer's hands."""
 
+    @abstractmethod
     def held(self, now_ns: int) -> tuple[Detection, ...]:
         """The objects that the consumer believes in, each at its place."""
 
 
-class Frames:
-    """The frames of a car that answers may still come for."""
-
-    def __init__(self) -> None:
-        self._images: OrderedDict[Header, Image] = OrderedDict()
-
-    def add(self, image: Image) -> None:
-        self._images[image.header] = image
-        if len(self._images) > ASKED:
-            self._images.popitem(last=False)
-
-    def get(self, header: Header) -> Image | None:
-        return self._images.get(header)
-
-
-class Newest:
+class Newest(Consumer):
     """Holds, of each camera stream, the objects of the answer to its newest frame.
 
     An answer that holds at an instant (``Detections.valid_ns``) shows all that is in view then: its objects go on with
@@ -57,11 +51,8 @@ class Newest:
     """
 
     def __init__(self, laws: DetectorLaws = ASSUMED) -> None:
-        self._frames = Frames()
+        super().__init__()
         self._newest: dict[str, Detections] = {}
-
-    def on_frame(self, image: Image) -> None:
-        self._frames.add(image)
 
     def on_answer(self, answer: Detections, now_ns: int) -> None:
         stream = answer.header.frame_id
@@ -91,7 +82,7 @@ class Newest:
         return tuple(kept)
 
 
-class Tracker:
+class Tracker(Consumer):
     """Tracks what detectors found in the car's frames, and predicts it: policy ``recommended`` in the car itself.
 
     It counts the look that comes with an answer. Of an answer without, the objects are the look, as far as a detector
@@ -99,13 +90,10 @@ class Tracker:
     """
 
     def __init__(self, laws: DetectorLaws = ASSUMED) -> None:
+        super().__init__()
         policy = Recommended()
         policy.laws = laws
         self._map = TrackMap(ObjectMapRules(), policy)
-        self._frames = Frames()
-
-    def on_frame(self, image: Image) -> None:
-        self._frames.add(image)
 
     def on_answer(self, answer: Detections, now_ns: int) -> None:
         look = answer.look

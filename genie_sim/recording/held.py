@@ -1,4 +1,5 @@
-"""Judges what consumers hold against what is really there, at every frame of each car's first camera.
+"""Judges answers: ``Answers`` by what the detector itself finds in that very frame, a proxy of correctness without
+labels; ``Held`` by what is really there, at every frame of each car's first camera.
 
 A consumer's newest answers are compared with the truth of that very instant, not with that of the frames they answer:
 being late is being wrong (streaming accuracy; M. Li, Y. Wang, D. Ramanan, "Towards Streaming Perception", ECCV 2020).
@@ -7,16 +8,16 @@ being late is being wrong (streaming accuracy; M. Li, Y. Wang, D. Ramanan, "Towa
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from typing import Protocol
 
 from genie_sim.core.consumer import Consumer, Newest
-from genie_sim.core.matching import Placed, class_of, near, pairs, placed
-from genie_sim.messages import Detection, Detections, Frame, Image, Location
-from genie_sim.recording.matching import GOSPA_CUT_M, gospa_m
+from genie_sim.core.matching import SAME_M, Near, Placed, class_of, near, pairs, placed
+from genie_sim.messages import Detection, Detections, Frame, Header, Image, Location
 from genie_sim.recording.tables import Table
 from genie_sim.units import NS_PER_S
 
+GOSPA_CUT_M = 5.0
 CONSUMER, FLOOR = "consumer", "floor"
 REMEMBERED_NS = 10 * NS_PER_S  # what was there so long ago counts as moved away
 
@@ -192,3 +193,123 @@ def _in_view(image: Image, at: Location, range_m: float) -> bool:
         return False
     bearing_rad = math.remainder(math.atan2(north_m, east_m) - pose.heading_rad, math.tau)
     return abs(bearing_rad) <= image.horizontal_fov_rad / 2
+
+
+class Answers:
+    """Compares the first and the fresh answers under one method; ``table`` gets the counts (``records.ANSWERS``).
+
+    It knows a frame from ``published`` until its fresh answer, or until ``forget``.
+    """
+
+    def __init__(self, method: str, table: Table) -> None:
+        self._method = method
+        self._table = table
+        self._images: dict[Header, Image] = {}
+
+    def published(self, image: Image) -> None:
+        self._images[image.header] = image
+
+    def forget(self, header: Header) -> None:
+        """No answer to this frame is expected any more."""
+        self._images.pop(header, None)
+
+    def answered(self, answer: Detections, source: str, first: bool, fresh: bool) -> None:
+        """The consumer has the ``first`` answer to a frame, the ``fresh`` one, or both in one."""
+        image = self._images.get(answer.header)
+        if image is None:
+            return
+        detections = image.content.detections
+        detected = placed(detections)
+        if answer.objects is detections or answer.objects == detections:
+            counts = len(detected), len(detected), len(detected)
+        else:
+            served = placed(answer.objects)
+            counts = len(served), len(detected), len(pairs(near(served, detected, SAME_M)))
+        stamp_ns, stream, car = answer.header
+        for which, is_this in (("first", first), ("fresh", fresh)):
+            if is_this:
+                self._table.append((self._method, car, stream, stamp_ns, which, source, *counts))
+        if fresh:
+            self.forget(answer.header)
+
+
+
+def gospa_m(candidates: Sequence[Near], ours: int, theirs: int, cut_m: float = GOSPA_CUT_M) -> float:
+    """The GOSPA distance [m] of order 2 with alpha 2 between so many objects, of which ``near`` gave those within
+    ``cut_m``: squared distances of the best pairs, and ``cut_m`` squared / 2 for each object without one.
+
+    Source: A. S. Rahmathullah, A. F. Garcia-Fernandez, L. Svensson, "Generalized optimal sub-pattern assignment
+    metric", FUSION 2017, Proposition 1.
+    """
+    cut_m2 = cut_m * cut_m
+    rows, columns = ({one[side] for one in candidates} for side in (1, 2))
+    if len(rows) == len(candidates) == len(columns):
+        gained = sum(cut_m2 - distance_m2 for distance_m2, _, _ in candidates)
+    else:
+        gained = sum(_most_gained(group, cut_m2) for group in _connected(candidates))
+    return math.sqrt(max(cut_m2 / 2 * (ours + theirs) - gained, 0.0))
+
+
+def _connected(candidates: Sequence[Near]) -> Iterable[list[Near]]:
+    """Groups of pairs that share objects with no other group."""
+    parents: dict[int, int] = {}  # of ours i at i, of theirs j at ~j
+
+    def root(end: int) -> int:
+        while (above := parents.setdefault(end, end)) != end:
+            end = above
+        return end
+
+    for _, i, j in candidates:
+        parents[root(i)] = root(~j)
+    groups: dict[int, list[Near]] = {}
+    for one in candidates:
+        groups.setdefault(root(one[1]), []).append(one)
+    return groups.values()
+
+
+def _most_gained(group: Sequence[Near], cut_m2: float) -> float:
+    """The most that pairing the objects of a group takes off, each paired at most once."""
+    rows, columns = ({one[side]: None for one in group} for side in (1, 2))
+    if len(rows) == 1 or len(columns) == 1:
+        return cut_m2 - min(distance_m2 for distance_m2, _, _ in group)
+    if len(rows) > len(columns):
+        rows, columns, group = columns, rows, [(one[0], one[2], one[1]) for one in group]
+    row, column = ({index: place for place, index in enumerate(indices)} for indices in (rows, columns))
+    gains = [[0.0] * len(columns) for _ in rows]
+    for distance_m2, i, j in group:
+        gains[row[i]][column[j]] = cut_m2 - distance_m2
+    return math.fsum(gains[i][j] for i, j in enumerate(_assigned(gains)))
+
+
+def _assigned(gains: Sequence[Sequence[float]]) -> list[int]:
+    """The column of each row, no two alike, whose gains sum to the most; there are at least as many columns as rows.
+
+    Shortest augmenting paths, as in scipy's ``linear_sum_assignment``, which takes as long to import as a run takes.
+    Source: R. Jonker, A. Volgenant, Computing 38, 1987. Place 0 of the lists is the row that is being assigned.
+    """
+    columns = range(1, len(gains[0]) + 1)
+    of_row, of_column = [0.0] * (len(gains) + 1), [0.0] * (len(columns) + 1)  # prices: none pays less than it costs
+    owner = [0] * (len(columns) + 1)
+    for row in range(1, len(gains) + 1):
+        owner[0], here = row, 0
+        least, came_from, done = [math.inf] * (len(columns) + 1), [0] * (len(columns) + 1), {0}
+        while owner[here]:
+            i = owner[here]
+            for j in columns:
+                cost = -gains[i - 1][j - 1] - of_row[i] - of_column[j]
+                if j not in done and cost < least[j]:
+                    least[j], came_from[j] = cost, here
+            here = min((j for j in columns if j not in done), key=least.__getitem__)
+            step = least[here]
+            for j in (0, *columns):
+                if j in done:
+                    of_row[owner[j]] += step
+                    of_column[j] -= step
+                else:
+                    least[j] -= step
+            done.add(here)
+        while here:
+            owner[here] = owner[came_from[here]]
+            here = came_from[here]
+    found = {owner[j]: j - 1 for j in columns if owner[j]}
+    return [found[row] for row in range(1, len(gains) + 1)]

@@ -18,8 +18,7 @@ from genie_sim.messages import (
     Observation,
 )
 from genie_sim.monitor import Placement, Resource, Step
-from genie_sim.recording.answers import Answers
-from genie_sim.recording.held import Held
+from genie_sim.recording.held import Answers, Held
 from genie_sim.recording.records import Frame, Tables
 from genie_sim.recording.tables import Value
 

@@ -25,7 +25,7 @@ from genie_sim.perception.encoding import difference_hash
 from genie_sim.perception.geodesy import enu_SE3_enu
 from genie_sim.perception.placement import HALF_DEPTH_M, Placement
 from genie_sim.perception.trace import MOST_M, MOST_ORIGIN, Trace, TraceFrame, checked, detection, trace_frame, within
-from genie_sim.ros.images import picture
+from genie_sim.ros.codec import picture
 from genie_sim.ros.tf import Frames, Track, rotation
 from genie_sim.ros.typestore import stamp_ns as header_stamp_ns
 from genie_sim.ros.typestore import typestore

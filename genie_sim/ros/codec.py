@@ -13,9 +13,10 @@ from dataclasses import replace
 from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from genie_sim.errors import UserError
+import numpy as np
+
+from genie_sim.errors import UserError, unknown
 from genie_sim.messages import Box, Detection, Header, Location
-from genie_sim.ros.images import picture
 from genie_sim.ros.typestore import class_of, message, stamp_ns, time, typestore
 from genie_sim.units import NS_PER_S
 
@@ -27,6 +28,7 @@ ABSOLUTE_FRAMES = ("map", "world")  # frames whose coordinates are the object ma
 IMAGE, OBJECTS = "sensor_msgs/msg/Image", "autoware_msgs/msg/DetectedObjectArray"
 MARKER, MARKERS = "visualization_msgs/msg/Marker", "visualization_msgs/msg/MarkerArray"
 CUBE, ADD, DELETE_ALL = 1, 0, 3
+CHANNELS = {"mono8": 1, "8UC1": 1, "bgr8": 3, "8UC3": 3, "rgb8": 3, "bgra8": 4, "8UC4": 4, "rgba8": 4}
 HEADER_BYTES = 16  # without the frame
 
 
@@ -269,3 +271,21 @@ def _full(name: str) -> str:
     """``sensor_msgs/Image`` is ``sensor_msgs/msg/Image`` in ROS 2 and in rosbags."""
     package, _, kind = name.rpartition("/")
     return f"{package.removesuffix('/msg')}/msg/{kind}"
+
+
+def picture(message: Any) -> np.ndarray:
+    """An image message as (height, width, 3) bytes: blue, green, red.
+
+    Raises UserError for an encoding that has no plain colours, ValueError for data too short for the image.
+    """
+    encoding, width, height, step = message.encoding, message.width, message.height, message.step
+    if encoding not in CHANNELS:
+        raise UserError(unknown("image encoding", encoding, CHANNELS))
+    channels = CHANNELS[encoding]
+    if len(message.data) < height * step or step < width * channels or not (height and width):
+        raise ValueError(f"an image of {width}x{height} with {len(message.data)} bytes")
+    rows = np.frombuffer(bytes(message.data), np.uint8, height * step).reshape(height, step)
+    pixels = rows[:, : width * channels].reshape(height, width, channels)
+    if channels == 1:
+        return np.repeat(pixels, 3, axis=2)
+    return np.ascontiguousarray(pixels[:, :, 2::-1] if encoding.startswith("rgb") else pixels[:, :, :3])

@@ -18,10 +18,9 @@ from genie_sim.perception.sources import Progress
 from genie_sim.recording import provenance
 from genie_sim.recording.tables import other_format
 from genie_sim.sweeps import tables
-from genie_sim.sweeps.backends import Dask, Local
 from genie_sim.sweeps.design import Design, load_design
 from genie_sim.sweeps.plan import Plan, plan, share, tasks
-from genie_sim.sweeps.tasks import Failure
+from genie_sim.sweeps.tasks import Dask, Failure, Local
 
 if TYPE_CHECKING:
     import pandas as pd

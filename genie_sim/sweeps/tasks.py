@@ -1,4 +1,5 @@
-"""What a worker does: it simulates the runs of a task and writes their metrics into one Parquet part.
+"""What a worker does: it simulates the runs of a task and writes their metrics into one Parquet part. And where the
+workers are: processes on this machine (``Local``), or a Dask cluster (``Dask``).
 
 A worker is a process here, under a batch system, or on a Dask cluster. It needs no file but the folder of the parts:
 profiles and traces come with ``Shared``, packed, and are unpacked once in each worker.
@@ -11,7 +12,7 @@ import hashlib
 import os
 import pickle
 import traceback
-from collections.abc import Mapping, Sequence
+from collections.abc import Generator, Mapping, Sequence
 from dataclasses import astuple, dataclass
 from pathlib import Path
 
@@ -20,6 +21,7 @@ from genie_sim import runner
 from genie_sim.analysis import metrics
 from genie_sim.build import Prepared
 from genie_sim.errors import UserError
+from genie_sim.parallel import in_processes
 from genie_sim.paths import atomic_write
 from genie_sim.perception.sources import Frames
 from genie_sim.recording.results import Metric
@@ -27,6 +29,8 @@ from genie_sim.recording.tables import Column, Schema, Table
 from genie_sim.scenario.profiles import DeviceProfile
 from genie_sim.scenario.scenario import Scenario
 
+SCHEDULER_TIMEOUT_S = 10
+WORKERS_TIMEOUT_S = 120
 PART = Schema(
     "sweep_part",
     "One row per run and metric; a run's rows are in the order in which metrics are computed.",
@@ -148,3 +152,65 @@ def measured(prepared: Prepared) -> Sequence[Metric]:
 def _unpacked(packed: bytes) -> tuple[dict[str, DeviceProfile], Mapping[str, Frames]]:
     shared: Shared = pickle.loads(packed)
     return {name: DeviceProfile.model_validate_json(text) for name, text in shared.devices.items()}, shared.frames
+
+
+class Local:
+    """Processes on this machine (joblib)."""
+
+    def __init__(self, jobs: int) -> None:
+        self.workers = jobs
+
+    def run(self, tasks: Sequence[Task], shared: Shared) -> Generator[Finished, None, None]:
+        """What became of each task, as it is done."""
+        return in_processes(functools.partial(run_task, packed=shared.packed()), tasks, self.workers, ordered=False)
+
+    def close(self) -> None:
+        """Nothing is left open."""
+
+
+class Dask:
+    """The workers of a running Dask scheduler; they and this process share a file system."""
+
+    def __init__(self, scheduler: str) -> None:
+        try:
+            from distributed import Client
+        except ImportError:
+            raise UserError("--backend dask: Dask is not installed: pip install 'genie-sim[dask]'") from None
+        self._where = f"--scheduler {scheduler}"
+        try:
+            self._client = Client(scheduler, timeout=SCHEDULER_TIMEOUT_S)
+        except (OSError, ValueError, TypeError) as error:
+            raise UserError(f"{self._where}: no Dask scheduler answers there") from error
+        try:
+            self._client.wait_for_workers(1, timeout=WORKERS_TIMEOUT_S)
+        except TimeoutError:
+            self.close()
+            raise UserError(f"{self._where}: has no workers, and got none in {WORKERS_TIMEOUT_S} s") from None
+        self.workers: int = max(1, sum(self._client.nthreads().values()))
+
+    def run(self, tasks: Sequence[Task], shared: Shared) -> Generator[Finished, None, None]:
+        """What became of each task, as it is done. Dask gives the tasks of a lost worker to the others.
+
+        What the tasks share is itself the result of a task: each worker fetches it once, and it cannot get lost.
+        """
+        from distributed import CancelledError, KilledWorker, as_completed
+
+        packed = self._client.submit(_same, shared.packed())
+        futures = [self._client.submit(run_task, task, packed, key=f"genie-sim-{task.part.stem}") for task in tasks]
+        try:
+            for future in as_completed(futures):
+                yield future.result()
+        except KilledWorker as error:
+            raise UserError(f"{self._where}: a task was lost with several workers, for want of memory?") from error
+        except (CancelledError, OSError) as error:
+            raise UserError(f"{self._where}: the connection to the scheduler was lost") from error
+        finally:
+            self._client.cancel([*futures, packed])
+
+    def close(self) -> None:
+        """Says good-bye to the scheduler."""
+        self._client.close()
+
+
+def _same(packed: bytes) -> bytes:
+    return packed

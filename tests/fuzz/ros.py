@@ -15,10 +15,8 @@ from genie_sim.messages import Header
 from genie_sim.perception.trace import read_trace, write_trace
 from genie_sim.ros import wire
 from genie_sim.ros.bags import perceive_bag
-from genie_sim.ros.certificates import Credentials
-from genie_sim.ros.codec import IMAGE, MARKER, MARKERS, OBJECTS, Codec, WireType, codec_of
-from genie_sim.ros.images import CHANNELS
-from genie_sim.ros.keys import make_authority, make_peer
+from genie_sim.ros.certificates import Credentials, make_authority, make_peer
+from genie_sim.ros.codec import CHANNELS, IMAGE, MARKER, MARKERS, OBJECTS, Codec, WireType, codec_of
 from genie_sim.ros.message import RosMessage
 from genie_sim.ros.poses import POSE_TYPES, Poses
 from genie_sim.ros.typestore import header, message, typestore

@@ -25,9 +25,9 @@ from genie_sim.recording.tables import Schema, read
 from genie_sim.report import NAME, comparison, write
 from genie_sim.scenario.scenario import load_scenario
 from genie_sim.sweeps import page as sweep_page
-from genie_sim.sweeps.backends import Local
 from genie_sim.sweeps.plan import plan
 from genie_sim.sweeps.sweep import Sweep, load_design
+from genie_sim.sweeps.tasks import Local
 from tests.conftest import REPOSITORY
 from tests.fuzz.files import one_file
 from tests.fuzz.harness import Case, Target

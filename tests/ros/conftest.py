@@ -18,7 +18,7 @@ from typing import Any
 
 import pytest
 
-from genie_sim.ros.keys import make_authority, make_peer
+from genie_sim.ros.certificates import make_authority, make_peer
 
 HERE = Path(__file__).resolve().parent
 REPOSITORY = HERE.parent.parent

@@ -9,9 +9,8 @@ from pathlib import Path
 import pytest
 
 from genie_sim.cli import main
-from genie_sim.ros.certificates import Credentials, identity
+from genie_sim.ros.certificates import Credentials, identity, make_authority, make_peer
 from genie_sim.ros.gateway import Peer
-from genie_sim.ros.keys import make_authority, make_peer
 
 
 @pytest.fixture
