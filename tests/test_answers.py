@@ -13,7 +13,7 @@ from made_up_run import METHODS
 from genie_sim import runner
 from genie_sim.analysis import metrics, summary
 from genie_sim.analysis.correctness import of_answers
-from genie_sim.core.matching import SAME_M, Placed, near, pairs, placed
+from genie_sim.core.matching import SAME_M, near, pairs, placed
 from genie_sim.messages import CameraPose, Detection, Detections, Header, Image
 from genie_sim.recording.held import Answers
 from genie_sim.recording.records import ANSWERS
@@ -65,8 +65,8 @@ def test_each_object_is_paired_once_and_the_nearest_first():
 
 
 def test_ties_are_broken_by_the_order_of_the_lists():
-    beside = [Placed("car", 1.0, 0.0), Placed("car", -1.0, 0.0)]
-    assert pairs(near([Placed("car", 0.0, 0.0)], beside, SAME_M)) == [(1.0, 0, 0)]
+    beside = [("car", 1.0, 0.0), ("car", -1.0, 0.0)]
+    assert pairs(near([("car", 0.0, 0.0)], beside, SAME_M)) == [(1.0, 0, 0)]
 
 
 def test_objects_without_a_place_are_not_counted_even_in_an_answer_that_is_the_same():

@@ -46,7 +46,6 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     "catalogue": _READ,
     "arguments": (*_READ, "catalogue"),
     "cli_perceive": (*_READ, "ros", "arguments"),
-    "cli_truth": ("perception", "arguments"),
     "cli_ros": ("scenario", "ros", "arguments"),
     "cli_compare": ("recording", "analysis", "report", "arguments"),
     "cli": (
@@ -58,7 +57,6 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
         "catalogue",
         "arguments",
         "cli_perceive",
-        "cli_truth",
         "cli_ros",
         "cli_compare",
     ),
