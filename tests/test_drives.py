@@ -147,7 +147,7 @@ def test_without_sequences_nothing_is_simulated(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr("genie_sim.paper.runs.in_parallel", simulated)
     monkeypatch.delenv("GENIE_SIM_KITTI", raising=False)
     assert main(["reproduce", "--quick", "--drives", "--out", "out"]) == 1
-    assert capsys.readouterr().err.startswith("genie-sim: drives: set GENIE_SIM_KITTI to KITTI's folder")
+    assert capsys.readouterr().err.startswith("genie-sim: kitti: where are the drives? Name KITTI's folder")
     monkeypatch.setenv("GENIE_SIM_KITTI", str(tmp_path))
     with pytest.raises(UserError, match="tracking: no sequences of KITTI's tracking benchmark here"):
         reproduce(tmp_path / "out", quick=True, with_drives=True)

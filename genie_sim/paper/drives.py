@@ -22,7 +22,6 @@ from __future__ import annotations
 
 import logging
 import math
-import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -44,7 +43,6 @@ from genie_sim.paper.checks import BASELINES
 from genie_sim.paper.evidence import interval
 from genie_sim.paper.facts import METHODS, Facts, ratio
 from genie_sim.paper.replicate import Progress, in_parallel, outcome_of
-from genie_sim.paths import expanded
 from genie_sim.perception.sources import Recordings
 from genie_sim.perception.trace import Trace
 from genie_sim.perception.tracking import CAMERA, FRAME_NS, sequences, tracking_trace
@@ -54,7 +52,6 @@ from genie_sim.runner import on_frames
 from genie_sim.scenario.scenario import Scenario, load_scenario
 from genie_sim.units import NS_PER_S
 
-KITTI = "GENIE_SIM_KITTI"
 SCENARIOS = ("3car_homo", "3car_hetero")
 DETECTIONS = "pointrcnn"
 MIN_SCORE = 0.3
@@ -170,10 +167,9 @@ C18 = next(direction for direction in DIRECTIONS if direction.claim == "C18")
 def jobs() -> list[DriveJob]:
     """Every scenario and seed on every sequence in $GENIE_SIM_KITTI/tracking that can be read; a log line says which
     can not, and why. UserError where there is none."""
-    place = os.environ.get(KITTI)
-    if not place:
-        raise UserError(f"drives: set {KITTI} to KITTI's folder, which holds tracking/training and tracking/detections")
-    root = expanded(place)
+    from genie_sim.perception.perceive import kitti_folder
+
+    root = kitti_folder(None)
     found = sequences(root / "tracking")
     if not found:
         raise UserError(
