@@ -41,7 +41,7 @@ from genie_sim.errors import UserError
 from genie_sim.messages import Header, Image
 from genie_sim.paper.checks import BASELINES
 from genie_sim.paper.evidence import interval
-from genie_sim.paper.facts import METHODS, Facts, ratio
+from genie_sim.paper.facts import METHODS, ratio
 from genie_sim.paper.replicate import Progress, in_parallel, outcome_of
 from genie_sim.perception.sources import Recordings
 from genie_sim.perception.trace import Trace
@@ -81,18 +81,8 @@ class DriveJob:
     seed: int
 
 
-@dataclass(frozen=True, slots=True)
-class Driven:
-    """What a run gave; ``drive_s`` is how long the whole drive is."""
-
-    sequence: str
-    scenario: str
-    seed: int
-    drive_s: float
-    facts: Facts
-
-
-OfDrive = Mapping[str, Facts]  # by scenario
+Row = dict[str, Any]  # of one run: sequence, scenario, seed, drive_s (how long the whole drive is), and FACTS
+OfDrive = Mapping[str, Row]  # by scenario
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,7 +97,7 @@ class Direction:
 
 
 def _values(drive: OfDrive, *names: str) -> list[float]:
-    return [facts.get(name, math.nan) for facts in drive.values() for name in names]
+    return [row[name] for row in drive.values() for name in names]
 
 
 def _both(name: str) -> list[str]:
@@ -209,15 +199,16 @@ def prepare_drive(job: DriveJob) -> Prepared:
     return on_frames(scenario.model_copy(update={"cameras": cameras}), recordings)
 
 
-def run_drive(job: DriveJob) -> Driven:
+def run_drive(job: DriveJob) -> Row:
     """Simulates one job."""
     prepared = prepare_drive(job)
     trace = _recordings(job.root, job.sequence).main
     facts = outcome_of(prepared).facts | {SAME_CELL: same_cell_share(prepared.scenario, trace)}
-    return Driven(job.sequence, job.scenario, job.seed, _drive_s(trace), facts)
+    about = {"sequence": job.sequence, "scenario": job.scenario, "seed": job.seed, "drive_s": _drive_s(trace)}
+    return about | {name: _rounded(facts.get(name, math.nan)) for name in FACTS}
 
 
-def run_drives(jobs: Sequence[DriveJob], workers: int, progress: Progress | None = None) -> list[Driven]:
+def run_drives(jobs: Sequence[DriveJob], workers: int, progress: Progress | None = None) -> list[Row]:
     """Simulates every job, on several processes."""
     return in_parallel(run_drive, jobs, workers, progress, "drives")
 
@@ -234,83 +225,73 @@ def _drive_s(trace: Trace) -> float:
     return len(trace.frames[CAMERA]) * FRAME_NS / NS_PER_S
 
 
-def rows(driven: Sequence[Driven]) -> list[dict[str, Any]]:
-    """One row for each run, for ``drives.csv``."""
-    return [
-        {"sequence": one.sequence, "scenario": one.scenario, "seed": one.seed, "drive_s": one.drive_s}
-        | {name: _rounded(one.facts.get(name, math.nan)) for name in FACTS}
-        for one in driven
-    ]
-
-
-def directions(driven: Sequence[Driven]) -> list[dict[str, Any]]:
+def directions(driven: Sequence[Row]) -> list[dict[str, Any]]:
     """For each claim its number on each drive with a 95 % interval over seeds, the median and range of these, and on
     how many drives it holds, is contrary, and is open."""
     found = []
     for direction in DIRECTIONS:
         known = _intervals(direction, driven)
         means = [mean for mean, _, _ in known.values()]
+        spread = (float(np.median(means)), min(means), max(means)) if means else (None, None, None)
         found.append(
             {
                 "claim": direction.claim,
                 "says": direction.says,
                 "bound": direction.bound,
-                "median": _rounded(float(np.median(means))) if means else None,
-                "low": _rounded(min(means)) if means else None,
-                "high": _rounded(max(means)) if means else None,
+                **dict(zip(("median", "low", "high"), spread, strict=True)),
                 "holds": sum(low > direction.bound for _, low, _ in known.values()),
                 "contrary": sum(high <= direction.bound for _, _, high in known.values()),
                 "drives": len(known),
-                "numbers": {sequence: [_rounded(end) for end in ends] for sequence, ends in known.items()},
+                "numbers": known,
             }
         )
     return found
 
 
-def _intervals(direction: Direction, driven: Sequence[Driven]) -> dict[str, tuple[float, float, float]]:
+def _intervals(direction: Direction, driven: Sequence[Row]) -> dict[str, list[float]]:
     """Mean and interval of a claim's number on each drive where every seed gave one."""
-    runs: dict[str, dict[int, dict[str, Facts]]] = {}
-    for one in driven:
-        runs.setdefault(one.sequence, {}).setdefault(one.seed, {})[one.scenario] = one.facts
+    runs: dict[str, dict[int, dict[str, Row]]] = {}
+    for row in driven:
+        runs.setdefault(row["sequence"], {}).setdefault(row["seed"], {})[row["scenario"]] = row
     numbers = {name: np.array([direction.number(run) for run in seeds.values()]) for name, seeds in runs.items()}
-    return {name: interval(values) for name, values in numbers.items() if not np.isnan(values).any()}
+    known = {name: interval(values) for name, values in numbers.items() if not np.isnan(values).any()}
+    return {name: [_rounded(end) for end in ends] for name, ends in known.items()}
 
 
-def hypothesis(driven: Sequence[Driven]) -> dict[str, Any] | None:
+def hypothesis(driven: Sequence[Row]) -> dict[str, Any] | None:
     """The declared test of C18: least squares of its number on the share of successive frames in one image cell, with
-    the slope's 95 % t interval; ``zero_at`` is the share at which the line crosses zero. ``None``: fewer than 3 drives,
-    or all with the same share."""
-    shares = {one.sequence: one.facts[SAME_CELL] for one in driven}
-    numbers = {name: mean for name, (mean, _, _) in _intervals(C18, driven).items()}
-    x, y = np.array([shares[name] for name in numbers]), np.array(list(numbers.values()))
-    n, off = len(x), x - np.mean(x) if len(x) else x
-    if n < 3 or not off.any():
+    the slope's 95 % t interval; ``zero_at`` is the share at which the line crosses zero. ``None`` where fewer than 3
+    drives, or all alike, make no line."""
+    from scipy.stats import linregress
+
+    shares = {row["sequence"]: row[SAME_CELL] for row in driven}
+    points = {name: [shares[name], mean] for name, (mean, _, _) in _intervals(C18, driven).items()}
+    n = len(points)
+    if n < 3 or not np.ptp(list(points.values()), axis=0).all():
         return None
-    slope = float(off @ y / (off @ off))
-    left = y - np.mean(y) - slope * off
-    half = t_quantile(n - 2) * math.sqrt(left @ left / (n - 2) / (off @ off))
+    line = linregress(*zip(*points.values(), strict=True))
+    half = t_quantile(n - 2) * line.stderr
     values = {
-        "slope": slope,
-        "low": slope - half,
-        "high": slope + half,
-        "r": float(np.corrcoef(x, y)[0, 1]),
-        "zero_at": ratio(float(slope * np.mean(x) - np.mean(y)), slope),
+        "slope": line.slope,
+        "low": line.slope - half,
+        "high": line.slope + half,
+        "r": line.rvalue,
+        "zero_at": -line.intercept / line.slope,
     }
-    points = {name: [_rounded(float(shares[name])), _rounded(number)] for name, number in numbers.items()}
     found = {name: _rounded(value) for name, value in values.items()}
-    return {**found, "n": n, "supported": slope + half < 0, "points": points}
+    return {**found, "n": n, "supported": found["high"] < 0, "points": points}
 
 
-def write(folder: Path, driven: Sequence[Driven]) -> str:
+def write(folder: Path, driven: Sequence[Row]) -> str:
     """``drives.csv`` (each run), ``drives.json`` (each claim on each drive), a part of ``verdicts.md``; its table."""
     import pandas as pd
 
     found = {"seeds": list(SEEDS), "directions": directions(driven), "hypothesis": hypothesis(driven)}
     with (folder / "drives.csv").open("w", encoding="utf-8", newline="") as file:  # of a path pandas makes a URI
-        pd.DataFrame(rows(driven)).to_csv(file, index=False)
+        pd.DataFrame(driven).to_csv(file, index=False)
     provenance.write_json(folder / "drives.json", found)
     table = markdown(found)
-    count = len({one.sequence for one in driven})
+    count = len({row["sequence"] for row in driven})
     about = f"{count} sequences of KITTI's tracking benchmark, three cars, PointRCNN's detections:"
     with (folder / "verdicts.md").open("a", encoding="utf-8") as document:
         document.write(f"\n## On other drives\n\n{about}\n\n{table}\n")
@@ -336,5 +317,5 @@ def markdown(found: Mapping[str, Any]) -> str:
     return "\n".join(lines)
 
 
-def _rounded(value: float) -> float | None:
-    return None if math.isnan(value) else float(f"{value:.6g}")
+def _rounded(value: float) -> float:
+    return float(f"{value:.6g}")
