@@ -225,7 +225,7 @@ def test_help_is_there_before_anything_heavy(arguments):
     loaded = set(told.stdout.splitlines()[-1].split())
     assert not loaded & HEAVY
     ours = {name for name in loaded if name.startswith("genie_sim.")}
-    parts = ("cli", "cli_compare", "cli_perceive", "cli_ros", "cli_truth", "terminal", "arguments")
+    parts = ("cli", "cli_compare", "cli_perceive", "cli_ros", "terminal", "arguments")
     command_line = {f"genie_sim.{part}" for part in parts}
     assert ours <= {*command_line, "genie_sim.errors", "genie_sim.paths", "genie_sim.plugins", "genie_sim.messages"}
     bare = subprocess.run([sys.executable, "-c", "import sys, typer.main; print(*sys.modules)"], capture_output=True)

@@ -1,4 +1,5 @@
-"""The figures of the paper's Section V over all seeds, in the paper's arrangement: homogeneous above heterogeneous."""
+"""The figures of the evaluation: those of the paper's Section V over all seeds, in the paper's arrangement, homogeneous
+above heterogeneous; and what the open parameters and the calibration do, in the same style."""
 
 from __future__ import annotations
 
@@ -7,9 +8,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import NullLocator, PercentFormatter
 
-from genie_sim.analysis import figures, metrics
-from genie_sim.paper import sensitivity
+from genie_sim.analysis import figures, metrics, style
+from genie_sim.analysis.drawing import in_style
+from genie_sim.analysis.style import PAGE_IN
+from genie_sim.paper.calibrate import Calibration
 from genie_sim.paper.checks import ALL, CASE, HE, HO
 from genie_sim.paper.facts import METHODS
 from genie_sim.paper.replicate import Outcome
@@ -17,35 +23,184 @@ from genie_sim.recording.columns import Columns, Text, concat
 
 TITLES = {name: f"{name[0]} car{'s' if name[0] > '1' else ''}, {'hetero.' if name in HE else 'homo.'}" for name in ALL}
 WRAPPED = {name: title.replace(", ", "\n") for name, title in TITLES.items()}
+OBJECTS_LINE: dict[str, Any] = {"color": "0.1", "marker": "o", "markersize": 3.5, "linewidth": 1.6}
+IMAGES_LINE: dict[str, Any] = {
+    "color": "0.55", "marker": "s", "markersize": 3.5, "linewidth": 1.6, "linestyle": (0, (4, 1.2)),
+}  # fmt: skip
+PAPER_LINE: dict[str, Any] = {"linewidth": 0.9, "linestyle": (0, (1, 1.5))}
+LOGARITHMIC_FROM = 10.0  # a sweep whose largest value is this many times its smallest gets a logarithmic axis
+
+Row = Mapping[str, Any]
 
 
-def draw_paper_figures(folder: Path, tables: Mapping[str, Sequence[Outcome]], footer: str) -> None:
-    """Response times, reuse, confidence boost and the case study, as SVG and PNG. Raises OSError."""
+def draw(
+    folder: Path,
+    tables: Mapping[str, Sequence[Outcome]],
+    fitted: Calibration | None,
+    sweeps: Sequence[Row],
+    worth: Sequence[Row],
+    targets: Mapping[str, float],
+    footer: str,
+) -> None:
+    """Every figure that there is something for, as SVG and PNG. Raises OSError."""
     frames = {TITLES[name]: _pooled(tables[name], "frames") for name in (*HO, *HE)}
     lookups = {WRAPPED[name]: _pooled(tables[name], "lookups") for name in (*HO, *HE)}
     one_seed = {TITLES[name]: _table(tables[name][0], "lookups") for name in (*HO, *HE)}
-    one = f"{footer}; the first seed"
-    figures.save(figures.latency_cdf(frames, METHODS, footer, of="answered"), folder, "latency_cdf")
-    figures.save(figures.latency_cdf(frames, METHODS, footer), folder, "latency_cdf_of_published")
-    figures.save(figures.image_reuse(lookups, METHODS, footer), folder, "image_reuse")
-    figures.save(figures.object_reuse(lookups, METHODS, footer), folder, "object_reuse")
-    figures.save(figures.confidence_boost(one_seed, METHODS, one), folder, "confidence_boost")
-    figures.save(_case_study(tables[CASE], footer), folder, "case_study")
-
-
-def _case_study(outcomes: Sequence[Outcome], footer: str) -> Any:
-    frames = _pooled(outcomes, "frames")
-    lookups = _table(outcomes[0], "lookups")
-    genie = frames.where(method="genie")
-    times = {}
-    for car, label in (("car2", "car2, no cameras"), ("car1", "car1, cameras")):
-        values = metrics.response_ms(genie.where(car=car), "first")
-        times[label] = values[~np.isnan(values)]
-    reuse = {
-        "objects, car2 (no cameras)": _running(lookups, "car2/genie", image=False),
-        "images, car1 (cameras)": _running(lookups, "car1/genie", image=True),
+    made = {
+        "latency_cdf": figures.latency_cdf(frames, METHODS, footer, of="answered"),
+        "latency_cdf_of_published": figures.latency_cdf(frames, METHODS, footer),
+        "image_reuse": figures.image_reuse(lookups, METHODS, footer),
+        "object_reuse": figures.object_reuse(lookups, METHODS, footer),
+        "confidence_boost": figures.confidence_boost(one_seed, METHODS, f"{footer}; the first seed"),
+        "case_study": _case_study(tables[CASE], footer),
+        "worth": _worth(worth, footer),
     }
-    return sensitivity.case_study(times, reuse, f"{footer}; reuse: the first seed")
+    if fitted is not None:
+        found = fitted.as_json()
+        made["calibration"] = _calibration(found["tried"], found["best"], targets, footer)
+    if sweeps:
+        made["sensitivity"] = _sweeps(sweeps, targets, footer)
+    for name, figure in made.items():
+        figures.save(figure, folder, name)
+
+
+@in_style()
+def _case_study(outcomes: Sequence[Outcome], footer: str) -> Figure:
+    """Vision-assisted driving (paper: Fig. "bs"): response times of both cars, and reuse over events: the running ratio
+    hits / requests."""
+    figure = Figure(figsize=(PAGE_IN, 2.8), layout="constrained")
+    _title(figure, "Vision-assisted driving: car2 has no cameras", f"{footer}; reuse: the first seed")
+    left, right = figure.subplots(1, 2)
+    objects, images = OBJECTS_LINE | {"marker": ""}, IMAGES_LINE | {"marker": ""}
+    genie = _pooled(outcomes, "frames").where(method="genie")
+    for car, label, look in (("car2", "car2, no cameras", objects), ("car1", "car1, cameras", images)):
+        values = metrics.response_ms(genie.where(car=car), "first")
+        ordered = np.sort(values[~np.isnan(values)])
+        left.plot(ordered, np.arange(1, len(ordered) + 1) / len(ordered), label=label, **look)
+    left.axvline(41.0, color="black", linewidth=0.9, linestyle="--", label="41 ms (24 frames/s)")
+    left.set_xlabel("response time, first answer [ms]")
+    left.set_ylabel("share of frames")
+    lookups = _table(outcomes[0], "lookups")
+    right.plot(*_running(lookups, "car2/genie", image=False), label="objects, car2 (no cameras)", **objects)
+    right.plot(*_running(lookups, "car1/genie", image=True), label="images, car1 (cameras)", **images)
+    right.set_xlabel("events (messages looked up)")
+    right.set_ylabel("running hits / requests")
+    right.set_ylim(0, 1.02)
+    right.yaxis.set_major_formatter(PercentFormatter(1))
+    for axis in (left, right):
+        axis.legend(loc="upper center", bbox_to_anchor=(0.5, -0.24), ncols=1)
+    return figure
+
+
+@in_style()
+def _sweeps(rows: Sequence[Row], targets: Mapping[str, float], footer: str) -> Figure:
+    """Object and image reuse, means of the twelve bars with 95 % intervals over seeds, against each open parameter.
+
+    ``rows``: ``parameter``, ``unit``, ``used`` (the evaluation's own value, or ``None``), and ``points``: a list of
+    ``value``, ``object_reuse`` and ``image_reuse`` as (mean, low, high).
+    """
+    figure = Figure(figsize=(PAGE_IN, 0.9 + 1.75 * -(-len(rows) // 3)), layout="constrained")
+    _title(figure, "Reuse against each parameter that the paper leaves open, all else unchanged", footer)
+    grid = figure.subplots(-(-len(rows) // 3), 3, sharey=True, squeeze=False)
+    axes = list(grid.flat)
+    for axis, row in zip(axes, rows, strict=False):
+        _sweep(axis, row, targets)
+    for axis in axes[len(rows) :]:
+        axis.remove()
+    for line in grid:
+        line[0].set_ylabel("mean of 12 bars")
+    handles, labels = axes[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=4)
+    return figure
+
+
+@in_style()
+def _calibration(points: Sequence[Row], best: Row, targets: Mapping[str, float], footer: str) -> Figure:
+    """Both calibrated numbers over the two fitted parameters, with the paper's level as a line where it is reached."""
+    figure = Figure(figsize=(PAGE_IN, 3.0), layout="constrained")
+    _title(figure, "Calibration: the two published numbers over the two fitted parameters", footer)
+    left, right = figure.subplots(1, 2, sharey=True)
+    for axis, name, target, title in (
+        (left, "object_reuse", targets["object_reuse_mean"], "object reuse, mean of 12 bars"),
+        (right, "ratio", targets["object_to_image_reuse"], "object reuse / image reuse"),
+    ):
+        overlap, gate_m, values = (np.array([row[key] for row in points]) for key in ("overlap", "gate_m", name))
+        shades = axis.scatter(overlap, gate_m, c=values, cmap="cividis", s=42, edgecolors="black", linewidths=0.4)
+        written: list[tuple[float, float]] = []
+        for x, y, value in zip(overlap, gate_m, values, strict=True):
+            if any(abs(x - other[0]) < 0.12 and abs(y - other[1]) < 0.3 for other in written):
+                continue  # a refinement between two others
+            written.append((x, y))
+            axis.annotate(f"{value:.2f}", (x, y), (0, 6), textcoords="offset points", ha="center", fontsize=6)
+        if values.min() < target < values.max():
+            axis.tricontour(overlap, gate_m, values, levels=[target], colors="#C44E00", linewidths=1.4)
+            title += f"; line: {target:g}"
+        else:
+            title += f"; {target:g} not reached"
+        axis.plot(best["overlap"], best["gate_m"], marker="x", color="#C44E00", markersize=9, markeredgewidth=2)
+        axis.set_title(title)
+        axis.set_xlabel("overlap of the routes")
+        axis.set_xlim(overlap.min() - 0.08, overlap.max() + 0.08)
+        axis.set_ylim(gate_m.min() - 0.15, gate_m.max() + 0.3)
+        figure.colorbar(shades, ax=axis)
+    left.set_ylabel("gate of the object map [m]")
+    return figure
+
+
+@in_style()
+def _worth(rows: Sequence[Row], footer: str) -> Figure:
+    """Precision, recall and ghosts of what the consumer holds, for L, R and DG; ``rows`` as ``quality`` makes them."""
+    figure = Figure(figsize=(PAGE_IN, 2.6), layout="constrained")
+    _title(figure, "What the consumer holds at each instant, against KITTI's labels (drive 0005)", footer)
+    names = {"object_precision": "precision", "object_recall_static": "recall, static",
+             "object_recall_moving": "recall, moving", "ghost_share": "ghosts"}  # fmt: skip
+    axis = figure.subplots()
+    for place, method in enumerate(METHODS):
+        for x, name in enumerate(names):
+            found = [row for row in rows if row["method"] == method.name and row["name"] == name]
+            if found:
+                mean, low, high = (found[0][key] for key in ("value", "low", "high"))
+                label = method.title if x == 0 else None
+                at = x + 0.27 * (place - 1)
+                look = style.method_bar(place) | {"label": label}
+                axis.bar(at, mean, 0.25, edgecolor="black", linewidth=0.7, **look)
+                axis.errorbar(at, mean, yerr=[[mean - low], [high - mean]], color="black", linewidth=1, capsize=3)
+    axis.set_xticks(range(len(names)), list(names.values()))
+    axis.grid(axis="x", visible=False)
+    axis.yaxis.set_major_formatter(PercentFormatter(1))
+    figure.legend(loc="outside lower center", ncols=3)
+    return figure
+
+
+def _title(figure: Figure, title: str, footer: str) -> None:
+    """For the file alone, as in ``analysis.drawing.finish``."""
+    figure.set_label(f"{title}\n{footer}")
+
+
+def _sweep(axis: Axes, row: Row, targets: Mapping[str, float]) -> None:
+    points = row["points"]
+    values = np.array([point["value"] for point in points])
+    for name, look, label in (
+        ("object_reuse", OBJECTS_LINE, "object reuse"),
+        ("image_reuse", IMAGES_LINE, "image reuse"),
+    ):
+        mean, low, high = np.array([point[name] for point in points], dtype=float).T
+        axis.plot(values, mean, label=label, **look)
+        axis.fill_between(values, low, high, color=look["color"], alpha=0.2, linewidth=0)
+    level = targets["object_reuse_mean"]
+    axis.axhline(level, color="0.1", label=f"paper: {100 * level:.0f} % of objects", **PAPER_LINE)
+    images = level / targets["object_to_image_reuse"]
+    axis.axhline(images, color="0.55", label="paper: a quarter of it", **PAPER_LINE)
+    if row["used"] is not None:
+        axis.axvline(row["used"], color="0.5", linewidth=0.8)
+    if values.min() > 0 and values.max() / values.min() >= LOGARITHMIC_FROM:
+        axis.set_xscale("log")
+        axis.set_xticks(values, [f"{value:g}" for value in values])
+        axis.xaxis.set_minor_locator(NullLocator())
+    unit = "" if row["unit"] == "1" else f" [{row['unit']}]"
+    axis.set_xlabel(row["title"] + unit)
+    axis.set_ylim(0, 1.02)
+    axis.yaxis.set_major_formatter(PercentFormatter(1))
 
 
 def _running(lookups: Columns, genie: str, image: bool) -> tuple[Any, Any]:

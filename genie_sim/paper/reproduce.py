@@ -154,15 +154,14 @@ class _Evaluation:
 
     def draw(self, folder: Path) -> None:
         """The figures. Raises OSError."""
-        from genie_sim.paper.paper_figures import draw_paper_figures
-        from genie_sim.paper.sensitivity import draw_sensitivity
+        from genie_sim.paper import paper_figures
 
         folder.mkdir()
         first = self.judged[0]
         footer = f"genie-sim reproduce, {first.reading.name}: {', '.join(first.settings)}, {len(self.seeds)} seeds"
-        draw_paper_figures(folder, self.tables, footer)
         sweeps = self.arms.sweeps if self.arms is not None else []
-        draw_sensitivity(folder, self.fitted, sweeps, self.worth, load_assumptions().targets, footer)
+        targets = load_assumptions().targets
+        paper_figures.draw(folder, self.tables, self.fitted, sweeps, self.worth, targets, footer)
 
     def provenance(self) -> dict[str, Any]:
         """For ``run.json``: what the numbers come from."""
