@@ -73,7 +73,7 @@ class Race:
     rounds: Mapping[str, Sequence[Outcome]]
 
     def rate(self, engine: str) -> float:
-        """Frames a wall second, median of the rounds."""
+        """Frames a second of processor time, median of the rounds."""
         return statistics.median(outcome.rate for outcome in self.rounds[engine])
 
     def ratios(self, above: str, below: str) -> list[float]:
@@ -169,7 +169,7 @@ def race(
         for name, run in genie.items():
             gc.collect()
             outcome = run()
-            found.setdefault(name, []).append(Outcome(outcome.frames, outcome.wall_s, events[name]))
+            found.setdefault(name, []).append(Outcome(outcome.frames, outcome.cpu_s, events[name]))
         for name, engine in ENGINES.items():
             gc.collect()
             found.setdefault(name, []).append(engine(station))
@@ -192,7 +192,7 @@ def _run_peer(
         skipped[name] = answer["skipped"]
         return
     versions[name] = answer["version"]
-    found.setdefault(name, []).append(Outcome(answer["frames"], answer["wall_s"]))
+    found.setdefault(name, []).append(Outcome(answer["frames"], answer["cpu_s"]))
 
 
 @dataclass(frozen=True)

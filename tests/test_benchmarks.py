@@ -86,7 +86,7 @@ def test_a_peer_that_cannot_run_is_left_out_with_the_reason():
 
 def test_a_slow_peer_is_left_out_of_large_fleets_only(monkeypatch: pytest.MonkeyPatch):
     asked: list[str] = []
-    answer = {"frames": 8, "wall_s": 1.0, "version": "1.0"}
+    answer = {"frames": 8, "cpu_s": 1.0, "version": "1.0"}
     monkeypatch.setattr(peers, "run_peer", lambda python, name, station: asked.append(name) or answer)
     speed.race(100, {}, {}, 8, 1, NO_PYTHON, {}, {})
     speed.race(101, {}, {}, 8, 1, NO_PYTHON, {}, {})
@@ -150,8 +150,8 @@ def test_costs_of_a_drive():
 def test_ratios_are_taken_within_rounds():
     """A round that the machine was slow in slows both: the median of ratios, not the ratio of medians (4 here)."""
     rounds = {
-        "a": [Outcome(frames=10, wall_s=one) for one in (1.0, 0.5, 0.25)],
-        "b": [Outcome(frames=10, wall_s=one) for one in (2.0, 1.0, 2.5)],
+        "a": [Outcome(frames=10, cpu_s=one) for one in (1.0, 0.5, 0.25)],
+        "b": [Outcome(frames=10, cpu_s=one) for one in (2.0, 1.0, 2.5)],
     }
     race = Race(3, rounds)
     assert race.ratios("a", "b") == [2, 2, 10]

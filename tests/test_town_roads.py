@@ -134,7 +134,7 @@ def test_what_is_there_is_found_by_its_class(town):
         at = east_m + step_m, north_m
         for label in (*labels, "elephant"):
             near = any(one.label == label and math.dist(one.location[:2], at) <= 9.0 for one in everything)
-            assert town.is_there(label, *at, 9.0, t_ns) == near
+            assert town.is_there((label,), *at, 9.0, t_ns) == near
 
 
 def test_nobody_has_the_number_of_another(town):

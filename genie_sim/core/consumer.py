@@ -29,7 +29,7 @@ class Consumer(ABC):
 
     def on_frame(self, image: Image) -> None:
         """The car took a frame, to which answers will come."""
-        self._frames[image.header] = image
+        self._frames[image.header] = image._replace(content=None)  # which holds by far the most memory
         if len(self._frames) > ASKED:
             self._frames.popitem(last=False)
 

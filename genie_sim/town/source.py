@@ -103,4 +103,4 @@ class TownTruth:
     def is_there(self, frame: Frame, label: str, east_m: float, north_m: float) -> bool:
         t_ns = self.start_ns + frame.stamp_ns
         labels = VEHICLES if label in VEHICLES else (label,)
-        return any(self.town.is_there(one, east_m, north_m, self.reach_m, t_ns) for one in labels)
+        return self.town.is_there(labels, east_m, north_m, self.reach_m, t_ns)

@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 from array import array
 from bisect import bisect_left
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -35,7 +35,7 @@ class Stream(NamedTuple):
     ``speed_mps`` is negative for those who come back along the street.
     """
 
-    labels: tuple[str, ...]
+    labels: frozenset[str]
     movers: list[tuple[TownObject, ...]]
     northbound: bool
     beside_m: float
@@ -82,15 +82,15 @@ class Street:
         self.standing = sorted(standing, key=lambda s: (s.north_m if northbound else s.east_m, s.number))
         self.places_m = array("d", (s.north_m if northbound else s.east_m for s in self.standing))
 
-    def between(self, low_m: float, high_m: float, t_s: float, label: str | None = None) -> list[TownObject]:
-        """All that is between two places along the street at a time, or only what may be of one class."""
+    def between(self, low_m: float, high_m: float, t_s: float, labels: Collection[str] = ()) -> list[TownObject]:
+        """All that is between two places along the street at a time, or only what may be of some classes."""
         places_m = self.places_m
         found = self.standing[bisect_left(places_m, low_m) : bisect_left(places_m, high_m)]
         low_m, high_m = max(low_m, 0.0), min(high_m, self.length_m)
         if low_m >= high_m:
             return found
         for stream in self.streams:
-            if label is None or label in stream.labels:
+            if not labels or not stream.labels.isdisjoint(labels):
                 found += stream.between(low_m, high_m, t_s)
         return found
 
@@ -163,7 +163,8 @@ def _streams(
                 )
                 for k in range(len(starts_m))
             ]
-            streams.append(Stream(labels, movers, northbound, beside_m, direction * speed_mps, length_m, starts_m))
+            flow = northbound, beside_m, direction * speed_mps, length_m, starts_m
+            streams.append(Stream(frozenset(labels), movers, *flow))
     return streams
 
 
@@ -193,15 +194,15 @@ class Streets:
         self._east, self._north = east, north  # by number from the south, and from the west
 
     def near(
-        self, east_m: float, north_m: float, range_m: float, t_s: float, label: str | None = None
+        self, east_m: float, north_m: float, range_m: float, t_s: float, labels: Collection[str] = ()
     ) -> Iterator[TownObject]:
-        """All that is within a distance, seen or not, or only what is of one class."""
+        """All that is within a distance, seen or not, or only what is of some classes."""
         for streets, across_m, along_m in ((self._east, north_m, east_m), (self._north, east_m, north_m)):
             reach_m = range_m + self._rules.street_half_m
             for k in self._crossed(across_m - reach_m, across_m + reach_m, len(streets)):
-                for s in streets[k].between(along_m - range_m, along_m + range_m, t_s, label):
-                    away_m = math.hypot(s.east_m - east_m, s.north_m - north_m)
-                    if away_m <= range_m and (label is None or s.label == label):
+                for s in streets[k].between(along_m - range_m, along_m + range_m, t_s, labels):
+                    is_one = not labels or s.label in labels
+                    if is_one and math.hypot(s.east_m - east_m, s.north_m - north_m) <= range_m:
                         yield s
 
     def _crossed(self, low_m: float, high_m: float, count: int) -> range:

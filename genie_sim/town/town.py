@@ -6,7 +6,7 @@ import functools
 import hashlib
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
@@ -90,9 +90,9 @@ class Town:
         random = stream(self.seed, STREAM, "car", car)
         return routes.drive(self.rules, self._commuting, random, start_ns * 1e-9, end_ns * 1e-9)
 
-    def is_there(self, label: str, east_m: float, north_m: float, range_m: float, t_ns: int) -> bool:
-        """Whether anything of a class really is within a distance of a place at a time."""
-        return any(s.real for s in self.streets.near(east_m, north_m, range_m, t_ns * 1e-9, label))
+    def is_there(self, labels: Collection[str], east_m: float, north_m: float, range_m: float, t_ns: int) -> bool:
+        """Whether anything of these classes really is within a distance of a place at a time."""
+        return any(s.real for s in self.streets.near(east_m, north_m, range_m, t_ns * 1e-9, labels))
 
 
 class Drive:
