@@ -17,7 +17,7 @@ from genie_sim.cli_perceive import perceive, truth
 from genie_sim.cli_ros import attach, detach, keys
 from genie_sim.errors import UserError, unknown
 from genie_sim.paths import expanded
-from genie_sim.terminal import Commands, Progress
+from genie_sim.terminal import Command, Commands, Progress
 
 EXAMPLES = """\b
 genie-sim run 3car_hetero
@@ -332,6 +332,10 @@ def schema(what: Annotated[str, typer.Argument(metavar="scenario|device", help="
     if what not in SCHEMAS:
         raise UserError(unknown("kind of file", what, SCHEMAS))
     typer.echo(json.dumps(json_schema(what), indent=2))
+
+
+for _command in app.registered_commands:
+    _command.cls = Command
 
 
 def main(argv: list[str] | None = None) -> int:

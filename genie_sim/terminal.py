@@ -67,6 +67,17 @@ def listing(rows: Iterable[tuple[str, str]], indent: str, columns: int | None) -
             yield from textwrap.wrap(line, columns, subsequent_indent=" " * (len(indent) + 29), drop_whitespace=True)
 
 
+BRACES = str.maketrans("", "", "{}")
+
+
+class Command(typer.core.TyperCommand):
+    """A command whose usage names its arguments as others do: ``SCENARIO``, not ``{scenario}``."""
+
+    def collect_usage_pieces(self, ctx: Any) -> list[str]:
+        found = super().collect_usage_pieces(ctx)
+        return [one.translate(BRACES).upper() if one[0] == "{" and "|" not in one else one for one in found]
+
+
 class Commands(typer.core.TyperGroup):
     """The commands, under one roof: a misspelt one is answered with the nearest, Ctrl-C or SIGTERM ends any with one
     line and status 130, and a reader that has gone away ends it quietly."""

@@ -17,8 +17,8 @@ SCHEMAS: dict[str, type[Model]] = {"scenario": Scenario, "device": DeviceProfile
 def json_schema(what: str) -> dict[str, Any]:
     """The JSON Schema of a ``scenario`` or a ``device`` file.
 
-    It knows names, types and choices. What hangs together (a car's edge exists, a device knows the model) only
-    ``genie-sim run`` checks.
+    It knows names, types and choices. Only ``genie-sim run`` checks whether settings fit together: a car's edge
+    exists, a device knows the model.
     """
     schema = SCHEMAS[what].model_json_schema(by_alias=True, schema_generator=_AsInYaml)
     if what == "scenario":
