@@ -56,7 +56,7 @@ def calibration_error(pairs: np.ndarray, a: float, b: float) -> float:
 
 
 def main() -> None:
-    sequences = tracking.sequences(kitti_folder(None) / "tracking")
+    sequences = tracking.sequences(kitti_folder(None) / "tracking" / "training")
     every = [judged(sequence) for sequence in sequences]
     for label in GROUPS:
         halves = [np.concatenate([one[label] for one in every[start::2]]) for start in (0, 1)]

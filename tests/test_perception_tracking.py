@@ -176,7 +176,7 @@ def test_a_labelled_box_in_space_is_where_the_label_says_it_is_in_the_picture(ki
     """KITTI's own relation: the middle of each car's box, projected by our camera 2, lies inside its labelled box."""
     training = kitti_root / "tracking" / "training"
     inside = []
-    for sequence in sequences(kitti_root / "tracking"):
+    for sequence in sequences(kitti_root / "tracking" / "training"):
         drive = open_sequence(training, sequence)
         for label in tracking_labels(training / "label_02" / f"{sequence}.txt", len(drive.world_SE3_camera0)):
             if label.kind == "Car" and label.truncation == 0:
@@ -195,7 +195,7 @@ def test_a_labelled_parked_car_has_one_place_in_the_world(kitti_root):
     """All 15 sequences: the centres of labelled vehicles that do not move. Labels and GPS wander by decimetres
     themselves (sequence 0019 by more); a wrong transform moves centres by metres to tens of metres."""
     wander_m = []
-    for sequence in sequences(kitti_root / "tracking"):
+    for sequence in sequences(kitti_root / "tracking" / "training"):
         truth = read_truth(kitti_root, f"tracking/{sequence}", tracking_trace(kitti_root / "tracking", sequence))
         parked: dict[int, list[tuple[float, ...]]] = {}
         for label in itertools.chain.from_iterable(truth.pictures.values()):
@@ -226,7 +226,7 @@ def test_both_layouts_of_drive_0005_are_one_world(kitti_root):
 @pytest.mark.real_data
 @pytest.mark.parametrize("detections", ["pointrcnn", "rrc"])
 def test_all_sequences_become_traces(kitti_root, detections):
-    for sequence in sequences(kitti_root / "tracking"):
+    for sequence in sequences(kitti_root / "tracking" / "training"):
         trace = tracking_trace(kitti_root / "tracking", sequence, detections)
         found = [d for frame in trace.frames["02"] for d in frame.detections]
         assert len(found) > len(trace.frames["02"]) / 2

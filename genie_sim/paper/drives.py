@@ -160,7 +160,7 @@ def jobs() -> list[DriveJob]:
     from genie_sim.perception.perceive import kitti_folder
 
     root = kitti_folder(None)
-    found = sequences(root / "tracking")
+    found = sequences(root / "tracking" / "training")
     if not found:
         raise UserError(
             f"{root / 'tracking'}: no sequences of KITTI's tracking benchmark here (training/oxts/0000.txt)"

@@ -74,15 +74,15 @@ class TrackingDrive:
         return self.world_SE3_camera0[frame] @ inverse(self.camera2_SE3_camera0)
 
 
-def sequences(root: str | Path) -> list[str]:
-    """The names of all sequences in ``root``, which holds ``training``."""
-    return _sequences(Path(root) / "training")
+def sequences(training: Path) -> list[str]:
+    """The names of all sequences in ``training``, which holds ``oxts``."""
+    return sorted(path.stem for path in (training / "oxts").glob("*.txt"))
 
 
 def open_sequence(training: str | Path, sequence: str, origin: Geodetic | None = None) -> TrackingDrive:
     """A sequence such as ``0005``; ``training`` holds ``oxts`` and ``calib``. UserError for files that are broken."""
     training = Path(training)
-    known = _sequences(training)
+    known = sequences(training)
     if sequence not in known:
         raise UserError(f"{training}: {unknown('tracking sequence', sequence, known)}")
     oxts = read_oxts(training / "oxts" / f"{sequence}.txt")
@@ -203,10 +203,6 @@ def _picture_size(calibration: Path, pictures: Path, focal_px: float) -> tuple[i
 
     height, width = read_image(picture).shape[:2]
     return width, height
-
-
-def _sequences(training: Path) -> list[str]:
-    return sorted(path.stem for path in (training / "oxts").glob("*.txt"))
 
 
 def _calibration(path: Path) -> dict[str, Array]:
