@@ -261,7 +261,7 @@ def simulate(prepared: Prepared, progress: Progress | None = None, spill: Path |
                 what = f"{name}, {rate:,.0f} frames/s"
                 progress((done * end_ns + now_ns) / NS_PER_S, len(scenario.methods) * end_ns / NS_PER_S, what)
 
-        with _gc_disabled():
+        with gc_disabled():
             world = World(setup, build.method(entry), log)
             world.run(tell)
             driven.update(world.hosts)
@@ -291,7 +291,7 @@ def held_of(prepared: Prepared, method: str, setup: Setup, tables: Tables, drive
 
 
 @contextmanager
-def _gc_disabled() -> Iterator[None]:
+def gc_disabled() -> Iterator[None]:
     """A simulation makes very many small objects, and leaves no cycles that only Python's collector would free; what
     classes of somebody's own leave in cycles stays until it looks through old objects. With ten thousand cars in
     memory, looking through all that lives would take longer than the simulation; so it does not begin with that at the

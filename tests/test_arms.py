@@ -28,7 +28,7 @@ FEW = load_assumptions().model_copy(update={
         )
     ),
     "sweeps": tuple(
-        Sweep(parameter=parameter, unit="1", values=values, plausible=(0.7, 2.0), paper="not given")
+        Sweep(parameter=parameter, unit="1", values=values, plausible=(0.3, 2.0), paper="not given")
         for parameter, values in (("image_cell_m", (0.5, 1.0)), ("min_score", (0.3, 0.7)))
     ),
 })  # fmt: skip
@@ -45,7 +45,7 @@ def found(monkeypatch):
 
     def world(run, jobs, *_):
         ran.extend(jobs)
-        local = {"under_deadline_share:local": 0.0, "improvement_first_answer:local": 0.9}
+        local = {"under_deadline_share:local": 0.0}
         return [
             Outcome(
                 made_up(0.31 if "genie.object_map.rule=ema" in job.settings else 0.6)
@@ -68,14 +68,6 @@ def test_every_arm_has_the_seeds_of_the_evaluation(found):
     assert all(one.seeds == len(SEEDS) for one in made.evidence.values())
 
 
-def test_an_arm_is_as_plausible_as_was_said_before(found):
-    made, _ = found
-    assert made.plausible == {
-        "other_rule": "yes", "ideal_link": "arguable", "half_a_metre": "yes", "image_cell_m=0.5": "no",
-        "image_cell_m=1": "yes", "min_score=0.3": "no", "min_score=0.7": "yes",
-    }  # fmt: skip
-
-
 def test_what_is_known_is_not_run_again(found):
     made, ran = found
     runs = {(job.settings[-1], job.methods) for job in ran}
@@ -89,8 +81,6 @@ def test_what_is_known_is_not_run_again(found):
     known = {name: one.of(ALL[0], "under_deadline_share:local")[0] == 0 for name, one in made.evidence.items()}
     with_baselines = ["other_rule", "ideal_link", "half_a_metre", "image_cell_m=0.5"]
     assert [name for name, has in known.items() if has] == with_baselines
-    gains = {name: one.of(ALL[0], "improvement_first_answer:local")[0] for name, one in made.evidence.items()}
-    assert [name for name, gain in gains.items() if gain == 0.9] == ["ideal_link"], "no other Genie's improvement"
 
 
 def test_a_value_that_the_evaluation_uses_is_a_point_of_the_curve_but_no_other_reading(found):

@@ -50,9 +50,13 @@ def across_seeds(runs: pd.DataFrame, by: Sequence[str], differences: bool = Fals
 
 
 def over_seeds(values: Sequence[float] | Floats) -> tuple[float, float]:
-    """Mean, and half of its 95 % t interval: 0 for one value."""
-    spread = float(np.std(values, ddof=1)) if len(values) > 1 else 0.0
-    return float(np.mean(values)), half_of_mean(spread, len(values)) if len(values) > 1 else 0.0
+    """Mean, and half of its 95 % t interval: 0 for one value. As by ``np.mean`` and ``np.std``, faster."""
+    known, n = np.asarray(values, dtype=float), len(values)
+    mean = float(np.add.reduce(known)) / n
+    if n == 1:
+        return mean, 0.0
+    away = known - mean
+    return mean, half_of_mean(math.sqrt(float(np.add.reduce(away * away)) / (n - 1)), n)
 
 
 def half_of_mean(spread: float, n: int) -> float:

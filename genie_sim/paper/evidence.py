@@ -72,12 +72,17 @@ class Evidence:
     ) -> None:
         self._runs = runs
         self._definitions = definitions or {}
+        self._values: dict[tuple[str, str, str], Values] = {}
+        self._places: Values | None = None  # of the seeds that are meant; None: each once
 
     def of(self, scenario: str, name: str, variant: str = BASE) -> Values:
         """A fact's values over seeds. Raises ``KeyError`` where such a run was not made."""
-        runs = self._runs[variant, scenario]
-        meant = fact(name, self._definitions)
-        return np.array([run.get(meant, math.nan) for run in runs], dtype=float)
+        key = variant, scenario, name
+        if key not in self._values:
+            runs, meant = self._runs[variant, scenario], fact(name, self._definitions)
+            self._values[key] = np.array([run.get(meant, math.nan) for run in runs], dtype=float)
+        values = self._values[key]
+        return values if self._places is None else values[self._places[self._places < len(values)]]
 
     def names(self, scenario: str) -> list[str]:
         """The facts that any run of a scenario has, sorted."""
@@ -93,8 +98,9 @@ class Evidence:
 
     def resampled(self, places: Sequence[int]) -> Evidence:
         """The evidence that other seeds could have given: the seeds at these places, some more than once."""
-        runs = {key: [facts[place] for place in places if place < len(facts)] for key, facts in self._runs.items()}
-        return Evidence(runs, self._definitions)
+        other = Evidence(self._runs, self._definitions)
+        other._values, other._places = self._values, np.asarray(places)
+        return other
 
     @property
     def seeds(self) -> int:

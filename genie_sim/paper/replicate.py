@@ -26,7 +26,7 @@ from genie_sim.perception.trace import Trace, TraceFrame, read_trace
 from genie_sim.recording.columns import Columns
 from genie_sim.recording.log import Log
 from genie_sim.recording.records import Tables
-from genie_sim.runner import held_of, on_frames
+from genie_sim.runner import gc_disabled, held_of, on_frames
 from genie_sim.scenario.scenario import Scenario, load_scenario
 from genie_sim.sim.world import World
 
@@ -97,11 +97,13 @@ def outcome_of(prepared: Prepared, keep_tables: bool = False) -> Outcome:
     for method in prepared.scenario.methods:
         setup = build.setup(prepared, method)
         held = held_of(prepared, method.name, setup, tables, judged)
-        world = World(setup, build.method(method), Log(method.name, tables, held=held))
         judged.update(prepared.drives)
-        watch.before(method.name, world)
-        world.run()
-        watch.after(world)
+        with gc_disabled():
+            world = World(setup, build.method(method), Log(method.name, tables, held=held))
+            watch.before(method.name, world)
+            world.run()
+            watch.after(world)
+            world.dismantle()
     frames, lookups, resources = (table.columns() for table in (tables.frames, tables.lookups, tables.resources))
     facts = facts_of(frames, lookups, resources) | quality.facts_of(tables.held.columns()) | watch.facts()
     return Outcome(facts, frames, lookups) if keep_tables else Outcome(facts)

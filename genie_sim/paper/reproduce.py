@@ -25,21 +25,22 @@ from genie_sim.paper.calibrate import Calibration, calibrate, most_jobs
 from genie_sim.paper.checks import ALL, CASE, HE, HO, SHARED, improvements
 from genie_sim.paper.claims import Verdict, judge
 from genie_sim.paper.evidence import Evidence, Values, interval
+from genie_sim.paper.facts import Facts
 from genie_sim.paper.readings import DEFAULT, Reading, load_readings
-from genie_sim.paper.replicate import Job, Outcome, Progress, TimeLeft, prepare_job
+from genie_sim.paper.replicate import EVERY_METHOD, Job, Outcome, Progress, TimeLeft, in_parallel, prepare_job
 from genie_sim.paper.runs import Runs
 from genie_sim.recording import provenance
 from genie_sim.scenario.yaml_input import read_mapping
 
 QUICK_SEEDS = 4
 
-# Runs that single claims need besides the six scenarios, with as many seeds: variant -> (scenarios, settings).
-FOR_CLAIMS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
-    "base": ((CASE,), ()),
-    "ideal_link": ((HE[0],), ("links=ideal",)),
-    "no_edge_sharing": (SHARED, ("genie.share_requests=false", "genie.share_answers=on_request")),
-    "two_laps": ((HO[0], HE[0]), ("laps=2",)),
-    "cut_link": ((HO[0],), ("link=cut",)),
+# Runs that single claims need besides the six scenarios, with as many seeds: variant -> (scenarios, settings, methods).
+FOR_CLAIMS: dict[str, tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]] = {
+    "base": ((CASE,), (), EVERY_METHOD),
+    "ideal_link": ((HE[0],), ("links=ideal",), ("remote", "genie")),
+    "no_edge_sharing": (SHARED, ("genie.share_requests=false", "genie.share_answers=on_request"), ("genie",)),
+    "two_laps": ((HO[0], HE[0]), ("laps=2",), ("genie",)),
+    "cut_link": ((HO[0],), ("link=cut",), ("local", "genie")),
 }
 
 Key = tuple[str, str]  # variant, scenario
@@ -189,7 +190,7 @@ def _seeds(assumptions: Assumptions, quick: bool, seeds: int | None) -> tuple[in
 
 def _total(assumptions: Assumptions, readings: int, quick: bool, swept: bool, seeds: int) -> int:
     """How many runs will be asked for, about; the progress bar is told of those that are known already, too."""
-    base = readings * seeds * (len(ALL) + sum(len(scenarios) for scenarios, _ in FOR_CLAIMS.values()))
+    base = readings * seeds * (len(ALL) + sum(len(scenarios) for scenarios, _, _ in FOR_CLAIMS.values()))
     arms = (len(list(arms_of(assumptions))) + 1) * len(ALL) * seeds if swept else 0
     return base + arms + (0 if quick else most_jobs(assumptions))
 
@@ -199,26 +200,27 @@ def _evaluate(
 ) -> tuple[list[Judged], dict[str, list[Outcome]]]:
     """The verdicts under each reading, and the runs of the first by scenario, with their tables."""
     places: list[Key] = [("base", scenario) for scenario in ALL]
-    places += [(variant, scenario) for variant, (scenarios, _) in FOR_CLAIMS.items() for scenario in scenarios]
+    places += [(variant, scenario) for variant, (scenarios, _, _) in FOR_CLAIMS.items() for scenario in scenarios]
     settings = [one.settings(calibrated) for one in readings]
     jobs = []
     for mine in settings:
         for variant, scenario in places:
             shown = mine is settings[0] and variant == "base"
-            more = (*mine, *FOR_CLAIMS[variant][1])
-            jobs += [Job(scenario, seed, more, keep_tables=shown, judged=shown) for seed in seeds]
+            _, more, methods = FOR_CLAIMS[variant]
+            jobs += [Job(scenario, seed, (*mine, *more), methods, shown, judged=shown) for seed in seeds]
     outcomes = iter(runs(jobs, "claims"))
-    judged: list[Judged] = []
-    tables = {}
-    for one, mine in zip(readings, settings, strict=True):
-        grouped = {place: [next(outcomes) for _ in seeds] for place in places}
-        if not judged:
-            tables = {scenario: group for (variant, scenario), group in grouped.items() if variant == "base"}
-        facts = {place: [outcome.facts for outcome in group] for place, group in grouped.items()}
-        evidence, fitted = Evidence(facts, one.definitions), bool(one.fitted)
-        plain = judge(Evidence(facts), fitted) if one.means_others else None
-        judged.append(Judged(one, mine, evidence, judge(evidence, fitted), plain))
-    return judged, tables
+    grouped = [{place: [next(outcomes) for _ in seeds] for place in places} for _ in readings]
+    facts = [{key: [one.facts for one in group] for key, group in found.items()} for found in grouped]
+    judged = in_parallel(_judged, list(zip(readings, settings, facts, strict=True)), runs.workers)
+    return judged, {scenario: group for (variant, scenario), group in grouped[0].items() if variant == "base"}
+
+
+def _judged(asked: tuple[Reading, tuple[str, ...], Mapping[Key, Sequence[Facts]]]) -> Judged:
+    """The verdicts under one reading, from its settings and what its runs gave."""
+    reading, settings, facts = asked
+    evidence, fitted = Evidence(facts, reading.definitions), bool(reading.fitted)
+    plain = judge(Evidence(facts), fitted) if reading.means_others else None
+    return Judged(reading, settings, evidence, judge(evidence, fitted), plain)
 
 
 def _rows(judged: Judged, arms: Arms | None) -> Iterator[dict[str, Any]]:

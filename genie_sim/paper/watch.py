@@ -51,7 +51,8 @@ class Watch:
         """Of the graph: what a Genie published."""
         assert isinstance(message, Detections)
         self._shared += len(message.objects)
-        self._unconfident += sum(one.confidence < self._threshold for one in message.objects)
+        threshold = self._threshold
+        self._unconfident += len([1 for one in message.objects if one.confidence < threshold])
 
     def after(self, world: World) -> None:
         """Looks at the maps of a world that has run."""
