@@ -49,7 +49,9 @@ def figures(
     out: Annotated[Path | None, path_option(help="Where to; default: figures in the result folder.")] = None,
     allow_own_code: OwnCodeOption = False,
 ) -> None:
-    """Draw the figures of a run, as a paper wants them: no title, fonts embedded in PDF.
+    """Draw the figures of a run.
+
+    As a paper wants them: no title, fonts embedded in PDF.
 
     \b
     genie-sim figures results/3car_hetero-65c23e86c242 --format svg,pdf

@@ -28,7 +28,7 @@ from genie_sim.recording.results import MethodInfo, Metric, Run
 from genie_sim.scenario.fields import validate
 from genie_sim.scenario.parts import Car, Route
 from genie_sim.scenario.profiles import DeviceProfile
-from genie_sim.scenario.scenario import Scenario, load_scenario, read_scenario
+from genie_sim.scenario.scenario import Scenario, read_scenario
 from genie_sim.sim.setup import Setup
 from genie_sim.sim.world import World
 from genie_sim.units import NS_PER_S
@@ -43,17 +43,6 @@ class Result:
     metrics: Sequence[Metric]
 
 
-def run(
-    path_or_name: str | Path,
-    overrides: Sequence[str] = (),
-    seed: int | None = None,
-    out: Path = Path("results"),
-    progress: Progress | None = None,
-) -> Result:
-    """Simulates a scenario and writes ``out/<scenario>-<run id>``. Raises ``UserError`` before it simulates."""
-    return run_to_folder(load_scenario(path_or_name, overrides, seed), out, progress)
-
-
 def run_to_folder(
     scenario: Scenario,
     out: Path,
@@ -61,7 +50,10 @@ def run_to_folder(
     with_report: bool = True,
     figures: Sequence[str] = (),
 ) -> Result:
-    """The same for a scenario at hand. ``figures``: the formats to draw them in, such as ``svg``."""
+    """Simulates a scenario and writes ``out/<scenario>-<run id>``, with ``figures`` in these formats, such as ``svg``.
+
+    Raises ``UserError`` before it simulates.
+    """
     provenance.check_writable(out)
     prepared = prepare(scenario, progress)
     run_id = provenance.run_id(facts(prepared))

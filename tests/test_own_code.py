@@ -166,7 +166,8 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / "mine.yaml").write_text(SCENARIO)
     with pytest.MonkeyPatch.context() as patch:
         patch.syspath_prepend(folder)
-        result = runner.run(folder / "mine.yaml", ["methods=[local, {name: mine, method: 'mod:Nothing'}]"], out=folder)
+        methods = "methods=[local, {name: mine, method: 'mod:Nothing'}]"
+        result = runner.run_to_folder(load_scenario(folder / "mine.yaml", [methods]), folder)
     sys.modules.pop("mod")
     return result.folder
 

@@ -161,7 +161,7 @@ def result_folders(folder: Path) -> Case:
     (folder / "tiny.yaml").write_text(TINY)
     made = folder / "made"
     with mock.patch("genie_sim.analysis.figures.save"):
-        run = runner.run(folder / "tiny.yaml", out=folder / "runs").folder.rename(made)
+        run = runner.run_to_folder(load_scenario(folder / "tiny.yaml"), folder / "runs").folder.rename(made)
         axes = {"range": {"set": "genie.view_range", "list": ["20 m", "30 m"]}}
         sweep = {"scenario": str(folder / "tiny.yaml"), "set": {"methods": ["local"]}, "axes": axes, "seeds": 1}
         (folder / "s.yaml").write_text(yaml.safe_dump(sweep))
@@ -206,7 +206,7 @@ def result_folders(folder: Path) -> Case:
 def result_tables(folder: Path) -> Case:
     (folder / "tiny.yaml").write_text(TINY)
     with mock.patch("genie_sim.analysis.figures.save"):
-        run = runner.run(folder / "tiny.yaml", out=folder).folder
+        run = runner.run_to_folder(load_scenario(folder / "tiny.yaml"), folder).folder
     cases = [
         one_file(run / f"{schema.name}.parquet", (run / f"{schema.name}.parquet").read_bytes(), partial(_read, schema))
         for schema in SCHEMAS

@@ -123,7 +123,7 @@ def test_a_format_that_is_not_known(run, tmp_path):
 def test_a_result_folder_on_the_command_line(tmp_path, capsys):
     from genie_sim.cli import main
 
-    folder = runner.run("1car_hetero", ["cars[0].route.window=[0 s, 1 s]"], out=tmp_path).folder
+    folder = runner.run_to_folder(load_scenario("1car_hetero", ["cars[0].route.window=[0 s, 1 s]"]), tmp_path).folder
     assert main(["export", str(folder)]) == 0
     assert capsys.readouterr().out.startswith(f"{folder / 'run.mcap'}: ")
     assert _read_mcap(folder / "run.mcap")
