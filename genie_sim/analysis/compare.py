@@ -19,6 +19,7 @@ from genie_sim.recording.columns import Columns, Text, joined
 from genie_sim.recording.results import MethodInfo, Metric, Run
 
 SEEDS, BLOCKS = "seeds", "blocks of 1 s"
+SHORT_NAME = 32  # characters
 
 
 class Sums(NamedTuple):
@@ -187,9 +188,21 @@ def _groups(runs: Sequence[Run]) -> list[dict[int, Run]]:
 
 
 def _names(groups: Sequence[Mapping[int, Run]]) -> list[str]:
+    """What the settings are called: by their scenarios, else by the settings that differ, if these are short, else by
+    the runs' ids."""
     first = [next(iter(group.values())) for group in groups]
     names = [run.name for run in first]
-    return names if len(set(names)) == len(names) else [f"{run.name}-{run.run_id[:6]}" for run in first]
+    if len(set(names)) == len(names):
+        return names
+    differ = {path: values for path, values in _settings(first).items() if path.startswith("scenario.")}
+    told = [
+        ", ".join(f"{path.rpartition('.')[2]} {values[i]}" for path, values in differ.items())
+        for i in range(len(first))
+    ]
+    told = [one.replace("'", "") for one in told]
+    if len(set(names)) == 1 and len(set(told)) == len(told) and max(map(len, told)) <= SHORT_NAME:
+        return told
+    return [f"{run.name}-{run.run_id[:6]}" for run in first]
 
 
 def _paired(arm: Arm, other: Arm) -> list[int]:

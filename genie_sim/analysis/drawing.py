@@ -9,6 +9,7 @@ from typing import Any
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.style import context
+from matplotlib.ticker import FixedLocator, NullLocator, ScalarFormatter
 
 from genie_sim.analysis import style
 from genie_sim.analysis.style import CHARACTER_IN, LINE_IN
@@ -48,3 +49,13 @@ def _columns(labels: Sequence[str], width_in: float) -> int:
 def handles(axes: Iterable[Axes]) -> dict[str, Any]:
     """What stands in the legends of these panels, each label once."""
     return {label: handle for axis in axes for handle, label in zip(*axis.get_legend_handles_labels(), strict=True)}
+
+
+def logarithmic_ms(axis: Axes, low: float, high: float) -> None:
+    """A logarithmic axis of milliseconds, with ticks at 1, 2 and 5 times each power of ten, written out."""
+    ticks = [digit * 10.0**power for power in range(-1, 7) for digit in (1, 2, 5)]
+    axis.set_xscale("log")
+    axis.set_xlim(low, high)
+    axis.xaxis.set_major_locator(FixedLocator([tick for tick in ticks if low <= tick <= high]))
+    axis.xaxis.set_minor_locator(NullLocator())
+    axis.xaxis.set_major_formatter(ScalarFormatter())

@@ -17,11 +17,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator, ScalarFormatter
+from matplotlib.ticker import FuncFormatter
 
 from genie_sim.analysis import style
 from genie_sim.analysis.breakdown import time_parts
-from genie_sim.analysis.drawing import finish, in_style
+from genie_sim.analysis.drawing import finish, in_style, logarithmic_ms
 from genie_sim.analysis.latency_accuracy import drawable, latency_accuracy
 from genie_sim.analysis.metrics import (
     DEADLINE_MS,
@@ -164,7 +164,7 @@ def latency_cdf(
             room = int(axis.get_position().width * figure.get_figwidth() * TITLE_CHARACTERS_PER_IN)
             axis.set_title("\n".join([label, *(line for one in said for line in textwrap.wrap(one, room))]))
         axis.set_ylim(0, 1.02)
-        _logarithmic_ms(axis, low, high)
+        logarithmic_ms(axis, low, high)
     _label_outer(axes, "response time [ms], logarithmic", f"share of {of} frames")
     finish(figure, f"Response time from received to first answer, share of {of} frames", footer, axes)
     return figure
@@ -313,16 +313,6 @@ def _label_outer(axes: list[Axes], x_label: str, y_label: str) -> None:
         axis.set_xlabel(x_label)
         axis.set_ylabel(y_label)
         axis.label_outer()
-
-
-def _logarithmic_ms(axis: Axes, low: float, high: float) -> None:
-    """Ticks at 1, 2 and 5 times each power of ten, written out."""
-    ticks = [digit * 10.0**power for power in range(-1, 7) for digit in (1, 2, 5)]
-    axis.set_xscale("log")
-    axis.set_xlim(low, high)
-    axis.xaxis.set_major_locator(FixedLocator([tick for tick in ticks if low <= tick <= high]))
-    axis.xaxis.set_minor_locator(NullLocator())
-    axis.xaxis.set_major_formatter(ScalarFormatter())
 
 
 def _limits_ms(panels: Tables) -> tuple[float, float]:

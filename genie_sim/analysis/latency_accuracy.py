@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, NullFormatter, ScalarFormatter
+from matplotlib.ticker import FuncFormatter
 
 from genie_sim.analysis import style
 from genie_sim.analysis.correctness import FLOOR
-from genie_sim.analysis.drawing import finish, in_style
+from genie_sim.analysis.drawing import finish, in_style, logarithmic_ms
 from genie_sim.recording.results import MethodInfo, Metric
 
 LATENCY = "first_answer_mean"
@@ -59,8 +59,7 @@ def latency_accuracy(
         if floors and floors[0] is not None:
             axis.axhline(floors[0], color="0.4", linewidth=0.9, linestyle=":", label="detector without delay")
     axis.set_xscale("log")
-    axis.xaxis.set_major_formatter(ScalarFormatter())
-    axis.xaxis.set_minor_formatter(NullFormatter())
+    logarithmic_ms(axis, *axis.get_xlim())
     axis.set_ylim(0, 1.02)
     axis.yaxis.set_major_formatter(FuncFormatter(style.percent_tick))
     axis.set_xlabel("mean time to first answer [ms], logarithmic")

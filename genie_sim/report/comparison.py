@@ -1,13 +1,14 @@
-"""A comparison as a table of text, and as one page for a browser, without a script."""
+"""A comparison as a table of text, and as one page for a browser."""
 
 from __future__ import annotations
 
 import base64
-from collections.abc import Sequence
-from html import escape
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import genie_sim
+from genie_sim import report
 from genie_sim.analysis import text_table
 from genie_sim.analysis.compare import BLOCKS, COMPARED, Comparison, Difference, as_metrics
 from genie_sim.paths import atomic_write
@@ -21,9 +22,7 @@ HEADINGS = ("metric", "of", "value", "against", "difference", "95 % interval", "
 ONE_RUN = (
     "Blocks of one second tell how sure a difference is inside these runs; other seeds and drives may differ by more."
 )
-STYLE = """body{font:15px/1.5 system-ui,sans-serif;max-width:72rem;margin:2rem auto;padding:0 1rem;color:#222}
-table{border-collapse:collapse;margin:1rem 0}td,th{padding:.2rem .7rem;border-bottom:1px solid #ddd;text-align:left}
-td.n{text-align:right;font-variant-numeric:tabular-nums}img{max-width:100%}code{overflow-wrap:anywhere}"""
+PAGE_HEADINGS = ("metric", "of", "value", "against", "its value", "difference", "95 % interval", "pairs")
 
 
 def text(comparison: Comparison, format: str = "markdown") -> str:
@@ -52,30 +51,39 @@ def figures(comparison: Comparison) -> dict[str, Figure]:
 
 
 def page(comparison: Comparison) -> str:
-    """The HTML of the page; the figures are in it."""
-    pictures = "".join(
-        f'<p><img alt="{escape(name)}" src="data:image/svg+xml;base64,{base64.b64encode(_svg(one)).decode()}"></p>\n'
-        for name, one in figures(comparison).items()
-    )
-    settings = [(path, *values) for path, values in comparison.settings.items()]
-    differ = (
-        f"<h2>Settings that differ</h2>\n{_table(('setting', *comparison.names), settings, 9)}"
-        if settings
-        else "<p>The settings are the same.</p>"
-    )
-    numbers = _table(HEADINGS, [_cells(row) for row in comparison.rows], 2)
-    return f"""<!DOCTYPE html>
-<html lang="en"><head><meta charset="utf-8">
-<meta http-equiv="Content-Security-Policy" content="default-src 'none'; style-src 'unsafe-inline'; img-src data:">
-<title>{escape(" and ".join(comparison.names))}</title><style>{STYLE}</style></head><body>
-<h1>{escape(" and ".join(comparison.names))}</h1>
-<p>{escape(note(comparison))}</p>
-{differ}
-<h2>Figures</h2>
-{pictures}<h2>Metrics</h2>
-{numbers}
-</body></html>
-"""
+    """The text of the page; the figures are in it."""
+    name = " and ".join(comparison.names)
+    data = {
+        "about": {
+            "genie_sim": genie_sim.__version__,
+            "name": name,
+            "description": "Runs that saw the same frames, side by side.",
+            "names": list(comparison.names),
+            "arms": [arm.label for arm in comparison.arms],
+        },
+        "methods": [],
+        "about_rows": note(comparison),
+        "headings": PAGE_HEADINGS,
+        "rows": list(_rows(comparison)),
+        "settings": [[path, *values] for path, values in comparison.settings.items()],
+        "figures": [
+            {"name": name, "title": str(figure.get_label()).partition("\n")[0], "source": _picture(figure)}
+            for name, figure in figures(comparison).items()
+        ],
+        "notes": [],
+    }
+    elsewhere = "The numbers are also in table.md and table.csv beside it."
+    return report.assemble("compare.html", ("compare.js",), f"{name}, compared", data, elsewhere, pictures=True)
+
+
+def _rows(comparison: Comparison) -> Iterator[list[str]]:
+    """Of the page: each arm that is compared, with the value of what it is compared with."""
+    cells = {(row.metric, row.arm): _cells(row) for row in comparison.rows}
+    for row in comparison.rows:
+        if row.against:
+            metric, arm, value, against, gap, ends, _, pairs = cells[row.metric, row.arm]
+            theirs = cells.get((metric, against))
+            yield [metric, arm, value, against, theirs[2] if theirs else "-", gap, ends, pairs]
 
 
 def note(comparison: Comparison) -> str:
@@ -94,8 +102,7 @@ def write(comparison: Comparison, folder: Path) -> Path:
             beside.write_text(text(comparison, name), encoding="utf-8")
     for name, figure in figures(comparison).items():
         save(figure, folder / "figures", name)
-    with atomic_write(folder / PAGE) as beside:
-        beside.write_text(page(comparison), encoding="utf-8")
+    report.write_text(folder / PAGE, page(comparison))
     return folder / PAGE
 
 
@@ -113,18 +120,7 @@ def _cells(row: Difference) -> list[str]:
     return [row.metric, row.arm, value, row.against or "-", gap, ends, row.by or "-", str(row.n or "-")]
 
 
-def _table(headings: Sequence[str], rows: Sequence[Sequence[str]], first_number: int) -> str:
-    head = "".join(f"<th>{escape(one)}</th>" for one in headings)
-    lines = (
-        "<tr>"
-        + "".join(f"<td{' class=n' if i >= first_number else ''}>{escape(x)}</td>" for i, x in enumerate(row))
-        + "</tr>"
-        for row in rows
-    )
-    return f"<table><tr>{head}</tr>\n" + "\n".join(lines) + "\n</table>"
-
-
-def _svg(figure: Figure) -> bytes:
+def _picture(figure: Figure) -> str:
     from genie_sim.analysis.figures import svg
 
-    return svg(figure)
+    return f"data:image/svg+xml;base64,{base64.b64encode(svg(figure)).decode()}"
