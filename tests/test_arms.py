@@ -45,7 +45,7 @@ def found(monkeypatch):
 
     def world(run, jobs, *_):
         ran.extend(jobs)
-        local = {"under_deadline_share:local": 0.0}
+        local = {"under_deadline_share:local": 0.0, "improvement_first_answer:local": 0.9}
         return [
             Outcome(
                 made_up(0.31 if "genie.object_map.rule=ema" in job.settings else 0.6)
@@ -81,6 +81,8 @@ def test_what_is_known_is_not_run_again(found):
     known = {name: one.of(ALL[0], "under_deadline_share:local")[0] == 0 for name, one in made.evidence.items()}
     with_baselines = ["other_rule", "ideal_link", "half_a_metre", "image_cell_m=0.5"]
     assert [name for name, has in known.items() if has] == with_baselines
+    gains = {name: one.of(ALL[0], "improvement_first_answer:local")[0] for name, one in made.evidence.items()}
+    assert [name for name, gain in gains.items() if gain == 0.9] == ["ideal_link"], "no other Genie's improvement"
 
 
 def test_a_value_that_the_evaluation_uses_is_a_point_of_the_curve_but_no_other_reading(found):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+import mutations
 import numpy as np
 import pytest
 
@@ -173,3 +174,7 @@ def test_table_1_has_two_misprints_both_divided_by_the_wrong_device():
 @pytest.mark.parametrize("claim", ["C37", "C38", "C39"])
 def test_our_profiles_agree_with_table_1(claim):
     assert judge_one(CLAIMS[claim], evidence()).verdict == "reproduced"
+
+
+def test_every_deliberate_error_still_fits_its_file():
+    assert mutations.misfits() == []

@@ -394,10 +394,12 @@ def test_without_a_pose_there_is_no_view_and_no_map_answer():
     assert answers(asked.on_message(IMAGES, frame(0)._replace(pose=None), 0)) == []
 
 
-def test_objects_beyond_the_view_range_are_not_in_view():
-    asked = genie(view_range_m=15.0)
+@pytest.mark.parametrize(("range_m", "seen"), [(19.6, ["car"]), (19.4, [])])
+def test_objects_are_in_view_up_to_the_view_range(range_m, seen):
+    """The car stands 19.5 m ahead and half a metre to the side."""
+    asked = genie(view_range_m=range_m)
     asked.on_message(FROM_OTHERS, answer(frame(0, car="car2"), CAR), 0)
-    assert labels(answers(asked.on_message(IMAGES, frame(1), 1))[0]) == []
+    assert labels(answers(asked.on_message(IMAGES, frame(1), 1))[0]) == seen
 
 
 def test_blocking_a_client_gets_the_first_detection_only():

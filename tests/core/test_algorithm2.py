@@ -197,9 +197,10 @@ def test_c_t_may_be_a_percentile_of_all_that_is_stored(percent):
 
 def test_a_place_holds_every_object_within_the_gate_of_any_class():
     near, nearer, far = (
-        seen(label, 0.9, at=at) for label, at in (("car", (20, 0.9)), ("dog", (20, 0)), ("bus", (22, 0)))
+        seen(label, 0.9, at=at) for label, at in (("car", (20, 1.0)), ("dog", (20, 0)), ("bus", (20, -1.01)))
     )
-    assert {one.label for one in told(object_map(), near, nearer, far).at((20.0, 0.0, 0.0))} == {"car", "dog"}
+    objects = told(object_map(gate_m=1.0), near, nearer, far)
+    assert {one.label for one in objects.at((20.0, 0.0, 0.0))} == {"car", "dog"}
 
 
 # What is in view
