@@ -1,4 +1,4 @@
-"""Errors put into the claims layer on purpose, one at a time: does a test notice? `python tests/mutations.py [WORD]`
+"""Errors put into the claims layer on purpose, one at a time: does a test notice? `python -m tests.mutations [WORD]`
 
 Copies the package and its tests to a temporary folder, makes one substitution of `mutations.yaml` there, runs the fast
 tests of the claims and prints a table. A substitution that no longer fits its file is an error; so is one that nothing

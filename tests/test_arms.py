@@ -28,7 +28,7 @@ FEW = load_assumptions().model_copy(update={
         )
     ),
     "sweeps": tuple(
-        Sweep(parameter=parameter, unit="1", values=values, plausible=(0.3, 2.0), paper="not given")
+        Sweep(parameter=parameter, unit="1", values=values, plausible=(0.7, 2.0), paper="not given")
         for parameter, values in (("image_cell_m", (0.5, 1.0)), ("min_score", (0.3, 0.7)))
     ),
 })  # fmt: skip
@@ -66,6 +66,14 @@ def test_every_arm_has_the_seeds_of_the_evaluation(found):
     assert {job.seed for job in ran} == set(SEEDS)
     assert made.seeds == made.as_json()["seeds"] == len(SEEDS)
     assert all(one.seeds == len(SEEDS) for one in made.evidence.values())
+
+
+def test_an_arm_is_as_plausible_as_was_said_before(found):
+    made, _ = found
+    assert made.plausible == {
+        "other_rule": "yes", "ideal_link": "arguable", "half_a_metre": "yes", "image_cell_m=0.5": "no",
+        "image_cell_m=1": "yes", "min_score=0.3": "no", "min_score=0.7": "yes",
+    }  # fmt: skip
 
 
 def test_what_is_known_is_not_run_again(found):

@@ -12,6 +12,7 @@ from genie_sim.recording.tables import Table
 
 MS, S = 1_000_000, 1_000_000_000
 WAIT_MS = 2  # from a frame's stamp to when it is received
+BEGIN_S = 1  # when the first frame is taken; times below are counted from there
 
 
 def frames(lap_of=lambda frame: 0):
@@ -26,8 +27,9 @@ def frames(lap_of=lambda frame: 0):
     table = Table(FRAMES)
     for (method, car), answers in took.items():
         for frame, answer in enumerate(answers):
-            received_ns = frame * S + WAIT_MS * MS
-            row = Frame(method, car, "camera_02", frame, lap_of(frame), frame * S, received_ns)
+            stamp_ns = (BEGIN_S + frame) * S
+            received_ns = stamp_ns + WAIT_MS * MS
+            row = Frame(method, car, "camera_02", frame, lap_of(frame), stamp_ns, received_ns)
             if answer is not None:
                 row.first_answer_ns, row.fresh_answer_ns = (
                     None if ms is None else received_ns + ms * MS for ms in answer
@@ -40,15 +42,17 @@ def frames(lap_of=lambda frame: 0):
 
 def lookup(second, genie, kind, requests, hits, requester=None, updates=0, boost_sum=0.0, entries=1):
     placement = "edge" if genie.startswith("edge") else "car"
-    frame = ("car1", "camera_02", round(second * S))
+    t_ns = round((BEGIN_S + second) * S)
+    frame = ("car1", "camera_02", t_ns)
     counts = (requests, hits, updates, boost_sum, entries)
-    return ("genie", round(second * S), f"{genie}/genie", placement, kind, requester, *frame, None, *counts)
+    return ("genie", t_ns, f"{genie}/genie", placement, kind, requester, *frame, None, *counts)
 
 
 IMAGES = [
     lookup(0, "car1", "image", 50, 10, "client", entries=40),
     lookup(0.5, "edge1", "image", 50, 0, "neighbour", entries=50),
-    lookup(0.6, "edge1", "image", 50, 30, "client", entries=70),
+    lookup(0.6, "edge1", "image", 50, 30, "client", entries=60),
+    lookup(0.7, "edge1", "image", 50, 10, "client", entries=70),
     lookup(1, "car1", "image", 50, 40, "client", entries=50),
     lookup(2, "car1", "image", 50, 35, "client", entries=65),
 ]
@@ -83,7 +87,7 @@ def resources():
         ("remote", 4, "edge1.cpu", "cpu", 9000, 100),
         ("genie", 4, "car1->edge1", "link", 9000, 100),
     ):
-        table.append((method, second * S, resource, kind, 1, busy_ms * MS, 0, completed, 0, None))
+        table.append((method, (BEGIN_S + second) * S, resource, kind, 1, busy_ms * MS, 0, completed, 0, None))
     return table.columns()
 
 
@@ -135,13 +139,13 @@ WORKED = {
     # images: a window is 50 requests, so each message of a car is one
     "image_reuse:car": 85 / 150,
     "image_reuse_high:car": 0.8,
-    "image_reuse:edge": 0.6,
-    "image_reuse_with_neighbours:edge": 0.3,
+    "image_reuse:edge": 0.4,
+    "image_reuse_with_neighbours:edge": 40 / 150,
     "image_reuse_with_neighbours:car": 85 / 150,
     "image_peak_at:car": 1 / 3,
     "stored_images:car": 65,
     "stored_images:edge": 70,
-    # running ratios: 0.2, 0.5, 0.567
+    # running ratios of the car: 0.2, 0.5, 0.567; of the edge 0.6, 0.4, and 0, 0.3, 0.267
     "image_reuse_highest_running:car": 85 / 150,
     "image_reuse_highest_running:edge": 0.6,
     "image_reuse_with_neighbours_highest_running:edge": 0.3,

@@ -179,7 +179,7 @@ Duration = Annotated[int, BeforeValidator(_at_least_zero(units.duration_ns)), _d
 PositiveDuration = Annotated[int, BeforeValidator(_above_zero(units.duration_ns)), _duration, _example("30 ms")]
 Size = Annotated[int, BeforeValidator(_at_least_zero(units.size_bytes)), _size, _example("1.4 MB")]
 PositiveSize = Annotated[int, BeforeValidator(_above_zero(units.size_bytes)), _size, _example("1.4 MB")]
-Rate = PositiveRate = Annotated[int, BeforeValidator(_above_zero(units.rate_bps)), _rate, _example("100 Mbit/s")]
+Rate = Annotated[int, BeforeValidator(_above_zero(units.rate_bps)), _rate, _example("100 Mbit/s")]
 Turn = Annotated[float, BeforeValidator(units.angle_rad), _angle, _example("15 deg")]
 Length = Annotated[float, BeforeValidator(_at_least_zero(units.length_m)), _length, _example("1 m")]
 PositiveLength = Annotated[float, BeforeValidator(_above_zero(units.length_m)), _length, _example("1 m")]
