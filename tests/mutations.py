@@ -1,8 +1,8 @@
-"""Errors put into the claims layer on purpose, one at a time: does a test notice? `python -m tests.mutations [WORD]`
+"""Puts errors into the claims layer, one at a time: does a test notice? `python -m tests.mutations [WORD ...]`
 
 Copies the package and its tests to a temporary folder, makes one substitution of `mutations.yaml` there, runs the fast
 tests of the claims and prints a table. A substitution that no longer fits its file is an error; so is one that nothing
-notices. `WORD`: only mutations whose file or description has it.
+notices. `WORD`: only mutations whose file or description has one of them.
 """
 
 from __future__ import annotations
@@ -90,8 +90,8 @@ def main() -> int:
     if misfits():
         print("\n".join(misfits()))
         return 2
-    word = sys.argv[1] if len(sys.argv) > 1 else ""
-    chosen = [one for one in mutations() if word in one.what or word in one.file]
+    words = sys.argv[1:] or [""]
+    chosen = [one for one in mutations() if any(word in one.what or word in one.file for word in words)]
     survived(None)
     left = 0
     with ThreadPoolExecutor(os.cpu_count()) as pool:
