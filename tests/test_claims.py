@@ -129,6 +129,24 @@ def test_a_verdict_that_hangs_on_the_seeds_is_marginal():
     assert judge_one(CLAIMS["C11"], unsure).marginal
 
 
+def test_a_resample_has_the_seeds_that_were_drawn():
+    runs = [{"reuse": value} for value in (0.1, 0.2, 0.3)]
+    whole = Evidence({("base", "1car_homo"): runs, ("other", "1car_homo"): []})
+    drawn = whole.resampled([2, 0, 2])
+    assert whole.of("1car_homo", "reuse").tolist() == [0.1, 0.2, 0.3]
+    assert drawn.of("1car_homo", "reuse").tolist() == [0.3, 0.1, 0.3]
+    assert drawn.mean_of(["1car_homo"], ["reuse", "nothing"]).tolist() == [0.3, 0.1, 0.3]
+    assert drawn.of("1car_homo", "reuse", "other").tolist() == []
+
+
+def test_a_reading_means_its_own_definition_of_a_metric():
+    runs = {("base", "1car_homo"): [{"confidence_boost:car": 0.1, "boost_per_object:car": 0.7}]}
+    for definitions, value in ((None, 0.1), ({"boost": "per_update"}, 0.1), ({"boost": "per_object"}, 0.7)):
+        evidence = Evidence(runs, definitions)
+        assert evidence.of("1car_homo", "confidence_boost:car").tolist() == [value]
+        assert evidence.resampled([0]).of("1car_homo", "confidence_boost:car").tolist() == [value]
+
+
 def test_one_seed_shows_nothing_of_other_seeds():
     alone = judge_one(CLAIMS["C11"], evidence(seeds=1, object_reuse__car=0.31, object_reuse__edge=0.31))
     assert alone.finding.n == 1 and alone.marginal
