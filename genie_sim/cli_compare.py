@@ -49,9 +49,9 @@ def figures(
     out: Annotated[Path | None, path_option(help="Where to; default: figures in the result folder.")] = None,
     allow_own_code: OwnCodeOption = False,
 ) -> None:
-    """Draw the figures of a run.
+    """Draw the figures of a run for a paper.
 
-    As a paper wants them: no title, fonts embedded in PDF.
+    A title, and which run it is, stand in the file and not in the picture. PDF has its fonts embedded.
 
     \b
     genie-sim figures results/3car_hetero-65c23e86c242 --format svg,pdf

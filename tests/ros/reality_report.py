@@ -17,7 +17,7 @@ import numpy as np
 from matplotlib import style
 from matplotlib.figure import Figure
 
-from genie_sim.analysis.figures import PAGE_IN, STYLE
+from genie_sim.analysis.style import PAGE_IN, RC
 from tests.ros import reality, reality_link
 from tests.ros.conftest import REPOSITORY, Master
 
@@ -92,7 +92,7 @@ def transfers() -> list[Transfer]:
 
 
 def draw_drive(made: Series) -> Figure:
-    with style.context(STYLE):
+    with style.context(RC):
         figure = Figure((PAGE_IN, 3.0), layout="constrained")
         one, all_ = figure.subplots(1, 2, width_ratios=(3, 2))
         frames = np.arange(len(made.simulated.response_ms))
@@ -109,7 +109,7 @@ def draw_drive(made: Series) -> Figure:
 
 
 def draw_link(found: list[Transfer]) -> Figure:
-    with style.context(STYLE):
+    with style.context(RC):
         figure = Figure((PAGE_IN / 2, 2.8), layout="constrained")
         axes = figure.subplots()
         longest = max(one.real_ms for one in found) * 1.2
