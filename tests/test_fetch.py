@@ -273,6 +273,15 @@ def test_a_hostile_archive_writes_nothing(tmp_path, monkeypatch, entries, messag
     assert not list((tmp_path / "in").glob("evil*"))
 
 
+def test_an_encrypted_archive_writes_nothing(tmp_path):
+    whole = bytearray(archive([("a.txt", "x")]))
+    whole[whole.index(b"PK\x01\x02") + 8] |= 1  # the flag in the archive's directory
+    (tmp_path / "x.zip").write_bytes(whole)
+    with pytest.raises(UserError, match=r"x.zip: 'a.txt' is encrypted"):
+        fetch.unpack(tmp_path / "x.zip", tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
 def test_an_archive_cut_short_or_changed_is_refused(tmp_path):
     whole = archive([(f"{i}.bin", bytes(range(256)) * 40) for i in range(4)])
     for number, content in enumerate(

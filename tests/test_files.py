@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from genie_sim import files
 from genie_sim.errors import UserError
+from genie_sim.paths import atomic_write
 from genie_sim.scenario.yaml_input import dump, parse, read_mapping
 
 
@@ -162,3 +163,15 @@ def test_a_file_of_ones_own_under_a_shipped_name_is_used_and_told_once(caplog: p
         assert {files.find(files.DEVICE, "jetson_tx2") for _ in range(3)} == {Path("device_profiles/jetson_tx2.yaml")}
     said = "device_profiles/jetson_tx2.yaml is used, not what comes with genie-sim under this name"
     assert [one.replace("\\", "/") for one in caplog.messages] == [said]
+
+
+@pytest.mark.parametrize("error", [OSError(28, "No space left on device"), RuntimeError("mine")])
+def test_a_file_that_is_not_finished_is_not_there(tmp_path: Path, error: Exception):
+    def write() -> None:
+        with atomic_write(tmp_path / "x.csv") as beside:
+            beside.write_text("half")
+            raise error
+
+    with pytest.raises(UserError if isinstance(error, OSError) else RuntimeError, match=r"No space left|mine"):
+        write()
+    assert not list(tmp_path.iterdir())

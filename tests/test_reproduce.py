@@ -186,6 +186,21 @@ def test_the_search_finds_the_point_that_fits_and_stays_in_the_plausible_ranges(
     assert found.best == min(found.tried, key=lambda one: one.misfit(found.targets))
 
 
+def test_the_search_goes_to_the_end_of_the_plausible_ranges_and_no_further():
+    def world(jobs, what):
+        settings = [dict(setting.split("=") for setting in job.settings[-2:]) for job in jobs]
+        rates = [(float(one["gate_m"]) / 20, float(one["overlap"]) / 40) for one in settings]
+        return [
+            Outcome({f"{what}:{at}": rate for what, rate in (("object_reuse", hits), ("image_reuse", images))
+                     for at in ("car", "edge")})
+            for hits, images in rates
+        ]  # fmt: skip
+
+    found = calibrate.calibrate(ASSUMED, world)
+    assert (found.best.overlap, found.best.gate_m) == (0.8, 2.1)
+    assert all(0.0 <= one.overlap <= 0.8 and 0.25 <= one.gate_m <= 2.1 for one in found.tried)
+
+
 def test_a_fit_that_misses_is_not_called_reached():
     targets = ASSUMED.targets
     assert calibrate.Calibration(Point(0.4, 1.0, 0.31, 0.0775), (), targets).reached

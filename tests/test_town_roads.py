@@ -10,7 +10,7 @@ import pytest
 from town_truth import truth_near
 
 from genie_sim.town import Town, TownRules
-from genie_sim.town.routes import CYCLE_S, LEFT_MPS, green_at
+from genie_sim.town.routes import CYCLE_S, LEFT_MPS, Commuting, green_at
 from genie_sim.town.rules import JUNCTION_M, LANE_M
 from genie_sim.units import NS_PER_S
 
@@ -161,3 +161,9 @@ def test_densities_are_those_of_the_rules(town):
     moving = sum(one.label == "car" and one.moving for one in everything)
     assert parked / streets_m * 100 == pytest.approx(RULES.parked_cars_per_100m, rel=0.2)
     assert moving / streets_m * 100 == pytest.approx(RULES.moving_cars_per_100m, rel=0.4)
+
+
+@pytest.mark.parametrize(("before", "here", "after"), [((0, 0), (1, 0), (2, 0)), ((1, 0), (1, 1), (1, 2))])
+def test_a_car_drives_straight_on_where_a_turn_gains_nothing(before, here, after):
+    even = TownRules(blocks=(4, 4), speed_mps=10.0, main_speed_mps=10.0)
+    assert Commuting(even, np.random.default_rng(1)).after(before, here, (3, 3)) == after
