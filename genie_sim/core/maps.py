@@ -59,9 +59,12 @@ class Map(Protocol):
     def forget(self, now_ns: int) -> Sequence[InMap]:
         """Removes and returns the objects whose time is over."""
 
-    def learn(self, answer: Answer, viewer: Viewer | None, now_ns: int, own: bool, tells_changes: bool) -> Learned:
+    def learn(
+        self, answer: Answer, viewer: Viewer | None, now_ns: int, own: bool, tells_changes: bool, leaves: bool = True
+    ) -> Learned:
         """EnhancedCacheNewData. ``viewer`` is the request's, where it is known; ``own``: the answer is that of the
-        encapsulated node; ``tells_changes``: the look-ups are to name the objects that changed."""
+        encapsulated node; ``tells_changes``: the look-ups are to name the objects that changed; ``leaves``: the answer
+        is stored or goes on, else only the look-ups count."""
 
     def boost(self, answer: Answer, header: Header, viewer: Viewer | None, now_ns: int) -> Boosted | None:
         """EnhancedCacheBoostData for a stored answer that leaves under ``header``; ``None`` if its type has no objects.

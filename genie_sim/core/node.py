@@ -231,13 +231,14 @@ class GenieNode:
         pending = self._pending.by_header(answer.header)
         learns = own or self.rules.car_learns == "all"
         viewer = None if pending is None else pending.viewer
+        broadcast = own and self.rules.share_answers == "broadcast"
         learned = Learned(answer, answer, answer, None)
         if learns:
-            learned = self.object_map.learn(answer, viewer, now_ns, own, self._tells_changes)  # line 9
+            leaves = broadcast or pending is not None
+            learned = self.object_map.learn(answer, viewer, now_ns, own, self._tells_changes, leaves)  # line 9
         answer = learned.answer
         to_neighbours = answer if self._shares_all else learned.to_neighbours
         effects: list[Effect] = [] if learned.lookups is None else [Observe(learned.lookups)]
-        broadcast = own and self.rules.share_answers == "broadcast"
         if pending is not None:
             if learns:
                 self._store(topic, pending, answer, now_ns)  # line 10

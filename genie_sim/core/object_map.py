@@ -189,7 +189,9 @@ class ObjectMap:
         stored.spoke_ns[header.origin] = header.stamp_ns
         return True
 
-    def learn(self, answer: Answer, viewer: Viewer | None, now_ns: int, own: bool, tells_changes: bool) -> Learned:
+    def learn(
+        self, answer: Answer, viewer: Viewer | None, now_ns: int, own: bool, tells_changes: bool, leaves: bool = True
+    ) -> Learned:
         """EnhancedCacheNewData: every object of an answer is a sighting. See ``maps.Map``."""
         if answer.objects is None:
             return Learned(answer, answer, answer, None)
@@ -211,12 +213,15 @@ class ObjectMap:
                 hits += before >= threshold
                 updates += 1
                 boost += stored.confidence - before
-                seen = seen.with_confidence(stored.confidence)
+                if leaves:
+                    seen = seen.with_confidence(stored.confidence)
             objects.append(seen)
             known.append(stored)
             if tells_changes:
                 changes.append((stored.label, stored.location, stored.confidence))
         facts = ObjectLookups(answer.header, "sighting", requests, hits, updates, boost, len(self), tuple(changes))
+        if not leaves:
+            return Learned(answer, answer, answer, facts)
         answer = answer.with_objects(objects)
         to_clients = to_neighbours = self._confident(answer, known, answer.header.origin, now_ns)
         if not self._always_serves:

@@ -79,7 +79,9 @@ class TrackMap:
                 self._plan(track)
         return forgotten
 
-    def learn(self, answer: Answer, viewer: Viewer | None, now_ns: int, own: bool, tells_changes: bool) -> Learned:
+    def learn(
+        self, answer: Answer, viewer: Viewer | None, now_ns: int, own: bool, tells_changes: bool, leaves: bool = True
+    ) -> Learned:
         """Counts the look behind an answer, or takes over the tracks of one that has none."""
         if answer.objects is None:
             return Learned(answer, answer, answer, None)

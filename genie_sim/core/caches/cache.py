@@ -138,7 +138,9 @@ class NoMap:
     def forget(self, now_ns: int) -> Sequence[InMap]:
         return ()
 
-    def learn(self, answer: Answer, viewer: Viewer | None, now_ns: int, own: bool, tells_changes: bool) -> Learned:
+    def learn(
+        self, answer: Answer, viewer: Viewer | None, now_ns: int, own: bool, tells_changes: bool, leaves: bool = True
+    ) -> Learned:
         return Learned(answer, answer, answer, None)
 
     def boost(self, answer: Answer, header: Any, viewer: Viewer | None, now_ns: int) -> None:
