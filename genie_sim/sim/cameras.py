@@ -58,6 +58,7 @@ class Camera(Node):
         self.env.begin(image.header)
         self._published(image, number, lap)
         self.publish(self._topic, image)
+        self.env.way = None  # what is done next, by whomever, is not about this frame
         self.wait()
 
     def _image(self, header: Header, frame: Frame) -> Image:

@@ -250,3 +250,10 @@ def test_an_answer_to_an_older_frame_does_not_take_over_the_way_of_the_others():
     clock.run(until=100 * MS)
     parts = {stamp_ns: [step[0] for step in one.since(-1)][::-1] for stamp_ns, one in ways.items()}
     assert parts == {MS: ["genie", "pending", "hop"], 5 * MS: ["genie", "hop"]}
+
+
+def test_who_samples_right_behind_a_camera_follows_no_frame():
+    """With seed 7 a sample of the resources comes right behind a first frame. Taken for a part of its way, it would
+    keep the run going until all patience is over, ten minutes after the last frame."""
+    run = run_in_memory(load_scenario("3car_homo", ["seed=7", "methods=[local]"]))
+    assert run.resources["t_ns"].max() < 20_000 * MS
