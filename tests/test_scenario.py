@@ -411,7 +411,7 @@ MISTAKES = [
     ),
     (
         TWO_CARS + "genie: {object_map: {threshold: 60}}\n",
-        "genie.object_map.threshold: must be a number from 0 to 1, 'range_60', 'empirical' or {percentile: 60}, not 60",
+        "genie.object_map.threshold: must be at most 1.0, not 60",
     ),
     (
         TWO_CARS + "genie: {object_map: {threshold: {percentile: 101}}}\n",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Discriminator, Field, Tag, WithJsonSchema
 
@@ -27,13 +27,9 @@ from genie_sim.scenario.fields import (
 from genie_sim.scenario.plain import OWN_CLASS_SCHEMA, Plain, PlugIn
 
 
-def _threshold(value: object) -> object:
-    if isinstance(value, Mapping | Percentile) or value in ("range_60", "empirical"):
-        return value
-    if isinstance(value, bool) or not isinstance(value, int | float) or not 0 <= value <= 1:
-        known = "a number from 0 to 1, 'range_60', 'empirical' or {percentile: 60}"
-        raise ValueError(f"must be {known}, not {short_repr(value)}")
-    return float(value)
+def _kind(value: object) -> str:
+    """Of a threshold: which of the three that it may be."""
+    return "stored" if isinstance(value, Mapping | Percentile) else "threshold" if isinstance(value, str) else "number"
 
 
 def _capacity(value: object) -> object:
@@ -65,16 +61,6 @@ def _literal_preset(data: Any) -> Any:
     return preset
 
 
-_PERCENTILE = {"percentile": {"type": "number", "exclusiveMinimum": 0, "maximum": 100}}
-_THRESHOLD_SCHEMA = WithJsonSchema(
-    {
-        "anyOf": [
-            {"type": "number", "minimum": 0, "maximum": 1},
-            {"enum": ["range_60", "empirical"]},
-            {"type": "object", "properties": _PERCENTILE, "required": ["percentile"], "additionalProperties": False},
-        ]
-    }
-)
 _CAPACITY_SCHEMA = {
     "anyOf": [
         {"type": "string", "examples": ["1000 entries", "10 MB"]},
@@ -86,18 +72,19 @@ _CAPACITY_SCHEMA = {
         {"type": "null"},
     ]
 }
-_PERCENTILE_OF_STORED = Annotated[Percentile, Plain(Percentile, percentile=Annotated[float, Field(gt=0, le=100)])]
+_PERCENTILE = Plain(Percentile, percentile=Annotated[float, Field(gt=0, le=100)])
+_THRESHOLD = Annotated[
+    Annotated[Probability, Tag("number")]
+    | Annotated[Literal["range_60", "empirical"], Tag("threshold")]
+    | Annotated[Percentile, _PERCENTILE, Tag("stored")],
+    Discriminator(_kind),
+]
 _OBJECT_MAP = Plain(
     ObjectMapRules,
     gate_m=PositiveLength,
     rule=_name("confidence rule", CONFIDENCE_RULES),
     rate=Probability,
-    threshold=Annotated[
-        Annotated[float | str, Tag("value")] | Annotated[_PERCENTILE_OF_STORED, Tag("percentile")],
-        Discriminator(lambda value: "percentile" if isinstance(value, Mapping | Percentile) else "value"),
-        BeforeValidator(_threshold),
-        _THRESHOLD_SCHEMA,
-    ],
+    threshold=_THRESHOLD,
     freshness=Annotated[Choice, PlugIn("freshness policy", FRESHNESS)],
 )
 _CAPACITY = Annotated[

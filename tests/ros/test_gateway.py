@@ -67,6 +67,16 @@ def test_an_opaque_message_is_known_by_its_bytes_and_answered_under_its_own_head
     assert [to for to, *_ in car.sent] == ["edge1", "edge1"], "only misses go up"
 
 
+@pytest.mark.parametrize(("learns", "outcomes"), [("all", ["miss", "hit"]), ("own", ["miss", "miss"])])
+def test_a_car_may_learn_from_its_own_node_only(learns: str, outcomes: list[str]):
+    car = Site("car1", "car", car_learns=learns)
+    car.hear("/scan", message(1, b"same"))
+    car.gateway.from_link(Peer("edge1", "edge"), "/result", message(1, b"of the edge"), 0)
+    assert [content for topic, _, content in car.said if topic == "/result"] == [b"of the edge"]
+    car.hear("/scan", message(2, b"same"))
+    assert car.outcomes == outcomes
+
+
 def test_stamps_that_go_back_are_stamps_like_others():
     """A bag that begins again, or a clock that has been set: a request is known by its stamp, not by its order."""
     car = Site("car1", "car")
