@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import json
+from pathlib import Path
+
 import numpy as np
 import pytest
 from typer.testing import CliRunner
@@ -91,13 +94,11 @@ def test_what_drives_a_claim_is_found_and_chance_is_not():
     assert found["C3"] == {"tried": len(POINTS), "holds": 0.0, "drivers": {}}
 
 
-def test_pairs_that_never_hold_together_are_found():
-    rows = [
-        row(n, {"C1": str(n % 2), "C2": str(1 - n % 2), "C3": str(n % 2), "C4": "1" if n == 1 else "0"})
-        for n in range(64)
-    ]
-    found = explore.answers(rows)["never_together"]
-    assert [(one["claims"], one["expected"]) for one in found] == [(["C1", "C2"], 16.0), (["C2", "C3"], 16.0)]
+def test_pairs_that_hardly_ever_hold_together_are_found():
+    holds = [{"C1": n % 2, "C2": 1 - n % 2, "C3": n % 2 if n >= 8 else 1 - n % 2, "C4": n == 1} for n in range(64)]
+    rows = [row(n, {claim: str(int(held)) for claim, held in of.items()}) for n, of in enumerate(holds)]
+    found = explore.answers(rows)["against_each_other"]
+    assert [tuple(one.values()) for one in found] == [(["C1", "C2"], 16.0, 0), (["C2", "C3"], 16.0, 4)]
 
 
 def test_a_half_that_predicts_the_other_is_told_from_one_that_does_not():
@@ -112,6 +113,17 @@ def test_a_half_that_predicts_the_other_is_told_from_one_that_does_not():
     assert (same["own"], same["other"], same["other_of_all"], same["r"]) == (1.0, 1.0, 0.5, 1.0)
     assert same["other"] > same["chance"][1]
     assert unrelated["own"] == 1.0 and unrelated["chance"][0] < unrelated["other"] < unrelated["chance"][1]
+
+
+def test_what_is_committed_is_what_the_points_say_and_what_the_paper_page_shows():
+    """If not: ``genie-sim reproduce --explore`` runs what is missing, and prints the tables for docs/paper.md."""
+    root = Path(__file__).resolve().parent.parent
+    rows = explore.read_points(root / "results/explore/points.csv")
+    assert [{name: row[name] for name in explore.levels()} for row in rows] == POINTS
+    found = json.loads((root / "results/explore/explore.json").read_text())
+    assert found == explore.answers(rows)
+    page = (root / "docs/paper.md").read_text(encoding="utf-8")
+    assert page.split("<!-- explore:begin -->")[1].split("<!-- explore:end -->")[0].strip() == explore.text(found)
 
 
 def test_what_does_not_go_with_explore_is_refused():

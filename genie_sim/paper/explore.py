@@ -39,6 +39,7 @@ RUNS: tuple[tuple[str, tuple[str, ...], tuple[str, ...], tuple[str, ...]], ...] 
 )
 Point = dict[str, str]  # choice -> level
 DRIVERS, LEAST_SHARE = 3, 0.05  # how many choices are named for a claim, and from which share of variance on
+SELDOM = 0.25  # of the points expected: claims that hold together no more often speak against each other
 
 
 @functools.cache
@@ -90,13 +91,15 @@ def explore(out: Path, jobs: int, progress: Progress | None = None, count: int |
             raise UserError(f"{path}: point {number} is of another design; name another folder with --out")
     out.mkdir(parents=True, exist_ok=True)
     missing = [(number, point) for number, point in wanted.items() if number not in done]
-    with closing(in_processes(judged, missing, jobs)) as rows:
-        for row in rows:
+    with closing(in_processes(judged, missing, jobs)) as finished:
+        for row in finished:
             done[int(row["point"])] = row
             _write(path, done.values())
             if progress is not None:
                 progress(len(done), len(wanted), "points")
-    found = answers([done[number] for number in wanted])
+    rows = [done[number] for number in wanted]
+    _write(path, rows)  # in order, however many processes there were
+    found = answers(rows)
     provenance.write_json(out / "explore.json", found)
     return found
 
@@ -124,33 +127,29 @@ def answers(rows: Sequence[Mapping[str, str]]) -> dict[str, Any]:
     whether the points that are best by one half of the claims are good by the other."""
     claims = _claims()
     table = np.array([[float(row[claim] or "nan") for row in rows] for claim in claims])
+    drawn = {name: np.array([row[name] for row in rows]) for name in levels()}
     held = np.nansum(table, axis=0)
     return {
         "points": len(rows),
         "most_at_once": int(held.max()),
         "mean_at_once": round(float(held.mean()), 2),
-        "claims": {claim: _claim(of, rows) for claim, of in zip(claims, table, strict=True)},
-        "never_together": _never_together(claims, table),
+        "claims": {claim: _claim(of, drawn) for claim, of in zip(claims, table, strict=True)},
+        "against_each_other": _against(claims, table),
         "split": _split(dict(zip(claims, table, strict=True))),
     }
 
 
-def _claim(of: Values, rows: Sequence[Mapping[str, str]]) -> dict[str, Any]:
+def _claim(of: Values, drawn: Mapping[str, np.ndarray[Any, Any]]) -> dict[str, Any]:
     """How often a claim holds, and the choices that explain most of it, with how often it holds at each level."""
     tried = ~np.isnan(of)
-    share = float(of[tried].mean()) if tried.any() else None
+    of, drawn = of[tried], {name: one[tried] for name, one in drawn.items()}
     drivers = {}
-    if share not in (None, 0.0, 1.0):
-        explained = {name: _explained(of[tried], _drawn(rows, name)[tried]) for name in levels()}
+    if 0 < of.sum() < len(of):
+        explained = {name: _explained(of, one) for name, one in drawn.items()}
         for name in sorted(explained, key=lambda one: -explained[one])[:DRIVERS]:
-            drawn = _drawn(rows, name)
-            at = {level: _rounded(of[tried & (drawn == level)].mean()) for level in levels()[name]}
+            at = {level: _rounded(of[drawn[name] == level].mean()) for level in levels()[name]}
             drivers[name] = {"share_of_variance": _rounded(explained[name]), "holds_at": at}
-    return {"tried": int(tried.sum()), "holds": None if share is None else _rounded(share), "drivers": drivers}
-
-
-def _drawn(rows: Sequence[Mapping[str, str]], name: str) -> np.ndarray[Any, Any]:
-    return np.array([row[name] for row in rows])
+    return {"tried": len(of), "holds": _rounded(of.mean()) if len(of) else None, "drivers": drivers}
 
 
 def _explained(of: Values, drawn: np.ndarray[Any, Any]) -> float:
@@ -162,15 +161,18 @@ def _explained(of: Values, drawn: np.ndarray[Any, Any]) -> float:
     return max(0.0, (total - within - (len(groups) - 1) * noise) / (total + noise))
 
 
-def _never_together(claims: Sequence[str], table: Values) -> list[dict[str, Any]]:
-    """The pairs of claims that hold together at no point, although each holds at some, most surprising first."""
+def _against(claims: Sequence[str], table: Values) -> list[dict[str, Any]]:
+    """The pairs of claims that hold together at no point, or much more seldom than chance would have it, although each
+    holds at some; those first that chance would have together most often."""
     found = []
     for i, j in itertools.combinations(range(len(claims)), 2):
         both = table[[i, j]][:, ~np.isnan(table[[i, j]]).any(axis=0)]
-        expected = float(both[0].mean() * both[1].sum()) if both.size else 0.0
-        if expected >= design()["expected_together"] and not (both.sum(axis=0) == 2).any():
-            found.append({"claims": [claims[i], claims[j]], "expected": _rounded(expected)})
-    return sorted(found, key=lambda one: -one["expected"])
+        expected, together = (
+            (float(both[0].mean() * both[1].sum()), int(both.prod(axis=0).sum())) if both.size else (0, 0)
+        )
+        if expected >= design()["expected_together"] and together <= SELDOM * expected:
+            found.append({"claims": [claims[i], claims[j]], "expected": _rounded(expected), "together": together})
+    return sorted(found, key=lambda one: (one["together"] > 0, -one["expected"]))
 
 
 def _split(table: Mapping[str, Values]) -> list[dict[str, Any]]:
@@ -203,8 +205,9 @@ def text(found: Mapping[str, Any]) -> str:
         at = {c: ", ".join(f"{level} {held:.2f}" for level, held in of["holds_at"].items()) for c, of in strong.items()}
         drivers = "; ".join(f"{c} ({of['share_of_variance']:.2f}): {at[c]}" for c, of in strong.items())
         lines.append(f"| {name} | {'not tried' if one['holds'] is None else format(one['holds'], '.0%')} | {drivers} |")
-    lines += ["", "| never together | points expected by chance |", "|---|---|"]
-    lines += [f"| {' and '.join(one['claims'])} | {one['expected']:.1f} |" for one in found["never_together"]]
+    lines += ["", "| claims | hold together at | points expected by chance |", "|---|---|---|"]
+    for one in found["against_each_other"]:
+        lines.append(f"| {' and '.join(one['claims'])} | {one['together']} | {one['expected']:.0f} |")
     lines += [
         "",
         "| best by | hold of these | of the other half | at all points | 95 % of random choices |",
