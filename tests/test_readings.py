@@ -6,10 +6,13 @@ import numpy as np
 import pytest
 
 from genie_sim.errors import UserError
+from genie_sim.paper import verdict_table
+from genie_sim.paper.checks import ALL
 from genie_sim.paper.definitions import DEFINITIONS, fact
 from genie_sim.paper.evidence import Evidence
 from genie_sim.paper.facts import facts_of, of_running_ratios, running_reuse
 from genie_sim.paper.readings import FOLDER, NAMES, load_reading, load_readings
+from genie_sim.paper.reproduce import _judged
 from genie_sim.recording.columns import Columns, Text
 from tests import made_up_run
 
@@ -162,3 +165,63 @@ def test_the_highest_running_ratio_is_that_of_any_genie_of_the_role():
     assert found["image_reuse_with_neighbours_highest_running:edge"] == 1 / 2
     assert found["object_reuse_highest_running:car"] == 3 / 4
     assert np.isnan(found["object_reuse_highest_running:edge"])
+
+
+# Verdicts side by side
+
+
+def verdicts_of(reading, **facts):
+    """Under a reading, in a made-up world of ten seeds with the same facts in all six scenarios."""
+    named = {name.replace("__", ":"): value for name, value in facts.items()}
+    return _judged((load_reading(reading), (), {("base", one): [named] * 10 for one in ALL}))
+
+
+def rows(judged):
+    plain = judged.plain or [None] * len(judged.verdicts)
+    pairs = zip(judged.verdicts, plain, strict=True)
+    return [verdict_table.row(one, None, judged.reading.name, other) for one, other in pairs]
+
+
+REUSE = {"object_reuse__car": 0.31, "object_reuse__edge": 0.31}
+BOOSTS = {f"{name}__{place}": value for place in ("car", "edge")
+          for name, value in (("confidence_boost", -0.1), ("boost_per_object", 0.1))}  # fmt: skip
+DEFAULT, BENCH = (rows(verdicts_of(name, **REUSE, **BOOSTS)) for name in ("default", "bench"))
+
+
+def of(claim, shown):
+    return next(one for one in shown if one["id"] == claim)
+
+
+def test_where_nothing_was_fitted_the_two_numbers_are_predictions():
+    assert (of("C11", DEFAULT)["kind"], of("C11", DEFAULT)["verdict"]) == ("calibrated", "calibrated")
+    assert (of("C11", BENCH)["kind"], of("C11", BENCH)["verdict"]) == ("prediction", "reproduced")
+
+
+def test_a_reading_is_judged_by_its_own_metrics_and_by_the_default_s():
+    assert of("C26", DEFAULT)["verdict"] == "not reproduced" and of("C26", DEFAULT)["by_default_metrics"] is None
+    assert of("C26", BENCH)["verdict"] == "reproduced"
+    assert of("C26", BENCH)["by_default_metrics"]["verdict"] == "not reproduced"
+    assert of("C26", BENCH)["by_default_metrics"]["value"] == pytest.approx(-0.1)
+
+
+def test_counts_tell_kinds_and_readings_apart():
+    counted = verdict_table.counts_table(DEFAULT + BENCH)
+    assert "| reproduced | default | bench |" in counted
+    assert "| calibrated | 1 of 2 |  |" in counted
+    assert "| table | 3 of 3 | 3 of 3 |" in counted
+    predictions = [sum(one["kind"] == "prediction" for one in shown) for shown in (DEFAULT, BENCH)]
+    assert predictions[1] == predictions[0] + 2
+    assert f"| prediction | 1 of {predictions[0]} | 2 of {predictions[1]} |" in counted
+    assert "- default: of 39 claims 4 reproduced (1 prediction, 3 table);" in counted
+    assert "- bench: of 39 claims 6 reproduced (2 prediction, 1 input, 3 table);" in counted
+    assert "By the default's metrics 5 are." in counted
+
+
+def test_a_line_of_a_table_has_every_reading_s_verdict():
+    line = next(one for one in verdict_table.table(DEFAULT + BENCH).splitlines() if one.startswith("| C11 "))
+    assert line.endswith("| calibrated | calibrated: 0.31 | reproduced: 0.31 |")
+    line = next(one for one in verdict_table.text(DEFAULT + BENCH, 100).splitlines() if one.startswith("C11 "))
+    assert line.split()[1:5] == ["=", "0.31", "+", "0.31"]
+    shown = [load_reading(one).as_json() for one in ("default", "bench")]
+    document = verdict_table.document(DEFAULT + BENCH, shown, [])
+    assert "- bench: *reproduced*: 0.1; 12 of 12 shown; by the default's metrics not reproduced: -0.1." in document
