@@ -94,8 +94,16 @@ def test_what_drives_a_claim_is_found_and_chance_is_not():
     assert found["C3"] == {"tried": len(POINTS), "holds": 0.0, "drivers": {}}
 
 
+def test_the_share_of_variance_is_that_beyond_chance():
+    """Omega squared by hand: of 2 in all, 1.5 is within the levels, and a degree of freedom is worth 0.25."""
+    holds, drawn = np.array([0.0, 0, 0, 1, 1, 1, 1, 0]), np.array([*"aaaabbbb"])
+    assert explore._explained(holds, drawn) == pytest.approx((2 - 1.5 - 0.25) / (2 + 0.25))
+
+
 def test_pairs_that_hardly_ever_hold_together_are_found():
     holds = [{"C1": n % 2, "C2": 1 - n % 2, "C3": n % 2 if n >= 8 else 1 - n % 2, "C4": n == 1} for n in range(64)]
+    for n, of in enumerate(holds):
+        of["C5"] = n // 2 % 2  # which has nothing to do with the others
     rows = [row(n, {claim: str(int(held)) for claim, held in of.items()}) for n, of in enumerate(holds)]
     found = explore.answers(rows)["against_each_other"]
     assert [tuple(one.values()) for one in found] == [(["C1", "C2"], 16.0, 0), (["C2", "C3"], 16.0, 4)]
