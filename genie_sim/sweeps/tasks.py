@@ -13,7 +13,7 @@ import os
 import pickle
 import traceback
 from collections.abc import Generator, Mapping, Sequence
-from dataclasses import astuple, dataclass
+from dataclasses import astuple, dataclass, replace
 from pathlib import Path
 
 import genie_sim
@@ -142,7 +142,9 @@ def run_task(task: Task, packed: bytes) -> Finished:
 
 def measured(prepared: Prepared) -> Sequence[Metric]:
     """Simulates one run: the metrics of its methods and of their Genies, not of single resources: a fleet has many."""
-    tables = runner.simulate(prepared)
+    record = tuple(one for one in prepared.expanded.record if one != "steps")  # which no metric of a sweep needs
+    scenario = prepared.expanded.model_copy(update={"record": record})
+    tables = runner.simulate(replace(prepared, expanded=scenario))
     none = tables.resources.columns().rows([])
     used = (tables.frames.columns(), tables.lookups.columns(), none, tables.answers.columns(), tables.held.columns())
     return metrics.compute(runner.methods_of(prepared), *used)
