@@ -454,6 +454,25 @@ def test_what_is_clicked_in_the_strip_stays_under_the_pointer(browser, tmp_path)
         assert browser.evaluate(place) == before
 
 
+@pytest.mark.parametrize(("width", "height"), [(1280, 800), (420, 800)])
+def test_the_strip_stays_in_the_window_beside_the_street_and_the_story(browser, file, width, height):
+    browser.size(width, height)
+    browser.open(file)
+    browser.evaluate("document.documentElement.style.scrollBehavior = 'auto'")
+    for element in ("street", "lanes", "frame"):
+        browser.evaluate(f"byId('{element}').scrollIntoView()")
+        left, top, right, bottom = browser.evaluate(
+            "(({ left, top, right, bottom }) => [left, top, right, bottom])(byId('strip').getBoundingClientRect())"
+        )
+        assert 0 < top < bottom < height, element
+        told, at = (browser.evaluate(one) for one in ("byId('frame-told').textContent", "scrollY"))
+        browser.click((left + right) / 2 + {"street": 50, "lanes": 90, "frame": 20}[element], top + 8)
+        assert browser.evaluate("byId('frame-told').textContent") != told
+        assert browser.evaluate("scrollY") == at
+    hidden = "byId('h-frame').getBoundingClientRect().top - byId('frames').getBoundingClientRect().bottom"
+    assert browser.evaluate(hidden) > 0, "the strip does not cover the heading"
+
+
 def test_the_page_tells_what_each_car_holds_under_each_method(browser, file, run):
     """The newest answered frame of a car when the replay stands still, with its age since it was received."""
     browser.open(file)

@@ -87,7 +87,7 @@ function showFrame(what, facts, origin) {
   byId("description").textContent = ABOUT.description;
   byId("about").replaceChildren(...Object.entries(facts).map(([name, value]) => make("div", {}, make("dt", {}, name), make("dd", {}, String(value)))));
   byId("notes").replaceChildren(...[...DATA.notes, `Made by genie-sim ${ABOUT.genie_sim} from ${origin}`].map((note) => make("li", {}, note)));
-  const shown = [...document.querySelectorAll("main > section")].filter((section) => !section.hidden);
+  const shown = [...document.querySelectorAll("main section")].filter((section) => !section.hidden);
   byId("sections").replaceChildren(...shown.map((section) => make("a", { href: `#${section.id}` }, section.dataset.nav)));
   for (const box of document.querySelectorAll(".scroll:not([tabindex])")) {
     new ResizeObserver(() => { box.tabIndex = box.scrollWidth > box.clientWidth ? 0 : -1; }).observe(box);

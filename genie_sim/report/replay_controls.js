@@ -4,7 +4,7 @@ const STEP_US = 100000; // of an arrow key
 const TABLE_CARS = 12;
 
 function showReplay() {
-  if (!DATA.replay || !DATA.replay.methods.length) { byId("street").hidden = byId("frame").hidden = true; return; }
+  if (!DATA.replay || !DATA.replay.methods.length) { byId("told").hidden = byId("street").hidden = byId("frame").hidden = true; return; }
   const run = decode(DATA.replay, ABOUT), slider = byId("time");
   let now = run.begin_us, selected = -1, playing = false, before = 0, told = 0;
   let method = run.methods.find((one) => one.caches) ?? run.methods[0];
@@ -48,6 +48,7 @@ function showReplay() {
     byId("story").replaceChildren(...storyOf(run, method, id));
     byId("frame-told").textContent = shortStory(run, method, id);
     moveTo(t ?? run.frames.stamp[id] + Math.max(method.rows.first_answer_us[id], 0));
+    byId("frame").style.scrollMarginTop = `${byId("frames").offsetHeight}px`;
   }
   function chooseUnder(place, id, t) {
     method = run.methods[place];
