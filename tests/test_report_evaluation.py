@@ -71,6 +71,30 @@ def test_every_claim_is_there_with_what_was_expected_found_and_judged(page):
     assert (other["C14"]["verdict"], other["C11"]["kind"]) == ("reproduced", "prediction")
 
 
+def test_a_bound_has_its_sign_and_is_that_of_the_verdict(page):
+    """A number is reproduced just where its whole interval holds; of several effects the mean is above zero, too."""
+    shown = {
+        one["id"]: one["bound"] for one in embedded(page)["claims"] if not one["tolerance"] and one["kind"] != "table"
+    }
+    assert {sign for sign, _ in shown.values()} == {"\u2265", "\u2264", ">"}
+    for row in ROWS:
+        sign, bound = shown.get(row["id"], ("", 0.0))
+        holds = row["verdict"] == "reproduced"
+        if sign == ">":
+            assert row["low"] > bound or not holds, row["id"]
+        elif sign:
+            assert holds == (row["low"] >= bound if sign == "\u2265" else row["high"] <= bound), row["id"]
+
+
+def test_a_bound_is_written_with_its_sign(browser, file):
+    browser.open(file)
+    told = browser.evaluate("['C14', 'C5', 'C3', 'C4', 'C1'].map((one) => byId(one).cells[3].textContent)")
+    assert told == ["> 0", "\u2264 1.1", "\u2265 0.99", "> 0", "0.82 \u00b1 0.05"]
+    browser.evaluate("byId('C4').querySelector('button').click()")
+    told = browser.evaluate("byId('C4').nextElementSibling.textContent")
+    assert "Expected> 0" in told and "bound" not in told
+
+
 def test_each_reading_is_there_with_reasons_quotes_and_what_was_known(page):
     default, bench = embedded(page)["readings"]
     assert default["metrics"].keys() == bench["metrics"].keys()

@@ -414,6 +414,11 @@ MISTAKES = [
         "genie.object_map.threshold: must be at most 1.0, not 60",
     ),
     (
+        TWO_CARS + "genie: {object_map: {threshold: range60}}\n",
+        "genie.object_map.threshold: unknown threshold 'range60' (did you mean 'range_60'?); "
+        "known: empirical, range_60, a number from 0 to 1, {percentile: N}",
+    ),
+    (
         TWO_CARS + "genie: {object_map: {threshold: {percentile: 101}}}\n",
         "genie.object_map.threshold.percentile: must be at most 100.0, not 101",
     ),

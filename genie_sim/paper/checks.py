@@ -201,6 +201,7 @@ def _c39(evidence: Evidence, claim: Claim) -> Finding:
     return _arithmetic(len(misprints), "misprints", same and len(misprints) == claim.expect, "; ".join(misprints))
 
 
+AT_LEAST, AT_MOST = {"C3", "C32", "C34", "C35"}, {"C5", "C9", "C29", "C33"}  # ``expect``; else effects, above 0
 Check = Callable[[Evidence, Claim], Finding]
 CHECKS: dict[str, Check] = {
     "C1": _c1,

@@ -12,6 +12,7 @@ from genie_sim import report
 from genie_sim.analysis.metrics import DEADLINE_MS
 from genie_sim.errors import UserError
 from genie_sim.paper import verdict_table
+from genie_sim.paper.checks import AT_LEAST, AT_MOST
 from genie_sim.paper.claims import VERDICTS
 from genie_sim.paper.facts import METHODS
 from genie_sim.recording import provenance
@@ -98,10 +99,17 @@ def _claims(rows: Sequence[Mapping[str, Any]]) -> Iterator[dict[str, Any]]:
         first = next(iter(found.values()))
         yield {
             **{name: first[name] for name in CLAIMED},
+            "bound": _bound(first),
             "says": [[one["part"], one["says"]] for one in mine],
             "figures": list(dict.fromkeys(one["figure"] for one in mine if one["figure"])),
             "found": {name: _finding(one) for name, one in found.items()},
         }
+
+
+def _bound(row: Mapping[str, Any]) -> tuple[str, float]:
+    """What the number found is compared with where it is no match."""
+    sign = "\u2265" if row["id"] in AT_LEAST else "\u2264" if row["id"] in AT_MOST else ">"
+    return sign, 0.0 if sign == ">" else row["expect"]
 
 
 def _finding(row: Mapping[str, Any]) -> dict[str, Any]:

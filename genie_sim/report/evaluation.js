@@ -24,7 +24,8 @@ function showAbout() {
 
 function scale(claim, found) {
   if (!isNumber(found[0]) || claim.kind === "table") return null;
-  const ends = [...found, claim.expect - claim.tolerance, claim.expect + claim.tolerance].filter(isNumber);
+  const asked = claim.tolerance ? claim.expect : claim.bound[1];
+  const ends = [...found, asked - claim.tolerance, asked + claim.tolerance].filter(isNumber);
   let low = Math.min(...ends), high = Math.max(...ends);
   const slack = 0.12 * (high - low || Math.abs(high) || 1);
   low -= slack;
@@ -33,16 +34,16 @@ function scale(claim, found) {
   const ticks = linearTicks(low, high, 5).map((tick) => draw("text", { x: at(tick), y: 62, "text-anchor": "middle" }, digits(tick, 4)));
   return make("div", { class: "scale" }, draw("svg", { viewBox: "0 0 540 68", role: "img", "aria-label": "What was expected and what was found, on one scale" },
     draw("line", { x1: 20, x2: 520, y1: 46, y2: 46, stroke: "var(--line)" }),
-    box ? draw("rect", { x: at(claim.expect - claim.tolerance), y: 16, width: at(claim.expect + claim.tolerance) - at(claim.expect - claim.tolerance), height: 30, fill: "var(--unsure)" }) : null,
-    draw("line", { x1: at(claim.expect), x2: at(claim.expect), y1: 16, y2: 46, stroke: "var(--sure)", "stroke-dasharray": "4 3", "stroke-width": 1.5 }),
-    draw("text", { x: at(claim.expect), y: 11, "text-anchor": "middle" }, "expected"),
+    box ? draw("rect", { x: at(asked - claim.tolerance), y: 16, width: at(asked + claim.tolerance) - at(asked - claim.tolerance), height: 30, fill: "var(--unsure)" }) : null,
+    draw("line", { x1: at(asked), x2: at(asked), y1: 16, y2: 46, stroke: "var(--sure)", "stroke-dasharray": "4 3", "stroke-width": 1.5 }),
+    draw("text", { x: at(asked), y: 11, "text-anchor": "middle" }, claim.tolerance ? "expected" : expected(claim)),
     isNumber(found[1]) ? draw("line", { x1: at(found[1]), x2: at(found[2]), y1: 31, y2: 31, stroke: "var(--accent)", "stroke-width": 3 }) : null,
     draw("circle", { cx: at(found[0]), cy: 31, r: 5, fill: "var(--accent)" }), ...ticks));
 }
 
 function expected(claim) {
   if (claim.kind === "table") return "as printed";
-  return claim.tolerance ? `${digits(claim.expect)} \u00b1 ${digits(claim.tolerance)}` : `bound ${digits(claim.expect)}`;
+  return claim.tolerance ? `${digits(claim.expect)} \u00b1 ${digits(claim.tolerance)}` : `${claim.bound[0]} ${digits(claim.bound[1])}`;
 }
 
 const listed = (items) => make("ul", {}, ...items.map((item) => make("li", {}, item)));

@@ -13,7 +13,7 @@ from genie_sim.core.eviction import EVICTIONS
 from genie_sim.core.freshness import FRESHNESS
 from genie_sim.core.rules import LITERAL, Capacity, GenieRules, ObjectMapRules, Percentile
 from genie_sim.core.similarity import SIMILARITIES
-from genie_sim.errors import short_repr
+from genie_sim.errors import short_repr, unknown
 from genie_sim.plugins import Choice
 from genie_sim.scenario.fields import (
     Count,
@@ -26,10 +26,18 @@ from genie_sim.scenario.fields import (
 )
 from genie_sim.scenario.plain import OWN_CLASS_SCHEMA, Plain, PlugIn
 
+THRESHOLDS = ("range_60", "empirical")
+
 
 def _kind(value: object) -> str:
     """Of a threshold: which of the three that it may be."""
     return "stored" if isinstance(value, Mapping | Percentile) else "threshold" if isinstance(value, str) else "number"
+
+
+def _threshold(value: str) -> str:
+    if value not in THRESHOLDS:
+        raise ValueError(f"{unknown('threshold', value, THRESHOLDS)}, a number from 0 to 1, {{percentile: N}}")
+    return value
 
 
 def _capacity(value: object) -> object:
@@ -75,7 +83,7 @@ _CAPACITY_SCHEMA = {
 _PERCENTILE = Plain(Percentile, percentile=Annotated[float, Field(gt=0, le=100)])
 _THRESHOLD = Annotated[
     Annotated[Probability, Tag("number")]
-    | Annotated[Literal["range_60", "empirical"], Tag("threshold")]
+    | Annotated[Literal["range_60", "empirical"], BeforeValidator(_threshold), Tag("threshold")]
     | Annotated[Percentile, _PERCENTILE, Tag("stored")],
     Discriminator(_kind),
 ]
