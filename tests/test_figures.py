@@ -184,6 +184,14 @@ def test_a_kind_of_which_nothing_is_used_has_no_panel_and_a_colour_is_one_host()
             colours.setdefault(line.get_color(), set()).add(line.get_label())
     assert all(len({name for name in names if not name.startswith("_")}) <= 1 for names in colours.values())
     assert not set(colours) & set(style.COLOURS), "a host is no method"
+    marked = {
+        (line.get_color(), line.get_marker())
+        for axis in figures.resource_use(resources, METHODS).axes
+        for line in axis.lines
+    }
+    assert len(marked) == len(colours) == len({marker for _, marker in marked}), (
+        "without colour, too, hosts are told apart"
+    )
     assert "resources" not in figures.of_run(run_of(frames, Table(LOOKUPS).to_frame(), resources.iloc[:0]))
 
 
@@ -223,6 +231,19 @@ def test_the_parts_of_the_time_are_stacked_up_to_the_mean():
     axis = time_parts([*both, *later], METHODS, FOOTER).axes[0]
     ends = [max(bar.get_x() + bar.get_width() for bar in axis.patches if round(bar.get_y()) == y) for y in (0, 1)]
     assert ends == [35.5, 71.0] and [text.get_text() for text in axis.texts] == ["35.5", "71"]
+
+
+def test_bars_that_are_short_beside_the_longest_are_drawn_again_on_their_own_scale():
+    means = {"local": 349.0, "remote": 52.5, "genie": 88.0}
+    measured = [
+        Metric(f"{answer}_part", method, "all", "inference", value, "ms")
+        for method, value in means.items()
+        for answer in ("first_answer", "fresh_answer")
+    ]
+    every, short = time_parts(measured, METHODS, FOOTER).axes
+    assert [text.get_text() for text in every.texts] == ["349", "52.5", "88"]
+    assert [tick.get_text() for tick in short.get_yticklabels()] == ["remote (R)"]
+    assert short.get_xlim()[1] < 100 < 349 < every.get_xlim()[1]
 
 
 def test_utilization_is_that_of_the_last_second():

@@ -223,8 +223,8 @@ def resource_use(resources: Columns | pd.DataFrame, methods: Methods, footer: st
     """Utilization of accelerators, CPUs and links, and queue lengths over simulated time; a column a method.
 
     Each point is the mean of the last second. What is never used by 1 % (queues: never holds a message) is left out,
-    and so is a kind of which nothing is used. A colour is a host in every panel; of a host, the second link or queue is
-    dashed, the third dotted. More than eight hosts are drawn as their range and median.
+    and so is a kind of which nothing is used. Each host has its colour and marker in every panel; of a host, the
+    second link or queue is dashed, the third dotted. More than eight hosts are drawn as their range and median.
     """
     resources = Columns.of(resources)
     methods = [method for method in methods if (resources["method"] == method.name).any()]
@@ -351,9 +351,10 @@ def _draw_use(axis: Axes, curves: dict[str, tuple[Any, Any]], names: list[str], 
     elif len(hosts) <= len(style.HOSTS):
         for name, (t_s, values) in curves.items():
             host = _host(name)
-            nth = [one for one in names if _host(one) == host].index(name)
-            look: dict[str, Any] = {"color": style.HOSTS[hosts.index(host)], "linestyle": ("-", "--", ":")[min(nth, 2)]}
-            axis.plot(t_s, values, linewidth=1.0, label=host if nth == 0 else None, **look)
+            place, nth = hosts.index(host), [one for one in names if _host(one) == host].index(name)
+            look: dict[str, Any] = {"color": style.HOSTS[place], "linestyle": ("-", "--", ":")[min(nth, 2)]}
+            look |= {"marker": style.MARKERS[place], "markevery": ((place + 0.5) / 8 / len(style.HOSTS), 1 / 8)}
+            axis.plot(t_s, values, linewidth=1.0, markersize=3.5, label=host if nth == 0 else None, **look)
     else:
         t_s = np.unique(np.concatenate([t for t, _ in curves.values()]))
         values = np.stack([np.interp(t_s, *curve) for curve in curves.values()])
