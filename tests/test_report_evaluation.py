@@ -92,7 +92,7 @@ def test_a_bound_is_written_with_its_sign(browser, file):
     assert told == ["> 0", "\u2264 1.1", "\u2265 0.99", "> 0", "0.82 \u00b1 0.05"]
     browser.evaluate("byId('C4').querySelector('button').click()")
     told = browser.evaluate("byId('C4').nextElementSibling.textContent")
-    assert "Expected> 0" in told and "bound" not in told
+    assert "Expectedeach effect > 0" in told and "bound" not in told
 
 
 def test_each_reading_is_there_with_reasons_quotes_and_what_was_known(page):

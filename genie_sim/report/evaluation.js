@@ -66,7 +66,7 @@ function finding(claim, name) {
 
 function evidence(claim) {
   const facts = [["Paper", claim.where], ...(claim.says.length ? [["Section V", listed(claim.says.map(([part, says]) => `${part}: ${says}`))]] : []),
-    ["Kind", `${words(claim.kind)}: ${KINDS[claim.kind] || ""}`], ["Test", claim.test], ["Expected", expected(claim)]];
+    ["Kind", `${words(claim.kind)}: ${KINDS[claim.kind] || ""}`], ["Test", claim.test], ["Expected", expected(claim) === "> 0" ? "each effect > 0; found: their mean" : expected(claim)]];
   return [defined(facts), ...READINGS.flatMap((name) => finding(claim, name)), ...claim.figures.map(picture)];
 }
 
