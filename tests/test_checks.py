@@ -329,6 +329,14 @@ def test_comparisons_are_paired_by_seed():
     assert (found.low, found.high) == pytest.approx((1.3, 1.3))
 
 
+@pytest.mark.parametrize("claim", ["C22", "C23", "C24"])
+def test_a_reading_that_means_boost_per_object_is_not_told_of_it_twice(claim):
+    runs = evidence(BOOST + PER_OBJECT)
+    meant = Evidence(runs._runs, {"boost": "per_object"})
+    assert "per stored object" in CHECKS[claim](runs, CLAIMS[claim]).note
+    assert "per stored object" not in CHECKS[claim](meant, CLAIMS[claim]).note
+
+
 # Table I: arithmetic on what is printed
 
 

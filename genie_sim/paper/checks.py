@@ -134,19 +134,18 @@ def _c21(evidence: Evidence, claim: Claim) -> Finding:
 
 
 def _c22(evidence: Evidence, claim: Claim) -> Finding:
-    names = ("confidence_boost", "boost_per_object")
-    return _or_per_object(*(all_positive(_more_on_edges(evidence, ALL, name)) for name in names))
+    return _or_per_object(evidence, lambda boost: all_positive(_more_on_edges(evidence, ALL, boost)))
 
 
 def _c23(evidence: Evidence, claim: Claim) -> Finding:
-    names = ("confidence_boost:edge", "boost_per_object:edge")
-    return _or_per_object(*(all_positive(_per_car(evidence, name)) for name in names))
+    return _or_per_object(evidence, lambda boost: all_positive(_per_car(evidence, f"{boost}:edge")))
 
 
 def _c24(evidence: Evidence, claim: Claim) -> Finding:
-    names = ("confidence_boost:edge", "boost_per_object:edge")
-    ratios = [[_ratio(evidence, he, ho, name) for ho, he in PAIRS] for name in names]
-    return _or_per_object(*(matches(claim, np.mean(one, axis=0)) for one in ratios))
+    def ratios(boost: str) -> Finding:
+        return matches(claim, np.mean([_ratio(evidence, he, ho, f"{boost}:edge") for ho, he in PAIRS], axis=0))
+
+    return _or_per_object(evidence, ratios)
 
 
 def _c28(evidence: Evidence, claim: Claim) -> Finding:
@@ -264,11 +263,14 @@ def _more_on_edges(evidence: Evidence, scenarios: Sequence[str], name: str) -> d
     return {s: evidence.of(s, f"{name}:edge") - evidence.of(s, f"{name}:car") for s in scenarios}
 
 
-def _or_per_object(per_update: Finding, per_object: Finding) -> Finding:
-    """The paper's boost may also be meant per stored object; the verdict is that of the boost per update."""
-    value, outcome = per_object.value, "holds" if per_object.holds else "fails"
-    said = f"per stored object instead of per update: {value:.3g}, {outcome}"
-    return replace(per_update, note=f"{per_update.note}; {said}" if per_update.note else said)
+def _or_per_object(evidence: Evidence, test: Callable[[str], Finding]) -> Finding:
+    """The test of a boost, and a note of how it comes out per stored object, unless that is what the reading means."""
+    found, per_object = test("confidence_boost"), test("boost_per_object")
+    if evidence.meant("confidence_boost:edge") == "boost_per_object:edge":
+        return found
+    outcome = "holds" if per_object.holds else "fails"
+    said = f"per stored object instead of per update: {per_object.value:.3g}, {outcome}"
+    return replace(found, note=f"{found.note}; {said}" if found.note else said)
 
 
 def _arithmetic(value: float | None, unit: str, holds: bool, note: str) -> Finding:

@@ -79,10 +79,14 @@ class Evidence:
         """A fact's values over seeds. Raises ``KeyError`` where such a run was not made."""
         key = variant, scenario, name
         if key not in self._values:
-            runs, meant = self._runs[variant, scenario], fact(name, self._definitions)
+            runs, meant = self._runs[variant, scenario], self.meant(name)
             self._values[key] = np.array([run.get(meant, math.nan) for run in runs], dtype=float)
         values = self._values[key]
         return values if self._places is None else values[self._places[self._places < len(values)]]
+
+    def meant(self, name: str) -> str:
+        """The fact that the reading means by a name."""
+        return fact(name, self._definitions)
 
     def names(self, scenario: str) -> list[str]:
         """The facts that any run of a scenario has, sorted."""
