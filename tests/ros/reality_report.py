@@ -24,9 +24,9 @@ from tests.ros.conftest import REPOSITORY, Master
 RUNS = 7
 # What this page cannot measure about itself; to be put right by whoever makes it anew.
 OTHER_SERIES = """
-This is one of three complete series, the one whose link was measured in the quietest moment. All three had identical
-sequences and met both bounds for all frames. The two others, on a busier machine, missed the link's bound (one of them
-by single transfers instead of medians of five), and one that of the hits' median.
+This is one of three complete series, the one whose link was measured at the quietest moment. All three had identical
+sequences and met both bounds for all frames. The other two, on a busier machine, missed the link's bound (one of them
+by single transfers instead of medians of five), and one of them also missed the bound for the hits' median.
 """
 OUTCOMES = ("hit", "miss", "coalesced")
 GREY, BLUE = "0.6", "#1f4e79"
@@ -154,32 +154,32 @@ def page(made: Series, links: list[Transfer] | str) -> str:
 
 *Written by `python -m tests.ros.reality_report`; every measured number comes from it.*
 
-The same drive goes once through real ROS 1, past a Genie that `genie-sim attach` has put in front of a detector, and
-once through the simulator. Both run the same class. The detector sleeps for times that are known beforehand, so that
-the two can be compared frame by frame.
+The same drive is replayed once through real ROS 1, with a Genie that `genie-sim attach` has put in front of a detector,
+and once through the simulator. Both run the same class. The detector sleeps for times that are known beforehand, so
+that the two can be compared frame by frame.
 
 - Drive: the first {reality.WINDOW_NS[1] // reality.NS} s of camera 02 of `kitti_0005`, {len(made.simulated.outcomes)}
   frames at their own stamps, with the recorded poses and detections. The pictures are zeros of the same size
-  (1,397,297 bytes a message): what decides is the pose.
+  (1,397,297 bytes a message), since only the pose decides about hits.
 - Genie: `similarity: pose_grid`, `miss_policy: blocking`, `fresh_objects: all`, otherwise the defaults.
-- Detector: 40 to 80 ms three times in four, else 130 to 170 ms. Of forty such sequences the one was taken in which an
-  answer would have to be early or late by most, {made.margin_ms:.0f} ms, to turn a hit into a coalesced request. The
-  detector never has more than one image waiting: how a full rospy queue drops is not compared here.
+- Detector: 40 to 80 ms three times in four, else 130 to 170 ms. Of forty such sequences, the one was chosen in which an
+  answer would have to be off by the largest amount, {made.margin_ms:.0f} ms, to turn a hit into a coalesced request.
+  The detector never has more than one image waiting, so drops of a full rospy queue are not compared here.
 - Machine: {machine}, Python {platform.python_version()}. Other work kept the processors
   {min(made.busy):.0%} to {max(made.busy):.0%} busy, measured for 2 s before and after each real run. A test whose times
   disagree fails up to {reality.BUSY_LIMIT:.0%} and skips beyond.
 
 ## What the parts take
 
-Measured on other messages than the drive's: images of 3 kB and 1 MB between two plain nodes; 30 places shown twice, in
-images of 3 kB, to a detector of 30 ms.
+These times were measured on messages other than the drive's: images of 3 kB and 1 MB between two plain nodes, and 30
+places shown twice, in images of 3 kB, to a detector of 30 ms.
 
 | part | time |
 |---|---:|
 | hop of a small message | {parts.hop_small_ns / 1e6:.3f} ms |
-| hop, for every megabyte more | {parts.hop_per_megabyte_ns / 1e6:.3f} ms |
-| Genie, for a message | {parts.genie_ns / 1e6:.3f} ms |
-| detector, beside its sleep: what is left of a miss | {parts.detector_overhead_ns / 1e6:.3f} ms |
+| hop, for each additional megabyte | {parts.hop_per_megabyte_ns / 1e6:.3f} ms |
+| Genie, per message | {parts.genie_ns / 1e6:.3f} ms |
+| detector, apart from its sleep: the rest of a miss | {parts.detector_overhead_ns / 1e6:.3f} ms |
 
 ## What happened
 
@@ -189,15 +189,15 @@ and updates of each. {lost} frames were left without an answer.
 
 ## How long it took
 
-From the camera's publication to the first answer in the consumer's hands.
+Times are from the camera's publication to the first answer at the consumer.
 
 """
     text += "\n".join(comparison(made))
     text += "\n" + OTHER_SERIES
     text += """
-"Real, run by run" is the noise of the machine: the smallest and the largest of the runs' own values. The simulator
-draws no noise here, each part takes its median; so the tail of the hits, which is noise alone, is not in it. The bounds
-are meant for all frames together; the rows below show where they hold for one kind of frame, too.
+"Real, run by run" shows the noise of the machine: the smallest and the largest of the runs' own values. The simulator
+draws no noise here, since each part takes its median; so it does not have the tail of the hits, which is noise alone.
+The bounds are meant for all frames together; the other rows show where they hold for one kind of frame, too.
 
 ![Response times, real and simulated](images/reality_drive.png)
 
@@ -208,11 +208,11 @@ are meant for all frames together; the rows below show where they hold for one k
         return text + f"Not compared: {links}.\n"
     worst = max(abs(one.off) for one in links)
     met = "met" if worst <= 0.05 else "**not met**"
-    text += f"""TCP between two network namespaces over a veth pair that `tbf` shapes, beside the simulator's link with
-tbf's count of headers ({reality_link.TBF_OVERHEAD_BYTES} bytes a segment). The median of {reality_link.REPEATED}
-transfers counts; their range is the machine's noise. The largest difference is **{worst:.1%}**; the bound of 5 % is
-{met}. Messages below some 50 kB are left out: a token bucket lets its burst through at once, which
-a wire does not. Delay and loss are not compared: `netem` would be needed.
+    text += f"""TCP between two network namespaces over a veth pair that `tbf` shapes, compared with the simulator's
+link with tbf's count of headers ({reality_link.TBF_OVERHEAD_BYTES} bytes a segment). The median of
+{reality_link.REPEATED} transfers counts; their range is the machine's noise. The largest difference is **{worst:.1%}**; the bound of 5 % is
+{met}. Messages below some 50 kB are left out: a token bucket lets its burst through at once,
+unlike a wire. Delay and loss are not compared: `netem` would be needed.
 
 | rate | messages | last one there, real: median | range | simulated | off |
 |---:|---:|---:|---:|---:|---:|
@@ -227,9 +227,8 @@ a wire does not. Delay and loss are not compared: `netem` would be needed.
     return text + """
 ![Transfers, real and simulated](images/reality_link.png)
 
-A host whose timers come late shapes a link below its rate: on another day one kept up 87 % of its 100 Mbit/s, by the
-kernel's own count of bytes, and 99 % of 20 Mbit/s. There the test compares nothing at the rate that is not there, and
-says so.
+A host whose timers are late shapes a link below its rate: on another day one reached 87 % of its 100 Mbit/s, by the
+kernel's own count of bytes, and 99 % of 20 Mbit/s. The test then skips the rate that was not reached, and says so.
 """
 
 
