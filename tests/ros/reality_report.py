@@ -210,9 +210,9 @@ The bounds are meant for all frames together; the other rows show where they hol
     met = "met" if worst <= 0.05 else "**not met**"
     text += f"""TCP between two network namespaces over a veth pair that `tbf` shapes, compared with the simulator's
 link with tbf's count of headers ({reality_link.TBF_OVERHEAD_BYTES} bytes a segment). The median of
-{reality_link.REPEATED} transfers counts; their range is the machine's noise. The largest difference is **{worst:.1%}**; the bound of 5 % is
-{met}. Messages below some 50 kB are left out: a token bucket lets its burst through at once,
-unlike a wire. Delay and loss are not compared: `netem` would be needed.
+{reality_link.REPEATED} transfers counts; their range is the machine's noise. The largest difference is
+**{worst:.1%}**; the bound of 5 % is {met}. Messages below some 50 kB are left out: a token
+bucket lets its burst through at once, unlike a wire. Delay and loss are not compared: `netem` would be needed.
 
 | rate | messages | last one there, real: median | range | simulated | off |
 |---:|---:|---:|---:|---:|---:|
