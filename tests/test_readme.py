@@ -159,11 +159,11 @@ def test_the_readme_shows_commands_and_what_they_print():
 
 
 def test_continuous_integration_runs_the_tests_as_the_readme_says():
-    """The two commands of the README; the first with more extras, the second with options of how, not of what."""
+    """The two commands of the README, word for word; the second with options of how, not of what."""
     said = README.read_text(encoding="utf-8")
     done = (REPOSITORY / ".ci" / "run").read_text(encoding="utf-8")
     assert "python -m pip install '.[test]'" in said
-    assert "python -m pip install --quiet '.[test," in done
+    assert "python -m pip install --quiet '.[test]'" in done
     assert "python -m pytest" in said
     assert "python -m pytest -n 2 --dist loadfile " in done
 
