@@ -255,7 +255,7 @@ def test_the_resources_of_a_fleet_are_those_of_its_edges(tables: Tables):
 @pytest.mark.parametrize("left_out", ["lookups", "resources", "poses", "objects"])
 def test_a_table_that_is_left_out_is_empty_and_changes_no_other(tables: Tables, left_out: str):
     record = [name for name in ("lookups", "resources", "poses", "objects") if name != left_out]
-    without = simulate(prepare(small(record=[*record, "answers", "held"])))
+    without = simulate(prepare(small(record=[*record, "answers", "held", "steps"])))
     for all_of, fewer in zip(tables, without, strict=True):
         if all_of.name == left_out:
             assert len(all_of) > 0 and len(fewer) == 0
@@ -272,8 +272,9 @@ def test_the_page_of_a_fleet_tells_of_its_cars_together_and_stays_small(monkeypa
     assert [edge["name"] for edge in shown["about"]["edges"]] == ["an edge about every 100 m"]
     assert shown["about"]["how_many"] == {"cars": 5, "edges": 6}
     assert shown["replay"] is None
-    of_resources = {component for _, _, _, component, *_ in shown["metrics"] if component}
-    everywhere = {one.component for one in run.measured if one.component}
+    parts = {f"{which}_answer_part" for which in ("first", "fresh")}
+    of_resources = {component for metric, _, _, component, *_ in shown["metrics"] if component and metric not in parts}
+    everywhere = {one.component for one in run.measured if one.component and one.metric not in parts}
     assert len(of_resources) == 10 < len(everywhere)
     use = {one.component: one.value or 0 for one in run.measured if one.metric == "utilization"}
     assert min(use.get(name, 0) for name in of_resources) >= max(use.get(name, 0) for name in everywhere - of_resources)
