@@ -218,7 +218,7 @@ def sweep(
         work = Sweep.of(design, "sweep", expanded(out or scratch), progress)
         work.run(Local(jobs or parallel.workers_here()), progress=progress)
         made = work.finish(pictures=out is not None)
-        return pd.read_parquet(made.folder / ("runs.parquet" if every_run else "table.parquet"))
+        return pd.read_parquet(made.folder / ("runs.parquet" if every_run else "table.parquet"), use_threads=False)
 
 
 def _axis(path: str, axis: Any) -> tuple[str, Any]:

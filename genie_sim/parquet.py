@@ -43,8 +43,9 @@ def read(path: Path, what: str) -> tuple[pa.Table, dict[str, Any]]:
         raise UserError(f"{path}: no such {what}")
     try:
         # Exactly this open file: pyarrow takes a path for a URI, and read_table takes a folder "a=1" for a partition.
+        # No threads: after reading a Python file they can abort the process at its end (apache/arrow 34314, 50482).
         with path.open("rb") as file:
-            table = pq.ParquetFile(file).read()
+            table = pq.ParquetFile(file).read(use_threads=False)
     except (pa.ArrowException, OSError, ValueError) as error:
         raise UserError(f"{path}: not a readable Parquet file: {first_line(error)}") from error
     told = (table.schema.metadata or {}).get(METADATA_KEY)

@@ -81,10 +81,10 @@ def _read(folder: Path) -> tuple[dict[str, Any], pd.DataFrame, pd.DataFrame]:
             raise UserError(f"{path}: cannot be read: not what a sweep says of itself")
         path = folder / "runs.parquet"
         with path.open("rb") as file:  # of a path pandas makes a URI
-            runs = pd.read_parquet(file)
+            runs = pd.read_parquet(file, use_threads=False)  # see parquet.read
         path = folder / "table.parquet"
         with path.open("rb") as file:
-            points = pd.read_parquet(file)
+            points = pd.read_parquet(file, use_threads=False)
     except FileNotFoundError:
         raise UserError(f"{path}: missing; the sweep is not finished, run it again for the rest") from None
     except (OSError, ValueError) as error:
