@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import OrderedDict
 from collections.abc import Callable
 from typing import Any
 
@@ -66,7 +67,7 @@ class InterceptorNode(Node):
         self._observe = observe
         self._timer_set = False
         self._two_passes = passes == 2 and not station.free
-        self._ways: dict[Header, Step] = {}  # of the frames that it was asked about
+        self._ways: OrderedDict[Header, Step] = OrderedDict()  # of the frames that it was asked about
 
     def work(self, message: Message, done: Done, *arguments: Any) -> None:
         if self._free:
@@ -84,6 +85,7 @@ class InterceptorNode(Node):
             self._decide(done, *arguments)
 
     def _decide(self, done: Done, *arguments: Any) -> None:
+        """The node's own, not the host's: the clock counts the time until it as a step of this node."""
         self.host.serve_message(done, *arguments)
 
     def handle(self, topic: str, message: Message, sender: str) -> None:
@@ -91,7 +93,7 @@ class InterceptorNode(Node):
         if way is not None and isinstance(message, Image):
             self._ways[message.header] = way
             if len(self._ways) > MOST_WAYS:
-                del self._ways[next(iter(self._ways))]
+                self._ways.popitem(last=False)
         self._carry_out(effects)
         if not self._timer_set:
             self._set_timer()
