@@ -824,7 +824,7 @@ def test_who_sits_on_the_wire_can_cut_it_but_not_change_it(edge: Site, new_site:
 def test_the_numbers_of_the_security_page_are_those_of_the_code():
     page = " ".join((REPOSITORY / "docs" / "explanation" / "security.md").read_text().split())
     for told in (
-        f"have {lobby.HANDSHAKE_S:.0f} s. At most {lobby.STRANGERS} of them",
+        f"after {lobby.HANDSHAKE_S:.0f} s. At most {lobby.STRANGERS} of them",
         f"{lobby.STRANGERS_OF_ONE_HOST} from one address",
         f"at most {link.WARNINGS_PER_S} a second",
         f"more than {wire.MAX_FRAME_BYTES // 2**20} MB",
