@@ -10,8 +10,6 @@
 What is wrong with the input raises ``gs.UserError``, with one line that names field, value and choices.
 """
 
-from __future__ import annotations
-
 import json
 import re
 import tempfile
@@ -50,14 +48,14 @@ class Run(results.Run):
         return scenario.read_scenario(self.facts["scenario"], where=self.name)
 
     @cached_property
-    def metrics(self) -> pd.DataFrame:
+    def metrics(self) -> "pd.DataFrame":
         """One row per metric: metric, method, placement, component, value, unit, low, high, n; see ``Metric``."""
         import pandas as pd
 
         return pd.DataFrame([asdict(metric) for metric in self.measured])
 
     @property
-    def figures(self) -> Figures:
+    def figures(self) -> "Figures":
         """The paper's figures, of this run."""
         return Figures(self)
 
@@ -78,33 +76,33 @@ class Figures:
 
     _run: Run
 
-    def latency_cdf(self, of: str = "published") -> Figure:
+    def latency_cdf(self, of: str = "published") -> "Figure":
         """Distribution of response times, as shares of the ``published`` or of the ``answered`` frames."""
         return self._draw("latency_cdf", {self._run.name: self._run.tables["frames"]}, of=of)
 
-    def latency_accuracy(self) -> Figure:
+    def latency_accuracy(self) -> "Figure":
         """Mean time to first answer against streaming F1, or against the proxy where the truth is not known."""
         from genie_sim.analysis.latency_accuracy import latency_accuracy
 
         return latency_accuracy({self._run.name: self._run.measured}, self._run.methods, self._run.footer)
 
-    def image_reuse(self) -> Figure:
+    def image_reuse(self) -> "Figure":
         """Hits / requests of the message caches, on cars and on edges."""
         return self._draw("image_reuse", {self._run.name: self._run.tables["lookups"]})
 
-    def object_reuse(self) -> Figure:
+    def object_reuse(self) -> "Figure":
         """Object look-ups answered by an object with C >= C_T, on cars and on edges."""
         return self._draw("object_reuse", {self._run.name: self._run.tables["lookups"]})
 
-    def confidence_boost(self) -> Figure:
+    def confidence_boost(self) -> "Figure":
         """Running mean of C_new - C_old over the updates of the object maps."""
         return self._draw("confidence_boost", {self._run.name: self._run.tables["lookups"]})
 
-    def resource_use(self) -> Figure:
+    def resource_use(self) -> "Figure":
         """Use of devices and links, and queues, over simulated time."""
         return self._draw("resource_use", self._run.tables["resources"])
 
-    def _draw(self, name: str, table: Any, **more: str) -> Figure:
+    def _draw(self, name: str, table: Any, **more: str) -> "Figure":
         """Imports matplotlib, which takes a while, only now."""
         from genie_sim.analysis import figures
 
@@ -138,7 +136,7 @@ def load(folder: str | Path) -> Run:
     return _in_hand(results.load(folder))
 
 
-def compare(*results_: results.Run | str | Path, methods: Sequence[str] = ()) -> Comparison:
+def compare(*results_: results.Run | str | Path, methods: Sequence[str] = ()) -> "Comparison":
     """Compares runs, or result folders, that saw the same frames, or the methods of one: paired differences with
     intervals, by seed where there are several of a setting, else by blocks of one second.
 
@@ -155,21 +153,21 @@ class Comparison:
     _made: comparing.Comparison
 
     @cached_property
-    def table(self) -> pd.DataFrame:
+    def table(self) -> "pd.DataFrame":
         """One row per metric and method; see ``analysis.compare.Difference``."""
         import pandas as pd
 
         return pd.DataFrame(self._made.rows, columns=comparing.Difference._fields)
 
     @cached_property
-    def settings(self) -> pd.DataFrame:
+    def settings(self) -> "pd.DataFrame":
         """What differs: a row per setting, a column per result."""
         import pandas as pd
 
         return pd.DataFrame.from_dict(dict(self._made.settings), orient="index", columns=list(self._made.names))
 
     @property
-    def figures(self) -> Mapping[str, Figure]:
+    def figures(self) -> "Mapping[str, Figure]":
         """Overlaid distributions of response times, and latency against accuracy."""
         return comparison.figures(self._made)
 
@@ -193,7 +191,7 @@ def sweep(
     jobs: int | None = None,
     out: str | Path | None = None,
     progress: Progress | None = None,
-) -> pd.DataFrame:
+) -> "pd.DataFrame":
     """Simulates a scenario along axes, every point with all ``seeds`` (5: the seeds 1 to 5), in ``jobs`` processes
     (default: one a core).
 
@@ -228,7 +226,7 @@ def _axis(path: str, axis: Any) -> tuple[str, Any]:
     return re.findall(r"\w+", path)[-1], {"set": path, "list": list(axis)}
 
 
-def differences(runs: pd.DataFrame, along: str, to: Any) -> pd.DataFrame:
+def differences(runs: "pd.DataFrame", along: str, to: Any) -> "pd.DataFrame":
     """Paired differences in a sweep's runs (``sweep(..., every_run=True)`` or ``runs.parquet``): of every value of the
     column ``along``, an axis or ``method``, from the value ``to``, seed by seed, with 95 % t intervals.
 

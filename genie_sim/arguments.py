@@ -1,7 +1,5 @@
 """Arguments of several commands, those with a syntax of their own, and what the shell may complete of them."""
 
-from __future__ import annotations
-
 import math
 import re
 from pathlib import Path

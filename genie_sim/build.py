@@ -1,7 +1,5 @@
 """From a scenario to what is simulated: plain values for the world, and the methods that run in it."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property

@@ -1,7 +1,5 @@
 """What can be named in a scenario, each with a line about it; the answers of ``genie-sim list``."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Mapping
 
 from genie_sim import files

@@ -1,7 +1,5 @@
 """The command line. Everything heavy is imported after the arguments are parsed."""
 
-from __future__ import annotations
-
 import os
 import sys
 from contextlib import closing

@@ -1,7 +1,5 @@
 """Commands about results that are there. Everything heavy is imported after the arguments are parsed."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated
 

@@ -1,7 +1,5 @@
 """The commands ``perceive`` and ``truth``. Everything heavy is imported after the arguments are parsed."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
@@ -109,11 +107,11 @@ def _of_bag(
     bag: Path,
     topics: Sequence[str],
     detections: str | None,
-    make: Callable[[int], ImageDetector] | None,
+    make: "Callable[[int], ImageDetector] | None",
     at_once: tuple[int | None, int | None],
-    world: Geodetic | None,
+    world: "Geodetic | None",
     min_score: float,
-) -> Trace:
+) -> "Trace":
     """The trace of a bag, by a detector that gets so many threads, or by the bag's own detections."""
     from genie_sim.ros.bags import perceive_bag
 
@@ -125,7 +123,7 @@ def _of_bag(
         return perceive_bag(bag, detector, topics, detections, world, min_score, progress).at_least(min_score)
 
 
-def _write(out: Path | None, trace: Trace) -> None:
+def _write(out: Path | None, trace: "Trace") -> None:
     from genie_sim.perception.trace import write_trace
 
     if out is not None:
@@ -135,13 +133,13 @@ def _write(out: Path | None, trace: Trace) -> None:
         typer.echo(f"{out}: {count} frames, {found} detections, content {trace.digest[:12]}")
 
 
-def _judged(root: Path, labels: str, trace: Trace, min_score: float) -> str:
+def _judged(root: Path, labels: str, trace: "Trace", min_score: float) -> str:
     from genie_sim.perception import evaluation, truth
 
     return evaluation.table(evaluation.evaluate(trace, truth.read_truth(root, labels, trace), min_score))
 
 
-def _draw(trace: Trace, images: Mapping[tuple[str, int], Path], frames: Path | None, video: Path | None) -> None:
+def _draw(trace: "Trace", images: Mapping[tuple[str, int], Path], frames: Path | None, video: Path | None) -> None:
     from genie_sim.perception import pictures
 
     with Progress(unit="frames") as progress:

@@ -1,7 +1,5 @@
 """The commands for real ROS: ``attach``, ``detach``, ``keys``. What is heavy is imported late."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated, Any
 

@@ -4,8 +4,6 @@ The law is that of ``profiles.ServiceTime``, X = median (loc + (1 - loc) exp(sig
 loc and sigma are those whose quantiles come closest to the measured ones, in the logarithm, so that the tail counts.
 """
 
-from __future__ import annotations
-
 import csv
 import os
 import platform

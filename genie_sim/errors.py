@@ -1,7 +1,5 @@
 """The one exception a user may see: the input or the environment is at fault, never the program."""
 
-from __future__ import annotations
-
 import difflib
 from collections.abc import Iterable
 

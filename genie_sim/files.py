@@ -4,8 +4,6 @@ A value with a folder or a suffix in it is a path, relative to the current folde
 first in the current folder's ``scenarios``, ``scenarios/traces`` or ``device_profiles``, then in the shipped ones.
 """
 
-from __future__ import annotations
-
 import functools
 import logging
 from pathlib import Path

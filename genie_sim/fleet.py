@@ -1,7 +1,5 @@
 """A fleet expanded: the cells of its town, every car with its drive, and when it changes from edge to edge."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator
 from itertools import accumulate

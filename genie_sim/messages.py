@@ -5,8 +5,6 @@ fifths of named tuples. Locations are metres in the scenario's one east-north-up
 angles radians, times integer nanoseconds, boxes pixels ``(x1, y1, x2, y2)``.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple, Protocol, Self
@@ -62,22 +60,22 @@ class Answer(Message, Protocol):
     """
 
     @property
-    def objects(self) -> Sequence[Detection] | None: ...
+    def objects(self) -> "Sequence[Detection] | None": ...
 
     @property
     def source(self) -> str: ...
 
     @property
-    def look(self) -> Look | None: ...
+    def look(self) -> "Look | None": ...
 
     @property
     def valid_ns(self) -> int | None: ...
 
     def restamped(self, header: Header) -> Self: ...
 
-    def with_objects(self, objects: Sequence[Detection]) -> Self: ...
+    def with_objects(self, objects: "Sequence[Detection]") -> Self: ...
 
-    def with_look(self, look: Look | None, valid_ns: int | None) -> Self: ...
+    def with_look(self, look: "Look | None", valid_ns: int | None) -> Self: ...
 
     def served(self, source: str, by: str) -> Self: ...
 
@@ -121,7 +119,7 @@ class Detection:
     method: str = "unknown"
     motion: Motion | None = None
 
-    def with_confidence(self, confidence: float) -> Detection:
+    def with_confidence(self, confidence: float) -> "Detection":
         if confidence == self.confidence:
             return self
         return Detection(self.label, self.score, self.box, self.location, confidence, self.method, self.motion)
@@ -191,17 +189,17 @@ class Detections:
             size_bytes += LOOK_BYTES + LOOK_DETECTION_BYTES * len(self.look.detections)
         return size_bytes
 
-    def restamped(self, header: Header) -> Detections:
+    def restamped(self, header: Header) -> "Detections":
         return Detections(header, self.objects, self.source, self.served_by, self.look, self.valid_ns)
 
-    def with_objects(self, objects: Sequence[Detection]) -> Detections:
+    def with_objects(self, objects: Sequence[Detection]) -> "Detections":
         return Detections(self.header, tuple(objects), self.source, self.served_by, self.look, self.valid_ns)
 
-    def with_look(self, look: Look | None, valid_ns: int | None) -> Detections:
+    def with_look(self, look: Look | None, valid_ns: int | None) -> "Detections":
         """The answer with this look and the instant for which it holds, or without."""
         return Detections(self.header, self.objects, self.source, self.served_by, look, valid_ns)
 
-    def served(self, source: str, by: str) -> Detections:
+    def served(self, source: str, by: str) -> "Detections":
         """An answer out of an object map stays one, even when a cache replays it: it was never a detection."""
         source = "map" if self.source == "map" else source
         return Detections(self.header, self.objects, source, by, self.look, self.valid_ns)

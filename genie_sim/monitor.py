@@ -1,7 +1,5 @@
 """Who is told what happens in a world."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Literal, Protocol
@@ -21,7 +19,7 @@ class Step:
     part: str
     place: str
     end_ns: int
-    before: Step | None
+    before: "Step | None"
     header: Header
 
     def since(self, begin_ns: int) -> Iterator[tuple[str, str, int, int]]:

@@ -1,7 +1,5 @@
 """One pool of processes for everything that simulates many runs on one machine."""
 
-from __future__ import annotations
-
 import functools
 import os
 import signal

@@ -1,7 +1,5 @@
 """Parquet files of genie-sim: each says what it is in its schema's metadata, and is written whole or not at all."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -16,7 +14,7 @@ if TYPE_CHECKING:
 METADATA_KEY = b"genie_sim"
 
 
-def write(path: Path, schema: pa.Schema, rows: Iterable[Mapping[str, Any]], about: Mapping[str, Any]) -> None:
+def write(path: Path, schema: "pa.Schema", rows: Iterable[Mapping[str, Any]], about: Mapping[str, Any]) -> None:
     """Writes rows, and what the file says of itself; the same give the same bytes with the same pyarrow.
 
     Raises UserError where the folder cannot be written.
@@ -31,7 +29,7 @@ def write(path: Path, schema: pa.Schema, rows: Iterable[Mapping[str, Any]], abou
             pq.write_table(table, file, compression="zstd")
 
 
-def read(path: Path, what: str) -> tuple[pa.Table, dict[str, Any]]:
+def read(path: Path, what: str) -> "tuple[pa.Table, dict[str, Any]]":
     """The table in a file, and what the file says of itself.
 
     Raises UserError for a missing, truncated or foreign file; ``what`` it should be is in the message.
@@ -58,7 +56,7 @@ def read(path: Path, what: str) -> tuple[pa.Table, dict[str, Any]]:
     return table, about
 
 
-def check_columns(path: Path, table: pa.Table, schema: pa.Schema) -> None:
+def check_columns(path: Path, table: "pa.Table", schema: "pa.Schema") -> None:
     """Raises UserError unless the table has every column of ``schema``, with its type."""
     for field in schema:
         at = table.schema.get_field_index(field.name)

@@ -1,7 +1,5 @@
 """Paths as users write them, and files that are complete or not there at all."""
 
-from __future__ import annotations
-
 import os
 import secrets
 import stat

@@ -4,8 +4,6 @@ A registry is an explicit dict from a name to a class, or to the text ``package.
 when it is asked for.
 """
 
-from __future__ import annotations
-
 import hashlib
 import importlib
 import inspect

@@ -1,7 +1,5 @@
 """Runs a scenario: prepares what it needs, simulates each method, and writes the result folder."""
 
-from __future__ import annotations
-
 import gc
 import tempfile
 import time

@@ -1,7 +1,5 @@
 """Random numbers by name: every car, link and device draws from a generator of its own."""
 
-from __future__ import annotations
-
 import hashlib
 
 import numpy as np

@@ -3,8 +3,6 @@
 Everything fits the terminal's width, needs no colour, and says nothing where nobody looks.
 """
 
-from __future__ import annotations
-
 import os
 import shutil
 import signal
@@ -148,7 +146,7 @@ class Progress:
         self._unit = unit
         self._bar: Any = None
 
-    def __enter__(self) -> Progress:
+    def __enter__(self) -> "Progress":
         if sys.stderr.isatty():
             from rich.console import Console
             from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn

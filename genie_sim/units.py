@@ -5,8 +5,6 @@ radians. Text is converted once, where it is read, in exact arithmetic. Every er
 to write instead.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Collection, Mapping

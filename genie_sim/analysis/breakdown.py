@@ -1,7 +1,5 @@
 """One figure: where the time of answers goes."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 import numpy as np

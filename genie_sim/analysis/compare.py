@@ -4,8 +4,6 @@ Differences are paired. With at least two seeds in common, by seed: the 95 % t i
 blocks of one second of each car inside its run (``statistics.Blocks``): that says nothing of other seeds or drives.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple

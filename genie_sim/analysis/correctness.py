@@ -3,8 +3,6 @@
 Sums are over answers or instants (micro averages); intervals are those of ``metrics``, from blocks of one second.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What all figures share: their style and legend."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any

@@ -5,8 +5,6 @@ one entry), the ``methods`` that ran, the ``footer`` that names the run, and ``w
 with text of 8 points; by default whichever fits. The same tables give the same bytes with the same matplotlib.
 """
 
-from __future__ import annotations
-
 import io
 import re
 import textwrap
@@ -219,7 +217,7 @@ def confidence_boost(panels: Panels, methods: Methods, footer: str = "", width_i
 
 
 @in_style()
-def resource_use(resources: Columns | pd.DataFrame, methods: Methods, footer: str = "") -> Figure:
+def resource_use(resources: "Columns | pd.DataFrame", methods: Methods, footer: str = "") -> Figure:
     """Utilization of accelerators, CPUs and links, and queue lengths over simulated time; a column a method.
 
     Each point is the mean of the last second. What is never used by 1 % (queues: never holds a message) is left out,

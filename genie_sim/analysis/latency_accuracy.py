@@ -1,7 +1,5 @@
 """One figure: how early the first answers come, against how right they are."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

@@ -10,8 +10,6 @@
 - ``statistics.across_seeds``: the 95 % t interval over runs.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -41,12 +39,12 @@ Where = tuple[str, str, str]  # method, placement, component
 
 def compute(
     methods: Sequence[MethodInfo],
-    frames: Table,
-    lookups: Table,
-    resources: Table,
-    answers: Table | None = None,
-    held: Table | None = None,
-    steps: Table | None = None,
+    frames: "Table",
+    lookups: "Table",
+    resources: "Table",
+    answers: "Table | None" = None,
+    held: "Table | None" = None,
+    steps: "Table | None" = None,
     *,
     intervals: bool = True,
 ) -> list[Metric]:

@@ -1,7 +1,5 @@
 """Intervals of a run's numbers: from batch means inside one run, and over runs with several seeds."""
 
-from __future__ import annotations
-
 import functools
 import math
 from collections.abc import Sequence
@@ -26,7 +24,7 @@ _METRIC = ["metric", "method", "placement", "component", "unit"]  # the columns 
 Floats = np.ndarray[Any, np.dtype[np.float64]]
 
 
-def across_seeds(runs: pd.DataFrame, by: Sequence[str], differences: bool = False) -> pd.DataFrame:
+def across_seeds(runs: "pd.DataFrame", by: Sequence[str], differences: bool = False) -> "pd.DataFrame":
     """Mean, 95 % t interval and count of each metric within the groups ``by``: columns value, low, high, runs.
 
     The unit of replication is the seed: with several runs of a group under one seed, their mean counts once. One seed

@@ -5,8 +5,6 @@ those in a panel. Cars and edges are never in a method's colour: they are grey, 
 are told apart with any colour vision (after Okabe and Ito), and in greyscale by their dashes and hatches.
 """
 
-from __future__ import annotations
-
 import re
 from typing import Any
 

@@ -1,7 +1,5 @@
 """What a run found: in one table that fits a terminal, and in all tables of ``summary.md``."""
 
-from __future__ import annotations
-
 import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """A table as text for a paper, a page or a spreadsheet: LaTeX, Markdown or CSV."""
 
-from __future__ import annotations
-
 import csv
 import io
 from collections.abc import Iterable, Sequence

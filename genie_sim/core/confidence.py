@@ -4,8 +4,6 @@ Each rule maps the stored confidence C, the sighting's confidence M.C and the ra
 stored confidence in [0, 1].
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 ConfidenceRule = Callable[[float, float, float], float]

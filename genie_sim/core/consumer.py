@@ -1,7 +1,5 @@
 """What a car makes of the answers to its frames: the objects that it believes to be around it at any instant."""
 
-from __future__ import annotations
-
 import math
 from abc import ABC, abstractmethod
 from collections import OrderedDict

@@ -4,8 +4,6 @@ To add a policy, write a class with the methods of ``Eviction`` and name it in `
 ``package.module:Class``).
 """
 
-from __future__ import annotations
-
 import heapq
 from collections import OrderedDict
 from collections.abc import Callable, Hashable

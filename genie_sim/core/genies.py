@@ -1,7 +1,5 @@
 """A Genie out of its rules. The simulator and real ROS build theirs here."""
 
-from __future__ import annotations
-
 import functools
 from dataclasses import replace
 from numbers import Real

@@ -5,8 +5,6 @@ frame, so that ``world_SE3_imu @ imu_SE3_camera`` reads as it composes. Camera f
 the optical axis; the world is east, north, up.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What a Genie needs of an object map, be it the paper's (``object_map``) or one of tracks (``track_map``)."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Protocol

@@ -3,8 +3,6 @@
 Cars, trucks and buses are one class: a detector that confuses them has still found the vehicle.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 
 from genie_sim.messages import Detection

@@ -1,7 +1,5 @@
 """The database of Algorithm 1 for one topic: stored answers, and the requests that still wait for theirs."""
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Callable, Hashable, Iterator
 from dataclasses import dataclass, field

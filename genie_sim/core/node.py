@@ -19,8 +19,6 @@ topic               what arrives                                               w
 On a car ``-remote`` leads to its edge, where the car is a client; between edges it is a broadcast.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from typing import Any, Protocol

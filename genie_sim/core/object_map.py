@@ -1,7 +1,5 @@
 """Algorithm 2: the map from absolute locations to objects, whose confidence grows with every sighting."""
 
-from __future__ import annotations
-
 import bisect
 import heapq
 import itertools

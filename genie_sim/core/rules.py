@@ -1,8 +1,6 @@
 """How the paper's Algorithms 1 and 2 are read: every open choice as a plain value. The defaults are the readings under
 which the algorithms work; ``LITERAL`` is what is printed."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field
 from typing import Any, Literal

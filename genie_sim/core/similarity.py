@@ -4,8 +4,6 @@ To add one, write a class with the two methods of ``Similarity`` and name it in 
 ``package.module:Class``).
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Hashable
 from typing import Any, Protocol
@@ -19,7 +17,7 @@ class Similarity(Protocol):
     def key(self, image: Image) -> Hashable:
         """The key of a request."""
 
-    def index(self) -> KeyIndex:
+    def index(self) -> "KeyIndex":
         """A fresh, empty set of keys that knows which of them equals a given one."""
 
 

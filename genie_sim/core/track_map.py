@@ -1,7 +1,5 @@
 """The object map of the policies that track: looks go in, each once, and tracks come out where they are predicted."""
 
-from __future__ import annotations
-
 import heapq
 import itertools
 import math

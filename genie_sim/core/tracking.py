@@ -3,8 +3,6 @@
 Both the object map of the policies that track and the consumer that tracks are made of these.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field
 from typing import NamedTuple

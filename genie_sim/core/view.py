@@ -1,7 +1,5 @@
 """What a camera sees: fields of view, and what nearer objects hide."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 

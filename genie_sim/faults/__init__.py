@@ -3,8 +3,6 @@
 A fault imports ``sim`` and says what begins and what ends (``sim.fault.Fault``); its arguments are its settings.
 """
 
-from __future__ import annotations
-
 FAULTS: dict[str, str] = {
     "outage": "genie_sim.faults.outage:Outage",
     "hand_over": "genie_sim.faults.hand_over:HandOver",

@@ -1,7 +1,5 @@
 """A hand-over: a car changes from its edge to another."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -36,19 +34,19 @@ class HandOver:
     def dropped_by(self) -> str:
         return f"{self.target}:hand_over"
 
-    def begin(self, world: World) -> None:
+    def begin(self, world: "World") -> None:
         uplink = world.uplinks.get(self.target)
         if uplink is not None:  # else nothing of the car goes to any edge
             uplink.leave(self.dropped_by)
 
-    def end(self, world: World) -> None:
+    def end(self, world: "World") -> None:
         uplink = world.uplinks.get(self.target)
         if uplink is not None:
             uplink.join(self.edge)
 
     @staticmethod
     def check(
-        mine: Sequence[TimedFault], edge_of: Mapping[str, str | None], edges: Collection[str]
+        mine: "Sequence[TimedFault]", edge_of: Mapping[str, str | None], edges: Collection[str]
     ) -> Iterator[tuple[int, str, str]]:
         """Each leads a car from its edge to another that exists, after the one before is over: (which fault, field,
         what is wrong)."""

@@ -1,7 +1,5 @@
 """An outage: links carry nothing."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -28,19 +26,19 @@ class Outage:
     def dropped_by(self) -> str:
         return "outage"
 
-    def begin(self, world: World) -> None:
+    def begin(self, world: "World") -> None:
         world.outages.append((self.target, self.dropped_by))
         for link in world.links_at(self.target):
             link.down_by.append(self.dropped_by)
 
-    def end(self, world: World) -> None:
+    def end(self, world: "World") -> None:
         world.outages.remove((self.target, self.dropped_by))
         for link in world.links_at(self.target):
             link.down_by.remove(self.dropped_by)
 
     @staticmethod
     def check(
-        mine: Sequence[TimedFault], edge_of: Mapping[str, str | None], edges: Collection[str]
+        mine: "Sequence[TimedFault]", edge_of: Mapping[str, str | None], edges: Collection[str]
     ) -> Iterator[tuple[int, str, str]]:
         """Every target is there: (which fault, field, what is wrong)."""
         known = {*edge_of, *edges, "edges"}

@@ -3,8 +3,6 @@
 A method imports ``core`` and ``sim`` and says what stands on each host (``sim.station``); the runner makes it.
 """
 
-from __future__ import annotations
-
 METHODS: dict[str, str] = {
     "local": "genie_sim.methods.local:Local",
     "remote": "genie_sim.methods.remote:Remote",

@@ -1,7 +1,5 @@
 """Cachier: caches on the edges of a cloud, each as large as pays (U. Drolia et al., ICDCS 2017)."""
 
-from __future__ import annotations
-
 from functools import partial
 from typing import Any
 

@@ -1,7 +1,5 @@
 """A central cache: what the paper sets itself apart from. One edge has the only cache; the others ask it."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import partial
 from typing import Any

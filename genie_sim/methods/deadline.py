@@ -1,7 +1,5 @@
 """No cache, but good routing: every frame goes where its answer is expected in time, or nowhere."""
 
-from __future__ import annotations
-
 from functools import partial
 
 from genie_sim.core.caches.deadline import Scheduler, Send

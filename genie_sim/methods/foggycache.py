@@ -1,7 +1,5 @@
 """FoggyCache: caches on cars and edges in which the nearest pictures vote (Guo et al., MobiCom 2018)."""
 
-from __future__ import annotations
-
 from genie_sim.core.caches.cache import Replay, SimilarityCache
 from genie_sim.core.caches.foggycache import FoggyCache
 from genie_sim.core.rules import Capacity

@@ -7,8 +7,6 @@ answers with the confident objects in view of its map, which the other cars' edg
 for the same spot. Both follow Algorithm 1 as every Genie does; they only have nothing encapsulated.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import partial
 

@@ -1,7 +1,5 @@
 """Local execution (L): every car's own detector answers its frames."""
 
-from __future__ import annotations
-
 from genie_sim.sim.station import Method, Place, Station
 
 

@@ -1,7 +1,5 @@
 """A bound, not a method: a cache that knows which answers are right, has everybody's at once, and takes no time."""
 
-from __future__ import annotations
-
 from functools import partial
 
 from genie_sim.core.caches.oracle import KnownAnswers

@@ -1,7 +1,5 @@
 """Potluck: every device learns how alike two pictures must be to have one answer (Guo and Hu, ASPLOS 2018)."""
 
-from __future__ import annotations
-
 from genie_sim.core.caches.cache import Replay, SimilarityCache
 from genie_sim.core.caches.potluck import Potluck
 from genie_sim.core.rules import Capacity

@@ -1,7 +1,5 @@
 """Remote execution (R): the detector on the edge server answers every frame."""
 
-from __future__ import annotations
-
 from genie_sim.sim.station import IMAGES, OBJECTS, Method, Place, Station, Uplink
 
 

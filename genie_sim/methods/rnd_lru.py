@@ -1,7 +1,5 @@
 """RND-LRU: SIM-LRU in which farther keys are hits more rarely (Chierichetti et al., PODS 2009)."""
 
-from __future__ import annotations
-
 from genie_sim.core.caches.cache import SimilarityCache
 from genie_sim.core.caches.radius import RndLRU
 from genie_sim.core.rules import Capacity

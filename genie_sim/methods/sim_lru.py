@@ -1,7 +1,5 @@
 """SIM-LRU: an LRU cache in which a near key is as good as an equal one (Chierichetti et al., PODS 2009)."""
 
-from __future__ import annotations
-
 from genie_sim.core.caches.cache import Replay, SimilarityCache
 from genie_sim.core.caches.radius import SimLRU
 from genie_sim.core.rules import Capacity

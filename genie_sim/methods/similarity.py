@@ -1,7 +1,5 @@
 """What methods with similarity caches share: where the caches stand, and what they are told."""
 
-from __future__ import annotations
-
 import math
 from functools import partial
 

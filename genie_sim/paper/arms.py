@@ -1,7 +1,5 @@
 """What other readings and other values of the open parameters give, on the same seeds as the evaluation itself."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple

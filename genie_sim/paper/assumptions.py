@@ -1,7 +1,5 @@
 """Reads ``assumptions.yaml``: everything the paper leaves open, decided beforehand, and what is calibrated."""
 
-from __future__ import annotations
-
 from functools import lru_cache
 from pathlib import Path
 from typing import Any

@@ -4,8 +4,6 @@ The overlap of the cars' routes and the gate of the object map are tried on a gr
 ranges, then on ever finer grids around the best point. The seeds are not those of the evaluation.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass

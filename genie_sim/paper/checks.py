@@ -3,8 +3,6 @@
 A check takes the evidence of any reading and the claim's line, where all thresholds stand.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path

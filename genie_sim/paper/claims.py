@@ -1,7 +1,5 @@
 """What we say of the paper's claims, and whether other seeds would have us say otherwise."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 

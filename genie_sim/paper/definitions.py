@@ -1,7 +1,5 @@
 """Which numbers the paper may mean by its metrics: what a fact is called under each definition of its metric."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping
 

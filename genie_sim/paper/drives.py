@@ -18,8 +18,6 @@ Declared before any of it was run:
 Similarities that look at pictures (``exact``, ``dhash``) mean nothing here; ``pose_grid``, the default, does not.
 """
 
-from __future__ import annotations
-
 import logging
 import math
 from collections.abc import Callable, Mapping, Sequence

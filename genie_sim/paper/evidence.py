@@ -4,8 +4,6 @@ The unit of replication is drive x seed. Arms that are compared ran on the same 
 ratios are taken seed by seed.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -100,7 +98,7 @@ class Evidence:
         sums = np.where(known, table, 0.0).sum(axis=0)
         return np.where(counts > 0, sums / np.maximum(counts, 1), math.nan)
 
-    def resampled(self, places: Sequence[int]) -> Evidence:
+    def resampled(self, places: Sequence[int]) -> "Evidence":
         """The evidence that other seeds could have given: the seeds at these places, some more than once."""
         other = Evidence(self._runs, self._definitions)
         other._values, other._places = self._values, np.asarray(places)

@@ -4,8 +4,6 @@
 line per finished point, so that a design that was interrupted goes on where it ended.
 """
 
-from __future__ import annotations
-
 import csv
 import functools
 import itertools

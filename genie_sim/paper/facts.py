@@ -1,8 +1,6 @@
 """The numbers of one run that claims, calibration and sweeps use: ``metric:method`` of
 frames, ``metric:car`` and ``metric:edge`` of Genies -> value, NaN where not defined."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Sequence
 

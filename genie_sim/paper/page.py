@@ -1,7 +1,5 @@
 """The page of an evaluation: verdicts with their evidence, the paper's figures, and what the open parameters do."""
 
-from __future__ import annotations
-
 import base64
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict

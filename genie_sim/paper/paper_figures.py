@@ -1,8 +1,6 @@
 """The figures of the evaluation: those of the paper's Section V over all seeds, in the paper's arrangement, homogeneous
 above heterogeneous; and what the open parameters and the calibration do, in the same style."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any

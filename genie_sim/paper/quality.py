@@ -5,8 +5,6 @@ label everything, so precision is a lower bound and ghosts an upper one, the sam
 detector's own answer without any delay.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import Any

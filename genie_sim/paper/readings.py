@@ -1,7 +1,5 @@
 """Ways to read the paper where it leaves something open: what each sets, means by its metrics, and why."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from functools import cached_property
 from pathlib import Path
@@ -62,7 +60,7 @@ class Reading(Model):
     metrics: Metrics = Metrics()
 
     @model_validator(mode="after")
-    def _definitions_exist(self) -> Reading:
+    def _definitions_exist(self) -> "Reading":
         for metric, definition in self.definitions.items():
             if definition not in DEFINITIONS[metric]:
                 problem(f"metrics.{metric}.definition", unknown("definition", definition, DEFINITIONS[metric]))

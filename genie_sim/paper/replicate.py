@@ -5,8 +5,6 @@ few words of the evaluation's own (``overlap=0.4``, ``laps=2``: ``WORDS``). Resu
 whatever the number of processes.
 """
 
-from __future__ import annotations
-
 import functools
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence

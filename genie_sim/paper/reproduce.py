@@ -3,8 +3,6 @@
 Nothing here decides anything: assumptions.yaml does, before; claims.yaml says what is tested.
 """
 
-from __future__ import annotations
-
 import hashlib
 import os
 import time

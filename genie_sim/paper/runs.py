@@ -1,7 +1,5 @@
 """The runs of an evaluation: each is simulated once, whichever readings, variants and sweeps ask for it."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace

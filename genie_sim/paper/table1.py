@@ -1,7 +1,5 @@
 """Table I of the paper, as printed, and our device profiles beside it."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from genie_sim.scenario.profiles import load_profile

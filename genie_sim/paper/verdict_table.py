@@ -1,7 +1,5 @@
 """The verdicts as Markdown: the tables in the README and the docs, and the document beside the results."""
 
-from __future__ import annotations
-
 import textwrap
 from collections import Counter
 from collections.abc import Mapping, Sequence

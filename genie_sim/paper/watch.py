@@ -1,7 +1,5 @@
 """What no table tells of a run: what Genies shared and stored, and whether detectors were left as they are."""
 
-from __future__ import annotations
-
 import math
 from typing import TYPE_CHECKING
 
@@ -24,7 +22,7 @@ class Watch:
     edges send each other, and not for what a car's own node finds.
     """
 
-    def __init__(self, rules: GenieRules) -> None:
+    def __init__(self, rules: "GenieRules") -> None:
         self.address = "claims"
         self._rules = rules
         threshold = rules.object_map.threshold
@@ -34,7 +32,7 @@ class Watch:
         self._detectors: dict[str, set[tuple[object, ...]]] = {}
         self._behind_genie = True
 
-    def before(self, method: str, world: World) -> None:
+    def before(self, method: str, world: "World") -> None:
         """Looks at the nodes of a world that is about to run, and listens to its Genies."""
         for node in world.resources:
             if isinstance(node, Detector):
@@ -54,7 +52,7 @@ class Watch:
         threshold = self._threshold
         self._unconfident += len([1 for one in message.objects if one.confidence < threshold])
 
-    def after(self, world: World) -> None:
+    def after(self, world: "World") -> None:
         """Looks at the maps of a world that has run."""
         for node in world.resources:
             if isinstance(node, InterceptorNode) and isinstance(node.pure, GenieNode):

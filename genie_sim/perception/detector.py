@@ -3,8 +3,6 @@
 To add a network, write a class like these and name it ``package.module:Class``, or put it into ``DETECTORS``.
 """
 
-from __future__ import annotations
-
 import ast
 import os
 from collections.abc import Sequence

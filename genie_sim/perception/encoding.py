@@ -1,7 +1,5 @@
 """Pictures as they are after being sent, and what stays nearly the same when a picture changes."""
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 

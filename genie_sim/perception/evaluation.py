@@ -5,8 +5,6 @@ that it overlaps best, by ``MIN_IOU`` at least, and is wrong without one. Left o
 detections on an ignored label (``truth``), mostly inside a ``DontCare`` area, or lower than ``MIN_HEIGHT_PX``.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass

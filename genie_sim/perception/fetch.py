@@ -3,8 +3,6 @@
 The only module that touches the network.
 """
 
-from __future__ import annotations
-
 import hashlib
 import logging
 import re

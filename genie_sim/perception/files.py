@@ -1,7 +1,5 @@
 """Reads input files as rows of numbers. Every error names the file and the line."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 

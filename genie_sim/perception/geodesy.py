@@ -6,8 +6,6 @@ pykitti's own Mercator positions are not used: each drive starts at its own orig
 two different worlds.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -6,8 +6,6 @@ nanoseconds (pykitti: those of the OXTS unit, cut to microseconds), and everythi
 position in a list, which shifts after the first missing file).
 """
 
-from __future__ import annotations
-
 import hashlib
 import logging
 import re

@@ -4,8 +4,6 @@ KITTI labels what its annotators saw in the laser scans; objects far away or nev
 without a label nearby is not always a ghost.
 """
 
-from __future__ import annotations
-
 import xml.etree.ElementTree as ElementTree
 from dataclasses import dataclass
 from pathlib import Path

@@ -3,8 +3,6 @@
 One thread unless told otherwise: then sums are made in the same order, and the same picture gives the same scores.
 """
 
-from __future__ import annotations
-
 import hashlib
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence

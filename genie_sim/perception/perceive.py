@@ -1,7 +1,5 @@
 """Frames to a trace: every picture of a drive through a detector, every box placed in the world."""
 
-from __future__ import annotations
-
 import importlib.metadata
 import logging
 import os

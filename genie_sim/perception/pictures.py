@@ -1,7 +1,5 @@
 """A trace to look at: boxes in the pictures, a bird's-eye view of what was placed, and the object map it makes."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Frames through a detector in concurrent stages: reading ahead, the network, placing what was found."""
 
-from __future__ import annotations
-
 import hashlib
 import os
 from collections import deque

@@ -6,8 +6,6 @@ bottom edge meets the ground. The laser sees only the near surface: a rectangle 
 it; for everything else, and for vehicles hit by few points, half the depth of such an object is added.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from itertools import pairwise

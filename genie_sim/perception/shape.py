@@ -4,8 +4,6 @@ The turn of the rectangle is found as in X. Zhang et al., 'Efficient L-Shape Fit
 Scanners', IV 2017 (closeness criterion): of all turns, the one in which the points lie closest to the sides.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

@@ -4,8 +4,6 @@ To add one, write a class with the method of ``FrameSource`` and name it in ``SO
 ``source: package.module:Class``). Its arguments are its settings in YAML.
 """
 
-from __future__ import annotations
-
 import os
 import re
 from collections.abc import Callable, Mapping, Sequence
@@ -71,7 +69,7 @@ class Recorded:
 
     trace: str = "kitti_0005"
 
-    def open(self, seed: int, origin: Geodetic | None, progress: Progress | None = None) -> Recordings:
+    def open(self, seed: int, origin: Geodetic | None, progress: Progress | None = None) -> "Recordings":
         from genie_sim.perception.trace import read_trace
 
         path = files.find(files.TRACE, self.trace)
@@ -100,7 +98,7 @@ class Live:
         if not 0 <= self.min_score <= 1:
             raise ValueError(f"min_score: must be from 0 to 1, but is {self.min_score:g}")
 
-    def open(self, seed: int, origin: Geodetic | None, progress: Progress | None = None) -> Recordings:
+    def open(self, seed: int, origin: Geodetic | None, progress: Progress | None = None) -> "Recordings":
         from genie_sim.perception.perceive import perceive
 
         root = os.path.expandvars(self.kitti)
@@ -122,17 +120,17 @@ class Recordings:
     """Traces around one origin: the scenario's, and those that single routes name. Beside the file of a trace (``path``
     is the main one's) there may be a truth table; ``truth`` is the main one's if it has no file."""
 
-    main: Trace
+    main: "Trace"
     origin: Geodetic | None = None
     path: Path | None = None
-    truth: TruthTable | None = None
+    truth: "TruthTable | None" = None
     seeded: bool = False
-    _read: dict[str | None, Trace] = field(default_factory=dict)
-    _truths: dict[str, TruthTable] = field(default_factory=dict)  # by the trace's digest
+    _read: "dict[str | None, Trace]" = field(default_factory=dict)
+    _truths: "dict[str, TruthTable]" = field(default_factory=dict)  # by the trace's digest
     _of_cars: dict[str, str | None] = field(default_factory=dict)
-    _encoded: dict[tuple[str | None, Encoding], Trace] = field(default_factory=dict)
+    _encoded: "dict[tuple[str | None, Encoding], Trace]" = field(default_factory=dict)
 
-    def drive(self, car: str, trace: str | None, start_ns: int) -> Trace:
+    def drive(self, car: str, trace: str | None, start_ns: int) -> "Trace":
         from genie_sim.perception.trace import read_trace
         from genie_sim.perception.truth_table import truth_beside
 
@@ -147,13 +145,13 @@ class Recordings:
         self._of_cars[car] = trace
         return self._read[trace]
 
-    def truth_of(self, drive: Trace) -> RecordedTruth | None:
+    def truth_of(self, drive: "Trace") -> "RecordedTruth | None":
         from genie_sim.perception.truth_table import RecordedTruth
 
         table = self._truths.get(drive.digest)
         return None if table is None else RecordedTruth(table)
 
-    def encoded(self, car: str, encoding: Encoding) -> Trace:
+    def encoded(self, car: str, encoding: Encoding) -> "Trace":
         """A car's drive as its pictures are after being encoded and decoded. Raises ``UserError``."""
         trace = self._of_cars[car]
         if (trace, encoding) not in self._encoded:
@@ -172,7 +170,7 @@ class Recordings:
         return traces | {f"truth of {table.provenance['trace']}": dict(table.provenance) for table in tables}
 
 
-def encoded_beside(path: Path | None, trace: Trace, encoding: Encoding) -> Trace:
+def encoded_beside(path: Path | None, trace: "Trace", encoding: Encoding) -> "Trace":
     """The trace of the same pictures, encoded: the file ``NAME.jpeg80.parquet`` beside ``NAME.parquet``.
 
     Raises UserError where there is none, or where it is of other pictures.
@@ -193,5 +191,5 @@ def encoded_beside(path: Path | None, trace: Trace, encoding: Encoding) -> Trace
     return found.rebased(trace.origin)
 
 
-def _pictures(trace: Trace) -> list[tuple[str, int, str]]:
+def _pictures(trace: "Trace") -> list[tuple[str, int, str]]:
     return [(one.camera, one.stamp_ns, one.digest) for camera in sorted(trace.frames) for one in trace.frames[camera]]

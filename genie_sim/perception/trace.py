@@ -4,8 +4,6 @@ A trace is all that a run needs of the real world: neither frames nor a GPU. One
 its cameras, one row per frame, and its provenance in the schema's metadata under ``genie_sim``.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 import math
@@ -87,7 +85,7 @@ class Trace:
     def __post_init__(self) -> None:
         object.__setattr__(self, "digest", _content_digest(self.origin, self.frames))
 
-    def rebased(self, origin: Geodetic) -> Trace:
+    def rebased(self, origin: Geodetic) -> "Trace":
         """The same trace around another geodetic origin; drives with one origin share one world."""
         if origin == self.origin:
             return self
@@ -108,7 +106,7 @@ class Trace:
         frames = {camera: tuple(map(moved, sequence)) for camera, sequence in self.frames.items()}
         return Trace(self.name, origin, frames, self.provenance)
 
-    def at_least(self, min_score: float) -> Trace:
+    def at_least(self, min_score: float) -> "Trace":
         """The same trace without the detections below a score."""
         frames = {
             camera: tuple(
@@ -273,7 +271,7 @@ def _content_digest(origin: Geodetic, frames: Mapping[str, Sequence[TraceFrame]]
     return hashlib.sha256(text.encode()).hexdigest()
 
 
-def _schema() -> pyarrow.Schema:
+def _schema() -> "pyarrow.Schema":
     import pyarrow as pa
 
     kinds = {"camera": pa.string(), "digest": pa.string(), "dhash": pa.uint64()}

@@ -4,8 +4,6 @@ A published detector saw the pictures or scans; its boxes and scores are read he
 its objects stand where the laser saw them; RRC gives boxes in the picture, placed by where they meet flat ground.
 """
 
-from __future__ import annotations
-
 import hashlib
 import math
 from collections.abc import Iterator

@@ -5,8 +5,6 @@ in the picture (truncation 0 or 1) and how hidden it is was judged (occlusion 0 
 not, and so are trams, ``Misc`` and the areas that KITTI calls ``DontCare``; tracklets have no such areas.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -4,8 +4,6 @@ One Parquet file beside the trace, ``NAME.truth.parquet`` beside ``NAME.parquet`
 the digests of the trace and of the labels in the schema's metadata. Labels themselves are not in it.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 import math
@@ -66,7 +64,7 @@ class TruthTable:
         text = json.dumps([self.trace, [float(x) for x in self.origin], self.rows], separators=(",", ":"))
         object.__setattr__(self, "digest", hashlib.sha256(text.encode()).hexdigest())
 
-    def rebased(self, origin: Geodetic) -> TruthTable:
+    def rebased(self, origin: Geodetic) -> "TruthTable":
         """The same around another origin, as ``Trace.rebased``."""
         if tuple(origin) == tuple(self.origin):
             return self
@@ -191,7 +189,7 @@ def read_truth_table(path: Path) -> TruthTable:
     return table
 
 
-def _schema() -> pyarrow.Schema:
+def _schema() -> "pyarrow.Schema":
     import pyarrow as pa
 
     kinds = {"camera": pa.string(), "label": pa.string(), "moving": pa.bool_(), "visible": pa.bool_()}

@@ -4,8 +4,6 @@ What is measured is what counts, frames a second from file to placed detections:
 for reading and placing. Of settings that differ by less than ``NOT_WORTH_IT`` the simplest is taken.
 """
 
-from __future__ import annotations
-
 import os
 import statistics
 import time

@@ -1,7 +1,5 @@
 """A table's columns as numpy arrays: what numbers, figures and pages are computed from. pandas is for users only."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -22,12 +20,12 @@ class Text:
     Compared with a text it gives a mask, like an array; its codes sort as the texts do.
     """
 
-    def __init__(self, codes: Array, names: Sequence[str]) -> None:
+    def __init__(self, codes: "Array", names: Sequence[str]) -> None:
         self.codes = codes
         self.names = tuple(names)
 
     @classmethod
-    def of(cls, codes: Array, names: Sequence[str]) -> Text:
+    def of(cls, codes: "Array", names: Sequence[str]) -> "Text":
         """The same for names in any order, each of which may occur more than once."""
         ordered = sorted(set(names))
         place = {name: index for index, name in enumerate(ordered)}
@@ -36,7 +34,7 @@ class Text:
     def __len__(self) -> int:
         return len(self.codes)
 
-    def __getitem__(self, rows: Any) -> Text:
+    def __getitem__(self, rows: Any) -> "Text":
         return Text(self.codes[rows], self.names)
 
     def __eq__(self, name: object) -> Any:
@@ -47,7 +45,7 @@ class Text:
 
     __hash__ = None  # type: ignore[assignment]  # it is a column, and equal to nothing
 
-    def isin(self, names: Iterable[Any]) -> Array:
+    def isin(self, names: Iterable[Any]) -> "Array":
         """Which rows have one of these names."""
         wanted = [self.names.index(name) for name in names if name in self.names]
         if len(wanted) == 1:
@@ -55,7 +53,7 @@ class Text:
         return np.isin(self.codes, wanted)
 
     @property
-    def known(self) -> Array:
+    def known(self) -> "Array":
         """Which rows have a text."""
         return np.asarray(self.codes != NO_TEXT)
 
@@ -68,7 +66,7 @@ class Text:
         names = [*self.names, None]
         return [names[code] for code in self.codes.tolist()]
 
-    def codes_in(self, names: Sequence[str]) -> Array:
+    def codes_in(self, names: Sequence[str]) -> "Array":
         """The place of each row's text among other names, ``NO_TEXT`` where it is not there."""
         place = {name: index for index, name in enumerate(names)}
         return np.array([*(place.get(name, NO_TEXT) for name in self.names), NO_TEXT], dtype=np.int64)[self.codes]
@@ -80,13 +78,13 @@ class Columns:
     ``places``: of the rows that are meant, all of them if ``None``; a column is only copied when it is asked for.
     """
 
-    def __init__(self, columns: Mapping[str, Any], places: Array | None = None) -> None:
+    def __init__(self, columns: Mapping[str, Any], places: "Array | None" = None) -> None:
         self._whole = columns
         self._places = places
         self._chosen: dict[str, Any] = {}
 
     @classmethod
-    def of(cls, table: Columns | pd.DataFrame) -> Columns:
+    def of(cls, table: "Columns | pd.DataFrame") -> "Columns":
         """The same for a pandas table, whose categories and texts become ``Text``."""
         return table if isinstance(table, Columns) else cls({str(name): _column(table[name]) for name in table})
 
@@ -105,31 +103,31 @@ class Columns:
         """Of the columns, in order."""
         return list(self._whole)
 
-    def floats(self, name: str) -> Floats:
+    def floats(self, name: str) -> "Floats":
         """A column of numbers, NaN where unknown."""
         values: Floats = self[name].astype(np.float64)
         return values
 
-    def rows(self, chosen: Any) -> Columns:
+    def rows(self, chosen: Any) -> "Columns":
         """These rows: a mask, places or a slice."""
         places = np.arange(len(self)) if self._places is None else self._places
         return Columns(self._whole, places[chosen])
 
-    def where(self, **texts: str) -> Columns:
+    def where(self, **texts: str) -> "Columns":
         """The rows with these texts."""
         chosen = np.ones(len(self), dtype=bool)
         for name, text in texts.items():
             chosen &= self[name] == text
         return self.rows(chosen)
 
-    def assign(self, **columns: Any) -> Columns:
+    def assign(self, **columns: Any) -> "Columns":
         """With these columns; a text is meant for every row."""
         whole = {name: self[name] for name in self.names}
         for name, one in columns.items():
             whole[name] = Text(np.zeros(len(self), dtype=np.int32), [one]) if isinstance(one, str) else one
         return Columns(whole)
 
-    def groups(self, name: str) -> Iterator[tuple[str, Columns]]:
+    def groups(self, name: str) -> "Iterator[tuple[str, Columns]]":
         """The rows of each text of a column, sorted by it; they keep their order."""
         column: Text = self[name]
         order = np.argsort(column.codes, kind="stable")
@@ -138,11 +136,11 @@ class Columns:
             if code != NO_TEXT:
                 yield column.names[code], self.rows(places)
 
-    def by(self, name: str) -> Columns:
+    def by(self, name: str) -> "Columns":
         """The rows in the order of a column of numbers, ties as they are."""
         return self.rows(np.argsort(self[name], kind="stable"))
 
-    def to_frame(self) -> pd.DataFrame:
+    def to_frame(self) -> "pd.DataFrame":
         """As a pandas table: text is categorical."""
         import pandas as pd
 
@@ -170,7 +168,7 @@ def joined(columns: Sequence[Text]) -> Text:
     return Text(np.concatenate([column.codes_in(names) for column in columns]), names)
 
 
-def _column(values: pd.Series[Any]) -> Any:
+def _column(values: "pd.Series[Any]") -> Any:
     import pandas as pd
 
     if isinstance(values.dtype, pd.CategoricalDtype):

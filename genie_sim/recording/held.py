@@ -5,8 +5,6 @@ A consumer's newest answers are compared with the truth of that very instant, no
 being late is being wrong (streaming accuracy; M. Li, Y. Wang, D. Ramanan, "Towards Streaming Perception", ECCV 2020).
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from typing import Protocol

@@ -1,7 +1,5 @@
 """What happens in a run, written down row by row."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Iterable, Sequence
 from itertools import takewhile
 from typing import Literal

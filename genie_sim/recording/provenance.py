@@ -1,7 +1,5 @@
 """Where a result comes from: its run id, its ``run.json``, and a folder that is there whole or not at all."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import os

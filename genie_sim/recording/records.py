@@ -5,8 +5,6 @@ Rows are measurements (instants, counts, names); latencies and ratios are comput
 value that is not known stays ``None``.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from operator import attrgetter
@@ -222,7 +220,7 @@ class Tables:
     steps: Table = field(default_factory=lambda: Table(STEPS))
 
     @classmethod
-    def spilling(cls, folder: Path | None) -> Tables:
+    def spilling(cls, folder: Path | None) -> "Tables":
         """With a folder, the rows of long tables wait there and not in memory."""
         spill = {one.name: None if folder is None else folder / f"{one.name}.rows" for one in SCHEMAS}
         return cls(**{one.name: Table(one, spill[one.name]) for one in SCHEMAS if not one.sorted_by})

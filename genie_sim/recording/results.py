@@ -1,7 +1,5 @@
 """A finished run as plain data: its tables, its metrics and what decided it, also as read from a result folder."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -72,42 +70,42 @@ class Run:
     folder: Path | None = None
 
     @cached_property
-    def frames(self) -> pd.DataFrame:
+    def frames(self) -> "pd.DataFrame":
         """One row per method, car, stream and frame."""
         return self.tables["frames"].to_frame()
 
     @cached_property
-    def lookups(self) -> pd.DataFrame:
+    def lookups(self) -> "pd.DataFrame":
         """One row per message for which a Genie asked its message cache or its object map."""
         return self.tables["lookups"].to_frame()
 
     @cached_property
-    def resources(self) -> pd.DataFrame:
+    def resources(self) -> "pd.DataFrame":
         """One row per resource and sample."""
         return self.tables["resources"].to_frame()
 
     @cached_property
-    def poses(self) -> pd.DataFrame:
+    def poses(self) -> "pd.DataFrame":
         """One row per car, stream and frame: where the camera stood."""
         return self.tables["poses"].to_frame()
 
     @cached_property
-    def objects(self) -> pd.DataFrame:
+    def objects(self) -> "pd.DataFrame":
         """One row per change of an object map."""
         return self.tables["objects"].to_frame()
 
     @cached_property
-    def answers(self) -> pd.DataFrame:
+    def answers(self) -> "pd.DataFrame":
         """One row per first and per fresh answer: how right it was, by the detector's own answer."""
         return self.tables["answers"].to_frame()
 
     @cached_property
-    def held(self) -> pd.DataFrame:
+    def held(self) -> "pd.DataFrame":
         """One row per car and instant: what its consumer held, against what was there."""
         return self.tables["held"].to_frame()
 
     @cached_property
-    def steps(self) -> pd.DataFrame:
+    def steps(self) -> "pd.DataFrame":
         """One row per step on the way of an answer."""
         return self.tables["steps"].to_frame()
 

@@ -3,8 +3,6 @@
 (And on the pyarrow that wrote them, which signs its files with its version.)
 """
 
-from __future__ import annotations
-
 import json
 import struct
 from array import array
@@ -62,7 +60,7 @@ class Schema:
     columns: tuple[Column, ...]
     sorted_by: tuple[str, ...] = ()
 
-    def arrow(self) -> pa.Schema:
+    def arrow(self) -> "pa.Schema":
         """Types, with unit and description beside each column."""
         import pyarrow as pa
 
@@ -118,12 +116,12 @@ class _Buffer:
             return list(self.codes)[value]
         return bool(value) if self.about.kind == "bool" else value
 
-    def numpy(self, rows: int) -> np.ndarray[Any, np.dtype[Any]]:
+    def numpy(self, rows: int) -> "np.ndarray[Any, np.dtype[Any]]":
         import numpy as np
 
         return np.frombuffer(self.values, dtype=self.values.typecode, count=rows)
 
-    def column(self, values: np.ndarray[Any, np.dtype[Any]]) -> Any:
+    def column(self, values: "np.ndarray[Any, np.dtype[Any]]") -> Any:
         """These values as ``read`` finds them in a file."""
         if self._is_text:
             return Text.of(values, list(self.codes))
@@ -138,7 +136,7 @@ class _Buffer:
         values[unknown] = None
         return values
 
-    def rank(self, rows: int) -> np.ndarray[Any, np.dtype[Any]]:
+    def rank(self, rows: int) -> "np.ndarray[Any, np.dtype[Any]]":
         """Numbers that sort as the column's values do."""
         import numpy as np
 
@@ -147,7 +145,7 @@ class _Buffer:
             return values
         return np.argsort(np.argsort(np.array(list(self.codes), dtype=str)))[values] if rows else values
 
-    def arrow(self, values: np.ndarray[Any, np.dtype[Any]]) -> pa.Array:
+    def arrow(self, values: "np.ndarray[Any, np.dtype[Any]]") -> "pa.Array":
         """These values for a file. From buffers: of an array or a list, pyarrow looks whether it is one of pandas',
         and imports that, which takes as long as to simulate."""
         import numpy as np
@@ -272,18 +270,18 @@ class Table:
         buffers = self._buffers.items()
         return Columns({name: buffer.column(buffer.numpy(self._rows)[order].copy()) for name, buffer in buffers})
 
-    def to_frame(self) -> pd.DataFrame:
+    def to_frame(self) -> "pd.DataFrame":
         """The same as a pandas table. Text is categorical, an unknown number NaN."""
         return self.columns().to_frame()
 
-    def _parquet(self, file: BinaryIO) -> pq.ParquetWriter:
+    def _parquet(self, file: BinaryIO) -> "pq.ParquetWriter":
         """A writer into an open file: of a path pyarrow makes a URI, and of a leading "~" a home."""
         import pyarrow.parquet as pq
 
         texts = [column.name for column in self.schema.columns if column.kind == "text"]
         return pq.ParquetWriter(file, self.schema.arrow(), compression="zstd", version="2.6", use_dictionary=texts)
 
-    def _write_rows(self, writer: pq.ParquetWriter) -> None:
+    def _write_rows(self, writer: "pq.ParquetWriter") -> None:
         for batch in self._batches():
             writer.write_batch(batch, row_group_size=ROWS_PER_GROUP)
 
@@ -304,7 +302,7 @@ class Table:
             return slice(0, self._rows)
         return np.lexsort([self._buffers[name].rank(self._rows) for name in reversed(self.schema.sorted_by)])
 
-    def _batches(self) -> Iterator[pa.RecordBatch]:
+    def _batches(self) -> "Iterator[pa.RecordBatch]":
         import pyarrow as pa
 
         schema, rows, order = self.schema.arrow(), self._rows, self._order()
@@ -341,7 +339,7 @@ def harmless(cell: Any) -> Any:
     return f"'{cell}" if isinstance(cell, str) and cell.startswith(FORMULA) else cell
 
 
-def _read_column(column: pa.ChunkedArray) -> Any:
+def _read_column(column: "pa.ChunkedArray") -> Any:
     import numpy as np
     import pyarrow as pa
 

@@ -4,8 +4,6 @@ The same results give the same bytes. Everything that the page shows is in it as
 HTML or for a script, and the page's own security policy forbids it to load or to send anything.
 """
 
-from __future__ import annotations
-
 import base64
 import hashlib
 import json
@@ -30,7 +28,7 @@ REPLAY = (
 )  # fmt: skip
 DASH_PX = 3  # a unit of the figures' dashes
 
-def write(path: Path, run: Run, start_ns: int = 0) -> None:
+def write(path: Path, run: "Run", start_ns: int = 0) -> None:
     """Writes the page about ``run``. A long run is replayed from ``start_ns`` on, as far as the page's size allows.
 
     Raises ``UserError`` if ``path`` cannot be written.
@@ -44,7 +42,7 @@ def write_text(path: Path, text: str) -> None:
         beside.write_text(text, encoding="utf-8")
 
 
-def page(run: Run, start_ns: int = 0) -> str:
+def page(run: "Run", start_ns: int = 0) -> str:
     """The text of the page about ``run``. Raises ``UserError`` for one from a folder that this version did not write.
     """
     with provenance.of_this_version(run.folder):

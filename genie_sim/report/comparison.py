@@ -1,7 +1,5 @@
 """A comparison as a table of text, and as one page for a browser."""
 
-from __future__ import annotations
-
 import base64
 from collections.abc import Iterator
 from pathlib import Path
@@ -32,7 +30,7 @@ def text(comparison: Comparison, format: str = "markdown") -> str:
     return text_table.rounded(format, HEADINGS, map(_cells, comparison.rows), "llrlrrlr")
 
 
-def figures(comparison: Comparison) -> dict[str, Figure]:
+def figures(comparison: Comparison) -> "dict[str, Figure]":
     """Overlaid distributions of first answers, and latency against accuracy where the arms have one in common."""
     from genie_sim.analysis import figures as of_runs
     from genie_sim.analysis.latency_accuracy import drawable, latency_accuracy
@@ -120,7 +118,7 @@ def _cells(row: Difference) -> list[str]:
     return [row.metric, row.arm, value, row.against or "-", gap, ends, row.by or "-", str(row.n or "-")]
 
 
-def _picture(figure: Figure) -> str:
+def _picture(figure: "Figure") -> str:
     from genie_sim.analysis.figures import svg
 
     return f"data:image/svg+xml;base64,{base64.b64encode(svg(figure)).decode()}"

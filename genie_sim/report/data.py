@@ -1,7 +1,5 @@
 """What the report's page shows, as plain JSON values: what was run, metrics, curves, use of resources."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, astuple
@@ -39,7 +37,7 @@ RESOURCES_PER_KIND = 8
 RESOURCES_ON_PAGE = 300
 
 
-def page_data(run: Run, start_ns: int = 0) -> dict[str, Any]:
+def page_data(run: "Run", start_ns: int = 0) -> dict[str, Any]:
     """Everything on the page. ``start_ns`` is where the replay begins, if the run is too long to be shown whole."""
     notes: list[str] = []
     lookups = run.tables["lookups"]
@@ -67,7 +65,7 @@ def page_data(run: Run, start_ns: int = 0) -> dict[str, Any]:
     }
 
 
-def _methods(run: Run) -> Iterator[dict[str, Any]]:
+def _methods(run: "Run") -> Iterator[dict[str, Any]]:
     """The methods in their order, with their frames, and of their first answers the share from the object map."""
     for method in run.methods:
         mine = run.tables["frames"].where(method=method.name)
@@ -76,7 +74,7 @@ def _methods(run: Run) -> Iterator[dict[str, Any]]:
         yield {**asdict(method), "frames": len(mine), "from_map": from_map}
 
 
-def _about(run: Run) -> dict[str, Any]:
+def _about(run: "Run") -> dict[str, Any]:
     """What was run, in words and in the words of the scenario file."""
     scenario = run.facts["scenario"]
     devices = {name: device["title"] for name, device in run.facts["devices"].items()}
@@ -118,7 +116,7 @@ def _who(scenario: Mapping[str, Any], devices: Mapping[str, str]) -> tuple[list[
     return cars, [{"name": f"an edge about every {fleet['cell']}", "device": devices[fleet["edge_device"]]}]
 
 
-def _how_many(run: Run) -> dict[str, int | None]:
+def _how_many(run: "Run") -> dict[str, int | None]:
     """Cars and edges. A fleet's resources are those of its edges; without them nobody counted the edges."""
     scenario = run.facts["scenario"]
     fleet = scenario.get("fleet")
@@ -137,7 +135,7 @@ def _link(link: object) -> str | None:
     return link if isinstance(link, str | None) else "a link of its own"
 
 
-def _shown(measured: Sequence[Metric], notes: list[str]) -> list[Metric]:
+def _shown(measured: "Sequence[Metric]", notes: list[str]) -> "list[Metric]":
     """All metrics but those of the less busy of very many resources."""
     others = ("improvement", *PART.values())
     of_resources = [one for one in measured if one.component and not one.metric.startswith(others)]
@@ -166,7 +164,7 @@ def _route(route: Mapping[str, Any]) -> str:
     return ", ".join(parts)
 
 
-def _cdfs(run: Run) -> Iterator[dict[str, Any]]:
+def _cdfs(run: "Run") -> Iterator[dict[str, Any]]:
     """Response times of each method. ``rank[i]`` of ``published`` frames were answered within ``ms[i]``."""
     for method in run.methods:
         mine = run.tables["frames"].where(method=method.name)
@@ -185,7 +183,7 @@ def _cdfs(run: Run) -> Iterator[dict[str, Any]]:
                 }
 
 
-def _placed(run: Run, lookups: Columns) -> Iterator[tuple[dict[str, str], Columns]]:
+def _placed(run: "Run", lookups: "Columns") -> "Iterator[tuple[dict[str, str], Columns]]":
     """The look-ups of each method's Genies on cars, and on edges."""
     for method in run.methods:
         for placement in PLACEMENTS:
@@ -193,7 +191,7 @@ def _placed(run: Run, lookups: Columns) -> Iterator[tuple[dict[str, str], Column
             yield where, lookups.where(**where)
 
 
-def _reuse(run: Run, lookups: Columns, notes: list[str]) -> Iterator[dict[str, Any]]:
+def _reuse(run: "Run", lookups: "Columns", notes: list[str]) -> Iterator[dict[str, Any]]:
     """hits / requests over the last 50 requests of each Genie."""
     for where, placed in _placed(run, lookups):
         windows = windowed_reuse(placed)
@@ -206,7 +204,7 @@ def _reuse(run: Run, lookups: Columns, notes: list[str]) -> Iterator[dict[str, A
             yield {**where, "name": genie, **_curve(mine["t_ns"], mine["ratio"], 3)}
 
 
-def _boost(run: Run) -> Iterator[dict[str, Any]]:
+def _boost(run: "Run") -> Iterator[dict[str, Any]]:
     """The running mean of C_new - C_old over the updates of all object maps on cars, and on edges."""
     for where, placed in _placed(run, run.tables["lookups"]):
         running = running_boost(placed)
@@ -214,12 +212,12 @@ def _boost(run: Run) -> Iterator[dict[str, Any]]:
             yield {**where, "name": "", **_curve(running["t_ns"], running["boost"], 5)}
 
 
-def _curve(t_ns: Floats, values: Floats, digits: int) -> dict[str, list[float]]:
+def _curve(t_ns: "Floats", values: "Floats", digits: int) -> dict[str, list[float]]:
     kept = thinned(len(values), POINTS_PER_CURVE)
     return {"x": _list(t_ns[kept] / NS_PER_S, 2), "y": _list(values[kept], digits)}
 
 
-def _use(run: Run, notes: list[str]) -> Iterator[dict[str, Any]]:
+def _use(run: "Run", notes: list[str]) -> Iterator[dict[str, Any]]:
     """Share of time spent serving, or mean length of a queue, in equal parts of the time while frames were taken."""
     resources, stamps_ns = run.tables["resources"], run.tables["frames"]["stamp_ns"]
     end_ns = int(stamps_ns.max()) if len(stamps_ns) else 0
@@ -248,12 +246,12 @@ def _use(run: Run, notes: list[str]) -> Iterator[dict[str, Any]]:
             yield {"method": method, "kind": kind, "name": name, "x": middles, "y": _list(curves[name], 4)}
 
 
-def _mean_use(samples: Columns, edges_ns: Floats) -> Floats:
+def _mean_use(samples: "Columns", edges_ns: "Floats") -> "Floats":
     mean: Floats = np.diff(np.interp(edges_ns, *running_use(samples))) / np.maximum(np.diff(edges_ns), 1.0)
     return mean
 
 
-def _list(values: Floats, digits: int) -> list[float]:
+def _list(values: "Floats", digits: int) -> list[float]:
     rounded: list[float] = np.round(values, digits).tolist()
     return rounded
 

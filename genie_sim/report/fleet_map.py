@@ -3,8 +3,6 @@
 Cells are named by their edges, ``edge_COLUMN_ROW``. Many cars are thinned evenly; load and reuse count all of them.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
@@ -30,7 +28,7 @@ EDGE = re.compile(r"(edge_(\d+)_(\d+))\b")
 SHARE_DIGITS = 3
 
 
-def fleet_data(run: Run, notes: list[str]) -> dict[str, Any] | None:
+def fleet_data(run: "Run", notes: list[str]) -> dict[str, Any] | None:
     """What the page draws of a fleet's town; ``None`` for cars and edges given one by one."""
     scenario = run.facts["scenario"]
     if scenario.get("fleet") is None or not len(run.tables["frames"]):
@@ -56,13 +54,13 @@ def fleet_data(run: Run, notes: list[str]) -> dict[str, Any] | None:
     }
 
 
-def _cells(run: Run) -> Iterator[tuple[int, int]]:
+def _cells(run: "Run") -> Iterator[tuple[int, int]]:
     """Column and row of every cell that has an edge in the tables."""
     names = {*run.tables["resources"]["resource"].unique(), *run.tables["lookups"]["genie"].unique()}
     yield from {(int(found[2]), int(found[3])) for name in names if (found := EDGE.match(name))}
 
 
-def _by_cell(run: Run, rows: Columns, name: str) -> Iterator[tuple[dict[str, Any], Columns]]:
+def _by_cell(run: "Run", rows: "Columns", name: str) -> "Iterator[tuple[dict[str, Any], Columns]]":
     """The rows of each method and of each edge that the column ``name`` speaks of, in order of time."""
     for method in run.methods:
         for thing, mine in rows.where(method=method.name).groups(name):
@@ -70,7 +68,7 @@ def _by_cell(run: Run, rows: Columns, name: str) -> Iterator[tuple[dict[str, Any
                 yield {"method": method.name, "cell": [int(found[2]), int(found[3])]}, mine.by("t_ns")
 
 
-def _cars(run: Run, instants_ns: Instants, notes: list[str]) -> Iterator[dict[str, Any]]:
+def _cars(run: "Run", instants_ns: "Instants", notes: list[str]) -> Iterator[dict[str, Any]]:
     """East and north [m] of each car that is drawn, at every instant: where its last frame before was taken."""
     by_car = dict(run.tables["poses"].groups("car"))
     names = sorted(by_car, key=lambda name: (len(name), name))
@@ -84,7 +82,7 @@ def _cars(run: Run, instants_ns: Instants, notes: list[str]) -> Iterator[dict[st
         yield {"name": name, **at}
 
 
-def _loads(run: Run, instants_ns: Instants) -> Iterator[dict[str, Any]]:
+def _loads(run: "Run", instants_ns: "Instants") -> Iterator[dict[str, Any]]:
     """Share of each step in which an edge's accelerator worked."""
     lengths_ns = np.diff(instants_ns, prepend=instants_ns[0] - instants_ns[1])
     for where, samples in _by_cell(run, run.tables["resources"].where(kind="accelerator"), "resource"):
@@ -92,7 +90,7 @@ def _loads(run: Run, instants_ns: Instants) -> Iterator[dict[str, Any]]:
         yield {**where, "values": _shares(np.diff(worked_ns, prepend=0.0) / lengths_ns)}
 
 
-def _reuse(run: Run, instants_ns: Instants) -> Iterator[dict[str, Any]]:
+def _reuse(run: "Run", instants_ns: "Instants") -> Iterator[dict[str, Any]]:
     """Hits / requests for images at each edge so far, ``None`` before the first request."""
     for where, mine in _by_cell(run, run.tables["lookups"].where(kind="image", placement="edge"), "genie"):
         until = np.searchsorted(mine["t_ns"], instants_ns, side="right")
@@ -101,7 +99,7 @@ def _reuse(run: Run, instants_ns: Instants) -> Iterator[dict[str, Any]]:
         yield {**where, "values": _shares(shares)}
 
 
-def _hand_overs(run: Run, instants_ns: Instants) -> Iterator[dict[str, Any]]:
+def _hand_overs(run: "Run", instants_ns: "Instants") -> Iterator[dict[str, Any]]:
     """How many times cars have changed their edge until each instant, by the edges that looked up their frames."""
     asked = run.tables["lookups"].where(placement="edge", requester="client")
     for method, mine in asked.groups("method"):
@@ -111,7 +109,7 @@ def _hand_overs(run: Run, instants_ns: Instants) -> Iterator[dict[str, Any]]:
         yield {"method": method, "until": np.searchsorted(changes_ns, instants_ns, side="right").tolist()}
 
 
-def _over_cars(run: Run) -> Iterator[dict[str, Any]]:
+def _over_cars(run: "Run") -> Iterator[dict[str, Any]]:
     """Distributions over cars: 95th percentile of the time to the first and to the fresh answer [ms], image reuse."""
     images = run.tables["lookups"].where(kind="image", placement="car")
     for method in run.methods:
@@ -134,7 +132,7 @@ def _distribution(method: str, of: str, values: Sequence[float]) -> Iterator[dic
         yield {"method": method, "of": of, "x": ordered[kept].round(4).tolist(), "y": ranks.round(4).tolist()}
 
 
-def _ghosts_by_age(run: Run) -> Iterator[dict[str, Any]]:
+def _ghosts_by_age(run: "Run") -> Iterator[dict[str, Any]]:
     """Share of what consumers hold that is not there, by the age of what they hold [s]."""
     consumers = run.tables["held"].where(what="consumer")
     for method in run.methods:
@@ -151,5 +149,5 @@ def _ghosts_by_age(run: Run) -> Iterator[dict[str, Any]]:
             yield {"method": method.name, "rows": rows}
 
 
-def _shares(values: Floats) -> list[float | None]:
+def _shares(values: "Floats") -> list[float | None]:
     return [None if np.isnan(value) else round(float(value), SHARE_DIGITS) for value in values]

@@ -4,8 +4,6 @@ A long run does not fit into one page. Then a stretch of it is kept, with every 
 object maps in it, rather than a thinned whole that would show a hit here and hide the next; the page says which.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
@@ -48,7 +46,7 @@ class _Names:
         return found
 
 
-def replay_data(run: Run, start_ns: int, notes: list[str]) -> dict[str, Any] | None:
+def replay_data(run: "Run", start_ns: int, notes: list[str]) -> dict[str, Any] | None:
     """The stretch of the run from ``start_ns`` on that fits into a page; ``None`` if no poses were written down."""
     if run.facts["scenario"].get("fleet") is not None:
         return None  # it has a map
@@ -93,14 +91,14 @@ def replay_data(run: Run, start_ns: int, notes: list[str]) -> dict[str, Any] | N
     }
 
 
-def last_instant_ns(run: Run) -> int:
+def last_instant_ns(run: "Run") -> int:
     """The last instant on record: of frames, answers, look-ups and object maps; 0 for an empty run."""
     instants = {"frames": ["stamp_ns", "first_answer_ns", "fresh_answer_ns"], "lookups": ["t_ns"], "objects": ["t_ns"]}
     found = (run.tables[table].floats(column) for table, columns in instants.items() for column in columns)
     return max((int(np.nanmax(one)) for one in found if not np.isnan(one).all()), default=0)
 
 
-def _end_ns(run: Run, begin_ns: int) -> int:
+def _end_ns(run: "Run", begin_ns: int) -> int:
     """The last instant that is shown: that of the run, else as many whole seconds as fit, at least one."""
     tables = (("frames", "stamp_ns"), ("lookups", "stamp_ns"), ("objects", "t_ns"), ("steps", "stamp_ns"))
     instants = np.sort(np.concatenate([run.tables[name][column] for name, column in tables]))
@@ -114,7 +112,7 @@ def _between(table: Columns, column: str, begin_ns: int, end_ns: int) -> Columns
     return table.rows((table[column] >= begin_ns) & (table[column] < end_ns))
 
 
-def _places(poses: Columns, table: Columns, column: str) -> Column:
+def _places(poses: Columns, table: Columns, column: str) -> "Column":
     """The place in ``poses`` of the frame that each row is about, -1 where it is not there; a frame is told by its
     camera and by ``column``, which is its number or its stamp."""
     cars, streams = poses["car"].names, poses["stream"].names
@@ -154,12 +152,12 @@ def _frames(mine: Columns, poses: Columns, names: _Names) -> dict[str, Any]:
     here = np.flatnonzero(ids != UNKNOWN)
     rows, ids = mine.rows(here), ids[here]
 
-    def by_id(values: Column, unknown: Any = UNKNOWN) -> Column:
+    def by_id(values: "Column", unknown: Any = UNKNOWN) -> "Column":
         found = np.full(len(poses), unknown, dtype=values.dtype)
         found[ids] = values
         return found
 
-    def numbers(values: Column) -> list[int]:
+    def numbers(values: "Column") -> list[int]:
         found: list[int] = by_id(_integers(values)).tolist()
         return found
 
@@ -237,16 +235,16 @@ def _objects(mine: Columns, begin_ns: int, end_ns: int, names: _Names) -> Iterat
         ]
 
 
-def _scaled(values: Column, scale: int) -> Column:
+def _scaled(values: "Column", scale: int) -> "Column":
     return np.round(values * scale).astype(np.int64)
 
 
-def _deltas(values: Column) -> list[int]:
+def _deltas(values: "Column") -> list[int]:
     """The first value, then the differences: short numbers."""
     deltas: list[int] = np.diff(values, prepend=0).tolist()
     return deltas
 
 
-def _integers(values: Column) -> Column:
+def _integers(values: "Column") -> "Column":
     """Whole numbers, -1 for unknown."""
     return np.nan_to_num(values, nan=UNKNOWN).astype(np.int64)

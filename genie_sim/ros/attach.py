@@ -10,8 +10,6 @@ Names cannot be changed in a live node. So the node is stopped and started again
 A file in ``$ROS_HOME/genie-sim`` says how the node was; whoever restores it holds the file's lock.
 """
 
-from __future__ import annotations
-
 import contextlib
 import fcntl
 import json
@@ -61,7 +59,7 @@ class State:
         beside.replace(path)
 
     @classmethod
-    def read(cls, path: Path) -> State:
+    def read(cls, path: Path) -> "State":
         data = json.loads(path.read_text(encoding="utf-8"))
         for name in ("original", "behind"):
             if data[name] is not None:
@@ -69,7 +67,7 @@ class State:
         return cls(**{**data, "watchdog": tuple(data["watchdog"])})
 
     @classmethod
-    def all(cls) -> dict[Path, State]:
+    def all(cls) -> "dict[Path, State]":
         """The nodes that have a Genie. What was so before the machine was last switched on is forgotten."""
         found = {path: cls.read(path) for path in sorted(_states().glob("*.json"))}
         for path in [path for path, state in found.items() if state.boot != boot()]:
@@ -167,7 +165,7 @@ def restore_orphan() -> None:
 
 
 def _watch(
-    plan: Plan, graph: Graph, path: Path, behind: NodeProcess, interrupted: Callable[[], bool],
+    plan: Plan, graph: "Graph", path: Path, behind: NodeProcess, interrupted: Callable[[], bool],
     attached: Callable[[], None],
 ) -> None:  # fmt: skip
     """Runs the Genie's process until somebody wants it to end; leaves it ended."""
@@ -253,7 +251,7 @@ def _state_path(network: str, node: str) -> Path:
     return _states() / (re.sub(r"[^\w.]+", "-", f"{network}{node}") + ".json")
 
 
-def _graph(pid: int | None, master_uri: str | None) -> Graph:
+def _graph(pid: int | None, master_uri: str | None) -> "Graph":
     """ROS 1 or ROS 2. Raises UserError where it is not installed."""
     try:
         if pid is None:

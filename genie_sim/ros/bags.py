@@ -5,8 +5,6 @@ transforms from ``map`` or ``world``, with an origin given); the mounting of the
 placed by a PointCloud2 topic. Pictures are taken for rectified, their frames for optical (z ahead, x right).
 """
 
-from __future__ import annotations
-
 import contextlib
 import hashlib
 import math
@@ -68,7 +66,7 @@ class Surroundings:
 
 
 def perceive_bag(
-    path: str | Path, detector: ImageDetector | None = None, cameras: Sequence[str] = (),
+    path: str | Path, detector: "ImageDetector | None" = None, cameras: Sequence[str] = (),
     detections: str | None = None, origin: Geodetic | None = None, min_score: float = 0.3,
     progress: Progress | None = None,
 ) -> Trace:  # fmt: skip
@@ -101,8 +99,8 @@ def perceive_bag(
 
 
 def _frame(
-    path: Path, camera: str, topic: str, number: int, message: Any, cloud: Any, around: Surroundings, place: _Places,
-    detector: ImageDetector | None, min_score: float,
+    path: Path, camera: str, topic: str, number: int, message: Any, cloud: Any, around: Surroundings, place: "_Places",
+    detector: "ImageDetector | None", min_score: float,
 ) -> TraceFrame | None:  # fmt: skip
     """One picture perceived; ``None`` where nobody knows where it was taken. Its stamp is still the bag's."""
     stamp_ns, frame_id = header_stamp_ns(message.header), message.header.frame_id
@@ -377,7 +375,7 @@ def _numbered(path: Path, made: Mapping[str, list[TraceFrame]]) -> dict[str, tup
 
 
 def _provenance(
-    path: Path, selected: Topics, scans: Sequence[str], detector: ImageDetector | None, detections: str | None
+    path: Path, selected: Topics, scans: Sequence[str], detector: "ImageDetector | None", detections: str | None
 ) -> dict[str, Any]:
     total = hashlib.sha256()
     for file in sorted(path.rglob("*")) if path.is_dir() else [path]:

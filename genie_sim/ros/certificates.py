@@ -4,8 +4,6 @@
 A certificate says ``genie:car/car1`` or ``genie:edge/edge1`` as its only URI (subject alternative name).
 """
 
-from __future__ import annotations
-
 import contextlib
 import os
 import re

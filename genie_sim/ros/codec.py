@@ -4,8 +4,6 @@ In both, a message with a header begins with it: four bytes (ROS 1: a number, RO
 nanoseconds of 32 bits, and the frame as a string: uint32 length and that many bytes (ROS 2: with a closing zero).
 """
 
-from __future__ import annotations
-
 import math
 import struct
 from collections.abc import Sequence
@@ -49,7 +47,7 @@ class RosObject(Detection):
         super().__init__(label, score, box, location, confidence, "ros")
         self.raw = raw
 
-    def with_confidence(self, confidence: float) -> RosObject:
+    def with_confidence(self, confidence: float) -> "RosObject":
         return RosObject(self.label, self.score, self.box, self.location, confidence, self.raw)
 
 
@@ -63,7 +61,7 @@ def begins_with_header(definition: str) -> bool:
 
 
 @lru_cache
-def codec_of(wire_type: WireType, ros: int) -> Codec:
+def codec_of(wire_type: WireType, ros: int) -> "Codec":
     """The codec of a type of ROS 1 or 2. Raises UserError for a ROS 1 type without a header."""
     if wire_type.definition and not begins_with_header(wire_type.definition):
         raise UserError(f"{wire_type.name}: messages of this type have no header to find an answer by")
@@ -84,7 +82,7 @@ class Codec:
         self._name = _full(wire_type.name)
 
     @cached_property
-    def _store(self) -> Typestore:
+    def _store(self) -> "Typestore":
         return typestore(self._ros, self.type.definition if self.holds_objects else "", self._name)
 
     def prepare(self) -> None:

@@ -1,7 +1,5 @@
 """One TLS connection to another Genie: one thread reads, one writes."""
 
-from __future__ import annotations
-
 import contextlib
 import select
 import socket
@@ -59,7 +57,7 @@ class Connection:
             self._changed.notify()
         _shut(self._sock)
 
-    def run(self, codec_of: CodecOf, on_message: OnMessage, on_up: Callable[[Connection], None]) -> None:
+    def run(self, codec_of: CodecOf, on_message: OnMessage, on_up: "Callable[[Connection], None]") -> None:
         """Reads until the connection ends, which raises. ``on_up`` may refuse it at its first frame."""
         self._sock.settimeout(0)
         writer = threading.Thread(target=self._write, daemon=True)

@@ -14,8 +14,6 @@ topic                          what
 The simulation begins at second ``START_S`` of ROS time, because ROS takes the time 0 for "unknown".
 """
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Callable, Iterator
@@ -64,7 +62,7 @@ class Entry(NamedTuple):
     message: Any
 
 
-def export(run: Run, out: Path, format: str) -> int:
+def export(run: "Run", out: Path, format: str) -> int:
     """Writes a run to ``out`` and returns how many messages it holds. Raises UserError."""
     if format not in FORMATS:
         raise UserError(unknown("format", format, FORMATS))
@@ -83,7 +81,7 @@ def export(run: Run, out: Path, format: str) -> int:
 class _Messages:
     """Every message of a run, in no order."""
 
-    def __init__(self, run: Run, store: Typestore, ros: int) -> None:
+    def __init__(self, run: "Run", store: "Typestore", ros: int) -> None:
         self._run = run
         self._ros = ros
         self._store = store
@@ -185,7 +183,7 @@ class _Messages:
         return messages.time(self._store, _ros_ns(t_ns))
 
 
-def _rows(table: pd.DataFrame) -> Iterator[Any]:
+def _rows(table: "pd.DataFrame") -> Iterator[Any]:
     """Every row with its columns as attributes."""
     yield from table.itertuples(index=False)
 
@@ -208,7 +206,7 @@ def _topic(name: str) -> str:
     return re.sub(r"[^A-Za-z0-9_/]", "_", name)
 
 
-def _write_mcap(path: Path, store: Typestore, entries: list[Entry]) -> None:
+def _write_mcap(path: Path, store: "Typestore", entries: list[Entry]) -> None:
     try:
         from mcap.writer import Writer
     except ImportError as error:
@@ -229,7 +227,7 @@ def _write_mcap(path: Path, store: Typestore, entries: list[Entry]) -> None:
         writer.finish()  # type: ignore[no-untyped-call]
 
 
-def _write_bag(path: Path, store: Typestore, entries: list[Entry]) -> None:
+def _write_bag(path: Path, store: "Typestore", entries: list[Entry]) -> None:
     from rosbags.rosbag1 import Writer
 
     with Writer(path) as writer:

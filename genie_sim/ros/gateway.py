@@ -15,8 +15,6 @@ a Genie publishes   on a car                        on an edge
 The ``_remote`` topics are also ordinary topics of the own master.
 """
 
-from __future__ import annotations
-
 import threading
 from collections import OrderedDict
 from collections.abc import Callable, Hashable

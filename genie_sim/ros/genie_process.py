@@ -1,7 +1,5 @@
 """What the Genie's processes of ROS 1 and ROS 2 share: how they begin, serve messages, and end."""
 
-from __future__ import annotations
-
 import logging
 import signal
 import sys

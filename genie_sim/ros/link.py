@@ -1,7 +1,5 @@
 """TLS links between Genies: each side shows a certificate, and connections come back after cuts."""
 
-from __future__ import annotations
-
 import logging
 import random
 import re

@@ -1,7 +1,5 @@
 """Where connections wait until they have proved who they are: one thread, however many strangers there are."""
 
-from __future__ import annotations
-
 import select
 import socket
 import ssl

@@ -1,7 +1,5 @@
 """A ROS message as it came over the wire: bytes, and the little that a Genie needs to know of them."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -32,7 +30,7 @@ class RosMessage:
     valid_ns: None = None
 
     @classmethod
-    def of(cls, payload: bytes, codec: Codec, origin: str, answer: bool) -> RosMessage:
+    def of(cls, payload: bytes, codec: Codec, origin: str, answer: bool) -> "RosMessage":
         """What the bytes say. Objects are looked for in answers only. ValueError: they are no message."""
         stamp_ns, frame_id = codec.stamp(payload)
         objects = codec.objects(payload) if answer else None
@@ -50,16 +48,16 @@ class RosMessage:
     def dhash(self) -> int:
         return self.codec.dhash(self.payload)
 
-    def restamped(self, header: Header) -> RosMessage:
+    def restamped(self, header: Header) -> "RosMessage":
         return replace(self, header=header)
 
-    def with_objects(self, objects: Sequence[Detection]) -> RosMessage:
+    def with_objects(self, objects: Sequence[Detection]) -> "RosMessage":
         return replace(self, objects=tuple(objects))
 
-    def with_look(self, look: Look | None, valid_ns: int | None) -> RosMessage:
+    def with_look(self, look: Look | None, valid_ns: int | None) -> "RosMessage":
         return self
 
-    def served(self, source: str, by: str) -> RosMessage:
+    def served(self, source: str, by: str) -> "RosMessage":
         return replace(self, source=source, served_by=by)
 
     def encoded(self, seq: int | None = None) -> bytes:

@@ -1,7 +1,5 @@
 """What an attached Genie is told: which topics it takes over and how. Passed to its process as JSON."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
@@ -52,7 +50,7 @@ class Plan:
         return json.dumps(asdict(self))
 
     @classmethod
-    def from_json(cls, text: str) -> Plan:
+    def from_json(cls, text: str) -> "Plan":
         data = json.loads(text)
         data["types"] = {topic: WireType(*fields) for topic, fields in data["types"].items()}
         return cls(**data | {name: tuple(data[name]) for name in ("requests", "answers", "connect")})

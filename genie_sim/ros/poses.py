@@ -1,7 +1,5 @@
 """Where the camera is, from a pose topic."""
 
-from __future__ import annotations
-
 import math
 import threading
 from collections import deque

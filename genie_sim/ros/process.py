@@ -1,7 +1,5 @@
 """A node as a process of this machine: read from /proc, stopped, started again with other arguments."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import signal
@@ -31,7 +29,7 @@ class NodeProcess:
     cwd: str
 
     @classmethod
-    def of(cls, pid: int) -> NodeProcess:
+    def of(cls, pid: int) -> "NodeProcess":
         """Raises UserError where the process is not ours to see."""
         folder = Path(f"/proc/{pid}")
         try:
@@ -57,7 +55,7 @@ class NodeProcess:
                 return
         raise UserError(f"process {self.pid}: does not end")
 
-    def start_again(self, argv: tuple[str, ...], log_path: Path) -> NodeProcess:
+    def start_again(self, argv: tuple[str, ...], log_path: Path) -> "NodeProcess":
         """The same program in the same folder and environment, in a session of its own, so that it outlives us."""
         with log_path.open("ab") as output:
             started = subprocess.Popen(

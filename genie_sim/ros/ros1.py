@@ -3,8 +3,6 @@
 Types are taken from this network's publishers, so no catkin workspace is needed.
 """
 
-from __future__ import annotations
-
 import time
 from typing import Any
 

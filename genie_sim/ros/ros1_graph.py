@@ -1,7 +1,5 @@
 """What the ROS 1 master knows of a node: its process, its topics and their types."""
 
-from __future__ import annotations
-
 import io
 import os
 import socket

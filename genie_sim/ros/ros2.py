@@ -4,8 +4,6 @@ The same plan, gateway and links as in ROS 1. Messages stay serialised from subs
 to each other over links only: a node here cannot tell its own words on a ``_remote`` topic from another's.
 """
 
-from __future__ import annotations
-
 import threading
 from functools import partial
 from typing import Any

@@ -1,7 +1,5 @@
 """What ROS 2 knows of a node. Its graph knows no processes: the user names the node's process."""
 
-from __future__ import annotations
-
 import os
 import time
 from collections.abc import Iterable, Iterator, Sequence

@@ -1,7 +1,5 @@
 """Where frames are: a bag's transforms, by name and time."""
 
-from __future__ import annotations
-
 import bisect
 from collections.abc import Iterable
 

@@ -1,8 +1,6 @@
 """The message types that rosbags knows of ROS 1 and ROS 2, and messages made of them; no ROS is needed, but for the
 classes of ROS 2 itself."""
 
-from __future__ import annotations
-
 import importlib
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
@@ -20,7 +18,7 @@ _NUMPY = {"byte": "uint8", "char": "uint8", "octet": "uint8"}
 
 
 @lru_cache
-def typestore(ros: int, definition: str = "", name: str = "") -> Typestore:
+def typestore(ros: int, definition: str = "", name: str = "") -> "Typestore":
     """The message types of ROS 1 or 2, and one more if its ``definition`` is given. Raises UserError without rosbags,
     ValueError for a definition that cannot be read."""
     try:
@@ -38,7 +36,7 @@ def typestore(ros: int, definition: str = "", name: str = "") -> Typestore:
     return store
 
 
-def message(store: Typestore, kind: str, /, **given: Any) -> Any:
+def message(store: "Typestore", kind: str, /, **given: Any) -> Any:
     """A message of type ``kind`` (``std_msgs/msg/Header``) with the fields ``given``, all others empty."""
     import numpy as np
     from rosbags.interfaces import Nodetype
@@ -58,12 +56,12 @@ def message(store: Typestore, kind: str, /, **given: Any) -> Any:
     return store.types[kind](**{name: given[name] if name in given else empty(*of) for name, of in fields})
 
 
-def header(store: Typestore, stamp_ns: int, frame_id: str) -> Any:
+def header(store: "Typestore", stamp_ns: int, frame_id: str) -> Any:
     """A std_msgs/Header."""
     return message(store, "std_msgs/msg/Header", stamp=time(store, stamp_ns), frame_id=frame_id)
 
 
-def time(store: Typestore, stamp_ns: int) -> Any:
+def time(store: "Typestore", stamp_ns: int) -> Any:
     """A ROS time."""
     seconds, nanoseconds = divmod(stamp_ns, NS_PER_S)
     return message(store, "builtin_interfaces/msg/Time", sec=seconds, nanosec=nanoseconds)

@@ -5,8 +5,6 @@ The text names the message's type and that type's checksum. A message counts onl
 definitions do not travel.
 """
 
-from __future__ import annotations
-
 import json
 import math
 import struct

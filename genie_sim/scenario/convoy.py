@@ -1,7 +1,5 @@
 """Cars that are alike and play one drive: the ``convoy:`` section, short for ``cars`` and ``edges``."""
 
-from __future__ import annotations
-
 from typing import Annotated, Any, Self
 
 from pydantic import Field, model_validator

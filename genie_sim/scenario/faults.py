@@ -1,7 +1,5 @@
 """The ``faults:`` of a scenario: what goes wrong where, and when."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import Annotated, Any, Self
 

@@ -3,8 +3,6 @@
 A model's Python names carry their unit (``delay_ns``), the YAML names do not (``delay: 0.2 ms``).
 """
 
-from __future__ import annotations
-
 import difflib
 import re
 from collections.abc import Callable, Mapping, Sequence

@@ -1,7 +1,5 @@
 """Many cars in a generated town: the ``fleet:`` section of a scenario."""
 
-from __future__ import annotations
-
 from typing import Annotated
 
 from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema

@@ -1,7 +1,5 @@
 """The ``genie:`` section of a scenario: ``core.rules.GenieRules``, as it is written in YAML."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 

@@ -3,8 +3,6 @@
 Tags: [S] a public source, named; [D] derived from one, formula given; [A] assumed, to be varied.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Annotated, Any
 

@@ -1,7 +1,5 @@
 """The ``methods:`` of a scenario: names, or mappings with settings of their own."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Annotated, Any
 

@@ -1,7 +1,5 @@
 """Overrides of single settings from the command line: ``--set cars[0].device=orin_nano``."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from typing import Any, NamedTuple

@@ -1,7 +1,5 @@
 """Who drives where in a scenario: edges, cars with their cameras, links and routes."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Annotated, Any, Self
 

@@ -4,8 +4,6 @@ An argument's name carries its unit (``cell_m``, ``ttl_ns``), its name in YAML d
 (``cell: 1 m``, ``ttl: 10 s``). So a plug-in needs no model beside its class.
 """
 
-from __future__ import annotations
-
 import functools
 import inspect
 from collections.abc import Callable, Mapping, Sequence

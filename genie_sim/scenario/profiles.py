@@ -3,8 +3,6 @@
 Tags: [P] the paper says so; [S] a public source; [M] measured; [D] derived, formula given; [A] assumed, to be varied.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated, Generic, Literal, TypeVar
 
@@ -74,7 +72,7 @@ class ModelTime(Model):
     source: Annotated[str, Field(min_length=1)]
 
     @model_validator(mode="after")
-    def _fits_or_not(self) -> ModelTime:
+    def _fits_or_not(self) -> "ModelTime":
         if (self.median_ns is None) != self.oom:
             problem("median", "exactly one of 'median' and 'oom: true' must be given")
         if self.quantiles_ns and (len(self.quantiles_ns) < 2 or sorted(self.quantiles_ns) != list(self.quantiles_ns)):
@@ -91,7 +89,7 @@ class KeyTime(Model):
     source: Annotated[str, Field(min_length=1)]
 
     @model_validator(mode="after")
-    def _one_of_both(self) -> KeyTime:
+    def _one_of_both(self) -> "KeyTime":
         if (self.median_ns is None) == (self.of_detection is None):
             problem("median", "exactly one of 'median' and 'of_detection' must be given")
         return self

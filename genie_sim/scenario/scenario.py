@@ -4,8 +4,6 @@
 simulating. In Python names carry units (``start_ns``), in YAML values do (``start: 3 s``).
 """
 
-from __future__ import annotations
-
 import copy
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from pathlib import Path
@@ -245,7 +243,7 @@ class Scenario(Overridable):
         """The profile of each device that is named here, as it was read when the scenario was checked."""
         return self._profiles
 
-    def under(self, entry: MethodEntry) -> Scenario:
+    def under(self, entry: MethodEntry) -> "Scenario":
         """The scenario with the settings that one method has otherwise. Raises ``UserError``."""
         if not entry.settings:
             return self

@@ -1,7 +1,5 @@
 """JSON Schemas of scenarios and device profiles, so that an editor completes settings and marks mistakes."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue

@@ -5,8 +5,6 @@ and ``2011_09_26`` stay text; duplicate keys, tags, and documents that explode w
 refused.
 """
 
-from __future__ import annotations
-
 import copy
 import functools
 import re

@@ -1,7 +1,5 @@
 """Cameras: they replay what was recorded, at its own stamps."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 
 from genie_sim.messages import Frame, Header, Image

@@ -4,8 +4,6 @@ Most of what happens in a run is one call at a later time. The heap holds the in
 numbers, and each has a list of calls, in the order in which they were scheduled.
 """
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Callable
 from heapq import heappop, heappush

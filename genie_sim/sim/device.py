@@ -1,7 +1,5 @@
 """Hosts and what computes on them: accelerators and CPUs with a service-time law."""
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Callable
 from typing import Any

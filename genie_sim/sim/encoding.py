@@ -3,8 +3,6 @@
 What a detector finds in them then comes from a recording of the very pictures after encoding and decoding.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple

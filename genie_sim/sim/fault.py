@@ -1,7 +1,5 @@
 """Faults: what goes wrong in a world, and when."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
@@ -25,10 +23,10 @@ class Fault(Protocol):
     @property
     def duration_ns(self) -> int | None: ...
 
-    def begin(self, world: World) -> None:
+    def begin(self, world: "World") -> None:
         """From now on it is wrong."""
 
-    def end(self, world: World) -> None:
+    def end(self, world: "World") -> None:
         """It is right again."""
 
 
@@ -48,7 +46,7 @@ class TimedFault:
     mean_duration_ns: int = 0
 
 
-def start(world: World, timed: TimedFault) -> None:
+def start(world: "World", timed: TimedFault) -> None:
     """Lets a fault happen at its times. The world's own end does not wait for a fault that goes on for ever."""
     env, fault = world.env, timed.fault
     if timed.mean_time_between_ns is None:
@@ -74,7 +72,7 @@ def start(world: World, timed: TimedFault) -> None:
     env.after(timed.begin_ns + next_time(between_ns), begin)
 
 
-def _once(world: World, timed: TimedFault) -> None:
+def _once(world: "World", timed: TimedFault) -> None:
     timed.fault.begin(world)
     if timed.end_ns is not None:
         world.env.after(timed.end_ns - timed.begin_ns, timed.fault.end, world)

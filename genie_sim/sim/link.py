@@ -1,7 +1,5 @@
 """Links: a sender with a queue, a channel that takes its time, and what gets lost on the way."""
 
-from __future__ import annotations
-
 from collections import Counter, deque
 from collections.abc import Callable, Hashable
 from typing import Any

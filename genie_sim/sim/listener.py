@@ -1,7 +1,5 @@
 """Listens to a car's graph: when its frames are received, and where the answers to them come from."""
 
-from __future__ import annotations
-
 from typing import TYPE_CHECKING
 
 from genie_sim.messages import Detections, Message
@@ -18,7 +16,7 @@ class CarListener:
     """Tells the monitor of each frame when it reaches the first node's queue, and of each answer when the consumer has
     it. With ``no_server`` no node takes the frames: they are lost at once."""
 
-    def __init__(self, world: World, car: str, graph: Graph, uplink: CarUplink | None, no_server: bool) -> None:
+    def __init__(self, world: "World", car: str, graph: "Graph", uplink: "CarUplink | None", no_server: bool) -> None:
         self.address = f"{graph.name}/watch"
         self._world = world
         self._car = car

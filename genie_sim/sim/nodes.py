@@ -1,7 +1,5 @@
 """The nodes of the simulated graph: detector, interceptor (a Genie), consumer; and how one is attached to a node."""
 
-from __future__ import annotations
-
 from collections import OrderedDict
 from collections.abc import Callable
 from typing import Any

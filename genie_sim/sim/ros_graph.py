@@ -1,7 +1,5 @@
 """A ROS graph: who subscribes to and publishes which topic, with the master's names and remappings."""
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, Any, Protocol
@@ -40,14 +38,14 @@ class Graph:
         self._nodes: dict[str, Node] = {}
         self._remapped: dict[str, dict[str, str]] = {}
 
-    def register(self, node: Node) -> None:
+    def register(self, node: "Node") -> None:
         """A node announces itself and its topics to the master."""
         self._nodes[node.name] = node
         self._remapped[node.name] = {}
         for topic in node.subscribes:
             self.subscribe(topic, node)
 
-    def node(self, name: str) -> Node:
+    def node(self, name: str) -> "Node":
         return self._nodes[name]
 
     def topics_of(self, name: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
@@ -59,7 +57,7 @@ class Graph:
         )
 
     @property
-    def nodes(self) -> tuple[Node, ...]:
+    def nodes(self) -> "tuple[Node, ...]":
         """Every node, in the order in which they registered."""
         return tuple(self._nodes.values())
 
@@ -92,7 +90,7 @@ class Graph:
         for node in self._nodes.values():
             node.routes.clear()
 
-    def publish(self, node: Node, topic: str, message: Message, to: str | None = None) -> None:
+    def publish(self, node: "Node", topic: str, message: Message, to: str | None = None) -> None:
         """Delivers to every other node that subscribes to the topic, or only to the one whose address is ``to``."""
         route = node.routes.get(topic)
         if route is None:
@@ -104,7 +102,7 @@ class Graph:
             hop_ns = node.host.hop_ns[message.size_bytes]
             self.env.after(hop_ns, self._arrive, receivers, current, message, node.name)
 
-    def _route(self, node: Node, topic: str) -> tuple[str, list[Subscriber]]:
+    def _route(self, node: "Node", topic: str) -> tuple[str, list[Subscriber]]:
         """The current name of a node's topic, and who gets what the node publishes on it."""
         current = self._remapped[node.name].get(topic, topic)
         listeners = (*self._subscribers.get(current, ()), *self._bridges.get(current, ()))
@@ -134,7 +132,7 @@ class Node:
     def __init__(
         self,
         name: str,
-        host: Host,
+        host: "Host",
         graph: Graph,
         subscribes: Iterable[str],
         publishes: Iterable[str],

@@ -1,7 +1,5 @@
 """How long things take: the law of a service time, and of a message's hop from one process to another."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """Everything that a world is built from, as plain values: names, times in nanoseconds, sizes in bytes."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 

@@ -4,8 +4,6 @@ A method says, for every car and every edge, whether a detector runs there, what
 topics are joined to whom. The world builds that, in the same way for every method.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol

@@ -5,8 +5,6 @@ Whoever keeps messages waiting keeps their ways beside them and goes on with ``w
 before it ends, so the steps of an answer add up to its response time.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Which edges are neighbours, and the ports through which they share."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
@@ -21,7 +19,7 @@ EDGES = "edges"  # the network between edges, in the names of links
 class Edge:
     """An edge server: its host, its ROS graph, what stands there, and the way down to its cars."""
 
-    def __init__(self, name: str, host: Host, graph: Graph, station: Station) -> None:
+    def __init__(self, name: str, host: "Host", graph: "Graph", station: Station) -> None:
         self.name = name
         self.host = host
         self.graph = graph
@@ -31,7 +29,7 @@ class Edge:
         graph.bridge(OBJECTS, self.downlinks)
 
 
-def neighbours(edges: Sequence[EdgeSetup]) -> Iterator[tuple[str, list[str]]]:
+def neighbours(edges: "Sequence[EdgeSetup]") -> Iterator[tuple[str, list[str]]]:
     """Each edge with its neighbours. Two edges are neighbours unless one names its own and leaves the other out."""
     named = {edge.name: edge.neighbours for edge in edges}
     order = {edge.name: place for place, edge in enumerate(edges)}
@@ -41,7 +39,7 @@ def neighbours(edges: Sequence[EdgeSetup]) -> Iterator[tuple[str, list[str]]]:
         yield name, [other for other in others if (theirs := named[other]) is None or name in theirs]
 
 
-def join_edges(world: World, edges: Mapping[str, Edge]) -> None:
+def join_edges(world: "World", edges: Mapping[str, Edge]) -> None:
     """What an edge publishes on the topics that its neighbours hear reaches them through its port to the network."""
     if not any(edge.station.hears for edge in edges.values()):
         return

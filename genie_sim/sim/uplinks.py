@@ -1,7 +1,5 @@
 """A car's way to its edge and back."""
 
-from __future__ import annotations
-
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -24,7 +22,7 @@ class CarUplink:
     which is there again when the car comes back.
     """
 
-    def __init__(self, world: World, car: CarSetup, graph: Graph, topics: Uplink) -> None:
+    def __init__(self, world: "World", car: "CarSetup", graph: "Graph", topics: Uplink) -> None:
         assert car.edge is not None
         self.address = f"{car.name}/uplink"
         self.edge = car.edge
@@ -66,7 +64,7 @@ class CarUplink:
         """No connection is left."""
         self._bridges.clear()
 
-    def _bridges_to(self, edge: Edge) -> tuple[Bridge, Bridge]:
+    def _bridges_to(self, edge: "Edge") -> tuple[Bridge, Bridge]:
         """What carries the car's frames up to an edge, and the answers to them down."""
         car, monitor = self._car, self._world.monitor
         assert car.link is not None, "a car with an edge has a link"

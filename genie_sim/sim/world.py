@@ -1,7 +1,5 @@
 """Builds the world of a scenario for one method, and lets time run in it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial

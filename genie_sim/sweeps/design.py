@@ -4,8 +4,6 @@ Every combination of the ``grid`` and ``list`` axes is made; each combination is
 the ``random`` and ``latin_hypercube`` axes; and each point is run with every seed.
 """
 
-from __future__ import annotations
-
 import itertools
 import json
 import re
@@ -265,7 +263,7 @@ class Design(Model):
         """The column of each axis in the tables: its name, and its unit in brackets."""
         return {name: f"{name} [{axis.unit}]" if axis.unit else name for name, axis in self.axes.items()}
 
-    def points(self) -> Iterator[Point]:
+    def points(self) -> "Iterator[Point]":
         """All points, the last crossed axis and the samples changing fastest."""
         fixed = dict(self.settings)
         crossed = {name: axis.levels() for name, axis in self.axes.items() if not axis.sampled}

@@ -1,7 +1,5 @@
 """Figures of a sweep: what reuse, response times and correctness do along each axis, and over two axes at once."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Iterator, Sequence
@@ -48,7 +46,7 @@ SHARES = (
 MARKER_ROOM = 0.03  # above the highest value, of the panel's height
 
 
-def of_sweep(design: Design, runs: pd.DataFrame, footer: str) -> Iterator[tuple[str, Figure]]:
+def of_sweep(design: Design, runs: "pd.DataFrame", footer: str) -> Iterator[tuple[str, Figure]]:
     """Every figure with the name of its file; ``runs`` is ``tables.of_runs``.
 
     Along each axis, with a column of panels for each value of one other axis; a heat map of the first two crossed
@@ -68,7 +66,7 @@ def of_sweep(design: Design, runs: pd.DataFrame, footer: str) -> Iterator[tuple[
             yield f"{first}-{second}{suffix}", heat(columns[first], columns[second], here, footer, said)
 
 
-def _places(runs: pd.DataFrame, columns: Sequence[str]) -> Iterator[tuple[str, str, pd.DataFrame]]:
+def _places(runs: "pd.DataFrame", columns: Sequence[str]) -> "Iterator[tuple[str, str, pd.DataFrame]]":
     """The runs at every combination of values of these columns, with a suffix for file names and words for titles."""
     values = [list(dict.fromkeys(runs[column])) for column in columns]
     for number, place in enumerate(itertools.islice(itertools.product(*values), MOST_PLACES), start=1):
@@ -83,7 +81,7 @@ def _places(runs: pd.DataFrame, columns: Sequence[str]) -> Iterator[tuple[str, s
 def along(
     axis: Axis,
     column: str,
-    runs: pd.DataFrame,
+    runs: "pd.DataFrame",
     footer: str,
     beside: str | None = None,
     averaged: Sequence[str] = (),
@@ -130,7 +128,7 @@ def along(
 
 
 @in_style()
-def heat(first: str, second: str, runs: pd.DataFrame, footer: str, at: str = "") -> Figure:
+def heat(first: str, second: str, runs: "pd.DataFrame", footer: str, at: str = "") -> Figure:
     """Means across seeds over two axes, ``second`` to the right and ``first`` upwards: a row of panels a metric, a
     column a method. Darker is more, on one scale a metric; of Genies' metrics those on cars are shown."""
     means = across_seeds(runs[runs["component"] == ""], [first, second])
@@ -158,7 +156,7 @@ def heat(first: str, second: str, runs: pd.DataFrame, footer: str, at: str = "")
     return figure
 
 
-def _heat_map(panel: Axes, cells: pd.DataFrame, ends: tuple[float, float], percent: bool) -> None:
+def _heat_map(panel: Axes, cells: "pd.DataFrame", ends: tuple[float, float], percent: bool) -> None:
     values = cells.to_numpy(float)
     panel.imshow(values, cmap="Blues", aspect="auto", origin="lower", vmin=ends[0], vmax=ends[1])
     panel.grid(False)
@@ -171,11 +169,11 @@ def _heat_map(panel: Axes, cells: pd.DataFrame, ends: tuple[float, float], perce
             panel.text(x, y, text, ha="center", va="center", color="white" if value > middle else "black", fontsize=7)
 
 
-def _shows(runs: pd.DataFrame) -> str:
+def _shows(runs: "pd.DataFrame") -> str:
     return "means and 95 % intervals across seeds" if runs["seed"].nunique() > 1 else "one seed, so without intervals"
 
 
-def _draw(panel: Axes, axis: Axis, column: str, means: pd.DataFrame, methods: Sequence[str]) -> None:
+def _draw(panel: Axes, axis: Axis, column: str, means: "pd.DataFrame", methods: Sequence[str]) -> None:
     levels = list(dict.fromkeys(means[column]))
     numbers = [level for level in levels if isinstance(level, float)]
     numeric = len(numbers) == len(levels)

@@ -1,7 +1,5 @@
 """The page of a sweep: a table of its points, and curves along each axis, of whichever metric."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -70,7 +68,7 @@ def page_data(folder: Path) -> dict[str, Any]:
     }
 
 
-def _read(folder: Path) -> tuple[dict[str, Any], pd.DataFrame, pd.DataFrame]:
+def _read(folder: Path) -> "tuple[dict[str, Any], pd.DataFrame, pd.DataFrame]":
     """What ``sweep.json``, ``runs.parquet`` and ``table.parquet`` say."""
     import pandas as pd
 
@@ -92,7 +90,7 @@ def _read(folder: Path) -> tuple[dict[str, Any], pd.DataFrame, pd.DataFrame]:
     return about, runs, points
 
 
-def _chosen(points: pd.DataFrame, runs: pd.DataFrame, columns: Sequence[str], notes: list[str]) -> pd.DataFrame:
+def _chosen(points: "pd.DataFrame", runs: "pd.DataFrame", columns: Sequence[str], notes: list[str]) -> "pd.DataFrame":
     """The rows of all metrics, or of the main ones where all would be too much for a page."""
     levels = sum(min(runs[column].nunique(), MOST_LEVELS) for column in columns)
     series = len(points[BY].drop_duplicates())
@@ -103,7 +101,7 @@ def _chosen(points: pd.DataFrame, runs: pd.DataFrame, columns: Sequence[str], no
 
 
 def _table(
-    points: pd.DataFrame, kept: pd.DataFrame, columns: Sequence[str], of: Series, notes: list[str]
+    points: "pd.DataFrame", kept: "pd.DataFrame", columns: Sequence[str], of: "Series", notes: list[str]
 ) -> dict[str, Any]:
     """The points' levels, column by column, and each metric's values in the same order."""
     places = points[["point", *columns]].drop_duplicates("point")
@@ -120,7 +118,7 @@ def _table(
 
 
 def _curves(
-    runs: pd.DataFrame, kept: pd.DataFrame, axes: Mapping[str, Mapping[str, Any]], of: Series, notes: list[str]
+    runs: "pd.DataFrame", kept: "pd.DataFrame", axes: Mapping[str, Mapping[str, Any]], of: "Series", notes: list[str]
 ) -> Iterator[dict[str, Any]]:
     """Along each axis: averages over all other axes, and the same at each level of another crossed axis."""
     of_kept = runs[runs["metric"].isin(kept["metric"].unique())]
@@ -151,7 +149,7 @@ def _curves(
         }  # fmt: skip
 
 
-def _values(means: pd.DataFrame, of: Series, key: str, places: list[Any]) -> dict[str, list[Any]]:
+def _values(means: "pd.DataFrame", of: "Series", key: str, places: list[Any]) -> dict[str, list[Any]]:
     """By metric and what it is of, three columns in the order of ``places``: value, low, high; ``None`` where not
     defined."""
     made: dict[str, list[Any]] = {name: [None] * len(series) for name, series in of.items()}
@@ -162,7 +160,7 @@ def _values(means: pd.DataFrame, of: Series, key: str, places: list[Any]) -> dic
     return made
 
 
-def _levels(values: pd.Series[Any]) -> list[float | str]:
+def _levels(values: "pd.Series[Any]") -> list[float | str]:
     return [value if isinstance(value, str) else float(value) for value in values]
 
 

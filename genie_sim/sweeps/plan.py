@@ -1,7 +1,5 @@
 """From the points of a sweep to runs with ids, and from runs to tasks."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path

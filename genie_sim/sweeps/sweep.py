@@ -1,7 +1,5 @@
 """Runs a sweep, or what is missing of it, and makes its tables, figures and page once every run is there."""
 
-from __future__ import annotations
-
 import contextlib
 import itertools
 import json
@@ -57,12 +55,12 @@ class Sweep:
     plan: Plan
 
     @classmethod
-    def load(cls, path_or_name: str | Path, out: Path, progress: Progress | None = None) -> Sweep:
+    def load(cls, path_or_name: str | Path, out: Path, progress: Progress | None = None) -> "Sweep":
         """Reads and checks the sweep and its folder. Raises ``UserError``."""
         return cls.of(load_design(path_or_name), str(files.find(files.SWEEP, path_or_name)), out, progress)
 
     @classmethod
-    def of(cls, design: Design, where: str, out: Path, progress: Progress | None = None) -> Sweep:
+    def of(cls, design: Design, where: str, out: Path, progress: Progress | None = None) -> "Sweep":
         """Checks a sweep and its folder; ``where`` the sweep comes from. Raises ``UserError``."""
         folder = out / design.name
         _check(folder)
@@ -135,7 +133,7 @@ class Sweep:
     def _parts(self) -> Path:
         return self.folder / "parts"
 
-    def _write(self) -> pd.DataFrame:
+    def _write(self) -> "pd.DataFrame":
         """The tables; returns that of all runs."""
         columns = list(self.design.columns.values())
         runs = tables.of_runs(self.plan.entries, columns, tables.read_parts(self._parts, self.plan.runs.keys()))
@@ -154,7 +152,7 @@ class Sweep:
         shutil.rmtree(self.folder / FAILURES, ignore_errors=True)  # of runs that a plug-in has since been mended for
         return runs
 
-    def _draw(self, runs: pd.DataFrame) -> None:
+    def _draw(self, runs: "pd.DataFrame") -> None:
         """The figures and the page."""
         from genie_sim.analysis import figures as of_runs
         from genie_sim.sweeps import figures, page

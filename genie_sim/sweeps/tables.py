@@ -4,8 +4,6 @@ They are made from the parts alone and depend on the sweep and its runs' ids onl
 order, or how often it was interrupted.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -26,7 +24,7 @@ def done_runs(parts: Path) -> set[str]:
     return {run_id for path in _paths(parts) for run_id in _part(path)["run_id"].unique()}
 
 
-def read_parts(parts: Path, run_ids: Collection[str]) -> pd.DataFrame:
+def read_parts(parts: Path, run_ids: Collection[str]) -> "pd.DataFrame":
     """The metrics of these runs, each once: the columns of ``PART``."""
     import pandas as pd
 
@@ -42,7 +40,7 @@ def read_parts(parts: Path, run_ids: Collection[str]) -> pd.DataFrame:
     return pd.concat([part.astype(texts) for part in kept])
 
 
-def of_runs(entries: Sequence[Entry], columns: Sequence[str], measured: pd.DataFrame) -> pd.DataFrame:
+def of_runs(entries: Sequence[Entry], columns: Sequence[str], measured: "pd.DataFrame") -> "pd.DataFrame":
     """One row per point, seed and metric: the axes' values, what was measured, and its interval inside the run."""
     import pandas as pd
 
@@ -51,14 +49,14 @@ def of_runs(entries: Sequence[Entry], columns: Sequence[str], measured: pd.DataF
     return places.merge(measured, on="run_id", how="left")  # keeps the order of both
 
 
-def of_points(runs: pd.DataFrame, columns: Sequence[str]) -> pd.DataFrame:
+def of_points(runs: "pd.DataFrame", columns: Sequence[str]) -> "pd.DataFrame":
     """One row per point and metric: mean over the seeds, 95 % t interval, and the number of runs that define it."""
     means = across_seeds(runs, ["point"])
     places = runs[["point", *columns]].drop_duplicates("point")
     return places.merge(means, on="point", how="left")
 
 
-def differences(runs: pd.DataFrame, columns: Sequence[str], along: str, to: Any) -> pd.DataFrame:
+def differences(runs: "pd.DataFrame", columns: Sequence[str], along: str, to: Any) -> "pd.DataFrame":
     """Paired differences of every metric: each value of the column ``along`` minus the value ``to``, seed by seed.
 
     ``runs`` is ``of_runs`` with the axes in ``columns``; ``along`` is one of them or ``method``. Returns the axes,
@@ -79,7 +77,7 @@ def differences(runs: pd.DataFrame, columns: Sequence[str], along: str, to: Any)
     return across_seeds(both.assign(value=both["value"] - both["value_reference"]), columns, differences=True)
 
 
-def all_differences(runs: pd.DataFrame, columns: Sequence[str], crossed: Sequence[str]) -> pd.DataFrame:
+def all_differences(runs: "pd.DataFrame", columns: Sequence[str], crossed: Sequence[str]) -> "pd.DataFrame":
     """Paired differences of methods from the first method, and along each ``crossed`` column from its first value:
     ``along`` and ``against`` say which."""
     import pandas as pd
@@ -91,7 +89,7 @@ def all_differences(runs: pd.DataFrame, columns: Sequence[str], crossed: Sequenc
     return pd.concat(found, ignore_index=True)
 
 
-def write_parquet(table: pd.DataFrame, path: Path, about: Mapping[bytes, bytes]) -> None:
+def write_parquet(table: "pd.DataFrame", path: Path, about: Mapping[bytes, bytes]) -> None:
     """``about`` is what the file says of itself. Raises ``UserError``."""
     import pyarrow as pa
     import pyarrow.parquet as pq
@@ -101,7 +99,7 @@ def write_parquet(table: pd.DataFrame, path: Path, about: Mapping[bytes, bytes])
         pq.write_table(made, file, compression="zstd", version="2.6")
 
 
-def write_csv(table: pd.DataFrame, path: Path) -> None:
+def write_csv(table: "pd.DataFrame", path: Path) -> None:
     """An undefined number is an empty field. A text that a spreadsheet would take for a formula gets an apostrophe in
     front. Raises ``UserError``."""
     texts = table.select_dtypes(exclude="number").columns
@@ -114,7 +112,7 @@ def _paths(parts: Path) -> list[Path]:
     return sorted(path for path in parts.glob("*.parquet") if not path.name.startswith("."))
 
 
-def _part(path: Path) -> pd.DataFrame:
+def _part(path: Path) -> "pd.DataFrame":
     try:
         return tables.read(path, PART).to_frame()
     except UserError as error:

@@ -5,8 +5,6 @@ A worker is a process here, under a batch system, or on a Dask cluster. It needs
 profiles and traces come with ``Shared``, packed, and are unpacked once in each worker.
 """
 
-from __future__ import annotations
-
 import functools
 import hashlib
 import os

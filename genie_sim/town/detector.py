@@ -1,7 +1,5 @@
 """The town's detector: what a camera has in view, and what the laws let a detector find of it."""
 
-from __future__ import annotations
-
 import math
 from operator import attrgetter
 

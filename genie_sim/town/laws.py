@@ -11,8 +11,6 @@ it, the score rises with z through the quantiles of the scores seen at that rang
 it, along the line of sight and across.
 """
 
-from __future__ import annotations
-
 import functools
 import json
 from array import array

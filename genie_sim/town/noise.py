@@ -4,8 +4,6 @@ A key (64 bits) is mixed as in the finaliser of SplitMix64 (Steele, Lea, Flood, 
 generators", OOPSLA 2014, doi:10.1145/2660193.2660195); its bits pick a standard normal number out of a table.
 """
 
-from __future__ import annotations
-
 import functools
 import math
 from array import array
@@ -34,7 +32,7 @@ def normals() -> tuple[float, ...]:
 
 
 @functools.cache
-def smooth_normals(step: float) -> array[float]:
+def smooth_normals(step: "float") -> "array[float]":
     """65,536 standard normal numbers in a row, in which numbers n places apart are correlated by exp(-n step)."""
     table, kept = normals(), math.exp(-step)
     fresh = math.sqrt(1.0 - kept * kept)

@@ -1,7 +1,5 @@
 """Objects that a camera may see in the town, each with the random numbers that stay with it."""
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

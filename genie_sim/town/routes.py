@@ -4,8 +4,6 @@ A drive is a list of pieces, each with a constant curvature and a constant accel
 is one formula.
 """
 
-from __future__ import annotations
-
 import functools
 import heapq
 import math

@@ -1,7 +1,5 @@
 """What a town is made of: its streets, what stands and moves there, and how its people commute."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, fields
 from typing import NoReturn

@@ -1,7 +1,5 @@
 """The frame source of a generated town: every car drives its own way, and what is really there is known."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -56,7 +54,7 @@ class InTown:
         """About how many cells of that size the town has."""
         return math.prod(max(1.0, blocks * self.town.block_m / cell_m) for blocks in self.town.blocks)
 
-    def open(self, seed: int, origin: Geodetic | None, progress: Progress | None = None) -> TownDrives:
+    def open(self, seed: int, origin: Geodetic | None, progress: "Progress | None" = None) -> "TownDrives":
         from genie_sim.town.town import Town
 
         return TownDrives(Town(self.town, seed), self)
@@ -67,14 +65,14 @@ class TownDrives:
     """A town with the drives through it. A car sees the town at the time that the simulation has then, but for the
     phases of its cameras."""
 
-    town: Town
+    town: "Town"
     settings: InTown
     seeded: bool = True
 
-    def drive(self, car: str, trace: str | None, start_ns: int) -> Drive:
+    def drive(self, car: str, trace: str | None, start_ns: int) -> "Drive":
         return self.town.drive(car, self.settings.duration_ns, self.settings.interval_ns, start_ns)
 
-    def truth_of(self, drive: Drive) -> TownTruth:
+    def truth_of(self, drive: "Drive") -> "TownTruth":
         return TownTruth(self.town, drive.start_ns, self.settings.tolerance_m, self.settings.range_m)
 
     def digests(self) -> Mapping[str, str]:
@@ -88,7 +86,7 @@ class TownDrives:
 class TownTruth:
     """What is really there on the drive of a car that starts at ``start_ns`` of the town's clock."""
 
-    town: Town
+    town: "Town"
     start_ns: int
     reach_m: float
     range_m: float

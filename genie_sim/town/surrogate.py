@@ -6,8 +6,6 @@ over 0.45 to 29 m. A surrogate has random Fourier features of that kernel (A. Ra
 heading, and a random part of its own for each frame. Of what moves in the picture it knows nothing.
 """
 
-from __future__ import annotations
-
 import functools
 import math
 from typing import NamedTuple

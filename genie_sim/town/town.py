@@ -1,7 +1,5 @@
 """The town: its streets and people, made from rules and a seed alone, and the drives of any cars through it."""
 
-from __future__ import annotations
-
 import functools
 import hashlib
 import json
@@ -70,7 +68,7 @@ class Town:
     def _commuting(self) -> routes.Commuting:
         return routes.Commuting(self.rules, stream(self.seed, STREAM, "destinations"))
 
-    def drive(self, car: str, duration_ns: int, interval_ns: int = 100_000_000, start_ns: int = 0) -> Drive:
+    def drive(self, car: str, duration_ns: int, interval_ns: int = 100_000_000, start_ns: int = 0) -> "Drive":
         """What the cameras of one car see, a frame every ``interval_ns``, from ``start_ns`` on the town's clock on.
 
         The route is the car's own: it depends on the town and the car's name alone. Raises UserError for times that

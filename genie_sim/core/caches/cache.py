@@ -1,7 +1,5 @@
 """What similarity caches share: a message cache whose keys are vectors, and the node around it."""
 
-from __future__ import annotations
-
 import functools
 import math
 from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
@@ -71,12 +69,12 @@ class SimilarityCache(MessageCache):
     def learn(self, key: Key, answer: Answer, now_ns: int) -> None:
         """The first answer to a request is known, and about to be stored."""
 
-    def seen(self, answers: Iterable[Answer], pose: CameraPose) -> Objects:
+    def seen(self, answers: Iterable[Answer], pose: CameraPose) -> "Objects":
         """The objects of answers to a request from ``pose``, in places that are comparable between requests."""
         there = ORIGIN if self._replay == "world" else pose
         return objects(tuple(placed(one for each in answers for one in moved(each, there, ORIGIN).objects or ())))
 
-    def held(self, key: Key) -> Objects:
+    def held(self, key: Key) -> "Objects":
         """The same of the stored answers of a key."""
         found = self._held.get(key)
         if found is None:

@@ -1,7 +1,5 @@
 """Cachier: an edge cache as large as makes the expected time least (U. Drolia et al., ICDCS 2017)."""
 
-from __future__ import annotations
-
 from collections.abc import Hashable, Iterable
 from itertools import accumulate
 

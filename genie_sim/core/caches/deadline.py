@@ -4,8 +4,6 @@ After DeepDecision (X. Ran et al., INFOCOM 2018) with Neurosurgeon's split fixed
 2017). Means are exponential with a gain of 1/8, as TCP's of round-trip times (RFC 6298).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Literal, NamedTuple
 

@@ -3,8 +3,6 @@
 Whole numbers because their distances are exact, in any order of adding up: every machine finds the same neighbour.
 """
 
-from __future__ import annotations
-
 import functools
 from typing import Any
 

@@ -1,7 +1,5 @@
 """FoggyCache: adaptive hashing finds neighbours, and they vote (P. Guo, B. Hu, R. Li, W. Hu, MobiCom 2018)."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Hashable
 

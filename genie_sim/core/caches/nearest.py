@@ -1,7 +1,5 @@
 """Keys that are vectors, and the nearest of them. Distances are exact: they are computed in whole numbers."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Hashable
 
 import numpy as np

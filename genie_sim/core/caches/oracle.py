@@ -1,7 +1,5 @@
 """What an all-knowing cache would replay: an answer that anybody got, and that is right for this very frame."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 

@@ -1,7 +1,5 @@
 """Potluck: a threshold of likeness that learns from misses (P. Guo, W. Hu, ASPLOS 2018)."""
 
-from __future__ import annotations
-
 from collections.abc import Hashable
 
 import numpy as np

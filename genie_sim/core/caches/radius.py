@@ -1,7 +1,5 @@
 """SIM-LRU and RND-LRU: what is near enough is the same (F. Chierichetti, R. Kumar, S. Vassilvitskii, PODS 2009)."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from genie_sim.core.caches.cache import Replay, SimilarityCache

@@ -4,8 +4,6 @@ To add one, write a class with ``Never`` as its base and name it in ``FRESHNESS`
 ``package.module:Class``). Its arguments are its settings in YAML.
 """
 
-from __future__ import annotations
-
 from genie_sim.core.freshness.class_ttl import ClassTtl
 from genie_sim.core.freshness.corroborate import Corroborate
 from genie_sim.core.freshness.existence import Existence

@@ -4,8 +4,6 @@ TR 102 863: permanent static, transient static, transient dynamic, highly dynami
 the longest intervals between messages about such objects in ETSI TR 103 562: 1 s, and 500 ms for persons.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 from genie_sim.core.freshness.never import Never, positive

@@ -1,7 +1,5 @@
 """``corroborate``: one car's word is not enough for others."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from genie_sim.core.freshness.never import Never, positive

@@ -5,8 +5,6 @@ on Automatic Control 39(6), 1994), where an object that was in view and not foun
 ``autoware``: the rule of autowarefoundation/autoware_universe, ``perception/autoware_multi_object_tracker``.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any, Literal
 

@@ -1,7 +1,5 @@
 """The laws of a detector that existence needs: how often it finds what is there, and what its scores are worth."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import NamedTuple
 

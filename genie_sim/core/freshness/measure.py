@@ -1,7 +1,5 @@
 """Measures a detector's laws on what it found, without labels."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Iterable
 from dataclasses import dataclass, field

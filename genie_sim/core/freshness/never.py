@@ -1,7 +1,5 @@
 """``never``: the map keeps every object for ever, as in the paper. The base of all other policies."""
 
-from __future__ import annotations
-
 from typing import Any, ClassVar
 
 from genie_sim.core.freshness.laws import ASSUMED, DetectorLaws

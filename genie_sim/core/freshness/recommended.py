@@ -1,7 +1,5 @@
 """``recommended``: looks counted once, tracks, existence with measured laws, answers out of the map."""
 
-from __future__ import annotations
-
 from genie_sim.core.freshness.existence import Existence
 from genie_sim.core.tracking import COAST_NS
 

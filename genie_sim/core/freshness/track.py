@@ -1,7 +1,5 @@
 """``track``: objects move with a constant velocity (``core.tracking``) and are served where they are predicted."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from genie_sim.core.freshness.never import Never, positive

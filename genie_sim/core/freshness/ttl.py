@@ -1,7 +1,5 @@
 """``ttl``: an object that nobody has seen for a fixed time is forgotten."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from genie_sim.core.freshness.never import Never, positive

@@ -4,8 +4,6 @@ To add one, write a frozen dataclass with the method of ``LinkModel`` and name i
 ``package.module:Class``). Its arguments are its settings in YAML.
 """
 
-from __future__ import annotations
-
 from typing import Protocol
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A wire: every bit takes its time, then comes the same delay for all, with jitter and independent losses."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import chain, repeat
@@ -45,7 +43,7 @@ class Wire:
         segments = -(-size_bytes // self.mtu_payload_bytes)
         return (size_bytes + segments * self.overhead_bytes) * 8
 
-    def channel(self, up: bool, rng: np.random.Generator) -> WireChannel:
+    def channel(self, up: bool, rng: np.random.Generator) -> "WireChannel":
         return WireChannel(self, self.rate_up_bps if up else self.rate_down_bps, rng)
 
 
