@@ -7,8 +7,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Literal
 
+from genie_sim.core.freshness.existence import Recommended
 from genie_sim.core.freshness.laws import ASSUMED, DetectorLaws
-from genie_sim.core.freshness.recommended import Recommended
 from genie_sim.core.rules import ObjectMapRules
 from genie_sim.core.track_map import TrackMap
 from genie_sim.core.tracking import COAST_NS, NEAR_M

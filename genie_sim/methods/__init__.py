@@ -9,7 +9,7 @@ METHODS: dict[str, str] = {
     "genie": "genie_sim.methods.genie:Genie",
     "central": "genie_sim.methods.central:Central",
     "sim_lru": "genie_sim.methods.sim_lru:SimilarityLRU",
-    "rnd_lru": "genie_sim.methods.rnd_lru:RandomLRU",
+    "rnd_lru": "genie_sim.methods.sim_lru:RandomLRU",
     "potluck": "genie_sim.methods.potluck:AdaptiveThreshold",
     "foggycache": "genie_sim.methods.foggycache:Foggy",
     "cachier": "genie_sim.methods.cachier:EdgeOfCloud",

@@ -8,9 +8,8 @@ from genie_sim.core.caches.cache import NoMap, stores_nothing
 from genie_sim.core.genies import make_genie
 from genie_sim.core.node import GenieNode
 from genie_sim.errors import UserError, unknown
+from genie_sim.methods.genie import REMOTE
 from genie_sim.sim.station import IMAGES, OBJECTS, Method, Place, Station, Uplink
-
-REMOTE = "-remote"
 
 
 class Central(Method):

@@ -9,6 +9,7 @@ for the same spot. Both follow Algorithm 1 as every Genie does; they only have n
 
 from dataclasses import replace
 from functools import partial
+from typing import Any
 
 from genie_sim.core.genies import make_genie
 from genie_sim.core.node import GenieNode
@@ -45,25 +46,8 @@ class Genie(Method):
         return Station(detector=True, interceptor=genie, hears=(IMAGES + REMOTE, OBJECTS + REMOTE))
 
 
-def _genie(
-    place: Place,
-    subscribed: tuple[str, ...],
-    published: tuple[str, ...],
-    *,
-    on_edge: bool = False,
-    alone: bool = False,
-    miss_policy: MissPolicy | None = None,
-) -> GenieNode:
+def _genie(place: Place, *topics: tuple[str, ...], on_edge: bool = False, **how: Any) -> GenieNode:
     assert place.genie is not None
     rules = place.genie if place.sees else replace(place.genie, car_learns="all")  # there is no own node to learn from
-    return make_genie(
-        rules,
-        f"{place.name}/genie",
-        subscribed,
-        published,
-        on_edge=on_edge,
-        alone=alone,
-        miss_policy=miss_policy,
-        laws=place.laws,
-        tells_changes=place.records_changes,
-    )
+    told = {"laws": place.laws, "tells_changes": place.records_changes, **how}
+    return make_genie(rules, f"{place.name}/genie", *topics, on_edge=on_edge, **told)

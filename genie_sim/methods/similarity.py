@@ -2,15 +2,16 @@
 
 import math
 from functools import partial
+from typing import Any
 
 from genie_sim.core.caches.cache import Replay, SimilarityCache, cache_node
-from genie_sim.core.caches.nearest import NONE, Nearest, key_of
+from genie_sim.core.caches.nearest import Nearest, key_of
 from genie_sim.core.node import GenieNode
 from genie_sim.core.rules import Capacity
-from genie_sim.sim.station import IMAGES, OBJECTS, Interceptor, Method, Place, Station, Uplink
+from genie_sim.methods.genie import REMOTE, UPLINK
+from genie_sim.sim.station import Interceptor, Method, Place, Station
 
-LOCAL, REMOTE = "-local", "-remote"
-UPLINK = Uplink(IMAGES + REMOTE, OBJECTS + REMOTE)
+LOCAL = "-local"
 
 
 def share(name: str, value: float) -> float:
@@ -31,7 +32,7 @@ class Similarity(Method):
     """A cache before every detector, on cars and edges alike; cars upload what they miss, edges share nothing.
 
     ``feature`` names the pictures' vectors. The car computes it and sends it along with the picture. A subclass makes
-    the caches: ``cache``, and says up to which distance a request may wait for the answer to another: ``reach``.
+    the caches: ``cache``.
     """
 
     title = "similarity cache"
@@ -40,9 +41,6 @@ class Similarity(Method):
 
     def cache(self, place: Place, capacity: Capacity | None) -> SimilarityCache:
         raise NotImplementedError
-
-    def reach(self, cache: SimilarityCache) -> float:
-        return NONE
 
     def on_car(self, place: Place) -> Station | None:
         if not place.sees:
@@ -71,16 +69,16 @@ class Similarity(Method):
             published,
             key=key_of(self.feature),
             new_cache=lambda: cache,
-            pending=lambda: Nearest(lambda: self.reach(cache)),
+            pending=lambda: Nearest(lambda: cache.reach),
             share_requests=asks,
         )
 
 
 class TwoWays(Interceptor):
-    """A car's pictures come here, and go to its own detector or up; answers come from both."""
+    """A car's pictures come here, and go to its own detector or up; answers come from both. ``known``: its state."""
 
-    def __init__(self, name: str, subscribed: tuple[str, ...], published: tuple[str, ...]) -> None:
-        self.name = name
+    def __init__(self, name: str, known: Any, subscribed: tuple[str, ...], published: tuple[str, ...]) -> None:
+        self.name, self._known = name, known
         (self._images,), (self._objects,) = subscribed, published
 
     def subscriptions(self) -> tuple[str, ...]:

@@ -9,13 +9,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from genie_sim.core.consumer import Newest, Tracker
-from genie_sim.core.freshness.class_ttl import ClassTtl
-from genie_sim.core.freshness.corroborate import Corroborate
-from genie_sim.core.freshness.existence import Existence
+from genie_sim.core.freshness.existence import Existence, Recommended
 from genie_sim.core.freshness.laws import ASSUMED, DetectorLaws
 from genie_sim.core.freshness.measure import measured
-from genie_sim.core.freshness.recommended import Recommended
 from genie_sim.core.freshness.track import Tracks
+from genie_sim.core.freshness.ttl import ClassTtl, Corroborate
 from genie_sim.core.maps import Viewer
 from genie_sim.core.rules import ObjectMapRules
 from genie_sim.core.track_map import TrackMap

@@ -1,1 +1,1 @@
-"""Similarity caches of the literature, as pure logic: keys that are vectors, and rules that say what is near enough."""
+"""What the similarity caches of the literature share, as pure logic: features, keys that are vectors, and the node."""

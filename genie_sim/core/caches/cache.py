@@ -6,7 +6,7 @@ from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from typing import Any, Literal
 
-from genie_sim.core.caches.nearest import Key, Nearest
+from genie_sim.core.caches.nearest import NONE, Key, Nearest
 from genie_sim.core.eviction import Eviction, Unlimited
 from genie_sim.core.maps import InMap, Learned, Viewer
 from genie_sim.core.matching import Placed, f1, placed
@@ -25,8 +25,10 @@ class SimilarityCache(MessageCache):
     """Answers by the vectors of their pictures. A subclass says which stored answer is replayed: ``choose``.
 
     ``replay``: its objects stand where they were in the ``world``, or as they did before the ``camera``, which the
-    requester's pose then places.
+    requester's pose then places. Up to ``reach`` a request may wait for the answer to another.
     """
+
+    reach = NONE
 
     def __init__(self, eviction: Eviction, capacity: Capacity | None, replay: Replay) -> None:
         limits = (capacity.entries, capacity.bytes) if capacity is not None else (None, None)

@@ -1,16 +1,13 @@
-"""Freshness: how long an object map believes in what it was told. One policy a file.
+"""Freshness: how long an object map believes in what it was told.
 
 To add one, write a class with ``Never`` as its base and name it in ``FRESHNESS`` (or in a scenario as
 ``package.module:Class``). Its arguments are its settings in YAML.
 """
 
-from genie_sim.core.freshness.class_ttl import ClassTtl
-from genie_sim.core.freshness.corroborate import Corroborate
-from genie_sim.core.freshness.existence import Existence
+from genie_sim.core.freshness.existence import Existence, Recommended
 from genie_sim.core.freshness.never import Never
-from genie_sim.core.freshness.recommended import Recommended
 from genie_sim.core.freshness.track import Tracks
-from genie_sim.core.freshness.ttl import Ttl
+from genie_sim.core.freshness.ttl import ClassTtl, Corroborate, Ttl
 
 FRESHNESS: dict[str, type[Never]] = {
     "never": Never,

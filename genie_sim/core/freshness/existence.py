@@ -14,6 +14,7 @@ from genie_sim.core.tracking import COAST_NS, VEHICLE
 from genie_sim.messages import Header
 
 MOVING, PARKED, UNKNOWN = 0.87, 0.9998, 0.97  # survival in one second: halved in 5 s, 1 h, 23 s
+LOG_MOVING, LOG_PARKED, LOG_UNKNOWN = math.log(MOVING), math.log(PARKED), math.log(UNKNOWN)
 HALF_LIFE_S = 0.5  # Autoware's, without a sighting
 GONE = 0.05
 AUTOWARE_LEAST, AUTOWARE_MOST = 0.1, 0.999
@@ -84,4 +85,11 @@ class Existence(Tracks):
         return LOG_PARKED if one.parked else LOG_UNKNOWN
 
 
-LOG_MOVING, LOG_PARKED, LOG_UNKNOWN = math.log(MOVING), math.log(PARKED), math.log(UNKNOWN)
+class Recommended(Existence):
+    """Looks counted once, tracks, existence with measured laws, answers out of the map: serves what exists with a
+    probability of at least ``p_min``, whatever C is."""
+
+    by_existence = True
+
+    def __init__(self, p_min: float = 0.8, coast_ns: int = COAST_NS, measured: bool = True) -> None:
+        super().__init__("ipda", p_min, coast_ns, measured)

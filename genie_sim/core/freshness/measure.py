@@ -1,6 +1,6 @@
 """Measures a detector's laws on what it found, without labels."""
 
-import itertools
+from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any
@@ -74,40 +74,30 @@ def measured(looks: Iterable[Look]) -> DetectorLaws:
 
 
 def _found(records: list[_Record], assumed: Iterable[float]) -> tuple[float, ...]:
-    hits, looks = [0.0] * 10, [0.0] * 10
-    for range_m, found in itertools.chain.from_iterable(one.looks for one in records):
-        i = min(round(range_m / RANGE_STEP_M), 9)
-        looks[i] += 1
-        hits[i] += found
+    looked = [(min(round(range_m / RANGE_STEP_M), 9), found) for one in records for range_m, found in one.looks]
+    looks, hits = Counter(place for place, _ in looked), Counter(place for place, found in looked if found)
     return tuple((hits[i] + WORTH * prior) / (looks[i] + WORTH) for i, prior in enumerate(assumed))
 
 
 def _ratios(real: list[_Record], false: list[_Record]) -> tuple[float, ...]:
     """How likely a look finds a real object with such a score, over how likely it finds a false one."""
-    (of_real, real_looks), (of_false, false_looks) = _scores(real), _scores(false)
-    ratios = []
+    of_real, of_false = (_by_score(score for one in each for score in one.scores[1:]) for each in (real, false))
+    real_looks, false_looks = (sum(len(one.looks) for one in each) for each in (real, false))
+    false_prior, ratios = WORTH * 0.2 / SCORES, []
     for i, prior in enumerate(ASSUMED.ratios):
-        false_prior = WORTH * 0.2 / SCORES
         true = (of_real[i] + false_prior * prior) / (real_looks + WORTH)
         ratios.append(true / ((of_false[i] + false_prior) / (false_looks + WORTH)))
     return tuple(ratios)
 
 
-def _scores(records: list[_Record]) -> tuple[list[int], int]:
-    """How often a track was found again with each score, and how many looks there were."""
-    counts = [0] * SCORES
-    for score in itertools.chain.from_iterable(one.scores[1:] for one in records):
-        counts[round(score / SCORE_STEP)] += 1
-    return counts, sum(len(one.looks) for one in records)
-
-
 def _firsts(real: list[_Record], false: list[_Record]) -> tuple[float, ...]:
     """Which share of what was found with such a score for the first time was real."""
-    counts = [[0] * SCORES, [0] * SCORES]
-    for kind, records in enumerate((false, real)):
-        for one in records:
-            counts[kind][round(one.scores[0] / SCORE_STEP)] += 1
+    right, wrong = (_by_score(one.scores[0] for one in each) for each in (real, false))
     return tuple(
-        (right + WORTH * prior) / (right + wrong + WORTH)
-        for wrong, right, prior in zip(*counts, ASSUMED.firsts, strict=True)
+        (right[i] + WORTH * prior) / (right[i] + wrong[i] + WORTH) for i, prior in enumerate(ASSUMED.firsts)
     )
+
+
+def _by_score(scores: Iterable[float]) -> Counter[int]:
+    """How many there are of each tenth."""
+    return Counter(round(score / SCORE_STEP) for score in scores)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from genie_sim.core.caches.cachier import Cachier, best_size
 from genie_sim.core.rules import Capacity
+from genie_sim.methods.cachier import Cachier, best_size
 from tests.core.caches.vectors import TOPIC, answer, at
 
 MS, S = 10**6, 10**9

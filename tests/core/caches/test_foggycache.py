@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from genie_sim.core.caches.foggycache import FoggyCache, Hashed
 from genie_sim.core.caches.nearest import Nearest
+from genie_sim.methods.foggycache import FoggyCache, Hashed
 from tests.core.caches.vectors import TOPIC, answer, at, key
 
 

@@ -10,9 +10,9 @@ import pytest
 from genie_sim.core.caches.cache import moved
 from genie_sim.core.caches.features import UNIT
 from genie_sim.core.caches.nearest import Nearest
-from genie_sim.core.caches.radius import RndLRU, SimLRU
 from genie_sim.core.rules import Capacity
 from genie_sim.messages import CameraPose
+from genie_sim.methods.sim_lru import RndLRU, SimLRU
 from tests.core.caches.vectors import HERE, TOPIC, answer, at, key
 
 

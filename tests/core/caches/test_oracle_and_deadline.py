@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from genie_sim.core.caches.deadline import Line, Scheduler
-from genie_sim.core.caches.oracle import KnownAnswers
 from genie_sim.core.matching import f1, placed
 from genie_sim.messages import Header
+from genie_sim.methods.deadline import Line, Scheduler
+from genie_sim.methods.oracle import KnownAnswers
 from tests.core.caches.vectors import answer
 
 MS = 10**6

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from genie_sim.core.caches.potluck import Potluck
 from genie_sim.core.rules import Capacity
+from genie_sim.methods.potluck import Potluck
 from tests.core.caches.vectors import TOPIC, answer, at
 
 BOUNDARY = 0.2
@@ -21,7 +21,7 @@ def learned(boundary: float, seed: int, **settings: float) -> list[float]:
         one = at(place)
         if cache.get(one, now) is None:
             cache.put(one, TOPIC, answer(100.0 * (place // boundary)), now)
-            found.append(cache.threshold)
+            found.append(cache.reach)
     return found
 
 
@@ -41,11 +41,11 @@ def test_different_answers_within_the_threshold_tighten_it_and_equal_ones_beyond
     cache = Potluck(None, np.random.default_rng(1), dropout=0.0, warm=1, tighten=4.0, keep=0.8)
     cache.put(at(0.0), TOPIC, answer(1.0), 0)
     cache.put(at(0.5), TOPIC, answer(1.0), 1)
-    assert cache.threshold == pytest.approx(0.1, abs=1e-3)
+    assert cache.reach == pytest.approx(0.1, abs=1e-3)
     assert cache.get(at(0.45), 2) is not None
     assert cache.get(at(0.35), 2) is None
     cache.put(at(0.45), TOPIC, answer(50.0), 3)
-    assert cache.threshold == pytest.approx(0.025, abs=1e-3)
+    assert cache.reach == pytest.approx(0.025, abs=1e-3)
     assert cache.get(at(0.45), 10**10 + 3) is None, "its time is over"
 
 

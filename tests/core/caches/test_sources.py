@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from genie_sim.core.caches.radius import SimLRU
 from genie_sim.core.rules import Capacity
+from genie_sim.methods.sim_lru import SimLRU
 from tests.core.caches.vectors import TOPIC, answer, key
 
 
