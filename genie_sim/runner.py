@@ -272,12 +272,13 @@ def held_of(prepared: Prepared, method: str, setup: Setup, tables: Tables, drive
     """What judges the consumers of one method, if the scenario wants it; ``None`` where nobody knows what is there on
     any car's drive. The floor of the cars in ``driven`` is written already."""
     # A source of one's own need not know what is there.
-    truth_of = getattr(prepared.frames, "truth_of", None) if "held" in prepared.scenario.record else None
+    truth_of = getattr(prepared.frames, "truth_of", None) if "held" in prepared.expanded.record else None
     known = {} if truth_of is None else {car: truth_of(drive) for car, drive in prepared.drives.items()}
     truths = {car: truth for car, truth in known.items() if truth is not None}
     if not truths:
         return None
-    return Held(method, truths, tables.held, driven, partial(CONSUMERS[setup.consumer], setup.laws))
+    objects = tables.held_objects if "held_objects" in prepared.expanded.record else None
+    return Held(method, truths, tables.held, driven, partial(CONSUMERS[setup.consumer], setup.laws), objects)
 
 
 @contextmanager

@@ -28,7 +28,7 @@ from genie_sim.perception.truth_table import (
 )
 from genie_sim.recording import results
 from genie_sim.recording.held import Held, gospa_m
-from genie_sim.recording.records import HELD
+from genie_sim.recording.records import HELD, HELD_OBJECTS
 from genie_sim.recording.results import Metric
 from genie_sim.recording.tables import Table
 from genie_sim.scenario.scenario import Scenario, load_scenario
@@ -79,15 +79,18 @@ class Street:
 Step = tuple[Frame, Sequence[Detection] | None]
 
 
-def judged(*steps: Step, floored: Sequence[str] = ("car1",), what: str = "consumer") -> list[dict[str, Any]]:
+def judged(
+    *steps: Step, floored: Sequence[str] = ("car1",), what: str = "consumer", objects: Table | None = None
+) -> list[dict[str, Any]]:
     """A frame each 100 ms, and after each the answer to it that the consumer is handed, if any: the rows."""
     table = Table(HELD)
-    judge = Held("genie", {"car1": Street()}, table, floored)
+    judge = Held("genie", {"car1": Street()}, table, floored, objects=objects)
     for number, (frame, answer) in enumerate(steps):
         header = Header(number * SECOND // 10, "camera_02", "car1")
         judge.published(Image(header, 1000, "", 0, POSE, 1.4, frame))
         if answer is not None:
             judge.answered(Detections(header, tuple(answer)), header.stamp_ns + SECOND // 20)
+    judge.close()
     rows = table.to_frame()
     return rows[rows["what"] == what].to_dict("records")
 
@@ -159,6 +162,42 @@ def test_what_was_there_long_ago_was_never_there():
     assert (rows[-1]["moved_away"], rows[-1]["never_there"]) == (0, 1)
 
 
+def objects_of(*steps: Step) -> list[tuple[Any, ...]]:
+    """Label, metres east, judgement, first and last tenth of a second of each object; none: to the end."""
+    table = Table(HELD_OBJECTS)
+    judged(*steps, objects=table)
+    rows = table.to_frame()
+    tenths = (rows[["begin_ns", "end_ns"]] / (SECOND // 10)).replace({float("nan"): None})
+    return list(zip(rows["label"], rows["east_m"], rows["judged"], tenths["begin_ns"], tenths["end_ns"], strict=True))
+
+
+def test_a_ghost_is_known_by_its_place_and_time():
+    """The car at 10 m is gone from 0.2 s on, a car at 35 m never was; the answer to that frame has neither."""
+    before = Frame([thing("car", 10.0, moving=True), thing("person", 15.0)])
+    after = Frame([thing("car", 20.0, moving=True), thing("person", 15.0)])
+    wrong = [one("car", 10.0), one("person", 15.0), one("person", 16.5), one("car", 35.0)]
+    right = [one("car", 20.0), one("person", 15.0)]
+    assert sorted(objects_of((before, wrong), (before, None), (after, right), (after, None))) == [
+        ("car", 10.0, "missed", 0, 1),
+        ("car", 10.0, "moved_away", 2, 3),
+        ("car", 10.0, "right", 1, 2),
+        ("car", 20.0, "missed", 2, 3),
+        ("car", 20.0, "right", 3, None),
+        ("car", 35.0, "never_there", 1, 3),
+        ("person", 15.0, "missed", 0, 1),
+        ("person", 15.0, "right", 1, None),
+        ("person", 16.5, "duplicate", 1, 3),
+    ]
+
+
+def test_what_is_there_or_hidden_is_no_ghost():
+    frame = Frame([thing("car", 20.0)], hidden=[thing("car", 30.0)])
+    answer = [one("car", 21.0), one("car", 30.5)]
+    assert objects_of((frame, answer), (frame, answer), (frame, None)) == [
+        ("car", 20.0, "missed", 0, 1), ("car", 21.0, "right", 1, None)
+    ]  # fmt: skip
+
+
 def test_a_truck_is_a_car():
     assert (
         last((Frame([thing("truck", 10.0)]), [one("car", 10.0)]), (Frame([thing("truck", 10.0)]), None))["right"] == 1
@@ -216,6 +255,26 @@ def test_the_default_trace_has_its_truth_and_a_run_says_so(tmp_path: Path):
     assert "F1 of what is held" in summary.text(run.measured) and "floor" in summary.text(run.measured)
     assert any(name.startswith("truth of") for name in run.facts["traces"])
     assert all(runner.rerun(made.folder).values()), "the same bytes"
+
+
+@pytest.mark.parametrize("settings", [(), ("consumer=tracker",)], ids=["newest", "tracker"])
+def test_objects_that_are_open_at_an_instant_are_those_that_were_counted(settings: Sequence[str]):
+    run = runner.run_in_memory(short("methods=[local, genie]", *settings))
+    counted = run.held[run.held["what"] == "consumer"]
+    assert len(counted) > 30 and (counted["held"] > counted["right"]).any()
+    for row in counted.itertuples():
+        mine = run.held_objects[(run.held_objects["method"] == row.method) & (run.held_objects["car"] == row.car)]
+        there = mine[(mine["begin_ns"] <= row.stamp_ns) & ~(mine["end_ns"] <= row.stamp_ns)]["judged"].value_counts()
+        for name in ("right", "moved_away", "never_there", "duplicate"):
+            assert there.get(name, 0) == getattr(row, name)
+        missed = row.visible_static + row.visible_moving - row.found_static - row.found_moving
+        assert there.get("missed", 0) == missed
+
+
+def test_objects_need_the_counts_and_are_left_out_on_request():
+    with pytest.raises(UserError, match="record: 'held_objects' needs 'held' too"):
+        short("record=[held_objects]")
+    assert runner.run_in_memory(short("methods=[local]", "record=[held]")).held_objects.empty
 
 
 def test_a_trace_without_truth_says_what_would_show_more(tmp_path: Path):

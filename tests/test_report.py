@@ -115,6 +115,22 @@ def test_ghosts_that_a_car_holds_are_those_of_the_table(run, page):
         }
 
 
+def test_ghosts_on_the_street_are_as_many_as_the_page_counts(run, page):
+    shown = embedded(page)["replay"]
+    ghosts = [shown["judged"].index(name) for name in ("moved_away", "never_there", "duplicate")]
+    for one in shown["methods"]:
+        objects, seen = one["held_objects"], 0
+        begins = np.cumsum(objects["begin_us"])
+        took_us = np.array(objects["took_us"])
+        for car, counts in one["held"].items():
+            mine = np.isin(objects["judged"], ghosts) & (np.array(objects["car"]) == shown["names"].index(car))
+            for t_us, held, right in zip(np.cumsum(counts["t_us"]), counts["held"], counts["right"], strict=True):
+                is_open = (begins <= t_us) & ((took_us < 0) | (t_us < begins + took_us))
+                assert (mine & is_open).sum() == held - right
+                seen += held - right
+        assert seen > 0
+
+
 def of_method(shown: dict, name: str) -> dict:
     return next(one for one in shown["methods"] if one["name"] == name)
 
@@ -387,6 +403,30 @@ def test_the_slider_moves_the_street_by_mouse_and_by_key(browser, file):
     browser.click(*middle(browser, "time"))
     now, end = re.fullmatch(r"([\d.]+) s of ([\d.]+) s", browser.evaluate("byId('clock').value")).groups()
     assert float(now) == pytest.approx(float(end) / 2, abs=0.03)
+
+
+def test_a_ghost_is_a_cross_on_the_street_and_a_line_in_the_table(browser, file):
+    browser.open(file)
+    browser.evaluate("for (const id of ['trail', 'views']) byId(id).click()")
+    told = browser.evaluate("""(() => {
+      const run = decode(DATA.replay, ABOUT), map = byId('map'), t = Number(byId('clock').value.split(' ')[0]) * 1e6;
+      const found = believed(run, run.methods[Number(byId('method').value)], t);
+      const { place } = viewOf(run, map.clientWidth, map.clientHeight), pen = map.getContext('2d');
+      const at = ({ east, north }) => pen.getImageData(...place(east, north).map(Math.round), 1, 1).data.slice(0, 3);
+      const hex = (point) => '#' + [...point].map((part) => part.toString(16).padStart(2, '0')).join('');
+      const tones = (of) => {
+        const tone = found.filter(of).map((one) => hex(at(one)));
+        return [tone.filter((one) => one === colour('ghost')).length, tone.length];
+      };
+      const there = [tones(isGhost), tones((one) => one.judged === 'right')];
+      byId('believed').click();
+      return [...there, tones(isGhost), byId('ghosts-now').textContent, byId('ghost-table').tBodies[0].rows.length];
+    })()""")
+    (crosses, ghosts), (wrong, right), (hidden, _), text, rows = told
+    assert crosses > 0.8 * ghosts > 3, "a car may stand on one, and the outer ones are outside"
+    assert wrong < right, "a ghost may lie on what is there"
+    assert hidden == 0
+    assert text.endswith(f": {ghosts}") and rows == min(ghosts, 20)
 
 
 def test_play_lets_time_run_and_pause_stops_it(browser, file):

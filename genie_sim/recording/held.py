@@ -19,6 +19,7 @@ GOSPA_CUT_M = 5.0
 CONSUMER, FLOOR = "consumer", "floor"
 REMEMBERED_NS = 10 * NS_PER_S  # what was there so long ago counts as moved away
 
+Judged = tuple[str, float, float, str]  # an object's label, place [m] and judgement
 Places = dict[tuple[str, int, int], tuple[int, float, float]]
 
 
@@ -56,7 +57,8 @@ class DriveTruth(Protocol):
 
 
 class Held:
-    """Judges one method's consumers; ``table`` gets the counts (``records.HELD``).
+    """Judges one method's consumers; ``table`` gets the counts (``records.HELD``), ``objects``, if any, which objects
+    they are (``records.HELD_OBJECTS``).
 
     ``truths``: what is there on the drive of each car; cars without are not judged. The floor, the detector's own
     answer without any delay, is the same under every method: that of the cars in ``floored`` is written already.
@@ -69,10 +71,13 @@ class Held:
         table: Table,
         floored: Collection[str] = (),
         make_consumer: Callable[[], Consumer] = Newest,
+        objects: Table | None = None,
     ) -> None:
         self._method = method
         self._truths = truths
         self._table = table
+        self._objects = objects
+        self._open: dict[str, dict[Judged, int]] = {car: {} for car in truths}  # since when each is so
         self._floored = frozenset(floored)
         self._consumers = {car: make_consumer() for car in truths}
         self._streams: dict[str, str] = {}  # of each car, the one whose frames are the instants
@@ -141,6 +146,33 @@ class Held:
             sum(ages_s) / len(ages_s) if ages_s else None,
             sum(math.sqrt(distance_m2) for distance_m2, _, _ in found) / len(found) if found else None,
         ))  # fmt: skip
+
+        if what == CONSUMER and self._objects is not None:
+            matched = {j for _, _, j in found}
+            missed = [(one, "missed") for j, one in enumerate(there) if j not in matched]
+            self._follow(car, now_ns, [*((judged[i], causes.get(i, "right")) for i in kept), *missed])
+
+    def _follow(self, car: str, now_ns: int, objects: Iterable[tuple[Detection | Real, str]]) -> None:
+        """Notes since when each object is so, and writes a row for each that is so no more."""
+        before, now = self._open[car], {}
+        for one, judgement in objects:
+            if one.location is not None:
+                key = one.label, one.location[0], one.location[1], judgement
+                now[key] = before.pop(key, now_ns)
+        self._open[car] = now
+        self._end(car, before, now_ns)
+
+    def _end(self, car: str, ended: Mapping[Judged, int], now_ns: int | None) -> None:
+        assert self._objects is not None
+        for key, begin_ns in ended.items():
+            self._objects.append((self._method, car, *key, begin_ns, now_ns))
+
+    def close(self) -> None:
+        """Nothing more happens: what is held now is held until the end."""
+        for car, objects in self._open.items():
+            if objects:
+                self._end(car, objects, None)
+        self._open.clear()
 
     def _cause(self, image: Image, one: Placed) -> str:
         """Why an object is held where nothing visible is."""

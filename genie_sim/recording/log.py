@@ -81,6 +81,8 @@ class Log:
             self._frames.append(self._open.pop(header).row())
             if self._answers is not None:
                 self._answers.forget(header)
+        if before_ns is None and self._held is not None:
+            self._held.close()
 
     def _frame(self, header: Header) -> Frame | None:
         frame = self._open.get(header)

@@ -20,7 +20,7 @@ from genie_sim.errors import UserError, short_repr
 from genie_sim.paths import PARTIAL, locked, read_text, usable
 from genie_sim.recording.tables import other_format
 
-RESULT_FORMAT = 3
+RESULT_FORMAT = 4
 NEEDED: dict[str, tuple[type, str]] = {  # of run.json, whatever is done with a result; others are told when they lack
     "run_id": (str, "text"),
     "facts.scenario": (dict, "a mapping"),

@@ -150,6 +150,24 @@ HELD = Schema(
         Column("error_m", "float64", "m", "mean over those right: distance from what is there", True),
     ),
 )
+HELD_OBJECTS = Schema(
+    "held_objects",
+    "Where the truth is known, one row per object that a car's consumer holds in its field of view, or misses there, "
+    "and per time for which it does so at one place; judged at the same instants and in the same way as `held`, whose "
+    "counts are the rows open at an instant (`begin_ns` <= `stamp_ns` < `end_ns`). In the order of their ends.",
+    (
+        METHOD,
+        Column("car", "text", "", "the car that is judged"),
+        Column("label", "text", "", "class of the object"),
+        Column("east_m", "float64", "m", "where it is held, or missed, in the scenario's one east-north-up frame"),
+        Column("north_m", "float64", "m", "where it is held, or missed"),
+        Column(
+            "judged", "text", "", "right; moved_away, never_there or duplicate: a ghost; missed: visible, but not held"
+        ),
+        Column("begin_ns", "int64", "ns", "the first instant of which this holds"),
+        Column("end_ns", "int64", "ns", "the first instant after it of which it does not; null: until the last", True),
+    ),
+)
 STEPS = Schema(
     "steps",
     "One row per step on the way of a first or fresh answer, from when the frame was received until the consumer had "
@@ -172,7 +190,7 @@ STEPS = Schema(
         Column("end_ns", "int64", "ns", "simulated time"),
     ),
 )  # fmt: skip
-SCHEMAS = (FRAMES, LOOKUPS, RESOURCES, POSES, OBJECTS, ANSWERS, HELD, STEPS)
+SCHEMAS = (FRAMES, LOOKUPS, RESOURCES, POSES, OBJECTS, ANSWERS, HELD, HELD_OBJECTS, STEPS)
 
 _frame_row = attrgetter(*(column.name for column in FRAMES.columns))
 
@@ -208,7 +226,7 @@ class Frame:
 
 @dataclass(frozen=True)
 class Tables:
-    """What a run writes down. ``held`` stays empty where nobody knows the truth."""
+    """What a run writes down. ``held`` and ``held_objects`` stay empty where nobody knows the truth."""
 
     frames: Table = field(default_factory=lambda: Table(FRAMES))
     lookups: Table = field(default_factory=lambda: Table(LOOKUPS))
@@ -217,6 +235,7 @@ class Tables:
     objects: Table = field(default_factory=lambda: Table(OBJECTS))
     answers: Table = field(default_factory=lambda: Table(ANSWERS))
     held: Table = field(default_factory=lambda: Table(HELD))
+    held_objects: Table = field(default_factory=lambda: Table(HELD_OBJECTS))
     steps: Table = field(default_factory=lambda: Table(STEPS))
 
     @classmethod

@@ -105,6 +105,11 @@ class Run:
         return self.tables["held"].to_frame()
 
     @cached_property
+    def held_objects(self) -> "pd.DataFrame":
+        """One row per object that a consumer held or missed, and per time for which it did."""
+        return self.tables["held_objects"].to_frame()
+
+    @cached_property
     def steps(self) -> "pd.DataFrame":
         """One row per step on the way of an answer."""
         return self.tables["steps"].to_frame()

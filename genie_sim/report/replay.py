@@ -19,11 +19,12 @@ if TYPE_CHECKING:
 
     Column = np.ndarray[Any, Any]
 
-MOST_ROWS = 200_000  # of frames, look-ups, map changes and steps together: about 7 MB of JSON
+MOST_ROWS = 200_000  # of frames, look-ups, map changes, steps and held objects together: about 7 MB of JSON
 US = 1_000
 KINDS = ("image", "sighting", "boost")
 OUTCOMES = ("miss", "hit", "coalesced")
 WHICHS = ("first", "fresh", "both")
+JUDGED = ("right", "missed", "moved_away", "never_there", "duplicate")
 UNKNOWN = -1
 
 
@@ -80,6 +81,9 @@ def replay_data(run: "Run", start_ns: int, notes: list[str]) -> dict[str, Any] |
                     _objects(run.tables["objects"].where(method=method.name), begin_ns, end_ns, names)
                 ),
                 "held": dict(_held(run.tables["held"].where(method=method.name, what="consumer"), end_ns)),
+                "held_objects": _held_objects(
+                    run.tables["held_objects"].where(method=method.name), begin_ns, end_ns, names
+                ),
                 "steps": _steps(run.tables["steps"].where(method=method.name), poses, names),
             }
             for method in run.methods
@@ -88,6 +92,7 @@ def replay_data(run: "Run", start_ns: int, notes: list[str]) -> dict[str, Any] |
         "kinds": KINDS,
         "outcomes": OUTCOMES,
         "whichs": WHICHS,
+        "judged": JUDGED,
     }
 
 
@@ -100,8 +105,9 @@ def last_instant_ns(run: "Run") -> int:
 
 def _end_ns(run: "Run", begin_ns: int) -> int:
     """The last instant that is shown: that of the run, else as many whole seconds as fit, at least one."""
-    tables = (("frames", "stamp_ns"), ("lookups", "stamp_ns"), ("objects", "t_ns"), ("steps", "stamp_ns"))
-    instants = np.sort(np.concatenate([run.tables[name][column] for name, column in tables]))
+    tables = {"frames": "stamp_ns", "lookups": "stamp_ns", "objects": "t_ns", "steps": "stamp_ns"}
+    tables["held_objects"] = "begin_ns"
+    instants = np.sort(np.concatenate([run.tables[name][column] for name, column in tables.items()]))
     first = int(np.searchsorted(instants, begin_ns))
     if len(instants) - first <= MOST_ROWS:
         return last_instant_ns(run)
@@ -197,6 +203,22 @@ def _held(mine: Columns, end_ns: int) -> Iterator[tuple[str, dict[str, list[int]
     for car, rows in mine.rows(mine["stamp_ns"] <= end_ns).groups("car"):
         counts = {name: rows[name].tolist() for name in ("held", "right")}
         yield car, {"t_us": _deltas(rows["stamp_ns"] // US), **counts}
+
+
+def _held_objects(mine: Columns, begin_ns: int, end_ns: int, names: _Names) -> dict[str, Any]:
+    """What consumers hold or miss under one method in a stretch of time: where, how it is judged, since when and for
+    how long, -1 where it does not end."""
+    ends_ns = mine.floats("end_ns")
+    rows = mine.rows((mine["begin_ns"] <= end_ns) & ~(ends_ns <= begin_ns)).by("begin_ns")
+    return {
+        "begin_us": _deltas(rows["begin_ns"] // US),
+        "took_us": _integers(rows.floats("end_ns") // US - rows["begin_ns"] // US).tolist(),
+        "car": names.codes(rows["car"]),
+        "label": names.codes(rows["label"]),
+        "judged": rows["judged"].codes_in(JUDGED).tolist(),
+        "east_cm": _scaled(rows["east_m"], 100).tolist(),
+        "north_cm": _scaled(rows["north_m"], 100).tolist(),
+    }
 
 
 def _steps(mine: Columns, poses: Columns, names: _Names) -> dict[str, Any]:

@@ -9,7 +9,7 @@ function prepareCanvas(canvas) {
   return { pen, width, height };
 }
 
-const looks = () => Object.fromEntries(["ink", "muted", "line", "bg", "road", "hit", "miss", "coalesced", "none", "sure", "unsure", "car"]
+const looks = () => Object.fromEntries(["ink", "muted", "line", "bg", "road", "hit", "miss", "coalesced", "none", "sure", "unsure", "car", "ghost"]
   .map((name) => [name, colour(name)]));
 
 function line(pen, from, to, tone, breadth, alpha) {
@@ -48,6 +48,17 @@ function ring(pen, look, outcome, x, y, radius, alpha) {
   if (outcome === "hit") pen.fill(); else pen.stroke();
   pen.setLineDash([]);
   pen.globalAlpha = 1;
+}
+// What is held: a filled triangle where it is there, a cross where it is not (a ghost); a hollow triangle is missed.
+function beliefMark(pen, look, one, x, y) {
+  const strokes = [[look.bg, 4.6], [isGhost(one) ? look.ghost : look.hit, 2]], size = isGhost(one) ? 4.4 : 5;
+  pen.beginPath();
+  if (isGhost(one)) { pen.moveTo(x - size, y - size); pen.lineTo(x + size, y + size); pen.moveTo(x - size, y + size); pen.lineTo(x + size, y - size); }
+  else { pen.moveTo(x, y - size); pen.lineTo(x + size, y + 0.8 * size); pen.lineTo(x - size, y + 0.8 * size); pen.closePath(); }
+  for (const [tone, breadth] of strokes) { pen.strokeStyle = tone; pen.lineWidth = breadth; pen.stroke(); }
+  if (isGhost(one)) return;
+  pen.fillStyle = one.judged === "right" ? look.hit : look.bg;
+  pen.fill();
 }
 // People and cyclists are discs, cars and trucks squares, all else diamonds.
 function shape(pen, name, x, y) {

@@ -1,7 +1,7 @@
 // The replay's clock and controls: one instant for the street, the lanes of all methods and the strip of frames.
 
 const STEP_US = 100000; // of an arrow key
-const TABLE_CARS = 12;
+const TABLE_CARS = 12, TABLE_GHOSTS = 20;
 
 function showReplay() {
   if (!DATA.replay || !DATA.replay.methods.length) { byId("told").hidden = byId("street").hidden = byId("frame").hidden = true; return; }
@@ -10,7 +10,7 @@ function showReplay() {
   let method = run.methods.find((one) => one.caches) ?? run.methods[0];
   slider.max = Math.round((run.end_us - run.begin_us) / 10000);
   const options = { speed: () => Number(byId("speed").value), genie: () => Number(byId("map-of").value), trail: () => byId("trail").checked,
-    views: () => byId("views").checked, selected: () => selected, now: () => now, method: () => method, choose, chooseUnder };
+    views: () => byId("views").checked, held: () => byId("believed").checked, selected: () => selected, now: () => now, method: () => method, choose, chooseUnder };
   const axis = timeAxis(run), street = streetView(run, byId("map"), byId("map-tip"), options);
   const lanes = lanesView(run, byId("lanes"), axis, options), strip = stripView(run, byId("strip"), axis, options);
 
@@ -21,7 +21,7 @@ function showReplay() {
     const text = `${(now / 1e6).toFixed(2)} s of ${(run.end_us / 1e6).toFixed(2)} s`;
     byId("clock").value = text;
     slider.setAttribute("aria-valuetext", text);
-    if (Math.abs(performance.now() - told) > 120 || !playing) { told = performance.now(); showNow(run, now); }
+    if (Math.abs(performance.now() - told) > 120 || !playing) { told = performance.now(); showNow(run, now); showGhosts(run, method, now); }
   }
   function moveTo(t) {
     now = Math.min(Math.max(t, run.begin_us), run.end_us);
@@ -85,7 +85,7 @@ function showReplay() {
   byId("play").addEventListener("click", () => play(!playing));
   slider.addEventListener("input", () => { play(false); moveTo(run.begin_us + Number(slider.value) * 10000); });
   byId("method").addEventListener("change", () => chooseUnder(Number(byId("method").value), selected, now));
-  for (const id of ["speed", "map-of", "trail", "views"]) byId(id).addEventListener("input", render);
+  for (const id of ["speed", "map-of", "trail", "views", "believed"]) byId(id).addEventListener("input", render);
   for (const id of ["map", "lanes", "strip"]) byId(id).addEventListener("keydown", keys);
   new ResizeObserver(render).observe(byId("replay"));
   window.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", render);
@@ -111,7 +111,17 @@ function showNow(run, t) {
 // Where the truth is known: how many of the objects that a consumer holds in its field of view are not there.
 function ghosts(judged, t) {
   const i = judged ? lastUpTo(judged.t, t) : -1;
-  return i < 0 ? null : make("small", { class: judged.held[i] > judged.right[i] ? "o-miss" : "o-hit" }, `${judged.held[i] - judged.right[i]} of ${judged.held[i]} in view are ghosts`);
+  return i < 0 ? null : make("small", { class: judged.held[i] > judged.right[i] ? "o-ghost" : "o-hit" }, `${judged.held[i] - judged.right[i]} of ${judged.held[i]} in view are ghosts`);
+}
+
+// The ghosts on the street, in words.
+function showGhosts(run, method, t) {
+  const ghosts = believed(run, method, t).filter(isGhost), shown = ghosts.slice(0, TABLE_GHOSTS);
+  byId("ghosts").hidden = !method.beliefs.begin.length;
+  byId("ghosts-now").textContent = `Ghosts under ${method.title} now: ${ghosts.length}`;
+  table(byId("ghost-table"), null, ["held by", "what", "where [m]", "why it is one", "since"], shown.map((one) => [one.car, one.label,
+    `${one.east.toFixed(1)} east, ${one.north.toFixed(1)} north`, GHOSTS[one.judged], `${(one.since / 1e6).toFixed(2)} s`]));
+  byId("ghosts-more").textContent = ghosts.length > shown.length ? `and ${ghosts.length - shown.length} more` : "";
 }
 
 function showLegend(run, method) {
@@ -129,6 +139,8 @@ function showLegend(run, method) {
     ...(run.about.edges.length ? [sign("edge: has no place on the street, stands above it", draw("rect", { x: 1, y: 3, width: 14, height: 8, rx: 2, ...stroke("muted", 1.2) })),
       sign("link of a car to its edge", across(stroke("line", 1.5)))] : []),
     sign("the chosen frame", draw("circle", { cx: 8, cy: 7, r: 6, ...stroke("ink", 1.5) })),
+    ...(method.beliefs.begin.length ? [sign("held and there", draw("path", { d: "M8 2L13 11H3Z", ...solid("hit") })), sign("ghost: held, but not there", draw("path", { d: "M4 3L12 11M4 11L12 3", ...stroke("ghost") })),
+      sign("missed: visible, but not held", draw("path", { d: "M8 2L13 11H3Z", ...stroke("hit", 1.5) }))] : []),
     ...(method.objects.length ? [sign("object of high confidence; square: vehicle", box(solid("sure"))), sign("of low confidence; disc: person or cycle", disc(solid("unsure"))),
       sign("below C_T, not shared; diamond: other", draw("path", { d: "M8 2L13 7L8 12L3 7Z", ...stroke("unsure") }))] : []));
   byId("lanes-about").textContent = "A lane for each method, a row for each car. Height: age of the newest answer since its frame was received, " +

@@ -29,7 +29,7 @@ function decode(replay, about) {
 }
 
 // What happened under one method. `rows` are the columns of its frames; `held` what each car holds from which instant on.
-function methodOf(run, { name, frames: rows, lookups: { t_us, ...columns }, objects, held, steps }) {
+function methodOf(run, { name, frames: rows, lookups: { t_us, ...columns }, objects, held, held_objects, steps }) {
   const lookups = { ...columns, t: undelta(t_us) }, of_frame = byFrame(lookups.frame_id), places = new Map();
   const images = lookups.kind.flatMap((kind, row) => run.kinds[kind] === "image" ? [row] : []);
   for (const [genie, label, east, north, t, confidence] of objects) {
@@ -39,6 +39,7 @@ function methodOf(run, { name, frames: rows, lookups: { t_us, ...columns }, obje
   }
   return { name, title: methodTitle(name), rows, lookups, of_frame, steps: { ...steps, of_frame: byFrame(steps.frame_id) }, images, image_t: images.map((row) => lookups.t[row]),
     objects: [...places.values()], caches: rows.outcome.some((one) => one >= 0), held: run.cars.map((car) => answersOf(run, car, rows)),
+    beliefs: { ...held_objects, begin: undelta(held_objects.begin_us) },
     judged: run.cars.map(({ name: car }) => held[car] && { ...held[car], t: undelta(held[car].t_us) }) };
 }
 
@@ -72,6 +73,19 @@ function holding(run, method, place, t) {
   return { id, age: since - Math.max(rows.received_us[id], 0), fresh, objects: fresh ? rows.objects_fresh[id] : rows.objects_served[id],
     source: run.names[rows.source[id]] };
 }
+
+// What consumers hold or miss at `t`, judged by what is there: the rows of `beliefs` that are open then.
+function believed(run, { beliefs }, t) {
+  const open = [];
+  for (let row = 0, last = lastUpTo(beliefs.begin, t); row <= last; row += 1) {
+    if (beliefs.took_us[row] >= 0 && t >= beliefs.begin[row] + beliefs.took_us[row]) continue;
+    open.push({ car: run.names[beliefs.car[row]], label: run.names[beliefs.label[row]], judged: run.judged[beliefs.judged[row]],
+      since: beliefs.begin[row], east: beliefs.east_cm[row] / 100, north: beliefs.north_cm[row] / 100 });
+  }
+  return open;
+}
+const GHOSTS = { moved_away: "it was there in the last 10 s", never_there: "it was not there in the last 10 s", duplicate: "what is there is held once more" };
+const isGhost = (one) => one.judged in GHOSTS;
 
 // hit, miss or coalesced at the car's Genie; where there is none, whether it was answered.
 function outcomeOf(run, { rows }, id) {

@@ -47,6 +47,7 @@ function streetView(run, canvas, tip, options) {
     road(pen, look);
     if (options.trail()) trail(pen, look, t);
     objects(pen, look, t);
+    if (options.held()) beliefs(pen, look, t);
     places = {};
     edges.forEach((edge, i) => { places[edge.name] = [(i + 0.5) * width / edges.length, 22]; });
     const cars = run.cars.map((car) => ({ car, at: carAt(run, car, t) }));
@@ -94,8 +95,7 @@ function streetView(run, canvas, tip, options) {
       const confidence = confidenceAt(object, t, chosen);
       if (confidence < 0) continue;
       const [x, y] = view.place(object.east, object.north);
-      if (x < 0 || y < EDGE_BAND - 10 || x > canvas.clientWidth || y > canvas.clientHeight) continue;
-      shown.push({ x, y, object, confidence });
+      if (inside(x, y)) shown.push({ x, y, object, confidence, text: () => aboutObject(object, confidence) });
     }
     shown.sort((one, other) => one.confidence - other.confidence);
     for (const { x, y, object, confidence } of shown) {
@@ -103,6 +103,23 @@ function streetView(run, canvas, tip, options) {
       const tone = `color-mix(in oklab, ${look.sure} ${Math.round(100 * Math.max(0, (confidence - 0.3) / 0.7))}%, ${look.unsure})`;
       if (threshold !== null && confidence < threshold) { pen.strokeStyle = tone; pen.lineWidth = 1.4; pen.stroke(); }
       else { pen.fillStyle = tone; pen.fill(); }
+    }
+  }
+
+  const inside = (x, y) => x >= 0 && y >= EDGE_BAND - 10 && x <= canvas.clientWidth && y <= canvas.clientHeight;
+  function aboutObject({ label, maps }, confidence) {
+    const knows = maps.filter((map) => confidenceAt({ maps: [map] }, options.now(), -1) >= 0).map((map) => run.names[map.genie]);
+    return `${label}, C = ${confidence.toFixed(2)}\nknown to ${knows.join(", ")}`;
+  }
+
+  // Ghosts come last: they lie on top.
+  function beliefs(pen, look, t) {
+    for (const one of believed(run, options.method(), t).sort((a, b) => isGhost(a) - isGhost(b))) {
+      const [x, y] = view.place(one.east, one.north);
+      if (!inside(x, y)) continue;
+      const means = isGhost(one) ? `a ghost that ${one.car} holds:\n${GHOSTS[one.judged]}` : one.judged === "missed" ? `visible, but not held by ${one.car}` : `held by ${one.car}, and there`;
+      shown.push({ x, y, text: () => `${one.label}: ${means}\nsince ${(one.since / 1e6).toFixed(2)} s` });
+      beliefMark(pen, look, one, x, y);
     }
   }
 
@@ -213,9 +230,7 @@ function streetView(run, canvas, tip, options) {
     }
     tip.hidden = best === null;
     if (best === null) return;
-    const holds = (map) => confidenceAt({ maps: [map] }, options.now(), -1) >= 0;
-    const maps = best.object.maps.filter(holds).map((map) => run.names[map.genie]);
-    tip.textContent = `${best.object.label}, C = ${best.confidence.toFixed(2)}\nknown to ${maps.join(", ")}`;
+    tip.textContent = best.text();
     tip.style.left = `${Math.min(best.x + 12, box.width - tip.offsetWidth)}px`;
     tip.style.top = `${best.y + 12}px`;
   }

@@ -33,7 +33,7 @@ from genie_sim.scenario.profiles import DeviceProfile, load_profile
 from genie_sim.scenario.yaml_input import dump, read_mapping
 from genie_sim.seeds import stream
 
-Record = Literal["lookups", "resources", "poses", "objects", "answers", "held", "steps"]
+Record = Literal["lookups", "resources", "poses", "objects", "answers", "held", "held_objects", "steps"]
 RECORDS: tuple[Record, ...] = get_args(Record)
 USUAL_METHODS = tuple(map(read_method, methods.USUAL))
 
@@ -100,6 +100,8 @@ class Scenario(Overridable):
     def _fits_together(self) -> Self:
         unique("methods", [entry.name for entry in self.methods], ".name")
         unique("record", self.record)
+        if "held_objects" in self.record and "held" not in self.record:
+            problem("record", "'held_objects' needs 'held' too")
         unique("cameras", [camera.name for camera in self.cameras], ".name")
         unique("edges", [edge.name for edge in self.edges], ".name")
         self._cars_or_fleet()

@@ -140,7 +140,8 @@ def run_task(task: Task, packed: bytes) -> Finished:
 
 def measured(prepared: Prepared) -> Sequence[Metric]:
     """Simulates one run: the metrics of its methods and of their Genies, not of single resources: a fleet has many."""
-    record = tuple(one for one in prepared.expanded.record if one != "steps")  # which no metric of a sweep needs
+    needed = ("lookups", "resources", "poses", "objects", "answers", "held")  # by the metrics of a sweep
+    record = tuple(one for one in prepared.expanded.record if one in needed)
     scenario = prepared.expanded.model_copy(update={"record": record})
     tables = runner.simulate(replace(prepared, expanded=scenario))
     none = tables.resources.columns().rows([])
