@@ -4,18 +4,17 @@ import os
 import sys
 from contextlib import closing
 from pathlib import Path
-from typing import Annotated
 
-import typer
+import click
 
-from genie_sim import __version__, arguments, plugins, terminal
-from genie_sim.arguments import MethodsOption, ScenarioArgument, SeedOption, SetOption, path_argument, path_option
+from genie_sim import __version__, arguments, completion, plugins, terminal
+from genie_sim.arguments import COUNT, PATH, own_code_option
 from genie_sim.cli_compare import compare, figures, table
 from genie_sim.cli_perceive import perceive, truth
 from genie_sim.cli_ros import attach, detach, keys
 from genie_sim.errors import UserError, unknown
 from genie_sim.paths import expanded
-from genie_sim.terminal import Command, Commands, Progress
+from genie_sim.terminal import Commands, Progress
 
 EXAMPLES = """\b
 genie-sim run 3car_hetero
@@ -25,32 +24,30 @@ genie-sim reproduce --quick
 Simulates Genie, the smart ROS cache for connected vehicles and edge servers.
 """
 
-app = typer.Typer(cls=Commands, help=EXAMPLES, rich_markup_mode=None, pretty_exceptions_enable=False)
 
-
-@app.callback(invoke_without_command=True)
-def _root(
-    context: typer.Context,
-    version: Annotated[bool, typer.Option("--version", help="Print the version and exit.")] = False,
-    debug: Annotated[bool, typer.Option(help="Show where a class of your own failed.")] = False,
-) -> None:
-    if version:
-        typer.echo(f"genie-sim {__version__}")
-        raise typer.Exit()
+@click.group(cls=Commands, help=EXAMPLES, invoke_without_command=True, context_settings={"show_default": True})
+@click.version_option(__version__, message="genie-sim %(version)s", help="Print the version and exit.")
+@click.option("--debug/--no-debug", expose_value=False, help="Show where a class of your own failed.")
+@completion.install_option
+@completion.show_option
+@click.pass_context
+def app(context: click.Context) -> None:
     if context.invoked_subcommand is None:
-        typer.echo(terminal.welcome(terminal.width()))
+        click.echo(terminal.welcome(terminal.width()))
 
 
 @app.command()
+@arguments.scenario_argument
+@arguments.set_option
+@arguments.seed_option
+@arguments.methods_option
+@click.option("--out", type=PATH, default="results", help="The folder that gets the result folder.")
+@click.option("--no-report", is_flag=True, help="Leave out report.html.")
+@click.option("--figures", is_flag=True, help="Draw the figures as well, as SVG.")
 def run(
-    scenario: ScenarioArgument,
-    set_: SetOption = None,
-    seed: SeedOption = None,
-    methods: MethodsOption = None,
-    out: Annotated[Path, path_option(help="The folder that gets the result folder.")] = Path("results"),
-    no_report: Annotated[bool, typer.Option("--no-report", help="Leave out report.html.")] = False,
-    figures: Annotated[bool, typer.Option("--figures", help="Draw the figures as well, as SVG.")] = False,
-) -> None:
+    scenario: str, set_: tuple[str, ...], seed: int | None, methods: str | None, out: Path, no_report: bool,
+    figures: bool,
+) -> None:  # fmt: skip
     """Simulate a scenario under each of its methods.
 
     Those are local, remote and Genie, unless it says otherwise.
@@ -64,32 +61,32 @@ def run(
     from genie_sim import files
 
     files.find(files.SCENARIO, scenario)  # a slip is told before anything heavy is imported
-    from genie_sim import build, runner
     from genie_sim.scenario.scenario import load_scenario, with_methods
 
-    setting = load_scenario(scenario, set_ or (), seed)
+    setting = load_scenario(scenario, set_, seed)
     if methods is not None:
         setting = with_methods(setting, methods.split(","), f"--methods {methods}")
+    from genie_sim import build, runner
+
     if own := build.own_plugins(setting):
-        typer.echo(f"{setting.name} runs code of its own: {', '.join(f'{what} {name}' for what, name in own)}")
+        click.echo(f"{setting.name} runs code of its own: {', '.join(f'{what} {name}' for what, name in own)}")
     with Progress() as progress:
         result = runner.run_to_folder(setting, out, progress, not no_report, ("svg",) if figures else ())
     from genie_sim.analysis import summary
 
-    typer.echo(summary.text(result.metrics, width=min(terminal.width(), 100)), nl=False)
-    typer.echo(f"Results: {result.folder} (all tables, with intervals: summary.md)")
-    typer.echo(f"Figures: {result.folder / 'figures' if figures else f'genie-sim figures {result.folder}'}")
+    click.echo(summary.text(result.metrics, width=min(terminal.width(), 100)), nl=False)
+    click.echo(f"Results: {result.folder} (all tables, with intervals: summary.md)")
+    click.echo(f"Figures: {result.folder / 'figures' if figures else f'genie-sim figures {result.folder}'}")
     if not no_report:
-        typer.echo(f"Report:  {result.folder / terminal.PAGE}")
+        click.echo(f"Report:  {result.folder / terminal.PAGE}")
 
 
 @app.command()
-def report(
-    folder: Annotated[Path, path_argument(help="A result folder of 'run', 'reproduce' or 'sweep'.")],
-    start: Annotated[str, typer.Option(help="Where the replay of a long run begins, such as '60 s'.")] = "0 s",
-    out: Annotated[Path | None, path_option(help="The page to write; default: report.html in the folder.")] = None,
-    allow_own_code: arguments.OwnCodeOption = False,
-) -> None:
+@click.argument("folder", type=PATH, help="A result folder of 'run', 'reproduce' or 'sweep'.")
+@click.option("--start", default="0 s", help="Where the replay of a long run begins, such as '60 s'.")
+@click.option("--out", type=PATH, help="The page to write; default: report.html in the folder.")
+@own_code_option
+def report(folder: Path, start: str, out: Path | None) -> None:
     """Write one HTML page about a run, an evaluation or a sweep."""
     from genie_sim import units
 
@@ -99,7 +96,7 @@ def report(
         raise UserError(f"--start: {error}") from error
     path = out if out is not None else folder / terminal.PAGE
     _write_page(folder, path, start_ns)
-    typer.echo(f"Report: {path}")
+    click.echo(f"Report: {path}")
 
 
 def _write_page(folder: Path, path: Path, start_ns: int) -> None:
@@ -118,23 +115,17 @@ def _write_page(folder: Path, path: Path, start_ns: int) -> None:
 
 
 @app.command()
+@click.option("--quick", is_flag=True, help="A coarse answer in under a minute.")
+@click.option("--seeds", type=COUNT, help="How many seeds; default: those of the assumptions.")
+@click.option("--jobs", type=COUNT, help="Parallel processes; default: one per core.")
+@click.option("--drives", is_flag=True, help="The main claims on each of KITTI's tracking sequences, too.")
+@click.option("--reading", help="One reading of the paper, or a file of your own; default: all that there are.")
+@click.option("--explore", is_flag=True, help="Instead: the claims all over the paper's open choices. Resumable.")
+@click.option("--out", type=PATH, help="The folder that gets it; default: results/reproduce or results/explore.")
 def reproduce(
-    quick: Annotated[bool, typer.Option("--quick", help="A coarse answer in under a minute.")] = False,
-    seeds: Annotated[int | None, typer.Option(min=1, help="How many seeds; default: those of the assumptions.")] = None,
-    jobs: Annotated[int | None, typer.Option(min=1, help="Parallel processes; default: one per core.")] = None,
-    drives: Annotated[
-        bool, typer.Option("--drives", help="The main claims on each of KITTI's tracking sequences, too.")
-    ] = False,
-    reading: Annotated[
-        str | None, typer.Option(help="One reading of the paper, or a file of your own; default: all that there are.")
-    ] = None,
-    explore: Annotated[
-        bool, typer.Option("--explore", help="Instead: the claims all over the paper's open choices. Resumable.")
-    ] = False,
-    out: Annotated[
-        Path | None, path_option(help="The folder that gets it; default: results/reproduce or results/explore.")
-    ] = None,
-) -> None:
+    quick: bool, seeds: int | None, jobs: int | None, drives: bool, reading: str | None, explore: bool,
+    out: Path | None,
+) -> None:  # fmt: skip
     """Run the paper's evaluation: figures and verdicts."""
     if explore:
         if quick or drives or seeds is not None or reading is not None:
@@ -146,11 +137,11 @@ def reproduce(
 
     with Progress(unit="runs") as progress:
         result = run_evaluation(out, quick, seeds, jobs, progress, drives, reading)
-    typer.echo(verdict_table.text(verdict_table.read_rows(result.folder), terminal.width()))
+    click.echo(verdict_table.text(verdict_table.read_rows(result.folder), terminal.width()))
     if result.drives:
-        typer.echo(f"\n{result.drives}\n")
-    typer.echo(f"Results: {result.folder} ({result.wall_time_s:.0f} s)\nFigures: {result.folder / 'figures'}")
-    typer.echo(f"Report:  {result.folder / terminal.PAGE}")
+        click.echo(f"\n{result.drives}\n")
+    click.echo(f"Results: {result.folder} ({result.wall_time_s:.0f} s)\nFigures: {result.folder / 'figures'}")
+    click.echo(f"Report:  {result.folder / terminal.PAGE}")
 
 
 def _explore(out: Path, jobs: int | None) -> None:
@@ -159,39 +150,35 @@ def _explore(out: Path, jobs: int | None) -> None:
 
     with Progress(unit="points") as progress:
         found = explore.explore(out, jobs or workers_here(), progress)
-    typer.echo(f"{explore.text(found)}\n\nResults: {out}")
+    click.echo(f"{explore.text(found)}\n\nResults: {out}")
 
 
 @app.command()
-def rerun(
-    folder: Annotated[Path, path_argument(help="A result folder.")], allow_own_code: arguments.OwnCodeOption = False
-) -> None:
+@click.argument("folder", type=PATH, help="A result folder.")
+@own_code_option
+def rerun(folder: Path) -> None:
     """Run a result folder again and compare it byte for byte."""
     from genie_sim import runner
 
     with Progress() as progress:
         compared = runner.rerun(folder, progress)
     for name, same in compared.items():
-        typer.echo(f"{name}: {'identical' if same else 'DIFFERENT'}")
+        click.echo(f"{name}: {'identical' if same else 'DIFFERENT'}")
     if not all(compared.values()):
         raise UserError(f"{folder}: the run does not reproduce its own result")
 
 
-app.command()(compare)
-app.command()(figures)
-app.command()(table)
-app.command()(perceive)
-app.command()(truth)
+for _command in (compare, figures, table, perceive, truth):
+    app.add_command(_command)
 
 
 @app.command()
-def fetch(
-    what: Annotated[str, typer.Argument(metavar="model|drive", help="What is fetched.")],
-    name: Annotated[str, typer.Argument(help="Such as yolox-nano, or 2011_09_26_drive_0005.")],
-    out: Annotated[
-        Path | None, path_option(help="The folder; default: $GENIE_SIM_WEIGHTS or weights, $GENIE_SIM_KITTI or kitti.")
-    ] = None,
-) -> None:
+@click.argument("what", metavar="{model|drive}", help="What is fetched.")
+@click.argument("name", help="Such as yolox-nano, or 2011_09_26_drive_0005.")
+@click.option(
+    "--out", type=PATH, help="The folder; default: $GENIE_SIM_WEIGHTS or weights, $GENIE_SIM_KITTI or kitti."
+)
+def fetch(what: str, name: str, out: Path | None) -> None:
     """Take the files of a detector or a drive from the network. No other command touches it."""
     from genie_sim.perception import fetch as network
 
@@ -202,31 +189,25 @@ def fetch(
     take = network.fetch_model if what == "model" else network.fetch_drive
     with Progress(unit="bytes") as progress:
         path = take(name, folder, progress)
-    typer.echo(f"{path}\nTo use it from anywhere: export {variable}={folder.resolve()}")
+    click.echo(f"{path}\nTo use it from anywhere: export {variable}={folder.resolve()}")
     if what == "drive":
-        typer.echo("KITTI is licensed CC BY-NC-SA 3.0: not for commercial use. https://www.cvlibs.net/datasets/kitti/")
+        click.echo("KITTI is licensed CC BY-NC-SA 3.0: not for commercial use. https://www.cvlibs.net/datasets/kitti/")
 
 
 @app.command()
+@click.option(
+    "--out", type=PATH, required=True, help="The device profile to write, such as device_profiles/here.yaml."
+)
+@click.option("--detector", help="Measure this detector here ('list detectors', or your own module:Class).")
+@click.option("--csv", type=PATH, help="Instead: latencies in milliseconds measured elsewhere, one in a line.")
+@click.option("--model", help="What scenarios call the model; default: the detector's name.")
+@click.option("--weights", type=PATH, help="The ONNX file, or its folder; default: $GENIE_SIM_WEIGHTS.")
+@click.option("--runs", type=click.IntRange(min=20), default=300, help="How many pictures to measure.")
+@click.option("--empirical", is_flag=True, help="Keep the measured distribution instead of the fitted law.")
 def profile(
-    out: Annotated[Path, path_option(help="The device profile to write, such as device_profiles/here.yaml.")],
-    detector: Annotated[
-        str | None, typer.Option(help="Measure this detector here ('list detectors', or your own module:Class).")
-    ] = None,
-    csv: Annotated[
-        Path | None, path_option(help="Instead: latencies in milliseconds measured elsewhere, one in a line.")
-    ] = None,
-    model: Annotated[
-        str | None, typer.Option(help="What scenarios call the model; default: the detector's name.")
-    ] = None,
-    weights: Annotated[
-        Path | None, path_option(help="The ONNX file, or its folder; default: $GENIE_SIM_WEIGHTS.")
-    ] = None,
-    runs: Annotated[int, typer.Option(min=20, help="How many pictures to measure.")] = 300,
-    empirical: Annotated[
-        bool, typer.Option("--empirical", help="Keep the measured distribution instead of the fitted law.")
-    ] = False,
-) -> None:
+    out: Path, detector: str | None, csv: Path | None, model: str | None, weights: Path | None, runs: int,
+    empirical: bool,
+) -> None:  # fmt: skip
     """Measure a detector on this machine into a device profile. Or take measured latencies."""
     from genie_sim import device_fit
 
@@ -240,24 +221,23 @@ def profile(
             measured = device_fit.measure(detector, weights, runs, model, progress)
     fit = device_fit.fit(measured.latencies_ns)
     device_fit.write(out, measured, fit, empirical)
-    typer.echo(f"{out}: {measured.model}: {fit}")
+    click.echo(f"{out}: {measured.model}: {fit}")
 
 
 @app.command()
-def sweep(
-    sweep: Annotated[str, typer.Argument(help="A sweep file, or the name of one that comes with genie-sim.")],
-    out: Annotated[Path, path_option(help="The folder that gets the sweep's folder.")] = Path("results"),
-    jobs: Annotated[int | None, typer.Option(min=1, help="Processes on this machine; default: one a core.")] = None,
-    backend: Annotated[str, typer.Option(help="joblib (this machine) or dask (a cluster).")] = "joblib",
-    scheduler: Annotated[str | None, typer.Option(help="Address of the Dask scheduler, tcp://host:8786.")] = None,
-    shard: Annotated[str, typer.Option(metavar="I/N", help="Only this part of the runs, for job arrays.")] = "1/1",
-) -> None:
+@click.argument("sweep", help="A sweep file, or the name of one that comes with genie-sim.")
+@click.option("--out", type=PATH, default="results", help="The folder that gets the sweep's folder.")
+@click.option("--jobs", type=COUNT, help="Processes on this machine; default: one a core.")
+@click.option("--backend", default="joblib", help="joblib (this machine) or dask (a cluster).")
+@click.option("--scheduler", help="Address of the Dask scheduler, tcp://host:8786.")
+@click.option("--shard", default="1/1", metavar="I/N", help="Only this part of the runs, for job arrays.")
+def sweep(sweep: str, out: Path, jobs: int | None, backend: str, scheduler: str | None, shard: str) -> None:
     """Simulate a scenario along axes, with several seeds. What has been done is not done again."""
     part = arguments.shard(shard)
     if backend not in ("joblib", "dask"):
-        raise typer.BadParameter(unknown("backend", backend, ("joblib", "dask")))
+        raise click.BadParameter(unknown("backend", backend, ("joblib", "dask")))
     if (backend == "dask") != (scheduler is not None):
-        raise typer.BadParameter("--backend dask and --scheduler ADDRESS belong together")
+        raise click.BadParameter("--backend dask and --scheduler ADDRESS belong together")
     from genie_sim import parallel
     from genie_sim.sweeps.sweep import Sweep
     from genie_sim.sweeps.tasks import Dask, Local
@@ -273,40 +253,36 @@ def sweep(
                 raise SystemExit(130) from None
         done = work.finish()
     if done.complete:
-        typer.echo(f"{done.points:,} points, {done.runs:,} runs\nTable: {done.folder / 'table.csv'} (and .parquet)")
-        typer.echo(f"Figures: {done.folder / 'figures'}\nReport:  {done.folder / terminal.PAGE}")
+        click.echo(f"{done.points:,} points, {done.runs:,} runs\nTable: {done.folder / 'table.csv'} (and .parquet)")
+        click.echo(f"Figures: {done.folder / 'figures'}\nReport:  {done.folder / terminal.PAGE}")
     else:
-        typer.echo(f"{done.done:,} of {done.runs:,} runs are in {done.folder}; the last shard makes the table")
+        click.echo(f"{done.done:,} of {done.runs:,} runs are in {done.folder}; the last shard makes the table")
 
 
-app.command()(attach)
-app.command()(detach)
-app.add_typer(keys, name="keys")
+for _command in (attach, detach, keys):
+    app.add_command(_command)
 
 
 @app.command()
-def export(
-    folder: Annotated[Path, path_argument(help="A result folder.")],
-    format: Annotated[str, typer.Option(help="mcap (Foxglove, ROS 2) or bag (RViz, ROS 1).")] = "mcap",
-    out: Annotated[Path | None, path_option(help="The file; default: run.mcap or run.bag in the folder.")] = None,
-    allow_own_code: arguments.OwnCodeOption = False,
-) -> None:
+@click.argument("folder", type=PATH, help="A result folder.")
+@click.option("--format", default="mcap", help="mcap (Foxglove, ROS 2) or bag (RViz, ROS 1).")
+@click.option("--out", type=PATH, help="The file; default: run.mcap or run.bag in the folder.")
+@own_code_option
+def export(folder: Path, format: str, out: Path | None) -> None:
     """Write a run as a bag, for Foxglove or RViz."""
     from genie_sim.recording import results
     from genie_sim.ros import export as bags
 
     path = out if out is not None else folder / f"run.{format}"
     count = bags.export(results.load(folder), path, format)
-    typer.echo(f"{path}: {count:,} messages")
+    click.echo(f"{path}: {count:,} messages")
 
 
 @app.command("list")
-def list_(
-    what: Annotated[
-        str | None,
-        typer.Argument(help="scenarios, devices, links, ...; without it: all.", autocompletion=arguments.kinds),
-    ] = None,
-) -> None:
+@click.argument(
+    "what", required=False, shell_complete=completion.kinds, help="scenarios, devices, links, ...; without it: all."
+)
+def list_(what: str | None) -> None:
     """Show what can be named in a scenario."""
     from genie_sim import catalogue
 
@@ -314,14 +290,15 @@ def list_(
         raise UserError(unknown("kind of thing to list", what, catalogue.KINDS))
     for kind in [what] if what is not None else catalogue.KINDS:
         if what is None:
-            typer.echo(f"{kind}:")
+            click.echo(f"{kind}:")
         columns = terminal.width() if sys.stdout.isatty() else None
         for line in terminal.listing(catalogue.KINDS[kind](), "" if what else "  ", columns):
-            typer.echo(line)
+            click.echo(line)
 
 
 @app.command()
-def schema(what: Annotated[str, typer.Argument(metavar="scenario|device", help="What kind of file.")]) -> None:
+@click.argument("what", metavar="{scenario|device}", help="What kind of file.")
+def schema(what: str) -> None:
     """Print the JSON Schema of scenarios or devices, for editors."""
     import json
 
@@ -329,11 +306,7 @@ def schema(what: Annotated[str, typer.Argument(metavar="scenario|device", help="
 
     if what not in SCHEMAS:
         raise UserError(unknown("kind of file", what, SCHEMAS))
-    typer.echo(json.dumps(json_schema(what), indent=2))
-
-
-for _command in app.registered_commands:
-    _command.cls = Command
+    click.echo(json.dumps(json_schema(what), indent=2))
 
 
 def main(argv: list[str] | None = None) -> int:

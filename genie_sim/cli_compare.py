@@ -1,23 +1,20 @@
 """Commands about results that are there. Everything heavy is imported after the arguments are parsed."""
 
 from pathlib import Path
-from typing import Annotated
 
-import typer
+import click
 
-from genie_sim.arguments import OwnCodeOption, path_argument, path_option
+from genie_sim.arguments import PATH, own_code_option
 from genie_sim.errors import UserError, unknown
 
 
-def compare(
-    folders: Annotated[list[str], typer.Argument(help="Result folders, the one to compare with first.")],
-    method: Annotated[
-        list[str] | None, typer.Option(help="Only this method. Repeatable; the first is compared with.")
-    ] = None,
-    format: Annotated[str, typer.Option(help="Of the printed table: markdown, csv or latex.")] = "markdown",
-    out: Annotated[Path | None, path_option(help="Also write a page, figures and tables into this folder.")] = None,
-    allow_own_code: OwnCodeOption = False,
-) -> None:
+@click.command()
+@click.argument("folders", nargs=-1, required=True, help="Result folders, the one to compare with first.")
+@click.option("--method", multiple=True, help="Only this method. Repeatable; the first is compared with.")
+@click.option("--format", default="markdown", help="Of the printed table: markdown, csv or latex.")
+@click.option("--out", type=PATH, help="Also write a page, figures and tables into this folder.")
+@own_code_option
+def compare(folders: tuple[str, ...], method: tuple[str, ...], format: str, out: Path | None) -> None:
     """Compare results that saw the same frames.
 
     Of one result alone, its methods are compared.
@@ -28,25 +25,23 @@ def compare(
     from genie_sim.report import comparison
 
     text_table.checked(format)
-    made = compare_runs([results.load(folder) for folder in folders], method or ())
-    typer.echo(comparison.text(made, format), nl=False)
+    made = compare_runs([results.load(folder) for folder in folders], method)
+    click.echo(comparison.text(made, format), nl=False)
     if format == "markdown":
-        typer.echo(f"\n{comparison.note(made)}")
+        click.echo(f"\n{comparison.note(made)}")
         for path, values in made.settings.items():
-            typer.echo(f"{path}: {' | '.join(values)}")
+            click.echo(f"{path}: {' | '.join(values)}")
     if out is not None:
-        typer.echo(f"Report: {comparison.write(made, out)}", err=format != "markdown")
+        click.echo(f"Report: {comparison.write(made, out)}", err=format != "markdown")
 
 
-def figures(
-    folder: Annotated[Path, path_argument(help="A result folder of 'run'.")],
-    format: Annotated[str, typer.Option(metavar="A,B,...", help="svg, png, pdf, or several.")] = "svg",
-    width: Annotated[
-        str | None, typer.Option(help="Of a printed 'column' (3.5 in) or 'page' (7.16 in); default: what fits each.")
-    ] = None,
-    out: Annotated[Path | None, path_option(help="Where to; default: figures in the result folder.")] = None,
-    allow_own_code: OwnCodeOption = False,
-) -> None:
+@click.command()
+@click.argument("folder", type=PATH, help="A result folder of 'run'.")
+@click.option("--format", default="svg", metavar="A,B,...", help="svg, png, pdf, or several.")
+@click.option("--width", help="Of a printed 'column' (3.5 in) or 'page' (7.16 in); default: what fits each.")
+@click.option("--out", type=PATH, help="Where to; default: figures in the result folder.")
+@own_code_option
+def figures(folder: Path, format: str, width: str | None, out: Path | None) -> None:
     """Draw the figures of a run for a paper.
 
     A title, and which run it is, stand in the file and not in the picture. PDF has its fonts embedded.
@@ -67,14 +62,14 @@ def figures(
     run = results.load(folder)
     with provenance.of_this_version(folder):
         paths = of_runs.write(run, folder / "figures" if out is None else out, formats, width)
-    typer.echo("\n".join(map(str, paths)))
+    click.echo("\n".join(map(str, paths)))
 
 
-def table(
-    folder: Annotated[Path, path_argument(help="A result folder of 'run'.")],
-    format: Annotated[str, typer.Option(help="markdown, latex or csv (every metric, all digits).")] = "markdown",
-    allow_own_code: OwnCodeOption = False,
-) -> None:
+@click.command()
+@click.argument("folder", type=PATH, help="A result folder of 'run'.")
+@click.option("--format", default="markdown", help="markdown, latex or csv (every metric, all digits).")
+@own_code_option
+def table(folder: Path, format: str) -> None:
     """Print the numbers of a run as a table for a paper.
 
     \b
@@ -89,8 +84,8 @@ def table(
     run = results.load(folder)
     if format == "csv":
         names = [field.name for field in fields(results.Metric)]
-        typer.echo(text_table.exact(names, map(astuple, run.measured)), nl=False)
+        click.echo(text_table.exact(names, map(astuple, run.measured)), nl=False)
     else:
         titles = {method.name: method.title for method in run.methods}
         headings, rows = summary.cells(run.measured, titles)
-        typer.echo(text_table.rounded(format, headings, rows, "l" + "r" * (len(headings) - 1)), nl=False)
+        click.echo(text_table.rounded(format, headings, rows, "l" + "r" * (len(headings) - 1)), nl=False)

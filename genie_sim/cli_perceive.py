@@ -3,12 +3,12 @@
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, get_args
 
-import typer
+import click
 
 from genie_sim import arguments
-from genie_sim.arguments import path_option
+from genie_sim.arguments import PATH
 from genie_sim.errors import UserError
 from genie_sim.messages import Encoding
 from genie_sim.terminal import Progress
@@ -18,52 +18,42 @@ if TYPE_CHECKING:
     from genie_sim.perception.detector import ImageDetector
     from genie_sim.perception.trace import Trace
 
-DRIVE = typer.Option(help="A drive, such as 2011_09_26/0005 or tracking/0005.")
-BAG = path_option(help="Instead: a ROS 1 bag, a ROS 2 bag's folder, an MCAP file.")
-TOPIC = typer.Option(metavar="[NAME=]TOPIC", help="Images of the bag, or all.")
-DETECTIONS = typer.Option(metavar="TOPIC", help="The bag's own, not a detector's.")
-OUT = path_option(help="The trace file to write.")
-KITTI = path_option(help="KITTI's root folder; default: $GENIE_SIM_KITTI.")
-CAMERAS = typer.Option(help="Colour cameras, separated by commas.")
-DETECTOR = typer.Option(help="A detector ('list detectors'), your own module:Class; for sequences pointrcnn or rrc.")
-WEIGHTS = path_option(help="The ONNX file, or its folder; default: $GENIE_SIM_WEIGHTS.")
-SIZE = typer.Option(metavar="WxH", help="The network's input, such as 832x256.")
-PROVIDERS = typer.Option(help="ONNX Runtime's execution providers, best first, such as CUDAExecutionProvider.")
-THREADS = typer.Option(metavar="N|auto", help="The network's; auto: what is fastest here.")
-BATCH = typer.Option(metavar="N|auto", help="Pictures at a time; auto: what is fastest here.")
-ENCODING = typer.Option(help="How pictures reach the detector.")
-MIN_SCORE = typer.Option(min=0.0, max=1.0, help="Keep detections from this score on.")
-ORIGIN = typer.Option(metavar="LAT,LON,ALT", help="The world's origin; default: the drive's first fix.")
-MISSING = typer.Option("--allow-missing-scans", help="Place by the ground alone where there is no scan.")
-EVALUATE = typer.Option("--evaluate", help="Judge the trace by KITTI's labels.")
-LABELS = typer.Option(help="Labels of another layout, such as tracking/0000 for 2011_09_26/0005.")
-FRAMES = path_option(help="A folder for the frames with what was found drawn in.")
-VIDEO = path_option(help="The same as a video (.mp4).")
-
-
+@click.command()
+@click.option("--drive", help="A drive, such as 2011_09_26/0005 or tracking/0005.")
+@click.option("--bag", type=PATH, help="Instead: a ROS 1 bag, a ROS 2 bag's folder, an MCAP file.")
+@click.option("--topic", "topics", multiple=True, metavar="[NAME=]TOPIC", help="Images of the bag, or all.")
+@click.option("--detections", metavar="TOPIC", help="The bag's own, not a detector's.")
+@click.option("--out", type=PATH, help="The trace file to write.")
+@click.option("--kitti", type=PATH, help="KITTI's root folder; default: $GENIE_SIM_KITTI.")
+@click.option("--cameras", default="02,03", help="Colour cameras, separated by commas.")
+@click.option(
+    "--detector", default="yolox_nano",
+    help="A detector ('list detectors'), your own module:Class; for sequences pointrcnn or rrc.",
+)
+@click.option("--weights", type=PATH, help="The ONNX file, or its folder; default: $GENIE_SIM_WEIGHTS.")
+@click.option("--size", metavar="WxH", help="The network's input, such as 832x256.")
+@click.option(
+    "--providers", default="CPUExecutionProvider",
+    help="ONNX Runtime's execution providers, best first, such as CUDAExecutionProvider.",
+)
+@click.option("--threads", default="1", metavar="N|auto", help="The network's; auto: what is fastest here.")
+@click.option("--batch", default="1", metavar="N|auto", help="Pictures at a time; auto: what is fastest here.")
+@click.option("--min-score", type=click.FloatRange(0.0, 1.0), default=0.3, help="Keep detections from this score on.")
+@click.option("--origin", metavar="LAT,LON,ALT", help="The world's origin; default: the drive's first fix.")
+@click.option("--allow-missing-scans", is_flag=True, help="Place by the ground alone where there is no scan.")
+@click.option("--evaluate", is_flag=True, help="Judge the trace by KITTI's labels.")
+@click.option("--labels", help="Labels of another layout, such as tracking/0000 for 2011_09_26/0005.")
+@click.option(
+    "--encoding", type=click.Choice(get_args(Encoding)), default="raw", help="How pictures reach the detector."
+)
+@click.option("--frames", type=PATH, help="A folder for the frames with what was found drawn in.")
+@click.option("--video", type=PATH, help="The same as a video (.mp4).")
 def perceive(
-    drive: Annotated[str | None, DRIVE] = None,
-    bag: Annotated[Path | None, BAG] = None,
-    topic: Annotated[list[str] | None, TOPIC] = None,
-    detections: Annotated[str | None, DETECTIONS] = None,
-    out: Annotated[Path | None, OUT] = None,
-    kitti: Annotated[Path | None, KITTI] = None,
-    cameras: Annotated[str, CAMERAS] = "02,03",
-    detector: Annotated[str, DETECTOR] = "yolox_nano",
-    weights: Annotated[Path | None, WEIGHTS] = None,
-    size: Annotated[str | None, SIZE] = None,
-    providers: Annotated[str, PROVIDERS] = "CPUExecutionProvider",
-    threads: Annotated[str, THREADS] = "1",
-    batch: Annotated[str, BATCH] = "1",
-    min_score: Annotated[float, MIN_SCORE] = 0.3,
-    origin: Annotated[str | None, ORIGIN] = None,
-    allow_missing_scans: Annotated[bool, MISSING] = False,
-    evaluate: Annotated[bool, EVALUATE] = False,
-    labels: Annotated[str | None, LABELS] = None,
-    encoding: Annotated[Encoding, ENCODING] = "raw",
-    frames: Annotated[Path | None, FRAMES] = None,
-    video: Annotated[Path | None, VIDEO] = None,
-) -> None:
+    drive: str | None, bag: Path | None, topics: tuple[str, ...], detections: str | None, out: Path | None,
+    kitti: Path | None, cameras: str, detector: str, weights: Path | None, size: str | None, providers: str,
+    threads: str, batch: str, min_score: float, origin: str | None, allow_missing_scans: bool, evaluate: bool,
+    labels: str | None, encoding: Encoding, frames: Path | None, video: Path | None,
+) -> None:  # fmt: skip
     """Run a detector over a drive or a bag; write a trace."""
     from genie_sim.perception import perceive as perception
     from genie_sim.perception.detector import make_detector
@@ -75,19 +65,19 @@ def perceive(
     if drive is None:
         assert bag is not None
         make = None if detections else partial(make_detector, detector, weights, network, min_score, providers_)
-        _write(out, _of_bag(bag, topic or [], detections, make, at_once, world, min_score))
+        _write(out, _of_bag(bag, topics, detections, make, at_once, world, min_score))
         return
     root = perception.kitti_folder(kitti)
     lowest = min(min_score, perception.LOWEST_SCORE) if evaluate else min_score
     with Progress(unit="frames") as progress:
         everything = perception.perceive(
             root, drive, cameras_, detector, weights, lowest, network, world, progress, None,
-            allow_missing_scans, providers_, min_score, *at_once, typer.echo, encoding,
+            allow_missing_scans, providers_, min_score, *at_once, click.echo, encoding,
         )  # fmt: skip
     trace = everything.at_least(min_score)
     _write(out, trace)
     if evaluate:
-        typer.echo(_judged(root, labels or drive, everything, min_score), nl=False)
+        click.echo(_judged(root, labels or drive, everything, min_score), nl=False)
     if frames is not None or video is not None:
         _draw(trace, perception.images(root, drive, cameras_), frames, video)
 
@@ -130,7 +120,7 @@ def _write(out: Path | None, trace: "Trace") -> None:
         write_trace(out, trace)
         found = sum(len(frame.detections) for sequence in trace.frames.values() for frame in sequence)
         count = sum(map(len, trace.frames.values()))
-        typer.echo(f"{out}: {count} frames, {found} detections, content {trace.digest[:12]}")
+        click.echo(f"{out}: {count} frames, {found} detections, content {trace.digest[:12]}")
 
 
 def _judged(root: Path, labels: str, trace: "Trace", min_score: float) -> str:
@@ -147,17 +137,15 @@ def _draw(trace: "Trace", images: Mapping[tuple[str, int], Path], frames: Path |
             pictures.write_frames(frames, trace, images, progress)
         if video is not None:
             pictures.write_video(video, trace, images, progress)
-    typer.echo("\n".join(f"Pictures: {place}" for place in (frames, video) if place is not None))
+    click.echo("\n".join(f"Pictures: {place}" for place in (frames, video) if place is not None))
 
 
-def truth(
-    drive: Annotated[str, typer.Option(help="The labelled drive, such as 2011_09_26/0005 or tracking/0000.")],
-    trace: Annotated[str, typer.Option(help="The trace of that drive: a name or a file.")],
-    kitti: Annotated[Path | None, path_option(help="KITTI's root folder; default: $GENIE_SIM_KITTI.")] = None,
-    out: Annotated[
-        Path | None, path_option(help="The file; default: NAME.truth.parquet beside the trace, where runs find it.")
-    ] = None,
-) -> None:
+@click.command()
+@click.option("--drive", required=True, help="The labelled drive, such as 2011_09_26/0005 or tracking/0000.")
+@click.option("--trace", required=True, help="The trace of that drive: a name or a file.")
+@click.option("--kitti", type=PATH, help="KITTI's root folder; default: $GENIE_SIM_KITTI.")
+@click.option("--out", type=PATH, help="The file; default: NAME.truth.parquet beside the trace, where runs find it.")
+def truth(drive: str, trace: str, kitti: Path | None, out: Path | None) -> None:
     """Compute what really is there on a trace's drive.
 
     It comes from KITTI's labels of the drive, and lets runs on the trace tell how right their answers are.
@@ -172,7 +160,7 @@ def truth(
     truth_table.write_truth(out, table)
     objects = {row.object: row.moving for row in table.rows}
     seen = sum(row.visible for row in table.rows)
-    typer.echo(
+    click.echo(
         f"{out}: {len(objects)} objects, {sum(objects.values())} of them moving, visible {seen:,} times, "
         f"content {table.digest[:12]}"
     )

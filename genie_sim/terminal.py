@@ -14,8 +14,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-import typer
-import typer.core
+import click
 
 from genie_sim.errors import unknown
 
@@ -65,20 +64,13 @@ def listing(rows: Iterable[tuple[str, str]], indent: str, columns: int | None) -
             yield from textwrap.wrap(line, columns, subsequent_indent=" " * (len(indent) + 29), drop_whitespace=True)
 
 
-BRACES = str.maketrans("", "", "{}")
-
-
-class Command(typer.core.TyperCommand):
-    """A command whose usage names its arguments as others do: ``SCENARIO``, not ``{scenario}``."""
-
-    def collect_usage_pieces(self, ctx: Any) -> list[str]:
-        found = super().collect_usage_pieces(ctx)
-        return [one.translate(BRACES).upper() if one[0] == "{" and "|" not in one else one for one in found]
-
-
-class Commands(typer.core.TyperGroup):
+class Commands(click.Group):
     """The commands, under one roof: a misspelt one is answered with the nearest, Ctrl-C or SIGTERM ends any with one
     line and status 130, and a reader that has gone away ends it quietly."""
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        """In the order in which they are written."""
+        return list(self.commands)
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         name = args[0]
@@ -91,7 +83,7 @@ class Commands(typer.core.TyperGroup):
             with _terminable():
                 return super().invoke(ctx)
         except KeyboardInterrupt:
-            typer.echo("genie-sim: interrupted; nothing was written", err=True)
+            click.echo("genie-sim: interrupted; nothing was written", err=True)
             raise SystemExit(130) from None
         except BrokenPipeError:
             drop_output()

@@ -185,13 +185,13 @@ def completed(*words: str) -> list[str]:
         env={
             **os.environ,
             "PYTHONPATH": str(REPOSITORY),
-            "_GENIE_SIM_COMPLETE": "complete_bash",
+            "_GENIE_SIM_COMPLETE": "bash_complete",
             "COMP_WORDS": " ".join(("genie-sim", *words)),
             "COMP_CWORD": str(len(words)),
         },
         capture_output=True, text=True, timeout=60,
     )  # fmt: skip
-    return told.stdout.split()
+    return [line.removeprefix("plain,") for line in told.stdout.split()]
 
 
 def test_the_shell_completes_commands_names_and_settings():
@@ -200,6 +200,47 @@ def test_the_shell_completes_commands_names_and_settings():
     assert completed("list", "evi") == ["evictions"]
     assert completed("run", "3car_hetero", "--set", "genie.object_map.th") == ["genie.object_map.threshold="]
     assert "cars[0].route.laps=" in completed("run", "3car_hetero", "--set", "cars[0].route.")
+
+
+@pytest.mark.parametrize(("shell", "script", "startup"), [
+    ("bash", ".genie-sim-complete.bash", ".bashrc"),
+    ("zsh", ".genie-sim-complete.zsh", ".zshrc"),
+    ("fish", ".config/fish/completions/genie-sim.fish", None),
+    ("pwsh", ".genie-sim-complete.ps1", "profile.ps1"),
+])  # fmt: skip
+def test_completion_is_installed_once_for_each_shell(shell, script, startup, tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr("shellingham.detect_shell", lambda: (shell, f"/bin/{shell}"))
+    monkeypatch.setattr("genie_sim.completion._profile", lambda shell: tmp_path / "profile.ps1")
+    monkeypatch.setenv("HOME", str(tmp_path))
+    if startup is not None:
+        (tmp_path / startup).write_text("mine\n")
+    for _ in range(2):
+        assert main(["--install-completion"]) == 0
+        assert f"{shell} completion installed in {tmp_path / script}" in capsys.readouterr().out
+    assert main(["--show-completion"]) == 0
+    assert (tmp_path / script).read_text() == capsys.readouterr().out
+    if startup is not None:
+        assert re.fullmatch(rf"mine\n.*\. '{tmp_path / script}'\n", (tmp_path / startup).read_text())
+
+
+def test_a_shell_without_completion_is_told(monkeypatch, capsys):
+    monkeypatch.setattr("shellingham.detect_shell", lambda: ("csh", "/bin/csh"))
+    assert main(["--install-completion"]) == 1
+    assert "no completion for csh; there is one for bash" in capsys.readouterr().err
+
+
+@pytest.mark.unix
+def test_bash_itself_completes(tmp_path):
+    """Its own completion, by the script that is installed."""
+    (tmp_path / "genie-sim").write_text(f'#!/bin/sh\nexec {" ".join(COMMAND)} "$@"\n')
+    (tmp_path / "genie-sim").chmod(0o755)
+    asked = (
+        "source <(_GENIE_SIM_COMPLETE=bash_source genie-sim); COMP_WORDS=(genie-sim run 3car_het); COMP_CWORD=2; "
+        "$(complete -p genie-sim | grep -o '_genie[a-z_]*') genie-sim; echo ${COMPREPLY[@]}"
+    )
+    environment = {**os.environ, "PYTHONPATH": str(REPOSITORY), "PATH": f"{tmp_path}:{os.environ['PATH']}"}
+    told = subprocess.run(["bash", "-c", asked], env=environment, capture_output=True, text=True, timeout=60)
+    assert told.stdout.split() == ["3car_hetero"], told.stderr
 
 
 def test_every_completed_setting_is_one():
@@ -218,16 +259,15 @@ def test_every_completed_setting_is_one():
 
 @pytest.mark.parametrize("arguments", [["--help"], ["run", "--help"], ["--version"], []], ids=" ".join)
 def test_help_is_there_before_anything_heavy(arguments):
-    """Under 0.4 s, on slow machines too: little is loaded besides the library that reads the arguments (which brings
-    pydantic by itself for the help of a command)."""
+    """Under 0.2 s: little is loaded besides the library that reads the arguments."""
     code = f"import sys; from genie_sim.cli import main; main({arguments}); print(*sys.modules)"
     told = subprocess.run([sys.executable, "-c", code], cwd=REPOSITORY, capture_output=True, text=True, check=True)
     loaded = set(told.stdout.splitlines()[-1].split())
     assert not loaded & HEAVY
     ours = {name for name in loaded if name.startswith("genie_sim.")}
-    parts = ("cli", "cli_compare", "cli_perceive", "cli_ros", "terminal", "arguments")
+    parts = ("cli", "cli_compare", "cli_perceive", "cli_ros", "terminal", "arguments", "completion")
     command_line = {f"genie_sim.{part}" for part in parts}
     assert ours <= {*command_line, "genie_sim.errors", "genie_sim.paths", "genie_sim.plugins", "genie_sim.messages"}
-    bare = subprocess.run([sys.executable, "-c", "import sys, typer.main; print(*sys.modules)"], capture_output=True)
+    bare = subprocess.run([sys.executable, "-c", "import sys, click; print(*sys.modules)"], capture_output=True)
     added = loaded - set(bare.stdout.decode().split()) - ours
-    assert len({name for name in added if not name.startswith("pydantic")}) < 100, added
+    assert len(added) < 40, added

@@ -10,9 +10,9 @@ import typing
 from pathlib import Path
 
 import pytest
-import typer
 
 import genie_sim as gs
+from genie_sim.arguments import PATH
 from genie_sim.cli import app, main
 from genie_sim.errors import UserError
 from genie_sim.paths import atomic_write
@@ -87,14 +87,11 @@ def test_a_run_that_wrote_down_no_poses_is_no_bag(capsys):
 def test_every_path_is_taken_in_one_way():
     """``~`` and what cannot be shown are dealt with in ``arguments``, for every option and argument."""
     found = 0
-    for command in app.registered_commands:
-        for name, hint in typing.get_type_hints(command.callback, include_extras=True).items():
-            if typing.get_origin(hint) is not typing.Annotated:
-                continue
-            if Path in (hint.__origin__, *typing.get_args(hint.__origin__)):
-                (about,) = hint.__metadata__
-                assert isinstance(about, typer.models.ParameterInfo)
-                assert about.callback is not None, f"{command.callback.__name__}: {name}"
+    for command in {**app.commands, **app.commands["keys"].commands}.values():
+        for name, hint in typing.get_type_hints(command.callback).items():
+            if Path in (hint, *typing.get_args(hint)):
+                (about,) = (one for one in command.params if one.name == name)
+                assert about.type is PATH, f"{command.name}: {name}"
                 found += 1
     assert found >= 20
 
