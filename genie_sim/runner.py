@@ -231,7 +231,7 @@ def simulate(prepared: Prepared, progress: Progress | None = None, spill: Path |
 
     With ``spill``, a folder, the rows of long tables wait there and not in memory; ``write`` completes their files.
     """
-    scenario, tables = prepared.expanded, Tables.spilling(spill)
+    scenario, tables = prepared.expanded, Tables(spill)
     driven: set[str] = set()
     for number, entry in enumerate(scenario.methods):
         setup = build.setup(prepared, entry)

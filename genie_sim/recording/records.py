@@ -6,7 +6,7 @@ value that is not known stays ``None``.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from operator import attrgetter
 from pathlib import Path
 
@@ -224,25 +224,26 @@ class Frame:
         return values
 
 
-@dataclass(frozen=True)
 class Tables:
-    """What a run writes down. ``held`` and ``held_objects`` stay empty where nobody knows the truth."""
+    """What a run writes down. ``held`` and ``held_objects`` stay empty where nobody knows the truth.
 
-    frames: Table = field(default_factory=lambda: Table(FRAMES))
-    lookups: Table = field(default_factory=lambda: Table(LOOKUPS))
-    resources: Table = field(default_factory=lambda: Table(RESOURCES))
-    poses: Table = field(default_factory=lambda: Table(POSES))
-    objects: Table = field(default_factory=lambda: Table(OBJECTS))
-    answers: Table = field(default_factory=lambda: Table(ANSWERS))
-    held: Table = field(default_factory=lambda: Table(HELD))
-    held_objects: Table = field(default_factory=lambda: Table(HELD_OBJECTS))
-    steps: Table = field(default_factory=lambda: Table(STEPS))
+    With a ``folder``, the rows of long tables wait there and not in memory.
+    """
 
-    @classmethod
-    def spilling(cls, folder: Path | None) -> "Tables":
-        """With a folder, the rows of long tables wait there and not in memory."""
-        spill = {one.name: None if folder is None else folder / f"{one.name}.rows" for one in SCHEMAS}
-        return cls(**{one.name: Table(one, spill[one.name]) for one in SCHEMAS if not one.sorted_by})
+    frames: Table
+    lookups: Table
+    resources: Table
+    poses: Table
+    objects: Table
+    answers: Table
+    held: Table
+    held_objects: Table
+    steps: Table
+
+    def __init__(self, folder: Path | None = None) -> None:
+        for one in SCHEMAS:
+            spill = None if folder is None or one.sorted_by else folder / f"{one.name}.rows"
+            setattr(self, one.name, Table(one, spill))
 
     def __iter__(self) -> Iterator[Table]:
         return (getattr(self, one.name) for one in SCHEMAS)

@@ -52,6 +52,10 @@ class Metric:
     n: int = 0
 
 
+def _as_pandas(name: str) -> "cached_property[pd.DataFrame]":
+    return cached_property(lambda run: run.tables[name].to_frame())
+
+
 @dataclass(frozen=True, eq=False)
 class Run:
     """One finished run.
@@ -69,50 +73,15 @@ class Run:
     measured: Sequence[Metric]
     folder: Path | None = None
 
-    @cached_property
-    def frames(self) -> "pd.DataFrame":
-        """One row per method, car, stream and frame."""
-        return self.tables["frames"].to_frame()
-
-    @cached_property
-    def lookups(self) -> "pd.DataFrame":
-        """One row per message for which a Genie asked its message cache or its object map."""
-        return self.tables["lookups"].to_frame()
-
-    @cached_property
-    def resources(self) -> "pd.DataFrame":
-        """One row per resource and sample."""
-        return self.tables["resources"].to_frame()
-
-    @cached_property
-    def poses(self) -> "pd.DataFrame":
-        """One row per car, stream and frame: where the camera stood."""
-        return self.tables["poses"].to_frame()
-
-    @cached_property
-    def objects(self) -> "pd.DataFrame":
-        """One row per change of an object map."""
-        return self.tables["objects"].to_frame()
-
-    @cached_property
-    def answers(self) -> "pd.DataFrame":
-        """One row per first and per fresh answer: how right it was, by the detector's own answer."""
-        return self.tables["answers"].to_frame()
-
-    @cached_property
-    def held(self) -> "pd.DataFrame":
-        """One row per car and instant: what its consumer held, against what was there."""
-        return self.tables["held"].to_frame()
-
-    @cached_property
-    def held_objects(self) -> "pd.DataFrame":
-        """One row per object that a consumer held or missed, and per time for which it did."""
-        return self.tables["held_objects"].to_frame()
-
-    @cached_property
-    def steps(self) -> "pd.DataFrame":
-        """One row per step on the way of an answer."""
-        return self.tables["steps"].to_frame()
+    frames = _as_pandas("frames")
+    lookups = _as_pandas("lookups")
+    resources = _as_pandas("resources")
+    poses = _as_pandas("poses")
+    objects = _as_pandas("objects")
+    answers = _as_pandas("answers")
+    held = _as_pandas("held")
+    held_objects = _as_pandas("held_objects")
+    steps = _as_pandas("steps")
 
     def __repr__(self) -> str:
         where = self.folder if self.folder is not None else "not written to a folder"

@@ -24,13 +24,15 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import IO, Any, Protocol
+from typing import IO, Any
 
 from genie_sim.errors import UserError, unknown
+from genie_sim.ros import ros1_graph, ros2_graph
 from genie_sim.ros.codec import WireType
 from genie_sim.ros.plan import Plan, check
 from genie_sim.ros.process import NodeProcess, boot, start_of
 
+Graph = ros1_graph.Graph | ros2_graph.Graph  # what is asked of the middleware
 log = logging.getLogger(__name__)
 READY_S = 30.0
 RESTORE_S = 30.0
@@ -165,7 +167,7 @@ def restore_orphan() -> None:
 
 
 def _watch(
-    plan: Plan, graph: "Graph", path: Path, behind: NodeProcess, interrupted: Callable[[], bool],
+    plan: Plan, graph: Graph, path: Path, behind: NodeProcess, interrupted: Callable[[], bool],
     attached: Callable[[], None],
 ) -> None:  # fmt: skip
     """Runs the Genie's process until somebody wants it to end; leaves it ended."""
@@ -251,16 +253,10 @@ def _state_path(network: str, node: str) -> Path:
     return _states() / (re.sub(r"[^\w.]+", "-", f"{network}{node}") + ".json")
 
 
-def _graph(pid: int | None, master_uri: str | None) -> "Graph":
+def _graph(pid: int | None, master_uri: str | None) -> Graph:
     """ROS 1 or ROS 2. Raises UserError where it is not installed."""
     try:
-        if pid is None:
-            from genie_sim.ros import ros1_graph
-
-            return ros1_graph.Graph(master_uri)
-        from genie_sim.ros import ros2_graph
-
-        return ros2_graph.Graph(pid)
+        return ros1_graph.Graph(master_uri) if pid is None else ros2_graph.Graph(pid)
     except ImportError as error:
         raise UserError(f"ROS is not there for {sys.executable}: {error}; see docs/ros.md") from error
 
@@ -273,29 +269,6 @@ def _log(path: Path) -> Path:
 def _last_line(path: Path) -> str:
     lines = _log(path).read_text(encoding="utf-8", errors="replace").splitlines()
     return lines[-1] if lines else "it said nothing"
-
-
-class Graph(Protocol):
-    """What ``attach`` asks the middleware. Everything raises UserError for what is not there.
-
-    ``module`` is the program of the Genie's process, ``environment`` what it needs beside ours, ``network`` a name for
-    the master or domain.
-    """
-
-    module: str
-    image_type: str
-    environment: dict[str, str]
-    network: str
-
-    def topics_of(self, node: str) -> tuple[list[str], list[str]]: ...
-
-    def types(self, topics: Iterable[str]) -> dict[str, WireType]: ...
-
-    def has_header(self, wire_type: WireType) -> bool: ...
-
-    def process_of(self, node: str) -> NodeProcess: ...
-
-    def remapped(self, node: str, argv: Sequence[str], topics: Sequence[str]) -> tuple[str, ...]: ...
 
 
 def choose(

@@ -5,6 +5,8 @@ from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
+from pydantic import TypeAdapter
+
 from genie_sim import plugins
 from genie_sim.core.freshness import FRESHNESS, MUST_HAVE
 from genie_sim.core.genies import make_genie
@@ -47,13 +49,11 @@ class Plan:
     record: str | None = None
 
     def to_json(self) -> str:
-        return json.dumps(asdict(self))
+        return TypeAdapter(Plan).dump_json(self).decode()
 
     @classmethod
     def from_json(cls, text: str) -> "Plan":
-        data = json.loads(text)
-        data["types"] = {topic: WireType(*fields) for topic, fields in data["types"].items()}
-        return cls(**data | {name: tuple(data[name]) for name in ("requests", "answers", "connect")})
+        return TypeAdapter(Plan).validate_json(text)
 
 
 def checked_settings(settings: Mapping[str, Any], pose_topic: str | None) -> GenieRules:
