@@ -10,7 +10,7 @@ from genie_sim.core import genies
 from genie_sim.core.caches.features import feature_of
 from genie_sim.core.freshness.laws import ASSUMED, DetectorLaws
 from genie_sim.core.freshness.measure import measured
-from genie_sim.errors import UserError
+from genie_sim.errors import UserError, as_user_error
 from genie_sim.messages import Header, Look
 from genie_sim.methods import METHODS, MUST_HAVE
 from genie_sim.monitor import Monitor
@@ -186,10 +186,8 @@ def method_facts(scenario: Scenario) -> list[dict[str, Any]]:
     """Of each method, in order: its name, what figures call it, and whether others are compared with it."""
     facts = []
     for index, entry in enumerate(scenario.methods):
-        try:
+        with as_user_error(f"{scenario.name}: methods[{index}]", UserError):
             made = method(entry)
-        except UserError as error:
-            raise UserError(f"{scenario.name}: methods[{index}]: {error}") from error
         title = made.title if entry.title is None else entry.title
         usual = entry.title is not None or entry.name in (entry.method.name, entry.method.name.rpartition(":")[2])
         facts.append({"name": entry.name, "title": title if usual else entry.name, "baseline": bool(made.baseline)})

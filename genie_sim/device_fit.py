@@ -18,7 +18,7 @@ import numpy.typing as npt
 import yaml
 
 from genie_sim import __version__, units
-from genie_sim.errors import UserError
+from genie_sim.errors import UserError, as_user_error
 from genie_sim.paths import atomic_write, read_text
 from genie_sim.scenario.profiles import DeviceProfile, load_profile
 
@@ -91,10 +91,8 @@ def from_csv(path: Path, model: str) -> Measured:
 
     Raises UserError, naming the line, for anything that is no time.
     """
-    try:
+    with as_user_error(f"{path}: not a CSV file", csv.Error):
         rows = list(csv.reader(read_text(path).splitlines()))
-    except csv.Error as error:
-        raise UserError(f"{path}: not a CSV file: {error}") from error
     filled = [(number, [*map(_number, row)]) for number, row in enumerate(rows, start=1) if "".join(row).strip()]
     if filled and all(value is None for value in filled[0][1]):
         del filled[0]  # names

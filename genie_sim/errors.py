@@ -1,7 +1,8 @@
 """The one exception a user may see: the input or the environment is at fault, never the program."""
 
 import difflib
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 
 
 class UserError(Exception):
@@ -17,6 +18,15 @@ def short_repr(value: object) -> str:
 def first_line(error: BaseException) -> str:
     """What an exception of a library says, as far as it goes into one line."""
     return (str(error).strip() or type(error).__name__).splitlines()[0]
+
+
+@contextmanager
+def as_user_error(what: str, *kinds: type[BaseException]) -> Iterator[None]:
+    """An exception of these ``kinds`` within it becomes a ``UserError``: ``what`` is wrong, and why, in one line."""
+    try:
+        yield
+    except kinds as error:
+        raise UserError(f"{what}: {getattr(error, 'strerror', None) or first_line(error)}") from error
 
 
 def unknown(what: str, value: object, choices: Iterable[str]) -> str:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import genie_sim
-from genie_sim.errors import UserError, unknown
+from genie_sim.errors import UserError, as_user_error, unknown
 from genie_sim.paths import expanded
 
 log = logging.getLogger(__name__)
@@ -35,13 +35,11 @@ def find(kind: Kind, path_or_name: str | Path) -> Path:
     text = str(path_or_name)
     path = expanded(text)
     if len(path.parts) > 1 or path.suffix or isinstance(path_or_name, Path):
-        try:
+        with as_user_error(str(text), OSError):  # for example a name longer than the file system allows
             if path.is_file():
                 return path
             shipped = f"; the {kind.what} {path.stem!r} needs no path" if path.stem in available(kind) else ""
             raise UserError(f"{text}: {'is a folder, not a file' if path.is_dir() else 'no such file'}{shipped}")
-        except OSError as error:  # for example a name longer than the file system allows
-            raise UserError(f"{text}: {error.strerror}") from error
     known = available(kind)
     if text not in known:
         raise UserError(unknown(kind.what, text, known))

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from genie_sim.errors import UserError, first_line
+from genie_sim.errors import UserError, as_user_error
 from genie_sim.paths import atomic_write
 
 if TYPE_CHECKING:
@@ -39,20 +39,16 @@ def read(path: Path, what: str) -> "tuple[pa.Table, dict[str, Any]]":
 
     if not path.is_file():
         raise UserError(f"{path}: no such {what}")
-    try:
-        # Exactly this open file: pyarrow takes a path for a URI, and read_table takes a folder "a=1" for a partition.
-        # No threads: after reading a Python file they can abort the process at its end (apache/arrow 34314, 50482).
-        with path.open("rb") as file:
-            table = pq.ParquetFile(file).read(use_threads=False)
-    except (pa.ArrowException, OSError, ValueError) as error:
-        raise UserError(f"{path}: not a readable Parquet file: {first_line(error)}") from error
+    # Exactly this open file: pyarrow takes a path for a URI, and read_table takes a folder "a=1" for a partition.
+    # No threads: after reading a Python file they can abort the process at its end (apache/arrow 34314, 50482).
+    broken = as_user_error(f"{path}: not a readable Parquet file", pa.ArrowException, OSError, ValueError)
+    with broken, path.open("rb") as file:
+        table = pq.ParquetFile(file).read(use_threads=False)
     told = (table.schema.metadata or {}).get(METADATA_KEY)
     if told is None:
         raise UserError(f"{path}: a Parquet file, but not a {what} of genie-sim")
-    try:
+    with as_user_error(f"{path}: its metadata cannot be read", ValueError, TypeError, RecursionError):
         about: dict[str, Any] = dict(json.loads(told))
-    except (ValueError, TypeError, RecursionError) as error:
-        raise UserError(f"{path}: its metadata cannot be read: {first_line(error)}") from error
     return table, about
 
 

@@ -5,10 +5,10 @@ import secrets
 import stat
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager, suppress
 from pathlib import Path
 
-from genie_sim.errors import UserError
+from genie_sim.errors import UserError, as_user_error
 
 PARTIAL = ".partial"
 
@@ -21,31 +21,23 @@ def expanded(path: str | Path) -> Path:
         return Path(path)
 
 
-@contextmanager
-def usable(path: Path, what: str = "cannot be written") -> Iterator[None]:
+def usable(path: Path, what: str = "cannot be written") -> AbstractContextManager[None]:
     """Where the machine refuses what is done within it, that is a ``UserError``: the path, ``what``, and why."""
-    try:
-        yield
-    except OSError as error:
-        raise UserError(f"{path}: {what}: {error.strerror or error}") from error
+    return as_user_error(f"{path}: {what}", OSError)
 
 
 def read_bytes(path: Path) -> bytes:
     """All bytes of a regular file. Raises UserError for anything else: a device or a pipe may have no end."""
-    try:
+    with as_user_error(f"{path}: cannot be read", OSError, ValueError):
         if not stat.S_ISREG(path.stat().st_mode):
             raise UserError(f"{path}: cannot be read: not a regular file")
         return path.read_bytes()
-    except (OSError, ValueError) as error:
-        raise UserError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from error
 
 
 def read_text(path: Path) -> str:
     """The text of a regular file in UTF-8, lines ending in a newline. Raises UserError."""
-    try:
+    with as_user_error(f"{path}: not a text file", UnicodeDecodeError):
         text = read_bytes(path).decode("utf-8")
-    except UnicodeDecodeError as error:
-        raise UserError(f"{path}: not a text file: {error}") from error
     return text.replace("\r\n", "\n").replace("\r", "\n")
 
 

@@ -16,7 +16,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from genie_sim.errors import UserError, short_repr, unknown
+from genie_sim.errors import UserError, as_user_error, short_repr, unknown
 
 Parameter = bool | int | float | str
 _CLASS = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*:[A-Za-z_]\w*")
@@ -77,10 +77,8 @@ def resolve(what: str, name: str, registry: Mapping[str, Any], methods: tuple[st
             raise UserError(f"{what} {name!r}: code of somebody's own, which runs with --allow-own-code only")
         if "" not in sys.path:
             sys.path.append("")
-    try:
+    with as_user_error(f"{what} {name!r}", Exception):  # whatever an own module raises when it is imported
         found = getattr(importlib.import_module(module_name), class_name)
-    except Exception as error:  # whatever an own module raises when it is imported
-        raise UserError(f"{what} {name!r}: {error}") from error
     lacking = [method for method in methods if not hasattr(found, method)]
     if lacking:
         raise UserError(f"{what} {name!r}: has no method {', '.join(lacking)}; needs {', '.join(methods)}")
@@ -103,10 +101,8 @@ def make(what: str, choice: Choice, registry: Mapping[str, Any], methods: tuple[
 
 def call(what: str, name: str, own: Any, *arguments: Any, **parameters: Any) -> Any:
     """What a class or function, perhaps of the user's own, returns. Raises ``UserError`` for wrong arguments."""
-    try:
+    with as_user_error(f"{what} {name!r}", TypeError, ValueError):
         return own(*arguments, **parameters)
-    except (TypeError, ValueError) as error:
-        raise UserError(f"{what} {name!r}: {error}") from error
 
 
 def code_digest(what: str, name: str) -> str:

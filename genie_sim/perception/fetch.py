@@ -17,7 +17,7 @@ from typing import NamedTuple
 from urllib.error import HTTPError, URLError
 from urllib.request import Request, urlopen
 
-from genie_sim.errors import UserError, unknown
+from genie_sim.errors import UserError, as_user_error, unknown
 from genie_sim.paths import usable
 
 log = logging.getLogger(__name__)
@@ -133,23 +133,23 @@ def unpack(archive: Path, folder: Path, most_bytes: int = MOST_UNPACKED_BYTES) -
     """Files of a ZIP archive into a folder. Nothing is written if an entry has no name, would leave the folder, is a
     link, is encrypted or appears twice, or if all of them are too many or unpack to too much; UserError says which."""
     root = folder.resolve()
-    try:
-        with zipfile.ZipFile(archive) as packed:
-            entries = [entry for entry in packed.infolist() if not entry.filename.endswith("/")]
-            _check(archive, entries, root, most_bytes)
-            for entry in entries:
-                target = root / entry.filename
-                target.parent.mkdir(parents=True, exist_ok=True)
-                part = target.with_name(target.name + ".part")
-                part.unlink(missing_ok=True)  # a link there would lead elsewhere
-                with packed.open(entry) as source, part.open("wb") as destination:
-                    shutil.copyfileobj(source, destination)  # never more than the archive says
-                part.replace(target)
-            return [root / entry.filename for entry in entries]
-    except (zipfile.BadZipFile, EOFError, NotImplementedError, RuntimeError, ValueError, zlib.error) as error:
-        raise UserError(f"{archive}: not a readable ZIP archive: {error}") from error
-    except OSError as error:
-        raise UserError(f"{archive}: cannot be unpacked: {error.strerror or error}") from error
+    broken = (zipfile.BadZipFile, EOFError, NotImplementedError, RuntimeError, ValueError, zlib.error)
+    with (
+        usable(archive, "cannot be unpacked"),
+        as_user_error(f"{archive}: not a readable ZIP archive", *broken),
+        zipfile.ZipFile(archive) as packed,
+    ):
+        entries = [entry for entry in packed.infolist() if not entry.filename.endswith("/")]
+        _check(archive, entries, root, most_bytes)
+        for entry in entries:
+            target = root / entry.filename
+            target.parent.mkdir(parents=True, exist_ok=True)
+            part = target.with_name(target.name + ".part")
+            part.unlink(missing_ok=True)  # a link there would lead elsewhere
+            with packed.open(entry) as source, part.open("wb") as destination:
+                shutil.copyfileobj(source, destination)  # never more than the archive says
+            part.replace(target)
+        return [root / entry.filename for entry in entries]
 
 
 def _check(archive: Path, entries: list[zipfile.ZipInfo], root: Path, most_bytes: int) -> None:

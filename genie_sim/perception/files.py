@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from genie_sim.core.geometry import Array
-from genie_sim.errors import UserError
+from genie_sim.errors import UserError, as_user_error
 from genie_sim.paths import read_text
 
 MOST = 1e9  # no number in KITTI's files is larger
@@ -29,10 +29,8 @@ def numbers(path: Path, columns: int) -> Array:
     """A table (n, columns) of numbers ``within`` bounds. Raises UserError for a line that holds anything else."""
     rows: list[list[float]] = []
     for number, fields in lines(path):
-        try:
+        with as_user_error(f"{path}: line {number}", ValueError):
             row = [float(field) for field in fields]
-        except ValueError as error:
-            raise UserError(f"{path}: line {number}: {error}") from error
         if len(row) != columns:
             raise UserError(f"{path}: line {number}: {len(row)} fields, expected {columns}")
         if not within(row):

@@ -18,7 +18,7 @@ import numpy as np
 import pykitti
 
 from genie_sim.core.geometry import Array, Geodetic, inverse
-from genie_sim.errors import UserError, unknown
+from genie_sim.errors import UserError, as_user_error, unknown
 from genie_sim.paths import read_bytes, read_text
 from genie_sim.perception.files import within
 from genie_sim.perception.geodesy import read_oxts, world_SE3_imu
@@ -231,10 +231,8 @@ def _calibration(root: Path, date: str) -> Any:
         path = root / date / name
         read_text(path)
         sizes = {"P": 12, "R": 9, "T": 3}
-        try:
+        with as_user_error(f"{path}: not a KITTI calibration file", ValueError):
             values = pykitti.utils.read_calib_file(str(path))
-        except ValueError as error:
-            raise UserError(f"{path}: not a KITTI calibration file: {error}") from error
         for key in keys:
             value = values.get(key, np.empty(0))
             if value.size != sizes[key[0]] or not within(value):

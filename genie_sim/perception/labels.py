@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from genie_sim.core.geometry import Array, rotation_from_rpy
-from genie_sim.errors import UserError
+from genie_sim.errors import UserError, as_user_error
 from genie_sim.messages import Box, Location
 from genie_sim.paths import read_bytes
 from genie_sim.perception.files import lines, within
@@ -72,15 +72,13 @@ def tracking_labels(path: Path, frames: int) -> list[TrackingLabel]:
     """Every line of a ``label_02`` file of a sequence of so many frames. Raises UserError."""
     labels = []
     for number, fields in lines(path):
-        try:
+        with as_user_error(f"{path}: line {number}: not a tracking label", IndexError, ValueError, OverflowError):
             frame, track, kind, truncation, occlusion = int(fields[0]), int(fields[1]), fields[2], *fields[3:5]
             x1, y1, x2, y2, height_m, _, _, x, y, z = map(float, (*fields[6:13], *fields[13:16]))
             bounded = within([x1, y1, x2, y2, height_m, x, y, z])
             label = TrackingLabel(
                 frame, track, kind, int(float(truncation)), int(occlusion), (x1, y1, x2, y2), (x, y - height_m / 2, z)
             )
-        except (IndexError, ValueError, OverflowError) as error:
-            raise UserError(f"{path}: line {number}: not a tracking label: {error}") from error
         if not bounded:
             raise UserError(f"{path}: line {number}: not a tracking label: a number is not finite, or too large")
         if not 0 <= frame < frames:
@@ -91,10 +89,8 @@ def tracking_labels(path: Path, frames: int) -> list[TrackingLabel]:
 
 def tracklets(path: Path) -> list[Tracklet]:
     """All objects of a ``tracklet_labels.xml``. Raises UserError where it is missing or something else."""
-    try:
+    with as_user_error(f"{path}: not KITTI tracklets", ElementTree.ParseError, ValueError, LookupError, OverflowError):
         return [_tracklet(item) for item in ElementTree.fromstring(read_bytes(path)).findall("tracklets/item")]
-    except (ElementTree.ParseError, ValueError, LookupError, OverflowError) as error:
-        raise UserError(f"{path}: not KITTI tracklets: {error}") from error
 
 
 def _tracklet(item: ElementTree.Element) -> Tracklet:

@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 
 from genie_sim.core.caches.features import packed
-from genie_sim.errors import UserError, first_line, unknown
+from genie_sim.errors import UserError, as_user_error, unknown
 from genie_sim.messages import Box
 from genie_sim.perception.trace import SCORE_DECIMALS
 
@@ -171,19 +171,16 @@ class OnnxDetector(ABC):
         options.execution_mode = onnxruntime.ExecutionMode.ORT_SEQUENTIAL
         options.add_session_config_entry("session.intra_op.allow_spinning", "0")  # leaves the cores to others
         options.log_severity_level = 4
-        try:
+        # ONNX Runtime's exceptions have no common base of their own, nor have ONNX's and Protobuf's.
+        with as_user_error(f"{weights}: ONNX Runtime cannot use this network", Exception):
             return onnxruntime.InferenceSession(network.SerializeToString(), options, providers=list(providers))
-        except Exception as error:  # ONNX Runtime's exceptions have no common base of their own
-            raise UserError(f"{weights}: ONNX Runtime cannot use this network: {first_line(error)}") from error
 
     def _check(self, weights: Path) -> None:
         """One run on a grey picture tells a network with other inputs or outputs."""
         blob, _ = self.prepare(np.full((self.size[1], self.size[0], 3), GREY, np.uint8))
-        try:
+        what = f"cannot take {self.batch} pictures at a time" if self.batch > 1 else f"is no {self.name} network"
+        with as_user_error(f"{weights}: {what}", Exception):
             shapes = [output.shape for output in self.infer_many([blob] * self.batch)[-1][: self.outputs]]
-        except Exception as error:  # ONNX Runtime's exceptions have no common base of their own
-            what = f"cannot take {self.batch} pictures at a time" if self.batch > 1 else f"is no {self.name} network"
-            raise UserError(f"{weights}: {what}: {first_line(error)}") from error
         expected = self.output_shapes()
         if shapes != expected:
             one, other = (", ".join(map(str, many)) for many in (shapes, expected))
@@ -203,11 +200,9 @@ def read_network(weights: Path, outputs: int) -> Any:
     """The ONNX network in a file, with one picture as its input. Raises UserError for any other file."""
     import onnx
 
-    try:
+    with as_user_error(f"{weights}: not an ONNX network", Exception):
         network = onnx.load(str(weights), load_external_data=False)
         onnx.checker.check_model(network)
-    except Exception as error:  # ONNX's and Protobuf's exceptions have no common base of their own
-        raise UserError(f"{weights}: not an ONNX network: {first_line(error)}") from error
     graph = network.graph
     constants = {tensor.name for tensor in graph.initializer}
     inputs = [value for value in graph.input if value.name not in constants]

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from genie_sim import parquet
 from genie_sim.core.geometry import Array, Geodetic, heading_of, horizontal_fov_rad, transform
-from genie_sim.errors import UserError
+from genie_sim.errors import UserError, as_user_error
 from genie_sim.messages import Box, CameraPose, Detection
 
 if TYPE_CHECKING:
@@ -209,10 +209,8 @@ def read_trace(path: str | Path) -> Trace:
     for name in _schema().names:
         if table.column(name).null_count:
             raise UserError(f"{path}: column {name!r} has empty values")
-    try:
+    with as_user_error(f"{path}: a row cannot be read", TypeError, ValueError):
         frames = [_frame(row) for row in table.to_pylist()]
-    except (TypeError, ValueError) as error:
-        raise UserError(f"{path}: a row cannot be read: {error}") from error
     by_camera = checked(path, frames)
     trace = Trace(about["name"], tuple(about["origin"]), by_camera, about["provenance"])
     if trace.digest != about["digest"]:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from genie_sim import parquet
 from genie_sim.core.geometry import Geodetic, transform
-from genie_sim.errors import UserError, first_line
+from genie_sim.errors import UserError, as_user_error
 from genie_sim.messages import Frame, Location
 from genie_sim.perception.trace import POSITION_DECIMALS, Trace
 
@@ -178,12 +178,10 @@ def read_truth_table(path: Path) -> TruthTable:
         version = about.get("format_version")
         raise UserError(f"{path}: format_version: {version!r}, this genie-sim reads {FORMAT_VERSION}")
     parquet.check_columns(path, read, _schema())
-    try:
+    with as_user_error(f"{path}: not a truth table", ValueError, KeyError, TypeError):
         rows = tuple(TruthRow(**row) for row in read.select(_schema().names).to_pylist())
         table = TruthTable(about["trace"], tuple(about["origin"]), rows, about["provenance"])
         digest = about["digest"]
-    except (ValueError, KeyError, TypeError) as error:
-        raise UserError(f"{path}: not a truth table: {first_line(error)}") from error
     if table.digest != digest:
         raise UserError(f"{path}: content does not match its own digest {str(digest)[:12]}: file was altered")
     return table

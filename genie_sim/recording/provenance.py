@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 import genie_sim
-from genie_sim.errors import UserError, short_repr
+from genie_sim.errors import UserError, as_user_error, short_repr
 from genie_sim.paths import PARTIAL, locked, read_text, usable
 from genie_sim.recording.tables import other_format
 
@@ -83,16 +83,14 @@ def result_folder(final: Path) -> Iterator[Path]:
     check_replaceable(final)
     partial = final.with_name(f".{final.name}.{secrets.token_hex(4)}{PARTIAL}")
     try:
-        final.parent.mkdir(parents=True, exist_ok=True)
-        with ExitStack() as held:
+        with usable(final), ExitStack() as held:
+            final.parent.mkdir(parents=True, exist_ok=True)
             with locked(final.parent):  # nobody clears the new folder away before its lock is held
                 _clear_away(final.parent)
                 partial.mkdir()
                 held.enter_context(locked(partial))
             yield partial
             _take_place(partial, final)
-    except OSError as error:
-        raise UserError(f"{final}: cannot be written: {error.strerror or error}") from error
     finally:
         shutil.rmtree(partial, ignore_errors=True)
 
@@ -133,10 +131,8 @@ def write_json(path: Path, value: object) -> None:
 
 def read_json(path: Path) -> Any:
     """What a file of JSON holds. Raises ``UserError``."""
-    try:
+    with as_user_error(f"{path}: cannot be read", ValueError, RecursionError):
         return json.loads(read_text(path))
-    except (ValueError, RecursionError) as error:
-        raise UserError(f"{path}: cannot be read: {error}") from error
 
 
 @contextmanager

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from genie_sim.core.geometry import Array, Geodetic, rigid, transform
-from genie_sim.errors import UserError, first_line, unknown
+from genie_sim.errors import UserError, as_user_error, first_line, unknown
 from genie_sim.messages import Box, Detection
 from genie_sim.perception.encoding import difference_hash
 from genie_sim.perception.geodesy import enu_SE3_enu
@@ -334,10 +334,8 @@ def _picture(path: Path, topic: str, message: Any) -> np.ndarray:
     import cv2
 
     if hasattr(message, "encoding"):
-        try:
+        with as_user_error(f"{path}: {topic}", ValueError, UserError):
             return picture(message)
-        except (ValueError, UserError) as error:
-            raise UserError(f"{path}: {topic}: {error}") from error
     image = None
     with contextlib.suppress(cv2.error):  # it holds nothing, or too much
         image = cv2.imdecode(np.frombuffer(bytes(message.data), np.uint8), cv2.IMREAD_COLOR)

@@ -8,7 +8,7 @@ import ssl
 import threading
 import time
 
-from genie_sim.errors import UserError
+from genie_sim.errors import UserError, as_user_error
 from genie_sim.ros.certificates import NAME, Credentials, Refused, check, reason
 from genie_sim.ros.connection import Connection, OnMessage
 from genie_sim.ros.gateway import REMOTE, Peer
@@ -43,10 +43,8 @@ class TlsLinks:
             name, role = self._credentials.owner
             raise UserError(f"{plan.key_file}: key: of {role} {name}; this Genie is {plan.role} {plan.name}")
         if plan.listen is not None:
-            try:
+            with as_user_error(f"link: cannot listen on {plan.listen}", OSError):
                 listener = socket.create_server(_address(plan.listen), backlog=BACKLOG)
-            except OSError as error:
-                raise UserError(f"link: cannot listen on {plan.listen}: {error.strerror}") from error
             self._lobby = Lobby(listener, self._credentials.listening, self._serve, self._warn)
 
     def start(self, on_message: OnMessage) -> None:

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 from urllib.parse import urlparse
 
-from genie_sim.errors import UserError, unknown
+from genie_sim.errors import UserError, as_user_error, unknown
 from genie_sim.ros.codec import WireType, begins_with_header
 from genie_sim.ros.gateway import LOCAL
 from genie_sim.ros.process import NodeProcess, listens_on
@@ -31,10 +31,8 @@ class Graph:
         self.environment = {"ROS_MASTER_URI": master_uri}
         self.network = master_uri.partition("://")[2]
         self._master = rosgraph.Master(CALLER, master_uri=master_uri)
-        try:
+        with as_user_error(f"no ROS master at {master_uri}", OSError):
             self._publishers, self._subscribers, _ = self._master.getSystemState()
-        except OSError as error:
-            raise UserError(f"no ROS master at {master_uri}: {error.strerror or error}") from error
 
     def nodes(self) -> list[str]:
         return sorted({node for _, nodes in (*self._publishers, *self._subscribers) for node in nodes})
