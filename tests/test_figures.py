@@ -51,8 +51,8 @@ def test_every_figure_of_a_run_names_the_run_its_units_and_what_is_drawn(tables,
     expected = {
         "latency_cdf": ["local (L), ", "remote (R), ", "Genie (DG), 100 %", "Genie (DG), fresh, ", "33 ms deadline"],
         "latency_cdf_of_answered": ["share of answered frames", "response time [ms]"],
-        "image_reuse": ["Genies on cars", "Genies on edges", "hits / requests"],
-        "object_reuse": ["object reuse, hits / requests", "Genies on cars", "Genies on edges"],
+        "image_reuse": ["Genies on cars", "Genies on edges", "image reuse"],
+        "object_reuse": ["object reuse", "Genies on cars", "Genies on edges"],
         "confidence_boost": ["Genies on cars", "Genies on edges", "updates so far"],
         "resources": ["accelerators busy", "links busy", "messages waiting", "simulated time [s]", "car1", "edge2"],
     }

@@ -255,7 +255,7 @@ def test_the_resources_of_a_fleet_are_those_of_its_edges(tables: Tables):
 @pytest.mark.parametrize("left_out", ["lookups", "resources", "poses", "objects"])
 def test_a_table_that_is_left_out_is_empty_and_changes_no_other(tables: Tables, left_out: str):
     record = [name for name in ("lookups", "resources", "poses", "objects") if name != left_out]
-    without = simulate(prepare(small(record=[*record, "answers", "held", "steps"])))
+    without = simulate(prepare(small(record=[*record, "answers", "held", "held_objects", "steps"])))
     for all_of, fewer in zip(tables, without, strict=True):
         if all_of.name == left_out:
             assert len(all_of) > 0 and len(fewer) == 0

@@ -391,6 +391,20 @@ def test_the_numbers_on_the_page_are_the_metrics(browser, file, run):
     assert browser.evaluate("byId('metric-table').tBodies[0].rows.length") == found.sum() > 0
 
 
+def test_hosts_differ_in_their_marks_too(browser, file, run):
+    browser.open(file)
+    hosts = [entry["name"] for kind in ("cars", "edges") for entry in run.facts["scenario"][kind]]
+    for chart in ("accelerator", "cpu"):
+        place = ["accelerator", "cpu"].index(chart)
+        marks = browser.evaluate(
+            f"[...byId('use-charts').children[{place}].querySelectorAll('.keys svg')].map((key) => "
+            "[...key.querySelectorAll('path')].slice(1).map((one) => one.getAttribute('d') + one.classList[1]).join())"
+        )
+        assert len(set(marks)) == len(marks) == len(hosts) and all(marks)
+    drawn = browser.evaluate("byId('use-charts').children[0].querySelectorAll(':scope > svg path[transform]').length")
+    assert drawn >= 3 * len(hosts)
+
+
 def test_the_slider_moves_the_street_by_mouse_and_by_key(browser, file):
     browser.open(file)
     before, picture_before = browser.evaluate("byId('clock').value"), browser.evaluate("byId('map').toDataURL()")

@@ -153,7 +153,7 @@ def latency_cdf(
             for answer, (values, look) in looks.items():
                 share = _percent(len(values) / len(mine))
                 name = method.title if answer == "answered" else f"{method.title}, fresh"
-                shares[answer].append(f"{method.name} {share}")
+                shares[answer].append(f"{method.name} {share}".replace(" ", "\u00a0"))  # in one line
                 told = name if len(panels) > 1 else f"{name}, {share}"
                 _step(axis, values, len(mine) if of == "published" else None, high, **look | {"label": told})
         axis.axvline(DEADLINE_MS, color="black", linewidth=0.9, linestyle="--", label=f"{DEADLINE_MS:g} ms deadline")
@@ -269,7 +269,7 @@ def _reuse_bars(panels: Tables, methods: Methods, what: str, footer: str, width_
     axis.set_ylim(0, None)
     axis.grid(axis="x", visible=False)
     axis.yaxis.set_major_formatter(FuncFormatter(percent_tick))
-    axis.set_ylabel(f"{what.lower()}, hits / requests")
+    axis.set_ylabel(what.lower())
     finish(figure, title, footer, [axis])
     return figure
 

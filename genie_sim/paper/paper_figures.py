@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import NullLocator, PercentFormatter
+from matplotlib.ticker import FuncFormatter, NullLocator
 
 from genie_sim.analysis import figures, metrics, style
 from genie_sim.analysis.drawing import in_style
@@ -84,7 +84,7 @@ def _case_study(outcomes: Sequence[Outcome], footer: str) -> Figure:
     right.set_xlabel("events (messages looked up)")
     right.set_ylabel("running hits / requests")
     right.set_ylim(0, 1.02)
-    right.yaxis.set_major_formatter(PercentFormatter(1))
+    right.yaxis.set_major_formatter(FuncFormatter(style.percent_tick))
     for axis in (left, right):
         axis.legend(loc="upper center", bbox_to_anchor=(0.5, -0.24), ncols=1)
     return figure
@@ -165,7 +165,8 @@ def _worth(rows: Sequence[Row], footer: str) -> Figure:
                 axis.errorbar(at, mean, yerr=[[mean - low], [high - mean]], color="black", linewidth=1, capsize=3)
     axis.set_xticks(range(len(names)), list(names.values()))
     axis.grid(axis="x", visible=False)
-    axis.yaxis.set_major_formatter(PercentFormatter(1))
+    axis.set_ylabel("share of objects")
+    axis.yaxis.set_major_formatter(FuncFormatter(style.percent_tick))
     figure.legend(loc="outside lower center", ncols=3)
     return figure
 
@@ -198,7 +199,7 @@ def _sweep(axis: Axes, row: Row, targets: Mapping[str, float]) -> None:
     unit = "" if row["unit"] == "1" else f" [{row['unit']}]"
     axis.set_xlabel(row["title"] + unit)
     axis.set_ylim(0, 1.02)
-    axis.yaxis.set_major_formatter(PercentFormatter(1))
+    axis.yaxis.set_major_formatter(FuncFormatter(style.percent_tick))
 
 
 def _running(lookups: Columns, genie: str, image: bool) -> tuple[Any, Any]:

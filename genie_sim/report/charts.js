@@ -65,7 +65,12 @@ function axes({ low, high, up, format }, left, right, label, base) {
 }
 const markLine = (at, foot, label, y) => [draw("line", { class: "mark", x1: at, x2: at, y1: 10, y2: foot }), draw("text", { x: at + 5, y }, label)];
 
-// series: {name, color (a CSS class), dash, x, y, steps}; the value at x is the last one up to x.
+// The marks that tell lines apart without colour: disc, square, triangle and diamond, filled and then hollow.
+const MARKERS = ["M-3.2 0a3.2 3.2 0 1 0 6.4 0a3.2 3.2 0 1 0 -6.4 0Z", "M-3 -3H3V3H-3Z", "M0 -3.8L3.8 3H-3.8Z", "M0 -4L4 0L0 4L-4 0Z"];
+const MARKER_PX = 90; // between two on a line
+const markerAt = ({ color, marker }, x, y) => draw("path", { class: `${color} ${marker % 8 < 4 ? "solid" : "hollow"}`, d: MARKERS[marker % 4], transform: `translate(${x} ${y})` });
+
+// series: {name, color (a CSS class), dash, marker (its number), x, y, steps}; the value at x is the last one up to x.
 function lineChart(host, { title, series, x, y, marks = [], height = 240 }) {
   const low = x.log ? Math.log(x.min) : x.min, high = x.log ? Math.log(x.max) : x.max;
   const left = 52, right = 12, top = 10, foot = height - 38;
@@ -85,15 +90,20 @@ function lineChart(host, { title, series, x, y, marks = [], height = 240 }) {
     }
     return one.steps && before !== null ? `${text}H${across(x.max).toFixed(1)}` : text;
   }
+  function markers(one) { // each at a point of its line, those of other lines aside
+    const found = new Set();
+    for (let pixel = left + 15 + 17 * one.marker % MARKER_PX; one.marker !== undefined && pixel < width - right; pixel += MARKER_PX) found.add(lastUpTo(one.x, back(pixel)));
+    return [...found].filter((i) => i >= 0).map((i) => markerAt(one, across(one.x[i]).toFixed(1), up(one.y[i]).toFixed(1)));
+  }
   chart(host, { title, label: `${title || y.label} over ${x.label}`, height, series }, {
-    sample: (one) => [draw("path", { d: "M0 5H22", "stroke-dasharray": one.dash })],
+    sample: (one) => [draw("path", { d: "M0 5H22", "stroke-dasharray": one.dash }), ...(one.marker === undefined ? [] : [markerAt(one, 11, 5)])],
     parts: (now, visible) => {
       width = now;
       const xs = x.log ? logTicks(x.min, x.max, width < 420) : linearTicks(x.min, x.max, Math.max(3, Math.min(8, width / 90)));
       return [...axes({ low: y.min, high: y.max, up, format: y.format }, left, width - right, x.label, height - 4),
         ...xs.map((tick) => draw("text", { x: across(tick), y: foot + 17, "text-anchor": "middle" }, digits(tick, 6))),
         ...marks.flatMap((mark) => markLine(across(mark.x), foot, mark.label, top + 24)),
-        ...visible.filter((one) => one.x.length).map((one) => draw("path", { class: one.color, d: path(one), "stroke-dasharray": one.dash }))];
+        ...visible.filter((one) => one.x.length).flatMap((one) => [draw("path", { class: one.color, d: path(one), "stroke-dasharray": one.dash }), ...markers(one)])];
     },
     moved: (pixel, step) => back((pixel ?? width / 2) + step * width / 80),
     told: (cursor, visible) => [across(cursor), foot, [x.read(cursor), ...visible.map((one) => {

@@ -134,13 +134,14 @@ function chooseMethod(id, shown, render) {
 function showOverTime() {
   const charts = [["image_reuse", `Image reuse, last ${DATA.window_requests} requests of each Genie`], ["object_reuse", `Object reuse, last ${DATA.window_requests} look-ups of each Genie`],
     ["confidence_boost", "Confidence boost: mean of C(new) - C(old) so far"]];
+  const dashes = [null, "7 3", "2 3", "9 3 2 3"], lineOf = (number) => ({ dash: dashes[number % dashes.length], marker: number < dashes.length ? undefined : number });
   const of = (name, method) => DATA.over_time[name].filter((one) => one.method === method && one.x.length);
   chooseMethod("reuse-of", (method) => charts.some(([name]) => of(name, method).length), () => {
     byId("over-time").replaceChildren();
     for (const [name, title] of charts) {
-      const places = { car: 0, edge: 0 }, dashes = [null, "7 3", "2 3", "9 3 2 3"];
+      const places = { car: 0, edge: 0 };
       const series = of(name, byId("reuse-of").value).map((one) => ({ ...one, name: one.name || placementText(one.placement),
-        color: `p-${one.placement}`, dash: dashes[places[one.placement]++ % dashes.length] }));
+        color: `p-${one.placement}`, ...lineOf(places[one.placement]++) }));
       if (!series.length) continue;
       const boost = name === "confidence_boost", low = Math.min(0, ...series.flatMap((one) => one.y));
       lineChart(byId("over-time").appendChild(make("div")), { title, series, x: timeAxisOf(series),
@@ -157,7 +158,7 @@ function showUse() {
     byId("use-charts").replaceChildren();
     for (const [kind, title] of Object.entries(kinds)) {
       const series = DATA.use.filter((one) => one.method === byId("use-of").value && one.kind === kind)
-        .map((one, i, all) => ({ ...one, name: one.name.replace(/\.(accelerator|cpu)$/, ""), color: `h${hosts.indexOf(hostOf(one.name)) % DATA.palette}`,
+        .map((one, i, all) => ({ ...one, name: one.name.replace(/\.(accelerator|cpu)$/, ""), color: `h${hosts.indexOf(hostOf(one.name)) % DATA.palette}`, marker: hosts.indexOf(hostOf(one.name)),
           dash: dashes[Math.min(all.slice(0, i).filter((other) => hostOf(other.name) === hostOf(one.name)).length, 2)] }));
       if (!series.length) continue;
       const queue = kind === "queue";

@@ -1,0 +1,79 @@
+"""Every page passes axe-core in a browser, light and dark: no finding that is serious or critical."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from importlib import resources
+from pathlib import Path
+
+import pytest
+
+import genie_sim as gs
+from genie_sim.paper import page as evaluation
+from genie_sim.paths import atomic_write
+from tests.browser import Browser, installed
+from tests.test_report_sweep import swept
+
+PAPER = Path(__file__).resolve().parent.parent / "results" / "paper"
+AXE = resources.files("axe_core_python").joinpath("axe.min.js")
+SWEEP = """
+scenario: 1car_homo
+set: {methods: [genie], "cars[0].route.window": [0 s, 1 s]}
+seeds: 1
+axes:
+  rate: {set: genie.object_map.rate, list: [0.1, 1]}
+  rule: {set: genie.object_map.rule, list: [noisy_or, ema]}
+"""
+CHECK = """(async (only) => {
+  for (const one of document.querySelectorAll('details')) one.open = true;
+  for (const one of document.querySelectorAll('input[type=search]')) {
+    one.value = 'p95'; // a few rows of a long table stand for all
+    one.dispatchEvent(new Event('input'));
+  }
+  const { violations } = await axe.run(document, { resultTypes: ['violations'], ...(only ? { runOnly: only } : {}) });
+  return violations.filter(({ impact }) => impact === 'serious' || impact === 'critical')
+    .map(({ id, nodes }) => [id, nodes.map((node) => node.html.slice(0, 200)).slice(0, 5)]);
+})"""
+
+
+@pytest.fixture(scope="module")
+def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
+    program = installed()
+    if program is None:
+        pytest.skip("needs Chromium: none of its programs is installed")
+    one = Browser(program, tmp_path_factory.mktemp("profile"))
+    yield one
+    one.close()
+
+
+@pytest.fixture(scope="module")
+def run() -> gs.Run:
+    windows = {f"cars[{place}].route.window": ["0 s", "1 s"] for place in range(2)}
+    return gs.run("2car_homo", windows)
+
+
+def page_of(what: str, run: gs.Run, folder: Path) -> Path:
+    """Writes one of the kinds of pages."""
+    if what == "run":
+        return run.report(folder / "report.html")
+    if what == "fleet":
+        return gs.run("fleet_30", {"fleet.cars": 3, "perception.duration": "2 s"}).report(folder / "report.html")
+    if what == "sweep":
+        return swept(SWEEP, folder, "sweep") / "report.html"
+    if what == "comparison":
+        return gs.compare(run).report(folder)
+    with atomic_write(folder / "report.html") as beside:
+        beside.write_text(evaluation.page(PAPER), encoding="utf-8")
+    return folder / "report.html"
+
+
+@pytest.mark.parametrize("what", ["run", "fleet", "sweep", "comparison", "evaluation"])
+def test_a_page_has_no_serious_finding(browser: Browser, run: gs.Run, tmp_path: Path, what: str):
+    page = page_of(what, run, tmp_path)
+    for dark, rules in ((False, None), (True, ["color-contrast"])):  # in the dark, only colours are others
+        browser.size(1200, 900, dark=dark)
+        browser.open(page)
+        browser.evaluate(AXE.read_text(encoding="utf-8") + "; 0")
+        found = browser.evaluate(f"{CHECK}({json.dumps(rules)})")
+        assert not found, json.dumps(found, indent=1)
