@@ -4,12 +4,13 @@ Differences are paired. With at least two seeds in common, by seed: the 95 % t i
 blocks of one second of each car inside its run (``statistics.Blocks``): that says nothing of other seeds or drives.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from genie_sim.analysis.correctness import HELD, Parts
 from genie_sim.analysis.metrics import DEADLINE_MS, response_ms
 from genie_sim.analysis.statistics import Blocks, Floats, around, over_seeds, wilson
 from genie_sim.errors import UserError, short_repr, unknown
@@ -34,61 +35,46 @@ class Sums(NamedTuple):
         return float(self.above.sum()) / below if below else None
 
 
-def _of_frames(run: Run, method: str, values: Callable[[Columns], tuple[Floats, Floats]]) -> Sums:
-    frames = run.tables["frames"].where(method=method)
-    return Sums(frames["car"], frames["stamp_ns"], *values(frames))
+def _times(rows: Columns, answer: str) -> tuple[Floats, Any]:
+    """The mean time of an answer, as sums."""
+    times = response_ms(rows, answer)
+    return np.nan_to_num(times), ~np.isnan(times)
 
 
-def _latency(run: Run, method: str, answer: str) -> Sums:
-    def values(frames: Columns) -> tuple[Floats, Floats]:
-        times = response_ms(frames, answer)
-        return np.nan_to_num(times), (~np.isnan(times)).astype(float)
-
-    return _of_frames(run, method, values)
-
-
-def _share(run: Run, method: str, flags: Callable[[Columns], Any]) -> Sums:
-    return _of_frames(run, method, lambda frames: (np.asarray(flags(frames), dtype=float), np.ones(len(frames))))
-
-
-def _proxy(run: Run, method: str, answer: str) -> Sums:
-    rows = run.tables["answers"].where(method=method, which=answer)
+def _agree(rows: Columns) -> tuple[Floats, Floats]:
+    """F1 against the detector's own answers, as sums."""
     served, detected, matched = map(rows.floats, ("served", "detected", "matched"))
-    return Sums(rows["car"], rows["stamp_ns"], 2 * matched, served + detected)
+    return 2 * matched, served + detected
 
 
-def _held(run: Run, method: str, values: Callable[[Columns], tuple[Any, Any]]) -> Sums:
-    rows = run.tables["held"].where(method=method, what="consumer")
-    above, below = (np.asarray(one, dtype=float) for one in values(rows))
-    return Sums(rows["car"], rows["stamp_ns"], above, below)
+class Compared(NamedTuple):
+    """A metric that is compared: its unit, its ratio, and over which rows of which table."""
+
+    unit: str
+    parts: Parts
+    table: str = "frames"
+    rows: Mapping[str, str] = {}
 
 
-def _visible(rows: Columns) -> Any:
-    return rows["visible_static"] + rows["visible_moving"]
-
-
-# Metric, its unit, and its sums in one run under one method.
-COMPARED: Mapping[str, tuple[str, Callable[[Run, str], Sums]]] = {
-    "first_answer_mean": ("ms", lambda run, method: _latency(run, method, "first")),
-    "fresh_answer_mean": ("ms", lambda run, method: _latency(run, method, "fresh")),
-    "answered_share": (
-        "1",
-        lambda run, method: _share(run, method, lambda one: ~np.isnan(one.floats("first_answer_ns"))),
-    ),
-    "under_deadline_share": (
-        "1",
-        lambda run, method: _share(run, method, lambda one: response_ms(one, "first") < DEADLINE_MS),
-    ),
-    "first_proxy_f1": ("1", lambda run, method: _proxy(run, method, "first")),
-    "fresh_proxy_f1": ("1", lambda run, method: _proxy(run, method, "fresh")),
-    "streaming_f1": (
-        "1",
-        lambda run, method: _held(run, method, lambda one: (2 * one["right"], one["held"] + _visible(one))),
-    ),
-    "object_recall": ("1", lambda run, method: _held(run, method, lambda one: (one["right"], _visible(one)))),
-    "ghost_share": ("1", lambda run, method: _held(run, method, lambda one: (one["held"] - one["right"], one["held"]))),
-    "gospa": ("m", lambda run, method: _held(run, method, lambda one: (one["gospa_m"], np.ones(len(one))))),
+COMPARED: Mapping[str, Compared] = {
+    "first_answer_mean": Compared("ms", lambda rows: _times(rows, "first")),
+    "fresh_answer_mean": Compared("ms", lambda rows: _times(rows, "fresh")),
+    "answered_share": Compared("1", lambda rows: (~np.isnan(rows.floats("first_answer_ns")), np.ones(len(rows)))),
+    "under_deadline_share": Compared("1", lambda rows: (response_ms(rows, "first") < DEADLINE_MS, np.ones(len(rows)))),
+    **{f"{which}_proxy_f1": Compared("1", _agree, "answers", {"which": which}) for which in ("first", "fresh")},
+    **{
+        name: Compared(*HELD[name], "held", {"what": "consumer"})
+        for name in ("streaming_f1", "object_recall", "ghost_share", "gospa")
+    },
 }
+
+
+def _sums(metric: str, run: Run, method: MethodInfo) -> Sums:
+    """A metric's sums in one run under one method."""
+    _, parts, table, of = COMPARED[metric]
+    rows = run.tables[table].where(method=method.name, **of)
+    above, below = (np.asarray(part, dtype=float) for part in parts(rows))
+    return Sums(rows["car"], rows["stamp_ns"], above, below)
 
 
 @dataclass(frozen=True)
@@ -229,15 +215,15 @@ def _check(other: Arm, arm: Arm) -> None:
 
 
 def _difference(metric: str, arm: Arm, other: Arm | None) -> Difference | None:
-    unit, sums = COMPARED[metric]
-    values = {seed: sums(run, arm.method.name).value for seed, run in arm.runs.items()}
+    unit = COMPARED[metric].unit
+    values = {seed: _sums(metric, run, arm.method).value for seed, run in arm.runs.items()}
     known = [value for value in values.values() if value is not None]
     if not known:
         return None
     value = float(np.mean(known))
     if other is None:
         return Difference(metric, arm.label, value, unit, "", None, None, None, "", 0)
-    theirs = {seed: sums(run, other.method.name).value for seed, run in other.runs.items()}
+    theirs = {seed: _sums(metric, run, other.method).value for seed, run in other.runs.items()}
     gaps = [
         mine - reference
         for seed in _paired(arm, other)
@@ -247,7 +233,7 @@ def _difference(metric: str, arm: Arm, other: Arm | None) -> Difference | None:
         mean, half = over_seeds(gaps)
         return Difference(metric, arm.label, value, unit, other.label, mean, *around(mean, half), SEEDS, len(gaps))
     seed = _paired(arm, other)[0]
-    found = _over_blocks(sums(arm.runs[seed], arm.method.name), sums(other.runs[seed], other.method.name))
+    found = _over_blocks(_sums(metric, arm.runs[seed], arm.method), _sums(metric, other.runs[seed], other.method))
     if found is None:
         return Difference(metric, arm.label, value, unit, other.label, None, None, None, "", 0)
     gap, ends, n = found
@@ -302,6 +288,6 @@ def as_metrics(comparison: Comparison) -> tuple[list[Metric], list[MethodInfo]]:
                 found.append(replace(of_runs[0], method=arm.label))
             elif of_runs:
                 mean, half = over_seeds([one.value for one in of_runs if one.value is not None])
-                low, high = wilson(mean, half) if COMPARED[name][0] == "1" else around(mean, half)
+                low, high = wilson(mean, half) if COMPARED[name].unit == "1" else around(mean, half)
                 found.append(replace(of_runs[0], method=arm.label, value=mean, low=low, high=high))
     return found, [MethodInfo(arm.label, arm.label, arm.method.baseline) for arm in comparison.arms]

@@ -3,11 +3,12 @@
 Sums are over answers or instants (micro averages); intervals are those of ``metrics``, from blocks of one second.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any
 
 import numpy as np
 
-from genie_sim.analysis.statistics import Blocks, Floats, NoBlocks, around, share
+from genie_sim.analysis.statistics import Blocks, NoBlocks, share
 from genie_sim.recording.columns import Columns
 from genie_sim.recording.results import Metric
 
@@ -15,6 +16,30 @@ RIGHT_F1 = 0.8  # a cache hit below it is a wrong hit
 FLOOR = "floor"  # the detector's own answer without any delay, as a component
 CAUSES = ("moved_away", "never_there", "duplicate")  # of ghosts
 HITS = {"all": ("own_cache", "edge_cache", "peer_cache"), "car": ("own_cache",), "edge": ("edge_cache", "peer_cache")}
+Parts = Callable[[Columns], tuple[Any, Any]]  # of a ratio of sums over rows: above and below, row by row
+
+
+def _visible(rows: Columns) -> Any:
+    return rows["visible_static"] + rows["visible_moving"]
+
+
+def _of_ghosts(cause: str) -> Parts:
+    return lambda rows: (rows[cause], rows["held"])
+
+
+# What the objects that somebody holds are worth: unit, and the ratio over the rows of table ``held``.
+HELD: dict[str, tuple[str, Parts]] = {
+    "object_precision": ("1", lambda rows: (rows["right"], rows["held"])),
+    "object_recall": ("1", lambda rows: (rows["right"], _visible(rows))),
+    "object_recall_static": ("1", lambda rows: (rows["found_static"], rows["visible_static"])),
+    "object_recall_moving": ("1", lambda rows: (rows["found_moving"], rows["visible_moving"])),
+    "streaming_f1": ("1", lambda rows: (2 * rows["right"], rows["held"] + _visible(rows))),
+    "ghost_share": ("1", lambda rows: (rows["held"] - rows["right"], rows["held"])),
+    **{f"ghost_share_{cause}": ("1", _of_ghosts(cause)) for cause in CAUSES},
+    "gospa": ("m", lambda rows: (rows["gospa_m"], np.ones(len(rows)))),
+    "held_age": ("s", lambda rows: (rows["age_s"] * rows["held"], rows["held"])),
+    "place_error": ("m", lambda rows: (rows["error_m"] * rows["right"], rows["right"])),
+}
 
 
 def of_answers(answers: Columns, methods: Sequence[str]) -> Iterator[Metric]:
@@ -46,33 +71,6 @@ def of_held(held: Columns, methods: Sequence[str], intervals: bool = True) -> It
         for component in ("", FLOOR):
             mine = (method == name) & ((what == FLOOR) == (component == FLOOR))
             if mine.any():
-                yield from _of_rows(held, blocks, mine, (name, "all", component))
-
-
-def _of_rows(held: Columns, blocks: Blocks, mine: Floats, where: tuple[str, str, str]) -> Iterator[Metric]:
-    count = {name: np.where(mine, held.floats(name), 0.0) for name in held.names[4:-3]}
-    served, right = count["held"], count["right"]
-    static, moving = count["visible_static"], count["visible_moving"]
-    visible = static + moving
-    yield share(blocks, "object_precision", where, right, served)
-    yield share(blocks, "object_recall", where, right, visible)
-    yield share(blocks, "object_recall_static", where, count["found_static"], static)
-    yield share(blocks, "object_recall_moving", where, count["found_moving"], moving)
-    yield share(blocks, "streaming_f1", where, 2 * right, served + visible)
-    yield share(blocks, "ghost_share", where, served - right, served)
-    for cause in CAUSES:
-        yield share(blocks, f"ghost_share_{cause}", where, count[cause], served)
-    gospa_m, age_s, error_m = (np.nan_to_num(held.floats(name)) for name in held.names[-3:])
-    yield _mean(blocks, "gospa", where, gospa_m, mine.astype(float), "m")
-    yield _mean(blocks, "held_age", where, age_s, served, "s")
-    yield _mean(blocks, "place_error", where, error_m, right, "m")
-
-
-def _mean(blocks: Blocks, name: str, where: tuple[str, str, str], values: Floats, weights: Floats, unit: str) -> Metric:
-    n = int(weights.sum())
-    if not n:
-        return Metric(name, *where, None, unit)
-    value = float((values * weights).sum() / n)
-    return Metric(
-        name, *where, value, unit, *around(value, blocks.half_width(blocks.influence(values * weights, weights))), n
-    )
+                for metric, (unit, parts) in HELD.items():
+                    above, below = (np.where(mine, np.nan_to_num(part), 0.0) for part in parts(held))
+                    yield share(blocks, metric, (name, "all", component), above, below, unit)

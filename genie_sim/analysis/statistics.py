@@ -165,12 +165,15 @@ def wilson(value: float, half: float, n: int = 0) -> tuple[float, float]:
     return max((middle - reach) / (1 + k), 0.0), min((middle + reach) / (1 + k), 1.0)
 
 
-def share(blocks: Blocks, name: str, where: tuple[str, str, str], part: Floats, whole: Floats) -> Metric:
-    """How many of ``whole`` are in ``part``, at a method, placement and component, with Wilson's interval."""
+def share(
+    blocks: Blocks, name: str, where: tuple[str, str, str], part: Floats, whole: Floats, unit: str = "1"
+) -> Metric:
+    """How many of ``whole`` are in ``part``, at a method, placement and component, with Wilson's interval; with another
+    unit than 1 the mean of what adds up to ``part``, with the usual one."""
     n = int(whole.sum())
     if not n:
-        return Metric(name, *where, None, "1")
+        return Metric(name, *where, None, unit)
     value = float(part.sum() / n)
     half = blocks.half_width(blocks.influence(part.astype(float), whole.astype(float)))
-    low, high = (None, None) if half is None else wilson(value, half, n)
-    return Metric(name, *where, value, "1", low, high, n)
+    low, high = wilson(value, half, n) if unit == "1" and half is not None else around(value, half)
+    return Metric(name, *where, value, unit, low, high, n)
