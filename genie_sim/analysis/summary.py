@@ -4,6 +4,7 @@ import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
+from genie_sim.analysis import text_table
 from genie_sim.analysis.correctness import FLOOR
 from genie_sim.analysis.metrics import DEADLINE_MS, WINDOW_REQUESTS
 from genie_sim.analysis.style import PLACEMENTS
@@ -166,13 +167,9 @@ def markdown(metrics: Sequence[Metric], scenario: str, run_id: str, seed: int) -
     parts = [f"# {scenario}", f"Run `{run_id}`, seed {seed}.", NOTE_ON_WORDS, NOTE_ON_INTERVALS]
     parts = [textwrap.fill(part, 120) for part in parts]
     for table in _tables(metrics):
-        lines = [f"| | {' | '.join(table.columns)} |", "|---|" + "---:|" * len(table.columns)]
-        for label, cells in table.rows:
-            numbers = (_show(cell, table.units) + _interval(cell) for cell in cells)
-            lines.append(f"| {label} | {' | '.join(numbers)} |")
-        parts += [f"## {table.title}", "\n".join(lines)]
-        if table.more:
-            parts.append(table.more)
+        rows = [[label, *(_show(one, table.units) + _interval(one) for one in cells)] for label, cells in table.rows]
+        shown = text_table.markdown(["", *table.columns], rows, "l" + "r" * len(table.columns))
+        parts += filter(None, [f"## {table.title}", shown, table.more])
     return "\n\n".join(parts) + "\n"
 
 

@@ -21,12 +21,18 @@ def checked(format: str) -> str:
     return format
 
 
+def markdown(headings: Sequence[str], rows: Iterable[Sequence[str]], align: str = "") -> str:
+    """A Markdown table, as it is put between paragraphs; ``align`` as for ``rounded``, all left if it is not given."""
+    rules = "".join("---:|" if side == "r" else "---|" for side in align or "l" * len(headings))
+    lines = [f"| {' | '.join(headings).lstrip()} |", f"|{rules}", *(f"| {' | '.join(row)} |" for row in rows)]
+    return "\n".join(lines)
+
+
 def rounded(format: str, headings: Sequence[str], rows: Iterable[Sequence[str]], align: str) -> str:
     """Cells as they are to be read, in ``markdown`` or ``latex``; ``align`` has an ``l`` or ``r`` for each column."""
     if format == "markdown":
-        rules = "|".join("---:" if side == "r" else "---" for side in align)
-        lines = ["| " + " | ".join(one.replace("|", r"\|") for one in row) + " |" for row in (headings, *rows)]
-        return "\n".join([lines[0], f"|{rules}|", *lines[1:]]) + "\n"
+        safe, *others = ([one.replace("|", r"\|") for one in row] for row in (headings, *rows))
+        return markdown(safe, others, align) + "\n"
     lines = [" & ".join(one.translate(LATEX) for one in row) + r" \\" for row in (headings, *rows)]
     body = [rf"\begin{{tabular}}{{{align}}}", r"\hline", lines[0], r"\hline", *lines[1:], r"\hline", r"\end{tabular}"]
     return "\n".join(body) + "\n"

@@ -30,6 +30,7 @@ from typing import Any
 import numpy as np
 
 from genie_sim import plugins
+from genie_sim.analysis import text_table
 from genie_sim.analysis.metrics import PLACEMENTS
 from genie_sim.analysis.statistics import t_quantile
 from genie_sim.build import Prepared
@@ -38,9 +39,9 @@ from genie_sim.core.similarity import SIMILARITIES
 from genie_sim.errors import UserError
 from genie_sim.messages import Header, Image
 from genie_sim.paper.checks import BASELINES
-from genie_sim.paper.evidence import interval
+from genie_sim.paper.evidence import interval, rounded
 from genie_sim.paper.facts import METHODS, ratio
-from genie_sim.paper.replicate import Progress, in_parallel, outcome_of
+from genie_sim.paper.replicate import outcome_of
 from genie_sim.perception.sources import Recordings
 from genie_sim.perception.trace import Trace
 from genie_sim.perception.tracking import CAMERA, FRAME_NS, sequences, tracking_trace
@@ -56,6 +57,7 @@ MIN_SCORE = 0.3
 SEEDS = (2, 3, 4, 5, 6)
 SHARE, AHEAD = 0.6, 0.2  # of the drive: what a car drives, and how far it is ahead of the car before
 SAME_CELL = "same_cell_share"
+FIRST = "improvement_first_answer"
 
 FACTS = (
     SAME_CELL,
@@ -85,26 +87,29 @@ OfDrive = Mapping[str, Row]  # by scenario
 
 @dataclass(frozen=True, slots=True)
 class Direction:
-    """One claim as a number of each drive and seed, which the paper says is more than ``bound``; without a ``claim``,
-    what is worth knowing beside the paper's."""
+    """One claim as a number of each drive and seed, made of a fact, which the paper says is more than
+    ``bound``; without a ``claim``, what is worth knowing beside the paper's."""
 
     claim: str
     says: str
-    number: Callable[[OfDrive], float]
+    number: Callable[[OfDrive, str], float]
+    name: str  # of the fact
     bound: float = 0.0
 
 
-def _values(drive: OfDrive, *names: str) -> list[float]:
-    return [row[name] for row in drive.values() for name in names]
-
-
-def _both(name: str) -> list[str]:
-    """The fact over both baselines, or of the Genies on cars and on edges."""
-    return [f"{name}:{what}" for what in (BASELINES.values() if name.startswith("improvement") else PLACEMENTS)]
+def _values(drive: OfDrive, name: str) -> list[float]:
+    """The fact in every scenario; one with a role or a baseline over both baselines, or on cars and on edges."""
+    of = (f"{name}:{what}" for what in (BASELINES.values() if name.startswith("improvement") else PLACEMENTS))
+    names = [name] if ":" in name else list(of)
+    return [row[one] for row in drive.values() for one in names]
 
 
 def _mean(drive: OfDrive, name: str) -> float:
-    return float(np.mean(_values(drive, *_both(name))))
+    return float(np.mean(_values(drive, name)))
+
+
+def _least(drive: OfDrive, name: str) -> float:
+    return min(_values(drive, name))
 
 
 def _least_gap(drive: OfDrive, name: str) -> float:
@@ -125,29 +130,24 @@ def _faster_server(drive: OfDrive, name: str) -> float:
     return hetero - homo
 
 
+def _over_images(drive: OfDrive, name: str) -> float:
+    return ratio(_mean(drive, name), _mean(drive, "image_reuse"))
+
+
 DIRECTIONS = (
-    Direction(
-        "C1",
-        "improvement over local and remote, first answer (the paper: 0.82)",
-        lambda d: _mean(d, "improvement_first_answer"),
-    ),
-    Direction("C1", "the same, fresh answer", lambda d: _mean(d, "improvement_fresh_answer")),
-    Direction("C4", "smallest of these, first answer", lambda d: min(_values(d, *_both("improvement_first_answer")))),
-    Direction("C3", "share of frames answered in 33 ms", lambda d: min(_values(d, "under_deadline_share:genie")), 0.99),
-    Direction(
-        "C13",
-        "object reuse / image reuse (the paper: 4)",
-        lambda d: ratio(_mean(d, "object_reuse"), _mean(d, "image_reuse")),
-        1.0,
-    ),
-    Direction("C16", "object reuse, heterogeneous - homogeneous", lambda d: _faster_server(d, "object_reuse")),
-    Direction("C18", "image reuse, remote - local", lambda d: _least_gap(d, "image_reuse")),
-    Direction("C18", "the same, pooled over Genies", lambda d: _least_gap(d, "image_reuse_pooled")),
-    Direction("C21", "image reuse, heterogeneous - homogeneous", lambda d: _faster_server(d, "image_reuse")),
-    Direction("C22", "confidence boost, remote - local", lambda d: _least_gap(d, "confidence_boost")),
-    Direction("C24", "confidence boost, heterogeneous - homogeneous", lambda d: _faster_server(d, "confidence_boost")),
-    Direction("C26", "smallest confidence boost", lambda d: min(_values(d, *_both("confidence_boost")))),
-    Direction("", "share of ghosts in what is held, Genie - remote", lambda d: _over_remote(d, "ghost_share")),
+    Direction("C1", "improvement over local and remote, first answer (the paper: 0.82)", _mean, FIRST),
+    Direction("C1", "the same, fresh answer", _mean, "improvement_fresh_answer"),
+    Direction("C4", "smallest of these, first answer", _least, FIRST),
+    Direction("C3", "share of frames answered in 33 ms", _least, "under_deadline_share:genie", 0.99),
+    Direction("C13", "object reuse / image reuse (the paper: 4)", _over_images, "object_reuse", 1.0),
+    Direction("C16", "object reuse, heterogeneous - homogeneous", _faster_server, "object_reuse"),
+    Direction("C18", "image reuse, remote - local", _least_gap, "image_reuse"),
+    Direction("C18", "the same, pooled over Genies", _least_gap, "image_reuse_pooled"),
+    Direction("C21", "image reuse, heterogeneous - homogeneous", _faster_server, "image_reuse"),
+    Direction("C22", "confidence boost, remote - local", _least_gap, "confidence_boost"),
+    Direction("C24", "confidence boost, heterogeneous - homogeneous", _faster_server, "confidence_boost"),
+    Direction("C26", "smallest confidence boost", _least, "confidence_boost"),
+    Direction("", "share of ghosts in what is held, Genie - remote", _over_remote, "ghost_share"),
 )
 C18 = next(direction for direction in DIRECTIONS if direction.claim == "C18")
 
@@ -203,12 +203,7 @@ def run_drive(job: DriveJob) -> Row:
     trace = _recordings(job.root, job.sequence).main
     facts = outcome_of(prepared).facts | {SAME_CELL: same_cell_share(prepared.scenario, trace)}
     about = {"sequence": job.sequence, "scenario": job.scenario, "seed": job.seed, "drive_s": _drive_s(trace)}
-    return about | {name: _rounded(facts.get(name, math.nan)) for name in FACTS}
-
-
-def run_drives(jobs: Sequence[DriveJob], workers: int, progress: Progress | None = None) -> list[Row]:
-    """Simulates every job, on several processes."""
-    return in_parallel(run_drive, jobs, workers, progress, "drives")
+    return about | {name: rounded(facts.get(name, math.nan)) for name in FACTS}
 
 
 def same_cell_share(scenario: Scenario, trace: Trace) -> float:
@@ -251,9 +246,12 @@ def _intervals(direction: Direction, driven: Sequence[Row]) -> dict[str, list[fl
     runs: dict[str, dict[int, dict[str, Row]]] = {}
     for row in driven:
         runs.setdefault(row["sequence"], {}).setdefault(row["seed"], {})[row["scenario"]] = row
-    numbers = {name: np.array([direction.number(run) for run in seeds.values()]) for name, seeds in runs.items()}
+    numbers = {
+        drive: np.array([direction.number(run, direction.name) for run in seeds.values()])
+        for drive, seeds in runs.items()
+    }
     known = {name: interval(values) for name, values in numbers.items() if not np.isnan(values).any()}
-    return {name: [_rounded(end) for end in ends] for name, ends in known.items()}
+    return {name: [rounded(end) for end in ends] for name, ends in known.items()}
 
 
 def hypothesis(driven: Sequence[Row]) -> dict[str, Any] | None:
@@ -276,7 +274,7 @@ def hypothesis(driven: Sequence[Row]) -> dict[str, Any] | None:
         "r": line.rvalue,
         "zero_at": -line.intercept / line.slope,
     }
-    found = {name: _rounded(value) for name, value in values.items()}
+    found = {name: rounded(value) for name, value in values.items()}
     return {**found, "n": n, "supported": found["high"] < 0, "points": points}
 
 
@@ -298,22 +296,17 @@ def write(folder: Path, driven: Sequence[Row]) -> str:
 
 def markdown(found: Mapping[str, Any]) -> str:
     """The claims over the drives as a table, and what became of the hypothesis."""
-    lines = ["| | number of each drive | more than | median (range) | holds | contrary | open |"]
-    lines.append("|---|---|---|---|---|---|---|")
+    rows = []
     for one in found["directions"]:
         spread = "-" if one["median"] is None else "{median:.3g} ({low:.3g} to {high:.3g})".format_map(one)
-        unclear = one["drives"] - one["holds"] - one["contrary"]
-        counts = f"{one['holds']} of {one['drives']} | {one['contrary']} | {unclear}"
-        lines.append(f"| {one['claim']} | {one['says']} | {one['bound']:g} | {spread} | {counts} |")
-    tested = found["hypothesis"]
-    if tested is not None:
-        text = (
-            "C18 on the share of successive frames in one image cell: slope {slope:.3g} ({low:.3g} to {high:.3g}), "
-            "r = {r:.2f}, n = {n}, zero at {zero_at:.2f}. The hypothesis that it falls is {said}."
-        )
-        lines += ["", text.format(**tested, said="supported" if tested["supported"] else "not supported")]
-    return "\n".join(lines)
-
-
-def _rounded(value: float) -> float:
-    return float(f"{value:.6g}")
+        holds, unclear = f"{one['holds']} of {one['drives']}", one["drives"] - one["holds"] - one["contrary"]
+        rows.append([one["claim"], one["says"], f"{one['bound']:g}", spread, holds, str(one["contrary"]), str(unclear)])
+    headings = ["", "number of each drive", "more than", "median (range)", "holds", "contrary", "open"]
+    table, tested = text_table.markdown(headings, rows), found["hypothesis"]
+    if tested is None:
+        return table
+    text = (
+        "C18 on the share of successive frames in one image cell: slope {slope:.3g} ({low:.3g} to {high:.3g}), "
+        "r = {r:.2f}, n = {n}, zero at {zero_at:.2f}. The hypothesis that it falls is {said}."
+    )
+    return f"{table}\n\n{text.format(**tested, said='supported' if tested['supported'] else 'not supported')}"

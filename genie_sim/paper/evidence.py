@@ -109,6 +109,11 @@ class Evidence:
         return max((len(facts) for (variant, _), facts in self._runs.items() if variant == BASE), default=0)
 
 
+def rounded(value: float) -> float:
+    """Six digits, as they are written down."""
+    return float(f"{value:.6g}")
+
+
 def interval(values: Values) -> tuple[float, float, float]:
     """Mean and 95 % t interval over seeds; with one seed it is a point, which says nothing of other seeds."""
     mean, half = over_seeds(values)

@@ -14,27 +14,23 @@ from typing import Any
 
 import numpy as np
 
+from genie_sim.analysis.text_table import markdown
 from genie_sim.errors import UserError
-from genie_sim.paper.checks import ALL, CASE, HE, HO, SHARED, load_claims
+from genie_sim.paper.checks import ALL, load_claims
 from genie_sim.paper.claims import holds_under
 from genie_sim.paper.definitions import DEFINITIONS
-from genie_sim.paper.evidence import BASE, Evidence, Values
-from genie_sim.paper.replicate import Job, Progress, run_job
+from genie_sim.paper.evidence import BASE, Claim, Evidence, Values
+from genie_sim.paper.replicate import EVERY_METHOD, Job, Progress, run_job
+from genie_sim.paper.reproduce import FOR_CLAIMS
 from genie_sim.parallel import in_processes
 from genie_sim.paths import atomic_write
 from genie_sim.recording import provenance
 from genie_sim.scenario.yaml_input import read_mapping
 
 GENIE = ("genie",)
-NOT_SHARED = ("genie.share_requests=false", "genie.share_answers=on_request")
-RUNS: tuple[tuple[str, tuple[str, ...], tuple[str, ...], tuple[str, ...]], ...] = (  # variant, scenarios, more, methods
-    (BASE, ALL, (), ("local", "remote", "genie")),
-    (BASE, (CASE,), (), GENIE),
-    ("ideal_link", (HE[0],), ("links=ideal",), ("remote", "genie")),
-    ("no_edge_sharing", SHARED, NOT_SHARED, GENIE),
-    ("two_laps", (HO[0], HE[0]), ("laps=2",), GENIE),
-    ("cut_link", (HO[0],), ("link=cut",), ("local", "genie")),
-)
+# Variant, scenarios, settings, methods: as in the evaluation, but without the case study's baselines.
+RUNS: list[tuple[str, tuple[str, ...], tuple[str, ...], tuple[str, ...]]] = [(BASE, ALL, (), EVERY_METHOD)]
+RUNS += [(name, of, more, GENIE if name == BASE else run) for name, (of, more, run) in FOR_CLAIMS.items()]
 Point = dict[str, str]  # choice -> level
 DRIVERS, LEAST_SHARE = 3, 0.05  # how many choices are named for a claim, and from which share of variance on
 SELDOM = 0.25  # of the points expected: claims that hold together no more often speak against each other
@@ -73,7 +69,7 @@ def judged(numbered: tuple[int, Point]) -> dict[str, str]:
             runs[variant, scenario] = [run_job(Job(scenario, seed, (*settings, *more), methods)).facts]
     evidence = Evidence(runs, {metric: point[f"metric {metric}"] for metric in design()["metrics"]})
     with np.errstate(all="ignore"):  # a ratio to nothing is no number, and its claim cannot be tried
-        found = {claim.id: holds_under(claim, {"": evidence}) for claim in load_claims() if claim.kind != "table"}
+        found = {claim.id: holds_under(claim, {"": evidence}) for claim in _claims()}
     return {"point": str(number), **point, **{name: str(int(one[""])) if one else "" for name, one in found.items()}}
 
 
@@ -104,14 +100,14 @@ def explore(out: Path, jobs: int, progress: Progress | None = None, count: int |
 
 def _write(path: Path, rows: Iterable[Mapping[str, str]]) -> None:
     with atomic_write(path) as beside, beside.open("w", newline="", encoding="utf-8") as file:
-        write = csv.DictWriter(file, ["point", *levels(), *_claims()], lineterminator="\n")
+        write = csv.DictWriter(file, ["point", *levels(), *(claim.id for claim in _claims())], lineterminator="\n")
         write.writeheader()
         write.writerows(rows)
 
 
-def _claims() -> list[str]:
-    """The claims that runs can tell of."""
-    return [claim.id for claim in load_claims() if claim.kind != "table"]
+def _claims() -> list[Claim]:
+    """Those that runs can tell of."""
+    return [claim for claim in load_claims() if claim.kind != "table"]
 
 
 def read_points(path: Path) -> list[dict[str, str]]:
@@ -123,7 +119,7 @@ def read_points(path: Path) -> list[dict[str, str]]:
 def answers(rows: Sequence[Mapping[str, str]]) -> dict[str, Any]:
     """What the points say: how often each claim holds and what drives that, which pairs never hold together, and
     whether the points that are best by one half of the claims are good by the other."""
-    claims = _claims()
+    claims = [claim.id for claim in _claims()]
     table = np.array([[float(row[claim] or "nan") for row in rows] for claim in claims])
     drawn = {name: np.array([row[name] for row in rows]) for name in levels()}
     held = np.nansum(table, axis=0)
@@ -197,23 +193,23 @@ def _rounded(value: Any) -> float:
 
 def text(found: Mapping[str, Any]) -> str:
     """The answers as Markdown tables."""
-    lines = ["| claim | holds at | what explains most (share of variance): share at each level |", "|---|---|---|"]
+    claims = []
     for name, one in found["claims"].items():
         strong = {c: of for c, of in one["drivers"].items() if of["share_of_variance"] >= LEAST_SHARE}
         at = {c: ", ".join(f"{level} {held:.2f}" for level, held in of["holds_at"].items()) for c, of in strong.items()}
         drivers = "; ".join(f"{c} ({of['share_of_variance']:.2f}): {at[c]}" for c, of in strong.items())
-        lines.append(f"| {name} | {'not tried' if one['holds'] is None else format(one['holds'], '.0%')} | {drivers} |")
-    lines += ["", "| claims | hold together at | points expected by chance |", "|---|---|---|"]
-    for one in found["against_each_other"]:
-        lines.append(f"| {' and '.join(one['claims'])} | {one['together']} | {one['expected']:.0f} |")
-    lines += [
-        "",
-        "| best by | hold of these | of the other half | at all points | 95 % of random choices |",
-        "|---|---|---|---|---|",
+        claims.append([name, "not tried" if one["holds"] is None else format(one["holds"], ".0%"), drivers])
+    against = [
+        [" and ".join(one["claims"]), str(one["together"]), f"{one['expected']:.0f}"]
+        for one in found["against_each_other"]
     ]
-    lines += [
-        f"| {one['by']} | {one['own']:.0%} (all points {one['own_of_all']:.0%}) | {one['other']:.1%} "
-        f"| {one['other_of_all']:.1%} | {one['chance'][0]:.1%} to {one['chance'][1]:.1%} |"
-        for one in found["split"]
-    ]
-    return "\n".join(lines)
+    cells = ("{by}", "{own:.0%} (all points {own_of_all:.0%})", "{other:.1%}", "{other_of_all:.1%}",
+             "{chance[0]:.1%} to {chance[1]:.1%}")  # fmt: skip
+    split = [[cell.format_map(one) for cell in cells] for one in found["split"]]
+    best = ["best by", "hold of these", "of the other half", "at all points", "95 % of random choices"]
+    what = "what explains most (share of variance): share at each level"
+    return "\n\n".join([
+        markdown(["claim", "holds at", what], claims),
+        markdown(["claims", "hold together at", "points expected by chance"], against),
+        markdown(best, split),
+    ])  # fmt: skip

@@ -95,7 +95,7 @@ def reproduce(
     judged, tables = _evaluate(readings, calibrated, used_seeds, runs)
     arms = run_arms(assumptions, judged[0].settings, used_seeds, runs) if swept else None
     made = _Evaluation(judged, used_seeds, tables, fitted, arms, quality.summarise(judged[0].evidence, ALL))
-    driven = drives.run_drives(on_drives, workers, tell) if on_drives else []
+    driven = in_parallel(drives.run_drive, on_drives, workers, tell, "drives") if on_drives else []
     with provenance.result_folder(out) as folder:
         made.write(folder)
         table = drives.write(folder, driven) if driven else ""

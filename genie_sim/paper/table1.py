@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+from genie_sim.analysis import text_table
 from genie_sim.scenario.profiles import load_profile
 
 DEVICES = {"Nano": "orin_nano", "AGX": "agx_xavier", "Orin": "agx_orin", "A4500": "rtx_a4500"}
@@ -67,6 +68,7 @@ def cells() -> list[Cell]:
 def markdown() -> str:
     """The table with its printed speed-ups."""
     found = cells()
-    rows = [f"| {model} | {' | '.join(str(one) for one in found if one.model == model)} |" for model in MODELS]
-    about = "Milliseconds / speed-up over the slowest device. Bold: what the printed one should be."
-    return "\n".join([f"| model | {' | '.join(DEVICES)} |", f"|---|{'---|' * len(DEVICES)}", *rows, "", about])
+    table = text_table.markdown(
+        ["model", *DEVICES], ([model, *(str(one) for one in found if one.model == model)] for model in MODELS)
+    )
+    return f"{table}\n\nMilliseconds / speed-up over the slowest device. Bold: what the printed one should be."

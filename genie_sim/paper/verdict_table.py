@@ -7,10 +7,11 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from genie_sim.analysis.text_table import markdown
 from genie_sim.paper import table1
 from genie_sim.paper.arms import Arms
 from genie_sim.paper.claims import VERDICTS, Verdict
-from genie_sim.paper.evidence import Finding
+from genie_sim.paper.evidence import Finding, rounded
 from genie_sim.paper.readings import DEFAULT
 from genie_sim.recording import provenance
 from genie_sim.scenario.yaml_input import parse
@@ -38,7 +39,7 @@ def row(
         "note": finding.note,
         "verdict": verdict.verdict,
         "marginal": verdict.marginal,
-        "by_default_metrics": _plain(plain) if plain is not None else None,
+        "by_default_metrics": plain and {"verdict": plain.verdict, **_numbers(plain.finding)},
         "holds_under": names,
         "tried_under": tried,
     }
@@ -55,24 +56,21 @@ def by_claim(rows: Sequence[Row]) -> dict[str, dict[str, Row]]:
 def table(rows: Sequence[Row]) -> str:
     """The claims, one line each, with what was found and the verdict under each reading; the counts below."""
     readings = _readings(rows)
-    lines = [f"| | the paper says | kind | {' | '.join(readings)} |", f"|---|---|---|{'---|' * len(readings)}"]
+    lines = []
     for claim, found in by_claim(rows).items():
-        first = found[readings[0]]
-        cells = " | ".join(f"{_verdict(found[one])}: {_found(found[one])}" for one in readings)
-        lines.append(f"| {claim} | {first['claim']} | {_words(first['kind'])} | {cells} |")
-    return "\n".join([*lines, "", *_counts(rows)])
+        cells = [f"{_verdict(found[one])}: {_found(found[one])}" for one in readings]
+        lines.append([claim, found[readings[0]]["claim"], _words(found[readings[0]]["kind"]), *cells])
+    return "\n".join([markdown(["", "the paper says", "kind", *readings], lines), "", *_counts(rows)])
 
 
 def counts_table(rows: Sequence[Row]) -> str:
     """How many claims of each kind are reproduced under each reading."""
     readings = _readings(rows)
-    kinds = list(dict.fromkeys(one["kind"] for one in rows))
-    lines = [f"| reproduced | {' | '.join(readings)} |", f"|---|{'---|' * len(readings)}"]
-    for kind in kinds:
-        mine = [[one for one in rows if one["reading"] == name and one["kind"] == kind] for name in readings]
-        cells = [f"{sum(map(_holds, ones))} of {len(ones)}" if ones else "" for ones in mine]
-        lines.append(f"| {_words(kind)} | {' | '.join(cells)} |")
-    return "\n".join([*lines, "", *_counts(rows)])
+    as_claimed, lines = (VERDICTS[0], VERDICTS[4]), []  # a number that was fitted: as it was fitted
+    for kind in dict.fromkeys(one["kind"] for one in rows):
+        mine = [[one["verdict"] in as_claimed for one in rows if _is(one, name, kind)] for name in readings]
+        lines.append([_words(kind), *(f"{sum(ones)} of {len(ones)}" if ones else "" for ones in mine)])
+    return "\n".join([markdown(["reproduced", *readings], lines), "", *_counts(rows)])
 
 
 def text(rows: Sequence[Row], width: int) -> str:
@@ -80,8 +78,9 @@ def text(rows: Sequence[Row], width: int) -> str:
     readings = _readings(rows)
     lines = [f"{'':4} {' '.join(f'{name:18}' for name in readings)}"]
     for claim, found in by_claim(rows).items():
-        cells = " ".join(f"{_mark(found[one])} {_number(found[one]):15}" for one in readings)
-        line = f"{claim:4} {cells} {found[readings[0]]['claim']}"
+        mine = [found[name] for name in readings]
+        cells = " ".join(f"{MARKS[one['verdict']]}{'* '[not one['marginal']]} {_number(one):15}" for one in mine)
+        line = f"{claim:4} {cells} {mine[0]['claim']}"
         lines.append(line if len(line) <= width else f"{line[: max(width - 3, 0)]}...")
     marks = ", ".join(f"{mark} {verdict}" for verdict, mark in MARKS.items())
     legend = f"{marks}; * marginal, another set of seeds could say otherwise"
@@ -116,12 +115,8 @@ def readings_text(readings: Sequence[Row]) -> str:
         for choice in one["choices"]:
             parts.append(f'- `{", ".join(choice["set"])}`: "{choice["quote"]}". {choice["why"]}')
         parts += [""] if one["choices"] else []
-    names = [one["name"] for one in readings]
-    parts += [f"| what is meant by | {' | '.join(names)} |", f"|---|{'---|' * len(names)}"]
-    for metric in readings[0]["metrics"]:
-        said = [one["metrics"][metric]["says"] for one in readings]
-        parts.append(f"| {_words(metric)} | {' | '.join(said)} |")
-    return "\n".join(parts)
+    said = [[_words(name), *(one["metrics"][name]["says"] for one in readings)] for name in readings[0]["metrics"]]
+    return "\n".join([*parts, markdown(["what is meant by", *(one["name"] for one in readings)], said)])
 
 
 def _elsewhere(one: Row) -> str:
@@ -139,15 +134,14 @@ def _elsewhere(one: Row) -> str:
 def worth_table(rows: Sequence[Row]) -> str:
     """Precision, recall, ghosts and age by method."""
     methods = list(dict.fromkeys(one["method"] for one in rows))
-    names = list(dict.fromkeys(one["name"] for one in rows))
     found = {(one["method"], one["name"]): one for one in rows}
-    lines = [f"| | {' | '.join(methods)} |", f"|---|{'---|' * len(methods)}"]
-    for name in names:
+    lines = []
+    for name in dict.fromkeys(one["name"] for one in rows):
         mine = [found.get((one, name)) for one in methods]
         cells = ["-" if one is None else "{value:.2f} ({low:.2f} to {high:.2f})".format_map(one) for one in mine]
         unit = next((f" [{one['unit']}]" for one in mine if one and one.get("unit", "1") != "1"), "")
-        lines.append(f"| {name.replace('_', ' ')}{unit} | {' | '.join(cells)} |")
-    return "\n".join(lines)
+        lines.append([_words(name) + unit, *cells])
+    return markdown(["", *methods], lines)
 
 
 def read_rows(folder: Path) -> list[dict[str, Any]]:
@@ -188,24 +182,15 @@ def _verdict(one: Row) -> str:
     return f"{one['verdict']}{' (marginal)' if one['marginal'] else ''}"
 
 
-def _holds(one: Row) -> bool:
-    """As claimed; a number that was fitted, as it was fitted."""
-    return one["verdict"] in (VERDICTS[0], VERDICTS[4])
-
-
-def _mark(one: Row) -> str:
-    return MARKS[one["verdict"]] + ("*" if one["marginal"] else " ")
-
-
-def _plain(verdict: Verdict) -> dict[str, Any]:
-    """A verdict by the default's metrics."""
-    return {"verdict": verdict.verdict, **_numbers(verdict.finding)}
+def _is(one: Row, reading: str, kind: str) -> bool:
+    return (one["reading"], one["kind"]) == (reading, kind)
 
 
 def _numbers(finding: Finding | None) -> dict[str, float | None]:
     if finding is None or not finding.known:
         return {"value": None, "low": None, "high": None}
-    return {name: _rounded(getattr(finding, name)) for name in ("value", "low", "high")}
+    ends = {"value": finding.value, "low": finding.low, "high": finding.high}
+    return {name: None if end is None else rounded(end) for name, end in ends.items()}
 
 
 def _words(name: str) -> str:
@@ -233,7 +218,3 @@ def _found(one: Row) -> str:
     if one["low"] is None or one["low"] == one["high"]:
         return _number(one)
     return f"{_number(one)} ({one['low']:.3g} to {one['high']:.3g})"
-
-
-def _rounded(value: float | None) -> float | None:
-    return None if value is None else float(f"{value:.6g}")
