@@ -106,11 +106,11 @@ def _write_page(folder: Path, path: Path, start_ns: int) -> None:
     from genie_sim.recording import results
     from genie_sim.sweeps import page as sweep
 
-    for name, write in {"verdicts.json": evaluation.write, "sweep.json": sweep.write}.items():
+    for name, page in {"verdicts.json": evaluation.page, "sweep.json": sweep.page}.items():
         if (folder / name).is_file():
             if start_ns:
                 raise UserError(f"--start: {folder} holds no single run; only the page of a run has a replay")
-            return write(path, folder)
+            return report.write_text(path, page(folder))
     report.write(path, results.load(folder), start_ns)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import pickle
 from collections import Counter
 from itertools import pairwise
 from pathlib import Path
@@ -148,7 +149,7 @@ def test_a_worker_needs_no_device_file(tmp_path, monkeypatch):
     elsewhere = tmp_path / "elsewhere"
     elsewhere.mkdir()
     monkeypatch.chdir(elsewhere)
-    assert run_task(task, made.shared.packed()) == Finished(1)
+    assert run_task(task, pickle.dumps(made.shared)) == Finished(1)
 
 
 def hand_overs(whole: Scenario, car: str) -> list[FaultEntry]:
@@ -370,7 +371,7 @@ def test_a_sweep_over_fleets_gives_each_run_what_it_gives_alone(tmp_path: Path, 
     made = plan(load_design(Path("s.yaml")), "s.yaml")
     assert len(made.runs) == 4 and not made.shared.frames, "no worker is sent thousands of drives"
     task = Task(tuple(made.runs.values()), str(tmp_path / "parts"))
-    assert run_task(task, made.shared.packed()) == Finished(4)
+    assert run_task(task, pickle.dumps(made.shared)) == Finished(4)
     table = pd.read_parquet(task.part)
     for run_id, one in made.runs.items():
         mine = table[(table["run_id"].astype(str) == run_id) & (table["component"].astype(str) == "")]

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 import genie_sim as gs
+from genie_sim import report
 from genie_sim.cli import main
 from genie_sim.paper import page as evaluation
 from genie_sim.paper import verdict_table
@@ -327,7 +328,7 @@ def test_an_interval_is_read_off_with_the_pointer_and_with_keys(browser, file):
 def test_a_quick_evaluation_says_what_it_did_not_do(browser, folder):
     for name in ("calibration", "sensitivity", "drives"):
         (folder / f"{name}.json").unlink()
-    evaluation.write(Path("report.html"), folder)
+    Path("report.html").write_text(evaluation.page(folder), encoding="utf-8")
     browser.open(Path("report.html"))
     assert browser.errors == []
     assert not browser.evaluate("byId('sensitivity-none').hidden")
@@ -339,7 +340,7 @@ def test_markup_in_results_is_shown_as_text_and_figures_run_no_scripts(browser, 
     rewritten(folder / "verdicts.json", lambda rows: rows[0].update(claim=EVIL, note=EVIL, verdict="reproduced"))
     figure = folder / "figures" / "image_reuse.svg"
     figure.write_text(figure.read_text().replace("<defs>", "<script>window.parent.hacked = 3</script><defs>", 1))
-    evaluation.write(Path("report.html"), folder)
+    Path("report.html").write_text(evaluation.page(folder), encoding="utf-8")
     assert Path("report.html").read_text(encoding="utf-8").count("<script") == 2
     browser.open(Path("report.html"))
     browser.evaluate("byId('C1').querySelector('button').click()")
@@ -351,4 +352,4 @@ def test_markup_in_results_is_shown_as_text_and_figures_run_no_scripts(browser, 
 
 def test_a_page_that_cannot_be_written_is_named():
     with pytest.raises(gs.UserError, match=r"no/such/r\.html: cannot be written"):
-        evaluation.write(Path("no/such/r.html"), PAPER)
+        report.write_text(Path("no/such/r.html"), evaluation.page(PAPER))

@@ -48,17 +48,12 @@ ANSWERS: tuple[tuple[str, str, str, str, list[str]], ...] = (  # title, unit, fi
 )  # fmt: skip
 
 
-def write(path: Path, folder: Path) -> None:
-    """Writes the page about the evaluation in ``folder``. Raises ``UserError``."""
-    report.write_text(path, page(folder))
-
-
 def page(folder: Path) -> str:
-    """The text of the page. Raises ``UserError`` for a folder that is not whole."""
+    """The page about the evaluation in ``folder``. Raises ``UserError`` for a folder that is not whole."""
     with provenance.of_this_version(folder):
         elsewhere = "The verdicts are also in verdicts.md beside it, and the figures in figures/."
-        scripts = ("many.js", "evaluation.js")
-        return report.assemble("evaluation.html", scripts, TITLE, page_data(folder), elsewhere, pictures=True)
+        scripts, data = ("many.js", "evaluation.js"), page_data(folder)
+        return report.assemble("evaluation.html", scripts, TITLE, data, elsewhere, pictures=True)
 
 
 def page_data(folder: Path) -> dict[str, Any]:
@@ -81,10 +76,10 @@ def page_data(folder: Path) -> dict[str, Any]:
             for one in every
         ],
         "figures": list(_figures(folder / "figures", notes)),
-        "calibration": _calibration(_read(folder / "calibration.json", missing=None)),
-        "sensitivity": _sensitivity(_read(folder / "sensitivity.json", missing=None)),
+        "calibration": _calibration(_read(folder / "calibration.json", may_be_missing=True)),
+        "sensitivity": _sensitivity(_read(folder / "sensitivity.json", may_be_missing=True)),
         "worth": _read(folder / "quality.json"),
-        "drives": _read(folder / "drives.json", missing=None),
+        "drives": _read(folder / "drives.json", may_be_missing=True),
         "notes": notes,
     }
 
@@ -170,22 +165,13 @@ def _sensitivity(found: Mapping[str, Any] | None) -> dict[str, Any] | None:
         | {name: [[rounded(end) for end in point[name]] for point in row["points"]] for name in measures}
         for row in found["sweeps"]
     ]
-    holding = found["claims_that_hold_under"]
+    ordered = sorted(found["claims_that_hold_under"].items(), key=lambda one: (len(one[0]), one[0]))  # C2 before C10
     variants = [
-        {"name": name, "plausible": one["plausible"], "holds": sorted(_holding(holding, name), key=_number)}
+        {"name": name, "plausible": one["plausible"], "holds": [claim for claim, under in ordered if name in under]}
         | {measure: [rounded(end) for end in one[measure]] for measure in measures}
         for name, one in found["variants"].items()
     ]
     return {"sweeps": sweeps, "variants": variants}
-
-
-def _holding(holding: Mapping[str, Sequence[str]], variant: str) -> Iterator[str]:
-    return (claim for claim, variants in holding.items() if variant in variants)
-
-
-def _number(claim: str) -> tuple[int, str]:
-    """C2 comes before C10."""
-    return len(claim), claim
 
 
 def _of(metrics: Mapping[tuple[str, str], Mapping[str, Any]], *key: str) -> list[float | None] | None:
@@ -197,10 +183,10 @@ def _interval(metric: Mapping[str, Any]) -> list[float | None]:
     return [rounded(metric[name]) for name in ("value", "low", "high")]
 
 
-def _read(path: Path, **default: Any) -> Any:
-    """A file's JSON; ``missing`` is what an absent one gives. Raises ``UserError``."""
+def _read(path: Path, may_be_missing: bool = False) -> Any:
+    """A file's JSON, or ``None``. Raises ``UserError``."""
     if path.exists():
         return provenance.read_json(path)
-    if "missing" in default:
-        return default["missing"]
-    raise UserError(f"{path}: missing; the evaluation is not whole")
+    if not may_be_missing:
+        raise UserError(f"{path}: missing; the evaluation is not whole")
+    return None

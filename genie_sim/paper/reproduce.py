@@ -103,7 +103,7 @@ def reproduce(
         wall_time_s = time.perf_counter() - tell.began_s
         about = {"quick": quick, "workers": workers, "wall_time_s": round(wall_time_s, 1), **made.provenance()}
         provenance.write_json(folder / "run.json", about)
-        evaluation.write(folder / report.NAME, folder)
+        report.write_text(folder / report.NAME, evaluation.page(folder))
     return Reproduction(out, judged, wall_time_s, table)
 
 

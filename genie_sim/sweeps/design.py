@@ -6,13 +6,14 @@ the ``random`` and ``latin_hypercube`` axes; and each point is run with every se
 
 import itertools
 import json
+import math
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self, TypeVar
 
-import numpy as np
 from pydantic import BeforeValidator, Field, model_validator
 
 from genie_sim import files, units
@@ -87,10 +88,9 @@ class Grid(Span):
 
     def values(self) -> list[float]:
         """Evenly spaced, rising."""
-        if self.whole:
-            exact = Span.model_construct(low=self.low, high=self.high, scale=self.scale, whole=False)
-            return [float(round(exact.at(index / (self.points - 1)))) for index in range(self.points)]
-        return [self.at(index / (self.points - 1)) for index in range(self.points)]
+        exact = self.model_copy(update={"whole": False})
+        values = [exact.at(index / (self.points - 1)) for index in range(self.points)]
+        return [float(round(value)) for value in values] if self.whole else values
 
 
 def _paths(value: object) -> object:
@@ -157,7 +157,8 @@ class Axis(Model):
             return list(self.cases.items())
         listed = self.cases or []
         quantities = self._quantities()
-        names: list[Level] = [number for number, _ in quantities] if quantities else [_name(value) for value in listed]
+        texts = [value if isinstance(value, str) else _text(value) for value in listed]
+        names: Sequence[Level] = [number for number, _ in quantities] if quantities else texts
         return [(name, dict.fromkeys(self.paths, value)) for name, value in zip(names, listed, strict=True)]
 
     def samples(self, name: str, count: int, seed: int) -> list[tuple[Level, dict[str, Any]]]:
@@ -187,16 +188,12 @@ class Axis(Model):
 
 
 def _twice(values: Iterable[Value]) -> Value | None:
-    seen: set[Value] = set()
-    for value in values:
-        if value in seen:
-            return value
-        seen.add(value)
-    return None
+    return next((value for value, times in Counter(values).items() if times > 1), None)
 
 
-def _name(value: object) -> str:
-    return value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)
+def _text(value: object) -> str:
+    """JSON is YAML, and says of a text that it is one."""
+    return json.dumps(value, ensure_ascii=False)
 
 
 def _seeds(value: object) -> object:
@@ -250,8 +247,7 @@ class Design(Model):
     @property
     def runs(self) -> int:
         """How many runs the points and seeds make."""
-        crossed = [len(axis.levels()) for axis in self.axes.values() if not axis.sampled]
-        return int(np.prod(crossed, dtype=object)) * (self.samples or 1) * len(self.seeds)
+        return math.prod(len(self.axes[name].levels()) for name in self.crossed) * (self.samples or 1) * len(self.seeds)
 
     @property
     def crossed(self) -> list[str]:
@@ -267,31 +263,25 @@ class Design(Model):
         """All points, the last crossed axis and the samples changing fastest."""
         fixed = dict(self.settings)
         crossed = {name: axis.levels() for name, axis in self.axes.items() if not axis.sampled}
-        drawn = {
-            name: axis.samples(name, self.samples or 0, self.sample_seed)
-            for name, axis in self.axes.items()
-            if axis.sampled
-        }
+        sampled = {name: axis for name, axis in self.axes.items() if axis.sampled}
+        drawn = {name: axis.samples(name, self.samples or 0, self.sample_seed) for name, axis in sampled.items()}
         for combination in itertools.product(*crossed.values()):
             for sample in zip(*drawn.values(), strict=True) if drawn else [()]:
                 chosen = dict(zip((*crossed, *drawn), (*combination, *sample), strict=True))
                 settings = fixed | {path: value for name in self.axes for path, value in chosen[name][1].items()}
                 scenario = settings.pop(SCENARIO, self.scenario)
-                yield Point(tuple(chosen[name][0] for name in self.axes), str(scenario), _overrides(settings))
+                overrides = tuple(f"{path}={_text(value)}" for path, value in settings.items())
+                yield Point(tuple(chosen[name][0] for name in self.axes), str(scenario), overrides)
 
 
 @dataclass(frozen=True, slots=True)
 class Point:
-    """One combination: the values of the axes, in their order, and the scenario and overrides that follow."""
+    """One combination: the values of the axes, in their order, and the scenario and overrides that follow, which are
+    as on the command line."""
 
     levels: tuple[Level, ...]
     scenario: str
     overrides: tuple[str, ...]
-
-
-def _overrides(settings: Mapping[str, Any]) -> tuple[str, ...]:
-    """As on the command line; JSON is YAML, and says of a text that it is one."""
-    return tuple(f"{path}={json.dumps(value, ensure_ascii=False)}" for path, value in settings.items())
 
 
 def load_design(path_or_name: str | Path) -> Design:

@@ -28,13 +28,8 @@ MOST_LINES = 8  # an axis of more levels is not offered to tell lines apart
 LOGARITHMIC_FROM = 20.0  # a list that spans so much, largest to smallest
 
 
-def write(path: Path, folder: Path) -> None:
-    """Writes the page about the sweep in ``folder``. Raises ``UserError``."""
-    report.write_text(path, page(folder))
-
-
 def page(folder: Path) -> str:
-    """The text of the page. Raises ``UserError`` for a sweep that is not finished."""
+    """The page about the sweep in ``folder``. Raises ``UserError`` for one that is not finished."""
     with provenance.of_this_version(folder):
         data = page_data(folder)
         title, elsewhere = f"{data['about']['name']}, a sweep", "The numbers are also in table.csv beside it."
@@ -112,7 +107,7 @@ def _table(
         places = places[:most]
     return {
         "points": [int(number) for number in places["point"]],
-        "levels": [_levels(places[column]) for column in columns],
+        "levels": [[one if isinstance(one, str) else float(one) for one in places[column]] for column in columns],
         "values": _values(kept, of, "point", places["point"].tolist()),
     }
 
@@ -158,10 +153,6 @@ def _values(means: "pd.DataFrame", of: "Series", key: str, places: list[Any]) ->
         rows = group.set_index(key)[ENDS].reindex(places)
         made[metric][of[metric].index(tuple(which))] = [[rounded(value, 5) for value in rows[end]] for end in ENDS]
     return made
-
-
-def _levels(values: "pd.Series[Any]") -> list[float | str]:
-    return [value if isinstance(value, str) else float(value) for value in values]
 
 
 def _sampled(axis: Mapping[str, Any]) -> bool:

@@ -9,7 +9,6 @@ from genie_sim.build import Prepared
 from genie_sim.errors import UserError
 from genie_sim.perception.sources import Frames, Progress
 from genie_sim.recording import provenance
-from genie_sim.scenario.profiles import DeviceProfile
 from genie_sim.scenario.scenario import Scenario, load_scenario
 from genie_sim.sweeps.design import Design, Level
 from genie_sim.sweeps.tasks import Run, Shared, Task
@@ -40,7 +39,7 @@ class Plan:
 
     entries: list[Entry] = field(default_factory=list)
     runs: dict[str, Run] = field(default_factory=dict)
-    shared: Shared = field(default_factory=lambda: Shared({}, {}))
+    shared: Shared = field(default_factory=dict)
 
 
 def plan(design: Design, where: str, progress: Progress | None = None) -> Plan:
@@ -60,7 +59,7 @@ def plan(design: Design, where: str, progress: Progress | None = None) -> Plan:
             raise UserError(f"{where}: {which}{str(error).removeprefix('--set ')}") from error
         if progress is not None:
             progress(number + 1, total, "checking points")
-    made.shared = world.shared()
+    made.shared = world.frames
     return made
 
 
@@ -97,11 +96,10 @@ def tasks(runs: Sequence[Run], workers: int, folder: Path) -> list[Task]:
 
 
 class _World:
-    """Profiles and traces, read once for all points that need the same ones."""
+    """Traces, read once for all points that need the same ones."""
 
     def __init__(self) -> None:
-        self._devices: dict[str, DeviceProfile] = {}
-        self._frames: dict[str, Frames] = {}
+        self.frames: dict[str, Frames] = {}
         self._known: dict[str, Frames] = {}
 
     def prepare(self, scenario: Scenario) -> Prepared:
@@ -109,15 +107,9 @@ class _World:
         needs = scenario.model_dump_json(exclude=_SAME_FILES)
         known = self._known.get(needs)
         prepared = runner.prepare(scenario) if known is None else runner.on_frames(scenario, known)
-        self._devices.update(prepared.devices)
         if not prepared.frames.seeded:
-            self._known[needs] = self._frames.setdefault(_key(prepared), prepared.frames)
+            self._known[needs] = self.frames.setdefault(_key(prepared), prepared.frames)
         return prepared
-
-    def shared(self) -> Shared:
-        """Everything that was read."""
-        devices = {name: device.model_dump_json(by_alias=True) for name, device in self._devices.items()}
-        return Shared(devices, self._frames)
 
 
 def _key(prepared: Prepared) -> str:

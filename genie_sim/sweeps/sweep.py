@@ -163,7 +163,7 @@ class Sweep:
         titled = runs.assign(method=runs["method"].map(told))
         for name, figure in figures.of_sweep(self.design, titled, self._footer()):
             of_runs.save(figure, self.folder / "figures", name)
-        page.write(self.folder / report.NAME, self.folder)
+        report.write_text(self.folder / report.NAME, page.page(self.folder))
 
     def _footer(self) -> str:
         seeds: Sequence[int] = self.design.seeds

@@ -2,7 +2,7 @@
 workers are: processes on this machine (``Local``), or a Dask cluster (``Dask``).
 
 A worker is a process here, under a batch system, or on a Dask cluster. It needs no file but the folder of the parts:
-profiles and traces come with ``Shared``, packed, and are unpacked once in each worker.
+traces come with ``Shared``, packed, and are unpacked once in each worker.
 """
 
 import functools
@@ -24,7 +24,6 @@ from genie_sim.paths import atomic_write
 from genie_sim.perception.sources import Frames
 from genie_sim.recording.results import Metric
 from genie_sim.recording.tables import Column, Schema, Table
-from genie_sim.scenario.profiles import DeviceProfile
 from genie_sim.scenario.scenario import Scenario
 
 SCHEDULER_TIMEOUT_S = 10
@@ -49,12 +48,8 @@ PART = Schema(
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """One run: its scenario, and the key of its frames in ``Shared`` (``None``: they are the seed's own).
-
-    ``frames``: about how many it simulates.
-
-    ``place``: which point and seed it belongs to, in words.
-    """
+    """One run: its scenario, and the key of its frames in ``Shared`` (``None``: they are the seed's own). ``frames``:
+    about how many it simulates; ``place``: which point and seed it belongs to, in words."""
 
     run_id: str
     scenario: Scenario
@@ -95,33 +90,21 @@ class Finished:
     failures: tuple[Failure, ...] = ()
 
 
-@dataclass(frozen=True, slots=True)
-class Shared:
-    """The device profiles (as JSON) and frames of all runs."""
-
-    devices: Mapping[str, str]
-    frames: Mapping[str, Frames]
-
-    def packed(self) -> bytes:
-        """For the way to the workers."""
-        return pickle.dumps(self)
+Shared = Mapping[str, Frames]  # the frames of all runs, by their keys
 
 
 def run_task(task: Task, packed: bytes) -> Finished:
     """Simulates the runs of a task and writes their part. What one run raises does not keep the others from being done.
-    Raises ``UserError``."""
+    ``packed``: what the tasks share, pickled. Raises ``UserError``."""
     if task.genie_sim != genie_sim.__version__:
         raise UserError(f"a worker has genie-sim {genie_sim.__version__}, the sweep {task.genie_sim}: install the same")
-    devices, frames = _unpacked(packed)
+    frames = _unpacked(packed)
     table = Table(PART)
     failures: list[Failure] = []
     for run in task.runs:
         try:
-            if run.source is None:
-                prepared = runner.prepare(run.scenario, devices=devices)
-            else:
-                prepared = runner.on_frames(run.scenario, frames[run.source], devices)
-            found = measured(prepared)
+            known = None if run.source is None else frames[run.source]
+            found = measured(runner.prepare(run.scenario) if known is None else runner.on_frames(run.scenario, known))
         except Exception as error:
             failures.append(Failure(run.run_id, f"{type(error).__name__}: {error}", traceback.format_exc()))
             continue
@@ -150,9 +133,9 @@ def measured(prepared: Prepared) -> Sequence[Metric]:
 
 
 @functools.lru_cache(maxsize=1)
-def _unpacked(packed: bytes) -> tuple[dict[str, DeviceProfile], Mapping[str, Frames]]:
-    shared: Shared = pickle.loads(packed)
-    return {name: DeviceProfile.model_validate_json(text) for name, text in shared.devices.items()}, shared.frames
+def _unpacked(packed: bytes) -> Shared:
+    frames: Shared = pickle.loads(packed)
+    return frames
 
 
 class Local:
@@ -163,7 +146,8 @@ class Local:
 
     def run(self, tasks: Sequence[Task], shared: Shared) -> Generator[Finished, None, None]:
         """What became of each task, as it is done."""
-        return in_processes(functools.partial(run_task, packed=shared.packed()), tasks, self.workers, ordered=False)
+        run = functools.partial(run_task, packed=pickle.dumps(shared))
+        return in_processes(run, tasks, self.workers, ordered=False)
 
     def close(self) -> None:
         """Nothing is left open."""
@@ -196,7 +180,7 @@ class Dask:
         """
         from distributed import CancelledError, KilledWorker, as_completed
 
-        packed = self._client.submit(_same, shared.packed())
+        packed = self._client.submit(_same, pickle.dumps(shared))
         futures = [self._client.submit(run_task, task, packed, key=f"genie-sim-{task.part.stem}") for task in tasks]
         try:
             for future in as_completed(futures):

@@ -173,7 +173,7 @@ def result_folders(folder: Path) -> Case:
     def use(rng: random.Random, path: Path) -> None:
         if path.is_relative_to(swept):
             if rng.random() < 0.5:
-                sweep_page.write(folder / "page.html", swept)
+                sweep_page.page(swept)
             else:
                 Sweep.load(folder / "s.yaml", folder).finish()
             return
