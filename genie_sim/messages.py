@@ -77,10 +77,11 @@ class Answer(Message, Protocol):
 
     def with_look(self, look: "Look | None", valid_ns: int | None) -> Self: ...
 
-    def served(self, source: str, by: str) -> Self: ...
+    def served(self, source: str, by: str, header: Header | None = None) -> Self: ...
 
 
-class Image(NamedTuple):
+@dataclass(slots=True, unsafe_hash=True)
+class Image:
     """One camera frame. ``content`` is what a detector would look at; a Genie never reads it."""
 
     header: Header
@@ -199,10 +200,11 @@ class Detections:
         """The answer with this look and the instant for which it holds, or without."""
         return Detections(self.header, self.objects, self.source, self.served_by, look, valid_ns)
 
-    def served(self, source: str, by: str) -> "Detections":
-        """An answer out of an object map stays one, even when a cache replays it: it was never a detection."""
-        source = "map" if self.source == "map" else source
-        return Detections(self.header, self.objects, source, by, self.look, self.valid_ns)
+    def served(self, source: str, by: str, header: Header | None = None) -> "Detections":
+        """The answer as a node gives it, under another ``header`` if one is given. One out of an object map stays that,
+        even when a cache replays it: it was never a detection."""
+        source, header = "map" if self.source == "map" else source, self.header if header is None else header
+        return Detections(header, self.objects, source, by, self.look, self.valid_ns)
 
 
 @dataclass(slots=True)
@@ -263,14 +265,5 @@ class Forgotten:
     objects: tuple[MapChange, ...]
 
 
-Observation = ImageLookup | ObjectLookups | Expired | Forgotten
-
-
-@dataclass(slots=True)
-class Observe:
-    """Effect: an observation for the log."""
-
-    record: Observation
-
-
-Effect = Publish | Observe
+Observation = ImageLookup | ObjectLookups | Expired | Forgotten  # for the log
+Effect = Publish | Observation

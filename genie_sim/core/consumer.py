@@ -27,7 +27,8 @@ class Consumer(ABC):
 
     def on_frame(self, image: Image) -> None:
         """The car took a frame, to which answers will come."""
-        self._frames[image.header] = image._replace(content=None)  # which holds by far the most memory
+        at = image.pose, image.horizontal_fov_rad
+        self._frames[image.header] = Image(image.header, image.size_bytes, image.digest, image.dhash, *at)
         if len(self._frames) > ASKED:
             self._frames.popitem(last=False)
 

@@ -102,8 +102,8 @@ class Requester:
 
 @dataclass(slots=True)
 class PendingRequest:
-    """A request that was opened and has not expired; ``forwarded`` if a node of ours works on it. ``viewer`` is from
-    where it was made, ``None`` where that is unknown."""
+    """A request that was opened and has not expired; ``forwarded`` as long as a node of ours works on it. ``viewer`` is
+    from where it was made, ``None`` where that is unknown."""
 
     topic: str
     key: Hashable
@@ -154,21 +154,21 @@ class PendingIndex:
             self._keys.setdefault(pending.topic, self._new_keys()).add(pending.key)
             self._open[pending.topic, pending.key] = pending
 
-    def expire(self, now_ns: int) -> Iterator[PendingRequest]:
-        """Removes and yields the requests whose deadline has come."""
-        while self._waiting:
-            identity, pending = self._waiting[0]
-            self.next_deadline_ns = pending.deadline_ns
-            if pending.deadline_ns is None or pending.deadline_ns > now_ns:
-                return
-            self._waiting.popleft()
+    def expire(self, now_ns: int) -> list[PendingRequest]:
+        """Removes and returns the requests whose deadline has come."""
+        expired = []
+        while self.next_deadline_ns is not None and self.next_deadline_ns <= now_ns:
+            identity, pending = self._waiting.popleft()
+            self.next_deadline_ns = self._waiting[0][1].deadline_ns if self._waiting else None
             del self._by_header[identity]
             self.close(pending)
-            yield pending
-        self.next_deadline_ns = None
+            expired.append(pending)
+        return expired
 
     def close(self, pending: PendingRequest) -> None:
         """Nobody needs to join this request any more; its header stays known for a second answer."""
-        if pending.forwarded and self._open.get((pending.topic, pending.key)) is pending:
-            del self._open[pending.topic, pending.key]
-            self._keys[pending.topic].discard(pending.key)
+        if pending.forwarded:
+            pending.forwarded = False
+            if self._open.get((pending.topic, pending.key)) is pending:
+                del self._open[pending.topic, pending.key]
+                self._keys[pending.topic].discard(pending.key)

@@ -39,7 +39,6 @@ from genie_sim.messages import (
     Message,
     ObjectLookups,
     Observation,
-    Observe,
     Publish,
 )
 
@@ -121,7 +120,7 @@ class GenieNode:
         before: list[Effect] = []
         forgotten = self.object_map.forget(now_ns)
         if forgotten and self._tells_changes:
-            before.append(Observe(Forgotten(tuple(map(as_change, forgotten)))))
+            before.append(Forgotten(tuple(map(as_change, forgotten))))
         deadline_ns = self._pending.next_deadline_ns
         if deadline_ns is not None and deadline_ns <= now_ns:
             before += self.on_deadline(now_ns)
@@ -141,7 +140,7 @@ class GenieNode:
 
     def on_deadline(self, now_ns: int) -> list[Effect]:
         """Forgets the requests that nobody answered in time: the node dropped them, or the link did."""
-        return [Observe(expired) for expired in _unanswered(self._pending.expire(now_ns))]
+        return [*_unanswered(self._pending.expire(now_ns))]
 
     def on_void(self) -> list[Observation]:
         """What goes with its state when a fault takes that: its clients' requests without an answer, and the objects of
@@ -218,9 +217,8 @@ class GenieNode:
                 answer = boosted.answer if requester.neighbour and self._shares_all else boosted.to_clients
                 counts = boosted.requests, boosted.hits, 0, 0.0, len(self.object_map)
                 header = requester.header if restamps else answer.header
-                effects.append(Observe(ObjectLookups(header, "boost", *counts)))
-            answer = answer.served("cache", self.name)
-            answer = answer.restamped(requester.header) if restamps else answer
+                effects.append(ObjectLookups(header, "boost", *counts))
+            answer = answer.served("cache", self.name, requester.header if restamps else None)
             effects.append(self._deliver(topic, answer, requester))
         return effects
 
@@ -236,7 +234,7 @@ class GenieNode:
             learned = self.object_map.learn(answer, viewer, now_ns, own, self._tells_changes, leaves)  # line 9
         answer = learned.answer
         to_neighbours = answer if self._shares_all else learned.to_neighbours
-        effects: list[Effect] = [] if learned.lookups is None else [Observe(learned.lookups)]
+        effects: list[Effect] = [] if learned.lookups is None else [learned.lookups]
         if pending is not None:
             if learns:
                 self._store(topic, pending, answer, now_ns)  # line 10
@@ -297,9 +295,9 @@ class GenieNode:
             to_neighbours = answer
         return [Publish(topic + self._local, answer), Publish(topic + self._remote, to_neighbours)]
 
-    def _looked_up(self, requester: Requester, outcome: str) -> Observe:
+    def _looked_up(self, requester: Requester, outcome: str) -> ImageLookup:
         who = "neighbour" if requester.neighbour else "client"
-        return Observe(ImageLookup(requester.header, outcome, who, self.cache_entries()))
+        return ImageLookup(requester.header, outcome, who, self.cache_entries())
 
 
 def _unanswered(requests: Iterable[PendingRequest]) -> Iterator[Expired]:

@@ -5,10 +5,11 @@ After DeepDecision (X. Ran et al., INFOCOM 2018) with Neurosurgeon's split fixed
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 from typing import Literal, NamedTuple
 
-from genie_sim.messages import Effect, Expired, Header, Image, Message, Observe, Publish
+from genie_sim.messages import Effect, Expired, Header, Image, Message, Publish
 from genie_sim.methods.genie import REMOTE, UPLINK
 from genie_sim.methods.similarity import LOCAL, TwoWays, at_least, share
 from genie_sim.sim.station import Method, Place, Station
@@ -128,8 +129,8 @@ class Router(TwoWays):
             return [Publish(self._objects, message)]
         assert isinstance(message, Image)
         ways = self._known.choose(message.header, message.size_bytes, now_ns)
-        return [self._sent(message, send) for send in ways] or [Observe(Expired(message.header))]
+        return [self._sent(message, send) for send in ways] or [Expired(message.header)]
 
     def _sent(self, image: Image, send: Send) -> Publish:
         suffix = LOCAL if send.route == "local" else REMOTE
-        return Publish(self._images + suffix, image._replace(size_bytes=send.size_bytes))
+        return Publish(self._images + suffix, replace(image, size_bytes=send.size_bytes))

@@ -6,7 +6,7 @@ from functools import partial
 
 from genie_sim.core.caches.cache import SAME_F1
 from genie_sim.core.matching import SAME_M, Placed, f1, placed
-from genie_sim.messages import Detection, Detections, Effect, Image, ImageLookup, Message, Observe, Publish
+from genie_sim.messages import Detection, Detections, Effect, Image, ImageLookup, Message, Publish
 from genie_sim.methods.genie import REMOTE, UPLINK
 from genie_sim.methods.similarity import LOCAL, TwoWays
 from genie_sim.sim.station import Method, Place, Station
@@ -88,6 +88,6 @@ class AllKnowing(TwoWays):
         right = self._known.right(message.content.detections)
         lookup = ImageLookup(message.header, "miss" if right is None else "hit", "client", len(self._known))
         if right is not None:
-            again = right.restamped(message.header).served("cache", self.name)
-            return [Observe(lookup), Publish(self._objects, again)]
-        return [Observe(lookup), *(Publish(self._images + suffix, message) for suffix in (LOCAL, REMOTE))]
+            again = right.served("cache", self.name, message.header)
+            return [lookup, Publish(self._objects, again)]
+        return [lookup, *(Publish(self._images + suffix, message) for suffix in (LOCAL, REMOTE))]

@@ -118,7 +118,7 @@ class Gateway:
         with self._lock:
             for effect in self.genie.on_deadline(now_ns):
                 if not isinstance(effect, Publish):
-                    self._observe(effect.record, now_ns)
+                    self._observe(effect, now_ns)
             self._expire(now_ns)
 
     def _arrived(self, topic: str, message: RosMessage, now_ns: int, sender: str) -> None:
@@ -126,7 +126,7 @@ class Gateway:
             if isinstance(effect, Publish):
                 self._carry_out(effect, now_ns)
             else:
-                self._observe(effect.record, now_ns)
+                self._observe(effect, now_ns)
 
     def _carry_out(self, effect: Publish, now_ns: int) -> None:
         topic, message = effect.topic, effect.message

@@ -57,8 +57,8 @@ class RosMessage:
     def with_look(self, look: Look | None, valid_ns: int | None) -> "RosMessage":
         return self
 
-    def served(self, source: str, by: str) -> "RosMessage":
-        return replace(self, source=source, served_by=by)
+    def served(self, source: str, by: str, header: Header | None = None) -> "RosMessage":
+        return replace(self, source=source, served_by=by, header=self.header if header is None else header)
 
     def encoded(self, seq: int | None = None) -> bytes:
         """The bytes to send: with this header, these objects, and the number ``seq`` if there is one."""

@@ -11,6 +11,7 @@ from genie_sim.sim.clock import Clock
 from genie_sim.sim.service import Device, HopTime
 
 Done = Callable[..., None]
+Arguments = tuple[Any, ...]
 
 
 class Processor:
@@ -26,7 +27,7 @@ class Processor:
         self.capacity = capacity
         self.completed = 0
         self._serving = 0
-        self._waiting: deque[tuple[Step | None, int, Done, tuple[Any, ...]]] = deque()
+        self._waiting: deque[tuple[Step | None, int, Done, Arguments]] = deque()
         self._busy_ns = 0  # of the jobs that are over, without the beginnings of those in service
         self._generation = 0  # counts how often everything here was voided
 
@@ -39,7 +40,7 @@ class Processor:
         """Server time used until now, jobs in service included."""
         return self._busy_ns + self._serving * self.env.now
 
-    def run(self, service_ns: int, done: Done, *arguments: Any) -> None:
+    def run(self, service_ns: int, done: Done, arguments: Arguments = ()) -> None:
         """A job that waits for a free server, keeps it for ``service_ns``, and calls ``done(*arguments)`` then."""
         if self._serving < self.capacity:
             self._serving += 1
@@ -55,15 +56,15 @@ class Processor:
         self._serving = 0
         self._generation += 1
 
-    def _finished(self, generation: int, done: Done, arguments: tuple[Any, ...]) -> None:
+    def _finished(self, generation: int, done: Done, arguments: Arguments) -> None:
         if generation != self._generation:
             return
         self.completed += 1
         if self._waiting:
             mine = self.env.way
-            way, service_ns, *job = self._waiting.popleft()
+            way, service_ns, next_done, next_arguments = self._waiting.popleft()
             self.env.waited(way, "queueing", self.name)
-            self.env.after(service_ns, self._finished, generation, *job)
+            self.env.after(service_ns, self._finished, generation, next_done, next_arguments)
             self.env.way = mine
         else:
             self._serving -= 1
@@ -100,15 +101,15 @@ class Host:
         self._detector_times = device.detector_time.draws(accelerator_rng)
         self._message_times = device.message_time.draws(cpu_rng)
 
-    def infer(self, done: Done, *arguments: Any) -> None:
+    def infer(self, done: Done, arguments: Arguments = ()) -> None:
         """The detector looks at one image."""
-        self.accelerator.run(next(self._detector_times), done, *arguments)
+        self.accelerator.run(next(self._detector_times), done, arguments)
 
-    def compute_key(self, name: str, done: Done, *arguments: Any) -> None:
+    def compute_key(self, name: str, done: Done, arguments: Arguments) -> None:
         """A picture's similarity key is made."""
         processor, service_ns = self.device.keys[name]
-        (self.cpu if processor == "cpu" else self.accelerator).run(service_ns, done, *arguments)
+        (self.cpu if processor == "cpu" else self.accelerator).run(service_ns, done, arguments)
 
-    def serve_message(self, done: Done, *arguments: Any) -> None:
+    def serve_message(self, done: Done, arguments: Arguments) -> None:
         """A Genie handles one message."""
-        self.cpu.run(next(self._message_times), done, *arguments)
+        self.cpu.run(next(self._message_times), done, arguments)

@@ -4,11 +4,11 @@ What a detector finds in them then comes from a recording of the very pictures a
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from typing import Any, NamedTuple
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 from genie_sim.messages import Detection, Encoding, Frame, Image, Message
-from genie_sim.sim.device import Done, Host
+from genie_sim.sim.device import Arguments, Done, Host
 from genie_sim.sim.ros_graph import Dropped, Graph, Node
 from genie_sim.sim.service import MEGABYTE
 
@@ -55,12 +55,12 @@ class Codec:
                 return message
             wire_bytes, features = min(frame.size_bytes, message.size_bytes), getattr(content, "features", {})
             content = Sent(frame.detections, wire_bytes, message.size_bytes, features)
-        return message._replace(size_bytes=content.wire_bytes, content=content)
+        return replace(message, size_bytes=content.wire_bytes, content=content)
 
     def in_memory(self, message: Message) -> Message:
         """The message after it was decoded."""
         if isinstance(message, Image) and isinstance(message.content, Sent):
-            return message._replace(size_bytes=message.content.raw_bytes)
+            return replace(message, size_bytes=message.content.raw_bytes)
         return message
 
 
@@ -86,9 +86,9 @@ class Coder(Node):
             camera = message.header
             self.deliver(f"{topic} {camera.origin}/{camera.frame_id}", message, sender)
 
-    def work(self, message: Message, done: Done, *arguments: Any) -> None:
+    def work(self, message: Message, done: Done, arguments: Arguments) -> None:
         raw = self._codec.in_memory(message)
-        self.host.cpu.run(round(raw.size_bytes / MEGABYTE * self._per_megabyte), done, *arguments)
+        self.host.cpu.run(round(raw.size_bytes / MEGABYTE * self._per_megabyte), done, arguments)
 
     def handle(self, topic: str, message: Message, sender: str) -> None:
         self._take(topic.partition(" ")[0], self._codec.in_memory(message), sender)

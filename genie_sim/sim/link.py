@@ -2,11 +2,11 @@
 
 from collections import Counter, deque
 from collections.abc import Callable, Hashable
-from typing import Any
 
 from genie_sim.messages import Message
 from genie_sim.monitor import Step
 from genie_sim.sim.clock import Clock
+from genie_sim.sim.device import Arguments
 from genie_sim.sim.encoding import Codec, Coder
 from genie_sim.sim.link_models import Channel
 from genie_sim.sim.ros_graph import Dropped, Graph
@@ -39,7 +39,7 @@ class Link:
         self._channel = channel
         self._queue_length = queue_length
         self._dropped = dropped
-        self._waiting: deque[tuple[Hashable, Message, Step | None, Carried | None, Deliver, tuple[Any, ...]]] = deque()
+        self._waiting: deque[tuple[Hashable, Message, Step | None, Carried | None, Deliver, Arguments]] = deque()
         self._flows: Counter[Hashable] = Counter()
         self._busy = False
         self._busy_since_ns = 0
@@ -56,7 +56,12 @@ class Link:
         return self._busy_ns + (self.env.now - self._busy_since_ns if self._busy else 0)
 
     def send(
-        self, flow: Hashable, message: Message, deliver: Deliver, *arguments: Any, carried: Carried | None = None
+        self,
+        flow: Hashable,
+        message: Message,
+        deliver: Deliver,
+        arguments: Arguments = (),
+        carried: Carried | None = None,
     ) -> None:
         """Queues a message; ``deliver(*arguments)`` is called when it arrives at the other end, if it does.
 
@@ -72,14 +77,14 @@ class Link:
         self._waiting.append((flow, message, self.env.way, carried, deliver, arguments))
         self._flows[flow] += 1
 
-    def _transmit(self, message: Message, *others: Any) -> None:
+    def _transmit(self, message: Message, carried: Carried | None, deliver: Deliver, arguments: Arguments) -> None:
         """A message goes on the wire."""
         size_bytes = message.size_bytes
         occupied_ns = self._channel.occupied_ns(size_bytes, self.env.now)
-        self.env.after(int(occupied_ns), self._transmitted, size_bytes, message, *others)
+        self.env.after(int(occupied_ns), self._transmitted, size_bytes, message, carried, deliver, arguments)
 
     def _transmitted(
-        self, size_bytes: int, message: Message, carried: Carried | None, deliver: Deliver, arguments: tuple[Any, ...]
+        self, size_bytes: int, message: Message, carried: Carried | None, deliver: Deliver, arguments: Arguments
     ) -> None:
         """Its last bit is on the wire: it arrives after the delay, or is lost."""
         now_ns = self.env.now
@@ -95,10 +100,10 @@ class Link:
             self._last_arrival_ns = max(now_ns + int(delay_ns), self._last_arrival_ns)
             self.env.after(self._last_arrival_ns - now_ns, deliver, *arguments)
         if self._waiting:
-            flow, message, way, *others = self._waiting.popleft()
+            flow, message, way, carried, deliver, arguments = self._waiting.popleft()
             self._flows[flow] -= 1
             self.env.waited(way, "queueing", self.name)
-            self._transmit(message, *others)
+            self._transmit(message, carried, deliver, arguments)
         else:
             self._busy = False
             self._busy_ns += now_ns - self._busy_since_ns
@@ -161,7 +166,7 @@ class Bridge:
         if self._codec is not None:
             message = self._codec.on_wire(message)
         flow = (self.address, self._topic, message.header.frame_id)
-        self.link.send(flow, message, self._arrive, message, sender, self._times_up, carried=self._carried)
+        self.link.send(flow, message, self._arrive, (message, sender, self._times_up), self._carried)
 
     def _arrive(self, message: Message, sender: str, times_up: int) -> None:
         if self._is_up and times_up == self._times_up:

@@ -2,11 +2,10 @@
 
 from collections import OrderedDict
 from collections.abc import Callable
-from typing import Any
 
 from genie_sim.messages import Detections, Effect, Expired, Header, Image, Message, Observation, Publish
 from genie_sim.monitor import Step
-from genie_sim.sim.device import Done, Host
+from genie_sim.sim.device import Arguments, Done, Host
 from genie_sim.sim.ros_graph import Dropped, Graph, Node
 from genie_sim.sim.station import OBJECTS, Interceptor, MakeInterceptor, Station
 
@@ -29,8 +28,8 @@ class Detector(Node):
     ) -> None:
         super().__init__(name, host, graph, (images,), (objects,), queue_length, dropped=drop)
 
-    def work(self, message: Message, done: Done, *arguments: Any) -> None:
-        self.host.infer(done, *arguments)
+    def work(self, message: Message, done: Done, arguments: Arguments) -> None:
+        self.host.infer(done, arguments)
 
     def handle(self, topic: str, message: Message, sender: str) -> None:
         assert isinstance(message, Image)
@@ -67,27 +66,28 @@ class InterceptorNode(Node):
         self._two_passes = passes == 2 and not station.free
         self._ways: OrderedDict[Header, Step] = OrderedDict()  # of the frames that it was asked about
 
-    def work(self, message: Message, done: Done, *arguments: Any) -> None:
+    def work(self, message: Message, done: Done, arguments: Arguments) -> None:
         if self._free:
             done(*arguments)
         elif self._key is not None and isinstance(message, Image):
-            self.host.compute_key(self._key, self._look_up, done, *arguments)
+            self.host.compute_key(self._key, self._look_up, (done, arguments))
         else:
-            self.host.serve_message(done, *arguments)
+            self.host.serve_message(done, arguments)
 
-    def _look_up(self, done: Done, *arguments: Any) -> None:
+    def _look_up(self, done: Done, arguments: Arguments) -> None:
         if self._per_entry_ns:
             search_ns = self._per_entry_ns * self.pure.cache_entries()
-            self.host.cpu.run(search_ns, self._decide, done, *arguments)
+            self.host.cpu.run(search_ns, self._decide, (done, arguments))
         else:
-            self._decide(done, *arguments)
+            self._decide(done, arguments)
 
-    def _decide(self, done: Done, *arguments: Any) -> None:
+    def _decide(self, done: Done, arguments: Arguments) -> None:
         """The node's own, not the host's: the clock counts the time until it as a step of this node."""
-        self.host.serve_message(done, *arguments)
+        self.host.serve_message(done, arguments)
 
     def handle(self, topic: str, message: Message, sender: str) -> None:
-        effects, way = self.pure.on_message(topic, message, self.env.now, sender), self.env.way
+        effects = self.pure.on_message(topic, message, self.env.now, sender)
+        way = self.env.way
         if way is not None and isinstance(message, Image):
             self._ways[message.header] = way
             if len(self._ways) > MOST_WAYS:
@@ -114,12 +114,12 @@ class InterceptorNode(Node):
                     self.env.waited(self._ways[header], "pending", self.name)
                 if self._two_passes and self._made(effect):
                     self._in_service.append(effect.message)
-                    self.host.serve_message(self._leave, effect)
+                    self.host.serve_message(self._leave, (effect,))
                 else:
                     publish(self, effect.topic, effect.message, effect.to)
                 self.env.way = way
             else:
-                self._observe(self.name, effect.record, self.env.now)
+                self._observe(self.name, effect, self.env.now)
 
     def _made(self, effect: Publish) -> bool:
         """Whether this is an answer of the node's own making that leaves on the original topic."""

@@ -196,7 +196,7 @@ class Node:
         self._idle_threads = self._threads
         self._generation += 1
 
-    def work(self, message: Message, done: Callable[..., None], *arguments: Any) -> None:
+    def work(self, message: Message, done: Callable[..., None], arguments: tuple[Any, ...]) -> None:
         """Handling a message takes until ``done(*arguments)`` is called."""
         raise NotImplementedError
 
@@ -206,7 +206,7 @@ class Node:
 
     def _serve(self, topic: str, message: Message, sender: str) -> None:
         self._in_service.append(message)
-        self.work(message, self._served, topic, message, sender, self._generation)
+        self.work(message, self._served, (topic, message, sender, self._generation))
 
     def _served(self, topic: str, message: Message, sender: str, generation: int) -> None:
         """The thread goes on with what waits, first come first served, or is idle."""

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, field
 
 from genie_sim.faults.outage import Outage
-from genie_sim.messages import CameraPose, Detection, Observe, Publish
+from genie_sim.messages import CameraPose, Detection, Publish
 from genie_sim.messages import ImageLookup as Lookup
 from genie_sim.sim.station import IMAGES, OBJECTS, Interceptor, Station, Uplink
 
@@ -104,7 +104,7 @@ class Latest(Interceptor):
             return [Publish(OBJECTS, message)]
         held = self.newest.get(message.header.frame_id)
         hit = held is not None and bool(self.rng.integers(self.every) == 0)
-        looked_up = Observe(Lookup(message.header, "hit" if hit else "miss", "client", len(self.newest)))
+        looked_up = Lookup(message.header, "hit" if hit else "miss", "client", len(self.newest))
         if hit:
             return [looked_up, Publish(OBJECTS, held.restamped(message.header).served("cache", self.name))]
         return [looked_up, Publish(IMAGES + "-up", message)]

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any, ClassVar
 
 from hypothesis import HealthCheck, given, settings
@@ -54,7 +55,7 @@ class SimilarityConformance:
         similarity = type(self).make()
         index = similarity.index()
         index.add(similarity.key(image))
-        later = image._replace(header=Header(image.header.stamp_ns + S, image.header.frame_id, "car9"))
+        later = replace(image, header=Header(image.header.stamp_ns + S, image.header.frame_id, "car9"))
         assert index.find(similarity.key(later)) == similarity.key(image)
 
     @inherited

@@ -9,7 +9,7 @@ import pytest
 from genie_sim.core.eviction import LRU
 from genie_sim.core.freshness.ttl import Ttl
 from genie_sim.core.similarity import Exact
-from genie_sim.messages import Detections, Expired, Forgotten, ImageLookup, ObjectLookups, Observe, Publish
+from genie_sim.messages import Detections, Expired, Forgotten, ImageLookup, ObjectLookups, Publish
 from tests.core.worlds import (
     BRIDGE,
     CROSSING,
@@ -37,7 +37,7 @@ FAINT_BUS = seen("bus", 0.3, at=(30.0, 5.0))
 
 
 def lookup(request, outcome, requester="client", entries=0):
-    return Observe(ImageLookup(request.header, outcome, requester, entries))
+    return ImageLookup(request.header, outcome, requester, entries)
 
 
 # Misses: lines 12 to 15
@@ -78,7 +78,7 @@ def test_a_genie_tells_what_its_map_forgets_before_anything_else(tells):
     later = asked.on_message(IMAGES, frame(1, at=BRIDGE), 3 * S)
     assert len(asked.object_map) == 0
     assert facts(later, Forgotten) == ([forgotten] if tells else [])
-    assert later[0] == (Observe(forgotten) if tells else lookup(frame(1), "miss", entries=1))
+    assert later[0] == (forgotten if tells else lookup(frame(1), "miss", entries=1))
     assert facts(asked.on_message(IMAGES, frame(2, at=BRIDGE), 4 * S), Forgotten) == [], "only once"
 
 
@@ -101,7 +101,7 @@ def test_the_nodes_answer_is_delivered_once_and_shared():
     asked.on_message(IMAGES, first, 0)
     stored = tuple((one.label, one.location, one.score) for one in (CAR, FAINT_BUS))
     assert asked.on_message(FROM_NODE, answer(first, CAR, FAINT_BUS), S // 10) == [
-        Observe(ObjectLookups(first.header, "sighting", 2, hits=0, updates=0, boost_sum=0, objects=2, changes=stored)),
+        ObjectLookups(first.header, "sighting", 2, hits=0, updates=0, boost_sum=0, objects=2, changes=stored),
         Publish(OBJECTS, answer(first, CAR)),
         Publish(FROM_OTHERS, answer(first, CAR)),
     ]
@@ -114,8 +114,8 @@ def test_the_later_of_two_answers_is_knowledge_but_not_delivered_again():
     asked.on_message(IMAGES, first, 0)
     asked.on_message(FROM_NODE, answer(first, CAR), 1)
     [known] = asked.on_message(FROM_OTHERS, answer(first, CAR, by="edge2/detector"), 2)
-    assert (known.record.requests, known.record.hits, known.record.updates) == (1, 1, 1)
-    assert known.record.boost_sum == pytest.approx(0.1 * 0.9 * (1 - 0.9))
+    assert (known.requests, known.hits, known.updates) == (1, 1, 1)
+    assert known.boost_sum == pytest.approx(0.1 * 0.9 * (1 - 0.9))
 
 
 def test_an_answer_nobody_asked_for_is_knowledge_for_the_map_only():
@@ -131,7 +131,7 @@ def test_an_object_without_a_place_is_answered_by_its_score_and_stays_out_of_the
     asked = genie(miss_policy="blocking")
     asked.on_message(IMAGES, first, 0)
     [sighting, delivered, _] = asked.on_message(FROM_NODE, answer(first, nowhere, faint), 1)
-    assert sighting.record.requests == 0
+    assert sighting.requests == 0
     assert delivered == Publish(OBJECTS, answer(first, nowhere))
     assert len(asked.object_map) == 0
 
@@ -166,7 +166,7 @@ def test_a_hit_is_replayed_under_the_new_header_with_what_the_map_knows():
     again = frame(10)
     [hit, boost, delivered] = asked.on_message(IMAGES, again, 10 * S)
     assert hit == lookup(again, "hit", entries=1)
-    assert boost == Observe(ObjectLookups(again.header, "boost", requests=2, hits=2, updates=0, boost_sum=0, objects=3))
+    assert boost == ObjectLookups(again.header, "boost", requests=2, hits=2, updates=0, boost_sum=0, objects=3)
     assert (delivered.topic, delivered.to, delivered.message.header) == (OBJECTS, None, again.header)
     assert (delivered.message.source, delivered.message.served_by) == ("cache", "edge1/genie")
     replayed = {one.label: one for one in delivered.message.objects}
@@ -391,7 +391,7 @@ def test_a_neighbour_never_gets_the_map_for_a_miss():
 
 def test_without_a_pose_there_is_no_view_and_no_map_answer():
     asked = genie(similarity=Exact())
-    assert answers(asked.on_message(IMAGES, frame(0)._replace(pose=None), 0)) == []
+    assert answers(asked.on_message(IMAGES, replace(frame(0), pose=None), 0)) == []
 
 
 @pytest.mark.parametrize(("range_m", "seen"), [(19.6, ["car"]), (19.4, [])])
@@ -453,7 +453,7 @@ def test_an_unanswered_request_expires_for_everyone_who_waits():
     asked.on_message(IMAGES, second, S)
     assert asked.next_deadline_ns() == 2 * S
     assert asked.on_deadline(2 * S - 1) == []
-    assert asked.on_deadline(2 * S) == [Observe(Expired(first.header)), Observe(Expired(second.header))]
+    assert asked.on_deadline(2 * S) == [Expired(first.header), Expired(second.header)]
     assert asked.next_deadline_ns() is None
 
 
@@ -461,7 +461,7 @@ def test_after_expiry_the_next_equal_request_is_run_again():
     asked = genie(miss_policy="blocking", request_expiry_ns=2 * S)
     asked.on_message(IMAGES, frame(0), 0)
     effects = asked.on_message(IMAGES, frame(3), 3 * S)
-    assert effects[:2] == [Observe(Expired(frame(0).header)), lookup(frame(3), "miss")]
+    assert effects[:2] == [Expired(frame(0).header), lookup(frame(3), "miss")]
     assert Publish(TO_NODE, frame(3)) in effects
 
 
@@ -469,8 +469,8 @@ def test_a_late_answer_is_knowledge_for_the_map_only():
     asked = genie(miss_policy="blocking", request_expiry_ns=2 * S, share_answers="on_request")
     asked.on_message(IMAGES, frame(0), 0)
     expired, sighting = asked.on_message(FROM_NODE, answer(frame(0), CAR), 2 * S)
-    assert expired == Observe(Expired(frame(0).header))
-    assert sighting.record.kind == "sighting"
+    assert expired == Expired(frame(0).header)
+    assert sighting.kind == "sighting"
     assert asked.cache_entries() == 0
     assert len(asked.object_map) == 1
 
@@ -596,7 +596,7 @@ def test_who_was_served_by_a_neighbours_answer_does_not_expire_with_those_who_we
     asked.on_message(TO_OTHERS, theirs, 1, NEIGHBOUR)
     asked.on_message(FROM_OTHERS, answer(theirs, CAR), 2, NEIGHBOUR)
     asked.on_message(IMAGES, frame(1), 3)
-    assert asked.on_deadline(2 * S) == [Observe(Expired(frame(0).header))]
+    assert asked.on_deadline(2 * S) == [Expired(frame(0).header)]
 
 
 def test_a_request_that_can_no_longer_get_every_answer_is_run_again():

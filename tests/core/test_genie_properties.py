@@ -11,7 +11,7 @@ from genie_sim.core.confidence import CONFIDENCE_RULES
 from genie_sim.core.eviction import LFU, LRU, TTL, Unlimited
 from genie_sim.core.rules import Percentile
 from genie_sim.core.similarity import DHash, Exact, PoseGrid
-from genie_sim.messages import Expired, ImageLookup, Observe, Publish
+from genie_sim.messages import Expired, ImageLookup, Publish
 from tests.core.stories import stories, tell
 from tests.core.worlds import IMAGES, OBJECTS, S, answers, facts, genie, object_map, publications
 
@@ -155,7 +155,7 @@ def test_every_frame_of_a_client_is_looked_up_once(make_genie, story):
 def test_a_late_timer_changes_only_when_expiry_is_noticed(make_genie, story):
     def split(timer):
         effects = [effect for _, effects in tell(make_genie(), story, timer) for effect in effects]
-        expired = [one for one in effects if isinstance(one, Observe) and isinstance(one.record, Expired)]
+        expired = [one for one in effects if isinstance(one, Expired)]
         return [one for one in effects if one not in expired], expired
 
     assert split(timer=True) == split(timer=False)
@@ -196,10 +196,10 @@ def test_the_stories_reach_every_kind_of_event():
             for effect in effects:
                 if isinstance(effect, Publish):
                     happened[effect.topic, getattr(effect.message, "source", ""), effect.to is not None] += 1
-                elif isinstance(effect.record, ImageLookup):
-                    happened[effect.record.outcome, effect.record.requester] += 1
+                elif isinstance(effect, ImageLookup):
+                    happened[effect.outcome, effect.requester] += 1
                 else:
-                    happened[type(effect.record).__name__] += 1
+                    happened[type(effect).__name__] += 1
 
     watch()
     for outcome in ("hit", "miss", "coalesced"):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import pytest
 from hypothesis import example, given, settings
@@ -40,7 +41,7 @@ def same(similarity, one, other):
 
 def test_one_changed_byte_makes_another_picture():
     picture = frame(0)
-    assert not same(Exact(), picture, picture._replace(digest=picture.digest + "x"))
+    assert not same(Exact(), picture, replace(picture, digest=picture.digest + "x"))
 
 
 # pose_grid
@@ -76,7 +77,7 @@ def test_a_full_turn_is_the_same_heading(heading_rad, turns):
     into_sector_rad = (heading_rad + sector_rad / 2) % sector_rad
     if 1e-9 < into_sector_rad < sector_rad - 1e-9:
         one, other = (
-            at()._replace(pose=at().pose._replace(heading_rad=rad))
+            replace(at(), pose=at().pose._replace(heading_rad=rad))
             for rad in (heading_rad, heading_rad + turns * math.tau)
         )
         assert grid.key(one) == grid.key(other)
@@ -102,7 +103,7 @@ def flipped(bits, value=0x0F0F_0F0F_0F0F_0F0F):
 
 @pytest.mark.parametrize(("bits", "equal"), [(0, True), (8, True), (9, False), (64, False)])
 def test_hashes_may_differ_in_the_radius(bits, equal):
-    one, other = frame(0)._replace(dhash=flipped(0)), frame(0)._replace(dhash=flipped(bits))
+    one, other = replace(frame(0), dhash=flipped(0)), replace(frame(0), dhash=flipped(bits))
     assert same(DHash(radius=8), one, other) is equal
 
 

@@ -176,7 +176,7 @@ def deed(effect: Effect) -> Deed:
         if effect.topic == OBJECTS:
             return told("tells clients", effect.message)
         return told(f"tells {effect.to or 'others'}", effect.message)
-    record = effect.record
+    record = effect
     if isinstance(record, Expired):
         return "expires", record.header
     if isinstance(record, ImageLookup):

@@ -14,7 +14,7 @@ from genie_sim.core.node import GenieNode, detections_of_map
 from genie_sim.core.object_map import ObjectMap
 from genie_sim.core.rules import GenieRules, ObjectMapRules
 from genie_sim.core.similarity import PoseGrid, Similarity
-from genie_sim.messages import CameraPose, Detection, Detections, Effect, Header, Image, Observe, Publish
+from genie_sim.messages import CameraPose, Detection, Detections, Effect, Header, Image, Publish
 
 S = 1_000_000_000
 IMAGES, OBJECTS = "/image_raw", "/objects"
@@ -68,8 +68,8 @@ class Lanes:
     def with_objects(self, objects: Sequence[Detection]) -> Lanes:
         raise AssertionError("lanes hold no objects")
 
-    def served(self, source: str, by: str) -> Lanes:
-        return replace(self, source=source, served_by=by)
+    def served(self, source: str, by: str, header: Header | None = None) -> Lanes:
+        return replace(self, source=source, served_by=by, header=self.header if header is None else header)
 
 
 def object_map(view_cell_m: float = 50.0, freshness: Never | None = None, **rules: Any) -> ObjectMap:
@@ -115,7 +115,7 @@ def publications(effects: Iterable[Effect]) -> list[Publish]:
 
 def facts(effects: Iterable[Effect], kind: type) -> list[Any]:
     """The facts of one kind, for the log."""
-    return [effect.record for effect in effects if isinstance(effect, Observe) and isinstance(effect.record, kind)]
+    return [effect for effect in effects if isinstance(effect, kind)]
 
 
 def answers(effects: Iterable[Effect], topic: str = OBJECTS) -> list[Any]:

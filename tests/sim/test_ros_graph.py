@@ -40,7 +40,7 @@ class Clerk(Node):
         super().__init__(*arguments, **settings)
         self.done: list[tuple[int, int, str]] = []
 
-    def work(self, message, done: Callable[..., None], *arguments) -> None:
+    def work(self, message, done: Callable[..., None], arguments) -> None:
         self.env.after(WORK_NS, done, *arguments)
 
     def handle(self, topic: str, message, sender: str) -> None:
