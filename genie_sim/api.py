@@ -128,7 +128,7 @@ def run(
     setting = load_scenario(scenario, settings, seed=seed)
     if out is None:
         return _in_hand(runner.run_in_memory(setting, progress))
-    return load(runner.run_to_folder(setting, expanded(out), progress).folder)
+    return _in_hand(runner.run_to_folder(setting, expanded(out), progress))
 
 
 def load(folder: str | Path) -> Run:

@@ -72,9 +72,10 @@ def run(
         click.echo(f"{setting.name} runs code of its own: {', '.join(f'{what} {name}' for what, name in own)}")
     with Progress() as progress:
         result = runner.run_to_folder(setting, out, progress, not no_report, ("svg",) if figures else ())
+    assert result.folder is not None
     from genie_sim.analysis import summary
 
-    click.echo(summary.text(result.metrics, width=min(terminal.width(), 100)), nl=False)
+    click.echo(summary.text(result.measured, width=min(terminal.width(), 100)), nl=False)
     click.echo(f"Results: {result.folder} (all tables, with intervals: summary.md)")
     click.echo(f"Figures: {result.folder / 'figures' if figures else f'genie-sim figures {result.folder}'}")
     if not no_report:

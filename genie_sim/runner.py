@@ -3,9 +3,9 @@
 import gc
 import tempfile
 import time
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
 from typing import Any, Literal
@@ -22,7 +22,7 @@ from genie_sim.recording import provenance
 from genie_sim.recording.held import Held
 from genie_sim.recording.log import Log
 from genie_sim.recording.records import Tables
-from genie_sim.recording.results import MethodInfo, Metric, Run
+from genie_sim.recording.results import MethodInfo, Run
 from genie_sim.scenario.fields import validate
 from genie_sim.scenario.parts import Car, Route
 from genie_sim.scenario.profiles import DeviceProfile
@@ -32,22 +32,13 @@ from genie_sim.sim.world import World
 from genie_sim.units import NS_PER_S
 
 
-@dataclass(frozen=True)
-class Result:
-    """A finished run: its folder, its id, its metrics and its summary for a terminal."""
-
-    folder: Path
-    run_id: str
-    metrics: Sequence[Metric]
-
-
 def run_to_folder(
     scenario: Scenario,
     out: Path,
     progress: Progress | None = None,
     with_report: bool = True,
     figures: Sequence[str] = (),
-) -> Result:
+) -> Run:
     """Simulates a scenario and writes ``out/<scenario>-<run id>``, with ``figures`` in these formats, such as ``svg``.
 
     Raises ``UserError`` before it simulates.
@@ -57,8 +48,8 @@ def run_to_folder(
     run_id = provenance.run_id(facts(prepared))
     folder = out / f"{scenario.name}-{run_id}"
     with provenance.result_folder(folder) as partial:
-        metrics = _fill(partial, prepared, run_id, progress, with_report, figures)
-    return Result(folder, run_id, metrics)
+        made = _fill(partial, prepared, run_id, progress, with_report, figures)
+    return replace(made, folder=folder)
 
 
 def run_in_memory(scenario: Scenario, progress: Progress | None = None) -> Run:
@@ -135,7 +126,7 @@ def finished(prepared: Prepared, run_id: str, tables: Tables) -> Run:
 
 def _fill(
     folder: Path, prepared: Prepared, run_id: str, progress: Progress | None, with_report: bool, drawn: Sequence[str]
-) -> Sequence[Metric]:
+) -> Run:
     """Simulates and writes the files of a result folder; figures in the formats ``drawn``."""
     from genie_sim import report
     from genie_sim.analysis import summary
@@ -168,7 +159,7 @@ def _fill(
             **provenance.environment(),
         },
     )
-    return made.measured
+    return made
 
 
 def prepare(
@@ -236,27 +227,25 @@ def simulate(prepared: Prepared, progress: Progress | None = None, spill: Path |
     for number, entry in enumerate(scenario.methods):
         setup = build.setup(prepared, entry)
         log = _log(prepared, entry.name, setup, tables, driven)
-        began_s = time.perf_counter()
-
-        def tell(
-            now_ns: int,
-            end_ns: int,
-            done: int = number,
-            name: str = entry.name,
-            log: Log = log,
-            began_s: float = began_s,
-        ) -> None:
-            if progress is not None:
-                rate = log.published_frames / max(time.perf_counter() - began_s, 1e-9)
-                what = f"{name}, {rate:,.0f} frames/s"
-                progress((done * end_ns + now_ns) / NS_PER_S, len(scenario.methods) * end_ns / NS_PER_S, what)
-
         with gc_disabled():
             world = World(setup, build.method(entry), log)
-            world.run(tell)
+            world.run(_teller(progress, log, number, len(scenario.methods)))
             driven.update(world.hosts)
             world.dismantle()
     return tables
+
+
+def _teller(progress: Progress | None, log: Log, number: int, methods: int) -> Callable[[int, int], None]:
+    """Tells of the simulated time of one method, and how fast that goes."""
+    began_s = time.perf_counter()
+
+    def tell(now_ns: int, end_ns: int) -> None:
+        if progress is not None:
+            rate = log.published_frames / max(time.perf_counter() - began_s, 1e-9)
+            what = f"{log.method}, {rate:,.0f} frames/s"
+            progress((number * end_ns + now_ns) / NS_PER_S, methods * end_ns / NS_PER_S, what)
+
+    return tell
 
 
 def _log(prepared: Prepared, method: str, setup: Setup, tables: Tables, driven: Collection[str]) -> Log:

@@ -155,7 +155,7 @@ SECOND_STAMP = f"{FIRST_STAMP_S + 0.1:.9f}"
         (rewrite(OXTS, lambda text: "1e308" + text[text.index(" ") :]), "line 1: a number is not finite, or too large"),
         (
             rewrite(CALIBRATION, lambda text: text.replace(f"{FOCAL} 0 {CENTRE_X}", f"0 0 {CENTRE_X}")),
-            "the calibration is not one of matrices that can be inverted",
+            "cam_to_cam.txt: P_rect_00 is not a matrix that can be inverted",
         ),
         (remove(STAMPS), "image_02/timestamps.txt: cannot be read: No such file"),
         (rewrite(STAMPS, lambda text: text[:65]), "image_02/timestamps.txt: .*time stamp"),
@@ -271,7 +271,7 @@ def test_labelled_parked_cars_stay_at_one_place_in_the_world():
     themselves; a wrong sign, transform or projection moves them by metres to tens of metres."""
     root = Path(os.environ["GENIE_SIM_KITTI"])
     drive = open_drive(root, DRIVE)
-    velo_SE3_imu = np.asarray(drive.calibration.T_velo_imu)
+    velo_SE3_imu = drive.calibration.velo_SE3_imu
     wander_m = {}
     for number, car in enumerate(read_tracklets(root / SYNC / "tracklet_labels.xml")):
         indices = [index for index in car.centres if index in drive.world_SE3_imu]

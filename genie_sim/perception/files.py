@@ -1,6 +1,6 @@
-"""Reads input files as rows of numbers. Every error names the file and the line."""
+"""Reads input files as rows of numbers and as matrices. Every error names the file, and the line or the matrix."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -37,3 +37,25 @@ def numbers(path: Path, columns: int) -> Array:
             raise UserError(f"{path}: line {number}: a number is not finite, or too large")
         rows.append(row)
     return np.array(rows).reshape(-1, columns)
+
+
+def matrices(path: Path, wanted: Sequence[tuple[Sequence[str], int]]) -> list[Array]:
+    """Matrices (3, columns) of a calibration file, whose lines are ``NAME: numbers``.
+
+    ``wanted``: the names that each may have, and its columns. Raises UserError for one that is missing, or whose first
+    three columns cannot be inverted.
+    """
+    rows = {fields[0].rstrip(":"): fields[1:] for _, fields in lines(path)}
+    found = []
+    for names, columns in wanted:
+        values = next((rows[name] for name in names if name in rows), [])
+        try:
+            matrix = np.array([float(value) for value in values]).reshape(3, columns)
+        except ValueError as error:
+            raise UserError(f"{path}: {names[0]} is missing or has not {3 * columns} numbers") from error
+        with np.errstate(all="ignore"):
+            singular = columns >= 3 and abs(np.linalg.det(matrix[:, :3])) < 1e-9
+        if singular or not within(matrix):
+            raise UserError(f"{path}: {names[0]} is not a matrix that can be inverted")
+        found.append(matrix)
+    return found

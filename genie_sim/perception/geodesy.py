@@ -1,9 +1,6 @@
 """Positions of KITTI's OXTS unit, and any latitude, longitude and altitude, in the east-north-up frame of one origin.
 
 Positions are on the WGS 84 ellipsoid (pymap3d).
-
-pykitti's own Mercator positions are not used: each drive starts at its own origin there, so that two drives land in
-two different worlds.
 """
 
 from pathlib import Path

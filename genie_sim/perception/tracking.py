@@ -16,18 +16,19 @@ from genie_sim.core.geometry import Array, Geodetic, inverse, rigid, transform
 from genie_sim.errors import UserError, unknown
 from genie_sim.messages import Box, Detection, Location
 from genie_sim.paths import read_bytes
-from genie_sim.perception.files import lines, numbers, within
+from genie_sim.perception.files import matrices, numbers
 from genie_sim.perception.geodesy import read_oxts, world_SE3_imu
 from genie_sim.perception.placement import Placement
 from genie_sim.perception.trace import Trace, detection, trace_frame
 
 CAMERA = "02"  # the benchmark's labels and detections are those of the left colour camera
 FRAME_NS = 100_000_000  # KITTI records at 10 Hz; tracking sequences carry no time stamps
-CALIBRATION = (  # matrix, how KITTI spells it (the benchmark's files do it in two ways), how many numbers it has
-    ("P2", ("P2",), 12),
-    ("rect", ("R0_rect", "R_rect"), 9),
-    ("velo_to_cam", ("Tr_velo_to_cam", "Tr_velo_cam"), 12),
-    ("imu_to_velo", ("Tr_imu_to_velo", "Tr_imu_velo"), 12),
+# Matrices, as KITTI spells them (the benchmark's files do it in two ways), and how many columns they have.
+CALIBRATION = (
+    (("P2",), 4),
+    (("R0_rect", "R_rect"), 3),
+    (("Tr_velo_to_cam", "Tr_velo_cam"), 4),
+    (("Tr_imu_to_velo", "Tr_imu_velo"), 4),
 )
 # The pictures are not needed, only how large they were: (width, height) of each of KITTI's five days, by focal length.
 PICTURE_SIZES = {
@@ -85,10 +86,9 @@ def open_sequence(training: str | Path, sequence: str, origin: Geodetic | None =
         raise UserError(f"{training}: {unknown('tracking sequence', sequence, known)}")
     oxts = read_oxts(training / "oxts" / f"{sequence}.txt")
     path = training / "calib" / f"{sequence}.txt"
-    calibration = _calibration(path)
-    intrinsics, shift = calibration["P2"][:, :3], calibration["P2"][:, 3]
-    velo, imu = calibration["velo_to_cam"], calibration["imu_to_velo"]
-    camera0_SE3_velo = rigid(calibration["rect"], (0, 0, 0)) @ rigid(velo[:, :3], velo[:, 3])
+    projection, rectification, velo, imu = matrices(path, CALIBRATION)
+    intrinsics, shift = projection[:, :3], projection[:, 3]
+    camera0_SE3_velo = rigid(rectification, (0, 0, 0)) @ rigid(velo[:, :3], velo[:, 3])
     imu_SE3_camera0 = np.linalg.inv(camera0_SE3_velo @ rigid(imu[:, :3], imu[:, 3]))
     if origin is None:
         latitude, longitude, altitude = oxts[0, :3].tolist()
@@ -201,19 +201,3 @@ def _picture_size(calibration: Path, pictures: Path, focal_px: float) -> tuple[i
 
     height, width = read_image(picture).shape[:2]
     return width, height
-
-
-def _calibration(path: Path) -> dict[str, Array]:
-    rows = {fields[0].rstrip(":"): fields[1:] for _, fields in lines(path)}
-    found: dict[str, Array] = {}
-    for name, spellings, count in CALIBRATION:
-        values = next((rows[spelling] for spelling in spellings if spelling in rows), [])
-        try:
-            found[name] = np.array([float(value) for value in values]).reshape(3, count // 3)
-        except ValueError as error:
-            raise UserError(f"{path}: {spellings[0]} is missing or has not {count} numbers") from error
-        with np.errstate(all="ignore"):
-            singular = abs(np.linalg.det(found[name][:, :3])) < 1e-9
-        if singular or not within(found[name]):
-            raise UserError(f"{path}: {spellings[0]} is not a matrix that can be inverted")
-    return found

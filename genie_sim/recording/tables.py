@@ -138,12 +138,8 @@ class _Buffer:
 
     def rank(self, rows: int) -> "np.ndarray[Any, np.dtype[Any]]":
         """Numbers that sort as the column's values do."""
-        import numpy as np
-
         values = self.numpy(rows)
-        if not self._is_text:
-            return values
-        return np.argsort(np.argsort(np.array(list(self.codes), dtype=str)))[values] if rows else values
+        return Text.of(values, list(self.codes)).codes if self._is_text else values
 
     def arrow(self, values: "np.ndarray[Any, np.dtype[Any]]") -> "pa.Array":
         """These values for a file. From buffers: of an array or a list, pyarrow looks whether it is one of pandas',

@@ -15,7 +15,7 @@ import numpy as np
 
 from genie_sim.errors import UserError, unknown
 from genie_sim.messages import Box, Detection, Header, Location
-from genie_sim.ros.typestore import class_of, message, stamp_ns, time, typestore
+from genie_sim.ros.typestore import TIME, class_of, message, stamp_ns, time, typestore
 from genie_sim.units import NS_PER_S
 
 if TYPE_CHECKING:
@@ -140,6 +140,9 @@ class Codec:
         except (SerdeError, ValueError, KeyError, IndexError) as error:
             raise ValueError(f"no {self.type.name}: {error}") from error
 
+    def _time(self, stamp_ns: int) -> Any:
+        return message(self._store, TIME, **time(stamp_ns))
+
     def _written(self, made: Any) -> bytes:
         write = self._store.serialize_ros1 if self._ros == 1 else self._store.serialize_cdr
         return bytes(write(made, self._name))
@@ -171,18 +174,15 @@ class ObjectsCodec(Codec):
 
     def with_objects(self, payload: bytes, header: Header, objects: Sequence[Detection]) -> bytes:
         array = self.read(payload) if payload else message(self._store, self._name)
-        array.header.stamp, array.header.frame_id = time(self._store, header.stamp_ns), header.frame_id
+        array.header.stamp, array.header.frame_id = self._time(header.stamp_ns), header.frame_id
         array.objects = [self._object(one, array.header) for one in objects]
         return self._written(array)
 
     def _object(self, one: Detection, header: Any) -> Any:
         if isinstance(one, RosObject):
             return replace(one.raw, score=one.confidence)
-        kind = "autoware_msgs/msg/DetectedObject"
-        made = message(self._store, kind, header=header, label=one.label, valid=True, space_frame=ABSOLUTE_FRAMES[0])
-        _set_place(made.pose, one.location)
-        made.score = one.confidence
-        return made
+        fields = {"label": one.label, "valid": True, "space_frame": ABSOLUTE_FRAMES[0], "score": one.confidence}
+        return message(self._store, OBJECTS.removesuffix("Array"), header=header, pose=_pose(one), **fields)
 
 
 class MarkersCodec(Codec):
@@ -213,15 +213,14 @@ class MarkersCodec(Codec):
             if isinstance(one, RosObject):
                 made = replace(one.raw, color=replace(one.raw.color, a=one.confidence))
             else:  # from the object map
-                made = message(self._store, MARKER, ns=one.label, id=number, type=CUBE)
-                _set_place(made.pose, one.location)
-                made.color.a = one.confidence
+                fields = {"ns": one.label, "id": number, "type": CUBE, "color": {"a": one.confidence}}
+                made = message(self._store, MARKER, pose=_pose(one), **fields)
             markers.append(made)
         return self._stamped(message(self._store, self._name, markers=markers), header.stamp_ns, header.frame_id)
 
     def _stamped(self, array: Any, stamp_ns: int, frame_id: str) -> bytes:
         for one in array.markers:
-            one.header = replace(one.header, stamp=time(self._store, stamp_ns), frame_id=frame_id)
+            one.header = replace(one.header, stamp=self._time(stamp_ns), frame_id=frame_id)
         return self._written(array)
 
 
@@ -246,10 +245,9 @@ def _location(pose: Any, frame: str) -> Location | None:
     return at if frame.strip("/") in ABSOLUTE_FRAMES and all(map(math.isfinite, at)) else None
 
 
-def _set_place(pose: Any, location: Location | None) -> None:
-    if location is not None:
-        pose.position.x, pose.position.y, pose.position.z = location
-    pose.orientation.w = 1.0
+def _pose(one: Detection) -> dict[str, Any]:
+    place = dict(zip("xyz", one.location or (0.0, 0.0, 0.0), strict=True))
+    return {"position": place, "orientation": {"w": 1.0}}
 
 
 def _restamped_by_rclpy(name: str, payload: bytes, stamp_ns: int, frame_id: str) -> bytes:

@@ -16,16 +16,14 @@ The simulation begins at second ``START_S`` of ROS time, because ROS takes the t
 
 import math
 import re
-from collections.abc import Callable, Iterator
-from functools import partial
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from genie_sim.errors import UserError, unknown
 from genie_sim.paths import atomic_write
 from genie_sim.recording import provenance
-from genie_sim.ros import typestore as messages
-from genie_sim.ros.typestore import TF, typestore
+from genie_sim.ros.typestore import TF, message, time, typestore
 from genie_sim.units import NS_PER_S
 
 if TYPE_CHECKING:
@@ -54,12 +52,12 @@ LOOKUP_SHOWN_NS = NS_PER_S
 
 
 class Entry(NamedTuple):
-    """One message of the bag."""
+    """One message of the bag: its simulated time, and the fields that are not empty."""
 
     t_ns: int
     topic: str
     kind: str
-    message: Any
+    fields: dict[str, Any]
 
 
 def export(run: "Run", out: Path, format: str) -> int:
@@ -71,116 +69,99 @@ def export(run: "Run", out: Path, format: str) -> int:
     ros = FORMATS[format]
     store = typestore(ros)
     with provenance.of_this_version(run.folder):
-        entries = sorted(_Messages(run, store, ros), key=lambda entry: entry.t_ns)
+        made = (*_poses(run), *_cars(run), *_objects(run), *_lookups(run, ros), *_frames(run, ros))
+        entries = sorted(made, key=lambda entry: entry.t_ns)
     with atomic_write(out) as beside:
         out.parent.mkdir(parents=True, exist_ok=True)
         (_write_mcap if ros == 2 else _write_bag)(beside, store, entries)
     return len(entries)
 
 
-class _Messages:
-    """Every message of a run, in no order."""
+def _poses(run: "Run") -> Iterator[Entry]:
+    for row in _rows(run.poses):
+        motion = {"translation": {"x": row.east_m, "y": row.north_m}, "rotation": _heading(row.heading_rad)}
+        child = f"{row.car}/{row.stream}"
+        one = {"header": _header(row.stamp_ns), "child_frame_id": child, "transform": motion}
+        yield Entry(row.stamp_ns, "/tf", TF, {"transforms": [one]})
 
-    def __init__(self, run: "Run", store: "Typestore", ros: int) -> None:
-        self._run = run
-        self._ros = ros
-        self._store = store
-        self._make: Callable[..., Any] = partial(messages.message, store)
 
-    def __iter__(self) -> Iterator[Entry]:
-        yield from self._poses()
-        yield from self._cars()
-        yield from self._objects()
-        yield from self._lookups()
-        yield from self._frames()
-
-    def _poses(self) -> Iterator[Entry]:
-        make = self._make
-        for row in _rows(self._run.poses):
-            place = make("geometry_msgs/msg/Vector3", x=row.east_m, y=row.north_m)
-            motion = make("geometry_msgs/msg/Transform", translation=place, rotation=self._heading(row.heading_rad))
-            child = f"{row.car}/{row.stream}"
-            header = self._header(row.stamp_ns)
-            one = make("geometry_msgs/msg/TransformStamped", header=header, child_frame_id=child, transform=motion)
-            yield Entry(_ros_ns(row.stamp_ns), "/tf", TF, make(TF, transforms=[one]))
-
-    def _cars(self) -> Iterator[Entry]:
-        first = self._run.poses.drop_duplicates(["car", "stream"])
-        for number, row in enumerate(_rows(first.drop_duplicates("car"))):
-            box = self._marker(
-                row.stamp_ns, row.car, number, CUBE, (-1.0, 0.0, CAR_BELOW_CAMERA_M), SIZES_M["car"],
-                (0.25, 0.4, 0.7, 0.8), row.car, frame=f"{row.car}/{row.stream}",
-            )  # fmt: skip
-            yield Entry(_ros_ns(row.stamp_ns), "/cars", MARKERS, self._make(MARKERS, markers=[box]))
-
-    def _objects(self) -> Iterator[Entry]:
-        numbers: dict[tuple[object, ...], int] = {}
-        for row in _rows(self._run.objects):
-            which = (row.genie, row.label, row.east_m, row.north_m)
-            number = numbers.setdefault(which, len(numbers))
-            size = SIZES_M.get(row.label, (1.0, 1.0, 1.0))
-            forgotten = math.isnan(row.confidence)
-            confidence = 0.0 if forgotten else row.confidence
-            place, text = (row.east_m, row.north_m, size[2] / 2), f"{row.label} {confidence:.2f}"
-            colour = (*confidence_colour(confidence), 0.9)
-            box = self._marker(row.t_ns, row.label, number, CUBE, place, size, colour, text)
-            box.action = DELETE if forgotten else ADD
-            topic = f"/{_topic(row.genie)}/object_map"
-            yield Entry(_ros_ns(row.t_ns), topic, MARKERS, self._make(MARKERS, markers=[box]))
-
-    def _lookups(self) -> Iterator[Entry]:
-        at = {(row.car, row.stream, row.stamp_ns): (row.east_m, row.north_m) for row in _rows(self._run.poses)}
-        lookups = self._run.lookups
-        for number, row in enumerate(_rows(lookups[lookups["kind"] == "image"])):
-            asked = f"{row.outcome} at {row.genie} for {row.car}/{row.stream}, {row.stamp_ns / NS_PER_S:.3f} s"
-            yield self._event(row.t_ns, INFO, row.genie, asked)
-            east_m, north_m = at[row.car, row.stream, row.stamp_ns]
-            place, colour = (east_m, north_m, 3.0), (*COLOURS[row.outcome], 1.0)
-            ball = self._marker(row.t_ns, row.genie, number, BALL, place, (0.5,) * 3, colour, asked, LOOKUP_SHOWN_NS)
-            yield Entry(_ros_ns(row.t_ns), "/lookups", MARKERS, self._make(MARKERS, markers=[ball]))
-
-    def _frames(self) -> Iterator[Entry]:
-        for row in _rows(self._run.frames):
-            if isinstance(row.drop, str) and row.source == "none":
-                lost = f"{row.method}: {row.car}/{row.stream} frame {row.frame} dropped at {row.drop}"
-                yield self._event(row.stamp_ns, WARN, row.car, lost)
-            first, received = row.first_answer_ns, row.received_ns
-            if first == first and first is not None and received == received:  # not nan, not null
-                response = self._make(FLOAT, data=(int(first) - int(received)) / 1e6)
-                yield Entry(_ros_ns(int(first)), f"/{_topic(row.car)}/{row.method}/response", FLOAT, response)
-
-    def _event(self, t_ns: int, level: dict[int, int], name: str, text: str) -> Entry:
-        kind = LOGS[self._ros]
-        when = {"header": self._header(t_ns)} if self._ros == 1 else {"stamp": self._time(t_ns)}
-        event = self._make(kind, **when, level=level[self._ros], name=name, msg=text)
-        return Entry(_ros_ns(t_ns), "/events", kind, event)
-
-    def _marker(
-        self, t_ns: int, ns: str, number: int, shape: int, place: tuple[float, ...], size: tuple[float, ...],
-        colour: tuple[float, ...], text: str, shown_ns: int = 0, frame: str = MAP_FRAME,
-    ) -> Any:  # fmt: skip
-        """``shown_ns`` of 0: until the next one of this number. One in another frame than the map moves with it."""
-        make = self._make
-        seconds, nanoseconds = divmod(shown_ns, NS_PER_S)
-        point = make("geometry_msgs/msg/Point", **dict(zip("xyz", place, strict=True)))
-        return make(
-            "visualization_msgs/msg/Marker",
-            header=self._header(t_ns, frame), ns=ns, id=number, type=shape, text=text, frame_locked=frame != MAP_FRAME,
-            pose=make("geometry_msgs/msg/Pose", position=point, orientation=self._heading(0.0)),
-            scale=make("geometry_msgs/msg/Vector3", **dict(zip("xyz", size, strict=True))),
-            color=make("std_msgs/msg/ColorRGBA", **dict(zip("rgba", colour, strict=True))),
-            lifetime=make("builtin_interfaces/msg/Duration", sec=seconds, nanosec=nanoseconds),
+def _cars(run: "Run") -> Iterator[Entry]:
+    first = run.poses.drop_duplicates(["car", "stream"])
+    for number, row in enumerate(_rows(first.drop_duplicates("car"))):
+        yield _marker(
+            "/cars", row.stamp_ns, row.car, number, CUBE, (-1.0, 0.0, CAR_BELOW_CAMERA_M), SIZES_M["car"],
+            (0.25, 0.4, 0.7, 0.8), row.car, frame=f"{row.car}/{row.stream}",
         )  # fmt: skip
 
-    def _heading(self, heading_rad: float) -> Any:
-        half = heading_rad / 2
-        return self._make("geometry_msgs/msg/Quaternion", z=math.sin(half), w=math.cos(half))
 
-    def _header(self, t_ns: int, frame: str = MAP_FRAME) -> Any:
-        return messages.header(self._store, _ros_ns(t_ns), frame)
+def _objects(run: "Run") -> Iterator[Entry]:
+    numbers: dict[tuple[object, ...], int] = {}
+    for row in _rows(run.objects):
+        which = (row.genie, row.label, row.east_m, row.north_m)
+        number = numbers.setdefault(which, len(numbers))
+        size = SIZES_M.get(row.label, (1.0, 1.0, 1.0))
+        forgotten = math.isnan(row.confidence)
+        confidence = 0.0 if forgotten else row.confidence
+        place, text = (row.east_m, row.north_m, size[2] / 2), f"{row.label} {confidence:.2f}"
+        topic, colour = f"/{_topic(row.genie)}/object_map", (*confidence_colour(confidence), 0.9)
+        action = DELETE if forgotten else ADD
+        yield _marker(topic, row.t_ns, row.label, number, CUBE, place, size, colour, text, action=action)
 
-    def _time(self, t_ns: int) -> Any:
-        return messages.time(self._store, _ros_ns(t_ns))
+
+def _lookups(run: "Run", ros: int) -> Iterator[Entry]:
+    at = {(row.car, row.stream, row.stamp_ns): (row.east_m, row.north_m) for row in _rows(run.poses)}
+    for number, row in enumerate(_rows(run.lookups[run.lookups["kind"] == "image"])):
+        asked = f"{row.outcome} at {row.genie} for {row.car}/{row.stream}, {row.stamp_ns / NS_PER_S:.3f} s"
+        yield _event(ros, row.t_ns, INFO, row.genie, asked)
+        place, colour = (*at[row.car, row.stream, row.stamp_ns], 3.0), (*COLOURS[row.outcome], 1.0)
+        lifetime = time(LOOKUP_SHOWN_NS)
+        yield _marker(
+            "/lookups", row.t_ns, row.genie, number, BALL, place, (0.5,) * 3, colour, asked, lifetime=lifetime
+        )
+
+
+def _frames(run: "Run", ros: int) -> Iterator[Entry]:
+    for row in _rows(run.frames):
+        if isinstance(row.drop, str) and row.source == "none":
+            lost = f"{row.method}: {row.car}/{row.stream} frame {row.frame} dropped at {row.drop}"
+            yield _event(ros, row.stamp_ns, WARN, row.car, lost)
+        first, received = row.first_answer_ns, row.received_ns
+        if first == first and first is not None and received == received:  # not nan, not null
+            response_ms = (int(first) - int(received)) / 1e6
+            yield Entry(int(first), f"/{_topic(row.car)}/{row.method}/response", FLOAT, {"data": response_ms})
+
+
+def _event(ros: int, t_ns: int, level: dict[int, int], name: str, text: str) -> Entry:
+    when = {"header": _header(t_ns)} if ros == 1 else {"stamp": time(_ros_ns(t_ns))}
+    return Entry(t_ns, "/events", LOGS[ros], {**when, "level": level[ros], "name": name, "msg": text})
+
+
+def _marker(
+    topic: str, t_ns: int, ns: str, number: int, shape: int, place: tuple[float, ...], size: tuple[float, ...],
+    colour: tuple[float, ...], text: str, frame: str = MAP_FRAME, **more: Any,
+) -> Entry:  # fmt: skip
+    """Without a ``lifetime``: until the next one of this number. One in another frame than the map moves with it."""
+    marker = {
+        "header": _header(t_ns, frame),
+        "ns": ns,
+        "id": number,
+        "type": shape,
+        "text": text,
+        "frame_locked": frame != MAP_FRAME,
+        "pose": {"position": dict(zip("xyz", place, strict=True)), "orientation": _heading(0.0)},
+        "scale": dict(zip("xyz", size, strict=True)),
+        "color": dict(zip("rgba", colour, strict=True)),
+        **more,
+    }
+    return Entry(t_ns, topic, MARKERS, {"markers": [marker]})
+
+
+def _heading(heading_rad: float) -> dict[str, float]:
+    return {"z": math.sin(heading_rad / 2), "w": math.cos(heading_rad / 2)}
+
+
+def _header(t_ns: int, frame: str = MAP_FRAME) -> dict[str, Any]:
+    return {"stamp": time(_ros_ns(t_ns)), "frame_id": frame}
 
 
 def _rows(table: "pd.DataFrame") -> Iterator[Any]:
@@ -222,8 +203,8 @@ def _write_mcap(path: Path, store: "Typestore", entries: list[Entry]) -> None:
                 schemas[entry.kind] = writer.register_schema(entry.kind, "ros2msg", definition.encode())
             if entry.topic not in channels:
                 channels[entry.topic] = writer.register_channel(entry.topic, "cdr", schemas[entry.kind])
-            data = bytes(store.serialize_cdr(entry.message, entry.kind))
-            writer.add_message(channels[entry.topic], entry.t_ns, data, entry.t_ns)
+            data = bytes(store.serialize_cdr(message(store, entry.kind, **entry.fields), entry.kind))
+            writer.add_message(channels[entry.topic], _ros_ns(entry.t_ns), data, _ros_ns(entry.t_ns))
         writer.finish()  # type: ignore[no-untyped-call]
 
 
@@ -235,4 +216,5 @@ def _write_bag(path: Path, store: "Typestore", entries: list[Entry]) -> None:
         for entry in entries:
             if entry.topic not in connections:
                 connections[entry.topic] = writer.add_connection(entry.topic, entry.kind, typestore=store)
-            writer.write(connections[entry.topic], entry.t_ns, store.serialize_ros1(entry.message, entry.kind))
+            data = store.serialize_ros1(message(store, entry.kind, **entry.fields), entry.kind)
+            writer.write(connections[entry.topic], _ros_ns(entry.t_ns), data)

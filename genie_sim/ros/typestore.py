@@ -2,6 +2,7 @@
 classes of ROS 2 itself."""
 
 import importlib
+from collections.abc import Mapping
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
@@ -11,6 +12,7 @@ from genie_sim.units import NS_PER_S
 if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore
 
+TIME = "builtin_interfaces/msg/Time"
 TF = "tf2_msgs/msg/TFMessage"
 _TF_DEFINITION = "geometry_msgs/TransformStamped[] transforms\n"
 _EMPTY = {"string": "", "bool": False, "float32": 0.0, "float64": 0.0}
@@ -37,34 +39,33 @@ def typestore(ros: int, definition: str = "", name: str = "") -> "Typestore":
 
 
 def message(store: "Typestore", kind: str, /, **given: Any) -> Any:
-    """A message of type ``kind`` (``std_msgs/msg/Header``) with the fields ``given``, all others empty."""
+    """A message of type ``kind`` (``std_msgs/msg/Header``) with the fields ``given``, all others empty.
+
+    A message within it, or within a list of it, may be given by its own fields, as a mapping.
+    """
     import numpy as np
     from rosbags.interfaces import Nodetype
 
-    _, fields = store.fielddefs[kind]
-
-    def empty(node: Any, detail: Any) -> Any:
+    def made(node: Any, detail: Any, value: Any = None) -> Any:
         if node == Nodetype.NAME:
-            return message(store, detail)
+            return message(store, detail, **(value or {})) if value is None or isinstance(value, Mapping) else value
         if node == Nodetype.BASE:
-            return _EMPTY.get(detail[0], 0)
+            return _EMPTY.get(detail[0], 0) if value is None else value
         element, length = detail
+        if value is not None:
+            return [made(element[0], element[1], one) for one in value] if element[0] == Nodetype.NAME else value
         if element[0] == Nodetype.BASE and element[1][0] != "string":
             return np.zeros(length if node == Nodetype.ARRAY else 0, _NUMPY.get(element[1][0], element[1][0]))
         return []
 
-    return store.types[kind](**{name: given[name] if name in given else empty(*of) for name, of in fields})
+    fields: Any = store.fielddefs[kind][1]
+    return store.types[kind](**{name: made(node, detail, given.get(name)) for name, (node, detail) in fields})
 
 
-def header(store: "Typestore", stamp_ns: int, frame_id: str) -> Any:
-    """A std_msgs/Header."""
-    return message(store, "std_msgs/msg/Header", stamp=time(store, stamp_ns), frame_id=frame_id)
-
-
-def time(store: "Typestore", stamp_ns: int) -> Any:
-    """A ROS time."""
+def time(stamp_ns: int) -> dict[str, int]:
+    """A ROS time or duration, for ``message``."""
     seconds, nanoseconds = divmod(stamp_ns, NS_PER_S)
-    return message(store, "builtin_interfaces/msg/Time", sec=seconds, nanosec=nanoseconds)
+    return {"sec": seconds, "nanosec": nanoseconds}
 
 
 def stamp_ns(header: Any) -> int:

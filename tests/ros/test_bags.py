@@ -20,7 +20,7 @@ pytest.importorskip("rosbags", reason="needs rosbags: pip install 'genie-sim[ros
 from rosbags.typesys import get_types_from_msg
 
 from genie_sim.ros.bags import IMAGES, POINTS, perceive_bag
-from genie_sim.ros.typestore import TF, header, message, typestore
+from genie_sim.ros.typestore import TF, message, time, typestore
 
 CAMERA, IMAGE, SCAN = "camera_color_left", "/kitti/camera_color_left/image_raw", "/kitti/velo/pointcloud"
 OBJECTS, ARRAY = "/detection/image_detector/objects", "autoware_msgs/msg/DetectedObjectArray"
@@ -47,15 +47,17 @@ class BagWriter:
         self.messages.append((at_ns, topic, kind, message(self.store, kind, **fields)))
 
     def header(self, stamp_ns: int, frame: str) -> Any:
-        return header(self.store, stamp_ns, frame)
+        return message(self.store, "std_msgs/msg/Header", stamp=time(stamp_ns), frame_id=frame)
 
     def write(self) -> Path:
         serialize = self.store.serialize_ros1 if self.ros == 1 else self.store.serialize_cdr
         ordered = sorted(self.messages, key=lambda one: one[0])
         if self.path.suffix == ".mcap":
-            from genie_sim.ros.export import Entry, _write_mcap
+            from genie_sim.ros.export import START_S, Entry, _write_mcap
 
-            _write_mcap(self.path, self.store, [Entry(*one) for one in ordered])
+            began_ns = START_S * 10**9
+            entries = [Entry(at_ns - began_ns, topic, kind, vars(one)) for at_ns, topic, kind, one in ordered]
+            _write_mcap(self.path, self.store, entries)
             return self.path
         from rosbags.rosbag1 import Writer as Writer1
         from rosbags.rosbag2 import Writer as Writer2
@@ -307,7 +309,7 @@ def test_kitti_in_a_bag_is_perceived_as_from_its_folder(
     bag = BagWriter(tmp_path / f"kitti.{kind}")
     first = shown[0]
     bag.transform(first.stamp_ns, "imu_link", CAMERA, inverse(drive.world_SE3_imu[0]) @ first.world_SE3_camera)
-    bag.transform(first.stamp_ns, CAMERA, "velo_link", drive.camera_SE3_velo("02"))
+    bag.transform(first.stamp_ns, CAMERA, "velo_link", drive.calibration.camera_SE3_velo["02"])
     bag.camera_info(first.stamp_ns, first.intrinsics, (1242, 375))
     folder = kitti_root / "2011_09_26" / "2011_09_26_drive_0005_sync"
     for frame in shown:
