@@ -9,8 +9,8 @@ import pytest
 from town_truth import truth_near
 
 from genie_sim.town import Town, TownRules
-from genie_sim.town.detector import HORIZONTAL_FOV_RAD, NEAREST_M
-from genie_sim.town.objects import REACHES_M
+from genie_sim.town.objects import HORIZONTAL_FOV_RAD, REACHES_M
+from genie_sim.town.view import NEAREST_M
 from genie_sim.units import NS_PER_S
 
 RULES = TownRules(blocks=(5, 5))

@@ -15,17 +15,9 @@ from genie_sim.messages import Detection
 from genie_sim.town.detector import SyntheticDetector
 from genie_sim.town.laws import GHOST_LABELS, DetectorLaws
 from genie_sim.town.noise import mix
-from genie_sim.town.objects import Area, TownObject, town_object
+from genie_sim.town.objects import Things, town_object
 from genie_sim.town.rules import MOST_VIEW_M
-
-
-class _OneObject:
-    """A scene that holds one object."""
-
-    only: TownObject
-
-    def ahead(self, east_m: float, north_m: float, area: Area, t_s: float) -> list[TownObject]:
-        return [self.only]
+from genie_sim.town.view import Looks, in_view
 
 
 def resimulate(laws: DetectorLaws, group: str, looks: Sequence[Look], seed: int) -> list[Look]:
@@ -34,21 +26,23 @@ def resimulate(laws: DetectorLaws, group: str, looks: Sequence[Look], seed: int)
     Left out are looks at what the town's camera does not have in view: nearer than 3.5 m, its middle outside the
     picture, or a small object of its group from too far away.
     """
-    scene = _OneObject()
-    detector = SyntheticDetector(scene, laws, MOST_VIEW_M)
-    detector.transient = ()
     label, again = GHOST_LABELS[group], []
-    for look in looks:
-        pose = look.pose
-        scene.only = town_object(laws.of(label), mix(seed), look.track, label, *look.centre[:2], False)
-        c, s = math.cos(pose.heading_rad), math.sin(pose.heading_rad)
-        view = detector.view(pose, c, s, 0.0)
-        if not view:
-            continue
-        picture = mix(seed ^ mix(round(pose.east_m * 1000) ^ mix(round(pose.north_m * 1000) ^ int(look.camera))))
-        detections = detector.detect(view, pose, c, s, picture)
-        detection = detections[0] if detections else None
-        along_m, across_m = errors_m(detection, look.centre, pose)
+    poses = [look.pose for look in looks]
+    objects = [town_object(laws.of(label), mix(seed), one.track, label, *one.centre[:2], False) for one in looks]
+    things, each, place = Things(objects), np.arange(len(looks)), np.array([one.centre[:2] for one in looks])
+    pictures = [
+        mix(seed ^ mix(round(pose.east_m * 1000) ^ mix(round(pose.north_m * 1000) ^ int(look.camera))))
+        for look, pose in zip(looks, poses, strict=True)
+    ]
+    turned = ([turn(pose.heading_rad) for pose in poses] for turn in (math.cos, math.sin))
+    at = (np.array(column) for column in ([p.east_m for p in poses], [p.north_m for p in poses], *turned))
+    glances = Looks(*at, np.zeros(len(looks)), np.array(pictures, dtype=np.uint64))
+    view = in_view(glances, [(each, each, each, *place.T)], things, MOST_VIEW_M)
+    found = SyntheticDetector(things, laws).detect(view, glances)
+    for number in view.look.tolist():
+        look = looks[number]
+        detection = next(iter(found.of(number)), None)
+        along_m, across_m = errors_m(detection, look.centre, look.pose)
         again.append(look._replace(detection=detection, along_m=along_m, across_m=across_m))
     return again
 

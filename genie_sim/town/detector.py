@@ -1,123 +1,123 @@
-"""The town's detector: what a camera has in view, and what the laws let a detector find of it."""
+"""The town's detector: what the laws let a detector find of what a camera has in view."""
 
 import math
-from operator import attrgetter
+from typing import Any, NamedTuple
 
+import numpy as np
+
+from genie_sim.core.geometry import Array
 from genie_sim.messages import CameraPose, Detection
 from genie_sim.perception.trace import POSITION_DECIMALS, SCORE_DECIMALS
 from genie_sim.town.laws import MIDDLE, STEPS_PER_Z, VIEW_STEP_M, DetectorLaws, TransientLaw, quantile
-from genie_sim.town.noise import MASK, NORMAL_MASK, SMOOTH_MASK, mix, normals
-from genie_sim.town.objects import HORIZONTAL_FOV_RAD, MIDDLES_M, TownObject
-from genie_sim.town.streets import Streets
+from genie_sim.town.noise import NORMAL_MASK, SMOOTH_MASK, normals
+from genie_sim.town.objects import HORIZONTAL_FOV_RAD, MIDDLES_M, Things
+from genie_sim.town.streets import Ints
+from genie_sim.town.view import Looks, View
 
-NEAREST_M = 3.5  # KITTI's nearest labelled object is 3 m away: nearer ones leave the picture
-MOST_Z = 3.7  # the largest number of the table of normal ones is smaller
 ALONG, ACROSS = 21 * 1021, 43 * 1021  # far apart in the gradual numbers: these are not the score's
-_score = attrgetter("score")
 
-View = list[tuple[TownObject, float]]  # everything in view, ghosts too, with its range [m]
+
+class Found(NamedTuple):
+    """What the detector finds in some looks, look by look: its class, and its score and place [m] (n, 4); ``begins`` is
+    where each look's rows begin, and where the last one's end."""
+
+    begins: list[int]
+    label: Array
+    placed: Array
+
+    def of(self, look: int) -> list[Detection]:
+        """What it finds in one look, in the order of the view."""
+        rows = slice(self.begins[look], self.begins[look + 1])
+        found = zip(self.label[rows].tolist(), self.placed[rows].tolist(), strict=True)
+        return [Detection(label, score, None, (x, y, z), score, "town") for label, (score, x, y, z) in found]
 
 
 class SyntheticDetector:
     """Finds, misses and imagines objects as the laws say, for a camera that stands anywhere in a scene."""
 
-    def __init__(self, scene: Streets, laws: DetectorLaws, view_m: float) -> None:
-        """``view_m`` is how far it looks [m]."""
-        self._scene, self._view_m = scene, view_m
-        self.transient = laws.transient
-        self._normals = normals()
-        half = HORIZONTAL_FOV_RAD / 2
-        self._half_c, self._half_s, self._slope = math.cos(half), math.sin(half), math.tan(half)
-
-    def detect(self, view: View, pose: CameraPose, c: float, s: float, look_key: int) -> tuple[Detection, ...]:
-        """What the detector finds in a view, best score first.
-
-        ``c`` and ``s`` are cosine and sine of the heading; ``look_key`` (64 bits) is this look's own.
-        """
-        table = self._normals
-        x, y = pose.east_m, pose.north_m
-        gone_m, quarter = _gone(x, y, c, s)
-        found = []
-        for one, range_m in view:
-            east_m, north_m, up_m, _, label, _, key, offset, score_z, along_z, across_z, laws, _, _ = one
-            row = laws.scores[int(range_m + 0.5)]
-            step = int((range_m - gone_m) / VIEW_STEP_M) + offset + quarter
-            _, of_view, of_look, views = laws.score
-            z = score_z + of_view * views[step & SMOOTH_MASK]
-            if row[int((z + MOST_Z * of_look) * STEPS_PER_Z + MIDDLE)] == 0.0:
-                continue  # whatever this look's own number is
-            bits = ((key ^ look_key) * 0xBF58476D1CE4E5B9) & MASK
-            bits ^= bits >> 32
-            score = row[int((z + of_look * table[bits & NORMAL_MASK]) * STEPS_PER_Z + MIDDLE)]
-            if score == 0.0:
-                continue
-            _, of_view, of_look, views = laws.along
-            z = along_z + of_view * views[step + ALONG & SMOOTH_MASK]
-            z += of_look * table[bits >> 12 & NORMAL_MASK]
-            along_m = laws.along_m[int(range_m + 0.5)][int(z * STEPS_PER_Z + MIDDLE)] / range_m
-            _, of_view, of_look, views = laws.across
-            z = across_z + of_view * views[step + ACROSS & SMOOTH_MASK]
-            z += of_look * table[bits >> 24 & NORMAL_MASK]
-            across_m = laws.across_m[int(range_m + 0.5)][int(z * STEPS_PER_Z + MIDDLE)] / range_m
-            dx, dy = east_m - x, north_m - y
-            location = (  # rounded to millimetres; round() takes five times as long
-                ((east_m + along_m * dx - across_m * dy) * 1000.0 + 0.5) // 1.0 / 1000.0,
-                ((north_m + along_m * dy + across_m * dx) * 1000.0 + 0.5) // 1.0 / 1000.0,
-                up_m,
+    def __init__(self, things: Things, laws: DetectorLaws) -> None:
+        """``things`` are all that views are of."""
+        self._things = things
+        groups = laws.groups
+        self._groups = groups
+        self._normals = np.array(normals())
+        # Of score, place along the line of sight and place across: each group's two weights, views and table.
+        self._copulas = [
+            (
+                np.array([copula.view_weight for copula in copulas]),
+                np.array([copula.look_weight for copula in copulas]),
+                np.stack([copula.views for copula in copulas]),
+                np.stack(tables),
             )
-            if key >> 52 < laws.prone:
-                for share, name in laws.names:
-                    if bits >> 40 & 0xFFFF < share:
-                        label = name
-                        break
-            found.append(Detection(label, score, None, location, score, "town"))
-        draw = (look_key >> 48) / 0x10000
-        for law in self.transient:
-            if 0.0 <= draw < law.per_frame:
-                found.append(_transient(law, mix(look_key), x, y, c, s))
-            draw -= law.per_frame
-        found.sort(key=_score, reverse=True)
-        return tuple(found)
+            for copulas, tables in (
+                ([one.score for one in groups], [one.scores for one in groups]),
+                ([one.along for one in groups], [one.along_m for one in groups]),
+                ([one.across for one in groups], [one.across_m for one in groups]),
+            )
+        ]
+        self._prone = np.array([group.prone for group in groups])
 
-    def view(self, pose: CameraPose, c: float, s: float, t_s: float) -> View:
-        """What a camera has in view at a time [s], whose heading has the cosine ``c`` and the sine ``s``."""
-        view_m, slope = self._view_m, self._slope
-        x, y = pose.east_m, pose.north_m
-        c1, s1 = c * self._half_c - s * self._half_s, s * self._half_c + c * self._half_s
-        c2, s2 = c * self._half_c + s * self._half_s, s * self._half_c - c * self._half_s
-        area = (
-            x + view_m * (-1.0 if -c >= self._half_c else min(0.0, c1, c2)),
-            y + view_m * (-1.0 if -s >= self._half_c else min(0.0, s1, s2)),
-            x + view_m * (1.0 if c >= self._half_c else max(0.0, c1, c2)),
-            y + view_m * (1.0 if s >= self._half_c else max(0.0, s1, s2)),
-        )
-        found: View = []
-        for one in self._scene.ahead(x, y, area, t_s):
-            dx, dy = one[0] - x, one[1] - y
-            reach_m = (dx * c + dy * s) * slope
-            if -reach_m <= dy * c - dx * s <= reach_m:  # behind the camera no number is
-                range_m = math.sqrt(dx * dx + dy * dy)
-                if NEAREST_M <= range_m <= one[3] and range_m <= view_m:
-                    found.append((one, range_m))
-        return found
+    def detect(self, view: View, looks: Looks) -> Found:
+        """What the detector finds of what is in view."""
+        things, of_score, along, across = self._things, *self._copulas
+        gone_m, quarter = _gone(looks)
+        look, thing, range_m = view.look, view.thing, view.range_m
+        step = ((range_m - gone_m[look]) / VIEW_STEP_M).astype(np.int64) + things.offset[thing] + quarter[look]
+        bits = (things.key[thing] ^ looks.key[look]) * np.uint64(0xBF58476D1CE4E5B9)
+        bits ^= bits >> np.uint64(32)
+
+        def drawn(law: Any, of_object: Array, step: Ints, bits: Any, place: tuple[Ints, Ints]) -> Array:
+            of_view, of_look, views, table = law
+            group = place[0]
+            z = of_object + of_view[group] * views[group, step & SMOOTH_MASK]
+            z += of_look[group] * self._normals[(bits & np.uint64(NORMAL_MASK)).astype(np.int64)]
+            values: Array = table[(*place, (z * STEPS_PER_Z + MIDDLE).astype(np.int64))]
+            return values
+
+        place = things.group[thing], (range_m + 0.5).astype(np.int64)
+        score = drawn(of_score, things.score_z[thing], step, bits, place)
+        kept = np.flatnonzero(score)
+        look, thing, range_m, step, bits = look[kept], thing[kept], range_m[kept], step[kept], bits[kept]
+        place = place[0][kept], place[1][kept]
+        along_m = drawn(along, things.along_z[thing], step + ALONG, bits >> np.uint64(12), place) / range_m
+        across_m = drawn(across, things.across_z[thing], step + ACROSS, bits >> np.uint64(24), place) / range_m
+        east_m, north_m = view.east_m[kept], view.north_m[kept]
+        dx, dy = east_m - looks.east_m[look], north_m - looks.north_m[look]
+        placed = np.empty((len(kept), 4))
+        placed[:, 0], placed[:, 3] = score[kept], things.up_m[thing]
+        placed[:, 1] = np.floor((east_m + along_m * dx - across_m * dy) * 1000.0 + 0.5) / 1000.0  # in whole millimetres
+        placed[:, 2] = np.floor((north_m + along_m * dy + across_m * dx) * 1000.0 + 0.5) / 1000.0
+        begins = np.searchsorted(look, np.arange(len(looks.key) + 1)).tolist()
+        return Found(begins, self._called(thing, place[0], bits), placed)
+
+    def _called(self, thing: Ints, group: Ints, bits: Any) -> Any:
+        """What the detector calls these things."""
+        things = self._things
+        label = things.label[thing]
+        prone = np.flatnonzero((things.key[thing] >> np.uint64(52)).astype(np.int64) < self._prone[group])
+        for row, draw in zip(prone.tolist(), (bits[prone] >> np.uint64(40) & np.uint64(0xFFFF)).tolist(), strict=True):
+            label[row] = next((name for share, name in self._groups[group[row]].names if draw < share), label[row])
+        return label
 
 
-def _gone(x: float, y: float, c: float, s: float) -> tuple[float, int]:
+def _gone(looks: Looks) -> tuple[Array, Ints]:
     """How far [m] a camera has gone along its street, and where the gradual numbers of its direction begin.
 
     The view changes as the camera goes on and the range shrinks; turning into another street is another view.
     """
-    if abs(c) > abs(s):
-        return (x, 0) if c > 0 else (-x, 16411)
-    return (y, 2 * 16411) if s > 0 else (-y, 3 * 16411)
+    x, y, c, s = looks[:4]
+    on_east = np.abs(c) > np.abs(s)
+    gone_m = np.where(on_east, np.where(c > 0, x, -x), np.where(s > 0, y, -y))
+    quarter = np.where(on_east, np.where(c > 0, 0, 1), np.where(s > 0, 2, 3)) * 16411
+    return gone_m, quarter
 
 
-def _transient(law: TransientLaw, bits: int, x: float, y: float, c: float, s: float) -> Detection:
-    """A false positive that is seen once, anywhere in view of a camera at (x, y) [m]."""
+def transient(law: TransientLaw, bits: int, pose: CameraPose, c: float, s: float) -> Detection:
+    """A false positive that is seen once, anywhere in view of a camera."""
     range_m = quantile(law.range_m, (bits >> 16 & 0xFFFF) / 0x10000)
     angle = ((bits >> 32 & 0xFFFF) / 0x10000 - 0.5) * HORIZONTAL_FOV_RAD
     score = round(quantile(law.scores, (bits >> 48) / 0x10000), SCORE_DECIMALS)
     ahead_m, left_m = range_m * math.cos(angle), range_m * math.sin(angle)
-    east_m, north_m = x + ahead_m * c - left_m * s, y + ahead_m * s + left_m * c
+    east_m, north_m = pose.east_m + ahead_m * c - left_m * s, pose.north_m + ahead_m * s + left_m * c
     location = (round(east_m, POSITION_DECIMALS), round(north_m, POSITION_DECIMALS), MIDDLES_M[law.label])
     return Detection(law.label, score, None, location, score, "town")

@@ -13,7 +13,6 @@ it, along the line of sight and across.
 
 import functools
 import json
-from array import array
 from collections.abc import Mapping, Sequence
 from importlib import resources
 from itertools import accumulate
@@ -35,8 +34,6 @@ PRONE = 1 << 12
 GHOST_LABELS = {"vehicles": "car", "persons": "person"}
 RANGES = MOST_VIEW_M + 2  # rows of a table, one a metre
 
-Table = Sequence[Sequence[float]]
-
 
 class Copula(NamedTuple):
     """The weights of what stays with the object, of what changes with the view and of what is new at each look, and
@@ -55,16 +52,17 @@ class GroupLaws:
     65,536 looks, and the names.
     """
 
-    __slots__ = ("across", "across_m", "along", "along_m", "names", "prone", "score", "scores")
+    __slots__ = ("across", "across_m", "along", "along_m", "names", "place", "prone", "score", "scores")
 
-    def __init__(self, fitted: Mapping[str, Any]) -> None:
-        found, place = fitted["found"], fitted["place"]
+    def __init__(self, fitted: Mapping[str, Any], place: int) -> None:
+        self.place = place  # among all groups
+        found, placed = fitted["found"], fitted["place"]
         self.score, self.along, self.across = (
             _copula(fitted[f"{name}_correlation"]) for name in ("score", "along", "across")
         )
-        self.scores: Table = _score_table(found)
-        self.along_m: Table = _place_table(place, "along_m")
-        self.across_m: Table = _place_table(place, "across_m")
+        self.scores = _score_table(found)
+        self.along_m = _place_table(placed, "along_m")
+        self.across_m = _place_table(placed, "across_m")
         self.names: tuple[tuple[int, str], ...] = ()
         self.prone = 0
 
@@ -87,9 +85,10 @@ class DetectorLaws:
         called = fitted["vehicle_names"]
         running = accumulate(round(share * 0x10000) for _, share in called["names"])
         names = tuple((share, str(name)) for share, (name, _) in zip(running, called["names"], strict=True))
-        self._real = {name: GroupLaws(group) for name, group in fitted["groups"].items()}
+        self.groups: list[GroupLaws] = []
+        self._real = {name: self._group(group) for name, group in fitted["groups"].items()}
         self._real["vehicles"].names, self._real["vehicles"].prone = names, round(called["prone"] * PRONE)
-        self._ghosts = {name: GroupLaws(group) for name, group in fitted["ghosts"].items() if group["places"]}
+        self._ghosts = {name: self._group(group) for name, group in fitted["ghosts"].items() if group["places"]}
         ghosts = [(GHOST_LABELS[name], group) for name, group in sorted(fitted["ghosts"].items())]
         self.ghosts_per_100m = {label: float(group["per_100m"]) for label, group in ghosts if group["places"]}
         self.transient = tuple(
@@ -98,6 +97,10 @@ class DetectorLaws:
             )
             for label, group in ghosts
         )
+
+    def _group(self, fitted: Mapping[str, Any]) -> GroupLaws:
+        self.groups.append(GroupLaws(fitted, len(self.groups)))
+        return self.groups[-1]
 
     def of(self, label: str, real: bool = True) -> GroupLaws:
         """The laws for a class. Lights, signs, furniture and bicycles have no labels in KITTI that the detector could
@@ -136,7 +139,7 @@ def _quantiles_by_range(centres_m: Sequence[float], rows: Sequence[Sequence[floa
     return np.array([_by_range(centres_m, column) for column in zip(*rows, strict=True)]).T
 
 
-def _score_table(found: Mapping[str, Any]) -> Table:
+def _score_table(found: Mapping[str, Any]) -> Array:
     miss = _by_range(found["range_m"], found["miss"])[:, None]
     quantiles = _quantiles_by_range(found["range_m"], found["scores"])
     share = (_share(0.5) - miss) / (1.0 - miss)
@@ -145,7 +148,7 @@ def _score_table(found: Mapping[str, Any]) -> Table:
     return _table(np.where(_share(0.5) > miss, scores, 0.0), SCORE_DECIMALS)
 
 
-def _place_table(place: Mapping[str, Any], name: str) -> Table:
+def _place_table(place: Mapping[str, Any], name: str) -> Array:
     quantiles = _quantiles_by_range(place["range_m"], place[name])
     levels = np.linspace(0.0, 1.0, quantiles.shape[1])
     return _table(np.array([np.interp(_share(0.5), levels, row) for row in quantiles]), PLACE_DECIMALS)
@@ -157,5 +160,6 @@ def _share(step: float) -> Array:
     return np.array([NormalDist().cdf(z) for z in ((columns + step - MIDDLE) / STEPS_PER_Z).tolist()])
 
 
-def _table(values: Array, decimals: int) -> Table:
-    return tuple(array("d", row) for row in np.round(values, decimals).tolist())
+def _table(values: Array, decimals: int) -> Array:
+    rounded: Array = np.round(values, decimals)
+    return rounded

@@ -1,7 +1,10 @@
 """Objects that a camera may see in the town, each with the random numbers that stay with it."""
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
+
+import numpy as np
 
 from genie_sim.messages import Location
 from genie_sim.perception.trace import MIN_HEIGHT_PX
@@ -29,15 +32,11 @@ MIDDLES_M = {label: round(FEET_M.get(label, 0.0) + size_m / 2, 3) for label, siz
 REACHES_M = {label: FOCAL_PX * size_m / MIN_HEIGHT_PX for label, size_m in SIZES_M.items()}
 
 
-Area = tuple[float, float, float, float]  # west, south, east, north [m]
-
-
 class TownObject(NamedTuple):
     """Something that a camera may see, real or a ghost.
 
-    Where it is and from how far away it can be seen [m]; what it is, its number, the key of its random numbers; where
-    its gradual numbers begin, its lasting share in the copula of the score and of the errors along the line of sight
-    and across, and its laws.
+    Where it is and from how far away it can be seen [m]; what it is, its number, the key of its random numbers, its
+    lasting share in the copula of the score and of the errors along the line of sight and across, and its laws.
     """
 
     east_m: float
@@ -47,7 +46,6 @@ class TownObject(NamedTuple):
     label: str
     number: int
     key: int
-    offset: int
     score_z: float
     along_z: float
     across_z: float
@@ -59,6 +57,27 @@ class TownObject(NamedTuple):
     def location(self) -> Location:
         """Where its middle is, at the time it was asked for."""
         return self.east_m, self.north_m, self.up_m
+
+    def at(self, number: int, east_m: float, north_m: float) -> "TownObject":
+        """The same with another number, elsewhere."""
+        return TownObject._make((east_m, north_m, *self[2:5], number, *self[6:]))
+
+
+class Things:
+    """Columns of the numbers of all ``objects`` that cameras may see; ``group`` is the place of an object's laws."""
+
+    def __init__(self, objects: Sequence[TownObject]) -> None:
+        self.objects = objects
+        up_m, reach_m, score_z, along_z, across_z = (
+            np.array([getattr(one, name) for one in objects])
+            for name in ("up_m", "reach_m", "score_z", "along_z", "across_z")
+        )
+        self.up_m, self.reach_m = up_m, reach_m
+        self.score_z, self.along_z, self.across_z = score_z, along_z, across_z
+        self.label = np.array([one.label for one in objects], dtype=object)
+        self.key = np.array([one.key for one in objects], dtype=np.uint64)
+        self.offset = (self.key >> np.uint64(36)).astype(np.int64)
+        self.group = np.array([one.laws.place for one in objects], dtype=np.int64)
 
 
 def town_object(
@@ -82,7 +101,6 @@ def town_object(
         label,
         number,
         key,
-        key >> 36,
         laws.score[0] * table[key & NORMAL_MASK],
         laws.along[0] * table[key >> 12 & NORMAL_MASK],
         laws.across[0] * table[key >> 24 & NORMAL_MASK],

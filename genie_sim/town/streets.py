@@ -10,22 +10,25 @@ time is one sum.
 
 from __future__ import annotations
 
+import functools
 import math
 from array import array
 from bisect import bisect_left
 from collections.abc import Collection, Iterator
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from genie_sim.core.geometry import Array
 from genie_sim.town.laws import DetectorLaws
-from genie_sim.town.objects import Area, TownObject, town_object
+from genie_sim.town.objects import TownObject, town_object
 from genie_sim.town.rules import CLEAR_M, GHOST_BESIDE_M, JUNCTION_M, LANE_M, SLOT_M, TownRules
 
 PARKED_M, PAVEMENT_M, BIKE_M = 5.0, 7.5, 3.2  # from the middle of the street
 WALK_MPS, CYCLE_MPS, FLOW = 1.4, 4.5, 0.9  # assumed; FLOW is the share of the speed limit that traffic drives
 FURNITURE = (("fire hydrant", 0.4), ("bench", 0.5))
 STREAM_BITS = 32
+ROUNDING_M = 1e-6
 
 
 class Stream(NamedTuple):
@@ -65,14 +68,30 @@ class Stream(NamedTuple):
             east_m, north_m = (self.beside_m, along_m) if self.northbound else (along_m, self.beside_m)
             for mover in self.movers[k]:
                 number = mover.number - int(lap) * len(starts_m)
-                found.append(TownObject._make((east_m, north_m, *mover[2:5], number, *mover[6:])))
+                found.append(mover.at(number, east_m, north_m))
             k += 1
 
 
-class Street:
-    """One street: what stands on it in the order of its place along it, and what moves along it."""
+Ints = np.ndarray[Any, np.dtype[np.int64]]
+# What may be seen: of which look, which thing of the town, how much its number is less by, and its east and north [m].
+Part = tuple[Ints, Ints, Ints, Array, Array]
 
-    __slots__ = ("length_m", "middle_m", "northbound", "places_m", "standing", "streams")
+
+class _Movers(NamedTuple):
+    """All that moves along a street, stream by stream, as columns."""
+
+    stream: Ints
+    start_m: Array
+    speed_mps: Array
+    beside_m: Array
+    many: Ints  # how many its stream has
+
+
+class Street:
+    """One street: what stands on it in the order of its place along it, and what moves along it.
+
+    ``first`` is the number of the first of its things among those of the town.
+    """
 
     def __init__(
         self, northbound: bool, middle_m: float, length_m: float, standing: list[TownObject], streams: list[Stream]
@@ -81,6 +100,52 @@ class Street:
         self.streams = [stream for stream in streams if stream.starts_m]
         self.standing = sorted(standing, key=lambda s: (s.north_m if northbound else s.east_m, s.number))
         self.places_m = array("d", (s.north_m if northbound else s.east_m for s in self.standing))
+        self.first = 0
+
+    @functools.cached_property
+    def things(self) -> list[TownObject]:
+        """All that stands and then all that moves, in the order of the columns."""
+        return [*self.standing, *(one for stream in self.streams for movers in stream.movers for one in movers)]
+
+    @functools.cached_property
+    def _columns(self) -> tuple[Array, Array, _Movers]:
+        """Of what stands its places along the street and across, and what moves."""
+        beside_m = np.array([s.east_m if self.northbound else s.north_m for s in self.standing])
+        rows = [
+            (number, start_m, stream.speed_mps, stream.beside_m, len(stream.starts_m))
+            for number, stream in enumerate(self.streams)
+            for start_m, movers in zip(stream.starts_m, stream.movers, strict=True)
+            for _ in movers
+        ]
+        columns = np.array(rows).reshape(-1, 5).T
+        stream, start_m, speed_mps, mover_beside_m, count = columns
+        movers = _Movers(stream.astype(np.int64), start_m, speed_mps, mover_beside_m, count.astype(np.int64))
+        return np.array(self.places_m), beside_m, movers
+
+    def seen(self, low_m: Array, high_m: Array, t_s: Array) -> Part:
+        """All that is between two places along the street at a time, for each of some looks."""
+        places_m, beside_m, movers = self._columns
+        low_m, high_m = np.maximum(low_m, 0.0), np.minimum(high_m, self.length_m)
+        least_m, most_m = float(low_m.min()), float(high_m.max())
+        stand = np.arange(*np.searchsorted(places_m, (least_m, max(least_m, most_m))))
+        gone_m = np.multiply.outer((float(t_s.min()), float(t_s.max())), movers.speed_mps)
+        lap = np.ceil((least_m - ROUNDING_M - gone_m.max(axis=0) - movers.start_m) / self.length_m)
+        farthest_m = most_m + ROUNDING_M - gone_m.min(axis=0) - movers.start_m
+        picked = [(move := np.flatnonzero(lap * self.length_m <= farthest_m), lap[move])]
+        while len(picked[-1][0]):
+            lap += 1.0
+            picked.append((move := np.flatnonzero(lap * self.length_m <= farthest_m), lap[move]))
+        move, lap = (np.concatenate(column) for column in zip(*picked, strict=True))
+        order = np.lexsort((movers.start_m[move] + lap * self.length_m, movers.stream[move]))
+        move, lap = move[order], lap[order]
+        moved_m = movers.start_m[move] + (movers.speed_mps[move] * t_s[:, None] + lap * self.length_m)
+        along_m = np.concatenate([np.broadcast_to(places_m[stand], (len(t_s), len(stand))), moved_m], axis=1)
+        look, column = np.nonzero((low_m[:, None] <= along_m) & (along_m <= high_m[:, None]))
+        there_m = along_m[look, column]
+        aside_m = np.concatenate([beside_m[stand], movers.beside_m[move]])[column]
+        thing = np.concatenate([stand, move + len(places_m)])[column] + self.first
+        less = np.concatenate([np.zeros(len(stand), np.int64), lap.astype(np.int64) * movers.many[move]])[column]
+        return (look, thing, less, *((aside_m, there_m) if self.northbound else (there_m, aside_m)))
 
     def between(self, low_m: float, high_m: float, t_s: float, labels: Collection[str] = ()) -> list[TownObject]:
         """All that is between two places along the street at a time, or only what may be of some classes."""
@@ -190,15 +255,19 @@ class Streets:
     """All streets of a town, and what can be seen of them from where."""
 
     def __init__(self, rules: TownRules, east: list[Street], north: list[Street]) -> None:
-        self._rules = rules
-        self._east, self._north = east, north  # by number from the south, and from the west
+        self.block_m, self.half_m = rules.block_m, rules.street_half_m
+        self.east, self.north = east, north  # by number from the south, and from the west
+        count = 0
+        for street in (*east, *north):
+            street.first = count
+            count += len(street.things)
 
     def near(
         self, east_m: float, north_m: float, range_m: float, t_s: float, labels: Collection[str] = ()
     ) -> Iterator[TownObject]:
         """All that is within a distance, seen or not, or only what is of some classes."""
-        for streets, across_m, along_m in ((self._east, north_m, east_m), (self._north, east_m, north_m)):
-            reach_m = range_m + self._rules.street_half_m
+        for streets, across_m, along_m in ((self.east, north_m, east_m), (self.north, east_m, north_m)):
+            reach_m = range_m + self.half_m
             for k in self._crossed(across_m - reach_m, across_m + reach_m, len(streets)):
                 for s in streets[k].between(along_m - range_m, along_m + range_m, t_s, labels):
                     is_one = not labels or s.label in labels
@@ -206,51 +275,5 @@ class Streets:
                         yield s
 
     def _crossed(self, low_m: float, high_m: float, count: int) -> range:
-        block_m = self._rules.block_m
+        block_m = self.block_m
         return range(max(0, math.ceil(low_m / block_m)), min(count - 1, math.floor(high_m / block_m)) + 1)
-
-    def ahead(self, east_m: float, north_m: float, area: Area, t_s: float) -> list[TownObject]:
-        """All that no house hides from a place, in an area around what a camera looks at."""
-        block_m, half_m = self._rules.block_m, self._rules.street_half_m
-        west_m, south_m, far_east_m, far_north_m = area
-        found: list[TownObject] = []
-        j, i = round(north_m / block_m), round(east_m / block_m)
-        on_east = abs(north_m - j * block_m) <= half_m and 0 <= j < len(self._east)
-        on_north = abs(east_m - i * block_m) <= half_m and 0 <= i < len(self._north)
-        if on_east:
-            found += self._east[j].between(west_m, far_east_m, t_s)
-        if on_north:
-            found += self._north[i].between(south_m, far_north_m, t_s)
-        if on_east:
-            for k in self._crossed(west_m, far_east_m, len(self._north)):
-                if not (on_north and k == i):
-                    found += self._through_gap(self._north[k], north_m, east_m, j * block_m, south_m, far_north_m, t_s)
-        if on_north:
-            for k in self._crossed(south_m, far_north_m, len(self._east)):
-                if not (on_east and k == j):
-                    found += self._through_gap(self._east[k], east_m, north_m, i * block_m, west_m, far_east_m, t_s)
-        return found
-
-    def _through_gap(
-        self, street: Street, along_m: float, across_m: float, middle_m: float, low_m: float, high_m: float, t_s: float
-    ) -> list[TownObject]:
-        """What can be seen of a crossing street past the corners of the houses.
-
-        The camera is at ``along_m`` along that street and at ``across_m`` across it, on a street whose middle is at
-        ``middle_m``; a line of sight must pass between the houses where it enters the crossing street.
-        """
-        half_m = self._rules.street_half_m
-        to_m = street.middle_m - across_m
-        near_m, far_m = abs(to_m) - half_m, abs(to_m) + half_m
-        if near_m <= 0:
-            return []
-        widest = far_m / near_m
-        low_m = max(low_m, along_m + (middle_m - half_m - along_m) * widest)
-        high_m = min(high_m, along_m + (middle_m + half_m - along_m) * widest)
-        found = []
-        for s in street.between(low_m, high_m, t_s):
-            there_m, beyond_m = (s.north_m, s.east_m) if street.northbound else (s.east_m, s.north_m)
-            entry_m = along_m + (there_m - along_m) * near_m / abs(beyond_m - across_m)
-            if abs(entry_m - middle_m) <= half_m:
-                found.append(s)
-        return found

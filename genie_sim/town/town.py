@@ -4,9 +4,12 @@ import functools
 import hashlib
 import json
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import asdict
+from operator import attrgetter
 from typing import Any
+
+import numpy as np
 
 from genie_sim.core.geometry import Geodetic
 from genie_sim.errors import UserError
@@ -14,18 +17,21 @@ from genie_sim.messages import CameraPose, Detection
 from genie_sim.perception.trace import IMAGE_HEADER_BYTES, POSITION_DECIMALS
 from genie_sim.seeds import stream
 from genie_sim.town import routes
-from genie_sim.town.detector import SyntheticDetector, View
+from genie_sim.town.detector import Found, SyntheticDetector, transient
 from genie_sim.town.laws import DetectorLaws, detector_laws
 from genie_sim.town.noise import mix
-from genie_sim.town.objects import HEIGHT, HORIZONTAL_FOV_RAD, WIDTH, TownObject
+from genie_sim.town.objects import HEIGHT, HORIZONTAL_FOV_RAD, WIDTH, Things, TownObject
 from genie_sim.town.rules import TownRules
 from genie_sim.town.streets import Street, Streets, lay_out
 from genie_sim.town.surrogate import LAWS, surrogates
+from genie_sim.town.view import Eyes, Looks, View
 
 ORIGIN: Geodetic = (49.0, 8.4, 115.0)  # near Karlsruhe, where KITTI was recorded; the town itself is made up
 STREAM = "city"  # names the random streams, here and in digests: another word makes another town of every seed
 CAMERA_UP_M = 1.65
+TOGETHER = 32  # frames of a camera whose views are worked out at once
 BASELINES_M = {"02": 0.27, "03": -0.27}  # to the left of the car's middle
+_score = attrgetter("score")
 
 
 class Town:
@@ -62,7 +68,17 @@ class Town:
     @functools.cached_property
     def detector(self) -> SyntheticDetector:
         """The detector of every camera in the town."""
-        return SyntheticDetector(self.streets, self.laws, self.rules.view_m)
+        return SyntheticDetector(self.things, self.laws)
+
+    @functools.cached_property
+    def things(self) -> Things:
+        """All that stands and moves in the town, by number of the streets."""
+        return Things([one for street in (*self.streets.east, *self.streets.north) for one in street.things])
+
+    @functools.cached_property
+    def eyes(self) -> Eyes:
+        """What every camera in the town has in view."""
+        return Eyes(self.streets, self.things, self.rules.view_m)
 
     @functools.cached_property
     def _commuting(self) -> routes.Commuting:
@@ -126,6 +142,59 @@ class Drive:
         return east_m, north_m
 
 
+class Glances:
+    """Some frames of one camera, a few seconds at most: their poses, and what is in view and found, worked out for all
+    of them when it is first asked for."""
+
+    def __init__(self, drive: Drive, camera: str, indices: Sequence[int]) -> None:
+        self.drive, self.camera = drive, camera
+        self.keys = [mix(drive.car_key ^ (index << 8) ^ int(camera)) for index in indices]
+        self.poses: list[CameraPose] = []
+        self._at: list[tuple[float, float, float]] = []  # cosine and sine of the heading, and time [s]
+        left_m = BASELINES_M[camera]
+        for index in indices:
+            t_s = (drive.start_ns + index * drive.interval_ns) * 1e-9
+            east_m, north_m, heading, c, s, _ = drive.course.at(t_s)
+            east_m = round(east_m - left_m * s, POSITION_DECIMALS)
+            north_m = round(north_m + left_m * c, POSITION_DECIMALS)
+            self.poses.append(CameraPose(east_m, north_m, CAMERA_UP_M, round(math.remainder(heading, math.tau), 6)))
+            self._at.append((c, s, t_s))
+
+    @functools.cached_property
+    def _looks(self) -> Looks:
+        (east_m, north_m, _, _), (c, s, t_s) = np.array(self.poses).T, np.array(self._at).T
+        return Looks(east_m, north_m, c, s, t_s, np.array(self.keys, dtype=np.uint64))
+
+    @functools.cached_property
+    def _view(self) -> View:
+        return self.drive.town.eyes.view(self._looks)
+
+    @functools.cached_property
+    def _found(self) -> Found:
+        found = self.drive.town.detector.detect(self._view, self._looks)
+        del self._view  # mostly nobody asks for the truth
+        return found
+
+    def detections(self, place: int) -> tuple[Detection, ...]:
+        """What the detector finds in one of the frames, best score first."""
+        found, key, (c, s, _) = self._found.of(place), self.keys[place], self._at[place]
+        draw = (key >> 48) / 0x10000
+        for law in self.drive.town.laws.transient:
+            if 0.0 <= draw < law.per_frame:
+                found.append(transient(law, mix(key), self.poses[place], c, s))
+            draw -= law.per_frame
+        found.sort(key=_score, reverse=True)
+        return tuple(found)
+
+    def truth(self, place: int) -> tuple[TownObject, ...]:
+        """What is really in view in one of the frames."""
+        view, objects = self._view, self.drive.town.things.objects
+        rows = slice(*np.searchsorted(view.look, (place, place + 1)))
+        columns = (column[rows].tolist() for column in (view.thing, view.less, view.east_m, view.north_m))
+        seen = ((objects[thing], *rest) for thing, *rest in zip(*columns, strict=True))
+        return tuple(one.at(one.number - less, x, y) for one, less, x, y in seen if one.real)
+
+
 class TownFrame:
     """One camera frame of the town: has what a ``TraceFrame`` has, except that boxes are ``None``.
 
@@ -134,52 +203,39 @@ class TownFrame:
     ``detections`` are made when they are first asked for, from the town's seed, the car and the frame alone.
     """
 
-    __slots__ = ("_detections", "_drive", "_heading", "_view", "camera", "dhash", "digest", "index", "pose", "stamp_ns")
+    __slots__ = ("_detections", "_looks", "_place", "camera", "dhash", "digest", "index", "pose", "stamp_ns")
 
     width = WIDTH
     height = HEIGHT
     size_bytes = WIDTH * HEIGHT * 3 + IMAGE_HEADER_BYTES
     horizontal_fov_rad = HORIZONTAL_FOV_RAD
 
-    def __init__(self, drive: Drive, camera: str, index: int) -> None:
-        self._drive = drive
-        self.camera = camera
-        self.index = index
-        self.stamp_ns = stamp_ns = index * drive.interval_ns
-        self.dhash = mix(drive.car_key ^ (index << 8) ^ int(camera))
-        self.digest = f"{drive.picture_prefix}{camera}{index:014x}"
-        east_m, north_m, heading, c, s, _ = drive.course.at((drive.start_ns + stamp_ns) * 1e-9)
-        left_m = BASELINES_M[camera]
-        east_m = round(east_m - left_m * s, POSITION_DECIMALS)
-        north_m = round(north_m + left_m * c, POSITION_DECIMALS)
-        self.pose = CameraPose(east_m, north_m, CAMERA_UP_M, round(math.remainder(heading, math.tau), 6))
-        self._heading = (c, s)
-        self._view: View | None = None
+    def __init__(self, looks: Glances, place: int, index: int) -> None:
+        drive = looks.drive
+        self._looks, self._place = looks, place
+        self.camera, self.index = looks.camera, index
+        self.stamp_ns = index * drive.interval_ns
+        self.dhash, self.pose = looks.keys[place], looks.poses[place]
+        self.digest = f"{drive.picture_prefix}{self.camera}{index:014x}"
         self._detections: tuple[Detection, ...] | None = None
 
     @property
     def detections(self) -> tuple[Detection, ...]:
         """What the detector finds in this frame, best score first."""
         if self._detections is None:
-            self._detections = self._drive.town.detector.detect(self._in_view(), self.pose, *self._heading, self.dhash)
+            self._detections = self._looks.detections(self._place)
         return self._detections
 
     def truth(self) -> tuple[TownObject, ...]:
         """What is really in view: in the field of view, not hidden by houses, within ``TownRules.view_m``, and at least
         25 pixels high in the picture, as KITTI's labels that count."""
-        return tuple(one for one, _ in self._in_view() if one.real)
+        return self._looks.truth(self._place)
 
     @property
     def features(self) -> dict[str, bytes]:
         """Surrogates, by name: the town has no pictures."""
-        return {name: one.at(self.pose, self.dhash) for name, one in surrogates(self._drive.town.seed).items()}
-
-    def _in_view(self) -> View:
-        if self._view is None:
-            drive = self._drive
-            t_s = (drive.start_ns + self.stamp_ns) * 1e-9
-            self._view = drive.town.detector.view(self.pose, *self._heading, t_s)
-        return self._view
+        seed = self._looks.drive.town.seed
+        return {name: one.at(self.pose, self.dhash) for name, one in surrogates(seed).items()}
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, TownFrame) and self.digest == other.digest
@@ -188,7 +244,7 @@ class TownFrame:
         return hash(self.digest)
 
     def __repr__(self) -> str:
-        return f"<TownFrame {self._drive.name} {self.camera} {self.index}>"
+        return f"<TownFrame {self._looks.drive.name} {self.camera} {self.index}>"
 
 
 class TownFrames(Sequence[TownFrame]):
@@ -202,8 +258,15 @@ class TownFrames(Sequence[TownFrame]):
     def __len__(self) -> int:
         return self._count
 
+    def __iter__(self) -> Iterator[TownFrame]:
+        return self._made(range(self._count))
+
     def __getitem__(self, index: Any) -> Any:
         chosen = range(self._count)[index]
-        if isinstance(chosen, range):
-            return tuple(TownFrame(self._drive, self._camera, i) for i in chosen)
-        return TownFrame(self._drive, self._camera, chosen)
+        return tuple(self._made(chosen)) if isinstance(chosen, range) else next(self._made((chosen,)))
+
+    def _made(self, indices: Sequence[int]) -> Iterator[TownFrame]:
+        for begin in range(0, len(indices), TOGETHER):
+            together = indices[begin : begin + TOGETHER]
+            looks = Glances(self._drive, self._camera, together)
+            yield from (TownFrame(looks, place, index) for place, index in enumerate(together))
