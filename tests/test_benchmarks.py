@@ -23,7 +23,7 @@ MS = 1_000_000
 NO_PYTHON = "/no/such/python"
 TINY = Sizes(
     rounds=2, laps=1, fleets={5: 0.2},
-    curves={"street": (3, 6), "town": (2, 4)}, curve_s=0.2, curve_frames=50, longest_s=60, minutes=2,
+    curves={"street": (3, 6), "town": (2, 4)}, curve_s=0.2, curve_frames=10, longest_s=60, minutes=2,
     memory_laps=(1, 3), profile_entries=3,
 )  # fmt: skip
 
