@@ -93,8 +93,7 @@ def placed(trace: Trace, drive: KittiDrive, rule: str) -> Trace:
     kind = type("By", (Other,), {"rule": rule})
     frames = []
     for frame, raw in zip(trace.frames[CAMERA], drive.frames[CAMERA], strict=True):
-        camera_SE3_velo = drive.calibration.camera_SE3_velo[CAMERA]
-        here = kind(raw.intrinsics, (frame.width, frame.height), camera_SE3_velo, drive.scan(raw.index))
+        here = kind(raw.intrinsics, (frame.width, frame.height), drive.camera_SE3_velo(CAMERA), drive.scan(raw.index))
         found = []
         for one in frame.detections:
             point, method = here.place(one.label, one.box)

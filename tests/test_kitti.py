@@ -271,7 +271,7 @@ def test_labelled_parked_cars_stay_at_one_place_in_the_world():
     themselves; a wrong sign, transform or projection moves them by metres to tens of metres."""
     root = Path(os.environ["GENIE_SIM_KITTI"])
     drive = open_drive(root, DRIVE)
-    velo_SE3_imu = drive.calibration.velo_SE3_imu
+    velo_SE3_imu = np.asarray(drive.calibration.T_velo_imu)
     wander_m = {}
     for number, car in enumerate(read_tracklets(root / SYNC / "tracklet_labels.xml")):
         indices = [index for index in car.centres if index in drive.world_SE3_imu]

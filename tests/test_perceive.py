@@ -250,7 +250,7 @@ def test_parked_vehicles_are_placed_where_kitti_s_labels_say():
     errors_m = []
     for camera, frames in read_trace(SHIPPED).frames.items():
         pictures = {frame.index: frame for frame in drive.frames[camera]}
-        camera_SE3_velo = drive.calibration.camera_SE3_velo[camera]
+        camera_SE3_velo = drive.camera_SE3_velo(camera)
         for frame in frames:
             picture = pictures[frame.index]
             here = [label for label in parked if frame.index in label.centres]

@@ -1,9 +1,9 @@
 """KITTI raw drives: frames, camera poses and laser scans of one drive, all in one east-north-up world.
 
-Otherwise than in pykitti, positions come from WGS 84 around one origin for all drives (pykitti: Mercator around each
-drive's first fix), every camera has its own time stamps in nanoseconds (pykitti: those of the OXTS unit, cut to
-microseconds), and everything is found by frame number (pykitti: by position in a list, which shifts after the first
-missing file).
+pykitti reads the calibration. The rest it does otherwise than a simulator needs: here positions come from WGS 84 around
+one origin for all drives (pykitti: Mercator around each drive's first fix), every camera has its own time stamps in
+nanoseconds (pykitti: those of the OXTS unit, cut to microseconds), and everything is found by frame number (pykitti: by
+position in a list, which shifts after the first missing file).
 """
 
 import hashlib
@@ -12,12 +12,13 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
+import pykitti
 
-from genie_sim.core.geometry import Array, Geodetic, inverse, rigid
-from genie_sim.errors import UserError, unknown
+from genie_sim.core.geometry import Array, Geodetic, inverse
+from genie_sim.errors import UserError, as_user_error, unknown
 from genie_sim.paths import read_bytes, read_text
 from genie_sim.perception.files import matrices, within
 from genie_sim.perception.geodesy import read_oxts, world_SE3_imu
@@ -25,7 +26,14 @@ from genie_sim.perception.geodesy import read_oxts, world_SE3_imu
 log = logging.getLogger(__name__)
 
 CAMERAS = ("00", "01", "02", "03")
-CALIBRATION_FILES = ("calib_cam_to_cam.txt", "calib_imu_to_velo.txt", "calib_velo_to_cam.txt")
+CALIBRATION: Mapping[str, Sequence[tuple[Sequence[str], int]]] = {  # the files of a day; matrices and their columns
+    "calib_cam_to_cam.txt": [
+        *(((f"P_rect_{camera}",), 4) for camera in CAMERAS),
+        *(((f"R_rect_{camera}",), 3) for camera in CAMERAS),
+    ],
+    "calib_imu_to_velo.txt": [(("R",), 3), (("T",), 1)],
+    "calib_velo_to_cam.txt": [(("R",), 3), (("T",), 1)],
+}
 STAMP = re.compile(r"\d{4}-\d\d-\d\d \d\d:\d\d:\d\d(\.\d{1,9})?", re.ASCII)
 LAST_BYTES = {".png": b"IEND\xaeB`\x82", ".jpg": b"\xff\xd9"}
 ATTRIBUTION = (
@@ -49,14 +57,6 @@ class CameraFrame:
     intrinsics: Array
 
 
-class Calibration(NamedTuple):
-    """Of each rectified camera its 3x3 matrix, and where the laser is in its frame; where the IMU is in the laser's."""
-
-    intrinsics: Mapping[str, Array]
-    camera_SE3_velo: Mapping[str, Array]
-    velo_SE3_imu: Array
-
-
 @dataclass(frozen=True, slots=True)
 class KittiDrive:
     """One drive, opened and checked by ``open_drive``: frames by camera, poses and scans by frame number."""
@@ -66,7 +66,7 @@ class KittiDrive:
     frames: Mapping[str, tuple[CameraFrame, ...]]
     world_SE3_imu: Mapping[int, Array]
     tracklets: Path
-    calibration: Calibration = field(repr=False)
+    calibration: Any = field(repr=False)  # pykitti's CalibData
     scan_paths: Mapping[int, Path] = field(repr=False)
     _decisive_files: tuple[tuple[str, Path], ...] = field(repr=False)
 
@@ -89,9 +89,13 @@ class KittiDrive:
         points: Array = columns.T  # so that each coordinate of all points lies together, which is how they are used
         return points
 
+    def camera_SE3_velo(self, camera: str) -> Array:
+        """From the laser's frame to that of a rectified camera."""
+        return np.asarray(getattr(self.calibration, f"T_cam{int(camera)}_velo"), dtype=np.float64)
+
     def world_SE3_velo(self, index: int) -> Array:
         """From the laser's frame to the world, at a frame that has a position."""
-        return self.world_SE3_imu[index] @ inverse(self.calibration.velo_SE3_imu)
+        return self.world_SE3_imu[index] @ inverse(np.asarray(self.calibration.T_velo_imu, dtype=np.float64))
 
     def digest(self) -> str:
         """sha256 over the names and bytes of every file that decides what this drive shows."""
@@ -118,7 +122,7 @@ def open_drive(
     date, folder = _drive_folder(root, drive)
     if not cameras or len(set(cameras)) != len(cameras):
         raise UserError(f"cameras: {', '.join(cameras) or 'none'}: name each camera once, out of {', '.join(CAMERAS)}")
-    calibration = _calibration(root / date)
+    calibration = _calibration(root, date)
     images = {camera: _images(folder, camera) for camera in cameras}
     numbers = sorted({index for sequence in images.values() for index in sequence})
     scan_paths = _numbered(folder / "velodyne_points" / "data", "bin")
@@ -128,7 +132,7 @@ def open_drive(
     oxts_paths = _numbered(oxts, "txt")
     origin, poses = _positions(oxts_paths, numbers, oxts, origin)
     frames = {camera: tuple(_frames(folder, camera, images[camera], calibration, poses)) for camera in cameras}
-    decisive = [root / date / name for name in CALIBRATION_FILES]
+    decisive = [root / date / name for name in CALIBRATION]
     decisive += [folder / f"image_{camera}" / "timestamps.txt" for camera in cameras]
     decisive += [frame.image_path for sequence in frames.values() for frame in sequence]
     used = sorted(poses.keys() & set(numbers))
@@ -217,31 +221,35 @@ def _check_scans(folder: Path, numbers: Sequence[int], scan_paths: Mapping[int, 
         raise UserError(f"{name}: missing ({len(missing)} of {len(numbers)} frames have none)")
 
 
-def _calibration(folder: Path) -> Calibration:
-    """The calibration of a day, as KITTI's development kit and pykitti put it together."""
-    names = [(f"{matrix}_rect_{camera}", columns) for matrix, columns in (("P", 4), ("R", 3)) for camera in CAMERAS]
-    projections = matrices(folder / CALIBRATION_FILES[0], [((name,), columns) for name, columns in names])
-    velo_SE3_imu, unrectified = (
-        rigid(rotation, shift[:, 0])
-        for rotation, shift in (matrices(folder / name, ((("R",), 3), (("T",), 1))) for name in CALIBRATION_FILES[1:])
-    )
-    camera0_SE3_velo = rigid(projections[len(CAMERAS)], (0.0, 0.0, 0.0)) @ unrectified
-    by_camera = dict(zip(CAMERAS, projections, strict=False))
-    return Calibration(
-        {camera: projection[:, :3] for camera, projection in by_camera.items()},
-        {camera: rigid(np.eye(3), (p[0, 3] / p[0, 0], 0.0, 0.0)) @ camera0_SE3_velo for camera, p in by_camera.items()},
-        velo_SE3_imu,
-    )
+class _Calibration(pykitti.raw):  # type: ignore[misc]
+    """pykitti's calibration of a day, without the drive's files, which are found by frame number here."""
+
+    def _get_file_lists(self) -> None: ...
+
+    def _load_timestamps(self) -> None: ...
+
+    def _load_oxts(self) -> None: ...
+
+
+def _calibration(root: Path, date: str) -> Any:
+    """pykitti's ``CalibData``; its exceptions carry no file name, so the matrices are checked first."""
+    for name, wanted in CALIBRATION.items():
+        path = root / date / name
+        matrices(path, wanted)
+        with as_user_error(f"{path}: not a KITTI calibration file", ValueError):
+            pykitti.utils.read_calib_file(str(path))
+    return _Calibration(str(root), date, "").calib
 
 
 def _frames(
-    folder: Path, camera: str, images: Mapping[int, Path], calibration: Calibration, poses: Mapping[int, Array]
+    folder: Path, camera: str, images: Mapping[int, Path], calibration: Any, poses: Mapping[int, Array]
 ) -> list[CameraFrame]:
     path = folder / f"image_{camera}" / "timestamps.txt"
     stamps_ns = _stamps_ns(path)
     if max(images) >= len(stamps_ns):
         raise UserError(f"{path}: {len(stamps_ns)} time stamps, but there is an image of frame {max(images)}")
-    imu_SE3_camera = inverse(calibration.camera_SE3_velo[camera] @ calibration.velo_SE3_imu)
+    imu_SE3_camera = inverse(np.asarray(getattr(calibration, f"T_cam{int(camera)}_imu"), dtype=np.float64))
+    intrinsics = np.asarray(getattr(calibration, f"K_cam{int(camera)}"), dtype=np.float64)
     frames: list[CameraFrame] = []
     for index, image_path in images.items():
         if index not in poses:
@@ -249,7 +257,7 @@ def _frames(
         if frames and stamps_ns[index] <= frames[-1].stamp_ns:
             raise UserError(f"{path}: line {index + 1}: time stamp does not follow that of frame {frames[-1].index}")
         pose = poses[index] @ imu_SE3_camera
-        frames.append(CameraFrame(camera, index, stamps_ns[index], image_path, pose, calibration.intrinsics[camera]))
+        frames.append(CameraFrame(camera, index, stamps_ns[index], image_path, pose, intrinsics))
     if not frames:
         raise UserError(f"{folder / 'oxts' / 'data'}: none of the frames of camera {camera} has a file here")
     return frames

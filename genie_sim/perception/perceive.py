@@ -20,7 +20,7 @@ from genie_sim.perception.pipeline import trace_frames
 from genie_sim.perception.trace import Trace, TraceFrame, feature_facts
 from genie_sim.perception.tracking import tracking_trace
 
-PACKAGES = ("numpy", "onnxruntime", "opencv-python-headless", "pymap3d")
+PACKAGES = ("numpy", "onnxruntime", "opencv-python-headless", "pykitti", "pymap3d")
 LOWEST_SCORE = 0.01  # for an evaluation: weak detections count for average precision
 TRACKING = "tracking/"  # a drive of this name is a sequence of the tracking benchmark
 

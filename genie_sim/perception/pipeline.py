@@ -130,7 +130,7 @@ def _read(
     fingerprints = (hashlib.sha256(data).hexdigest(), difference_hash(image))
     if encoding != "raw":
         image, size_bytes = sent(image, encoding)
-    here = Placement(frame.intrinsics, size, drive.calibration.camera_SE3_velo[frame.camera], *scanned(frame.index))
+    here = Placement(frame.intrinsics, size, drive.camera_SE3_velo(frame.camera), *scanned(frame.index))
     hsv = packed(hue_saturation(image))
     return _Picture(frame, size, size_bytes, fingerprints, here, hsv, *steps.prepare(image))
 

@@ -66,7 +66,7 @@ def _of_tracklets(root: Path, drive: str, trace: Trace) -> PictureLabels:
     pictures: dict[Picture, list[Labelled]] = {}
     for camera, frames in trace.frames.items():
         known = {frame.index: frame for frame in opened.frames[camera]}
-        camera_SE3_velo = opened.calibration.camera_SE3_velo[camera]
+        camera_SE3_velo = opened.camera_SE3_velo(camera)
         for frame in frames:
             if frame.index not in known:
                 raise UserError(f"{root}: drive {drive}: has no frame {frame.index} of camera {camera}")
