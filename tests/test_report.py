@@ -380,7 +380,7 @@ def test_the_page_of_a_run_that_recorded_frames_alone_has_no_empty_table(browser
 def test_the_numbers_on_the_page_are_the_metrics(browser, file, run):
     browser.open(file)
     assert browser.evaluate("document.querySelector('.chart') === byId('accuracy')"), "the first figure"
-    assert browser.evaluate("document.querySelectorAll('#accuracy > svg circle').length") == 3
+    assert browser.evaluate("document.querySelectorAll('#accuracy > svg path[transform]').length") == 3
     assert "the detector without delay" in browser.evaluate("byId('accuracy').textContent")
     mean = run.metrics.query("metric == 'first_answer_mean' and method == 'genie'")["value"].item()
     assert f"{mean:.3g} ms" in browser.evaluate("byId('headline').textContent")

@@ -31,7 +31,7 @@ from genie_sim.analysis.metrics import (
     running_use,
     windowed_reuse,
 )
-from genie_sim.analysis.style import COLUMN_IN, PAGE_IN, PLACEMENTS, by_number, percent_tick, thinned
+from genie_sim.analysis.style import CHARACTER_IN, COLUMN_IN, PAGE_IN, PLACEMENTS, by_number, percent_tick, thinned
 from genie_sim.recording.columns import Columns
 from genie_sim.recording.results import MethodInfo, Run
 from genie_sim.units import NS_PER_S
@@ -58,6 +58,7 @@ FORMATS: dict[str, tuple[str, str, tuple[str, ...]]] = {
 LEAST_USE = 0.01
 FEW_UPDATES = 50
 TITLE_CHARACTERS_PER_IN = 15
+MOST_COLUMNS = 4  # of methods beside each other
 
 
 def of_run(run: Run, width_in: float | None = None) -> dict[str, Figure]:
@@ -200,6 +201,8 @@ def confidence_boost(panels: Panels, methods: Methods, footer: str = "", width_i
         for position, method in _with_genies(tables, methods):
             for placement, where in PLACEMENTS.items():
                 curve = running_boost(lookups.where(method=method.name, placement=placement))
+                if not len(curve):
+                    continue
                 kept = thinned(len(curve))
                 settled += curve["boost"][curve["updates"] > FEW_UPDATES].tolist()
                 look = style.placement_line(placement) | {"label": f"Genies {where}"}
@@ -233,18 +236,24 @@ def resource_use(resources: "Columns | pd.DataFrame", methods: Methods, footer: 
     }
     used = {kind: curves for kind, curves in used.items() if any(curves)} or dict(list(used.items())[:1])
     hosts = sorted({_host(name) for of_kind in used.values() for curves in of_kind for name in curves}, key=by_number)
-    figure = Figure(figsize=(PAGE_IN, 0.4 + 1.15 * max(len(used), 1)))
-    grid = figure.subplots(max(len(used), 1), max(len(methods), 1), sharex=True, sharey="row", squeeze=False)
-    for row, (kind, of_kind) in zip(grid, used.items(), strict=False):
+    kinds, columns = max(len(used), 1), min(max(len(methods), 1), MOST_COLUMNS)
+    blocks = max(-(-len(methods) // columns), 1)  # of methods, one below the other
+    figure = Figure(figsize=(PAGE_IN, 0.4 + 1.15 * kinds * blocks))
+    grid = figure.subplots(kinds * blocks, columns, sharex=True, sharey="row", squeeze=False)
+    for row, (kind, of_kind) in enumerate(used.items()):
         names = sorted({name for curves in of_kind for name in curves}, key=by_number)
-        for axis, curves in zip(row, of_kind, strict=False):
+        for place, curves in enumerate(of_kind):
+            axis = grid[place // columns * kinds + row, place % columns]
             _draw_use(axis, curves, names, hosts)
             if kind != "queue":
                 axis.set_ylim(0, 1.05)
                 axis.yaxis.set_major_formatter(FuncFormatter(percent_tick))
-        row[0].set_ylabel(RESOURCE_KINDS[kind])
-    for axis, method in zip(grid[0], methods, strict=False):
-        axis.set_title(method.title)
+        for block in range(blocks):
+            grid[block * kinds + row, 0].set_ylabel(RESOURCE_KINDS[kind])
+    for place, method in enumerate(methods):
+        grid[place // columns * kinds, place % columns].set_title(method.title)
+    for axis in grid[-kinds:, (len(methods) - 1) % columns + 1 :].flat:
+        axis.remove()
     for axis in grid[-1]:
         axis.set_xlabel("simulated time [s]")
     finish(figure, "Use of devices and links, and queues, over simulated time", footer, list(grid.flat))
@@ -256,15 +265,21 @@ def _reuse_bars(panels: Tables, methods: Methods, what: str, footer: str, width_
     ran = [method for _, method in _with_genies(panels, methods)] or methods[:1]
     groups = [(label, method, lookups) for label, lookups in panels.items() for method in ran]
     title = f"{what}: mean over Genies; bars: extreme windows of {WINDOW_REQUESTS} requests of any Genie"
-    figure = Figure(figsize=(width_in or (COLUMN_IN if len(groups) <= 3 else PAGE_IN), 1.9))
+    labels = [f"{label}\n{method.title}" if len(panels) > 1 else method.title for label, method, _ in groups]
+    if len(ran) == 1:
+        labels = list(panels)
+    width_in = width_in or (COLUMN_IN if len(groups) <= 3 else PAGE_IN)
+    room_in = (width_in - 0.7) / len(groups)  # of a group of two bars
+    longest_in = max(len(line) for label in labels for line in label.split("\n")) * CHARACTER_IN
+    tilted = longest_in > 1.05 * room_in
+    figure = Figure(figsize=(width_in, 1.9 + tilted * longest_in))
     axis = figure.subplots()
     for side, (placement, where) in enumerate(PLACEMENTS.items()):
         look = style.placement_bar(placement) | {"label": f"Genies {where}"}
         for x, (_, method, lookups) in enumerate(groups):
             mine = lookups.where(method=method.name, placement=placement)
-            _reuse_bar(axis, x + 0.38 * (side - 0.5), mine, look)
-    labels = [label if len(ran) == 1 else f"{label}\n{method.title}" for label, method, _ in groups]
-    axis.set_xticks(range(len(groups)), labels)
+            _reuse_bar(axis, x + 0.38 * (side - 0.5), mine, look, upright=0.38 * room_in < 6 * CHARACTER_IN)
+    axis.set_xticks(range(len(groups)), labels, rotation=90 if tilted else 0)
     axis.set_xlim(-0.6, len(groups) - 0.4)
     axis.set_ylim(0, None)
     axis.grid(axis="x", visible=False)
@@ -274,10 +289,11 @@ def _reuse_bars(panels: Tables, methods: Methods, what: str, footer: str, width_
     return figure
 
 
-def _reuse_bar(axis: Axes, left: float, lookups: Columns, look: dict[str, Any]) -> None:
+def _reuse_bar(axis: Axes, left: float, lookups: Columns, look: dict[str, Any], upright: bool) -> None:
+    turn = 90 if upright else 0
     ratios, windows = list(reuse(lookups).values()), windowed_reuse(lookups)["ratio"]
     if not ratios:
-        axis.text(left, 0.01, "none", ha="center", va="bottom")
+        axis.annotate("none", (left, 0), (0, 3), textcoords="offset points", ha="center", va="bottom", rotation=turn)
         return
     mean = float(np.mean(ratios))
     axis.bar(left, mean, 0.34, edgecolor="black", linewidth=0.7, **look)
@@ -285,7 +301,8 @@ def _reuse_bar(axis: Axes, left: float, lookups: Columns, look: dict[str, Any]) 
         ends = [[max(mean - windows.min(), 0)], [max(windows.max() - mean, 0)]]
         axis.errorbar(left, mean, yerr=ends, color="black", linewidth=1, capsize=3)
     box = {"facecolor": "white", "edgecolor": "none", "pad": 0.8}
-    axis.annotate(_percent(mean), (left, 0), (0, 3), textcoords="offset points", ha="center", va="bottom", bbox=box)
+    look = {"ha": "center", "va": "bottom", "bbox": box, "rotation": turn}
+    axis.annotate(_percent(mean), (left, 0), (0, 3), textcoords="offset points", **look)
 
 
 def _with_genies(panels: Tables, methods: Methods) -> list[tuple[int, MethodInfo]]:

@@ -50,7 +50,7 @@ def latency_accuracy(
             if x is None or y is None or x.value is None or y.value is None:
                 continue
             name = method.title if len(runs) == 1 else f"{label}: {method.title}"
-            mark = style.MARKERS[(number if len(runs) > 1 else position) % len(style.MARKERS)]
+            mark = style.method_marker(number if len(runs) > 1 else position)
             look: dict[str, Any] = {"color": style.COLOURS[position % len(style.COLOURS)], "marker": mark}
             axis.errorbar(x.value, y.value, _ends(y), _ends(x), linestyle="", capsize=2, label=name, **look)
         floors = [one.value for (name, _, part), one in found.items() if (name, part) == (accuracy, FLOOR)]

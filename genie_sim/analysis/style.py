@@ -68,9 +68,15 @@ def method_line(position: int) -> dict[str, Any]:
     return {"color": COLOURS[position % len(COLOURS)], "linestyle": dashes, "linewidth": 1.7}
 
 
+def method_marker(position: int) -> str:
+    """The marker of a method's points; with its colour, no two of the first 64 are the same."""
+    return MARKERS[(position + position // len(COLOURS)) % len(MARKERS)]
+
+
 def method_bar(position: int) -> dict[str, Any]:
     """Colour and hatch of a method's bar."""
-    return {"facecolor": COLOURS[position % len(COLOURS)], "hatch": HATCHES[position % len(HATCHES)]}
+    hatch = HATCHES[(position + position // len(COLOURS)) % len(HATCHES)]
+    return {"facecolor": COLOURS[position % len(COLOURS)], "hatch": hatch}
 
 
 def placement_line(placement: str) -> dict[str, Any]:

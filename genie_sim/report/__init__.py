@@ -27,6 +27,7 @@ REPLAY = (
     "replay_model.js", "replay_canvas.js", "replay_street.js", "replay_strips.js", "story.js", "replay_controls.js"
 )  # fmt: skip
 DASH_PX = 3  # a unit of the figures' dashes
+LINES = 32  # that differ in colour or dashes
 
 def write(path: Path, run: "Run", start_ns: int = 0) -> None:
     """Writes the page about ``run``. A long run is replayed from ``start_ns`` on, as far as the page's size allows.
@@ -65,7 +66,7 @@ def assemble(
         "style": look,
         "elsewhere": escape(elsewhere),
         "content": _part(content),
-        "data": as_json({"palette": len(style.COLOURS), **data}),
+        "data": as_json({"palette": len(style.COLOURS), "lines": LINES, **data}),
         "script": script,
     }
     return re.sub("%([a-z]+)%", lambda mark: parts[mark[1]], _part("shell.html"))
@@ -74,6 +75,7 @@ def assemble(
 def _palette() -> str:
     """The colours of methods as variables ``--method-0`` and so on, of hosts as ``--host-0``; methods' lines as classes
     ``m0`` and so on, those of hosts ``h0``, and parts of the time ``part-0``."""
+    colours = len(style.COLOURS)
     light, dark = (
         ":root{" + "".join(f"--{of}-{i}:{one};" for of, all in named.items() for i, one in enumerate(all)) + "}"
         for named in (
@@ -81,7 +83,7 @@ def _palette() -> str:
             {"method": style.DARK_COLOURS, "host": style.DARK_HOSTS},
         )
     )
-    lines = (f".m{i}{{--c:var(--method-{i});stroke-dasharray:{_dashes(i)}}}" for i in range(len(style.COLOURS)))
+    lines = (f".m{i}{{--c:var(--method-{i % colours});stroke-dasharray:{_dashes(i)}}}" for i in range(LINES))
     parts = (f".part-{i}{{fill:{look['facecolor']}}}" for i, (_, look) in enumerate(style.PARTS.values()))
     hosts = (f".h{i}{{--c:var(--host-{i})}}" for i in range(len(style.HOSTS)))
     return "\n".join([light, f"@media (prefers-color-scheme: dark){{{dark}}}", *lines, *parts, *hosts, ""])

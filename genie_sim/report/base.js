@@ -26,7 +26,7 @@ const ABOUT = DATA.about;
 const METHODS = DATA.methods;
 const placeOf = (method) => METHODS.findIndex((one) => one.name === method);
 const methodTitle = (method) => METHODS[placeOf(method)]?.title ?? method;
-const methodClass = (method) => `m${Math.max(placeOf(method), 0) % DATA.palette}`;
+const methodClass = (method) => `m${Math.max(placeOf(method), 0) % DATA.lines}`;
 const methodKey = (method) => make("span", { class: "key" }, draw("svg", { width: 22, height: 8, class: methodClass(method), "aria-hidden": "true" },
   draw("path", { d: "M0 4H22" })), methodTitle(method));
 const placementText = (placement) => ({ car: "on cars", edge: "on edges" })[placement] || placement;

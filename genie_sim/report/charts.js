@@ -65,8 +65,10 @@ function axes({ low, high, up, format }, left, right, label, base) {
 }
 const markLine = (at, foot, label, y) => [draw("line", { class: "mark", x1: at, x2: at, y1: 10, y2: foot }), draw("text", { x: at + 5, y }, label)];
 
-// The marks that tell lines apart without colour: disc, square, triangle and diamond, filled and then hollow.
+// The marks that tell lines apart without colour: disc, square, triangle and diamond, filled and then hollow. With its
+// colour, no method's mark is that of another.
 const MARKERS = ["M-3.2 0a3.2 3.2 0 1 0 6.4 0a3.2 3.2 0 1 0 -6.4 0Z", "M-3 -3H3V3H-3Z", "M0 -3.8L3.8 3H-3.8Z", "M0 -4L4 0L0 4L-4 0Z"];
+const methodMarker = (method) => placeOf(method) + Math.floor(placeOf(method) / DATA.palette);
 const MARKER_PX = 90; // between two on a line
 const markerAt = ({ color, marker }, x, y) => draw("path", { class: `${color} ${marker % 8 < 4 ? "solid" : "hollow"}`, d: MARKERS[marker % 4], transform: `translate(${x} ${y})` });
 

@@ -36,7 +36,7 @@ function sortable(node, head, rows) {
   show();
 }
 
-// series: {name, color, hollow, dash, line, points: [{x, found: [value, low, high]}]}. x is a number, or an index into
+// series: {name, color, marker or hollow, dash, line, points: [{x, found: [value, low, high]}]}. x is a number, or an index into
 // x.names; y.levels and x.marks are lines with a label.
 function intervalChart(host, { title, note, series, x, y, height = 260 }) {
   const left = 56, right = 14, top = 12;
@@ -70,7 +70,8 @@ function intervalChart(host, { title, note, series, x, y, height = 260 }) {
     for (const point of known) {
       const [value, from_, to_] = point.found;
       if (isNumber(from_)) parts.push(draw("path", { class: "ends", d: `M${at(point)} ${up(from_).toFixed(1)}V${up(to_).toFixed(1)}m-3 0h6M${at(point)} ${up(from_).toFixed(1)}m-3 0h6` }));
-      parts.push(draw("circle", { cx: at(point), cy: up(value).toFixed(1), r: known.length > 60 ? 2 : 3.2, class: one.hollow ? "hollow" : null }));
+      parts.push(one.marker === undefined ? draw("circle", { cx: at(point), cy: up(value).toFixed(1), r: known.length > 60 ? 2 : 3.2, class: one.hollow ? "hollow" : null })
+        : markerAt(one, at(point), up(value).toFixed(1)));
     }
     return draw("g", { class: one.color }, ...parts);
   }
@@ -92,7 +93,7 @@ function intervalChart(host, { title, note, series, x, y, height = 260 }) {
   const nearest = (pixel) => places.reduce((best, place) => (Math.abs(across(place) - pixel) < Math.abs(across(best) - pixel) ? place : best), places[0]);
   chart(host, { title, note, label: `${title || y.label} over ${x.label}`, height, series: shown }, {
     sample: (one) => [...(one.line ? [draw("path", { d: "M0 5H22", "stroke-dasharray": one.dash })] : []),
-      draw("circle", { cx: 11, cy: 5, r: 3.2, class: one.hollow ? "hollow" : null })],
+      one.marker === undefined ? draw("circle", { cx: 11, cy: 5, r: 3.2, class: one.hollow ? "hollow" : null }) : markerAt(one, 11, 5)],
     parts: (now, visible) => {
       width = now;
       return [...axes({ low, high, up, format: y.format }, left, width - right, x.label, height - 4), ...xTexts().filter(Boolean),

@@ -19,10 +19,13 @@ function showAbout() {
   `run ${ABOUT.run_id}. Versions, digests and the sources of the traces are in run.json beside this page.`);
 }
 
-// A sentence or two on each method that is no baseline; of baselines alone, on each of them.
+// A sentence or two on each of the first methods that are no baselines; of baselines alone, on each of these.
+const TOLD = 2;
 function headline() {
   const baselines = METHODS.filter((one) => one.baseline), others = METHODS.filter((one) => !one.baseline);
-  return (others.length ? others : baselines).flatMap((one) => aboutMethod(one, others.length ? baselines : []));
+  const told = others.length ? others : baselines, left = told.length - TOLD;
+  return [...told.slice(0, TOLD).flatMap((one) => aboutMethod(one, others.length ? baselines : [])),
+    ...(left > 0 ? [`The figure and the table tell of the other ${left}, too.`] : [])];
 }
 function aboutMethod({ name, title, from_map }, baselines) {
   const first = valueOf("first_answer_mean", name), fresh = valueOf("fresh_answer_mean", name), ghosts = valueOf("ghost_share", name);
@@ -89,7 +92,7 @@ function showAccuracy() {
   const streaming = name === "streaming_f1", floor = METHODS.map((one) => valueOf(name, one.name, "all", "floor")).find((value) => value !== null);
   const series = METHODS.map((one) => {
     const { value, low, high } = metric(name, one.name);
-    return { name: one.title, color: methodClass(one.name), points: [{ x: valueOf("first_answer_mean", one.name), found: [value, low, high] }] };
+    return { name: one.title, color: methodClass(one.name), marker: methodMarker(one.name), points: [{ x: valueOf("first_answer_mean", one.name), found: [value, low, high] }] };
   });
   intervalChart(byId("accuracy"), { title: "Latency against accuracy", series, x: { log: true, label: "mean time to first answer [ms], logarithmic", read: (value) => asText(value, "ms") },
     y: { label: "F1", most: 1, format: percent, read: percent, levels: floor ? [{ y: floor, label: "the detector without delay" }] : [] },

@@ -206,7 +206,7 @@ def _draw(panel: Axes, axis: Axis, column: str, means: "pd.DataFrame", methods: 
 def _look(method: str, placement: str, methods: Sequence[str], alone: bool) -> dict[str, Any]:
     """A method's line, or that of its Genies on cars or edges; of these in grey where no other method has any."""
     position = methods.index(method)
-    marker = {"marker": style.MARKERS[position % len(style.MARKERS)]}
+    marker = {"marker": style.method_marker(position)}
     if placement not in PLACEMENTS:
         return style.method_line(position) | marker | {"label": method}
     line, where = style.placement_line(placement), PLACEMENTS[placement]
