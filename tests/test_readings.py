@@ -5,12 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from genie_sim.analysis.metrics import running_reuse
 from genie_sim.errors import UserError
 from genie_sim.paper import verdict_table
 from genie_sim.paper.checks import ALL
 from genie_sim.paper.definitions import DEFINITIONS, fact
 from genie_sim.paper.evidence import Evidence
-from genie_sim.paper.facts import facts_of, of_running_ratios, running_reuse
+from genie_sim.paper.facts import facts_of, of_running_ratios
 from genie_sim.paper.readings import FOLDER, NAMES, load_reading, load_readings
 from genie_sim.paper.reproduce import _judged
 from genie_sim.recording.columns import Columns, Text

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from genie_sim.errors import UserError
 from genie_sim.paper.readings import load_reading
-from genie_sim.paper.replicate import EVERY_METHOD, Job, Outcome, prepare_job
+from genie_sim.paper.replicate import EVERY_METHOD, Job, Outcome, prepare_job, run_job
 from genie_sim.paper.reproduce import check
-from genie_sim.paper.runs import Runs
+from genie_sim.paper.runs import Runs, _key
 
 BASE = ("overlap=0.35", "gate_m=0.25")
 
@@ -38,6 +40,7 @@ def simulated(monkeypatch):
         ("2car_homo", (*BASE, "genie.passes=2"), False),
         ("2car_homo", (*BASE, "min_score=0.7"), False),
         ("2car_homo", (*BASE, "links=ideal"), False),
+        ("2car_homo", (*BASE, "genie.object_map.threshold=range_60"), False),
     ],
 )
 def test_settings_that_make_the_same_scenario_are_one_run(simulated, scenario, settings, known):
@@ -45,6 +48,13 @@ def test_settings_that_make_the_same_scenario_are_one_run(simulated, scenario, s
     (first,) = runs([Job(scenario, 1, BASE)], "")
     (second,) = runs([Job(scenario, 1, settings)], "")
     assert (len(simulated) == 1) == known == (second is first)
+
+
+def test_a_threshold_by_its_word_is_the_run_of_its_number(simulated):
+    jobs = [Job("2car_homo", 1, (*BASE, f"genie.object_map.threshold={value}")) for value in ("range_60", "0.72")]
+    assert _key(jobs[0]) == _key(jobs[1])
+    by_word, by_number = (run_job(replace(job, judged=True)).facts for job in jobs)
+    assert repr(by_word) == repr(by_number)  # with NaN
 
 
 def test_every_seed_is_a_run_of_its_own(simulated):

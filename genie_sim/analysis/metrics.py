@@ -13,7 +13,7 @@
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -84,20 +84,26 @@ def windowed_reuse(lookups: Columns, window: int = WINDOW_REQUESTS) -> Columns:
     A window ends with each message and holds as few messages as make up ``window`` requests: exactly ``window`` for
     images, which are asked for one by one. A Genie with fewer requests has no window.
     """
-    names: list[str] = []
-    places: list[int] = []
-    instants, ratios = [np.zeros(0, dtype=np.int64)], [np.zeros(0)]
-    for genie, events in lookups.groups("genie"):
-        requests = np.concatenate([[0], np.cumsum(events["requests"])])
-        hits = np.concatenate([[0], np.cumsum(events["hits"])])
-        ends = np.flatnonzero(requests >= window)
-        starts = np.searchsorted(requests, requests[ends] - window, side="right") - 1
-        ratios.append((hits[ends] - hits[starts]) / (requests[ends] - requests[starts]))
-        instants.append(events["t_ns"][ends - 1])
-        places += [len(names)] * len(ends)
-        names.append(genie)
-    genies = Text(np.array(places, dtype=np.int32), names)
-    return Columns({"genie": genies, "t_ns": np.concatenate(instants), "ratio": np.concatenate(ratios)})
+    events, (requests, hits), first = _counted(lookups)
+    ends = np.flatnonzero(requests[1:] - requests[first] >= window) + 1
+    starts = np.searchsorted(requests, requests[ends] - window, side="right") - 1
+    ratios = (hits[ends] - hits[starts]) / (requests[ends] - requests[starts])
+    return Columns({"genie": events["genie"][ends - 1], "t_ns": events["t_ns"][ends - 1], "ratio": ratios})
+
+
+def running_reuse(lookups: Columns) -> Columns:
+    """hits / requests of each Genie so far, after each of its messages: columns ``t_ns`` and ``ratio``."""
+    events, (requests, hits), first = _counted(lookups.rows(lookups["requests"] > 0))
+    return Columns({"t_ns": events["t_ns"], "ratio": (hits[1:] - hits[first]) / (requests[1:] - requests[first])})
+
+
+def _counted(lookups: Columns) -> "tuple[Columns, list[np.ndarray[Any, Any]], np.ndarray[Any, Any]]":
+    """The look-ups Genie by Genie, the requests and the hits before each of them and after the last, and of each the
+    place of its Genie's first."""
+    events = lookups.rows(np.argsort(lookups["genie"].codes, kind="stable"))
+    counts = [np.concatenate([[0], np.cumsum(events[name])]) for name in ("requests", "hits")]
+    codes = events["genie"].codes
+    return events, counts, np.searchsorted(codes, codes)
 
 
 def running_boost(lookups: Columns) -> Columns:

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, NamedTuple
 
 from genie_sim.paper.assumptions import Assumptions
@@ -35,21 +36,25 @@ class Arms:
 
     def holding(self, claim: Claim) -> tuple[list[str], int]:
         """The arms under which a claim's test holds, and in how many it could be tried."""
-        found = holds_under(claim, self.evidence)
+        found = self._found[claim.id]
         return [f"{name} (plausible: {self.plausible[name]})" for name, holds in found.items() if holds], len(found)
 
     def as_json(self) -> dict[str, Any]:
         """For ``sensitivity.json``."""
-        found = {claim.id: holds_under(claim, self.evidence) for claim in load_claims()}
-        held = {claim: [name for name, holds in of.items() if holds] for claim, of in found.items()}
+        held = {claim: [name for name, holds in of.items() if holds] for claim, of in self._found.items()}
         variants = {name: one for name, one in self.evidence.items() if "=" not in name}
         return {
             "seeds": self.seeds,
             "sweeps": self.sweeps,
             "variants": {name: _reuse(one) | {"plausible": self.plausible[name]} for name, one in variants.items()},
             "claims_that_hold_under": held,
-            "arms_that_try": {claim: len(of) for claim, of in found.items()},
+            "arms_that_try": {claim: len(of) for claim, of in self._found.items()},
         }
+
+    @cached_property
+    def _found(self) -> dict[str, dict[str, bool]]:
+        """Of each claim, whether its test holds under each arm that can try it."""
+        return {claim.id: holds_under(claim, self.evidence) for claim in load_claims()}
 
 
 def arms_of(assumptions: Assumptions) -> Iterator[Arm]:

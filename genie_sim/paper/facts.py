@@ -44,7 +44,7 @@ def facts_of(frames: Columns, lookups: Columns, resources: Columns) -> Facts:
         facts[f"boost_per_object:{placement}"] = _boost_per_object(maps.where(placement=placement))
     facts.update(of_running_ratios(lookups))
     of_cars = lookups.where(kind="image", requester="client", placement="car")
-    for name, ratios in (("", metrics.windowed_reuse(of_cars)), ("_running", running_reuse(of_cars))):
+    for name, ratios in (("", metrics.windowed_reuse(of_cars)), ("_running", metrics.running_reuse(of_cars))):
         facts[f"image{name}_peak_at:car"] = _peak_at(ratios, frames)
     facts.update({f"object_reuse:{genie}": reused for genie, reused in metrics.reuse(maps).items()})
     facts.update(_of_resources(resources, frames["stamp_ns"][frames["lap"] == 1].min(initial=FOR_EVER_NS)))
@@ -89,15 +89,6 @@ def of_baselines(facts: Facts) -> Facts:
     return {name: value for name, value in plain.items() if set(name.split(":")) & {*BASELINES}}
 
 
-def running_reuse(lookups: Columns) -> Columns:
-    """hits / requests of each Genie so far, after each of its messages: columns ``t_ns`` and ``ratio``."""
-    instants, ratios = [np.zeros(0, dtype=np.int64)], [np.zeros(0)]
-    for _, events in lookups.rows(lookups["requests"] > 0).groups("genie"):
-        instants.append(events["t_ns"])
-        ratios.append(np.cumsum(events["hits"]) / np.cumsum(events["requests"]))
-    return Columns({"t_ns": np.concatenate(instants), "ratio": np.concatenate(ratios)})
-
-
 def of_running_ratios(lookups: Columns) -> Facts:
     """The highest running ratio that any Genie of a role had, for each of the reuse metrics with error bars."""
     of_image = lookups["kind"] == "image"
@@ -109,7 +100,7 @@ def of_running_ratios(lookups: Columns) -> Facts:
         ("object_reuse", objects),
     ):
         for placement in metrics.PLACEMENTS:
-            ratios = running_reuse(events.where(placement=placement))["ratio"]
+            ratios = metrics.running_reuse(events.where(placement=placement))["ratio"]
             facts[f"{metric}_highest_running:{placement}"] = float(ratios.max()) if len(ratios) else math.nan
     return facts
 

@@ -1,7 +1,8 @@
 """The figures of the evaluation: those of the paper's Section V over all seeds, in the paper's arrangement, homogeneous
 above heterogeneous; and what the open parameters and the calibration do, in the same style."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,7 @@ from genie_sim.analysis.style import PAGE_IN
 from genie_sim.paper.calibrate import Calibration
 from genie_sim.paper.checks import ALL, CASE, HE, HO
 from genie_sim.paper.facts import METHODS
-from genie_sim.paper.replicate import Outcome
+from genie_sim.paper.replicate import Outcome, in_parallel
 from genie_sim.recording.columns import Columns, Text, concat
 
 TITLES = {name: f"{name[0]} car{'s' if name[0] > '1' else ''}, {'hetero.' if name in HE else 'homo.'}" for name in ALL}
@@ -39,27 +40,32 @@ def draw(
     worth: Sequence[Row],
     targets: Mapping[str, float],
     footer: str,
+    workers: int,
 ) -> None:
-    """Every figure that there is something for, as SVG and PNG. Raises OSError."""
+    """Every figure that there is something for, as SVG and PNG, on so many processes. Raises OSError."""
     frames = {TITLES[name]: _pooled(tables[name], "frames") for name in (*HO, *HE)}
     lookups = {WRAPPED[name]: _pooled(tables[name], "lookups") for name in (*HO, *HE)}
     one_seed = {TITLES[name]: _table(tables[name][0], "lookups") for name in (*HO, *HE)}
     made = {
-        "latency_cdf": figures.latency_cdf(frames, METHODS, footer, of="answered"),
-        "latency_cdf_of_published": figures.latency_cdf(frames, METHODS, footer),
-        "image_reuse": figures.image_reuse(lookups, METHODS, footer),
-        "object_reuse": figures.object_reuse(lookups, METHODS, footer),
-        "confidence_boost": figures.confidence_boost(one_seed, METHODS, f"{footer}; the first seed"),
-        "case_study": _case_study(tables[CASE], footer),
-        "worth": _worth(worth, footer),
+        "latency_cdf": partial(figures.latency_cdf, frames, METHODS, footer, of="answered"),
+        "latency_cdf_of_published": partial(figures.latency_cdf, frames, METHODS, footer),
+        "image_reuse": partial(figures.image_reuse, lookups, METHODS, footer),
+        "object_reuse": partial(figures.object_reuse, lookups, METHODS, footer),
+        "confidence_boost": partial(figures.confidence_boost, one_seed, METHODS, f"{footer}; the first seed"),
+        "case_study": partial(_case_study, tables[CASE], footer),
+        "worth": partial(_worth, worth, footer),
     }
     if fitted is not None:
         found = fitted.as_json()
-        made["calibration"] = _calibration(found["tried"], found["best"], targets, footer)
+        made["calibration"] = partial(_calibration, found["tried"], found["best"], targets, footer)
     if sweeps:
-        made["sensitivity"] = _sweeps(sweeps, targets, footer)
-    for name, figure in made.items():
-        figures.save(figure, folder, name)
+        made["sensitivity"] = partial(_sweeps, sweeps, targets, footer)
+    in_parallel(_save, [(folder, name, make) for name, make in made.items()], workers)
+
+
+def _save(asked: tuple[Path, str, Callable[[], Figure]]) -> None:
+    folder, name, make = asked
+    figures.save(make(), folder, name)
 
 
 @in_style()

@@ -99,7 +99,7 @@ def reproduce(
     with provenance.result_folder(out) as folder:
         made.write(folder)
         table = drives.write(folder, driven) if driven else ""
-        made.draw(folder / "figures")
+        made.draw(folder / "figures", workers)
         wall_time_s = time.perf_counter() - tell.began_s
         about = {"quick": quick, "workers": workers, "wall_time_s": round(wall_time_s, 1), **made.provenance()}
         provenance.write_json(folder / "run.json", about)
@@ -151,7 +151,7 @@ class _Evaluation:
         if self.arms is not None:
             provenance.write_json(folder / "sensitivity.json", self.arms.as_json())
 
-    def draw(self, folder: Path) -> None:
+    def draw(self, folder: Path, workers: int) -> None:
         """The figures. Raises OSError."""
         from genie_sim.paper import paper_figures
 
@@ -160,7 +160,7 @@ class _Evaluation:
         footer = f"genie-sim reproduce, {first.reading.name}: {', '.join(first.settings)}, {len(self.seeds)} seeds"
         sweeps = self.arms.sweeps if self.arms is not None else []
         targets = load_assumptions().targets
-        paper_figures.draw(folder, self.tables, self.fitted, sweeps, self.worth, targets, footer)
+        paper_figures.draw(folder, self.tables, self.fitted, sweeps, self.worth, targets, footer, workers)
 
     def provenance(self) -> dict[str, Any]:
         """For ``run.json``: what the numbers come from."""

@@ -6,6 +6,8 @@ from dataclasses import dataclass, field, replace
 from functools import cache
 from typing import NamedTuple
 
+from genie_sim.core.object_map import RANGE_60
+from genie_sim.core.rules import GenieRules
 from genie_sim.paper.facts import of_baselines
 from genie_sim.paper.replicate import EVERY_METHOD, Job, Outcome, Progress, in_parallel, prepare_job, run_job
 
@@ -91,4 +93,11 @@ def _setup(scenario: str, settings: tuple[str, ...]) -> _Setup:
     world = prepared.scenario.model_dump_json(exclude={"genie", "methods"})
     seen = prepared.frames.digests()
     digests = [seen[car] for car in prepared.drives]
-    return _Setup(hashlib.sha256(f"{world} {digests}".encode()).hexdigest(), str(prepared.scenario.genie))
+    return _Setup(hashlib.sha256(f"{world} {digests}".encode()).hexdigest(), str(_in_numbers(prepared.scenario.genie)))
+
+
+def _in_numbers(rules: GenieRules) -> GenieRules:
+    """The same rules, C_T as the number that a word stands for."""
+    if rules.object_map.threshold != "range_60":
+        return rules
+    return replace(rules, object_map=replace(rules.object_map, threshold=RANGE_60))

@@ -4,6 +4,7 @@ import math
 from typing import TYPE_CHECKING
 
 from genie_sim.core.node import GenieNode
+from genie_sim.core.object_map import RANGE_60
 from genie_sim.messages import Detections, Message
 from genie_sim.methods.genie import REMOTE
 from genie_sim.paper.facts import Facts
@@ -25,7 +26,7 @@ class Watch:
     def __init__(self, rules: "GenieRules") -> None:
         self.address = "claims"
         self._rules = rules
-        threshold = rules.object_map.threshold
+        threshold = RANGE_60 if rules.object_map.threshold == "range_60" else rules.object_map.threshold
         self._threshold = threshold if isinstance(threshold, float) else 0.0  # others move: told by the Genie's tests
         self._shared = self._unconfident = 0
         self._stored: dict[str, list[float]] = {"car": [], "edge": []}

@@ -3,6 +3,7 @@
 Tags: [P] the paper says so; [S] a public source; [M] measured; [D] derived, formula given; [A] assumed, to be varied.
 """
 
+import functools
 from pathlib import Path
 from typing import Annotated, Generic, Literal, TypeVar
 
@@ -11,7 +12,7 @@ from pydantic import Field, model_validator
 from genie_sim import files
 from genie_sim.errors import UserError, unknown
 from genie_sim.scenario.fields import Duration, Listed, Model, Name, PositiveDuration, problem, validate
-from genie_sim.scenario.yaml_input import read_mapping
+from genie_sim.scenario.yaml_input import read_mapping, read_text
 
 SPREADS = ("isolated", "default", "loaded")
 Tag = Literal["P", "S", "M", "D", "A"]
@@ -137,4 +138,10 @@ class DeviceProfile(Model):
 def load_profile(path_or_name: str | Path) -> DeviceProfile:
     """The profile of a shipped device (``jetson_tx2``) or of a file (``./my_device.yaml``)."""
     path = files.find(files.DEVICE, path_or_name)
+    return _profile(path, read_text(path))
+
+
+@functools.lru_cache(maxsize=64)
+def _profile(path: Path, _: str) -> DeviceProfile:
+    """What stands in a file with this text, remembered: the runs of an evaluation have the same few devices."""
     return validate(DeviceProfile, read_mapping(path), lambda field: str(path))
