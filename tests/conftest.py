@@ -18,6 +18,8 @@ os.environ.setdefault("MPLBACKEND", "Agg")
 settings.register_profile("genie_sim", derandomize=True, deadline=None, max_examples=50)
 settings.load_profile("genie_sim")
 
+LONGEST = ("test_sweep.py", "test_docs.py")  # first, so that of two processes none waits for them at the end
+
 CommandLine = Callable[..., subprocess.CompletedProcess[str]]
 
 
@@ -26,6 +28,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    items.sort(key=lambda item: item.path.name not in LONGEST)
     for item in items:
         if item.get_closest_marker("by_hand") and not config.getoption("--by-hand"):
             item.add_marker(pytest.mark.skip(reason="takes minutes: --by-hand"))
