@@ -37,9 +37,9 @@ class FaultEntry(Model):
         return self
 
     @property
-    def target(self) -> str:
+    def target(self) -> Any:
         """What it befalls."""
-        return str(self.fault.parameters.get("target", ""))
+        return self.fault.parameters.get("target")
 
 
 _TIMES = tuple(name for name in FaultEntry.yaml_names() if name != "fault")

@@ -114,73 +114,58 @@ def _text(error: ErrorDetails) -> str:
         "less_than_equal": f"must be at most {context.get('le')}",
         "string_pattern_mismatch": "must be letters, digits, '_', '-' and '.', the first a letter or digit",
     }
-    if kind == "problem":
-        return str(context["text"])
-    if kind == "value_error":
-        return str(context["error"])
-    if kind == "missing":
-        return "missing"
+    if kind in wanted:
+        return f"{wanted[kind]}, not {short_repr(value)}"
     if kind == "literal_error":
         return unknown(name, value, re.findall(r"'([^']*)'", context["expected"]))
     if kind == "union_tag_invalid":
         choices = re.findall(r"'([^']*)'", context["expected_tags"])
         return unknown(context["discriminator"].strip("'"), context["tag"], choices)
-    if kind == "string_too_short":
-        return "must not be empty"
-    if kind == "too_short":
-        least = context["min_length"]
-        return "must not be empty" if least == 1 else f"must hold {least} values"
-    if kind == "too_long":
-        return f"must hold at most {context['max_length']} values"
-    if kind in wanted:
-        return f"{wanted[kind]}, not {short_repr(value)}"
-    return error["msg"]
+    least = context.get("min_length")
+    others = {
+        "problem": context.get("text"),
+        "value_error": str(context.get("error")),
+        "missing": "missing",
+        "string_too_short": "must not be empty",
+        "too_short": "must not be empty" if least == 1 else f"must hold {least} values",
+        "too_long": f"must hold at most {context.get('max_length')} values",
+    }
+    return others.get(kind) or error["msg"]
 
 
-def _at_least_zero(read: Callable[[object], Number]) -> Callable[[object], Number]:
+def _number(read: Callable[[object], Number], positive: bool = False) -> BeforeValidator:
+    """Reads a number with its unit, which must not be negative, or must be ``positive``."""
+
     def checked(value: object) -> Number:
         number = read(value)
-        if number < 0:
-            raise ValueError(f"must not be negative, but is {short_repr(value)}")
+        if number < 0 or (positive and not number):
+            wanted = "be more than zero" if positive else "not be negative"
+            raise ValueError(f"must {wanted}, but is {short_repr(value)}")
         return number
 
-    return checked
-
-
-def _above_zero(read: Callable[[object], Number]) -> Callable[[object], Number]:
-    def checked(value: object) -> Number:
-        number = read(value)
-        if number <= 0:
-            raise ValueError(f"must be more than zero, but is {short_repr(value)}")
-        return number
-
-    return checked
+    return BeforeValidator(checked)
 
 
 def _example(text: str) -> WithJsonSchema:
     return WithJsonSchema({"type": "string", "examples": [text]})
 
 
-def _listed(value: object) -> object:
-    """YAML has lists only; a frozen model holds tuples."""
-    return tuple(value) if isinstance(value, list) else value
-
-
-Listed = BeforeValidator(_listed)
+# YAML has lists only; a frozen model holds tuples.
+Listed = BeforeValidator(lambda value: tuple(value) if isinstance(value, list) else value)
 _duration = PlainSerializer(units.duration_text, return_type=str, when_used="json")
 _size = PlainSerializer(units.size_text, return_type=str, when_used="json")
 _rate = PlainSerializer(units.rate_text, return_type=str, when_used="json")
 _angle = PlainSerializer(units.angle_text, return_type=str, when_used="json")
 _length = PlainSerializer(units.length_text, return_type=str, when_used="json")
 
-Duration = Annotated[int, BeforeValidator(_at_least_zero(units.duration_ns)), _duration, _example("30 ms")]
-PositiveDuration = Annotated[int, BeforeValidator(_above_zero(units.duration_ns)), _duration, _example("30 ms")]
-Size = Annotated[int, BeforeValidator(_at_least_zero(units.size_bytes)), _size, _example("1.4 MB")]
-PositiveSize = Annotated[int, BeforeValidator(_above_zero(units.size_bytes)), _size, _example("1.4 MB")]
-Rate = Annotated[int, BeforeValidator(_above_zero(units.rate_bps)), _rate, _example("100 Mbit/s")]
+Duration = Annotated[int, _number(units.duration_ns), _duration, _example("30 ms")]
+PositiveDuration = Annotated[int, _number(units.duration_ns, positive=True), _duration, _example("30 ms")]
+Size = Annotated[int, _number(units.size_bytes), _size, _example("1.4 MB")]
+PositiveSize = Annotated[int, _number(units.size_bytes, positive=True), _size, _example("1.4 MB")]
+Rate = Annotated[int, _number(units.rate_bps, positive=True), _rate, _example("100 Mbit/s")]
 Turn = Annotated[float, BeforeValidator(units.angle_rad), _angle, _example("15 deg")]
-Length = Annotated[float, BeforeValidator(_at_least_zero(units.length_m)), _length, _example("1 m")]
-PositiveLength = Annotated[float, BeforeValidator(_above_zero(units.length_m)), _length, _example("1 m")]
+Length = Annotated[float, _number(units.length_m), _length, _example("1 m")]
+PositiveLength = Annotated[float, _number(units.length_m, positive=True), _length, _example("1 m")]
 Count = Annotated[int, Field(ge=1)]
 Probability = Annotated[float, Field(ge=0, le=1)]
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$", max_length=100)]

@@ -28,7 +28,6 @@ THRESHOLDS = ("range_60", "empirical")
 
 
 def _kind(value: object) -> str:
-    """Of a threshold: which of the three that it may be."""
     return "stored" if isinstance(value, Mapping | Percentile) else "threshold" if isinstance(value, str) else "number"
 
 

@@ -37,7 +37,7 @@ def read_method(value: object) -> MethodEntry:
         return value
     given: dict[str, Any] = dict(value) if isinstance(value, Mapping) else {"method": value}
     method = given.pop("method", given.get("name"))
-    name = given.pop("name", _short(method))
+    name = given.pop("name", method.rpartition(":")[2] if isinstance(method, str) else method)  # MyMethod of m:MyMethod
     title = given.pop("title", None)
     if title is not None and (not isinstance(title, str) or not title.strip()):
         problem("title", f"must be text, not {short_repr(title)}")
@@ -53,17 +53,10 @@ def read_method(value: object) -> MethodEntry:
     return MethodEntry(name=name, method=choice, title=title, settings=of_scenario)
 
 
-def _short(method: object) -> object:
-    """``MyMethod`` for ``my_module:MyMethod``."""
-    return method.rpartition(":")[2] if isinstance(method, str) else method
-
-
 def _write(entry: MethodEntry) -> object:
     choice = _PLUG_IN.write(entry.method)
     written: dict[str, Any] = {"name": entry.name, **(choice if isinstance(choice, dict) else {"method": choice})}
-    if entry.title is not None:
-        written["title"] = entry.title
-    written |= entry.settings
+    written |= ({} if entry.title is None else {"title": entry.title}) | entry.settings
     return entry.name if written == {"name": entry.name, "method": entry.name} else written
 
 

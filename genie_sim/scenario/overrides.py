@@ -7,7 +7,8 @@ from typing import Any, NamedTuple
 from genie_sim.errors import UserError, short_repr
 from genie_sim.scenario.yaml_input import parse
 
-_STEP = re.compile(r"\.?([A-Za-z_]\w*)|\[(\d{1,6})\]")
+_STEP = re.compile(r"([A-Za-z_]\w*)|\[(\d{1,6})\]")
+_PATH = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*|\[\d{1,6}\])*")
 _SHORT_FOR = {"link": "like", "edge_network": "like", "similarity": "name"}  # settings that may be a mere name
 
 
@@ -34,17 +35,9 @@ def apply_overrides(settings: dict[str, Any], overrides: Sequence[str]) -> list[
 
 def _steps(path: str, text: str) -> list[str | int]:
     """``cars[1].genie`` to ``["cars", 1, "genie"]``."""
-    steps: list[str | int] = []
-    position = 0
-    while position < len(path):
-        match = _STEP.match(path, position)
-        if match is None or (not steps and (match[2] or path.startswith("."))):
-            raise UserError(f"{text}: cannot read the path {path!r}; write it like cars[0].device")
-        if match[1] and steps and path[position] != ".":
-            raise UserError(f"{text}: cannot read the path {path!r}; write it like cars[0].device")
-        steps.append(match[1] or int(match[2]))
-        position = match.end()
-    return steps
+    if not _PATH.fullmatch(path):
+        raise UserError(f"{text}: cannot read the path {path!r}; write it like cars[0].device")
+    return [name or int(place) for name, place in _STEP.findall(path)]
 
 
 def _assign(settings: dict[str, Any], steps: list[str | int], value: Any, text: str) -> None:
@@ -67,13 +60,10 @@ def _assign(settings: dict[str, Any], steps: list[str | int], value: Any, text: 
             path += f".{step}" if path else step
         if following is None:
             here[step] = value
-        elif isinstance(here, dict):
-            inner = here.get(step)
-            if inner is None and isinstance(following, str):
-                inner = {}
-            elif isinstance(inner, str) and isinstance(following, str) and step in _SHORT_FOR:
-                inner = {_SHORT_FOR[str(step)]: inner}
-            here[step] = inner
-            here = inner
-        else:
+        elif isinstance(step, int):
             here = here[step]
+        else:
+            inner = here.get(step)
+            if isinstance(following, str) and (inner is None or (isinstance(inner, str) and step in _SHORT_FOR)):
+                inner = {} if inner is None else {_SHORT_FOR[step]: inner}
+            here[step] = here = inner

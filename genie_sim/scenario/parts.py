@@ -33,14 +33,11 @@ class Camera(Model):
 
 # KITTI's two colour and two grey cameras at 10 Hz, at staggered phases. The grey ones are not recorded: a colour one
 # stands for each, with the size of a mono8 image, a third of the bytes.
-FOUR_CAMERAS = tuple(
-    Camera.model_construct(name=name, recording=recording, phase_ns=phase_ns, size_bytes=size_bytes)
-    for name, recording, phase_ns, size_bytes in (
-        ("camera_02", "02", 0, None),
-        ("camera_03", "03", 25 * units.NS_PER_MS, None),
-        ("camera_00", "02", 50 * units.NS_PER_MS, 465_800),
-        ("camera_01", "03", 75 * units.NS_PER_MS, 465_800),
-    )
+FOUR_CAMERAS = (
+    Camera(name="camera_02", recording="02"),
+    Camera.model_construct(name="camera_03", recording="03", phase_ns=25 * units.NS_PER_MS),
+    Camera.model_construct(name="camera_00", recording="02", phase_ns=50 * units.NS_PER_MS, size_bytes=465_800),
+    Camera.model_construct(name="camera_01", recording="03", phase_ns=75 * units.NS_PER_MS, size_bytes=465_800),
 )
 
 

@@ -103,7 +103,10 @@ class PlugIn:
         except ValueError as error:
             problem(self._key if isinstance(value, Mapping) else "", str(error))
         if name not in self.registry:
-            return Choice(name, {key: _as_it_stands(key, item) for key, item in given.items()})
+            for key, item in given.items():
+                if not isinstance(item, Parameter):
+                    problem(key, f"must be a number, true or false, or text, not {short_repr(item)}")
+            return Choice(name, given)
         cls = plugins.resolve(self.what, name, self.registry)
         known = model_of(cls)
         for key in given:
@@ -139,7 +142,7 @@ def model_of(cls: Callable[..., Any], **fields: Any) -> type[Model]:
         if isinstance(default, Mapping) or type(default).__name__ == "_HAS_DEFAULT_FACTORY_CLASS":
             found[name] = (kind, Field(default_factory=cls.__dataclass_fields__[name].default_factory))  # type: ignore[attr-defined]
         else:
-            found[name] = (kind, Field(default=default, alias=_yaml_name(name)))
+            found[name] = (kind, Field(default=default, alias=name.removesuffix(_suffix(name))))
     made: type[Model] = create_model(getattr(cls, "__name__", "Settings"), __base__=Model, **found)
     return made
 
@@ -152,13 +155,12 @@ def _with_unit(name: str, annotation: Any) -> Any:
         return Annotated[annotation, Listed]
     if isinstance(annotation, type) and is_dataclass(annotation):
         return Annotated[annotation, Plain(annotation)]
-    suffix = next((suffix for suffix in _WITH_UNIT if name.endswith(suffix)), None)
-    return _WITH_UNIT[suffix] if suffix is not None and annotation in (int, float) else annotation
+    return _WITH_UNIT.get(_suffix(name), annotation) if annotation in (int, float) else annotation
 
 
-def _yaml_name(python_name: str) -> str:
-    suffix = next((suffix for suffix in _WITH_UNIT if python_name.endswith(suffix)), "")
-    return python_name.removesuffix(suffix)
+def _suffix(name: str) -> str:
+    """Of an argument with a unit: ``_m`` of ``cell_m``."""
+    return next((suffix for suffix in _WITH_UNIT if name.endswith(suffix)), "")
 
 
 def _instance(cls: Callable[..., Any], model: Model) -> Any:
@@ -176,9 +178,3 @@ def _instance(cls: Callable[..., Any], model: Model) -> Any:
 
 def _written(model: type[Model], values: Mapping[str, Any]) -> dict[str, Any]:
     return model.model_construct(**values).model_dump(mode="json", by_alias=True)
-
-
-def _as_it_stands(key: str, value: object) -> Parameter:
-    if not isinstance(value, Parameter):
-        problem(key, f"must be a number, true or false, or text, not {short_repr(value)}")
-    return value

@@ -14,7 +14,6 @@ from genie_sim.errors import UserError, unknown
 from genie_sim.scenario.fields import Duration, Listed, Model, Name, PositiveDuration, problem, validate
 from genie_sim.scenario.yaml_input import read_mapping, read_text
 
-SPREADS = ("isolated", "default", "loaded")
 Tag = Literal["P", "S", "M", "D", "A"]
 
 Value = TypeVar("Value")

@@ -3,7 +3,6 @@
 from typing import TYPE_CHECKING
 
 from genie_sim.messages import Detections, Message
-from genie_sim.sim.nodes import Consumer
 from genie_sim.sim.station import IMAGES, OBJECTS
 
 if TYPE_CHECKING:
@@ -13,26 +12,27 @@ if TYPE_CHECKING:
 
 
 class CarListener:
-    """Tells the monitor of each frame when it reaches the first node's queue, and of each answer when the consumer has
-    it. With ``no_server`` no node takes the frames: they are lost at once."""
+    """Node Z, the consumer, which takes the answers to its car's frames from whichever node sends them. It tells the
+    monitor of each, and of each frame when it reaches the first node's queue. With ``no_server`` no node takes the
+    frames: they are lost at once."""
 
     def __init__(self, world: "World", car: str, graph: "Graph", uplink: "CarUplink | None", no_server: bool) -> None:
-        self.address = f"{graph.name}/watch"
+        self.address = f"{car}/consumer"
         self._world = world
         self._car = car
         self._uplink = uplink
         self._no_server = no_server
         graph.subscribe(IMAGES, self)
-        Consumer(f"{car}/consumer", graph, OBJECTS, self._answered)
+        graph.subscribe(OBJECTS, self)
 
     def deliver(self, topic: str, message: Message, sender: str) -> None:
-        if self._no_server:
-            self._world.monitor.dropped(message, f"{self._car}:no_edge")
+        world = self._world
+        if isinstance(message, Detections):
+            world.monitor.answered(message, self._source(message), world.env.now, world.env.way)
+        elif self._no_server:
+            world.monitor.dropped(message, f"{self._car}:no_edge")
         else:
-            self._world.monitor.received(message.header, self._world.env.now)
-
-    def _answered(self, answer: Detections, now_ns: int) -> None:
-        self._world.monitor.answered(answer, self._source(answer), now_ns, self._world.env.way)
+            world.monitor.received(message.header, world.env.now)
 
     def _source(self, answer: Detections) -> str:
         """Where an answer comes from, seen from the car at this moment."""

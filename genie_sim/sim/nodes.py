@@ -1,4 +1,4 @@
-"""The nodes of the simulated graph: detector, interceptor (a Genie), consumer; and how one is attached to a node."""
+"""The nodes of the simulated graph: detector and interceptor (a Genie); and how one is attached to a node."""
 
 from collections import OrderedDict
 from collections.abc import Callable
@@ -141,20 +141,6 @@ class InterceptorNode(Node):
         self._timer_set = False
         self._carry_out(self.pure.on_deadline(self.env.now))
         self._set_timer()
-
-
-class Consumer:
-    """Node Z: takes the answers to its car's frames from whichever node sends them, and keeps the first of each."""
-
-    def __init__(self, name: str, graph: Graph, topic: str, answered: Callable[[Detections, int], None]) -> None:
-        self.address = name
-        self._env = graph.env
-        self._answered = answered
-        graph.subscribe(topic, self)
-
-    def deliver(self, topic: str, message: Message, sender: str) -> None:
-        assert isinstance(message, Detections)
-        self._answered(message, self._env.now)
 
 
 def attach(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import Any
 
 import pandas as pd
@@ -42,7 +43,7 @@ from genie_sim.recording.records import Tables
 from genie_sim.runner import run_in_memory
 from genie_sim.scenario.scenario import RECORDS, load_scenario
 from genie_sim.sim.device import Host, Processor
-from genie_sim.sim.nodes import Consumer, InterceptorNode
+from genie_sim.sim.nodes import InterceptorNode
 from genie_sim.sim.ros_graph import Graph
 from genie_sim.sim.station import IMAGES, OBJECTS, Interceptor
 from genie_sim.sim.steps import StepClock
@@ -240,7 +241,9 @@ def test_an_answer_to_an_older_frame_does_not_take_over_the_way_of_the_others():
     host = Host(clock, "car1", device(fixed()["jetson_tx2"], "autoware_vision_detector"), *[default_rng(1)] * 2)
     graph = Graph(clock, "car1")
     node = InterceptorNode(InTwos, host, graph, 1, lambda *_: None, lambda *_: None)
-    Consumer("consumer", graph, OBJECTS, lambda answer, _: ways.setdefault(answer.header.stamp_ns, clock.way))
+    consumer = SimpleNamespace(address="consumer")
+    consumer.deliver = lambda topic, answer, sender: ways.setdefault(answer.header.stamp_ns, clock.way)
+    graph.subscribe(OBJECTS, consumer)
     for stamp_ns in (MS, 5 * MS):
         clock.run(until=stamp_ns)
         header = Header(stamp_ns, "camera", "car1")

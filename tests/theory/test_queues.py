@@ -23,7 +23,7 @@ from genie_sim.scenario.links import LINKS
 from genie_sim.sim.clock import Clock
 from genie_sim.sim.device import Host, Processor
 from genie_sim.sim.link import Link
-from genie_sim.sim.nodes import Consumer, Detector
+from genie_sim.sim.nodes import Detector
 from genie_sim.sim.ros_graph import Graph
 
 pytestmark = pytest.mark.no_cover  # long runs of what the tests of sim run already
@@ -183,9 +183,12 @@ def detector_run(rng: np.random.Generator, rho: float, queue_length: int, images
     waits: list[int] = []
     dropped: list[int] = []
 
-    def consume(answer: Detections, now_ns: int) -> None:
-        answered.append(answer.header.stamp_ns)
-        waits.append(now_ns - answer.header.stamp_ns - SERVICE_NS)
+    class Consumer:
+        address = "consumer"
+
+        def deliver(self, topic: str, answer: Detections, sender: str) -> None:
+            answered.append(answer.header.stamp_ns)
+            waits.append(env.now - answer.header.stamp_ns - SERVICE_NS)
 
     detector = Detector(
         "detector",
@@ -196,7 +199,7 @@ def detector_run(rng: np.random.Generator, rho: float, queue_length: int, images
         queue_length,
         lambda message, where: dropped.append(message.header.stamp_ns),
     )
-    Consumer("consumer", graph, "/objects", consume)
+    graph.subscribe("/objects", Consumer())
 
     def come(number: int) -> None:
         graph.inject("/image_raw", image(number, env.now), "camera")
