@@ -94,12 +94,12 @@ class Difference(NamedTuple):
     arm: str
     value: float | None
     unit: str
-    against: str
-    difference: float | None
-    low: float | None
-    high: float | None
-    by: str
-    n: int
+    against: str = ""
+    difference: float | None = None
+    low: float | None = None
+    high: float | None = None
+    by: str = ""
+    n: int = 0
 
 
 @dataclass(frozen=True)
@@ -179,12 +179,9 @@ def _names(groups: Sequence[Mapping[int, Run]]) -> list[str]:
     if len(set(names)) == len(names):
         return names
     differ = {path: values for path, values in _settings(first).items() if path.startswith("scenario.")}
-    told = [
-        ", ".join(f"{path.rpartition('.')[2]} {values[i]}" for path, values in differ.items())
-        for i in range(len(first))
-    ]
-    told = [one.replace("'", "") for one in told]
-    if len(set(names)) == 1 and len(set(told)) == len(told) and max(map(len, told)) <= SHORT_NAME:
+    named = [[f"{path.rpartition('.')[2]} {value}" for value in values] for path, values in differ.items()]
+    told = [", ".join(one).replace("'", "") for one in zip(*named, strict=True)]
+    if told and len(set(names)) == 1 and len(set(told)) == len(told) and max(map(len, told)) <= SHORT_NAME:
         return told
     return [f"{run.name}-{run.run_id[:6]}" for run in first]
 
@@ -222,7 +219,7 @@ def _difference(metric: str, arm: Arm, other: Arm | None) -> Difference | None:
         return None
     value = float(np.mean(known))
     if other is None:
-        return Difference(metric, arm.label, value, unit, "", None, None, None, "", 0)
+        return Difference(metric, arm.label, value, unit)
     theirs = {seed: _sums(metric, run, other.method).value for seed, run in other.runs.items()}
     gaps = [
         mine - reference
@@ -235,7 +232,7 @@ def _difference(metric: str, arm: Arm, other: Arm | None) -> Difference | None:
     seed = _paired(arm, other)[0]
     found = _over_blocks(_sums(metric, arm.runs[seed], arm.method), _sums(metric, other.runs[seed], other.method))
     if found is None:
-        return Difference(metric, arm.label, value, unit, other.label, None, None, None, "", 0)
+        return Difference(metric, arm.label, value, unit, other.label)
     gap, ends, n = found
     return Difference(metric, arm.label, value, unit, other.label, gap, *ends, BLOCKS, n)
 

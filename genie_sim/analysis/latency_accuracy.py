@@ -13,13 +13,10 @@ from genie_sim.analysis.drawing import finish, in_style, logarithmic_ms
 from genie_sim.recording.results import MethodInfo, Metric
 
 LATENCY = "first_answer_mean"
-ACCURACY = {  # the first of them that every method has
-    "streaming_f1": "streaming F1 of what the consumer holds",
-    "first_proxy_f1": "F1 of first answers against the detector's own",
+ACCURACY = {  # the first of them that every method has, and what is said of it
+    "streaming_f1": ("streaming F1", " of what the consumer holds"),
+    "first_proxy_f1": ("F1 of first answers", " against the detector's own"),
 }
-
-LABELS = {"streaming_f1": "streaming F1", "first_proxy_f1": "F1 of first answers"}
-
 Numbers = Mapping[str, Sequence[Metric]]
 
 
@@ -61,8 +58,8 @@ def latency_accuracy(
     axis.set_ylim(0, 1.02)
     axis.yaxis.set_major_formatter(FuncFormatter(style.percent_tick))
     axis.set_xlabel("mean time to first answer [ms], logarithmic")
-    axis.set_ylabel(LABELS[accuracy])
-    finish(figure, f"Latency against accuracy: {ACCURACY[accuracy]}", footer, [axis])
+    axis.set_ylabel(ACCURACY[accuracy][0])
+    finish(figure, f"Latency against accuracy: {''.join(ACCURACY[accuracy])}", footer, [axis])
     return figure
 
 

@@ -137,7 +137,7 @@ def text(metrics: Sequence[Metric], width: int = 80) -> str:
 def cells(metrics: Sequence[Metric], titles: Mapping[str, str]) -> tuple[list[str], list[list[str]]]:
     """The same table as headings and rows of text with the intervals inside the run; methods have their ``titles``."""
     headings, rows = _screen(metrics)
-    made = [[label, *(_show(cell, unit=False) + _interval(cell) for cell in row)] for label, row in rows]
+    made = [[label, *(_show(cell, unit=False, interval=True) for cell in row)] for label, row in rows]
     return ["", *(titles.get(heading, heading) for heading in headings)], made
 
 
@@ -167,7 +167,7 @@ def markdown(metrics: Sequence[Metric], scenario: str, run_id: str, seed: int) -
     parts = [f"# {scenario}", f"Run `{run_id}`, seed {seed}.", NOTE_ON_WORDS, NOTE_ON_INTERVALS]
     parts = [textwrap.fill(part, 120) for part in parts]
     for table in _tables(metrics):
-        rows = [[label, *(_show(one, table.units) + _interval(one) for one in cells)] for label, cells in table.rows]
+        rows = [[label, *(_show(one, table.units, interval=True) for one in cells)] for label, cells in table.rows]
         shown = text_table.markdown(["", *table.columns], rows, "l" + "r" * len(table.columns))
         parts += filter(None, [f"## {table.title}", shown, table.more])
     return "\n\n".join(parts) + "\n"
@@ -272,23 +272,17 @@ def _line(label: str, label_width: int, cells: Sequence[str], widths: Sequence[i
     return f"{label:<{label_width}}{numbers}"
 
 
-def _show(metric: Metric | None, unit: bool = True) -> str:
-    """Three digits and the unit; shares in percent."""
+def _show(metric: Metric | None, unit: bool = True, interval: bool = False) -> str:
+    """Three digits, the unit and the interval; shares in percent."""
     if metric is None or metric.value is None:
         return UNKNOWN
     share = metric.unit == "1" and metric.metric != "confidence_boost"
-    digits = _digits(100 * metric.value if share else metric.value)
-    if not unit:
-        return digits
+    value, low, high = (
+        None if one is None else _digits(100 * one if share else one) for one in (metric.value, metric.low, metric.high)
+    )
     word = "%" if share else "" if metric.unit == "1" else metric.unit.partition("/Genie")[0].replace("entries", "")
-    return f"{digits} {word}".rstrip()
-
-
-def _interval(metric: Metric | None) -> str:
-    if metric is None or metric.low is None or metric.high is None:
-        return ""
-    factor = 100 if metric.unit == "1" and metric.metric != "confidence_boost" else 1
-    return f" ({_digits(factor * metric.low)} to {_digits(factor * metric.high)})"
+    shown = f"{value} {word}".rstrip() if unit else str(value)
+    return shown if not interval or low is None or high is None else f"{shown} ({low} to {high})"
 
 
 def _digits(value: float) -> str:

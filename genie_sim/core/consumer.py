@@ -68,7 +68,7 @@ class Newest(Consumer):
         for answer in answers:
             for one in answer.objects:
                 at = one.location
-                if at is None or any(_sees(image, at[0], at[1]) for image in shown):
+                if at is None or any(_in_view(image, at) for image in shown):
                     continue
                 one = one if answer.valid_ns is None else _moved(one, now_ns - answer.valid_ns)
                 others = places.setdefault(one.label, [])
@@ -116,8 +116,8 @@ def _instant(answer: Detections) -> int:
     return answer.header.stamp_ns if answer.valid_ns is None else answer.valid_ns
 
 
-def _sees(image: Image, east_m: float, north_m: float) -> bool:
-    return abs(bearing(image.pose, east_m, north_m)[1]) <= image.horizontal_fov_rad / 2
+def _in_view(image: Image, at: Location) -> bool:
+    return abs(bearing(image.pose, at[0], at[1])[1]) <= image.horizontal_fov_rad / 2
 
 
 def _moved(one: Detection, for_ns: int) -> Detection:

@@ -7,51 +7,38 @@ To add a policy, write a class with the methods of ``Eviction`` and name it in `
 import heapq
 from collections import OrderedDict
 from collections.abc import Callable, Hashable
-from typing import Protocol
 
 
-class Eviction(Protocol):
-    """Watches the keys of a cache and names the next one to go. Times are integer nanoseconds."""
+class Eviction:
+    """Watches the keys of a cache and names the next one to go. Times are integer nanoseconds.
+
+    By itself, answers never grow old; a cache with a capacity lets the oldest go first (FIFO).
+    """
+
+    def __init__(self) -> None:
+        self._keys: OrderedDict[Hashable, None] = OrderedDict()  # a dict would look for its first key through gaps
 
     def stored(self, key: Hashable, now_ns: int) -> None:
         """An answer was stored under ``key``, for the first time or again."""
+        self._keys.setdefault(key, None)
 
     def used(self, key: Hashable, now_ns: int) -> None:
         """The answer under ``key`` was replayed."""
 
     def removed(self, key: Hashable) -> None:
         """``key`` is gone."""
-
-    def victim(self) -> Hashable:
-        """The key to remove from a full cache that holds at least one."""
-
-    def expires_ns(self, key: Hashable) -> int | None:
-        """From when on the answer under ``key`` is too old, ``None`` for never."""
-
-
-class Unlimited:
-    """Answers never grow old; a cache with a capacity lets the oldest go first (FIFO)."""
-
-    def __init__(self) -> None:
-        self._keys: OrderedDict[Hashable, None] = OrderedDict()  # a dict would look for its first key through gaps
-
-    def stored(self, key: Hashable, now_ns: int) -> None:
-        self._keys.setdefault(key, None)
-
-    def used(self, key: Hashable, now_ns: int) -> None:
-        pass
-
-    def removed(self, key: Hashable) -> None:
         self._keys.pop(key, None)
 
     def victim(self) -> Hashable:
+        """The key to remove from a full cache that holds at least one."""
         return next(iter(self._keys))
 
     def expires_ns(self, key: Hashable) -> int | None:
+        """From when on the answer under ``key`` is too old, ``None`` for never."""
         return None
 
 
-class LRU(Unlimited):
+class LRU(Eviction):
     """The least recently used answer goes first."""
 
     def stored(self, key: Hashable, now_ns: int) -> None:
@@ -62,7 +49,7 @@ class LRU(Unlimited):
         self._keys.move_to_end(key)
 
 
-class LFU:
+class LFU(Eviction):
     """The least frequently used answer goes first; of equally used ones the least recently used."""
 
     def __init__(self) -> None:
@@ -92,11 +79,8 @@ class LFU:
                 return key
             heapq.heappop(self._heap)
 
-    def expires_ns(self, key: Hashable) -> int | None:
-        return None
 
-
-class TTL(Unlimited):
+class TTL(Eviction):
     """An answer lives for ``ttl_ns`` after it was stored; when the cache is full the oldest goes first."""
 
     def __init__(self, ttl_ns: int) -> None:
@@ -119,4 +103,4 @@ class TTL(Unlimited):
         return self._expires_ns.get(key)
 
 
-EVICTIONS: dict[str, Callable[..., Eviction]] = {"unlimited": Unlimited, "lru": LRU, "lfu": LFU, "ttl": TTL}
+EVICTIONS: dict[str, Callable[..., Eviction]] = {"unlimited": Eviction, "lru": LRU, "lfu": LFU, "ttl": TTL}

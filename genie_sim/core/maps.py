@@ -48,14 +48,18 @@ class InMap(Protocol):
 
 
 class Map(Protocol):
-    """An object map. Times are those of the Genie's clock [ns]."""
+    """An object map. Times are those of the Genie's clock [ns]. A class that inherits from this one has no objects, and
+    what the node finds goes to everybody as it is, unless it says so."""
 
-    def __len__(self) -> int: ...
+    def __len__(self) -> int:
+        return 0
 
-    def __iter__(self) -> Iterator[InMap]: ...
+    def __iter__(self) -> Iterator[InMap]:
+        return iter(())
 
     def forget(self, now_ns: int) -> Sequence[InMap]:
         """Removes and returns the objects whose time is over."""
+        return ()
 
     def learn(
         self, answer: Answer, viewer: Viewer | None, now_ns: int, own: bool, tells_changes: bool, leaves: bool = True
@@ -63,17 +67,25 @@ class Map(Protocol):
         """EnhancedCacheNewData. ``viewer`` is the request's, where it is known; ``own``: the answer is that of the
         encapsulated node; ``tells_changes``: the look-ups are to name the objects that changed; ``leaves``: the answer
         is stored or goes on, else only the look-ups count."""
+        return Learned(answer, answer, answer, None)
 
     def boost(self, answer: Answer, header: Header, viewer: Viewer | None, now_ns: int) -> Boosted | None:
         """EnhancedCacheBoostData for a stored answer that leaves under ``header``; ``None`` if its type has no objects.
         """
+        return None
 
     @property
     def threshold(self) -> float:
         """From which confidence on an object may leave the Genie."""
+        return 0.0
 
     def visible(self, viewer: Viewer, range_m: float, now_ns: int) -> tuple[list[Detection], int | None]:
         """The objects in view that may leave, and the time that their places are predicted for, if they are."""
+        return [], None
+
+
+class NoMap(Map):
+    """No object map."""
 
 
 def as_change(one: InMap) -> MapChange:

@@ -4,7 +4,7 @@ from collections import deque
 from collections.abc import Callable, Hashable, Iterator
 from dataclasses import dataclass, field
 
-from genie_sim.core.eviction import Eviction, Unlimited
+from genie_sim.core.eviction import Eviction
 from genie_sim.core.maps import Viewer
 from genie_sim.core.similarity import KeyIndex
 from genie_sim.messages import Answer, Header
@@ -27,7 +27,7 @@ class MessageCache:
         self._capacity_entries = capacity_entries
         self._capacity_bytes = capacity_bytes
         self._limited = capacity_entries is not None or capacity_bytes is not None
-        self._expires = getattr(type(eviction), "expires_ns", None) is not Unlimited.expires_ns
+        self._expires = getattr(type(eviction), "expires_ns", None) is not Eviction.expires_ns
         self._answers: dict[Hashable, Answers] = {}
         self.size_bytes = 0
 

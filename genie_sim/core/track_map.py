@@ -116,7 +116,7 @@ class TrackMap:
             if one.location is not None:
                 requests += 1
                 stored = self.match(one.label, one.location[0], one.location[1], now_ns)
-                hits += stored is not None and self._serves(stored, header.origin, now_ns)
+                hits += stored is not None and len(self._served((stored,), header.origin, now_ns))
         answer = answer.with_look(None, None)
         if viewer is not None:
             objects, valid_ns = self.visible(viewer, self._view_range_m, now_ns)
@@ -323,9 +323,6 @@ class TrackMap:
         if expires_ns is not None and (track.due_ns is None or expires_ns < track.due_ns):
             track.due_ns = expires_ns
             heapq.heappush(self._to_forget, (expires_ns, next(self._numbers), track))
-
-    def _serves(self, track: Track, to: str, now_ns: int) -> bool:
-        return len(self._served((track,), to, now_ns)) > 0
 
     def _served(self, tracks: Iterable[Track], to: str, now_ns: int) -> list[Detection]:
         """Those that may leave, where they are now."""

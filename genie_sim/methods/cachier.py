@@ -7,7 +7,7 @@ from typing import Any
 
 from genie_sim.core.caches.cache import Replay, SimilarityCache, cache_node, stores_nothing
 from genie_sim.core.caches.nearest import Key, Nearest
-from genie_sim.core.eviction import Unlimited
+from genie_sim.core.eviction import Eviction
 from genie_sim.core.node import GenieNode
 from genie_sim.core.rules import Capacity
 from genie_sim.core.similarity import Exact
@@ -38,7 +38,7 @@ def best_size(counts: Iterable[float], per_entry_ns: float, cloud_ns: float) -> 
     return expected.index(min(expected))
 
 
-class Popularity(Unlimited):
+class Popularity(Eviction):
     """How often each known key was asked for, of late; of the stored ones the least popular goes first, of equally
     popular ones the one not asked for the longest (LFU with recency)."""
 

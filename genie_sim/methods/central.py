@@ -4,8 +4,9 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
-from genie_sim.core.caches.cache import NoMap, stores_nothing
+from genie_sim.core.caches.cache import stores_nothing
 from genie_sim.core.genies import make_genie
+from genie_sim.core.maps import NoMap
 from genie_sim.core.node import GenieNode
 from genie_sim.errors import UserError, unknown
 from genie_sim.methods.genie import REMOTE

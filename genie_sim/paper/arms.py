@@ -105,9 +105,6 @@ def _curves(
 
 
 def _reuse(evidence: Evidence) -> dict[str, tuple[float, float, float]]:
-    return {
-        "object_reuse": interval(evidence.mean_of(ALL, BOTH_OBJECTS)),
-        "image_reuse": interval(evidence.mean_of(ALL, BOTH_IMAGES)),
-        "first_answer_ms": interval(evidence.mean_of(ALL, ["first_answer_mean:genie"])),
-        "fresh_answer_ms": interval(evidence.mean_of(ALL, ["fresh_answer_mean:genie"])),
-    }
+    times = {f"{answer}_answer_ms": [f"{answer}_answer_mean:genie"] for answer in ("first", "fresh")}
+    facts = {"object_reuse": BOTH_OBJECTS, "image_reuse": BOTH_IMAGES, **times}
+    return {name: interval(evidence.mean_of(ALL, of)) for name, of in facts.items()}

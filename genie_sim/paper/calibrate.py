@@ -34,11 +34,14 @@ class Point:
         """Object reuse / image reuse."""
         return self.object_reuse / max(self.image_reuse, LEAST_REUSE)
 
+    def over(self, targets: dict[str, float]) -> tuple[float, float]:
+        """The two published numbers here, as shares of their targets."""
+        level = max(self.object_reuse, LEAST_REUSE) / targets["object_reuse_mean"]
+        return level, max(self.ratio, LEAST_REUSE) / targets["object_to_image_reuse"]
+
     def misfit(self, targets: dict[str, float]) -> float:
         """Squared distance to the two targets, in natural logarithms: 0.1 is about 10 %, too high or too low alike."""
-        level = math.log(max(self.object_reuse, LEAST_REUSE) / targets["object_reuse_mean"])
-        ratio = math.log(max(self.ratio, LEAST_REUSE) / targets["object_to_image_reuse"])
-        return level**2 + ratio**2
+        return sum(math.log(share) ** 2 for share in self.over(targets))
 
     @property
     def settings(self) -> tuple[str, ...]:
@@ -57,9 +60,7 @@ class Calibration:
     @property
     def reached(self) -> bool:
         """Whether the best point is within 10 % of both targets."""
-        level = self.best.object_reuse / self.targets["object_reuse_mean"] - 1
-        ratio = self.best.ratio / self.targets["object_to_image_reuse"] - 1
-        return abs(level) <= 0.1 and abs(ratio) <= 0.1
+        return all(abs(share - 1) <= 0.1 for share in self.best.over(self.targets))
 
     def as_json(self) -> dict[str, Any]:
         """For ``calibration.json``."""

@@ -85,8 +85,13 @@ def _case_study(outcomes: Sequence[Outcome], footer: str) -> Figure:
     left.set_xlabel("response time, first answer [ms]")
     left.set_ylabel("share of frames")
     lookups = _table(outcomes[0], "lookups")
-    right.plot(*_running(lookups, "car2/genie", image=False), label="objects, car2 (no cameras)", **objects)
-    right.plot(*_running(lookups, "car1/genie", image=True), label="images, car1 (cameras)", **images)
+    of_image = lookups["kind"] == "image"
+    for mine, label, look in (
+        (lookups.rows(~of_image).where(genie="car2/genie"), "objects, car2 (no cameras)", objects),
+        (lookups.rows(of_image).where(genie="car1/genie"), "images, car1 (cameras)", images),
+    ):
+        ratios = metrics.running_reuse(mine)["ratio"]
+        right.plot(np.arange(1, len(ratios) + 1), ratios, label=label, **look)
     right.set_xlabel("events (messages looked up)")
     right.set_ylabel("running hits / requests")
     right.set_ylim(0, 1.02)
@@ -206,13 +211,6 @@ def _sweep(axis: Axes, row: Row, targets: Mapping[str, float]) -> None:
     axis.set_xlabel(row["title"] + unit)
     axis.set_ylim(0, 1.02)
     axis.yaxis.set_major_formatter(FuncFormatter(style.percent_tick))
-
-
-def _running(lookups: Columns, genie: str, image: bool) -> tuple[Any, Any]:
-    mine = (lookups["genie"] == genie) & ((lookups["kind"] == "image") == image) & (lookups["requests"] > 0)
-    events = lookups.rows(mine)
-    hits, requests = (np.cumsum(events.floats(name)) for name in ("hits", "requests"))
-    return np.arange(1, len(events) + 1), hits / requests
 
 
 def _pooled(outcomes: Sequence[Outcome], table: str) -> Columns:

@@ -5,7 +5,8 @@ A model's Python names carry their unit (``delay_ns``), the YAML names do not (`
 
 import difflib
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from typing import Annotated, Any, NoReturn, TypeVar
 
 from pydantic import (
@@ -30,6 +31,15 @@ AnyModel = TypeVar("AnyModel", bound="Model")
 def problem(field: str, text: str) -> NoReturn:
     """Inside a validator: ``text`` is wrong with ``field``, a path such as ``cars[1].edge`` below the model."""
     raise PydanticCustomError("problem", "{text}", {"text": text, "field": field})
+
+
+@contextmanager
+def wrong(field: str) -> Iterator[None]:
+    """Inside a validator: what is raised within is wrong with ``field``."""
+    try:
+        yield
+    except (UserError, ValueError) as error:
+        problem(field, str(error))
 
 
 class Model(BaseModel):

@@ -10,7 +10,7 @@ from genie_sim.core.rules import LITERAL
 from genie_sim.errors import short_repr
 from genie_sim.methods import METHODS, MUST_HAVE
 from genie_sim.plugins import Choice
-from genie_sim.scenario.fields import Model, Name, problem
+from genie_sim.scenario.fields import Model, Name, problem, wrong
 from genie_sim.scenario.plain import OWN_CLASS_SCHEMA, PlugIn
 
 # What ``scenario.Overridable`` holds.
@@ -41,10 +41,8 @@ def read_method(value: object) -> MethodEntry:
     title = given.pop("title", None)
     if title is not None and (not isinstance(title, str) or not title.strip()):
         problem("title", f"must be text, not {short_repr(title)}")
-    try:
+    with wrong("method" if isinstance(value, Mapping) and "method" in value else ""):
         plugins.checked_name("method", method, METHODS)
-    except ValueError as error:
-        problem("method" if isinstance(value, Mapping) and "method" in value else "", str(error))
     of_scenario = {key: item for key, item in given.items() if key in OVERRIDABLE}
     arguments = {key: item for key, item in given.items() if key not in OVERRIDABLE}
     choice = _PLUG_IN.read({"method": method, **arguments})

@@ -18,7 +18,7 @@ from pydantic_core import CoreSchema, core_schema
 from genie_sim import plugins
 from genie_sim.errors import UserError, short_repr, unknown
 from genie_sim.plugins import Choice, Parameter
-from genie_sim.scenario.fields import Duration, Length, Listed, Model, Rate, Size, Turn, first_problem, problem
+from genie_sim.scenario.fields import Duration, Length, Listed, Model, Rate, Size, Turn, first_problem, problem, wrong
 
 _WITH_UNIT: dict[str, Any] = {"_ns": Duration, "_bytes": Size, "_m": Length, "_bps": Rate, "_rad": Turn}
 
@@ -98,10 +98,8 @@ class PlugIn:
         if not isinstance(value, str | Mapping):
             problem("", f"must be a name or a mapping, not {short_repr(value)}")
         given = dict(value) if isinstance(value, Mapping) else {self._key: value}
-        try:
+        with wrong(self._key if isinstance(value, Mapping) else ""):
             name = plugins.checked_name(self.what, given.pop(self._key, self._default), self.registry)
-        except ValueError as error:
-            problem(self._key if isinstance(value, Mapping) else "", str(error))
         if name not in self.registry:
             for key, item in given.items():
                 if not isinstance(item, Parameter):

@@ -21,7 +21,7 @@ from genie_sim.perception.sources import SOURCES
 from genie_sim.plugins import Choice
 from genie_sim.scenario.convoy import Convoy
 from genie_sim.scenario.faults import FaultField, check_faults
-from genie_sim.scenario.fields import Count, Duration, Listed, Model, Name, first_problem, problem, validate
+from genie_sim.scenario.fields import Count, Duration, Listed, Model, Name, first_problem, problem, validate, wrong
 from genie_sim.scenario.fleet import MOST_EDGES, Fleet
 from genie_sim.scenario.genie import GenieSection
 from genie_sim.scenario.links import LINKS, Link
@@ -194,37 +194,29 @@ class Scenario(Overridable):
         if "trace" in self.perception.parameters:
             traces["perception.trace"] = self.perception.parameters["trace"]
         for field, trace in traces.items():
-            try:
+            with wrong(field):
                 files.find(files.TRACE, trace)
-            except UserError as error:
-                problem(field, str(error))
         for device, field in self._devices().items():
-            try:
+            with wrong(field):
                 self._profiles[device] = load_profile(device)
-            except UserError as error:
-                problem(field, str(error))
             for index, entry in enumerate(self.methods):
                 self._model_fits(index, entry, self._profiles[device])
         return self
 
     def _devices(self) -> dict[str, str]:
         """Every device, and where it is named first."""
-        first_use: dict[str, str] = {}
-        for index, car in enumerate(self.cars):
-            first_use.setdefault(car.device, f"cars[{index}].device")
-        for index, edge in enumerate(self.edges):
-            first_use.setdefault(edge.device, f"edges[{index}].device")
+        used = [(car.device, f"cars[{index}].device") for index, car in enumerate(self.cars)]
+        used += [(edge.device, f"edges[{index}].device") for index, edge in enumerate(self.edges)]
         if self.fleet is not None:
-            first_use |= dict.fromkeys(self.fleet.devices, "fleet.devices")
-            first_use.setdefault(self.fleet.edge_device, "fleet.edge_device")
-        return first_use
+            used += [(device, "fleet.devices") for device in self.fleet.devices]
+            used.append((self.fleet.edge_device, "fleet.edge_device"))
+        first = dict(reversed(used))
+        return {device: first[device] for device, _ in used}
 
     def _model_fits(self, index: int, entry: MethodEntry, profile: DeviceProfile) -> None:
         mine, where = self.under(entry), f"methods[{index}]." if entry.settings.keys() & {"model", "genie"} else ""
-        try:
+        with wrong(f"{where}model"):
             median_ns = profile.median_ns(mine.model)
-        except UserError as error:
-            problem(f"{where}model", str(error))
         expiry_ns = mine.genie.request_expiry_ns
         if expiry_ns is None or expiry_ns > median_ns:
             return

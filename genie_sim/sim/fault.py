@@ -48,8 +48,8 @@ class TimedFault:
 
 def start(world: "World", timed: TimedFault) -> None:
     """Lets a fault happen at its times. The world's own end does not wait for a fault that goes on for ever."""
-    env, fault = world.env, timed.fault
-    if timed.mean_time_between_ns is None:
+    env, fault, between_ns = world.env, timed.fault, timed.mean_time_between_ns
+    if between_ns is None:
         env.after(timed.begin_ns, _once, world, timed)
         return
     rng = world.stream(timed.name)
@@ -58,17 +58,15 @@ def start(world: "World", timed: TimedFault) -> None:
         return max(1, round(rng.exponential(mean_ns)))
 
     def begin() -> None:
-        if env.now > world.end_ns:
-            return
-        fault.begin(world)
-        env.after(next_time(timed.mean_duration_ns), end)
+        if env.now <= world.end_ns:
+            fault.begin(world)
+            env.after(next_time(timed.mean_duration_ns), end)
 
     def end() -> None:
         fault.end(world)
-        if not env.now > world.end_ns:
+        if env.now <= world.end_ns:
             env.after(next_time(between_ns), begin)
 
-    between_ns = timed.mean_time_between_ns
     env.after(timed.begin_ns + next_time(between_ns), begin)
 
 

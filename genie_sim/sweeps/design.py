@@ -27,6 +27,19 @@ MOST_RUNS = 1_000_000
 COLUMNS = (  # of the tables
     "point", "seed", "run_id", "metric", "method", "placement", "component", "value", "unit", "low", "high", "n", "runs"
 )  # fmt: skip
+PANELS = {  # the main metrics -> label of their panel in figures
+    "image_reuse": "image reuse",
+    "object_reuse": "object reuse",
+    "confidence_boost": "confidence boost",
+    "first_answer_mean": "first answer [ms]",
+    "fresh_answer_mean": "fresh answer [ms]",
+    "under_deadline_share": "answered in 33 ms",
+    "fresh_answered_share": "with a fresh answer",
+    "streaming_f1": "streaming F1",
+    "ghost_share": "ghost share",
+    "object_recall": "object recall",
+}
+LOGARITHMIC_FROM = 20.0  # a list that spans so much, largest to smallest
 UNITS = {*units.DURATIONS, *units.SIZES, *units.RATES, *units.LENGTHS, *units.ANGLES, "entries"}
 _QUANTITY = re.compile(r"([+-]?\d{1,15}(?:\.\d{1,15})?(?:[eE][+-]?\d{1,2})?)(?:\s*([^\s\d]\S*))?", re.ASCII)
 
@@ -282,6 +295,11 @@ class Point:
     levels: tuple[Level, ...]
     scenario: str
     overrides: tuple[str, ...]
+
+
+def spans_much(numbers: Sequence[float]) -> bool:
+    """Whether a list of values is better drawn on a logarithmic axis."""
+    return min(numbers) > 0 and max(numbers) / min(numbers) >= LOGARITHMIC_FROM
 
 
 def load_design(path_or_name: str | Path) -> Design:

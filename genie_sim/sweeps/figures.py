@@ -13,36 +13,20 @@ from genie_sim.analysis import style
 from genie_sim.analysis.drawing import finish, in_style
 from genie_sim.analysis.statistics import across_seeds
 from genie_sim.analysis.style import PAGE_IN, PLACEMENTS, percent_tick, thinned
-from genie_sim.sweeps.design import Axis, Design, Level
+from genie_sim.sweeps.design import PANELS, Axis, Design, Level, spans_much
 
 if TYPE_CHECKING:
     import pandas as pd
 
-LOGARITHMIC_FROM = 20.0  # a list that spans so much, largest to smallest
 MOST_TICKS = 8
 MOST_COLUMNS = 4  # of panels, side by side
 MOST_PLACES = 6  # of the axes beyond the second, each with figures of its own
 LEVEL_CHARACTERS = 16  # of a value that is a text, as in the page
-PANELS = {  # metric -> label of its panel
-    "image_reuse": "image reuse",
-    "object_reuse": "object reuse",
-    "confidence_boost": "confidence boost",
-    "first_answer_mean": "first answer [ms]",
-    "fresh_answer_mean": "fresh answer [ms]",
-    "under_deadline_share": "answered in 33 ms",
-    "fresh_answered_share": "with a fresh answer",
-    "streaming_f1": "streaming F1",
-    "ghost_share": "ghost share",
-    "object_recall": "object recall",
-}
 SIDE_BY_SIDE = (  # of these, where each value of another axis has a column of panels
     "image_reuse", "object_reuse", "first_answer_mean", "fresh_answered_share", "streaming_f1", "ghost_share"
 )  # fmt: skip
 HEATED = ("first_answer_mean", "object_reuse", "streaming_f1", "ghost_share")  # drawn as heat maps
-SHARES = (
-    "image_reuse", "object_reuse", "under_deadline_share", "fresh_answered_share", "streaming_f1", "ghost_share",
-    "object_recall",
-)  # fmt: skip
+SHARES = PANELS.keys() - {"confidence_boost", "first_answer_mean", "fresh_answer_mean"}
 MARKER_ROOM = 0.03  # above the highest value, of the panel's height
 
 
@@ -123,7 +107,9 @@ def along(
     note = [f"{len(kept)} of {len(levels)} values of {beside}"] if len(kept) < len(levels) else []
     note += [f"averaged over {', '.join(averaged)}"] if averaged else []
     note += [f"at {at}"] if at else []
-    finish(figure, f"Along {column}: {_shows(runs)}", footer, figure.axes, "; ".join(note))
+    several = "means and 95 % intervals across seeds"
+    shows = several if runs["seed"].nunique() > 1 else "one seed, so without intervals"
+    finish(figure, f"Along {column}: {shows}", footer, figure.axes, "; ".join(note))
     return figure
 
 
@@ -167,10 +153,6 @@ def _heat_map(panel: Axes, cells: "pd.DataFrame", ends: tuple[float, float], per
         if not math.isnan(value):
             text = f"{100 * value:.0f} %" if percent else f"{value:.3g}"
             panel.text(x, y, text, ha="center", va="center", color="white" if value > middle else "black", fontsize=7)
-
-
-def _shows(runs: "pd.DataFrame") -> str:
-    return "means and 95 % intervals across seeds" if runs["seed"].nunique() > 1 else "one seed, so without intervals"
 
 
 def _draw(panel: Axes, axis: Axis, column: str, means: "pd.DataFrame", methods: Sequence[str]) -> None:
@@ -218,7 +200,7 @@ def _look(method: str, placement: str, methods: Sequence[str], alone: bool) -> d
 def _logarithmic(axis: Axis, numbers: Sequence[float]) -> bool:
     if axis.span is not None:
         return axis.span.scale == "log"
-    return min(numbers) > 0 and max(numbers) / min(numbers) >= LOGARITHMIC_FROM
+    return spans_much(numbers)
 
 
 def _round_ticks(low: float, high: float) -> list[float]:

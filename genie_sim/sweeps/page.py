@@ -9,23 +9,19 @@ from genie_sim.analysis.statistics import across_seeds
 from genie_sim.errors import UserError, first_line
 from genie_sim.recording import provenance
 from genie_sim.report.data import rounded
+from genie_sim.sweeps.design import PANELS, spans_much
 
 if TYPE_CHECKING:
     import pandas as pd
 
     Series = Mapping[str, list[tuple[str, ...]]]  # by metric: what it is of, as method, placement and component
 
-MAIN = (
-    "image_reuse", "object_reuse", "confidence_boost", "first_answer_mean", "fresh_answer_mean",
-    "under_deadline_share", "fresh_answered_share", "streaming_f1", "ghost_share", "object_recall",
-)  # fmt: skip
 OF = ["method", "placement", "component"]
 BY = ["metric", *OF]
 ENDS = ["value", "low", "high"]
 MOST_NUMBERS = 500_000  # in the page, a few bytes each
 MOST_LEVELS = 300  # on one axis
 MOST_LINES = 8  # an axis of more levels is not offered to tell lines apart
-LOGARITHMIC_FROM = 20.0  # a list that spans so much, largest to smallest
 
 
 def page(folder: Path) -> str:
@@ -55,7 +51,7 @@ def page_data(folder: Path) -> dict[str, Any]:
         "axes": [{"column": name, "of": axis["set"], "sampled": _sampled(axis)} for name, axis in axes.items()],
         "methods": [{"name": name, "title": titles.get(name, name)} for name in dict.fromkeys(found["method"])],
         "metrics": [
-            {"name": name, "unit": unit, "of": of[name], "main": name in MAIN} for name, unit in metrics.groups
+            {"name": name, "unit": unit, "of": of[name], "main": name in PANELS} for name, unit in metrics.groups
         ],
         "table": _table(points, kept, columns, of, notes),
         "curves": list(_curves(runs, kept, axes, of, notes)),
@@ -72,17 +68,15 @@ def _read(folder: Path) -> "tuple[dict[str, Any], pd.DataFrame, pd.DataFrame]":
         about = provenance.read_json(path)
         if not isinstance(about, dict) or "sweep" not in about:
             raise UserError(f"{path}: cannot be read: not what a sweep says of itself")
-        path = folder / "runs.parquet"
-        with path.open("rb") as file:  # of a path pandas makes a URI
-            runs = pd.read_parquet(file, use_threads=False)  # see parquet.read
-        path = folder / "table.parquet"
-        with path.open("rb") as file:
-            points = pd.read_parquet(file, use_threads=False)
+        read = []
+        for path in (folder / "runs.parquet", folder / "table.parquet"):
+            with path.open("rb") as file:  # of a path pandas makes a URI
+                read.append(pd.read_parquet(file, use_threads=False))  # see parquet.read
     except FileNotFoundError:
         raise UserError(f"{path}: missing; the sweep is not finished, run it again for the rest") from None
     except (OSError, ValueError) as error:
         raise UserError(f"{path}: cannot be read: {first_line(error)}") from error
-    return about, runs, points
+    return about, read[0], read[1]
 
 
 def _chosen(points: "pd.DataFrame", runs: "pd.DataFrame", columns: Sequence[str], notes: list[str]) -> "pd.DataFrame":
@@ -92,7 +86,7 @@ def _chosen(points: "pd.DataFrame", runs: "pd.DataFrame", columns: Sequence[str]
     if (len(points) + series * levels * MOST_LINES) * len(ENDS) <= MOST_NUMBERS:
         return points
     notes.append("The page shows the main metrics only; all are in table.csv and table.parquet beside it.")
-    return points[points["metric"].isin(MAIN)]
+    return points[points["metric"].isin(PANELS)]
 
 
 def _table(
@@ -163,4 +157,4 @@ def _logarithmic(axis: Mapping[str, Any], levels: Sequence[float]) -> bool:
     span = axis["grid"] or axis["random"] or axis["latin_hypercube"]
     if span is not None:
         return bool(span["scale"] == "log")
-    return min(levels) > 0 and max(levels) / min(levels) >= LOGARITHMIC_FROM
+    return spans_much(levels)

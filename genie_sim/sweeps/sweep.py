@@ -4,7 +4,6 @@ import contextlib
 import itertools
 import json
 import shutil
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -26,6 +25,7 @@ if TYPE_CHECKING:
 FORMAT = 2
 ABOUT = "sweep.json"
 FAILURES = "failures"
+RESULTS = ("table.*", "differences.*", "runs.parquet", "figures/*", "report.html")  # besides the parts
 
 
 @dataclass(frozen=True)
@@ -78,7 +78,8 @@ class Sweep:
         count = len(mine) - len(missing)
         if progress is not None:
             progress(count, len(mine), "")
-        self._forget_results()
+        for path in itertools.chain.from_iterable(map(self.folder.glob, RESULTS)):
+            path.unlink(missing_ok=True)  # of earlier axes or fewer seeds
         if not missing:
             return
         for run in missing:
@@ -123,12 +124,6 @@ class Sweep:
             text = f"{self.plan.runs[failure.run_id].place}\n\n{failure.traceback}"
             beside.write_text(text, encoding="utf-8", errors="backslashreplace")
 
-    def _forget_results(self) -> None:
-        """Tables, figures and page of earlier axes or fewer seeds; the parts stay."""
-        old = ("table.*", "differences.*", "runs.parquet", "figures/*", "report.html")
-        for path in itertools.chain.from_iterable(map(self.folder.glob, old)):
-            path.unlink(missing_ok=True)
-
     @property
     def _parts(self) -> Path:
         return self.folder / "parts"
@@ -137,15 +132,13 @@ class Sweep:
         """The tables; returns that of all runs."""
         columns = list(self.design.columns.values())
         runs = tables.of_runs(self.plan.entries, columns, tables.read_parts(self._parts, self.plan.runs.keys()))
-        points = tables.of_points(runs, columns)
-        about = json.dumps({"sweep": self._settings(), "format": FORMAT}, sort_keys=True).encode()
-        tables.write_parquet(runs, self.folder / "runs.parquet", {b"genie_sim": about})
-        tables.write_parquet(points, self.folder / "table.parquet", {b"genie_sim": about})
-        tables.write_csv(points, self.folder / "table.csv")
         crossed = [self.design.columns[name] for name in self.design.crossed]
+        about = json.dumps({"sweep": self._settings(), "format": FORMAT}, sort_keys=True).encode()
+        tables.write_parquet(runs, self.folder / "runs.parquet", about)
         compared = tables.all_differences(runs, columns, crossed)
-        tables.write_parquet(compared, self.folder / "differences.parquet", {b"genie_sim": about})
-        tables.write_csv(compared, self.folder / "differences.csv")
+        for name, table in (("table", tables.of_points(runs, columns)), ("differences", compared)):
+            tables.write_parquet(table, self.folder / f"{name}.parquet", about)
+            tables.write_csv(table, self.folder / f"{name}.csv")
         self._write_about()  # another sweep of this name may have begun in the meantime
         for leftover in self._parts.glob(f".*{PARTIAL}"):
             leftover.unlink(missing_ok=True)  # of workers that were killed
@@ -158,18 +151,15 @@ class Sweep:
         from genie_sim.sweeps import figures, page
 
         (self.folder / "figures").mkdir(exist_ok=True)
-        titles = self._titles()
-        told = {name: title if list(titles.values()).count(title) == 1 else name for name, title in titles.items()}
-        titled = runs.assign(method=runs["method"].map(told))
-        for name, figure in figures.of_sweep(self.design, titled, self._footer()):
-            of_runs.save(figure, self.folder / "figures", name)
-        report.write_text(self.folder / report.NAME, page.page(self.folder))
-
-    def _footer(self) -> str:
-        seeds: Sequence[int] = self.design.seeds
+        titles, seeds = self._titles(), self.design.seeds
         shown = ", ".join(map(str, seeds)) if len(seeds) <= 5 else f"{len(seeds)} seeds"
         points = self.design.runs // len(seeds)
-        return f"sweep {self.design.name} of {self.design.scenario}, {points} points, seeds {shown}"
+        footer = f"sweep {self.design.name} of {self.design.scenario}, {points} points, seeds {shown}"
+        told = {name: title if list(titles.values()).count(title) == 1 else name for name, title in titles.items()}
+        titled = runs.assign(method=runs["method"].map(told))
+        for name, figure in figures.of_sweep(self.design, titled, footer):
+            of_runs.save(figure, self.folder / "figures", name)
+        report.write_text(self.folder / report.NAME, page.page(self.folder))
 
     def _settings(self) -> dict[str, object]:
         return self.design.model_dump(mode="json", by_alias=True)

@@ -4,12 +4,13 @@ They are made from the parts alone and depend on the sweep and its runs' ids onl
 order, or how often it was interrupted.
 """
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from genie_sim.analysis.statistics import across_seeds
 from genie_sim.errors import UserError, unknown
+from genie_sim.parquet import METADATA_KEY
 from genie_sim.paths import atomic_write
 from genie_sim.recording import tables
 from genie_sim.sweeps.plan import Entry
@@ -89,12 +90,12 @@ def all_differences(runs: "pd.DataFrame", columns: Sequence[str], crossed: Seque
     return pd.concat(found, ignore_index=True)
 
 
-def write_parquet(table: "pd.DataFrame", path: Path, about: Mapping[bytes, bytes]) -> None:
+def write_parquet(table: "pd.DataFrame", path: Path, about: bytes) -> None:
     """``about`` is what the file says of itself. Raises ``UserError``."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    made = pa.Table.from_pandas(table, preserve_index=False).replace_schema_metadata(dict(about))
+    made = pa.Table.from_pandas(table, preserve_index=False).replace_schema_metadata({METADATA_KEY: about})
     with atomic_write(path) as beside, beside.open("wb") as file:  # of a path pyarrow makes a URI
         pq.write_table(made, file, compression="zstd", version="2.6")
 

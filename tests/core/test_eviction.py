@@ -7,12 +7,12 @@ import functools
 import pytest
 from hypothesis import given
 
-from genie_sim.core.eviction import EVICTIONS, LFU, LRU, TTL, Unlimited
+from genie_sim.core.eviction import EVICTIONS, LFU, LRU, TTL, Eviction
 from tests.core.conformance import EvictionConformance, accesses
 
 
 class TestUnlimited(EvictionConformance):
-    make = Unlimited
+    make = Eviction
 
 
 class TestLRU(EvictionConformance):
@@ -35,7 +35,7 @@ def test_every_policy_is_held_to_the_conformance_tests():
 @pytest.mark.parametrize(
     ("eviction", "history", "goes"),
     [
-        (Unlimited(), "ABba", "A"),  # came first
+        (Eviction(), "ABba", "A"),  # came first
         (LRU(), "ABba", "B"),  # was not used since
         (LFU(), "ABaabC", "C"),  # was used least, although last
         (LFU(), "ABba", "B"),  # was used as often as A, but not as recently

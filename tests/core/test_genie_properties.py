@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from genie_sim.core.confidence import CONFIDENCE_RULES
-from genie_sim.core.eviction import LFU, LRU, TTL, Unlimited
+from genie_sim.core.eviction import LFU, LRU, TTL, Eviction
 from genie_sim.core.rules import Percentile
 from genie_sim.core.similarity import DHash, Exact, PoseGrid
 from genie_sim.messages import Expired, ImageLookup, Publish
@@ -39,7 +39,7 @@ MAP_READINGS = {
 }
 CACHES = {
     "similarity": [PoseGrid(), Exact(), DHash(8)],
-    "new_eviction": [Unlimited, LRU, LFU, lambda: TTL(3 * S)],
+    "new_eviction": [Eviction, LRU, LFU, lambda: TTL(3 * S)],
     "capacity": [(None, None), (1, None), (None, 1_000)],
 }
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from genie_sim.core.eviction import LFU, LRU, TTL, Unlimited
+from genie_sim.core.eviction import LFU, LRU, TTL, Eviction
 from genie_sim.core.message_cache import MessageCache, PendingIndex, PendingRequest, Requester
 from genie_sim.core.similarity import DHash, Exact
 from genie_sim.messages import Detections, Header
@@ -32,7 +32,7 @@ def replay(cache, trace, objects_of=lambda key: 0):
 
 
 @pytest.mark.parametrize("capacity", [1, 10, 50, 200, 499, 500])
-@pytest.mark.parametrize(("eviction", "theirs"), [(LRU, "LRU"), (Unlimited, "FIFO")])
+@pytest.mark.parametrize(("eviction", "theirs"), [(LRU, "LRU"), (Eviction, "FIFO")])
 def test_hits_are_those_of_libcachesim(eviction, theirs, capacity):
     """The same policy of an independent simulator (libCacheSim) on the same Zipf trace, request by request."""
     libcachesim = pytest.importorskip("libcachesim", reason="needs libcachesim: pip install 'genie-sim[test]'")
@@ -77,7 +77,7 @@ def test_hits_under_lfu_are_those_of_a_naive_list(capacity):
 
 def test_without_a_capacity_only_the_first_request_for_a_picture_misses():
     trace = zipf()
-    hits = replay(MessageCache(Exact().index(), Unlimited()), trace)
+    hits = replay(MessageCache(Exact().index(), Eviction()), trace)
     assert hits.count(False) == len(set(trace))
 
 

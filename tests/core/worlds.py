@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from genie_sim.core.eviction import Eviction, Unlimited
+from genie_sim.core.eviction import Eviction
 from genie_sim.core.freshness.never import Never
 from genie_sim.core.message_cache import MessageCache, PendingIndex
 from genie_sim.core.node import GenieNode, detections_of_map
@@ -80,7 +80,7 @@ def object_map(view_cell_m: float = 50.0, freshness: Never | None = None, **rule
 def genie(
     objects: ObjectMap | None = None,
     similarity: Similarity | None = None,
-    new_eviction: Callable[[], Eviction] = Unlimited,
+    new_eviction: Callable[[], Eviction] = Eviction,
     capacity: tuple[int | None, int | None] = (None, None),
     published: tuple[str, ...] = (OBJECTS,),
     name: str = "edge1/genie",

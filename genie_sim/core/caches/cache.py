@@ -2,13 +2,13 @@
 
 import functools
 import math
-from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Hashable, Iterable, Sequence
 from dataclasses import replace
 from typing import Any, Literal
 
 from genie_sim.core.caches.nearest import NONE, Key, Nearest
-from genie_sim.core.eviction import Eviction, Unlimited
-from genie_sim.core.maps import InMap, Learned, Viewer
+from genie_sim.core.eviction import Eviction
+from genie_sim.core.maps import NoMap
 from genie_sim.core.matching import Placed, f1, placed
 from genie_sim.core.message_cache import Answers, MessageCache, PendingIndex
 from genie_sim.core.node import GenieNode
@@ -124,35 +124,9 @@ def moved(answer: Answer, there: CameraPose, here: CameraPose) -> Answer:
     return answer.with_objects([place(one) for one in answer.objects])
 
 
-class NoMap:
-    """No object map: what the node finds goes to everybody as it is."""
-
-    threshold = 0.0
-
-    def __len__(self) -> int:
-        return 0
-
-    def __iter__(self) -> Iterator[InMap]:
-        return iter(())
-
-    def forget(self, now_ns: int) -> Sequence[InMap]:
-        return ()
-
-    def learn(
-        self, answer: Answer, viewer: Viewer | None, now_ns: int, own: bool, tells_changes: bool, leaves: bool = True
-    ) -> Learned:
-        return Learned(answer, answer, answer, None)
-
-    def boost(self, answer: Answer, header: Any, viewer: Viewer | None, now_ns: int) -> None:
-        return None
-
-    def visible(self, viewer: Viewer, range_m: float, now_ns: int) -> tuple[list[Detection], int | None]:
-        return [], None
-
-
 def stores_nothing() -> MessageCache:
     """A message cache without room."""
-    return MessageCache(Exact().index(), Unlimited(), capacity_entries=0)
+    return MessageCache(Exact().index(), Eviction(), capacity_entries=0)
 
 
 def cache_node(
