@@ -40,7 +40,9 @@ function showFleet() {
     for (const { cell: [column, row], values } of shown()) {
       const [x, y] = at((column + 0.5) * size[0] / columns, (row + 0.5) * size[1] / rows);
       pen.font = "12px system-ui, sans-serif";
-      if (values[now] !== null && scaleOf(width, height) * size[0] / columns > 40) label(pen, look, `${Math.round(100 * values[now])} %`, x, y + 4, look.ink);
+      pen.fillStyle = look.ink;
+      pen.fillRect(x - 3, y - 3, 6, 6);
+      if (values[now] !== null && scaleOf(width, height) * size[0] / columns > 40) label(pen, look, `${Math.round(100 * values[now])} %`, x, y - 8, look.ink);
     }
     for (const car of fleet.cars) {
       const [x, y] = at(car.east[now], car.north[now]);
@@ -117,7 +119,8 @@ function showFleetLegend(fleet) {
   const swatch = (share, x) => draw("rect", { x, y: 2, width: 8, height: 10, fill: "var(--miss)", opacity: 0.08 + 0.72 * share });
   byId("fleet-legend").replaceChildren(
     sign("a cell's value, 0, 50 and 100 %", swatch(0, 0), swatch(0.5, 9), swatch(1, 18)),
-    sign("border of a cell, with an edge server in its middle", draw("path", { d: "M0 7H26", stroke: "var(--muted)" })),
+    sign("border of a cell", draw("path", { d: "M0 7H26", stroke: "var(--muted)" })),
+    sign("edge server", draw("rect", { x: 10, y: 4, width: 6, height: 6, fill: "var(--ink)" })),
     sign("street; broad: main street", draw("path", { d: "M0 7H26", stroke: "var(--road)", "stroke-width": 5 })),
     ...(fleet.cars.length ? [sign("car", draw("circle", { cx: 13, cy: 7, r: 3.4, fill: "var(--car)" }))] : []));
 }
