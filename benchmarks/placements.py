@@ -47,12 +47,11 @@ from genie_sim.perception import placement
 from genie_sim.perception.detector import make_detector
 from genie_sim.perception.evaluation import evaluate
 from genie_sim.perception.kitti import KittiDrive, open_drive
-from genie_sim.perception.labels import tracking_labels
 from genie_sim.perception.onnx_detector import OnnxDetector
 from genie_sim.perception.perceive import LOWEST_SCORE, kitti_folder
 from genie_sim.perception.placement import Placement, surface
 from genie_sim.perception.trace import Trace, detection
-from genie_sim.perception.truth import PictureLabels, read_truth
+from genie_sim.perception.truth import PictureLabels, read_truth, tracking_labels
 
 HEIGHT_M = {"car": 1.53, "truck": 2.2, "bus": 2.2}
 SUPPRESSION = (0.30, 0.45, 0.65)

@@ -13,7 +13,6 @@ from genie_sim.core.freshness.measure import measured
 from genie_sim.errors import UserError, as_user_error
 from genie_sim.messages import Header, Look
 from genie_sim.methods import METHODS, MUST_HAVE
-from genie_sim.monitor import Monitor
 from genie_sim.perception.sources import Drive, Frames
 from genie_sim.plugins import Choice
 from genie_sim.scenario.faults import check_faults, timed
@@ -27,7 +26,6 @@ from genie_sim.sim.link_models import LINK_MODELS, LinkModel
 from genie_sim.sim.service import Device, HopTime, ServiceTime
 from genie_sim.sim.setup import CameraSetup, CarSetup, EdgeSetup, Setup
 from genie_sim.sim.station import Method
-from genie_sim.sim.world import World
 
 MEASURED_FRAMES = 600  # at most, of one camera, that a detector's laws are measured on
 
@@ -70,11 +68,6 @@ class Prepared:
         return measured(looks)
 
 
-def world(prepared: Prepared, entry: MethodEntry, monitor: Monitor) -> World:
-    """The world of one method, ready to run. Raises ``UserError``."""
-    return World(setup(prepared, entry), method(entry), monitor)
-
-
 def method(entry: MethodEntry) -> Method:
     """The method of an entry. Raises ``UserError``."""
     made: Method = plugins.make("method", entry.method, METHODS, MUST_HAVE)
@@ -85,6 +78,8 @@ def setup(prepared: Prepared, entry: MethodEntry) -> Setup:
     """The scenario under one method's settings."""
     scenario = prepared.expanded.under(entry)
     devices = {name: device(one, scenario.model, scenario.spread) for name, one in prepared.devices.items()}
+    # The detectors' laws, for maps and consumers that weigh evidence, are measured where somebody wants them.
+    measures = scenario.consumer == "tracker" or scenario.genie.object_map.freshness.parameters.get("measured")
     return Setup(
         seed=scenario.seed,
         cars=[_car(prepared, scenario, devices, car) for car in scenario.cars],
@@ -93,7 +88,7 @@ def setup(prepared: Prepared, entry: MethodEntry) -> Setup:
         genie=scenario.genie,
         queue_length=scenario.queue_length,
         consumer=scenario.consumer,
-        laws=_laws(prepared, scenario),
+        laws=prepared.laws if measures else ASSUMED,
         faults=prepared.faults,
         codec=_codec(prepared, scenario),
     )
@@ -112,12 +107,6 @@ def _codec(prepared: Prepared, scenario: Scenario) -> Codec | None:
             for car, drive in drives.items()
         },
     )
-
-
-def _laws(prepared: Prepared, scenario: Scenario) -> DetectorLaws:
-    """The detectors' laws for maps and consumers that weigh evidence: measured where somebody wants them."""
-    wanted = scenario.consumer == "tracker" or scenario.genie.object_map.freshness.parameters.get("measured")
-    return prepared.laws if wanted else ASSUMED
 
 
 def device(profile: DeviceProfile, model: str, spread: str = "default") -> Device:

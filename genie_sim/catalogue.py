@@ -24,10 +24,6 @@ def _described(kind: files.Kind) -> Listing:
         yield name, str(read_mapping(path).get("description", ""))
 
 
-def _devices() -> Listing:
-    return ((name, load_profile(name).title) for name in files.available(files.DEVICE))
-
-
 def _models() -> Listing:
     """Every model, with its median time on each device that knows it."""
     medians: dict[str, list[str]] = {}
@@ -38,19 +34,11 @@ def _models() -> Listing:
     return ((model, ", ".join(times)) for model, times in medians.items())
 
 
-def _links() -> Listing:
-    return ((name, _about_link(link)) for name, link in LINKS.items())
-
-
 def _about_link(link: Choice) -> str:
     of = link.parameters
     rates = (of["rate_up_bps"], of["rate_down_bps"])
     up, down = (rate_text(rate) if rate is not None else "no limit" for rate in rates)
     return f"{up} up, {down} down, delay {duration_text(of['delay_ns'])}, jitter {duration_text(of['jitter_ns'])}"
-
-
-def _traces() -> Listing:
-    return ((name, str(path)) for name, path in files.available(files.TRACE).items())
 
 
 def _detectors() -> Listing:
@@ -70,10 +58,10 @@ KINDS: dict[str, Callable[[], Listing]] = {
     "link-models": lambda: _first_lines(LINK_MODELS),
     "scenarios": lambda: _described(files.SCENARIO),
     "sweeps": lambda: _described(files.SWEEP),
-    "devices": _devices,
+    "devices": lambda: ((name, load_profile(name).title) for name in files.available(files.DEVICE)),
     "models": _models,
-    "links": _links,
-    "traces": _traces,
+    "links": lambda: ((name, _about_link(link)) for name, link in LINKS.items()),
+    "traces": lambda: ((name, str(path)) for name, path in files.available(files.TRACE).items()),
     "detectors": _detectors,
     "similarities": lambda: _first_lines(SIMILARITIES),
     "evictions": lambda: _first_lines(EVICTIONS),

@@ -95,7 +95,7 @@ def server(monkeypatch):
 
 @pytest.fixture
 def nano(server, monkeypatch):
-    monkeypatch.setitem(fetch.MODELS, "yolox-nano", fetch.WeightsFile(len(CONTENT), SHA256))
+    monkeypatch.setitem(fetch.MODELS, "yolox-nano", (len(CONTENT), SHA256))
     monkeypatch.setattr(fetch.fetch_model, "__defaults__", (server.base,))
     server.files["/yolox_nano.onnx"] = CONTENT
 

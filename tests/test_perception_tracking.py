@@ -11,9 +11,8 @@ import pytest
 
 from genie_sim.core.geometry import inverse, project, transform
 from genie_sim.errors import UserError
-from genie_sim.perception.labels import tracking_labels
 from genie_sim.perception.tracking import POINTRCNN_SCORES, open_sequence, sequences, tracking_trace
-from genie_sim.perception.truth import MOVING_MPS, read_truth
+from genie_sim.perception.truth import MOVING_MPS, read_truth, tracking_labels
 from genie_sim.perception.truth_table import make_truth
 
 CALIBRATION = """P2: 721.5377 0 609.5593 44.85728 0 721.5377 172.854 0.2163791 0 0 1 0.002745884

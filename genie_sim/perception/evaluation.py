@@ -6,7 +6,7 @@ detections on an ignored label (``truth``), mostly inside a ``DontCare`` area, o
 """
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import NamedTuple
@@ -63,7 +63,7 @@ class Group:
     def precision_recall(self, min_score: float) -> tuple[float, float]:
         """Precision (nan: nothing was found) and recall (nan: there are no labels) of detections from a score on."""
         right = [found.label is not None for found in self.judged if found.detection.score >= min_score]
-        return _share(right), sum(right) / self.labels if self.labels else math.nan
+        return float(np.mean(right)) if right else math.nan, sum(right) / self.labels if self.labels else math.nan
 
     def reliability(self, min_score: float = 0.0) -> list[tuple[float, float, int, float, float]]:
         """Of each bin of scores: its ends, how many detections, their mean score, and the share that are right."""
@@ -190,11 +190,6 @@ def _area(boxes: Array) -> Array:
 def _radius_m(places: Array) -> float:
     offsets = (places - np.median(places, axis=0))[:, :2]
     return float(np.percentile(np.hypot(offsets[:, 0], offsets[:, 1]), 100 * STABLE_SHARE))
-
-
-def _share(flags: Iterable[bool]) -> float:
-    flags = list(flags)
-    return sum(flags) / len(flags) if flags else math.nan
 
 
 def table(evaluation: Evaluation) -> str:

@@ -11,9 +11,8 @@ import stat
 import zipfile
 import zlib
 from collections.abc import Callable
-from http.client import HTTPException, HTTPResponse
+from http.client import HTTPException
 from pathlib import Path, PurePosixPath
-from typing import NamedTuple
 from urllib.error import HTTPError, URLError
 from urllib.request import Request, urlopen
 
@@ -32,19 +31,12 @@ MOST_RATIO = 100  # of an archive; scans and pictures shrink by a fifth at most,
 Progress = Callable[[int, int], None]
 
 
-class WeightsFile(NamedTuple):
-    """A published weights file: its bytes and SHA-256."""
-
-    size_bytes: int
-    sha256: str
-
-
-# By what ``--detector`` calls them. Hashes and sizes as several public projects pin them.
+# By what ``--detector`` calls them: bytes and SHA-256, as several public projects pin them.
 YOLOX = "https://github.com/Megvii-BaseDetection/YOLOX/releases/download/0.1.1rc0"
 MODELS = {
-    "yolox-nano": WeightsFile(3_659_407, "c789161ed43c8269fcd4e67c67eeeb4e80c622da2eb296a20bc6007bd18a0b7d"),
-    "yolox-tiny": WeightsFile(20_219_662, "427cc366d34e27ff7a03e2899b5e3671425c262ea2291f88bb942bc1cc70b0f7"),
-    "yolox-s": WeightsFile(35_858_002, "c5c2d13e59ae883e6af3b45daea64af4833a4951c92d116ec270d9ddbe998063"),
+    "yolox-nano": (3_659_407, "c789161ed43c8269fcd4e67c67eeeb4e80c622da2eb296a20bc6007bd18a0b7d"),
+    "yolox-tiny": (20_219_662, "427cc366d34e27ff7a03e2899b5e3671425c262ea2291f88bb942bc1cc70b0f7"),
+    "yolox-s": (35_858_002, "c5c2d13e59ae883e6af3b45daea64af4833a4951c92d116ec270d9ddbe998063"),
 }
 
 # KITTI publishes no hashes of its archives; the name of a drive is checked, and what is in the archive.
@@ -58,7 +50,8 @@ def fetch_model(name: str, folder: Path, progress: Progress, base: str = YOLOX) 
     if name not in MODELS:
         raise UserError(unknown("model", name, MODELS))
     path = folder / f"{name.replace('-', '_')}.onnx"
-    download(f"{base}/{path.name}", path, progress, MODELS[name].sha256, MODELS[name].size_bytes)
+    size_bytes, sha256 = MODELS[name]
+    download(f"{base}/{path.name}", path, progress, sha256, size_bytes)
     return path
 
 
@@ -182,7 +175,8 @@ def _receive(url: str, part: Path, progress: Progress, size_bytes: int | None) -
     here = part.stat().st_size if part.is_file() else 0
     request = Request(url, headers={"User-Agent": "genie-sim", **({"Range": f"bytes={here}-"} if here else {})})
     with urlopen(request, timeout=TIMEOUT_S) as answer:
-        goes_on = here > 0 and answer.status == 206 and _starts_at(answer, here)
+        range_ = answer.headers.get("Content-Range") or ""
+        goes_on = here > 0 and answer.status == 206 and range_.startswith(f"bytes {here}-")
         done = here if goes_on else 0
         length = answer.headers.get("Content-Length")
         total = done + int(length) if length and re.fullmatch("[0-9]{1,18}", length) else size_bytes
@@ -197,10 +191,6 @@ def _receive(url: str, part: Path, progress: Progress, size_bytes: int | None) -
                 progress(done, total or done)
         if total is not None and done < total:
             raise ConnectionError(f"the connection ended after {done:,} of {total:,} bytes")
-
-
-def _starts_at(answer: HTTPResponse, here: int) -> bool:
-    return (answer.headers.get("Content-Range") or "").startswith(f"bytes {here}-")
 
 
 def _sha256(path: Path) -> str:

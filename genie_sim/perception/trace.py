@@ -83,7 +83,9 @@ class Trace:
     digest: str = field(init=False)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "digest", _content_digest(self.origin, self.frames))
+        rows = [_row(frame) for camera in sorted(self.frames) for frame in self.frames[camera]]
+        text = json.dumps([[float(x) for x in self.origin], rows], sort_keys=True, separators=(",", ":"))
+        object.__setattr__(self, "digest", hashlib.sha256(text.encode()).hexdigest())
 
     def rebased(self, origin: Geodetic) -> "Trace":
         """The same trace around another geodetic origin; drives with one origin share one world."""
@@ -108,13 +110,11 @@ class Trace:
 
     def at_least(self, min_score: float) -> "Trace":
         """The same trace without the detections below a score."""
-        frames = {
-            camera: tuple(
-                replace(frame, detections=tuple(d for d in frame.detections if d.score >= min_score))
-                for frame in sequence
-            )
-            for camera, sequence in self.frames.items()
-        }
+
+        def kept(frame: TraceFrame) -> TraceFrame:
+            return replace(frame, detections=tuple(d for d in frame.detections if d.score >= min_score))
+
+        frames = {camera: tuple(map(kept, sequence)) for camera, sequence in self.frames.items()}
         parameters = self.provenance.get("parameters", {}) | {"min_score": min_score}
         return Trace(self.name, self.origin, frames, {**self.provenance, "parameters": parameters})
 
@@ -142,20 +142,11 @@ def trace_frame(
     ``size_bytes`` of ``None`` is that of the raw pixels."""
     east_m, north_m, up_m = _rounded(world_SE3_camera[:3, 3], POSITION_DECIMALS)
     optical_axis = world_SE3_camera[:3, 2]
-    return TraceFrame(
-        camera=camera,
-        index=index,
-        stamp_ns=stamp_ns,
-        width=size[0],
-        height=size[1],
-        size_bytes=(size[0] * size[1] * 3 if size_bytes is None else size_bytes) + IMAGE_HEADER_BYTES,
-        digest=fingerprints[0],
-        dhash=fingerprints[1],
-        pose=CameraPose(east_m, north_m, up_m, round(heading_of(optical_axis), ANGLE_DECIMALS)),
-        horizontal_fov_rad=round(horizontal_fov_rad(intrinsics, size[0]), ANGLE_DECIMALS),
-        detections=tuple(detections),
-        features=features or {},
-    )
+    pose = CameraPose(east_m, north_m, up_m, round(heading_of(optical_axis), ANGLE_DECIMALS))
+    fov_rad = round(horizontal_fov_rad(intrinsics, size[0]), ANGLE_DECIMALS)
+    bytes_ = (size[0] * size[1] * 3 if size_bytes is None else size_bytes) + IMAGE_HEADER_BYTES
+    seen = tuple(detections), features or {}
+    return TraceFrame(camera, index, stamp_ns, *size, bytes_, *fingerprints, pose, fov_rad, *seen)
 
 
 def feature_facts(frames: Mapping[str, Sequence[TraceFrame]]) -> dict[str, dict[str, Any]]:
@@ -261,12 +252,6 @@ def checked(path: Path, frames: Iterable[TraceFrame]) -> dict[str, tuple[TraceFr
 def within(numbers: Sequence[Any], most: float) -> bool:
     """Whether all are numbers, neither infinite nor larger than ``most``."""
     return all(isinstance(x, int | float) and abs(x) <= most for x in numbers)
-
-
-def _content_digest(origin: Geodetic, frames: Mapping[str, Sequence[TraceFrame]]) -> str:
-    rows = [_row(frame) for camera in sorted(frames) for frame in frames[camera]]
-    text = json.dumps([[float(x) for x in origin], rows], sort_keys=True, separators=(",", ":"))
-    return hashlib.sha256(text.encode()).hexdigest()
 
 
 def _schema() -> "pyarrow.Schema":

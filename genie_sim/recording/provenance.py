@@ -37,12 +37,8 @@ PACKAGES = ("simpy", "numpy", "pandas", "pyarrow", "pydantic", "matplotlib")
 
 def run_id(facts: Mapping[str, Any]) -> str:
     """12 hex digits of the hash of everything that decides a run's outcome."""
-    return hashlib.sha256(canonical(facts).encode()).hexdigest()[:12]
-
-
-def canonical(facts: Mapping[str, Any]) -> str:
-    """JSON that is the same for equal facts."""
-    return json.dumps(facts, sort_keys=True, separators=(",", ":"), allow_nan=False)
+    text = json.dumps(facts, sort_keys=True, separators=(",", ":"), allow_nan=False)
+    return hashlib.sha256(text.encode()).hexdigest()[:12]
 
 
 def digests(folder: Path) -> dict[str, str]:

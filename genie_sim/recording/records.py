@@ -13,13 +13,17 @@ from pathlib import Path
 from genie_sim.recording.tables import Column, Schema, Table, Value
 
 METHOD = Column("method", "text", "", "the method that was simulated, by its name in the scenario")
+CAMERA = (
+    METHOD,
+    Column("car", "text", "", "the car whose camera took the frame"),
+    Column("stream", "text", "", "camera stream of that car (frame_id)"),
+)
+STAMP = Column("stamp_ns", "int64", "ns", "when the camera took it")
 FRAMES = Schema(
     "frames",
     "One row per method, car, stream and frame.",
     (
-        METHOD,
-        Column("car", "text", "", "the car whose camera took the frame"),
-        Column("stream", "text", "", "camera stream of that car (frame_id)"),
+        *CAMERA,
         Column("frame", "int32", "", "running number in the stream, over all laps"),
         Column("lap", "int32", "", "how often the car had driven its route before"),
         Column("stamp_ns", "int64", "ns", "when the camera took and published it"),
@@ -80,11 +84,9 @@ POSES = Schema(
     "One row per car, stream and frame: where the camera stood. Written under the first method that the car drives "
     "with, in order of time; the same under every other.",
     (
-        METHOD,
-        Column("car", "text", "", "the car whose camera took the frame"),
-        Column("stream", "text", "", "camera stream of that car (frame_id)"),
+        *CAMERA,
         Column("frame", "int32", "", "running number in the stream, over all laps"),
-        Column("stamp_ns", "int64", "ns", "when the camera took it"),
+        STAMP,
         Column("east_m", "float64", "m", "camera centre, in the scenario's one east-north-up frame"),
         Column("north_m", "float64", "m", "camera centre"),
         Column("heading_rad", "float64", "rad", "optical axis, counter-clockwise from east"),
@@ -112,10 +114,8 @@ ANSWERS = Schema(
     "detector finds in that very frame. A proxy: the detector errs too. Objects without a place in the world are not "
     "counted, nor answers that come 6 s after the frame or later.",
     (
-        METHOD,
-        Column("car", "text", "", "the car whose camera took the frame"),
-        Column("stream", "text", "", "camera stream of that car (frame_id)"),
-        Column("stamp_ns", "int64", "ns", "when the camera took it"),
+        *CAMERA,
+        STAMP,
         Column("which", "text", "", "first or fresh; an answer that is both has two rows"),
         Column("source", "text", "", "what produced the answer"),
         Column("served", "int32", "objects", "in the answer"),
@@ -174,10 +174,8 @@ STEPS = Schema(
     "it; in order of time, answer by answer. A step begins when the one before it ends, so they add up to the "
     "response time.",
     (
-        METHOD,
-        Column("car", "text", "", "the car whose camera took the frame"),
-        Column("stream", "text", "", "camera stream of that car (frame_id)"),
-        Column("stamp_ns", "int64", "ns", "when the camera took it"),
+        *CAMERA,
+        STAMP,
         Column("which", "text", "", "first or fresh answer, or both in one"),
         Column(
             "part", "text", "",

@@ -102,7 +102,7 @@ def attach(
     )
     check(plan)
     original = graph.process_of(node)
-    path = _state_path(graph.network, node)
+    path = _states() / (re.sub(r"[^\w.]+", "-", f"{graph.network}{node}") + ".json")
     with _locked(path) as held:
         if not held or path in State.all():
             raise UserError(f"{node}: already has a Genie; 'genie-sim detach {node}' puts it back")
@@ -113,7 +113,7 @@ def attach(
                 original.stop()
                 behind = original.start_again(graph.remapped(node, original.argv, (*inputs, *answers)), _log(path))
                 replace(state, behind=behind).write(path)
-                _watch(plan, graph, path, behind, interrupted, lambda: say(_attached(plan)))
+                _watch(plan, graph, path, behind, interrupted, say)
             finally:
                 if restore(path):
                     say(f"{node}: back as it was")
@@ -168,7 +168,7 @@ def restore_orphan() -> None:
 
 def _watch(
     plan: Plan, graph: Graph, path: Path, behind: NodeProcess, interrupted: Callable[[], bool],
-    attached: Callable[[], None],
+    say: Callable[[str], None],
 ) -> None:  # fmt: skip
     """Runs the Genie's process until somebody wants it to end; leaves it ended."""
     environment = {**os.environ, **graph.environment, STATE: str(path)}
@@ -183,7 +183,7 @@ def _watch(
             genie.stdin.flush()
             _await_ready(plan, genie.stdout, path, behind, interrupted)
             if not interrupted():
-                attached()
+                say(f"{plan.node}: Genie attached: {', '.join(plan.requests)} -> {', '.join(plan.answers)}")
             while not interrupted():
                 if genie.poll() is not None:
                     raise UserError(f"{plan.node}: its Genie ended ({_last_line(path)})")
@@ -212,10 +212,6 @@ def _await_ready(
             raise UserError(f"{plan.node}: ended when started with other topics ({_last_line(path)})")
         if time.monotonic() > deadline:
             raise UserError(f"{plan.node}: did not connect to its Genie within {READY_S:.0f} s; see {_log(path)}")
-
-
-def _attached(plan: Plan) -> str:
-    return f"{plan.node}: Genie attached: {', '.join(plan.requests)} -> {', '.join(plan.answers)}"
 
 
 @contextlib.contextmanager
@@ -247,10 +243,6 @@ def _states() -> Path:
     home = Path(os.environ.get("ROS_HOME") or Path.home() / ".ros") / "genie-sim"
     home.mkdir(mode=0o700, parents=True, exist_ok=True)
     return home
-
-
-def _state_path(network: str, node: str) -> Path:
-    return _states() / (re.sub(r"[^\w.]+", "-", f"{network}{node}") + ".json")
 
 
 def _graph(pid: int | None, master_uri: str | None) -> Graph:

@@ -10,7 +10,7 @@ from collections.abc import Callable
 
 from genie_sim.errors import UserError
 from genie_sim.ros.codec import Codec, codec_of
-from genie_sim.ros.gateway import Peer, View, plain
+from genie_sim.ros.gateway import View, plain
 from genie_sim.ros.link import TlsLinks
 from genie_sim.ros.message import RosMessage
 from genie_sim.ros.plan import Plan, Recorder, make_gateway
@@ -42,7 +42,8 @@ class GenieProcess(ABC):
         """Publishers first, then subscribers, then the links; returns at once."""
         self.connect()
         threading.Thread(target=self._tick, daemon=True).start()
-        self._links.start(self._from_link)
+        from_link = self.gateway.from_link
+        self._links.start(lambda peer, topic, message: from_link(peer, topic, message, time.monotonic_ns()))
 
     @abstractmethod
     def connect(self) -> None:
@@ -91,9 +92,6 @@ class GenieProcess(ABC):
         """Ends the process; ``attach`` says why."""
         self.failure = error
         self.ended.set()
-
-    def _from_link(self, peer: Peer, topic: str, message: RosMessage) -> None:
-        self.gateway.from_link(peer, topic, message, time.monotonic_ns())
 
     def _tick(self) -> None:
         while not self.ended.wait(TICK_S):

@@ -10,12 +10,11 @@ import time
 
 from genie_sim.errors import UserError, as_user_error
 from genie_sim.ros.certificates import NAME, Credentials, Refused, check, reason
-from genie_sim.ros.connection import Connection, OnMessage
+from genie_sim.ros.connection import CodecOf, Connection, OnMessage
 from genie_sim.ros.gateway import REMOTE, Peer
 from genie_sim.ros.lobby import BACKLOG, HANDSHAKE_S, Lobby
 from genie_sim.ros.message import RosMessage
 from genie_sim.ros.plan import Plan
-from genie_sim.ros.wire import CodecOf
 
 log = logging.getLogger(__name__)
 RETRY_S = (0.2, 1.5)  # first and longest wait before dialling again

@@ -69,7 +69,7 @@ def world(setting: Scenario, place: int = 0) -> tuple[World, Tables]:
     """The world of one of the scenario's methods, ready to run, and the tables that it fills."""
     prepared, filled = runner.prepare(setting), Tables()
     entry = setting.methods[place]
-    return build.world(prepared, entry, Log(entry.name, filled, setting.record)), filled
+    return World(build.setup(prepared, entry), build.method(entry), Log(entry.name, filled, setting.record)), filled
 
 
 def check_conserved(rows: pd.DataFrame, methods: Sequence[str]) -> None:

@@ -11,6 +11,7 @@ from genie_sim.plugins import Choice
 from genie_sim.recording.log import Log
 from genie_sim.recording.records import Tables
 from genie_sim.scenario.methods import MethodEntry
+from genie_sim.sim.world import World
 from tests.conformance import small
 from tests.conformance.methods import MethodConformance
 
@@ -36,7 +37,7 @@ def test_a_method_of_a_name_that_nobody_knows_never_runs():
     entry = MethodEntry(name="gene", method=Choice("gene"))
     prepared = runner.prepare(small.scenario())
     with pytest.raises(UserError, match=r"^unknown method 'gene' \(did you mean 'genie'\?\); known: .*, genie, local"):
-        build.world(prepared, entry, Log("gene", Tables()))
+        World(build.setup(prepared, entry), build.method(entry), Log("gene", Tables()))
     with pytest.raises(UserError, match="unknown method 'gene'"):
         runner.run_in_memory(small.scenario().model_copy(update={"methods": (entry,)}))
 

@@ -12,9 +12,9 @@ from genie_sim.errors import UserError
 from genie_sim.perception import fetch
 from genie_sim.perception.detector import make_detector
 from genie_sim.perception.kitti import open_drive, read_image
-from genie_sim.perception.labels import tracking_labels, tracklets
 from genie_sim.perception.trace import read_trace, write_trace
 from genie_sim.perception.tracking import tracking_trace
+from genie_sim.perception.truth import tracking_labels, tracklets
 from genie_sim.scenario.profiles import load_profile
 from tests.conftest import REPOSITORY
 from tests.fuzz.harness import Case, Target

@@ -13,7 +13,7 @@ from genie_sim.core.geometry import rigid
 from genie_sim.errors import UserError
 from genie_sim.messages import Header
 from genie_sim.perception.trace import read_trace, write_trace
-from genie_sim.ros import wire
+from genie_sim.ros import connection as wire
 from genie_sim.ros.bags import perceive_bag
 from genie_sim.ros.certificates import Credentials, make_authority, make_peer
 from genie_sim.ros.codec import CHANNELS, IMAGE, MARKER, MARKERS, OBJECTS, Codec, WireType, codec_of

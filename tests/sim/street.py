@@ -112,7 +112,7 @@ def build(
     prepared = on_frames(setting, recordings, devices)
     entry = next(entry for entry in setting.methods if entry.name == method)
     tables = tables if tables is not None else Tables()
-    return construction.world(prepared, entry, Log(method, tables)), tables
+    return World(construction.setup(prepared, entry), construction.method(entry), Log(method, tables)), tables
 
 
 def drive(
