@@ -78,7 +78,9 @@ def perceive(
     if drive.startswith(TRACKING):
         return tracking_trace(root / "tracking", drive.removeprefix(TRACKING), detector_name, min_score, origin)
     opened = open_drive(root, drive, cameras, origin, allow_missing_scans)
-    chosen = _chosen(opened, frames)
+    chosen = [frame for frame in in_turn(opened) if frames is None or frame.index in frames]
+    if not chosen:
+        raise UserError(f"{opened.name}: has none of the frames that were asked for")
     make = partial(make_detector, detector_name, weights, size, min_score, providers)
     if threads is None or batch is None:
         threads, batch = tuning.fastest(opened, chosen, make, threads, batch, say)
@@ -86,13 +88,6 @@ def perceive(
     by_camera = _by_camera(trace_frames(opened, chosen, detector, place_from, encoding), len(chosen), progress)
     about = _provenance(opened, detector, min_score, threads, batch, encoding) | {"features": feature_facts(by_camera)}
     return Trace(f"kitti_{drive.split('/')[1]}", opened.origin, by_camera, about)
-
-
-def _chosen(opened: KittiDrive, frames: Collection[int] | None) -> list[CameraFrame]:
-    chosen = [frame for frame in in_turn(opened) if frames is None or frame.index in frames]
-    if not chosen:
-        raise UserError(f"{opened.name}: has none of the frames that were asked for")
-    return chosen
 
 
 def _by_camera(

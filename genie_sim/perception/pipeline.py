@@ -6,6 +6,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
+from dataclasses import replace
 from functools import lru_cache, partial
 from itertools import islice, starmap
 from typing import Any, NamedTuple, TypeVar
@@ -32,14 +33,11 @@ Result = TypeVar("Result")
 
 
 class _Picture(NamedTuple):
-    """A frame that has been read: what the network gets, how much it was scaled, and what the rest needs."""
+    """A frame that has been read, without what is found in it: what the network gets, and how much that was scaled."""
 
-    frame: CameraFrame
-    size: tuple[int, int]
-    size_bytes: int | None
-    fingerprints: tuple[str, int]
+    world_SE3_camera: Array
+    frame: TraceFrame
     placement: Placement
-    hsv: bytes
     blob: np.ndarray
     scale: float
 
@@ -79,7 +77,7 @@ def trace_frames(
     scanned = lru_cache(2 * READ_AHEAD)(partial(_scanned, drive))
     with _one_thread_of_opencv(), ThreadPoolExecutor(min(max(free, 1), MOST_WORKERS)) as workers:
         read = partial(workers.submit, partial(_read, drive, steps, scanned, encoding))
-        place = partial(workers.submit, partial(_placed, drive, steps, place_from))
+        place = partial(workers.submit, partial(_placed, steps, place_from))
         pictures = _in_order(map(read, frames), READ_AHEAD + steps.batch)
         yield from _in_order(starmap(place, _inferred(steps, pictures)), READ_AHEAD)
 
@@ -131,20 +129,15 @@ def _read(
     if encoding != "raw":
         image, size_bytes = sent(image, encoding)
     here = Placement(frame.intrinsics, size, drive.camera_SE3_velo(frame.camera), *scanned(frame.index))
-    hsv = packed(hue_saturation(image))
-    return _Picture(frame, size, size_bytes, fingerprints, here, hsv, *steps.prepare(image))
+    stamp_ns, pose = frame.stamp_ns - drive.first_stamp_ns, frame.world_SE3_camera
+    seen = size, fingerprints, pose, frame.intrinsics, (), {"hsv": packed(hue_saturation(image))}, size_bytes
+    return _Picture(pose, trace_frame(frame.camera, frame.index, stamp_ns, *seen), here, *steps.prepare(image))
 
 
-def _placed(
-    drive: KittiDrive, steps: OnnxDetector | _InOneStep, place_from: float, picture: _Picture, outputs: Any
-) -> TraceFrame:
-    frame = picture.frame
-    detections = []
-    for label, score, box in steps.found(outputs, picture.scale, picture.size):
+def _placed(steps: OnnxDetector | _InOneStep, place_from: float, picture: _Picture, outputs: Any) -> TraceFrame:
+    frame, detections = picture.frame, []
+    for label, score, box in steps.found(outputs, picture.scale, (frame.width, frame.height)):
         point, method = picture.placement.place(label, box) if score >= place_from else (None, "none")
-        place = None if point is None else transform(frame.world_SE3_camera, point)
+        place = None if point is None else transform(picture.world_SE3_camera, point)
         detections.append(detection(label, score, box, place, method))
-    stamp_ns = frame.stamp_ns - drive.first_stamp_ns
-    seen = picture.size, picture.fingerprints, frame.world_SE3_camera, frame.intrinsics
-    features = {"hsv": picture.hsv} | steps.features(outputs)
-    return trace_frame(frame.camera, frame.index, stamp_ns, *seen, detections, features, picture.size_bytes)
+    return replace(frame, detections=tuple(detections), features={**frame.features, **steps.features(outputs)})
