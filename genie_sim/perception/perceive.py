@@ -78,9 +78,7 @@ def perceive(
     if drive.startswith(TRACKING):
         return tracking_trace(root / "tracking", drive.removeprefix(TRACKING), detector_name, min_score, origin)
     opened = open_drive(root, drive, cameras, origin, allow_missing_scans)
-    chosen = [frame for frame in in_turn(opened) if frames is None or frame.index in frames]
-    if not chosen:
-        raise UserError(f"{opened.name}: has none of the frames that were asked for")
+    chosen = in_turn(opened, frames)
     make = partial(make_detector, detector_name, weights, size, min_score, providers)
     if threads is None or batch is None:
         threads, batch = tuning.fastest(opened, chosen, make, threads, batch, say)
@@ -101,10 +99,13 @@ def _by_camera(
     return {camera: tuple(found[camera]) for camera in sorted(found)}
 
 
-def in_turn(drive: KittiDrive) -> list[CameraFrame]:
-    """Frame by frame, all cameras of each: they share a scan."""
-    frames = (frame for sequence in drive.frames.values() for frame in sequence)
-    return sorted(frames, key=lambda frame: (frame.index, frame.camera))
+def in_turn(drive: KittiDrive, numbers: Collection[int] | None = None) -> list[CameraFrame]:
+    """Frame by frame, all cameras of each: they share a scan. Only frames of these ``numbers``; UserError for none."""
+    every = (frame for sequence in drive.frames.values() for frame in sequence)
+    chosen = [frame for frame in every if numbers is None or frame.index in numbers]
+    if not chosen:
+        raise UserError(f"{drive.name}: has none of the frames that were asked for")
+    return sorted(chosen, key=lambda frame: (frame.index, frame.camera))
 
 
 def images(root: Path, drive: str, cameras: Sequence[str]) -> dict[tuple[str, int], Path]:
