@@ -7,6 +7,7 @@ from typing import Literal, Protocol
 from genie_sim.messages import Detections, Header, Image, Message, Observation
 
 Placement = Literal["car", "edge"]
+Samples = Literal["all", "edges", "processors", "none"]  # of a world's resources
 
 
 @dataclass(slots=True)
@@ -61,7 +62,7 @@ class Monitor(Protocol):
 
     wants_changes: bool  # whether it is to be told which objects of a map changed
     wants_steps: bool  # whether it is to be told the way of each answer
-    samples: Literal["all", "edges", "none"]  # whose resources are sampled
+    samples: Samples  # which resources are sampled
 
     def published(self, image: Image, number: int, lap: int) -> None:
         """A camera took a frame: its running number, and how often the car had driven its route before."""

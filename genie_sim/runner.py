@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import genie_sim
 from genie_sim import build, plugins
@@ -17,6 +17,7 @@ from genie_sim.core.consumer import CONSUMERS
 from genie_sim.errors import UserError, short_repr, unknown
 from genie_sim.fleet import expanded
 from genie_sim.messages import Encoding
+from genie_sim.monitor import Samples
 from genie_sim.perception.sources import SOURCES, Drive, Frames, Progress
 from genie_sim.recording import provenance
 from genie_sim.recording.held import Held
@@ -250,7 +251,7 @@ def _teller(progress: Progress | None, log: Log, number: int, methods: int) -> C
 
 def _log(prepared: Prepared, method: str, setup: Setup, tables: Tables, driven: Collection[str]) -> Log:
     scenario = prepared.expanded
-    samples: Literal["all", "edges", "none"] = "all" if prepared.scenario.fleet is None else "edges"
+    samples: Samples = "all" if prepared.scenario.fleet is None else "edges"
     if "resources" not in scenario.record:
         samples = "none"
     held = held_of(prepared, method, setup, tables, driven)

@@ -97,7 +97,7 @@ def outcome_of(prepared: Prepared, keep_tables: bool = False) -> Outcome:
         held = held_of(prepared, method.name, setup, tables, judged)
         judged.update(prepared.drives)
         with gc_disabled():
-            world = World(setup, build.method(method), Log(method.name, tables, held=held))
+            world = World(setup, build.method(method), Log(method.name, tables, samples="processors", held=held))
             watch.before(method.name, world)
             world.run()
             watch.after(world)

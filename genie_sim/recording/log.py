@@ -2,7 +2,6 @@
 
 from collections.abc import Collection, Iterable, Sequence
 from itertools import takewhile
-from typing import Literal
 
 from genie_sim.messages import (
     Detections,
@@ -15,7 +14,7 @@ from genie_sim.messages import (
     ObjectLookups,
     Observation,
 )
-from genie_sim.monitor import Placement, Resource, Step
+from genie_sim.monitor import Placement, Resource, Samples, Step
 from genie_sim.recording.held import Answers, Held
 from genie_sim.recording.records import Frame, Tables
 from genie_sim.recording.tables import Value
@@ -29,8 +28,8 @@ class Log:
 
     ``record`` names what is written besides frames and resources: ``lookups``, ``answers``, ``steps``, and what a
     replay needs, ``poses`` and ``objects``. ``samples`` are the resources that are sampled: ``all``, those of
-    ``edges``, or ``none``. ``held`` judges what the consumers hold, where the truth is known. The poses of the cars in
-    ``posed`` are known already.
+    ``edges``, ``processors``, or ``none``. ``held`` judges what the consumers hold, where the truth is known. The poses
+    of the cars in ``posed`` are known already.
     """
 
     def __init__(
@@ -38,12 +37,12 @@ class Log:
         method: str,
         tables: Tables,
         record: Collection[str] = ("lookups",),
-        samples: Literal["all", "edges", "none"] = "all",
+        samples: Samples = "all",
         held: Held | None = None,
         posed: Collection[str] = (),
     ) -> None:
         self.method = method
-        self.samples: Literal["all", "edges", "none"] = samples
+        self.samples: Samples = samples
         self._held = held
         self._posed = frozenset(posed)
         self._frames = tables.frames

@@ -57,7 +57,8 @@ class World:
         of_edges = len(self.resources)
         for car in setup.cars:
             self._build_car(car)
-        sampled = {"all": self.resources, "edges": self.resources[:of_edges], "none": []}
+        processors = [one for one in self.resources if one.kind in ("accelerator", "cpu")]
+        sampled = {"all": self.resources, "edges": self.resources[:of_edges], "processors": processors, "none": []}
         self._sampled: list[Resource] = sampled[monitor.samples]
         for timed in setup.faults:
             fault.start(self, timed)
