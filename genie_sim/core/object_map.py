@@ -5,7 +5,7 @@ import heapq
 import itertools
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from types import MappingProxyType
 from typing import Any
 
 from genie_sim.core.confidence import CONFIDENCE_RULES, ConfidenceRule
@@ -18,32 +18,31 @@ from genie_sim.messages import Answer, CameraPose, Detection, Header, Location, 
 
 RANGE_60 = 0.30 + 0.60 * (1.0 - 0.30)  # 60 % of the way up the range of scores that the detector reports
 EMPIRICAL_PERCENT = 60.0
-CELL_GATES = 4.0  # width of a cell, in gates
+CELL_GATES = 4.0
 REACH_GATES = 1.01  # how far around an object the cells list it: a gate, and room for rounding
 ORIGIN_NS = 1_000_000_000  # with ``confidence_source: origins``, a car's word counts again after so long
 ROW = 2.0**26  # cells from one row to the next: no row of cells on earth has as many
+Origins = dict[str, int]
+NOBODY: Any = MappingProxyType({})  # what nobody keeps: most objects of a fleet's maps
 Cell = float  # the number of a cell: a whole number, counted east in rows that are counted north
 
 
-@dataclass(slots=True, eq=False)
 class StoredObject:
-    """An object of the map. The location is that of the first sighting."""
+    """An object of the map. The location is that of the first sighting. ``origins`` belong to the freshness policy,
+    ``spoke_ns`` tells when each car spoke of it; ``detection`` is the object as it is asked for, once it has been."""
 
-    label: str
-    location: Location
-    score: float
-    confidence: float
-    seen_ns: int
-    first_ns: int = 0
-    sightings: int = 1
-    origins: dict[str, int] = field(default_factory=dict)
-    spoke_ns: dict[str, int] = field(default_factory=dict)
-    east_m: float = field(init=False)
-    north_m: float = field(init=False)
-    detection: Detection | None = None  # as it is asked for, once it has been
+    __slots__ = (
+        "confidence", "detection", "east_m", "first_ns", "label", "location", "north_m", "origins", "score", "seen_ns",
+        "sightings", "spoke_ns",
+    )  # fmt: skip
 
-    def __post_init__(self) -> None:
-        self.east_m, self.north_m, _ = self.location
+    def __init__(self, seen: Detection, location: Location, now_ns: int, origins: Origins, spoke_ns: Origins) -> None:
+        self.label, self.location, self.score, self.confidence = seen.label, location, seen.score, seen.confidence
+        self.east_m, self.north_m, _ = location
+        self.first_ns = self.seen_ns = now_ns
+        self.sightings = 1
+        self.origins, self.spoke_ns = origins, spoke_ns
+        self.detection: Detection | None = None
 
     @property
     def parked(self) -> bool:
@@ -74,6 +73,7 @@ class ObjectMap:
         self._always_serves = getattr(type(self._freshness), "serves", None) is Never.serves
         self._expires = getattr(type(self._freshness), "expires_ns", None) is not Never.expires_ns
         self._notes = getattr(type(self._freshness), "seen", None) is not Never.seen
+        self._knows_origins = self._notes or not self._always_serves  # else no policy has a say about who saw what
         self._origins = rules.confidence_source == "origins"
         self._boosts: dict[int, tuple[Answer, Boosted]] = {}  # by the identity of the stored answer
         self._boosted_changes = 0  # of the map, when they were made
@@ -145,15 +145,15 @@ class ObjectMap:
 
         Returns the confidence before (``None`` for a new object) and the stored object.
         """
-        assert seen.location is not None
+        location = seen.location
+        assert location is not None
         self.changes += 1
-        rules = self._rules
-        around = self._cells.get(self._cell(seen.location))
-        stored = None if around is None else self._nearest(seen.label, seen.location, around)
+        around = self._cells.get(self._cell(location))
+        stored = None if around is None else self._nearest(seen.label, location, around)
         if stored is not None:
             before = stored.confidence
             if not self._origins or self._speaks(stored, header):
-                stored.confidence = self._boosted(before, seen.confidence, rules.rate)
+                stored.confidence = self._boosted(before, seen.confidence, self._rules.rate)
                 stored.detection = None
                 if self._of_stored:
                     self._rank(before, stored.confidence)
@@ -162,16 +162,17 @@ class ObjectMap:
             if self._notes and header is not None:
                 self._freshness.seen(stored, seen.score, header)
             return before, stored
-        stored = StoredObject(seen.label, seen.location, seen.score, seen.confidence, now_ns, now_ns)
+        origins, spoke_ns = {} if self._knows_origins else NOBODY, {} if self._origins else NOBODY
+        stored = StoredObject(seen, location, now_ns, origins, spoke_ns)
         if header is not None:
             if self._origins:
                 stored.spoke_ns[header.origin] = header.stamp_ns
             self._freshness.seen(stored, seen.score, header)
         if self._expires and (expires_ns := self._freshness.expires_ns(stored)) is not None:
             heapq.heappush(self._to_forget, (expires_ns, next(self._numbers), stored))
-        for cell in self._cells_within_reach(seen.location):
+        for cell in self._cells_within_reach(location):
             self._cells.setdefault(cell, []).append(stored)
-        self._view_cells.setdefault(self._view_cell(seen.location), []).append(stored)
+        self._view_cells.setdefault(self._view_cell(location), []).append(stored)
         if self._of_stored or self._of_scores:
             self._rank(None, seen.confidence if self._of_stored else seen.score)
         self._count += 1
@@ -199,24 +200,24 @@ class ObjectMap:
         known: list[StoredObject | None] = []
         changes: list[MapChange] = []
         requests = hits = updates = 0
-        boost = 0.0
+        boost, sight = 0.0, self.sight
+        stored: StoredObject | None
         for seen in answer.objects:
-            if seen.location is None:
+            stored = None
+            if seen.location is not None:
+                requests += 1
+                before, stored = sight(seen, now_ns, None if seen.method == "map" else header)
+                if before is not None:
+                    hits += before >= threshold
+                    updates += 1
+                    boost += stored.confidence - before
+                    if leaves:
+                        seen = seen.with_confidence(stored.confidence)
+                if tells_changes:
+                    changes.append((stored.label, stored.location, stored.confidence))
+            if leaves:
                 objects.append(seen)
-                known.append(None)
-                continue
-            requests += 1
-            before, stored = self.sight(seen, now_ns, None if seen.method == "map" else header)
-            if before is not None:
-                hits += before >= threshold
-                updates += 1
-                boost += stored.confidence - before
-                if leaves:
-                    seen = seen.with_confidence(stored.confidence)
-            objects.append(seen)
-            known.append(stored)
-            if tells_changes:
-                changes.append((stored.label, stored.location, stored.confidence))
+                known.append(stored)
         facts = ObjectLookups(answer.header, "sighting", requests, hits, updates, boost, len(self), tuple(changes))
         if not leaves:
             return Learned(answer, answer, answer, facts)
@@ -231,7 +232,8 @@ class ObjectMap:
         freshness policy keeps back."""
         threshold, objects = self.threshold, answer.objects or ()
         if self._always_serves:
-            return answer.with_objects([seen for seen in objects if seen.confidence >= threshold])
+            confident = [seen for seen in objects if seen.confidence >= threshold]
+            return answer if len(confident) == len(objects) else answer.with_objects(confident)
         serves = self._freshness.serves
         return answer.with_objects(
             [
@@ -380,6 +382,6 @@ def _cells(easts: tuple[float, float], norths: tuple[float, float], side_m: floa
 def _remove(cells: dict[Any, list[StoredObject]], cell: Any, stored: StoredObject) -> None:
     """Takes an object out of a cell's list, and a list that is empty then out of the grid."""
     held = cells[cell]
-    del held[next(place for place, one in enumerate(held) if one is stored)]  # what goes is mostly among the first
+    held.remove(stored)  # looks for the very object: none equals another
     if not held:
         del cells[cell]
