@@ -95,7 +95,7 @@ def _about(node: Node) -> str:
     default = node.get("default")
     if node["required"] and OWN_CLASS not in said:
         said += "; must be given"
-    elif "default" in node and (not isinstance(default, dict | list) or len(json.dumps(default)) < 60):
+    elif "default" in node and (not isinstance(default, dict | list) or len(json.dumps(default)) < 100):
         default = round(default, 3) if isinstance(default, float) else default
         shown = json.dumps(default) if not isinstance(default, str) else default or '""'
         said += f"; default `{shown}`"
