@@ -21,12 +21,13 @@ def first_line(error: BaseException) -> str:
 
 
 @contextmanager
-def as_user_error(what: str, *kinds: type[BaseException]) -> Iterator[None]:
-    """An exception of these ``kinds`` within it becomes a ``UserError``: ``what`` is wrong, and why, in one line."""
+def as_user_error(what: str, *kinds: type[BaseException], most: int | None = None) -> Iterator[None]:
+    """An exception of these ``kinds`` within it becomes a ``UserError``: ``what`` is wrong, and why, in one line, of
+    ``most`` characters."""
     try:
         yield
     except kinds as error:
-        raise UserError(f"{what}: {getattr(error, 'strerror', None) or first_line(error)}") from error
+        raise UserError(f"{what}: {str(getattr(error, 'strerror', None) or first_line(error))[:most]}") from error
 
 
 def unknown(what: str, value: object, choices: Iterable[str]) -> str:

@@ -122,7 +122,7 @@ def open_drive(
     date, folder = _drive_folder(root, drive)
     if not cameras or len(set(cameras)) != len(cameras):
         raise UserError(f"cameras: {', '.join(cameras) or 'none'}: name each camera once, out of {', '.join(CAMERAS)}")
-    calibration = _calibration(root, date)
+    calibration = _calibration(root / date)
     images = {camera: _images(folder, camera) for camera in cameras}
     numbers = sorted({index for sequence in images.values() for index in sequence})
     scan_paths = _numbered(folder / "velodyne_points" / "data", "bin")
@@ -221,24 +221,17 @@ def _check_scans(folder: Path, numbers: Sequence[int], scan_paths: Mapping[int, 
         raise UserError(f"{name}: missing ({len(missing)} of {len(numbers)} frames have none)")
 
 
-class _Calibration(pykitti.raw):  # type: ignore[misc]
-    """pykitti's calibration of a day, without the drive's files, which are found by frame number here."""
-
-    def _get_file_lists(self) -> None: ...
-
-    def _load_timestamps(self) -> None: ...
-
-    def _load_oxts(self) -> None: ...
-
-
-def _calibration(root: Path, date: str) -> Any:
-    """pykitti's ``CalibData``; its exceptions carry no file name, so the matrices are checked first."""
+def _calibration(folder: Path) -> Any:
+    """pykitti's ``CalibData`` of a day; its exceptions carry no file name, so the matrices are checked first."""
     for name, wanted in CALIBRATION.items():
-        path = root / date / name
+        path = folder / name
         matrices(path, wanted)
         with as_user_error(f"{path}: not a KITTI calibration file", ValueError):
             pykitti.utils.read_calib_file(str(path))
-    return _Calibration(str(root), date, "").calib
+    day = pykitti.raw.__new__(pykitti.raw)  # without a drive's files, which are found by frame number here
+    day.calib_path = str(folder)
+    day._load_calib()
+    return day.calib
 
 
 def _frames(

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from genie_sim.core.geometry import Array, Geodetic, rigid, transform
-from genie_sim.errors import UserError, as_user_error, first_line, unknown
+from genie_sim.errors import UserError, as_user_error, unknown
 from genie_sim.messages import Box, Detection
 from genie_sim.perception.encoding import difference_hash
 from genie_sim.perception.geodesy import enu_SE3_enu
@@ -182,11 +182,9 @@ def _opened(path: Path) -> Iterator[Any]:
 
     if not path.exists():
         raise UserError(f"{path}: no such bag")
-    try:
+    with _readable(path):
         reader = AnyReader([path], default_typestore=store)
         reader.open()
-    except Exception as error:  # whatever a broken file makes of its readers
-        raise _unreadable(path, error) from error
     try:
         yield reader
     finally:
@@ -195,15 +193,14 @@ def _opened(path: Path) -> Iterator[Any]:
 
 def _messages(path: Path, reader: Any, chosen: Sequence[Any]) -> Iterator[tuple[Any, int, Any]]:
     """Connection, time of the recording [ns] and message, of the ``chosen`` connections."""
-    try:
+    with _readable(path):
         for connection, at_ns, raw in reader.messages(chosen) if chosen else ():
             yield connection, at_ns, reader.deserialize(raw, connection.msgtype)
-    except Exception as error:
-        raise _unreadable(path, error) from error
 
 
-def _unreadable(path: Path, error: Exception) -> UserError:
-    return UserError(f"{path}: cannot be read as a bag: {first_line(error)[:LONGEST]}")
+def _readable(path: Path) -> contextlib.AbstractContextManager[None]:
+    """Whatever a broken file makes of its readers is told of the file."""
+    return as_user_error(f"{path}: cannot be read as a bag", Exception, most=LONGEST)
 
 
 def _surroundings(path: Path, reader: Any, detections: str | None) -> Surroundings:
