@@ -18,11 +18,10 @@ The ``_remote`` topics are also ordinary topics of the own master.
 import threading
 from collections import OrderedDict
 from collections.abc import Callable, Hashable
-from dataclasses import dataclass, replace
 from typing import NamedTuple, Protocol
 
 from genie_sim.core.node import GenieNode
-from genie_sim.messages import CameraPose, Header, Observation, Publish
+from genie_sim.messages import Header, Observation, Publish
 from genie_sim.ros.message import RosMessage
 
 LOCAL, REMOTE = "_local", "_remote"  # "-" is not legal in the names of real ROS
@@ -51,14 +50,6 @@ class Links(Protocol):
         """Sends without waiting; what cannot be sent is dropped."""
 
 
-@dataclass(frozen=True, slots=True)
-class View:
-    """Where the camera stands and how wide it sees."""
-
-    pose: CameraPose | None = None
-    horizontal_fov_rad: float = 0.0
-
-
 class Gateway:
     """One Genie's effects carried out. Calls may come from any thread; they are served one after the other.
 
@@ -84,7 +75,7 @@ class Gateway:
         self._outstanding: OrderedDict[Hashable, tuple[Header, int]] = OrderedDict()
         self._lock = threading.Lock()
 
-    def from_ros(self, topic: str, message: RosMessage, now_ns: int, sender: str, view: View | None = None) -> None:
+    def from_ros(self, topic: str, message: RosMessage, now_ns: int, sender: str) -> None:
         """A message on one of the own master's topics; ``sender`` is the node that published it."""
         with self._lock:
             if topic in self._from_node:
@@ -93,8 +84,6 @@ class Gateway:
                     self._publish(self._from_node[topic], message)
                     return
                 message = message.restamped(request)
-            elif view is not None:
-                message = replace(message, pose=view.pose, horizontal_fov_rad=view.horizontal_fov_rad)
             self._arrived(topic, message, now_ns, sender)
 
     def from_link(self, peer: Peer, topic: str, message: RosMessage, now_ns: int) -> None:

@@ -7,10 +7,11 @@ import threading
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable
+from dataclasses import replace
 
 from genie_sim.errors import UserError
 from genie_sim.ros.codec import Codec, codec_of
-from genie_sim.ros.gateway import View, plain
+from genie_sim.ros.gateway import plain
 from genie_sim.ros.link import TlsLinks
 from genie_sim.ros.message import RosMessage
 from genie_sim.ros.plan import Plan, Recorder, make_gateway
@@ -70,9 +71,10 @@ class GenieProcess(ABC):
         answer = plain(topic) in self.plan.answers
         try:
             message = RosMessage.of(payload, codec, self.plan.name, answer)
-            pose = None if self._poses is None else self._poses.at(message.header.stamp_ns)
-            view = View(pose, self.plan.horizontal_fov_rad)
-            self.gateway.from_ros(topic, message, time.monotonic_ns(), sender, view)
+            if self._poses is not None and not answer:
+                pose, fov_rad = self._poses.at(message.header.stamp_ns), self.plan.horizontal_fov_rad
+                message = replace(message, pose=pose, horizontal_fov_rad=fov_rad)
+            self.gateway.from_ros(topic, message, time.monotonic_ns(), sender)
         except ValueError as error:
             log.warning("%s: dropped a message: %s", topic, error)
         except UserError as error:

@@ -12,7 +12,7 @@ import pytest
 from genie_sim.errors import UserError
 from genie_sim.messages import CameraPose, Detection, Header
 from genie_sim.ros.codec import WireType, begins_with_header, codec_of
-from genie_sim.ros.gateway import Peer, View
+from genie_sim.ros.gateway import Peer
 from genie_sim.ros.message import RosMessage
 from genie_sim.ros.plan import Plan, make_gateway
 from genie_sim.ros.poses import Poses
@@ -135,9 +135,9 @@ def test_pose_grid_without_a_pose_never_hits():
     gateway = make_gateway(
         plan, lambda *_: None, lambda record, _: outcomes.append(record.outcome), Site("car1", "car"), None
     )
-    here = View(CameraPose(10.2, 5.0, 0.0, 0.1), 1.4)
-    for stamp_ns, view in ((1, View()), (2, View()), (3, here), (4, View()), (5, here)):
-        gateway.from_ros("/scan", message(stamp_ns), 0, "/camera", view)
+    here = CameraPose(10.2, 5.0, 0.0, 0.1)
+    for stamp_ns, pose in ((1, None), (2, None), (3, here), (4, None), (5, here)):
+        gateway.from_ros("/scan", replace(message(stamp_ns), pose=pose, horizontal_fov_rad=1.4), 0, "/camera")
         gateway.from_ros("/result_local", message(stamp_ns), 0, "/node")
     assert outcomes == ["miss", "miss", "miss", "miss", "hit"]
 
