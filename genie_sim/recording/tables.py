@@ -175,7 +175,7 @@ class Table:
     def __init__(self, schema: Schema, spill: Path | None = None) -> None:
         if spill is not None and schema.sorted_by:
             raise ValueError(f"{schema.name}: rows that are to be sorted have to stay in memory")
-        self.schema = schema
+        self.schema, self.name = schema, schema.name
         self._buffers = {column.name: _Buffer(column) for column in schema.columns}
         self._new: list[Value] = []  # of rows that are not in the columns yet, row by row
         self._width = len(schema.columns)
@@ -189,10 +189,6 @@ class Table:
 
     def __len__(self) -> int:
         return self._spilled + self._rows + len(self._new) // self._width
-
-    @property
-    def name(self) -> str:
-        return self.schema.name
 
     def append(self, values: Sequence[Value]) -> None:
         """Adds a row, or several one after the other; their values are in the order of the columns."""

@@ -7,7 +7,7 @@ nanoseconds of 32 bits, and the frame as a string: uint32 length and that many b
 import math
 import struct
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -38,17 +38,14 @@ class WireType(NamedTuple):
     definition: str = ""
 
 
+@dataclass(slots=True, unsafe_hash=True)
 class RosObject(Detection):
     """A detection that remembers the ROS object it was read from (``raw``), so that no field of it gets lost."""
 
-    def __init__(
-        self, label: str, score: float, box: Box | None, location: Location | None, confidence: float, raw: Any
-    ) -> None:
-        super().__init__(label, score, box, location, confidence, "ros")
-        self.raw = raw
+    raw: Any = field(default=None, compare=False)
 
     def with_confidence(self, confidence: float) -> "RosObject":
-        return RosObject(self.label, self.score, self.box, self.location, confidence, self.raw)
+        return replace(self, confidence=confidence)
 
 
 def begins_with_header(definition: str) -> bool:
@@ -237,7 +234,7 @@ def _marked(marker: Any) -> RosObject:
 
 def _object(label: str, score: float, box: Box | None, location: Location | None, raw: Any) -> RosObject:
     known = float(score) if math.isfinite(score) else 0.0
-    return RosObject(label, known, box, location, known, raw)
+    return RosObject(label, known, box, location, known, "ros", raw=raw)
 
 
 def _location(pose: Any, frame: str) -> Location | None:

@@ -13,7 +13,7 @@ from genie_sim.core.geometry import rigid
 from genie_sim.errors import UserError
 from genie_sim.messages import Header
 from genie_sim.perception.trace import read_trace, write_trace
-from genie_sim.ros import connection as wire
+from genie_sim.ros import connection
 from genie_sim.ros.bags import perceive_bag
 from genie_sim.ros.certificates import Credentials, make_authority, make_peer
 from genie_sim.ros.codec import CHANNELS, IMAGE, MARKER, MARKERS, OBJECTS, Codec, WireType, codec_of
@@ -157,7 +157,7 @@ def frames(folder: Path) -> Case:
     codecs = {f"/{number}": codec for number, (codec, _) in enumerate(_payloads(1))}
     good = []
     for number, (codec, payload) in enumerate(_payloads(1)):
-        frame = wire.encode(f"/{number}", RosMessage.of(payload, codec, "car1", codec.holds_objects))
+        frame = connection.encode(f"/{number}", RosMessage.of(payload, codec, "car1", codec.holds_objects))
         end = 4 + int.from_bytes(frame[:4], "big")
         good.append((frame, json.loads(frame[4:end]), frame[end:]))
 
@@ -166,12 +166,12 @@ def frames(folder: Path) -> Case:
         if rng.random() < 0.6:
             said = changed({**said, "pose": [1.0, 2.0, 3.0, 4.0], "fov_rad": 1.4}, rng)
             text = json.dumps(rng.choice(VALUES) if rng.random() < 0.05 else said).encode()
-            frame = wire.LENGTH.pack(len(text)) + text + payload
+            frame = connection.LENGTH.pack(len(text)) + text + payload
         if rng.random() < 0.5:
             frame = broken(frame, rng)
-        found = wire.decode(frame, codecs.get)
+        found = connection.decode(frame, codecs.get)
         if found is not None:
-            wire.encode(*found)
+            connection.encode(*found)
 
     return case
 

@@ -28,7 +28,7 @@ import pytest
 
 from genie_sim.errors import UserError
 from genie_sim.messages import CameraPose, Header
-from genie_sim.ros import connection, link, lobby, wire
+from genie_sim.ros import connection, link, lobby
 from genie_sim.ros.certificates import Credentials
 from genie_sim.ros.codec import WireType, codec_of
 from genie_sim.ros.gateway import Peer
@@ -113,12 +113,12 @@ def tls(
 
 
 def framed(*bodies: bytes) -> bytes:
-    return b"".join(wire.LENGTH.pack(len(body)) + body for body in bodies)
+    return b"".join(connection.LENGTH.pack(len(body)) + body for body in bodies)
 
 
 def said(text: object, payload: bytes = b"") -> bytes:
     encoded = text if isinstance(text, bytes) else json.dumps(text).encode()
-    return wire.LENGTH.pack(len(encoded)) + encoded + payload
+    return connection.LENGTH.pack(len(encoded)) + encoded + payload
 
 
 # What gets through
@@ -271,7 +271,7 @@ def test_who_has_no_certificate_learns_nothing(edge: Site, warnings: Callable[[]
     context.check_hostname, context.verify_mode = False, ssl.CERT_NONE
     plain = socket.create_connection(("127.0.0.1", edge.port), timeout=10)
     with context.wrap_socket(plain) as thief, contextlib.suppress(OSError):
-        thief.sendall(framed(wire.PING, wire.encode(REQUEST, image(1))))
+        thief.sendall(framed(connection.PING, connection.encode(REQUEST, image(1))))
         assert thief.recv(100) == b""
     until(lambda: len(warnings()) == 5, "a line for each of them")
     assert edge.got == [] and edge.names() == []
@@ -310,7 +310,7 @@ def test_a_wrong_certificate_is_refused_with_one_line(
     else:
         certificate = keys.certificate(pem, names.get(case, "URI:genie:car/car1"), -1 if case == "expired" else 1)
     with contextlib.suppress(OSError), tls(edge.port, pem, certificate) as thief:
-        thief.sendall(framed(wire.PING, wire.encode(REQUEST, image(1))))
+        thief.sendall(framed(connection.PING, connection.encode(REQUEST, image(1))))
         while thief.recv(4096):
             pass
     until(warnings, "a line")
@@ -337,7 +337,7 @@ class Listener:
             while True:
                 sock, _ = self._server.accept()
                 with contextlib.suppress(OSError), self._context.wrap_socket(sock, server_side=True) as secure:
-                    secure.sendall(framed(wire.PING))
+                    secure.sendall(framed(connection.PING))
                     while data := secure.recv(4096):
                         self.heard += data
 
@@ -384,7 +384,7 @@ def test_a_second_connection_of_a_name_replaces_only_its_own_certificate(
 ):
     def dial(pem: str) -> ssl.SSLSocket:
         made = tls(edge.port, pem)
-        made.sendall(framed(wire.PING))
+        made.sendall(framed(connection.PING))
         return made
 
     with dial(keys("car1", "car")) as first:
@@ -409,17 +409,17 @@ def test_a_peer_counts_from_its_first_frame(edge: Site, keys: Keys):
     with tls(edge.port, keys("car1", "car")) as quiet:
         time.sleep(0.5)
         assert edge.names() == []
-        quiet.sendall(framed(wire.PING))
+        quiet.sendall(framed(connection.PING))
         until(lambda: edge.names() == ["car1"], "now it is up")
 
 
 def test_a_connection_ends_with_its_certificate(edge: Site, keys: Keys, monkeypatch: pytest.MonkeyPatch):
     with tls(edge.port, keys("car1", "car")) as car:
-        car.sendall(framed(wire.PING))
+        car.sendall(framed(connection.PING))
         until(lambda: edge.names() == ["car1"], "it is up")
         later_s = time.time() + 366 * 86_400
         monkeypatch.setattr(connection.time, "time", lambda: later_s)
-        car.sendall(framed(wire.PING))
+        car.sendall(framed(connection.PING))
         until(lambda: edge.names() == [], "it is cut", 2.0)
 
 
@@ -488,7 +488,7 @@ def test_nonsense_of_a_peer_costs_it_the_message_and_a_line(
 ):
     monkeypatch.setattr(link, "WARNINGS_PER_S", 1000)
     with tls(edge.port, keys("car1", "car")) as car:
-        car.sendall(framed(*NONSENSE, wire.encode(REQUEST, image(1))))
+        car.sendall(framed(*NONSENSE, connection.encode(REQUEST, image(1))))
         until(lambda: edge.got, "after all that an image is heard")
     assert len(edge.got) == 1 and len(warnings()) == len(NONSENSE)
     assert all("\n" not in line and line.startswith("link: dropped a message of car1: ") for line in warnings())
@@ -496,7 +496,7 @@ def test_nonsense_of_a_peer_costs_it_the_message_and_a_line(
 
 def test_definitions_do_not_travel():
     typed = codec_of(WireType("my_msgs/Thing", "1" * 32, "Header header\nint32 x\n"), 1)
-    assert b"int32 x" not in wire.encode(REQUEST, image(1, 4, typed))
+    assert b"int32 x" not in connection.encode(REQUEST, image(1, 4, typed))
 
 
 def test_a_dialler_dials_again_whatever_has_happened(
@@ -535,9 +535,9 @@ def test_what_the_receiver_raises_ends_nothing(edge: Site, new_site: Callable[..
 
 def test_a_frame_that_is_too_long_cuts_the_link(edge: Site, keys: Keys):
     with tls(edge.port, keys("car1", "car")) as car:
-        car.sendall(framed(wire.PING))
+        car.sendall(framed(connection.PING))
         until(lambda: edge.names() == ["car1"], "it is up")
-        car.sendall(struct.pack(">I", wire.MAX_FRAME_BYTES + 1))
+        car.sendall(struct.pack(">I", connection.MAX_FRAME_BYTES + 1))
         until(lambda: edge.names() == [], "it is cut", 2.0)
 
 
@@ -597,7 +597,7 @@ def test_a_dozen_peers_behind_one_address_get_in_at_a_time(edge: Site, keys: Key
     time.sleep(0.3)  # all of them are in their handshake
     for one in waiting:
         with context.wrap_socket(one) as secure:
-            assert secure.recv(8) == framed(wire.PING), "it is heard, and told that somebody is there"
+            assert secure.recv(8) == framed(connection.PING), "it is heard, and told that somebody is there"
 
 
 def test_no_more_strangers_than_allowed_and_the_oldest_makes_room(edge: Site):
@@ -827,7 +827,7 @@ def test_the_numbers_of_the_security_page_are_those_of_the_code():
         f"after {lobby.HANDSHAKE_S:.0f} s. At most {lobby.STRANGERS} of them",
         f"{lobby.STRANGERS_OF_ONE_HOST} from one address",
         f"at most {link.WARNINGS_PER_S} a second",
-        f"more than {wire.MAX_FRAME_BYTES // 2**20} MB",
+        f"more than {connection.MAX_FRAME_BYTES // 2**20} MB",
         f"Each ends after {connection.SILENCE_S:.0f} s",
         f"within {connection.SILENCE_S + connection.PING_S:.0f} s",
     ):
