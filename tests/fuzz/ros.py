@@ -19,7 +19,7 @@ from genie_sim.ros.certificates import Credentials, make_authority, make_peer
 from genie_sim.ros.codec import CHANNELS, IMAGE, MARKER, MARKERS, OBJECTS, Codec, WireType, codec_of
 from genie_sim.ros.message import RosMessage
 from genie_sim.ros.poses import POSE_TYPES, Poses
-from genie_sim.ros.typestore import header, message, typestore
+from genie_sim.ros.typestore import message, time, typestore
 from tests.fuzz.files import one_file
 from tests.fuzz.harness import Case, Target
 from tests.fuzz.mutation import VALUES, broken, changed
@@ -104,7 +104,7 @@ class _Breaking:
 def _payloads(ros: int) -> list[tuple[Codec, bytes]]:
     """A good message of each type that a Genie reads."""
     store = typestore(1, DEFINITION, OBJECTS) if ros == 1 else typestore(2)
-    at, pixels = header(store, 10**9 + 7, "camera"), np.arange(360).astype(np.uint8)
+    at, pixels = {"stamp": time(10**9 + 7), "frame_id": "camera"}, np.arange(360).astype(np.uint8)
     made = {
         IMAGE: message(store, IMAGE, header=at, width=12, height=10, step=36, encoding="bgr8", data=pixels),
         MARKERS: message(store, MARKERS, markers=[message(store, MARKER, header=at, ns="car", id=n) for n in range(2)]),
@@ -131,7 +131,7 @@ def messages(folder: Path) -> Case:
         if rng.random() < 0.15:
             ros, kind, heard = rng.choice(poses)
             full = kind.replace("/", "/msg/")
-            whole = message(store[ros], full, header=header(store[ros], 10**9, "map"))
+            whole = message(store[ros], full, header={"stamp": time(10**9), "frame_id": "map"})
             write = store[ros].serialize_ros1 if ros == 1 else store[ros].serialize_cdr
             heard.heard(kind, broken(bytes(write(whole, full)), rng))
             return
