@@ -7,9 +7,10 @@ to write instead.
 
 import math
 import re
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from decimal import Decimal
 from fractions import Fraction
+from typing import NamedTuple
 
 from genie_sim.errors import short_repr
 
@@ -45,19 +46,42 @@ _QUANTITY = re.compile(r"([+-]?\d{1,30}(?:\.\d{1,30})?(?:e[+-]?\d{1,2})?)\s*(\D\
 _LARGEST = 2**63 - 1  # what a Parquet integer column holds
 
 
-def duration_ns(value: object) -> int:
-    """``"1.5 s"`` to 1,500,000,000 ns."""
-    return _whole(value, "duration", "30 ms", DURATIONS, "nanoseconds")
+class _Counted(NamedTuple):
+    """A quantity that is a whole number of its smallest unit; ``written`` are the units of texts, the largest first."""
+
+    name: str
+    example: str
+    units: Mapping[str, int]
+    counted: str
+    written: Sequence[str]
+
+    def read(self, value: object) -> int:
+        number, unit = _split(value, self.name, self.example, self.units)
+        exact = number * self.units[unit] if unit else Fraction(0)
+        if exact.denominator != 1:
+            raise ValueError(f"{self.name} {short_repr(value)} is not a whole number of {self.counted}")
+        if abs(exact) > _LARGEST:
+            raise ValueError(f"{self.name} {short_repr(value)} is too large")
+        return int(exact)
+
+    def text(self, value: int) -> str:
+        """The shortest exact text, which ``read`` reads back."""
+        if value == 0:
+            return f"0 {'s' if 's' in self.written else self.written[-1]}"
+        unit = next(unit for unit in self.written if abs(value) >= self.units[unit])
+        whole, rest = divmod(abs(value), self.units[unit])
+        digits = f"{whole}"
+        if rest:
+            digits += "." + f"{rest:0{len(str(self.units[unit])) - 1}d}".rstrip("0")
+        return f"{'-' if value < 0 else ''}{digits} {unit}"
 
 
-def size_bytes(value: object) -> int:
-    """``"1.4 MB"`` (10^6 bytes) or ``"4 MiB"`` (2^20 bytes) to bytes."""
-    return _whole(value, "size", "1.4 MB", SIZES, "bytes")
-
-
-def rate_bps(value: object) -> int:
-    """``"100 Mbit/s"`` to 100,000,000 bit/s. Bytes per second are refused, so that nobody is off by eight."""
-    return _whole(value, "rate", "100 Mbit/s", RATES, "bits per second")
+_DURATION = _Counted("duration", "30 ms", DURATIONS, "nanoseconds", ("s", "ms", "us", "ns"))
+_SIZE = _Counted("size", "1.4 MB", SIZES, "bytes", ("GB", "MB", "kB", "B"))
+_RATE = _Counted("rate", "100 Mbit/s", RATES, "bits per second", ("Gbit/s", "Mbit/s", "kbit/s", "bit/s"))
+duration_ns, duration_text = _DURATION.read, _DURATION.text  # "1.5 s" to 1,500,000,000 ns, and back
+size_bytes, size_text = _SIZE.read, _SIZE.text  # "1.4 MB" (10^6 bytes) or "4 MiB" (2^20 bytes), and back
+rate_bps, rate_text = _RATE.read, _RATE.text  # "100 Mbit/s"; bytes are refused, so that nobody is off by eight
 
 
 def length_m(value: object) -> float:
@@ -73,21 +97,6 @@ def angle_rad(value: object) -> float:
     return math.radians(plain) if unit == "deg" else plain
 
 
-def duration_text(value_ns: int) -> str:
-    """The shortest exact text: 1,500,000,000 ns to ``"1.5 s"``. ``duration_ns`` reads it back."""
-    return _exact(value_ns, {unit: DURATIONS[unit] for unit in ("s", "ms", "us", "ns")})
-
-
-def size_text(value_bytes: int) -> str:
-    """The shortest exact text: 465,800 bytes to ``"465.8 kB"``. ``size_bytes`` reads it back."""
-    return _exact(value_bytes, {unit: SIZES[unit] for unit in ("GB", "MB", "kB", "B")})
-
-
-def rate_text(value_bps: int) -> str:
-    """The shortest exact text: 10^9 bit/s to ``"1 Gbit/s"``. ``rate_bps`` reads it back."""
-    return _exact(value_bps, {unit: RATES[unit] for unit in ("Gbit/s", "Mbit/s", "kbit/s", "bit/s")})
-
-
 def length_text(value_m: float) -> str:
     """0.5 m to ``"0.5 m"``. ``length_m`` reads it back."""
     return f"{_plain(value_m)} m"
@@ -99,22 +108,10 @@ def angle_text(value_rad: float) -> str:
     return f"{_plain(degrees)} deg" if math.radians(degrees) == value_rad else f"{_plain(value_rad)} rad"
 
 
-def _whole(value: object, what: str, example: str, units: Mapping[str, int], counted: str) -> int:
-    number, unit = _split(value, what, example, units)
-    exact = number * units[unit] if unit else Fraction(0)
-    if exact.denominator != 1:
-        raise ValueError(f"{what} {short_repr(value)} is not a whole number of {counted}")
-    if abs(exact) > _LARGEST:
-        raise ValueError(f"{what} {short_repr(value)} is too large")
-    return int(exact)
-
-
 def _split(value: object, what: str, example: str, units: Collection[str]) -> tuple[Fraction, str]:
     """Number and unit of a text; the unit is empty for a bare zero only."""
-    if isinstance(value, bool) or not isinstance(value, str | int | float):
-        raise ValueError(f"{what} {short_repr(value)} is not a number with a unit; write for example '{example}'")
     match = _QUANTITY.fullmatch(str(value).strip())
-    if match is None:
+    if match is None or isinstance(value, bool) or not isinstance(value, str | int | float):
         raise ValueError(f"{what} {short_repr(value)} is not a number with a unit; write for example '{example}'")
     number = Fraction(Decimal(match[1]))
     unit = (match[2] or "").replace("μ", "µ")  # Greek mu and the micro sign look the same
@@ -136,14 +133,3 @@ def _finite(number: Fraction, value: object, what: str) -> float:
 
 def _plain(value: float) -> str:
     return str(int(value)) if value == int(value) and abs(value) < 1e15 else repr(value)
-
-
-def _exact(value: int, units: Mapping[str, int]) -> str:
-    if value == 0:
-        return f"0 {'s' if 's' in units else list(units)[-1]}"
-    unit = next(unit for unit, factor in units.items() if abs(value) >= factor)
-    whole, rest = divmod(abs(value), units[unit])
-    digits = f"{whole}"
-    if rest:
-        digits += "." + f"{rest:0{len(str(units[unit])) - 1}d}".rstrip("0")
-    return f"{'-' if value < 0 else ''}{digits} {unit}"

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from genie_sim.analysis.statistics import Blocks, NoBlocks, share
+from genie_sim.analysis.statistics import Blocks, share
 from genie_sim.recording.columns import Columns
 from genie_sim.recording.results import Metric
 
@@ -65,7 +65,7 @@ def of_answers(answers: Columns, methods: Sequence[str]) -> Iterator[Metric]:
 def of_held(held: Columns, methods: Sequence[str], intervals: bool = True) -> Iterator[Metric]:
     """Streaming accuracy: of what the consumers hold at each instant, and as component ``floor`` of the detector's own
     answers without any delay, which are under the method that was recorded with them and hold for all."""
-    blocks = Blocks(held["car"], held["stamp_ns"]) if intervals else NoBlocks()
+    blocks = Blocks(held["car"], held["stamp_ns"], intervals)
     method, what = held["method"], held["what"]
     for name in methods:
         for component in ("", FLOOR):

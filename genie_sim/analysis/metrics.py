@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from genie_sim.analysis import correctness
-from genie_sim.analysis.statistics import Blocks, Floats, NoBlocks, around, share
+from genie_sim.analysis.statistics import Blocks, Floats, around, share
 from genie_sim.recording.columns import Columns, Text
 from genie_sim.recording.results import MethodInfo, Metric
 from genie_sim.units import NS_PER_MS, NS_PER_S
@@ -127,7 +127,7 @@ def running_use(samples: Columns) -> tuple[Floats, Floats]:
 def _of_frames(frames: Columns, methods: Sequence[MethodInfo], intervals: bool) -> Iterator[Metric]:
     if not len(frames):
         return
-    blocks = Blocks(frames["car"], frames["stamp_ns"]) if intervals else NoBlocks()
+    blocks = Blocks(frames["car"], frames["stamp_ns"], intervals)
     method = frames["method"]
     response = {answer: response_ms(frames, answer) for answer in ("first", "fresh")}
     answered = ~np.isnan(frames.floats("first_answer_ns"))
@@ -262,7 +262,7 @@ def _boost(objects: Columns, where: Where, intervals: bool) -> Metric:
     if not n:
         return Metric("confidence_boost", *where, None, "1")
     value = float(events["boost_sum"].sum() / n)
-    blocks = Blocks(events["genie"], events["t_ns"]) if intervals else NoBlocks()
+    blocks = Blocks(events["genie"], events["t_ns"], intervals)
     half = blocks.half_width(blocks.influence(events["boost_sum"], events.floats("updates")))
     return Metric("confidence_boost", *where, value, "1", *around(value, half), n)
 

@@ -63,9 +63,14 @@ def half_of_mean(spread: float, n: int) -> float:
 
 
 class Blocks:
-    """Rows grouped into one second each, every stratum (car or Genie) for itself."""
+    """Rows grouped into one second each, every stratum (car or Genie) for itself. Unless intervals are ``wanted``,
+    nothing is computed, and every one is unknown."""
 
-    def __init__(self, strata: Text, instants_ns: np.ndarray[Any, np.dtype[np.int64]]) -> None:
+    def __init__(self, strata: Text, instants_ns: np.ndarray[Any, np.dtype[np.int64]], wanted: bool = True) -> None:
+        self._sizes = np.zeros(1, dtype=np.int64)
+        self._wanted = wanted
+        if not wanted:
+            return
         stratum = np.unique(strata.codes, return_inverse=True)[1]
         seconds = instants_ns // BLOCK_NS
         per_stratum = int(seconds.max()) + 1
@@ -75,6 +80,8 @@ class Blocks:
 
     def influence(self, above: Floats, below: Floats) -> Floats:
         """How far each block moves the ratio sum(above) / sum(below): the linearised ratio estimator's residuals."""
+        if not self._wanted:
+            return np.zeros(0)
         sums, counts = self._sum(above), self._sum(below)
         ratio = sums.sum() / counts.sum()
         return np.asarray((sums - ratio * counts) / counts.sum())
@@ -91,19 +98,6 @@ class Blocks:
     def _sum(self, values: Floats) -> Floats:
         sums: Floats = np.bincount(self._of_row, values, minlength=len(self._stratum)).astype(np.float64)
         return sums
-
-
-class NoBlocks(Blocks):
-    """Takes the place of blocks where nobody asks for intervals: nothing is computed, every interval is unknown."""
-
-    def __init__(self) -> None:
-        self._nothing: Floats = np.zeros(0)
-
-    def influence(self, above: Floats, below: Floats) -> Floats:
-        return self._nothing
-
-    def half_width(self, influence: Floats) -> None:
-        return None
 
 
 @functools.lru_cache(maxsize=4096)

@@ -73,7 +73,7 @@ def _case_study(outcomes: Sequence[Outcome], footer: str) -> Figure:
     """Vision-assisted driving (paper: Fig. "bs"): response times of both cars, and reuse over events: the running ratio
     hits / requests."""
     figure = Figure(figsize=(PAGE_IN, 2.8), layout="constrained")
-    _title(figure, "Vision-assisted driving: car2 has no cameras", f"{footer}; reuse: the first seed")
+    figure.set_label(f"Vision-assisted driving: car2 has no cameras\n{footer}; reuse: the first seed")
     left, right = figure.subplots(1, 2)
     objects, images = OBJECTS_LINE | {"marker": ""}, IMAGES_LINE | {"marker": ""}
     genie = _pooled(outcomes, "frames").where(method="genie")
@@ -109,7 +109,7 @@ def _sweeps(rows: Sequence[Row], targets: Mapping[str, float], footer: str) -> F
     ``value``, ``object_reuse`` and ``image_reuse`` as (mean, low, high).
     """
     figure = Figure(figsize=(PAGE_IN, 0.9 + 1.75 * -(-len(rows) // 3)), layout="constrained")
-    _title(figure, "Reuse against each parameter that the paper leaves open, all else unchanged", footer)
+    figure.set_label(f"Reuse against each parameter that the paper leaves open, all else unchanged\n{footer}")
     grid = figure.subplots(-(-len(rows) // 3), 3, sharey=True, squeeze=False)
     axes = list(grid.flat)
     for axis, row in zip(axes, rows, strict=False):
@@ -127,7 +127,7 @@ def _sweeps(rows: Sequence[Row], targets: Mapping[str, float], footer: str) -> F
 def _calibration(points: Sequence[Row], best: Row, targets: Mapping[str, float], footer: str) -> Figure:
     """Both calibrated numbers over the two fitted parameters, with the paper's level as a line where it is reached."""
     figure = Figure(figsize=(PAGE_IN, 3.0), layout="constrained")
-    _title(figure, "Calibration: the two published numbers over the two fitted parameters", footer)
+    figure.set_label(f"Calibration: the two published numbers over the two fitted parameters\n{footer}")
     left, right = figure.subplots(1, 2, sharey=True)
     for axis, name, target, title in (
         (left, "object_reuse", targets["object_reuse_mean"], "object reuse, mean of 12 bars"),
@@ -160,7 +160,7 @@ def _calibration(points: Sequence[Row], best: Row, targets: Mapping[str, float],
 def _worth(rows: Sequence[Row], footer: str) -> Figure:
     """Precision, recall and ghosts of what the consumer holds, for L, R and DG; ``rows`` as ``quality`` makes them."""
     figure = Figure(figsize=(PAGE_IN, 2.6), layout="constrained")
-    _title(figure, "What the consumer holds at each instant, against KITTI's labels (drive 0005)", footer)
+    figure.set_label(f"What the consumer holds at each instant, against KITTI's labels (drive 0005)\n{footer}")
     names = {"object_precision": "precision", "object_recall_static": "recall, static",
              "object_recall_moving": "recall, moving", "ghost_share": "ghosts"}  # fmt: skip
     axis = figure.subplots()
@@ -180,11 +180,6 @@ def _worth(rows: Sequence[Row], footer: str) -> Figure:
     axis.yaxis.set_major_formatter(FuncFormatter(style.percent_tick))
     figure.legend(loc="outside lower center", ncols=3)
     return figure
-
-
-def _title(figure: Figure, title: str, footer: str) -> None:
-    """For the file alone, as in ``analysis.drawing.finish``."""
-    figure.set_label(f"{title}\n{footer}")
 
 
 def _sweep(axis: Axes, row: Row, targets: Mapping[str, float]) -> None:

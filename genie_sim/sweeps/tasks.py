@@ -180,7 +180,7 @@ class Dask:
         """
         from distributed import CancelledError, KilledWorker, as_completed
 
-        packed = self._client.submit(_same, pickle.dumps(shared))
+        packed = self._client.submit(bytes, pickle.dumps(shared))
         futures = [self._client.submit(run_task, task, packed, key=f"genie-sim-{task.part.stem}") for task in tasks]
         try:
             for future in as_completed(futures):
@@ -195,7 +195,3 @@ class Dask:
     def close(self) -> None:
         """Says good-bye to the scheduler."""
         self._client.close()
-
-
-def _same(packed: bytes) -> bytes:
-    return packed
