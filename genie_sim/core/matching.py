@@ -17,18 +17,14 @@ Near = tuple[float, int, int]  # squared distance [m2] of a pair, and its indice
 Placed = tuple[str, float, float]  # an object's class, and where it is on the ground, east and north [m]
 
 
-def placed(objects: Iterable[Detection]) -> list[Placed]:
-    """Those that have a place in the world."""
-    return [
-        (_CLASSES.get(one.label, one.label), one.location[0], one.location[1])
-        for one in objects
-        if one.location is not None
-    ]
-
-
 def class_of(label: str) -> str:
     """The class under which an object of this label is compared."""
     return _CLASSES.get(label, label)
+
+
+def placed(objects: Iterable[Detection]) -> list[Placed]:
+    """Those that have a place in the world."""
+    return [(_CLASSES.get(one.label, one.label), *one.location[:2]) for one in objects if one.location is not None]
 
 
 def near(ours: Sequence[Placed], theirs: Sequence[Placed], reach_m: float) -> list[Near]:

@@ -41,8 +41,6 @@ class Fitted(_Part):
 
 
 class Assumptions(_Part):
-    """The content of the file."""
-
     scenarios: tuple[str, ...]
     seeds: tuple[int, ...]
     calibration_seeds: tuple[int, ...]
@@ -55,7 +53,6 @@ class Assumptions(_Part):
 
 @lru_cache(maxsize=1)
 def load_assumptions() -> Assumptions:
-    """The committed assumptions."""
     data = read_mapping(Path(__file__).with_name("assumptions.yaml"))
     calibrated = data["calibrated"]
     fitted = [{"name": name, **one} for name, one in calibrated["parameters"].items()]

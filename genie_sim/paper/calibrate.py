@@ -31,7 +31,6 @@ class Point:
 
     @property
     def ratio(self) -> float:
-        """Object reuse / image reuse."""
         return self.object_reuse / max(self.image_reuse, LEAST_REUSE)
 
     def over(self, targets: dict[str, float]) -> tuple[float, float]:

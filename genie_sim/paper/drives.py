@@ -198,7 +198,6 @@ def prepare_drive(job: DriveJob) -> Prepared:
 
 
 def run_drive(job: DriveJob) -> Row:
-    """Simulates one job."""
     prepared = prepare_drive(job)
     trace = _recordings(job.root, job.sequence).main
     facts = outcome_of(prepared).facts | {SAME_CELL: same_cell_share(prepared.scenario, trace)}

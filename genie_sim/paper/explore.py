@@ -111,7 +111,6 @@ def _claims() -> list[Claim]:
 
 
 def read_points(path: Path) -> list[dict[str, str]]:
-    """The finished points."""
     with path.open(newline="", encoding="utf-8") as file:
         return list(csv.DictReader(file))
 

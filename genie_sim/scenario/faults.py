@@ -38,7 +38,6 @@ class FaultEntry(Model):
 
     @property
     def target(self) -> Any:
-        """What it befalls."""
         return self.fault.parameters.get("target")
 
 

@@ -42,7 +42,6 @@ class Swept:
 
     @property
     def complete(self) -> bool:
-        """No run is missing."""
         return self.done == self.runs
 
 
@@ -146,7 +145,6 @@ class Sweep:
         return runs
 
     def _draw(self, runs: "pd.DataFrame") -> None:
-        """The figures and the page."""
         from genie_sim.analysis import figures as of_runs
         from genie_sim.sweeps import figures, page
 
