@@ -92,6 +92,8 @@ def test_methods_and_placements_differ_without_colour():
     assert len({str(style.method_line(place)["linestyle"]) for place in range(4)}) == 4
     assert len({str(style.method_line(place)) for place in range(32)}) == 32
     assert len({style.method_bar(place)["hatch"] for place in range(8)}) == 8
+    assert len({str(style.method_bar(place)) for place in range(64)}) == 64
+    assert len({(place % len(style.COLOURS), style.method_marker(place)) for place in range(64)}) == 64
     assert len({str(style.placement_line(where)["linestyle"]) for where in style.PLACEMENTS}) == 2
     assert len({style.placement_bar(where)["hatch"] for where in style.PLACEMENTS}) == 2
 
@@ -210,6 +212,26 @@ def test_no_legend_lies_on_data_and_all_of_it_is_on_the_figure(tables):
             panels = [axis.get_tightbbox(renderer) for axis in figure.axes]
             assert not any(box.overlaps(panel) for panel in panels), name
             assert box.x0 >= 0 and box.x1 <= figure.bbox.width, name
+
+
+@pytest.mark.parametrize("width_in", [figures.COLUMN_IN, figures.PAGE_IN])
+def test_the_names_and_numbers_of_many_methods_do_not_overlap(tables, width_in):
+    _, lookups, resources = tables
+    methods = [MethodInfo(f"method{place}", f"another cache {place}", baseline=False) for place in range(8)]
+    looked_up, used = (
+        pd.concat([rows[rows["method"] == "genie"].assign(method=one.name) for one in methods], ignore_index=True)
+        for rows in (lookups, resources)
+    )
+    bars = figures.image_reuse({"run": looked_up}, methods, FOOTER, width_in)
+    use = figures.resource_use(used, methods, FOOTER)
+    for figure in (bars, use):
+        FigureCanvasAgg(figure).draw()
+    names = bars.axes[0].get_xticklabels()
+    numbers = [text for text in bars.axes[0].texts if text.get_text()]
+    for texts in (names, numbers, [axis.title for axis in use.axes if axis.get_title()]):
+        boxes = [text.get_window_extent() for text in texts]
+        assert len(boxes) >= len(methods)
+        assert not any(one.overlaps(other) for place, one in enumerate(boxes) for other in boxes[:place])
 
 
 def test_the_first_updates_do_not_flatten_the_curve_of_the_confidence_boost(tables):
