@@ -75,10 +75,14 @@ def test_events_keep_their_order():
     assert list(lookups.to_frame().genie) == ["c", "b", "a", "d"]
 
 
-def some_objects(table: Table) -> Table:
+def some_objects(table: Table, at_once: int = 1) -> Table:
+    rows = []
     for t_ns in range(150_000):
         label = "car" if t_ns % 3 else "bus"
-        table.append(("genie", t_ns, f"car{9 - t_ns // 20_000}/genie", label, float(t_ns), -1.0, 0.5))
+        rows += ("genie", t_ns, f"car{9 - t_ns // 20_000}/genie", label, float(t_ns), -1.0, 0.5)
+        if t_ns % at_once == at_once - 1:
+            table.append(rows)
+            rows = []
     return table
 
 
@@ -91,6 +95,8 @@ def test_rows_that_went_to_the_file_at_once_are_the_same_rows(tmp_path):
     pd.testing.assert_frame_equal(spilled.to_frame(), here.to_frame())
     assert [path.name for path in tmp_path.iterdir()] == ["objects.parquet"]
     assert list(spilled.to_frame().genie.cat.categories) == sorted(here.to_frame().genie.unique())
+    some_objects(Table(OBJECTS, tmp_path / "partial"), at_once=30).write(tmp_path / "in_thirties")
+    assert (tmp_path / "in_thirties").read_bytes() == (tmp_path / "objects.parquet").read_bytes()
 
 
 def test_a_table_that_is_sorted_stays_in_memory(tmp_path):

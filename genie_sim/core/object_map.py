@@ -78,6 +78,7 @@ class ObjectMap:
         self._boosts: dict[int, tuple[Answer, Boosted]] = {}  # by the identity of the stored answer
         self._boosted_changes = 0  # of the map, when they were made
         self._boosted = CONFIDENCE_RULES[rules.rule] if confidence_rule is None else confidence_rule
+        self._rate = rules.rate
         self._any_class = rules.one_per_location
         self._exact = rules.location_key == "exact"
         self._cell_m = CELL_GATES * rules.gate_m
@@ -148,12 +149,11 @@ class ObjectMap:
         location = seen.location
         assert location is not None
         self.changes += 1
-        around = self._cells.get(self._cell(location))
-        stored = None if around is None else self._nearest(seen.label, location, around)
+        stored = self.match(seen.label, location)
         if stored is not None:
             before = stored.confidence
             if not self._origins or self._speaks(stored, header):
-                stored.confidence = self._boosted(before, seen.confidence, self._rules.rate)
+                stored.confidence = self._boosted(before, seen.confidence, self._rate)
                 stored.detection = None
                 if self._of_stored:
                     self._rank(before, stored.confidence)
@@ -270,7 +270,8 @@ class ObjectMap:
                 requests += 1
                 around = self.at(held.location)
                 there = [one for one in around if one.confidence >= threshold]
-                stored = self._nearest(held.label, held.location, around)
+                is_it = len(around) == 1 and around[0].label == held.label  # mostly
+                stored = around[0] if is_it else self.match(held.label, held.location)
                 if stored is not None:
                     held = held.with_confidence(stored.confidence)
                 hits += bool(there)
@@ -295,13 +296,11 @@ class ObjectMap:
 
     def match(self, label: str, location: Location) -> StoredObject | None:
         """The stored object that a sighting of class ``label`` at ``location`` shows: the nearest that fits."""
-        return self._nearest(label, location, self._cells.get(self._cell(location), ()))
-
-    def _nearest(self, label: str, location: Location, around: Sequence[StoredObject]) -> StoredObject | None:
         east_m, north_m, _ = location
         any_class = self._any_class
         best, best2 = None, self._gate2
-        for one in around:
+        cell = location if self._exact else east_m // self._cell_m + north_m // self._cell_m * ROW
+        for one in self._cells.get(cell, ()):
             if one.label == label or any_class:
                 away_east_m, away_north_m = one.east_m - east_m, one.north_m - north_m
                 distance2 = away_east_m * away_east_m + away_north_m * away_north_m
@@ -313,7 +312,8 @@ class ObjectMap:
         """``OBJECT_MAP[location]``: every stored object, of any class, that counts as being there."""
         east_m, north_m, _ = location
         found = []
-        for one in self._cells.get(self._cell(location), ()):
+        cell = location if self._exact else east_m // self._cell_m + north_m // self._cell_m * ROW
+        for one in self._cells.get(cell, ()):
             away_east_m, away_north_m = one.east_m - east_m, one.north_m - north_m
             if away_east_m * away_east_m + away_north_m * away_north_m <= self._gate2:
                 found.append(one)
@@ -326,6 +326,7 @@ class ObjectMap:
         ahead_east, ahead_north = math.cos(heading_rad), math.sin(heading_rad)
         half_rad = min(horizontal_fov_rad / 2, math.pi)
         least_ahead = math.cos(half_rad) if half_rad < math.pi else -math.inf  # per metre of distance
+        behind_m = 0.0 if least_ahead >= 0.0 else -math.inf  # what is less far ahead is not in view, however near
         found, sqrt = [], math.sqrt
         west, east, south, north = rectangle(pose, half_rad, range_m)
         for cell in _cells((west, east), (south, north), self._view_cell_m):
@@ -333,18 +334,12 @@ class ObjectMap:
                 if stored.confidence < threshold:
                     continue
                 away_east_m, away_north_m = stored.east_m - east_m, stored.north_m - north_m
-                distance2 = away_east_m * away_east_m + away_north_m * away_north_m
-                if distance2 <= range2:
-                    ahead_m = away_east_m * ahead_east + away_north_m * ahead_north
-                    if ahead_m >= least_ahead * sqrt(distance2):
+                ahead_m = away_east_m * ahead_east + away_north_m * ahead_north
+                if ahead_m >= behind_m:
+                    distance2 = away_east_m * away_east_m + away_north_m * away_north_m
+                    if distance2 <= range2 and ahead_m >= least_ahead * sqrt(distance2):
                         found.append(stored)
         return found
-
-    def _cell(self, location: Location) -> Any:
-        """The cell that lists what may be at a location: the location itself if it has to be equal."""
-        if self._exact:
-            return location
-        return location[0] // self._cell_m + location[1] // self._cell_m * ROW
 
     def _view_cell(self, location: Location) -> Cell:
         return location[0] // self._view_cell_m + location[1] // self._view_cell_m * ROW

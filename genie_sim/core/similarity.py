@@ -10,6 +10,8 @@ from typing import Any, Protocol
 
 from genie_sim.messages import Image
 
+TURN_RAD = 2 * math.pi
+
 
 class Similarity(Protocol):
     """Gives requests their keys, and remembers the keys that a cache holds."""
@@ -60,13 +62,12 @@ class PoseGrid:
         if cell_m <= 0 or heading_rad <= 0:
             raise ValueError("pose_grid: cell and heading must be positive")
         self._cell_m = cell_m
-        self._sectors = max(1, round(2 * math.pi / heading_rad))
+        self._sectors = max(1, round(TURN_RAD / heading_rad))
 
     def key(self, image: Image) -> Hashable:
-        pose = image.pose
-        sector = math.floor(pose.heading_rad / (2 * math.pi) * self._sectors + 0.5) % self._sectors
-        cell_m = self._cell_m
-        return (image.header.frame_id, math.floor(pose.east_m / cell_m), math.floor(pose.north_m / cell_m), sector)
+        (east_m, north_m, _, heading_rad), cell_m = image.pose, self._cell_m
+        sector = math.floor(heading_rad / TURN_RAD * self._sectors + 0.5) % self._sectors
+        return image.header.frame_id, math.floor(east_m / cell_m), math.floor(north_m / cell_m), sector
 
     def index(self) -> KeyIndex:
         return _EqualKeys()

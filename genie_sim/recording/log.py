@@ -169,9 +169,10 @@ class Log:
     def _changed(self, genie: str, changes: Iterable[tuple[str, Location, float | None]], now_ns: int) -> None:
         """Objects of a Genie's map are new, have another confidence, or none any more."""
         if self._objects is not None:
-            append, method = self._objects.append, self.method
+            values: list[Value] = []
             for label, (east_m, north_m, _), confidence in changes:
-                append((method, now_ns, genie, label, east_m, north_m, confidence))
+                values += (self.method, now_ns, genie, label, east_m, north_m, confidence)
+            self._objects.append(values)
 
     def sample(self, resources: Sequence[Resource], now_ns: int) -> None:
         """The state of every device, link and queue at this instant."""

@@ -193,14 +193,15 @@ class Table:
     def append(self, values: Sequence[Value]) -> None:
         """Adds a row, or several one after the other; their values are in the order of the columns."""
         self._new += values
-        if len(self._new) >= self._room:
-            self._store()
+        while len(self._new) >= self._room:
+            self._store(self._room)
 
-    def _store(self) -> None:
-        """Moves the new rows into the columns."""
-        if self._new:
-            self._add([self._new[place :: self._width] for place in range(self._width)])
-            self._new.clear()
+    def _store(self, most: int | None = None) -> None:
+        """Moves the new rows into the columns, at most so many values."""
+        new = self._new[:most]
+        if new:
+            del self._new[:most]
+            self._add([new[place :: self._width] for place in range(self._width)])
 
     def _add(self, columns: Sequence[Sequence[Value]]) -> None:
         for buffer, values in zip(self._buffers.values(), columns, strict=True):

@@ -33,7 +33,8 @@ class Camera(Node):
         self._frames: Sequence[Frame] = inside
         self._lap_ns = end_ns - begin_ns + car.pause_ns
         self._published = published
-        self._coming = enumerate((lap, frame) for lap in range(car.laps) for frame in inside)
+        laps = ((self._stamp_ns(lap, frame), lap, frame) for lap in range(car.laps) for frame in inside)
+        self._coming = enumerate(laps)
 
     @property
     def last_stamp_ns(self) -> int:
@@ -47,8 +48,7 @@ class Camera(Node):
         """For the next frame."""
         coming = next(self._coming, None)
         if coming is not None:
-            number, (lap, frame) = coming
-            stamp_ns = self._stamp_ns(lap, frame)
+            number, (stamp_ns, lap, frame) = coming
             self.env.after(stamp_ns - self.env.now, self._take, number, lap, stamp_ns, frame)
 
     def _take(self, number: int, lap: int, stamp_ns: int, frame: Frame) -> None:
