@@ -19,6 +19,7 @@ import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
@@ -33,6 +34,7 @@ from genie_sim.runner import prepare
 
 CAMERAS_PER_CAR = 4
 FIRST_LAP, ALL_LAPS, FLEET = "Genie, first lap", "Genie, {} laps", "Genie"
+LEAST = ", `record: []`"  # the same with no more tables than there must be
 
 
 @dataclass(frozen=True)
@@ -125,17 +127,23 @@ def measure(sizes: Sizes, peers_python: str, command: str, tell: Callable[[str],
     tell("3 cars")
     skipped: dict[str, str] = {}
     versions: dict[str, str] = {}
-    cold, warm = prepare(three_cars(1)), prepare(three_cars(sizes.laps))
-    name = ALL_LAPS.format(sizes.laps)
-    work = {FIRST_LAP: work_of(cold), name: work_of(warm)}
-    runs = {FIRST_LAP: lambda: run_genie(cold, sizes.laps), name: lambda: run_genie(warm)}
-    events = {FIRST_LAP: sizes.laps * work[FIRST_LAP].events, name: work[name].events}
-    races = [race(3, runs, events, work[name].frames, sizes.rounds, peers_python, skipped, versions)]
+    cold = prepare(three_cars(1))
+    work: dict[str, Work] = {}
+    runs: dict[str, Callable[[], Outcome]] = {}
+    events: dict[str, int] = {}
+    for name, laps in {FIRST_LAP: 1, ALL_LAPS.format(sizes.laps): sizes.laps}.items():
+        for recorded, change in {name: {}, name + LEAST: {"record": ()}}.items():
+            driven, times = prepare(three_cars(laps).model_copy(update=change)), sizes.laps // laps
+            work[recorded] = work_of(driven)
+            runs[recorded] = partial(run_genie, driven, times)
+            events[recorded] = times * work[recorded].events
+    frames = work[ALL_LAPS.format(sizes.laps)].frames
+    races = [race(3, runs, events, frames, sizes.rounds, peers_python, skipped, versions)]
     for cars, drive_s in sizes.fleets.items():
         tell(f"{cars:,} cars")
         prepared = prepare(fleet(cars, drive_s))
         of_fleet = work[f"{FLEET}, {cars:,} cars"] = work_of(prepared)
-        runs = {FLEET: lambda prepared=prepared: run_genie(prepared)}  # type: ignore[misc]
+        runs = {FLEET: partial(run_genie, prepared)}
         events = {FLEET: of_fleet.events}
         races.append(race(cars, runs, events, of_fleet.frames, sizes.rounds, peers_python, skipped, versions))
     tell("memory and profile")

@@ -18,7 +18,7 @@ from genie_sim.messages import Answer, CameraPose, Detection, Header, Location, 
 
 RANGE_60 = 0.30 + 0.60 * (1.0 - 0.30)  # 60 % of the way up the range of scores that the detector reports
 EMPIRICAL_PERCENT = 60.0
-CELL_GATES = 4.0
+CELL_GATES = 2.0
 REACH_GATES = 1.01  # how far around an object the cells list it: a gate, and room for rounding
 ORIGIN_NS = 1_000_000_000  # with ``confidence_source: origins``, a car's word counts again after so long
 ROW = 2.0**26  # cells from one row to the next: no row of cells on earth has as many
