@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from test_reproduce import counts_table
 
 from genie_sim.analysis.metrics import running_reuse
 from genie_sim.errors import UserError
@@ -206,7 +207,7 @@ def test_a_reading_is_judged_by_its_own_metrics_and_by_the_default_s():
 
 
 def test_counts_tell_kinds_and_readings_apart():
-    counted = verdict_table.counts_table(DEFAULT + BENCH)
+    counted = counts_table(DEFAULT + BENCH)
     assert "| reproduced | default | bench |" in counted
     assert "| calibrated | 1 of 2 |  |" in counted
     assert "| table | 3 of 3 | 3 of 3 |" in counted

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from genie_sim.analysis import text_table
 from genie_sim.paper import calibrate, drives, table1, verdict_table
 from genie_sim.paper.assumptions import load_assumptions
 from genie_sim.paper.calibrate import Point
@@ -50,10 +51,23 @@ def section_v(rows: list[dict]) -> str:
     return "\n".join(lines)
 
 
+def counts_table(rows: list[dict]) -> str:
+    """How many claims of each kind are reproduced under each reading; a number that was fitted, as it was fitted."""
+    readings = list(dict.fromkeys(one["reading"] for one in rows))
+    lines = []
+    for kind in dict.fromkeys(one["kind"] for one in rows):
+        mine = [[one for one in rows if (one["reading"], one["kind"]) == (name, kind)] for name in readings]
+        held = [sum(one["verdict"] in ("reproduced", "calibrated") for one in ones) for ones in mine]
+        cells = [f"{n} of {len(ones)}" if ones else "" for n, ones in zip(held, mine, strict=True)]
+        lines.append([kind.replace("_", " "), *cells])
+    table = text_table.markdown(["reproduced", *readings], lines)
+    return "\n".join([table, "", *verdict_table.counts(rows)])
+
+
 def generated_parts(folder: Path) -> dict[str, str]:
     """What documents show of a result folder, by the name of the part. Raises ``UserError``."""
     rows = verdict_table.read_rows(folder)
-    parts = {"verdicts": verdict_table.table(rows), "counts": verdict_table.counts_table(rows)}
+    parts = {"verdicts": verdict_table.table(rows), "counts": counts_table(rows)}
     parts |= {"section V": section_v(rows), "table I": table1.markdown()}
     parts["readings"] = verdict_table.readings_text(provenance.read_json(folder / "readings.json"))
     quality = folder / "quality.json"

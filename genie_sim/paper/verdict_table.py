@@ -60,17 +60,7 @@ def table(rows: Sequence[Row]) -> str:
     for claim, found in by_claim(rows).items():
         cells = [f"{_verdict(found[one])}: {_found(found[one])}" for one in readings]
         lines.append([claim, found[readings[0]]["claim"], _words(found[readings[0]]["kind"]), *cells])
-    return "\n".join([markdown(["", "the paper says", "kind", *readings], lines), "", *_counts(rows)])
-
-
-def counts_table(rows: Sequence[Row]) -> str:
-    """How many claims of each kind are reproduced under each reading."""
-    readings = _readings(rows)
-    as_claimed, lines = (VERDICTS[0], VERDICTS[4]), []  # a number that was fitted: as it was fitted
-    for kind in dict.fromkeys(one["kind"] for one in rows):
-        mine = [[one["verdict"] in as_claimed for one in rows if _is(one, name, kind)] for name in readings]
-        lines.append([_words(kind), *(f"{sum(ones)} of {len(ones)}" if ones else "" for ones in mine)])
-    return "\n".join([markdown(["reproduced", *readings], lines), "", *_counts(rows)])
+    return "\n".join([markdown(["", "the paper says", "kind", *readings], lines), "", *counts(rows)])
 
 
 def text(rows: Sequence[Row], width: int) -> str:
@@ -84,7 +74,7 @@ def text(rows: Sequence[Row], width: int) -> str:
         lines.append(line if len(line) <= width else f"{line[: max(width - 3, 0)]}...")
     marks = ", ".join(f"{mark} {verdict}" for verdict, mark in MARKS.items())
     legend = f"{marks}; * marginal, another set of seeds could say otherwise"
-    return "\n".join([*lines, "", *textwrap.wrap(legend, width), "", *_counts(rows)])
+    return "\n".join([*lines, "", *textwrap.wrap(legend, width), "", *counts(rows)])
 
 
 def document(rows: Sequence[Row], readings: Sequence[Row], worth: Sequence[Row]) -> str:
@@ -157,7 +147,7 @@ def sentences() -> list[dict[str, Any]]:
     return found
 
 
-def _counts(rows: Sequence[Row]) -> list[str]:
+def counts(rows: Sequence[Row]) -> list[str]:
     """For each reading how many claims have each verdict, and of what kinds those are that are reproduced."""
     said = []
     for name in _readings(rows):
@@ -180,10 +170,6 @@ def _readings(rows: Sequence[Row]) -> list[str]:
 
 def _verdict(one: Row) -> str:
     return f"{one['verdict']}{' (marginal)' if one['marginal'] else ''}"
-
-
-def _is(one: Row, reading: str, kind: str) -> bool:
-    return (one["reading"], one["kind"]) == (reading, kind)
 
 
 def _numbers(finding: Finding | None) -> dict[str, float | None]:

@@ -1,6 +1,6 @@
 """From the points of a sweep to runs with ids, and from runs to tasks."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -73,12 +73,6 @@ def _runs_of(prepared: Prepared, seeds: Sequence[int], point: str) -> Iterator[R
             seeded = replace(seeded, frames=runner.frame_source(seeded.scenario).open(seed, seeded.scenario.origin))
         run_id = provenance.run_id(runner.facts(seeded))
         yield Run(run_id, seeded.scenario, key, frames, f"{point}, seed {seed}")
-
-
-def share(runs: Iterable[Run], shard: tuple[int, int]) -> list[Run]:
-    """The runs of the ``i``-th of ``n`` shards, whatever has been done already."""
-    number, of = shard
-    return sorted(runs, key=lambda run: run.run_id)[number - 1 :: of]
 
 
 def tasks(runs: Sequence[Run], workers: int, folder: Path) -> list[Task]:

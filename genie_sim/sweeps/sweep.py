@@ -16,7 +16,7 @@ from genie_sim.recording import provenance
 from genie_sim.recording.tables import other_format
 from genie_sim.sweeps import tables
 from genie_sim.sweeps.design import Design, load_design
-from genie_sim.sweeps.plan import Plan, plan, share, tasks
+from genie_sim.sweeps.plan import Plan, plan, tasks
 from genie_sim.sweeps.tasks import Dask, Failure, Local
 
 if TYPE_CHECKING:
@@ -71,7 +71,7 @@ class Sweep:
         with usable(self.folder):
             self._parts.mkdir(parents=True, exist_ok=True)
             self._write_about()
-        mine = share(self.plan.runs.values(), shard)
+        mine = sorted(self.plan.runs.values(), key=lambda run: run.run_id)[shard[0] - 1 :: shard[1]]
         done = tables.done_runs(self._parts)
         missing = [run for run in mine if run.run_id not in done]
         count = len(mine) - len(missing)
