@@ -8,7 +8,7 @@ import numpy as np
 from genie_sim.core.geometry import Array
 from genie_sim.messages import CameraPose, Detection
 from genie_sim.perception.trace import POSITION_DECIMALS, SCORE_DECIMALS
-from genie_sim.town.laws import MIDDLE, STEPS_PER_Z, VIEW_STEP_M, DetectorLaws, TransientLaw, quantile
+from genie_sim.town.laws import MIDDLE, STEPS_PER_Z, VIEW_STEP_M, Copulas, DetectorLaws, TransientLaw, quantile
 from genie_sim.town.noise import NORMAL_MASK, SMOOTH_MASK, normals
 from genie_sim.town.objects import HORIZONTAL_FOV_RAD, MIDDLES_M, Things
 from genie_sim.town.streets import Ints
@@ -38,24 +38,9 @@ class SyntheticDetector:
     def __init__(self, things: Things, laws: DetectorLaws) -> None:
         """``things`` are all that views are of."""
         self._things = things
-        groups = laws.groups
-        self._groups = groups
+        self._groups, self._copulas = laws.groups, laws.copulas
         self._normals = np.array(normals())
-        # Of score, place along the line of sight and place across: each group's two weights, views and table.
-        self._copulas = [
-            (
-                np.array([copula.view_weight for copula in copulas]),
-                np.array([copula.look_weight for copula in copulas]),
-                np.stack([copula.views for copula in copulas]),
-                np.stack(tables),
-            )
-            for copulas, tables in (
-                ([one.score for one in groups], [one.scores for one in groups]),
-                ([one.along for one in groups], [one.along_m for one in groups]),
-                ([one.across for one in groups], [one.across_m for one in groups]),
-            )
-        ]
-        self._prone = np.array([group.prone for group in groups])
+        self._prone = np.array([group.prone for group in laws.groups])
 
     def detect(self, view: View, looks: Looks) -> Found:
         """What the detector finds of what is in view."""
@@ -66,12 +51,11 @@ class SyntheticDetector:
         bits = (things.key[thing] ^ looks.key[look]) * np.uint64(0xBF58476D1CE4E5B9)
         bits ^= bits >> np.uint64(32)
 
-        def drawn(law: Any, of_object: Array, step: Ints, bits: Any, place: tuple[Ints, Ints]) -> Array:
-            of_view, of_look, views, table = law
+        def drawn(law: Copulas, of_object: Array, step: Ints, bits: Any, place: tuple[Ints, Ints]) -> Array:
             group = place[0]
-            z = of_object + of_view[group] * views[group, step & SMOOTH_MASK]
-            z += of_look[group] * self._normals[(bits & np.uint64(NORMAL_MASK)).astype(np.int64)]
-            values: Array = table[(*place, (z * STEPS_PER_Z + MIDDLE).astype(np.int64))]
+            z = of_object + law.view_weight[group] * law.views[group, step & SMOOTH_MASK]
+            z += law.look_weight[group] * self._normals[(bits & np.uint64(NORMAL_MASK)).astype(np.int64)]
+            values: Array = law.table[(*place, (z * STEPS_PER_Z + MIDDLE).astype(np.int64))]
             return values
 
         place = things.group[thing], (range_m + 0.5).astype(np.int64)

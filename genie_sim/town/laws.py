@@ -42,7 +42,16 @@ class Copula(NamedTuple):
     object_weight: float
     view_weight: float
     look_weight: float
-    views: Sequence[float]
+    views: Sequence[float] | Array
+
+
+class Copulas(NamedTuple):
+    """The same of all groups, by their places, and their tables (groups, RANGES, steps of z)."""
+
+    view_weight: Array
+    look_weight: Array
+    views: Array
+    table: Array
 
 
 class GroupLaws:
@@ -89,6 +98,8 @@ class DetectorLaws:
         self._real = {name: self._group(group) for name, group in fitted["groups"].items()}
         self._real["vehicles"].names, self._real["vehicles"].prone = names, round(called["prone"] * PRONE)
         self._ghosts = {name: self._group(group) for name, group in fitted["ghosts"].items() if group["places"]}
+        named = (("score", "scores"), ("along", "along_m"), ("across", "across_m"))
+        self.copulas = [self._together(*names) for names in named]
         ghosts = [(GHOST_LABELS[name], group) for name, group in sorted(fitted["ghosts"].items())]
         self.ghosts_per_100m = {label: float(group["per_100m"]) for label, group in ghosts if group["places"]}
         self.transient = tuple(
@@ -97,6 +108,16 @@ class DetectorLaws:
             )
             for label, group in ghosts
         )
+
+    def _together(self, name: str, table_name: str) -> Copulas:
+        """Of all groups, of which each then has a row: they are large."""
+        weights = np.array([getattr(group, name)[1:3] for group in self.groups]).T
+        views = np.stack([getattr(group, name).views for group in self.groups])
+        tables = np.stack([getattr(group, table_name) for group in self.groups])
+        for group, row, table in zip(self.groups, views, tables, strict=True):
+            setattr(group, name, getattr(group, name)._replace(views=row))
+            setattr(group, table_name, table)
+        return Copulas(weights[0], weights[1], views, tables)
 
     def _group(self, fitted: Mapping[str, Any]) -> GroupLaws:
         self.groups.append(GroupLaws(fitted, len(self.groups)))

@@ -150,7 +150,7 @@ class Glances:
         self.drive, self.camera = drive, camera
         self.keys = [mix(drive.car_key ^ (index << 8) ^ int(camera)) for index in indices]
         self.poses: list[CameraPose] = []
-        self._at: list[tuple[float, float, float]] = []  # cosine and sine of the heading, and time [s]
+        at = []
         left_m = BASELINES_M[camera]
         for index in indices:
             t_s = (drive.start_ns + index * drive.interval_ns) * 1e-9
@@ -158,12 +158,9 @@ class Glances:
             east_m = round(east_m - left_m * s, POSITION_DECIMALS)
             north_m = round(north_m + left_m * c, POSITION_DECIMALS)
             self.poses.append(CameraPose(east_m, north_m, CAMERA_UP_M, round(math.remainder(heading, math.tau), 6)))
-            self._at.append((c, s, t_s))
-
-    @functools.cached_property
-    def _looks(self) -> Looks:
-        (east_m, north_m, _, _), (c, s, t_s) = np.array(self.poses).T, np.array(self._at).T
-        return Looks(east_m, north_m, c, s, t_s, np.array(self.keys, dtype=np.uint64))
+            at.append((east_m, north_m, c, s, t_s))
+        x, y, cos, sin, times_s = np.array(at).T
+        self._looks = Looks(x, y, cos, sin, times_s, np.array(self.keys, dtype=np.uint64))
 
     @functools.cached_property
     def _view(self) -> View:
@@ -177,10 +174,11 @@ class Glances:
 
     def detections(self, place: int) -> tuple[Detection, ...]:
         """What the detector finds in one of the frames, best score first."""
-        found, key, (c, s, _) = self._found.of(place), self.keys[place], self._at[place]
+        found, key, looks = self._found.of(place), self.keys[place], self._looks
         draw = (key >> 48) / 0x10000
         for law in self.drive.town.laws.transient:
             if 0.0 <= draw < law.per_frame:
+                c, s = looks.cos.item(place), looks.sin.item(place)
                 found.append(transient(law, mix(key), self.poses[place], c, s))
             draw -= law.per_frame
         found.sort(key=_score, reverse=True)
