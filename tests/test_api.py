@@ -75,12 +75,13 @@ def test_a_scenario_may_be_a_mapping_a_file_or_another_scenario(run):
 
 def test_progress_is_told_in_simulated_seconds():
     told = []
-    settings = {"cars[0].route.window": ["0 s", "1 s"], "methods": ["genie"]}
+    settings = {"cars[0].route.window": ["0 s", "1 s"], "methods": ["local", "genie"]}
     gs.run("1car_homo", settings, progress=lambda *now: told.append(now))
     done, total, what = told[-1]
     assert done == pytest.approx(total, abs=0.2)
-    assert 1 < total < 2
-    assert what.startswith("genie")
+    assert 2 < total < 4
+    assert what.startswith("genie") and told[0][2].startswith("local")
+    assert told == sorted(told, key=lambda now: now[0])
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from genie_sim import files
-from genie_sim.errors import UserError
+from genie_sim.errors import UserError, as_user_error
 from genie_sim.paths import atomic_write
 from genie_sim.scenario.yaml_input import dump, parse, read_mapping
 
@@ -22,6 +22,15 @@ def refusal(data: bytes, tmp_path: Path) -> str:
         read_mapping(path)
     assert "\n" not in str(error.value)
     return str(error.value).replace(f"{tmp_path}/", "")
+
+
+def test_what_a_library_says_is_told_in_one_line_of_so_many_letters() -> None:
+    with pytest.raises(UserError, match=r"^x\.bag: broken: abc$"), as_user_error("x.bag: broken", ValueError, most=3):
+        raise ValueError("abcdef\nand more")
+    with pytest.raises(UserError, match=r"^x: No such file or directory$"), as_user_error("x", OSError):
+        Path("nowhere").read_bytes()
+    with pytest.raises(KeyError), as_user_error("x", ValueError):
+        raise KeyError("another kind is nobody's input")
 
 
 def test_a_shipped_file_is_found_by_name_from_any_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
