@@ -117,7 +117,7 @@ function ghosts(judged, t) {
 // The ghosts on the street, in words.
 function showGhosts(run, method, t) {
   const ghosts = believed(run, method, t).filter(isGhost), shown = ghosts.slice(0, TABLE_GHOSTS);
-  byId("ghosts").hidden = !method.beliefs.begin.length;
+  byId("ghosts").hidden = byId("believed").parentElement.hidden = !method.beliefs.begin.length;
   byId("ghosts-now").textContent = `Ghosts under ${method.title} now: ${ghosts.length}`;
   table(byId("ghost-table"), null, ["held by", "what", "where [m]", "why it is one", "since"], shown.map((one) => [one.car, one.label,
     `${one.east.toFixed(1)} east, ${one.north.toFixed(1)} north`, GHOSTS[one.judged], `${(one.since / 1e6).toFixed(2)} s`]));
