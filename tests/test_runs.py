@@ -55,6 +55,7 @@ def test_a_threshold_by_its_word_is_the_run_of_its_number(simulated):
     assert _key(jobs[0]) == _key(jobs[1])
     by_word, by_number = (run_job(replace(job, judged=True)).facts for job in jobs)
     assert repr(by_word) == repr(by_number)  # with NaN
+    assert by_word["handling_ms"] > 0 and by_word["accelerator_rate:genie:edge1"] > 0
 
 
 def test_every_seed_is_a_run_of_its_own(simulated):

@@ -80,6 +80,13 @@ def test_shared_objects_are_counted_those_below_c_t_apart():
     assert (watch.facts()["objects_shared"], watch.facts()["unconfident_objects_shared"]) == (4, 2)
 
 
+def test_a_c_t_by_its_word_is_known():
+    maps = dataclasses.replace(RULES.object_map, threshold="range_60")
+    watch = Watch(dataclasses.replace(RULES, object_map=maps))
+    watch.deliver("/objects", answer(0.71, 0.73), "edge1/genie")
+    assert watch.facts()["unconfident_objects_shared"] == 1
+
+
 @pytest.mark.parametrize(
     ("changed", "host", "topics"),
     [
