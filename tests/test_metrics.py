@@ -240,6 +240,13 @@ def test_windows_of_objects_hold_whole_messages():
     assert list(windows["ratio"]) == [30 / 60, 30 / 60]
 
 
+def test_no_window_holds_requests_of_two_genies():
+    table = lookup_table(*events("car1/genie", "image", [1] * 52), *events("car2/genie", "image", [0] * 51))
+    windows = metrics.windowed_reuse(Columns.of(table))
+    assert windows["genie"].tolist() == ["car1/genie"] * 3 + ["car2/genie"] * 2
+    assert windows["ratio"].tolist() == [1, 1, 1, 0, 0]
+
+
 def test_the_running_boost_weighs_updates_not_events():
     table = lookup_table(
         ("genie", 0, "g", "car", "boost", None, "car1", "c", 0, None, 1, 1, 1, 0.10, 1),

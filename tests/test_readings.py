@@ -137,10 +137,10 @@ def lookups(*rows):
 
 def test_the_running_ratio_is_hits_so_far_over_requests_so_far_of_each_genie():
     found = running_reuse(lookups(
-        ("car1", "image", "client", 1, 0), ("car1", "image", "client", 1, 1), ("edge1", "image", "client", 4, 1),
+        ("car1", "image", "client", 1, 0), ("car1", "image", "client", 1, 1), ("edge1", "image", "client", 5, 1),
         ("car1", "image", "client", 2, 0), ("edge1", "image", "client", 0, 0),
     ))  # fmt: skip
-    assert found["ratio"].tolist() == [0, 1 / 2, 1 / 4, 1 / 4]
+    assert found["ratio"].tolist() == [0, 1 / 2, 1 / 4, 1 / 5]
     assert found["t_ns"].tolist() == [0, 100 * MS, 300 * MS, 200 * MS]
 
 
