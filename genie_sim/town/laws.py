@@ -100,6 +100,7 @@ class DetectorLaws:
         self._ghosts = {name: self._group(group) for name, group in fitted["ghosts"].items() if group["places"]}
         named = (("score", "scores"), ("along", "along_m"), ("across", "across_m"))
         self.copulas = [self._together(*names) for names in named]
+        smooth_normals.cache_clear()  # each group has its row by now
         ghosts = [(GHOST_LABELS[name], group) for name, group in sorted(fitted["ghosts"].items())]
         self.ghosts_per_100m = {label: float(group["per_100m"]) for label, group in ghosts if group["places"]}
         self.transient = tuple(

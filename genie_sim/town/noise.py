@@ -31,7 +31,7 @@ def normals() -> tuple[float, ...]:
     return tuple(round(quantile((i + 0.5) / count), 9) for i in range(count))
 
 
-@functools.lru_cache(maxsize=1)
+@functools.cache
 def smooth_normals(step: "float") -> "array[float]":
     """65,536 standard normal numbers in a row, in which numbers n places apart are correlated by exp(-n step)."""
     table, kept = normals(), math.exp(-step)
