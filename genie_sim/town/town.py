@@ -29,7 +29,7 @@ from genie_sim.town.view import Eyes, Looks, View
 ORIGIN: Geodetic = (49.0, 8.4, 115.0)  # near Karlsruhe, where KITTI was recorded; the town itself is made up
 STREAM = "city"  # names the random streams, here and in digests: another word makes another town of every seed
 CAMERA_UP_M = 1.65
-TOGETHER = 32  # frames of a camera whose views are worked out at once
+TOGETHER = 16  # frames of a camera whose views are worked out at once
 BASELINES_M = {"02": 0.27, "03": -0.27}  # to the left of the car's middle
 _score = attrgetter("score")
 
