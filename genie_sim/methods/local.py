@@ -4,6 +4,8 @@ from genie_sim.sim.station import Method, Place, Station
 
 
 class Local(Method):
+    """Each car runs its own detector."""
+
     title = "local (L)"
     baseline = True
 

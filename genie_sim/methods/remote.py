@@ -4,6 +4,8 @@ from genie_sim.sim.station import IMAGES, OBJECTS, Method, Place, Station, Uplin
 
 
 class Remote(Method):
+    """Each car's frames go to its edge's detector."""
+
     title = "remote (R)"
     baseline = True
 
