@@ -1,7 +1,5 @@
 """What the shell may complete, and how it comes to do so."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import click

@@ -12,6 +12,8 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
+from tests.browser import Browser, installed
+
 REPOSITORY = Path(__file__).resolve().parent.parent
 
 os.environ.setdefault("MPLBACKEND", "Agg")
@@ -111,3 +113,27 @@ def run_cli(tmp_path: Path) -> CommandLine:
         )
 
     return run
+
+@pytest.fixture(scope="session")
+def program() -> str:
+    """The program of a browser; skips the test where there is none."""
+    found = installed()
+    if found is None:
+        pytest.skip("needs Chromium: none of its programs is installed")
+    return found
+
+
+@pytest.fixture(scope="module")
+def one_browser(program: str, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
+    browser = Browser(program, tmp_path_factory.mktemp("profile"))
+    yield browser
+    browser.close()
+
+
+@pytest.fixture
+def browser(one_browser: Browser) -> Browser:
+    """The browser, with nothing noted so far, in a common window."""
+    one_browser.errors.clear()
+    one_browser.requests.clear()
+    one_browser.size(1200, 900)
+    return one_browser

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import shutil
-from collections.abc import Iterator
 from importlib import resources
 from pathlib import Path
 
@@ -12,7 +11,7 @@ import pytest
 
 import genie_sim as gs
 from genie_sim.paper import page as evaluation
-from tests.browser import Browser, installed
+from tests.browser import Browser
 from tests.test_report_sweep import swept
 
 PAPER = Path(__file__).resolve().parent.parent / "results" / "paper"
@@ -34,16 +33,6 @@ CHECK = """(async (only) => {
   return violations.filter(({ impact }) => impact === 'serious' || impact === 'critical')
     .map(({ id, nodes }) => [id, nodes.map((node) => node.html.slice(0, 200)).slice(0, 5)]);
 })"""
-
-
-@pytest.fixture(scope="module")
-def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
-    program = installed()
-    if program is None:
-        pytest.skip("needs Chromium: none of its programs is installed")
-    one = Browser(program, tmp_path_factory.mktemp("profile"))
-    yield one
-    one.close()
 
 
 @pytest.fixture(scope="module")

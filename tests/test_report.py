@@ -6,7 +6,6 @@ import copy
 import io
 import json
 import re
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -20,7 +19,7 @@ from genie_sim import report
 from genie_sim.cli import main
 from genie_sim.recording.columns import Text
 from genie_sim.report import data, replay
-from tests.browser import Browser, installed
+from tests.browser import Browser
 
 MEGABYTE = 10**6
 EVIL = "</script><script>window.hacked=1</script><!--<img src=x onerror='window.hacked=2'>%data% & \u2028 é"
@@ -287,30 +286,6 @@ def test_no_name_ends_the_data_or_becomes_markup(run):
 
 
 # In a browser
-
-
-@pytest.fixture(scope="module")
-def program() -> str:
-    found = installed()
-    if found is None:
-        pytest.skip("needs Chromium: none of its programs is installed")
-    return found
-
-
-@pytest.fixture(scope="module")
-def one_browser(program: str, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
-    browser = Browser(program, tmp_path_factory.mktemp("profile"))
-    yield browser
-    browser.close()
-
-
-@pytest.fixture
-def browser(one_browser: Browser) -> Browser:
-    """The browser, with nothing noted so far, in a common window."""
-    one_browser.errors.clear()
-    one_browser.requests.clear()
-    one_browser.size(1200, 900)
-    return one_browser
 
 
 @pytest.fixture

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import shutil
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -15,7 +14,7 @@ from genie_sim.cli import main
 from genie_sim.paper import page as evaluation
 from genie_sim.paper import verdict_table
 from genie_sim.paper.readings import load_reading
-from tests.browser import Browser, installed
+from tests.browser import Browser
 from tests.test_report import EVIL, MEGABYTE, embedded, middle, picture
 
 PAPER = Path(__file__).resolve().parent.parent / "results" / "paper"
@@ -178,24 +177,6 @@ def test_reproduce_writes_the_page(monkeypatch):
 
 
 # In a browser
-
-
-@pytest.fixture(scope="module")
-def one_browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
-    program = installed()
-    if program is None:
-        pytest.skip("needs Chromium: none of its programs is installed")
-    browser = Browser(program, tmp_path_factory.mktemp("profile"))
-    yield browser
-    browser.close()
-
-
-@pytest.fixture
-def browser(one_browser: Browser) -> Browser:
-    one_browser.errors.clear()
-    one_browser.requests.clear()
-    one_browser.size(1200, 900)
-    return one_browser
 
 
 @pytest.fixture

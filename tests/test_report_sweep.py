@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +12,7 @@ from genie_sim.cli import main
 from genie_sim.sweeps import figures
 from genie_sim.sweeps import page as sweep
 from genie_sim.sweeps.design import load_design
-from tests.browser import Browser, installed
+from tests.browser import Browser
 from tests.test_report import EVIL, MEGABYTE, embedded, picture
 
 CROSSED = """
@@ -165,24 +164,6 @@ def test_values_on_an_axis_can_be_read(town):
 
 
 # In a browser
-
-
-@pytest.fixture(scope="module")
-def one_browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
-    program = installed()
-    if program is None:
-        pytest.skip("needs Chromium: none of its programs is installed")
-    browser = Browser(program, tmp_path_factory.mktemp("profile"))
-    yield browser
-    browser.close()
-
-
-@pytest.fixture
-def browser(one_browser: Browser) -> Browser:
-    one_browser.errors.clear()
-    one_browser.requests.clear()
-    one_browser.size(1200, 900)
-    return one_browser
 
 
 def choose(browser: Browser, element: str, value: str) -> None:
