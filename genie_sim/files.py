@@ -38,13 +38,16 @@ def find(kind: Kind, path_or_name: str | Path) -> Path:
         with as_user_error(str(text), OSError):  # for example a name longer than the file system allows
             if path.is_file():
                 return path
-            shipped = f"; the {kind.what} {path.stem!r} needs no path" if path.stem in available(kind) else ""
-            raise UserError(f"{text}: {'is a folder, not a file' if path.is_dir() else 'no such file'}{shipped}")
-    known = available(kind)
-    if text not in known:
-        raise UserError(unknown(kind.what, text, known))
-    _tell_of_two(known[text], _shipped() / kind.folder / known[text].name)
-    return known[text]
+            known = f"; the {kind.what} {path.stem!r} needs no path" if path.stem in available(kind) else ""
+            raise UserError(f"{text}: {'is a folder, not a file' if path.is_dir() else 'no such file'}{known}")
+    own, shipped = (root / kind.folder / f"{text}{kind.suffix}" for root in (Path(), _shipped()))
+    with as_user_error(text, OSError):
+        if own.is_file():
+            _tell_of_two(own, shipped)
+            return own
+        if shipped.is_file():
+            return shipped
+    raise UserError(unknown(kind.what, text, available(kind)))
 
 
 @functools.cache
@@ -64,6 +67,7 @@ def available(kind: Kind) -> dict[str, Path]:
     return dict(sorted(found.items()))
 
 
+@functools.cache
 def _shipped() -> Path:
     """The data folder of an installed package, else the root of the checkout."""
     package = Path(genie_sim.__file__).parent

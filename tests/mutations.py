@@ -29,7 +29,7 @@ TESTS = {  # which of the fast tests have to notice, by the file
     "paper/facts.py": ("test_facts",),
     "paper/watch.py": ("test_watch",),
     "paper/arms.py": ("test_arms",),
-    "paper/runs.py": ("test_arms",),
+    "paper/runs.py": ("test_arms", "test_runs"),
     "paper/verdict_table.py": ("test_claims", "test_arms"),
     "analysis/metrics.py": ("test_facts",),
     "analysis/statistics.py": ("test_claims",),

@@ -65,13 +65,26 @@ def test_every_seed_is_a_run_of_its_own(simulated):
 
 def test_a_job_that_wants_more_than_is_known_is_simulated_again_with_all_of_it(simulated):
     runs = Runs(1)
-    runs([Job("2car_homo", 1, BASE, ("genie",))], "")
-    runs([Job("2car_homo", 1, BASE, keep_tables=True), Job("2car_homo", 1, BASE, ("genie",), judged=True)], "")
-    assert [(job.methods, job.keep_tables, job.judged) for job in simulated] == [
-        (("genie",), False, False), (EVERY_METHOD, True, True)
-    ]  # fmt: skip
-    runs([Job("2car_homo", 1, BASE, ("remote",), judged=True)], "")
+    plain = Job("2car_homo", 1, BASE, ("genie",), redefined=False)
+    runs([plain], "")
+    all_methods = replace(plain, methods=EVERY_METHOD, keep_tables=True)
+    runs([all_methods, replace(plain, judged=True), replace(plain, redefined=True)], "")
+    assert simulated == [plain, replace(all_methods, judged=True, redefined=True)]
+    runs([replace(plain, methods=("remote",), judged=True)], "")
     assert len(simulated) == 2
+    other = replace(plain, seed=2)
+    for wanted in ({}, {"redefined": True}, {"keep_tables": True}, {"judged": True}):
+        runs([replace(other, **wanted)], "")
+    assert len(simulated) == 6
+
+
+def test_other_definitions_cost_facts_of_their_own_alone():
+    job = Job("1car_homo", 1, BASE, ("genie",))
+    every, own = run_job(job).facts, run_job(replace(job, redefined=False)).facts
+    assert {name: repr(every[name]) for name in own} == {name: repr(value) for name, value in own.items()}
+    others, some = set(every) - set(own), ("image_reuse_highest_running:car", "image_running_peak_at:car")
+    assert {"first_answer_mean_from_stamp:genie", *some} <= others
+    assert all("_from_stamp" in name or "_running" in name for name in others)
 
 
 def test_genie_alone_has_the_baselines_of_its_world(simulated):

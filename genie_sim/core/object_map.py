@@ -81,7 +81,7 @@ class ObjectMap:
         self._rate = rules.rate
         self._any_class = rules.one_per_location
         self._exact = rules.location_key == "exact"
-        self._cell_m = CELL_GATES * rules.gate_m
+        self._cell_m, self._reach_m = CELL_GATES * rules.gate_m, REACH_GATES * rules.gate_m
         self._gate2 = 0.0 if self._exact else rules.gate_m**2
         self._cells: dict[Any, list[StoredObject]] = {}  # by location if exact, else by cell
         self._view_cell_m = view_cell_m
@@ -347,7 +347,7 @@ class ObjectMap:
     def _cells_within_reach(self, location: Location) -> list[Any]:
         if self._exact:
             return [location]
-        reach_m = REACH_GATES * self._rules.gate_m
+        reach_m = self._reach_m
         east_m, north_m, _ = location
         return _cells((east_m - reach_m, east_m + reach_m), (north_m - reach_m, north_m + reach_m), self._cell_m)
 
@@ -368,8 +368,11 @@ def _cells(easts: tuple[float, float], norths: tuple[float, float], side_m: floa
             return [west + south * ROW]
         if south + 1 == north:
             return [west + south * ROW, west + north * ROW]
-    elif south == north and west + 1 == east:
-        return [west + south * ROW, east + south * ROW]
+    elif west + 1 == east:
+        if south == north:
+            return [west + south * ROW, east + south * ROW]
+        if south + 1 == north:
+            return [west + south * ROW, west + north * ROW, east + south * ROW, east + north * ROW]
     rows = range(int(south), int(north) + 1)
     return [i + j * ROW for i in range(int(west), int(east) + 1) for j in rows]
 

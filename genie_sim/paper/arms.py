@@ -74,15 +74,16 @@ def run_arms(assumptions: Assumptions, settings: tuple[str, ...], seeds: Sequenc
     ours = runs([Job(scenario, seed, settings) for scenario, seed in places], "other readings")
     arms, jobs = list(arms_of(assumptions)), []
     for arm in arms:
-        whole = [Job(scenario, seed, (*settings, *arm.settings), arm.methods) for scenario, seed in places]
+        mine = (*settings, *arm.settings)
+        whole = [Job(scenario, seed, mine, arm.methods, redefined=False) for scenario, seed in places]
         jobs += [replace(job, methods=("genie",)) if runs.has_baselines(job) else job for job in whole]
     outcomes = runs(jobs, "other readings")
     evidence, others = {}, {}
     for number, arm in enumerate(arms):
-        mine = outcomes[number * len(places) : (number + 1) * len(places)]
-        facts = {place: outcome.facts for place, outcome in zip(places, mine, strict=True)}
+        made = outcomes[number * len(places) : (number + 1) * len(places)]
+        facts = {place: outcome.facts for place, outcome in zip(places, made, strict=True)}
         evidence[arm.name] = Evidence({("base", one): [facts[one, seed] for seed in seeds] for one in ALL})
-        if any(one is not other for one, other in zip(mine, ours, strict=True)):
+        if any(one is not other for one, other in zip(made, ours, strict=True)):
             others[arm.name] = evidence[arm.name]
     return Arms(others, {arm.name: arm.plausible for arm in arms}, _curves(assumptions, settings, evidence), len(seeds))
 

@@ -99,7 +99,7 @@ def most_jobs(assumptions: Assumptions) -> int:
 def _try(assumptions: Assumptions, points: Sequence[tuple[float, float]], runs: Simulate) -> list[Point]:
     seeds, scenarios = assumptions.calibration_seeds, assumptions.scenarios
     jobs = [
-        Job(scenario, seed, (f"overlap={overlap:g}", f"gate_m={gate_m:g}"), ("genie",))
+        Job(scenario, seed, (f"overlap={overlap:g}", f"gate_m={gate_m:g}"), ("genie",), redefined=False)
         for overlap, gate_m in points
         for scenario in scenarios
         for seed in seeds

@@ -70,7 +70,8 @@ class Evidence:
     ) -> None:
         self._runs = runs
         self._definitions = definitions or {}
-        self._values: dict[tuple[str, str, str], Values] = {}
+        self._values: dict[tuple[str, ...], Values] = {}
+        self._means: dict[tuple[Any, ...], Values] = {}
         self._places: Values | None = None  # of the seeds that are meant; None: each once
 
     def of(self, scenario: str, name: str, variant: str = BASE) -> Values:
@@ -79,7 +80,9 @@ class Evidence:
         if key not in self._values:
             runs, meant = self._runs[variant, scenario], self.meant(name)
             self._values[key] = np.array([run.get(meant, math.nan) for run in runs], dtype=float)
-        values = self._values[key]
+        return self._drawn(self._values[key])
+
+    def _drawn(self, values: Values) -> Values:
         return values if self._places is None else values[self._places[self._places < len(values)]]
 
     def meant(self, name: str) -> str:
@@ -92,16 +95,22 @@ class Evidence:
 
     def mean_of(self, scenarios: Sequence[str], names: Sequence[str], variant: str = BASE) -> Values:
         """Mean over scenarios and facts, seed by seed; what is not defined is left out."""
-        table = np.array([self.of(scenario, name, variant) for scenario in scenarios for name in names])
-        known = ~np.isnan(table)
-        counts = known.sum(axis=0)
-        sums = np.where(known, table, 0.0).sum(axis=0)
-        return np.where(counts > 0, sums / np.maximum(counts, 1), math.nan)
+        key = variant, *scenarios, *names
+        if key not in self._means:
+            each = self if self._places is None else self.resampled(None)
+            table = np.array([each.of(scenario, name, variant) for scenario in scenarios for name in names])
+            known = ~np.isnan(table)
+            counts = known.sum(axis=0)
+            sums = np.where(known, table, 0.0).sum(axis=0)
+            self._means[key] = np.where(counts > 0, sums / np.maximum(counts, 1), math.nan)
+        return self._drawn(self._means[key])
 
-    def resampled(self, places: Sequence[int]) -> "Evidence":
-        """The evidence that other seeds could have given: the seeds at these places, some more than once."""
+    def resampled(self, places: Sequence[int] | None) -> "Evidence":
+        """The evidence that other seeds could have given: the seeds at these places, some more than once; ``None``:
+        each seed once."""
         other = Evidence(self._runs, self._definitions)
-        other._values, other._places = self._values, np.asarray(places)
+        other._values, other._means = self._values, self._means
+        other._places = None if places is None else np.asarray(places)
         return other
 
     @property

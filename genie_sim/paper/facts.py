@@ -26,15 +26,11 @@ FOR_EVER_NS = 2**62
 EARLY_PERCENTILES = (10, 20, 30, 40, 50)
 
 
-def facts_of(frames: Columns, lookups: Columns, resources: Columns) -> Facts:
-    """All facts of a run from its tables, each under every definition of its metric (``definitions.fact``)."""
+def facts_of(frames: Columns, lookups: Columns, resources: Columns, redefined: bool = True) -> Facts:
+    """All facts of a run from its tables, as the default defines its metrics, and with ``redefined`` under every other
+    definition, too (``definitions.fact``)."""
     facts = _of_metrics(metrics.compute(METHODS, frames, lookups, resources.rows([]), intervals=False))
     facts.update(_of_early_and_late(frames))
-    stamped = frames.assign(received_ns=frames["stamp_ns"])
-    from_stamp = _of_metrics(metrics.compute(METHODS, stamped, lookups.rows([]), resources.rows([]), intervals=False))
-    for name, value in (from_stamp | _of_early_and_late(stamped)).items():
-        if (renamed := fact(name, {"time": "stamp"})) != name:
-            facts[renamed] = value
     both = frames.where(method="remote")
     both = both.rows((both["bytes_up"] > 0) & (both["bytes_down"] > 0))
     if len(both):
@@ -42,13 +38,23 @@ def facts_of(frames: Columns, lookups: Columns, resources: Columns) -> Facts:
     maps = lookups.rows(lookups["kind"] != "image")
     for placement in metrics.PLACEMENTS:
         facts[f"boost_per_object:{placement}"] = _boost_per_object(maps.where(placement=placement))
-    facts.update(of_running_ratios(lookups))
     of_cars = lookups.where(kind="image", requester="client", placement="car")
-    for name, ratios in (("", metrics.windowed_reuse(of_cars)), ("_running", metrics.running_reuse(of_cars))):
-        facts[f"image{name}_peak_at:car"] = _peak_at(ratios, frames)
+    facts["image_peak_at:car"] = _peak_at(metrics.windowed_reuse(of_cars), frames)
     facts.update({f"object_reuse:{genie}": reused for genie, reused in metrics.reuse(maps).items()})
+    if redefined:
+        facts.update(_from_stamp(frames, lookups, resources))
+        facts.update(of_running_ratios(lookups))
+        facts["image_running_peak_at:car"] = _peak_at(metrics.running_reuse(of_cars), frames)
     facts.update(_of_resources(resources, frames["stamp_ns"][frames["lap"] == 1].min(initial=FOR_EVER_NS)))
     return facts
+
+
+def _from_stamp(frames: Columns, lookups: Columns, resources: Columns) -> Facts:
+    """Times from the camera's stamp, and what follows from them, by names of their own."""
+    stamped = frames.assign(received_ns=frames["stamp_ns"])
+    found = _of_metrics(metrics.compute(METHODS, stamped, lookups.rows([]), resources.rows([]), intervals=False))
+    found |= _of_early_and_late(stamped)
+    return {renamed: found[name] for name in found if (renamed := fact(name, {"time": "stamp"})) != name}
 
 
 def _of_metrics(found: Iterable[Metric]) -> Facts:

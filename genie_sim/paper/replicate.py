@@ -46,7 +46,8 @@ Work = TypeVar("Work")
 @dataclass(frozen=True, slots=True)
 class Job:
     """One run. ``keep_tables``: the frames and look-ups come back too, for figures. ``judged``: what consumers hold is
-    compared with what is really there, which takes half as long again."""
+    compared with what is really there, which takes half as long again. ``redefined``: the facts of other definitions of
+    metrics than the default's, too."""
 
     scenario: str
     seed: int
@@ -54,6 +55,7 @@ class Job:
     methods: tuple[str, ...] = EVERY_METHOD
     keep_tables: bool = False
     judged: bool = False
+    redefined: bool = True
 
 
 @dataclass(frozen=True)
@@ -84,10 +86,10 @@ def in_parallel(
 
 def run_job(job: Job) -> Outcome:
     """Simulates one job and computes its facts."""
-    return outcome_of(prepare_job(job), job.keep_tables)
+    return outcome_of(prepare_job(job), job.keep_tables, job.redefined)
 
 
-def outcome_of(prepared: Prepared, keep_tables: bool = False) -> Outcome:
+def outcome_of(prepared: Prepared, keep_tables: bool = False, redefined: bool = True) -> Outcome:
     """Simulates what is prepared and computes its facts."""
     tables = Tables()
     watch = Watch(prepared.scenario.genie)
@@ -103,7 +105,8 @@ def outcome_of(prepared: Prepared, keep_tables: bool = False) -> Outcome:
             watch.after(world)
             world.dismantle()
     frames, lookups, resources = (table.columns() for table in (tables.frames, tables.lookups, tables.resources))
-    facts = facts_of(frames, lookups, resources) | quality.facts_of(tables.held.columns()) | watch.facts()
+    facts = facts_of(frames, lookups, resources, redefined)
+    facts |= quality.facts_of(tables.held.columns()) | watch.facts()
     return Outcome(facts, frames, lookups) if keep_tables else Outcome(facts)
 
 

@@ -71,14 +71,16 @@ class Runs:
 
 def _covers(done: Job, job: Job) -> bool:
     """Whether a job gave all that another of the same setup and seed asks for."""
-    return {*job.methods} <= {*done.methods} and done.keep_tables >= job.keep_tables and done.judged >= job.judged
+    wants = ((done.keep_tables, job.keep_tables), (done.judged, job.judged), (done.redefined, job.redefined))
+    return {*job.methods} <= {*done.methods} and all(given >= wanted for given, wanted in wants)
 
 
 def _both(one: Job, other: Job) -> Job:
     """One run for two jobs of the same setup and seed."""
     methods = max(one.methods, other.methods, key=len)
     tables, judged = one.keep_tables or other.keep_tables, one.judged or other.judged
-    return replace(one, methods=methods, keep_tables=tables, judged=judged)
+    redefined = one.redefined or other.redefined
+    return replace(one, methods=methods, keep_tables=tables, judged=judged, redefined=redefined)
 
 
 def _key(job: Job) -> Key:
