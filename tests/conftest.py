@@ -20,7 +20,12 @@ os.environ.setdefault("MPLBACKEND", "Agg")
 settings.register_profile("genie_sim", derandomize=True, deadline=None, max_examples=50)
 settings.load_profile("genie_sim")
 
-LONGEST = ("test_sweep.py", "test_docs.py")  # first, so that of two processes none waits for them at the end
+# First, so that no process waits for them at the end: those of real ROS spend most of their time waiting, one at a time
+# beside tests that compute.
+FIRST = (
+    "test_reality.py", "test_two_networks.py", "test_sweep.py", "test_docs.py", "test_ros1.py", "test_ros2.py",
+    "test_report_sweep.py",
+)  # fmt: skip
 
 CommandLine = Callable[..., subprocess.CompletedProcess[str]]
 
@@ -30,7 +35,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    items.sort(key=lambda item: item.path.name not in LONGEST)
+    items.sort(key=lambda item: FIRST.index(item.path.name) if item.path.name in FIRST else len(FIRST))
     for item in items:
         if item.get_closest_marker("by_hand") and not config.getoption("--by-hand"):
             item.add_marker(pytest.mark.skip(reason="takes minutes: --by-hand"))

@@ -165,7 +165,7 @@ def test_continuous_integration_runs_the_tests_as_the_readme_says():
     assert "python -m pip install '.[test]'" in said
     assert "python -m pip install --quiet '.[test]'" in done
     assert "python -m pytest" in said
-    assert "python -m pytest -n 2 --dist loadfile " in done
+    assert "python -m pytest -n 3 --dist loadfile " in done
 
 
 @pytest.mark.parametrize("page", ["README.md", "CONTRIBUTING.md", "CHANGELOG.md"])
