@@ -20,12 +20,12 @@ os.environ.setdefault("MPLBACKEND", "Agg")
 settings.register_profile("genie_sim", derandomize=True, deadline=None, max_examples=50)
 settings.load_profile("genie_sim")
 
-# First, so that no process waits for them at the end: those of real ROS spend most of their time waiting, one at a time
-# beside tests that compute.
+# Long files first, so that no process waits for them at the end. Those of real ROS mostly wait.
 FIRST = (
-    "test_reality.py", "test_two_networks.py", "test_sweep.py", "test_docs.py", "test_ros1.py", "test_ros2.py",
-    "test_report_sweep.py",
+    "test_method_conformance.py", "test_conservation.py",
+    "test_two_networks.py", "test_sweep.py", "test_docs.py", "test_ros1.py", "test_ros2.py", "test_report_sweep.py",
 )  # fmt: skip
+LAST = "test_reality.py"  # runs alone
 
 CommandLine = Callable[..., subprocess.CompletedProcess[str]]
 
@@ -35,7 +35,8 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    items.sort(key=lambda item: FIRST.index(item.path.name) if item.path.name in FIRST else len(FIRST))
+    order = {name: place - len(FIRST) for place, name in enumerate(FIRST)} | {LAST: 1}
+    items.sort(key=lambda item: order.get(item.path.name, 0))
     for item in items:
         if item.get_closest_marker("by_hand") and not config.getoption("--by-hand"):
             item.add_marker(pytest.mark.skip(reason="takes minutes: --by-hand"))
