@@ -310,6 +310,7 @@ def schema(what: str) -> None:
     click.echo(json.dumps(json_schema(what), indent=2))
 
 
+@plugins.own_code(allowed=True)  # whatever a command forbids, the next one finds as it was
 def main(argv: list[str] | None = None) -> int:
     """Runs the command line. Exit status: 0 done, 1 the user's input or environment, 2 usage, 130 Ctrl-C or SIGTERM."""
     terminal.open_closed_streams()

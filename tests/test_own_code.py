@@ -10,6 +10,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import click
 import pytest
 
 from genie_sim import catalogue, plugins, runner
@@ -39,6 +40,16 @@ class Nothing(Local):
     def __init__(self, share=1):
         self.share = share
 """
+
+
+def test_what_one_command_forbids_is_no_affair_of_the_next(monkeypatch: pytest.MonkeyPatch, mine: Path):
+    """Even where Python keeps the first one's context, with a traceback for instance."""
+    monkeypatch.syspath_prepend(mine.parent)
+    kept: list[Any] = []
+    monkeypatch.setattr(click.Context, "with_resource", lambda _, one: (kept.append(one), one.__enter__())[1])
+    assert main(["rerun", "nothing"]) == 1
+    assert len(kept) == 1
+    assert plugins.resolve("method", "mod:Nothing", METHODS).title == "as local"
 
 
 @pytest.fixture
