@@ -20,7 +20,8 @@ os.environ.setdefault("MPLBACKEND", "Agg")
 settings.register_profile("genie_sim", derandomize=True, deadline=None, max_examples=50)
 settings.load_profile("genie_sim")
 
-# Long files first, so that no process waits for them at the end. Those of real ROS mostly wait.
+# Long files first, so that no process has one left when the others are done; files of real ROS early, too, because they
+# mostly wait while others compute.
 FIRST = (
     "test_method_conformance.py", "test_conservation.py",
     "test_two_networks.py", "test_sweep.py", "test_docs.py", "test_ros1.py", "test_ros2.py", "test_report_sweep.py",
@@ -119,6 +120,7 @@ def run_cli(tmp_path: Path) -> CommandLine:
         )
 
     return run
+
 
 @pytest.fixture(scope="session")
 def program() -> str:

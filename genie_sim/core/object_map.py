@@ -362,19 +362,15 @@ def fixed_threshold(threshold: float | str | Percentile) -> float:
 
 def _cells(easts: tuple[float, float], norths: tuple[float, float], side_m: float) -> list[Cell]:
     """The cells of an upright rectangle, west to east."""
-    west, east, south, north = easts[0] // side_m, easts[1] // side_m, norths[0] // side_m, norths[1] // side_m
-    if west == east:
-        if south == north:  # mostly, where the rectangle is small
-            return [west + south * ROW]
-        if south + 1 == north:
-            return [west + south * ROW, west + north * ROW]
-    elif west + 1 == east:
-        if south == north:
-            return [west + south * ROW, east + south * ROW]
-        if south + 1 == north:
-            return [west + south * ROW, west + north * ROW, east + south * ROW, east + north * ROW]
-    rows = range(int(south), int(north) + 1)
-    return [i + j * ROW for i in range(int(west), int(east) + 1) for j in rows]
+    rows = _from_to(norths[0] // side_m, norths[1] // side_m)
+    return [i + j * ROW for i in _from_to(easts[0] // side_m, easts[1] // side_m) for j in rows]
+
+
+def _from_to(first: float, last: float) -> Sequence[float]:
+    """The whole numbers from one to another; mostly there are one or two, for which no range is made."""
+    if first == last:
+        return (first,)
+    return (first, last) if first + 1 == last else range(int(first), int(last) + 1)
 
 
 def _remove(cells: dict[Any, list[StoredObject]], cell: Any, stored: StoredObject) -> None:

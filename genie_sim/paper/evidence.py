@@ -70,17 +70,21 @@ class Evidence:
     ) -> None:
         self._runs = runs
         self._definitions = definitions or {}
-        self._values: dict[tuple[str, ...], Values] = {}
-        self._means: dict[tuple[Any, ...], Values] = {}
+        self._values: dict[tuple[str, str, str], Values] = {}
+        self._means: dict[tuple[str, ...], Values] = {}
         self._places: Values | None = None  # of the seeds that are meant; None: each once
 
     def of(self, scenario: str, name: str, variant: str = BASE) -> Values:
         """A fact's values over seeds. Raises ``KeyError`` where such a run was not made."""
+        return self._drawn(self._every(scenario, name, variant))
+
+    def _every(self, scenario: str, name: str, variant: str) -> Values:
+        """A fact's values, each seed once."""
         key = variant, scenario, name
         if key not in self._values:
             runs, meant = self._runs[variant, scenario], self.meant(name)
             self._values[key] = np.array([run.get(meant, math.nan) for run in runs], dtype=float)
-        return self._drawn(self._values[key])
+        return self._values[key]
 
     def _drawn(self, values: Values) -> Values:
         return values if self._places is None else values[self._places[self._places < len(values)]]
@@ -97,20 +101,17 @@ class Evidence:
         """Mean over scenarios and facts, seed by seed; what is not defined is left out."""
         key = variant, *scenarios, *names
         if key not in self._means:
-            each = self if self._places is None else self.resampled(None)
-            table = np.array([each.of(scenario, name, variant) for scenario in scenarios for name in names])
+            table = np.array([self._every(scenario, name, variant) for scenario in scenarios for name in names])
             known = ~np.isnan(table)
             counts = known.sum(axis=0)
             sums = np.where(known, table, 0.0).sum(axis=0)
             self._means[key] = np.where(counts > 0, sums / np.maximum(counts, 1), math.nan)
         return self._drawn(self._means[key])
 
-    def resampled(self, places: Sequence[int] | None) -> "Evidence":
-        """The evidence that other seeds could have given: the seeds at these places, some more than once; ``None``:
-        each seed once."""
+    def resampled(self, places: Sequence[int]) -> "Evidence":
+        """The evidence that other seeds could have given: the seeds at these places, some more than once."""
         other = Evidence(self._runs, self._definitions)
-        other._values, other._means = self._values, self._means
-        other._places = None if places is None else np.asarray(places)
+        other._values, other._means, other._places = self._values, self._means, np.asarray(places)
         return other
 
     @property

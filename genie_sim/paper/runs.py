@@ -20,6 +20,7 @@ class _Setup(NamedTuple):
 
 
 Key = tuple[_Setup, int]  # and the seed
+MORE = ("keep_tables", "judged", "redefined")  # what a job may want besides
 
 
 @dataclass
@@ -71,16 +72,13 @@ class Runs:
 
 def _covers(done: Job, job: Job) -> bool:
     """Whether a job gave all that another of the same setup and seed asks for."""
-    wants = ((done.keep_tables, job.keep_tables), (done.judged, job.judged), (done.redefined, job.redefined))
-    return {*job.methods} <= {*done.methods} and all(given >= wanted for given, wanted in wants)
+    return {*job.methods} <= {*done.methods} and all(getattr(done, name) >= getattr(job, name) for name in MORE)
 
 
 def _both(one: Job, other: Job) -> Job:
     """One run for two jobs of the same setup and seed."""
     methods = max(one.methods, other.methods, key=len)
-    tables, judged = one.keep_tables or other.keep_tables, one.judged or other.judged
-    redefined = one.redefined or other.redefined
-    return replace(one, methods=methods, keep_tables=tables, judged=judged, redefined=redefined)
+    return replace(one, methods=methods, **{name: getattr(one, name) or getattr(other, name) for name in MORE})
 
 
 def _key(job: Job) -> Key:
