@@ -1,5 +1,6 @@
 """One pool of processes for everything that simulates many runs on one machine."""
 
+import contextlib
 import functools
 import os
 import signal
@@ -40,13 +41,30 @@ def in_processes(
     # Leaving early asks for pending work to be cancelled; joblib would warn of it beside our one line.
     warnings.filterwarnings("ignore", message=r"\d+ tasks ", module=r"joblib\.")
     pool = joblib.Parallel(workers, batch_size=1, return_as="generator" if ordered else "generator_unordered")
-    results = pool(joblib.delayed(_run)(run, job, os.getpid()) for job in jobs)
+    with _deaf_to_ctrl_c():
+        results = pool(joblib.delayed(_run)(run, job, os.getpid()) for job in jobs)
     try:
         yield from results
     except TerminatedWorkerError as error:
         raise UserError("a worker process was killed, perhaps for want of memory; try fewer workers") from error
     finally:
         results.close()
+
+
+@contextlib.contextmanager
+def _deaf_to_ctrl_c() -> Generator[None]:
+    """Ctrl-C waits until this ends, and for ever in the processes that begin here: they may still be importing."""
+    if not hasattr(signal, "pthread_sigmask"):  # Windows
+        yield
+        return
+    from multiprocessing import resource_tracker
+
+    resource_tracker.ensure_running()  # its start unblocks the signal
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _run(run: Callable[[Job], Done], job: Job, parent: int) -> Done:

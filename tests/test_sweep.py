@@ -435,6 +435,19 @@ def test_ctrl_c_or_the_end_of_a_batch_job_ends_with_130_and_one_line_and_keeps_w
     same_bytes(uninterrupted)
 
 
+@pytest.mark.unix
+def test_ctrl_c_while_workers_begin_is_one_line_too():
+    write(SMALL)
+    with begun("--jobs", "2") as run:
+        while not any(is_importing(process) for process in processes_of(run.pid)):
+            assert run.poll() is None, run.communicate()
+            time.sleep(0.002)
+        os.killpg(run.pid, signal.SIGINT)
+        _, error = run.communicate(timeout=60)
+    assert run.returncode == 130
+    assert error == f"genie-sim: interrupted; finished runs are kept in {Path('results/s')}\n"
+
+
 @pytest.mark.drawn
 def test_what_is_done_is_not_run_again_even_along_other_axes(uninterrupted, monkeypatch):
     finished(uninterrupted)
@@ -591,6 +604,16 @@ def test_a_scheduler_that_is_not_there_gets_one_line(capsys, monkeypatch):
 @contextmanager
 def in_the_middle(*arguments: str) -> Iterator[subprocess.Popen[str]]:
     """A sweep of ``s.yaml`` in a process group of its own, of which some parts are done and some are not."""
+    with begun(*arguments) as run:
+        while not list(Path("results/s/parts").glob("*.parquet")):
+            assert run.poll() is None, run.communicate()
+            time.sleep(0.005)
+        yield run
+
+
+@contextmanager
+def begun(*arguments: str) -> Iterator[subprocess.Popen[str]]:
+    """A sweep of ``s.yaml`` in a process group of its own."""
     run = subprocess.Popen(
         [sys.executable, "-m", "genie_sim", "sweep", "s.yaml", *arguments],
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True,
@@ -598,9 +621,6 @@ def in_the_middle(*arguments: str) -> Iterator[subprocess.Popen[str]]:
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # a background job ignores it
     )  # fmt: skip
     try:
-        while not list(Path("results/s/parts").glob("*.parquet")):
-            assert run.poll() is None, run.communicate()
-            time.sleep(0.005)
         yield run
     finally:
         if run.poll() is None or processes_of(run.pid):
@@ -619,6 +639,17 @@ def processes_of(group: int) -> list[int]:
         if int(of_group) == group and state != "Z":
             found.append(int(path.parent.name))
     return found
+
+
+def is_importing(process: int) -> bool:
+    """Whether the process is a worker whose Python has begun, and would show where an interrupt struck it."""
+    folder = Path(f"/proc/{process}")
+    try:
+        caught = re.search(r"SigCgt:\s+(\w+)", (folder / "status").read_text())
+        worker = b"popen_loky" in (folder / "cmdline").read_bytes()
+    except OSError:
+        return False
+    return worker and caught is not None and bool(int(caught[1], 16) & 1 << signal.SIGINT - 1)
 
 
 def count_runs(monkeypatch: pytest.MonkeyPatch) -> list[str]:

@@ -135,12 +135,12 @@ def _calibration(points: Sequence[Row], best: Row, targets: Mapping[str, float],
     ):
         overlap, gate_m, values = (np.array([row[key] for row in points]) for key in ("overlap", "gate_m", name))
         shades = axis.scatter(overlap, gate_m, c=values, cmap="cividis", s=42, edgecolors="black", linewidths=0.4)
-        written: list[tuple[float, float]] = []
         for x, y, value in zip(overlap, gate_m, values, strict=True):
-            if any(abs(x - other[0]) < 0.12 and abs(y - other[1]) < 0.3 for other in written):
-                continue  # a refinement between two others
-            written.append((x, y))
-            axis.annotate(f"{value:.2f}", (x, y), (0, 6), textcoords="offset points", ha="center", fontsize=6)
+            is_best = (x, y) == (best["overlap"], best["gate_m"])
+            in_the_way = (abs(overlap - x) < 0.09) & (gate_m >= y) & (gate_m < y + 0.3)
+            if is_best or in_the_way.sum() == 1:  # its own point alone
+                offset = (0, -12 if is_best else 6)
+                axis.annotate(f"{value:.2f}", (x, y), offset, textcoords="offset points", ha="center", fontsize=6)
         if values.min() < target < values.max():
             axis.tricontour(overlap, gate_m, values, levels=[target], colors="#C44E00", linewidths=1.4)
             title += f"; line: {target:g}"
@@ -150,7 +150,7 @@ def _calibration(points: Sequence[Row], best: Row, targets: Mapping[str, float],
         axis.set_title(title)
         axis.set_xlabel("overlap of the routes")
         axis.set_xlim(overlap.min() - 0.08, overlap.max() + 0.08)
-        axis.set_ylim(gate_m.min() - 0.15, gate_m.max() + 0.3)
+        axis.set_ylim(gate_m.min() - 0.25, gate_m.max() + 0.3)
         figure.colorbar(shades, ax=axis)
     left.set_ylabel("gate of the object map [m]")
     return figure
