@@ -69,11 +69,11 @@ OF_CORE = ("errors", "units", "messages", "seeds", "plugins")
 CORE_MAY_IMPORT = {*sys.stdlib_module_names, "numpy", "genie_sim"}
 PROVIDED_BY = {"cv2": "opencv-python-headless", "yaml": "pyyaml", "pydantic_core": "pydantic"}
 # Library -> the extra that brings it; imported where it is asked for.
-FROM_EXTRAS = {"distributed": "dask", "rosbags": "ros", "mcap": "ros"}
+FROM_EXTRAS = {"distributed": "dask", "rosbags": "ros"}
 FROM_ROS = {"rospy", "rosgraph", "roslib", "genpy", "rclpy"}  # not on PyPI; only genie_sim.ros may import them
 LATE = (
     "pandas", "matplotlib", "onnxruntime", "onnx", "cv2", "pyarrow", "scipy", "pykitti", "simpy", "joblib",
-    "distributed", "rosbags", "mcap",
+    "distributed", "rosbags",
 )  # fmt: skip
 LONGEST_FILE_LINES = 400
 LONGEST_FUNCTION_LINES = 50

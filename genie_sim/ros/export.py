@@ -16,9 +16,12 @@ The simulation begins at second ``START_S`` of ROS time, because ROS takes the t
 
 import math
 import re
-from collections.abc import Iterator
+import tempfile
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
 
 from genie_sim.errors import UserError, unknown
 from genie_sim.paths import atomic_write
@@ -28,7 +31,6 @@ from genie_sim.units import NS_PER_S
 
 if TYPE_CHECKING:
     import pandas as pd
-    from rosbags.typesys.store import Typestore
 
     from genie_sim.recording.results import Run
 
@@ -67,13 +69,12 @@ def export(run: "Run", out: Path, format: str) -> int:
     if run.poses.empty:
         raise UserError(f"{run.folder or run.name}: holds no poses, so there is nothing to show; 'record' them")
     ros = FORMATS[format]
-    store = typestore(ros)
     with provenance.of_this_version(run.folder):
         made = (*_poses(run), *_cars(run), *_objects(run), *_lookups(run, ros), *_frames(run, ros))
         entries = sorted(made, key=lambda entry: entry.t_ns)
     with atomic_write(out) as beside:
         out.parent.mkdir(parents=True, exist_ok=True)
-        (_write_mcap if ros == 2 else _write_bag)(beside, store, entries)
+        write(beside, ros, entries)
     return len(entries)
 
 
@@ -171,10 +172,8 @@ def _rows(table: "pd.DataFrame") -> Iterator[Any]:
 
 def confidence_colour(confidence: float) -> tuple[float, float, float]:
     """From violet (0) over green-blue to yellow (1), ever lighter: viridis, which also survives greyscale."""
-    stops = ((0.27, 0.0, 0.33), (0.13, 0.57, 0.55), (0.99, 0.91, 0.14))
-    at = min(max(confidence, 0.0), 1.0) * (len(stops) - 1)
-    low = min(int(at), len(stops) - 2)
-    red, green, blue = ((1 - at + low) * a + (at - low) * b for a, b in zip(stops[low], stops[low + 1], strict=True))
+    at, stops = (0.0, 0.5, 1.0), ((0.27, 0.13, 0.99), (0.0, 0.57, 0.91), (0.33, 0.55, 0.14))
+    red, green, blue = (float(np.interp(confidence, at, channel)) for channel in stops)
     return red, green, blue
 
 
@@ -187,34 +186,23 @@ def _topic(name: str) -> str:
     return re.sub(r"[^A-Za-z0-9_/]", "_", name)
 
 
-def _write_mcap(path: Path, store: "Typestore", entries: list[Entry]) -> None:
-    try:
-        from mcap.writer import Writer
-    except ImportError as error:
-        raise UserError(f"MCAP needs the extra 'ros': pip install 'genie-sim[ros]' ({error})") from error
-    with path.open("wb") as file:
-        writer = Writer(file)
-        writer.start(profile="ros2", library="genie-sim")
-        schemas: dict[str, int] = {}
-        channels: dict[str, int] = {}
-        for entry in entries:
-            if entry.kind not in schemas:
-                definition = store.generate_msgdef(entry.kind, ros_version=2)[0]
-                schemas[entry.kind] = writer.register_schema(entry.kind, "ros2msg", definition.encode())
-            if entry.topic not in channels:
-                channels[entry.topic] = writer.register_channel(entry.topic, "cdr", schemas[entry.kind])
-            data = bytes(store.serialize_cdr(message(store, entry.kind, **entry.fields), entry.kind))
-            writer.add_message(channels[entry.topic], _ros_ns(entry.t_ns), data, _ros_ns(entry.t_ns))
-        writer.finish()  # type: ignore[no-untyped-call]
+def write(path: Path, ros: int, entries: Iterable[Entry]) -> None:
+    """A bag of ROS 1, or the one MCAP file that a bag of ROS 2 consists of."""
+    store = typestore(ros)
+    from rosbags import rosbag1, rosbag2
 
-
-def _write_bag(path: Path, store: "Typestore", entries: list[Entry]) -> None:
-    from rosbags.rosbag1 import Writer
-
-    with Writer(path) as writer:
-        connections: dict[str, Any] = {}
-        for entry in entries:
-            if entry.topic not in connections:
-                connections[entry.topic] = writer.add_connection(entry.topic, entry.kind, typestore=store)
-            data = store.serialize_ros1(message(store, entry.kind, **entry.fields), entry.kind)
-            writer.write(connections[entry.topic], _ros_ns(entry.t_ns), data)
+    serialize = store.serialize_ros1 if ros == 1 else store.serialize_cdr
+    with tempfile.TemporaryDirectory(dir=path.parent, prefix=".") as scratch:
+        bag = Path(scratch, "run")
+        writer: Any = rosbag1.Writer(bag)
+        if ros == 2:
+            writer = rosbag2.Writer(bag, version=9, storage_plugin=rosbag2.StoragePlugin.MCAP)
+            writer.set_compression(rosbag2.CompressionMode.STORAGE, rosbag2.CompressionFormat.ZSTD)
+        with writer:
+            connections: dict[str, Any] = {}
+            for entry in entries:
+                if entry.topic not in connections:
+                    connections[entry.topic] = writer.add_connection(entry.topic, entry.kind, typestore=store)
+                data = serialize(message(store, entry.kind, **entry.fields), entry.kind)
+                writer.write(connections[entry.topic], _ros_ns(entry.t_ns), data)
+        (bag if ros == 1 else bag / "run.mcap").replace(path)

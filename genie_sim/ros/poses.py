@@ -1,7 +1,6 @@
 """Where the camera is, from a pose topic."""
 
 import math
-import threading
 from collections import deque
 
 from genie_sim.errors import UserError
@@ -22,12 +21,11 @@ class Poses:
         for codec in self._codecs.values():
             codec.prepare()
         self._heard: deque[tuple[int, CameraPose]] = deque(maxlen=KEPT)
-        self._lock = threading.Lock()
 
     def at(self, stamp_ns: int) -> CameraPose | None:
         """The pose nearest in time, ``None`` if there is none within half a second."""
-        with self._lock:
-            nearest = min(self._heard, key=lambda heard: abs(heard[0] - stamp_ns), default=None)
+        heard = tuple(self._heard)  # another thread may add to it meanwhile
+        nearest = min(heard, key=lambda one: abs(one[0] - stamp_ns), default=None)
         return None if nearest is None or abs(nearest[0] - stamp_ns) > MAX_AGE_NS else nearest[1]
 
     def heard(self, type_name: str, payload: bytes) -> None:
@@ -42,5 +40,4 @@ class Poses:
         found = CameraPose(at.x, at.y, at.z, heading_rad)
         if not all(map(math.isfinite, found)):
             raise ValueError("a pose that is not finite")
-        with self._lock:
-            self._heard.append((stamp_ns(message.header), found))
+        self._heard.append((stamp_ns(message.header), found))

@@ -53,11 +53,11 @@ class BagWriter:
         serialize = self.store.serialize_ros1 if self.ros == 1 else self.store.serialize_cdr
         ordered = sorted(self.messages, key=lambda one: one[0])
         if self.path.suffix == ".mcap":
-            from genie_sim.ros.export import START_S, Entry, _write_mcap
+            from genie_sim.ros.export import START_S, Entry, write
 
             began_ns = START_S * 10**9
             entries = [Entry(at_ns - began_ns, topic, kind, vars(one)) for at_ns, topic, kind, one in ordered]
-            _write_mcap(self.path, self.store, entries)
+            write(self.path, 2, entries)
             return self.path
         from rosbags.rosbag1 import Writer as Writer1
         from rosbags.rosbag2 import Writer as Writer2
