@@ -3,7 +3,6 @@
 from collections.abc import Callable, Sequence
 
 from genie_sim.messages import Frame, Header, Image
-from genie_sim.sim.device import Host
 from genie_sim.sim.ros_graph import Graph, Node
 from genie_sim.sim.setup import CameraSetup, CarSetup
 
@@ -19,10 +18,8 @@ class Camera(Node):
     not see, each frame is only its position (Section V-F), which is what its localisation knows.
     """
 
-    def __init__(
-        self, camera: CameraSetup, car: CarSetup, host: Host, graph: Graph, topic: str, published: Published
-    ) -> None:
-        super().__init__(f"{car.name}/{camera.name}", host, graph, subscribes=(), publishes=(topic,))
+    def __init__(self, camera: CameraSetup, car: CarSetup, graph: Graph, topic: str, published: Published) -> None:
+        super().__init__(f"{car.name}/{camera.name}", graph, subscribes=(), publishes=(topic,))
         frames, window_ns = camera.frames, car.window_ns
         self._camera = camera
         self._car = car

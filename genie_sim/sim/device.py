@@ -93,6 +93,7 @@ class Host:
         accelerator_rng: np.random.Generator,
         cpu_rng: np.random.Generator,
     ) -> None:
+        self.env = env
         self.name = name
         self.device = device
         self.accelerator = Processor(env, f"{name}.accelerator", "accelerator")

@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 from genie_sim.messages import Detection, Encoding, Frame, Image, Message
-from genie_sim.sim.device import Arguments, Done, Host
-from genie_sim.sim.ros_graph import Dropped, Graph, Node
+from genie_sim.sim.device import Arguments, Done
+from genie_sim.sim.ros_graph import Graph, Node
 from genie_sim.sim.service import MEGABYTE
 
 # To encode and to decode a megabyte of pixels [ns], with OpenCV on one core of an AMD EPYC: medians over drive
@@ -70,13 +70,11 @@ class Coder(Node):
 
     part = "encoding"
 
-    def __init__(
-        self, name: str, host: Host, graph: Graph, codec: Codec, step: int, take: Take, queue_length: int, drop: Dropped
-    ) -> None:
-        super().__init__(name, host, graph, (), (), queue_length, threads=host.device.cores, dropped=drop)
+    def __init__(self, name: str, graph: Graph, codec: Codec, step: int, take: Take) -> None:
+        super().__init__(name, graph, (), (), threads=graph.host.device.cores)
         self._codec = codec
         self._take = take
-        self._per_megabyte = TIMES_NS[codec.encoding][step] * host.device.codec_factor
+        self._per_megabyte = TIMES_NS[codec.encoding][step] * self.host.device.codec_factor
 
     def inject(self, topic: str, message: Message, sender: str) -> None:
         """A message comes; its picture waits with those of its camera."""

@@ -5,8 +5,8 @@ from collections.abc import Callable
 
 from genie_sim.messages import Detections, Effect, Expired, Header, Image, Message, Observation, Publish
 from genie_sim.monitor import Step
-from genie_sim.sim.device import Arguments, Done, Host
-from genie_sim.sim.ros_graph import Dropped, Graph, Node
+from genie_sim.sim.device import Arguments, Done
+from genie_sim.sim.ros_graph import Graph, Node
 from genie_sim.sim.station import OBJECTS, Interceptor, MakeInterceptor, Station
 
 TIMER_LATE_NS = 500_000_000
@@ -22,11 +22,6 @@ class Detector(Node):
     """
 
     part = "inference"
-
-    def __init__(
-        self, name: str, host: Host, graph: Graph, images: str, objects: str, queue_length: int, drop: Dropped
-    ) -> None:
-        super().__init__(name, host, graph, (images,), (objects,), queue_length, dropped=drop)
 
     def work(self, message: Message, done: Done, arguments: Arguments) -> None:
         self.host.infer(done, arguments)
@@ -47,17 +42,14 @@ class InterceptorNode(Node):
     def __init__(
         self,
         make: Callable[[], Interceptor],
-        host: Host,
         graph: Graph,
-        queue_length: int,
         observe: Observer,
-        drop: Dropped,
         station: Station = PLAIN,
         passes: int = 1,
     ):
         pure = make()
         topics = pure.subscriptions(), pure.publications()
-        super().__init__(pure.name, host, graph, *topics, queue_length, threads=host.device.cores, dropped=drop)
+        super().__init__(pure.name, graph, *topics, threads=graph.host.device.cores)
         self.pure = pure
         self._make = make
         self._key, self._free, self._per_entry_ns = station.key, station.free, station.per_entry_ns
@@ -101,8 +93,8 @@ class InterceptorNode(Node):
         for record in self.pure.on_void():
             if not isinstance(record, Expired):
                 self._observe(self.name, record, self.env.now)
-            elif self._dropped is not None:
-                self._dropped(Detections(record.header, ()), where)
+            else:
+                self.graph.dropped(Detections(record.header, ()), where)
         self.pure = self._make()
 
     def _carry_out(self, effects: list[Effect]) -> None:
@@ -147,9 +139,7 @@ def attach(
     graph: Graph,
     node_name: str,
     make: MakeInterceptor,
-    queue_length: int,
     observe: Observer,
-    drop: Dropped,
     station: Station = PLAIN,
     passes: int = 1,
     suffix: str = "-local",
@@ -159,8 +149,6 @@ def attach(
     Reads T_S and T_P from the master, renames the node's topics with ``suffix`` so that it talks to its interceptor
     alone, and starts that, which takes over the original names. ``make`` gets T_S and T_P.
     """
-    node = graph.node(node_name)
     subscribed, published = graph.topics_of(node_name)
     graph.remap(node_name, {topic: topic + suffix for topic in (*subscribed, *published)})
-    told = queue_length, observe, drop, station, passes
-    return InterceptorNode(lambda: make(subscribed, published), node.host, graph, *told)
+    return InterceptorNode(lambda: make(subscribed, published), graph, observe, station, passes)

@@ -2,14 +2,11 @@
 
 from collections import deque
 from collections.abc import Callable, Iterable
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any, Protocol
 
 from genie_sim.messages import Message
 from genie_sim.monitor import Step
-from genie_sim.sim.clock import Clock
-
-if TYPE_CHECKING:
-    from genie_sim.sim.device import Host
+from genie_sim.sim.device import Host
 
 Dropped = Callable[[Message, str], None]  # a message, and the name of what dropped it
 
@@ -24,15 +21,19 @@ class Subscriber(Protocol):
 
 
 class Graph:
-    """The topics known to one ROS master, and the nodes that use them.
+    """The topics known to the ROS master of a host, and the nodes that use them.
 
-    Nodes name their topics; the graph maps the names of a remapped node, as ``topic:=other`` does in ROS. A message
-    reaches the subscribers of its topic after the publishing host's hop time.
+    Every queue of a node keeps its ``queue_length`` newest messages; ``dropped`` is told of each that is lost. Nodes
+    name their topics; the graph maps the names of a remapped node, as ``topic:=other`` does in ROS. A message reaches
+    the subscribers of its topic after the host's hop time.
     """
 
-    def __init__(self, env: Clock, name: str) -> None:
-        self.env = env
-        self.name = name
+    def __init__(self, host: Host, queue_length: int = 1, dropped: Dropped = lambda message, where: None) -> None:
+        self.host = host
+        self.env = host.env
+        self.name = host.name
+        self.queue_length = queue_length
+        self.dropped = dropped
         self._subscribers: dict[str, list[Subscriber]] = {}
         self._bridges: dict[str, list[Subscriber]] = {}
         self._nodes: dict[str, Node] = {}
@@ -99,7 +100,7 @@ class Graph:
         if to is not None:
             receivers = [one for one in receivers if one.address == to]
         if receivers:
-            hop_ns = node.host.hop_ns[message.size_bytes]
+            hop_ns = self.host.hop_ns[message.size_bytes]
             self.env.after(hop_ns, self._arrive, receivers, current, message, node.name)
 
     def _route(self, node: "Node", topic: str) -> tuple[str, list[Subscriber]]:
@@ -132,16 +133,13 @@ class Node:
     def __init__(
         self,
         name: str,
-        host: "Host",
         graph: Graph,
         subscribes: Iterable[str],
         publishes: Iterable[str],
-        queue_length: int = 1,
         threads: int = 1,
-        dropped: Dropped | None = None,
     ) -> None:
         self.name = name
-        self.host = host
+        self.host = graph.host
         self.graph = graph
         self.env = graph.env
         self.subscribes = tuple(subscribes)
@@ -151,14 +149,12 @@ class Node:
         self.completed = 0
         self.queued = 0  # how many messages wait, over all topics
         self.routes: dict[str, tuple[str, list[Subscriber]]] = {}  # of what it publishes, kept by the graph
-        self._queue_length = queue_length
         self._idle_threads = threads
         self._threads = threads
         self._queues: dict[str, deque[tuple[int, Message, str, Step | None]]] = {}
         self._in_service: list[Message] = []
         self._generation = 0  # counts how often everything here was voided
         self._arrivals = 0
-        self._dropped = dropped
         graph.register(self)
 
     def deliver(self, topic: str, message: Message, sender: str) -> None:
@@ -171,12 +167,11 @@ class Node:
         if queue is None:
             queue = self._queues[topic] = deque()
         self.queued += 1
-        if len(queue) >= self._queue_length:
+        if len(queue) >= self.graph.queue_length:
             _, oldest, *_ = queue.popleft()
             self.queued -= 1
             self.drops += 1
-            if self._dropped is not None:
-                self._dropped(oldest, f"{self.name}:{topic}")
+            self.graph.dropped(oldest, f"{self.name}:{topic}")
         queue.append((self._arrivals, message, sender, self.env.way))
         self._arrivals += 1
 
@@ -188,8 +183,7 @@ class Node:
         queued = [message for queue in self._queues.values() for _, message, *_ in queue]
         for message in (*self._in_service, *queued):
             self.drops += 1
-            if self._dropped is not None:
-                self._dropped(message, where)
+            self.graph.dropped(message, where)
         self._queues.clear()
         self.queued = 0
         self._in_service.clear()

@@ -7,7 +7,6 @@ from genie_sim.sim.link import Bridge, Downlinks
 from genie_sim.sim.station import OBJECTS, Station
 
 if TYPE_CHECKING:
-    from genie_sim.sim.device import Host
     from genie_sim.sim.encoding import Coder
     from genie_sim.sim.ros_graph import Graph
     from genie_sim.sim.setup import EdgeSetup
@@ -17,15 +16,14 @@ EDGES = "edges"  # the network between edges, in the names of links
 
 
 class Edge:
-    """An edge server: its host, its ROS graph, what stands there, and the way down to its cars."""
+    """An edge server: its ROS graph, what stands there, and the way down to its cars."""
 
-    def __init__(self, name: str, host: "Host", graph: "Graph", station: Station) -> None:
-        self.name = name
-        self.host = host
+    def __init__(self, graph: "Graph", station: Station) -> None:
+        self.name = graph.name
         self.graph = graph
         self.station = station
         self.target: Graph | Coder = graph  # what takes what comes over links
-        self.downlinks = Downlinks(f"{name}/cars")
+        self.downlinks = Downlinks(f"{self.name}/cars")
         graph.bridge(OBJECTS, self.downlinks)
 
 

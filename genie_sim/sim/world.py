@@ -103,7 +103,7 @@ class World:
         link = Link(self.env, name, channel, self.setup.queue_length, self.monitor.dropped)
         link.down_by += [by for target, by in self.outages if is_at(link, target)]
         self.links[name] = link
-        self._add(link)
+        self.resources.append(link)
         return link
 
     def links_at(self, target: str) -> Iterator[Link]:
@@ -112,12 +112,10 @@ class World:
 
     def coder(self, place: str, name: str, step: int, take: Take) -> Coder | None:
         """A new encoder (step 0) or decoder (1) on a host; ``None`` where pictures are sent as they are."""
-        setup, (host, graph) = self.setup, self.hosts[place]
-        if setup.codec is None:
+        if self.setup.codec is None:
             return None
-        drop, queue_length = self.monitor.dropped, setup.queue_length
-        made = Coder(f"{place}/{name}", host, graph, setup.codec, step, take, queue_length, drop)
-        self._add(made)
+        made = Coder(f"{place}/{name}", self.hosts[place][1], self.setup.codec, step, take)
+        self.resources.append(made)
         return made
 
     def void(self, host: str, where: str) -> None:
@@ -145,10 +143,7 @@ class World:
             name = edge.name
             place = replace(self._place(name, name not in blind, True, True), neighbours=joined[name])
             station = self._method.on_edge(place)
-            host = self._add_host(name, edge.device)
-            graph = Graph(self.env, name)
-            self.hosts[name] = host, graph
-            self.edges[name] = Edge(name, host, graph, station)
+            self.edges[name] = Edge(self._add_host(name, edge.device), station)
             if station.detector:
                 self._add_detector(name)
         for name, built in self.edges.items():
@@ -160,8 +155,7 @@ class World:
         station = self._method.on_car(self._place(car.name, car.sees, car.edge is not None, car.genie))
         if station is None:
             return
-        host, graph = self._add_host(car.name, car.device), Graph(self.env, car.name)
-        self.hosts[car.name] = host, graph
+        graph = self._add_host(car.name, car.device)
         if station.detector:
             self._add_detector(car.name)
         self._add_interceptor(car.name, station, "car")
@@ -170,7 +164,7 @@ class World:
             uplink = self.uplinks[car.name] = CarUplink(self, car, graph, station.uplink)
         CarListener(self, car.name, graph, uplink, no_server=uplink is None and car.name not in self._fronts)
         for camera in car.cameras:
-            node = Camera(camera, car, host, graph, IMAGES, self.monitor.published)
+            node = Camera(camera, car, graph, IMAGES, self.monitor.published)
             self._cameras.append(node)
             self.end_ns = max(self.end_ns, node.last_stamp_ns)
 
@@ -182,33 +176,29 @@ class World:
         rules = setup.genie if genie else None
         return Place(name, sees, joined, rules, stream, self.monitor.wants_changes, setup.laws, self._edge_names)
 
-    def _add(self, resource: Resource) -> None:
-        self.resources.append(resource)
-
-    def _add_host(self, name: str, device: Device) -> Host:
+    def _add_host(self, name: str, device: Device) -> Graph:
         host = Host(self.env, name, device, self.stream(name, "accelerator"), self.stream(name, "cpu"))
         self.resources += [host.accelerator, host.cpu]
-        return host
+        graph = Graph(host, self.setup.queue_length, self.monitor.dropped)
+        self.hosts[name] = host, graph
+        return graph
 
     def _add_detector(self, place: str) -> None:
-        host, graph = self.hosts[place]
-        name, queue_length = f"{place}/{DETECTOR}", self.setup.queue_length
-        self._add(Detector(name, host, graph, IMAGES, OBJECTS, queue_length, self.monitor.dropped))
-        self._fronts[place] = name
+        _, graph = self.hosts[place]
+        name = self._fronts[place] = f"{place}/{DETECTOR}"
+        self.resources.append(Detector(name, graph, (IMAGES,), (OBJECTS,)))
 
     def _add_interceptor(self, place: str, station: Station, placement: Placement) -> None:
         make = station.interceptor
         if make is None:
             return
-        host, graph = self.hosts[place]
-
-        observe = partial(self.monitor.observe, placement)
-        told = self.setup.queue_length, observe, self.monitor.dropped, station, self.setup.genie.passes
+        _, graph = self.hosts[place]
+        told = partial(self.monitor.observe, placement), station, self.setup.genie.passes
         if station.detector:
             node = attach(graph, f"{place}/{DETECTOR}", make, *told)
         else:
-            node = InterceptorNode(lambda: make((IMAGES,), (OBJECTS,)), host, graph, *told)
-        self._add(node)
+            node = InterceptorNode(lambda: make((IMAGES,), (OBJECTS,)), graph, *told)
+        self.resources.append(node)
         self._fronts[place] = node.name
 
 

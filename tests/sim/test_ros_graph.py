@@ -58,12 +58,12 @@ class Listener:
         self.heard.append((topic, message.header.stamp_ns, sender))
 
 
-def office(name: str = "car1", env: Clock | None = None) -> tuple[Graph, Host]:
-    """An empty graph, and a host on which each message takes ``HOP_NS`` to the next node."""
+def office(name: str = "car1", env: Clock | None = None, **settings) -> Graph:
+    """An empty graph of a host on which each message takes ``HOP_NS`` to the next node."""
     env = env if env is not None else Clock()
     device = fixed_device(name, detector="1 ms", hop=f"{HOP_NS} ns", per_megabyte="0 ms")
     rng = np.random.default_rng(1)
-    return Graph(env, name), Host(env, name, built_device(device, "autoware_vision_detector"), rng, rng)
+    return Graph(Host(env, name, built_device(device, "autoware_vision_detector"), rng, rng), **settings)
 
 
 def link(env: Clock, name: str, up: bool = True) -> Link:
@@ -72,9 +72,8 @@ def link(env: Clock, name: str, up: bool = True) -> Link:
     return Link(env, name, wire.channel(up, np.random.default_rng(1)))
 
 
-def clerk(name: str = "clerk", topics: tuple[str, ...] = ("/notes",), **settings) -> Clerk:
-    graph, host = office()
-    return Clerk(name, host, graph, topics, (), **settings)
+def clerk(name: str = "clerk", topics: tuple[str, ...] = ("/notes",), threads: int = 1, **settings) -> Clerk:
+    return Clerk(name, office(**settings), topics, (), threads)
 
 
 # Queues
@@ -152,9 +151,9 @@ def test_every_note_is_done_or_dropped_and_no_queue_grows_beyond_its_length(note
 
 
 def test_a_message_reaches_all_other_subscribers_after_one_hop():
-    graph, host = office()
-    publisher = Clerk("publisher", host, graph, ("/notes",), ("/notes",))
-    others = [Clerk(name, host, graph, ("/notes",), ()) for name in ("first", "second")]
+    graph = office()
+    publisher = Clerk("publisher", graph, ("/notes",), ("/notes",))
+    others = [Clerk(name, graph, ("/notes",), ()) for name in ("first", "second")]
     publisher.publish("/notes", Note(7))
     graph.env.run()
     assert [one.done for one in others] == [[(HOP_NS + WORK_NS, 7, "/notes")]] * 2
@@ -162,8 +161,8 @@ def test_a_message_reaches_all_other_subscribers_after_one_hop():
 
 
 def test_a_reply_reaches_the_one_it_is_meant_for():
-    graph, host = office()
-    publisher = Clerk("publisher", host, graph, (), ("/notes",))
+    graph = office()
+    publisher = Clerk("publisher", graph, (), ("/notes",))
     listeners = [Listener("first"), Listener("second")]
     for listener in listeners:
         graph.subscribe("/notes", listener)
@@ -183,8 +182,8 @@ def test_a_large_message_takes_a_longer_hop():
 
 
 def test_a_remapped_node_talks_on_other_topics_under_its_old_names():
-    graph, host = office()
-    node = Clerk("node", host, graph, ("/in",), ("/out",))
+    graph = office()
+    node = Clerk("node", graph, ("/in",), ("/out",))
     old, new = Listener(), Listener()
     graph.subscribe("/out", old)
     graph.subscribe("/out-local", new)
@@ -209,8 +208,9 @@ def test_encapsulating_a_detector_leaves_the_detector_itself_alone(place: str):
     """The node's class, code and topics are the same with Genie and without; only the master knows better."""
     plain, encapsulated = detector_of("local", place), detector_of("genie", place)
     assert type(plain) is type(encapsulated) is Detector
-    own = ("subscribes", "publishes", "name", "_queue_length")
+    own = ("subscribes", "publishes", "name")
     assert {name: getattr(plain, name) for name in own} == {name: getattr(encapsulated, name) for name in own}
+    assert plain.graph.queue_length == encapsulated.graph.queue_length
     assert set(vars(plain)) == set(vars(encapsulated)), "nothing was added to it"
     for code in ("work", "handle", "publish", "deliver"):
         assert getattr(plain, code).__func__ is getattr(encapsulated, code).__func__
@@ -242,9 +242,9 @@ def test_any_node_can_be_encapsulated_whatever_its_topics():
         told.append((subscribed, published))
         return NothingToDo()
 
-    graph, host = office()
-    Clerk("lanes", host, graph, ("/clouds", "/map"), ("/lanes", "/signs"))
-    attach(graph, "lanes", make, 1, lambda genie, record, now_ns: None, lambda message, where: None, suffix="_local")
+    graph = office()
+    Clerk("lanes", graph, ("/clouds", "/map"), ("/lanes", "/signs"))
+    attach(graph, "lanes", make, lambda genie, record, now_ns: None, suffix="_local")
     assert told == [(("/clouds", "/map"), ("/lanes", "/signs"))]
     assert graph.topics_of("lanes") == (("/clouds_local", "/map_local"), ("/lanes_local", "/signs_local"))
 
@@ -260,8 +260,8 @@ class Offices:
         self.graphs, self.ports, self.listeners, self.nodes = {}, {}, {}, {}
         names = ("edge1", "edge2", "edge3")
         for name in names:
-            self.graphs[name], host = office(name, self.env)
-            self.nodes[name] = Clerk(f"{name}/genie", host, self.graphs[name], ("/notes",), ("/notes",))
+            self.graphs[name] = office(name, self.env)
+            self.nodes[name] = Clerk(f"{name}/genie", self.graphs[name], ("/notes",), ("/notes",))
             self.listeners[name] = Listener(f"{name}/listener")
             self.graphs[name].subscribe("/notes", self.listeners[name])
             self.ports[name] = link(self.env, f"{name}->edges")
@@ -291,17 +291,17 @@ def test_a_note_for_one_neighbour_crosses_only_the_bridge_to_it():
 
 def test_an_answer_goes_down_to_the_car_that_it_is_about():
     env = Clock()
-    edge, host = office("edge1", env)
+    edge = office("edge1", env)
     downlinks = Downlinks("edge1/cars")
     edge.bridge("/objects", downlinks)
     heard = {}
     for name in ("car1", "car2"):
-        car, _ = office(name, env)
+        car = office(name, env)
         heard[name] = Listener()
         car.subscribe("/objects", heard[name])
         down = link(env, f"edge1->{name}", up=False)
         downlinks.of_car[name] = Bridge(down, car, "/objects", f"{name}/genie")
-    node = Clerk("node", host, edge, (), ("/objects",))
+    node = Clerk("node", edge, (), ("/objects",))
     for number, about in enumerate(("car1", "car2", "car3", "car1"), 1):
         note = Note(number)
         note.header = Header(number, "camera_02", about)
@@ -314,7 +314,7 @@ def test_an_answer_goes_down_to_the_car_that_it_is_about():
 def test_a_bridge_that_was_taken_down_loses_what_comes_and_what_was_on_its_way():
     """0.2 ms of delay: the first note arrives, the second is on its way, the third comes in between, the last after."""
     env = Clock()
-    here, there = Graph(env, "here"), Graph(env, "there")
+    here, there = office("here", env), office("there", env)
     heard, lost = Listener(), []
     there.subscribe("/notes", heard)
     wire = Wire(1_000_000_000, 1_000_000_000, delay_ns=200_000)

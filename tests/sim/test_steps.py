@@ -239,8 +239,8 @@ class InTwos(Interceptor):
 def test_an_answer_to_an_older_frame_does_not_take_over_the_way_of_the_others():
     clock, ways = StepClock(), {}
     host = Host(clock, "car1", device(fixed()["jetson_tx2"], "autoware_vision_detector"), *[default_rng(1)] * 2)
-    graph = Graph(clock, "car1")
-    node = InterceptorNode(InTwos, host, graph, 1, lambda *_: None, lambda *_: None)
+    graph = Graph(host)
+    node = InterceptorNode(InTwos, graph, lambda *_: None)
     consumer = SimpleNamespace(address="consumer")
     consumer.deliver = lambda topic, answer, sender: ways.setdefault(answer.header.stamp_ns, clock.way)
     graph.subscribe(OBJECTS, consumer)

@@ -178,7 +178,6 @@ def detector_run(rng: np.random.Generator, rho: float, queue_length: int, images
     env = Clock()
     device = fixed_device("edge1", detector=f"{SERVICE_NS} ns", hop="0 ms", per_megabyte="0 ms")
     host = Host(env, "edge1", build.device(device, "autoware_vision_detector"), rng, rng)
-    graph = Graph(env, "edge1")
     answered: list[int] = []
     waits: list[int] = []
     dropped: list[int] = []
@@ -190,15 +189,8 @@ def detector_run(rng: np.random.Generator, rho: float, queue_length: int, images
             answered.append(answer.header.stamp_ns)
             waits.append(env.now - answer.header.stamp_ns - SERVICE_NS)
 
-    detector = Detector(
-        "detector",
-        host,
-        graph,
-        "/image_raw",
-        "/objects",
-        queue_length,
-        lambda message, where: dropped.append(message.header.stamp_ns),
-    )
+    graph = Graph(host, queue_length, lambda message, where: dropped.append(message.header.stamp_ns))
+    detector = Detector("detector", graph, ("/image_raw",), ("/objects",))
     graph.subscribe("/objects", Consumer())
 
     def come(number: int) -> None:
