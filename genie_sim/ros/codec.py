@@ -134,7 +134,7 @@ class Codec:
         try:
             read = self._store.deserialize_ros1 if self._ros == 1 else self._store.deserialize_cdr
             return read(payload, self._name)
-        except (SerdeError, struct.error, ValueError, KeyError, IndexError) as error:
+        except (SerdeError, ValueError, KeyError, IndexError) as error:
             raise ValueError(f"no {self.type.name}: {error}") from error
 
     def _time(self, stamp_ns: int) -> Any:
