@@ -15,8 +15,8 @@ from genie_sim.analysis import metrics, summary
 from genie_sim.analysis.correctness import of_answers
 from genie_sim.core.matching import SAME_M, near, pairs, placed
 from genie_sim.messages import CameraPose, Detection, Detections, Header, Image
-from genie_sim.recording.held import Answers
-from genie_sim.recording.records import ANSWERS
+from genie_sim.recording.log import Log
+from genie_sim.recording.records import ANSWERS, Tables
 from genie_sim.recording.results import Metric
 from genie_sim.recording.tables import Table
 from genie_sim.scenario.scenario import Scenario, load_scenario
@@ -35,14 +35,14 @@ class Frame:
     detections: tuple[Detection, ...]
 
 
-def compared(detected: Sequence[Detection], *answers: tuple[str, Sequence[Detection], bool, bool]) -> list[tuple]:
+def compared(detected: Sequence[Detection], *answers: tuple[str, Sequence[Detection]]) -> list[tuple]:
     """Which, source, served, detected, matched of each row."""
-    table = Table(ANSWERS)
-    judge = Answers("genie", table)
-    judge.published(Image(HEADER, 1000, "", 0, POSE, 1.4, Frame(tuple(detected))))
-    for source, objects, first, fresh in answers:
-        judge.answered(Detections(HEADER, tuple(objects)), source, first, fresh)
-    rows = table.to_frame()[["which", "source", "served", "detected", "matched"]]
+    tables = Tables()
+    log = Log("genie", tables, ["answers"])
+    log.published(Image(HEADER, 1000, "", 0, POSE, 1.4, Frame(tuple(detected))), 0, 0)
+    for source, objects in answers:
+        log.answered(Detections(HEADER, tuple(objects), source), source, HEADER.stamp_ns)
+    rows = tables.answers.to_frame()[["which", "source", "served", "detected", "matched"]]
     return [tuple(row) for row in rows.astype({"which": str, "source": str}).itertuples(index=False)]
 
 
@@ -50,18 +50,18 @@ def test_pairs_are_of_one_class_and_at_most_two_metres_apart():
     detected = [one("car", 10.0), one("person", 20.0), one("car", 30.0)]
     served = [one("car", 12.0), one("person", 22.1), one("bicycle", 30.0)]
     assert SAME_M == 2.0
-    assert compared(detected, ("map", served, True, False)) == [("first", "map", 3, 3, 1)]
+    assert compared(detected, ("map", served)) == [("first", "map", 3, 3, 1)]
 
 
 def test_a_truck_is_found_as_a_car():
-    assert compared([one("truck", 10.0)], ("map", [one("bus", 11.0)], True, False)) == [("first", "map", 1, 1, 1)]
+    assert compared([one("truck", 10.0)], ("map", [one("bus", 11.0)])) == [("first", "map", 1, 1, 1)]
 
 
 def test_each_object_is_paired_once_and_the_nearest_first():
     ours = placed([one("car", 10.0), one("car", 11.5)])
     assert pairs(near(ours, placed([one("car", 11.0)]), SAME_M)) == [(pytest.approx(0.5**2), 1, 0)]
     twins = [one("car", 10.0), one("car", 10.5), one("car", 11.0)]
-    assert compared([one("car", 10.4)], ("map", twins, True, False)) == [("first", "map", 3, 1, 1)]
+    assert compared([one("car", 10.4)], ("map", twins)) == [("first", "map", 3, 1, 1)]
 
 
 def test_ties_are_broken_by_the_order_of_the_lists():
@@ -71,14 +71,14 @@ def test_ties_are_broken_by_the_order_of_the_lists():
 
 def test_objects_without_a_place_are_not_counted_even_in_an_answer_that_is_the_same():
     detected = [one("car", 10.0), one("car", None)]
-    same = compared(detected, ("own_detector", detected, True, True))
+    same = compared(detected, ("own_detector", detected))
     assert same == [("first", "own_detector", 1, 1, 1), ("fresh", "own_detector", 1, 1, 1)]
-    assert compared(detected, ("map", [one("car", None)], True, False)) == [("first", "map", 0, 1, 0)]
+    assert compared(detected, ("map", [one("car", None)])) == [("first", "map", 0, 1, 0)]
 
 
 def test_first_and_fresh_are_judged_each_once_and_a_frame_that_is_settled_no_more():
     detected = [one("car", 10.0)]
-    answers = ("map", [], True, False), ("own_cache", detected, False, True), ("edge_detector", [], False, True)
+    answers = ("map", []), ("own_cache", detected), ("edge_detector", [])
     assert compared(detected, *answers) == [("first", "map", 0, 1, 0), ("fresh", "own_cache", 1, 1, 1)]
 
 

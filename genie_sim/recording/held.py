@@ -1,4 +1,4 @@
-"""Judges answers: ``Answers`` by what the detector itself finds in that very frame, a proxy of correctness without
+"""Judges answers: ``agreement`` by what the detector itself finds in that very frame, a proxy of correctness without
 labels; ``Held`` by what is really there, at every frame of each car's first camera.
 
 A consumer's newest answers are compared with the truth of that very instant, not with that of the frames they answer:
@@ -11,7 +11,7 @@ from typing import Protocol
 
 from genie_sim.core.consumer import Consumer, Newest
 from genie_sim.core.matching import SAME_M, Near, Placed, class_of, near, pairs, placed
-from genie_sim.messages import Detection, Detections, Frame, Header, Image, Location
+from genie_sim.messages import Detection, Detections, Frame, Image, Location
 from genie_sim.recording.tables import Table
 from genie_sim.units import NS_PER_S
 
@@ -225,43 +225,14 @@ def _in_view(image: Image, at: Location, range_m: float) -> bool:
     return abs(bearing_rad) <= image.horizontal_fov_rad / 2
 
 
-class Answers:
-    """Compares the first and the fresh answers under one method; ``table`` gets the counts (``records.ANSWERS``).
-
-    It knows a frame from ``published`` until its fresh answer, or until ``forget``.
-    """
-
-    def __init__(self, method: str, table: Table) -> None:
-        self._method = method
-        self._table = table
-        self._images: dict[Header, Image] = {}
-
-    def published(self, image: Image) -> None:
-        self._images[image.header] = image
-
-    def forget(self, header: Header) -> None:
-        """No answer to this frame is expected any more."""
-        self._images.pop(header, None)
-
-    def answered(self, answer: Detections, source: str, first: bool, fresh: bool) -> None:
-        """The consumer has the ``first`` answer to a frame, the ``fresh`` one, or both in one."""
-        image = self._images.get(answer.header)
-        if image is None:
-            return
-        detections = image.content.detections
-        detected = placed(detections)
-        if answer.objects is detections or answer.objects == detections:
-            counts = len(detected), len(detected), len(detected)
-        else:
-            served = placed(answer.objects)
-            counts = len(served), len(detected), len(pairs(near(served, detected, SAME_M)))
-        stamp_ns, stream, car = answer.header
-        for which, is_this in (("first", first), ("fresh", fresh)):
-            if is_this:
-                self._table.append((self._method, car, stream, stamp_ns, which, source, *counts))
-        if fresh:
-            self.forget(answer.header)
-
+def agreement(answer: Detections, image: Image) -> tuple[int, int, int]:
+    """How many objects an answer has, how many the detector finds in the frame itself, and how many pairs they make."""
+    detections = image.content.detections
+    detected = placed(detections)
+    if answer.objects is detections or answer.objects == detections:
+        return len(detected), len(detected), len(detected)
+    served = placed(answer.objects)
+    return len(served), len(detected), len(pairs(near(served, detected, SAME_M)))
 
 
 def gospa_m(candidates: Sequence[Near], ours: int, theirs: int, cut_m: float = GOSPA_CUT_M) -> float:

@@ -15,7 +15,7 @@ from genie_sim.messages import (
     Observation,
 )
 from genie_sim.monitor import Placement, Resource, Samples, Step
-from genie_sim.recording.held import Answers, Held
+from genie_sim.recording.held import Held, agreement
 from genie_sim.recording.records import Frame, Tables
 from genie_sim.recording.tables import Value
 
@@ -50,7 +50,7 @@ class Log:
         self._lookups = tables.lookups if "lookups" in record else None
         self._poses = tables.poses if "poses" in record else None
         self._objects = tables.objects if "objects" in record else None
-        self._answers = Answers(method, tables.answers) if "answers" in record else None
+        self._answers = tables.answers if "answers" in record else None
         self._steps = tables.steps if "steps" in record else None
         self.wants_changes = self._objects is not None  # of object maps
         self.wants_steps = self._steps is not None
@@ -60,12 +60,12 @@ class Log:
     def published(self, image: Image, number: int, lap: int) -> None:
         header = image.header
         stamp_ns, stream, car = header
-        self._open[header] = Frame(self.method, car, stream, number, lap, stamp_ns)
+        self._open[header] = frame = Frame(self.method, car, stream, number, lap, stamp_ns)
         self.published_frames += 1
         if self._held is not None:
             self._held.published(image)
         if self._answers is not None:
-            self._answers.published(image)
+            frame.image = image
         if self._poses is not None and car not in self._posed:
             at = image.pose
             where = at.east_m, at.north_m, at.heading_rad, image.horizontal_fov_rad
@@ -78,8 +78,6 @@ class Log:
             settled = takewhile(lambda header: header.stamp_ns < before_ns, self._open)
         for header in list(settled):
             self._frames.append(self._open.pop(header).row())
-            if self._answers is not None:
-                self._answers.forget(header)
         if before_ns is None and self._held is not None:
             self._held.close()
 
@@ -112,8 +110,11 @@ class Log:
         if frame is None:
             return
         first, fresh = frame.first_answer_ns is None, answer.source != "map" and frame.fresh_answer_ns is None
-        if self._answers is not None and (first or fresh):
-            self._answers.answered(answer, source, first, fresh)
+        if self._answers is not None and frame.image is not None and (first or fresh):
+            counts = agreement(answer, frame.image)
+            for which, is_this in (("first", first), ("fresh", fresh)):
+                if is_this:
+                    self._answers.append((self.method, frame.car, frame.stream, frame.stamp_ns, which, source, *counts))
         if self._steps is not None and way is not None and frame.received_ns is not None and (first or fresh):
             which = "both" if first and fresh else "first" if first else "fresh"
             for step in reversed(list(way.since(frame.received_ns))):
@@ -124,7 +125,7 @@ class Log:
             frame.served_by = answer.served_by
             frame.objects_served = len(answer.objects)
         if fresh:
-            frame.drop = None
+            frame.drop = frame.image = None
             frame.fresh_answer_ns = now_ns
             frame.objects_fresh = len(answer.objects)
 

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from operator import attrgetter
 from pathlib import Path
 
+from genie_sim.messages import Image
 from genie_sim.recording.tables import Column, Schema, Table, Value
 
 METHOD = Column("method", "text", "", "the method that was simulated, by its name in the scenario")
@@ -215,6 +216,7 @@ class Frame:
     bytes_up: int = 0
     bytes_down: int = 0
     drop: str | None = None
+    image: Image | None = None  # no column: what the detector itself finds, until the fresh answer
 
     def row(self) -> tuple[Value, ...]:
         """Its values, in the order of the columns."""
