@@ -214,7 +214,7 @@ def figures_of(tabled: Tabled) -> list[float]:
     """The figures of a run, in the order of ``FIGURES`` and in their units; NaN where one is not defined."""
     found = {
         (one.metric, one.method if one.placement == "all" else one.placement): one.value
-        for one in metrics.compute(GENIE, tabled.frames, tabled.lookups, tabled.resources, held=tabled.held)
+        for one in metrics.compute(GENIE, vars(tabled))
     }
     values = (found.get((figure.name, figure.role)) for figure in FIGURES)
     return [np.nan if value is None else value * figure.factor for value, figure in zip(values, FIGURES, strict=True)]

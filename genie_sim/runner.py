@@ -120,8 +120,7 @@ def finished(prepared: Prepared, run_id: str, tables: Tables) -> Run:
     from genie_sim.analysis import metrics
 
     read = {table.name: table.columns() for table in tables}
-    used = (read[name] for name in ("frames", "lookups", "resources", "answers", "held", "steps"))
-    measured = metrics.compute(methods_of(prepared), *used)
+    measured = metrics.compute(methods_of(prepared), read)
     return Run(run_id, facts(prepared), prepared.scenario.to_yaml(), read, measured)
 
 

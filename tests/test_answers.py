@@ -149,7 +149,6 @@ def test_answers_may_be_left_out_and_change_nothing_else():
     assert len(full.answers) and not len(bare.answers)
     assert full.frames.equals(bare.frames)
     assert not any("proxy" in one.metric for one in bare.measured)
-    nothing = metrics.compute(
-        METHODS, full.frames.iloc[:0], full.lookups.iloc[:0], full.resources.iloc[:0], bare.answers
-    )
+    none = {name: full.tables[name].rows([]) for name in ("frames", "lookups", "resources")}
+    nothing = metrics.compute(METHODS, {**none, "answers": bare.answers})
     assert nothing == []

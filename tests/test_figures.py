@@ -94,13 +94,13 @@ def test_methods_and_placements_differ_without_colour():
     assert len({style.method_bar(place)["hatch"] for place in range(8)}) == 8
     assert len({str(style.method_bar(place)) for place in range(64)}) == 64
     assert len({(place % len(style.COLOURS), style.method_marker(place)) for place in range(64)}) == 64
-    assert len({str(style.placement_line(where)["linestyle"]) for where in style.PLACEMENTS}) == 2
-    assert len({style.placement_bar(where)["hatch"] for where in style.PLACEMENTS}) == 2
+    assert len({str(style.PLACEMENT_LINES[where]["linestyle"]) for where in style.PLACEMENTS}) == 2
+    assert len({style.PLACEMENT_BARS[where]["hatch"] for where in style.PLACEMENTS}) == 2
 
 
 def test_a_placement_is_never_in_a_method_s_colour():
-    tones = [style.placement_bar(where)["facecolor"] for where in style.PLACEMENTS]
-    tones += [style.placement_line(where)["color"] for where in style.PLACEMENTS]
+    tones = [style.PLACEMENT_BARS[where]["facecolor"] for where in style.PLACEMENTS]
+    tones += [style.PLACEMENT_LINES[where]["color"] for where in style.PLACEMENTS]
     assert not {mpl.colors.to_hex(tone).upper() for tone in tones} & set(style.COLOURS)
 
 
@@ -122,7 +122,7 @@ def test_methods_of_any_name_and_number_are_drawn_in_their_order(tables, tmp_pat
 
 def test_frames_that_were_never_answered_keep_the_curve_below_one(tables):
     frames = tables[0]
-    measured = metrics.compute(METHODS, *tables)
+    measured = metrics.compute(METHODS, dict(zip(("frames", "lookups", "resources"), tables, strict=True)))
     answered = {one.method: one.value for one in measured if one.metric == "answered_share"}
     published = curves(figures.latency_cdf({"run": frames}, METHODS, FOOTER))
     of_answered = curves(figures.latency_cdf({"run": frames}, METHODS, FOOTER, of="answered"))
@@ -135,14 +135,14 @@ def test_frames_that_were_never_answered_keep_the_curve_below_one(tables):
 def test_the_curve_passes_the_median_at_one_half(tables):
     genie = curves(figures.latency_cdf({"run": tables[0]}, METHODS, FOOTER, of="answered"))["Genie (DG)"]
     median = next(x for x, y in zip(*genie, strict=True) if y >= 0.5)
-    found = metrics.compute(METHODS, *tables)
+    found = metrics.compute(METHODS, dict(zip(("frames", "lookups", "resources"), tables, strict=True)))
     (expected,) = [m.value for m in found if (m.metric, m.method) == ("first_answer_p50", "genie")]
     assert median == pytest.approx(expected, rel=0.02)
 
 
 def test_bars_are_the_metrics_and_error_bars_their_windows(tables):
     figure = figures.image_reuse({"run": tables[1]}, METHODS, FOOTER)
-    found = metrics.compute(METHODS, *tables)
+    found = metrics.compute(METHODS, dict(zip(("frames", "lookups", "resources"), tables, strict=True)))
     reuse = {metric.placement: metric for metric in found if metric.metric == "image_reuse"}
     bars = [bar.get_height() for container in figure.axes[0].containers[::2] for bar in container]
     assert bars == pytest.approx([reuse["car"].value, reuse["edge"].value])

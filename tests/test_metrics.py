@@ -62,9 +62,9 @@ def lookup_table(*rows: tuple) -> pd.DataFrame:
 
 def of_tables(frames=None, lookups=None, resources=None, methods=METHODS) -> dict[tuple[str, str], Metric]:
     """By name, and by resource or baseline, or where Genies run, or method."""
-    empty = [Table(schema).to_frame() for schema in (FRAMES, LOOKUPS, RESOURCES)]
-    given = (frames, lookups, resources)
-    made = metrics.compute(methods, *(e if table is None else table for table, e in zip(given, empty, strict=True)))
+    given = {"frames": frames, "lookups": lookups, "resources": resources}
+    known = {name: table for name, table in given.items() if table is not None}
+    made = metrics.compute(methods, {"frames": Table(FRAMES).to_frame(), **known})
     assert len({(one.metric, one.method, one.placement, one.component) for one in made}) == len(made)
     where = [one.component or (one.method if one.placement == "all" else one.placement) for one in made]
     return {(one.metric, place): one for one, place in zip(made, where, strict=True)}
@@ -293,9 +293,9 @@ def test_utilization_is_not_diluted_by_the_wait_for_the_last_answers():
 
 def test_the_order_of_frames_in_memory_does_not_matter():
     tables = made_up_run.frames(1, 3), made_up_run.lookups(1, 100), made_up_run.resources(1, 10)
-    frames, lookups, resources = (table.to_frame() for table in tables)
-    shuffled = frames.sample(frac=1, random_state=3)
-    made = (metrics.compute(METHODS, rows, lookups, resources) for rows in (frames, shuffled))
+    given = {table.name: table.to_frame() for table in tables}
+    shuffled = given["frames"].sample(frac=1, random_state=3)
+    made = (metrics.compute(METHODS, {**given, "frames": rows}) for rows in (given["frames"], shuffled))
     for one, other in zip(*made, strict=True):
         assert replace(one, value=None, low=None, high=None) == replace(other, value=None, low=None, high=None)
         assert one.value == pytest.approx(other.value)
@@ -325,7 +325,7 @@ def test_any_methods_are_measured_in_their_order_and_each_is_compared_with_every
     lookups = lookup_table(
         *events("car1/genie", "image", [0, 0], method="slow"), *events("car1/genie", "image", [1, 1], method="swift")
     )
-    made = metrics.compute(methods, table.to_frame(), lookups, Table(RESOURCES).to_frame())
+    made = metrics.compute(methods, {"frames": table.to_frame(), "lookups": lookups})
     assert list(dict.fromkeys(one.method for one in made)) == ["swift", "plain", "slow"]
     compared = {one.method: (one.component, one.value) for one in made if one.metric == "improvement_first_answer"}
     assert compared == {"swift": ("plain", pytest.approx(0.9)), "slow": ("plain", pytest.approx(0.2))}
@@ -341,5 +341,5 @@ def test_a_resource_is_placed_where_it_is():
     }  # fmt: skip
     for name in names:
         resources.append(("local", S, name, "cpu", 1, 0, 0, 0, 0, None))
-    made = metrics.compute(METHODS, frames.to_frame(), Table(LOOKUPS).to_frame(), resources.to_frame())
+    made = metrics.compute(METHODS, {"frames": frames.to_frame(), "resources": resources.to_frame()})
     assert {one.component: one.placement for one in made if one.metric == "completed"} == names

@@ -12,7 +12,7 @@ from genie_sim.recording.results import Metric
 @pytest.fixture(scope="module")
 def found() -> list[Metric]:
     tables = made_up_run.frames(2, 3), made_up_run.lookups(2, 120), made_up_run.resources(2, 30)
-    return metrics.compute(made_up_run.METHODS, *(table.to_frame() for table in tables))
+    return metrics.compute(made_up_run.METHODS, {table.name: table.to_frame() for table in tables})
 
 
 def row(text: str, label: str) -> list[str]:

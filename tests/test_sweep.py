@@ -232,10 +232,8 @@ def test_the_table_holds_mean_and_interval_of_separate_runs(uninterrupted):
     measured: dict[tuple[str, ...], list[float]] = {}
     for seed in (1, 2, 3):
         made = runner.simulate(runner.prepare(load_scenario("1car_homo", overrides, seed)))
-        frames, lookups, answers, held = (
-            table.to_frame() for table in (made.frames, made.lookups, made.answers, made.held)
-        )
-        for one in metrics.compute(METHODS, frames, lookups, made.resources.to_frame().iloc[:0], answers, held):
+        tables = {table.name: table.to_frame() for table in (made.frames, made.lookups, made.answers, made.held)}
+        for one in metrics.compute(METHODS, tables):
             values = measured.setdefault((one.metric, one.method, one.placement, one.component), [])
             values += [] if one.value is None else [one.value]
     table = pd.read_parquet(uninterrupted / "table.parquet")

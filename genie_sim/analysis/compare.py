@@ -4,6 +4,7 @@ Differences are paired. With at least two seeds in common, by seed: the 95 % t i
 blocks of one second of each car inside its run (``statistics.Blocks``): that says nothing of other seeds or drives.
 """
 
+import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
@@ -155,20 +156,16 @@ def _chosen(run: Run, names: Sequence[str]) -> list[MethodInfo]:
 
 def _groups(runs: Sequence[Run]) -> list[dict[int, Run]]:
     """Runs by seed, of each setting."""
-    groups: list[tuple[Any, dict[int, Run]]] = []
+    groups: dict[str, dict[int, Run]] = {}
     for run in runs:
         seed = run.facts["scenario"]["seed"]
         setting = {name: value for name, value in run.facts["scenario"].items() if name != "seed"}
         setting = {"scenario": setting, **{name: run.facts[name] for name in ("genie_sim", "devices", "plugins")}}
-        for known, group in groups:
-            if known == setting:
-                if seed in group:
-                    raise UserError(f"compare: {run.name}-{run.run_id}: the same run is given twice")
-                group[seed] = run
-                break
-        else:
-            groups.append((setting, {seed: run}))
-    return [group for _, group in groups]
+        group = groups.setdefault(json.dumps(setting, sort_keys=True), {})
+        if seed in group:
+            raise UserError(f"compare: {run.name}-{run.run_id}: the same run is given twice")
+        group[seed] = run
+    return list(groups.values())
 
 
 def _names(groups: Sequence[Mapping[int, Run]]) -> list[str]:

@@ -205,7 +205,7 @@ def confidence_boost(panels: Panels, methods: Methods, footer: str = "", width_i
                     continue
                 kept = thinned(len(curve))
                 settled += curve["boost"][curve["updates"] > FEW_UPDATES].tolist()
-                look = style.placement_line(placement) | {"label": f"Genies {where}"}
+                look = style.PLACEMENT_LINES[placement] | {"label": f"Genies {where}"}
                 if several:
                     look |= {"color": style.COLOURS[position % len(style.COLOURS)], "label": f"{method.title}, {where}"}
                 axis.plot(curve["updates"][kept], curve["boost"][kept], **look)
@@ -275,7 +275,7 @@ def _reuse_bars(panels: Tables, methods: Methods, what: str, footer: str, width_
     figure = Figure(figsize=(width_in, 1.9 + tilted * longest_in))
     axis = figure.subplots()
     for side, (placement, where) in enumerate(PLACEMENTS.items()):
-        look = style.placement_bar(placement) | {"label": f"Genies {where}"}
+        look = style.PLACEMENT_BARS[placement] | {"label": f"Genies {where}"}
         for x, (_, method, lookups) in enumerate(groups):
             mine = lookups.where(method=method.name, placement=placement)
             _reuse_bar(axis, x + 0.38 * (side - 0.5), mine, look, upright=0.38 * room_in < 6 * CHARACTER_IN)

@@ -11,8 +11,9 @@
 """
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from itertools import product
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -37,32 +38,30 @@ PERCENTILES = (50, 95, 99)
 Where = tuple[str, str, str]  # method, placement, component
 
 
-def compute(
-    methods: Sequence[MethodInfo],
-    frames: "Table",
-    lookups: "Table",
-    resources: "Table",
-    answers: "Table | None" = None,
-    held: "Table | None" = None,
-    steps: "Table | None" = None,
-    *,
-    intervals: bool = True,
-) -> list[Metric]:
-    """All metrics of one run from its tables (columns: ``records``), in a fixed order; ``methods`` are those that ran.
-    ``intervals``: of frames and boosts, too; for many runs, whose spread is what counts, they are left out.
+def compute(methods: Sequence[MethodInfo], tables: "Mapping[str, Table]", *, intervals: bool = True) -> list[Metric]:
+    """All metrics of one run in a fixed order: of ``frames`` and what else was recorded (columns: ``records``), under
+    the ``methods`` that ran. ``intervals``: of frames and boosts, too; for many runs, whose spread is what counts, they
+    are left out.
 
     Numbers have ten digits: what follows may differ between processors, which add up in different orders.
     """
-    frames, lookups, resources = map(Columns.of, (frames, lookups, resources))
     names = [method.name for method in methods]
-    found = [
-        *_of_frames(frames, methods, intervals),
-        *(metric for name in names for place in PLACEMENTS for metric in _of_genies(lookups, name, place, intervals)),
-        *_of_resources(resources, frames, names),
-        *(correctness.of_answers(Columns.of(answers), names) if answers is not None and len(answers) else ()),
-        *(correctness.of_held(Columns.of(held), names) if held is not None and len(held) else ()),
-        *(_of_steps(Columns.of(steps), frames, names) if steps is not None and len(steps) else ()),
-    ]
+    frames = Columns.of(tables["frames"])
+    known = {name: Columns.of(table) for name, table in tables.items() if len(table)}
+    found: list[Metric] = []
+    if "frames" in known:
+        found += _of_frames(frames, methods, intervals)
+    if "lookups" in known:
+        for name, placement in product(names, PLACEMENTS):
+            found += _of_genies(known["lookups"], name, placement, intervals)
+    if "resources" in known:
+        found += _of_resources(known["resources"], frames, names)
+    if "answers" in known:
+        found += correctness.of_answers(known["answers"], names)
+    if "held" in known:
+        found += correctness.of_held(known["held"], names)
+    if "steps" in known:
+        found += _of_steps(known["steps"], frames, names)
     return [replace(one, value=_ten(one.value), low=_ten(one.low), high=_ten(one.high)) for one in found]
 
 
@@ -125,8 +124,6 @@ def running_use(samples: Columns) -> tuple[Floats, Floats]:
 
 
 def _of_frames(frames: Columns, methods: Sequence[MethodInfo], intervals: bool) -> Iterator[Metric]:
-    if not len(frames):
-        return
     blocks = Blocks(frames["car"], frames["stamp_ns"], intervals)
     method = frames["method"]
     response = {answer: response_ms(frames, answer) for answer in ("first", "fresh")}
@@ -273,8 +270,6 @@ def _of_resources(resources: Columns, frames: Columns, methods: Sequence[str]) -
     Utilization, mean queue and throughput are those until the last frame was published (afterwards a run only waits
     for answers); the other counts are those at its end. Queues are seen at the samples only.
     """
-    if not len(resources):
-        return
     ordered = resources.by("t_ns")
     cars = set(frames["car"].unique())
     for method in methods:

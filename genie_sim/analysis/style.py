@@ -57,9 +57,11 @@ PARTS: dict[str, tuple[str, dict[str, Any]]] = {
     "downlink": ("downlink", {"facecolor": "#EE8866", "hatch": "\\\\\\\\"}),
 }
 PLACEMENTS = {"car": "on cars", "edge": "on edges"}
-_PLACEMENT_DASHES = {"car": DASHED, "edge": SOLID}
-_PLACEMENT_TONES = {"car": ("0.85", "////"), "edge": ("0.45", "")}
-_PLACEMENT_LINES = {"car": "0.55", "edge": "0.15"}
+PLACEMENT_LINES: dict[str, dict[str, Any]] = {  # about the Genies there
+    "car": {"color": "0.55", "linestyle": DASHED, "linewidth": 1.6},
+    "edge": {"color": "0.15", "linestyle": SOLID, "linewidth": 1.6},
+}
+PLACEMENT_BARS = {"car": {"facecolor": "0.85", "hatch": "////"}, "edge": {"facecolor": "0.45", "hatch": ""}}
 
 
 def method_line(position: int) -> dict[str, Any]:
@@ -77,17 +79,6 @@ def method_bar(position: int) -> dict[str, Any]:
     """Colour and hatch of a method's bar."""
     hatch = HATCHES[(position + position // len(COLOURS)) % len(HATCHES)]
     return {"facecolor": COLOURS[position % len(COLOURS)], "hatch": hatch}
-
-
-def placement_line(placement: str) -> dict[str, Any]:
-    """Grey and dashes of a line about the Genies on cars, or on edges."""
-    return {"color": _PLACEMENT_LINES[placement], "linestyle": _PLACEMENT_DASHES[placement], "linewidth": 1.6}
-
-
-def placement_bar(placement: str) -> dict[str, Any]:
-    """Grey and hatch of a bar about the Genies on cars, or on edges."""
-    tone, hatch = _PLACEMENT_TONES[placement]
-    return {"facecolor": tone, "hatch": hatch}
 
 
 def thinned(n: int, most: int = 1000) -> np.ndarray[Any, np.dtype[np.int64]]:

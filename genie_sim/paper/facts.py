@@ -29,7 +29,7 @@ EARLY_PERCENTILES = (10, 20, 30, 40, 50)
 def facts_of(frames: Columns, lookups: Columns, resources: Columns, redefined: bool = True) -> Facts:
     """All facts of a run from its tables, as the default defines its metrics, and with ``redefined`` under every other
     definition, too (``definitions.fact``)."""
-    facts = _of_metrics(metrics.compute(METHODS, frames, lookups, resources.rows([]), intervals=False))
+    facts = _of_metrics(metrics.compute(METHODS, {"frames": frames, "lookups": lookups}, intervals=False))
     facts.update(_of_early_and_late(frames))
     both = frames.where(method="remote")
     both = both.rows((both["bytes_up"] > 0) & (both["bytes_down"] > 0))
@@ -52,7 +52,7 @@ def facts_of(frames: Columns, lookups: Columns, resources: Columns, redefined: b
 def _from_stamp(frames: Columns, lookups: Columns, resources: Columns) -> Facts:
     """Times from the camera's stamp, and what follows from them, by names of their own."""
     stamped = frames.assign(received_ns=frames["stamp_ns"])
-    found = _of_metrics(metrics.compute(METHODS, stamped, lookups.rows([]), resources.rows([]), intervals=False))
+    found = _of_metrics(metrics.compute(METHODS, {"frames": stamped}, intervals=False))
     found |= _of_early_and_late(stamped)
     return {renamed: found[name] for name in found if (renamed := fact(name, {"time": "stamp"})) != name}
 

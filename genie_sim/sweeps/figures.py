@@ -191,7 +191,7 @@ def _look(method: str, placement: str, methods: Sequence[str], alone: bool) -> d
     marker = {"marker": style.method_marker(position)}
     if placement not in PLACEMENTS:
         return style.method_line(position) | marker | {"label": method}
-    line, where = style.placement_line(placement), PLACEMENTS[placement]
+    line, where = style.PLACEMENT_LINES[placement], PLACEMENTS[placement]
     if alone:
         return line | {"label": f"Genies {where}", "marker": style.MARKERS[list(PLACEMENTS).index(placement)]}
     return line | marker | {"label": f"{method}, {where}", "color": style.method_line(position)["color"]}

@@ -127,9 +127,8 @@ def measured(prepared: Prepared) -> Sequence[Metric]:
     record = tuple(one for one in prepared.expanded.record if one in needed)
     scenario = prepared.expanded.model_copy(update={"record": record})
     tables = runner.simulate(replace(prepared, expanded=scenario))
-    none = tables.resources.columns().rows([])
-    used = (tables.frames.columns(), tables.lookups.columns(), none, tables.answers.columns(), tables.held.columns())
-    return metrics.compute(runner.methods_of(prepared), *used)
+    used = {table.name: table.columns() for table in (tables.frames, tables.lookups, tables.answers, tables.held)}
+    return metrics.compute(runner.methods_of(prepared), used)
 
 
 @functools.lru_cache(maxsize=1)
