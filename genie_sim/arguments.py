@@ -8,7 +8,6 @@ from typing import Any
 import click
 
 from genie_sim import plugins
-from genie_sim.completion import methods, scenarios, setting_paths
 from genie_sim.errors import UserError, short_repr
 from genie_sim.paths import expanded
 
@@ -34,20 +33,6 @@ class _Path(click.Path):
 PATH = _Path()
 COUNT = click.IntRange(min=1)
 
-scenario_argument = click.argument(
-    "scenario", help="A scenario file, or the name of one that comes with genie-sim.", shell_complete=scenarios
-)
-set_option = click.option(
-    "--set", "set_", multiple=True, metavar="PATH=VALUE", shell_complete=setting_paths,
-    help="Change a field, such as cars[0].device=orin_nano. Repeatable.",
-)  # fmt: skip
-methods_option = click.option(
-    "--methods", metavar="A,B,...", shell_complete=methods,
-    help="Only these: methods of the scenario, of 'list methods', or module:Class.",
-)  # fmt: skip
-seed_option = click.option(
-    "--seed", type=click.IntRange(min=0), help="Root of all random streams; default: the scenario's."
-)
 own_code_option = click.option(  # of every command that reads result folders
     "--allow-own-code", is_flag=True, expose_value=False, callback=_own_code,
     help="Import classes that a folder names.",

@@ -37,10 +37,19 @@ def app(context: click.Context) -> None:
 
 
 @app.command()
-@arguments.scenario_argument
-@arguments.set_option
-@arguments.seed_option
-@arguments.methods_option
+@click.argument(
+    "scenario", help="A scenario file, or the name of one that comes with genie-sim.",
+    shell_complete=completion.scenarios,
+)
+@click.option(
+    "--set", "set_", multiple=True, metavar="PATH=VALUE", shell_complete=completion.setting_paths,
+    help="Change a field, such as cars[0].device=orin_nano. Repeatable.",
+)
+@click.option("--seed", type=click.IntRange(min=0), help="Root of all random streams; default: the scenario's.")
+@click.option(
+    "--methods", metavar="A,B,...", shell_complete=completion.methods,
+    help="Only these: methods of the scenario, of 'list methods', or module:Class.",
+)
 @click.option("--out", type=PATH, default="results", help="The folder that gets the result folder.")
 @click.option("--no-report", is_flag=True, help="Leave out report.html.")
 @click.option("--figures", is_flag=True, help="Draw the figures as well, as SVG.")
@@ -95,24 +104,21 @@ def report(folder: Path, start: str, out: Path | None) -> None:
         start_ns = units.duration_ns(start)
     except ValueError as error:
         raise UserError(f"--start: {error}") from error
-    path = out if out is not None else folder / terminal.PAGE
-    _write_page(folder, path, start_ns)
-    click.echo(f"Report: {path}")
-
-
-def _write_page(folder: Path, path: Path, start_ns: int) -> None:
-    """The page about whatever a folder holds: an evaluation, a sweep or a run. Raises ``UserError``."""
-    from genie_sim import report
+    from genie_sim import report as reports
     from genie_sim.paper import page as evaluation
     from genie_sim.recording import results
     from genie_sim.sweeps import page as sweep
 
-    for name, page in {"verdicts.json": evaluation.page, "sweep.json": sweep.page}.items():
-        if (folder / name).is_file():
-            if start_ns:
-                raise UserError(f"--start: {folder} holds no single run; only the page of a run has a replay")
-            return report.write_text(path, page(folder))
-    report.write(path, results.load(folder), start_ns)
+    path = out if out is not None else folder / terminal.PAGE
+    pages = {"verdicts.json": evaluation.page, "sweep.json": sweep.page}
+    page = next((page for name, page in pages.items() if (folder / name).is_file()), None)
+    if page is None:
+        reports.write(path, results.load(folder), start_ns)
+    elif start_ns:
+        raise UserError(f"--start: {folder} holds no single run; only the page of a run has a replay")
+    else:
+        reports.write_text(path, page(folder))
+    click.echo(f"Report: {path}")
 
 
 @app.command()

@@ -77,7 +77,10 @@ def perceive(
     trace = everything.at_least(min_score)
     _write(out, trace)
     if evaluate:
-        click.echo(_judged(root, labels or drive, everything, min_score), nl=False)
+        from genie_sim.perception import evaluation, truth
+
+        labelled = truth.read_truth(root, labels or drive, everything)
+        click.echo(evaluation.table(evaluation.evaluate(everything, labelled, min_score)), nl=False)
     if frames is not None or video is not None:
         _draw(trace, perception.images(root, drive, cameras_), frames, video)
 
@@ -121,12 +124,6 @@ def _write(out: Path | None, trace: "Trace") -> None:
         found = sum(len(frame.detections) for sequence in trace.frames.values() for frame in sequence)
         count = sum(map(len, trace.frames.values()))
         click.echo(f"{out}: {count} frames, {found} detections, content {trace.digest[:12]}")
-
-
-def _judged(root: Path, labels: str, trace: "Trace", min_score: float) -> str:
-    from genie_sim.perception import evaluation, truth
-
-    return evaluation.table(evaluation.evaluate(trace, truth.read_truth(root, labels, trace), min_score))
 
 
 def _draw(trace: "Trace", images: Mapping[tuple[str, int], Path], frames: Path | None, video: Path | None) -> None:

@@ -42,8 +42,8 @@ def attach(
         raise UserError(f"--fov: {error}") from error
     real.attach(
         node, role=role, name=name, settings=settings, requests=request, leave=leave, pose_topic=pose_topic,
-        horizontal_fov_rad=fov_rad, listen=listen, connect=connect, key_file=None if key is None else str(key),
-        record=None if record is None else str(record), pid=pid, say=click.echo,
+        horizontal_fov_rad=fov_rad, listen=listen, connect=connect, key_file=key, record=record, pid=pid,
+        say=click.echo,
     )  # fmt: skip
 
 

@@ -7,9 +7,9 @@ import click
 from genie_sim.errors import UserError
 
 NAME = "genie-sim"
-FISH = f".config/fish/completions/{NAME}.fish"
-# Of the other shells, where the script goes, and what reads it when a shell starts; both in the user's home.
+# Where the script goes, and what reads it when a shell starts; both in the user's home.
 STARTS = {
+    "fish": (f".config/fish/completions/{NAME}.fish", "", ""),
     "bash": (f".{NAME}-complete.bash", ".bashrc", ". {}"),
     "zsh": (f".{NAME}-complete.zsh", ".zshrc", "autoload -Uz compinit; compinit; . {}"),
     "powershell": (f".{NAME}-complete.ps1", "", ". {}"),
@@ -68,10 +68,11 @@ def _install(context: click.Context, _: object, wanted: bool) -> None:
     if not wanted or context.resilient_parsing:
         return
     shell, home = _shell(), Path.home()
-    name, startup, line = STARTS.get(shell.replace("pwsh", "powershell"), (FISH, "", ""))
+    script = _script(context, shell)
+    name, startup, line = STARTS[shell.replace("pwsh", "powershell")]
     path = home / name
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(_script(context, shell) + "\n", encoding="utf-8")
+    path.write_text(script + "\n", encoding="utf-8")
     if line:
         begins = home / startup if startup else _profile(shell)
         begins.parent.mkdir(parents=True, exist_ok=True)

@@ -11,6 +11,7 @@ import math
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -43,6 +44,7 @@ LONGEST = 200  # of what rosbags says about a broken file, which may be the file
 
 Progress = Callable[[int, int], None]
 Topics = Mapping[str, str]
+PlaceOf = Callable[[str, int], Array | None]
 
 
 class Seen(NamedTuple):
@@ -82,12 +84,12 @@ def perceive_bag(
             _check_topic(path, detections, topics, ARRAYS)
         around = _surroundings(path, reader, detections)
         selected = _cameras(path, cameras, topics, around.intrinsics)
-        place = _Places(path, around, origin)
+        origin, place_of = _places(path, around, origin)
         scans = sorted(topic for topic, kind in topics.items() if kind == POINTS)
         total = sum(one.msgcount for one in reader.connections if one.topic in selected.values())
         made: dict[str, list[TraceFrame]] = {}
         for done, (camera, image, cloud) in enumerate(_pictures(path, reader, selected, scans[:1]), start=1):
-            frame = _frame(path, camera, selected[camera], done, image, cloud, around, place, detector, min_score)
+            frame = _frame(path, camera, selected[camera], done, image, cloud, around, place_of, detector, min_score)
             if frame is not None:
                 made.setdefault(camera, []).append(frame)
             if progress is not None:
@@ -95,16 +97,16 @@ def perceive_bag(
     if not made:
         raise UserError(f"{path}: no image was taken where the car's position is known")
     provenance = _provenance(path, selected, scans, detector, detections)
-    return Trace(path.stem, place.origin, _numbered(path, made), provenance)
+    return Trace(path.stem, origin, _numbered(path, made), provenance)
 
 
 def _frame(
-    path: Path, camera: str, topic: str, number: int, message: Any, cloud: Any, around: Surroundings, place: "_Places",
+    path: Path, camera: str, topic: str, number: int, message: Any, cloud: Any, around: Surroundings, place_of: PlaceOf,
     detector: "ImageDetector | None", min_score: float,
 ) -> TraceFrame | None:  # fmt: skip
     """One picture perceived; ``None`` where nobody knows where it was taken. Its stamp is still the bag's."""
     stamp_ns, frame_id = header_stamp_ns(message.header), message.header.frame_id
-    world_SE3_camera = place.at(frame_id, stamp_ns)
+    world_SE3_camera = place_of(frame_id, stamp_ns)
     if world_SE3_camera is None:
         return None
     image = _picture(path, topic, message)
@@ -131,40 +133,33 @@ def _placed(one: Seen, placement: Placement | None, world_SE3_camera: Array) -> 
     return detection(one.label, one.score, one.box, world, method)
 
 
-class _Places:
-    """Where a frame of the car is, in the trace's world."""
+def _places(path: Path, around: Surroundings, origin: Geodetic | None) -> tuple[Geodetic, PlaceOf]:
+    """The trace's origin, and ``world_SE3_frame`` of a frame of the car at an instant, ``None`` where it is not known.
 
-    def __init__(self, path: Path, around: Surroundings, origin: Geodetic | None) -> None:
-        self._frames = around.frames
-        self._track: Track | None = None
-        self._imu = ""
-        fixes, turns = around.fixes, around.turns
-        if fixes and turns:
-            self.origin = origin or fixes[0][1]
-            self._imu = turns[0][2]
-            antenna = around.frames.find(self._imu, fixes[0][2], turns[0][0])
-            lever = np.zeros(3) if antenna is None else antenna[:3, 3]
-            here = Track((stamp_ns, enu_SE3_enu(self.origin, fix)) for stamp_ns, fix, _ in fixes)
-            self._track = Track(_rig_poses(here, turns, lever))
-            return
-        known = around.frames.known()
-        self._world = next((name for name in WORLD_FRAMES if name in known), None)
-        if self._world is None:
-            raise UserError(f"{path}: where is the car? No {FIX} with {IMU}, and no transform from map or world")
-        if origin is None and fixes:
-            origin = fixes[0][1]
-        if origin is None:
-            raise UserError(f"{path}: no {FIX}: say with --origin where the frame {self._world!r} lies")
-        self.origin = origin
+    Raises UserError.
+    """
+    frames, fixes, turns = around.frames, around.fixes, around.turns
+    if origin is None and fixes:
+        origin = fixes[0][1]
+    if origin is not None and fixes and turns:
+        imu = turns[0][2]
+        antenna = frames.find(imu, fixes[0][2], turns[0][0])
+        lever = np.zeros(3) if antenna is None else antenna[:3, 3]
+        here = Track((stamp_ns, enu_SE3_enu(origin, fix)) for stamp_ns, fix, _ in fixes)
+        track = Track(_rig_poses(here, turns, lever))
 
-    def at(self, frame_id: str, stamp_ns: int) -> Array | None:
-        """``world_SE3_frame``, ``None`` where it is not known."""
-        if self._track is None:
-            assert self._world is not None
-            return self._frames.find(self._world, frame_id, stamp_ns)
-        imu_SE3_frame = self._frames.find(self._imu, frame_id, stamp_ns)
-        world_SE3_imu = self._track.at(stamp_ns)
-        return None if imu_SE3_frame is None or world_SE3_imu is None else world_SE3_imu @ imu_SE3_frame
+        def on_the_track(frame_id: str, stamp_ns: int) -> Array | None:
+            imu_SE3_frame, world_SE3_imu = frames.find(imu, frame_id, stamp_ns), track.at(stamp_ns)
+            return None if imu_SE3_frame is None or world_SE3_imu is None else world_SE3_imu @ imu_SE3_frame
+
+        return origin, on_the_track
+    known = frames.known()
+    world = next((name for name in WORLD_FRAMES if name in known), None)
+    if world is None:
+        raise UserError(f"{path}: where is the car? No {FIX} with {IMU}, and no transform from map or world")
+    if origin is None:
+        raise UserError(f"{path}: no {FIX}: say with --origin where the frame {world!r} lies")
+    return origin, partial(frames.find, world)
 
 
 def _rig_poses(here: Track, turns: Iterable[tuple[int, Array, str]], lever: Array) -> Iterator[tuple[int, Array]]:

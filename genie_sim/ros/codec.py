@@ -202,7 +202,10 @@ class MarkersCodec(Codec):
         return self.restamped(payload, 0, "")
 
     def objects(self, payload: bytes) -> tuple[Detection, ...]:
-        return tuple(_marked(one) for one in self.read(payload).markers if one.action == ADD)
+        return tuple(
+            _object(one.ns, one.color.a, None, _location(one.pose, one.header.frame_id), one)
+            for one in self.read(payload).markers if one.action == ADD
+        )
 
     def with_objects(self, payload: bytes, header: Header, objects: Sequence[Detection]) -> bytes:
         markers = [message(self._store, MARKER, action=DELETE_ALL)]
@@ -226,10 +229,6 @@ def _detected(one: Any, array_frame: str) -> RosObject:
     at = _location(one.pose, frame)
     box = (float(one.x), float(one.y), float(one.x + one.width), float(one.y + one.height))
     return _object(one.label, one.score, box, at if at and any(at) else None, one)
-
-
-def _marked(marker: Any) -> RosObject:
-    return _object(marker.ns, marker.color.a, None, _location(marker.pose, marker.header.frame_id), marker)
 
 
 def _object(label: str, score: float, box: Box | None, location: Location | None, raw: Any) -> RosObject:

@@ -1,7 +1,7 @@
 """What an attached Genie is told: which topics it takes over and how. Passed to its process as JSON."""
 
 import json
-from collections.abc import Callable, Hashable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
@@ -13,7 +13,7 @@ from genie_sim.core.genies import make_genie
 from genie_sim.core.rules import GenieRules
 from genie_sim.core.similarity import SIMILARITIES
 from genie_sim.errors import UserError, unknown
-from genie_sim.messages import Detection, Forgotten, Header, Observation
+from genie_sim.messages import Forgotten, Observation
 from genie_sim.ros.codec import Codec, WireType
 from genie_sim.ros.gateway import LOCAL, REMOTE, Gateway, Links
 from genie_sim.ros.message import RosMessage
@@ -89,7 +89,9 @@ def make_gateway(
     if settings.similarity.name == "pose_grid":
         middleware["key"] = _posed(SIMILARITIES["pose_grid"](**settings.similarity.parameters).key)
     if object_codec is not None and plan.pose_topic is not None:
-        middleware["map_answer"] = _map_answer(object_codec)
+        middleware["map_answer"] = lambda header, objects: RosMessage(
+            header, b"", object_codec, objects=tuple(objects), source="map"
+        )
     alone = not plan.connect and plan.role == "car"
     genie = make_genie(
         settings, plan.name, plan.requests, plan.answers, on_edge=plan.role == "edge", alone=alone, **middleware
@@ -116,7 +118,3 @@ class Recorder:
 def _posed(key: Callable[[Any], Hashable]) -> Callable[[RosMessage], Hashable]:
     """A message whose camera pose is unknown equals no other."""
     return lambda message: ("no pose", message.header) if message.pose is None else key(message)
-
-
-def _map_answer(codec: Codec) -> Callable[[Header, Sequence[Detection]], RosMessage]:
-    return lambda header, objects: RosMessage(header, b"", codec, objects=tuple(objects), source="map")

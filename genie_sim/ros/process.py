@@ -48,10 +48,13 @@ class NodeProcess:
     def stop(self) -> None:
         """Asks it to end, ever less politely. Raises UserError if it does not."""
         for number, patience_s in STOP:
+            deadline = time.monotonic() + patience_s
             with contextlib.suppress(ProcessLookupError):
                 if self.alive():
                     os.kill(self.pid, number)
-            if self._gone_within(patience_s):
+            while self.alive() and time.monotonic() < deadline:
+                time.sleep(0.02)
+            if not self.alive():
                 return
         raise UserError(f"process {self.pid}: does not end")
 
@@ -63,14 +66,6 @@ class NodeProcess:
                 start_new_session=True,
             )
         return NodeProcess(started.pid, start_of(started.pid) or 0, argv, self.env, self.cwd)
-
-    def _gone_within(self, patience_s: float) -> bool:
-        deadline = time.monotonic() + patience_s
-        while self.alive():
-            if time.monotonic() > deadline:
-                return False
-            time.sleep(0.02)
-        return True
 
 
 def start_of(pid: int) -> int | None:
