@@ -235,14 +235,12 @@ def profile(
 @click.argument("sweep", help="A sweep file, or the name of one that comes with genie-sim.")
 @click.option("--out", type=PATH, default="results", help="The folder that gets the sweep's folder.")
 @click.option("--jobs", type=COUNT, help="Processes on this machine; default: one a core.")
-@click.option("--backend", default="joblib", help="joblib (this machine) or dask (a cluster).")
+@click.option("--backend", type=click.Choice(("joblib", "dask")), default="joblib", help="This machine, or a cluster.")
 @click.option("--scheduler", help="Address of the Dask scheduler, tcp://host:8786.")
 @click.option("--shard", default="1/1", metavar="I/N", help="Only this part of the runs, for job arrays.")
 def sweep(sweep: str, out: Path, jobs: int | None, backend: str, scheduler: str | None, shard: str) -> None:
     """Simulate a scenario along axes, with several seeds. What has been done is not done again."""
     part = arguments.shard(shard)
-    if backend not in ("joblib", "dask"):
-        raise click.BadParameter(unknown("backend", backend, ("joblib", "dask")))
     if (backend == "dask") != (scheduler is not None):
         raise click.BadParameter("--backend dask and --scheduler ADDRESS belong together")
     from genie_sim import parallel

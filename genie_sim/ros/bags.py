@@ -7,7 +7,6 @@ placed by a PointCloud2 topic. Pictures are taken for rectified, their frames fo
 
 import contextlib
 import hashlib
-import math
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -24,7 +23,7 @@ from genie_sim.perception.encoding import difference_hash
 from genie_sim.perception.geodesy import enu_SE3_enu
 from genie_sim.perception.placement import HALF_DEPTH_M, Placement
 from genie_sim.perception.trace import MOST_M, MOST_ORIGIN, Trace, TraceFrame, checked, detection, trace_frame, within
-from genie_sim.ros.codec import picture
+from genie_sim.ros.codec import ABSOLUTE_FRAMES, IMAGE, OBJECTS, picture
 from genie_sim.ros.tf import Frames, Track, rotation
 from genie_sim.ros.typestore import stamp_ns as header_stamp_ns
 from genie_sim.ros.typestore import typestore
@@ -32,11 +31,10 @@ from genie_sim.ros.typestore import typestore
 if TYPE_CHECKING:
     from genie_sim.perception.detector import ImageDetector
 
-IMAGES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
+IMAGES = (IMAGE, "sensor_msgs/msg/CompressedImage")
 POINTS, FIX, IMU = "sensor_msgs/msg/PointCloud2", "sensor_msgs/msg/NavSatFix", "sensor_msgs/msg/Imu"
 TRANSFORMS, CAMERA_INFO = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage"), "sensor_msgs/msg/CameraInfo"
-ARRAYS = ("autoware_msgs/msg/DetectedObjectArray", "vision_msgs/msg/Detection2DArray")
-WORLD_FRAMES = ("map", "world")
+ARRAYS = (OBJECTS, "vision_msgs/msg/Detection2DArray")
 SCAN_WITHIN_NS = 60_000_000  # half a turn of a laser at 10 Hz, and a little
 WAIT_NS = 300_000_000  # for the scan that was taken with an image
 FLOAT32 = 7
@@ -154,7 +152,7 @@ def _places(path: Path, around: Surroundings, origin: Geodetic | None) -> tuple[
 
         return origin, on_the_track
     known = frames.known()
-    world = next((name for name in WORLD_FRAMES if name in known), None)
+    world = next((name for name in ABSOLUTE_FRAMES if name in known), None)
     if world is None:
         raise UserError(f"{path}: where is the car? No {FIX} with {IMU}, and no transform from map or world")
     if origin is None:
@@ -206,7 +204,7 @@ def _surroundings(path: Path, reader: Any, detections: str | None) -> Surroundin
         kind, topic = connection.msgtype, connection.topic
         if kind in TRANSFORMS:
             for one in message.transforms:
-                place, turn = one.transform.translation, _rotation(one.transform.rotation)
+                place, turn = one.transform.translation, rotation(one.transform.rotation)
                 if turn is None or not within((place.x, place.y, place.z), MOST_M):
                     raise UserError(f"{path}: {topic}: a transform to {one.child_frame_id!r} that is no place and turn")
                 step = rigid(turn, (place.x, place.y, place.z))
@@ -223,7 +221,7 @@ def _surroundings(path: Path, reader: Any, detections: str | None) -> Surroundin
             if all(within([number], most) for number, most in zip(fix, MOST_ORIGIN, strict=True)):
                 around.fixes.append((header_stamp_ns(message.header), fix, message.header.frame_id))
         elif kind == IMU:
-            turn = _rotation(message.orientation)
+            turn = rotation(message.orientation)
             if turn is not None:
                 around.turns.append((header_stamp_ns(message.header), turn, message.header.frame_id))
         else:
@@ -233,20 +231,14 @@ def _surroundings(path: Path, reader: Any, detections: str | None) -> Surroundin
     return around
 
 
-def _rotation(turn: Any) -> Array | None:
-    """``None`` for a quaternion that is none; all zeros say that nobody knows."""
-    quaternion = (turn.x, turn.y, turn.z, turn.w)
-    return rotation(*quaternion) if 0.1 < math.hypot(*quaternion) < 10 else None
-
-
 def _objects(message: Any, kind: str) -> Iterator[Seen]:
     """What an array of detections says. Locations count in the frames ``map`` and ``world``."""
-    if kind == ARRAYS[0]:
+    if kind == OBJECTS:
         for one in message.objects:
             box = (float(one.x), float(one.y), float(one.x + one.width), float(one.y + one.height))
             frame = (one.space_frame or one.header.frame_id or message.header.frame_id).strip("/")
             at = one.pose.position
-            placed = frame in WORLD_FRAMES and any((at.x, at.y, at.z))
+            placed = frame in ABSOLUTE_FRAMES and any((at.x, at.y, at.z))
             yield Seen(one.label, float(one.score), box, (at.x, at.y, at.z) if placed else None)
         return
     for one in message.detections:

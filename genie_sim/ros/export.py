@@ -26,6 +26,7 @@ import numpy as np
 from genie_sim.errors import UserError, unknown
 from genie_sim.paths import atomic_write
 from genie_sim.recording import provenance
+from genie_sim.ros.codec import ADD, CUBE, MARKERS
 from genie_sim.ros.typestore import TF, message, time, typestore
 from genie_sim.units import NS_PER_S
 
@@ -36,12 +37,12 @@ if TYPE_CHECKING:
 
 FORMATS = {"mcap": 2, "bag": 1}  # the ROS that reads it
 START_S = 1
-MARKERS, FLOAT = "visualization_msgs/msg/MarkerArray", "std_msgs/msg/Float64"
+FLOAT = "std_msgs/msg/Float64"
 LOGS = {1: "rosgraph_msgs/msg/Log", 2: "rcl_interfaces/msg/Log"}
 INFO = {1: 2, 2: 20}
 WARN = {1: 4, 2: 30}
-CUBE, BALL = 1, 2
-ADD, DELETE = 0, 2
+BALL = 2
+DELETE = 2
 MAP_FRAME = "map"
 # Outcomes differ in lightness as well: dark, middle, light.
 COLOURS = {"hit": (0.0, 0.45, 0.2), "miss": (0.85, 0.2, 0.1), "coalesced": (1.0, 0.85, 0.2)}

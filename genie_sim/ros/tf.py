@@ -1,7 +1,9 @@
 """Where frames are: a bag's transforms, by name and time."""
 
 import bisect
+import math
 from collections.abc import Iterable
+from typing import Any
 
 import numpy as np
 
@@ -10,12 +12,12 @@ from genie_sim.core.geometry import Array, inverse, rigid
 ALWAYS_NS = 500_000_000  # a pose this much before the first or after the last one known is taken for it
 
 
-def rotation(x: float, y: float, z: float, w: float) -> Array:
-    """The 3x3 rotation of a quaternion, which need not have length 1."""
+def rotation(turn: Any) -> Array | None:
+    """The 3x3 rotation of a message's quaternion, ``None`` for one that is none; all zeros say that nobody knows."""
     from scipy.spatial.transform import Rotation
 
-    matrix: Array = Rotation.from_quat([x, y, z, w]).as_matrix()
-    return matrix
+    quaternion = (turn.x, turn.y, turn.z, turn.w)
+    return np.asarray(Rotation.from_quat(quaternion).as_matrix()) if 0.1 < math.hypot(*quaternion) < 10 else None
 
 
 class Track:
