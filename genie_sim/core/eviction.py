@@ -16,7 +16,7 @@ class Eviction:
     """
 
     def __init__(self) -> None:
-        self._keys: OrderedDict[Hashable, None] = OrderedDict()  # a dict would look for its first key through gaps
+        self._keys: OrderedDict[Hashable, int | None] = OrderedDict()  # a dict would search for its first key
 
     def stored(self, key: Hashable, now_ns: int) -> None:
         """An answer was stored under ``key``, for the first time or again."""
@@ -88,19 +88,13 @@ class TTL(Eviction):
             raise ValueError("ttl: the time to live must be positive")
         super().__init__()
         self._ttl_ns = ttl_ns
-        self._expires_ns: dict[Hashable, int] = {}
 
     def stored(self, key: Hashable, now_ns: int) -> None:
-        self._keys[key] = None
+        self._keys[key] = now_ns + self._ttl_ns
         self._keys.move_to_end(key)
-        self._expires_ns[key] = now_ns + self._ttl_ns
-
-    def removed(self, key: Hashable) -> None:
-        super().removed(key)
-        self._expires_ns.pop(key, None)
 
     def expires_ns(self, key: Hashable) -> int | None:
-        return self._expires_ns.get(key)
+        return self._keys.get(key)
 
 
 EVICTIONS: dict[str, Callable[..., Eviction]] = {"unlimited": Eviction, "lru": LRU, "lfu": LFU, "ttl": TTL}

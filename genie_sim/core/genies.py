@@ -13,13 +13,13 @@ from genie_sim.core.freshness.laws import ASSUMED, DetectorLaws
 from genie_sim.core.freshness.never import Never
 from genie_sim.core.maps import Map
 from genie_sim.core.message_cache import MessageCache, PendingIndex
-from genie_sim.core.node import GenieNode, detections_of_map
+from genie_sim.core.node import GenieNode
 from genie_sim.core.object_map import ObjectMap
 from genie_sim.core.rules import GenieRules, MissPolicy
 from genie_sim.core.similarity import SIMILARITIES
 from genie_sim.core.track_map import TrackMap
 from genie_sim.errors import UserError, short_repr
-from genie_sim.messages import Header
+from genie_sim.messages import Detections, Header
 
 SIMILARITY_METHODS = ("key", "index")
 EVICTION_METHODS = ("stored", "used", "removed", "victim", "expires_ns")
@@ -72,7 +72,7 @@ def make_genie(
         "new_cache": new_cache,
         "pending": PendingIndex(_stamp if rules.header_identity == "stamp" else None, similarity.index),
         "object_map": _object_map(rules, laws, on_edge),
-        "map_answer": detections_of_map,
+        "map_answer": Detections,
     }
     return GenieNode(name, subscribed, published, mine, **(parts | middleware))
 

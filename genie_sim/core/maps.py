@@ -47,9 +47,11 @@ class InMap(Protocol):
     def location(self) -> Location: ...
 
 
-class Map(Protocol):
-    """An object map. Times are those of the Genie's clock [ns]. A class that inherits from this one has no objects, and
-    what the node finds goes to everybody as it is, unless it says so."""
+class Map:
+    """An object map. Times are those of the Genie's clock [ns]. By itself it never has objects, and what the node finds
+    goes to everybody as it is."""
+
+    threshold: float = 0.0  # from which confidence on an object may leave the Genie
 
     def __len__(self) -> int:
         return 0
@@ -74,18 +76,9 @@ class Map(Protocol):
         """
         return None
 
-    @property
-    def threshold(self) -> float:
-        """From which confidence on an object may leave the Genie."""
-        return 0.0
-
-    def visible(self, viewer: Viewer, range_m: float, now_ns: int) -> tuple[list[Detection], int | None]:
+    def visible(self, viewer: Viewer, range_m: float, now_ns: int) -> tuple[tuple[Detection, ...], int | None]:
         """The objects in view that may leave, and the time that their places are predicted for, if they are."""
-        return [], None
-
-
-class NoMap(Map):
-    """No object map."""
+        return (), None
 
 
 def as_change(one: InMap) -> MapChange:

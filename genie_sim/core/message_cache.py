@@ -26,8 +26,6 @@ class MessageCache:
         self._eviction = eviction
         self._capacity_entries = capacity_entries
         self._capacity_bytes = capacity_bytes
-        self._limited = capacity_entries is not None or capacity_bytes is not None
-        self._expires = getattr(type(eviction), "expires_ns", None) is not Eviction.expires_ns
         self._answers: dict[Hashable, Answers] = {}
         self.size_bytes = 0
 
@@ -52,7 +50,7 @@ class MessageCache:
             return
         held = self._find(key, now_ns)
         if held is None:
-            while self._limited and self._answers and not self._fits(1, size_bytes):
+            while self._answers and not self._fits(1, size_bytes):
                 self._remove(self._eviction.victim())
             held = key
             self._index.add(held)
@@ -62,13 +60,13 @@ class MessageCache:
         answers[topic] = answer
         self.size_bytes += size_bytes - (old.size_bytes if old is not None else 0)
         self._eviction.stored(held, now_ns)
-        while self._limited and not self._fits(0, 0):  # an answer grew
+        while not self._fits(0, 0):  # an answer grew
             self._remove(self._eviction.victim())
 
     def _find(self, key: Hashable, now_ns: int) -> Hashable | None:
         """The held key that equals ``key``; those whose time is over go on the way."""
         held = self._index.find(key)
-        while self._expires and held is not None:
+        while held is not None:
             expires_ns = self._eviction.expires_ns(held)
             if expires_ns is None or now_ns < expires_ns:
                 break

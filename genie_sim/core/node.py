@@ -30,7 +30,6 @@ from genie_sim.messages import (
     Answer,
     CameraPose,
     Detection,
-    Detections,
     Effect,
     Expired,
     Forgotten,
@@ -72,7 +71,7 @@ class GenieNode:
         new_cache: Callable[[], MessageCache],
         pending: PendingIndex,
         object_map: Map,
-        map_answer: Callable[[Header, Sequence[Detection]], Answer] | None = None,
+        map_answer: Callable[[Header, tuple[Detection, ...]], Answer] | None = None,
         suffixes: tuple[str, str] = ("-local", "-remote"),
         tells_changes: bool = True,
     ) -> None:
@@ -87,31 +86,30 @@ class GenieNode:
         self._map_answer = map_answer
         self._local, self._remote = suffixes
         self._tells_changes = tells_changes
-        self._published = tuple(published)
+        self._subscribed, self._published = tuple(subscribed), tuple(published)
         self._databases: dict[str, MessageCache] = {}  # H_DB
-        self._requests = tuple(subscribed)
-        self._neighbour_requests = {topic + self._remote: topic for topic in subscribed}
-        self._own_answers = {topic + self._local: topic for topic in published}
-        self._remote_answers = {topic + self._remote: topic for topic in published}
         # Of each topic that something arrives on: the node's own one, whether requests do, and whether of its own side.
-        self._arrivals: dict[str, tuple[str, str, bool, bool]] = {
-            **{topic: (topic, about, False, False) for topic, about in self._remote_answers.items()},
-            **{topic: (topic, about, False, True) for topic, about in self._own_answers.items()},
-            **{topic: (topic, about, True, False) for topic, about in self._neighbour_requests.items()},
-            **{topic: (topic, topic, True, True) for topic in self._requests},
-        }
+        self._arrivals: dict[str, tuple[str, bool, bool]] = {topic: (topic, True, True) for topic in subscribed}
+        for about, suffix, request in (
+            *((topic, self._remote, True) for topic in subscribed),
+            *((topic, self._local, False) for topic in published),
+            *((topic, self._remote, False) for topic in published),
+        ):
+            self._arrivals.setdefault(about + suffix, (about, request, suffix == self._local))
 
     def subscriptions(self) -> tuple[str, ...]:
         """Every topic that this Genie listens to."""
-        return (*self._requests, *self._neighbour_requests, *self._own_answers, *self._remote_answers)
+        return tuple(self._arrivals)
 
     def publications(self) -> tuple[str, ...]:
         """Every topic that this Genie may publish on."""
-        to_node = tuple(topic + self._local for topic in self._requests)
-        topics = (*to_node, *self._neighbour_requests, *self._published, *self._remote_answers)
+        to_node = tuple(topic + self._local for topic in self._subscribed)
+        to_others = tuple(topic + self._remote for topic in self._subscribed)
+        answers = tuple(topic + self._remote for topic in self._published)
+        topics = (*to_node, *to_others, *self._published, *answers)
         if self.rules.pending_index == "across_topics":
             return topics
-        unknown = (*self._own_answers, *self._remote_answers)
+        unknown = [topic for topic, (_, request, _) in self._arrivals.items() if not request]
         return (*topics, *(topic + suffix for topic in unknown for suffix in (self._local, self._remote)))
 
     def on_message(self, topic: str, message: Any, now_ns: int, sender: str | None = None) -> list[Effect]:
@@ -124,7 +122,7 @@ class GenieNode:
         deadline_ns = self._pending.next_deadline_ns
         if deadline_ns is not None and deadline_ns <= now_ns:
             before += self.on_deadline(now_ns)
-        topic, about, request, own = self._arrivals[topic]
+        about, request, own = self._arrivals[topic]
         effects: list[Effect]
         if request:
             effects = self._on_request(about, message, Requester(message.header, not own, sender), now_ns)
@@ -314,8 +312,3 @@ def _viewer(request: Request) -> Viewer | None:
     if request.pose is None:
         return None
     return Viewer(request.header, request.pose, request.horizontal_fov_rad)
-
-
-def detections_of_map(header: Header, objects: Sequence[Detection]) -> Detections:
-    """The ``map_answer`` of object detectors."""
-    return Detections(header, tuple(objects))

@@ -10,7 +10,7 @@ from typing import Any
 
 from genie_sim.core.confidence import CONFIDENCE_RULES, ConfidenceRule
 from genie_sim.core.freshness.never import Never
-from genie_sim.core.maps import Boosted, Learned, Viewer
+from genie_sim.core.maps import Boosted, Learned, Map, Viewer
 from genie_sim.core.rules import ObjectMapRules, Percentile
 from genie_sim.core.tracking import PARKED_NS
 from genie_sim.core.view import rectangle
@@ -54,7 +54,7 @@ class StoredObject:
         return self.detection
 
 
-class ObjectMap:
+class ObjectMap(Map):
     """Location -> objects, in metres of one east-north-up frame; keys use the ground plane.
 
     Every square cell lists the objects within a gate of it, so one cell answers what is at a location. A second grid of
@@ -71,7 +71,6 @@ class ObjectMap:
         self._rules = rules
         self._freshness = Never() if freshness is None else freshness
         self._always_serves = getattr(type(self._freshness), "serves", None) is Never.serves
-        self._expires = getattr(type(self._freshness), "expires_ns", None) is not Never.expires_ns
         self._notes = getattr(type(self._freshness), "seen", None) is not Never.seen
         self._knows_origins = self._notes or not self._always_serves  # else no policy has a say about who saw what
         self._origins = rules.confidence_source == "origins"
@@ -168,7 +167,7 @@ class ObjectMap:
             if self._origins:
                 stored.spoke_ns[header.origin] = header.stamp_ns
             self._freshness.seen(stored, seen.score, header)
-        if self._expires and (expires_ns := self._freshness.expires_ns(stored)) is not None:
+        if (expires_ns := self._freshness.expires_ns(stored)) is not None:
             heapq.heappush(self._to_forget, (expires_ns, next(self._numbers), stored))
         for cell in self._cells_within_reach(location):
             self._cells.setdefault(cell, []).append(stored)
@@ -287,12 +286,12 @@ class ObjectMap:
         answer = answer.with_objects(objects)
         return Boosted(answer, self._confident(answer, known, to, now_ns), requests, hits)
 
-    def visible(self, viewer: Viewer, range_m: float, now_ns: int) -> tuple[list[Detection], int | None]:
+    def visible(self, viewer: Viewer, range_m: float, now_ns: int) -> tuple[tuple[Detection, ...], int | None]:
         """The confident objects in view. See ``maps.Map``."""
         found = self.in_view(viewer.pose, viewer.horizontal_fov_rad, range_m)
         if not self._always_serves:
             found = [one for one in found if self._freshness.serves(one, viewer.header.origin, now_ns)]
-        return [one.detection or one.as_detection() for one in found], None
+        return tuple(one.detection or one.as_detection() for one in found), None
 
     def match(self, label: str, location: Location) -> StoredObject | None:
         """The stored object that a sighting of class ``label`` at ``location`` shows: the nearest that fits."""

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator, Sequence
 
 from genie_sim.core.confidence import CONFIDENCE_RULES, ConfidenceRule
 from genie_sim.core.freshness.never import Never
-from genie_sim.core.maps import Boosted, Learned, Viewer, as_change
+from genie_sim.core.maps import Boosted, Learned, Map, Viewer, as_change
 from genie_sim.core.object_map import ORIGIN_NS, fixed_threshold
 from genie_sim.core.rules import ObjectMapRules, Percentile
 from genie_sim.core.tracking import COAST_NS, NEAR_M, Track, kind_of, sigma_of
@@ -26,7 +26,7 @@ NEXT_CELLS = tuple(i + j * ROW for i in (-1, 0, 1) for j in (-1, 0, 1))
 Placed = tuple[float, float, Track]  # where a track is at some time
 
 
-class TrackMap:
+class TrackMap(Map):
     """Tracks in two grids, one of those that hardly move: see ``maps.Map``. ``shares``: what an answer of the own
     node's that leaves holds, the tracks of its ``look`` or all of the ``map`` in view."""
 
@@ -40,6 +40,7 @@ class TrackMap:
     ) -> None:
         self._rules, self._policy, self._shares = rules, freshness, shares
         self._boosted = CONFIDENCE_RULES[rules.rule] if confidence_rule is None else confidence_rule
+        self.threshold = freshness.p_min if freshness.by_existence else fixed_threshold(rules.threshold)
         self._view_range_m = view_range_m
         self._slow: dict[int, list[Track]] = {}
         self._fast: dict[int, list[Track]] = {}
@@ -56,12 +57,6 @@ class TrackMap:
 
     def __iter__(self) -> Iterator[Track]:
         return (one for grid in (self._slow, self._fast) for cell in grid.values() for one in cell)
-
-    @property
-    def threshold(self) -> float:
-        if self._policy.by_existence:
-            return self._policy.p_min
-        return fixed_threshold(self._rules.threshold)
 
     def forget(self, now_ns: int) -> list[Track]:
         forgotten, waiting = [], self._to_forget
@@ -123,7 +118,7 @@ class TrackMap:
             answer = answer.with_objects(objects).with_look(None, valid_ns)
         return Boosted(answer, answer, requests, hits)
 
-    def visible(self, viewer: Viewer, range_m: float, now_ns: int) -> tuple[list[Detection], int | None]:
+    def visible(self, viewer: Viewer, range_m: float, now_ns: int) -> tuple[tuple[Detection, ...], int | None]:
         half_rad = min(viewer.horizontal_fov_rad / 2, math.pi)
         least_ahead, p_min = math.cos(half_rad), self._policy.p_min
         (east_m, north_m, _, heading_rad), near = viewer.pose, []
@@ -135,7 +130,7 @@ class TrackMap:
                 away_m = math.hypot(away_east_m, away_north_m)
                 if away_m <= range_m and away_east_m * ahead_east + away_north_m * ahead_north >= least_ahead * away_m:
                     near.append(track)
-        return self._served(near, viewer.header.origin, now_ns), now_ns
+        return tuple(self._served(near, viewer.header.origin, now_ns)), now_ns
 
     def served(self, now_ns: int) -> list[Detection]:
         """Every object that may leave, wherever it is."""

@@ -6,7 +6,7 @@ from typing import Any
 
 from genie_sim.core.caches.cache import stores_nothing
 from genie_sim.core.genies import make_genie
-from genie_sim.core.maps import NoMap
+from genie_sim.core.maps import Map
 from genie_sim.core.node import GenieNode
 from genie_sim.errors import UserError, unknown
 from genie_sim.methods.genie import REMOTE
@@ -49,5 +49,5 @@ def _hub(place: Place, subscribed: tuple[str, ...], published: tuple[str, ...]) 
 def _asker(place: Place, subscribed: tuple[str, ...], published: tuple[str, ...]) -> GenieNode:
     """It stores nothing: what it is asked goes to its detector and to the hub, the first answer goes back."""
     assert place.genie is not None
-    without: dict[str, Any] = {"new_cache": stores_nothing, "object_map": NoMap()}
+    without: dict[str, Any] = {"new_cache": stores_nothing, "object_map": Map()}
     return make_genie(place.genie, f"{place.name}/asker", subscribed, published, on_edge=True, **without)

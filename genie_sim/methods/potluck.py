@@ -63,10 +63,7 @@ class Potluck(SimilarityCache):
         self._dropout, self._warm, self._tighten, self._keep = dropout, warm, tighten, keep
 
     def choose(self, key: Key, now_ns: int) -> Key | None:
-        if self._rng.random() < self._dropout:
-            return None
-        nearest = self.near(key, 1, now_ns, self.reach)
-        return nearest[0][1] if nearest else None
+        return None if self._rng.random() < self._dropout else super().choose(key, now_ns)
 
     def learn(self, key: Key, answer: Answer, now_ns: int) -> None:
         nearest = self.near(key, 1, now_ns) if len(self) >= self._warm else []

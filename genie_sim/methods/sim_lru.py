@@ -17,10 +17,6 @@ class SimLRU(SimilarityCache):
         super().__init__(LRU(), capacity, replay)
         self.reach = radius
 
-    def choose(self, key: Key, now_ns: int) -> Key | None:
-        nearest = self.near(key, 1, now_ns, self.reach)
-        return nearest[0][1] if nearest else None
-
 
 class RndLRU(SimLRU):
     """What is ``d`` away is a hit with probability max(0, 1 - d / radius)."""

@@ -2,13 +2,14 @@
 
 from collections import deque
 from collections.abc import Callable
+from functools import cache
 from typing import Any
 
 import numpy as np
 
 from genie_sim.monitor import Step
 from genie_sim.sim.clock import Clock
-from genie_sim.sim.service import Device, HopTime
+from genie_sim.sim.service import Device
 
 Done = Callable[..., None]
 Arguments = tuple[Any, ...]
@@ -72,16 +73,6 @@ class Processor:
         done(*arguments)
 
 
-class _Hops(dict[int, int]):
-    def __init__(self, law: HopTime) -> None:
-        super().__init__()
-        self._law = law
-
-    def __missing__(self, size_bytes: int) -> int:
-        self[size_bytes] = hop_ns = self._law.of(size_bytes)
-        return hop_ns
-
-
 class Host:
     """A car's board or an edge server: one accelerator, the cores of its CPU, and how long a message hop takes."""
 
@@ -98,7 +89,7 @@ class Host:
         self.device = device
         self.accelerator = Processor(env, f"{name}.accelerator", "accelerator")
         self.cpu = Processor(env, f"{name}.cpu", "cpu", device.cores)
-        self.hop_ns = _Hops(device.hop)  # how long a message takes to another process, by its size
+        self.hop_ns = cache(device.hop.of)  # how long a message takes to another process, by its size
         self._detector_times = device.detector_time.draws(accelerator_rng)
         self._message_times = device.message_time.draws(cpu_rng)
 

@@ -177,17 +177,3 @@ class Bridge:
     def _lose(self, message: Message) -> None:
         if self._lost is not None:
             self._lost(message)
-
-
-class Downlinks:
-    """The way from an edge to the cars that it has served: an answer goes down the bridge to the car whose picture it
-    is about. A look-up by the header's origin, however many cars there are."""
-
-    def __init__(self, address: str) -> None:
-        self.address = address
-        self.of_car: dict[str, Bridge] = {}
-
-    def deliver(self, topic: str, message: Message, sender: str) -> None:
-        bridge = self.of_car.get(message.header.origin)
-        if bridge is not None:
-            bridge.deliver(topic, message, sender)

@@ -100,7 +100,7 @@ class Graph:
         if to is not None:
             receivers = [one for one in receivers if one.address == to]
         if receivers:
-            hop_ns = self.host.hop_ns[message.size_bytes]
+            hop_ns = self.host.hop_ns(message.size_bytes)
             self.env.after(hop_ns, self._arrive, receivers, current, message, node.name)
 
     def _route(self, node: "Node", topic: str) -> tuple[str, list[Subscriber]]:

@@ -1,9 +1,8 @@
 """How long things take: the law of a service time, and of a message's hop from one process to another."""
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from itertools import chain
 from typing import Literal
 
 import numpy as np
@@ -44,16 +43,8 @@ class ServiceTime:
 
     def draws(self, rng: np.random.Generator) -> Iterator[int]:
         """Endless service times [ns]."""
-        return chain.from_iterable(self._draws(rng))
-
-    def _draws(self, rng: np.random.Generator) -> Iterator[Iterable[int]]:
-        median_ns, loc, rest, sigma, exp = self.median_ns, self.loc, 1.0 - self.loc, self.sigma, math.exp
         while True:  # several normal numbers at once are the same ones, and cost little more than one
-            numbers = rng.standard_normal(16).tolist()
-            if self.quantiles_ns:
-                yield map(self.at, numbers)
-            else:
-                yield [round(median_ns * (loc + rest * exp(sigma * z))) or 1 for z in numbers]
+            yield from map(self.at, rng.standard_normal(16).tolist())
 
 
 @dataclass(frozen=True, slots=True)

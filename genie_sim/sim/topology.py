@@ -3,7 +3,8 @@
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from genie_sim.sim.link import Bridge, Downlinks
+from genie_sim.messages import Message
+from genie_sim.sim.link import Bridge
 from genie_sim.sim.station import OBJECTS, Station
 
 if TYPE_CHECKING:
@@ -16,15 +17,23 @@ EDGES = "edges"  # the network between edges, in the names of links
 
 
 class Edge:
-    """An edge server: its ROS graph, what stands there, and the way down to its cars."""
+    """An edge server: its ROS graph, what stands there, and the way down to the cars that it has served: an answer goes
+    down the bridge to the car whose picture it is about. A look-up by the header's origin, however many cars there are.
+    """
 
     def __init__(self, graph: "Graph", station: Station) -> None:
         self.name = graph.name
         self.graph = graph
         self.station = station
         self.target: Graph | Coder = graph  # what takes what comes over links
-        self.downlinks = Downlinks(f"{self.name}/cars")
-        graph.bridge(OBJECTS, self.downlinks)
+        self.address = f"{self.name}/cars"
+        self.bridge_to: dict[str, Bridge] = {}  # by the car
+        graph.bridge(OBJECTS, self)
+
+    def deliver(self, topic: str, message: Message, sender: str) -> None:
+        bridge = self.bridge_to.get(message.header.origin)
+        if bridge is not None:
+            bridge.deliver(topic, message, sender)
 
 
 def neighbours(edges: "Sequence[EdgeSetup]") -> Iterator[tuple[str, list[str]]]:

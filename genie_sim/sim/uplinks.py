@@ -74,7 +74,7 @@ class CarUplink:
         sent, received = partial(monitor.carried, "bytes_up"), partial(monitor.carried, "bytes_down")
         upwards = Bridge(up, edge.target, IMAGES, f"{edge.name}/{DETECTOR}", sent, self._lost, self._world.setup.codec)
         downwards = Bridge(down, self._graph, self._topics.down, self._world.front(car.name), received, self._lost)
-        edge.downlinks.of_car[car.name] = downwards
+        edge.bridge_to[car.name] = downwards
         return upwards, downwards
 
     def _lost(self, message: Message) -> None:

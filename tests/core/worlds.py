@@ -10,7 +10,7 @@ from typing import Any
 from genie_sim.core.eviction import Eviction
 from genie_sim.core.freshness.never import Never
 from genie_sim.core.message_cache import MessageCache, PendingIndex
-from genie_sim.core.node import GenieNode, detections_of_map
+from genie_sim.core.node import GenieNode
 from genie_sim.core.object_map import ObjectMap
 from genie_sim.core.rules import GenieRules, ObjectMapRules
 from genie_sim.core.similarity import PoseGrid, Similarity
@@ -103,7 +103,7 @@ def genie(
         new_cache=lambda: MessageCache(same.index(), new_eviction(), *capacity),
         pending=PendingIndex(identity, same.index),
         object_map=objects if objects is not None else object_map(),
-        map_answer=detections_of_map,
+        map_answer=Detections,
         tells_changes=tells_changes,
     )
 

@@ -14,11 +14,12 @@ from genie_sim.build import device as built_device
 from genie_sim.messages import Header, Publish
 from genie_sim.sim.clock import Clock
 from genie_sim.sim.device import Host
-from genie_sim.sim.link import Bridge, Downlinks, Link
+from genie_sim.sim.link import Bridge, Link
 from genie_sim.sim.link_models.wire import Wire
 from genie_sim.sim.nodes import Detector, InterceptorNode, attach
 from genie_sim.sim.ros_graph import Graph, Node
-from genie_sim.sim.station import DETECTOR, IMAGES, OBJECTS
+from genie_sim.sim.station import DETECTOR, IMAGES, OBJECTS, Station
+from genie_sim.sim.topology import Edge
 
 WORK_NS = 1000
 HOP_NS = 10
@@ -292,15 +293,15 @@ def test_a_note_for_one_neighbour_crosses_only_the_bridge_to_it():
 def test_an_answer_goes_down_to_the_car_that_it_is_about():
     env = Clock()
     edge = office("edge1", env)
-    downlinks = Downlinks("edge1/cars")
-    edge.bridge("/objects", downlinks)
+    server = Edge(edge, Station())
+    edge.bridge("/objects", server)
     heard = {}
     for name in ("car1", "car2"):
         car = office(name, env)
         heard[name] = Listener()
         car.subscribe("/objects", heard[name])
         down = link(env, f"edge1->{name}", up=False)
-        downlinks.of_car[name] = Bridge(down, car, "/objects", f"{name}/genie")
+        server.bridge_to[name] = Bridge(down, car, "/objects", f"{name}/genie")
     node = Clerk("node", edge, (), ("/objects",))
     for number, about in enumerate(("car1", "car2", "car3", "car1"), 1):
         note = Note(number)

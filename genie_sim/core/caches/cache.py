@@ -8,7 +8,7 @@ from typing import Any, Literal
 
 from genie_sim.core.caches.nearest import NONE, Key, Nearest
 from genie_sim.core.eviction import Eviction
-from genie_sim.core.maps import NoMap
+from genie_sim.core.maps import Map
 from genie_sim.core.matching import Placed, f1, placed
 from genie_sim.core.message_cache import Answers, MessageCache, PendingIndex
 from genie_sim.core.node import GenieNode
@@ -22,7 +22,7 @@ SAME_F1 = 0.8  # assumed: from here on two answers are the same
 
 
 class SimilarityCache(MessageCache):
-    """Answers by the vectors of their pictures. A subclass says which stored answer is replayed: ``choose``.
+    """Answers by the vectors of their pictures. A subclass may say which stored answer is replayed: ``choose``.
 
     ``replay``: its objects stand where they were in the ``world``, or as they did before the ``camera``, which the
     requester's pose then places. Up to ``reach`` a request may wait for the answer to another.
@@ -49,8 +49,9 @@ class SimilarityCache(MessageCache):
         return {topic: moved(answer, held.pose, key.pose) for topic, answer in answers.items()}
 
     def choose(self, key: Key, now_ns: int) -> Key | None:
-        """The stored key whose answers are replayed; ``None`` on a miss."""
-        raise NotImplementedError
+        """The stored key whose answers are replayed: the nearest up to ``reach`` away; ``None`` on a miss."""
+        nearest = self.near(key, 1, now_ns, self.reach)
+        return nearest[0][1] if nearest else None
 
     def near(self, key: Key, count: int, now_ns: int, radius: float = math.inf) -> list[tuple[float, Key]]:
         """The nearest keys whose time is not over, as ``Nearest.near``."""
@@ -146,4 +147,4 @@ def cache_node(
     usual["car_learns"] = "all"
     mine = replace(rules, **(usual | changes))
     waiting = PendingIndex(lambda header: header, pending)
-    return GenieNode(name, subscribed, published, mine, key, new_cache, waiting, NoMap())
+    return GenieNode(name, subscribed, published, mine, key, new_cache, waiting, Map())
