@@ -136,11 +136,6 @@ class _Buffer:
         values[unknown] = None
         return values
 
-    def rank(self, rows: int) -> "np.ndarray[Any, np.dtype[Any]]":
-        """Numbers that sort as the column's values do."""
-        values = self.numpy(rows)
-        return Text.of(values, list(self.codes)).codes if self._is_text else values
-
     def arrow(self, values: "np.ndarray[Any, np.dtype[Any]]") -> "pa.Array":
         """These values for a file. From buffers: of an array or a list, pyarrow looks whether it is one of pandas',
         and imports that, which takes as long as to simulate."""
@@ -179,7 +174,6 @@ class Table:
         self._buffers = {column.name: _Buffer(column) for column in schema.columns}
         self._new: list[Value] = []  # of rows that are not in the columns yet, row by row
         self._width = len(schema.columns)
-        self._room = _BUFFERED * self._width  # how many values wait at most
         self._rows = 0
         self._spill = spill
         self._spilled = 0
@@ -193,24 +187,19 @@ class Table:
     def append(self, values: Sequence[Value]) -> None:
         """Adds a row, or several one after the other; their values are in the order of the columns."""
         self._new += values
-        while len(self._new) >= self._room:
-            self._store(self._room)
+        room = _BUFFERED * self._width
+        while len(self._new) >= room:
+            self._store(room)
 
     def _store(self, most: int | None = None) -> None:
         """Moves the new rows into the columns, at most so many values."""
         new = self._new[:most]
-        if new:
-            del self._new[:most]
-            self._add([new[place :: self._width] for place in range(self._width)])
-
-    def _add(self, columns: Sequence[Sequence[Value]]) -> None:
-        for buffer, values in zip(self._buffers.values(), columns, strict=True):
-            buffer.extend(values)
-        self._rows += len(columns[0])
+        del self._new[:most]
+        for place, buffer in enumerate(self._buffers.values()):
+            buffer.extend(new[place :: self._width])
+        self._rows += len(new) // self._width
         if self._spill is not None and self._rows >= ROWS_PER_GROUP:
             self._spill_rows(self._spill)
-        left = _BUFFERED if self._spill is None else ROWS_PER_GROUP - self._rows
-        self._room = min(_BUFFERED, left) * self._width
 
     def take(self, **known: Value) -> tuple[Value, ...] | None:
         """Takes the row with these values out again, ``None`` if there is none; slow. The last row takes its place."""
@@ -259,9 +248,8 @@ class Table:
             assert self._written is not None, "what went to a file is read when all of it is there"
             return read(self._written, self.schema)
         self._store()
-        order: Any = self._order()
-        buffers = self._buffers.items()
-        return Columns({name: buffer.column(buffer.numpy(self._rows)[order].copy()) for name, buffer in buffers})
+        order, buffers = self._order(), self._buffers.items()
+        return Columns({name: buffer.column(buffer.numpy(self._rows)[order]) for name, buffer in buffers})
 
     def to_frame(self) -> "pd.DataFrame":
         """The same as a pandas table. Text is categorical, an unknown number NaN."""
@@ -287,22 +275,23 @@ class Table:
         self._spilled += self._rows
         self._rows = 0
 
-    def _order(self) -> Any:
+    def _order(self) -> "np.ndarray[Any, np.dtype[Any]]":
         """The places of the rows, sorted if the schema wants it."""
         import numpy as np
 
-        if not self.schema.sorted_by:
-            return slice(0, self._rows)
-        return np.lexsort([self._buffers[name].rank(self._rows) for name in reversed(self.schema.sorted_by)])
+        keys = [np.arange(self._rows)]
+        for name in reversed(self.schema.sorted_by):
+            key = self._buffers[name].column(self._buffers[name].numpy(self._rows))
+            keys.append(key.codes if isinstance(key, Text) else key)
+        return np.lexsort(keys)
 
     def _batches(self) -> "Iterator[pa.RecordBatch]":
         import pyarrow as pa
 
-        schema, rows, order = self.schema.arrow(), self._rows, self._order()
-        for start in range(0, rows, ROWS_PER_GROUP):
-            end = min(start + ROWS_PER_GROUP, rows)
-            part: Any = slice(start, end) if isinstance(order, slice) else order[start:end]
-            arrays = [buffer.arrow(buffer.numpy(rows)[part]) for buffer in self._buffers.values()]
+        schema, order = self.schema.arrow(), self._order()
+        for start in range(0, self._rows, ROWS_PER_GROUP):
+            part = order[start : start + ROWS_PER_GROUP]
+            arrays = [buffer.arrow(buffer.numpy(self._rows)[part]) for buffer in self._buffers.values()]
             yield pa.RecordBatch.from_arrays(arrays, schema=schema)
 
 
