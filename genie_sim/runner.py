@@ -223,10 +223,14 @@ def simulate(prepared: Prepared, progress: Progress | None = None, spill: Path |
     With ``spill``, a folder, the rows of long tables wait there and not in memory; ``write`` completes their files.
     """
     scenario, tables = prepared.expanded, Tables(spill)
+    samples: Samples = "all" if scenario.fleet is None else "edges"
+    if "resources" not in scenario.record:
+        samples = "none"
     driven: set[str] = set()
     for number, entry in enumerate(scenario.methods):
         setup = build.setup(prepared, entry)
-        log = _log(prepared, entry.name, setup, tables, driven)
+        held = held_of(prepared, entry.name, setup, tables, driven)
+        log = Log(entry.name, tables, scenario.record, samples, held, driven)
         with gc_disabled():
             world = World(setup, build.method(entry), log)
             world.run(_teller(progress, log, number, len(scenario.methods)))
@@ -246,15 +250,6 @@ def _teller(progress: Progress | None, log: Log, number: int, methods: int) -> C
             progress((number * end_ns + now_ns) / NS_PER_S, methods * end_ns / NS_PER_S, what)
 
     return tell
-
-
-def _log(prepared: Prepared, method: str, setup: Setup, tables: Tables, driven: Collection[str]) -> Log:
-    scenario = prepared.expanded
-    samples: Samples = "all" if prepared.scenario.fleet is None else "edges"
-    if "resources" not in scenario.record:
-        samples = "none"
-    held = held_of(prepared, method, setup, tables, driven)
-    return Log(method, tables, scenario.record, samples, held, driven)
 
 
 def held_of(prepared: Prepared, method: str, setup: Setup, tables: Tables, driven: Collection[str]) -> Held | None:

@@ -13,9 +13,9 @@ import numpy as np
 
 from genie_sim.analysis.correctness import HELD, Parts
 from genie_sim.analysis.metrics import DEADLINE_MS, response_ms
-from genie_sim.analysis.statistics import Blocks, Floats, around, over_seeds, wilson
+from genie_sim.analysis.statistics import Blocks, around, over_seeds, wilson
 from genie_sim.errors import UserError, short_repr, unknown
-from genie_sim.recording.columns import Columns, Text, joined
+from genie_sim.recording.columns import Columns, Floats, Text, joined
 from genie_sim.recording.results import MethodInfo, Metric, Run
 
 SEEDS, BLOCKS = "seeds", "blocks of 1 s"

@@ -19,8 +19,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from genie_sim.analysis import correctness
-from genie_sim.analysis.statistics import Blocks, Floats, around, share
-from genie_sim.recording.columns import Columns, Text
+from genie_sim.analysis.statistics import Blocks, around, share
+from genie_sim.recording.columns import Columns, Floats, Text
 from genie_sim.recording.results import MethodInfo, Metric
 from genie_sim.units import NS_PER_MS, NS_PER_S
 

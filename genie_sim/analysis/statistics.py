@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from genie_sim.recording.columns import Text
+from genie_sim.recording.columns import Floats, Text
 from genie_sim.recording.results import Metric
 from genie_sim.units import NS_PER_S
 
@@ -20,8 +20,6 @@ NORMAL_QUANTILE = 1.959963984540054  # of (1 + CONFIDENCE) / 2
 
 NO_SHARES = ("confidence_boost", "improvement")  # metrics of unit 1 that may be below 0
 _METRIC = ["metric", "method", "placement", "component", "unit"]  # the columns that tell which
-
-Floats = np.ndarray[Any, np.dtype[np.float64]]
 
 
 def across_seeds(runs: "pd.DataFrame", by: Sequence[str], differences: bool = False) -> "pd.DataFrame":

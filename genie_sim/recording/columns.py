@@ -8,9 +8,8 @@ import numpy as np
 if TYPE_CHECKING:
     import pandas as pd
 
-    Array = np.ndarray[Any, Any]
-    Floats = np.ndarray[Any, np.dtype[np.float64]]
-
+Array = np.ndarray[Any, Any]
+Floats = np.ndarray[Any, np.dtype[np.float64]]
 NO_TEXT = -1
 
 
@@ -20,12 +19,12 @@ class Text:
     Compared with a text it gives a mask, like an array; its codes sort as the texts do.
     """
 
-    def __init__(self, codes: "Array", names: Sequence[str]) -> None:
+    def __init__(self, codes: Array, names: Sequence[str]) -> None:
         self.codes = codes
         self.names = tuple(names)
 
     @classmethod
-    def of(cls, codes: "Array", names: Sequence[str]) -> "Text":
+    def of(cls, codes: Array, names: Sequence[str]) -> "Text":
         """The same for names in any order, each of which may occur more than once."""
         ordered = sorted(set(names))
         place = {name: index for index, name in enumerate(ordered)}
@@ -45,7 +44,7 @@ class Text:
 
     __hash__ = None  # type: ignore[assignment]  # it is a column, and equal to nothing
 
-    def isin(self, names: Iterable[Any]) -> "Array":
+    def isin(self, names: Iterable[Any]) -> Array:
         """Which rows have one of these names."""
         wanted = [self.names.index(name) for name in names if name in self.names]
         if len(wanted) == 1:
@@ -53,7 +52,7 @@ class Text:
         return np.isin(self.codes, wanted)
 
     @property
-    def known(self) -> "Array":
+    def known(self) -> Array:
         """Which rows have a text."""
         return np.asarray(self.codes != NO_TEXT)
 
@@ -66,7 +65,7 @@ class Text:
         names = [*self.names, None]
         return [names[code] for code in self.codes.tolist()]
 
-    def codes_in(self, names: Sequence[str]) -> "Array":
+    def codes_in(self, names: Sequence[str]) -> Array:
         """The place of each row's text among other names, ``NO_TEXT`` where it is not there."""
         place = {name: index for index, name in enumerate(names)}
         return np.array([*(place.get(name, NO_TEXT) for name in self.names), NO_TEXT], dtype=np.int64)[self.codes]
@@ -78,7 +77,7 @@ class Columns:
     ``places``: of the rows that are meant, all of them if ``None``; a column is only copied when it is asked for.
     """
 
-    def __init__(self, columns: Mapping[str, Any], places: "Array | None" = None) -> None:
+    def __init__(self, columns: Mapping[str, Any], places: Array | None = None) -> None:
         self._whole = columns
         self._places = places
         self._chosen: dict[str, Any] = {}
@@ -103,7 +102,7 @@ class Columns:
         """Of the columns, in order."""
         return list(self._whole)
 
-    def floats(self, name: str) -> "Floats":
+    def floats(self, name: str) -> Floats:
         """A column of numbers, NaN where unknown."""
         values: Floats = self[name].astype(np.float64)
         return values

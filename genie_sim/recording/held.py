@@ -7,6 +7,7 @@ being late is being wrong (streaming accuracy; M. Li, Y. Wang, D. Ramanan, "Towa
 
 import math
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Protocol
 
 from genie_sim.core.consumer import Consumer, Newest
@@ -56,6 +57,7 @@ class DriveTruth(Protocol):
         """Whether anything of a class, visible or not, is within ``reach_m`` of a place when the frame is taken."""
 
 
+@dataclass(eq=False)
 class Held:
     """Judges one method's consumers; ``table`` gets the counts (``records.HELD``), ``objects``, if any, which objects
     they are (``records.HELD_OBJECTS``).
@@ -64,30 +66,24 @@ class Held:
     answer without any delay, is the same under every method: that of the cars in ``floored`` is written already.
     """
 
-    def __init__(
-        self,
-        method: str,
-        truths: Mapping[str, DriveTruth],
-        table: Table,
-        floored: Collection[str] = (),
-        make_consumer: Callable[[], Consumer] = Newest,
-        objects: Table | None = None,
-    ) -> None:
-        self._method = method
-        self._truths = truths
-        self._table = table
-        self._objects = objects
-        self._open: dict[str, dict[Judged, int]] = {car: {} for car in truths}  # since when each is so
-        self._floored = frozenset(floored)
-        self._consumers = {car: make_consumer() for car in truths}
+    method: str
+    truths: Mapping[str, DriveTruth]
+    table: Table
+    floored: Collection[str] = ()
+    make_consumer: Callable[[], Consumer] = Newest
+    objects: Table | None = None
+
+    def __post_init__(self) -> None:
+        self._open: dict[str, dict[Judged, int]] = {car: {} for car in self.truths}  # since when each is so
+        self._consumers = {car: self.make_consumer() for car in self.truths}
         self._streams: dict[str, str] = {}  # of each car, the one whose frames are the instants
-        self._since_ns: dict[str, dict[tuple[str, Location], int]] = {car: {} for car in truths}
+        self._since_ns: dict[str, dict[tuple[str, Location], int]] = {car: {} for car in self.truths}
         self._were: Places = {}  # what was visible, in order of time
 
     def answered(self, answer: Detections, now_ns: int) -> None:
         """An answer is in the consumer's hands."""
         stamp_ns, _, car = answer.header
-        if car not in self._truths:
+        if car not in self.truths:
             return
         self._consumers[car].on_answer(answer, now_ns)
         since_ns = self._since_ns[car]
@@ -98,24 +94,24 @@ class Held:
     def published(self, image: Image) -> None:
         """A camera took a frame; the car is judged if it is the camera that was the car's first."""
         now_ns, stream, car = image.header
-        if car in self._truths:
+        if car in self.truths:
             self._consumers[car].on_frame(image)
-        if car not in self._truths or self._streams.setdefault(car, stream) != stream:
+        if car not in self.truths or self._streams.setdefault(car, stream) != stream:
             return
-        truth = self._truths[car]
+        truth = self.truths[car]
         there = [one for one in truth.visible(image.content) if _in_view(image, one.location, truth.range_m)]
         held = self._consumers[car].held(now_ns)
         self._write(CONSUMER, image, held, there)
         known = self._since_ns[car]
         kept = ((one.label, one.location) for one in held if one.location is not None)
         self._since_ns[car] = {key: known[key] for key in kept if key in known}
-        if car not in self._floored:
+        if car not in self.floored:
             self._write(FLOOR, image, image.content.detections, there)
         self._remember(now_ns, there, truth.reach_m)
 
     def _write(self, what: str, image: Image, objects: Sequence[Detection], there: Sequence[Real]) -> None:
         now_ns, _, car = image.header
-        truth, since_ns = self._truths[car], self._since_ns[car]
+        truth, since_ns = self.truths[car], self._since_ns[car]
         judged = [
             one
             for one in objects
@@ -138,8 +134,8 @@ class Held:
         ghosts = list(causes.values())
         moving = sum(one.moving for one in there)
         ages_s = [self._age_s(now_ns, judged[i], since_ns) if what == CONSUMER else 0.0 for i in kept]
-        self._table.append((
-            self._method, what, car, now_ns, len(kept), len(found),
+        self.table.append((
+            self.method, what, car, now_ns, len(kept), len(found),
             *(ghosts.count(cause) for cause in ("moved_away", "never_there", "duplicate", "hidden")),
             len(there) - moving, seen.count(False), moving, seen.count(True),
             gospa_m(compared, len(kept), len(real)),
@@ -147,7 +143,7 @@ class Held:
             sum(math.sqrt(distance_m2) for distance_m2, _, _ in found) / len(found) if found else None,
         ))  # fmt: skip
 
-        if what == CONSUMER and self._objects is not None:
+        if what == CONSUMER and self.objects is not None:
             matched = {j for _, _, j in found}
             missed = [(one, "missed") for j, one in enumerate(there) if j not in matched]
             self._follow(car, now_ns, [*((judged[i], causes.get(i, "right")) for i in kept), *missed])
@@ -163,9 +159,9 @@ class Held:
         self._end(car, before, now_ns)
 
     def _end(self, car: str, ended: Mapping[Judged, int], now_ns: int | None) -> None:
-        assert self._objects is not None
+        assert self.objects is not None
         for key, begin_ns in ended.items():
-            self._objects.append((self._method, car, *key, begin_ns, now_ns))
+            self.objects.append((self.method, car, *key, begin_ns, now_ns))
 
     def close(self) -> None:
         """Nothing more happens: what is held now is held until the end."""
@@ -177,8 +173,8 @@ class Held:
     def _cause(self, image: Image, one: Placed) -> str:
         """Why an object is held where nothing visible is."""
         label, east_m, north_m = one
-        reach_m = self._truths[image.header.origin].reach_m
-        if self._truths[image.header.origin].is_there(image.content, label, east_m, north_m):
+        reach_m = self.truths[image.header.origin].reach_m
+        if self.truths[image.header.origin].is_there(image.content, label, east_m, north_m):
             return "hidden"
         x, y = math.floor(east_m / reach_m), math.floor(north_m / reach_m)
         for i in (x - 1, x, x + 1):

@@ -12,12 +12,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
+import numpy as np
+
 from genie_sim import parquet
 from genie_sim.errors import UserError, short_repr
-from genie_sim.recording.columns import NO_TEXT, Columns, Text
+from genie_sim.recording.columns import NO_TEXT, Array, Columns, Text
 
 if TYPE_CHECKING:
-    import numpy as np
     import pandas as pd
     import pyarrow as pa
     import pyarrow.parquet as pq
@@ -116,12 +117,10 @@ class _Buffer:
             return list(self.codes)[value]
         return bool(value) if self.about.kind == "bool" else value
 
-    def numpy(self, rows: int) -> "np.ndarray[Any, np.dtype[Any]]":
-        import numpy as np
-
+    def numpy(self, rows: int) -> Array:
         return np.frombuffer(self.values, dtype=self.values.typecode, count=rows)
 
-    def column(self, values: "np.ndarray[Any, np.dtype[Any]]") -> Any:
+    def column(self, values: Array) -> Any:
         """These values as ``read`` finds them in a file."""
         if self._is_text:
             return Text.of(values, list(self.codes))
@@ -136,10 +135,9 @@ class _Buffer:
         values[unknown] = None
         return values
 
-    def arrow(self, values: "np.ndarray[Any, np.dtype[Any]]") -> "pa.Array":
+    def arrow(self, values: Array) -> "pa.Array":
         """These values for a file. From buffers: of an array or a list, pyarrow looks whether it is one of pandas',
         and imports that, which takes as long as to simulate."""
-        import numpy as np
         import pyarrow as pa
 
         validity = None
@@ -203,8 +201,6 @@ class Table:
 
     def take(self, **known: Value) -> tuple[Value, ...] | None:
         """Takes the row with these values out again, ``None`` if there is none; slow. The last row takes its place."""
-        import numpy as np
-
         self._store()
         found = np.ones(self._rows, dtype=bool)
         for name, value in known.items():
@@ -275,10 +271,8 @@ class Table:
         self._spilled += self._rows
         self._rows = 0
 
-    def _order(self) -> "np.ndarray[Any, np.dtype[Any]]":
+    def _order(self) -> Array:
         """The places of the rows, sorted if the schema wants it."""
-        import numpy as np
-
         keys = [np.arange(self._rows)]
         for name in reversed(self.schema.sorted_by):
             key = self._buffers[name].column(self._buffers[name].numpy(self._rows))
@@ -322,7 +316,6 @@ def harmless(cell: Any) -> Any:
 
 
 def _read_column(column: "pa.ChunkedArray") -> Any:
-    import numpy as np
     import pyarrow as pa
 
     if not pa.types.is_dictionary(column.type):
