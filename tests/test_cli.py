@@ -300,3 +300,9 @@ def test_the_main_command_imports_nothing_that_it_does_not_need():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.endswith("imported: []\n"), done.stdout[-200:]
+
+
+def test_a_page_without_a_replay_has_no_start(tmp_path, capsys):
+    (tmp_path / "sweep.json").write_text("{}")
+    assert main(["report", str(tmp_path), "--start", "1 s"]) == 1
+    assert f"--start: {tmp_path} holds no single run" in capsys.readouterr().err

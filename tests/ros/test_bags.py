@@ -19,7 +19,7 @@ pytest.importorskip("rosbags", reason="needs rosbags: pip install 'genie-sim[ros
 
 from rosbags.typesys import get_types_from_msg
 
-from genie_sim.ros.bags import IMAGES, POINTS, perceive_bag
+from genie_sim.ros.bags import IMAGES, POINTS, Surroundings, _places, perceive_bag
 from genie_sim.ros.typestore import TF, message, time, typestore
 
 CAMERA, IMAGE, SCAN = "camera_color_left", "/kitti/camera_color_left/image_raw", "/kitti/velo/pointcloud"
@@ -242,6 +242,19 @@ def test_without_gps_the_transforms_say_where_the_car_is(tmp_path: Path):
         perceive_bag(path, detections=OBJECTS)
     frames = perceive_bag(path, detections=OBJECTS, origin=ORIGIN).frames[CAMERA]
     assert [frame.pose.east_m for frame in frames] == [101.0, 102.0, 103.0]
+
+
+def test_a_fix_is_the_antenna_s_place_and_not_the_imu_s():
+    """The antenna is 2 m before the IMU, and the car looks north: the IMU is 2 m south of the fix."""
+    around = Surroundings()
+    around.frames.heard("imu_link", "gps", 0, rigid(np.eye(3), (2.0, 0.0, 0.0)), static=True)
+    around.fixes.append((0, ORIGIN, "gps"))
+    around.turns.append((0, rotation_from_rpy(0.0, 0.0, math.pi / 2), "imu_link"))
+    origin, place_of = _places(Path("a.bag"), around, None)
+    assert origin == ORIGIN
+    assert place_of("imu_link", 0)[:3, 3] == pytest.approx((0.0, -2.0, 0.0), abs=1e-6)
+    assert place_of("gps", 0)[:3, 3] == pytest.approx((0.0, 0.0, 0.0), abs=1e-6)
+    assert place_of("elsewhere", 0) is None
 
 
 @pytest.mark.parametrize(
