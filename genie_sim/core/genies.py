@@ -54,8 +54,7 @@ def make_genie(
         return made
 
     def new_cache() -> MessageCache:
-        limits = (capacity.entries, capacity.bytes) if capacity is not None else (None, None)
-        return MessageCache(similarity.index(), eviction(), *limits)
+        return MessageCache(similarity.index(), eviction(), capacity)
 
     if miss_policy is None:
         miss_policy = "blocking" if on_edge and rules.algorithm != "literal" else rules.miss_policy

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 from genie_sim.core.eviction import Eviction
 from genie_sim.core.maps import Viewer
+from genie_sim.core.rules import Capacity
 from genie_sim.core.similarity import KeyIndex
 from genie_sim.messages import Answer, Header
 
@@ -13,19 +14,12 @@ Answers = dict[str, Answer]  # by the topic they were published on
 
 
 class MessageCache:
-    """Key of a request -> its answers, within a capacity in entries, in bytes, or without limit."""
+    """Key of a request -> its answers, within a capacity in entries, in bytes, or without limit (``None``)."""
 
-    def __init__(
-        self,
-        index: KeyIndex,
-        eviction: Eviction,
-        capacity_entries: int | None = None,
-        capacity_bytes: int | None = None,
-    ) -> None:
+    def __init__(self, index: KeyIndex, eviction: Eviction, capacity: Capacity | None = None) -> None:
         self._index = index
         self._eviction = eviction
-        self._capacity_entries = capacity_entries
-        self._capacity_bytes = capacity_bytes
+        self._capacity = capacity
         self._answers: dict[Hashable, Answers] = {}
         self.size_bytes = 0
 
@@ -46,7 +40,7 @@ class MessageCache:
         An answer larger than the whole capacity is not stored.
         """
         size_bytes = answer.size_bytes
-        if self._capacity_bytes is not None and size_bytes > self._capacity_bytes:
+        if self._capacity is not None and not self._capacity.holds(0, size_bytes):
             return
         held = self._find(key, now_ns)
         if held is None:
@@ -75,9 +69,8 @@ class MessageCache:
         return held
 
     def _fits(self, entries: int, size_bytes: int) -> bool:
-        if self._capacity_entries is not None and len(self._answers) + entries > self._capacity_entries:
-            return False
-        return self._capacity_bytes is None or self.size_bytes + size_bytes <= self._capacity_bytes
+        capacity = self._capacity
+        return capacity is None or capacity.holds(len(self._answers) + entries, self.size_bytes + size_bytes)
 
     def _remove(self, key: Hashable) -> None:
         self.size_bytes -= sum(answer.size_bytes for answer in self._answers.pop(key).values())

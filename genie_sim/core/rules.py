@@ -67,6 +67,10 @@ class Capacity:
         if self.entries is None and self.bytes is None:
             raise ValueError("must name 'entries', 'bytes' or both")
 
+    def holds(self, entries: int, size_bytes: int) -> bool:
+        """Whether there is room for so much."""
+        return (self.entries is None or entries <= self.entries) and (self.bytes is None or size_bytes <= self.bytes)
+
 
 @dataclass(frozen=True)
 class GenieRules:

@@ -169,10 +169,7 @@ class World:
             self.end_ns = max(self.end_ns, node.last_stamp_ns)
 
     def _place(self, name: str, sees: bool, joined: bool, genie: bool) -> Place:
-        def stream(*names: str) -> np.random.Generator:
-            return self.stream(name, *names)
-
-        setup = self.setup
+        setup, stream = self.setup, partial(self.stream, name)
         rules = setup.genie if genie else None
         return Place(name, sees, joined, rules, stream, self.monitor.wants_changes, setup.laws, self._edge_names)
 

@@ -17,6 +17,7 @@ from hypothesis import strategies as st
 from genie_sim.core.confidence import ConfidenceRule
 from genie_sim.core.eviction import Eviction
 from genie_sim.core.message_cache import MessageCache
+from genie_sim.core.rules import Capacity
 from genie_sim.core.similarity import Similarity
 from genie_sim.messages import CameraPose, Detections, Header, Image
 from tests.core.worlds import S
@@ -158,7 +159,8 @@ class EvictionConformance:
     def test_a_cache_never_holds_more_than_its_capacity(self, stored, entries, size_bytes):
         """``stored``: keys, and how many objects of 400 bytes their answer has."""
         eviction = type(self).make()
-        cache = MessageCache(_Plain(), eviction, entries, size_bytes)
+        limited = entries is not None or size_bytes is not None
+        cache = MessageCache(_Plain(), eviction, Capacity(entries, size_bytes) if limited else None)
         for now_ns, (key, objects) in enumerate(stored):
             cache.put(key, "/objects", Detections(Header(0, "02", "car1"), (None,) * objects), now_ns)
             assert entries is None or len(cache) <= entries

@@ -8,6 +8,7 @@ import pytest
 
 from genie_sim.core.eviction import LRU
 from genie_sim.core.freshness.ttl import Ttl
+from genie_sim.core.rules import Capacity
 from genie_sim.core.similarity import Exact
 from genie_sim.messages import Detections, Expired, Forgotten, ImageLookup, ObjectLookups, Publish
 from tests.core.worlds import (
@@ -205,7 +206,7 @@ def test_a_replay_carries_the_requests_header_or_literally_the_stale_one(stamp, 
 
 
 def test_an_evicted_answer_is_a_miss_again():
-    asked = genie(new_eviction=LRU, capacity=(1, None), miss_policy="blocking")
+    asked = genie(new_eviction=LRU, capacity=Capacity(entries=1), miss_policy="blocking")
     for stamp, place in enumerate((CROSSING, BRIDGE)):
         asked.on_message(IMAGES, frame(stamp, at=place), stamp * S)
         asked.on_message(FROM_NODE, answer(frame(stamp, at=place), CAR), stamp * S)
@@ -239,7 +240,7 @@ def test_equal_requests_may_both_be_run():
 
 
 def test_after_the_answer_there_is_nothing_left_to_join():
-    asked = genie(capacity=(None, 100), miss_policy="blocking")  # no answer with an object fits
+    asked = genie(capacity=Capacity(bytes=100), miss_policy="blocking")  # no answer with an object fits
     asked.on_message(IMAGES, frame(0), 0)
     asked.on_message(FROM_NODE, answer(frame(0), CAR), 1)
     assert lookup(frame(1), "miss") in asked.on_message(IMAGES, frame(1), 2)
@@ -600,7 +601,7 @@ def test_who_was_served_by_a_neighbours_answer_does_not_expire_with_those_who_we
 
 
 def test_a_request_that_can_no_longer_get_every_answer_is_run_again():
-    asked = genie(miss_policy="blocking", published=(OBJECTS, "/lanes"), capacity=(None, 100))
+    asked = genie(miss_policy="blocking", published=(OBJECTS, "/lanes"), capacity=Capacity(bytes=100))
     asked.on_message(IMAGES, frame(0), 0)
     asked.on_message(FROM_NODE, answer(frame(0), CAR), 1)  # does not fit into the cache
     assert Publish(TO_NODE, frame(1)) in asked.on_message(IMAGES, frame(1), 2)

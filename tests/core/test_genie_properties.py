@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from genie_sim.core.confidence import CONFIDENCE_RULES
 from genie_sim.core.eviction import LFU, LRU, TTL, Eviction
-from genie_sim.core.rules import Percentile
+from genie_sim.core.rules import Capacity, Percentile
 from genie_sim.core.similarity import DHash, Exact, PoseGrid
 from genie_sim.messages import Expired, ImageLookup, Publish
 from tests.core.stories import stories, tell
@@ -40,7 +40,7 @@ MAP_READINGS = {
 CACHES = {
     "similarity": [PoseGrid(), Exact(), DHash(8)],
     "new_eviction": [Eviction, LRU, LFU, lambda: TTL(3 * S)],
-    "capacity": [(None, None), (1, None), (None, 1_000)],
+    "capacity": [None, Capacity(entries=1), Capacity(bytes=1_000)],
 }
 
 
@@ -172,7 +172,7 @@ def test_neighbours_never_make_the_node_work_nor_pass_anything_on(make_genie, st
 
 
 @whatever
-@given(genies(capacity=(2, None)), any_story)
+@given(genies(capacity=Capacity(entries=2)), any_story)
 def test_the_cache_never_holds_more_requests_than_its_capacity(make_genie, story):
     telling = make_genie()
     for _ in tell(telling, story):

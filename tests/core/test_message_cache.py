@@ -7,6 +7,7 @@ import pytest
 
 from genie_sim.core.eviction import LFU, LRU, TTL, Eviction
 from genie_sim.core.message_cache import MessageCache, PendingIndex, PendingRequest, Requester
+from genie_sim.core.rules import Capacity
 from genie_sim.core.similarity import DHash, Exact
 from genie_sim.messages import Detections, Header
 from tests.core.worlds import OBJECTS, Lanes, answer, frame, labels, seen
@@ -39,7 +40,7 @@ def test_hits_are_those_of_libcachesim(eviction, theirs, capacity):
     reference = getattr(libcachesim, theirs)(cache_size=capacity, hashpower=12)
     trace = zipf()
     expected = [reference.get(libcachesim.Request(obj_id=key, obj_size=1)) for key in trace]
-    assert replay(MessageCache(Exact().index(), eviction(), capacity_entries=capacity), trace) == expected
+    assert replay(MessageCache(Exact().index(), eviction(), Capacity(entries=capacity)), trace) == expected
     assert 0 < sum(expected) < len(expected)
 
 
@@ -57,7 +58,7 @@ def test_hits_in_bytes_are_those_of_libcachesim(capacity_bytes):
     expected = [
         reference.get(libcachesim.Request(obj_id=key, obj_size=size)) for key, size in zip(trace, sizes, strict=True)
     ]
-    cache = MessageCache(Exact().index(), LRU(), capacity_bytes=capacity_bytes)
+    cache = MessageCache(Exact().index(), LRU(), Capacity(bytes=capacity_bytes))
     assert replay(cache, trace, objects_of) == expected
     assert (len(cache), cache.size_bytes) == (reference.get_n_obj(), reference.get_occupied_byte())
 
@@ -71,7 +72,7 @@ def test_hits_under_lfu_are_those_of_a_naive_list(capacity):
         if key not in uses and len(uses) == capacity:
             del uses[min(uses, key=uses.__getitem__)]
         uses[key] = (uses.get(key, (0, 0))[0] + 1, now_ns)
-    assert replay(MessageCache(Exact().index(), LFU(), capacity_entries=capacity), trace) == expected
+    assert replay(MessageCache(Exact().index(), LFU(), Capacity(entries=capacity)), trace) == expected
     assert 0 < sum(expected) < len(expected)
 
 
@@ -85,7 +86,7 @@ def test_without_a_capacity_only_the_first_request_for_a_picture_misses():
 
 
 def test_an_answer_larger_than_the_whole_cache_is_not_stored_and_pushes_nothing_out():
-    cache = MessageCache(Exact().index(), LRU(), capacity_bytes=500)
+    cache = MessageCache(Exact().index(), LRU(), Capacity(bytes=500))
     cache.put("crossing", OBJECTS, answer(HEADER, seen("car", 0.9)), 0)
     cache.put("bridge", OBJECTS, answer(HEADER, *[seen("car", 0.9)] * 2), 1)
     assert cache.get("bridge", 2) is None
@@ -93,7 +94,7 @@ def test_an_answer_larger_than_the_whole_cache_is_not_stored_and_pushes_nothing_
 
 
 def test_an_answer_that_grows_makes_room_for_itself():
-    cache = MessageCache(Exact().index(), LRU(), capacity_bytes=1_000)
+    cache = MessageCache(Exact().index(), LRU(), Capacity(bytes=1_000))
     cache.put("crossing", OBJECTS, answer(HEADER, seen("car", 0.9)), 0)
     cache.put("bridge", OBJECTS, answer(HEADER, seen("car", 0.9)), 1)
     cache.put("crossing", OBJECTS, answer(HEADER, *[seen("car", 0.9)] * 2), 2)
@@ -102,7 +103,7 @@ def test_an_answer_that_grows_makes_room_for_itself():
 
 
 def test_answers_on_several_topics_are_one_entry():
-    cache = MessageCache(Exact().index(), LRU(), capacity_entries=1)
+    cache = MessageCache(Exact().index(), LRU(), Capacity(entries=1))
     lanes, objects = Lanes(HEADER, 3), answer(HEADER, seen("car", 0.9))
     cache.put("crossing", "/lanes", lanes, 0)
     cache.put("crossing", OBJECTS, objects, 1)

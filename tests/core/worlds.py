@@ -12,7 +12,7 @@ from genie_sim.core.freshness.never import Never
 from genie_sim.core.message_cache import MessageCache, PendingIndex
 from genie_sim.core.node import GenieNode
 from genie_sim.core.object_map import ObjectMap
-from genie_sim.core.rules import GenieRules, ObjectMapRules
+from genie_sim.core.rules import Capacity, GenieRules, ObjectMapRules
 from genie_sim.core.similarity import PoseGrid, Similarity
 from genie_sim.messages import CameraPose, Detection, Detections, Effect, Header, Image, Publish
 
@@ -81,13 +81,13 @@ def genie(
     objects: ObjectMap | None = None,
     similarity: Similarity | None = None,
     new_eviction: Callable[[], Eviction] = Eviction,
-    capacity: tuple[int | None, int | None] = (None, None),
+    capacity: Capacity | None = None,
     published: tuple[str, ...] = (OBJECTS,),
     name: str = "edge1/genie",
     tells_changes: bool = True,
     **rules: Any,
 ) -> GenieNode:
-    """A Genie before an object detector; ``rules`` are those of ``GenieRules``, ``capacity`` entries and bytes."""
+    """A Genie before an object detector; ``rules`` are those of ``GenieRules``."""
     chosen = GenieRules(**rules)
     same = similarity if similarity is not None else PoseGrid()
 
@@ -100,7 +100,7 @@ def genie(
         published,
         chosen,
         key=same.key,
-        new_cache=lambda: MessageCache(same.index(), new_eviction(), *capacity),
+        new_cache=lambda: MessageCache(same.index(), new_eviction(), capacity),
         pending=PendingIndex(identity, same.index),
         object_map=objects if objects is not None else object_map(),
         map_answer=Detections,

@@ -31,9 +31,8 @@ class SimilarityCache(MessageCache):
     reach = NONE
 
     def __init__(self, eviction: Eviction, capacity: Capacity | None, replay: Replay) -> None:
-        limits = (capacity.entries, capacity.bytes) if capacity is not None else (None, None)
         self.keys = Nearest()
-        super().__init__(self.keys, eviction, *limits)
+        super().__init__(self.keys, eviction, capacity)
         self._replay = replay
         self._held: dict[Hashable, Objects] = {}
 
@@ -127,7 +126,7 @@ def moved(answer: Answer, there: CameraPose, here: CameraPose) -> Answer:
 
 def stores_nothing() -> MessageCache:
     """A message cache without room."""
-    return MessageCache(Exact().index(), Eviction(), capacity_entries=0)
+    return MessageCache(Exact().index(), Eviction(), Capacity(entries=0))
 
 
 def cache_node(
