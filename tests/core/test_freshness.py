@@ -304,6 +304,23 @@ def test_looks_travel_their_bytes_count_and_hits_are_no_looks():
     assert held.sightings == 1
 
 
+@pytest.mark.parametrize(
+    ("policy", "score", "hits"),
+    [
+        (Recommended(measured=False), 0.7, 0),
+        (Recommended(p_min=0.5, measured=False), 0.7, 1),
+        (Tracks(), 0.7, 1),
+        (Tracks(), 0.5, 0),
+    ],
+)
+def test_a_sighting_hits_what_may_leave_by_existence_or_by_confidence(policy, score: float, hits: int):
+    """After one look the object exists with about the probability that its score is, and has this as its C."""
+    map_ = after(tracks(policy, threshold=0.6), look(0.0, car(score=score)))
+    again = look(0.1, car(score=score))
+    told = Detections(again.header, again.detections).with_look(again, None)
+    assert map_.learn(told, None, round(0.1 * S), False, False).lookups.hits == hits
+
+
 def test_another_maps_track_is_taken_over_only_where_nobody_here_has_just_looked():
     both = car(20.0, 0.0), car(20.0, 30.0)
     edge = after(tracks(), *(look(0.1 * i, *both, car="car2", heading_deg=30.0) for i in range(9)))

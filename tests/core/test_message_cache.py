@@ -93,6 +93,13 @@ def test_an_answer_larger_than_the_whole_cache_is_not_stored_and_pushes_nothing_
     assert cache.get("crossing", 2) is not None
 
 
+def test_an_answer_just_as_large_as_the_cache_fits():
+    whole = answer(HEADER, seen("car", 0.9))
+    cache = MessageCache(Exact().index(), LRU(), Capacity(bytes=whole.size_bytes))
+    cache.put("crossing", OBJECTS, whole, 0)
+    assert cache.get("crossing", 1) == {OBJECTS: whole}
+
+
 def test_an_answer_that_grows_makes_room_for_itself():
     cache = MessageCache(Exact().index(), LRU(), Capacity(bytes=1_000))
     cache.put("crossing", OBJECTS, answer(HEADER, seen("car", 0.9)), 0)
