@@ -21,14 +21,14 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import IO, Any
 
 from genie_sim.errors import UserError, unknown
 from genie_sim.ros import ros1_graph, ros2_graph
-from genie_sim.ros.codec import WireType
+from genie_sim.ros.codec import Types, WireType
 from genie_sim.ros.plan import Plan, check
 from genie_sim.ros.process import NodeProcess, boot, start_of
 
@@ -276,19 +276,18 @@ def choose(
     for topic in (*asked_for, *leave):
         if topic not in (*subscribed, *published):
             raise UserError(f"{node}: {unknown('topic', topic, [*subscribed, *published])}")
-    types = graph.types([*subscribed, *published])
 
-    def usable(topics: Iterable[str]) -> list[str]:
-        left = [topic for topic in topics if topic not in leave]
-        return [topic for topic in left if topic not in types or graph.has_header(types[topic])]
+    def usable(topics: Types) -> list[str]:
+        return [topic for topic, kind in topics.items() if topic not in leave and (not kind or graph.has_header(kind))]
 
     requests, answers = list(asked_for) or usable(subscribed), usable(published)
     if len(requests) > 1 and not asked_for:
-        images = [topic for topic in requests if topic in types and types[topic].name == graph.image_type]
+        images = [topic for topic in requests if (kind := subscribed[topic]) and kind.name == graph.image_type]
         if len(images) != 1:
             raise UserError(f"{node}: which topic carries the requests? It subscribes to {', '.join(requests)}")
         requests = images
     if not requests or not answers:
         verb = "publishes" if requests else "subscribes to"
         raise UserError(f"{node}: {verb} no topic whose messages have a header")
-    return requests, answers, {topic: types[topic] for topic in (*requests, *answers) if topic in types}
+    types = {**subscribed, **published}
+    return requests, answers, {topic: kind for topic in (*requests, *answers) if (kind := types[topic])}

@@ -38,6 +38,9 @@ class WireType(NamedTuple):
     definition: str = ""
 
 
+Types = dict[str, WireType | None]  # by topic; ``None`` where nobody knows
+
+
 @dataclass(slots=True, unsafe_hash=True)
 class RosObject(Detection):
     """A detection that remembers the ROS object it was read from (``raw``), so that no field of it gets lost."""

@@ -9,7 +9,7 @@ from typing import Any
 from urllib.parse import urlparse
 
 from genie_sim.errors import UserError, as_user_error, unknown
-from genie_sim.ros.codec import WireType, begins_with_header
+from genie_sim.ros.codec import Types, WireType, begins_with_header
 from genie_sim.ros.gateway import LOCAL
 from genie_sim.ros.process import NodeProcess, listens_on
 
@@ -34,14 +34,12 @@ class Graph:
         with as_user_error(f"no ROS master at {master_uri}", OSError):
             self._publishers, self._subscribers, _ = self._master.getSystemState()
 
-    def nodes(self) -> list[str]:
-        return sorted({node for _, nodes in (*self._publishers, *self._subscribers) for node in nodes})
-
-    def topics_of(self, node: str) -> tuple[list[str], list[str]]:
-        """T_S and T_P, without the topics that every node has."""
-        if node not in self.nodes():
-            raise UserError(unknown("node", node, self.nodes()))
-        return _of(node, self._subscribers), _of(node, self._publishers)
+    def topics_of(self, node: str) -> tuple[Types, Types]:
+        """T_S and T_P, without the topics that every node has, and their types as far as they can be known now."""
+        nodes = {name for _, names in (*self._publishers, *self._subscribers) for name in names}
+        if node not in nodes:
+            raise UserError(unknown("node", node, nodes))
+        return self._typed(node, self._subscribers), self._typed(node, self._publishers)
 
     def process_of(self, node: str) -> NodeProcess:
         """Raises UserError if the node runs on another machine, in another container, or as another user."""
@@ -61,16 +59,13 @@ class Graph:
             raise UserError(f"{node}: is a nodelet manager; its nodelets cannot be renamed from outside")
         return process
 
-    def types(self, topics: Iterable[str]) -> dict[str, WireType]:
-        """The types that can be known now: from a publisher's connection header, else from an installed package."""
-        found = {}
-        names = dict(self._master.getTopicTypes())
-        for topic in topics:
-            publishers: Sequence[str] = next((nodes for name, nodes in self._publishers if name == topic), [])
-            wire_type = next(filter(None, (self._asked(node, topic) for node in publishers)), None)
-            wire_type = wire_type or _installed(names.get(topic, "*"))
-            if wire_type is not None:
-                found[topic] = wire_type
+    def _typed(self, node: str, topics: Iterable[tuple[str, Sequence[str]]]) -> Types:
+        """The topics of a node; their types from a publisher's connection header, else from an installed package."""
+        publishers, names = dict(self._publishers), dict(self._master.getTopicTypes())
+        found: Types = {}
+        for topic in sorted(topic for topic, nodes in topics if node in nodes and topic not in NEVER):
+            said = (self._asked(publisher, topic) for publisher in publishers.get(topic, ()))
+            found[topic] = next(filter(None, said), None) or _installed(names.get(topic, "*"))
         return found
 
     def has_header(self, wire_type: WireType) -> bool:
@@ -113,10 +108,6 @@ class Graph:
 
 def _node_at(uri: str) -> Any:
     return xmlrpc.client.ServerProxy(uri)
-
-
-def _of(node: str, topics: Iterable[tuple[str, Sequence[str]]]) -> list[str]:
-    return sorted(topic for topic, nodes in topics if node in nodes and topic not in NEVER)
 
 
 def _installed(name: str) -> WireType | None:

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from typing import Any
 
 from genie_sim.errors import UserError, unknown
-from genie_sim.ros.codec import MARKERS, WireType
+from genie_sim.ros.codec import MARKERS, Types, WireType
 from genie_sim.ros.gateway import LOCAL
 from genie_sim.ros.process import NodeProcess
 from genie_sim.ros.typestore import class_of
@@ -32,7 +32,7 @@ class Graph:
     def process_of(self, node: str) -> NodeProcess:
         return self._process
 
-    def topics_of(self, node: str) -> tuple[list[str], list[str]]:
+    def topics_of(self, node: str) -> tuple[Types, Types]:
         """T_S and T_P. Raises UserError where no such node is discovered within a few seconds."""
         namespace, _, name = node.rpartition("/")
         whole = (name, namespace or "/")
@@ -41,15 +41,9 @@ class Graph:
             if whole not in here.get_node_names_and_namespaces():
                 found = sorted(f"{space.rstrip('/')}/{name}" for name, space in here.get_node_names_and_namespaces())
                 raise UserError(unknown("node", node, found))
-            _until(lambda: _plain(here.get_publisher_names_and_types_by_node(*whole)))
-            subscribed = _plain(here.get_subscriber_names_and_types_by_node(*whole))
-            published = _plain(here.get_publisher_names_and_types_by_node(*whole))
-            topics = {**subscribed, **published}
-            self._types = {topic: WireType(kind, _hash(here, topic)) for topic, kind in topics.items()}
-        return sorted(subscribed), sorted(published)
-
-    def types(self, topics: Iterable[str]) -> dict[str, WireType]:
-        return {topic: self._types[topic] for topic in topics}
+            _until(lambda: _typed(here, here.get_publisher_names_and_types_by_node(*whole)))
+            subscribed = _typed(here, here.get_subscriber_names_and_types_by_node(*whole))
+            return subscribed, _typed(here, here.get_publisher_names_and_types_by_node(*whole))
 
     def has_header(self, wire_type: WireType) -> bool:
         return has_header(wire_type.name)
@@ -93,8 +87,8 @@ def _until(found: Any) -> None:
         time.sleep(0.1)
 
 
-def _plain(topics: Iterable[tuple[str, Sequence[str]]]) -> dict[str, str]:
-    return {topic: types[0] for topic, types in topics if topic not in NEVER}
+def _typed(here: Any, topics: Iterable[tuple[str, Sequence[str]]]) -> Types:
+    return {topic: WireType(types[0], _hash(here, topic)) for topic, types in sorted(topics) if topic not in NEVER}
 
 
 def _hash(here: Any, topic: str) -> str:
