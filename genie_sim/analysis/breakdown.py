@@ -26,11 +26,9 @@ def parts_of(measured: Sequence[Metric], methods: Sequence[MethodInfo]) -> Mappi
             }
             for metric in PART.values()
         )
-        if first and first == fresh:
-            found[method.title] = first
-        else:
-            told = {f"{method.title}, first": first, f"{method.title}, fresh": fresh}
-            found |= {label: parts for label, parts in told.items() if parts}
+        both = {f"{method.title}, first": first, f"{method.title}, fresh": fresh}
+        told = {method.title: first} if first == fresh else both
+        found |= {label: parts for label, parts in told.items() if parts}
     return found
 
 

@@ -209,41 +209,40 @@ def _check(other: Arm, arm: Arm) -> None:
 
 
 def _difference(metric: str, arm: Arm, other: Arm | None) -> Difference | None:
-    unit = COMPARED[metric].unit
     values = {seed: _sums(metric, run, arm.method).value for seed, run in arm.runs.items()}
     known = [value for value in values.values() if value is not None]
     if not known:
         return None
-    value = float(np.mean(known))
+    alone = Difference(metric, arm.label, float(np.mean(known)), COMPARED[metric].unit)
     if other is None:
-        return Difference(metric, arm.label, value, unit)
+        return alone
     theirs = {seed: _sums(metric, run, other.method).value for seed, run in other.runs.items()}
     gaps = [
         mine - reference
         for seed in _paired(arm, other)
         if (mine := values[seed]) is not None and (reference := theirs[seed]) is not None
     ]
-    if len(gaps) > 1:
-        mean, half = over_seeds(gaps)
-        return Difference(metric, arm.label, value, unit, other.label, mean, *around(mean, half), SEEDS, len(gaps))
-    seed = _paired(arm, other)[0]
-    found = _over_blocks(_sums(metric, arm.runs[seed], arm.method), _sums(metric, other.runs[seed], other.method))
-    if found is None:
-        return Difference(metric, arm.label, value, unit, other.label)
-    gap, ends, n = found
-    return Difference(metric, arm.label, value, unit, other.label, gap, *ends, BLOCKS, n)
+    by, n, half = SEEDS, len(gaps), None
+    if n > 1:
+        gap, half = over_seeds(gaps)
+    else:
+        seed = _paired(arm, other)[0]
+        ours, its = _sums(metric, arm.runs[seed], arm.method), _sums(metric, other.runs[seed], other.method)
+        if ours.value is None or its.value is None:
+            return alone._replace(against=other.label)
+        by, gap = BLOCKS, ours.value - its.value
+        half, n = _over_blocks(ours, its)
+    low, high = around(gap, half)
+    return alone._replace(against=other.label, difference=gap, low=low, high=high, by=by, n=n)
 
 
-def _over_blocks(mine: Sums, theirs: Sums) -> tuple[float, tuple[float | None, float | None], int] | None:
-    """The difference of two ratios with its interval, and the number of blocks; ``None`` where one is not defined."""
-    if mine.value is None or theirs.value is None:
-        return None
+def _over_blocks(mine: Sums, theirs: Sums) -> tuple[float | None, int]:
+    """Half the interval of the difference of two ratios, and the number of blocks."""
     blocks = Blocks(joined([mine.car, theirs.car]), np.concatenate([mine.stamp_ns, theirs.stamp_ns]))
     none = [np.zeros(len(theirs.above)), np.zeros(len(mine.above))]
     ours = blocks.influence(*(np.concatenate([part, none[0]]) for part in (mine.above, mine.below)))
     other = blocks.influence(*(np.concatenate([none[1], part]) for part in (theirs.above, theirs.below)))
-    gap = mine.value - theirs.value
-    return gap, around(gap, blocks.half_width(ours - other)), len(ours)
+    return blocks.half_width(ours - other), len(ours)
 
 
 def _settings(runs: Sequence[Run]) -> dict[str, list[str]]:

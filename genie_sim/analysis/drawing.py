@@ -1,7 +1,7 @@
 """What all figures share: their style and legend."""
 
-from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Sequence
+from functools import partial
 from typing import Any
 
 from matplotlib.axes import Axes
@@ -12,12 +12,8 @@ from matplotlib.ticker import FixedLocator, NullLocator, StrMethodFormatter
 from genie_sim.analysis import style
 from genie_sim.analysis.style import CHARACTER_IN, LINE_IN
 
-
-@contextmanager
-def in_style() -> Iterator[None]:
-    """Within it, and in a function that it decorates, matplotlib draws in this style, whatever the user's is."""
-    with context(["default", style.RC]):
-        yield
+# Within it, and in a function that it decorates, matplotlib draws in this style, whatever the user's is.
+in_style = partial(context, ["default", style.RC])
 
 
 def finish(figure: Figure, title: str, footer: str, axes: Iterable[Axes] = (), note: str = "") -> None:

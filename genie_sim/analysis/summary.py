@@ -131,7 +131,16 @@ def text(metrics: Sequence[Metric], width: int = 80) -> str:
     headings, rows = _screen(metrics)
     notes = [SCREEN_NOTE, SCREEN_FLOOR if FLOOR in headings else NO_TRUTH_NOTE if rows else ""]
     notes.append(SCREEN_PROXY if any("*" in label for label, _ in rows) else "")
-    return "\n".join(_text_lines(_Table("", headings, rows, " ".join(filter(None, notes)), units=False), width)) + "\n"
+    cells = [[_show(cell, unit=False) for cell in row] for _, row in rows]
+    widths = [max(map(len, column)) for column in zip(headings, *cells, strict=True)]
+    room = max(width - sum(2 + one for one in widths), 8)
+    label_width = min(room, max((len(label) for label, _ in rows), default=0))
+    lines = [_line("", label_width, headings, widths)]
+    for (label, _), row in zip(rows, cells, strict=True):
+        *above, last = textwrap.wrap(label, label_width)
+        lines += [*above, _line(last, label_width, row, widths)]
+    lines += textwrap.wrap(" ".join(filter(None, notes)), width)
+    return "\n".join(lines) + "\n"
 
 
 def cells(metrics: Sequence[Metric], titles: Mapping[str, str]) -> tuple[list[str], list[list[str]]]:
@@ -151,7 +160,8 @@ def _screen(metrics: Sequence[Metric]) -> tuple[list[str], list[tuple[str, list[
         for placement, where in PLACEMENTS.items():
             rows.append((f"{label} {where} [%]", [found.get((metric, method, placement, "")) for method in methods]))
     busiest = _busiest(metrics)[:MOST_ON_SCREEN]
-    rows += [(f"{name} busy [%]", [_use(metrics).get((name, method)) for method in methods]) for name in busiest]
+    use = _use(metrics)
+    rows += [(f"{name} busy [%]", [use.get((name, method)) for method in methods]) for name in busiest]
     rows = [(label, [*row, *[None] * (len(columns) - len(row))]) for label, row in rows if any(row)]
     return [component or method for method, _, component in columns], rows
 
@@ -250,21 +260,6 @@ def _busiest(metrics: Sequence[Metric]) -> list[str]:
         if (metric.value or 0.0) >= LEAST_USE:
             busiest[resource] = max(busiest.get(resource, 0.0), metric.value or 0.0)
     return sorted(busiest, key=lambda resource: (-busiest[resource], resource))
-
-
-def _text_lines(table: _Table, width: int) -> Iterator[str]:
-    cells = [[_show(cell, table.units) for cell in row] for _, row in table.rows]
-    columns = zip(table.columns, *cells, strict=True)
-    widths = [max(map(len, column)) for column in columns]
-    room = max(width - sum(2 + one for one in widths), 8)
-    label_width = min(room, max((len(label) for label, _ in table.rows), default=0))
-    yield _line("", label_width, table.columns, widths)
-    for (label, _), row in zip(table.rows, cells, strict=True):
-        *above, last = textwrap.wrap(label, label_width)
-        yield from above
-        yield _line(last, label_width, row, widths)
-    if table.more:
-        yield from textwrap.wrap(table.more, width)
 
 
 def _line(label: str, label_width: int, cells: Sequence[str], widths: Sequence[int]) -> str:
