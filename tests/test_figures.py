@@ -250,6 +250,8 @@ def test_the_parts_of_the_time_are_stacked_up_to_the_mean():
     assert parts_of([*both, *later], METHODS) == {
         "remote (R)": parts, "Genie (DG), fresh": {part: 2 * value for part, value in parts.items()}
     }  # fmt: skip
+    of_genie = [replace(one, method="genie") for one in measured]
+    assert list(parts_of([*of_genie, *later], METHODS)) == ["Genie (DG), first", "Genie (DG), fresh"]
     axis = time_parts([*both, *later], METHODS, FOOTER).axes[0]
     ends = [max(bar.get_x() + bar.get_width() for bar in axis.patches if round(bar.get_y()) == y) for y in (0, 1)]
     assert ends == [35.5, 71.0] and [text.get_text() for text in axis.texts] == ["35.5", "71"]

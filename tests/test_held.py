@@ -274,7 +274,8 @@ def test_objects_that_are_open_at_an_instant_are_those_that_were_counted(setting
 def test_objects_need_the_counts_and_are_left_out_on_request():
     with pytest.raises(UserError, match="record: 'held_objects' needs 'held' too"):
         short("record=[held_objects]")
-    assert runner.run_in_memory(short("methods=[local]", "record=[held]")).held_objects.empty
+    made = runner.run_in_memory(short("methods=[local]", "record=[held]"))
+    assert made.held_objects.empty and made.resources.empty
 
 
 def test_a_trace_without_truth_says_what_would_show_more(tmp_path: Path):

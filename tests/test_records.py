@@ -94,6 +94,8 @@ def test_rows_that_went_to_the_file_at_once_are_the_same_rows(tmp_path):
     spilled.write(tmp_path / "objects.parquet")
     pd.testing.assert_frame_equal(spilled.to_frame(), here.to_frame())
     assert [path.name for path in tmp_path.iterdir()] == ["objects.parquet"]
+    told = pq.ParquetFile(tmp_path / "objects.parquet").metadata
+    assert [told.row_group(place).num_rows for place in range(told.num_row_groups)] == [65_536, 65_536, 18_928]
     assert list(spilled.to_frame().genie.cat.categories) == sorted(here.to_frame().genie.unique())
     some_objects(Table(OBJECTS, tmp_path / "partial"), at_once=30).write(tmp_path / "in_thirties")
     assert (tmp_path / "in_thirties").read_bytes() == (tmp_path / "objects.parquet").read_bytes()
