@@ -7,7 +7,7 @@ from typing import Any
 
 from genie_sim import plugins
 from genie_sim.core.confidence import CONFIDENCE_RULES, ConfidenceRule
-from genie_sim.core.eviction import EVICTIONS, Eviction
+from genie_sim.core.eviction import EVICTIONS
 from genie_sim.core.freshness import FRESHNESS, MUST_HAVE
 from genie_sim.core.freshness.laws import ASSUMED, DetectorLaws
 from genie_sim.core.freshness.never import Never
@@ -48,13 +48,10 @@ def make_genie(
     new_eviction = plugins.resolve("eviction", rules.eviction, EVICTIONS, EVICTION_METHODS)
     capacity = rules.capacity if on_edge or rules.car_capacity is None else rules.car_capacity
 
-    def eviction() -> Eviction:
-        ttl = () if rules.ttl_ns is None else (rules.ttl_ns,)
-        made: Eviction = plugins.call("eviction", rules.eviction, new_eviction, *ttl)
-        return made
-
     def new_cache() -> MessageCache:
-        return MessageCache(similarity.index(), eviction(), capacity)
+        ttl = () if rules.ttl_ns is None else (rules.ttl_ns,)
+        eviction = plugins.call("eviction", rules.eviction, new_eviction, *ttl)
+        return MessageCache(similarity.index(), eviction, capacity)
 
     if miss_policy is None:
         miss_policy = "blocking" if on_edge and rules.algorithm != "literal" else rules.miss_policy
