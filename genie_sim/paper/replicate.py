@@ -97,12 +97,12 @@ def outcome_of(prepared: Prepared, keep_tables: bool = False, redefined: bool = 
     for method in prepared.scenario.methods:
         setup = build.setup(prepared, method)
         held = held_of(prepared, method.name, setup, tables, judged)
-        judged.update(prepared.drives)
         with gc_disabled():
             world = World(setup, build.method(method), Log(method.name, tables, samples="processors", held=held))
             watch.before(method.name, world)
             world.run()
             watch.after(world)
+            judged.update(prepared.drives)
             world.dismantle()
     frames, lookups, resources = (table.columns() for table in (tables.frames, tables.lookups, tables.resources))
     facts = facts_of(frames, lookups, resources, redefined)
