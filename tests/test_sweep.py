@@ -433,7 +433,7 @@ def test_ctrl_c_or_the_end_of_a_batch_job_ends_with_130_and_one_line_and_keeps_w
     same_bytes(uninterrupted)
 
 
-@pytest.mark.unix
+@pytest.mark.skipif(not Path("/proc").is_dir(), reason="only /proc tells when a process has begun to listen to Ctrl-C")
 def test_ctrl_c_while_workers_begin_is_one_line_too():
     write(SMALL)
     with begun("--jobs", "2") as run:
