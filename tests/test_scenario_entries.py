@@ -131,6 +131,10 @@ FAULTS = "hand_over, outage, or package.module:Class"
             {"method": "genie", "genie": {"evictoin": "lru"}},
             "methods[0].genie.evictoin: unknown field; did you mean 'eviction'?",
         ),
+        (
+            {"method": "genie", "genie": {"object_map": {"algorithm": "literal"}}},
+            "methods[0].genie.object_map.algorithm: unknown field; known: ",
+        ),
         ({"method": "genie", "queue_length": 0}, "methods[0].queue_length: must be at least 1, not 0"),
         ({"method": "genie", "model": "yolov9s"}, "methods[0].model: jetson_tx2: unknown model 'yolov9s'"),
         (

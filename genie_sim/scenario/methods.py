@@ -74,10 +74,11 @@ def method_class(entry: MethodEntry) -> Any:
 def overridden(settings: Mapping[str, Any], by: Mapping[str, Any]) -> dict[str, Any]:
     """Settings as in YAML, with others over them: mappings are merged, a plug-in or preset that is named anew brings
     its own."""
-    preset = LITERAL if by.get("algorithm") == "literal" else {}
-    found = overridden(settings, preset) if preset else dict(settings)
+    found = dict(settings)
     for key, item in by.items():
         held = found.get(key)
         merge = isinstance(held, Mapping) and isinstance(item, Mapping) and "name" not in item
-        found[key] = overridden(dict(held or {}), item) if merge else item
+        if merge and key == "genie" and item.get("algorithm") == "literal":
+            held = overridden(held or {}, LITERAL)
+        found[key] = overridden(held or {}, item) if merge else item
     return found
