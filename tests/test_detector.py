@@ -143,6 +143,25 @@ def test_wrong_names_sizes_and_scores_are_refused(network):
         make_detector("yolox_nano", network, min_score=1.5)
 
 
+class Plain:
+    """A detector that runs no network."""
+
+    file_name = "yolox_nano.onnx"
+
+    def __init__(self, path, size, min_score):
+        self.path = path
+
+    def detect(self, image_bgr):
+        return []
+
+
+def test_threads_and_batches_of_what_has_none_are_refused(network):
+    assert make_detector("tests.test_detector:Plain", network).path == network
+    for more in ({"threads": 2}, {"batch": 4}):
+        with pytest.raises(UserError, match=r"^tests\.test_detector:Plain: is no OnnxDetector, which alone can have"):
+            make_detector("tests.test_detector:Plain", network, **more)
+
+
 @pytest.mark.parametrize("content", [b"", b"<html>404 Not Found</html>", b"\x08\x07" + bytes(range(200))])
 def test_a_file_that_is_no_network_is_refused(tmp_path, content):
     path = tmp_path / "yolox_nano.onnx"

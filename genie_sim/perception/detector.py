@@ -178,11 +178,13 @@ def make_detector(
 
     ``weights`` is its file or a folder, by default the folder GENIE_SIM_WEIGHTS; ``providers`` are ONNX Runtime's
     execution providers, best first; ``threads`` are the network's, ``batch`` is how many pictures it gets at a time.
-    Detectors that are no ``OnnxDetector`` have neither. Raises UserError.
+    Detectors that are no ``OnnxDetector`` have none of these. Raises UserError.
     """
     kind = plugins.resolve("detector", name, DETECTORS, ("detect", "file_name"))
     path = find_weights(kind.file_name, weights)
     network = isinstance(kind, type) and issubclass(kind, OnnxDetector)
+    if not network and (threads, batch) != (1, 1):
+        raise UserError(f"{name}: is no OnnxDetector, which alone can have several threads, or pictures at a time")
     more = (providers, threads, batch) if network else ()
     made: ImageDetector = plugins.call("detector", name, kind, path, size, min_score, *more)
     return made
