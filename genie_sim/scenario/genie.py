@@ -57,7 +57,8 @@ def _name(what: str, registry: Mapping[str, object]) -> Any:
     return Annotated[str, BeforeValidator(lambda value: plugins.checked_name(what, value, registry)), schema]
 
 
-def _literal_preset(data: Any) -> Any:
+def with_preset(data: Any) -> Any:
+    """The section with what its ``algorithm`` stands for, under what it says itself."""
     if not isinstance(data, Mapping) or data.get("algorithm") != "literal":
         return data
     preset = {**LITERAL, **data}
@@ -101,7 +102,7 @@ GenieSection = Annotated[
     GenieRules,
     Plain(
         GenieRules,
-        complete=_literal_preset,
+        complete=with_preset,
         similarity=Annotated[Choice, PlugIn("similarity", SIMILARITIES, default="pose_grid")],
         eviction=_name("eviction", EVICTIONS),
         capacity=_CAPACITY,

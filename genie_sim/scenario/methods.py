@@ -6,7 +6,6 @@ from typing import Annotated, Any
 from pydantic import BeforeValidator, Field, PlainSerializer, WithJsonSchema
 
 from genie_sim import plugins
-from genie_sim.core.rules import LITERAL
 from genie_sim.errors import short_repr
 from genie_sim.methods import METHODS, MUST_HAVE
 from genie_sim.plugins import Choice
@@ -72,13 +71,10 @@ def method_class(entry: MethodEntry) -> Any:
 
 
 def overridden(settings: Mapping[str, Any], by: Mapping[str, Any]) -> dict[str, Any]:
-    """Settings as in YAML, with others over them: mappings are merged, a plug-in or preset that is named anew brings
-    its own."""
+    """Settings as in YAML, with others over them: mappings are merged, a plug-in that is named anew brings its own."""
     found = dict(settings)
     for key, item in by.items():
         held = found.get(key)
         merge = isinstance(held, Mapping) and isinstance(item, Mapping) and "name" not in item
-        if merge and key == "genie" and item.get("algorithm") == "literal":
-            held = overridden(held or {}, LITERAL)
         found[key] = overridden(held or {}, item) if merge else item
     return found

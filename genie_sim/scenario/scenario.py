@@ -23,7 +23,7 @@ from genie_sim.scenario.convoy import Convoy
 from genie_sim.scenario.faults import FaultField, check_faults
 from genie_sim.scenario.fields import Count, Duration, Listed, Model, Name, first_problem, problem, validate, wrong
 from genie_sim.scenario.fleet import MOST_EDGES, Fleet
-from genie_sim.scenario.genie import GenieSection
+from genie_sim.scenario.genie import GenieSection, with_preset
 from genie_sim.scenario.links import LINKS, Link
 from genie_sim.scenario.methods import OVERRIDABLE, MethodEntry, MethodField, method_class, overridden, read_method
 from genie_sim.scenario.overrides import Override, apply_overrides
@@ -242,7 +242,8 @@ class Scenario(Overridable):
         if not entry.settings:
             return self
         known = self.model_dump(mode="json", by_alias=True, include=set(OVERRIDABLE))
-        mine = validate(Overridable, overridden(known, entry.settings), lambda _: "")
+        settings = {name: with_preset(said) if name == "genie" else said for name, said in entry.settings.items()}
+        mine = validate(Overridable, overridden(known, settings), lambda _: "")
         return self.model_copy(update={name: getattr(mine, name) for name in entry.settings})
 
     def cameras_of(self, car: Car) -> Sequence[Camera]:
