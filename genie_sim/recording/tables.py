@@ -273,11 +273,11 @@ class Table:
 
     def _order(self) -> Array:
         """The places of the rows, sorted if the schema wants it."""
-        keys = [np.arange(self._rows)]
+        keys = []
         for name in reversed(self.schema.sorted_by):
             key = self._buffers[name].column(self._buffers[name].numpy(self._rows))
             keys.append(key.codes if isinstance(key, Text) else key)
-        return np.lexsort(keys)
+        return np.lexsort(keys) if keys else np.arange(self._rows)
 
     def _batches(self) -> "Iterator[pa.RecordBatch]":
         import pyarrow as pa
