@@ -63,7 +63,9 @@ def main(path: str) -> int:
     short = [name for name in GATED if name in folders and folders[name].percent < LEAST_PERCENT]
     for name in short:
         found = f"{folders[name].percent:.1f} %"
-        print(f"coverage: {PACKAGE}/{name}: {found} is less than {LEAST_PERCENT:g} %", file=sys.stderr)
+        print(
+            f"coverage: {PACKAGE}/{name}: {found} is less than {LEAST_PERCENT:g} %", file=sys.stderr
+        )
     return 1 if short else 0
 
 

@@ -19,7 +19,14 @@ import numpy as np
 from genie_sim.perception.detector import make_detector
 from genie_sim.perception.evaluation import evaluate
 from genie_sim.perception.kitti import KittiDrive, open_drive, read_image
-from genie_sim.perception.onnx_detector import GREY, ROAD_LABELS, SAME_OBJECT, OnnxDetector, Scored, best_boxes
+from genie_sim.perception.onnx_detector import (
+    GREY,
+    ROAD_LABELS,
+    SAME_OBJECT,
+    OnnxDetector,
+    Scored,
+    best_boxes,
+)
 from genie_sim.perception.perceive import LOWEST_SCORE, kitti_folder
 from genie_sim.perception.trace import Trace, detection, trace_frame
 from genie_sim.perception.truth import read_truth
@@ -55,12 +62,16 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--detector", default="yolox_nano")
     arguments = parser.parse_args()
-    detector = make_detector(arguments.detector, min_score=min(setting.lowest_score for setting in SETTINGS))
+    detector = make_detector(
+        arguments.detector, min_score=min(setting.lowest_score for setting in SETTINGS)
+    )
     assert isinstance(detector, OnnxDetector)
     drive = open_drive(kitti_folder(None), DRIVE, [CAMERA])
     scored = {middle: run(detector, drive, middle) for middle in (False, True)}
     truth = None
-    print(f"| {detector.name} | vehicles | precision, recall | persons | precision, recall |\n|---|---|---|---|---|")
+    print(
+        f"| {detector.name} | vehicles | precision, recall | persons | precision, recall |\n|---|---|---|---|---|"
+    )
     for setting in SETTINGS:
         trace = as_trace(detector, drive, scored[setting.middle], setting)
         truth = truth or read_truth(kitti_folder(None), LABELS, trace)
@@ -78,22 +89,40 @@ def run(detector: OnnxDetector, drive: KittiDrive, middle: bool) -> list[Scored]
     for frame in drive.frames[CAMERA]:
         image = read_image(frame.image_path)
         height, width = image.shape[:2]
-        above = max(0, round((width * detector.size[1] / detector.size[0] - height) / 2)) if middle else 0
-        framed = cv2.copyMakeBorder(image, above, above, 0, 0, cv2.BORDER_CONSTANT, value=(GREY,) * 3)
+        above = (
+            max(0, round((width * detector.size[1] / detector.size[0] - height) / 2))
+            if middle
+            else 0
+        )
+        framed = cv2.copyMakeBorder(
+            image, above, above, 0, 0, cv2.BORDER_CONSTANT, value=(GREY,) * 3
+        )
         blob, scale = detector.prepare(framed)
         boxes, scores = detector.decode(detector.infer(blob))
-        found.append((np.clip(boxes / scale - [0, above, 0, above], 0, [width, height] * 2), scores))
+        found.append(
+            (np.clip(boxes / scale - [0, above, 0, above], 0, [width, height] * 2), scores)
+        )
     return found
 
 
-def as_trace(detector: OnnxDetector, drive: KittiDrive, scored: list[Scored], setting: Setting) -> Trace:
+def as_trace(
+    detector: OnnxDetector, drive: KittiDrive, scored: list[Scored], setting: Setting
+) -> Trace:
     """What a setting keeps, without places."""
     frames = []
     for frame, (boxes, scores) in zip(drive.frames[CAMERA], scored, strict=True):
-        found = best_boxes(boxes, scores, setting.lowest_score, detector.labels, setting.iou, setting.same_object)
+        found = best_boxes(
+            boxes, scores, setting.lowest_score, detector.labels, setting.iou, setting.same_object
+        )
         kept = [detection(label, score, box, None, "none") for label, score, box in found]
-        stamp_ns, pose, size = frame.stamp_ns - drive.first_stamp_ns, frame.world_SE3_camera, (1242, 375)
-        frames.append(trace_frame(CAMERA, frame.index, stamp_ns, size, ("", 0), pose, frame.intrinsics, kept))
+        stamp_ns, pose, size = (
+            frame.stamp_ns - drive.first_stamp_ns,
+            frame.world_SE3_camera,
+            (1242, 375),
+        )
+        frames.append(
+            trace_frame(CAMERA, frame.index, stamp_ns, size, ("", 0), pose, frame.intrinsics, kept)
+        )
     return Trace(detector.name, drive.origin, {CAMERA: tuple(frames)}, {})
 
 

@@ -50,8 +50,12 @@ def numbers(folder: Path) -> Table:
 def of_case(table: Table, case: str) -> Table:
     """Methods by metrics; ``hits`` are those on cars, or where there is no cache on cars those on edges."""
     mine = table[table["case"] == case]
-    wide = mine[mine["placement"] == "all"].pivot_table(index="method", columns="metric", values="value", sort=False)
-    reuse = mine[mine["metric"] == "image_reuse"].pivot_table(index="method", columns="placement", values="value")
+    wide = mine[mine["placement"] == "all"].pivot_table(
+        index="method", columns="metric", values="value", sort=False
+    )
+    reuse = mine[mine["metric"] == "image_reuse"].pivot_table(
+        index="method", columns="placement", values="value"
+    )
     return wide.assign(hits=reuse["car"].fillna(reuse["edge"])).reindex(mine["method"].unique())
 
 
@@ -79,9 +83,15 @@ def loads(methods: list[Any]) -> dict[str, list[str]]:
         metrics = run.metrics[run.metrics["metric"] == "utilization"]
         edges = metrics[metrics["component"].str.match(r"edge\d+\.accelerator")]
         sent = run.frames.groupby("method", observed=True)["bytes_up"].mean() / 1000
-        found.append(pd.DataFrame({"sent": sent, "busy": edges.groupby("method", observed=True)["value"].mean()}))
+        found.append(
+            pd.DataFrame(
+                {"sent": sent, "busy": edges.groupby("method", observed=True)["value"].mean()}
+            )
+        )
     means = pd.concat(found).groupby(level=0).mean()
-    return {str(row.Index): [f"{row.sent:.0f}", f"{100 * row.busy:.0f} %"] for row in means.itertuples()}
+    return {
+        str(row.Index): [f"{row.sent:.0f}", f"{100 * row.busy:.0f} %"] for row in means.itertuples()
+    }
 
 
 @in_style()
@@ -92,15 +102,25 @@ def figure(table: Table) -> Figure:
     for axis, case in zip(axes, PANELS, strict=True):
         mine = table[(table["case"] == case) & (table["placement"] == "all")]
         wide = {metric: rows.set_index("method") for metric, rows in mine.groupby("metric")}
-        names = [name for name in mine["method"].unique() if name not in ("sim_lru-world", "sim_lru-yolox_gap")]
+        names = [
+            name
+            for name in mine["method"].unique()
+            if name not in ("sim_lru-world", "sim_lru-yolox_gap")
+        ]
         kinds = list(dict.fromkeys(name.partition("-")[0] for name in names))
         for position, kind in enumerate(kinds):
             dial = [name for name in names if name.partition("-")[0] == kind]
             x, y = (wide[one].loc[dial] for one in ("fresh_answer_mean", "streaming_f1"))
-            look = {"color": style.COLOURS[position % 8], "marker": style.MARKERS[position % 8], "markersize": 4}
+            look = {
+                "color": style.COLOURS[position % 8],
+                "marker": style.MARKERS[position % 8],
+                "markersize": 4,
+            }
             look |= {"label": kind, "linewidth": 0.9, "capsize": 2}
             look |= {"markerfacecolor": "none"} if position >= 8 else {}
-            axis.errorbar(x["value"], y["value"], [y["value"] - y["low"], y["high"] - y["value"]], **look)
+            axis.errorbar(
+                x["value"], y["value"], [y["value"] - y["low"], y["high"] - y["value"]], **look
+            )
         axis.set_xscale("log")
         axis.set_xticks([3, 10, 30, 100, 300])
         axis.xaxis.set_major_formatter(ScalarFormatter())
@@ -116,10 +136,15 @@ def figure(table: Table) -> Figure:
 
 def print_cases(table: Table) -> None:
     """As a Markdown table: of each case and method, streaming F1 and the mean time to the fresh answer."""
-    print(f"\n| case | {' | '.join(f'`{name}`' for name in IN_SHORT)} |\n|---|{'---:|' * len(IN_SHORT)}")
+    print(
+        f"\n| case | {' | '.join(f'`{name}`' for name in IN_SHORT)} |\n|---|{'---:|' * len(IN_SHORT)}"
+    )
     for case in table["case"].unique():
         wide = of_case(table, case)
-        cells = [f"{wide['streaming_f1'][name]:.2f}, {wide['fresh_answer_mean'][name]:.0f} ms" for name in IN_SHORT]
+        cells = [
+            f"{wide['streaming_f1'][name]:.2f}, {wide['fresh_answer_mean'][name]:.0f} ms"
+            for name in IN_SHORT
+        ]
         print(f"| {case} | {' | '.join(cells)} |")
 
 

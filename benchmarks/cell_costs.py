@@ -33,8 +33,18 @@ FRAMES_A_S = 10
 FLEET_1000: tuple[Record, ...] = ("lookups", "resources", "held")
 CARS, HOUR_S = 1_000_000, 3600
 # What is timed, and the memory of one cell: right at the beginning, when its caches are full, and later.
-FULL = (Setting(3, 3, 180, 30.0), Setting(1, 1, 20, 1.0), Setting(1, 1, 20, 120.0), Setting(1, 1, 20, 360.0))
-QUICK = (Setting(2, 1, 40, 5.0), Setting(1, 1, 20, 1.0), Setting(1, 1, 20, 10.0), Setting(1, 1, 20, 30.0))
+FULL = (
+    Setting(3, 3, 180, 30.0),
+    Setting(1, 1, 20, 1.0),
+    Setting(1, 1, 20, 120.0),
+    Setting(1, 1, 20, 360.0),
+)
+QUICK = (
+    Setting(2, 1, 40, 5.0),
+    Setting(1, 1, 20, 1.0),
+    Setting(1, 1, 20, 10.0),
+    Setting(1, 1, 20, 30.0),
+)
 TOWNS = (4, 40)  # blocks each way
 
 
@@ -75,11 +85,26 @@ def measure(sizes: tuple[Setting, Setting, Setting, Setting]) -> Costs:
     car = (filled - process) / sizes[2].cars
     frame = (later - filled) / (_frames(sizes[3]) - _frames(sizes[2]))
     block_s, block = _town()
-    return Costs(setting, least, usual, jointly, prepare_s, disk, sizes[2].drive_s, process, car, frame, block_s, block)
+    return Costs(
+        setting,
+        least,
+        usual,
+        jointly,
+        prepare_s,
+        disk,
+        sizes[2].drive_s,
+        process,
+        car,
+        frame,
+        block_s,
+        block,
+    )
 
 
 def _recording(prepared: Prepared, record: tuple[Record, ...]) -> Prepared:
-    scenario, expanded = (one.model_copy(update={"record": record}) for one in (prepared.scenario, prepared.expanded))
+    scenario, expanded = (
+        one.model_copy(update={"record": record}) for one in (prepared.scenario, prepared.expanded)
+    )
     return replace(prepared, scenario=scenario, expanded=expanded)
 
 
@@ -155,11 +180,23 @@ def constants(costs: Costs) -> str:
         (f"processor time, cells apart, `record: []` ({cells})", _micro(costs.least_s), "a frame"),
         ("the same with the tables of `fleet_1000`", _micro(costs.usual_s), "a frame"),
         ("the same cells jointly, `record: []`", _micro(costs.jointly_s), "a frame"),
-        (f"preparing: town, drives of {setting.drive_s:g} s, cells", f"{1000 * costs.prepare_s:.1f} ms", "a car"),
+        (
+            f"preparing: town, drives of {setting.drive_s:g} s, cells",
+            f"{1000 * costs.prepare_s:.1f} ms",
+            "a car",
+        ),
         ("building the town", f"{1000 * costs.block_s:.2f} ms", "a block"),
         ("memory of the town", f"{costs.block / 1e3:.1f} kB", "a block"),
-        ("memory of a cell's process that has hardly begun", f"{costs.process / 1e6:.0f} MB", "a process"),
-        (f"memory after {costs.filled_s:g} s, with its share of the edge", f"{costs.car / 1e6:.2f} MB", "a car"),
+        (
+            "memory of a cell's process that has hardly begun",
+            f"{costs.process / 1e6:.0f} MB",
+            "a process",
+        ),
+        (
+            f"memory after {costs.filled_s:g} s, with its share of the edge",
+            f"{costs.car / 1e6:.2f} MB",
+            "a car",
+        ),
         ("memory that grows after that", f"{costs.frame:.0f} B", "a frame"),
         *((f"`{name}.parquet`", f"{size:.1f} B", "a frame") for name, size in costs.disk.items()),
     ]
@@ -172,7 +209,9 @@ def million(costs: Costs) -> str:
     cells = CARS // CARS_A_CELL
     of_cell = CARS_A_CELL * FRAMES_A_S * HOUR_S
     blocks = cells * BLOCKS_A_CELL**2
-    least_h, usual_h, jointly_h = (frames * one / 3600 for one in (costs.least_s, costs.usual_s, costs.jointly_s))
+    least_h, usual_h, jointly_h = (
+        frames * one / 3600 for one in (costs.least_s, costs.usual_s, costs.jointly_s)
+    )
     of_frames, all_tables = costs.disk["frames"], sum(costs.disk.values())
     later = (HOUR_S - costs.filled_s) * FRAMES_A_S  # frames of a car
     car = costs.car + later * costs.frame
@@ -181,21 +220,61 @@ def million(costs: Costs) -> str:
     rows = [
         ("frames", f"{CARS:,} cars x {FRAMES_A_S}/s x {HOUR_S:,} s", f"{frames:.2g}"),
         ("cells", f"{CARS:,} cars / {CARS_A_CELL} a cell", f"{cells:,}"),
-        ("core hours, apart, frames only", f"{frames:.2g} x {_micro(costs.least_s)}", f"{least_h:,.0f}"),
-        ("core hours, apart, all tables", f"{frames:.2g} x {_micro(costs.usual_s)}", f"{usual_h:,.0f}"),
-        ("one cell on a core", f"{of_cell:,} frames x {_micro(costs.least_s)}", f"{of_cell * costs.least_s:.0f} s"),
-        ("cores that keep up with the clock", f"{least_h:,.0f} core hours / 1 h", f"{least_h:,.0f}"),
-        ("hours in one process, at least", f"{frames:.2g} x {_micro(costs.jointly_s)}", f"{jointly_h:,.0f}"),
-        ("memory of a car", f"{costs.car / 1e6:.2f} MB + {later:,.0f} frames x {costs.frame:.0f} B", car_text),
+        (
+            "core hours, apart, frames only",
+            f"{frames:.2g} x {_micro(costs.least_s)}",
+            f"{least_h:,.0f}",
+        ),
+        (
+            "core hours, apart, all tables",
+            f"{frames:.2g} x {_micro(costs.usual_s)}",
+            f"{usual_h:,.0f}",
+        ),
+        (
+            "one cell on a core",
+            f"{of_cell:,} frames x {_micro(costs.least_s)}",
+            f"{of_cell * costs.least_s:.0f} s",
+        ),
+        (
+            "cores that keep up with the clock",
+            f"{least_h:,.0f} core hours / 1 h",
+            f"{least_h:,.0f}",
+        ),
+        (
+            "hours in one process, at least",
+            f"{frames:.2g} x {_micro(costs.jointly_s)}",
+            f"{jointly_h:,.0f}",
+        ),
+        (
+            "memory of a car",
+            f"{costs.car / 1e6:.2f} MB + {later:,.0f} frames x {costs.frame:.0f} B",
+            car_text,
+        ),
         (
             "memory of a cell's process",
             f"{process_text} + {CARS_A_CELL} x {car_text}",
             f"{(costs.process + CARS_A_CELL * car) / 1e6:,.0f} MB",
         ),
-        ("memory in one process, at least", f"{CARS:,} x {car_text}", f"{CARS * car / 1e12:.1f} TB"),
-        ("disk, frames only", f"{frames:.2g} x {of_frames:.1f} B", f"{frames * of_frames / 1e12:.1f} TB"),
-        ("disk, all tables", f"{frames:.2g} x {all_tables:.0f} B", f"{frames * all_tables / 1e12:.1f} TB"),
-        ("the town in one piece", f"{blocks:,} x {1000 * costs.block_s:.2f} ms, {costs.block / 1e3:.1f} kB", town),
+        (
+            "memory in one process, at least",
+            f"{CARS:,} x {car_text}",
+            f"{CARS * car / 1e12:.1f} TB",
+        ),
+        (
+            "disk, frames only",
+            f"{frames:.2g} x {of_frames:.1f} B",
+            f"{frames * of_frames / 1e12:.1f} TB",
+        ),
+        (
+            "disk, all tables",
+            f"{frames:.2g} x {all_tables:.0f} B",
+            f"{frames * all_tables / 1e12:.1f} TB",
+        ),
+        (
+            "the town in one piece",
+            f"{blocks:,} x {1000 * costs.block_s:.2f} ms, {costs.block / 1e3:.1f} kB",
+            town,
+        ),
     ]
     return table(("a simulated hour", "arithmetic", "is"), rows, left=2)
 
@@ -206,8 +285,14 @@ def _micro(seconds: float) -> str:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("--quick", action="store_true", help="smaller runs: half a minute, and rougher figures")
-    parser.add_argument("--markdown", action="store_true", help="write the tables of docs/explanation/million-cars.md")
+    parser.add_argument(
+        "--quick", action="store_true", help="smaller runs: half a minute, and rougher figures"
+    )
+    parser.add_argument(
+        "--markdown",
+        action="store_true",
+        help="write the tables of docs/explanation/million-cars.md",
+    )
     given = parser.parse_args()
     costs = measure(QUICK if given.quick else FULL)
     blocks = {

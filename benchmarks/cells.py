@@ -162,11 +162,16 @@ def visits(joint: Prepared) -> tuple[tuple[Car, ...], dict[str, Drive]]:
     handed_over = hand_overs(joint)
     for car in joint.expanded.cars:
         drive = cast("TownDrive", joint.drives[car.name])
-        since = [(0, car.edge), *((at_ns - drive.start_ns, edge) for at_ns, edge in handed_over[car.name])]
+        since = [
+            (0, car.edge),
+            *((at_ns - drive.start_ns, edge) for at_ns, edge in handed_over[car.name]),
+        ]
         until_ns = [*(begin_ns for begin_ns, _ in since[1:]), drive.duration_ns]
         for number, ((begin_ns, edge), end_ns) in enumerate(zip(since, until_ns, strict=True), 1):
             name = car.name if number == 1 else f"{car.name}{VISIT}{number}"
-            route = Route().model_copy(update={"start_ns": drive.start_ns + begin_ns, "window_ns": (begin_ns, end_ns)})
+            route = Route().model_copy(
+                update={"start_ns": drive.start_ns + begin_ns, "window_ns": (begin_ns, end_ns)}
+            )
             cars.append(car.model_copy(update={"name": name, "edge": edge, "route": route}))
             drives[name] = drive
     return tuple(cars), drives
@@ -217,10 +222,15 @@ def figures_of(tabled: Tabled) -> list[float]:
         for one in metrics.compute(GENIE, vars(tabled))
     }
     values = (found.get((figure.name, figure.role)) for figure in FIGURES)
-    return [np.nan if value is None else value * figure.factor for value, figure in zip(values, FIGURES, strict=True)]
+    return [
+        np.nan if value is None else value * figure.factor
+        for value, figure in zip(values, FIGURES, strict=True)
+    ]
 
 
-def recall_after_hand_overs(held: pd.DataFrame, handed_over: Mapping[str, Sequence[tuple[int, str]]]) -> float:
+def recall_after_hand_overs(
+    held: pd.DataFrame, handed_over: Mapping[str, Sequence[tuple[int, str]]]
+) -> float:
     """The share of visible objects that are held, soon after their car was handed over."""
     soon = np.zeros(len(held), dtype=bool)
     for car, passed in handed_over.items():
@@ -241,14 +251,18 @@ class Compared:
     hand_overs: int
 
 
-def compare(setting: Setting, seeds: int, workers: int = 1, tell: Callable[[str], None] = lambda _: None) -> Compared:
+def compare(
+    setting: Setting, seeds: int, workers: int = 1, tell: Callable[[str], None] = lambda _: None
+) -> Compared:
     """Runs every cut with seeds 1 to ``seeds``; ``tell`` is told what is done."""
     ran = []
     for one in in_processes(partial(_of_seed, setting), range(1, seeds + 1), workers):
         ran.append(one)
         tell(f"{len(ran)} of {seeds} seeds")
     values = {cut: np.array([of_cuts[cut] for of_cuts, _, _ in ran]) for cut in CUTS}
-    return Compared(setting, values, sum(frames for _, frames, _ in ran), sum(passed for *_, passed in ran))
+    return Compared(
+        setting, values, sum(frames for _, frames, _ in ran), sum(passed for *_, passed in ran)
+    )
 
 
 def _of_seed(setting: Setting, seed: int) -> tuple[dict[str, list[float]], int, int]:
@@ -291,23 +305,37 @@ def _signed(value: float, digits: int) -> str:
 
 def write(name: str, block: str, page: Path = PAGE) -> None:
     """Fills a place of the page. Raises ``UserError`` where it has none of this name."""
-    page.write_text(filled(page.read_text(encoding="utf-8"), name, block, str(page)), encoding="utf-8")
+    page.write_text(
+        filled(page.read_text(encoding="utf-8"), name, block, str(page)), encoding="utf-8"
+    )
 
 
 def main() -> None:
     usual = Setting()
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("--columns", type=int, default=usual.columns, help="cells from west to east")
+    parser.add_argument(
+        "--columns", type=int, default=usual.columns, help="cells from west to east"
+    )
     parser.add_argument("--rows", type=int, default=usual.rows, help="cells from south to north")
     parser.add_argument("--cars", type=int, default=usual.cars)
-    parser.add_argument("--seconds", type=float, default=usual.drive_s, help="that every car drives")
-    parser.add_argument("--set", action="append", default=[], metavar="PATH=VALUE", help="other than in fleet_1000")
+    parser.add_argument(
+        "--seconds", type=float, default=usual.drive_s, help="that every car drives"
+    )
+    parser.add_argument(
+        "--set", action="append", default=[], metavar="PATH=VALUE", help="other than in fleet_1000"
+    )
     parser.add_argument("--seeds", type=int, default=4)
-    parser.add_argument("--markdown", action="store_true", help="write the table of docs/explanation/million-cars.md")
+    parser.add_argument(
+        "--markdown",
+        action="store_true",
+        help="write the table of docs/explanation/million-cars.md",
+    )
     given = parser.parse_args()
     setting = Setting(given.columns, given.rows, given.cars, given.seconds, tuple(given.set))
     try:
-        compared = compare(setting, given.seeds, workers_here(), lambda done: print(f"... {done}", file=sys.stderr))
+        compared = compare(
+            setting, given.seeds, workers_here(), lambda done: print(f"... {done}", file=sys.stderr)
+        )
         text = markdown(compared)
         print(text)
         if given.markdown:

@@ -23,8 +23,13 @@ def main() -> None:
     frames = open_drive(kitti_folder(None), "2011_09_26/0005", ("02",)).frames["02"][::4]
     colour = [read_image(frame.image_path) for frame in frames]
     grey = [cv2.cvtColor(image, cv2.COLOR_BGR2GRAY) for image in colour]
-    print("| | encoding | bytes | of the pixels | encode, ms/MB | decode, ms/MB |\n|---|---|---|---|---|---|")
-    for what, images, flag in (("colour", colour, cv2.IMREAD_COLOR), ("grey", grey, cv2.IMREAD_GRAYSCALE)):
+    print(
+        "| | encoding | bytes | of the pixels | encode, ms/MB | decode, ms/MB |\n|---|---|---|---|---|---|"
+    )
+    for what, images, flag in (
+        ("colour", colour, cv2.IMREAD_COLOR),
+        ("grey", grey, cv2.IMREAD_GRAYSCALE),
+    ):
         for name, (suffix, settings) in FORMATS.items():
             rows = []
             for image in images:
@@ -33,7 +38,13 @@ def main() -> None:
                 middle_s = time.process_time()
                 cv2.imdecode(data, flag)
                 times_s = middle_s - begin_s, time.process_time() - middle_s
-                rows.append((len(data), len(data) / image.size, *(1e9 * one / image.size for one in times_s)))
+                rows.append(
+                    (
+                        len(data),
+                        len(data) / image.size,
+                        *(1e9 * one / image.size for one in times_s),
+                    )
+                )
             size, share, encode, decode = np.median(rows, axis=0)
             print(f"| {what} | {name} | {size:,.0f} | {share:.3f} | {encode:.2f} | {decode:.2f} |")
 

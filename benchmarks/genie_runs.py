@@ -45,7 +45,9 @@ def three_cars(laps: int, cameras: int | None = None) -> Scenario:
 def fleet(cars: int, drive_s: float) -> Scenario:
     """So many cars on the one shipped street, each a tenth of a second of the drive ahead of the one before, with an
     edge for every ten that shares with the edges before and after it. Each drives for ``drive_s``."""
-    return read_scenario({"name": "fleet", "methods": ["genie"], "edges": _edges(cars), "cars": _cars(cars, drive_s)})
+    return read_scenario(
+        {"name": "fleet", "methods": ["genie"], "edges": _edges(cars), "cars": _cars(cars, drive_s)}
+    )
 
 
 def town(cars: int, drive_s: float) -> Scenario:
@@ -60,7 +62,10 @@ FLEETS: dict[str, Callable[[int, float], Scenario]] = {"street": fleet, "town": 
 
 def _edges(cars: int) -> list[dict[str, Any]]:
     names = [f"edge{number + 1}" for number in range(-(-cars // CARS_PER_EDGE))]
-    beside = [[*names[max(place - 1, 0) : place], *names[place + 1 : place + 2]] for place in range(len(names))]
+    beside = [
+        [*names[max(place - 1, 0) : place], *names[place + 1 : place + 2]]
+        for place in range(len(names))
+    ]
     return [
         {"name": name, "device": "agx_xavier", "neighbours": neighbours}
         for name, neighbours in zip(names, beside, strict=True)
@@ -173,13 +178,17 @@ class Footprint:
 def footprint(laps: int) -> Footprint:
     """Of a run in a process of its own, so that nothing that ran before counts."""
     code = f"from benchmarks.genie_runs import print_footprint; print_footprint({laps})"
-    ran = subprocess.run([sys.executable, "-c", code], cwd=REPOSITORY, check=True, capture_output=True, text=True)
+    ran = subprocess.run(
+        [sys.executable, "-c", code], cwd=REPOSITORY, check=True, capture_output=True, text=True
+    )
     return Footprint(**json.loads(ran.stdout))
 
 
 def print_footprint(laps: int) -> None:
     """Runs ``3car_hetero`` in this process and prints its footprint as JSON."""
-    with tempfile.TemporaryDirectory() as folder:  # where long tables wait, as in the result folder of a run
+    with (
+        tempfile.TemporaryDirectory() as folder
+    ):  # where long tables wait, as in the result folder of a run
         tables = simulate(prepare(three_cars(laps)), spill=Path(folder))
         table_bytes = {table.name: table.size_bytes for table in tables}
         print(json.dumps(asdict(Footprint(len(tables.frames), table_bytes, _resident_bytes()))))
@@ -193,14 +202,19 @@ def _resident_bytes() -> int:
         return 1024 * next(int(line.split()[1]) for line in lines if line.startswith("VmRSS:"))
     import resource
 
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024)
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (
+        1 if sys.platform == "darwin" else 1024
+    )
 
 
 def bytes_per_frame(short: Footprint, long: Footprint) -> dict[str, float]:
     """What one more frame takes: by table, ``all tables`` and ``whole process``. Whatever a run of any length takes
     cancels out."""
     frames = long.frames - short.frames
-    grown = {name: (long.table_bytes[name] - short.table_bytes[name]) / frames for name in short.table_bytes}
+    grown = {
+        name: (long.table_bytes[name] - short.table_bytes[name]) / frames
+        for name in short.table_bytes
+    }
     return {
         **grown,
         "all tables": sum(grown.values()),
@@ -225,7 +239,8 @@ def profile(prepared: Prepared, entries: int) -> Sequence[Hot]:
     whole_s = sum(own_s for _, _, own_s, _, _ in timed.values())
     dearest = sorted(timed.items(), key=lambda item: item[1][2], reverse=True)[:entries]
     return [
-        Hot(_where(place), calls / len(tables.frames), own_s / whole_s) for place, (_, calls, own_s, _, _) in dearest
+        Hot(_where(place), calls / len(tables.frames), own_s / whole_s)
+        for place, (_, calls, own_s, _, _) in dearest
     ]
 
 

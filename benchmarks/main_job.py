@@ -56,7 +56,9 @@ def in_a_fresh_process(scenario: str, settings: list[str]) -> dict[str, float]:
     """The same, with every import paid for."""
     told = [part for setting in settings for part in ("--set", setting)]
     command = [sys.executable, __file__, scenario, "--here", *told]
-    found: dict[str, float] = json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
+    found: dict[str, float] = json.loads(
+        subprocess.run(command, check=True, capture_output=True, text=True).stdout
+    )
     return found
 
 

@@ -70,7 +70,9 @@ def ciw(station: Station) -> Responses:
         for camera, phase_ns in enumerate(station.phases_ns)
         for number in range(station.frames_of(camera))
     )
-    gaps = [float(later - earlier) for earlier, later in zip([0, *arrivals], arrivals, strict=False)]
+    gaps = [
+        float(later - earlier) for earlier, later in zip([0, *arrivals], arrivals, strict=False)
+    ]
     never = 2.0 * (arrivals[-1] + station.frames * station.service_ns)
     network = ciw.create_network(
         arrival_distributions=[ciw.dists.Sequential([*gaps, never])],
@@ -148,13 +150,24 @@ def main() -> None:
     except ImportError as error:
         print(json.dumps({"skipped": str(error)}))
         return
-    engine(Station((0,), frames=1, servers=1, service_ns=1, period_ns=2))  # what it imports late is not timed
+    engine(
+        Station((0,), frames=1, servers=1, service_ns=1, period_ns=2)
+    )  # what it imports late is not timed
     began_s = time.process_time()
     responses = engine(station)
     cpu_s = time.process_time() - began_s
     mean_ns = sum(responses) / len(responses)
     version = metadata.version(name)
-    print(json.dumps({"frames": len(responses), "cpu_s": cpu_s, "mean_response_ns": mean_ns, "version": version}))
+    print(
+        json.dumps(
+            {
+                "frames": len(responses),
+                "cpu_s": cpu_s,
+                "mean_response_ns": mean_ns,
+                "version": version,
+            }
+        )
+    )
 
 
 if __name__ == "__main__":

@@ -37,7 +37,9 @@ def main() -> None:
     arguments = parser.parse_args()
 
     width_height = arguments.size and tuple(map(int, arguments.size.split("x")))
-    detector = make_detector(arguments.detector, None, width_height, threads=arguments.threads, batch=arguments.batch)
+    detector = make_detector(
+        arguments.detector, None, width_height, threads=arguments.threads, batch=arguments.batch
+    )
     assert isinstance(detector, OnnxDetector)
     drive = open_drive(kitti_folder(None), arguments.drive, arguments.cameras.split(","))
     frames = in_turn(drive)[: arguments.frames]
@@ -52,13 +54,18 @@ def main() -> None:
     print(f"{detector.name} {size}, {len(frames)} frames, {detector.batch} at a time", end=", ")
     print(f"{arguments.threads} threads, {os.cpu_count()} processors")
     (bare_s, bare_processor_s), (pipeline_s, pipeline_processor_s) = (
-        [statistics.median(column) / len(frames) for column in zip(*rows, strict=True)] for rows in (bare, pipeline)
+        [statistics.median(column) / len(frames) for column in zip(*rows, strict=True)]
+        for rows in (bare, pipeline)
     )
     rest_s = pipeline_processor_s - bare_processor_s
     print(f"bare network  {1 / bare_s:7.1f} frames/s")
     print(f"pipeline      {1 / pipeline_s:7.1f} frames/s")
-    print(f"share         {statistics.median(shares):7.0%} (rounds: {', '.join(f'{s:.0%}' for s in sorted(shares))})")
-    print(f"processor time of a frame: network {1e3 * bare_processor_s:.1f} ms, all else {1e3 * rest_s:.1f} ms")
+    print(
+        f"share         {statistics.median(shares):7.0%} (rounds: {', '.join(f'{s:.0%}' for s in sorted(shares))})"
+    )
+    print(
+        f"processor time of a frame: network {1e3 * bare_processor_s:.1f} ms, all else {1e3 * rest_s:.1f} ms"
+    )
 
 
 def _timed(run: Callable[[], Iterable[object]]) -> tuple[float, float]:

@@ -71,20 +71,30 @@ class Other(Placement):
         if self.rule == "lower middle":
             quarter, middle = (box[2] - box[0]) / 4, (box[1] + box[3]) / 2
             across, down, scale = self._intrinsics @ self._points[:, inside]
-            low = (np.abs(across / scale - (box[0] + box[2]) / 2) < quarter) & (down / scale > middle)
-            chosen = np.flatnonzero(low) if low.sum() >= placement.MIN_POINTS else np.arange(len(inside))
+            low = (np.abs(across / scale - (box[0] + box[2]) / 2) < quarter) & (
+                down / scale > middle
+            )
+            chosen = (
+                np.flatnonzero(low) if low.sum() >= placement.MIN_POINTS else np.arange(len(inside))
+            )
             return chosen[max(placement.groups_of(ranges_m[chosen]), key=len)]
         if self.rule in ("dominant", "majority"):
             largest = max(placement.groups_of(ranges_m), key=len)
             if self.rule == "dominant" or len(largest) > len(inside) / 2:
                 return largest
             return super()._object(label, box, inside, ranges_m, ground_m)
-        enough = max(placement.MIN_POINTS, (0.1 if "sparse" in self.rule else placement.DENSE_SHARE) * len(inside))
+        enough = max(
+            placement.MIN_POINTS,
+            (0.1 if "sparse" in self.rule else placement.DENSE_SHARE) * len(inside),
+        )
         groups = placement.groups_of(ranges_m)
         dense = [group for group in groups if len(group) >= enough] or [max(groups, key=len)]
         high_m = HEIGHT_M[label] * float(self._intrinsics[1, 1]) / (box[3] - box[1])
         wanted = [high_m, *([ground_m] if "foot" in self.rule and ground_m is not None else [])]
-        return min(dense, key=lambda group: sum(abs(math.log(surface(ranges_m[group]) / m)) for m in wanted))
+        return min(
+            dense,
+            key=lambda group: sum(abs(math.log(surface(ranges_m[group]) / m)) for m in wanted),
+        )
 
 
 def placed(trace: Trace, drive: KittiDrive, rule: str) -> Trace:
@@ -92,7 +102,12 @@ def placed(trace: Trace, drive: KittiDrive, rule: str) -> Trace:
     kind = type("By", (Other,), {"rule": rule})
     frames = []
     for frame, raw in zip(trace.frames[CAMERA], drive.frames[CAMERA], strict=True):
-        here = kind(raw.intrinsics, (frame.width, frame.height), drive.camera_SE3_velo(CAMERA), drive.scan(raw.index))
+        here = kind(
+            raw.intrinsics,
+            (frame.width, frame.height),
+            drive.camera_SE3_velo(CAMERA),
+            drive.scan(raw.index),
+        )
         found = []
         for one in frame.detections:
             point, method = here.place(one.label, one.box)
@@ -113,7 +128,9 @@ class Error(NamedTuple):
     too_far_m: float
 
 
-def errors(trace: Trace, truth: PictureLabels, hidden: dict[tuple[int, int], int]) -> Iterator[Error]:
+def errors(
+    trace: Trace, truth: PictureLabels, hidden: dict[tuple[int, int], int]
+) -> Iterator[Error]:
     poses = {frame.index: frame.pose for frame in trace.frames[CAMERA]}
     at = {id(one): frame.index for frame in trace.frames[CAMERA] for one in frame.detections}
     for judged in evaluate(trace, truth, 0.3).kept("vehicles"):
@@ -121,8 +138,12 @@ def errors(trace: Trace, truth: PictureLabels, hidden: dict[tuple[int, int], int
             continue
         index = at[id(judged.detection)]
         pose = poses[index]
-        too_far_m = math.dist((pose.east_m, pose.north_m), judged.detection.location[:2]) - judged.range_m
-        yield Error(index, judged.error_m, judged.range_m, hidden[index, judged.label.track], too_far_m)
+        too_far_m = (
+            math.dist((pose.east_m, pose.north_m), judged.detection.location[:2]) - judged.range_m
+        )
+        yield Error(
+            index, judged.error_m, judged.range_m, hidden[index, judged.label.track], too_far_m
+        )
 
 
 def main() -> None:
@@ -135,10 +156,14 @@ def main() -> None:
     drive = open_drive(root, DRIVE, [CAMERA])
     scored = run(detector, drive, middle=False)
     middle = len(drive.frames[CAMERA]) // 2
-    labels = tracking_labels(root / "tracking/training/label_02/0000.txt", len(drive.frames[CAMERA]))
+    labels = tracking_labels(
+        root / "tracking/training/label_02/0000.txt", len(drive.frames[CAMERA])
+    )
     hidden = {(one.frame, one.track): one.occlusion for one in labels}
     head = [f"{low} to {high} m{what}" for low, high in RANGES_M for what in ("", ", hidden")]
-    print(f"| suppression, rule | all | {' | '.join(head)} | hidden, 15 to 50 m | of those 1 m too near |")
+    print(
+        f"| suppression, rule | all | {' | '.join(head)} | hidden, 15 to 50 m | of those 1 m too near |"
+    )
     print("|---|" + "---|" * (len(head) + 3))
     truth = None
     for iou, rule in product(SUPPRESSION, RULES):

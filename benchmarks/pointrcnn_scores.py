@@ -31,7 +31,9 @@ def judged(sequence: str) -> dict[str, np.ndarray]:
     for label, (a, b) in tracking.POINTRCNN_SCORES.items():
         rows = []
         for one in evaluation.groups[GROUPS[label]].judged:
-            score = min(max(one.detection.score, 0.00005), 0.99995)  # scores are kept with four decimals
+            score = min(
+                max(one.detection.score, 0.00005), 0.99995
+            )  # scores are kept with four decimals
             rows.append(((math.log(score / (1 - score)) - b) / a, float(one.label is not None)))
         found[label] = np.array(rows)
     return found
@@ -52,7 +54,10 @@ def calibration_error(pairs: np.ndarray, a: float, b: float) -> float:
     """Mean gap between score and share of right ones, over bins of 0.1."""
     scores = expit(a * pairs[:, 0] + b)
     bins = np.minimum((scores * 10).astype(int), 9)
-    return sum(abs(scores[bins == i].mean() - pairs[bins == i, 1].mean()) * (bins == i).mean() for i in np.unique(bins))
+    return sum(
+        abs(scores[bins == i].mean() - pairs[bins == i, 1].mean()) * (bins == i).mean()
+        for i in np.unique(bins)
+    )
 
 
 def main() -> None:
@@ -63,8 +68,13 @@ def main() -> None:
         a, b = fit(np.concatenate(halves))
         print(f"{label}: a = {a:.2f}, b = {b:.2f} on all {len(sequences)} sequences")
         for fitted, held_out in (halves, halves[::-1]):
-            sigmoid, held = calibration_error(held_out, 1.0, 0.0), calibration_error(held_out, *fit(fitted))
-            print(f"  {len(held_out)} held out: calibration error {held:.3f}; plain sigmoid {sigmoid:.3f}")
+            sigmoid, held = (
+                calibration_error(held_out, 1.0, 0.0),
+                calibration_error(held_out, *fit(fitted)),
+            )
+            print(
+                f"  {len(held_out)} held out: calibration error {held:.3f}; plain sigmoid {sigmoid:.3f}"
+            )
 
 
 if __name__ == "__main__":

@@ -145,7 +145,9 @@ def measure(sizes: Sizes, peers_python: str, command: str, tell: Callable[[str],
         of_fleet = work[f"{FLEET}, {cars:,} cars"] = work_of(prepared)
         runs = {FLEET: partial(run_genie, prepared)}
         events = {FLEET: of_fleet.events}
-        races.append(race(cars, runs, events, of_fleet.frames, sizes.rounds, peers_python, skipped, versions))
+        races.append(
+            race(cars, runs, events, of_fleet.frames, sizes.rounds, peers_python, skipped, versions)
+        )
     tell("memory and profile")
     short, long = (genie_runs.footprint(laps) for laps in sizes.memory_laps)
     hot = genie_runs.profile(cold, sizes.profile_entries)
@@ -184,7 +186,9 @@ def race(
         for name in peers.PEERS:
             if name not in skipped and cars <= peers.MOST_CARS.get(name, cars):
                 _run_peer(name, station, peers_python, found, skipped, versions)
-    return Race(cars, {name: outcomes for name, outcomes in found.items() if len(outcomes) == rounds})
+    return Race(
+        cars, {name: outcomes for name, outcomes in found.items() if len(outcomes) == rounds}
+    )
 
 
 def _run_peer(
@@ -224,7 +228,9 @@ def cost_curve(name: str, sizes: Sizes, tell: Callable[[str], None]) -> list[Poi
     for cars in sizes.curves[name]:
         expected_s = _expected_s(took, cars)
         if expected_s > sizes.longest_s:
-            points.append(Point(cars, missing=f"not measured: it would take about {expected_s:,.0f} s"))
+            points.append(
+                Point(cars, missing=f"not measured: it would take about {expected_s:,.0f} s")
+            )
             continue
         tell(f"{name}, {cars:,} cars")
         began_s = time.process_time()
@@ -237,7 +243,9 @@ def cost_curve(name: str, sizes: Sizes, tell: Callable[[str], None]) -> list[Poi
         growth = 2 * here.genie_s / (before.genie_s + after.genie_s)
         anchor_growth = 2 * here.anchor_s / (before.anchor_s + after.anchor_s)
         prepare_ms = 1000 * prepare_s / cars
-        points.append(Point(cars, here.frames, growth, anchor_growth, here.events_per_frame, prepare_ms))
+        points.append(
+            Point(cars, here.frames, growth, anchor_growth, here.events_per_frame, prepare_ms)
+        )
         before = after
     return points
 
@@ -294,12 +302,24 @@ def _processor() -> str:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--quick", action="store_true", help="smaller runs: half a minute")
-    parser.add_argument("--peers", default=sys.executable, metavar="PYTHON", help="which has leafsim, ciw or salabim")
-    parser.add_argument("--markdown", action="store_true", help="write the tables and figures of docs/speed.md")
+    parser.add_argument(
+        "--peers",
+        default=sys.executable,
+        metavar="PYTHON",
+        help="which has leafsim, ciw or salabim",
+    )
+    parser.add_argument(
+        "--markdown", action="store_true", help="write the tables and figures of docs/speed.md"
+    )
     arguments = parser.parse_args()
     command = "python benchmarks/speed.py" + " --quick" * arguments.quick
     sizes = QUICK if arguments.quick else FULL
-    measured = measure(sizes, arguments.peers, command, lambda what: print(f"... {what}", file=sys.stderr, flush=True))
+    measured = measure(
+        sizes,
+        arguments.peers,
+        command,
+        lambda what: print(f"... {what}", file=sys.stderr, flush=True),
+    )
     for name, block in speed_page.blocks(measured).items():
         print(f"\n{name}\n\n{block}")
     if arguments.markdown:

@@ -29,7 +29,9 @@ ENGINE_TEXT = {"simpy": "SimPy, a process a frame (anchor)", "heapq": "bare heap
 def blocks(measured: Measured) -> dict[str, str]:
     """Every table in Markdown, by the name of its place in the page."""
     return {
-        "machine": "\n".join(f"- {what}: {text}" for what, text in [*measured.machine.items(), *_about(measured)]),
+        "machine": "\n".join(
+            f"- {what}: {text}" for what, text in [*measured.machine.items(), *_about(measured)]
+        ),
         "goals": _goals(measured),
         "ratios": _ratios(measured),
         "work": _work(measured),
@@ -46,7 +48,10 @@ def write(measured: Measured, docs: Path = DOCS) -> None:
     text = page.read_text(encoding="utf-8")
     for name, block in blocks(measured).items():
         text = filled(text, name, block, str(page))
-    for name, figure in {"speed_cars": cars_figure(measured), "speed_time": time_figure(measured)}.items():
+    for name, figure in {
+        "speed_cars": cars_figure(measured),
+        "speed_time": time_figure(measured),
+    }.items():
         with in_style():
             figure.savefig(docs / "images" / f"{name}.png", metadata={"Software": None})
     page.write_text(text, encoding="utf-8")
@@ -56,7 +61,9 @@ def filled(text: str, name: str, block: str, where: str) -> str:
     """The page with what stands between ``<!-- measured: NAME -->`` and ``<!-- end -->`` replaced."""
     place = re.compile(rf"(<!-- measured: {re.escape(name)} -->\n).*?(<!-- end -->)", re.DOTALL)
     if not place.search(text):
-        raise UserError(f"{where}: no place for {name!r}: '<!-- measured: {name} -->' and '<!-- end -->' are missing")
+        raise UserError(
+            f"{where}: no place for {name!r}: '<!-- measured: {name} -->' and '<!-- end -->' are missing"
+        )
     return place.sub(lambda found: f"{found[1]}{block}\n{found[2]}", text)
 
 
@@ -94,9 +101,21 @@ def _goals(measured: Measured) -> str:
         rows.append((text, f"below {BYTES_GOAL}", f"{value:.0f}", _met(value < BYTES_GOAL)))
     minutes, whole, late = _over_time(measured)
     rows.append(
-        (f"{minutes} minutes over {minutes} times the first minute", "at most 1", f"{whole:.2f}", _met(whole <= 1))
+        (
+            f"{minutes} minutes over {minutes} times the first minute",
+            "at most 1",
+            f"{whole:.2f}",
+            _met(whole <= 1),
+        )
     )
-    rows.append(("the last quarter of them over the second", "at most 1.1", f"{late:.2f}", _met(late <= 1.1)))
+    rows.append(
+        (
+            "the last quarter of them over the second",
+            "at most 1.1",
+            f"{late:.2f}",
+            _met(late <= 1.1),
+        )
+    )
     return table(("what", "goal", "reached", "met"), rows)
 
 
@@ -121,7 +140,15 @@ def _ratios(measured: Measured) -> str:
                     "" if events is None else f"{1e6 / race.rate(engine) / events:.2f}",
                 )
             )
-    header = ("cars", "engine", "1,000 frames/s", "over SimPy's", "in the rounds", "events a frame", "µs an event")
+    header = (
+        "cars",
+        "engine",
+        "1,000 frames/s",
+        "over SimPy's",
+        "in the rounds",
+        "events a frame",
+        "µs an event",
+    )
     return table(header, rows, left=2)
 
 
@@ -131,7 +158,9 @@ def _work(measured: Measured) -> str:
     for run, work in measured.work.items():
         per_frame = [f"{work.table_rows[name] / work.frames:.2f}" for name in names]
         rows.append((run, f"{work.frames:,}", f"{work.events / work.frames:.1f}", *per_frame))
-    return table(("run", "frames", "events a frame", *(f"`{name}` rows a frame" for name in names)), rows)
+    return table(
+        ("run", "frames", "events a frame", *(f"`{name}` rows a frame" for name in names)), rows
+    )
 
 
 def _growth(measured: Measured) -> str:
@@ -144,13 +173,27 @@ def _growth(measured: Measured) -> str:
             numbers = ("" if value is None else f"{value:.3g}" for value in values)
             rows.append((roads, f"{point.cars:,}", frames, cost, *numbers))
     over = "cost of a frame, over that of the smallest"
-    return table(("roads", "cars", "frames", over, "SimPy's station", "events a frame", "preparing, ms a car"), rows)
+    return table(
+        (
+            "roads",
+            "cars",
+            "frames",
+            over,
+            "SimPy's station",
+            "events a frame",
+            "preparing, ms a car",
+        ),
+        rows,
+    )
 
 
 def _over_time(measured: Measured) -> tuple[int, float, float]:
     """Whole minutes driven; what they cost over so many times the first; the last quarter over the second."""
     hour = measured.hour
-    begin_s, minutes = hour.simulated_s[0], int((hour.simulated_s[-1] - hour.simulated_s[0] + 1) // 60)
+    begin_s, minutes = (
+        hour.simulated_s[0],
+        int((hour.simulated_s[-1] - hour.simulated_s[0] + 1) // 60),
+    )
     first_s, quarter_s = min(60, hour.simulated_s[-1]), hour.simulated_s[-1] / 4
     whole = hour.between(begin_s, hour.simulated_s[-1]) / hour.between(begin_s, first_s)
     late = hour.between(3 * quarter_s, 4 * quarter_s) / hour.between(quarter_s, 2 * quarter_s)
@@ -174,7 +217,10 @@ def _memory(measured: Measured) -> str:
 
 
 def _profile(measured: Measured) -> str:
-    rows = [(f"`{hot.where}`", f"{hot.calls_per_frame:.1f}", f"{hot.share:.1%}") for hot in measured.profile]
+    rows = [
+        (f"`{hot.where}`", f"{hot.calls_per_frame:.1f}", f"{hot.share:.1%}")
+        for hot in measured.profile
+    ]
     return table(("function", "calls a frame", "share of all time"), rows)
 
 
@@ -193,7 +239,13 @@ def cars_figure(measured: Measured) -> Figure:
     known = [point for point in measured.curves["street"] if point.anchor_growth is not None]
     anchors = [point.anchor_growth for point in known]
     axis.plot([point.cars for point in known], anchors, **_line(0, "SimPy's station", "s"))
-    axis.axhline(GROWTH_GOAL, color="black", linewidth=0.9, linestyle="--", label=f"goal: below {GROWTH_GOAL}")
+    axis.axhline(
+        GROWTH_GOAL,
+        color="black",
+        linewidth=0.9,
+        linestyle="--",
+        label=f"goal: below {GROWTH_GOAL}",
+    )
     axis.set_xscale("log")
     axis.xaxis.set_major_locator(FixedLocator(sorted(ticks)))
     axis.xaxis.set_minor_locator(NullLocator())
@@ -209,9 +261,16 @@ def time_figure(measured: Measured) -> Figure:
     hour, minutes = measured.hour, _over_time(measured)[0]
     first_s = hour.between(0, 60)
     marks = range(minutes + 1)
-    axis.plot(marks, [hour.between(0, 60 * minute) / first_s for minute in marks], **_line(2, "Genie", ""))
     axis.plot(
-        [0, minutes], [0, minutes], color="black", linewidth=0.9, linestyle="--", label="goal: every minute the same"
+        marks, [hour.between(0, 60 * minute) / first_s for minute in marks], **_line(2, "Genie", "")
+    )
+    axis.plot(
+        [0, minutes],
+        [0, minutes],
+        color="black",
+        linewidth=0.9,
+        linestyle="--",
+        label="goal: every minute the same",
     )
     axis.set_xlim(0, minutes)
     axis.set_ylim(0, None)

@@ -102,7 +102,9 @@ def heapq_station(station: Station) -> Outcome:
     """The ceiling: the same events in a bare loop over a heap, with no simulation library at all."""
     began_s = time.process_time()
     left = [station.frames_of(camera) for camera in range(len(station.phases_ns))]
-    heap = [(phase_ns, camera, 0) for camera, phase_ns in enumerate(station.phases_ns) if left[camera]]
+    heap = [
+        (phase_ns, camera, 0) for camera, phase_ns in enumerate(station.phases_ns) if left[camera]
+    ]
     heapq.heapify(heap)
     push, pop = heapq.heappush, heapq.heappop
     waiting: deque[int] = deque()

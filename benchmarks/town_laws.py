@@ -60,25 +60,50 @@ def main() -> None:
     arguments.out.write_text(json.dumps(laws, indent=1, sort_keys=True) + "\n", encoding="utf-8")
     for kind in ("groups", "ghosts"):
         for name, group in laws[kind].items():
-            print(kind, name, {key: group[key] for key in group if key.endswith(("_correlation", "places", "_frame"))})
+            print(
+                kind,
+                name,
+                {
+                    key: group[key]
+                    for key in group
+                    if key.endswith(("_correlation", "places", "_frame"))
+                },
+            )
 
 
 def held_out(rows: list[Look]) -> str:
     """Vehicles by the laws of others: fitted on every second one, held against the rest, and the other way round."""
     tracks = sorted({look.track for look in rows})
-    text = ["| vehicles, held out | found, real | found, town | score | along | across |", "|---|---|---|---|---|---|"]
+    text = [
+        "| vehicles, held out | found, real | found, town | score | along | across |",
+        "|---|---|---|---|---|---|",
+    ]
     for half in (0, 1):
         known = [look for look in rows if tracks.index(look.track) % 2 == half]
         other = [look for look in rows if tracks.index(look.track) % 2 != half]
         fitted = json.loads(LAWS.read_text(encoding="utf-8"))
-        fitted["groups"]["vehicles"] |= {"found": found_law("vehicles", known), "place": place_law("vehicles", known)}
+        fitted["groups"]["vehicles"] |= {
+            "found": found_law("vehicles", known),
+            "place": place_law("vehicles", known),
+        }
         laws = DetectorLaws(fitted)
-        made = [look for seed in range(40) for look in validation.resimulate(laws, "vehicles", other, seed)]
+        made = [
+            look
+            for seed in range(40)
+            for look in validation.resimulate(laws, "vehicles", other, seed)
+        ]
         figures = [validation.found_share(other), validation.found_share(made)]
         figures.append(validation.distance(validation.scores(other), validation.scores(made)))
-        errors = [(validation.errors(other, name), validation.errors(made, name)) for name in ("along_m", "across_m")]
+        errors = [
+            (validation.errors(other, name), validation.errors(made, name))
+            for name in ("along_m", "across_m")
+        ]
         figures += [validation.distance(*pair) for pair in errors]
-        text.append(f"| {len({look.track for look in other})} | " + " | ".join(f"{x:.2f}" for x in figures) + " |")
+        text.append(
+            f"| {len({look.track for look in other})} | "
+            + " | ".join(f"{x:.2f}" for x in figures)
+            + " |"
+        )
     return "\n".join(text) + "\n"
 
 
@@ -88,9 +113,15 @@ def compared_frames(trace: Trace) -> str:
     drives = [town.drive(f"car{k}", 40 * NS_PER_S) for town in towns for k in range(40)]
     made = [frame for drive in drives for frame in drive.frames["02"][::50]]
     real = [frame for frames in trace.frames.values() for frame in frames]
-    text = ["| detections | trace, a frame | town, a frame | number | range | score |", "|---|---|---|---|---|---|"]
+    text = [
+        "| detections | trace, a frame | town, a frame | number | range | score |",
+        "|---|---|---|---|---|---|",
+    ]
     for what, labels in {**evaluation.LABELS, "bicycles": ("bicycle",)}.items():
-        found = [[[d for d in f.detections if d.label in labels] for f in frames] for frames in (real, made)]
+        found = [
+            [[d for d in f.detections if d.label in labels] for f in frames]
+            for frames in (real, made)
+        ]
         numbers = [list(map(len, one)) for one in found]
         scores = [[d.score for here in one for d in here] for one in found]
         ranges_m = [

@@ -28,11 +28,17 @@ def main() -> None:
 
     Town(TownRules(blocks=(1, 1)), 1)  # reads the laws
     rules = TownRules(blocks=(arguments.blocks, arguments.blocks))
-    print(f"town of {arguments.blocks} x {arguments.blocks} blocks  {_seconds(lambda: Town(rules, 1).streets):8.2f} s")
+    print(
+        f"town of {arguments.blocks} x {arguments.blocks} blocks  {_seconds(lambda: Town(rules, 1).streets):8.2f} s"
+    )
     town = Town(rules, 1)
     duration_ns = arguments.frames * 100_000_000
     drives = [town.drive(f"car{k}", duration_ns) for k in range(arguments.cars)]
-    _tell("drive", lambda: [town.drive(f"car{k}", duration_ns).course for k in range(arguments.cars)], arguments.cars)
+    _tell(
+        "drive",
+        lambda: [town.drive(f"car{k}", duration_ns).course for k in range(arguments.cars)],
+        arguments.cars,
+    )
     count = arguments.frames * len(drives)
 
     def frames() -> Iterator[TownFrame]:
@@ -40,7 +46,11 @@ def main() -> None:
 
     _tell("frame", lambda: [frame.pose for frame in frames()], count)
     found = sum(len(frame.detections) for frame in frames()) / count
-    _tell(f"frame and detections ({found:.1f} a frame)", lambda: [len(frame.detections) for frame in frames()], count)
+    _tell(
+        f"frame and detections ({found:.1f} a frame)",
+        lambda: [len(frame.detections) for frame in frames()],
+        count,
+    )
     _tell("frame and truth", lambda: [len(frame.truth()) for frame in frames()], count)
 
 

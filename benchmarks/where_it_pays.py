@@ -32,7 +32,13 @@ ONE_CAMERA = {"name": "camera_02", "recording": "02"}
 SMALL = {**ONE_CAMERA, "size": "86 kB"}
 WITHOUT = ("local", "remote", "local_tracker", "remote_tracker")
 GENIE = "genie_recommended"
-SHOWN = ("streaming_f1", "ghost_share", "object_recall_static", "object_recall_moving", "first_answer_p50")
+SHOWN = (
+    "streaming_f1",
+    "ghost_share",
+    "object_recall_static",
+    "object_recall_moving",
+    "first_answer_p50",
+)
 
 
 def command(*arguments: str) -> None:
@@ -43,7 +49,15 @@ def trace(sequence: str) -> str:
     """The trace of a tracking sequence, with its truth beside it."""
     path = OUT / "traces" / f"tracking_{sequence}.parquet"
     if not path.is_file():
-        command("perceive", "--drive", f"tracking/{sequence}", "--detector", "pointrcnn", "--out", str(path))
+        command(
+            "perceive",
+            "--drive",
+            f"tracking/{sequence}",
+            "--detector",
+            "pointrcnn",
+            "--out",
+            str(path),
+        )
         command("truth", "--drive", f"tracking/{sequence}", "--trace", str(path))
     return str(path)
 
@@ -78,9 +92,14 @@ def choose() -> None:
     cases = {key: case for key, case in drives(CHOOSING).items() if not key.endswith("5G, raw")}
     cases["drive, Ethernet, raw"] = {}
     cases["drive, 5G, JPEG 80"] = {**links("nr5g"), "image_encoding": "jpeg80"}
-    rules = [{"object_map": {"freshness": {"name": "recommended", "p_min": p_min}}} for p_min in P_MINS]
+    rules = [
+        {"object_map": {"freshness": {"name": "recommended", "p_min": p_min}}} for p_min in P_MINS
+    ]
     names = [f"p{round(100 * p_min)}" for p_min in P_MINS]
-    entries = [{"name": name, "method": "genie", "genie": rule} for name, rule in zip(names, rules, strict=True)]
+    entries = [
+        {"name": name, "method": "genie", "genie": rule}
+        for name, rule in zip(names, rules, strict=True)
+    ]
     sweep("choose", cases, entries)
     runs = pd.read_parquet(OUT / "choose" / "runs.parquet")
     means_of(runs).to_csv(OUT / "choose.csv")
@@ -94,8 +113,14 @@ def ttl_entry(ttl_ms: int) -> dict[str, Any]:
 
 def ttl() -> None:
     """The second stage: a time to live of stored pictures, chosen and reported as p_min was."""
-    ethernet = {key: case for key, case in drives(CHOOSING).items() if key.endswith("Ethernet, raw")}
-    sweep("choose_ttl", {**ethernet, "drive, Ethernet, raw": {}}, [ttl_entry(ttl_ms) for ttl_ms in TTLS_MS])
+    ethernet = {
+        key: case for key, case in drives(CHOOSING).items() if key.endswith("Ethernet, raw")
+    }
+    sweep(
+        "choose_ttl",
+        {**ethernet, "drive, Ethernet, raw": {}},
+        [ttl_entry(ttl_ms) for ttl_ms in TTLS_MS],
+    )
     runs = pd.read_parquet(OUT / "choose_ttl" / "runs.parquet")
     table = means_of(runs)
     table.to_csv(OUT / "choose_ttl.csv")
@@ -130,13 +155,17 @@ def keep() -> None:
 def differences(seeds: pd.DataFrame, genie: str = GENIE) -> pd.DataFrame:
     """Streaming F1 of a Genie less that of the best method without one, by condition: mean and interval over the seeds.
     The best is that of the mean over the seeds."""
-    f1 = seeds.pivot_table(index=["condition", "seed"], columns="method", values="streaming_f1", sort=False)
+    f1 = seeds.pivot_table(
+        index=["condition", "seed"], columns="method", values="streaming_f1", sort=False
+    )
     rows = []
     for condition, mine in f1.dropna(subset=[genie]).groupby("condition", sort=False):
         best = mine[list(WITHOUT)].mean().idxmax()
         for (_, seed), value in (mine[genie] - mine[best]).items():
             rows.append({"condition": condition, "seed": seed, "best": best, "value": value})
-    table = pd.DataFrame(rows).assign(metric="difference", method=genie, placement="all", component="", unit="1")
+    table = pd.DataFrame(rows).assign(
+        metric="difference", method=genie, placement="all", component="", unit="1"
+    )
     return across_seeds(table, ["condition", "best"])
 
 
@@ -147,7 +176,11 @@ def show() -> None:
     second = next(method for method in seeds["method"].unique() if method.startswith("genie_ttl"))
     methods = [method for method in seeds["method"].unique() if method != second]
     found = differences(seeds).set_index("condition")
-    print("| | " + " | ".join(methods) + " | Genie less the best without | ghosts: best, Genie | first answer, ms |")
+    print(
+        "| | "
+        + " | ".join(methods)
+        + " | Genie less the best without | ghosts: best, Genie | first answer, ms |"
+    )
     for condition, one in found.iterrows():
         row = means.loc[condition]
         f1 = " | ".join(f"{row.loc[method, 'streaming_f1']:.2f}" for method in methods)
@@ -155,9 +188,13 @@ def show() -> None:
         print(f"| {condition} | {f1} | {gain(one)} | {ghosts} | {first} |")
     for condition, one in differences(seeds, second).set_index("condition").iterrows():
         row = means.loc[(condition, second)]
-        print(f"| {condition} | {row['streaming_f1']:.2f} | {gain(one)} | {row['ghost_share']:.2f} |")
+        print(
+            f"| {condition} | {row['streaming_f1']:.2f} | {gain(one)} | {row['ghost_share']:.2f} |"
+        )
     figure = drawn(found, means, methods)
-    figure.savefig("docs/images/where_it_pays.png", dpi=100, bbox_inches="tight", metadata={"Software": None})
+    figure.savefig(
+        "docs/images/where_it_pays.png", dpi=100, bbox_inches="tight", metadata={"Software": None}
+    )
 
 
 def gain(one: Any) -> str:
@@ -177,10 +214,21 @@ def drawn(found: pd.DataFrame, means: pd.DataFrame, methods: list[str]) -> Figur
     left, right = figure.subplots(1, 2, sharey=True, width_ratios=[3, 2])
     for position, method in enumerate(methods):
         f1 = [means.loc[(condition, method), SHOWN[0]] for condition in conditions]
-        look = {"color": style.method_line(position)["color"], "marker": style.MARKERS[position % len(style.MARKERS)]}
+        look = {
+            "color": style.method_line(position)["color"],
+            "marker": style.MARKERS[position % len(style.MARKERS)],
+        }
         left.plot(f1, range(len(conditions)), linestyle="none", markersize=4, label=method, **look)
     ends = [found["value"] - found["low"], found["high"] - found["value"]]
-    right.errorbar(found["value"], range(len(conditions)), xerr=ends, fmt="o", markersize=3, capsize=2, color="black")
+    right.errorbar(
+        found["value"],
+        range(len(conditions)),
+        xerr=ends,
+        fmt="o",
+        markersize=3,
+        capsize=2,
+        color="black",
+    )
     right.axvline(0, color="grey", linewidth=0.8)
     left.set_yticks(range(len(conditions)), conditions, fontsize=7)
     left.invert_yaxis()

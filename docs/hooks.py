@@ -69,18 +69,24 @@ def all_settings() -> Iterator[str]:
 
 
 GENERATED: dict[str, Callable[[], Iterator[str]]] = {
-    one.__name__: one for one in (commands, tables, devices, links, detectors, settings, all_settings)
+    one.__name__: one
+    for one in (commands, tables, devices, links, detectors, settings, all_settings)
 }
 
 
 def on_page_markdown(markdown: str, **_: object) -> str:
     """Called by MkDocs for every page."""
-    return re.sub(r"<!-- generated: (\w+) -->", lambda found: "\n".join(GENERATED[found[1]]()), markdown)
+    return re.sub(
+        r"<!-- generated: (\w+) -->", lambda found: "\n".join(GENERATED[found[1]]()), markdown
+    )
 
 
 def _numbers(device: DeviceProfile) -> Iterator[str]:
     yield f"| CPU cores | {device.cores.value} | {device.cores.tag} | {_cell(device.cores.source)} |"
-    for what, law in (("hop, fixed part", device.hop.small), ("hop, per megabyte", device.hop.per_megabyte)):
+    for what, law in (
+        ("hop, fixed part", device.hop.small),
+        ("hop, per megabyte", device.hop.per_megabyte),
+    ):
         yield f"| {what} | {duration_text(law.value)} | {law.tag} | {_cell(law.source)} |"
     median, spread = device.genie_time.median, device.genie_time.spread
     yield f"| Genie, a message, median | {duration_text(median.value)} | {median.tag} | {_cell(median.source)} |"

@@ -20,9 +20,21 @@ UNITS = {  # by the example that the schema gives of a quantity
     "1 m": "length",
     "1000 entries": "entries or size",
 }
-KINDS = {"integer": "whole number", "number": "number", "boolean": "true or false", "string": "text", "array": "list"}
+KINDS = {
+    "integer": "whole number",
+    "number": "number",
+    "boolean": "true or false",
+    "string": "text",
+    "array": "list",
+}
 OWN_CLASS = "`package.module:Class`"
-REPEATED = ("cars[].cameras[].", "cars[].link.", "fleet.link.", "convoy.link.", "convoy.route.")  # described elsewhere
+REPEATED = (
+    "cars[].cameras[].",
+    "cars[].link.",
+    "fleet.link.",
+    "convoy.link.",
+    "convoy.route.",
+)  # described elsewhere
 
 Node = Mapping[str, Any]
 
@@ -55,7 +67,9 @@ def _walked() -> Iterator[tuple[str, Node]]:
 def _below(path: str, node: Node, known: Node, seen: set[str]) -> Iterator[tuple[str, Node]]:
     node = _resolved(node, known)
     for kind in _kinds(node, known):
-        properties = {name: _resolved(one, known) for name, one in kind.get("properties", {}).items()}
+        properties = {
+            name: _resolved(one, known) for name, one in kind.get("properties", {}).items()
+        }
         variant = next((f"[{one['const']}]" for one in properties.values() if "const" in one), "")
         for name, one in properties.items():
             below = f"{path}.{name}{variant}".lstrip(".")
@@ -66,7 +80,10 @@ def _below(path: str, node: Node, known: Node, seen: set[str]) -> Iterator[tuple
             yield below, {**one, "required": missing, "kinds": _kinds(one, known)}
             yield from _below(below, one, known, seen)
         if "items" in kind:
-            yield f"{path}[]", {"required": False, "kinds": _kinds(_resolved(kind["items"], known), known)}
+            yield (
+                f"{path}[]",
+                {"required": False, "kinds": _kinds(_resolved(kind["items"], known), known)},
+            )
             yield from _below(f"{path}[]", kind["items"], known, seen)
 
 
@@ -95,7 +112,9 @@ def _about(node: Node) -> str:
     default = node.get("default")
     if node["required"] and OWN_CLASS not in said:
         said += "; must be given"
-    elif "default" in node and (not isinstance(default, dict | list) or len(json.dumps(default)) < 100):
+    elif "default" in node and (
+        not isinstance(default, dict | list) or len(json.dumps(default)) < 100
+    ):
         default = round(default, 3) if isinstance(default, float) else default
         shown = json.dumps(default) if not isinstance(default, str) else default or '""'
         said += f"; default `{shown}`"

@@ -7,7 +7,18 @@ is first used.
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from genie_sim.api import Figures, Run, Scenario, UserError, compare, differences, load, load_scenario, run, sweep
+    from genie_sim.api import (
+        Figures,
+        Run,
+        Scenario,
+        UserError,
+        compare,
+        differences,
+        load,
+        load_scenario,
+        run,
+        sweep,
+    )
 
 __version__ = "0.1.0"
 __all__ = [

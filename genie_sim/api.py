@@ -33,7 +33,18 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
-__all__ = ["Figures", "Run", "Scenario", "UserError", "compare", "differences", "load", "load_scenario", "run", "sweep"]
+__all__ = [
+    "Figures",
+    "Run",
+    "Scenario",
+    "UserError",
+    "compare",
+    "differences",
+    "load",
+    "load_scenario",
+    "run",
+    "sweep",
+]
 
 Settings = Mapping[str, Any] | Sequence[str]
 
@@ -63,7 +74,9 @@ class Run(results.Run):
         """Writes one HTML page to look at the run in a browser; default: ``report.html`` in the run's folder."""
         if path is None:
             if self.folder is None:
-                raise UserError("report: a run without a folder needs a path, such as run.report('report.html')")
+                raise UserError(
+                    "report: a run without a folder needs a path, such as run.report('report.html')"
+                )
             path = self.folder / report.NAME
         path = expanded(path)
         report.write(path, self)
@@ -84,7 +97,9 @@ class Figures:
         """Mean time to first answer against streaming F1, or against the proxy where the truth is not known."""
         from genie_sim.analysis.latency_accuracy import latency_accuracy
 
-        return latency_accuracy({self._run.name: self._run.measured}, self._run.methods, self._run.footer)
+        return latency_accuracy(
+            {self._run.name: self._run.measured}, self._run.methods, self._run.footer
+        )
 
     def image_reuse(self) -> "Figure":
         """Hits / requests of the message caches, on cars and on edges."""
@@ -164,7 +179,9 @@ class Comparison:
         """What differs: a row per setting, a column per result."""
         import pandas as pd
 
-        return pd.DataFrame.from_dict(dict(self._made.settings), orient="index", columns=list(self._made.names))
+        return pd.DataFrame.from_dict(
+            dict(self._made.settings), orient="index", columns=list(self._made.names)
+        )
 
     @property
     def figures(self) -> "Mapping[str, Figure]":
@@ -210,13 +227,23 @@ def sweep(
     from genie_sim.sweeps.tasks import Local
 
     named = dict(_axis(path, axis) for path, axis in axes.items())
-    given = {"name": "sweep", "scenario": str(scenario), "axes": named, "set": dict(settings or {}), "samples": samples}
-    design = read_design({**given, "seeds": seeds if isinstance(seeds, int) else list(seeds)}, "sweep")
+    given = {
+        "name": "sweep",
+        "scenario": str(scenario),
+        "axes": named,
+        "set": dict(settings or {}),
+        "samples": samples,
+    }
+    design = read_design(
+        {**given, "seeds": seeds if isinstance(seeds, int) else list(seeds)}, "sweep"
+    )
     with tempfile.TemporaryDirectory() as scratch:
         work = Sweep.of(design, "sweep", expanded(out or scratch), progress)
         work.run(Local(jobs or parallel.workers_here()), progress=progress)
         made = work.finish(pictures=out is not None)
-        return pd.read_parquet(made.folder / ("runs.parquet" if every_run else "table.parquet"), use_threads=False)
+        return pd.read_parquet(
+            made.folder / ("runs.parquet" if every_run else "table.parquet"), use_threads=False
+        )
 
 
 def _axis(path: str, axis: Any) -> tuple[str, Any]:
@@ -239,7 +266,10 @@ def differences(runs: "pd.DataFrame", along: str, to: Any) -> "pd.DataFrame":
 
 
 def load_scenario(
-    source: str | Path | Mapping[str, Any] | Scenario, settings: Settings = (), *, seed: int | None = None
+    source: str | Path | Mapping[str, Any] | Scenario,
+    settings: Settings = (),
+    *,
+    seed: int | None = None,
 ) -> Scenario:
     """A scenario, checked: a file or a shipped name, a mapping as in YAML, or another scenario, with ``settings``.
 
@@ -253,7 +283,9 @@ def load_scenario(
             source = source.model_dump(mode="json", by_alias=True)
         return scenario.read_scenario({"name": "scenario", **source}, overrides, seed)
     except UserError as error:
-        raise UserError(str(error).removeprefix("--set ")) from error  # that is how the command line says it
+        raise UserError(
+            str(error).removeprefix("--set ")
+        ) from error  # that is how the command line says it
 
 
 def _in_hand(run: results.Run) -> Run:
@@ -263,7 +295,9 @@ def _in_hand(run: results.Run) -> Run:
 def _overrides(settings: Settings) -> Sequence[str]:
     """``path=value`` texts; a value becomes JSON, which is YAML too."""
     if isinstance(settings, str):
-        raise UserError(f"settings: must be a mapping or a list such as ['seed=3'], not the text {settings!r}")
+        raise UserError(
+            f"settings: must be a mapping or a list such as ['seed=3'], not the text {settings!r}"
+        )
     if not isinstance(settings, Mapping):
         return settings
     return [f"{path}={json.dumps(value)}" for path, value in settings.items()]

@@ -24,9 +24,13 @@ def _own_code(context: click.Context, _: object, value: bool) -> None:
 class _Path(click.Path):
     """A path, with the user's home where the shell has not put it. Raises ``UserError`` for what no screen can show."""
 
-    def convert(self, value: Any, parameter: click.Parameter | None, context: click.Context | None) -> Path:
+    def convert(
+        self, value: Any, parameter: click.Parameter | None, context: click.Context | None
+    ) -> Path:
         if (bad := _UNPRINTABLE.search(str(value))) and parameter is not None:
-            raise UserError(f"{parameter.opts[0]}: {short_repr(str(value))} holds the character {bad[0]!r}")
+            raise UserError(
+                f"{parameter.opts[0]}: {short_repr(str(value))} holds the character {bad[0]!r}"
+            )
         return expanded(value)
 
 
@@ -45,7 +49,9 @@ def width_height(option: str, text: str | None) -> tuple[int, int] | None:
         return None
     width, height = map(_count, text.partition("x")[::2])
     if width is None or height is None:
-        raise UserError(f"{option}: {short_repr(text)} is no width and height in pixels, such as 832x256")
+        raise UserError(
+            f"{option}: {short_repr(text)} is no width and height in pixels, such as 832x256"
+        )
     return width, height
 
 
@@ -62,9 +68,13 @@ def geodetic(option: str, text: str | None) -> tuple[float, float, float] | None
         raise UserError(f"{option}: {short_repr(text)} {such}") from error
     for name, value, most in (("latitude", latitude, 90), ("longitude", longitude, 180)):
         if not abs(value) <= most:
-            raise UserError(f"{option}: {short_repr(text)}: {name} {value} is not between -{most} and {most} degrees")
+            raise UserError(
+                f"{option}: {short_repr(text)}: {name} {value} is not between -{most} and {most} degrees"
+            )
     if not math.isfinite(altitude_m):
-        raise UserError(f"{option}: {short_repr(text)}: altitude {altitude_m} is no number of metres")
+        raise UserError(
+            f"{option}: {short_repr(text)}: altitude {altitude_m} is no number of metres"
+        )
     return latitude, longitude, altitude_m
 
 
@@ -74,7 +84,9 @@ def count_or_auto(option: str, text: str) -> int | None:
         return None
     count = _count(text)
     if count is None or not 1 <= count <= MOST_COUNT:
-        raise UserError(f"{option}: {short_repr(text)} is neither auto nor a number from 1 to {MOST_COUNT}")
+        raise UserError(
+            f"{option}: {short_repr(text)} is neither auto nor a number from 1 to {MOST_COUNT}"
+        )
     return count
 
 
@@ -82,7 +94,9 @@ def shard(text: str) -> tuple[int, int]:
     """``2/8`` to (2, 8)."""
     number, of = map(_count, text.partition("/")[::2])
     if number is None or of is None or not 1 <= number <= of:
-        raise click.BadParameter(f"--shard {short_repr(text)}: must be I/N with I from 1 to N, such as 2/8")
+        raise click.BadParameter(
+            f"--shard {short_repr(text)}: must be I/N with I from 1 to N, such as 2/8"
+        )
     return number, of
 
 

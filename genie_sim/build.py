@@ -62,7 +62,12 @@ class Prepared:
         recording = self.expanded.cameras_of(car)[0].recording
         frames = self.drives[car.name].frames[recording][:MEASURED_FRAMES]
         looks = (
-            Look(Header(one.stamp_ns, recording, car.name), one.pose, one.horizontal_fov_rad, one.detections)
+            Look(
+                Header(one.stamp_ns, recording, car.name),
+                one.pose,
+                one.horizontal_fov_rad,
+                one.detections,
+            )
             for one in frames
         )
         return measured(looks)
@@ -77,13 +82,19 @@ def method(entry: MethodEntry) -> Method:
 def setup(prepared: Prepared, entry: MethodEntry) -> Setup:
     """The scenario under one method's settings."""
     scenario = prepared.expanded.under(entry)
-    devices = {name: device(one, scenario.model, scenario.spread) for name, one in prepared.devices.items()}
+    devices = {
+        name: device(one, scenario.model, scenario.spread) for name, one in prepared.devices.items()
+    }
     # The detectors' laws, for maps and consumers that weigh evidence, are measured where somebody wants them.
-    measures = scenario.consumer == "tracker" or scenario.genie.object_map.freshness.parameters.get("measured")
+    measures = scenario.consumer == "tracker" or scenario.genie.object_map.freshness.parameters.get(
+        "measured"
+    )
     return Setup(
         seed=scenario.seed,
         cars=[_car(prepared, scenario, devices, car) for car in scenario.cars],
-        edges=[EdgeSetup(edge.name, devices[edge.device], edge.neighbours) for edge in scenario.edges],
+        edges=[
+            EdgeSetup(edge.name, devices[edge.device], edge.neighbours) for edge in scenario.edges
+        ],
         edge_network=link_model(scenario.edge_network),
         genie=scenario.genie,
         queue_length=scenario.queue_length,
@@ -103,7 +114,11 @@ def _codec(prepared: Prepared, scenario: Scenario) -> Codec | None:
     return Codec(
         encoding,
         {
-            car: {(one.digest, one.stamp_ns): one for frames in drive.frames.values() for one in frames}
+            car: {
+                (one.digest, one.stamp_ns): one
+                for frames in drive.frames.values()
+                for one in frames
+            }
             for car, drive in drives.items()
         },
     )
@@ -123,7 +138,9 @@ def device(profile: DeviceProfile, model: str, spread: str = "default") -> Devic
     )
 
 
-def _key_time(profile: DeviceProfile, key: KeyTime, model: str) -> tuple[Literal["cpu", "accelerator"], int]:
+def _key_time(
+    profile: DeviceProfile, key: KeyTime, model: str
+) -> tuple[Literal["cpu", "accelerator"], int]:
     if key.of_detection is None:
         assert key.median_ns is not None
         return "cpu", key.median_ns
@@ -143,7 +160,9 @@ def link_model(choice: Choice) -> LinkModel:
     return made
 
 
-def _car(prepared: Prepared, scenario: Scenario, devices: Mapping[str, Device], car: Car) -> CarSetup:
+def _car(
+    prepared: Prepared, scenario: Scenario, devices: Mapping[str, Device], car: Car
+) -> CarSetup:
     frames, route = prepared.drives[car.name].frames, car.route
     cameras = [
         CameraSetup(camera.name, frames[camera.recording], camera.phase_ns, camera.size_bytes)
@@ -178,15 +197,26 @@ def method_facts(scenario: Scenario) -> list[dict[str, Any]]:
         with as_user_error(f"{scenario.name}: methods[{index}]", UserError):
             made = method(entry)
         title = made.title if entry.title is None else entry.title
-        usual = entry.title is not None or entry.name in (entry.method.name, entry.method.name.rpartition(":")[2])
-        facts.append({"name": entry.name, "title": title if usual else entry.name, "baseline": bool(made.baseline)})
+        usual = entry.title is not None or entry.name in (
+            entry.method.name,
+            entry.method.name.rpartition(":")[2],
+        )
+        facts.append(
+            {
+                "name": entry.name,
+                "title": title if usual else entry.name,
+                "baseline": bool(made.baseline),
+            }
+        )
     return facts
 
 
 def check_faults_of(scenario: Scenario) -> None:
     """Raises ``UserError`` for a fault that befalls what is not there; a fleet's cars are known only now."""
     edges = [edge.name for edge in scenario.edges]
-    for field, text in check_faults(scenario.faults, {car.name: car.edge for car in scenario.cars}, edges, own=True):
+    for field, text in check_faults(
+        scenario.faults, {car.name: car.edge for car in scenario.cars}, edges, own=True
+    ):
         raise UserError(f"{scenario.name}: {field}: {text}")
 
 
@@ -228,4 +258,6 @@ def own_plugins(scenario: Scenario) -> list[tuple[str, str]]:
 
 def plugin_digests(scenario: Scenario) -> dict[str, str]:
     """sha256 of the module of each class of the user's own that the scenario names: its code decides the outcome."""
-    return {f"{what} {name}": plugins.code_digest(what, name) for what, name in own_plugins(scenario)}
+    return {
+        f"{what} {name}": plugins.code_digest(what, name) for what, name in own_plugins(scenario)
+    }

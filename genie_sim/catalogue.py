@@ -48,7 +48,10 @@ def _detectors() -> Listing:
 
 
 def _first_lines(registry: Mapping[str, object]) -> Listing:
-    return ((name, (resolve("", name, registry).__doc__ or "").strip().splitlines()[0]) for name in registry)
+    return (
+        (name, (resolve("", name, registry).__doc__ or "").strip().splitlines()[0])
+        for name in registry
+    )
 
 
 KINDS: dict[str, Callable[[], Listing]] = {

@@ -25,9 +25,18 @@ Simulates Genie, the smart ROS cache for connected vehicles and edge servers.
 """
 
 
-@click.group(cls=Commands, help=EXAMPLES, invoke_without_command=True, context_settings={"show_default": True})
-@click.version_option(__version__, message="genie-sim %(version)s", help="Print the version and exit.")
-@click.option("--debug/--no-debug", expose_value=False, help="Show where a class of your own failed.")
+@click.group(
+    cls=Commands,
+    help=EXAMPLES,
+    invoke_without_command=True,
+    context_settings={"show_default": True},
+)
+@click.version_option(
+    __version__, message="genie-sim %(version)s", help="Print the version and exit."
+)
+@click.option(
+    "--debug/--no-debug", expose_value=False, help="Show where a class of your own failed."
+)
 @completion.install_option
 @completion.show_option
 @click.pass_context
@@ -38,16 +47,27 @@ def app(context: click.Context) -> None:
 
 @app.command()
 @click.argument(
-    "scenario", help="A scenario file, or the name of one that comes with genie-sim.",
+    "scenario",
+    help="A scenario file, or the name of one that comes with genie-sim.",
     shell_complete=completion.scenarios,
 )
 @click.option(
-    "--set", "set_", multiple=True, metavar="PATH=VALUE", shell_complete=completion.setting_paths,
+    "--set",
+    "set_",
+    multiple=True,
+    metavar="PATH=VALUE",
+    shell_complete=completion.setting_paths,
     help="Change a field, such as cars[0].device=orin_nano. Repeatable.",
 )
-@click.option("--seed", type=click.IntRange(min=0), help="Root of all random streams; default: the scenario's.")
 @click.option(
-    "--methods", metavar="A,B,...", shell_complete=completion.methods,
+    "--seed",
+    type=click.IntRange(min=0),
+    help="Root of all random streams; default: the scenario's.",
+)
+@click.option(
+    "--methods",
+    metavar="A,B,...",
+    shell_complete=completion.methods,
     help="Only these: methods of the scenario, of 'list methods', or module:Class.",
 )
 @click.option("--out", type=PATH, default="results", help="The folder that gets the result folder.")
@@ -78,22 +98,30 @@ def run(
     from genie_sim import build, runner
 
     if own := build.own_plugins(setting):
-        click.echo(f"{setting.name} runs code of its own: {', '.join(f'{what} {name}' for what, name in own)}")
+        click.echo(
+            f"{setting.name} runs code of its own: {', '.join(f'{what} {name}' for what, name in own)}"
+        )
     with Progress() as progress:
-        result = runner.run_to_folder(setting, out, progress, not no_report, ("svg",) if figures else ())
+        result = runner.run_to_folder(
+            setting, out, progress, not no_report, ("svg",) if figures else ()
+        )
     assert result.folder is not None
     from genie_sim.analysis import summary
 
     click.echo(summary.text(result.measured, width=min(terminal.width(), 100)), nl=False)
     click.echo(f"Results: {result.folder} (all tables, with intervals: summary.md)")
-    click.echo(f"Figures: {result.folder / 'figures' if figures else f'genie-sim figures {result.folder}'}")
+    click.echo(
+        f"Figures: {result.folder / 'figures' if figures else f'genie-sim figures {result.folder}'}"
+    )
     if not no_report:
         click.echo(f"Report:  {result.folder / terminal.PAGE}")
 
 
 @app.command()
 @click.argument("folder", type=PATH, help="A result folder of 'run', 'reproduce' or 'sweep'.")
-@click.option("--start", default="0 s", help="Where the replay of a long run begins, such as '60 s'.")
+@click.option(
+    "--start", default="0 s", help="Where the replay of a long run begins, such as '60 s'."
+)
 @click.option("--out", type=PATH, help="The page to write; default: report.html in the folder.")
 @own_code_option
 def report(folder: Path, start: str, out: Path | None) -> None:
@@ -115,7 +143,9 @@ def report(folder: Path, start: str, out: Path | None) -> None:
     if page is None:
         reports.write(path, results.load(folder), start_ns)
     elif start_ns:
-        raise UserError(f"--start: {folder} holds no single run; only the page of a run has a replay")
+        raise UserError(
+            f"--start: {folder} holds no single run; only the page of a run has a replay"
+        )
     else:
         reports.write_text(path, page(folder))
     click.echo(f"Report: {path}")
@@ -125,10 +155,23 @@ def report(folder: Path, start: str, out: Path | None) -> None:
 @click.option("--quick", is_flag=True, help="A coarse answer in under a minute.")
 @click.option("--seeds", type=COUNT, help="How many seeds; default: those of the assumptions.")
 @click.option("--jobs", type=COUNT, help="Parallel processes; default: one per core.")
-@click.option("--drives", is_flag=True, help="The main claims on each of KITTI's tracking sequences, too.")
-@click.option("--reading", help="One reading of the paper, or a file of your own; default: all that there are.")
-@click.option("--explore", is_flag=True, help="Instead: the claims all over the paper's open choices. Resumable.")
-@click.option("--out", type=PATH, help="The folder that gets it; default: results/reproduce or results/explore.")
+@click.option(
+    "--drives", is_flag=True, help="The main claims on each of KITTI's tracking sequences, too."
+)
+@click.option(
+    "--reading",
+    help="One reading of the paper, or a file of your own; default: all that there are.",
+)
+@click.option(
+    "--explore",
+    is_flag=True,
+    help="Instead: the claims all over the paper's open choices. Resumable.",
+)
+@click.option(
+    "--out",
+    type=PATH,
+    help="The folder that gets it; default: results/reproduce or results/explore.",
+)
 def reproduce(
     quick: bool, seeds: int | None, jobs: int | None, drives: bool, reading: str | None, explore: bool,
     out: Path | None,
@@ -136,7 +179,9 @@ def reproduce(
     """Run the paper's evaluation: figures and verdicts."""
     if explore:
         if quick or drives or seeds is not None or reading is not None:
-            raise UserError("--explore: has a design of its own; of the others only --jobs and --out go with it")
+            raise UserError(
+                "--explore: has a design of its own; of the others only --jobs and --out go with it"
+            )
         return _explore(out or Path("results/explore"), jobs)
     out = out or Path("results/reproduce")
     from genie_sim.paper import verdict_table
@@ -147,7 +192,9 @@ def reproduce(
     click.echo(verdict_table.text(verdict_table.read_rows(result.folder), terminal.width()))
     if result.drives:
         click.echo(f"\n{result.drives}\n")
-    click.echo(f"Results: {result.folder} ({result.wall_time_s:.0f} s)\nFigures: {result.folder / 'figures'}")
+    click.echo(
+        f"Results: {result.folder} ({result.wall_time_s:.0f} s)\nFigures: {result.folder / 'figures'}"
+    )
     click.echo(f"Report:  {result.folder / terminal.PAGE}")
 
 
@@ -183,7 +230,9 @@ for _command in (compare, figures, table, perceive, truth):
 @click.argument("what", metavar="{model|drive}", help="What is fetched.")
 @click.argument("name", help="Such as yolox-nano, or 2011_09_26_drive_0005.")
 @click.option(
-    "--out", type=PATH, help="The folder; default: $GENIE_SIM_WEIGHTS or weights, $GENIE_SIM_KITTI or kitti."
+    "--out",
+    type=PATH,
+    help="The folder; default: $GENIE_SIM_WEIGHTS or weights, $GENIE_SIM_KITTI or kitti.",
 )
 def fetch(what: str, name: str, out: Path | None) -> None:
     """Take the files of a detector or a drive from the network. No other command touches it."""
@@ -191,26 +240,44 @@ def fetch(what: str, name: str, out: Path | None) -> None:
 
     if what not in ("model", "drive"):
         raise UserError(unknown("kind of thing to fetch", what, ("model", "drive")))
-    variable, usual = {"model": ("GENIE_SIM_WEIGHTS", "weights"), "drive": ("GENIE_SIM_KITTI", "kitti")}[what]
+    variable, usual = {
+        "model": ("GENIE_SIM_WEIGHTS", "weights"),
+        "drive": ("GENIE_SIM_KITTI", "kitti"),
+    }[what]
     folder = out or expanded(os.environ.get(variable) or usual)
     take = network.fetch_model if what == "model" else network.fetch_drive
     with Progress(unit="bytes") as progress:
         path = take(name, folder, progress)
     click.echo(f"{path}\nTo use it from anywhere: export {variable}={folder.resolve()}")
     if what == "drive":
-        click.echo("KITTI is licensed CC BY-NC-SA 3.0: not for commercial use. https://www.cvlibs.net/datasets/kitti/")
+        click.echo(
+            "KITTI is licensed CC BY-NC-SA 3.0: not for commercial use. https://www.cvlibs.net/datasets/kitti/"
+        )
 
 
 @app.command()
 @click.option(
-    "--out", type=PATH, required=True, help="The device profile to write, such as device_profiles/here.yaml."
+    "--out",
+    type=PATH,
+    required=True,
+    help="The device profile to write, such as device_profiles/here.yaml.",
 )
-@click.option("--detector", help="Measure this detector here ('list detectors', or your own module:Class).")
-@click.option("--csv", type=PATH, help="Instead: latencies in milliseconds measured elsewhere, one in a line.")
+@click.option(
+    "--detector", help="Measure this detector here ('list detectors', or your own module:Class)."
+)
+@click.option(
+    "--csv", type=PATH, help="Instead: latencies in milliseconds measured elsewhere, one in a line."
+)
 @click.option("--model", help="What scenarios call the model; default: the detector's name.")
-@click.option("--weights", type=PATH, help="The ONNX file, or its folder; default: $GENIE_SIM_WEIGHTS.")
-@click.option("--runs", type=click.IntRange(min=20), default=300, help="How many pictures to measure.")
-@click.option("--empirical", is_flag=True, help="Keep the measured distribution instead of the fitted law.")
+@click.option(
+    "--weights", type=PATH, help="The ONNX file, or its folder; default: $GENIE_SIM_WEIGHTS."
+)
+@click.option(
+    "--runs", type=click.IntRange(min=20), default=300, help="How many pictures to measure."
+)
+@click.option(
+    "--empirical", is_flag=True, help="Keep the measured distribution instead of the fitted law."
+)
 def profile(
     out: Path, detector: str | None, csv: Path | None, model: str | None, weights: Path | None, runs: int,
     empirical: bool,
@@ -219,7 +286,9 @@ def profile(
     from genie_sim import device_fit
 
     if (detector is None) == (csv is None):
-        raise UserError("profile: give either --detector, to measure here, or --csv, with latencies measured elsewhere")
+        raise UserError(
+            "profile: give either --detector, to measure here, or --csv, with latencies measured elsewhere"
+        )
     with Progress(unit="pictures") as progress:
         if csv is not None:
             measured = device_fit.from_csv(csv, model or csv.stem)
@@ -233,12 +302,23 @@ def profile(
 
 @app.command()
 @click.argument("sweep", help="A sweep file, or the name of one that comes with genie-sim.")
-@click.option("--out", type=PATH, default="results", help="The folder that gets the sweep's folder.")
+@click.option(
+    "--out", type=PATH, default="results", help="The folder that gets the sweep's folder."
+)
 @click.option("--jobs", type=COUNT, help="Processes on this machine; default: one a core.")
-@click.option("--backend", type=click.Choice(("joblib", "dask")), default="joblib", help="This machine, or a cluster.")
+@click.option(
+    "--backend",
+    type=click.Choice(("joblib", "dask")),
+    default="joblib",
+    help="This machine, or a cluster.",
+)
 @click.option("--scheduler", help="Address of the Dask scheduler, tcp://host:8786.")
-@click.option("--shard", default="1/1", metavar="I/N", help="Only this part of the runs, for job arrays.")
-def sweep(sweep: str, out: Path, jobs: int | None, backend: str, scheduler: str | None, shard: str) -> None:
+@click.option(
+    "--shard", default="1/1", metavar="I/N", help="Only this part of the runs, for job arrays."
+)
+def sweep(
+    sweep: str, out: Path, jobs: int | None, backend: str, scheduler: str | None, shard: str
+) -> None:
     """Simulate a scenario along axes, with several seeds. What has been done is not done again."""
     part = arguments.shard(shard)
     if (backend == "dask") != (scheduler is not None):
@@ -250,18 +330,27 @@ def sweep(sweep: str, out: Path, jobs: int | None, backend: str, scheduler: str 
     with Progress(unit="points") as progress:
         work = Sweep.load(sweep, out, progress)
     with Progress(unit="runs") as progress:
-        with closing(Local(jobs or parallel.workers_here()) if scheduler is None else Dask(scheduler)) as workers:
+        with closing(
+            Local(jobs or parallel.workers_here()) if scheduler is None else Dask(scheduler)
+        ) as workers:
             try:
                 work.run(workers, part, progress)
             except KeyboardInterrupt:
-                print(f"genie-sim: interrupted; finished runs are kept in {work.folder}", file=sys.stderr)
+                print(
+                    f"genie-sim: interrupted; finished runs are kept in {work.folder}",
+                    file=sys.stderr,
+                )
                 raise SystemExit(130) from None
         done = work.finish()
     if done.complete:
-        click.echo(f"{done.points:,} points, {done.runs:,} runs\nTable: {done.folder / 'table.csv'} (and .parquet)")
+        click.echo(
+            f"{done.points:,} points, {done.runs:,} runs\nTable: {done.folder / 'table.csv'} (and .parquet)"
+        )
         click.echo(f"Figures: {done.folder / 'figures'}\nReport:  {done.folder / terminal.PAGE}")
     else:
-        click.echo(f"{done.done:,} of {done.runs:,} runs are in {done.folder}; the last shard makes the table")
+        click.echo(
+            f"{done.done:,} of {done.runs:,} runs are in {done.folder}; the last shard makes the table"
+        )
 
 
 for _command in (attach, detach, keys):
@@ -285,7 +374,10 @@ def export(folder: Path, format: str, out: Path | None) -> None:
 
 @app.command("list")
 @click.argument(
-    "what", required=False, shell_complete=completion.kinds, help="scenarios, devices, links, ...; without it: all."
+    "what",
+    required=False,
+    shell_complete=completion.kinds,
+    help="scenarios, devices, links, ...; without it: all.",
 )
 def list_(what: str | None) -> None:
     """Show what can be named in a scenario."""
@@ -318,7 +410,9 @@ def schema(what: str) -> None:
 def main(argv: list[str] | None = None) -> int:
     """Runs the command line. Exit status: 0 done, 1 the user's input or environment, 2 usage, 130 Ctrl-C or SIGTERM."""
     terminal.open_closed_streams()
-    os.environ["MPLBACKEND"] = "agg"  # figures go to files; a window that is asked for here may not even exist
+    os.environ["MPLBACKEND"] = (
+        "agg"  # figures go to files; a window that is asked for here may not even exist
+    )
     try:
         app(args=argv, prog_name="genie-sim")
     except SystemExit as stop:
@@ -326,13 +420,21 @@ def main(argv: list[str] | None = None) -> int:
     except UserError as error:
         print(f"genie-sim: {terminal.one_line(str(error))}", file=sys.stderr)
         return 1
-    except (OSError, MemoryError) as error:  # the machine's; where a file is at fault, it is named before it gets here
+    except (
+        OSError,
+        MemoryError,
+    ) as error:  # the machine's; where a file is at fault, it is named before it gets here
         terminal.drop_output()
         print(f"genie-sim: {terminal.machine_said(error)}", file=sys.stderr)
         return 1
     except Exception as error:
-        if "--debug" in (sys.argv if argv is None else argv) or (fault := plugins.own_fault(error)) is None:
+        if (
+            "--debug" in (sys.argv if argv is None else argv)
+            or (fault := plugins.own_fault(error)) is None
+        ):
             raise
-        print(f"genie-sim: {terminal.one_line(fault)}; genie-sim --debug shows more", file=sys.stderr)
+        print(
+            f"genie-sim: {terminal.one_line(fault)}; genie-sim --debug shows more", file=sys.stderr
+        )
         return 1
     return 0

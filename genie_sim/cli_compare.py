@@ -9,12 +9,18 @@ from genie_sim.errors import UserError, unknown
 
 
 @click.command()
-@click.argument("folders", nargs=-1, required=True, help="Result folders, the one to compare with first.")
-@click.option("--method", multiple=True, help="Only this method. Repeatable; the first is compared with.")
+@click.argument(
+    "folders", nargs=-1, required=True, help="Result folders, the one to compare with first."
+)
+@click.option(
+    "--method", multiple=True, help="Only this method. Repeatable; the first is compared with."
+)
 @click.option("--format", default="markdown", help="Of the printed table: markdown, csv or latex.")
 @click.option("--out", type=PATH, help="Also write a page, figures and tables into this folder.")
 @own_code_option
-def compare(folders: tuple[str, ...], method: tuple[str, ...], format: str, out: Path | None) -> None:
+def compare(
+    folders: tuple[str, ...], method: tuple[str, ...], format: str, out: Path | None
+) -> None:
     """Compare results that saw the same frames.
 
     Of one result alone, its methods are compared.
@@ -38,7 +44,9 @@ def compare(folders: tuple[str, ...], method: tuple[str, ...], format: str, out:
 @click.command()
 @click.argument("folder", type=PATH, help="A result folder of 'run'.")
 @click.option("--format", default="svg", metavar="A,B,...", help="svg, png, pdf, or several.")
-@click.option("--width", help="Of a printed 'column' (3.5 in) or 'page' (7.16 in); default: what fits each.")
+@click.option(
+    "--width", help="Of a printed 'column' (3.5 in) or 'page' (7.16 in); default: what fits each."
+)
 @click.option("--out", type=PATH, help="Where to; default: figures in the result folder.")
 @own_code_option
 def figures(folder: Path, format: str, width: str | None, out: Path | None) -> None:
@@ -67,7 +75,9 @@ def figures(folder: Path, format: str, width: str | None, out: Path | None) -> N
 
 @click.command()
 @click.argument("folder", type=PATH, help="A result folder of 'run'.")
-@click.option("--format", default="markdown", help="markdown, latex or csv (every metric, all digits).")
+@click.option(
+    "--format", default="markdown", help="markdown, latex or csv (every metric, all digits)."
+)
 @own_code_option
 def table(folder: Path, format: str) -> None:
     """Print the numbers of a run as a table for a paper.
@@ -88,4 +98,6 @@ def table(folder: Path, format: str) -> None:
     else:
         titles = {method.name: method.title for method in run.methods}
         headings, rows = summary.cells(run.measured, titles)
-        click.echo(text_table.rounded(format, headings, rows, "l" + "r" * (len(headings) - 1)), nl=False)
+        click.echo(
+            text_table.rounded(format, headings, rows, "l" + "r" * (len(headings) - 1)), nl=False
+        )

@@ -14,13 +14,27 @@ from genie_sim.terminal import Commands
 @click.argument("node", help="A running ROS node, such as /vision_darknet_detect.")
 @click.option("--role", default="car", help="car or edge.")
 @click.option("--name", help="What other Genies call this one; default: the node's name.")
-@click.option("--request", multiple=True, help="Input topic that goes through the Genie; default: the one with images.")
+@click.option(
+    "--request",
+    multiple=True,
+    help="Input topic that goes through the Genie; default: the one with images.",
+)
 @click.option("--leave", multiple=True, help="A topic to leave alone. Repeatable.")
-@click.option("--set", "set_", multiple=True, metavar="FIELD=VALUE", help="A field of 'genie:', as in scenarios.")
+@click.option(
+    "--set",
+    "set_",
+    multiple=True,
+    metavar="FIELD=VALUE",
+    help="A field of 'genie:', as in scenarios.",
+)
 @click.option("--pose-topic", help="Where the camera is, as geometry_msgs/PoseStamped.")
-@click.option("--fov", default="0 deg", help="The camera's horizontal field of view, such as '81 deg'.")
+@click.option(
+    "--fov", default="0 deg", help="The camera's horizontal field of view, such as '81 deg'."
+)
 @click.option("--listen", metavar="HOST:PORT", help="Other Genies connect here.")
-@click.option("--connect", multiple=True, metavar="NAME@HOST:PORT", help="Connect to this Genie. Repeatable.")
+@click.option(
+    "--connect", multiple=True, metavar="NAME@HOST:PORT", help="Connect to this Genie. Repeatable."
+)
 @click.option("--key", type=PATH, help="This Genie's key file, made by 'genie-sim keys peer'.")
 @click.option("--record", type=PATH, help="Write every look-up here, as lines of JSON.")
 @click.option("--pid", type=int, help="Process of the node, for ROS 2; without it, ROS 1.")
@@ -64,7 +78,9 @@ def keys() -> None:
 
 
 @keys.command("ca")
-@click.argument("folder", type=PATH, default="keys", help="A folder for the authority and its peers.")
+@click.argument(
+    "folder", type=PATH, default="keys", help="A folder for the authority and its peers."
+)
 @click.option("--days", default=3650, help="How long it is valid.")
 def keys_ca(folder: Path, days: int) -> None:
     """Make a certificate authority: the one that all linked Genies trust."""

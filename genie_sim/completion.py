@@ -79,7 +79,9 @@ def _install(context: click.Context, _: object, wanted: bool) -> None:
         before = begins.read_text(encoding="utf-8") if begins.is_file() else ""
         if (added := line.format(f"'{path}'")) not in before:
             begins.write_text(f"{before.rstrip()}\n{added}\n".lstrip(), encoding="utf-8")
-    click.echo(f"{shell} completion installed in {path}\nCompletion will take effect once you restart the terminal")
+    click.echo(
+        f"{shell} completion installed in {path}\nCompletion will take effect once you restart the terminal"
+    )
     context.exit()
 
 
@@ -99,7 +101,9 @@ def _script(context: click.Context, shell: str) -> str:
 
     made = get_completion_class(shell.replace("pwsh", "powershell"))
     if made is None:
-        raise UserError(f"no completion for {shell}; there is one for bash, zsh, fish and PowerShell")
+        raise UserError(
+            f"no completion for {shell}; there is one for bash, zsh, fish and PowerShell"
+        )
     return made(context.command, {}, NAME, f"_{NAME}_COMPLETE".replace("-", "_").upper()).source()
 
 
@@ -107,7 +111,9 @@ def _profile(shell: str) -> Path:
     """What PowerShell reads when it starts."""
     import subprocess
 
-    told = subprocess.run([shell, "-NoProfile", "-Command", "$PROFILE"], stdout=subprocess.PIPE, text=True, check=True)
+    told = subprocess.run(
+        [shell, "-NoProfile", "-Command", "$PROFILE"], stdout=subprocess.PIPE, text=True, check=True
+    )
     return Path(told.stdout.strip())
 
 

@@ -64,7 +64,11 @@ class Fit(NamedTuple):
 
 
 def measure(
-    detector: str, weights: str | Path | None, runs: int, model: str | None, progress: Callable[[int, int], None]
+    detector: str,
+    weights: str | Path | None,
+    runs: int,
+    model: str | None,
+    progress: Callable[[int, int], None],
 ) -> Measured:
     """Times ``detect`` (letter box, network, suppression) on pictures of noise of KITTI's size, one after the other."""
     from genie_sim.perception.detector import make_detector
@@ -93,18 +97,28 @@ def from_csv(path: Path, model: str) -> Measured:
     """
     with as_user_error(f"{path}: not a CSV file", csv.Error):
         rows = list(csv.reader(read_text(path).splitlines()))
-    filled = [(number, [*map(_number, row)]) for number, row in enumerate(rows, start=1) if "".join(row).strip()]
+    filled = [
+        (number, [*map(_number, row)])
+        for number, row in enumerate(rows, start=1)
+        if "".join(row).strip()
+    ]
     if filled and all(value is None for value in filled[0][1]):
         del filled[0]  # names
-    column = next((i for i, value in enumerate(filled[0][1]) if value is not None), 0) if filled else 0
+    column = (
+        next((i for i, value in enumerate(filled[0][1]) if value is not None), 0) if filled else 0
+    )
     latencies_ms = []
     for number, values in filled:
         if column >= len(values) or not (value := values[column]) or not 0 < value < 1e9:
-            raise UserError(f"{path}: line {number}: no latency in milliseconds in {','.join(rows[number - 1])[:60]!r}")
+            raise UserError(
+                f"{path}: line {number}: no latency in milliseconds in {','.join(rows[number - 1])[:60]!r}"
+            )
         latencies_ms.append(value)
     if len(latencies_ms) < LEAST:
         raise UserError(f"{path}: {len(latencies_ms)} latencies, expected at least {LEAST}")
-    return Measured(model, np.array(latencies_ms) * NS_PER_MS, f"{len(latencies_ms)} latencies from {path.name}")
+    return Measured(
+        model, np.array(latencies_ms) * NS_PER_MS, f"{len(latencies_ms)} latencies from {path.name}"
+    )
 
 
 def fit(latencies_ns: Times) -> Fit:
@@ -123,10 +137,15 @@ def fit(latencies_ns: Times) -> Fit:
 
     starts = [(loc, sigma) for loc in (0.2, 0.6, 0.9, 0.98) for sigma in (0.2, 0.6, 1.2)]
     bounds = [(0.0, 0.999), (0.001, 5.0)]
-    best = min((minimize(misfit, start, bounds=bounds) for start in starts), key=lambda found: float(found.fun))
+    best = min(
+        (minimize(misfit, start, bounds=bounds) for start in starts),
+        key=lambda found: float(found.fun),
+    )
     loc, sigma = (round(float(value), 4) for value in best.x)
     law = lognorm(sigma, loc, 1.0 - loc)
-    p95, p99 = (round(float(law.ppf(share) / np.quantile(relative, share)), 3) for share in (0.95, 0.99))
+    p95, p99 = (
+        round(float(law.ppf(share) / np.quantile(relative, share)), 3) for share in (0.95, 0.99)
+    )
     gap = round(float(kstest(relative, law.cdf).statistic), 4)
     return Fit(round(median_ns), loc, sigma, gap, p95, p99, len(relative))
 
@@ -135,21 +154,39 @@ def write(path: Path, measured: Measured, fitted: Fit, empirical: bool = False) 
     """A whole device profile: what was measured, and assumptions, marked so, where nothing was. Reads it back."""
     spread: dict[str, Any] = {"loc": fitted.loc, "sigma": fitted.sigma}
     source = f"{measured.source}; {fitted}"
-    model: dict[str, Any] = {"median": units.duration_text(fitted.median_ns), "tag": "M", "source": measured.source}
+    model: dict[str, Any] = {
+        "median": units.duration_text(fitted.median_ns),
+        "tag": "M",
+        "source": measured.source,
+    }
     if empirical:
         quantiles = np.quantile(measured.latencies_ns, np.linspace(0, 1, KEPT_QUANTILES))
         model["quantiles"] = [units.duration_text(round(float(value))) for value in quantiles]
     assumed = "not measured apart: as measured in one condition"
     profile = {
         "name": path.stem,
-        "title": f"Measured: {platform.node() or platform.machine()}" if "profile:" in measured.source else path.stem,
-        "cores": {"value": os.cpu_count() or 1, "tag": "M", "source": "processors of the machine that wrote this file"},
+        "title": f"Measured: {platform.node() or platform.machine()}"
+        if "profile:" in measured.source
+        else path.stem,
+        "cores": {
+            "value": os.cpu_count() or 1,
+            "tag": "M",
+            "source": "processors of the machine that wrote this file",
+        },
         "hop": {
             "small": {"value": "0.3 ms", "tag": "A", "source": "a small message on a Jetson"},
-            "per_megabyte": {"value": "2.28 ms", "tag": "A", "source": "as on the Jetsons: TZC, arXiv 1810.00556"},
+            "per_megabyte": {
+                "value": "2.28 ms",
+                "tag": "A",
+                "source": "as on the Jetsons: TZC, arXiv 1810.00556",
+            },
         },
         "genie": {
-            "median": {"value": "8.355 ms", "tag": "A", "source": "the paper's mean of 8.8 ms, the same on every host"},
+            "median": {
+                "value": "8.355 ms",
+                "tag": "A",
+                "source": "the paper's mean of 8.8 ms, the same on every host",
+            },
             "spread": {"loc": 0.6, "sigma": 0.5, "tag": "A", "source": "as on the paper's devices"},
         },
         "spreads": {
@@ -159,9 +196,7 @@ def write(path: Path, measured: Measured, fitted: Fit, empirical: bool = False) 
         },
         "models": {measured.model: model},
     }
-    heading = (
-        "# Tags: P the paper, S a public source, M measured, D derived, A assumed. Written by genie-sim profile.\n"
-    )
+    heading = "# Tags: P the paper, S a public source, M measured, D derived, A assumed. Written by genie-sim profile.\n"
     text = heading + yaml.safe_dump(profile, sort_keys=False, allow_unicode=True, width=110)
     with atomic_write(path) as partial:
         path.parent.mkdir(parents=True, exist_ok=True)

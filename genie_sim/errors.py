@@ -21,13 +21,17 @@ def first_line(error: BaseException) -> str:
 
 
 @contextmanager
-def as_user_error(what: str, *kinds: type[BaseException], most: int | None = None) -> Iterator[None]:
+def as_user_error(
+    what: str, *kinds: type[BaseException], most: int | None = None
+) -> Iterator[None]:
     """An exception of these ``kinds`` within it becomes a ``UserError``: ``what`` is wrong, and why, in one line, of
     ``most`` characters."""
     try:
         yield
     except kinds as error:
-        raise UserError(f"{what}: {str(getattr(error, 'strerror', None) or first_line(error))[:most]}") from error
+        raise UserError(
+            f"{what}: {str(getattr(error, 'strerror', None) or first_line(error))[:most]}"
+        ) from error
 
 
 def unknown(what: str, value: object, choices: Iterable[str]) -> str:
@@ -35,4 +39,6 @@ def unknown(what: str, value: object, choices: Iterable[str]) -> str:
     names = sorted(choices)
     near = difflib.get_close_matches(str(value), names, n=1)
     hint = f" (did you mean {near[0]!r}?)" if near else ""
-    return f"unknown {what} {short_repr(value)}{hint}; " + (f"known: {', '.join(names)}" if names else "there are none")
+    return f"unknown {what} {short_repr(value)}{hint}; " + (
+        f"known: {', '.join(names)}" if names else "there are none"
+    )

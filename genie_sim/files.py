@@ -35,11 +35,19 @@ def find(kind: Kind, path_or_name: str | Path) -> Path:
     text = str(path_or_name)
     path = expanded(text)
     if len(path.parts) > 1 or path.suffix or isinstance(path_or_name, Path):
-        with as_user_error(str(text), OSError):  # for example a name longer than the file system allows
+        with as_user_error(
+            str(text), OSError
+        ):  # for example a name longer than the file system allows
             if path.is_file():
                 return path
-            known = f"; the {kind.what} {path.stem!r} needs no path" if path.stem in available(kind) else ""
-            raise UserError(f"{text}: {'is a folder, not a file' if path.is_dir() else 'no such file'}{known}")
+            known = (
+                f"; the {kind.what} {path.stem!r} needs no path"
+                if path.stem in available(kind)
+                else ""
+            )
+            raise UserError(
+                f"{text}: {'is a folder, not a file' if path.is_dir() else 'no such file'}{known}"
+            )
     own, shipped = (root / kind.folder / f"{text}{kind.suffix}" for root in (Path(), _shipped()))
     with as_user_error(text, OSError):
         if own.is_file():
@@ -53,7 +61,11 @@ def find(kind: Kind, path_or_name: str | Path) -> Path:
 @functools.cache
 def _tell_of_two(path: Path, shipped: Path) -> None:
     """Once: a name means the user's own file although one of that name and another content comes with genie-sim."""
-    if shipped.is_file() and path.resolve() != shipped.resolve() and path.read_bytes() != shipped.read_bytes():
+    if (
+        shipped.is_file()
+        and path.resolve() != shipped.resolve()
+        and path.read_bytes() != shipped.read_bytes()
+    ):
         log.warning("%s is used, not what comes with genie-sim under this name", path)
 
 

@@ -44,16 +44,24 @@ class Cells:
     def distance_m(self, cell: int, east_m: float, north_m: float) -> float:
         """To the middle of a cell."""
         row, column = divmod(cell, self.columns)
-        return math.hypot(east_m - (column + 0.5) * self._width_m, north_m - (row + 0.5) * self._height_m)
+        return math.hypot(
+            east_m - (column + 0.5) * self._width_m, north_m - (row + 0.5) * self._height_m
+        )
 
     def neighbours(self, cell: int) -> list[int]:
         """The cells that share a border with this one, at most four: over a corner hardly a car changes."""
         row, column = divmod(cell, self.columns)
         beside = ((row - 1, column), (row, column - 1), (row, column + 1), (row + 1, column))
-        return [r * self.columns + c for r, c in beside if 0 <= r < self.rows and 0 <= c < self.columns]
+        return [
+            r * self.columns + c for r, c in beside if 0 <= r < self.rows and 0 <= c < self.columns
+        ]
 
     def passed(
-        self, position: Callable[[int], tuple[float, float]], duration_ns: int, hysteresis_m: float, gap_ns: int
+        self,
+        position: Callable[[int], tuple[float, float]],
+        duration_ns: int,
+        hysteresis_m: float,
+        gap_ns: int,
     ) -> list[tuple[int, int]]:
         """The cell that a car is in at first and each that it is handed over to: (since when [ns], cell).
 
@@ -69,14 +77,19 @@ class Cells:
             nearest = self.at(east_m, north_m)
             if nearest == here:
                 continue
-            if self.distance_m(here, east_m, north_m) - self.distance_m(nearest, east_m, north_m) > hysteresis_m:
+            if (
+                self.distance_m(here, east_m, north_m) - self.distance_m(nearest, east_m, north_m)
+                > hysteresis_m
+            ):
                 here = nearest
                 free_ns = t_ns + gap_ns
                 found.append((t_ns, here))
         return found
 
 
-def expanded(scenario: Scenario, fleet: Fleet, source: InTown, frames: Frames) -> tuple[Scenario, dict[str, Drive]]:
+def expanded(
+    scenario: Scenario, fleet: Fleet, source: InTown, frames: Frames
+) -> tuple[Scenario, dict[str, Drive]]:
     """The scenario with the fleet's cars and edges and its hand-overs, and the drive of each car.
 
     Nothing is validated: a fleet makes no mistakes of spelling, and 10,000 cars would take their time.
@@ -95,7 +108,9 @@ def expanded(scenario: Scenario, fleet: Fleet, source: InTown, frames: Frames) -
     cars: list[Car] = []
     drives: dict[str, Drive] = {}
     hand_overs = list(scenario.faults)
-    usual = Car.model_construct(name="", device="", link=fleet.link, route=Route(), cameras=True, genie=True)
+    usual = Car.model_construct(
+        name="", device="", link=fleet.link, route=Route(), cameras=True, genie=True
+    )
     for number, device in enumerate(device_of_each(fleet), 1):
         name = f"car{number}"
         car = usual.model_copy(update={"name": name, "device": device})
@@ -103,11 +118,17 @@ def expanded(scenario: Scenario, fleet: Fleet, source: InTown, frames: Frames) -
         mine = frames.drive(name, None, start_ns)
         assert isinstance(mine, TownDrive), "a fleet drives in a town"
         drives[name] = mine
-        passed = cells.passed(mine.position, source.duration_ns, fleet.hysteresis_m, fleet.hand_over_gap_ns)
+        passed = cells.passed(
+            mine.position, source.duration_ns, fleet.hysteresis_m, fleet.hand_over_gap_ns
+        )
         (_, first), *others = passed
-        hand_overs += [_hand_over(name, names[cell], start_ns + since_ns, fleet) for since_ns, cell in others]
+        hand_overs += [
+            _hand_over(name, names[cell], start_ns + since_ns, fleet) for since_ns, cell in others
+        ]
         cars.append(car.model_copy(update={"edge": names[first]}))
-    return scenario.model_copy(update={"cars": tuple(cars), "edges": edges, "faults": tuple(hand_overs)}), drives
+    return scenario.model_copy(
+        update={"cars": tuple(cars), "edges": edges, "faults": tuple(hand_overs)}
+    ), drives
 
 
 def _hand_over(car: str, edge: str, begin_ns: int, fleet: Fleet) -> FaultEntry:

@@ -12,7 +12,9 @@ from typing import Any, Literal, NamedTuple, Protocol, Self
 Location = tuple[float, float, float]
 Box = tuple[float, float, float, float]
 
-Encoding = Literal["raw", "png", "jpeg90", "jpeg80"]  # how pictures are sent; the number is JPEG's quality
+Encoding = Literal[
+    "raw", "png", "jpeg90", "jpeg80"
+]  # how pictures are sent; the number is JPEG's quality
 
 # autowarefoundation/autoware: a DetectedObjectArray of n objects with empty clouds takes 26 + 400 n bytes.
 ARRAY_BYTES = 26
@@ -123,7 +125,9 @@ class Detection:
     def with_confidence(self, confidence: float) -> "Detection":
         if confidence == self.confidence:
             return self
-        return Detection(self.label, self.score, self.box, self.location, confidence, self.method, self.motion)
+        return Detection(
+            self.label, self.score, self.box, self.location, confidence, self.method, self.motion
+        )
 
 
 class Look(NamedTuple):
@@ -191,10 +195,14 @@ class Detections:
         return size_bytes
 
     def restamped(self, header: Header) -> "Detections":
-        return Detections(header, self.objects, self.source, self.served_by, self.look, self.valid_ns)
+        return Detections(
+            header, self.objects, self.source, self.served_by, self.look, self.valid_ns
+        )
 
     def with_objects(self, objects: Sequence[Detection]) -> "Detections":
-        return Detections(self.header, tuple(objects), self.source, self.served_by, self.look, self.valid_ns)
+        return Detections(
+            self.header, tuple(objects), self.source, self.served_by, self.look, self.valid_ns
+        )
 
     def with_look(self, look: Look | None, valid_ns: int | None) -> "Detections":
         """The answer with this look and the instant for which it holds, or without."""
@@ -203,7 +211,10 @@ class Detections:
     def served(self, source: str, by: str, header: Header | None = None) -> "Detections":
         """The answer as a node gives it, under another ``header`` if one is given. One out of an object map stays that,
         even when a cache replays it: it was never a detection."""
-        source, header = "map" if self.source == "map" else source, self.header if header is None else header
+        source, header = (
+            "map" if self.source == "map" else source,
+            self.header if header is None else header,
+        )
         return Detections(header, self.objects, source, by, self.look, self.valid_ns)
 
 

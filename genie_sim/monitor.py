@@ -29,7 +29,11 @@ class Step:
         last: Step | None = self
         while last is not None and last.before is not None and last.end_ns > begin_ns:
             first, here = last.before, (last.part, last.place)
-            while first.before is not None and (first.part, first.place) == here and first.end_ns > begin_ns:
+            while (
+                first.before is not None
+                and (first.part, first.place) == here
+                and first.end_ns > begin_ns
+            ):
                 first = first.before
             yield last.part, last.place, max(first.end_ns, begin_ns), last.end_ns
             last = first
@@ -73,7 +77,9 @@ class Monitor(Protocol):
     def carried(self, column: str, message: Message) -> None:
         """A message about a frame was on the wire of the car's link: ``bytes_up`` or ``bytes_down``."""
 
-    def answered(self, answer: Detections, source: str, now_ns: int, way: Step | None = None) -> None:
+    def answered(
+        self, answer: Detections, source: str, now_ns: int, way: Step | None = None
+    ) -> None:
         """An answer is in the consumer's hands, with the steps that led to it, if they are wanted."""
 
     def dropped(self, message: Message, where: str) -> None:

@@ -40,13 +40,17 @@ def in_processes(
 
     # Leaving early asks for pending work to be cancelled; joblib would warn of it beside our one line.
     warnings.filterwarnings("ignore", message=r"\d+ tasks ", module=r"joblib\.")
-    pool = joblib.Parallel(workers, batch_size=1, return_as="generator" if ordered else "generator_unordered")
+    pool = joblib.Parallel(
+        workers, batch_size=1, return_as="generator" if ordered else "generator_unordered"
+    )
     with _deaf_to_ctrl_c():
         results = pool(joblib.delayed(_run)(run, job, os.getpid()) for job in jobs)
     try:
         yield from results
     except TerminatedWorkerError as error:
-        raise UserError("a worker process was killed, perhaps for want of memory; try fewer workers") from error
+        raise UserError(
+            "a worker process was killed, perhaps for want of memory; try fewer workers"
+        ) from error
     finally:
         results.close()
 

@@ -14,7 +14,9 @@ if TYPE_CHECKING:
 METADATA_KEY = b"genie_sim"
 
 
-def write(path: Path, schema: "pa.Schema", rows: Iterable[Mapping[str, Any]], about: Mapping[str, Any]) -> None:
+def write(
+    path: Path, schema: "pa.Schema", rows: Iterable[Mapping[str, Any]], about: Mapping[str, Any]
+) -> None:
     """Writes rows, and what the file says of itself; the same give the same bytes with the same pyarrow.
 
     Raises UserError where the folder cannot be written.
@@ -22,7 +24,9 @@ def write(path: Path, schema: "pa.Schema", rows: Iterable[Mapping[str, Any]], ab
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    table = pa.Table.from_pylist(list(rows), schema.with_metadata({METADATA_KEY: json.dumps(about, sort_keys=True)}))
+    table = pa.Table.from_pylist(
+        list(rows), schema.with_metadata({METADATA_KEY: json.dumps(about, sort_keys=True)})
+    )
     with atomic_write(path) as partial:
         path.parent.mkdir(parents=True, exist_ok=True)
         with partial.open("wb") as file:  # pyarrow would take a path for a URI
@@ -41,13 +45,17 @@ def read(path: Path, what: str) -> "tuple[pa.Table, dict[str, Any]]":
         raise UserError(f"{path}: no such {what}")
     # Exactly this open file: pyarrow takes a path for a URI, and read_table takes a folder "a=1" for a partition.
     # No threads: after reading a Python file they can abort the process at its end (apache/arrow 34314, 50482).
-    broken = as_user_error(f"{path}: not a readable Parquet file", pa.ArrowException, OSError, ValueError)
+    broken = as_user_error(
+        f"{path}: not a readable Parquet file", pa.ArrowException, OSError, ValueError
+    )
     with broken, path.open("rb") as file:
         table = pq.ParquetFile(file).read(use_threads=False)
     told = (table.schema.metadata or {}).get(METADATA_KEY)
     if told is None:
         raise UserError(f"{path}: a Parquet file, but not a {what} of genie-sim")
-    with as_user_error(f"{path}: its metadata cannot be read", ValueError, TypeError, RecursionError):
+    with as_user_error(
+        f"{path}: its metadata cannot be read", ValueError, TypeError, RecursionError
+    ):
         about: dict[str, Any] = dict(json.loads(told))
     return table, about
 

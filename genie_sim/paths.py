@@ -47,7 +47,9 @@ def atomic_write(path: Path) -> Iterator[Path]:
     deleted if that fails. Raises ``UserError``, before anything is written if ``path`` is a folder or a device."""
     with usable(path):
         if path.exists() and not path.is_file():
-            raise UserError(f"{path}: cannot be written: {'a folder' if path.is_dir() else 'no file'} of that name")
+            raise UserError(
+                f"{path}: cannot be written: {'a folder' if path.is_dir() else 'no file'} of that name"
+            )
         beside = path.with_name(f".{path.name}.{secrets.token_hex(4)}{PARTIAL}")
         try:
             yield beside

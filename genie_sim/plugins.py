@@ -59,7 +59,9 @@ def checked_name(what: str, name: object, registry: Mapping[str, object]) -> str
     raise ValueError(f"{unknown(what, name, registry)}, or package.module:Class")
 
 
-def resolve(what: str, name: str, registry: Mapping[str, Any], methods: tuple[str, ...] = ()) -> Any:
+def resolve(
+    what: str, name: str, registry: Mapping[str, Any], methods: tuple[str, ...] = ()
+) -> Any:
     """The class or function called ``name``; an own one must have the ``methods``. Raises ``UserError``.
 
     The module may lie in the current folder, also for the installed command, where Python does not look by itself.
@@ -74,14 +76,20 @@ def resolve(what: str, name: str, registry: Mapping[str, Any], methods: tuple[st
     if entry is None:
         _own_modules[module_name] = f"{what} {name!r}"
         if not _own_code_allowed:
-            raise UserError(f"{what} {name!r}: code of somebody's own, which runs with --allow-own-code only")
+            raise UserError(
+                f"{what} {name!r}: code of somebody's own, which runs with --allow-own-code only"
+            )
         if "" not in sys.path:
             sys.path.append("")
-    with as_user_error(f"{what} {name!r}", Exception):  # whatever an own module raises when it is imported
+    with as_user_error(
+        f"{what} {name!r}", Exception
+    ):  # whatever an own module raises when it is imported
         found = getattr(importlib.import_module(module_name), class_name)
     lacking = [method for method in methods if not hasattr(found, method)]
     if lacking:
-        raise UserError(f"{what} {name!r}: has no method {', '.join(lacking)}; needs {', '.join(methods)}")
+        raise UserError(
+            f"{what} {name!r}: has no method {', '.join(lacking)}; needs {', '.join(methods)}"
+        )
     return found
 
 
@@ -94,9 +102,13 @@ def own_fault(error: BaseException) -> str | None:
     return None
 
 
-def make(what: str, choice: Choice, registry: Mapping[str, Any], methods: tuple[str, ...] = ()) -> Any:
+def make(
+    what: str, choice: Choice, registry: Mapping[str, Any], methods: tuple[str, ...] = ()
+) -> Any:
     """An instance of the chosen class. Raises ``UserError``."""
-    return call(what, choice.name, resolve(what, choice.name, registry, methods), **choice.parameters)
+    return call(
+        what, choice.name, resolve(what, choice.name, registry, methods), **choice.parameters
+    )
 
 
 def call(what: str, name: str, own: Any, *arguments: Any, **parameters: Any) -> Any:

@@ -66,7 +66,8 @@ def rerun(folder: Path, progress: Progress | None = None) -> dict[str, bool]:
     where = str(folder / "run.json")
     scenario = read_scenario(made["facts"]["scenario"], where=where)
     devices = {
-        name: validate(DeviceProfile, device, lambda _: where) for name, device in made["facts"]["devices"].items()
+        name: validate(DeviceProfile, device, lambda _: where)
+        for name, device in made["facts"]["devices"].items()
     }
     prepared = prepare(scenario, progress, devices)
     again = facts(prepared)
@@ -78,9 +79,14 @@ def rerun(folder: Path, progress: Progress | None = None) -> dict[str, bool]:
         with_report = (folder / "report.html").is_file()
         drawn = sorted({path.suffix[1:] for path in (folder / "figures").glob("*.*")})
         _fill(Path(temporary), prepared, made["run_id"], progress, with_report, drawn)
-        names = sorted(str(path.relative_to(temporary)) for path in Path(temporary).rglob("*") if path.is_file())
+        names = sorted(
+            str(path.relative_to(temporary))
+            for path in Path(temporary).rglob("*")
+            if path.is_file()
+        )
         return {
-            name: (folder / name).is_file() and (folder / name).read_bytes() == (Path(temporary) / name).read_bytes()
+            name: (folder / name).is_file()
+            and (folder / name).read_bytes() == (Path(temporary) / name).read_bytes()
             for name in names
             if name != "run.json"
         }
@@ -97,17 +103,27 @@ def _difference(name: str, before: object, now: object) -> str:
 
 def facts(prepared: Prepared) -> dict[str, Any]:
     """Everything that decides the outcome of a run."""
-    needed = any(getattr(build.method(entry), "feature", None) for entry in prepared.scenario.methods)
+    needed = any(
+        getattr(build.method(entry), "feature", None) for entry in prepared.scenario.methods
+    )
     known = prepared.frames.provenance() if needed else {}
-    features = {name: dict(facts["features"]) for name, facts in known.items() if "features" in facts}
+    features = {
+        name: dict(facts["features"]) for name, facts in known.items() if "features" in facts
+    }
     return {
         "format": provenance.RESULT_FORMAT,
         "genie_sim": genie_sim.__version__,
         "scenario": prepared.scenario.model_dump(mode="json", by_alias=True),
-        "devices": {name: device.model_dump(mode="json", by_alias=True) for name, device in prepared.devices.items()},
+        "devices": {
+            name: device.model_dump(mode="json", by_alias=True)
+            for name, device in prepared.devices.items()
+        },
         "traces": {
             **prepared.frames.digests(),
-            **{f"{encoding} of {car}": drive.digest for (encoding, car), drive in prepared.encoded.items()},
+            **{
+                f"{encoding} of {car}": drive.digest
+                for (encoding, car), drive in prepared.encoded.items()
+            },
         },
         "plugins": plugin_digests(prepared.scenario),
         "methods": method_facts(prepared.scenario),
@@ -125,7 +141,12 @@ def finished(prepared: Prepared, run_id: str, tables: Tables) -> Run:
 
 
 def _fill(
-    folder: Path, prepared: Prepared, run_id: str, progress: Progress | None, with_report: bool, drawn: Sequence[str]
+    folder: Path,
+    prepared: Prepared,
+    run_id: str,
+    progress: Progress | None,
+    with_report: bool,
+    drawn: Sequence[str],
 ) -> Run:
     """Simulates and writes the files of a result folder; figures in the formats ``drawn``."""
     from genie_sim import report
@@ -137,7 +158,9 @@ def _fill(
         table.write(folder / f"{table.name}.parquet")
     made = finished(prepared, run_id, tables)
     provenance.write_json(folder / "metrics.json", [asdict(metric) for metric in made.measured])
-    described = summary.markdown(made.measured, prepared.scenario.name, run_id, prepared.scenario.seed)
+    described = summary.markdown(
+        made.measured, prepared.scenario.name, run_id, prepared.scenario.seed
+    )
     (folder / "summary.md").write_text(described, encoding="utf-8")
     if drawn:
         from genie_sim.analysis import figures
@@ -163,7 +186,9 @@ def _fill(
 
 
 def prepare(
-    scenario: Scenario, progress: Progress | None = None, devices: Mapping[str, DeviceProfile] | None = None
+    scenario: Scenario,
+    progress: Progress | None = None,
+    devices: Mapping[str, DeviceProfile] | None = None,
 ) -> Prepared:
     """Opens the frame source and gives every car its drive, all in one world. ``devices`` replace the profiles that the
     scenario read. Raises ``UserError``."""
@@ -185,13 +210,18 @@ def methods_of(prepared: Prepared) -> list[MethodInfo]:
     return [MethodInfo(**method) for method in method_facts(prepared.scenario)]
 
 
-def on_frames(scenario: Scenario, frames: Frames, devices: Mapping[str, DeviceProfile] | None = None) -> Prepared:
+def on_frames(
+    scenario: Scenario, frames: Frames, devices: Mapping[str, DeviceProfile] | None = None
+) -> Prepared:
     """The same with a frame source that is open already. Raises ``UserError``."""
     full = scenario
     if scenario.fleet is not None:
         full, drives = expanded(scenario, scenario.fleet, scenario.source, frames)
     else:
-        drives = {car.name: frames.drive(car.name, car.route.trace, scenario.start_ns(car)) for car in scenario.cars}
+        drives = {
+            car.name: frames.drive(car.name, car.route.trace, scenario.start_ns(car))
+            for car in scenario.cars
+        }
     for index, car in enumerate(full.cars[:1] if scenario.fleet else full.cars):
         _check_route(scenario, index, car, drives[car.name])
     check_faults_of(full)
@@ -204,7 +234,14 @@ def on_frames(scenario: Scenario, frames: Frames, devices: Mapping[str, DevicePr
     }
     named = [car.device for car in full.cars] + [edge.device for edge in full.edges]
     known = scenario.profiles if devices is None else devices
-    return Prepared(scenario, full, {name: known[name] for name in dict.fromkeys(named)}, frames, drives, encoded)
+    return Prepared(
+        scenario,
+        full,
+        {name: known[name] for name in dict.fromkeys(named)},
+        frames,
+        drives,
+        encoded,
+    )
 
 
 def _encoded(scenario: Scenario, frames: Any, car: str, encoding: Encoding) -> Any:
@@ -217,7 +254,9 @@ def _encoded(scenario: Scenario, frames: Any, car: str, encoding: Encoding) -> A
     return frames.encoded(car, encoding)
 
 
-def simulate(prepared: Prepared, progress: Progress | None = None, spill: Path | None = None) -> Tables:
+def simulate(
+    prepared: Prepared, progress: Progress | None = None, spill: Path | None = None
+) -> Tables:
     """Every method of the scenario, one after the other, on the same random streams.
 
     With ``spill``, a folder, the rows of long tables wait there and not in memory; ``write`` completes their files.
@@ -239,7 +278,9 @@ def simulate(prepared: Prepared, progress: Progress | None = None, spill: Path |
     return tables
 
 
-def _teller(progress: Progress | None, log: Log, number: int, methods: int) -> Callable[[int, int], None]:
+def _teller(
+    progress: Progress | None, log: Log, number: int, methods: int
+) -> Callable[[int, int], None]:
     """Tells of the simulated time of one method, and how fast that goes."""
     began_s = time.perf_counter()
 
@@ -252,17 +293,25 @@ def _teller(progress: Progress | None, log: Log, number: int, methods: int) -> C
     return tell
 
 
-def held_of(prepared: Prepared, method: str, setup: Setup, tables: Tables, driven: Collection[str]) -> Held | None:
+def held_of(
+    prepared: Prepared, method: str, setup: Setup, tables: Tables, driven: Collection[str]
+) -> Held | None:
     """What judges the consumers of one method, if the scenario wants it; ``None`` where nobody knows what is there on
     any car's drive. The floor of the cars in ``driven`` is written already."""
     # A source of one's own need not know what is there.
-    truth_of = getattr(prepared.frames, "truth_of", None) if "held" in prepared.expanded.record else None
-    known = {} if truth_of is None else {car: truth_of(drive) for car, drive in prepared.drives.items()}
+    truth_of = (
+        getattr(prepared.frames, "truth_of", None) if "held" in prepared.expanded.record else None
+    )
+    known = (
+        {} if truth_of is None else {car: truth_of(drive) for car, drive in prepared.drives.items()}
+    )
     truths = {car: truth for car, truth in known.items() if truth is not None}
     if not truths:
         return None
     objects = tables.held_objects if "held_objects" in prepared.expanded.record else None
-    return Held(method, truths, tables.held, driven, partial(CONSUMERS[setup.consumer], setup.laws), objects)
+    return Held(
+        method, truths, tables.held, driven, partial(CONSUMERS[setup.consumer], setup.laws), objects
+    )
 
 
 @contextmanager
@@ -284,14 +333,22 @@ def gc_disabled() -> Iterator[None]:
 
 def _check_route(scenario: Scenario, index: int, car: Car, drive: Drive) -> None:
     """The car's cameras are recorded on its drive, and its window is a part of it."""
-    own, where, route = isinstance(car.cameras, tuple), f"{scenario.name}: cars[{index}].route", car.route
+    own, where, route = (
+        isinstance(car.cameras, tuple),
+        f"{scenario.name}: cars[{index}].route",
+        car.route,
+    )
     for number, camera in enumerate(scenario.cameras_of(car)):
         if camera.recording not in drive.frames:
             field = f"cars[{index}].cameras[{number}]" if own else f"cameras[{number}]"
             text = unknown("recording", camera.recording, drive.frames)
-            raise UserError(f"{scenario.name}: {field}.recording: {text} ({car.name} drives {drive.name})")
+            raise UserError(
+                f"{scenario.name}: {field}.recording: {text} ({car.name} drives {drive.name})"
+            )
     recordings = [drive.frames[camera.recording] for camera in scenario.cameras_of(car)]
-    scenario.check_time(where, route, max(frames[-1].stamp_ns - frames[0].stamp_ns for frames in recordings))
+    scenario.check_time(
+        where, route, max(frames[-1].stamp_ns - frames[0].stamp_ns for frames in recordings)
+    )
     if route.window_ns is None:
         return
     begin_ns, end_ns = route.window_ns
@@ -299,7 +356,11 @@ def _check_route(scenario: Scenario, index: int, car: Car, drive: Drive) -> None
     stamps_ns = [frame.stamp_ns for frames in recordings for frame in frames]
     if begin_ns > max(stamps_ns):
         begin_s, last_s = begin_ns / NS_PER_S, max(stamps_ns) / NS_PER_S
-        raise UserError(f"{where}: begins at {begin_s:g} s, after the last frame of {drive.name} at {last_s:g} s")
+        raise UserError(
+            f"{where}: begins at {begin_s:g} s, after the last frame of {drive.name} at {last_s:g} s"
+        )
     if not any(begin_ns <= stamp_ns < end_ns for stamp_ns in stamps_ns):
         after_s = min(stamp_ns for stamp_ns in stamps_ns if stamp_ns >= end_ns) / NS_PER_S
-        raise UserError(f"{where}: no camera takes a frame in it; the next one of {drive.name} is at {after_s:g} s")
+        raise UserError(
+            f"{where}: no camera takes a frame in it; the next one of {drive.name} is at {after_s:g} s"
+        )

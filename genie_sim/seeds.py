@@ -13,7 +13,9 @@ def stream(root_seed: int, *names: str | int) -> np.random.Generator:
     """
     if root_seed < 0:
         raise ValueError(f"seed {root_seed} is negative")
-    path = "".join(f"{len(text)}:{text}" for text in map(str, names))  # lengths keep ("a", "bc") from ("ab", "c")
+    path = "".join(
+        f"{len(text)}:{text}" for text in map(str, names)
+    )  # lengths keep ("a", "bc") from ("ab", "c")
     digest = hashlib.sha256(path.encode()).digest()
     words = [int.from_bytes(digest[i : i + 4], "big") for i in range(0, len(digest), 4)]
     return np.random.Generator(np.random.PCG64(np.random.SeedSequence([root_seed, *words])))

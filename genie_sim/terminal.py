@@ -36,7 +36,9 @@ def width() -> int:
 
 def welcome(columns: int, results: Path = Path("results")) -> str:
     """What to do next, for someone who typed ``genie-sim`` alone."""
-    about = "genie-sim simulates Genie, the smart ROS cache for connected vehicles and edge servers."
+    about = (
+        "genie-sim simulates Genie, the smart ROS cache for connected vehicles and edge servers."
+    )
     lines = [textwrap.fill(about, columns), "", "What to do next:"]
     side_by_side = max(len(command) for command, _ in FIRST_STEPS) + 4
     for command, what in FIRST_STEPS:
@@ -44,7 +46,10 @@ def welcome(columns: int, results: Path = Path("results")) -> str:
             lines.append(f"  {command:{side_by_side}}{what}")
         else:
             inside = " " * 6
-            lines += [f"  {command}", *textwrap.wrap(what, columns, initial_indent=inside, subsequent_indent=inside)]
+            lines += [
+                f"  {command}",
+                *textwrap.wrap(what, columns, initial_indent=inside, subsequent_indent=inside),
+            ]
     pages = sorted(results.glob(f"*/{PAGE}"), key=lambda page: page.stat().st_mtime)
     if pages:
         lines += ["", "Latest report, for your browser:", f"  {pages[-1]}"]
@@ -59,9 +64,13 @@ def listing(rows: Iterable[tuple[str, str]], indent: str, columns: int | None) -
             yield line
         elif columns < WIDE:
             yield f"{indent}{name}"
-            yield from textwrap.wrap(about, columns, initial_indent=f"{indent}    ", subsequent_indent=f"{indent}    ")
+            yield from textwrap.wrap(
+                about, columns, initial_indent=f"{indent}    ", subsequent_indent=f"{indent}    "
+            )
         else:
-            yield from textwrap.wrap(line, columns, subsequent_indent=" " * (len(indent) + 29), drop_whitespace=True)
+            yield from textwrap.wrap(
+                line, columns, subsequent_indent=" " * (len(indent) + 29), drop_whitespace=True
+            )
 
 
 class Commands(click.Group):
@@ -93,7 +102,9 @@ class Commands(click.Group):
 @contextmanager
 def _terminable() -> Iterator[None]:
     """SIGTERM, which batch systems send when the time is up, is taken for Ctrl-C: what is half done is cleared away."""
-    if threading.current_thread() is not threading.main_thread():  # no other may say what signals do
+    if (
+        threading.current_thread() is not threading.main_thread()
+    ):  # no other may say what signals do
         yield
         return
     before = signal.signal(signal.SIGTERM, signal.default_int_handler)
@@ -120,7 +131,9 @@ def drop_output() -> None:
 
 def one_line(text: str) -> str:
     """With what would break the line, or steer the terminal, spelled out: a name may hold anything."""
-    return "".join(sign if sign.isprintable() else sign.encode("unicode_escape").decode() for sign in text)
+    return "".join(
+        sign if sign.isprintable() else sign.encode("unicode_escape").decode() for sign in text
+    )
 
 
 def machine_said(error: OSError | MemoryError) -> str:
@@ -147,7 +160,9 @@ class Progress:
             columns = [TextColumn("{task.description}"), bar, TextColumn("{task.fields[state]}")]
             if width() >= WIDE:
                 columns.append(TimeRemainingColumn())
-            self._bar = Progress(*columns, console=Console(stderr=True), transient=True, refresh_per_second=5)
+            self._bar = Progress(
+                *columns, console=Console(stderr=True), transient=True, refresh_per_second=5
+            )
             self._task = self._bar.add_task("", total=None, state="")
             self._bar.start()
         return self

@@ -39,10 +39,17 @@ SIZES: dict[str, int] = {
     "TiB": 2**40,
 }
 RATES: dict[str, int] = {"bit/s": 1, "kbit/s": 10**3, "Mbit/s": 10**6, "Gbit/s": 10**9}
-LENGTHS: dict[str, Fraction] = {"mm": Fraction(1, 1000), "cm": Fraction(1, 100), "m": Fraction(1), "km": Fraction(1000)}
+LENGTHS: dict[str, Fraction] = {
+    "mm": Fraction(1, 1000),
+    "cm": Fraction(1, 100),
+    "m": Fraction(1),
+    "km": Fraction(1000),
+}
 ANGLES = ("deg", "rad")
 
-_QUANTITY = re.compile(r"([+-]?\d{1,30}(?:\.\d{1,30})?(?:e[+-]?\d{1,2})?)\s*(\D\S*)?", re.ASCII | re.IGNORECASE)
+_QUANTITY = re.compile(
+    r"([+-]?\d{1,30}(?:\.\d{1,30})?(?:e[+-]?\d{1,2})?)\s*(\D\S*)?", re.ASCII | re.IGNORECASE
+)
 _LARGEST = 2**63 - 1  # what a Parquet integer column holds
 
 
@@ -59,7 +66,9 @@ class _Counted(NamedTuple):
         number, unit = _split(value, self.name, self.example, self.units)
         exact = number * self.units[unit] if unit else Fraction(0)
         if exact.denominator != 1:
-            raise ValueError(f"{self.name} {short_repr(value)} is not a whole number of {self.counted}")
+            raise ValueError(
+                f"{self.name} {short_repr(value)} is not a whole number of {self.counted}"
+            )
         if abs(exact) > _LARGEST:
             raise ValueError(f"{self.name} {short_repr(value)} is too large")
         return int(exact)
@@ -78,10 +87,18 @@ class _Counted(NamedTuple):
 
 _DURATION = _Counted("duration", "30 ms", DURATIONS, "nanoseconds", ("s", "ms", "us", "ns"))
 _SIZE = _Counted("size", "1.4 MB", SIZES, "bytes", ("GB", "MB", "kB", "B"))
-_RATE = _Counted("rate", "100 Mbit/s", RATES, "bits per second", ("Gbit/s", "Mbit/s", "kbit/s", "bit/s"))
+_RATE = _Counted(
+    "rate", "100 Mbit/s", RATES, "bits per second", ("Gbit/s", "Mbit/s", "kbit/s", "bit/s")
+)
 duration_ns, duration_text = _DURATION.read, _DURATION.text  # "1.5 s" to 1,500,000,000 ns, and back
-size_bytes, size_text = _SIZE.read, _SIZE.text  # "1.4 MB" (10^6 bytes) or "4 MiB" (2^20 bytes), and back
-rate_bps, rate_text = _RATE.read, _RATE.text  # "100 Mbit/s"; bytes are refused, so that nobody is off by eight
+size_bytes, size_text = (
+    _SIZE.read,
+    _SIZE.text,
+)  # "1.4 MB" (10^6 bytes) or "4 MiB" (2^20 bytes), and back
+rate_bps, rate_text = (
+    _RATE.read,
+    _RATE.text,
+)  # "100 Mbit/s"; bytes are refused, so that nobody is off by eight
 
 
 def length_m(value: object) -> float:
@@ -105,14 +122,20 @@ def length_text(value_m: float) -> str:
 def angle_text(value_rad: float) -> str:
     """In degrees where that reads back exactly, else in radians."""
     degrees = round(math.degrees(value_rad), 9)
-    return f"{_plain(degrees)} deg" if math.radians(degrees) == value_rad else f"{_plain(value_rad)} rad"
+    return (
+        f"{_plain(degrees)} deg"
+        if math.radians(degrees) == value_rad
+        else f"{_plain(value_rad)} rad"
+    )
 
 
 def _split(value: object, what: str, example: str, units: Collection[str]) -> tuple[Fraction, str]:
     """Number and unit of a text; the unit is empty for a bare zero only."""
     match = _QUANTITY.fullmatch(str(value).strip())
     if match is None or isinstance(value, bool) or not isinstance(value, str | int | float):
-        raise ValueError(f"{what} {short_repr(value)} is not a number with a unit; write for example '{example}'")
+        raise ValueError(
+            f"{what} {short_repr(value)} is not a number with a unit; write for example '{example}'"
+        )
     number = Fraction(Decimal(match[1]))
     unit = (match[2] or "").replace("μ", "µ")  # Greek mu and the micro sign look the same
     if not unit:
@@ -120,7 +143,9 @@ def _split(value: object, what: str, example: str, units: Collection[str]) -> tu
             return number, ""
         raise ValueError(f"{what} {short_repr(value)} has no unit; write for example '{example}'")
     if unit not in units:
-        raise ValueError(f"{what} {short_repr(value)} has an unknown unit {unit!r}; known: {', '.join(units)}")
+        raise ValueError(
+            f"{what} {short_repr(value)} has an unknown unit {unit!r}; known: {', '.join(units)}"
+        )
     return number, unit
 
 

@@ -32,7 +32,9 @@ CommandLine = Callable[..., subprocess.CompletedProcess[str]]
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    parser.addoption("--by-hand", action="store_true", help="also what takes minutes: tests marked by_hand")
+    parser.addoption(
+        "--by-hand", action="store_true", help="also what takes minutes: tests marked by_hand"
+    )
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
@@ -42,7 +44,9 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         if item.get_closest_marker("by_hand") and not config.getoption("--by-hand"):
             item.add_marker(pytest.mark.skip(reason="takes minutes: --by-hand"))
         if item.get_closest_marker("slow"):
-            item.add_marker(pytest.mark.no_cover)  # it would take twice as long, for what others have run already
+            item.add_marker(
+                pytest.mark.no_cover
+            )  # it would take twice as long, for what others have run already
         if sys.platform == "win32" and item.get_closest_marker("unix"):
             item.add_marker(pytest.mark.skip(reason="needs the signals and terminals of Unix"))
 
@@ -62,7 +66,10 @@ def _turn(alone: bool) -> Iterator[None]:
     """A lock that many share or one has, between processes; no file is needed but those that are there."""
     import fcntl
 
-    with (REPOSITORY / "README.md").open() as queue, (REPOSITORY / "pyproject.toml").open() as running:
+    with (
+        (REPOSITORY / "README.md").open() as queue,
+        (REPOSITORY / "pyproject.toml").open() as running,
+    ):
         fcntl.flock(queue, fcntl.LOCK_EX)  # who waits to be alone is not overtaken
         fcntl.flock(running, fcntl.LOCK_EX if alone else fcntl.LOCK_SH)
         fcntl.flock(queue, fcntl.LOCK_UN)

@@ -57,7 +57,10 @@ class Victim:
 
 def digests(folder: Path, *patterns: str) -> dict[str, str]:
     found = [path for pattern in patterns for path in folder.glob(pattern) if path.is_file()]
-    return {str(path.relative_to(folder)): hashlib.sha256(path.read_bytes()).hexdigest() for path in sorted(found)}
+    return {
+        str(path.relative_to(folder)): hashlib.sha256(path.read_bytes()).hexdigest()
+        for path in sorted(found)
+    }
 
 
 def of_run(folder: Path) -> dict[str, str]:
@@ -90,7 +93,11 @@ class Cluster:
         import distributed
 
         self._cluster = distributed.LocalCluster(
-            n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, silence_logs=50
+            n_workers=2,
+            threads_per_worker=1,
+            processes=True,
+            dashboard_address=None,
+            silence_logs=50,
         )
         self.address = str(self._cluster.scheduler_address)
 
@@ -98,7 +105,11 @@ class Cluster:
         """A worker, which the cluster replaces, or the sweep itself."""
         if rng.random() < 0.5:
             return kill_all(process, rng)
-        workers = [worker.pid for worker in self._cluster.workers.values() if worker.status.name == "running"]
+        workers = [
+            worker.pid
+            for worker in self._cluster.workers.values()
+            if worker.status.name == "running"
+        ]
         if workers:
             with contextlib.suppress(ProcessLookupError):
                 os.kill(rng.choice(workers), signal.SIGKILL)
@@ -161,7 +172,9 @@ def torment(victim: Victim, folder: Path, kills: int, rng: random.Random) -> Non
         assert process.wait() == 0, (victim.command, (here / "stderr").read_text())
     made = victim.whole(here)
     victim.other += sum(made.get(name) != digest for name, digest in expected.items())
-    victim.left += len([path for path in (here / "results").rglob(".*") if path.name != ".gitignore"])
+    victim.left += len(
+        [path for path in (here / "results").rglob(".*") if path.name != ".gitignore"]
+    )
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -175,7 +188,13 @@ def main(arguments: list[str] | None = None) -> int:
         victims = [
             Victim("run", ["run", "mine.yaml"], of_run, 50, kill_all),
             Victim("sweep", ["sweep", "s.yaml", "--jobs", "2"], of_sweep, 30, kill_all),
-            Victim("reproduce", ["reproduce", "--quick", "--seeds", "1", "--jobs", "2"], of_run, 6, kill_all),
+            Victim(
+                "reproduce",
+                ["reproduce", "--quick", "--seeds", "1", "--jobs", "2"],
+                of_run,
+                6,
+                kill_all,
+            ),
         ]
         if "dask" in given.only:
             cluster = Cluster()
@@ -184,7 +203,9 @@ def main(arguments: list[str] | None = None) -> int:
             victims.insert(2, Victim("dask", command, of_sweep, 14, cluster.kill))
         victims = [victim for victim in victims if victim.name in given.only]
         shares = sum(victim.share for victim in victims)
-        print("| command | kills | after [s] | lost or changed | other than undisturbed | left behind |")
+        print(
+            "| command | kills | after [s] | lost or changed | other than undisturbed | left behind |"
+        )
         print("|---|---:|---:|---:|---:|---:|")
         for victim in victims:
             torment(victim, Path(scratch), round(given.kills * victim.share / shares), rng)

@@ -41,7 +41,9 @@ def make_drive(
     projection = f"{FOCAL} 0 {CENTRE_X} 0 0 {FOCAL} {CENTRE_Y} 0 0 0 1 0"
     lines = [f"P_rect_{camera}: {projection}" for camera in ("00", "01", "02", "03")]
     lines += [f"R_rect_{camera}: 1 0 0 0 1 0 0 0 1" for camera in ("00", "01", "02", "03")]
-    (root / DATE / "calib_cam_to_cam.txt").write_text("calib_time: 09-Jan-2012 13:57:47\n" + "\n".join(lines) + "\n")
+    (root / DATE / "calib_cam_to_cam.txt").write_text(
+        "calib_time: 09-Jan-2012 13:57:47\n" + "\n".join(lines) + "\n"
+    )
     (root / DATE / "calib_velo_to_cam.txt").write_text(VELO_TO_CAM)
     (root / DATE / "calib_imu_to_velo.txt").write_text(IMU_TO_VELO)
 
@@ -55,10 +57,14 @@ def make_drive(
         east, north = index * math.cos(yaw_rad), index * math.sin(yaw_rad)
         place = pymap3d.enu2geodetic(east, north, 0.0, *start)
         values = [*place, *roll_pitch_rad, yaw_rad, *[0.0] * 19, 4, 10, 4, 4, 0]
-        (folder / "oxts" / "data" / f"{index:010d}.txt").write_text(" ".join(f"{float(v):.12f}" for v in values) + "\n")
+        (folder / "oxts" / "data" / f"{index:010d}.txt").write_text(
+            " ".join(f"{float(v):.12f}" for v in values) + "\n"
+        )
         (folder / "velodyne_points" / "data" / f"{index:010d}.bin").write_bytes(points.tobytes())
         for camera in ("02", "03"):
-            cv2.imwrite(str(folder / f"image_{camera}" / "data" / f"{index:010d}.{extension}"), image)
+            cv2.imwrite(
+                str(folder / f"image_{camera}" / "data" / f"{index:010d}.{extension}"), image
+            )
     return folder
 
 
@@ -74,10 +80,22 @@ def make_network(path: Path, side: int = 416, classes: int = 80) -> Path:
         bias = np.zeros(channels, np.float32)
         if stride == 8:
             weight[4] = 1 / (255 * 3 * stride * stride)
-            bias[[0, 1]], bias[2], bias[3], bias[5 + 2] = 0.5, math.log(80 / stride), math.log(40 / stride), 1.0
-        constants += [numpy_helper.from_array(weight, f"w{stride}"), numpy_helper.from_array(bias, f"b{stride}")]
+            bias[[0, 1]], bias[2], bias[3], bias[5 + 2] = (
+                0.5,
+                math.log(80 / stride),
+                math.log(40 / stride),
+                1.0,
+            )
+        constants += [
+            numpy_helper.from_array(weight, f"w{stride}"),
+            numpy_helper.from_array(bias, f"b{stride}"),
+        ]
         convolution = [f"w{stride}", f"b{stride}"]
-        nodes.append(helper.make_node("Conv", ["images", *convolution], [f"c{stride}"], strides=[stride, stride]))
+        nodes.append(
+            helper.make_node(
+                "Conv", ["images", *convolution], [f"c{stride}"], strides=[stride, stride]
+            )
+        )
         nodes.append(helper.make_node("Reshape", [f"c{stride}", "shape"], [f"r{stride}"]))
     nodes.append(helper.make_node("Concat", ["r8", "r16", "r32"], ["all"], axis=2))
     nodes.append(helper.make_node("Transpose", ["all"], ["output"], perm=[0, 2, 1]))
@@ -85,7 +103,10 @@ def make_network(path: Path, side: int = 416, classes: int = 80) -> Path:
     picture = helper.make_tensor_value_info("images", TensorProto.FLOAT, [1, 3, side, side])
     output = helper.make_tensor_value_info("output", TensorProto.FLOAT, [1, cells, channels])
     graph = helper.make_graph(nodes, "stand-in", [picture], [output], constants)
-    onnx.save(helper.make_model(graph, opset_imports=[helper.make_opsetid("", 11)], ir_version=7), str(path))
+    onnx.save(
+        helper.make_model(graph, opset_imports=[helper.make_opsetid("", 11)], ir_version=7),
+        str(path),
+    )
     return path
 
 
@@ -115,9 +136,12 @@ def read_tracklets(path: Path) -> list[Tracklet]:
         first = int(item.findtext("first_frame"))
         poses = dict(enumerate(item.findall("poses/item"), start=first))
         centres = {
-            index: np.array([float(pose.findtext(name)) for name in ("tx", "ty", "tz")]) + np.array([0, 0, height / 2])
+            index: np.array([float(pose.findtext(name)) for name in ("tx", "ty", "tz")])
+            + np.array([0, 0, height / 2])
             for index, pose in poses.items()
         }
         turns = {index: float(pose.findtext("rz")) for index, pose in poses.items()}
-        tracklets.append(Tracklet(item.findtext("objectType"), height, width, length, centres, turns))
+        tracklets.append(
+            Tracklet(item.findtext("objectType"), height, width, length, centres, turns)
+        )
     return tracklets

@@ -18,30 +18,44 @@ def make_nanodet(path: Path, side: int = 416) -> Path:
     for kind, channels in (("cls_pred", 80), ("dis_pred", 32)):
         for stride in (8, 16, 32):
             name = f"{kind}_stride_{stride}"
-            weight, bias = np.zeros((channels, 3, stride, stride), np.float32), np.zeros(channels, np.float32)
+            weight, bias = (
+                np.zeros((channels, 3, stride, stride), np.float32),
+                np.zeros(channels, np.float32),
+            )
             if kind == "cls_pred":
                 weight[CAR] = (0.2 if stride == 8 else 0.0) / (3 * stride * stride)
             else:
                 bias[3::8] = 20.0  # all four distributions are at bin 3
-            constants += [numpy_helper.from_array(weight, f"w_{name}"), numpy_helper.from_array(bias, f"b_{name}")]
+            constants += [
+                numpy_helper.from_array(weight, f"w_{name}"),
+                numpy_helper.from_array(bias, f"b_{name}"),
+            ]
             convolution = ["pictures", f"w_{name}", f"b_{name}"]
             shape = "scores" if kind == "cls_pred" else "sides"
-            nodes.append(helper.make_node("Conv", convolution, [f"c_{name}"], strides=[stride, stride]))
+            nodes.append(
+                helper.make_node("Conv", convolution, [f"c_{name}"], strides=[stride, stride])
+            )
             nodes.append(helper.make_node("Reshape", [f"c_{name}", shape], [f"r_{name}"]))
             nodes.append(helper.make_node("Transpose", [f"r_{name}"], [name], perm=[0, 2, 1]))
             cells = (side // stride) ** 2
-            outputs.append(helper.make_tensor_value_info(name, TensorProto.FLOAT, [1, cells, channels]))
+            outputs.append(
+                helper.make_tensor_value_info(name, TensorProto.FLOAT, [1, cells, channels])
+            )
     return _saved(path, nodes, outputs, constants, side)
 
 
-def make_yolov8(path: Path, side: int | None = 320, labels: tuple[str, ...] = ("wheel", "car")) -> Path:
+def make_yolov8(
+    path: Path, side: int | None = 320, labels: tuple[str, ...] = ("wheel", "car")
+) -> Path:
     """The one output of an Ultralytics export; a car is 80 x 40 pixels. ``side`` ``None``: left open in the file."""
     from onnx import TensorProto, helper, numpy_helper
 
     channels, fixed = 4 + len(labels), side or 320
     nodes = []
     constants = [numpy_helper.from_array(np.array([1, channels, -1]), "shape")]
-    centres = np.zeros((1, channels, sum((fixed // stride) ** 2 for stride in (8, 16, 32))), np.float32)
+    centres = np.zeros(
+        (1, channels, sum((fixed // stride) ** 2 for stride in (8, 16, 32))), np.float32
+    )
     column = 0
     for stride in (8, 16, 32):
         weight = np.zeros((channels, 3, stride, stride), np.float32)
@@ -49,9 +63,17 @@ def make_yolov8(path: Path, side: int | None = 320, labels: tuple[str, ...] = ("
         bias[2:4] = 80, 40
         if stride == 8 and "car" in labels:
             weight[4 + labels.index("car")] = 1 / (3 * stride * stride)
-        constants += [numpy_helper.from_array(weight, f"w{stride}"), numpy_helper.from_array(bias, f"b{stride}")]
+        constants += [
+            numpy_helper.from_array(weight, f"w{stride}"),
+            numpy_helper.from_array(bias, f"b{stride}"),
+        ]
         nodes.append(
-            helper.make_node("Conv", ["pictures", f"w{stride}", f"b{stride}"], [f"c{stride}"], strides=[stride] * 2)
+            helper.make_node(
+                "Conv",
+                ["pictures", f"w{stride}", f"b{stride}"],
+                [f"c{stride}"],
+                strides=[stride] * 2,
+            )
         )
         nodes.append(helper.make_node("Reshape", [f"c{stride}", "shape"], [f"r{stride}"]))
         across = np.arange(fixed // stride)
@@ -70,7 +92,9 @@ def _saved(path, nodes, outputs, constants, side, metadata=None) -> Path:
     import onnx
     from onnx import TensorProto, helper
 
-    picture = helper.make_tensor_value_info("pictures", TensorProto.FLOAT, [1, 3, side or "height", side or "width"])
+    picture = helper.make_tensor_value_info(
+        "pictures", TensorProto.FLOAT, [1, 3, side or "height", side or "width"]
+    )
     graph = helper.make_graph(nodes, "stand-in", [picture], outputs, constants)
     model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 11)], ir_version=7)
     for key, value in (metadata or {}).items():

@@ -39,7 +39,11 @@ def frames(cars: int = 3, seconds: int = 10, seed: int = 1, speed: float = 1.0) 
                         _answer_by_genie(row, received_ns, rng, speed)
                     elif rng.random() < KEPT[method] * (speed if method == "remote" else 1):
                         fast = speed if method == "remote" else 1.0
-                        took_ms = DETECTOR_MS[method] / fast * (0.85 + 0.15 * np.exp(0.6 * rng.standard_normal()))
+                        took_ms = (
+                            DETECTOR_MS[method]
+                            / fast
+                            * (0.85 + 0.15 * np.exp(0.6 * rng.standard_normal()))
+                        )
                         _set(row, received_ns + int(took_ms * MS), "own_detector", rng.poisson(3))
                     else:
                         row.drop = f"{method}/detector:/image_raw"
@@ -106,7 +110,9 @@ def resources(cars: int = 3, samples: int = 100) -> Table:
                     (f"car{car}->edge{car}", "link", 0.1 * car, i, i * 1_397_297),
                 )
                 for name, kind, busy, completed, carried in serving:
-                    table.append((method, t_ns, name, kind, 1, int(busy * t_ns), 0, completed, 0, carried))
+                    table.append(
+                        (method, t_ns, name, kind, 1, int(busy * t_ns), 0, completed, 0, carried)
+                    )
                 queue = f"car{car}/detector:/image_raw"
                 table.append((method, t_ns, queue, "queue", None, 0, (i + car) % 3, i, 2 * i, None))
     return table

@@ -66,23 +66,41 @@ def survived(mutation: Mutation | None) -> bool:
         environment = {**os.environ, "PYTHONPATH": str(root), "PYTHONDONTWRITEBYTECODE": "1"}
         python = partial(subprocess.run, cwd=root, env=environment, capture_output=True, text=True)
         if mutation is None:
-            where = python([sys.executable, "-c", "import genie_sim; print(genie_sim.__file__)"]).stdout
+            where = python(
+                [sys.executable, "-c", "import genie_sim; print(genie_sim.__file__)"]
+            ).stdout
             assert where.startswith(str(root)), f"not the copy is tested, but {where}"
         else:
             path = root / "genie_sim" / mutation.file
-            path.write_text(path.read_text(encoding="utf-8").replace(mutation.old, mutation.new), encoding="utf-8")
-        names = TESTS[mutation.file] if mutation else sorted({name for tests in TESTS.values() for name in tests})
+            path.write_text(
+                path.read_text(encoding="utf-8").replace(mutation.old, mutation.new),
+                encoding="utf-8",
+            )
+        names = (
+            TESTS[mutation.file]
+            if mutation
+            else sorted({name for tests in TESTS.values() for name in tests})
+        )
         tests = [f"tests/{name}.py" for name in names]
         ran = python([sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", *tests])
-        assert ran.returncode == 0 or (mutation and ran.returncode in (1, 2)), ran.stdout + ran.stderr
+        assert ran.returncode == 0 or (mutation and ran.returncode in (1, 2)), (
+            ran.stdout + ran.stderr
+        )
         return ran.returncode == 0
 
 
 def misfits() -> list[str]:
     """Mutations whose text does not occur exactly once."""
     package = REPOSITORY / "genie_sim"
-    counts = [(one, (package / one.file).read_text(encoding="utf-8").count(one.old)) for one in mutations()]
-    return [f"{one.file}: {one.what}: occurs {count} times: {one.old}" for one, count in counts if count != 1]
+    counts = [
+        (one, (package / one.file).read_text(encoding="utf-8").count(one.old))
+        for one in mutations()
+    ]
+    return [
+        f"{one.file}: {one.what}: occurs {count} times: {one.old}"
+        for one, count in counts
+        if count != 1
+    ]
 
 
 def main() -> int:
@@ -91,7 +109,9 @@ def main() -> int:
         print("\n".join(misfits()))
         return 2
     words = sys.argv[1:] or [""]
-    chosen = [one for one in mutations() if any(word in one.what or word in one.file for word in words)]
+    chosen = [
+        one for one in mutations() if any(word in one.what or word in one.file for word in words)
+    ]
     survived(None)
     left = 0
     with ThreadPoolExecutor(os.cpu_count()) as pool:

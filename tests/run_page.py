@@ -123,8 +123,12 @@ class Reader:
         if wrong:
             self._wrong(block, "prints", wrong, None if fails else lines)
 
-    def _wrong(self, block: Block, what: str, printed: str, instead: list[str] | None = None) -> None:
-        self.problems.append(f"{self.name}:{block.first + 1}: {block.language} block {what}:\n{printed}")
+    def _wrong(
+        self, block: Block, what: str, printed: str, instead: list[str] | None = None
+    ) -> None:
+        self.problems.append(
+            f"{self.name}:{block.first + 1}: {block.language} block {what}:\n{printed}"
+        )
         if instead is not None:
             self.shown[block.first] = (block, instead)
 
@@ -143,7 +147,9 @@ def accepted(page: str, reader: Reader) -> str:
     """The page with what was printed in place of what it shows."""
     lines = page.splitlines()
     for first, (block, instead) in sorted(reader.shown.items(), reverse=True):
-        lines[first : first + len(block.lines)] = [(block.indent + line).rstrip() for line in instead]
+        lines[first : first + len(block.lines)] = [
+            (block.indent + line).rstrip() for line in instead
+        ]
     return "\n".join(lines) + "\n"
 
 

@@ -46,14 +46,20 @@ def page_of(what: str, run: gs.Run, folder: Path) -> Path:
     if what == "run":
         return run.report(folder / "report.html")
     if what == "fleet":
-        return gs.run("fleet_30", {"fleet.cars": 3, "perception.duration": "2 s"}).report(folder / "report.html")
+        return gs.run("fleet_30", {"fleet.cars": 3, "perception.duration": "2 s"}).report(
+            folder / "report.html"
+        )
     if what == "sweep":
         return swept(SWEEP, folder, "sweep") / "report.html"
     if what == "comparison":
         return gs.compare(run).report(folder)
     few = Path(shutil.copytree(PAPER, folder / "evaluation"))
-    rows, numbers = (json.loads((few / f"{name}.json").read_text()) for name in ("verdicts", "metrics"))
-    (few / "verdicts.json").write_text(json.dumps([row for row in rows if row["id"] in ("C1", "C2", "C21")]))
+    rows, numbers = (
+        json.loads((few / f"{name}.json").read_text()) for name in ("verdicts", "metrics")
+    )
+    (few / "verdicts.json").write_text(
+        json.dumps([row for row in rows if row["id"] in ("C1", "C2", "C21")])
+    )
     (few / "metrics.json").write_text(json.dumps(numbers[::100]))
     (folder / "report.html").write_text(evaluation.page(few), encoding="utf-8")
     return folder / "report.html"
@@ -62,7 +68,10 @@ def page_of(what: str, run: gs.Run, folder: Path) -> Path:
 @pytest.mark.parametrize("what", ["run", "fleet", "sweep", "comparison", "evaluation"])
 def test_a_page_has_no_serious_finding(browser: Browser, run: gs.Run, tmp_path: Path, what: str):
     page = page_of(what, run, tmp_path)
-    for dark, rules in ((False, None), (True, ["color-contrast"])):  # in the dark, only colours are others
+    for dark, rules in (
+        (False, None),
+        (True, ["color-contrast"]),
+    ):  # in the dark, only colours are others
         browser.size(1200, 900, dark=dark)
         browser.open(page)
         assert browser.errors == []

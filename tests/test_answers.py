@@ -27,7 +27,9 @@ POSE = CameraPose(0.0, 0.0, 1.6, 0.0)
 
 
 def one(label: str, east_m: float | None, north_m: float = 0.0) -> Detection:
-    return Detection(label, 0.9, None, None if east_m is None else (east_m, north_m, 0.0), 0.9, "made up")
+    return Detection(
+        label, 0.9, None, None if east_m is None else (east_m, north_m, 0.0), 0.9, "made up"
+    )
 
 
 @dataclass
@@ -35,7 +37,9 @@ class Frame:
     detections: tuple[Detection, ...]
 
 
-def compared(detected: Sequence[Detection], *answers: tuple[str, Sequence[Detection]]) -> list[tuple]:
+def compared(
+    detected: Sequence[Detection], *answers: tuple[str, Sequence[Detection]]
+) -> list[tuple]:
     """Which, source, served, detected, matched of each row."""
     tables = Tables()
     log = Log("genie", tables, ["answers"])
@@ -43,7 +47,9 @@ def compared(detected: Sequence[Detection], *answers: tuple[str, Sequence[Detect
     for source, objects in answers:
         log.answered(Detections(HEADER, tuple(objects), source), source, HEADER.stamp_ns)
     rows = tables.answers.to_frame()[["which", "source", "served", "detected", "matched"]]
-    return [tuple(row) for row in rows.astype({"which": str, "source": str}).itertuples(index=False)]
+    return [
+        tuple(row) for row in rows.astype({"which": str, "source": str}).itertuples(index=False)
+    ]
 
 
 def test_pairs_are_of_one_class_and_at_most_two_metres_apart():
@@ -54,7 +60,9 @@ def test_pairs_are_of_one_class_and_at_most_two_metres_apart():
 
 
 def test_a_truck_is_found_as_a_car():
-    assert compared([one("truck", 10.0)], ("map", [one("bus", 11.0)])) == [("first", "map", 1, 1, 1)]
+    assert compared([one("truck", 10.0)], ("map", [one("bus", 11.0)])) == [
+        ("first", "map", 1, 1, 1)
+    ]
 
 
 def test_each_object_is_paired_once_and_the_nearest_first():
@@ -79,7 +87,10 @@ def test_objects_without_a_place_are_not_counted_even_in_an_answer_that_is_the_s
 def test_first_and_fresh_are_judged_each_once_and_a_frame_that_is_settled_no_more():
     detected = [one("car", 10.0)]
     answers = ("map", []), ("own_cache", detected), ("edge_detector", [])
-    assert compared(detected, *answers) == [("first", "map", 0, 1, 0), ("fresh", "own_cache", 1, 1, 1)]
+    assert compared(detected, *answers) == [
+        ("first", "map", 0, 1, 0),
+        ("fresh", "own_cache", 1, 1, 1),
+    ]
 
 
 def table(*rows: tuple[str, str, int, int, int]) -> pd.DataFrame:
@@ -95,7 +106,9 @@ def values(found: Sequence[Metric]) -> dict[tuple[str, str], tuple[float | None,
 
 
 def test_precision_recall_and_f1_are_of_all_objects_together():
-    found = values(list(of_answers(table(("first", "map", 8, 4, 2), ("first", "map", 2, 4, 2)), ["genie"])))
+    found = values(
+        list(of_answers(table(("first", "map", 8, 4, 2), ("first", "map", 2, 4, 2)), ["genie"]))
+    )
     assert found["first_proxy_precision", "all"] == (0.4, 10)
     assert found["first_proxy_recall", "all"] == (0.5, 8)
     assert found["first_proxy_f1", "all"] == (pytest.approx(8 / 18), 18)
@@ -119,7 +132,9 @@ def test_a_hit_is_wrong_below_an_f1_of_four_fifths():
             )
         )
     )
-    shares = {placement: found["wrong_hit_share", placement] for placement in ("all", "car", "edge")}
+    shares = {
+        placement: found["wrong_hit_share", placement] for placement in ("all", "car", "edge")
+    }
     assert shares == {"all": (0.5, 4), "car": (0.5, 2), "edge": (0.5, 2)}
 
 
@@ -135,11 +150,16 @@ def test_a_run_compares_every_answer_and_a_baseline_is_always_right():
         mine = made.frames[made.frames["method"] == method]
         assert counts[method, "first"] == mine["first_answer_ns"].notna().sum()
         assert counts[method, "fresh"] == mine["fresh_answer_ns"].notna().sum()
-    assert (made.answers["matched"] <= np.minimum(made.answers["served"], made.answers["detected"])).all()
+    assert (
+        made.answers["matched"] <= np.minimum(made.answers["served"], made.answers["detected"])
+    ).all()
     f1 = {one.method: one.value for one in made.measured if one.metric == "fresh_proxy_f1"}
     assert (f1["local"], f1["remote"]) == (1.0, 1.0)
     told = " ".join(summary.text(made.measured).split())
-    assert "F1 of first answer*" in told and "* Against the detector's own answer to the frame." in told
+    assert (
+        "F1 of first answer*" in told
+        and "* Against the detector's own answer to the frame." in told
+    )
     assert "A proxy" in " ".join(summary.markdown(made.measured, "1car_hetero", "run", 1).split())
 
 

@@ -42,14 +42,18 @@ def test_metrics_are_one_table(run):
     assert mean["value"].item() == pytest.approx(times_ms.mean())
 
 
-@pytest.mark.parametrize("name", ["latency_cdf", "image_reuse", "object_reuse", "confidence_boost", "resource_use"])
+@pytest.mark.parametrize(
+    "name", ["latency_cdf", "image_reuse", "object_reuse", "confidence_boost", "resource_use"]
+)
 def test_every_figure_draws(run, name):
     assert isinstance(getattr(run.figures, name)(), Figure)
 
 
 def test_a_run_in_memory_in_a_folder_and_on_the_command_line_are_the_same(run):
     written = gs.run("3car_hetero", SHORT, seed=5, out="lab")
-    settings = [part for path, value in SHORT.items() for part in ("--set", f"{path}={json.dumps(value)}")]
+    settings = [
+        part for path, value in SHORT.items() for part in ("--set", f"{path}={json.dumps(value)}")
+    ]
     assert main(["run", "3car_hetero", "--seed", "5", *settings, "--out", "cli"]) == 0
     (folder,) = Path("cli").iterdir()
     of_cli = gs.load(folder)
@@ -67,7 +71,9 @@ def test_a_scenario_may_be_a_mapping_a_file_or_another_scenario(run):
     assert as_mapping == run.scenario
     Path("mine.yaml").write_text(run.yaml)
     assert gs.load_scenario(Path("mine.yaml")) == as_mapping
-    slower = gs.load_scenario(as_mapping, {"cars[0].link": "wifi", "genie.capacity": {"entries": 3}, "origin": None})
+    slower = gs.load_scenario(
+        as_mapping, {"cars[0].link": "wifi", "genie.capacity": {"entries": 3}, "origin": None}
+    )
     assert slower.cars[0].link != as_mapping.cars[0].link
     assert slower.genie.capacity.entries == 3
     assert gs.load_scenario(as_mapping, ["genie.eviction=lru"]).genie.eviction == "lru"
@@ -89,7 +95,10 @@ def test_progress_is_told_in_simulated_seconds():
     [
         (lambda: gs.run("3car_heterro"), "did you mean '3car_hetero'?"),
         (lambda: gs.run("1car_homo", {"genie.eviction": "lruu"}), "unknown eviction 'lruu'"),
-        (lambda: gs.run("1car_homo", "genie.eviction=lru"), "settings: must be a mapping or a list"),
+        (
+            lambda: gs.run("1car_homo", "genie.eviction=lru"),
+            "settings: must be a mapping or a list",
+        ),
         (lambda: gs.run({"edges": []}), "scenario: cars: missing"),
         (lambda: gs.load("nowhere"), "nowhere: not a result folder"),
         (lambda: gs.run("1car_homo", SHORT), "cars[1]"),
@@ -108,7 +117,9 @@ def test_a_run_without_a_folder_needs_a_path_for_its_report(run):
 
 
 def test_a_result_folder_that_lost_a_table_is_named():
-    folder = gs.run("1car_homo", {"cars[0].route.window": ["0 s", "1 s"], "methods": ["genie"]}, out="out").folder
+    folder = gs.run(
+        "1car_homo", {"cars[0].route.window": ["0 s", "1 s"], "methods": ["genie"]}, out="out"
+    ).folder
     (folder / "objects.parquet").unlink()
     with pytest.raises(gs.UserError, match=r"objects\.parquet: no such file"):
         gs.load(folder)
@@ -116,14 +127,18 @@ def test_a_result_folder_that_lost_a_table_is_named():
 
 def test_the_names_are_there_but_nothing_heavy_until_they_are_used():
     code = "import sys, genie_sim as gs; print('run' in dir(gs), 'pandas' in sys.modules, gs.run.__module__)"
-    told = subprocess.run([sys.executable, "-c", code], cwd=REPOSITORY, capture_output=True, text=True, check=True)
+    told = subprocess.run(
+        [sys.executable, "-c", code], cwd=REPOSITORY, capture_output=True, text=True, check=True
+    )
     assert told.stdout.split() == ["True", "False", "genie_sim.api"]
     with pytest.raises(AttributeError, match="runn"):
         _ = gs.runn
 
 
 def test_settings_from_python_are_not_called_options_of_a_command():
-    with pytest.raises(gs.UserError, match=r"^genie\.evictionn=\"lru\": genie\.evictionn: unknown field"):
+    with pytest.raises(
+        gs.UserError, match=r"^genie\.evictionn=\"lru\": genie\.evictionn: unknown field"
+    ):
         gs.load_scenario("1car_homo", {"genie.evictionn": "lru"})
 
 

@@ -35,7 +35,9 @@ FEW = load_assumptions().model_copy(update={
 
 
 def made_up(level):
-    return {f"{kind}_reuse:{place}": level for kind in ("image", "object") for place in ("car", "edge")}
+    return {
+        f"{kind}_reuse:{place}": level for kind in ("image", "object") for place in ("car", "edge")
+    }
 
 
 @pytest.fixture
@@ -86,17 +88,33 @@ def test_what_is_known_is_not_run_again(found):
         ("min_score=0.7", ("genie",)),
     }
     assert len(ran) == 4 * len(ALL) * len(SEEDS)
-    known = {name: one.of(ALL[0], "under_deadline_share:local")[0] == 0 for name, one in made.evidence.items()}
+    known = {
+        name: one.of(ALL[0], "under_deadline_share:local")[0] == 0
+        for name, one in made.evidence.items()
+    }
     with_baselines = ["other_rule", "ideal_link", "half_a_metre", "image_cell_m=0.5"]
     assert [name for name, has in known.items() if has] == with_baselines
-    gains = {name: one.of(ALL[0], "improvement_first_answer:local")[0] for name, one in made.evidence.items()}
-    assert [name for name, gain in gains.items() if gain == 0.9] == ["ideal_link"], "no other Genie's improvement"
+    gains = {
+        name: one.of(ALL[0], "improvement_first_answer:local")[0]
+        for name, one in made.evidence.items()
+    }
+    assert [name for name, gain in gains.items() if gain == 0.9] == ["ideal_link"], (
+        "no other Genie's improvement"
+    )
 
 
 def test_a_value_that_the_evaluation_uses_is_a_point_of_the_curve_but_no_other_reading(found):
     made, _ = found
-    assert set(made.evidence) == {"other_rule", "ideal_link", "half_a_metre", "image_cell_m=0.5", "min_score=0.7"}
-    assert [point["object_reuse"][0] for point in made.sweeps[0]["points"]] == pytest.approx([0.6, 0.6])
+    assert set(made.evidence) == {
+        "other_rule",
+        "ideal_link",
+        "half_a_metre",
+        "image_cell_m=0.5",
+        "min_score=0.7",
+    }
+    assert [point["object_reuse"][0] for point in made.sweeps[0]["points"]] == pytest.approx(
+        [0.6, 0.6]
+    )
     assert list(made.as_json()["variants"]) == ["other_rule", "ideal_link", "half_a_metre"]
 
 
@@ -111,8 +129,14 @@ def test_where_a_claim_holds_where_not_and_where_nobody_tried(found):
     for name in ("C11", "C13", "C30"):
         row = verdict_table.row(Verdict(CLAIMS[name], missed, "not reproduced", False), made)
         said[name] = verdict_table.document([row], [DEFAULT], [])
-    assert "Holds under 1 of the 5 other readings and values that were tried, 4 seeds each: other_rule" in said["C11"]
-    assert "Holds under none of the 5 other readings and values that were tried, 4 seeds each." in said["C13"]
+    assert (
+        "Holds under 1 of the 5 other readings and values that were tried, 4 seeds each: other_rule"
+        in said["C11"]
+    )
+    assert (
+        "Holds under none of the 5 other readings and values that were tried, 4 seeds each."
+        in said["C13"]
+    )
     assert "Not tried under any other reading or value" in said["C30"]
 
 

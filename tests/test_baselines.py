@@ -50,18 +50,25 @@ def test_a_setting_that_makes_no_sense_is_one_line(settings: dict, message: str)
 @pytest.mark.parametrize("method", SIMILAR)
 def test_frames_without_the_feature_are_named(method: str):
     said = wrong({"name": "mine", "method": method, "feature": "yolox_gap"})
-    assert said.startswith("small: methods[0].feature: the frames of street have no feature 'yolox_gap', but hsv")
+    assert said.startswith(
+        "small: methods[0].feature: the frames of street have no feature 'yolox_gap', but hsv"
+    )
     assert "mine cannot run on them" in said
 
 
 def test_a_trace_without_features_still_runs_what_needs_none(tmp_path):
     shipped = read_trace(files.find(files.TRACE, "kitti_0005"))
-    bare = {camera: tuple(replace(one, features={}) for one in some[:3]) for camera, some in shipped.frames.items()}
+    bare = {
+        camera: tuple(replace(one, features={}) for one in some[:3])
+        for camera, some in shipped.frames.items()
+    }
     write_trace(tmp_path / "bare.parquet", Trace("bare", shipped.origin, bare, {}))
     told = [f"perception.trace={tmp_path / 'bare.parquet'}", "cars[0].route.window=[0 s, 0.3 s]"]
     without = load_scenario("1car_hetero", [*told, "methods=[genie, central, deadline, oracle]"])
     assert len(runner.run_in_memory(without).frames)
-    with pytest.raises(UserError, match=r"the frames of bare have no feature 'hsv', but none: sim_lru cannot run"):
+    with pytest.raises(
+        UserError, match=r"the frames of bare have no feature 'hsv', but none: sim_lru cannot run"
+    ):
         runner.run_in_memory(load_scenario("1car_hetero", [*told, "methods=[genie, sim_lru]"]))
 
 
@@ -78,22 +85,39 @@ def test_the_central_cache_is_asked_by_other_edges_and_there_is_no_other():
 
 def test_cachier_answers_from_an_edge_or_from_the_cloud_and_nothing_else_detects():
     """The cars of the cloud's own edge are served by it; the cache of the other is filled with what it forwards."""
-    found = small.tables(small.scenario([{"method": "cachier", "cloud": "edge1", "per_entry": "0 ms"}], **SLOW))
+    found = small.tables(
+        small.scenario([{"method": "cachier", "cloud": "edge1", "per_entry": "0 ms"}], **SLOW)
+    )
     rows = found["frames"].dropna(subset="fresh_answer_ns")
     served = rows.groupby("car")["served_by"].agg(set).to_dict()
     assert served == {"car1": {f"edge1/{DETECTOR}"}, "car2": {f"edge1/{DETECTOR}", "edge2/cache"}}
     lookups = found["lookups"].groupby("genie")["entries"].max().to_dict()
     assert lookups["edge1/cloud"] == 0 < lookups["edge2/cache"]
     busy = found["resources"].groupby("resource")["busy_ns"].max()
-    assert busy["edge1.accelerator"] > 0 == busy[["car1.accelerator", "car2.accelerator", "edge2.accelerator"]].sum()
+    assert (
+        busy["edge1.accelerator"]
+        > 0
+        == busy[["car1.accelerator", "car2.accelerator", "edge2.accelerator"]].sum()
+    )
 
 
 def test_cachiers_look_ups_take_their_time_and_keep_its_caches_small():
-    entries = [{"name": f"each-{ms}", "method": "cachier", "per_entry": f"{ms} ms"} for ms in (0, 2, 200)]
-    street = {"perception": {"source": "tests.conformance.own:Street", "seconds": 12.0, "speed_mps": 4.0}}
+    entries = [
+        {"name": f"each-{ms}", "method": "cachier", "per_entry": f"{ms} ms"} for ms in (0, 2, 200)
+    ]
+    street = {
+        "perception": {"source": "tests.conformance.own:Street", "seconds": 12.0, "speed_mps": 4.0}
+    }
     found = small.tables(small.scenario(entries, **street, record=["lookups", "resources"]))
-    caches = found["lookups"].query("genie == 'edge1/cache' and t_ns > 5.5e9").groupby("method")["entries"].max()
-    assert caches["each-200"] == 0 < caches["each-2"] == caches["each-0"], "all are asked for equally often"
+    caches = (
+        found["lookups"]
+        .query("genie == 'edge1/cache' and t_ns > 5.5e9")
+        .groupby("method")["entries"]
+        .max()
+    )
+    assert caches["each-200"] == 0 < caches["each-2"] == caches["each-0"], (
+        "all are asked for equally often"
+    )
     cpu = found["resources"].query("resource == 'edge1.cpu'").groupby("method")["busy_ns"].max()
     assert cpu["each-2"] > 2 * cpu["each-0"]
 
@@ -112,24 +136,40 @@ def test_cachier_wants_a_cloud_that_its_edges_reach():
         {"name": "edge2", "device": "agx_xavier", "neighbours": []},
     ]
     said = wrong({"name": "mine", "method": "cachier"}, edges=edges)
-    assert said.endswith("cachier: cloud: edge1 is no neighbour of edge2, and can forward nothing to it")
+    assert said.endswith(
+        "cachier: cloud: edge1 is no neighbour of edge2, and can forward nothing to it"
+    )
 
 
 def test_a_key_takes_its_time_where_it_is_made():
     """The accelerator of a car that makes ``yolox_gap`` keys has no time left for detections."""
     entries = "methods=[sim_lru, {name: gap, method: sim_lru, feature: yolox_gap, radius: 0.2}]"
-    run = runner.run_in_memory(load_scenario("1car_hetero", [entries, "cars[0].route.window=[0 s, 3 s]"]))
-    value = {(one.metric, one.method, one.component): one.value for one in run.measured if one.value is not None}
+    run = runner.run_in_memory(
+        load_scenario("1car_hetero", [entries, "cars[0].route.window=[0 s, 3 s]"])
+    )
+    value = {
+        (one.metric, one.method, one.component): one.value
+        for one in run.measured
+        if one.value is not None
+    }
     assert value["fresh_answer_mean", "gap", ""] > 3 * value["fresh_answer_mean", "sim_lru", ""]
-    assert value["throughput", "gap", "car1.accelerator"] > value["throughput", "sim_lru", "car1.accelerator"]
+    assert (
+        value["throughput", "gap", "car1.accelerator"]
+        > value["throughput", "sim_lru", "car1.accelerator"]
+    )
 
 
 def test_replays_live_in_the_world_or_before_the_camera():
-    entries = [{"name": name, "method": "sim_lru", "radius": 0.05, "replay": name} for name in ("world", "camera")]
+    entries = [
+        {"name": name, "method": "sim_lru", "radius": 0.05, "replay": name}
+        for name in ("world", "camera")
+    ]
     rows = small.tables(small.scenario(entries))["answers"]
     hits = rows[rows["source"].isin(["own_cache", "edge_cache"]) & (rows["which"] == "fresh")]
     matched = hits.groupby("method")[["served", "matched"]].sum()
-    assert (matched["matched"] / matched["served"]).loc["world"] > 0.9, "parked cars stay where they are"
+    assert (matched["matched"] / matched["served"]).loc["world"] > 0.9, (
+        "parked cars stay where they are"
+    )
     assert len(hits[hits["method"] == "camera"]) > 20
 
 
@@ -140,7 +180,9 @@ def test_oracle_hits_are_right_and_no_cache_has_more_right_ones():
     value = {(one.metric, one.method): one.value for one in run.measured if one.placement == "all"}
     assert value["wrong_hit_share", "oracle"] == 0.0
     rows = run.frames.groupby("method", observed=True)
-    hits = rows["source"].agg(lambda one: one.isin(["own_cache", "edge_cache", "peer_cache"]).mean())
+    hits = rows["source"].agg(
+        lambda one: one.isin(["own_cache", "edge_cache", "peer_cache"]).mean()
+    )
     for method in SIMILAR:
         assert hits[method] * (1 - value["wrong_hit_share", method]) < hits["oracle"], method
 
@@ -149,12 +191,16 @@ def test_every_baseline_is_a_method_with_a_name():
     assert {*SIMILAR, "central", "cachier", "deadline", "oracle"} < set(METHODS)
 
 
-@pytest.mark.parametrize("method", [name for name in METHODS if name not in ("local", "remote", "genie")])
+@pytest.mark.parametrize(
+    "method", [name for name in METHODS if name not in ("local", "remote", "genie")]
+)
 def test_a_method_takes_cars_without_cameras_without_edge_or_without_genie_as_they_are(method: str):
     """A car without cameras has nothing to compare; one without an edge is answered by its own detector, if at all."""
     cars = ["cars[0].route.window=[1 s, 1.6 s]", "cars[1].route.window=[1 s, 1.6 s]"]
     cars += ["cars[2]={name: alone, device: jetson_tx2, route: {window: [1 s, 1.6 s]}}"]
-    cars += ["cars[3]={name: plain, device: jetson_tx2, edge: edge1, genie: false, route: {window: [1 s, 1.6 s]}}"]
+    cars += [
+        "cars[3]={name: plain, device: jetson_tx2, edge: edge1, genie: false, route: {window: [1 s, 1.6 s]}}"
+    ]
     own = "{name: cachier, method: cachier, cloud: edge1}" if method == "cachier" else method
     run = runner.run_in_memory(load_scenario("case_study", [*cars, f"methods=[{own}]"]))
     frames = run.frames.astype({"car": str})

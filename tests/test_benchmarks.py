@@ -14,9 +14,26 @@ from statistics import fmean
 import pytest
 
 from benchmarks import genie_runs, main_job, peers, speed, speed_page
-from benchmarks.genie_runs import Drive, Footprint, bytes_per_frame, drive, fleet, run_genie, three_cars, work_of
+from benchmarks.genie_runs import (
+    Drive,
+    Footprint,
+    bytes_per_frame,
+    drive,
+    fleet,
+    run_genie,
+    three_cars,
+    work_of,
+)
 from benchmarks.speed import Costs, Race, Sizes
-from benchmarks.station import ENGINES, PERIOD_NS, Outcome, Station, heapq_station, simpy_station, station_of
+from benchmarks.station import (
+    ENGINES,
+    PERIOD_NS,
+    Outcome,
+    Station,
+    heapq_station,
+    simpy_station,
+    station_of,
+)
 from genie_sim.errors import UserError
 from genie_sim.runner import prepare
 
@@ -60,7 +77,9 @@ def test_the_anchor_and_the_ceiling_agree_on_every_response():
     anchor, ceiling = simpy_station(station), heapq_station(station)
     assert anchor.frames == ceiling.frames == 500
     assert sorted(anchor.responses_ns) == sorted(ceiling.responses_ns)
-    assert max(anchor.responses_ns) > station.service_ns, "some frames wait, or queues are not compared at all"
+    assert max(anchor.responses_ns) > station.service_ns, (
+        "some frames wait, or queues are not compared at all"
+    )
     assert anchor.events == pytest.approx(6 * 500, rel=0.1) and ceiling.events == 2 * 500
 
 
@@ -82,13 +101,18 @@ def test_other_simulators_agree_on_the_mean_response(name: str):
 
 
 def test_a_peer_that_cannot_run_is_left_out_with_the_reason():
-    assert "No such file" in peers.run_peer(NO_PYTHON, "ciw", station_of(5, genie_runs.phases_ns(4)))["skipped"]
+    assert (
+        "No such file"
+        in peers.run_peer(NO_PYTHON, "ciw", station_of(5, genie_runs.phases_ns(4)))["skipped"]
+    )
 
 
 def test_a_slow_peer_is_left_out_of_large_fleets_only(monkeypatch: pytest.MonkeyPatch):
     asked: list[str] = []
     answer = {"frames": 8, "cpu_s": 1.0, "version": "1.0"}
-    monkeypatch.setattr(peers, "run_peer", lambda python, name, station: asked.append(name) or answer)
+    monkeypatch.setattr(
+        peers, "run_peer", lambda python, name, station: asked.append(name) or answer
+    )
     speed.race(100, {}, {}, 8, 1, NO_PYTHON, {}, {})
     speed.race(101, {}, {}, 8, 1, NO_PYTHON, {}, {})
     assert asked == ["leafsim", "ciw", "salabim", "leafsim", "ciw"]
@@ -104,24 +128,37 @@ def test_all_engines_take_turns_with_the_same_number_of_frames():
         order.append("Genie")
         return run_genie(prepared)
 
-    race = speed.race(2, {"Genie": genie}, {"Genie": work.events}, work.frames, 2, NO_PYTHON, skipped, {})
+    race = speed.race(
+        2, {"Genie": genie}, {"Genie": work.events}, work.frames, 2, NO_PYTHON, skipped, {}
+    )
     assert {name: [one.frames for one in outcomes] for name, outcomes in race.rounds.items()} == {
         name: [work.frames] * 2 for name in ("Genie", "simpy", "heapq")
     }
     assert list(skipped) == list(peers.PEERS) and order == ["Genie", "Genie"]
-    assert race.events_per_frame("Genie") == work.events / work.frames > race.events_per_frame("heapq")
+    assert (
+        race.events_per_frame("Genie") == work.events / work.frames > race.events_per_frame("heapq")
+    )
 
 
 def test_a_fleet_has_the_cars_edges_and_frames_asked_for():
     scenario = fleet(25, 0.2)
     assert len(scenario.cars) == 25 and [entry.name for entry in scenario.methods] == ["genie"]
-    assert [edge.neighbours for edge in scenario.edges] == [("edge2",), ("edge1", "edge3"), ("edge2",)]
-    assert work_of(prepare(scenario)).frames == pytest.approx(25 * 4 * 2, rel=0.1), "10 frames/s from four cameras"
+    assert [edge.neighbours for edge in scenario.edges] == [
+        ("edge2",),
+        ("edge1", "edge3"),
+        ("edge2",),
+    ]
+    assert work_of(prepare(scenario)).frames == pytest.approx(25 * 4 * 2, rel=0.1), (
+        "10 frames/s from four cameras"
+    )
 
 
 def test_towns_of_all_sizes_are_as_densely_driven():
     small, large = genie_runs.town(10, 0.3), genie_runs.town(1000, 0.3)
-    cells = [scenario.source.town.blocks[0] * scenario.source.town.blocks[1] for scenario in (small, large)]
+    cells = [
+        scenario.source.town.blocks[0] * scenario.source.town.blocks[1]
+        for scenario in (small, large)
+    ]
     assert cells[1] / cells[0] == pytest.approx(1000 / 10, rel=0.4), "whole blocks"
     assert work_of(prepare(small)).frames == pytest.approx(10 * 3, rel=0.4), "one camera a car"
 
@@ -136,14 +173,18 @@ def test_longer_runs_are_more_of_the_same():
 def test_a_drive_is_timed_from_the_first_to_the_last_frame():
     prepared = prepare(fleet(2, 0.55))
     drove = drive(prepared)
-    assert drove.simulated_s[0] == 0 and 0.4 < drove.simulated_s[-1] < 0.8, "5 s for late answers are left out"
+    assert drove.simulated_s[0] == 0 and 0.4 < drove.simulated_s[-1] < 0.8, (
+        "5 s for late answers are left out"
+    )
     assert list(drove.cpu_s) == sorted(drove.cpu_s)
     work = work_of(prepared)
     assert (drove.frames, drove.events, drove.cameras) == (work.frames, work.events, 2 * 4)
 
 
 def test_costs_of_a_drive():
-    drove = Drive(simulated_s=(0.0, 10.0, 20.0), cpu_s=(5.0, 6.0, 9.0), frames=8, events=80, cameras=2)
+    drove = Drive(
+        simulated_s=(0.0, 10.0, 20.0), cpu_s=(5.0, 6.0, 9.0), frames=8, events=80, cameras=2
+    )
     assert drove.cost_s == 0.5
     assert drove.between(0, 10) == 1 and drove.between(10, 20) == 3 and drove.between(5, 15) == 2
 
@@ -163,7 +204,12 @@ def test_ratios_are_taken_within_rounds():
 def test_memory_is_that_of_one_more_frame():
     short = Footprint(100, {"frames": 5_000, "lookups": 1_000}, process_bytes=50_000_000)
     long = Footprint(300, {"frames": 25_000, "lookups": 2_000}, process_bytes=50_060_000)
-    assert bytes_per_frame(short, long) == {"frames": 100, "lookups": 5, "all tables": 105, "whole process": 300}
+    assert bytes_per_frame(short, long) == {
+        "frames": 100,
+        "lookups": 5,
+        "all tables": 105,
+        "whole process": 300,
+    }
 
 
 def test_the_cost_curve_compares_with_the_smallest_fleet_around_it(monkeypatch: pytest.MonkeyPatch):
@@ -171,7 +217,12 @@ def test_the_cost_curve_compares_with_the_smallest_fleet_around_it(monkeypatch: 
     genie_s, clock_s = iter([1.0, 2.0, 3.0, 8.0, 5.0]), iter([0, 0, 10, 10, 10, 40])
 
     def fake(prepared: object, least_frames: int) -> Costs:
-        return Costs(next(genie_s), anchor_s=1.0 + (prepared == 30), frames=least_frames, events_per_frame=6.0)
+        return Costs(
+            next(genie_s),
+            anchor_s=1.0 + (prepared == 30),
+            frames=least_frames,
+            events_per_frame=6.0,
+        )
 
     monkeypatch.setattr(speed, "costs", fake)
     monkeypatch.setattr(speed, "prepare", lambda scenario: scenario)
@@ -181,21 +232,25 @@ def test_the_cost_curve_compares_with_the_smallest_fleet_around_it(monkeypatch: 
     first, second, third = speed.cost_curve("made_up", sizes, lambda _: None)
     assert (first.growth, first.anchor_growth) == (1.0, 1.0)
     assert (second.growth, second.anchor_growth) == (2.0, 2.0)
-    assert third.growth is None and third.missing == "not measured: it would take about 300 s", "ten times 30 s"
+    assert third.growth is None and third.missing == "not measured: it would take about 300 s", (
+        "ten times 30 s"
+    )
 
 
 def test_costs_are_of_as_many_frames_as_asked_for():
     prepared = prepare(fleet(2, 0.2))
     once = speed.costs(prepared, least_frames=1)
     several = speed.costs(prepared, least_frames=once.frames + 1)
-    assert several.frames == 2 * once.frames and several.events_per_frame == once.events_per_frame > 1
+    assert (
+        several.frames == 2 * once.frames and several.events_per_frame == once.events_per_frame > 1
+    )
     assert once.genie_s > 0 and once.anchor_s > 0
 
 
 def test_a_page_without_a_place_for_a_table_is_refused():
-    assert speed_page.filled("a\n<!-- measured: x -->\nold\n<!-- end -->\nb", "x", "new", "p.md") == (
-        "a\n<!-- measured: x -->\nnew\n<!-- end -->\nb"
-    )
+    assert speed_page.filled(
+        "a\n<!-- measured: x -->\nold\n<!-- end -->\nb", "x", "new", "p.md"
+    ) == ("a\n<!-- measured: x -->\nnew\n<!-- end -->\nb")
     with pytest.raises(UserError, match=r"p\.md: no place for 'y'"):
         speed_page.filled("<!-- measured: x -->\n<!-- end -->", "y", "new", "p.md")
 
@@ -206,10 +261,18 @@ def test_the_whole_benchmark_fills_the_page(tmp_path: Path):
     measured = speed.measure(TINY, NO_PYTHON, "python benchmarks/speed.py", lambda _: None)
     gc.unfreeze()
     assert [race.cars for race in measured.races] == [3, 5]
-    assert measured.work["Genie, first lap"] == measured.work["Genie, 1 laps"], "one lap is the first lap"
+    assert measured.work["Genie, first lap"] == measured.work["Genie, 1 laps"], (
+        "one lap is the first lap"
+    )
     assert measured.memory["frames"] > 0 and len(measured.profile) == 3
-    assert {name: tuple(point.cars for point in curve) for name, curve in measured.curves.items()} == TINY.curves
-    assert all(point.growth and point.anchor_growth for curve in measured.curves.values() for point in curve)
+    assert {
+        name: tuple(point.cars for point in curve) for name, curve in measured.curves.items()
+    } == TINY.curves
+    assert all(
+        point.growth and point.anchor_growth
+        for curve in measured.curves.values()
+        for point in curve
+    )
     docs = Path(tmp_path / "docs")
     (docs / "images").mkdir(parents=True)
     shutil.copy(speed_page.DOCS / "speed.md", docs)
@@ -226,4 +289,6 @@ def test_the_stages_of_the_main_command_add_up():
     took = main_job.measured("1car_homo", short)
     stages = list(took.values())
     assert min(stages) >= 0 and took["simulating"] > 0 and took["figures (on demand)"] > 0
-    assert took["all but figures"] == pytest.approx(sum(stages[: list(took).index("all but figures")]))
+    assert took["all but figures"] == pytest.approx(
+        sum(stages[: list(took).index("all but figures")])
+    )

@@ -24,17 +24,29 @@ def test_the_arithmetic_of_a_million_cars():
     rows = [line.strip("| ").split(" | ") for line in million(costs).splitlines()]
     reached = {row[0]: row[2] for row in rows}
     assert reached["frames"] == "3.6e+10" and reached["cells"] == "50,000"
-    assert reached["core hours, apart, frames only"] == reached["cores that keep up with the clock"] == "1,000"
-    assert (reached["core hours, apart, all tables"], reached["hours in one process, at least"]) == ("2,000", "3,000")
+    assert (
+        reached["core hours, apart, frames only"]
+        == reached["cores that keep up with the clock"]
+        == "1,000"
+    )
+    assert (
+        reached["core hours, apart, all tables"],
+        reached["hours in one process, at least"],
+    ) == ("2,000", "3,000")
     assert reached["one cell on a core"] == "72 s", "20 cars, 720,000 frames"
-    assert reached["memory of a car"] == "4.0 MB" and reached["memory in one process, at least"] == "4.0 TB"
+    assert (
+        reached["memory of a car"] == "4.0 MB"
+        and reached["memory in one process, at least"] == "4.0 TB"
+    )
     assert reached["memory of a cell's process"] == "180 MB"
     assert (reached["disk, frames only"], reached["disk, all tables"]) == ("0.4 TB", "3.6 TB")
     assert reached["the town in one piece"] == "8 min, 4 GB", "450,000 blocks"
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(sys.platform != "linux", reason="only Linux tells the most memory that a process had")
+@pytest.mark.skipif(
+    sys.platform != "linux", reason="only Linux tells the most memory that a process had"
+)
 def test_everything_is_measured():
     costs = cell_costs.measure(TINY)
     assert min(costs.least_s, costs.usual_s, costs.jointly_s, costs.prepare_s, costs.process) > 0

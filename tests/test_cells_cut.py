@@ -10,7 +10,18 @@ import pandas as pd
 import pytest
 
 from benchmarks import cells
-from benchmarks.cells import CUTS, FIGURES, JOINT, Compared, Setting, Tabled, apart, small_town, together, visits
+from benchmarks.cells import (
+    CUTS,
+    FIGURES,
+    JOINT,
+    Compared,
+    Setting,
+    Tabled,
+    apart,
+    small_town,
+    together,
+    visits,
+)
 from genie_sim.build import Prepared
 from genie_sim.errors import UserError
 from genie_sim.scenario.scenario import load_scenario
@@ -32,7 +43,10 @@ def ran(joint: Prepared) -> dict[str, Tabled]:
 
 def test_every_cut_has_the_frames_of_the_joint_run(joint: Prepared, ran: dict[str, Tabled]):
     assert len(joint.expanded.faults) == 2, "or nothing is cut"
-    keys = {cut: sorted(one.frames[["car", "stream", "stamp_ns"]].itertuples(False, None)) for cut, one in ran.items()}
+    keys = {
+        cut: sorted(one.frames[["car", "stream", "stamp_ns"]].itertuples(False, None))
+        for cut, one in ran.items()
+    }
     assert len(keys[JOINT]) == len(set(keys[JOINT])) == 4 * 120
     assert all(keys[cut] == keys[JOINT] for cut in CUTS)
 
@@ -40,7 +54,10 @@ def test_every_cut_has_the_frames_of_the_joint_run(joint: Prepared, ran: dict[st
 def test_a_cut_run_is_judged_by_the_same_truth(ran: dict[str, Tabled]):
     """What is in view depends on the place, the time and the town: a visit that was shifted would see other things."""
     columns = ["car", "what", "stamp_ns", "visible_static"]
-    seen = {cut: {row[:3]: row[3] for row in one.held[columns].itertuples(False, None)} for cut, one in ran.items()}
+    seen = {
+        cut: {row[:3]: row[3] for row in one.held[columns].itertuples(False, None)}
+        for cut, one in ran.items()
+    }
     assert sum(seen[JOINT].values()) > 0
     for cut in CUTS:
         both = seen[JOINT].keys() & seen[cut].keys()
@@ -52,9 +69,18 @@ def test_visits_follow_each_other_without_a_gap(joint: Prepared):
     handed_over = cells.hand_overs(joint)
     for car in joint.expanded.cars:
         mine = [one for one in cars if one.name.partition(".")[0] == car.name]
-        assert [one.edge for one in mine] == [car.edge, *(edge for _, edge in handed_over[car.name])]
-        assert all(before.route.window_ns[1] == after.route.window_ns[0] for before, after in pairwise(mine))
-        assert (mine[0].route.window_ns[0], mine[-1].route.window_ns[1]) == (0, drives[car.name].duration_ns)
+        assert [one.edge for one in mine] == [
+            car.edge,
+            *(edge for _, edge in handed_over[car.name]),
+        ]
+        assert all(
+            before.route.window_ns[1] == after.route.window_ns[0]
+            for before, after in pairwise(mine)
+        )
+        assert (mine[0].route.window_ns[0], mine[-1].route.window_ns[1]) == (
+            0,
+            drives[car.name].duration_ns,
+        )
         for one, (at_ns, _) in zip(mine[1:], handed_over[car.name], strict=True):
             assert one.route.start_ns == at_ns and drives[one.name] is drives[car.name]
 
@@ -64,7 +90,10 @@ def test_a_cell_by_itself_knows_its_own_edge_and_visits_only(joint: Prepared):
     for cell in found:
         (edge,) = cell.expanded.edges
         assert edge.neighbours == () and {car.edge for car in cell.expanded.cars} <= {edge.name}
-        assert set(cell.drives) == {car.name for car in cell.expanded.cars} and not cell.expanded.faults
+        assert (
+            set(cell.drives) == {car.name for car in cell.expanded.cars}
+            and not cell.expanded.faults
+        )
     names = sorted(name for cell in found for name in cell.drives)
     assert names == sorted(visits(joint)[1])
 
@@ -75,16 +104,30 @@ def test_cells_apart_are_one_town_without_sharing_whose_cars_arrive_empty(joint:
     by_itself = together(apart(joint))
     for name in ("frames", "lookups"):
         one, other = (getattr(tabled, name) for tabled in (both, by_itself))
-        order = [column for column in ("t_ns", "car", "stamp_ns", "genie", "kind", "requester") if column in one]
-        one, other = (table.sort_values(order, kind="stable", ignore_index=True) for table in (one, other))
+        order = [
+            column
+            for column in ("t_ns", "car", "stamp_ns", "genie", "kind", "requester")
+            if column in one
+        ]
+        one, other = (
+            table.sort_values(order, kind="stable", ignore_index=True) for table in (one, other)
+        )
         assert one.astype(str).equals(other.astype(str)), name
 
 
 def test_frames_after_a_hand_over_are_those_of_its_car_and_the_next_five_seconds():
     at_ns = 7 * NS_PER_S
-    rows = [("car1", -1, 4, 4), ("car1", 0, 10, 3), ("car1", 5, 10, 5), ("car1", 6, 4, 4), ("car2", 1, 4, 4)]
+    rows = [
+        ("car1", -1, 4, 4),
+        ("car1", 0, 10, 3),
+        ("car1", 5, 10, 5),
+        ("car1", 6, 4, 4),
+        ("car2", 1, 4, 4),
+    ]
     columns = ["car", "stamp_ns", "visible_static", "right"]
-    held = pd.DataFrame([(car, at_ns + s * NS_PER_S, seen, found) for car, s, seen, found in rows], columns=columns)
+    held = pd.DataFrame(
+        [(car, at_ns + s * NS_PER_S, seen, found) for car, s, seen, found in rows], columns=columns
+    )
     held = held.assign(what="consumer", visible_moving=0)
     assert cells.recall_after_hand_overs(held, {"car1": [(at_ns, "e")], "car2": []}) == 8 / 20
     assert np.isnan(cells.recall_after_hand_overs(held, {"car2": []}))
@@ -96,7 +139,10 @@ def test_a_cell_is_one_of_fleet_1000():
     columns, rows = (round(count * town.block_m / whole.fleet.cell_m) for count in town.blocks)
     assert whole.fleet.cell_m == cells.BLOCKS_A_CELL * town.block_m
     assert whole.fleet.cars / (columns * rows) == pytest.approx(cells.CARS_A_CELL, rel=0.1)
-    mine = small_town(Setting(columns=2, rows=1, cars=4, drive_s=1.0, overrides=("genie.capacity=7 entries",)), SEED)
+    mine = small_town(
+        Setting(columns=2, rows=1, cars=4, drive_s=1.0, overrides=("genie.capacity=7 entries",)),
+        SEED,
+    )
     assert len(mine.expanded.edges) == 2 and mine.scenario.genie.capacity.entries == 7
 
 

@@ -22,7 +22,10 @@ L, R, DG = "local", "remote", "genie"
 
 def six(name, *values):
     """A fact of the six scenarios: 1, 2, 3 cars homogeneous, then heterogeneous. One value is meant for all of them."""
-    return [("base", s, name, v) for s, v in zip(ALL, values if len(values) == 6 else values * 6, strict=True)]
+    return [
+        ("base", s, name, v)
+        for s, v in zip(ALL, values if len(values) == 6 else values * 6, strict=True)
+    ]
 
 
 def at(scenario, name, value, variant="base"):
@@ -39,14 +42,18 @@ def evidence(*parts):
     runs = {}
     for variant, scenario, name, value in (one for part in parts for one in part):
         of_seeds = runs.setdefault((variant, scenario), [{} for _ in range(SEEDS)])
-        for facts, single in zip(of_seeds, value if isinstance(value, list) else [value] * SEEDS, strict=True):
+        for facts, single in zip(
+            of_seeds, value if isinstance(value, list) else [value] * SEEDS, strict=True
+        ):
             facts[name] = single
     return Evidence(runs)
 
 
 def times(answer, part, genie, local, remote):
     named = zip((DG, L, R), (genie, local, remote), strict=True)
-    return [one for method, values in named for one in six(f"{answer}_answer_{part}:{method}", *values)]
+    return [
+        one for method, values in named for one in six(f"{answer}_answer_{part}:{method}", *values)
+    ]
 
 
 def early(*remote):
@@ -54,13 +61,17 @@ def early(*remote):
     found = []
     for percent, value in zip((10, 20, 30, 40, 50), remote, strict=True):
         name = f"first_answer_p{percent}"
-        found += at(HE[0], f"{name}:remote", value, "ideal_link") + at(HE[0], f"{name}:genie", 10.0, "ideal_link")
+        found += at(HE[0], f"{name}:remote", value, "ideal_link") + at(
+            HE[0], f"{name}:genie", 10.0, "ideal_link"
+        )
         found += at(HE[0], f"{name}:remote", 90.0) + at(HE[0], f"{name}:genie", 10.0)
     return found
 
 
 def on_time(worst):
-    return six("under_deadline_share:genie", 1, worst, 1, 1, 1, 1) + six("under_deadline_share:remote", 0)
+    return six("under_deadline_share:genie", 1, worst, 1, 1, 1, 1) + six(
+        "under_deadline_share:remote", 0
+    )
 
 
 LATE = times("fresh", "mean", [70], [100], [100])
@@ -70,9 +81,13 @@ FASTER = (  # C4: one car with the server may be up to 10 % slower than R, and i
     + at(HE[0], "first_answer_mean:remote", 10 / 1.05)
     + at(HE[0], "first_answer_p95:remote", 20 / 1.05)
 )
-RATES = six("accelerator_rate:remote:edge1", 15, 1, 1, 60, 1, 1) + six("accelerator_rate:genie:edge1", 1)
+RATES = six("accelerator_rate:remote:edge1", 15, 1, 1, 60, 1, 1) + six(
+    "accelerator_rate:genie:edge1", 1
+)
 ALONE_MORE = six("image_reuse:car", 0.9, 0.1, 0.1, 0.9, 0.1, 0.1)  # C18 is not about one car
-NEIGHBOURS = six("image_reuse_with_neighbours:car", 0.34) + six("image_reuse_with_neighbours:edge", 0.2)
+NEIGHBOURS = six("image_reuse_with_neighbours:car", 0.34) + six(
+    "image_reuse_with_neighbours:edge", 0.2
+)
 STORED = six("stored_images:car", 100) + six("stored_images:edge", 130, 0, 0, 150, 0, 0)
 OWN = six("image_reuse:car", 0.1)
 HIGH = (
@@ -96,13 +111,21 @@ UNSHARED = [
     for one in at(s, f"{name}:{place}", value, "no_edge_sharing")
 ]
 SHARING = both("image_reuse", 0.3) + both("object_reuse", 0.6) + both("confidence_boost", 0.02)
-LEAKS = [one for s in (*ALL, CASE) for one in at(s, "objects_shared", 1000) + at(s, "unconfident_objects_shared", 0)]
+LEAKS = [
+    one
+    for s in (*ALL, CASE)
+    for one in at(s, "objects_shared", 1000) + at(s, "unconfident_objects_shared", 0)
+]
 
 
 def case(**values):
     """Of the car without cameras and of the other one; its median is far from its tail."""
     known = {"first_answer_p99:genie:car2": 38.0, "first_answer_mean:genie:car1": 10.0} | values
-    others = {"first_answer_p50:genie:car2": 5.0, "first_answer_p99:genie:car1": 99.0, "object_reuse:car1/genie": 0.5}
+    others = {
+        "first_answer_p50:genie:car2": 5.0,
+        "first_answer_p99:genie:car1": 99.0,
+        "object_reuse:car1/genie": 0.5,
+    }
     return [one for name, value in (others | known).items() for one in at(CASE, name, value)]
 
 
@@ -117,9 +140,15 @@ def laps(homo, hetero):
 
 
 def cut(genie, local):
-    named = {"late_fresh_share:genie": genie, "late_fresh_share:local": local, "late_answered_share:genie": 1.0}
+    named = {
+        "late_fresh_share:genie": genie,
+        "late_fresh_share:local": local,
+        "late_answered_share:genie": 1.0,
+    }
     whole = at(HO[0], "late_fresh_share:genie", 0.01) + at(HO[0], "late_fresh_share:local", 0.5)
-    return whole + [one for name, value in named.items() for one in at(HO[0], name, value, "cut_link")]
+    return whole + [
+        one for name, value in named.items() for one in at(HO[0], name, value, "cut_link")
+    ]
 
 
 HOLDS, FAILS, OPPOSITE = (True, True), (False, True), (False, False)
@@ -303,7 +332,9 @@ def test_the_verdict_follows():
     verdicts = {
         (claim, place): judge_one(CLAIMS[claim], evidence(facts)).verdict
         for claim, places in (("C15", [0, 1, 2]), ("C33", [0, 1, 2]), ("C11", [0, 1, 2]))
-        for place, facts in zip(places, [facts for one, facts, *_ in TABLE if one == claim], strict=True)
+        for place, facts in zip(
+            places, [facts for one, facts, *_ in TABLE if one == claim], strict=True
+        )
     }
     assert list(verdicts.values()) == [
         "reproduced", "same direction, other size", "not reproduced",
@@ -344,7 +375,10 @@ def cells(**changed):
     """Table I with one field of one cell changed."""
     (model, device), fields = changed.pop("at"), changed
     found = table1.cells()
-    return [dataclasses.replace(one, **fields) if (one.model, one.device) == (model, device) else one for one in found]
+    return [
+        dataclasses.replace(one, **fields) if (one.model, one.device) == (model, device) else one
+        for one in found
+    ]
 
 
 @pytest.mark.parametrize(
@@ -360,17 +394,24 @@ def cells(**changed):
         ("C39", {"at": ("YOLOv8s", "AGX")}, True),
     ],
 )
-def test_the_table_s_claims_hold_only_where_every_number_is_right(claim, change, holds, monkeypatch):
+def test_the_table_s_claims_hold_only_where_every_number_is_right(
+    claim, change, holds, monkeypatch
+):
     found = cells(**change)
     monkeypatch.setattr(table1, "cells", lambda: found)
     assert CHECKS[claim](evidence(), CLAIMS[claim]).holds == holds
 
 
 def test_table_i_as_it_is():
-    small, slow, misprints = (CHECKS[claim](evidence(), CLAIMS[claim]) for claim in ("C37", "C38", "C39"))
+    small, slow, misprints = (
+        CHECKS[claim](evidence(), CLAIMS[claim]) for claim in ("C37", "C38", "C39")
+    )
     assert (small.value, small.note) == (pytest.approx(27.6 / 5.5), "and 10.37")
     assert (slow.value, slow.unit, slow.note) == (27.6, "ms", "the slowest device")
-    assert misprints.note == "YOLOv8m on A4500: 2.46 should be 8.58; YOLOv8l on A4500: 2.70 should be 9.48"
+    assert (
+        misprints.note
+        == "YOLOv8m on A4500: 2.46 should be 8.58; YOLOv8l on A4500: 2.70 should be 9.48"
+    )
     for claim, found in (("C37", small), ("C38", slow), ("C39", misprints)):
         assert verdict_of(CLAIMS[claim], found) == "reproduced"
 

@@ -18,10 +18,18 @@ SCRIPTS = REPOSITORY / ".ci"
 def gate(folder: Path, **counts: tuple[int, int]) -> subprocess.CompletedProcess[str]:
     """What the gate says of folders with so many statements, how many of which ran; of half as many branches too."""
     summaries = {
-        name: {"num_statements": there, "covered_lines": ran, "num_branches": there // 2, "covered_branches": ran // 2}
+        name: {
+            "num_statements": there,
+            "covered_lines": ran,
+            "num_branches": there // 2,
+            "covered_branches": ran // 2,
+        }
         for name, (there, ran) in counts.items()
     }
-    files = {f"genie_sim/{name}/some/file.py": {"summary": summary} for name, summary in summaries.items()}
+    files = {
+        f"genie_sim/{name}/some/file.py": {"summary": summary}
+        for name, summary in summaries.items()
+    }
     (folder / "coverage.json").write_text(json.dumps({"files": files}), encoding="utf-8")
     command = [sys.executable, str(SCRIPTS / "coverage_gate.py"), "coverage.json"]
     return subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=60)
@@ -45,6 +53,8 @@ def test_too_little_coverage_of_a_gated_folder_is_one_line_and_fails(tmp_path: P
 @pytest.mark.unix
 @pytest.mark.parametrize("tag", ["v0.0.1", __version__, ""])
 def test_a_tag_that_is_not_the_version_is_no_release(tag: str):
-    checked = subprocess.run([SCRIPTS / "release-check", tag], capture_output=True, text=True, timeout=60)
+    checked = subprocess.run(
+        [SCRIPTS / "release-check", tag], capture_output=True, text=True, timeout=60
+    )
     assert checked.returncode == 1
     assert len(checked.stderr.splitlines()) == 1

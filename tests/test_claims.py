@@ -11,7 +11,16 @@ import pytest
 from genie_sim.paper import table1, verdict_table
 from genie_sim.paper.checks import ALL, CHECKS, load_claims
 from genie_sim.paper.claims import VERDICTS, holds_under, judge, judge_one, verdict_of
-from genie_sim.paper.evidence import Claim, Evidence, Finding, above, all_positive, below, interval, matches
+from genie_sim.paper.evidence import (
+    Claim,
+    Evidence,
+    Finding,
+    above,
+    all_positive,
+    below,
+    interval,
+    matches,
+)
 
 CLAIMS = {claim.id: claim for claim in load_claims()}
 KINDS = {"input", "near_input", "calibrated", "prediction", "invariant", "table"}
@@ -25,7 +34,9 @@ def evidence(seeds=10, noise=0.0, **facts):
     """Six scenarios with the same facts for every seed, each with some spread; ``image_reuse__car`` is a fact."""
     spread = noise * np.linspace(-1, 1, seeds)
     named = {name.replace("__", ":"): value for name, value in facts.items()}
-    return Evidence({("base", s): [{k: v + e for k, v in named.items()} for e in spread] for s in ALL})
+    return Evidence(
+        {("base", s): [{k: v + e for k, v in named.items()} for e in spread] for s in ALL}
+    )
 
 
 def test_every_claim_has_a_test_and_every_test_a_claim():
@@ -41,7 +52,9 @@ def test_a_match_is_an_interval_inside_the_tolerance():
     tight, wide = np.array([0.80, 0.81, 0.82, 0.83]), np.array([0.70, 0.78, 0.86, 0.94])
     assert interval(wide)[0] == pytest.approx(0.82)
     assert matches(claim(0.82, 0.05), tight).holds
-    assert not matches(claim(0.82, 0.05), wide).holds, "the mean fits exactly, but nobody knows it well enough"
+    assert not matches(claim(0.82, 0.05), wide).holds, (
+        "the mean fits exactly, but nobody knows it well enough"
+    )
     assert not matches(claim(0.85, 0.04), tight).holds, "its low end is outside"
     assert not matches(claim(0.78, 0.04), tight).holds, "its high end is outside"
 
@@ -67,8 +80,12 @@ def test_an_order_has_its_direction_only_with_evidence_and_nothing_against_it():
     nothing, noise = np.array([0.3, -0.2, -0.09]), np.array([9.0, -9.5, 2.0])
     assert all_positive({"a": up, "b": nothing}).direction, "the average's interval excludes zero"
     assert not all_positive({"a": nothing}).direction, "it is above zero by chance"
-    assert all_positive({"a": up, "b": up, "c": noise}).direction, "most are shown, though the average is not"
-    assert not all_positive({"a": up, "b": noise}).direction, "half of the parts are not most of them"
+    assert all_positive({"a": up, "b": up, "c": noise}).direction, (
+        "most are shown, though the average is not"
+    )
+    assert not all_positive({"a": up, "b": noise}).direction, (
+        "half of the parts are not most of them"
+    )
     found = all_positive({"a": up, "b": up, "c": down})
     assert found.low > 0 and not found.direction, "however small, it points the other way for sure"
     assert found.note == "2 of 3 shown; not: c -0.01 (opposite)"
@@ -88,7 +105,9 @@ def test_a_number_has_a_direction_only_where_the_claim_says_from_where():
     tight, wide = np.array([0.6, 0.61, 0.62]), np.array([0.2, 0.9, 1.9])
     assert not matches(claim(0.31, 0.06), tight).direction
     assert matches(claim(0.31, 0.06, near=0.0), tight).direction
-    assert not matches(claim(0.31, 0.06, near=0.0), wide).direction, "its interval does not exclude zero"
+    assert not matches(claim(0.31, 0.06, near=0.0), wide).direction, (
+        "its interval does not exclude zero"
+    )
     assert not matches(claim(0.31, 0.06, near=0.0), -tight).direction
     assert below(claim(0.5, near=0.7), tight).direction
     assert not below(claim(0.5, near=0.61), tight).direction
@@ -100,9 +119,16 @@ def test_the_four_verdicts():
     claim = CLAIMS["C15"]
     found = {"low": 0.0, "high": 0.0, "n": 10, "unit": "1"}
     assert verdict_of(claim, Finding(1.0, holds=True, direction=True, **found)) == "reproduced"
-    assert verdict_of(claim, Finding(1.0, holds=False, direction=True, **found)) == "same direction, other size"
-    assert verdict_of(claim, Finding(-1.0, holds=False, direction=False, **found)) == "not reproduced"
-    assert verdict_of(claim, None) == verdict_of(claim, Finding(math.nan, holds=False, direction=False, **found))
+    assert (
+        verdict_of(claim, Finding(1.0, holds=False, direction=True, **found))
+        == "same direction, other size"
+    )
+    assert (
+        verdict_of(claim, Finding(-1.0, holds=False, direction=False, **found)) == "not reproduced"
+    )
+    assert verdict_of(claim, None) == verdict_of(
+        claim, Finding(math.nan, holds=False, direction=False, **found)
+    )
     assert verdict_of(claim, None) == "not testable here"
 
 
@@ -112,8 +138,12 @@ def test_what_was_fitted_is_never_called_reproduced():
     assert judge_one(CLAIMS["C11"], fits).verdict == "calibrated"
     assert judge_one(CLAIMS["C13"], fits).verdict == "calibrated"
     other = evidence(object_reuse__car=0.6, object_reuse__edge=0.6)
-    assert judge_one(CLAIMS["C11"], other).verdict == "not reproduced", "a share above zero is no direction"
-    twice = evidence(object_reuse__car=0.6, object_reuse__edge=0.6, image_reuse__car=0.3, image_reuse__edge=0.3)
+    assert judge_one(CLAIMS["C11"], other).verdict == "not reproduced", (
+        "a share above zero is no direction"
+    )
+    twice = evidence(
+        object_reuse__car=0.6, object_reuse__edge=0.6, image_reuse__car=0.3, image_reuse__edge=0.3
+    )
     assert judge_one(CLAIMS["C13"], twice).verdict == "same direction, other size"
 
 
@@ -141,17 +171,26 @@ def test_a_resample_has_the_seeds_that_were_drawn():
 
 def test_a_reading_means_its_own_definition_of_a_metric():
     runs = {("base", "1car_homo"): [{"confidence_boost:car": 0.1, "boost_per_object:car": 0.7}]}
-    for definitions, value in ((None, 0.1), ({"boost": "per_update"}, 0.1), ({"boost": "per_object"}, 0.7)):
+    for definitions, value in (
+        (None, 0.1),
+        ({"boost": "per_update"}, 0.1),
+        ({"boost": "per_object"}, 0.7),
+    ):
         evidence = Evidence(runs, definitions)
         assert evidence.of("1car_homo", "confidence_boost:car").tolist() == [value]
         assert evidence.resampled([0]).of("1car_homo", "confidence_boost:car").tolist() == [value]
 
 
 def test_one_seed_shows_nothing_of_other_seeds():
-    alone = judge_one(CLAIMS["C11"], evidence(seeds=1, object_reuse__car=0.31, object_reuse__edge=0.31))
+    alone = judge_one(
+        CLAIMS["C11"], evidence(seeds=1, object_reuse__car=0.31, object_reuse__edge=0.31)
+    )
     assert alone.finding.n == 1 and alone.marginal
     assert not judge_one(CLAIMS["C37"], evidence(seeds=1)).marginal, "arithmetic needs no seeds"
-    rows = [verdict_table.row(alone), verdict_table.row(judge_one(CLAIMS["C37"], evidence(seeds=1)))]
+    rows = [
+        verdict_table.row(alone),
+        verdict_table.row(judge_one(CLAIMS["C37"], evidence(seeds=1))),
+    ]
     shown = verdict_table.table(rows)
     assert "0.31 (one seed)" in shown and "5.02 |" in shown
     assert "One seed has no interval: every verdict on a simulated number is marginal." in shown
@@ -159,7 +198,9 @@ def test_one_seed_shows_nothing_of_other_seeds():
 
 def test_few_seeds_say_what_they_cannot_decide():
     def shown(seeds):
-        found = judge_one(CLAIMS["C11"], evidence(seeds, object_reuse__car=0.31, object_reuse__edge=0.31))
+        found = judge_one(
+            CLAIMS["C11"], evidence(seeds, object_reuse__car=0.31, object_reuse__edge=0.31)
+        )
         return verdict_table.text([verdict_table.row(found)], 200)
 
     assert "4 seeds do not decide what lies near a threshold" in shown(4)

@@ -24,14 +24,22 @@ edges:
 """
 
 BAD = {
-    "a misspelt field": ("methods:", "methdos:", "s.yaml: methdos: unknown field; did you mean 'methods'?"),
+    "a misspelt field": (
+        "methods:",
+        "methdos:",
+        "s.yaml: methdos: unknown field; did you mean 'methods'?",
+    ),
     "an unknown device": (
         "jetson_tx2",
         "jetson_tx3",
         "s.yaml: cars[0].device: unknown device 'jetson_tx3' (did you mean",
     ),
     "an unknown edge": ("edge: edge1", "edge: edge7", "s.yaml: cars[0].edge: unknown edge 'edge7'"),
-    "a duplicate name": ("name: car1", "name: edge1", "s.yaml: cars[0].name: duplicate name 'edge1'"),
+    "a duplicate name": (
+        "name: car1",
+        "name: edge1",
+        "s.yaml: cars[0].name: duplicate name 'edge1'",
+    ),
     "a unit that does not parse": ("1 s]", "1 parsec]", "s.yaml: cars[0].route.window[1]: "),
     "an unknown link": (
         "route:",
@@ -183,10 +191,19 @@ def test_rerun_notices_a_result_that_was_changed(capsys):
         (lambda made: made.update(facts=3), "facts.scenario: missing"),
         (lambda made: made["facts"].pop("devices"), "facts.devices: missing"),
         (lambda made: made["facts"]["scenario"].pop("name"), "facts.scenario.name: missing"),
-        (lambda made: made["facts"]["scenario"].update(seed="x"), "facts.scenario.seed: missing, or not a whole"),
-        (lambda made: made["facts"]["devices"]["jetson_tx2"].update(cores="x"), "run.json: cores: must be a mapping"),
+        (
+            lambda made: made["facts"]["scenario"].update(seed="x"),
+            "facts.scenario.seed: missing, or not a whole",
+        ),
+        (
+            lambda made: made["facts"]["devices"]["jetson_tx2"].update(cores="x"),
+            "run.json: cores: must be a mapping",
+        ),
         (lambda made: made["facts"].pop("plugins"), "plugins: None when it was made, {} now"),
-        (lambda made: made["facts"]["traces"].update(car1="00"), "traces.car1: '00' when it was made"),
+        (
+            lambda made: made["facts"]["traces"].update(car1="00"),
+            "traces.car1: '00' when it was made",
+        ),
     ],
 )
 def test_a_damaged_run_json_gets_one_line(damage, message, capsys):
@@ -212,8 +229,13 @@ def test_results_go_home_where_the_shell_has_not_said_so(capsys, monkeypatch):
 def test_the_same_run_under_another_hash_seed_gives_the_same_bytes(run_cli):
     Path("s.yaml").write_text(GOOD)
     for seed in ("1", "2"):
-        assert run_cli("run", "s.yaml", "--out", f"out{seed}", env={"PYTHONHASHSEED": seed}).returncode == 0
-    first, second = (sorted(p for p in Path(f"out{seed}").rglob("*") if p.is_file()) for seed in ("1", "2"))
+        assert (
+            run_cli("run", "s.yaml", "--out", f"out{seed}", env={"PYTHONHASHSEED": seed}).returncode
+            == 0
+        )
+    first, second = (
+        sorted(p for p in Path(f"out{seed}").rglob("*") if p.is_file()) for seed in ("1", "2")
+    )
     assert [p.parts[1:] for p in first] == [p.parts[1:] for p in second]
     for one, other in zip(first, second, strict=True):
         if one.name != "run.json":  # it holds the wall time
@@ -229,7 +251,9 @@ def test_ctrl_c_or_the_end_of_a_batch_job_leaves_nothing_behind_and_ends_with_13
         stderr=subprocess.PIPE,
         text=True,
         env={**os.environ, "PYTHONPATH": str(REPOSITORY)},
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # a background job ignores it
+        preexec_fn=lambda: signal.signal(
+            signal.SIGINT, signal.SIG_DFL
+        ),  # a background job ignores it
     )
     while not Path("results").exists():  # made just before it simulates
         time.sleep(0.05)
@@ -244,15 +268,36 @@ def test_ctrl_c_or_the_end_of_a_batch_job_leaves_nothing_behind_and_ends_with_13
 @pytest.mark.parametrize(
     ("setting", "message"),
     [
-        ("eviction=json:JSONDecoder", "eviction 'json:JSONDecoder': has no method stored, used, removed, victim"),
-        ("eviction=json:nothing", "eviction 'json:nothing': module 'json' has no attribute 'nothing'"),
-        ("eviction=genie_sim.core.eviction:TTL", "missing 1 required positional argument: 'ttl_ns'"),
+        (
+            "eviction=json:JSONDecoder",
+            "eviction 'json:JSONDecoder': has no method stored, used, removed, victim",
+        ),
+        (
+            "eviction=json:nothing",
+            "eviction 'json:nothing': module 'json' has no attribute 'nothing'",
+        ),
+        (
+            "eviction=genie_sim.core.eviction:TTL",
+            "missing 1 required positional argument: 'ttl_ns'",
+        ),
         ("similarity=json:JSONDecoder", "similarity 'json:JSONDecoder': has no method key, index"),
         ("similarity={name: 'genie_sim.core.similarity:Exact', reach: 3}", "takes no arguments"),
-        ("object_map.rule=math:sqrt", "confidence rule 'math:sqrt': TypeError: math.sqrt() takes exactly one argument"),
-        ("object_map.rule=math:pi", "confidence rule 'math:pi': TypeError: 'float' object is not callable"),
-        ("object_map.rule=broken:rule", "confidence rule 'broken:rule': expected ':' (broken.py, line 1)"),
-        ("object_map.rule=rules:big", "'rules:big': of 0.5, 0.5, 0.1 it makes 1.7, no number from 0 to 1"),
+        (
+            "object_map.rule=math:sqrt",
+            "confidence rule 'math:sqrt': TypeError: math.sqrt() takes exactly one argument",
+        ),
+        (
+            "object_map.rule=math:pi",
+            "confidence rule 'math:pi': TypeError: 'float' object is not callable",
+        ),
+        (
+            "object_map.rule=broken:rule",
+            "confidence rule 'broken:rule': expected ':' (broken.py, line 1)",
+        ),
+        (
+            "object_map.rule=rules:big",
+            "'rules:big': of 0.5, 0.5, 0.1 it makes 1.7, no number from 0 to 1",
+        ),
         ("object_map.rule=rules:late", "confidence rule 'rules:late': of "),
         ("object_map.rule=rules:text", "it makes 'sure', no number from 0 to 1"),
     ],
@@ -261,7 +306,9 @@ def test_a_users_own_policy_that_does_not_fit_gets_one_line(setting, message, ca
     Path("s.yaml").write_text(GOOD)
     Path("broken.py").write_text("def rule()\n")
     late = 'def late(c, s, r): return c if c == 0.5 else float("nan")\n'
-    Path("rules.py").write_text(f"def big(c, s, r): return 1.7\ndef text(c, s, r): return 'sure'\n{late}")
+    Path("rules.py").write_text(
+        f"def big(c, s, r): return 1.7\ndef text(c, s, r): return 'sure'\n{late}"
+    )
     assert main(["run", "s.yaml", "--no-report", "--set", f"genie.{setting}"]) == 1
     _one_line(capsys, message)
     assert not list(Path().glob("results/*"))

@@ -26,7 +26,9 @@ SLOWER = "edges[0].device=jetson_tx2"
 
 
 def ran(*settings: str, seed: int = 1, window: str = WINDOW) -> Run:
-    return runner.run_in_memory(load_scenario("1car_hetero", [window, "record=[answers, held]", *settings], seed))
+    return runner.run_in_memory(
+        load_scenario("1car_hetero", [window, "record=[answers, held]", *settings], seed)
+    )
 
 
 @pytest.fixture(scope="module")
@@ -40,7 +42,11 @@ def slower() -> list[Run]:
 
 
 def row(rows: list[Difference], metric: str, arm: str) -> Difference:
-    (found,) = (one for one in rows if (one.metric, one.arm.rpartition(": ")[2]) == (metric, arm) and one.against)
+    (found,) = (
+        one
+        for one in rows
+        if (one.metric, one.arm.rpartition(": ")[2]) == (metric, arm) and one.against
+    )
     return found
 
 
@@ -65,8 +71,12 @@ def test_methods_of_one_run_are_compared_by_blocks_with_the_first(usual: list[Ru
     made = compare(usual[:1], ["remote", "genie"])
     assert [arm.label for arm in made.arms] == ["remote", "genie"] and not made.settings
     found = row(list(made.rows), "first_answer_mean", "genie")
-    assert (found.by, found.against, found.n) == (BLOCKS, "remote", 4), "three seconds, begun within one"
-    gap = measured(usual[0], "first_answer_mean", "genie") - measured(usual[0], "first_answer_mean", "remote")
+    assert (found.by, found.against, found.n) == (BLOCKS, "remote", 4), (
+        "three seconds, begun within one"
+    )
+    gap = measured(usual[0], "first_answer_mean", "genie") - measured(
+        usual[0], "first_answer_mean", "remote"
+    )
     assert found.difference == pytest.approx(gap)
     assert found.low is not None and found.high is not None and found.low < gap < found.high < 0
     assert "blocks" in comparison.note(made) and "other seeds" in comparison.note(made)
@@ -77,14 +87,24 @@ def test_a_block_interval_by_hand(usual: list[Run]):
     frames = usual[0].frames.copy()
     frames["received_ns"] = frames["stamp_ns"]
     seconds = frames["stamp_ns"] // 10**9 - frames["stamp_ns"].min() // 10**9
-    frames = frames[seconds < 3].groupby(["method", frames["stamp_ns"] // 10**9], observed=True).head(4).copy()
+    frames = (
+        frames[seconds < 3]
+        .groupby(["method", frames["stamp_ns"] // 10**9], observed=True)
+        .head(4)
+        .copy()
+    )
     seconds = (frames["stamp_ns"] // 10**9 - frames["stamp_ns"].min() // 10**9).to_numpy()
     late_ms = np.where(frames["method"] == "genie", 10.0, 20.0 + np.array([1.0, 4.0, 7.0])[seconds])
     frames["first_answer_ns"] = frames["stamp_ns"] + (late_ms * 1e6).astype(int)
-    made = compare([replace(usual[0], tables={**usual[0].tables, "frames": Columns.of(frames)})], ["remote", "genie"])
+    made = compare(
+        [replace(usual[0], tables={**usual[0].tables, "frames": Columns.of(frames)})],
+        ["remote", "genie"],
+    )
     found = row(list(made.rows), "first_answer_mean", "genie")
     half = 4.302653 * 3.0 / np.sqrt(3)
-    assert (found.difference, found.low, found.high) == pytest.approx((-14.0, -14.0 - half, -14.0 + half), rel=1e-6)
+    assert (found.difference, found.low, found.high) == pytest.approx(
+        (-14.0, -14.0 - half, -14.0 + half), rel=1e-6
+    )
 
 
 def test_settings_are_compared_by_their_seeds(usual: list[Run], slower: list[Run]):
@@ -104,20 +124,31 @@ def test_settings_are_compared_by_their_seeds(usual: list[Run], slower: list[Run
     assert not any("seed" in path for path in made.settings)
 
 
-def test_settings_are_called_by_what_differs_where_that_is_short(usual: list[Run], slower: list[Run]):
+def test_settings_are_called_by_what_differs_where_that_is_short(
+    usual: list[Run], slower: list[Run]
+):
     made = compare([*usual, *slower], ["remote"])
     assert list(made.names) == ["device quadro_rtx_4000", "device jetson_tx2"]
     text = comparison.page(made)
     told = json.loads(re.search(r'id="data">(.*?)</script>', text, re.DOTALL)[1])
     rows = {(metric, arm): cells for metric, arm, *cells in told["rows"]}
-    assert {arm for _, arm in rows} == {"device jetson_tx2: remote"}, "the first has nothing to be compared with"
+    assert {arm for _, arm in rows} == {"device jetson_tx2: remote"}, (
+        "the first has nothing to be compared with"
+    )
     mean = rows["first_answer_mean", "device jetson_tx2: remote"]
     gap = row(list(made.rows), "first_answer_mean", "remote")
     theirs = next(one for one in made.rows if one.metric == "first_answer_mean" and not one.against)
-    assert mean[:4] == [f"{gap.value:.3g} ms", theirs.arm, f"{theirs.value:.3g} ms", f"{gap.difference:+.3g} ms"]
+    assert mean[:4] == [
+        f"{gap.value:.3g} ms",
+        theirs.arm,
+        f"{theirs.value:.3g} ms",
+        f"{gap.difference:+.3g} ms",
+    ]
 
 
-def test_with_one_common_seed_its_blocks_are_paired_and_it_says_so(usual: list[Run], slower: list[Run]):
+def test_with_one_common_seed_its_blocks_are_paired_and_it_says_so(
+    usual: list[Run], slower: list[Run]
+):
     made = compare([*usual[:2], slower[1]], ["remote"])
     found = row(list(made.rows), "ghost_share", "remote")
     gap = measured(slower[1], "ghost_share", "remote") - measured(usual[1], "ghost_share", "remote")
@@ -151,25 +182,38 @@ def test_tables_in_three_formats_hold_the_same_rows(usual: list[Run]):
     assert comparison.text(made).count("\n") == len(rows) + 2
     latex = comparison.text(made, "latex")
     assert (
-        latex.count(r"\\") == len(rows) + 1 and r"first\_answer\_mean" in latex and "%" not in latex.replace(r"\%", "")
+        latex.count(r"\\") == len(rows) + 1
+        and r"first\_answer\_mean" in latex
+        and "%" not in latex.replace(r"\%", "")
     )
 
 
-def test_the_page_has_figures_and_the_same_runs_give_the_same_bytes(usual: list[Run], tmp_path: Path):
+def test_the_page_has_figures_and_the_same_runs_give_the_same_bytes(
+    usual: list[Run], tmp_path: Path
+):
     folders = [tmp_path / "a", tmp_path / "b"]
     for folder in folders:
         page = comparison.write(compare(usual[:1]), folder)
         text = page.read_text(encoding="utf-8")
-        assert text.count("data:image/svg+xml") == 2 and "default-src 'none'" in text and "img-src data:" in text
+        assert (
+            text.count("data:image/svg+xml") == 2
+            and "default-src 'none'" in text
+            and "img-src data:" in text
+        )
     names = sorted(path.relative_to(folders[0]) for path in folders[0].rglob("*") if path.is_file())
     assert len(names) == 8
     for name in names:
         assert (folders[0] / name).read_bytes() == (folders[1] / name).read_bytes(), name
 
 
-def test_the_command_and_the_library_say_the_same(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+def test_the_command_and_the_library_say_the_same(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
     made = runner.run_to_folder(load_scenario("1car_hetero", [WINDOW]), tmp_path, with_report=False)
-    assert cli.main(["compare", str(made.folder), "--format", "csv", "--out", str(tmp_path / "page")]) == 0
+    assert (
+        cli.main(["compare", str(made.folder), "--format", "csv", "--out", str(tmp_path / "page")])
+        == 0
+    )
     printed = capsys.readouterr().out
     in_hand = gs.compare(made.folder, methods=["local", "remote", "genie"])
     assert printed == in_hand.text("csv")

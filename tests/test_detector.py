@@ -36,13 +36,17 @@ def test_a_network_exported_square_sees_a_rectangle(network, size):
     found = make_detector("yolox_nano", network, size).detect(picture(*size, (20, 12)))
     assert [f.label for f in found] == ["car"]
     assert found[0].score == pytest.approx(1.0)
-    assert found[0].box == pytest.approx((20.5 * 8 - 40, 12.5 * 8 - 20, 20.5 * 8 + 40, 12.5 * 8 + 20), abs=1e-3)
+    assert found[0].box == pytest.approx(
+        (20.5 * 8 - 40, 12.5 * 8 - 20, 20.5 * 8 + 40, 12.5 * 8 + 20), abs=1e-3
+    )
 
 
 def test_boxes_are_in_pixels_of_the_picture_not_of_the_network(network):
     detector = make_detector("yolox_nano", network)
     small = detector.detect(picture(640, 192, (40, 12)))[0].box
-    large = detector.detect(np.kron(picture(640, 192, (40, 12)), np.ones((2, 2, 1), np.uint8)))[0].box
+    large = detector.detect(np.kron(picture(640, 192, (40, 12)), np.ones((2, 2, 1), np.uint8)))[
+        0
+    ].box
     assert large == pytest.approx([2 * x for x in small], abs=0.01)
 
 
@@ -67,7 +71,14 @@ def test_decoding_follows_the_network_s_contract(network):
     detector = make_detector("yolox_nano", network)
     output = np.zeros((80 * 24 + 40 * 12 + 20 * 6, 85), np.float32)
     second_row_of_stride_16 = 80 * 24 + 40 + 3
-    output[second_row_of_stride_16, [0, 1, 2, 3, 4, 5 + 2]] = 0.25, 0.5, np.log(2.0), np.log(3.0), 0.9, 0.5
+    output[second_row_of_stride_16, [0, 1, 2, 3, 4, 5 + 2]] = (
+        0.25,
+        0.5,
+        np.log(2.0),
+        np.log(3.0),
+        0.9,
+        0.5,
+    )
     boxes, scores = detector.decode([output])
     x, y = (0.25 + 3) * 16, (0.5 + 1) * 16
     assert len(boxes) == 1, "no other cell has an object"
@@ -102,20 +113,27 @@ def test_a_van_found_as_a_car_and_as_a_truck_is_one_object():
 
 
 def test_which_classes_are_one_object_can_be_said():
-    boxes, scores = np.array([[0, 0, 100, 100], [5, 0, 105, 100]]), scores_of(("car", 0.6), ("truck", 0.5))
+    boxes, scores = (
+        np.array([[0, 0, 100, 100], [5, 0, 105, 100]]),
+        scores_of(("car", 0.6), ("truck", 0.5)),
+    )
     assert len(best_boxes(boxes, scores, min_score=0.3, same_object={})) == 2
     assert len(best_boxes(boxes, scores, min_score=0.3, iou=0.95)) == 2
 
 
 def test_weak_objects_and_what_is_not_of_the_road_are_dropped():
     boxes = np.array([[0, 0, 9, 9], [100, 0, 109, 9], [200, 0, 209, 9]], float)
-    assert best_boxes(boxes, scores_of(("car", 0.29), ("tv", 0.9), ("cat", 0.9)), min_score=0.3) == []
+    assert (
+        best_boxes(boxes, scores_of(("car", 0.29), ("tv", 0.9), ("cat", 0.9)), min_score=0.3) == []
+    )
     assert len(COCO_LABELS) == 80
     assert set(COCO_LABELS) >= ROAD_LABELS
 
 
 def test_every_detector_is_listed_under_its_name():
-    assert {name: kind.name for name, kind in DETECTORS.items()} == {name: name for name in DETECTORS}
+    assert {name: kind.name for name, kind in DETECTORS.items()} == {
+        name: name for name in DETECTORS
+    }
 
 
 def test_weights_are_found_by_path_folder_and_environment(network, monkeypatch, tmp_path):
@@ -131,13 +149,17 @@ def test_weights_are_found_by_path_folder_and_environment(network, monkeypatch, 
 
 
 def test_wrong_names_sizes_and_scores_are_refused(network):
-    with pytest.raises(UserError, match=r"unknown detector 'yolox_nanno' \(did you mean 'yolox_nano'\?\); known:"):
+    with pytest.raises(
+        UserError, match=r"unknown detector 'yolox_nanno' \(did you mean 'yolox_nano'\?\); known:"
+    ):
         make_detector("yolox_nanno", network)
     with pytest.raises(UserError, match="multiples of 32"):
         make_detector("yolox_nano", network, size=(640, 200))
     with pytest.raises(UserError, match="size 20000x20000: more than 33,554,432 pixels"):
         make_detector("yolox_nano", network, size=(20_000, 20_000))
-    with pytest.raises(UserError, match="size 640x192, 1000 at a time: more than 33,554,432 pixels"):
+    with pytest.raises(
+        UserError, match="size 640x192, 1000 at a time: more than 33,554,432 pixels"
+    ):
         make_detector("yolox_nano", network, size=(640, 192), batch=1000)
     with pytest.raises(UserError, match=r"min_score 1\.5"):
         make_detector("yolox_nano", network, min_score=1.5)
@@ -158,11 +180,16 @@ class Plain:
 def test_threads_and_batches_of_what_has_none_are_refused(network):
     assert make_detector("tests.test_detector:Plain", network).path == network
     for more in ({"threads": 2}, {"batch": 4}):
-        with pytest.raises(UserError, match=r"^tests\.test_detector:Plain: is no OnnxDetector, which alone can have"):
+        with pytest.raises(
+            UserError,
+            match=r"^tests\.test_detector:Plain: is no OnnxDetector, which alone can have",
+        ):
             make_detector("tests.test_detector:Plain", network, **more)
 
 
-@pytest.mark.parametrize("content", [b"", b"<html>404 Not Found</html>", b"\x08\x07" + bytes(range(200))])
+@pytest.mark.parametrize(
+    "content", [b"", b"<html>404 Not Found</html>", b"\x08\x07" + bytes(range(200))]
+)
 def test_a_file_that_is_no_network_is_refused(tmp_path, content):
     path = tmp_path / "yolox_nano.onnx"
     path.write_bytes(content)
@@ -182,7 +209,10 @@ def test_a_truncated_network_is_refused(network, tmp_path):
 
 def test_a_network_for_other_classes_is_refused(tmp_path):
     path = make_network(tmp_path / "yolox_nano.onnx", classes=20)
-    with pytest.raises(UserError, match=r"is no yolox_nano network: its output is \(2520, 25\), expected \(2520, 85\)"):
+    with pytest.raises(
+        UserError,
+        match=r"is no yolox_nano network: its output is \(2520, 25\), expected \(2520, 85\)",
+    ):
         make_detector("yolox_nano", path)
 
 
@@ -198,7 +228,9 @@ def test_yolox_finds_the_van_the_cyclist_and_the_pedestrian():
     drive = open_drive(os.environ["GENIE_SIM_KITTI"], f"{DATE}/0005", ["02"])
     found = make_detector("yolox_nano").detect(read_image(drive.frames["02"][0].image_path))
     for label, (x, y) in {"car": (370, 225), "person": (830, 230), "bicycle": (830, 330)}.items():
-        assert any(f.label == label and f.box[0] < x < f.box[2] and f.box[1] < y < f.box[3] for f in found), label
+        assert any(
+            f.label == label and f.box[0] < x < f.box[2] and f.box[1] < y < f.box[3] for f in found
+        ), label
     assert sum(f.label == "person" for f in found) == 2
     with pytest.raises(UserError, match="inputs and 6 outputs, expected 1 and 1"):
         YoloxNano(find_weights("nanodet_m_416.onnx"))

@@ -15,11 +15,16 @@ from run_page import Reader, accepted, blocks
 REPOSITORY = Path(__file__).resolve().parent.parent
 DOCS = REPOSITORY / "docs"
 PAGES = {path.relative_to(DOCS).as_posix(): path for path in sorted(DOCS.rglob("*.md"))}
-WITH_TESTS_OF_THEIR_OWN = {"ros.md", "paper.md", "perception.md"}  # they need real ROS, the whole evaluation, KITTI
+WITH_TESTS_OF_THEIR_OWN = {
+    "ros.md",
+    "paper.md",
+    "perception.md",
+}  # they need real ROS, the whole evaluation, KITTI
 FOLLOWED = [
     name
     for name, path in PAGES.items()
-    if name not in WITH_TESTS_OF_THEIR_OWN and any(not one.not_run for one in blocks(path.read_text(encoding="utf-8")))
+    if name not in WITH_TESTS_OF_THEIR_OWN
+    and any(not one.not_run for one in blocks(path.read_text(encoding="utf-8")))
 ]
 LONGEST_PAGE_S = 600
 
@@ -32,7 +37,11 @@ def as_a_reader(tmp_path: Path) -> dict[str, str]:
     for name, arguments in (("python", ""), ("genie-sim", " -m genie_sim")):
         (path / name).write_text(f'#!/bin/sh\nexec {shlex.quote(sys.executable)}{arguments} "$@"\n')
         (path / name).chmod(0o755)
-    return {**os.environ, "PATH": f"{path}{os.pathsep}{os.environ['PATH']}", "PYTHONPATH": str(REPOSITORY)}
+    return {
+        **os.environ,
+        "PATH": f"{path}{os.pathsep}{os.environ['PATH']}",
+        "PYTHONPATH": str(REPOSITORY),
+    }
 
 
 @pytest.mark.slow
@@ -59,11 +68,19 @@ def test_the_site_builds_without_a_warning(tmp_path: Path):
     )  # fmt: skip
     assert built.returncode == 0, built.stderr
     assert (tmp_path / "site" / "index.html").is_file()
-    reference = (tmp_path / "site" / "reference" / "core" / "index.html").read_text(encoding="utf-8")
-    assert "Forgets the requests that nobody answered in time" in reference, "docstrings reach the reference"
-    columns = (tmp_path / "site" / "reference" / "tables" / "index.html").read_text(encoding="utf-8")
+    reference = (tmp_path / "site" / "reference" / "core" / "index.html").read_text(
+        encoding="utf-8"
+    )
+    assert "Forgets the requests that nobody answered in time" in reference, (
+        "docstrings reach the reference"
+    )
+    columns = (tmp_path / "site" / "reference" / "tables" / "index.html").read_text(
+        encoding="utf-8"
+    )
     assert "fresh_answer_ns" in columns, "tables are filled in from the program"
-    detectors = (tmp_path / "site" / "extend" / "detector" / "index.html").read_text(encoding="utf-8")
+    detectors = (tmp_path / "site" / "extend" / "detector" / "index.html").read_text(
+        encoding="utf-8"
+    )
     assert "yolox_nano" in detectors
 
 
@@ -96,7 +113,9 @@ def test_every_reading_of_the_paper_is_explained():
     rules = json_schema("scenario")["$defs"]["GenieRules"]["properties"]
     for settings in (rules, rules["object_map"]["properties"]):
         for name, field in settings.items():
-            assert f"`{name}`" in page or f"`object_map.{name}`" in page, f"genie.{name} is not explained"
+            assert f"`{name}`" in page or f"`object_map.{name}`" in page, (
+                f"genie.{name} is not explained"
+            )
             for choice in field.get("enum", []):
                 assert f"`{choice}`" in page, f"genie.{name}: {choice} is not explained"
 
@@ -143,7 +162,9 @@ false
 """
 
 
-def test_a_page_that_shows_something_else_is_noticed_and_can_be_put_right(monkeypatch: pytest.MonkeyPatch):
+def test_a_page_that_shows_something_else_is_noticed_and_can_be_put_right(
+    monkeypatch: pytest.MonkeyPatch,
+):
     monkeypatch.syspath_prepend("")
     reader = Reader("page.md")
     reader.read(EXAMPLE)

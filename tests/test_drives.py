@@ -84,7 +84,9 @@ def test_a_drive_without_images_to_reuse_has_no_ratio():
     one = found(empty, drive("0002", object_reuse__car=0.9, object_reuse__edge=0.7))
     ratio = one["object reuse / image reuse (the paper: 4)"]
     assert (ratio["drives"], ratio["holds"], ratio["median"]) == (1, 1, 1.6)
-    unknown = found(drive("0001", under_deadline_share__genie=math.nan))["share of frames answered in 33 ms"]
+    unknown = found(drive("0001", under_deadline_share__genie=math.nan))[
+        "share of frames answered in 33 ms"
+    ]
     assert (unknown["drives"], unknown["median"]) == (0, None)
 
 
@@ -94,7 +96,9 @@ def test_ghosts_of_genie_are_compared_with_those_of_remote_execution():
 
 
 def gap(sequence, same_cell, number):
-    return drive(sequence, same_cell=same_cell, image_reuse__car=0.5, image_reuse__edge=0.5 + number)
+    return drive(
+        sequence, same_cell=same_cell, image_reuse__car=0.5, image_reuse__edge=0.5 + number
+    )
 
 
 def test_the_hypothesis_is_tested_by_least_squares_over_drives():
@@ -115,8 +119,13 @@ def test_a_slope_that_may_be_zero_supports_nothing():
     tested = drives.hypothesis([run for name, at in points.items() for run in gap(name, *at)])
     assert tested["low"] < tested["slope"] < 0 < tested["high"]
     assert not tested["supported"]
-    assert drives.hypothesis([*gap("0001", 0.0, 0.1), *gap("0002", 0.5, 0.2)]) is None, "two points are a line"
-    assert drives.hypothesis([run for name in ("0001", "0002", "0003") for run in gap(name, 0.5, 0.1)]) is None
+    assert drives.hypothesis([*gap("0001", 0.0, 0.1), *gap("0002", 0.5, 0.2)]) is None, (
+        "two points are a line"
+    )
+    assert (
+        drives.hypothesis([run for name in ("0001", "0002", "0003") for run in gap(name, 0.5, 0.1)])
+        is None
+    )
 
 
 def test_what_is_written(tmp_path):
@@ -125,7 +134,12 @@ def test_what_is_written(tmp_path):
     table = drives.write(tmp_path, driven)
     with (tmp_path / "drives.csv").open() as file:
         rows = list(csv.DictReader(file))
-    runs = [(n, scenario, seed) for n in ("0001", "0002") for scenario in SCENARIOS for seed in ("0", "1")]
+    runs = [
+        (n, scenario, seed)
+        for n in ("0001", "0002")
+        for scenario in SCENARIOS
+        for seed in ("0", "1")
+    ]
     assert [(row["sequence"], row["scenario"], row["seed"]) for row in rows] == runs
     assert (rows[0]["confidence_boost:car"], rows[4]["confidence_boost:car"]) == ("0.5", "")
     written = json.loads((tmp_path / "drives.json").read_text())
@@ -138,7 +152,10 @@ def test_what_is_written(tmp_path):
     assert "The hypothesis that it falls is" not in table
     tested = drives.hypothesis([run for i in range(3) for run in gap(str(i), i, 1 - i)])
     told = drives.markdown(written | {"hypothesis": tested})
-    assert "slope -1 (-1 to -1), r = -1.00, n = 3, zero at 1.00. The hypothesis that it falls is supported." in told
+    assert (
+        "slope -1 (-1 to -1), r = -1.00, n = 3, zero at 1.00. The hypothesis that it falls is supported."
+        in told
+    )
 
 
 def test_without_sequences_nothing_is_simulated(tmp_path, monkeypatch, capsys):
@@ -148,9 +165,13 @@ def test_without_sequences_nothing_is_simulated(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr("genie_sim.paper.runs.in_parallel", simulated)
     monkeypatch.delenv("GENIE_SIM_KITTI", raising=False)
     assert main(["reproduce", "--quick", "--drives", "--out", "out"]) == 1
-    assert capsys.readouterr().err.startswith("genie-sim: kitti: where are the drives? Name KITTI's folder")
+    assert capsys.readouterr().err.startswith(
+        "genie-sim: kitti: where are the drives? Name KITTI's folder"
+    )
     monkeypatch.setenv("GENIE_SIM_KITTI", str(tmp_path))
-    with pytest.raises(UserError, match="tracking: no sequences of KITTI's tracking benchmark here"):
+    with pytest.raises(
+        UserError, match="tracking: no sequences of KITTI's tracking benchmark here"
+    ):
         reproduce(tmp_path / "out", quick=True, with_drives=True)
 
 
@@ -162,10 +183,24 @@ def test_without_sequences_nothing_is_simulated(tmp_path, monkeypatch, capsys):
         ((0.5, 1.5, 2.5), (0, 0, 0), 0.0),
     ],
 )
-def test_frames_share_a_cell_where_neither_place_nor_heading_leaves_it(steps_m, headings_rad, share):
+def test_frames_share_a_cell_where_neither_place_nor_heading_leaves_it(
+    steps_m, headings_rad, share
+):
     """Cells of 1 m and sectors of 15 degrees, the default."""
     frames = tuple(
-        TraceFrame("02", i, i * 10**8, 1242, 375, 1, f"{i}", i, CameraPose(east_m, 0.0, 0.0, heading), 1.4, ())
+        TraceFrame(
+            "02",
+            i,
+            i * 10**8,
+            1242,
+            375,
+            1,
+            f"{i}",
+            i,
+            CameraPose(east_m, 0.0, 0.0, heading),
+            1.4,
+            (),
+        )
         for i, (east_m, heading) in enumerate(zip(steps_m, headings_rad, strict=True))
     )
     trace = Trace("made up", (49.0, 8.4, 100.0), {"02": frames}, {})
@@ -186,7 +221,9 @@ def make_sequences(root, names):
         (training / "calib" / f"{name}.txt").write_text(CALIBRATION.replace("721.5377", "718.856"))
         z_m = [20.0 - 0.5 * i for i in range(30)]
         label = "{} 7 Car 0 0 -1.5 500 170 600 230 1.5 1.6 3.9 -2.0 1.6 {} -1.6"
-        (training / "label_02" / f"{name}.txt").write_text("\n".join(label.format(i, z) for i, z in enumerate(z_m)))
+        (training / "label_02" / f"{name}.txt").write_text(
+            "\n".join(label.format(i, z) for i, z in enumerate(z_m))
+        )
         car = "{},2,500.0,170.0,600.0,230.0,8.0,1.5,1.6,3.9,-2.0,1.6,{},-1.6,-1.5"
         found = "\n".join(car.format(i, z) for i, z in enumerate(z_m))
         (detections / "pointrcnn_Car" / f"{name}.txt").write_text(found)
@@ -204,13 +241,22 @@ def test_a_bad_sequence_is_left_out_with_a_line_and_the_rest_goes_on(tmp_path, m
     (line,) = caplog.messages
     assert line.startswith("drives: sequence 0004 is left out: ") and "calib/0004.txt: P2" in line
     assert [(one.sequence, one.scenario, one.seed) for one in jobs] == [
-        (sequence, scenario, seed) for sequence in ("0005", "0020") for scenario in SCENARIOS for seed in SEEDS
+        (sequence, scenario, seed)
+        for sequence in ("0005", "0020")
+        for scenario in SCENARIOS
+        for seed in SEEDS
     ]
     unlabelled, labelled = drives.run_drive(jobs[0]), drives.run_drive(jobs[-1])
     assert math.isnan(unlabelled["ghost_share:genie"])
     assert labelled["ghost_share:genie"] < 1
-    assert 0 < labelled["image_reuse:car"] == pytest.approx(labelled["image_reuse_pooled:car"], abs=0.03)
-    assert labelled[SAME_CELL] == pytest.approx(20 / 39, abs=0.03), "half a metre a frame, cells of one metre"
+    assert (
+        0
+        < labelled["image_reuse:car"]
+        == pytest.approx(labelled["image_reuse_pooled:car"], abs=0.03)
+    )
+    assert labelled[SAME_CELL] == pytest.approx(20 / 39, abs=0.03), (
+        "half a metre a frame, cells of one metre"
+    )
     (training / "calib" / "0005.txt").unlink()
     (training / "calib" / "0020.txt").unlink()
     drives._recordings.cache_clear()
@@ -226,7 +272,9 @@ def test_cars_drive_the_declared_parts_of_a_real_sequence(kitti_root, sequence):
     assert {camera.recording for camera in prepared.scenario.cameras} == {"02"}
     whole_ns = len(frames) * 100_000_000
     windows = [[t / whole_ns for t in car.route.window_ns] for car in prepared.scenario.cars]
-    assert windows == [pytest.approx(window, abs=1e-3) for window in ([0.0, 0.6], [0.2, 0.8], [0.4, 1.0])]
+    assert windows == [
+        pytest.approx(window, abs=1e-3) for window in ([0.0, 0.6], [0.2, 0.8], [0.4, 1.0])
+    ]
 
 
 @pytest.mark.real_data
@@ -251,7 +299,11 @@ def test_a_sequence_becomes_a_trace_that_a_scenario_drives(kitti_root, sequence,
     assert made.returncode == 0, made.stderr
     stream = "cameras=[{name: front, recording: '02'}]"
     windows = [f"cars[{i}].route.window=[0 s, 9 s]" for i in range(1)]
-    settings = [part for one in (stream, "perception.trace=drive.parquet", *windows) for part in ("--set", one)]
+    settings = [
+        part
+        for one in (stream, "perception.trace=drive.parquet", *windows)
+        for part in ("--set", one)
+    ]
     done = run_cli("run", "1car_homo", *settings, "--no-report", "--out", "results")
     assert done.returncode == 0, done.stderr
     (folder,) = (tmp_path / "results").iterdir()
@@ -266,7 +318,9 @@ def test_a_sequence_becomes_a_trace_that_a_scenario_drives(kitti_root, sequence,
 def test_the_committed_drives_are_those_of_the_committed_runs():
     """``genie-sim reproduce --drives --out results/paper`` writes both; docs/paper.md shows them (test_reproduce)."""
     committed = json.loads((REPOSITORY / "results" / "paper" / "drives.json").read_text())
-    rows = pd.read_csv(REPOSITORY / "results" / "paper" / "drives.csv", dtype={"sequence": str}).to_dict("records")
+    rows = pd.read_csv(
+        REPOSITORY / "results" / "paper" / "drives.csv", dtype={"sequence": str}
+    ).to_dict("records")
     assert drives.directions(rows) == committed["directions"]
     assert drives.hypothesis(rows) == committed["hypothesis"]
 
@@ -274,9 +328,13 @@ def test_the_committed_drives_are_those_of_the_committed_runs():
 @pytest.mark.real_data
 def test_a_real_sequence_gives_the_committed_numbers(kitti_root):
     """The shortest one: the rows of a seed in ``drives.csv`` come out again."""
-    committed = pd.read_csv(REPOSITORY / "results" / "paper" / "drives.csv", dtype={"sequence": str})
+    committed = pd.read_csv(
+        REPOSITORY / "results" / "paper" / "drives.csv", dtype={"sequence": str}
+    )
     row = drives.run_drive(DriveJob(kitti_root, "0014", "3car_hetero", 3))
     mine = committed.query("sequence == '0014' and scenario == '3car_hetero' and seed == 3")
     assert len(mine) == 1
     for name, value in row.items():
-        assert mine[name].item() == (pytest.approx(value, rel=1e-6) if isinstance(value, float) else value), name
+        assert mine[name].item() == (
+            pytest.approx(value, rel=1e-6) if isinstance(value, float) else value
+        ), name

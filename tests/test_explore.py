@@ -28,7 +28,9 @@ def test_levels_are_drawn_evenly_and_more_points_begin_with_the_same():
     assert explore.points(10) == POINTS[:10]
     for name, levels in explore.levels().items():
         drawn = [point[name] for point in POINTS[:64]]
-        assert {drawn.count(level) for level in levels} <= {64 // len(levels) + shift for shift in (-1, 0, 1)}, name
+        assert {drawn.count(level) for level in levels} <= {
+            64 // len(levels) + shift for shift in (-1, 0, 1)
+        }, name
 
 
 @pytest.mark.parametrize("name", explore.design()["choices"])
@@ -76,7 +78,9 @@ def test_points_of_another_design_are_refused(tmp_path, monkeypatch):
     monkeypatch.setattr(explore, "judged", lambda numbered: row(numbered[0], {}))
     explore.explore(tmp_path, 1, count=3)
     monkeypatch.setitem(explore.design(), "sequence", 18)
-    with pytest.raises(UserError, match="point 0 is of another design; name another folder with --out"):
+    with pytest.raises(
+        UserError, match="point 0 is of another design; name another folder with --out"
+    ):
         explore.explore(tmp_path, 1, count=3)
 
 
@@ -101,12 +105,20 @@ def test_the_share_of_variance_is_that_beyond_chance():
 
 
 def test_pairs_that_hardly_ever_hold_together_are_found():
-    holds = [{"C1": n % 2, "C2": 1 - n % 2, "C3": n % 2 if n >= 8 else 1 - n % 2, "C4": n == 1} for n in range(64)]
+    holds = [
+        {"C1": n % 2, "C2": 1 - n % 2, "C3": n % 2 if n >= 8 else 1 - n % 2, "C4": n == 1}
+        for n in range(64)
+    ]
     for n, of in enumerate(holds):
         of["C5"] = n // 2 % 2  # which has nothing to do with the others
-    rows = [row(n, {claim: str(int(held)) for claim, held in of.items()}) for n, of in enumerate(holds)]
+    rows = [
+        row(n, {claim: str(int(held)) for claim, held in of.items()}) for n, of in enumerate(holds)
+    ]
     found = explore.answers(rows)["against_each_other"]
-    assert [tuple(one.values()) for one in found] == [(["C1", "C2"], 16.0, 0), (["C2", "C3"], 16.0, 4)]
+    assert [tuple(one.values()) for one in found] == [
+        (["C1", "C2"], 16.0, 0),
+        (["C2", "C3"], 16.0, 4),
+    ]
 
 
 def test_a_half_that_predicts_the_other_is_told_from_one_that_does_not():
@@ -114,13 +126,19 @@ def test_a_half_that_predicts_the_other_is_told_from_one_that_does_not():
     first, second = halves.values()
 
     def split(other):
-        rows = [row(n, dict.fromkeys(first, str(n % 2)) | dict.fromkeys(second, str(other(n)))) for n in range(64)]
+        rows = [
+            row(n, dict.fromkeys(first, str(n % 2)) | dict.fromkeys(second, str(other(n))))
+            for n in range(64)
+        ]
         return {one["by"]: one for one in explore.answers(rows)["split"]}[next(iter(halves))]
 
     same, unrelated = split(lambda n: n % 2), split(lambda n: n // 2 % 2)
     assert (same["own"], same["other"], same["other_of_all"], same["r"]) == (1.0, 1.0, 0.5, 1.0)
     assert same["other"] > same["chance"][1]
-    assert unrelated["own"] == 1.0 and unrelated["chance"][0] < unrelated["other"] < unrelated["chance"][1]
+    assert (
+        unrelated["own"] == 1.0
+        and unrelated["chance"][0] < unrelated["other"] < unrelated["chance"][1]
+    )
 
 
 def test_what_is_committed_is_what_the_points_say_and_what_the_paper_page_shows():
@@ -131,9 +149,13 @@ def test_what_is_committed_is_what_the_points_say_and_what_the_paper_page_shows(
     found = json.loads((root / "results/explore/explore.json").read_text())
     assert found == explore.answers(rows)
     page = (root / "docs/paper.md").read_text(encoding="utf-8")
-    assert page.split("<!-- explore:begin -->")[1].split("<!-- explore:end -->")[0].strip() == explore.text(found)
+    assert page.split("<!-- explore:begin -->")[1].split("<!-- explore:end -->")[
+        0
+    ].strip() == explore.text(found)
 
 
 def test_what_does_not_go_with_explore_is_refused():
     told = CliRunner().invoke(app, ["reproduce", "--explore", "--quick"])
-    assert told.exit_code != 0 and "--explore: has a design of its own" in (told.output + str(told.exception))
+    assert told.exit_code != 0 and "--explore: has a design of its own" in (
+        told.output + str(told.exception)
+    )

@@ -18,7 +18,11 @@ LONGEST_METHOD_LINES = 60
 
 
 def files_of(page: str) -> dict[str, str]:
-    return {one.title: one.text for one in blocks((DOCS / page).read_text(encoding="utf-8")) if one.title is not None}
+    return {
+        one.title: one.text
+        for one in blocks((DOCS / page).read_text(encoding="utf-8"))
+        if one.title is not None
+    }
 
 
 @pytest.fixture
@@ -51,7 +55,9 @@ def test_the_method_of_the_guide_is_in_everything_that_a_run_makes(skip: Path, r
     assert re.search(r"Skip|skip frames", (folder / "summary.md").read_text())
     assert re.search(r"Skip|skip frames", (folder / "report.html").read_text())
     for name in ("latency_cdf", "image_reuse"):
-        assert re.search(r"Skip|skip frames", (folder / "figures" / f"{name}.svg").read_text()), name
+        assert re.search(r"Skip|skip frames", (folder / "figures" / f"{name}.svg").read_text()), (
+            name
+        )
 
 
 def test_the_method_of_the_guide_is_in_everything_that_a_sweep_makes(skip: Path, run_cli):
@@ -69,8 +75,14 @@ def test_the_method_of_the_guide_is_in_everything_that_a_sweep_makes(skip: Path,
 def test_the_way_of_a_frame_leads_through_functions_that_exist():
     page = (DOCS / "explanation" / "way-of-a-frame.md").read_text(encoding="utf-8")
     hops = re.findall(r"^\| (\d) \|.*\|(.*)\|$", page, re.MULTILINE)
-    assert [int(number) for number, _ in hops] == list(range(1, len(hops) + 1)) and 1 < len(hops) <= 9
-    named = [one for _, where in hops for one in re.findall(r"`(genie_sim/[\w/.]+)`: ((?:`[\w.]+`(?:, )?)+)", where)]
+    assert [int(number) for number, _ in hops] == list(range(1, len(hops) + 1)) and 1 < len(
+        hops
+    ) <= 9
+    named = [
+        one
+        for _, where in hops
+        for one in re.findall(r"`(genie_sim/[\w/.]+)`: ((?:`[\w.]+`(?:, )?)+)", where)
+    ]
     named += re.findall(r"`(genie_sim/[\w/.]+)`\s\((`\w+`)\)", page)
     assert len(named) >= len(hops) + 3
     for file, functions in named:
@@ -86,14 +98,20 @@ def _defined(path: Path) -> set[str]:
         if isinstance(node, ast.ClassDef | ast.FunctionDef):
             found.add(node.name)
         if isinstance(node, ast.ClassDef):
-            found |= {f"{node.name}.{inner.name}" for inner in node.body if isinstance(inner, ast.FunctionDef)}
+            found |= {
+                f"{node.name}.{inner.name}"
+                for inner in node.body
+                if isinstance(inner, ast.FunctionDef)
+            }
     return found
 
 
 def test_the_registries_stand_where_the_page_says():
     page = (DOCS / "explanation" / "way-of-a-frame.md").read_text(encoding="utf-8")
     for file in re.findall(r"^\| an? [\w ]+ \|.*?\| `(genie_sim/[\w/.]+)` \|", page, re.MULTILINE):
-        assert re.search(r"^[A-Z_]+: dict\[str, ", (REPOSITORY / file).read_text(), re.MULTILINE), file
+        assert re.search(r"^[A-Z_]+: dict\[str, ", (REPOSITORY / file).read_text(), re.MULTILINE), (
+            file
+        )
     guides = re.findall(r"\(\.\./(extend/[\w-]+\.md)\)", page)
     assert len(guides) == 5 and all((DOCS / one).is_file() for one in guides)
     navigation = (REPOSITORY / "mkdocs.yml").read_text(encoding="utf-8")

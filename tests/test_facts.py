@@ -40,7 +40,9 @@ def frames(lap_of=lambda frame: 0):
     return table.columns()
 
 
-def lookup(second, genie, kind, requests, hits, requester=None, updates=0, boost_sum=0.0, entries=1):
+def lookup(
+    second, genie, kind, requests, hits, requester=None, updates=0, boost_sum=0.0, entries=1
+):
     placement = "edge" if genie.startswith("edge") else "car"
     t_ns = round((BEGIN_S + second) * S)
     frame = ("car1", "camera_02", t_ns)
@@ -87,7 +89,9 @@ def resources():
         ("remote", 4, "edge1.cpu", "cpu", 9000, 100),
         ("genie", 4, "car1->edge1", "link", 9000, 100),
     ):
-        table.append((method, (BEGIN_S + second) * S, resource, kind, 1, busy_ms * MS, 0, completed, 0, None))
+        table.append(
+            (method, (BEGIN_S + second) * S, resource, kind, 1, busy_ms * MS, 0, completed, 0, None)
+        )
     return table.columns()
 
 
@@ -203,7 +207,10 @@ def test_what_did_not_happen_is_not_a_number():
     facts = facts_of(frames(), lookups(()), resources())
     for name in ("image_peak_at:car", "boost_per_object:car", "image_reuse_highest_running:edge"):
         assert math.isnan(facts[name]), name
-    never = [lookup(0, "car1", "image", 50, 0, "client"), lookup(1, "car1", "image", 50, 0, "client")]
+    never = [
+        lookup(0, "car1", "image", 50, 0, "client"),
+        lookup(1, "car1", "image", 50, 0, "client"),
+    ]
     facts = facts_of(frames(), lookups(never), resources())
     assert math.isnan(facts["image_peak_at:car"]), "nothing was ever reused"
     assert facts["image_reuse:car"] == 0
@@ -216,6 +223,12 @@ def test_a_run_of_genie_alone_has_no_facts_of_the_others():
 
 def test_of_the_baselines_is_what_no_genie_had_a_part_in(found):
     kept = of_baselines(found)
-    assert {"first_answer_mean:local", "accelerator_rate:remote:edge1", "image_to_objects_bytes:remote"} <= set(kept)
-    assert not [name for name in kept if "genie" in name or "improvement" in name or "reuse" in name]
+    assert {
+        "first_answer_mean:local",
+        "accelerator_rate:remote:edge1",
+        "image_to_objects_bytes:remote",
+    } <= set(kept)
+    assert not [
+        name for name in kept if "genie" in name or "improvement" in name or "reuse" in name
+    ]
     assert all(kept[name] is found[name] for name in kept)

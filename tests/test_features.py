@@ -19,7 +19,9 @@ from genie_sim.perception.trace import Trace, feature_facts, read_trace, write_t
 from genie_sim.town.noise import mix
 from genie_sim.town.surrogate import Surrogate
 
-SHIPPED = "c43932bb6f14f1ac"  # how the digest of the shipped trace begins; it does not depend on features
+SHIPPED = (
+    "c43932bb6f14f1ac"  # how the digest of the shipped trace begins; it does not depend on features
+)
 NAMES = ("hsv", "yolox_gap")
 
 
@@ -52,7 +54,9 @@ def test_a_trace_keeps_features_finds_changed_ones_and_needs_none(shipped, tmp_p
     bare = {"02": tuple(replace(one, features={}) for one in frames["02"])}
     write_trace(tmp_path / "bare.parquet", Trace("some", shipped.origin, bare, {}))
     assert read_trace(tmp_path / "bare.parquet").frames == bare
-    assert Trace("", shipped.origin, bare, {}).digest == Trace("", shipped.origin, frames, {}).digest
+    assert (
+        Trace("", shipped.origin, bare, {}).digest == Trace("", shipped.origin, frames, {}).digest
+    )
 
 
 def test_packing_keeps_distances():
@@ -61,7 +65,9 @@ def test_packing_keeps_distances():
     unit = vectors / np.linalg.norm(vectors, axis=1)[:, None]
     short = np.array([unpacked(packed(one)) for one in vectors]) / UNIT
     ratios = [
-        np.linalg.norm(short[i] - short[j]) / np.linalg.norm(unit[i] - unit[j]) for i in range(40) for j in range(i)
+        np.linalg.norm(short[i] - short[j]) / np.linalg.norm(unit[i] - unit[j])
+        for i in range(40)
+        for j in range(i)
     ]
     assert np.mean(ratios) == pytest.approx(1.0, abs=0.03)
     assert np.std(ratios) < 0.12
@@ -92,7 +98,9 @@ def test_the_last_activation_is_found_by_the_structure_of_the_network():
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(not os.environ.get("GENIE_SIM_WEIGHTS"), reason="GENIE_SIM_KITTI and GENIE_SIM_WEIGHTS not set")
+@pytest.mark.skipif(
+    not os.environ.get("GENIE_SIM_WEIGHTS"), reason="GENIE_SIM_KITTI and GENIE_SIM_WEIGHTS not set"
+)
 def test_perceive_makes_the_shipped_features_again(shipped):
     from genie_sim.perception.perceive import perceive
 
@@ -101,8 +109,13 @@ def test_perceive_makes_the_shipped_features_again(shipped):
     for camera, frames in made.frames.items():
         for frame, number in zip(frames, numbers, strict=True):
             for name in NAMES:
-                ours, theirs = unpacked(frame.features[name]), unpacked(shipped.frames[camera][number].features[name])
-                assert np.abs(ours - theirs).max() <= 1, "a last digit may differ between processors"
+                ours, theirs = (
+                    unpacked(frame.features[name]),
+                    unpacked(shipped.frames[camera][number].features[name]),
+                )
+                assert np.abs(ours - theirs).max() <= 1, (
+                    "a last digit may differ between processors"
+                )
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -110,7 +123,9 @@ def test_a_town_s_surrogates_are_as_far_apart_as_real_ones(shipped, name: str):
     lags = (2, 5, 10, 20, 50)
     frames = shipped.frames["02"]
     real = medians(np.array([unpacked(one.features[name]) for one in frames]), lags)
-    step_m = np.mean([np.hypot(b.pose[0] - a.pose[0], b.pose[1] - a.pose[1]) for a, b in pairwise(frames)])
+    step_m = np.mean(
+        [np.hypot(b.pose[0] - a.pose[0], b.pose[1] - a.pose[1]) for a, b in pairwise(frames)]
+    )
     made = []
     for seed in range(8):
         surrogate = Surrogate(seed, name)

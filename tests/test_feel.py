@@ -19,7 +19,18 @@ from tests.conftest import REPOSITORY
 
 SHORT = ["run", "1car_hetero", "--set", "cars[0].route.window=[0 s, 2 s]", "--no-report"]
 COMMAND = [sys.executable, "-m", "genie_sim"]
-HEAVY = {"numpy", "pandas", "pyarrow", "matplotlib", "yaml", "simpy", "cv2", "onnxruntime", "scipy", "rich"}
+HEAVY = {
+    "numpy",
+    "pandas",
+    "pyarrow",
+    "matplotlib",
+    "yaml",
+    "simpy",
+    "cv2",
+    "onnxruntime",
+    "scipy",
+    "rich",
+}
 
 
 def on_a_terminal(*arguments: str, columns: int = 80, **env: str) -> str:
@@ -30,7 +41,9 @@ def on_a_terminal(*arguments: str, columns: int = 80, **env: str) -> str:
 
     ours, theirs = pty.openpty()
     fcntl.ioctl(theirs, termios.TIOCSWINSZ, struct.pack("HHHH", 24, columns, 0, 0))
-    surroundings = {name: value for name, value in os.environ.items() if name not in ("COLUMNS", "NO_COLOR")}
+    surroundings = {
+        name: value for name, value in os.environ.items() if name not in ("COLUMNS", "NO_COLOR")
+    }
     shown = b""
     with subprocess.Popen(
         [*COMMAND, *arguments],
@@ -96,7 +109,9 @@ def test_the_examples_of_help_are_right():
     """Their commands and options exist and their scenario loads; running them is the README's test."""
     from genie_sim.scenario.scenario import load_scenario
 
-    assert load_scenario("3car_hetero", ["cars[0].device=orin_nano"], 7).cars[0].device == "orin_nano"
+    assert (
+        load_scenario("3car_hetero", ["cars[0].device=orin_nano"], 7).cars[0].device == "orin_nano"
+    )
     assert load_scenario("3car_hetero", ["genie.eviction=lru"]).genie.eviction == "lru"
 
 
@@ -107,7 +122,9 @@ def test_every_screen_fits_its_window(columns):
     for arguments in ([], ["list"], ["--help"], ["run", "--help"]):
         room = max(columns, 50) if "--help" in arguments else columns
         for line in plain(on_a_terminal(*arguments, columns=columns)).splitlines():
-            assert len(line) <= room or " --set " in line or len(line.split()) <= 3, f"{arguments}: {line!r}"
+            assert len(line) <= room or " --set " in line or len(line.split()) <= 3, (
+                f"{arguments}: {line!r}"
+            )
 
 
 def test_a_list_has_one_line_a_name_for_other_programs(run_cli):
@@ -198,7 +215,9 @@ def test_the_shell_completes_commands_names_and_settings():
     assert "report" in completed("rep")
     assert {"3car_hetero", "3car_homo", "3car_recommended"} == set(completed("run", "3car"))
     assert completed("list", "evi") == ["evictions"]
-    assert completed("run", "3car_hetero", "--set", "genie.object_map.th") == ["genie.object_map.threshold="]
+    assert completed("run", "3car_hetero", "--set", "genie.object_map.th") == [
+        "genie.object_map.threshold="
+    ]
     assert "cars[0].route.laps=" in completed("run", "3car_hetero", "--set", "cars[0].route.")
 
 
@@ -208,7 +227,9 @@ def test_the_shell_completes_commands_names_and_settings():
     ("fish", ".config/fish/completions/genie-sim.fish", None),
     ("pwsh", ".genie-sim-complete.ps1", "profile.ps1"),
 ])  # fmt: skip
-def test_completion_is_installed_once_for_each_shell(shell, script, startup, tmp_path, monkeypatch, capsys):
+def test_completion_is_installed_once_for_each_shell(
+    shell, script, startup, tmp_path, monkeypatch, capsys
+):
     monkeypatch.setattr("shellingham.detect_shell", lambda: (shell, f"/bin/{shell}"))
     monkeypatch.setattr("genie_sim.completion._profile", lambda shell: tmp_path / "profile.ps1")
     monkeypatch.setenv("HOME", str(tmp_path))
@@ -220,7 +241,9 @@ def test_completion_is_installed_once_for_each_shell(shell, script, startup, tmp
     assert main(["--show-completion"]) == 0
     assert (tmp_path / script).read_text() == capsys.readouterr().out
     if startup is not None:
-        assert re.fullmatch(rf"mine\n.*\. '{tmp_path / script}'\n", (tmp_path / startup).read_text())
+        assert re.fullmatch(
+            rf"mine\n.*\. '{tmp_path / script}'\n", (tmp_path / startup).read_text()
+        )
 
 
 def test_a_shell_without_completion_is_told(monkeypatch, capsys):
@@ -238,8 +261,14 @@ def test_bash_itself_completes(tmp_path):
         "source <(_GENIE_SIM_COMPLETE=bash_source genie-sim); COMP_WORDS=(genie-sim run 3car_het); COMP_CWORD=2; "
         "$(complete -p genie-sim | grep -o '_genie[a-z_]*') genie-sim; echo ${COMPREPLY[@]}"
     )
-    environment = {**os.environ, "PYTHONPATH": str(REPOSITORY), "PATH": f"{tmp_path}:{os.environ['PATH']}"}
-    told = subprocess.run(["bash", "-c", asked], env=environment, capture_output=True, text=True, timeout=60)
+    environment = {
+        **os.environ,
+        "PYTHONPATH": str(REPOSITORY),
+        "PATH": f"{tmp_path}:{os.environ['PATH']}",
+    }
+    told = subprocess.run(
+        ["bash", "-c", asked], env=environment, capture_output=True, text=True, timeout=60
+    )
     assert told.stdout.split() == ["3car_hetero"], told.stderr
 
 
@@ -257,17 +286,29 @@ def test_every_completed_setting_is_one():
             assert "unknown field" not in str(error), path
 
 
-@pytest.mark.parametrize("arguments", [["--help"], ["run", "--help"], ["--version"], []], ids=" ".join)
+@pytest.mark.parametrize(
+    "arguments", [["--help"], ["run", "--help"], ["--version"], []], ids=" ".join
+)
 def test_help_is_there_before_anything_heavy(arguments):
     """Under 0.2 s: little is loaded besides the library that reads the arguments."""
     code = f"import sys; from genie_sim.cli import main; main({arguments}); print(*sys.modules)"
-    told = subprocess.run([sys.executable, "-c", code], cwd=REPOSITORY, capture_output=True, text=True, check=True)
+    told = subprocess.run(
+        [sys.executable, "-c", code], cwd=REPOSITORY, capture_output=True, text=True, check=True
+    )
     loaded = set(told.stdout.splitlines()[-1].split())
     assert not loaded & HEAVY
     ours = {name for name in loaded if name.startswith("genie_sim.")}
     parts = ("cli", "cli_compare", "cli_perceive", "cli_ros", "terminal", "arguments", "completion")
     command_line = {f"genie_sim.{part}" for part in parts}
-    assert ours <= {*command_line, "genie_sim.errors", "genie_sim.paths", "genie_sim.plugins", "genie_sim.messages"}
-    bare = subprocess.run([sys.executable, "-c", "import sys, click; print(*sys.modules)"], capture_output=True)
+    assert ours <= {
+        *command_line,
+        "genie_sim.errors",
+        "genie_sim.paths",
+        "genie_sim.plugins",
+        "genie_sim.messages",
+    }
+    bare = subprocess.run(
+        [sys.executable, "-c", "import sys, click; print(*sys.modules)"], capture_output=True
+    )
     added = loaded - set(bare.stdout.decode().split()) - ours
     assert len(added) < 40, added

@@ -122,7 +122,9 @@ def link(name):
 
 def test_a_model_is_fetched_once(server, nano, tmp_path):
     steps = []
-    path = fetch.fetch_model("yolox_nano", tmp_path, lambda done, total: steps.append((done, total)))
+    path = fetch.fetch_model(
+        "yolox_nano", tmp_path, lambda done, total: steps.append((done, total))
+    )
     assert path.read_bytes() == CONTENT
     assert steps[-1] == (len(CONTENT), len(CONTENT))
     fetch.fetch_model("yolox-nano", tmp_path, quiet)
@@ -151,7 +153,9 @@ def test_more_here_than_there_starts_again(server, nano, tmp_path):
 def test_a_connection_that_ends_halfway_is_taken_up_again(server, nano, tmp_path):
     """Each try brings half of what is missing; what came stays for the next call."""
     server.manner = "stops halfway"
-    with pytest.raises(UserError, match=r"not received .*try again to go on, or .*put http.* at .*yolox_nano.onnx"):
+    with pytest.raises(
+        UserError, match=r"not received .*try again to go on, or .*put http.* at .*yolox_nano.onnx"
+    ):
         fetch.fetch_model("yolox-nano", tmp_path, quiet)
     assert len(server.ranges) == 3
     assert (tmp_path / "yolox_nano.onnx.part").stat().st_size > 0.8 * len(CONTENT)
@@ -193,7 +197,9 @@ def test_a_broken_server_is_asked_three_times(server, nano, tmp_path):
 def test_without_a_network_one_line_says_what_to_do(server, nano, tmp_path):
     server.http.shutdown()
     server.http.server_close()
-    with pytest.raises(UserError, match=r"yolox_nano.onnx: not received .*to do it by hand, put http") as error:
+    with pytest.raises(
+        UserError, match=r"yolox_nano.onnx: not received .*to do it by hand, put http"
+    ) as error:
         fetch.fetch_model("yolox-nano", tmp_path, quiet)
     assert "\n" not in str(error.value)
 
@@ -211,9 +217,15 @@ DRIVE = "2011_09_26_drive_0005"
 @pytest.fixture
 def drive(server):
     folder = f"2011_09_26/{DRIVE}_sync"
-    server.files["/2011_09_26_calib.zip"] = archive([("2011_09_26/calib_cam_to_cam.txt", "P_rect_02: 1")])
-    server.files[f"/{DRIVE}/{DRIVE}_tracklets.zip"] = archive([(f"{folder}/tracklet_labels.xml", "<x/>")])
-    server.files[f"/{DRIVE}/{DRIVE}_sync.zip"] = archive([(f"{folder}/oxts/data/0000000000.txt", "49.0")])
+    server.files["/2011_09_26_calib.zip"] = archive(
+        [("2011_09_26/calib_cam_to_cam.txt", "P_rect_02: 1")]
+    )
+    server.files[f"/{DRIVE}/{DRIVE}_tracklets.zip"] = archive(
+        [(f"{folder}/tracklet_labels.xml", "<x/>")]
+    )
+    server.files[f"/{DRIVE}/{DRIVE}_sync.zip"] = archive(
+        [(f"{folder}/oxts/data/0000000000.txt", "49.0")]
+    )
     return server
 
 
@@ -254,7 +266,10 @@ def test_a_drive_that_does_not_exist(drive, tmp_path):
         ([(".", "x")], "is no name of a file"),
         ([(f"{i}.txt", b"\0" * 250_000) for i in range(40)], "unpacks to 10,000,000 bytes from"),
         ([(f"{i}.txt", "") for i in range(1001)], "has 1,001 files, more than 1,000"),
-        ([("big1.bin", bytes(range(256)) * 3000), ("big2.bin", bytes(range(255)) * 3000)], "more than 1,000,000"),
+        (
+            [("big1.bin", bytes(range(256)) * 3000), ("big2.bin", bytes(range(255)) * 3000)],
+            "more than 1,000,000",
+        ),
     ],
 )
 def test_a_hostile_archive_writes_nothing(tmp_path, monkeypatch, entries, message):

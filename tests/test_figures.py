@@ -32,9 +32,14 @@ def tables() -> tuple[pd.DataFrame, pd.DataFrame, pd.DataFrame]:
 
 
 def run_of(frames, lookups, resources, methods=METHODS) -> Run:
-    facts = {"scenario": {"name": "3car_hetero", "seed": 1}, "methods": [asdict(method) for method in methods]}
+    facts = {
+        "scenario": {"name": "3car_hetero", "seed": 1},
+        "methods": [asdict(method) for method in methods],
+    }
     tables = {"frames": frames, "lookups": lookups, "resources": resources}
-    return Run("0123456789ab", facts, "", {name: Columns.of(table) for name, table in tables.items()}, ())
+    return Run(
+        "0123456789ab", facts, "", {name: Columns.of(table) for name, table in tables.items()}, ()
+    )
 
 
 def words(path: Path) -> str:
@@ -44,17 +49,33 @@ def words(path: Path) -> str:
 
 def curves(figure, panel: int = 0) -> dict[str, tuple]:
     """By the label, without the share behind it."""
-    return {re.sub(r", [\d.]+ %$", "", line.get_label()): line.get_data() for line in figure.axes[panel].lines}
+    return {
+        re.sub(r", [\d.]+ %$", "", line.get_label()): line.get_data()
+        for line in figure.axes[panel].lines
+    }
 
 
 def test_every_figure_of_a_run_names_the_run_its_units_and_what_is_drawn(tables, tmp_path):
     expected = {
-        "latency_cdf": ["local (L), ", "remote (R), ", "Genie (DG), 100 %", "Genie (DG), fresh, ", "33 ms deadline"],
+        "latency_cdf": [
+            "local (L), ",
+            "remote (R), ",
+            "Genie (DG), 100 %",
+            "Genie (DG), fresh, ",
+            "33 ms deadline",
+        ],
         "latency_cdf_of_answered": ["share of answered frames", "response time [ms]"],
         "image_reuse": ["Genies on cars", "Genies on edges", "image reuse"],
         "object_reuse": ["object reuse", "Genies on cars", "Genies on edges"],
         "confidence_boost": ["Genies on cars", "Genies on edges", "updates so far"],
-        "resources": ["accelerators busy", "links busy", "messages waiting", "simulated time [s]", "car1", "edge2"],
+        "resources": [
+            "accelerators busy",
+            "links busy",
+            "messages waiting",
+            "simulated time [s]",
+            "car1",
+            "edge2",
+        ],
     }
     run_id, drawn = "0123456789ab", figures.of_run(run_of(*tables))
     assert set(drawn) == set(expected)
@@ -93,7 +114,9 @@ def test_methods_and_placements_differ_without_colour():
     assert len({str(style.method_line(place)) for place in range(32)}) == 32
     assert len({style.method_bar(place)["hatch"] for place in range(8)}) == 8
     assert len({str(style.method_bar(place)) for place in range(64)}) == 64
-    assert len({(place % len(style.COLOURS), style.method_marker(place)) for place in range(64)}) == 64
+    assert (
+        len({(place % len(style.COLOURS), style.method_marker(place)) for place in range(64)}) == 64
+    )
     assert len({str(style.PLACEMENT_LINES[where]["linestyle"]) for where in style.PLACEMENTS}) == 2
     assert len({style.PLACEMENT_BARS[where]["hatch"] for where in style.PLACEMENTS}) == 2
 
@@ -107,7 +130,9 @@ def test_a_placement_is_never_in_a_method_s_colour():
 def test_methods_of_any_name_and_number_are_drawn_in_their_order(tables, tmp_path):
     """Two of them run Genies: bars, boosts and the legends tell whose they are."""
     frames, lookups, resources = tables
-    methods = [MethodInfo(name, name.title(), baseline=False) for name in ("swift", "genie", "remote")]
+    methods = [
+        MethodInfo(name, name.title(), baseline=False) for name in ("swift", "genie", "remote")
+    ]
     both = pd.concat([lookups, lookups.assign(method="swift")], ignore_index=True)
     swift = frames[frames["method"] == "genie"].assign(method="swift")
     drawn = figures.of_run(run_of(pd.concat([swift, frames]), both, resources, methods))
@@ -116,13 +141,18 @@ def test_methods_of_any_name_and_number_are_drawn_in_their_order(tables, tmp_pat
     assert "local" not in told["latency_cdf"].lower()
     assert curves(drawn["latency_cdf"])["Swift"][1][-1] == 1.0
     assert drawn["latency_cdf"].axes[0].lines[0].get_color() == style.COLOURS[0]
-    assert "Swift, on cars" in told["confidence_boost"] and "Genie, on edges" in told["confidence_boost"]
+    assert (
+        "Swift, on cars" in told["confidence_boost"]
+        and "Genie, on edges" in told["confidence_boost"]
+    )
     assert len(drawn["image_reuse"].axes[0].get_xticklabels()) == 2
 
 
 def test_frames_that_were_never_answered_keep_the_curve_below_one(tables):
     frames = tables[0]
-    measured = metrics.compute(METHODS, dict(zip(("frames", "lookups", "resources"), tables, strict=True)))
+    measured = metrics.compute(
+        METHODS, dict(zip(("frames", "lookups", "resources"), tables, strict=True))
+    )
     answered = {one.method: one.value for one in measured if one.metric == "answered_share"}
     published = curves(figures.latency_cdf({"run": frames}, METHODS, FOOTER))
     of_answered = curves(figures.latency_cdf({"run": frames}, METHODS, FOOTER, of="answered"))
@@ -133,16 +163,22 @@ def test_frames_that_were_never_answered_keep_the_curve_below_one(tables):
 
 
 def test_the_curve_passes_the_median_at_one_half(tables):
-    genie = curves(figures.latency_cdf({"run": tables[0]}, METHODS, FOOTER, of="answered"))["Genie (DG)"]
+    genie = curves(figures.latency_cdf({"run": tables[0]}, METHODS, FOOTER, of="answered"))[
+        "Genie (DG)"
+    ]
     median = next(x for x, y in zip(*genie, strict=True) if y >= 0.5)
-    found = metrics.compute(METHODS, dict(zip(("frames", "lookups", "resources"), tables, strict=True)))
+    found = metrics.compute(
+        METHODS, dict(zip(("frames", "lookups", "resources"), tables, strict=True))
+    )
     (expected,) = [m.value for m in found if (m.metric, m.method) == ("first_answer_p50", "genie")]
     assert median == pytest.approx(expected, rel=0.02)
 
 
 def test_bars_are_the_metrics_and_error_bars_their_windows(tables):
     figure = figures.image_reuse({"run": tables[1]}, METHODS, FOOTER)
-    found = metrics.compute(METHODS, dict(zip(("frames", "lookups", "resources"), tables, strict=True)))
+    found = metrics.compute(
+        METHODS, dict(zip(("frames", "lookups", "resources"), tables, strict=True))
+    )
     reuse = {metric.placement: metric for metric in found if metric.metric == "image_reuse"}
     bars = [bar.get_height() for container in figure.axes[0].containers[::2] for bar in container]
     assert bars == pytest.approx([reuse["car"].value, reuse["edge"].value])
@@ -151,7 +187,9 @@ def test_bars_are_the_metrics_and_error_bars_their_windows(tables):
 
 
 def test_the_paper_s_six_configurations_are_two_rows_of_three(tables):
-    labels = [f"{cars} cars\n{kind}" for kind in ("homogeneous", "heterogeneous") for cars in (1, 2, 3)]
+    labels = [
+        f"{cars} cars\n{kind}" for kind in ("homogeneous", "heterogeneous") for cars in (1, 2, 3)
+    ]
     figure = figures.latency_cdf(dict.fromkeys(labels, tables[0]), METHODS, FOOTER)
     grid = [axis.get_subplotspec() for axis in figure.axes]
     assert len(grid) == 6 and grid[0].get_gridspec().get_geometry() == (2, 3)
@@ -171,7 +209,9 @@ def test_a_method_of_which_nothing_was_used_says_so_instead_of_empty_panels(tmp_
     for tenth in range(1, 31):
         t_ns = tenth * 100_000_000
         table.append(("local", t_ns, "edge1.accelerator", "accelerator", 1, 0, 0, 0, 0, None))
-        table.append(("remote", t_ns, "edge1.accelerator", "accelerator", 1, t_ns, 0, tenth, 0, None))
+        table.append(
+            ("remote", t_ns, "edge1.accelerator", "accelerator", 1, t_ns, 0, tenth, 0, None)
+        )
     local, remote = figures.resource_use(table.to_frame(), METHODS).axes
     assert [text.get_text() for text in local.texts] == ["not used"] and not remote.texts
 
@@ -184,7 +224,9 @@ def test_a_kind_of_which_nothing_is_used_has_no_panel_and_a_colour_is_one_host()
     for axis in figures.resource_use(resources, METHODS).axes:
         for line in axis.lines:
             colours.setdefault(line.get_color(), set()).add(line.get_label())
-    assert all(len({name for name in names if not name.startswith("_")}) <= 1 for names in colours.values())
+    assert all(
+        len({name for name in names if not name.startswith("_")}) <= 1 for names in colours.values()
+    )
     assert not set(colours) & set(style.COLOURS), "a host is no method"
     marked = {
         (line.get_color(), line.get_marker())
@@ -194,13 +236,17 @@ def test_a_kind_of_which_nothing_is_used_has_no_panel_and_a_colour_is_one_host()
     assert len(marked) == len(colours) == len({marker for _, marker in marked}), (
         "without colour, too, hosts are told apart"
     )
-    assert "resources" not in figures.of_run(run_of(frames, Table(LOOKUPS).to_frame(), resources.iloc[:0]))
+    assert "resources" not in figures.of_run(
+        run_of(frames, Table(LOOKUPS).to_frame(), resources.iloc[:0])
+    )
 
 
 def test_a_paper_s_widths(tables):
     for name, width_in in style.WIDTHS.items():
         drawn = figures.of_run(run_of(*tables), width_in)
-        assert {figure.get_figwidth() for key, figure in drawn.items() if key != "resources"} == {width_in}, name
+        assert {figure.get_figwidth() for key, figure in drawn.items() if key != "resources"} == {
+            width_in
+        }, name
 
 
 def test_no_legend_lies_on_data_and_all_of_it_is_on_the_figure(tables):
@@ -217,9 +263,14 @@ def test_no_legend_lies_on_data_and_all_of_it_is_on_the_figure(tables):
 @pytest.mark.parametrize("width_in", [figures.COLUMN_IN, figures.PAGE_IN])
 def test_the_names_and_numbers_of_many_methods_do_not_overlap(tables, width_in):
     _, lookups, resources = tables
-    methods = [MethodInfo(f"method{place}", f"another cache {place}", baseline=False) for place in range(8)]
+    methods = [
+        MethodInfo(f"method{place}", f"another cache {place}", baseline=False) for place in range(8)
+    ]
     looked_up, used = (
-        pd.concat([rows[rows["method"] == "genie"].assign(method=one.name) for one in methods], ignore_index=True)
+        pd.concat(
+            [rows[rows["method"] == "genie"].assign(method=one.name) for one in methods],
+            ignore_index=True,
+        )
         for rows in (lookups, resources)
     )
     bars = figures.image_reuse({"run": looked_up}, methods, FOOTER, width_in)
@@ -231,7 +282,9 @@ def test_the_names_and_numbers_of_many_methods_do_not_overlap(tables, width_in):
     for texts in (names, numbers, [axis.title for axis in use.axes if axis.get_title()]):
         boxes = [text.get_window_extent() for text in texts]
         assert len(boxes) >= len(methods)
-        assert not any(one.overlaps(other) for place, one in enumerate(boxes) for other in boxes[:place])
+        assert not any(
+            one.overlaps(other) for place, one in enumerate(boxes) for other in boxes[:place]
+        )
 
 
 def test_the_first_updates_do_not_flatten_the_curve_of_the_confidence_boost(tables):
@@ -244,16 +297,28 @@ def test_the_first_updates_do_not_flatten_the_curve_of_the_confidence_boost(tabl
 
 def test_the_parts_of_the_time_are_stacked_up_to_the_mean():
     parts = {"queueing": 10.0, "uplink": 5.5, "inference": 20.0}
-    measured = [Metric("first_answer_part", "remote", "all", part, value, "ms") for part, value in parts.items()]
+    measured = [
+        Metric("first_answer_part", "remote", "all", part, value, "ms")
+        for part, value in parts.items()
+    ]
     both = [*measured, *(replace(one, metric="fresh_answer_part") for one in measured)]
-    later = [replace(one, metric="fresh_answer_part", method="genie", value=2 * one.value) for one in measured]
+    later = [
+        replace(one, metric="fresh_answer_part", method="genie", value=2 * one.value)
+        for one in measured
+    ]
     assert parts_of([*both, *later], METHODS) == {
         "remote (R)": parts, "Genie (DG), fresh": {part: 2 * value for part, value in parts.items()}
     }  # fmt: skip
     of_genie = [replace(one, method="genie") for one in measured]
-    assert list(parts_of([*of_genie, *later], METHODS)) == ["Genie (DG), first", "Genie (DG), fresh"]
+    assert list(parts_of([*of_genie, *later], METHODS)) == [
+        "Genie (DG), first",
+        "Genie (DG), fresh",
+    ]
     axis = time_parts([*both, *later], METHODS, FOOTER).axes[0]
-    ends = [max(bar.get_x() + bar.get_width() for bar in axis.patches if round(bar.get_y()) == y) for y in (0, 1)]
+    ends = [
+        max(bar.get_x() + bar.get_width() for bar in axis.patches if round(bar.get_y()) == y)
+        for y in (0, 1)
+    ]
     assert ends == [35.5, 71.0] and [text.get_text() for text in axis.texts] == ["35.5", "71"]
 
 
@@ -275,7 +340,9 @@ def test_utilization_is_that_of_the_last_second():
     for tenth in range(1, 31):  # idle for 2 s, then busy
         t_ns = tenth * 100_000_000
         busy_ns = max(t_ns - 2 * 10**9, 0)
-        table.append(("genie", t_ns, "edge1.accelerator", "accelerator", 1, busy_ns, 0, tenth, 0, None))
+        table.append(
+            ("genie", t_ns, "edge1.accelerator", "accelerator", 1, busy_ns, 0, tenth, 0, None)
+        )
     t_s, busy = curves(figures.resource_use(table.to_frame(), METHODS))["edge1"]
     at = dict(zip(t_s.round(1).tolist(), busy.tolist(), strict=True))
     assert (at[2.0], at[3.0]) == (0.0, 1.0)
@@ -283,31 +350,71 @@ def test_utilization_is_that_of_the_last_second():
 
 
 def test_a_run_in_which_nothing_happened_has_figures_too(tmp_path):
-    drawn = figures.of_run(run_of(*(Table(schema).to_frame() for schema in (FRAMES, LOOKUPS, RESOURCES))))
+    drawn = figures.of_run(
+        run_of(*(Table(schema).to_frame() for schema in (FRAMES, LOOKUPS, RESOURCES)))
+    )
     assert "image_reuse" not in drawn  # no Genie was simulated
     for name, figure in drawn.items():
         figures.save(figure, tmp_path, name)
     lookups = Table(LOOKUPS)
-    lookups.append(("genie", 0, "car1/genie", "car", "image", "client", "car1", "c", 0, "miss", 1, 0, 0, 0.0, 1))
+    lookups.append(
+        (
+            "genie",
+            0,
+            "car1/genie",
+            "car",
+            "image",
+            "client",
+            "car1",
+            "c",
+            0,
+            "miss",
+            1,
+            0,
+            0,
+            0.0,
+            1,
+        )
+    )
     figures.save(figures.image_reuse({"run": lookups.to_frame()}, METHODS), tmp_path, "image_reuse")
     assert "none" in words(tmp_path / "image_reuse.svg")  # no Genie on an edge
 
 
 def test_figures_of_a_result_are_drawn_when_asked_for(capsys, tmp_path):
     """Every format, the same bytes twice; another format or folder is refused in one line."""
-    few = ["--set", "cars[0].route.window=[0 s, 1 s]", "--set", "methods=[local]", "--out", str(tmp_path)]
+    few = [
+        "--set",
+        "cars[0].route.window=[0 s, 1 s]",
+        "--set",
+        "methods=[local]",
+        "--out",
+        str(tmp_path),
+    ]
     assert main(["run", "1car_homo", "--no-report", *few]) == 0
     (folder,) = tmp_path.glob("1car_homo-*")
     capsys.readouterr()
     for out in ("a", "b"):
-        assert main(["figures", str(folder), "--format", "svg,pdf,png", "--out", str(tmp_path / out)]) == 0
+        assert (
+            main(["figures", str(folder), "--format", "svg,pdf,png", "--out", str(tmp_path / out)])
+            == 0
+        )
     names = sorted(path.name for path in (tmp_path / "a").iterdir())
     assert {"latency_cdf.svg", "latency_cdf.pdf", "latency_cdf.png"} <= set(names)
-    assert all((tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes() for name in names)
+    assert all(
+        (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
+        for name in names
+    )
     assert b"/FontFile2" in (tmp_path / "a" / "latency_cdf.pdf").read_bytes(), "its fonts are in it"
     assert b"/Type3" not in (tmp_path / "a" / "latency_cdf.pdf").read_bytes()
     assert main(["figures", str(folder)]) == 0 and (folder / "figures" / "resources.svg").is_file()
-    assert main(["rerun", str(folder)]) == 0 and "figures/resources.svg: identical" in capsys.readouterr().out
-    for wrong in ([str(folder), "--format", "svg,jpg"], [str(folder), "--width", "broad"], [str(tmp_path)]):
+    assert (
+        main(["rerun", str(folder)]) == 0
+        and "figures/resources.svg: identical" in capsys.readouterr().out
+    )
+    for wrong in (
+        [str(folder), "--format", "svg,jpg"],
+        [str(folder), "--width", "broad"],
+        [str(tmp_path)],
+    ):
         assert main(["figures", *wrong]) == 1
         assert len(capsys.readouterr().err.splitlines()) == 1

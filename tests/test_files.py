@@ -25,21 +25,31 @@ def refusal(data: bytes, tmp_path: Path) -> str:
 
 
 def test_what_a_library_says_is_told_in_one_line_of_so_many_letters() -> None:
-    with pytest.raises(UserError, match=r"^x\.bag: broken: abc$"), as_user_error("x.bag: broken", ValueError, most=3):
+    with (
+        pytest.raises(UserError, match=r"^x\.bag: broken: abc$"),
+        as_user_error("x.bag: broken", ValueError, most=3),
+    ):
         raise ValueError("abcdef\nand more")
-    with pytest.raises(UserError, match=r"^x: No such file or directory$"), as_user_error("x", OSError):
+    with (
+        pytest.raises(UserError, match=r"^x: No such file or directory$"),
+        as_user_error("x", OSError),
+    ):
         Path("nowhere").read_bytes()
     with pytest.raises(KeyError), as_user_error("x", ValueError):
         raise KeyError("another kind is nobody's input")
 
 
-def test_a_shipped_file_is_found_by_name_from_any_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_shipped_file_is_found_by_name_from_any_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.chdir(tmp_path)
     assert files.find(files.SCENARIO, "3car_hetero").name == "3car_hetero.yaml"
     assert files.find(files.DEVICE, "jetson_tx2").name == "jetson_tx2.yaml"
 
 
-def test_the_current_folder_comes_before_the_shipped_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_current_folder_comes_before_the_shipped_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     own = tmp_path / "device_profiles" / "jetson_tx2.yaml"
     own.parent.mkdir()
     own.touch()
@@ -69,7 +79,9 @@ def test_a_path_is_taken_as_it_stands(tmp_path: Path, monkeypatch: pytest.Monkey
         ("y" * 100, f"unknown trace '{'y' * 56}...; known: "),
     ],
 )
-def test_what_is_not_there(name: str, message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_is_not_there(
+    name: str, message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     (tmp_path / "folder.d").mkdir()
     (tmp_path / "scenarios/traces").mkdir(parents=True)
     (tmp_path / "scenarios/traces/kitti.parquet").touch()
@@ -84,7 +96,10 @@ def test_what_is_not_there(name: str, message: str, tmp_path: Path, monkeypatch:
     [
         (b"", "x.yaml: is empty; expected a mapping such as 'name: value'"),
         (b"- a\n- b\n", "x.yaml: is a list; expected a mapping such as 'name: value'"),
-        (b"hello\n", "x.yaml: is the single value 'hello'; expected a mapping such as 'name: value'"),
+        (
+            b"hello\n",
+            "x.yaml: is the single value 'hello'; expected a mapping such as 'name: value'",
+        ),
         (b"a: 1\nb: [1\n", "x.yaml: line 3: expected ',' or ']', but got '<stream end>'"),
         (b"a: 1\nb: c: d\n", "x.yaml: line 2: mapping values are not allowed here"),
         (b"a: 1\nb: 2\na: 3\n", "x.yaml: line 3: duplicate key 'a'"),
@@ -94,17 +109,26 @@ def test_what_is_not_there(name: str, message: str, tmp_path: Path, monkeypatch:
         (b'a: "\\uD800"\n', "x.yaml: line 1: holds the character '\\ud800'"),
         (b"a: 1\nb: \xff\xfe\n", "x.yaml: line 2: is not UTF-8 text"),
         (b"1: a\n", "x.yaml: line 1: a key must be plain text; put it in quotes"),
-        (b"a: 1\n---\nb: 1\n", "x.yaml: line 2: expected a single document in the stream but found another document"),
+        (
+            b"a: 1\n---\nb: 1\n",
+            "x.yaml: line 2: expected a single document in the stream but found another document",
+        ),
         (b"a: *b\n", "x.yaml: line 1: found undefined alias 'b'"),
         (
             b"a: !!python/object/apply:os.system [ls]\n",
             "x.yaml: line 1: tags such as 'tag:yaml.org,2002:python/object/apply:os.system' are not allowed",
         ),
-        (b"a: !!binary aGk=\n", "x.yaml: line 1: tags such as 'tag:yaml.org,2002:binary' are not allowed"),
+        (
+            b"a: !!binary aGk=\n",
+            "x.yaml: line 1: tags such as 'tag:yaml.org,2002:binary' are not allowed",
+        ),
         (b"a: !mine x\n", "x.yaml: line 1: tags such as '!mine' are not allowed"),
         (b"a: " + b"[" * 100_000, "x.yaml: line 1: nested more than 40 deep"),
         (b"a: &a [*a]\n", "x.yaml: line 1: nested more than 40 deep"),
-        (b"a: " + b"x" * 1_000_000, "x.yaml: is larger than 1000000 bytes; a file of settings is smaller"),
+        (
+            b"a: " + b"x" * 1_000_000,
+            "x.yaml: is larger than 1000000 bytes; a file of settings is smaller",
+        ),
     ],
 )
 def test_yaml_that_is_no_scenario(data: bytes, message: str, tmp_path: Path) -> None:
@@ -140,12 +164,31 @@ def test_no_surprises_of_old_yaml() -> None:
 readable = st.text(st.characters(codec="utf-8", exclude_categories=("Cc", "Cs")), max_size=30)
 plain = st.none() | st.booleans() | st.integers(-(10**17), 10**17) | st.floats(1e-9, 1e9) | readable
 texts = st.sampled_from(
-    ["no", "1e-3", "02", "0x1", "1_000", "null", "~", "", "1:30", "2011-09-26", ".5", "=", "<<", "-"]
+    [
+        "no",
+        "1e-3",
+        "02",
+        "0x1",
+        "1_000",
+        "null",
+        "~",
+        "",
+        "1:30",
+        "2011-09-26",
+        ".5",
+        "=",
+        "<<",
+        "-",
+    ]
 )
 
 
 @given(
-    st.recursive(plain | texts, lambda inner: st.lists(inner) | st.dictionaries(readable | texts, inner), max_leaves=20)
+    st.recursive(
+        plain | texts,
+        lambda inner: st.lists(inner) | st.dictionaries(readable | texts, inner),
+        max_leaves=20,
+    )
 )
 def test_what_is_written_is_read_back(value: object) -> None:
     assert parse(dump(value), "text") == value
@@ -160,16 +203,23 @@ def test_whatever_is_typed_ends_in_data_or_in_one_line(text: str) -> None:
 
 
 def test_a_file_that_is_not_there_but_comes_with_genie_sim_is_named():
-    with pytest.raises(UserError, match=r"^3car_hetero\.yaml: no such file; the scenario '3car_hetero' needs no path$"):
+    with pytest.raises(
+        UserError,
+        match=r"^3car_hetero\.yaml: no such file; the scenario '3car_hetero' needs no path$",
+    ):
         files.find(files.SCENARIO, "3car_hetero.yaml")
 
 
-def test_a_file_of_ones_own_under_a_shipped_name_is_used_and_told_once(caplog: pytest.LogCaptureFixture):
+def test_a_file_of_ones_own_under_a_shipped_name_is_used_and_told_once(
+    caplog: pytest.LogCaptureFixture,
+):
     Path("device_profiles").mkdir()
     Path("device_profiles/jetson_tx2.yaml").write_text("mine")
     files._tell_of_two.cache_clear()
     with caplog.at_level("WARNING"):
-        assert {files.find(files.DEVICE, "jetson_tx2") for _ in range(3)} == {Path("device_profiles/jetson_tx2.yaml")}
+        assert {files.find(files.DEVICE, "jetson_tx2") for _ in range(3)} == {
+            Path("device_profiles/jetson_tx2.yaml")
+        }
     said = "device_profiles/jetson_tx2.yaml is used, not what comes with genie-sim under this name"
     assert [one.replace("\\", "/") for one in caplog.messages] == [said]
 
@@ -181,6 +231,8 @@ def test_a_file_that_is_not_finished_is_not_there(tmp_path: Path, error: Excepti
             beside.write_text("half")
             raise error
 
-    with pytest.raises(UserError if isinstance(error, OSError) else RuntimeError, match=r"No space left|mine"):
+    with pytest.raises(
+        UserError if isinstance(error, OSError) else RuntimeError, match=r"No space left|mine"
+    ):
         write()
     assert not list(tmp_path.iterdir())

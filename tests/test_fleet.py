@@ -35,9 +35,19 @@ from genie_sim.units import NS_PER_MS, NS_PER_S
 SMALL: dict[str, Any] = {
     "name": "small",
     "methods": ["genie"],
-    "perception": {"source": "town", "duration": "6 s", "town": {"blocks": [3, 2], "block": "100 m"}},
+    "perception": {
+        "source": "town",
+        "duration": "6 s",
+        "town": {"blocks": [3, 2], "block": "100 m"},
+    },
     "cameras": [{"name": "camera_02", "recording": "02", "size": "100 kB"}],
-    "fleet": {"cars": 5, "devices": "jetson_tx2", "edge_device": "rtx_a4500", "cell": "100 m", "hysteresis": "5 m"},
+    "fleet": {
+        "cars": 5,
+        "devices": "jetson_tx2",
+        "edge_device": "rtx_a4500",
+        "cell": "100 m",
+        "hysteresis": "5 m",
+    },
 }
 
 
@@ -58,11 +68,23 @@ def fleet(**settings: Any) -> dict[str, Any]:
 def test_cells_fill_the_town_in_rows_from_the_south_west():
     cells = Cells((300.0, 200.0), 100.0)
     assert (len(cells), cells.columns, cells.rows) == (6, 3, 2)
-    assert [cells.name(cell) for cell in range(6)] == [f"edge_{c}_{r}" for r in range(2) for c in range(3)]
-    assert [cells.at(*place) for place in ((1, 1), (150, 99), (299, 1), (1, 101), (299, 199))] == [0, 1, 2, 3, 5]
-    assert cells.at(-5, -5) == 0 and cells.at(305, 205) == 5, "streets along the rim lie half outside"
+    assert [cells.name(cell) for cell in range(6)] == [
+        f"edge_{c}_{r}" for r in range(2) for c in range(3)
+    ]
+    assert [cells.at(*place) for place in ((1, 1), (150, 99), (299, 1), (1, 101), (299, 199))] == [
+        0,
+        1,
+        2,
+        3,
+        5,
+    ]
+    assert cells.at(-5, -5) == 0 and cells.at(305, 205) == 5, (
+        "streets along the rim lie half outside"
+    )
     assert cells.distance_m(4, 150.0, 110.0) == 40.0
-    assert len(Cells((300.0, 200.0), 130.0)) == 4, "as many as fit best: 2.3 and 1.5 in a row are 2 and 2"
+    assert len(Cells((300.0, 200.0), 130.0)) == 4, (
+        "as many as fit best: 2.3 and 1.5 in a row are 2 and 2"
+    )
     assert len(Cells((300.0, 200.0), 5000.0)) == 1
 
 
@@ -70,7 +92,9 @@ def test_neighbours_are_the_cells_beyond_a_border_and_have_each_other():
     cells = Cells((300.0, 300.0), 100.0)
     assert cells.neighbours(4) == [1, 3, 5, 7]
     assert cells.neighbours(0) == [1, 3]
-    assert all(cell in cells.neighbours(other) for cell in range(9) for other in cells.neighbours(cell))
+    assert all(
+        cell in cells.neighbours(other) for cell in range(9) for other in cells.neighbours(cell)
+    )
 
 
 @given(st.floats(-50, 450), st.floats(-50, 350), st.floats(30, 500))
@@ -84,7 +108,9 @@ def test_a_car_on_a_straight_way_is_handed_over_the_hysteresis_behind_each_borde
     """10 m/s east through cells of 100 m, 50 m from their middles: ``x`` behind a border the old middle is farther by
     hypot(50 + x, 50) - hypot(50 - x, 50) = 2 x / sqrt(2) or a little less; 14 m then need 10 m, just over a second."""
     cells = Cells((400.0, 200.0), 100.0)
-    found = cells.passed(lambda t_ns: (t_ns / NS_PER_S * 10.0, 100.0 - 1e-9), 39 * NS_PER_S, 14.0, 0)
+    found = cells.passed(
+        lambda t_ns: (t_ns / NS_PER_S * 10.0, 100.0 - 1e-9), 39 * NS_PER_S, 14.0, 0
+    )
     assert [cell for _, cell in found] == [0, 1, 2, 3]
     for number, (since_ns, _) in enumerate(found[1:], 1):
         behind_m = since_ns / NS_PER_S * 10.0 - 100.0 * number
@@ -102,7 +128,9 @@ def test_a_car_to_and_fro_over_a_border_is_not_handed_over_by_less_than_the_hyst
     assert len(cells.passed(swaying, 60 * NS_PER_S, 7.0, 0)) == 60, "8 m of difference"
     slow = cells.passed(swaying, 60 * NS_PER_S, 7.0, 3 * NS_PER_S)
     assert all(later - earlier >= 3 * NS_PER_S for (earlier, _), (later, _) in pairwise(slow[1:]))
-    assert slow[1] == cells.passed(swaying, 60 * NS_PER_S, 7.0, 0)[1], "before the first, no gap keeps it from looking"
+    assert slow[1] == cells.passed(swaying, 60 * NS_PER_S, 7.0, 0)[1], (
+        "before the first, no gap keeps it from looking"
+    )
 
 
 # Cars
@@ -111,11 +139,17 @@ def test_a_car_to_and_fro_over_a_border_is_not_handed_over_by_less_than_the_hyst
 def test_devices_have_their_shares_and_one_more_car_changes_nobody_elses():
     shares = {"jetson_tx2": 0.7, "orin_nano": 0.2, "agx_orin": 0.1}
     several = [
-        list(device_of_each(Fleet.model_validate({"cars": cars, "devices": shares, "edge_device": "x"})))
+        list(
+            device_of_each(
+                Fleet.model_validate({"cars": cars, "devices": shares, "edge_device": "x"})
+            )
+        )
         for cars in (1000, 1001)
     ]
     assert several[1][:1000] == several[0]
-    assert {name: count / 1000 for name, count in Counter(several[0]).items()} == pytest.approx(shares, abs=0.005)
+    assert {name: count / 1000 for name, count in Counter(several[0]).items()} == pytest.approx(
+        shares, abs=0.005
+    )
 
 
 def test_the_order_in_which_shares_are_written_is_nobodys_choice():
@@ -130,11 +164,15 @@ def test_one_more_car_changes_nobody_elses_way_or_device():
     nine, ten = (prepare(small(fleet=fleet(cars=cars, devices=devices))) for cars in (9, 10))
     assert ten.expanded.cars[:9] == nine.expanded.cars
     for name, drive in nine.drives.items():
-        assert [frame.pose for frame in drive.frames["02"]] == [frame.pose for frame in ten.drives[name].frames["02"]]
+        assert [frame.pose for frame in drive.frames["02"]] == [
+            frame.pose for frame in ten.drives[name].frames["02"]
+        ]
 
 
 def test_whole_numbers_and_fractions_make_the_same_town():
-    default, whole = (prepare(small(perception={**SMALL["perception"], **more})) for more in ({}, WHOLE))
+    default, whole = (
+        prepare(small(perception={**SMALL["perception"], **more})) for more in ({}, WHOLE)
+    )
     assert runner.facts(default) == runner.facts(whole)
     frames = [prepared.drives["car1"].frames["02"][0] for prepared in (default, whole)]
     assert frames[0].detections == frames[1].detections and frames[0].digest == frames[1].digest
@@ -143,7 +181,9 @@ def test_whole_numbers_and_fractions_make_the_same_town():
 def test_a_worker_needs_no_device_file(tmp_path, monkeypatch):
     Path("mine.yaml").write_text(files.find(files.DEVICE, "jetson_tx2").read_text())
     Path("small.yaml").write_text(small(fleet=fleet(cars=1, devices="./mine.yaml")).to_yaml())
-    Path("s.yaml").write_text("scenario: ./small.yaml\nseeds: 1\naxes: {cars: {set: fleet.cars, list: [1]}}\n")
+    Path("s.yaml").write_text(
+        "scenario: ./small.yaml\nseeds: 1\naxes: {cars: {set: fleet.cars, list: [1]}}\n"
+    )
     made = plan(load_design(Path("s.yaml")), "s.yaml")
     task = Task(tuple(made.runs.values()), str(tmp_path / "parts"))
     elsewhere = tmp_path / "elsewhere"
@@ -162,7 +202,11 @@ def test_every_car_drives_alone_begins_at_the_nearest_edge_and_changes_to_real_o
     whole, truth = prepared.expanded, prepared.frames.town
     assert isinstance(truth, Town)
     names = {edge.name for edge in whole.edges}
-    assert len(whole.cars) == 40 == len({drive.frames["02"][0].pose for drive in prepared.drives.values()})
+    assert (
+        len(whole.cars)
+        == 40
+        == len({drive.frames["02"][0].pose for drive in prepared.drives.values()})
+    )
     cells = Cells(truth.size_m, 100.0)
     assert len(names) == len(cells) == 6
     assert len(whole.faults) > 5
@@ -174,9 +218,13 @@ def test_every_car_drives_alone_begins_at_the_nearest_edge_and_changes_to_real_o
             assert one.begin_ns is not None
             at = drive.position(one.begin_ns - drive.start_ns)
             assert one.fault.parameters["edge"] == cells.name(cells.at(*at))
-    checked = read_scenario(whole.model_copy(update={"fleet": None}).model_dump(mode="json", by_alias=True))
+    checked = read_scenario(
+        whole.model_copy(update={"fleet": None}).model_dump(mode="json", by_alias=True)
+    )
     expanded = whole.cars, whole.edges, whole.faults
-    assert (checked.cars, checked.edges, checked.faults) == expanded, "what was not validated would have passed"
+    assert (checked.cars, checked.edges, checked.faults) == expanded, (
+        "what was not validated would have passed"
+    )
 
 
 def test_what_is_written_down_stays_small_and_reads_back():
@@ -188,7 +236,11 @@ def test_what_is_written_down_stays_small_and_reads_back():
 
 def test_another_seed_is_another_town_with_other_ways():
     first, again, other = (prepare(small(seed=seed)) for seed in (1, 1, 2))
-    assert runner.facts(first)["traces"] == runner.facts(again)["traces"] != runner.facts(other)["traces"]
+    assert (
+        runner.facts(first)["traces"]
+        == runner.facts(again)["traces"]
+        != runner.facts(other)["traces"]
+    )
     poses = [prepared.drives["car1"].frames["02"][0].pose for prepared in (first, again, other)]
     assert poses[0] == poses[1] != poses[2]
 
@@ -206,9 +258,18 @@ def test_explicit_cars_may_drive_in_a_town_too():
 @pytest.mark.parametrize(
     ("setting", "message"),
     [
-        ({"route": {"window": ["1 s", "3 s"]}}, r"cars\[0\].route.window: a town's clock never goes back"),
-        ({"route": {"laps": 2}}, r"cars\[0\].route.laps: a town's clock never goes back; use 'perception.duration'"),
-        ({"cameras": False}, r"cars\[0\].cameras: without cameras, cars drive recorded streets only"),
+        (
+            {"route": {"window": ["1 s", "3 s"]}},
+            r"cars\[0\].route.window: a town's clock never goes back",
+        ),
+        (
+            {"route": {"laps": 2}},
+            r"cars\[0\].route.laps: a town's clock never goes back; use 'perception.duration'",
+        ),
+        (
+            {"cameras": False},
+            r"cars\[0\].cameras: without cameras, cars drive recorded streets only",
+        ),
     ],
 )
 def test_what_a_town_cannot_do_is_refused(setting: dict[str, Any], message: str):
@@ -264,7 +325,9 @@ def test_a_table_that_is_left_out_is_empty_and_changes_no_other(tables: Tables, 
             assert fewer.to_frame().equals(all_of.to_frame()), all_of.name
 
 
-def test_the_page_of_a_fleet_tells_of_its_cars_together_and_stays_small(monkeypatch: pytest.MonkeyPatch):
+def test_the_page_of_a_fleet_tells_of_its_cars_together_and_stays_small(
+    monkeypatch: pytest.MonkeyPatch,
+):
     setting = small(fleet=fleet(devices={"jetson_tx2": 0.6, "orin_nano": 0.4}))
     run = runner.run_in_memory(setting)
     monkeypatch.setattr(data, "RESOURCES_ON_PAGE", 10)
@@ -274,11 +337,19 @@ def test_the_page_of_a_fleet_tells_of_its_cars_together_and_stays_small(monkeypa
     assert shown["about"]["how_many"] == {"cars": 5, "edges": 6}
     assert shown["replay"] is None
     parts = {f"{which}_answer_part" for which in ("first", "fresh")}
-    of_resources = {component for metric, _, _, component, *_ in shown["metrics"] if component and metric not in parts}
-    everywhere = {one.component for one in run.measured if one.component and one.metric not in parts}
+    of_resources = {
+        component
+        for metric, _, _, component, *_ in shown["metrics"]
+        if component and metric not in parts
+    }
+    everywhere = {
+        one.component for one in run.measured if one.component and one.metric not in parts
+    }
     assert len(of_resources) == 10 < len(everywhere)
     use = {one.component: one.value or 0 for one in run.measured if one.metric == "utilization"}
-    assert min(use.get(name, 0) for name in of_resources) >= max(use.get(name, 0) for name in everywhere - of_resources)
+    assert min(use.get(name, 0) for name in of_resources) >= max(
+        use.get(name, 0) for name in everywhere - of_resources
+    )
     told = " ".join(shown["notes"])
     assert f"the 10 busiest of {len(everywhere)}" in told
     assert {one.metric for one in run.measured if not one.component} == {
@@ -289,10 +360,14 @@ def test_the_page_of_a_fleet_tells_of_its_cars_together_and_stays_small(monkeypa
 @pytest.fixture(scope="module")
 def driven() -> Run:
     """Twelve cars that change their cells, under two methods."""
-    return runner.run_in_memory(small(fleet=fleet(cars=12, hysteresis="0 m"), methods=["remote", "genie"]))
+    return runner.run_in_memory(
+        small(fleet=fleet(cars=12, hysteresis="0 m"), methods=["remote", "genie"])
+    )
 
 
-def test_the_map_of_a_fleet_has_its_cars_where_their_last_frame_was_taken(driven: Run, monkeypatch: pytest.MonkeyPatch):
+def test_the_map_of_a_fleet_has_its_cars_where_their_last_frame_was_taken(
+    driven: Run, monkeypatch: pytest.MonkeyPatch
+):
     monkeypatch.setattr(fleet_map, "MOST_CARS", 3)
     notes: list[str] = []
     shown = fleet_map.fleet_data(driven, notes)
@@ -303,7 +378,11 @@ def test_the_map_of_a_fleet_has_its_cars_where_their_last_frame_was_taken(driven
         zip(shown["instants_s"], shown["cars"][1]["east"], shown["cars"][1]["north"], strict=True)
     ):
         before = poses[poses["stamp_ns"] <= second * 1e9]
-        here = (before if len(before) else poses).sort_values("stamp_ns").iloc[-1 if len(before) else 0]
+        here = (
+            (before if len(before) else poses)
+            .sort_values("stamp_ns")
+            .iloc[-1 if len(before) else 0]
+        )
         assert (east, north) == (round(here["east_m"]), round(here["north_m"])), instant
 
 
@@ -311,17 +390,31 @@ def test_the_map_of_a_fleet_tells_load_reuse_and_hand_overs_of_all_cars(driven: 
     shown = fleet_map.fleet_data(driven, [])
     assert shown is not None and len(shown["cells"]) == 6
     of_genies = [cell for cell in shown["reuse"] if cell["method"] == "genie"]
-    asked = driven.lookups[(driven.lookups["kind"] == "image") & (driven.lookups["placement"] == "edge")]
+    asked = driven.lookups[
+        (driven.lookups["kind"] == "image") & (driven.lookups["placement"] == "edge")
+    ]
     for cell in of_genies:
         mine = asked[asked["genie"].astype(str) == "edge_{}_{}/genie".format(*cell["cell"])]
         mine = mine[mine["t_ns"] <= shown["instants_s"][-1] * 1e9]
-        assert cell["values"][-1] == pytest.approx(mine["hits"].sum() / mine["requests"].sum(), abs=5e-4)
-    loads = {tuple(cell["cell"]): cell["values"] for cell in shown["load"] if cell["method"] == "remote"}
+        assert cell["values"][-1] == pytest.approx(
+            mine["hits"].sum() / mine["requests"].sum(), abs=5e-4
+        )
+    loads = {
+        tuple(cell["cell"]): cell["values"] for cell in shown["load"] if cell["method"] == "remote"
+    }
     for (column, row), values in loads.items():
-        samples = driven.resources[driven.resources["resource"] == f"edge_{column}_{row}.accelerator"]
-        samples = samples[(samples["method"] == "remote") & (samples["t_ns"] <= shown["instants_s"][-1] * 1e9)]
-        assert sum(values) * shown["instants_s"][1] == pytest.approx(samples["busy_ns"].iloc[-1] / 1e9, abs=0.02)
-    frames = asked[(asked["requester"] == "client") & (asked["method"] == "genie")].sort_values("t_ns")
+        samples = driven.resources[
+            driven.resources["resource"] == f"edge_{column}_{row}.accelerator"
+        ]
+        samples = samples[
+            (samples["method"] == "remote") & (samples["t_ns"] <= shown["instants_s"][-1] * 1e9)
+        ]
+        assert sum(values) * shown["instants_s"][1] == pytest.approx(
+            samples["busy_ns"].iloc[-1] / 1e9, abs=0.02
+        )
+    frames = asked[(asked["requester"] == "client") & (asked["method"] == "genie")].sort_values(
+        "t_ns"
+    )
     changes = sum((mine["genie"].astype(str) != mine["genie"].astype(str).shift()).sum() - 1 for _, mine in
                   frames.astype({"car": str}).groupby("car"))  # fmt: skip
     assert shown["hand_overs"] == [{"method": "genie", "until": shown["hand_overs"][0]["until"]}]
@@ -331,11 +424,19 @@ def test_the_map_of_a_fleet_tells_load_reuse_and_hand_overs_of_all_cars(driven: 
 def test_the_page_of_a_fleet_has_distributions_over_all_cars_and_ghosts_by_age(driven: Run):
     shown = fleet_map.fleet_data(driven, [])
     assert shown is not None
-    first = next(one for one in shown["over_cars"] if (one["method"], one["of"]) == ("remote", "first_p95"))
-    mine = driven.frames[(driven.frames["method"] == "remote") & driven.frames["first_answer_ns"].notna()]
+    first = next(
+        one for one in shown["over_cars"] if (one["method"], one["of"]) == ("remote", "first_p95")
+    )
+    mine = driven.frames[
+        (driven.frames["method"] == "remote") & driven.frames["first_answer_ns"].notna()
+    ]
     times = (mine["first_answer_ns"] - mine["received_ns"]).astype(float) / 1e6
     slowest = max(np.quantile(of_car, 0.95) for _, of_car in times.groupby(mine["car"].astype(str)))
-    assert (first["x"][-1], first["y"][-1], len(first["x"])) == (pytest.approx(slowest, abs=1e-3), 1.0, 12)
+    assert (first["x"][-1], first["y"][-1], len(first["x"])) == (
+        pytest.approx(slowest, abs=1e-3),
+        1.0,
+        12,
+    )
     held = driven.held[(driven.held["what"] == "consumer") & (driven.held["method"] == "genie")]
     rows = next(one["rows"] for one in shown["ghosts_by_age"] if one["method"] == "genie")
     assert sum(objects for _, _, objects, _ in rows) == held["held"].sum()
@@ -343,7 +444,9 @@ def test_the_page_of_a_fleet_has_distributions_over_all_cars_and_ghosts_by_age(d
     assert ghosts == pytest.approx((held["held"] - held["right"]).sum(), rel=2e-3)
 
 
-@pytest.mark.parametrize(("name", "cars_to_a_cell"), [("fleet_30", 7.5), ("fleet_1000", 20.4), ("fleet_10000", None)])
+@pytest.mark.parametrize(
+    ("name", "cars_to_a_cell"), [("fleet_30", 7.5), ("fleet_1000", 20.4), ("fleet_10000", None)]
+)
 def test_shipped_fleets_can_be_expanded(name: str, cars_to_a_cell: float | None):
     """With as many cars to a cell in the mean as their comments say; one short drive each here."""
     setting = load_scenario(name, ["perception.duration=1 s"])
@@ -364,17 +467,23 @@ def test_a_fleets_folder_is_made_again_byte_for_byte(tmp_path: Path):
     assert all(runner.rerun(result.folder).values())
 
 
-def test_a_sweep_over_fleets_gives_each_run_what_it_gives_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+def test_a_sweep_over_fleets_gives_each_run_what_it_gives_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
     monkeypatch.chdir(tmp_path)
     Path("small.yaml").write_text(small().to_yaml())
-    Path("s.yaml").write_text("scenario: ./small.yaml\nseeds: [1, 2]\naxes: {cars: {set: fleet.cars, list: [1, 2]}}\n")
+    Path("s.yaml").write_text(
+        "scenario: ./small.yaml\nseeds: [1, 2]\naxes: {cars: {set: fleet.cars, list: [1, 2]}}\n"
+    )
     made = plan(load_design(Path("s.yaml")), "s.yaml")
     assert len(made.runs) == 4 and not made.shared, "no worker is sent thousands of drives"
     task = Task(tuple(made.runs.values()), str(tmp_path / "parts"))
     assert run_task(task, pickle.dumps(made.shared)) == Finished(4)
     table = pd.read_parquet(task.part)
     for run_id, one in made.runs.items():
-        mine = table[(table["run_id"].astype(str) == run_id) & (table["component"].astype(str) == "")]
+        mine = table[
+            (table["run_id"].astype(str) == run_id) & (table["component"].astype(str) == "")
+        ]
         mine = mine.set_index("metric")["value"]
         measured = runner.run_in_memory(one.scenario).measured
         alone = {metric.metric: metric.value for metric in measured if not metric.component}
@@ -385,11 +494,20 @@ def test_a_sweep_over_fleets_gives_each_run_what_it_gives_alone(tmp_path: Path, 
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
-        ({"cars": [{"name": "a", "device": "jetson_tx2"}]}, "cars: a fleet brings its own; leave them out, or 'fleet'"),
-        ({"perception": {"source": "recorded"}}, "fleet: needs a town to drive in: 'perception: {source: town}'"),
+        (
+            {"cars": [{"name": "a", "device": "jetson_tx2"}]},
+            "cars: a fleet brings its own; leave them out, or 'fleet'",
+        ),
+        (
+            {"perception": {"source": "recorded"}},
+            "fleet: needs a town to drive in: 'perception: {source: town}'",
+        ),
         ({"fleet": None}, "cars: missing"),
         ({"origin": [49, 8, 100]}, "origin: a town is where it is; leave it out"),
-        ({"fleet": fleet(devices={"jetson_tx2": 0.5})}, "fleet.devices: shares must add up to 1, not to 0.5"),
+        (
+            {"fleet": fleet(devices={"jetson_tx2": 0.5})},
+            "fleet.devices: shares must add up to 1, not to 0.5",
+        ),
         ({"fleet": fleet(devices="tx3")}, "fleet.devices: unknown device 'tx3'; known: "),
         ({"fleet": fleet(edge_device="tx3")}, "fleet.edge_device: unknown device 'tx3'; known: "),
         ({"fleet": fleet(cars=0)}, "fleet.cars: must be at least 1, not 0"),
@@ -398,7 +516,10 @@ def test_a_sweep_over_fleets_gives_each_run_what_it_gives_alone(tmp_path: Path, 
             {"perception": {"source": "town", "town": {"blok": 3}}},
             "perception.town.blok: unknown field; did you mean 'block'?",
         ),
-        ({"perception": {"source": "town", "town": {"block": "5 m"}}}, "perception.town.block: 5.0 m is too short "),
+        (
+            {"perception": {"source": "town", "town": {"block": "5 m"}}},
+            "perception.town.block: 5.0 m is too short ",
+        ),
         ({"record": ["frames"]}, "record[0]: unknown record 'frames'; known: "),
     ],
 )

@@ -80,7 +80,10 @@ Step = tuple[Frame, Sequence[Detection] | None]
 
 
 def judged(
-    *steps: Step, floored: Sequence[str] = ("car1",), what: str = "consumer", objects: Table | None = None
+    *steps: Step,
+    floored: Sequence[str] = ("car1",),
+    what: str = "consumer",
+    objects: Table | None = None,
 ) -> list[dict[str, Any]]:
     """A frame each 100 ms, and after each the answer to it that the consumer is handed, if any: the rows."""
     table = Table(HELD)
@@ -105,7 +108,9 @@ def test_gospa_by_hand():
     there = [("car", 0.0, 0.0), ("car", 20.0, 0.0), ("car", 50.0, 0.0)]
     assert gospa_m(near(ours, there, 5.0), 3, 3) == pytest.approx(math.sqrt(35.0))
     assert gospa_m([], 0, 0) == 0.0
-    assert gospa_m([], 2, 0) == pytest.approx(5.0), "c / 2 ** (1 / 2) for each, not normalised by their number"
+    assert gospa_m([], 2, 0) == pytest.approx(5.0), (
+        "c / 2 ** (1 / 2) for each, not normalised by their number"
+    )
 
 
 def test_gospa_of_the_example_of_its_paper():
@@ -118,7 +123,11 @@ def test_gospa_of_the_example_of_its_paper():
     assert (exact**2, more**2) == (pytest.approx(8.0), pytest.approx(8.0 + 25.0 / 2))
     far, at_cut = [("car", 6.0, 0.0)], [("car", 5.0, 0.0)]
     single = [("car", 0.0, 0.0)]
-    assert gospa_m(near(far, single, 5.0), 1, 1) == gospa_m(near(at_cut, single, 5.0), 1, 1) == pytest.approx(5.0)
+    assert (
+        gospa_m(near(far, single, 5.0), 1, 1)
+        == gospa_m(near(at_cut, single, 5.0), 1, 1)
+        == pytest.approx(5.0)
+    )
 
 
 def test_gospa_takes_the_best_assignment_and_not_the_nearest_pair_first():
@@ -129,30 +138,55 @@ def test_gospa_takes_the_best_assignment_and_not_the_nearest_pair_first():
 
 
 def test_classes_are_never_paired():
-    assert gospa_m(near([("car", 0.0, 0.0)], [("person", 0.0, 0.0)], 5.0), 1, 1) == pytest.approx(5.0)
+    assert gospa_m(near([("car", 0.0, 0.0)], [("person", 0.0, 0.0)], 5.0), 1, 1) == pytest.approx(
+        5.0
+    )
 
 
 def test_a_parked_car_stays_right_and_ages():
     frame = Frame([thing("car", 20.0)])
     rows = judged((frame, [one("car", 21.0)]), (frame, None), (frame, None))
-    counts = [(row["held"], row["right"], row["visible_static"], row["found_static"]) for row in rows]
-    assert counts == [(0, 0, 1, 0), (1, 1, 1, 1), (1, 1, 1, 1)], "before the first answer it holds nothing"
+    counts = [
+        (row["held"], row["right"], row["visible_static"], row["found_static"]) for row in rows
+    ]
+    assert counts == [(0, 0, 1, 0), (1, 1, 1, 1), (1, 1, 1, 1)], (
+        "before the first answer it holds nothing"
+    )
     assert [row["age_s"] for row in rows[1:]] == [pytest.approx(0.1), pytest.approx(0.2)]
     assert (rows[2]["error_m"], rows[2]["gospa_m"]) == (pytest.approx(1.0), pytest.approx(1.0))
 
 
 def test_ghosts_have_one_cause_each():
     before = Frame([thing("car", 10.0, moving=True), thing("person", 15.0)])
-    now = Frame([thing("car", 20.0, moving=True), thing("person", 15.0)], hidden=[thing("car", 30.0)])
+    now = Frame(
+        [thing("car", 20.0, moving=True), thing("person", 15.0)], hidden=[thing("car", 30.0)]
+    )
     answer = [
         one("car", 10.0), one("person", 15.0), one("person", 16.5), one("car", 35.0), one("car", 30.5),
         one("traffic light", 12.0), one("car", -10.0), one("car", 45.0),
     ]  # fmt: skip
     row = last((before, answer), (now, None))
-    causes = {name: row[name] for name in ("held", "right", "moved_away", "never_there", "duplicate", "hidden")}
-    assert causes == {"held": 4, "right": 1, "moved_away": 1, "never_there": 1, "duplicate": 1, "hidden": 1}
-    assert (row["visible_moving"], row["found_moving"], row["visible_static"], row["found_static"]) == (1, 0, 1, 1)
-    assert row["gospa_m"] == pytest.approx(math.sqrt(12.5 * (3 + 1))), "the three ghosts and the car that was missed"
+    causes = {
+        name: row[name]
+        for name in ("held", "right", "moved_away", "never_there", "duplicate", "hidden")
+    }
+    assert causes == {
+        "held": 4,
+        "right": 1,
+        "moved_away": 1,
+        "never_there": 1,
+        "duplicate": 1,
+        "hidden": 1,
+    }
+    assert (
+        row["visible_moving"],
+        row["found_moving"],
+        row["visible_static"],
+        row["found_static"],
+    ) == (1, 0, 1, 1)
+    assert row["gospa_m"] == pytest.approx(math.sqrt(12.5 * (3 + 1))), (
+        "the three ghosts and the car that was missed"
+    )
 
 
 def test_what_was_there_long_ago_was_never_there():
@@ -168,7 +202,16 @@ def objects_of(*steps: Step) -> list[tuple[Any, ...]]:
     judged(*steps, objects=table)
     rows = table.to_frame()
     tenths = (rows[["begin_ns", "end_ns"]] / (SECOND // 10)).replace({float("nan"): None})
-    return list(zip(rows["label"], rows["east_m"], rows["judged"], tenths["begin_ns"], tenths["end_ns"], strict=True))
+    return list(
+        zip(
+            rows["label"],
+            rows["east_m"],
+            rows["judged"],
+            tenths["begin_ns"],
+            tenths["end_ns"],
+            strict=True,
+        )
+    )
 
 
 def test_a_ghost_is_known_by_its_place_and_time():
@@ -200,7 +243,11 @@ def test_what_is_there_or_hidden_is_no_ghost():
 
 def test_a_truck_is_a_car():
     assert (
-        last((Frame([thing("truck", 10.0)]), [one("car", 10.0)]), (Frame([thing("truck", 10.0)]), None))["right"] == 1
+        last(
+            (Frame([thing("truck", 10.0)]), [one("car", 10.0)]),
+            (Frame([thing("truck", 10.0)]), None),
+        )["right"]
+        == 1
     )
 
 
@@ -214,22 +261,42 @@ def test_the_floor_is_the_frames_own_detections_and_written_once():
 def test_a_car_is_judged_at_the_frames_of_its_first_camera_only():
     table = Table(HELD)
     judge = Held("genie", {"car1": Street()}, table)
-    for stream, car in (("camera_02", "car1"), ("camera_03", "car1"), ("camera_02", "car1"), ("camera_02", "car2")):
+    for stream, car in (
+        ("camera_02", "car1"),
+        ("camera_03", "car1"),
+        ("camera_02", "car1"),
+        ("camera_02", "car2"),
+    ):
         judge.published(Image(Header(len(table), stream, car), 1000, "", 0, POSE, 1.4, Frame([])))
     assert set(table.to_frame()["car"]) == {"car1"} and len(table) == 4, "consumer and floor, twice"
 
 
 def value(measured: Sequence[Metric], name: str, method: str, component: str = "") -> float:
-    (found,) = (m.value for m in measured if (m.metric, m.method, m.component) == (name, method, component))
+    (found,) = (
+        m.value for m in measured if (m.metric, m.method, m.component) == (name, method, component)
+    )
     assert found is not None
     return found
 
 
 def test_metrics_are_sums_over_instants():
     table = Table(HELD)
-    for number, counts in enumerate(((4, 2, 1, 1, 0, 0, 2, 1, 2, 1), (0, 0, 0, 0, 0, 3, 1, 0, 0, 0))):
+    for number, counts in enumerate(
+        ((4, 2, 1, 1, 0, 0, 2, 1, 2, 1), (0, 0, 0, 0, 0, 3, 1, 0, 0, 0))
+    ):
         held = counts[0]
-        table.append(("genie", "consumer", "car1", number * SECOND, *counts, 3.0 * number, 0.5 if held else None, None))
+        table.append(
+            (
+                "genie",
+                "consumer",
+                "car1",
+                number * SECOND,
+                *counts,
+                3.0 * number,
+                0.5 if held else None,
+                None,
+            )
+        )
     table.append(("genie", "floor", "car1", 0, 1, 1, 0, 0, 0, 0, 1, 1, 0, 0, 0.0, 0.0, 0.25))
     found = list(of_held(table.columns(), ["local", "genie"]))
     expected = {
@@ -250,9 +317,15 @@ def test_the_default_trace_has_its_truth_and_a_run_says_so(tmp_path: Path):
     run = results.load(made.folder)
     assert set(run.held["what"]) == {"consumer", "floor"}
     for method in ("remote", "genie"):
-        assert 0 < value(run.measured, "streaming_f1", method) < value(run.measured, "streaming_f1", "remote", FLOOR)
+        assert (
+            0
+            < value(run.measured, "streaming_f1", method)
+            < value(run.measured, "streaming_f1", "remote", FLOOR)
+        )
     assert "GOSPA" in summary.markdown(run.measured, "1car_hetero", "run", 1)
-    assert "F1 of what is held" in summary.text(run.measured) and "floor" in summary.text(run.measured)
+    assert "F1 of what is held" in summary.text(run.measured) and "floor" in summary.text(
+        run.measured
+    )
     assert any(name.startswith("truth of") for name in run.facts["traces"])
     assert all(runner.rerun(made.folder).values()), "the same bytes"
 
@@ -263,8 +336,12 @@ def test_objects_that_are_open_at_an_instant_are_those_that_were_counted(setting
     counted = run.held[run.held["what"] == "consumer"]
     assert len(counted) > 30 and (counted["held"] > counted["right"]).any()
     for row in counted.itertuples():
-        mine = run.held_objects[(run.held_objects["method"] == row.method) & (run.held_objects["car"] == row.car)]
-        there = mine[(mine["begin_ns"] <= row.stamp_ns) & ~(mine["end_ns"] <= row.stamp_ns)]["judged"].value_counts()
+        mine = run.held_objects[
+            (run.held_objects["method"] == row.method) & (run.held_objects["car"] == row.car)
+        ]
+        there = mine[(mine["begin_ns"] <= row.stamp_ns) & ~(mine["end_ns"] <= row.stamp_ns)][
+            "judged"
+        ].value_counts()
         for name in ("right", "moved_away", "never_there", "duplicate"):
             assert there.get(name, 0) == getattr(row, name)
         missed = row.visible_static + row.visible_moving - row.found_static - row.found_moving
@@ -309,14 +386,19 @@ def test_a_truth_table_comes_back_as_it_was_written(table: TruthTable, tmp_path:
     assert replace(table, rows=table.rows[:1]).digest != table.digest
 
 
-def test_a_table_of_another_trace_is_refused_in_one_line(table: TruthTable, trace: Trace, tmp_path: Path):
+def test_a_table_of_another_trace_is_refused_in_one_line(
+    table: TruthTable, trace: Trace, tmp_path: Path
+):
     path = tmp_path / "mine.parquet"
     write_trace(path, trace)
     assert truth_beside(path, trace) is None
     write_truth(path_beside(path), table)
     assert truth_beside(path, trace) == table
     write_truth(path_beside(path), replace(table, trace="0" * 64))
-    with pytest.raises(UserError, match=r"mine\.truth\.parquet: belongs to the trace 000000000000, mine\.parquet is"):
+    with pytest.raises(
+        UserError,
+        match=r"mine\.truth\.parquet: belongs to the trace 000000000000, mine\.parquet is",
+    ):
         Recordings(trace, path=path).drive("car1", None, 0)
     path_beside(path).write_bytes(b"nothing")
     with pytest.raises(UserError, match="not a readable Parquet file"):
@@ -333,9 +415,14 @@ def town(*settings: str) -> Scenario:
 
 
 def test_a_town_is_judged_at_the_times_of_its_frames_and_held_may_be_left_out():
-    made, silent = runner.run_in_memory(town()), runner.run_in_memory(town("record=[lookups, resources]"))
+    made, silent = (
+        runner.run_in_memory(town()),
+        runner.run_in_memory(town("record=[lookups, resources]")),
+    )
     floor = made.held[made.held["what"] == "floor"]
-    assert len(floor) == len(made.frames[["car", "frame"]].drop_duplicates()), "once, though methods are several"
+    assert len(floor) == len(made.frames[["car", "frame"]].drop_duplicates()), (
+        "once, though methods are several"
+    )
     assert (made.held["right"] == made.held["found_static"] + made.held["found_moving"]).all()
     assert silent.held.empty and silent.frames.equals(made.frames)
     for method in {m.method for m in made.measured if m.metric == "frames_published"}:

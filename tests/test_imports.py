@@ -31,7 +31,10 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     "faults": ("core", "sim"),
     "perception": ("core",),
     "town": ("core", "perception"),
-    "scenario": (*_SIMULATED, "perception"),  # its plug-ins: their names, and their arguments as settings
+    "scenario": (
+        *_SIMULATED,
+        "perception",
+    ),  # its plug-ins: their names, and their arguments as settings
     "recording": ("core",),
     "analysis": ("recording",),
     "report": ("recording", "analysis"),
@@ -70,7 +73,13 @@ CORE_MAY_IMPORT = {*sys.stdlib_module_names, "numpy", "genie_sim"}
 PROVIDED_BY = {"cv2": "opencv-python-headless", "yaml": "pyyaml", "pydantic_core": "pydantic"}
 # Library -> the extra that brings it; imported where it is asked for.
 FROM_EXTRAS = {"distributed": "dask", "rosbags": "ros"}
-FROM_ROS = {"rospy", "rosgraph", "roslib", "genpy", "rclpy"}  # not on PyPI; only genie_sim.ros may import them
+FROM_ROS = {
+    "rospy",
+    "rosgraph",
+    "roslib",
+    "genpy",
+    "rclpy",
+}  # not on PyPI; only genie_sim.ros may import them
 LATE = (
     "pandas", "matplotlib", "onnxruntime", "onnx", "cv2", "pyarrow", "scipy", "pykitti", "simpy", "joblib",
     "distributed", "rosbags",
@@ -140,7 +149,9 @@ def test_every_package_has_its_place():
     list(TopologicalSorter(MAY_IMPORT).static_order())  # raises where arrows run in a circle
     mine = [one.name for one in imports(ROOT) if within(one.name, ("genie_sim",))]
     assert all(within(name, ("genie_sim.api",)) for name in mine), mine
-    assert not _loaded_by("import genie_sim") & {"genie_sim.api", "pydantic", *LATE}, "it comes when it is used"
+    assert not _loaded_by("import genie_sim") & {"genie_sim.api", "pydantic", *LATE}, (
+        "it comes when it is used"
+    )
 
 
 @pytest.mark.parametrize("package", PACKAGES)
@@ -173,7 +184,9 @@ def test_no_modules_import_one_another_in_a_circle():
 def test_the_core_is_standard_library_and_numpy():
     for module in (name for name in MODULES if package_of(name) in ("core", *OF_CORE)):
         for line, name, _ in imports(MODULES[module]):
-            assert name.partition(".")[0] in CORE_MAY_IMPORT, f"{MODULES[module]}:{line}: imports {name}"
+            assert name.partition(".")[0] in CORE_MAY_IMPORT, (
+                f"{MODULES[module]}:{line}: imports {name}"
+            )
 
 
 def test_what_is_imported_is_declared():
@@ -189,13 +202,22 @@ def test_what_is_imported_is_declared():
                 continue
             if library in FROM_EXTRAS:
                 extra = project["optional-dependencies"][FROM_EXTRAS[library]]
-                assert any(requirement.startswith(library) for requirement in extra), f"{path}:{line}: {library}"
+                assert any(requirement.startswith(library) for requirement in extra), (
+                    f"{path}:{line}: {library}"
+                )
                 continue
-            assert PROVIDED_BY.get(library, library) in declared, f"{path}:{line}: {library} is not in pyproject.toml"
+            assert PROVIDED_BY.get(library, library) in declared, (
+                f"{path}:{line}: {library} is not in pyproject.toml"
+            )
 
 
 def test_only_the_simulation_knows_simpy():
-    users = {module for module, path in MODULES.items() for one in imports(path) if within(one.name, ("simpy",))}
+    users = {
+        module
+        for module, path in MODULES.items()
+        for one in imports(path)
+        if within(one.name, ("simpy",))
+    }
     assert users, "nothing imports simpy any more: this test checks nothing"
     assert {package_of(module) for module in users} == {"sim"}
 
@@ -230,13 +252,20 @@ def test_only_the_command_line_prints():
         if module == "cli":
             continue
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            printing = isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "print"
+            printing = (
+                isinstance(node, ast.Call)
+                and isinstance(node.func, ast.Name)
+                and node.func.id == "print"
+            )
             assert not printing, f"{path}:{node.lineno}: print; use a module logger"
 
 
 def test_files_stay_short():
     files = [path for suffix in ("py", "js", "css") for path in PACKAGE.rglob(f"*.{suffix}")]
-    lines = {path.relative_to(REPOSITORY).as_posix(): len(path.read_text().splitlines()) for path in files}
+    lines = {
+        path.relative_to(REPOSITORY).as_posix(): len(path.read_text().splitlines())
+        for path in files
+    }
     long = {file: count for file, count in lines.items() if count > LONGEST_FILE_LINES}
     assert not long, f"longer than {LONGEST_FILE_LINES} lines: {long}"
 
@@ -248,7 +277,9 @@ def test_functions_stay_short():
             if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
                 count = (node.end_lineno or 0) - node.lineno + 1
                 if count > LONGEST_FUNCTION_LINES:
-                    long.append(f"{path.relative_to(REPOSITORY)}:{node.lineno}: {node.name} has {count} lines")
+                    long.append(
+                        f"{path.relative_to(REPOSITORY)}:{node.lineno}: {node.name} has {count} lines"
+                    )
     assert not long, "\n".join(long)
 
 

@@ -52,7 +52,9 @@ def test_the_camera_stands_where_the_car_drove_and_looks_ahead(tmp_path):
         expected = (index * math.cos(0.3), index * math.sin(0.3), 0.0)
         assert frame.world_SE3_camera[:3, 3] == pytest.approx(expected, abs=1e-4)
         assert heading_of(frame.world_SE3_camera[:3, 2]) == pytest.approx(0.3, abs=1e-6)
-        assert frame.world_SE3_camera[:3, 1] == pytest.approx((0, 0, -1), abs=1e-5)  # the picture's "down"
+        assert frame.world_SE3_camera[:3, 1] == pytest.approx(
+            (0, 0, -1), abs=1e-5
+        )  # the picture's "down"
         assert frame.intrinsics[0, 0] == FOCAL
 
 
@@ -70,7 +72,11 @@ def test_frames_are_found_by_number_not_by_position(root, folder):
     rest = open_drive(root, DRIVE, ["02"], origin=START)
     assert [frame.index for frame in rest.frames["02"]] == [1, 2, 3]
     for left, was in zip(rest.frames["02"], whole.frames["02"][1:], strict=True):
-        assert (left.index, left.stamp_ns, left.image_path) == (was.index, was.stamp_ns, was.image_path)
+        assert (left.index, left.stamp_ns, left.image_path) == (
+            was.index,
+            was.stamp_ns,
+            was.image_path,
+        )
         assert left.world_SE3_camera == pytest.approx(was.world_SE3_camera)
 
 
@@ -88,7 +94,9 @@ def test_two_drives_see_a_landmark_at_one_place(tmp_path):
     seen = {}
     for number, (start, yaw_rad) in starts.items():
         make_drive(tmp_path, number, start=tuple(map(float, start)), yaw_rad=yaw_rad)
-        east, north, up = pymap3d.geodetic2enu(*landmark, *start)  # what the car itself would measure
+        east, north, up = pymap3d.geodetic2enu(
+            *landmark, *start
+        )  # what the car itself would measure
         ahead = east * math.cos(yaw_rad) + north * math.sin(yaw_rad)
         left = -east * math.sin(yaw_rad) + north * math.cos(yaw_rad)
         in_camera = (-left, -up, ahead)
@@ -97,7 +105,9 @@ def test_two_drives_see_a_landmark_at_one_place(tmp_path):
             seen.setdefault(shared, []).append(transform(frame.world_SE3_camera, in_camera))
     assert seen[True][0] == pytest.approx((60.0, 80.0, 12.0), abs=1e-4)
     assert seen[True][1] == pytest.approx(seen[True][0], abs=1e-4)
-    assert np.linalg.norm(seen[False][0] - seen[False][1]) > 100  # each around its own first fix: two worlds
+    assert (
+        np.linalg.norm(seen[False][0] - seen[False][1]) > 100
+    )  # each around its own first fix: two worlds
 
 
 def test_the_digest_follows_every_file_that_matters(root, folder):
@@ -136,25 +146,48 @@ SECOND_STAMP = f"{FIRST_STAMP_S + 0.1:.9f}"
     ("break_it", "message"),
     [
         (remove(CALIBRATION), "calib_cam_to_cam.txt: cannot be read: No such file"),
-        (rewrite(CALIBRATION, lambda text: text.replace("P_rect_02", "P_rect_xx")), "cam_to_cam.txt: P_rect_02"),
+        (
+            rewrite(CALIBRATION, lambda text: text.replace("P_rect_02", "P_rect_xx")),
+            "cam_to_cam.txt: P_rect_02",
+        ),
         (
             rewrite(CALIBRATION, lambda text: text.replace("R_rect_03: 1 0", "R_rect_03: 1")),
             "cam_to_cam.txt: R_rect_03",
         ),
-        (rewrite(f"{DATE}/calib_imu_to_velo.txt", lambda text: "nonsense"), "calib_imu_to_velo.txt"),
+        (
+            rewrite(f"{DATE}/calib_imu_to_velo.txt", lambda text: "nonsense"),
+            "calib_imu_to_velo.txt",
+        ),
         (remove(SYNC), "no drives here"),
         (remove(f"{SYNC}/image_03"), r"image_03/data: no images"),
         (remove(f"{SYNC}/velodyne_points"), r"velodyne_points/data: no .bin files"),
-        (remove(f"{SYNC}/velodyne_points/data/{1:010d}.bin"), r"0000000001.bin: missing \(1 of 4 frames have none\)"),
+        (
+            remove(f"{SYNC}/velodyne_points/data/{1:010d}.bin"),
+            r"0000000001.bin: missing \(1 of 4 frames have none\)",
+        ),
         (remove(f"{SYNC}/oxts/data"), "oxts/data: no .txt files"),
-        (rewrite(OXTS, lambda text: text[: len(text) // 2]), r"0000000002.txt: line 1: \d+ fields, expected 30"),
-        (rewrite(OXTS, lambda text: text.replace("49.", "abc", 1)), "0000000002.txt: line 1: could not convert"),
+        (
+            rewrite(OXTS, lambda text: text[: len(text) // 2]),
+            r"0000000002.txt: line 1: \d+ fields, expected 30",
+        ),
+        (
+            rewrite(OXTS, lambda text: text.replace("49.", "abc", 1)),
+            "0000000002.txt: line 1: could not convert",
+        ),
         (rewrite(OXTS, lambda text: ""), "0000000002.txt: the file is empty"),
         (rewrite(OXTS, lambda text: text + text), "0000000002.txt: 2 lines, expected one"),
-        (rewrite(OXTS, lambda text: "91.0" + text[text.index(" ") :]), "packet 1: value 1 is 91, out of range"),
-        (rewrite(OXTS, lambda text: "1e308" + text[text.index(" ") :]), "line 1: a number is not finite, or too large"),
         (
-            rewrite(CALIBRATION, lambda text: text.replace(f"{FOCAL} 0 {CENTRE_X}", f"0 0 {CENTRE_X}")),
+            rewrite(OXTS, lambda text: "91.0" + text[text.index(" ") :]),
+            "packet 1: value 1 is 91, out of range",
+        ),
+        (
+            rewrite(OXTS, lambda text: "1e308" + text[text.index(" ") :]),
+            "line 1: a number is not finite, or too large",
+        ),
+        (
+            rewrite(
+                CALIBRATION, lambda text: text.replace(f"{FOCAL} 0 {CENTRE_X}", f"0 0 {CENTRE_X}")
+            ),
             "cam_to_cam.txt: P_rect_00 is not a matrix that can be inverted",
         ),
         (remove(STAMPS), "image_02/timestamps.txt: cannot be read: No such file"),
@@ -163,8 +196,14 @@ SECOND_STAMP = f"{FIRST_STAMP_S + 0.1:.9f}"
             rewrite(STAMPS, lambda text: "\n".join(text.split("\n")[:3])),
             "3 time stamps, but there is an image of frame 3",
         ),
-        (rewrite(STAMPS, lambda text: text.replace(SECOND_STAMP, "32.0")), "line 2: time stamp does not follow"),
-        (rewrite(STAMPS, lambda text: text.replace("2011-09-26", "yesterday")), "line 1: .* is not a time stamp"),
+        (
+            rewrite(STAMPS, lambda text: text.replace(SECOND_STAMP, "32.0")),
+            "line 2: time stamp does not follow",
+        ),
+        (
+            rewrite(STAMPS, lambda text: text.replace("2011-09-26", "yesterday")),
+            "line 1: .* is not a time stamp",
+        ),
     ],
 )
 def test_a_broken_folder_is_refused(root, break_it, message):
@@ -183,7 +222,9 @@ def test_a_frame_without_a_position_is_left_out_and_named(root, folder, caplog):
     assert caplog.messages == [f"{root / OXTS}: missing: frame 2 is left out"]
     for camera, frames in rest.frames.items():
         assert [frame.index for frame in frames] == [0, 1, 3]
-        for left, was in zip(frames, [frame for frame in whole.frames[camera] if frame.index != 2], strict=True):
+        for left, was in zip(
+            frames, [frame for frame in whole.frames[camera] if frame.index != 2], strict=True
+        ):
             assert (left.index, left.stamp_ns) == (was.index, was.stamp_ns)
             assert (left.world_SE3_camera == was.world_SE3_camera).all()
     assert rest.digest() != digest
@@ -193,7 +234,9 @@ def test_a_camera_all_of_whose_frames_have_no_position_is_refused(root, folder):
     (folder / "image_03" / "data" / f"{3:010d}.png").unlink()
     for index in range(3):
         (folder / "oxts" / "data" / f"{index:010d}.txt").unlink()
-    with pytest.raises(UserError, match="oxts/data: none of the frames of camera 03 has a file here"):
+    with pytest.raises(
+        UserError, match="oxts/data: none of the frames of camera 03 has a file here"
+    ):
         open_drive(root, DRIVE)
 
 
@@ -220,7 +263,9 @@ def test_what_is_no_regular_file_is_not_read(root, folder, kind):
 
 def test_a_missing_drive_names_those_that_exist(root):
     make_drive(root, "0009")
-    with pytest.raises(UserError, match=r"unknown drive '2011_09_26/0006'.*known: 2011_09_26/0005, 2011_09_26/0009"):
+    with pytest.raises(
+        UserError, match=r"unknown drive '2011_09_26/0006'.*known: 2011_09_26/0005, 2011_09_26/0009"
+    ):
         open_drive(root, "2011_09_26/0006")
     with pytest.raises(UserError, match="no such KITTI folder"):
         open_drive(root / "nowhere", DRIVE)
@@ -260,7 +305,9 @@ def test_an_image_cut_short_is_refused_not_half_shown(tmp_path, extension):
     make_drive(tmp_path, extension=extension)
     path = open_drive(tmp_path, DRIVE).frames["02"][1].image_path
     path.write_bytes(path.read_bytes()[:-20])
-    with pytest.raises(UserError, match=rf"0000000001.{extension}: not a readable image, or cut short"):
+    with pytest.raises(
+        UserError, match=rf"0000000001.{extension}: not a readable image, or cut short"
+    ):
         read_image(path)
 
 
@@ -277,7 +324,10 @@ def test_labelled_parked_cars_stay_at_one_place_in_the_world():
         indices = [index for index in car.centres if index in drive.world_SE3_imu]
         if car.kind != "Car" or len(indices) < 15:
             continue
-        world = [transform(drive.world_SE3_imu[i] @ inverse(velo_SE3_imu), car.centres[i]) for i in indices]
+        world = [
+            transform(drive.world_SE3_imu[i] @ inverse(velo_SE3_imu), car.centres[i])
+            for i in indices
+        ]
         offsets = np.asarray(world) - np.median(world, axis=0)
         wander_m[number] = float(np.hypot(*offsets[:, :2].T).max())
     print(wander_m)

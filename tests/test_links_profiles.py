@@ -54,7 +54,13 @@ def test_an_empty_message_takes_nothing() -> None:
 
 def test_the_ideal_link_is_no_link() -> None:
     ideal = link("ideal")
-    assert (ideal.rate_up_bps, ideal.rate_down_bps, ideal.delay_ns, ideal.jitter_ns, ideal.loss) == (
+    assert (
+        ideal.rate_up_bps,
+        ideal.rate_down_bps,
+        ideal.delay_ns,
+        ideal.jitter_ns,
+        ideal.loss,
+    ) == (
         None,
         None,
         0,
@@ -67,7 +73,9 @@ def test_only_a_wire_carries_the_four_cameras_of_a_car() -> None:
     """Two colour and two grey cameras at 10 Hz: 298 Mbit/s."""
     cameras_bps = (2 * IMAGE_BYTES + 2 * 465_800) * 8 * 10
     rates = {name: link(name).rate_up_bps for name in LINKS}
-    enough = {name for name, rate_bps in rates.items() if rate_bps is None or rate_bps > cameras_bps}
+    enough = {
+        name for name, rate_bps in rates.items() if rate_bps is None or rate_bps > cameras_bps
+    }
     assert enough == {"ideal", "ethernet_1g", "wifi"}
 
 
@@ -97,10 +105,15 @@ def test_a_link_may_have_a_model_of_the_users_own() -> None:
 @pytest.mark.parametrize(
     ("value", "message"),
     [
-        ("wfi", "x.yaml: link: unknown link 'wfi' (did you mean 'wifi'?); known: " + ", ".join(sorted(LINKS))),
+        (
+            "wfi",
+            "x.yaml: link: unknown link 'wfi' (did you mean 'wifi'?); known: "
+            + ", ".join(sorted(LINKS)),
+        ),
         (
             {"like": "5g"},
-            "x.yaml: link.like: unknown link '5g' (did you mean 'nr5g'?); known: " + ", ".join(sorted(LINKS)),
+            "x.yaml: link.like: unknown link '5g' (did you mean 'nr5g'?); known: "
+            + ", ".join(sorted(LINKS)),
         ),
         ({"like": [1]}, "x.yaml: link.like: unknown link [1]; known: " + ", ".join(sorted(LINKS))),
         (
@@ -110,7 +123,10 @@ def test_a_link_may_have_a_model_of_the_users_own() -> None:
         ({"loss": 1.5}, "x.yaml: link.loss: must be from 0 to 1, but is 1.5"),
         ({"loss": "1 %"}, "x.yaml: link.loss: must be a number, not '1 %'"),
         ({"rate_up": "0 bit/s"}, "x.yaml: link.rate_up: must be more than zero, but is '0 bit/s'"),
-        ({"rate_down": "-1 Gbit/s"}, "x.yaml: link.rate_down: must be more than zero, but is '-1 Gbit/s'"),
+        (
+            {"rate_down": "-1 Gbit/s"},
+            "x.yaml: link.rate_down: must be more than zero, but is '-1 Gbit/s'",
+        ),
         (
             {"rate_up": "1 GB/s"},
             "x.yaml: link.rate_up: rate '1 GB/s' has an unknown unit 'GB/s'; known: bit/s, kbit/s, Mbit/s, Gbit/s",

@@ -29,7 +29,10 @@ def six_frames() -> pd.DataFrame:
     second with nothing, its detection follows after 80 ms) and has not got to the third when the run ends.
     """
     table = Table(FRAMES)
-    took = {"local": [(300, 300, 4), None, (200, 200, 5)], "genie": [(10, 10, 4), (30, 80, 0), None]}
+    took = {
+        "local": [(300, 300, 4), None, (200, 200, 5)],
+        "genie": [(10, 10, 4), (30, 80, 0), None],
+    }
     for method, answers in took.items():
         for frame, answer in enumerate(answers):
             received_ns = frame * S + 2 * MS
@@ -44,11 +47,34 @@ def six_frames() -> pd.DataFrame:
     return table.to_frame()
 
 
-def events(genie: str, kind: str, hits: list[int], requests: int = 1, requester: str = "client", method: str = "genie"):
+def events(
+    genie: str,
+    kind: str,
+    hits: list[int],
+    requests: int = 1,
+    requester: str = "client",
+    method: str = "genie",
+):
     """One look-up a second of a Genie on a car or an edge, as rows of ``lookups``."""
     on, who = "edge" if genie.startswith("edge") else "car", requester if kind == "image" else None
     return [
-        (method, i * S, genie, on, kind, who, "car1", "c", i * S, None, requests, hit, hit, 0.1 * hit, i + 1)
+        (
+            method,
+            i * S,
+            genie,
+            on,
+            kind,
+            who,
+            "car1",
+            "c",
+            i * S,
+            None,
+            requests,
+            hit,
+            hit,
+            0.1 * hit,
+            i + 1,
+        )
         for i, hit in enumerate(hits)
     ]
 
@@ -60,13 +86,19 @@ def lookup_table(*rows: tuple) -> pd.DataFrame:
     return table.to_frame()
 
 
-def of_tables(frames=None, lookups=None, resources=None, methods=METHODS) -> dict[tuple[str, str], Metric]:
+def of_tables(
+    frames=None, lookups=None, resources=None, methods=METHODS
+) -> dict[tuple[str, str], Metric]:
     """By name, and by resource or baseline, or where Genies run, or method."""
     given = {"frames": frames, "lookups": lookups, "resources": resources}
     known = {name: table for name, table in given.items() if table is not None}
     made = metrics.compute(methods, {"frames": Table(FRAMES).to_frame(), **known})
-    assert len({(one.metric, one.method, one.placement, one.component) for one in made}) == len(made)
-    where = [one.component or (one.method if one.placement == "all" else one.placement) for one in made]
+    assert len({(one.metric, one.method, one.placement, one.component) for one in made}) == len(
+        made
+    )
+    where = [
+        one.component or (one.method if one.placement == "all" else one.placement) for one in made
+    ]
     return {(one.metric, place): one for one, place in zip(made, where, strict=True)}
 
 
@@ -79,7 +111,9 @@ def test_six_frames_worked_by_hand():
     assert value["fresh_answer_mean", "genie"] == 45.0
     assert value["improvement_first_answer", "local"] == pytest.approx(1 - 20 / 250)
     assert value["improvement_fresh_answer", "local"] == pytest.approx(1 - 45 / 250)
-    assert value["answered_share", "local"] == value["answered_share", "genie"] == pytest.approx(2 / 3)
+    assert (
+        value["answered_share", "local"] == value["answered_share", "genie"] == pytest.approx(2 / 3)
+    )
     assert value["dropped_share", "local"] == pytest.approx(1 / 3)
     assert value["dropped_share", "genie"] == 0.0
     assert value["under_deadline_share", "genie"] == pytest.approx(2 / 3)  # of the published frames
@@ -97,8 +131,12 @@ def test_every_published_frame_is_answered_or_dropped_or_in_flight(seed):
     for table in (six_frames(), frames):
         value = {key: metric.value for key, metric in of_tables(frames=table).items()}
         for method in set(table["method"]):
-            parts = [value[f"frames_{part}", method] for part in ("answered", "dropped", "in_flight")]
-            assert sum(parts) == value["frames_published", method] == (table["method"] == method).sum()
+            parts = [
+                value[f"frames_{part}", method] for part in ("answered", "dropped", "in_flight")
+            ]
+            assert (
+                sum(parts) == value["frames_published", method] == (table["method"] == method).sum()
+            )
 
 
 def test_a_frame_that_is_dropped_after_a_first_answer_is_not_a_dropped_frame():
@@ -116,7 +154,9 @@ def test_what_is_not_defined_is_none():
     table = Table(FRAMES)
     table.append(Frame("local", "car1", "camera_02", 0, 0, 0).row())
     result = of_tables(frames=table.to_frame())
-    assert result["first_answer_mean", "local"] == Metric("first_answer_mean", "local", "all", "", None, "ms")
+    assert result["first_answer_mean", "local"] == Metric(
+        "first_answer_mean", "local", "all", "", None, "ms"
+    )
     assert result["under_deadline_share_of_answered", "local"].value is None
     share = result["answered_share", "local"]
     assert (share.value, share.low, share.high) == (0.0, None, None)
@@ -131,7 +171,9 @@ def autocorrelated_run(rng: np.random.Generator, mean_ms: float) -> pd.DataFrame
         for frame in range(800):
             deviation = 0.8 * deviation + rng.standard_normal()
             answer_ns = int((mean_ms + deviation) * MS)
-            table.append(Frame("genie", car, "camera_02", frame, 0, frame * 50 * MS, 0, answer_ns).row())
+            table.append(
+                Frame("genie", car, "camera_02", frame, 0, frame * 50 * MS, 0, answer_ns).row()
+            )
     return table.to_frame()
 
 
@@ -147,7 +189,9 @@ def test_the_interval_inside_a_run_covers_the_true_mean_and_median():
         median_covered += median.low < 30.0 < median.high
         error = 1.96 * (frames["first_answer_ns"] / MS).std() / np.sqrt(len(frames))
         naive += abs(mean.value - 30.0) < error
-    print(f"covered: mean {covered}/200, median {median_covered}/200, frames taken for independent {naive}/200")
+    print(
+        f"covered: mean {covered}/200, median {median_covered}/200, frames taken for independent {naive}/200"
+    )
     assert 0.88 <= covered / 200 <= 0.99
     assert 0.88 <= median_covered / 200 <= 0.99
     assert naive / 200 < 0.75
@@ -159,15 +203,22 @@ def test_the_interval_of_an_improvement_narrows_when_both_arms_share_their_ups_a
     for method, factor in (("local", 1.0), ("genie", 0.1)):
         for frame in range(100):
             answer_ns = int(factor * (200 + 10 * (frame // 10)) * MS)
-            table.append(Frame(method, "car1", "camera_02", frame, 0, frame * 100 * MS, 0, answer_ns).row())
+            table.append(
+                Frame(method, "car1", "camera_02", frame, 0, frame * 100 * MS, 0, answer_ns).row()
+            )
     result = of_tables(frames=table.to_frame())
-    improvement, mean = result["improvement_first_answer", "local"], result["first_answer_mean", "local"]
+    improvement, mean = (
+        result["improvement_first_answer", "local"],
+        result["first_answer_mean", "local"],
+    )
     assert improvement.value == pytest.approx(0.9)
     assert mean.high - mean.low > 20
     assert improvement.high - improvement.low < 1e-9
 
 
-@pytest.mark.parametrize(("hits", "n"), [(0, 40), (1, 40), (13, 40), (39, 40), (40, 40), (5, 100_000)])
+@pytest.mark.parametrize(
+    ("hits", "n"), [(0, 40), (1, 40), (13, 40), (39, 40), (40, 40), (5, 100_000)]
+)
 def test_the_interval_of_a_share_is_wilson_s(hits, n):
     """Source: SciPy, for rows that are independent."""
     p = hits / n
@@ -184,7 +235,9 @@ def test_no_interval_of_a_share_leaves_0_to_1_over_seeds_either():
     row = across_seeds(shares, ["point"]).iloc[0]
     assert 0 < row["low"] < row["value"] < row["high"] < 1
     plain = across_seeds(shares, ["point"], differences=True).iloc[0]
-    assert plain["high"] > 1 and plain["high"] - plain["value"] == pytest.approx(plain["value"] - plain["low"])
+    assert plain["high"] > 1 and plain["high"] - plain["value"] == pytest.approx(
+        plain["value"] - plain["low"]
+    )
     boost = across_seeds(shares.assign(metric="confidence_boost"), ["point"]).iloc[0]
     assert boost["high"] == plain["high"]
 
@@ -241,7 +294,9 @@ def test_windows_of_objects_hold_whole_messages():
 
 
 def test_no_window_holds_requests_of_two_genies():
-    table = lookup_table(*events("car1/genie", "image", [1] * 52), *events("car2/genie", "image", [0] * 51))
+    table = lookup_table(
+        *events("car1/genie", "image", [1] * 52), *events("car2/genie", "image", [0] * 51)
+    )
     windows = metrics.windowed_reuse(Columns.of(table))
     assert windows["genie"].tolist() == ["car1/genie"] * 3 + ["car2/genie"] * 2
     assert windows["ratio"].tolist() == [1, 1, 1, 0, 0]
@@ -284,7 +339,9 @@ def test_utilization_is_not_diluted_by_the_wait_for_the_last_answers():
     frames.append(Frame("local", "car1", "camera_02", 1, 0, 2 * S).row())
     for second in range(11):
         busy_ns, done = min(second, 2) * S, min(3 * second, 7)
-        resources.append(("local", second * S, "car1.accelerator", "accelerator", 1, busy_ns, 0, done, 0, None))
+        resources.append(
+            ("local", second * S, "car1.accelerator", "accelerator", 1, busy_ns, 0, done, 0, None)
+        )
     result = of_tables(frames=frames.to_frame(), resources=resources.to_frame())
     assert result["utilization", "car1.accelerator"].value == 1.0
     assert result["throughput", "car1.accelerator"].value == 3.0
@@ -295,9 +352,13 @@ def test_the_order_of_frames_in_memory_does_not_matter():
     tables = made_up_run.frames(1, 3), made_up_run.lookups(1, 100), made_up_run.resources(1, 10)
     given = {table.name: table.to_frame() for table in tables}
     shuffled = given["frames"].sample(frac=1, random_state=3)
-    made = (metrics.compute(METHODS, {**given, "frames": rows}) for rows in (given["frames"], shuffled))
+    made = (
+        metrics.compute(METHODS, {**given, "frames": rows}) for rows in (given["frames"], shuffled)
+    )
     for one, other in zip(*made, strict=True):
-        assert replace(one, value=None, low=None, high=None) == replace(other, value=None, low=None, high=None)
+        assert replace(one, value=None, low=None, high=None) == replace(
+            other, value=None, low=None, high=None
+        )
         assert one.value == pytest.approx(other.value)
 
 
@@ -321,14 +382,24 @@ def test_any_methods_are_measured_in_their_order_and_each_is_compared_with_every
     table = Table(FRAMES)
     for method, answer_ms in (("plain", 100), ("slow", 80), ("swift", 10)):
         for frame in range(20):
-            table.append(Frame(method, "car1", "c", frame, 0, frame * 100 * MS, 0, answer_ms * MS).row())
+            table.append(
+                Frame(method, "car1", "c", frame, 0, frame * 100 * MS, 0, answer_ms * MS).row()
+            )
     lookups = lookup_table(
-        *events("car1/genie", "image", [0, 0], method="slow"), *events("car1/genie", "image", [1, 1], method="swift")
+        *events("car1/genie", "image", [0, 0], method="slow"),
+        *events("car1/genie", "image", [1, 1], method="swift"),
     )
     made = metrics.compute(methods, {"frames": table.to_frame(), "lookups": lookups})
     assert list(dict.fromkeys(one.method for one in made)) == ["swift", "plain", "slow"]
-    compared = {one.method: (one.component, one.value) for one in made if one.metric == "improvement_first_answer"}
-    assert compared == {"swift": ("plain", pytest.approx(0.9)), "slow": ("plain", pytest.approx(0.2))}
+    compared = {
+        one.method: (one.component, one.value)
+        for one in made
+        if one.metric == "improvement_first_answer"
+    }
+    assert compared == {
+        "swift": ("plain", pytest.approx(0.9)),
+        "slow": ("plain", pytest.approx(0.2)),
+    }
     reuse = {one.method: (one.placement, one.value) for one in made if one.metric == "image_reuse"}
     assert reuse == {"swift": ("car", 1.0), "slow": ("car", 0.0)}
 
@@ -341,5 +412,7 @@ def test_a_resource_is_placed_where_it_is():
     }  # fmt: skip
     for name in names:
         resources.append(("local", S, name, "cpu", 1, 0, 0, 0, 0, None))
-    made = metrics.compute(METHODS, {"frames": frames.to_frame(), "resources": resources.to_frame()})
+    made = metrics.compute(
+        METHODS, {"frames": frames.to_frame(), "resources": resources.to_frame()}
+    )
     assert {one.component: one.placement for one in made if one.metric == "completed"} == names

@@ -54,7 +54,9 @@ def test_a_run_json_that_is_none_gets_one_line(command, text, folder, capsys):
 
 
 @pytest.mark.parametrize("command", ["report", "export"])
-@pytest.mark.parametrize("name", ["frames.parquet", "poses.parquet", "metrics.json", "scenario.resolved.yaml"])
+@pytest.mark.parametrize(
+    "name", ["frames.parquet", "poses.parquet", "metrics.json", "scenario.resolved.yaml"]
+)
 def test_a_folder_or_nothing_in_the_place_of_a_file_gets_one_line(command, name, folder, capsys):
     (folder / name).unlink()
     assert main([command, str(folder)]) == 1
@@ -139,7 +141,9 @@ def test_the_library_finds_home_too(monkeypatch):
 @pytest.mark.parametrize("character", ["\udcff", "\n", "\x1b"])
 def test_a_path_that_no_screen_can_show_gets_one_line(character, capsys):
     assert main(["run", "1car_homo", f"--out=a{character}b"]) == 1
-    one_line(capsys.readouterr().err, f"--out: {f'a{character}b'!r} holds the character {character!r}")
+    one_line(
+        capsys.readouterr().err, f"--out: {f'a{character}b'!r} holds the character {character!r}"
+    )
     assert not list(Path().iterdir())
 
 
@@ -150,7 +154,11 @@ def test_a_folder_may_be_called_like_an_address(name, made, capsys):
     Path("s.yaml").write_text(sweep + "axes: {a: {set: genie.eviction, list: [lru, lfu]}}\n")
     assert main(["sweep", "s.yaml", "--jobs=1", "--out", name]) == 0
     folder = shutil.copytree(made, Path(name) / "run")
-    for command in (["report", str(folder)], ["rerun", str(folder)], ["report", str(Path(name) / "s")]):
+    for command in (
+        ["report", str(folder)],
+        ["rerun", str(folder)],
+        ["report", str(Path(name) / "s")],
+    ):
         assert main(command) == 0, capsys.readouterr().err
 
 
@@ -174,7 +182,9 @@ def test_only_a_file_is_replaced_by_a_file(what):
 
 
 @pytest.mark.skipif(not Path("/dev/full").is_char_device(), reason="needs /dev/full")
-@pytest.mark.parametrize("arguments", [["list"], ["--help"], ["schema", "scenario"], ["run", "--help"]], ids=" ".join)
+@pytest.mark.parametrize(
+    "arguments", [["list"], ["--help"], ["schema", "scenario"], ["run", "--help"]], ids=" ".join
+)
 def test_a_full_device_for_the_output_gets_one_line(arguments):
     with Path("/dev/full").open("w") as full:
         done = genie_sim(*arguments, stdout=full)
@@ -192,7 +202,9 @@ def test_a_reader_that_goes_away_ends_it_quietly():
 
 @pytest.mark.parametrize("closed", ["stdout", "stderr"])
 def test_a_closed_output_is_no_reason_to_fail(closed):
-    code = f"import sys; sys.{closed} = None; from genie_sim.cli import main; sys.exit(main(['list']))"
+    code = (
+        f"import sys; sys.{closed} = None; from genie_sim.cli import main; sys.exit(main(['list']))"
+    )
     done = genie_sim(code=code)
     assert done.returncode == 0
     assert done.stderr == ""
@@ -206,11 +218,18 @@ def test_figures_need_no_window(backend):
     assert list(Path("results").glob("*/figures/latency_cdf.svg"))
 
 
-def genie_sim(*arguments: str, stdout: object = subprocess.PIPE, code: str = "", **env: str) -> typing.Any:
+def genie_sim(
+    *arguments: str, stdout: object = subprocess.PIPE, code: str = "", **env: str
+) -> typing.Any:
     command = ["-c", code] if code else ["-m", "genie_sim", *arguments]
     surroundings = {**os.environ, "PYTHONPATH": str(REPOSITORY), **env}
     return subprocess.run(
-        [sys.executable, *command], stdout=stdout, stderr=subprocess.PIPE, env=surroundings, text=True, timeout=120
+        [sys.executable, *command],
+        stdout=stdout,
+        stderr=subprocess.PIPE,
+        env=surroundings,
+        text=True,
+        timeout=120,
     )
 
 
@@ -247,7 +266,10 @@ def test_a_month_is_not_too_long():
         ("fleet.cell=1 mm", "fleet.cell: makes more than 100,000 edges of this town"),
         ("perception.interval=1 ns", "perception.interval: makes more than 100,000,000 frames of "),
         ("perception.town={blocks: 3}", "perception.town.blocks: must be a list, not 3"),
-        ("perception.town={block: 1e30 km}", "perception.town.block: must be at most 10 km, but is 1"),
+        (
+            "perception.town={block: 1e30 km}",
+            "perception.town.block: must be at most 10 km, but is 1",
+        ),
     ],
 )
 def test_a_fleet_that_fills_the_memory_gets_one_line(setting, message, capsys):
@@ -256,7 +278,11 @@ def test_a_fleet_that_fills_the_memory_gets_one_line(setting, message, capsys):
 
 
 def test_a_share_of_a_fleet_that_is_no_car_is_left_out_of_the_page():
-    fleet = {"cars": 1, "devices": {"jetson_tx2": 0.7, "orin_nano": 0.3}, "edge_device": "agx_xavier"}
+    fleet = {
+        "cars": 1,
+        "devices": {"jetson_tx2": 0.7, "orin_nano": 0.3},
+        "edge_device": "agx_xavier",
+    }
     perception = {"source": "town", "duration": "1 s"}
     run = gs.run({"fleet": fleet, "perception": perception, "methods": ["local"]})
     assert "NVIDIA Jetson TX2" in run.report("page.html").read_text(encoding="utf-8")

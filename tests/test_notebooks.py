@@ -25,7 +25,11 @@ LONGEST_CELL_LINES = 25
 
 
 def cells(path: Path, kind: str) -> list[dict[str, Any]]:
-    return [one for one in json.loads(path.read_text(encoding="utf-8"))["cells"] if one["cell_type"] == kind]
+    return [
+        one
+        for one in json.loads(path.read_text(encoding="utf-8"))["cells"]
+        if one["cell_type"] == kind
+    ]
 
 
 def test_there_is_a_notebook_for_every_figure_count():
@@ -35,7 +39,9 @@ def test_there_is_a_notebook_for_every_figure_count():
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
 def test_a_notebook_is_kept_without_outputs_and_reads_like_a_text(path: Path):
     for cell in cells(path, "code"):
-        assert cell["outputs"] == [] and cell["execution_count"] is None, "strip the outputs before you commit"
+        assert cell["outputs"] == [] and cell["execution_count"] is None, (
+            "strip the outputs before you commit"
+        )
         assert len(cell["source"]) <= LONGEST_CELL_LINES, f"a long cell: {cell['source'][0]}"
     assert len(cells(path, "markdown")) >= 0.7 * len(cells(path, "code")), "prose between the cells"
     assert "".join(cells(path, "markdown")[0]["source"]).startswith("# ")
@@ -50,12 +56,21 @@ def test_a_notebook_reads_nothing_that_a_user_does_not_have(path: Path):
             names = [node.module] if isinstance(node, ast.ImportFrom) else []
             names += [name.name for name in node.names] if isinstance(node, ast.Import) else []
             for name in names:
-                assert str(name).split(".")[0] in {"genie_sim", "matplotlib", "numpy", "pandas", "pathlib", "scipy"}
+                assert str(name).split(".")[0] in {
+                    "genie_sim",
+                    "matplotlib",
+                    "numpy",
+                    "pandas",
+                    "pathlib",
+                    "scipy",
+                }
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
-def test_a_notebook_runs_and_shows_its_figures(path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+def test_a_notebook_runs_and_shows_its_figures(
+    path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
     nbclient = pytest.importorskip("nbclient", reason="nbclient comes with '.[notebooks]'")
     pytest.importorskip("ipykernel", reason="ipykernel comes with '.[notebooks]'")
     nbformat = pytest.importorskip("nbformat", reason="nbformat comes with '.[notebooks]'")
@@ -63,7 +78,10 @@ def test_a_notebook_runs_and_shows_its_figures(path: Path, tmp_path: Path, monke
     monkeypatch.setenv("IPYTHONDIR", str(tmp_path / "ipython"))
     notebook = nbformat.read(path, as_version=4)
     client = nbclient.NotebookClient(
-        notebook, timeout=LONGEST_CELL_S, kernel_name="python3", resources={"metadata": {"path": str(tmp_path)}}
+        notebook,
+        timeout=LONGEST_CELL_S,
+        kernel_name="python3",
+        resources={"metadata": {"path": str(tmp_path)}},
     )
     client.execute(env={**os.environ})
     shown = [

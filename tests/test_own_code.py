@@ -42,11 +42,15 @@ class Nothing(Local):
 """
 
 
-def test_what_one_command_forbids_is_no_affair_of_the_next(monkeypatch: pytest.MonkeyPatch, mine: Path):
+def test_what_one_command_forbids_is_no_affair_of_the_next(
+    monkeypatch: pytest.MonkeyPatch, mine: Path
+):
     """Even where Python keeps the first one's context, with a traceback for instance."""
     monkeypatch.syspath_prepend(mine.parent)
     kept: list[Any] = []
-    monkeypatch.setattr(click.Context, "with_resource", lambda _, one: (kept.append(one), one.__enter__())[1])
+    monkeypatch.setattr(
+        click.Context, "with_resource", lambda _, one: (kept.append(one), one.__enter__())[1]
+    )
     assert main(["rerun", "nothing"]) == 1
     assert len(kept) == 1
     assert plugins.resolve("method", "mod:Nothing", METHODS).title == "as local"
@@ -63,16 +67,23 @@ def test_methods_are_chosen_among_the_scenarios_own_and_all_others(mine: Path):
     setting = load_scenario(mine)
     chosen = with_methods(setting, ["remote", "mine", "tiny", "my.module:Other"])
     assert [entry.name for entry in chosen.methods] == ["remote", "mine", "tiny", "Other"]
-    assert chosen.methods[1:3] == (setting.methods[2], setting.methods[1]), "with their own settings"
+    assert chosen.methods[1:3] == (setting.methods[2], setting.methods[1]), (
+        "with their own settings"
+    )
     assert chosen.under(chosen.methods[2]).genie.capacity.entries == 3
-    others = [one.model_dump(mode="json", by_alias=True, exclude={"methods"}) for one in (chosen, setting)]
+    others = [
+        one.model_dump(mode="json", by_alias=True, exclude={"methods"}) for one in (chosen, setting)
+    ]
     assert others[0] == others[1], "nothing else changes"
 
 
 @pytest.mark.parametrize(
     ("names", "message"),
     [
-        (["loca"], r"^--methods x: unknown method 'loca' \(did you mean 'local'\?\); known: .*, local, mine,"),
+        (
+            ["loca"],
+            r"^--methods x: unknown method 'loca' \(did you mean 'local'\?\); known: .*, local, mine,",
+        ),
         (["local", ""], r"^--methods x: unknown method ''; known: "),
         ([" local"], r"^--methods x: unknown method ' local' \(did you mean 'local'\?\)"),
         (["local", "local"], r"^--methods x: methods\[1\]\.name: duplicate name 'local'$"),
@@ -83,7 +94,9 @@ def test_a_method_that_nobody_knows_is_one_line(mine: Path, names: list[str], me
         with_methods(load_scenario(mine), names, "--methods x")
 
 
-def test_run_takes_methods_and_says_first_that_code_of_ones_own_runs(mine: Path, run_cli: CommandLine, tmp_path: Path):
+def test_run_takes_methods_and_says_first_that_code_of_ones_own_runs(
+    mine: Path, run_cli: CommandLine, tmp_path: Path
+):
     ran = run_cli("run", "mine.yaml", "--methods", "mine,remote", "--no-report")
     assert ran.returncode == 0, ran.stderr
     assert ran.stdout.splitlines()[0] == "mine runs code of its own: method mod:Nothing"
@@ -97,13 +110,25 @@ def test_run_takes_methods_and_says_first_that_code_of_ones_own_runs(mine: Path,
 
     shipped = run_cli("run", "mine.yaml", "--methods", "tiny,local", "--no-report")
     assert shipped.returncode == 0 and "of its own" not in shipped.stdout
-    own = run_cli("run", "mine.yaml", "--methods", "mod:Nothing", "--no-report", "--set", "genie.eviction=mod:Keep")
-    assert own.stdout == "mine runs code of its own: method mod:Nothing, eviction mod:Keep\n", "before it is run"
+    own = run_cli(
+        "run",
+        "mine.yaml",
+        "--methods",
+        "mod:Nothing",
+        "--no-report",
+        "--set",
+        "genie.eviction=mod:Keep",
+    )
+    assert own.stdout == "mine runs code of its own: method mod:Nothing, eviction mod:Keep\n", (
+        "before it is run"
+    )
     assert own.stderr == "genie-sim: eviction 'mod:Keep': module 'mod' has no attribute 'Keep'\n"
     assert own.returncode == 1
     wrong = run_cli("run", "mine.yaml", "--methods", "tiny,loca")
     assert wrong.returncode == 1 and wrong.stderr.count("\n") == 1
-    assert wrong.stderr.startswith("genie-sim: --methods tiny,loca: unknown method 'loca' (did you mean 'local'?)")
+    assert wrong.stderr.startswith(
+        "genie-sim: --methods tiny,loca: unknown method 'loca' (did you mean 'local'?)"
+    )
 
 
 @pytest.mark.parametrize(
@@ -125,7 +150,10 @@ def test_plugins_are_listed_each_with_a_sentence(kind: str, names: list[str], ru
 
 def test_list_says_what_can_be_listed(run_cli: CommandLine):
     wrong = run_cli("list", "method")
-    assert wrong.returncode == 1 and "unknown kind of thing to list 'method' (did you mean 'methods'?)" in wrong.stderr
+    assert (
+        wrong.returncode == 1
+        and "unknown kind of thing to list 'method' (did you mean 'methods'?)" in wrong.stderr
+    )
     everything = run_cli("list").stdout
     assert all(f"{kind}:" in everything.splitlines() for kind in catalogue.KINDS)
 
@@ -133,15 +161,29 @@ def test_list_says_what_can_be_listed(run_cli: CommandLine):
 @pytest.mark.parametrize(
     ("setting", "line"),
     [
-        ("methods=['raising:Method']", "method 'raising:Method': RuntimeError: 'why' (raising.py, line 6, in on_car"),
-        ("genie.eviction=raising:Keep", "eviction 'raising:Keep': KeyError: \"'why'\" (raising.py, line 12, in stored"),
+        (
+            "methods=['raising:Method']",
+            "method 'raising:Method': RuntimeError: 'why' (raising.py, line 6, in on_car",
+        ),
+        (
+            "genie.eviction=raising:Keep",
+            "eviction 'raising:Keep': KeyError: \"'why'\" (raising.py, line 12, in stored",
+        ),
     ],
 )
 def test_code_of_ones_own_that_raises_is_one_line_and_debug_shows_where(
     tmp_path: Path, setting: str, line: str, capsys: pytest.CaptureFixture[str]
 ):
     (tmp_path / "raising.py").write_text(RAISING)
-    command = ["run", "1car_homo", "--no-report", "--set", "cars[0].route.window=[0 s, 1 s]", "--set", setting]
+    command = [
+        "run",
+        "1car_homo",
+        "--no-report",
+        "--set",
+        "cars[0].route.window=[0 s, 1 s]",
+        "--set",
+        setting,
+    ]
     assert main(command) == 1
     assert capsys.readouterr().err == f"genie-sim: {line}); genie-sim --debug shows more\n"
     with pytest.raises((RuntimeError, KeyError), match="why"):
@@ -195,11 +237,19 @@ def test_a_folder_from_elsewhere_imports_nothing_unless_it_is_allowed(
     from_elsewhere: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ):
     folder = str(from_elsewhere)
-    for command in (["report", folder], ["export", folder], ["compare", folder], ["figures", folder]):
+    for command in (
+        ["report", folder],
+        ["export", folder],
+        ["compare", folder],
+        ["figures", folder],
+    ):
         assert main(command) == 0, command
     assert main(["rerun", folder]) == 1
     (line,) = capsys.readouterr().err.splitlines()
-    assert line == "genie-sim: method 'mod:Nothing': code of somebody's own, which runs with --allow-own-code only"
+    assert (
+        line
+        == "genie-sim: method 'mod:Nothing': code of somebody's own, which runs with --allow-own-code only"
+    )
     assert not (tmp_path / "sprung").exists()
     (tmp_path / "mod.py").write_text(OWN)
     assert main(["rerun", folder, "--allow-own-code"]) == 0
@@ -210,7 +260,12 @@ def test_a_folder_from_elsewhere_imports_nothing_unless_it_is_allowed(
 
 def test_a_command_inside_a_folder_from_elsewhere_imports_nothing_of_it(from_elsewhere: Path):
     """Where Python itself would look first, and matplotlib for its settings."""
-    for module in ("mod", "simpy", "pandas", "numexpr"):  # needed, needed later, looked for by pandas
+    for module in (
+        "mod",
+        "simpy",
+        "pandas",
+        "numexpr",
+    ):  # needed, needed later, looked for by pandas
         (from_elsewhere / f"{module}.py").write_text(TRAP)
     (from_elsewhere / "matplotlibrc").write_text("backend: module://own\n")
     for command, status in (("report", 0), ("rerun", 1)):

@@ -16,7 +16,9 @@ import pytest
 
 REPOSITORY = Path(__file__).resolve().parent.parent
 PROJECT = tomllib.loads((REPOSITORY / "pyproject.toml").read_text(encoding="utf-8"))
-SHIPPED_FOLDERS: dict[str, str] = PROJECT["tool"]["hatch"]["build"]["targets"]["wheel"]["force-include"]
+SHIPPED_FOLDERS: dict[str, str] = PROJECT["tool"]["hatch"]["build"]["targets"]["wheel"][
+    "force-include"
+]
 
 
 @pytest.fixture(scope="module")
@@ -25,7 +27,10 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("wheel")
     made = subprocess.run(
         [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(folder)],
-        cwd=REPOSITORY, capture_output=True, text=True, timeout=120,
+        cwd=REPOSITORY,
+        capture_output=True,
+        text=True,
+        timeout=120,
     )
     assert made.returncode == 0, made.stderr
     (path,) = folder.glob("*.whl")
@@ -45,7 +50,11 @@ def test_the_wheel_carries_every_shipped_file(wheel: Path):
     packed = set(zipfile.ZipFile(wheel).namelist())
     assert len(SHIPPED_FOLDERS) == 3
     for source, target in SHIPPED_FOLDERS.items():
-        files = [path.relative_to(REPOSITORY / source) for path in (REPOSITORY / source).rglob("*") if path.is_file()]
+        files = [
+            path.relative_to(REPOSITORY / source)
+            for path in (REPOSITORY / source).rglob("*")
+            if path.is_file()
+        ]
         missing = {f"{target}/{file.as_posix()}" for file in files} - packed
         assert files and not missing, f"not in the wheel: {missing}"
 
@@ -66,7 +75,10 @@ def test_the_wheel_names_both_licences_and_carries_their_texts(wheel: Path):
     assert "License-Expression: Apache-2.0 AND CC-BY-NC-SA-3.0\n" in metadata
     named = re.findall("^License-File: (.*)$", metadata, re.MULTILINE)
     traces = "scenarios/traces/kitti_0005"
-    assert named == ["LICENSE", *(f"{traces}.{one}LICENSE.md" for one in ("", "jpeg80.", "jpeg90.", "png.", "truth."))]
+    assert named == [
+        "LICENSE",
+        *(f"{traces}.{one}LICENSE.md" for one in ("", "jpeg80.", "jpeg90.", "png.", "truth.")),
+    ]
     assert {f"{folder}licenses/{name}" for name in named} <= set(packed.namelist())
 
 
@@ -78,10 +90,23 @@ def test_the_wheel_says_that_it_is_typed(wheel: Path):
 def test_the_wheel_carries_nothing_else(wheel: Path):
     """No tests, caches, frames or weights, and small enough to download in a moment."""
     information = f"genie_sim-{version()}.dist-info/"
-    code = (".py", ".typed", ".yaml", ".parquet", ".md", ".html", ".css", ".js", ".schema.json", "/laws.json")
+    code = (
+        ".py",
+        ".typed",
+        ".yaml",
+        ".parquet",
+        ".md",
+        ".html",
+        ".css",
+        ".js",
+        ".schema.json",
+        "/laws.json",
+    )
     foreign = [
-        name for name in zipfile.ZipFile(wheel).namelist()
-        if not name.startswith(information) and not (name.startswith("genie_sim/") and name.endswith(code))
+        name
+        for name in zipfile.ZipFile(wheel).namelist()
+        if not name.startswith(information)
+        and not (name.startswith("genie_sim/") and name.endswith(code))
     ]
     assert not foreign
     assert wheel.stat().st_size < 2_000_000
@@ -115,11 +140,18 @@ def genie_sim(installed: Path, folder: Path, *arguments: str) -> str:
     """Runs the copy at ``installed`` from ``folder``; returns what it prints."""
     env = {**os.environ, "PYTHONPATH": str(installed)}
     where = [sys.executable, "-c", "import genie_sim; print(genie_sim.__file__)"]
-    origin = subprocess.run(where, cwd=folder, env=env, capture_output=True, text=True, check=True).stdout
+    origin = subprocess.run(
+        where, cwd=folder, env=env, capture_output=True, text=True, check=True
+    ).stdout
     assert Path(origin.strip()).is_relative_to(installed), "another copy of genie_sim comes first"
     ran = subprocess.run(
         [sys.executable, "-m", "genie_sim", *arguments],
-        cwd=folder, env=env, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=300,
+        cwd=folder,
+        env=env,
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        text=True,
+        timeout=300,
     )
     assert ran.returncode == 0, ran.stderr
     return ran.stdout
@@ -133,7 +165,10 @@ def test_the_lock_file_pins_what_the_project_needs_with_digests_and_names_no_pla
     pins = {line: pin.fullmatch(line) for line in text.splitlines() if not line.startswith("#")}
     assert all(pins.values()), [line for line, found in pins.items() if not found]
     extras = PROJECT["project"]["optional-dependencies"]
-    needed = {requirement_name(one) for one in (*PROJECT["project"]["dependencies"], *chain(*extras.values()))}
+    needed = {
+        requirement_name(one)
+        for one in (*PROJECT["project"]["dependencies"], *chain(*extras.values()))
+    }
     assert needed <= {found[1] for found in pins.values() if found}
 
 

@@ -7,7 +7,15 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from kitti_folder import DATE, FIRST_STAMP_S, HEIGHT, WIDTH, make_drive, make_network, read_tracklets
+from kitti_folder import (
+    DATE,
+    FIRST_STAMP_S,
+    HEIGHT,
+    WIDTH,
+    make_drive,
+    make_network,
+    read_tracklets,
+)
 
 from genie_sim.core.geometry import inverse, project, transform
 from genie_sim.errors import UserError
@@ -43,7 +51,9 @@ def street(tmp_path_factory):
 def test_a_drive_becomes_a_trace(street):
     root, weights = street
     steps = []
-    trace = perceive(root, DRIVE, weights=weights, progress=lambda done, total: steps.append((done, total)))
+    trace = perceive(
+        root, DRIVE, weights=weights, progress=lambda done, total: steps.append((done, total))
+    )
     assert steps == [(i, 6) for i in range(1, 7)]
     assert trace.name == "kitti_0005"
     assert [(f.camera, f.index) for c in ("02", "03") for f in trace.frames[c]] == [
@@ -58,23 +68,41 @@ def test_a_drive_becomes_a_trace(street):
     assert car.location == pytest.approx((2.0 + 15.0 + HALF_DEPTH_M["car"], 0.0, 0.0), abs=0.2)
 
 
-def test_encoded_pictures_have_their_own_sizes_and_are_found_by_what_they_were_made_from(street, tmp_path):
+def test_encoded_pictures_have_their_own_sizes_and_are_found_by_what_they_were_made_from(
+    street, tmp_path
+):
     root, weights = street
-    raw, png, jpeg = (perceive(root, DRIVE, weights=weights, encoding=one) for one in ("raw", "png", "jpeg80"))
-    for before, lossless, lossy in zip(*(one.frames["03"] for one in (raw, png, jpeg)), strict=True):
+    raw, png, jpeg = (
+        perceive(root, DRIVE, weights=weights, encoding=one) for one in ("raw", "png", "jpeg80")
+    )
+    for before, lossless, lossy in zip(
+        *(one.frames["03"] for one in (raw, png, jpeg)), strict=True
+    ):
         assert lossless.detections == before.detections and len(lossy.detections) == 1
-        assert lossless.size_bytes < before.size_bytes and lossy.size_bytes not in (before.size_bytes, 47)
+        assert lossless.size_bytes < before.size_bytes and lossy.size_bytes not in (
+            before.size_bytes,
+            47,
+        )
         assert lossless.digest == lossy.digest == before.digest
-    assert jpeg.provenance["parameters"]["encoding"] == "jpeg80" and "encoding" not in raw.provenance["parameters"]
+    assert (
+        jpeg.provenance["parameters"]["encoding"] == "jpeg80"
+        and "encoding" not in raw.provenance["parameters"]
+    )
     path = tmp_path / "mine.parquet"
     for name, trace in (("mine", raw), ("mine.png", png), ("mine.jpeg90", jpeg)):
         write_trace(tmp_path / f"{name}.parquet", trace)
     assert encoded_beside(path, raw, "png").digest == png.digest
-    with pytest.raises(UserError, match=r"mine.parquet has no mine.jpeg80.parquet beside it; .*--encoding jpeg80"):
+    with pytest.raises(
+        UserError, match=r"mine.parquet has no mine.jpeg80.parquet beside it; .*--encoding jpeg80"
+    ):
         encoded_beside(path, raw, "jpeg80")
-    with pytest.raises(UserError, match=r"mine.jpeg90.parquet: is not of pictures encoded as jpeg90"):
+    with pytest.raises(
+        UserError, match=r"mine.jpeg90.parquet: is not of pictures encoded as jpeg90"
+    ):
         encoded_beside(path, raw, "jpeg90")
-    with pytest.raises(UserError, match=r"mine.png.parquet: is not of the pictures of mine.parquet"):
+    with pytest.raises(
+        UserError, match=r"mine.png.parquet: is not of the pictures of mine.parquet"
+    ):
         encoded_beside(path, read_trace(SHIPPED), "png")
 
 
@@ -82,12 +110,23 @@ def test_encoded_pictures_have_their_own_sizes_and_are_found_by_what_they_were_m
 def test_the_shipped_encodings_are_of_the_shipped_pictures(encoding):
     raw = read_trace(SHIPPED)
     sent = encoded_beside(SHIPPED, raw, encoding)
-    pairs = [both for camera in raw.frames for both in zip(raw.frames[camera], sent.frames[camera], strict=True)]
+    pairs = [
+        both
+        for camera in raw.frames
+        for both in zip(raw.frames[camera], sent.frames[camera], strict=True)
+    ]
     share = sum(one.size_bytes for _, one in pairs) / sum(one.size_bytes for one, _ in pairs)
-    assert share == pytest.approx({"png": 0.574, "jpeg90": 0.097, "jpeg80": 0.062}[encoding], abs=0.001)
-    found = [[[(d.label, round(d.score, 2)) for d in frame.detections] for frame in both] for both in pairs]
+    assert share == pytest.approx(
+        {"png": 0.574, "jpeg90": 0.097, "jpeg80": 0.062}[encoding], abs=0.001
+    )
+    found = [
+        [[(d.label, round(d.score, 2)) for d in frame.detections] for frame in both]
+        for both in pairs
+    ]
     same = [one == other for one, other in found]
-    assert sum(same) / len(same) > 0.98 if encoding == "png" else not all(same)  # the last digits are the processor's
+    assert (
+        sum(same) / len(same) > 0.98 if encoding == "png" else not all(same)
+    )  # the last digits are the processor's
 
 
 def test_cameras_share_a_scan_and_opencv_gets_its_threads_back(street, monkeypatch):
@@ -95,7 +134,9 @@ def test_cameras_share_a_scan_and_opencv_gets_its_threads_back(street, monkeypat
     fitted = []
     fit = placement.fit_ground
     monkeypatch.setattr(placement, "fit_ground", lambda scan: fitted.append(len(scan)) or fit(scan))
-    monkeypatch.setattr("os.cpu_count", lambda: 2)  # one worker: two might fit the same ground at the same time
+    monkeypatch.setattr(
+        "os.cpu_count", lambda: 2
+    )  # one worker: two might fit the same ground at the same time
     before = cv2.getNumThreads()
     assert sum(map(len, perceive(root, DRIVE, weights=weights).frames.values())) == 6
     assert len(fitted) == 3
@@ -133,7 +174,10 @@ def test_threads_and_batches_make_the_same_trace(street):
     plain = perceive(root, DRIVE, weights=weights)
     other = perceive(root, DRIVE, weights=weights, threads=2, batch=4)
     assert other.frames == plain.frames
-    assert other.provenance["parameters"] == plain.provenance["parameters"] | {"threads": 2, "batch": 4}
+    assert other.provenance["parameters"] == plain.provenance["parameters"] | {
+        "threads": 2,
+        "batch": 4,
+    }
 
 
 def test_what_is_fastest_is_found_out_and_told(street, monkeypatch):
@@ -143,7 +187,10 @@ def test_what_is_fastest_is_found_out_and_told(street, monkeypatch):
     said = []
     made = perceive(root, DRIVE, weights=weights, threads=None, batch=None, say=said.append)
     assert made.frames == perceive(root, DRIVE, weights=weights).frames
-    assert re.match(r"auto: --threads [12] --batch [124], .*1 x 1: \d+, 2 x 1: \d+, 1 x 2: .* 2 x 4: \d+$", *said)
+    assert re.match(
+        r"auto: --threads [12] --batch [124], .*1 x 1: \d+, 2 x 1: \d+, 1 x 2: .* 2 x 4: \d+$",
+        *said,
+    )
     perceive(root, DRIVE, weights=weights, threads=2, batch=None, say=said.append)
     assert "--threads 2" in said[1]
     assert " 1 x" not in said[1]
@@ -162,7 +209,8 @@ def test_of_settings_that_are_nearly_as_fast_the_simplest_is_taken(rates_fps, ch
 
 
 @pytest.mark.parametrize(
-    ("processors", "counts"), [(1, [1]), (2, [1, 2]), (6, [1, 2, 4, 6]), (64, [1, 2, 4, 8, 16, 32, 64])]
+    ("processors", "counts"),
+    [(1, [1]), (2, [1, 2]), (6, [1, 2, 4, 6]), (64, [1, 2, 4, 8, 16, 32, 64])],
 )
 def test_thread_counts_that_are_tried(processors, counts):
     assert thread_counts(processors) == counts
@@ -213,24 +261,41 @@ def test_the_shipped_trace_is_made_from_these_frames():
     for name in ("drive_sha256", "weights_sha256", "parameters"):
         assert made.provenance[name] == shipped.provenance[name]
     same_versions = made.provenance["versions"] == shipped.provenance["versions"]
-    pairs = [(f, shipped.frames[camera][f.index]) for camera, frames in made.frames.items() for f in frames]
+    pairs = [
+        (f, shipped.frames[camera][f.index])
+        for camera, frames in made.frames.items()
+        for f in frames
+    ]
     assert len(pairs) == 12
     print(
         f"same package versions: {same_versions}; {sum(a == b for a, b in pairs)} of {len(pairs)} frames equal exactly"
     )
     for frame, before in pairs:
-        assert (frame.stamp_ns, frame.digest, frame.size_bytes) == (before.stamp_ns, before.digest, before.size_bytes)
+        assert (frame.stamp_ns, frame.digest, frame.size_bytes) == (
+            before.stamp_ns,
+            before.digest,
+            before.size_bytes,
+        )
         assert frame.pose == pytest.approx(before.pose, abs=0.002)
         if same_versions:
             assert len(frame.detections) == len(before.detections)
-            assert all(_twins(*both, 2e-4, 0.05) for both in zip(frame.detections, before.detections, strict=True))
+            assert all(
+                _twins(*both, 2e-4, 0.05)
+                for both in zip(frame.detections, before.detections, strict=True)
+            )
         for one, other in ((frame, before), (before, frame)):
             for found in one.detections:
-                assert found.score < 0.32 or any(_twins(found, d, 0.02, 2.0) for d in other.detections), found
+                assert found.score < 0.32 or any(
+                    _twins(found, d, 0.02, 2.0) for d in other.detections
+                ), found
 
 
 def _twins(a, b, score, pixels):
-    return a.label == b.label and abs(a.score - b.score) <= score and np.allclose(a.box, b.box, atol=pixels, rtol=0)
+    return (
+        a.label == b.label
+        and abs(a.score - b.score) <= score
+        and np.allclose(a.box, b.box, atol=pixels, rtol=0)
+    )
 
 
 @pytest.mark.real_data
@@ -254,17 +319,29 @@ def test_parked_vehicles_are_placed_where_kitti_s_labels_say():
         for frame in frames:
             picture = pictures[frame.index]
             here = [label for label in parked if frame.index in label.centres]
-            boxes = [_box_of(label.corners(frame.index), camera_SE3_velo, picture.intrinsics) for label in here]
+            boxes = [
+                _box_of(label.corners(frame.index), camera_SE3_velo, picture.intrinsics)
+                for label in here
+            ]
             for found in frame.detections:
-                if found.label not in ("car", "truck", "bus") or found.location is None or not boxes:
+                if (
+                    found.label not in ("car", "truck", "bus")
+                    or found.location is None
+                    or not boxes
+                ):
                     continue
                 best = max(range(len(boxes)), key=lambda i: _overlap(found.box, boxes[i]))
                 centre = transform(camera_SE3_velo, here[best].centres[frame.index])
-                if _overlap(found.box, boxes[best]) >= 0.5 and np.hypot(centre[0], centre[2]) < 30.0:
+                if (
+                    _overlap(found.box, boxes[best]) >= 0.5
+                    and np.hypot(centre[0], centre[2]) < 30.0
+                ):
                     placed = transform(inverse(picture.world_SE3_camera), found.location)
                     errors_m.append(float(np.hypot(placed[0] - centre[0], placed[2] - centre[2])))
     median_m, p90_m = np.percentile(errors_m, [50, 90])
-    print(f"{len(errors_m)} detections of parked vehicles: median error {median_m:.2f} m, 90 % below {p90_m:.2f} m")
+    print(
+        f"{len(errors_m)} detections of parked vehicles: median error {median_m:.2f} m, 90 % below {p90_m:.2f} m"
+    )
     assert len(errors_m) > 400
     assert median_m < 0.75
     assert p90_m < 2.5
@@ -274,7 +351,9 @@ def _box_of(corners, camera_SE3_velo, intrinsics):
     pixels = project(intrinsics, transform(camera_SE3_velo, corners))
     if np.isnan(pixels).any():
         return (0.0, 0.0, 0.0, 0.0)
-    return tuple(np.clip([*pixels.min(axis=0), *pixels.max(axis=0)], 0, [1242, 375, 1242, 375]).tolist())
+    return tuple(
+        np.clip([*pixels.min(axis=0), *pixels.max(axis=0)], 0, [1242, 375, 1242, 375]).tolist()
+    )
 
 
 def _overlap(a, b):

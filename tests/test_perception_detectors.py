@@ -48,7 +48,9 @@ class Conformance:
         assert detector.detect(self.picture()) == []
 
     def test_boxes_are_in_pixels_of_the_picture(self, detector):
-        small, large = (detector.detect(self.picture((20, 12), scale=scale))[0].box for scale in (1, 2))
+        small, large = (
+            detector.detect(self.picture((20, 12), scale=scale))[0].box for scale in (1, 2)
+        )
         assert large == pytest.approx([2 * value for value in small], abs=0.1)
 
     def test_boxes_end_at_the_border(self, detector):
@@ -75,7 +77,9 @@ class Conformance:
     def test_more_threads_find_the_same(self, detector, tmp_path):
         threaded = make_detector(self.name, self.network(tmp_path), self.size, 0.05, threads=2)
         image = self.picture((20, 12))
-        assert threaded.detect(image)[0].box == pytest.approx(detector.detect(image)[0].box, abs=0.01)
+        assert threaded.detect(image)[0].box == pytest.approx(
+            detector.detect(image)[0].box, abs=0.01
+        )
 
     def test_several_pictures_at_a_time_give_the_same(self, detector, tmp_path):
         """Three at a time, and two of three."""
@@ -86,9 +90,14 @@ class Conformance:
             outputs = together.infer_many(blobs[:count])
             assert len(outputs) == count
             for image, output, scale in zip(images, outputs, scales, strict=False):
-                found, alone = together.found(output, scale, image.shape[1::-1]), detector.detect(image)
+                found, alone = (
+                    together.found(output, scale, image.shape[1::-1]),
+                    detector.detect(image),
+                )
                 assert [one.label for one in found] == [one.label for one in alone]
-                assert [one.box for one in found] == [pytest.approx(one.box, abs=0.01) for one in alone]
+                assert [one.box for one in found] == [
+                    pytest.approx(one.box, abs=0.01) for one in alone
+                ]
 
     @pytest.mark.parametrize("size", [(640, 100), (0, 0), (-32, 32)])
     def test_an_impossible_size_is_refused(self, tmp_path, size):
@@ -96,7 +105,11 @@ class Conformance:
             make_detector(self.name, self.network(tmp_path), size)
 
     def test_the_weights_of_another_network_are_refused(self, tmp_path):
-        others = [kind.network(kind(), tmp_path) for kind in Conformance.__subclasses__() if kind.layout != self.layout]
+        others = [
+            kind.network(kind(), tmp_path)
+            for kind in Conformance.__subclasses__()
+            if kind.layout != self.layout
+        ]
         for path in others:
             with pytest.raises(UserError, match=rf"{path.name}: ") as error:
                 make_detector(self.name, path, self.size)
@@ -142,7 +155,9 @@ class TestYolov8(Conformance):
         return make_yolov8(folder / "yolov8.onnx")
 
     def test_the_file_says_its_size_and_classes(self, tmp_path):
-        detector = make_detector("yolov8", make_yolov8(tmp_path / "own.onnx", labels=("person", "car", "wheel")))
+        detector = make_detector(
+            "yolov8", make_yolov8(tmp_path / "own.onnx", labels=("person", "car", "wheel"))
+        )
         assert detector.size == (320, 320)
         assert detector.labels == ("person", "car", "wheel")
 
@@ -152,7 +167,9 @@ class TestYolov8(Conformance):
         with pytest.raises(UserError, match=r"open.onnx: leaves its input's size open"):
             make_detector("yolov8", path)
 
-    @pytest.mark.parametrize("names", ["", "{0: 'car'", "[]", "__import__('os')", "{1: 'car'}", "7"])
+    @pytest.mark.parametrize(
+        "names", ["", "{0: 'car'", "[]", "__import__('os')", "{1: 'car'}", "7"]
+    )
     def test_broken_names_are_refused_not_run(self, names):
         with pytest.raises(UserError, match=r"x.onnx: metadata: names"):
             Yolov8.labels_of(Path("x.onnx"), {"names": names})

@@ -27,6 +27,8 @@ def test_rows_are_read_from_the_top_and_bits_from_the_left():
 
 
 def test_a_picture_and_the_same_one_half_as_large_differ_in_few_bits():
-    image = cv2.GaussianBlur(np.random.default_rng(1).integers(0, 256, (376, 1242, 3), dtype=np.uint8), (0, 0), 20)
+    image = cv2.GaussianBlur(
+        np.random.default_rng(1).integers(0, 256, (376, 1242, 3), dtype=np.uint8), (0, 0), 20
+    )
     small = cv2.resize(image, (621, 188), interpolation=cv2.INTER_AREA)
     assert (difference_hash(image) ^ difference_hash(small)).bit_count() <= 4

@@ -24,7 +24,9 @@ PLACE = (20.0, 0.0, 0.0)
 
 def frame(*detections, index=0, camera="02"):
     pose = CameraPose(0.0, 0.0, 0.0, 0.0)
-    return TraceFrame(camera, index, index * 10**8, 1242, 375, 1, "", 0, pose, 1.4, tuple(detections))
+    return TraceFrame(
+        camera, index, index * 10**8, 1242, 375, 1, "", 0, pose, 1.4, tuple(detections)
+    )
 
 
 def car(score, box=BOX, location=PLACE, label="car", method="scan"):
@@ -50,7 +52,9 @@ def test_a_perfect_detector_has_precision_one():
 def test_average_precision_of_a_list_worked_by_hand():
     """Right, wrong, right, with two labels: precision 1 at recall 1/2, 2/3 at recall 1."""
     wrong = (700.0, 100.0, 800.0, 160.0)
-    e = judged([frame(car(0.9), car(0.6, wrong), car(0.4, ELSEWHERE))], {0: [label(), label(ELSEWHERE)]})
+    e = judged(
+        [frame(car(0.9), car(0.6, wrong), car(0.4, ELSEWHERE))], {0: [label(), label(ELSEWHERE)]}
+    )
     assert e.groups["vehicles"].average_precision() == pytest.approx(0.5 * 1 + 0.5 * 2 / 3)
 
 
@@ -69,7 +73,10 @@ def test_a_detection_belongs_to_the_label_it_overlaps_best():
     ("detection", "ignored"),
     [
         (car(0.9), label(counts=False)),  # hidden or cut off
-        (car(0.9), Labelled(-1, "anything", (0.0, 0.0, 300.0, 300.0), False, None)),  # inside a DontCare area
+        (
+            car(0.9),
+            Labelled(-1, "anything", (0.0, 0.0, 300.0, 300.0), False, None),
+        ),  # inside a DontCare area
         (car(0.9, (100.0, 100.0, 140.0, 124.0)), None),  # too small to count
     ],
 )
@@ -80,7 +87,9 @@ def test_what_is_ignored_is_neither_right_nor_wrong(detection, ignored):
 
 def test_groups_are_judged_apart_and_signs_not_at_all():
     person = label(group="persons")
-    e = judged([frame(car(0.9), car(0.8, label="person"), car(0.7, label="stop sign"))], {0: [person]})
+    e = judged(
+        [frame(car(0.9), car(0.8, label="person"), car(0.7, label="stop sign"))], {0: [person]}
+    )
     assert [one.label for one in e.groups["vehicles"].judged] == [None]
     assert [one.label for one in e.groups["persons"].judged] == [person]
 
@@ -103,13 +112,17 @@ def test_location_error_is_taken_in_the_ground_plane():
 
 
 def test_a_steady_vehicle_stays_where_it_is_and_another_does_not():
-    frames = [frame(car(0.9), car(0.8, ELSEWHERE, (20.0, i % 2 * 3.0, 0.0)), index=i) for i in range(6)]
+    frames = [
+        frame(car(0.9), car(0.8, ELSEWHERE, (20.0, i % 2 * 3.0, 0.0)), index=i) for i in range(6)
+    ]
     e = judged(frames, {i: [label(), label(ELSEWHERE, track=2)] for i in range(6)})
     steady, unsteady = e.steadiness()
     assert (steady.radius_m, steady.label_radius_m) == (0.0, 0.0)
     assert unsteady.radius_m == pytest.approx(1.5)
     assert "Of 2 parked vehicles seen 5 times or more within 30 m, 1 stay within 1 m" in table(e)
-    driving = judged(frames, {i: [label(), label(ELSEWHERE, track=2)] for i in range(6)}, moving=(2,))
+    driving = judged(
+        frames, {i: [label(), label(ELSEWHERE, track=2)] for i in range(6)}, moving=(2,)
+    )
     assert [one.track for one in driving.steadiness()] == [1]
 
 
@@ -124,7 +137,10 @@ def test_an_empty_trace_is_judged_too():
     assert math.isnan(e.groups["vehicles"].average_precision())
     text = table(e)
     assert "| vehicles (IoU 0.5) | 0 | - | - | - | - |" in text
-    assert "No labels of vehicles or persons count in these pictures: what was missed is unknown." in text
+    assert (
+        "No labels of vehicles or persons count in these pictures: what was missed is unknown."
+        in text
+    )
     assert "nan" not in text
 
 
@@ -157,13 +173,17 @@ def test_tracklets_are_seen_where_they_stand(tmp_path):
     )
     poses = "".join(pose.format(20 - index) for index in range(3))
     item = f"<objectType>Car</objectType><h>1.5</h><w>2</w><l>4</l><first_frame>0</first_frame><poses>{poses}</poses>"
-    (folder / "tracklet_labels.xml").write_text(f"<b><tracklets><item>{item}</item></tracklets></b>")
+    (folder / "tracklet_labels.xml").write_text(
+        f"<b><tracklets><item>{item}</item></tracklets></b>"
+    )
     frames = tuple(replace(frame(index=i), width=640, height=192) for i in range(3))
     trace = Trace("made up", (49.0112, 8.4228, 112.8), {"02": frames}, {})
     truth = read_truth(tmp_path, f"{DATE}/0005", trace)
     for index in range(3):
         (one,) = truth.pictures["02", index]
-        half = 720 * 1.0 / (18 - index)  # focal length times half a width over the distance of its near end
+        half = (
+            720 * 1.0 / (18 - index)
+        )  # focal length times half a width over the distance of its near end
         assert one.box == pytest.approx((320 - half, 96, 320 + half, 96 + 1.5 * half), abs=0.5)
         assert one.centre == pytest.approx((20.0, 0.0, -0.75), abs=0.02)
         assert one.counts

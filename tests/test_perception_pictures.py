@@ -27,9 +27,19 @@ def street(tmp_path):
     pose = "".join(f"<{name}>{value}</{name}>" for name, value in values.items())
     poses = f"<item><tx>17</tx>{pose}</item>" * 3
     item = f"<objectType>Car</objectType><h>1</h><w>1.8</w><l>4</l><first_frame>0</first_frame><poses>{poses}</poses>"
-    (folder / "tracklet_labels.xml").write_text(f"<b><tracklets><item>{item}</item></tracklets></b>")
+    (folder / "tracklet_labels.xml").write_text(
+        f"<b><tracklets><item>{item}</item></tracklets></b>"
+    )
     make_network(tmp_path / "yolox_nano.onnx")
-    return ("perceive", "--kitti", "kitti", "--drive", f"{DATE}/0005", "--weights", "yolox_nano.onnx")
+    return (
+        "perceive",
+        "--kitti",
+        "kitti",
+        "--drive",
+        f"{DATE}/0005",
+        "--weights",
+        "yolox_nano.onnx",
+    )
 
 
 def test_a_trace_is_the_same_with_and_without_its_evaluation(street, run_cli, tmp_path):
@@ -50,21 +60,35 @@ def test_pictures_and_a_video_are_drawn(street, run_cli, tmp_path):
     assert picture.shape[0] == HEIGHT + PANEL_PX
     blue_box = (picture[:HEIGHT] == (178, 114, 0)).all(axis=2)
     assert blue_box[80:120, 280:290].any(), "the car's box is drawn in the picture"
-    assert (picture[HEIGHT:] == (178, 114, 0)).all(axis=2).any(), "the car is in the bird's-eye view"
+    assert (picture[HEIGHT:] == (178, 114, 0)).all(axis=2).any(), (
+        "the car is in the bird's-eye view"
+    )
     video = cv2.VideoCapture(str(tmp_path / "drive.mp4"))
     assert int(video.get(cv2.CAP_PROP_FRAME_COUNT)) == 3
 
 
 def test_origin_and_missing_scans(street, run_cli, tmp_path):
-    (tmp_path / "kitti" / DATE / f"{DATE}_drive_0005_sync" / "velodyne_points" / "data" / "0000000001.bin").unlink()
+    (
+        tmp_path
+        / "kitti"
+        / DATE
+        / f"{DATE}_drive_0005_sync"
+        / "velodyne_points"
+        / "data"
+        / "0000000001.bin"
+    ).unlink()
     refused = run_cli(*street, "--out", "x.parquet")
     assert refused.returncode == 1
     assert "0000000001.bin: missing" in refused.stderr
-    done = run_cli(*street, "--out", "x.parquet", "--allow-missing-scans", "--origin", "49.0,8.4,100")
+    done = run_cli(
+        *street, "--out", "x.parquet", "--allow-missing-scans", "--origin", "49.0,8.4,100"
+    )
     assert done.returncode == 0, done.stderr
     trace = read_trace(tmp_path / "x.parquet")
     assert trace.origin == (49.0, 8.4, 100.0)
-    assert trace.frames["02"][0].pose.north_m == pytest.approx(1245, rel=0.01)  # 0.0112 degrees of latitude
+    assert trace.frames["02"][0].pose.north_m == pytest.approx(
+        1245, rel=0.01
+    )  # 0.0112 degrees of latitude
 
 
 @pytest.mark.parametrize(

@@ -32,7 +32,9 @@ def test_the_law_that_made_the_times_is_found_again(loc, sigma):
     assert fitted.median_ns == pytest.approx(65e6, rel=0.01)
     for z in (-2.0, -1.0, 1.0, 2.0):
         wanted = loc + (1 - loc) * math.exp(sigma * z)
-        assert fitted.loc + (1 - fitted.loc) * math.exp(fitted.sigma * z) == pytest.approx(wanted, rel=0.02)
+        assert fitted.loc + (1 - fitted.loc) * math.exp(fitted.sigma * z) == pytest.approx(
+            wanted, rel=0.02
+        )
     assert fitted.gap < 0.03
 
 
@@ -110,4 +112,6 @@ def test_what_is_no_latency_is_named(tmp_path, text, message):
 
 
 def test_one_source_of_latencies_is_asked_for(run_cli):
-    assert run_cli("profile", "--out", "x.yaml").stderr.startswith("genie-sim: profile: give either --detector")
+    assert run_cli("profile", "--out", "x.yaml").stderr.startswith(
+        "genie-sim: profile: give either --detector"
+    )

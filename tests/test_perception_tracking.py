@@ -35,7 +35,9 @@ def root(tmp_path):
     (tmp_path / "training/calib/0003.txt").write_text(CALIBRATION)
     label = "{} 7 Car 0 0 -1.5 500 170 600 230 1.5 1.6 3.9 -2.0 1.6 20.0 -1.6\n"
     (tmp_path / "training/label_02/0003.txt").write_text("".join(map(label.format, range(3))))
-    cars = "".join(CAR.format(frame=frame, logit=logit) for frame, logit in ((0, 8.0), (2, 3.1), (2, -0.5)))
+    cars = "".join(
+        CAR.format(frame=frame, logit=logit) for frame, logit in ((0, 8.0), (2, 3.1), (2, -0.5))
+    )
     (tmp_path / "detections/pointrcnn_Car/0003.txt").write_text(cars)
     (tmp_path / "detections/pointrcnn_Pedestrian/0003.txt").write_text("")
     (tmp_path / "detections/rrc_Car/0003.txt").write_text("1,500.0,170.0,600.0,230.0,0.9\n")
@@ -51,8 +53,14 @@ def test_a_sequence_becomes_a_trace(root):
     assert (car.label, car.method) == ("car", "scan")
     assert car.location == pytest.approx((20.0, 2.0, -1.6 + 0.75), abs=0.01)
     assert second.detections == ()
-    assert [d.score for d in third.detections] == [pytest.approx(0.5255, abs=1e-3)]  # the weak one is left out
-    assert len({frame.digest for frame in trace.frames["02"]}) == len({f.dhash for f in trace.frames["02"]}) == 3
+    assert [d.score for d in third.detections] == [
+        pytest.approx(0.5255, abs=1e-3)
+    ]  # the weak one is left out
+    assert (
+        len({frame.digest for frame in trace.frames["02"]})
+        == len({f.dhash for f in trace.frames["02"]})
+        == 3
+    )
 
 
 def test_labels_and_detections_share_a_world(root):
@@ -64,11 +72,17 @@ def test_labels_and_detections_share_a_world(root):
     assert truth.moving == frozenset()
 
 
-@pytest.mark.parametrize(("speed_mps", "moves"), [(0.8 * MOVING_MPS, False), (1.2 * MOVING_MPS, True), (-9.0, True)])
+@pytest.mark.parametrize(
+    ("speed_mps", "moves"), [(0.8 * MOVING_MPS, False), (1.2 * MOVING_MPS, True), (-9.0, True)]
+)
 def test_who_leaves_the_first_place_fast_enough_moves(root, speed_mps, moves):
     """The labels of three frames, 0.1 s apart; the second track stands."""
     label = "{} {} Car 0 0 -1.5 500 170 600 230 1.5 1.6 3.9 -2.0 1.6 {} -1.6\n"
-    lines = [label.format(i, track, 20.0 + i * 0.1 * v) for i in range(3) for track, v in ((7, speed_mps), (8, 0.0))]
+    lines = [
+        label.format(i, track, 20.0 + i * 0.1 * v)
+        for i in range(3)
+        for track, v in ((7, speed_mps), (8, 0.0))
+    ]
     (root / "training/label_02/0003.txt").write_text("".join(lines))
     trace = tracking_trace(root, "0003")
     assert read_truth(root.parent, "tracking/0003", trace).moving == ({7} if moves else set())
@@ -95,13 +109,19 @@ def test_boxes_in_pictures_are_placed_by_the_ground(root):
 
 def test_scores_rise_with_the_logit_and_stay_in_0_to_1(root):
     path = root / "detections/pointrcnn_Car/0003.txt"
-    path.write_text("".join(CAR.format(frame=0, logit=logit) for logit in (-900, -0.85, 0, 3, 15.6, 900)))
-    scores = [d.score for d in tracking_trace(root, "0003", min_score=0.0).frames["02"][0].detections]
+    path.write_text(
+        "".join(CAR.format(frame=0, logit=logit) for logit in (-900, -0.85, 0, 3, 15.6, 900))
+    )
+    scores = [
+        d.score for d in tracking_trace(root, "0003", min_score=0.0).frames["02"][0].detections
+    ]
     assert scores == sorted(scores, reverse=True)
     assert scores[0] == 1.0
     assert scores[-1] == 0.0
     a, b = POINTRCNN_SCORES["car"]
-    assert scores[3] == pytest.approx(1 / (1 + math.exp(-b)), abs=1e-4)  # the fourth best has logit 0
+    assert scores[3] == pytest.approx(
+        1 / (1 + math.exp(-b)), abs=1e-4
+    )  # the fourth best has logit 0
     assert a > 0
 
 
@@ -109,19 +129,43 @@ def test_scores_rise_with_the_logit_and_stay_in_0_to_1(root):
     ("file", "content", "message"),
     [
         ("detections/pointrcnn_Car/0003.txt", "0,2,1,2\n", "line 1: 4 fields, expected 15"),
-        ("detections/pointrcnn_Car/0003.txt", CAR.format(frame=3, logit=1), "frame 3 has no line in oxts"),
+        (
+            "detections/pointrcnn_Car/0003.txt",
+            CAR.format(frame=3, logit=1),
+            "frame 3 has no line in oxts",
+        ),
         ("detections/pointrcnn_Car/0003.txt", CAR.format(frame=0, logit="nan"), "line 1"),
-        ("detections/pointrcnn_Car/0003.txt", CAR.format(frame=0.5, logit=1), "0.5 is no frame number"),
+        (
+            "detections/pointrcnn_Car/0003.txt",
+            CAR.format(frame=0.5, logit=1),
+            "0.5 is no frame number",
+        ),
         ("detections/rrc_Car/0003.txt", "0,9,9,1,1,0.5\n", "ends before it begins"),
         ("detections/rrc_Car/0003.txt", "0,1,1,9,9,7.5\n", "score 7.5 is not between 0 and 1"),
         ("training/oxts/0003.txt", "", "the file is empty"),
         ("training/oxts/0003.txt", "1 2 3\n", "line 1: 3 fields"),
-        ("training/oxts/0003.txt", OXTS + "\n91.0" + OXTS[4:], "packet 2: value 1 is 91, out of range"),
-        ("training/oxts/0003.txt", OXTS + "\n1e308 " + OXTS[5:], "line 2: a number is not finite, or too large"),
+        (
+            "training/oxts/0003.txt",
+            OXTS + "\n91.0" + OXTS[4:],
+            "packet 2: value 1 is 91, out of range",
+        ),
+        (
+            "training/oxts/0003.txt",
+            OXTS + "\n1e308 " + OXTS[5:],
+            "line 2: a number is not finite, or too large",
+        ),
         ("training/calib/0003.txt", CALIBRATION.replace("172.854", "1e308"), "can be inverted"),
         ("training/calib/0003.txt", CALIBRATION.replace("P2", "P9"), "P2 is missing"),
-        ("training/calib/0003.txt", CALIBRATION.replace("721.5377", "500"), "focal length of 500 pixels: put one"),
-        ("training/calib/0003.txt", CALIBRATION.replace("0 -1 0 0 0 0 -1 0 1 0 0 0", "0 " * 12), "can be inverted"),
+        (
+            "training/calib/0003.txt",
+            CALIBRATION.replace("721.5377", "500"),
+            "focal length of 500 pixels: put one",
+        ),
+        (
+            "training/calib/0003.txt",
+            CALIBRATION.replace("0 -1 0 0 0 0 -1 0 1 0 0 0", "0 " * 12),
+            "can be inverted",
+        ),
     ],
 )
 def test_broken_files_are_named(root, file, content, message):
@@ -154,7 +198,13 @@ def test_the_size_of_other_pictures_is_that_of_the_first(root):
 
 
 @pytest.mark.parametrize(
-    "line", ["0 1 Car", "0 1 Car 0 0 0 a b c d 1 1 1 1 1 1 1", "9 1 Car" + " 0" * 14, "0 1 Car" + " inf" * 14]
+    "line",
+    [
+        "0 1 Car",
+        "0 1 Car 0 0 0 a b c d 1 1 1 1 1 1 1",
+        "9 1 Car" + " 0" * 14,
+        "0 1 Car" + " inf" * 14,
+    ],
 )
 def test_broken_labels_are_named(root, line):
     path = root / "training/label_02/0003.txt"
@@ -166,7 +216,9 @@ def test_broken_labels_are_named(root, line):
 def test_unknown_names_list_the_known(root):
     with pytest.raises(UserError, match=r"unknown tracking sequence '0004'.*known: 0003"):
         tracking_trace(root, "0004")
-    with pytest.raises(UserError, match=r"unknown published detector 'yolox_nano'.*known: pointrcnn, rrc"):
+    with pytest.raises(
+        UserError, match=r"unknown published detector 'yolox_nano'.*known: pointrcnn, rrc"
+    ):
         tracking_trace(root, "0003", "yolox_nano")
 
 
@@ -177,7 +229,9 @@ def test_a_labelled_box_in_space_is_where_the_label_says_it_is_in_the_picture(ki
     inside = []
     for sequence in sequences(kitti_root / "tracking" / "training"):
         drive = open_sequence(training, sequence)
-        for label in tracking_labels(training / "label_02" / f"{sequence}.txt", len(drive.world_SE3_camera0)):
+        for label in tracking_labels(
+            training / "label_02" / f"{sequence}.txt", len(drive.world_SE3_camera0)
+        ):
             if label.kind == "Car" and label.truncation == 0:
                 world = transform(drive.world_SE3_camera0[label.frame], label.centre)
                 in_camera = transform(inverse(drive.world_SE3_camera2(label.frame)), world)
@@ -195,17 +249,25 @@ def test_a_labelled_parked_car_has_one_place_in_the_world(kitti_root):
     themselves (sequence 0019 by more); a wrong transform moves centres by metres to tens of metres."""
     wander_m = []
     for sequence in sequences(kitti_root / "tracking" / "training"):
-        truth = read_truth(kitti_root, f"tracking/{sequence}", tracking_trace(kitti_root / "tracking", sequence))
+        truth = read_truth(
+            kitti_root, f"tracking/{sequence}", tracking_trace(kitti_root / "tracking", sequence)
+        )
         parked: dict[int, list[tuple[float, ...]]] = {}
         for label in itertools.chain.from_iterable(truth.pictures.values()):
-            if label.group == "vehicles" and label.centre is not None and label.track not in truth.moving:
+            if (
+                label.group == "vehicles"
+                and label.centre is not None
+                and label.track not in truth.moving
+            ):
                 parked.setdefault(label.track, []).append(label.centre)
         for centres in map(np.array, parked.values()):
             if len(centres) >= 10:
                 offsets = centres - np.median(centres, axis=0)
                 wander_m.append(float(np.hypot(*offsets[:, :2].T).max()))
     median_m, p90_m = np.percentile(wander_m, [50, 90])
-    print(f"{len(wander_m)} parked vehicles: farthest from their median place {median_m:.2f} m, p90 {p90_m:.2f} m")
+    print(
+        f"{len(wander_m)} parked vehicles: farthest from their median place {median_m:.2f} m, p90 {p90_m:.2f} m"
+    )
     assert len(wander_m) > 200
     assert median_m < 0.4
     assert p90_m < 1.0
@@ -219,7 +281,9 @@ def test_both_layouts_of_drive_0005_are_one_world(kitti_root):
     raw = open_drive(kitti_root, "2011_09_26/0005", ["02"])
     sequence = open_sequence(kitti_root / "tracking" / "training", "0000", raw.origin)
     for frame in raw.frames["02"]:
-        assert sequence.world_SE3_camera2(frame.index) == pytest.approx(frame.world_SE3_camera, abs=0.02)
+        assert sequence.world_SE3_camera2(frame.index) == pytest.approx(
+            frame.world_SE3_camera, abs=0.02
+        )
 
 
 @pytest.mark.real_data

@@ -13,7 +13,13 @@ from genie_sim.sim.station import OBJECTS
 
 EDGES = [{"name": f"edge{i}", "device": "agx_xavier"} for i in (1, 2)]
 SEEING = {"name": "car1", "device": "jetson_tx2", "edge": "edge1"}
-BLIND = {"name": "car2", "device": "jetson_tx2", "edge": "edge2", "cameras": False, "route": {"start": "2 s"}}
+BLIND = {
+    "name": "car2",
+    "device": "jetson_tx2",
+    "edge": "edge2",
+    "cameras": False,
+    "route": {"start": "2 s"},
+}
 
 
 def drive(*cars, method="genie"):
@@ -79,10 +85,22 @@ def test_the_shipped_case_study_can_be_read():
 @pytest.mark.parametrize(
     ("car", "genie", "message"),
     [
-        ({**BLIND, "edge": "edge1"}, {}, r"cars\[1\].edge: serves car1's cameras; a car without needs one of its own"),
+        (
+            {**BLIND, "edge": "edge1"},
+            {},
+            r"cars\[1\].edge: serves car1's cameras; a car without needs one of its own",
+        ),
         ({**BLIND, "edge": None}, {}, r"cars\[1\].cameras: a car without cameras needs an 'edge'"),
-        ({**BLIND, "genie": False}, {}, r"cars\[1\].cameras: a car without cameras needs an 'edge' and 'genie: true'"),
-        (BLIND, {"similarity": "exact"}, r"cars\[1\].cameras: a car without cameras has only its position"),
+        (
+            {**BLIND, "genie": False},
+            {},
+            r"cars\[1\].cameras: a car without cameras needs an 'edge' and 'genie: true'",
+        ),
+        (
+            BLIND,
+            {"similarity": "exact"},
+            r"cars\[1\].cameras: a car without cameras has only its position",
+        ),
     ],
 )
 def test_a_car_without_cameras_needs_somebody_to_ask(car, genie, message):
@@ -92,7 +110,9 @@ def test_a_car_without_cameras_needs_somebody_to_ask(car, genie, message):
 
 def test_the_phantom_on_the_edge_is_an_edges_genie():
     genie = {"car_capacity": "3 entries", "capacity": "1000 entries", "share_requests": False}
-    setting = read_scenario({"name": "case", "edges": EDGES, "cars": [SEEING, BLIND], "genie": genie})
+    setting = read_scenario(
+        {"name": "case", "edges": EDGES, "cars": [SEEING, BLIND], "genie": genie}
+    )
     world, tables = build(setting, "genie")
     world.run()
     completed = {one.name: one.completed for one in world.resources}

@@ -34,7 +34,9 @@ def road(slope=0.0):
 
 def board(x, y, width, bottom, top, step=0.1):
     """Points of an upright surface that faces the car, ``x`` metres ahead, around ``y``."""
-    across, up = np.meshgrid(np.arange(y - width / 2, y + width / 2, step), np.arange(bottom, top, step))
+    across, up = np.meshgrid(
+        np.arange(y - width / 2, y + width / 2, step), np.arange(bottom, top, step)
+    )
     return np.column_stack([np.full(across.size, x), across.ravel(), up.ravel()])
 
 
@@ -129,14 +131,18 @@ def test_an_object_is_not_placed_by_the_ground_when_it(label, box, why):
 @given(st.floats(20, 1200), st.floats(150, 300), st.floats(10, 200), st.floats(10, 100))
 def test_the_centre_lies_behind_the_middle_of_the_box(x, y, width, height):
     box = (x, y, x + width, y + height)
-    location, method = Placement(INTRINSICS, SIZE, CAMERA_SE3_VELO, np.concatenate([road(), REAR])).place("car", box)
+    location, method = Placement(
+        INTRINSICS, SIZE, CAMERA_SE3_VELO, np.concatenate([road(), REAR])
+    ).place("car", box)
     if location is None:
         assert method == "none"
     else:
         ahead = ray(INTRINSICS, (x + width / 2, y + height / 2))
         if method == "ground":
             assert np.cross(ahead, location) == pytest.approx((0, 0, 0), abs=1e-6)
-        slope = ahead[1] / math.hypot(ahead[0], ahead[2])  # a fitted vehicle may lie beside the middle of a cut-off box
+        slope = ahead[1] / math.hypot(
+            ahead[0], ahead[2]
+        )  # a fitted vehicle may lie beside the middle of a cut-off box
         assert location[1] == pytest.approx(slope * math.hypot(location[0], location[2]))
         assert location[2] > 0
 
@@ -149,7 +155,11 @@ def test_the_surface_is_among_the_points(ranges_m, ground_m):
 
 def test_the_surface_is_the_near_end_of_a_dense_group():
     """A car seen from the side and the end: 12.0 to 16.0 m; rain or leaves in front of it; the wall behind it."""
-    car_m, stray_m, wall_m = np.linspace(12.0, 16.0, 80), np.linspace(3.0, 3.3, 6), np.linspace(25.0, 25.5, 40)
+    car_m, stray_m, wall_m = (
+        np.linspace(12.0, 16.0, 80),
+        np.linspace(3.0, 3.3, 6),
+        np.linspace(25.0, 25.5, 40),
+    )
     assert nearest(np.concatenate([wall_m, stray_m, car_m]), None) == pytest.approx(12.4, abs=0.05)
 
 
@@ -159,4 +169,6 @@ def test_every_road_label_has_a_depth():
 
 @given(st.lists(st.floats(-100, 100), min_size=1, max_size=60), st.floats(0, 100))
 def test_a_percentile_is_numpy_s(values, percent):
-    assert percentile(np.sort(values), percent) == pytest.approx(float(np.percentile(values, percent)), abs=1e-9)
+    assert percentile(np.sort(values), percent) == pytest.approx(
+        float(np.percentile(values, percent)), abs=1e-9
+    )

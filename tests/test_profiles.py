@@ -16,7 +16,15 @@ from genie_sim.scenario.profiles import DeviceProfile, load_profile
 from genie_sim.seeds import stream
 from genie_sim.sim.service import ServiceTime
 
-SHIPPED = ["jetson_tx2", "agx_xavier", "quadro_rtx_4000", "quadro_rtx_4000_q31", "orin_nano", "agx_orin", "rtx_a4500"]
+SHIPPED = [
+    "jetson_tx2",
+    "agx_xavier",
+    "quadro_rtx_4000",
+    "quadro_rtx_4000_q31",
+    "orin_nano",
+    "agx_orin",
+    "rtx_a4500",
+]
 TABLE_I = {  # milliseconds: Nano, AGX, Orin, A4500
     "yolov8s": (27.60, 21.20, 13.73, 5.50),
     "yolov8m": (60.90, 48.45, 17.50, 7.10),
@@ -55,7 +63,9 @@ def test_all_shipped_profiles_load_and_bear_their_file_name() -> None:
         assert load_profile(name).name == name
 
 
-@pytest.mark.parametrize(("column", "device"), list(enumerate(["orin_nano", "agx_xavier", "agx_orin", "rtx_a4500"])))
+@pytest.mark.parametrize(
+    ("column", "device"), list(enumerate(["orin_nano", "agx_xavier", "agx_orin", "rtx_a4500"]))
+)
 def test_table_i(column: int, device: str) -> None:
     profile = load_profile(device)
     for model, row in TABLE_I.items():
@@ -72,21 +82,27 @@ def test_derived_columns_follow_their_formulas() -> None:
         assert median_ms("jetson_tx2", model) == pytest.approx(agx * 3.34, rel=1e-3)
         floor = a4500 * 1.54 if model == "yolov8s" else 0.0
         assert median_ms("quadro_rtx_4000", model) == pytest.approx(max(agx / 4, floor), rel=1e-3)
-        assert median_ms("quadro_rtx_4000_q31", model) == pytest.approx(max(agx / 3.1, floor), rel=1e-3)
+        assert median_ms("quadro_rtx_4000_q31", model) == pytest.approx(
+            max(agx / 3.1, floor), rel=1e-3
+        )
     avd = "autoware_vision_detector"
     for device, column in (("orin_nano", 0), ("agx_orin", 2), ("rtx_a4500", 3)):
         ratio = TABLE_I["yolov8m"][column] / TABLE_I["yolov8m"][1]  # type: ignore[operator]
         assert median_ms(device, avd) == pytest.approx(65 * ratio, rel=1e-3)
         assert load_profile(device).models[avd].tag == "D"
     for device in SHIPPED:
-        assert median_ms(device, f"{avd}_608") == pytest.approx(median_ms(device, avd) * (608 / 416) ** 2, rel=1e-3)
+        assert median_ms(device, f"{avd}_608") == pytest.approx(
+            median_ms(device, avd) * (608 / 416) ** 2, rel=1e-3
+        )
 
 
 def test_the_evaluation_devices() -> None:
     avd = "autoware_vision_detector"
     assert [median_ms(name, avd) for name in SHIPPED[:3]] == [310, 65, 16.25]
     assert median_ms("agx_xavier", avd) / median_ms("quadro_rtx_4000", avd) == 4.0
-    assert median_ms("agx_xavier", avd) / median_ms("quadro_rtx_4000_q31", avd) == pytest.approx(3.1, rel=1e-3)
+    assert median_ms("agx_xavier", avd) / median_ms("quadro_rtx_4000_q31", avd) == pytest.approx(
+        3.1, rel=1e-3
+    )
 
 
 def test_genie_takes_8_8_ms_on_average_on_every_host() -> None:
@@ -127,7 +143,9 @@ def test_every_number_says_where_it_comes_from() -> None:
         ("agx_xavier", "loaded", None, 65 * 2.24),
     ],
 )
-def test_the_law_has_the_published_tail(device: str, spread: str, p95_ms: float | None, p99_ms: float) -> None:
+def test_the_law_has_the_published_tail(
+    device: str, spread: str, p95_ms: float | None, p99_ms: float
+) -> None:
     """Quantiles of 200,000 samples, seed 1; margin 3 %."""
     law = build.detector_time(load_profile(device), "autoware_vision_detector", spread)
     rng = stream(1, device, spread)
@@ -157,10 +175,13 @@ def test_a_users_own_profile(tmp_path: Path) -> None:
 
 def test_asking_for_what_a_device_cannot_do() -> None:
     nano = load_profile("orin_nano")
-    with pytest.raises(UserError, match=r"^orin_nano: model 'detr_resnet_101_dc5' runs out of memory$"):
+    with pytest.raises(
+        UserError, match=r"^orin_nano: model 'detr_resnet_101_dc5' runs out of memory$"
+    ):
         nano.median_ns("detr_resnet_101_dc5")
     with pytest.raises(
-        UserError, match=r"^orin_nano: unknown model 'yolov9s' \(did you mean 'yolov8s'\?\); known: auto"
+        UserError,
+        match=r"^orin_nano: unknown model 'yolov9s' \(did you mean 'yolov8s'\?\); known: auto",
     ):
         nano.median_ns("yolov9s")
     with pytest.raises(UserError, match=r"^unknown device 'tx2'"):
@@ -179,9 +200,15 @@ TIME = {"median": "1 ms", "tag": "A", "source": "a guess"}
         ),
         ({"coers": 4}, "mine.yaml: coers: unknown field; did you mean 'cores'?"),
         ({"cores": 4}, "mine.yaml: cores: must be a mapping, not 4"),
-        ({"cores": {"value": 0, "tag": "S", "source": "x"}}, "mine.yaml: cores.value: must be at least 1, not 0"),
+        (
+            {"cores": {"value": 0, "tag": "S", "source": "x"}},
+            "mine.yaml: cores.value: must be at least 1, not 0",
+        ),
         ({"cores": {"value": 4, "tag": "S"}}, "mine.yaml: cores.source: missing"),
-        ({"cores": {"value": 4, "tag": "S", "source": ""}}, "mine.yaml: cores.source: must not be empty"),
+        (
+            {"cores": {"value": 4, "tag": "S", "source": ""}},
+            "mine.yaml: cores.source: must not be empty",
+        ),
         (
             {"cores": {"value": 4, "tag": "X", "source": "x"}},
             "mine.yaml: cores.tag: unknown tag 'X'; known: A, D, M, P, S",

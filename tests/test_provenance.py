@@ -58,9 +58,16 @@ def test_whatever_decides_the_outcome_changes_the_run_id(other):
 def test_the_run_id_is_the_same_in_every_process():
     script = "import json, sys; from genie_sim.recording.provenance import run_id; print(run_id(json.load(sys.stdin)))"
     for hash_seed in ("0", "99"):
-        environment = os.environ | {"PYTHONHASHSEED": hash_seed, "PYTHONPATH": os.pathsep.join(sys.path)}
+        environment = os.environ | {
+            "PYTHONHASHSEED": hash_seed,
+            "PYTHONPATH": os.pathsep.join(sys.path),
+        }
         done = subprocess.run(
-            [sys.executable, "-c", script], input=json.dumps(FACTS), env=environment, capture_output=True, text=True
+            [sys.executable, "-c", script],
+            input=json.dumps(FACTS),
+            env=environment,
+            capture_output=True,
+            text=True,
         )
         assert done.stdout.strip() == run_id(FACTS), done.stderr
 
@@ -132,7 +139,10 @@ def test_what_is_no_result_is_never_replaced(tmp_path, monkeypatch, place):
     (tmp_path / "thesis").mkdir()
     (tmp_path / "thesis" / "chapter.txt").write_text("years of work")
     monkeypatch.chdir(tmp_path)
-    with pytest.raises(UserError, match="holds something else than a result"), result_folder(Path(place)):
+    with (
+        pytest.raises(UserError, match="holds something else than a result"),
+        result_folder(Path(place)),
+    ):
         raise AssertionError("nothing is simulated")
     assert everything_in(tmp_path) == ["thesis", "thesis/chapter.txt"]
 
@@ -144,7 +154,10 @@ def test_an_empty_folder_becomes_a_result(tmp_path):
 
 
 def test_a_full_disk_is_one_line_and_no_half_result(tmp_path):
-    with pytest.raises(UserError, match="No space left") as caught, result_folder(tmp_path / "run") as partial:
+    with (
+        pytest.raises(UserError, match="No space left") as caught,
+        result_folder(tmp_path / "run") as partial,
+    ):
         (partial / "frames.parquet").write_text("half")
         raise OSError(28, "No space left on device")
     assert str(tmp_path / "run") in str(caught.value) and "\n" not in str(caught.value)
@@ -167,7 +180,9 @@ def test_a_name_longer_than_the_file_system_allows_is_one_line(tmp_path):
 
 
 @pytest.mark.unix
-@pytest.mark.skipif(hasattr(os, "geteuid") and os.geteuid() == 0, reason="root may write everywhere")
+@pytest.mark.skipif(
+    hasattr(os, "geteuid") and os.geteuid() == 0, reason="root may write everywhere"
+)
 def test_a_folder_without_permission_is_found_before_simulating(tmp_path):
     tmp_path.chmod(0o555)
     try:
@@ -200,7 +215,9 @@ def test_run_json_comes_back_and_anything_else_is_named(tmp_path):
     with pytest.raises(UserError, match=r"no run\.json"):
         provenance.read_run_json(tmp_path / "elsewhere")
     (tmp_path / "run.json").write_text('{"format": 1}')
-    with pytest.raises(UserError, match="made by an older genie-sim: format 1, this one reads 4; run it again"):
+    with pytest.raises(
+        UserError, match="made by an older genie-sim: format 1, this one reads 4; run it again"
+    ):
         provenance.read_run_json(tmp_path)
     for wrong in ("{half", "[]", '{"format": 999}', "[" * 100_000):
         (tmp_path / "run.json").write_text(wrong)
@@ -251,7 +268,10 @@ def killed_process(final: Path, when: str) -> subprocess.Popen[str]:
 
 @pytest.mark.unix
 def test_what_a_killed_process_left_goes_and_what_a_living_one_makes_stays(tmp_path: Path):
-    killed, living = killed_process(tmp_path / "a", "half done"), killed_process(tmp_path / "b", "half done")
+    killed, living = (
+        killed_process(tmp_path / "a", "half done"),
+        killed_process(tmp_path / "b", "half done"),
+    )
     (tmp_path / ".mine.01234567").mkdir()  # no name of ours
     killed.kill()
     killed.wait()
@@ -259,13 +279,19 @@ def test_what_a_killed_process_left_goes_and_what_a_living_one_makes_stays(tmp_p
     write_whole_result(tmp_path / "c")
     left = {name.partition("/")[0] for name in everything_in(tmp_path)}
     assert "c" in left and ".mine.01234567" in left
-    assert [name.startswith(".b.") for name in left - {"c", ".mine.01234567"}] == [True], "it is being made"
+    assert [name.startswith(".b.") for name in left - {"c", ".mine.01234567"}] == [True], (
+        "it is being made"
+    )
     living.communicate("")
-    assert (tmp_path / "b" / "frames.parquet").read_text() == "new" and not list(tmp_path.glob(".b.*"))
+    assert (tmp_path / "b" / "frames.parquet").read_text() == "new" and not list(
+        tmp_path.glob(".b.*")
+    )
 
 
 @pytest.mark.unix
-@pytest.mark.parametrize(("when", "text"), [("before the rename", "earlier"), ("before the earlier goes", "new")])
+@pytest.mark.parametrize(
+    ("when", "text"), [("before the rename", "earlier"), ("before the earlier goes", "new")]
+)
 def test_a_kill_while_a_result_is_replaced_loses_none(tmp_path: Path, when: str, text: str):
     final = tmp_path / "run"
     write_whole_result(final, "earlier")

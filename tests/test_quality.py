@@ -23,7 +23,9 @@ def held(*rows):
     """A table of instants, a second apart: method, what, held, right, moved away, never there, duplicates, then of what
     is visible static and found, moving and found."""
     table = Table(HELD)
-    for place, (method, what, served, right, *ghosts, static, found, moving, seen) in enumerate(rows):
+    for place, (method, what, served, right, *ghosts, static, found, moving, seen) in enumerate(
+        rows
+    ):
         counts = (served, right, *ghosts, 0, static, found, moving, seen)
         table.append((method, what, "car1", place * SECOND, *counts, 3.0 + place, 2.0, 0.5))
     return table.columns()
@@ -56,17 +58,24 @@ def test_without_a_truth_table_there_are_no_numbers():
 
 def test_the_summary_averages_over_scenarios_before_the_seeds():
     name = "ghost_share:genie"
-    runs = {("base", "one"): [{name: 0.2}, {name: 0.4}], ("base", "two"): [{name: 0.6}, {name: 0.8}]}
+    runs = {
+        ("base", "one"): [{name: 0.2}, {name: 0.4}],
+        ("base", "two"): [{name: 0.6}, {name: 0.8}],
+    }
     (row,) = summarise(Evidence(runs), ["one", "two"])
     assert (row["method"], row["name"], row["unit"], row["n"]) == ("genie", "ghost_share", "1", 2)
     assert row["value"] == pytest.approx(0.5)
-    assert (row["low"], row["high"]) == pytest.approx((0.5 - 12.706 * 0.1, 0.5 + 12.706 * 0.1), abs=1e-3)
+    assert (row["low"], row["high"]) == pytest.approx(
+        (0.5 - 12.706 * 0.1, 0.5 + 12.706 * 0.1), abs=1e-3
+    )
 
 
 def test_only_runs_that_are_to_be_judged_are():
     """The shipped trace has a truth table, so that nobody needs KITTI's labels."""
     settings = ("cars[0].route.window=[3 s, 4 s]",)
-    plain, judged = (run_job(Job("1car_homo", 1, settings, judged=wanted)).facts for wanted in (False, True))
+    plain, judged = (
+        run_job(Job("1car_homo", 1, settings, judged=wanted)).facts for wanted in (False, True)
+    )
     assert not any("ghost" in name for name in plain)
     assert judged.keys() - plain.keys() == {f"{name}:{by}" for name in UNITS for by in JUDGED}
     assert all(judged[name] == value or math.isnan(value) for name, value in plain.items())
@@ -82,7 +91,12 @@ def test_tracklets_and_tracking_labels_tell_of_the_same_street(kitti_root):
         seen = {}
         for (camera, _), here in truth.pictures.items():
             for one in here:
-                if camera == "02" and one.group == "vehicles" and one.centre and one.track not in truth.moving:
+                if (
+                    camera == "02"
+                    and one.group == "vehicles"
+                    and one.centre
+                    and one.track not in truth.moving
+                ):
                     seen.setdefault(one.track, []).append(one.centre)
         places.append([np.mean(centres, axis=0) for centres in seen.values()])
     assert len(places[0]) == 10

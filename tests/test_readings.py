@@ -39,12 +39,18 @@ def test_a_reading_gives_its_reasons_and_what_was_known_of_outcomes(name):
 def test_the_default_means_what_the_facts_mean_and_defines_every_metric():
     default = load_reading("default")
     assert list(default.definitions) == list(DEFINITIONS)
-    assert all(DEFINITIONS[metric][definition] == () for metric, definition in default.definitions.items())
+    assert all(
+        DEFINITIONS[metric][definition] == () for metric, definition in default.definitions.items()
+    )
     assert default.settings(FITTED) == ("overlap=0.35", "gate_m=0.25")
 
 
 def test_two_passes_is_the_default_with_one_change():
-    assert load_reading("two_passes").settings(FITTED) == ("overlap=0.35", "gate_m=0.25", "genie.passes=2")
+    assert load_reading("two_passes").settings(FITTED) == (
+        "overlap=0.35",
+        "gate_m=0.25",
+        "genie.passes=2",
+    )
     assert load_reading("two_passes").definitions == {}
     shown = load_reading("two_passes").as_json()["metrics"]
     assert shown == load_reading("default").as_json()["metrics"]
@@ -52,7 +58,9 @@ def test_two_passes_is_the_default_with_one_change():
 
 def test_bench_fits_nothing_and_means_something_else_by_every_metric():
     bench = load_reading("bench")
-    assert bench.fitted == () and not any(one.startswith(("overlap", "gate")) for one in bench.settings(FITTED))
+    assert bench.fitted == () and not any(
+        one.startswith(("overlap", "gate")) for one in bench.settings(FITTED)
+    )
     assert bench.definitions == {
         "time": "stamp", "image_reuse": "all_requests", "error_bars": "running", "boost": "per_object"
     }  # fmt: skip
@@ -84,7 +92,9 @@ def test_a_reading_with_a_slip_is_one_line_with_file_field_and_choices(tmp_path,
 
 
 def test_an_unknown_reading_is_answered_with_the_known_ones():
-    with pytest.raises(UserError, match=r"unknown reading 'bnch' \(did you mean 'bench'\?\); known: bench, default"):
+    with pytest.raises(
+        UserError, match=r"unknown reading 'bnch' \(did you mean 'bench'\?\); known: bench, default"
+    ):
         load_readings("bnch")
 
 
@@ -93,11 +103,21 @@ def test_an_unknown_reading_is_answered_with_the_known_ones():
     [
         ("time", "stamp", "first_answer_mean:genie", "first_answer_mean_from_stamp:genie"),
         ("time", "stamp", "first_answer_p99:genie:car2", "first_answer_p99_from_stamp:genie:car2"),
-        ("time", "stamp", "fresh_under_deadline_share:local", "fresh_under_deadline_share_from_stamp:local"),
+        (
+            "time",
+            "stamp",
+            "fresh_under_deadline_share:local",
+            "fresh_under_deadline_share_from_stamp:local",
+        ),
         ("time", "stamp", "late_fresh_share:genie", "late_fresh_share:genie"),
         ("time", "stamp", "fresh_answer_throughput:genie", "fresh_answer_throughput:genie"),
         ("image_reuse", "all_requests", "image_reuse:edge", "image_reuse_with_neighbours:edge"),
-        ("image_reuse", "all_requests", "image_reuse_with_neighbours:edge", "image_reuse_with_neighbours:edge"),
+        (
+            "image_reuse",
+            "all_requests",
+            "image_reuse_with_neighbours:edge",
+            "image_reuse_with_neighbours:edge",
+        ),
         ("error_bars", "running", "object_reuse_high:car", "object_reuse_highest_running:car"),
         ("error_bars", "running", "object_reuse:car", "object_reuse:car"),
         ("error_bars", "running", "image_peak_at:car", "image_running_peak_at:car"),
@@ -115,7 +135,9 @@ def test_two_definitions_of_one_fact_go_together():
 
 
 def test_evidence_under_a_definition_has_that_definition_s_values_after_resampling_too():
-    facts = [{"confidence_boost:car": 0.1, "boost_per_object:car": float(seed)} for seed in (1, 2, 3)]
+    facts = [
+        {"confidence_boost:car": 0.1, "boost_per_object:car": float(seed)} for seed in (1, 2, 3)
+    ]
     evidence = Evidence({("base", "1car_homo"): facts}, {"boost": "per_object"})
     assert evidence.of("1car_homo", "confidence_boost:car").tolist() == [1, 2, 3]
     assert evidence.resampled([2, 0]).of("1car_homo", "confidence_boost:car").tolist() == [3, 1]
@@ -146,9 +168,17 @@ def test_the_running_ratio_is_hits_so_far_over_requests_so_far_of_each_genie():
 
 def test_a_run_s_facts_have_every_definition():
     """Made up: every picture waits 3 ms for its first node."""
-    tables = [made_up_run.frames(cars=1, seconds=3), made_up_run.lookups(cars=1), made_up_run.resources(cars=1)]
+    tables = [
+        made_up_run.frames(cars=1, seconds=3),
+        made_up_run.lookups(cars=1),
+        made_up_run.resources(cars=1),
+    ]
     facts = facts_of(*(table.columns() for table in tables))
-    for name in ("first_answer_mean:genie", "first_answer_p10:local", "first_answer_p99:remote:car1"):
+    for name in (
+        "first_answer_mean:genie",
+        "first_answer_p10:local",
+        "first_answer_p99:remote:car1",
+    ):
         assert facts[fact(name, {"time": "stamp"})] == pytest.approx(facts[name] + 3)
     assert facts["under_deadline_share_from_stamp:remote"] <= facts["under_deadline_share:remote"]
     for metric, definitions in DEFINITIONS.items():
@@ -195,12 +225,18 @@ def of(claim, shown):
 
 
 def test_where_nothing_was_fitted_the_two_numbers_are_predictions():
-    assert (of("C11", DEFAULT)["kind"], of("C11", DEFAULT)["verdict"]) == ("calibrated", "calibrated")
+    assert (of("C11", DEFAULT)["kind"], of("C11", DEFAULT)["verdict"]) == (
+        "calibrated",
+        "calibrated",
+    )
     assert (of("C11", BENCH)["kind"], of("C11", BENCH)["verdict"]) == ("prediction", "reproduced")
 
 
 def test_a_reading_is_judged_by_its_own_metrics_and_by_the_default_s():
-    assert of("C26", DEFAULT)["verdict"] == "not reproduced" and of("C26", DEFAULT)["by_default_metrics"] is None
+    assert (
+        of("C26", DEFAULT)["verdict"] == "not reproduced"
+        and of("C26", DEFAULT)["by_default_metrics"] is None
+    )
     assert of("C26", BENCH)["verdict"] == "reproduced"
     assert of("C26", BENCH)["by_default_metrics"]["verdict"] == "not reproduced"
     assert of("C26", BENCH)["by_default_metrics"]["value"] == pytest.approx(-0.1)
@@ -220,10 +256,19 @@ def test_counts_tell_kinds_and_readings_apart():
 
 
 def test_a_line_of_a_table_has_every_reading_s_verdict():
-    line = next(one for one in verdict_table.table(DEFAULT + BENCH).splitlines() if one.startswith("| C11 "))
+    line = next(
+        one for one in verdict_table.table(DEFAULT + BENCH).splitlines() if one.startswith("| C11 ")
+    )
     assert line.endswith("| calibrated | calibrated: 0.31 | reproduced: 0.31 |")
-    line = next(one for one in verdict_table.text(DEFAULT + BENCH, 100).splitlines() if one.startswith("C11 "))
+    line = next(
+        one
+        for one in verdict_table.text(DEFAULT + BENCH, 100).splitlines()
+        if one.startswith("C11 ")
+    )
     assert line.split()[1:5] == ["=", "0.31", "+", "0.31"]
     shown = [load_reading(one).as_json() for one in ("default", "bench")]
     document = verdict_table.document(DEFAULT + BENCH, shown, [])
-    assert "- bench: *reproduced*: 0.1; 12 of 12 shown; by the default's metrics not reproduced: -0.1." in document
+    assert (
+        "- bench: *reproduced*: 0.1; 12 of 12 shown; by the default's metrics not reproduced: -0.1."
+        in document
+    )

@@ -25,7 +25,9 @@ FOLDERS = ("scenarios", "device_profiles")  # what a command of the README may r
 LONGEST_BLOCK_S = 300
 
 # Done by whoever runs this test: getting the project, installing it, and the tests themselves.
-SET_UP = re.compile(r"^(git clone|cd genie-sim|python3? -m (venv|pip|pytest)|pip |source |\. |(\S*/)?\.ci/run)")
+SET_UP = re.compile(
+    r"^(git clone|cd genie-sim|python3? -m (venv|pip|pytest)|pip |source |\. |(\S*/)?\.ci/run)"
+)
 
 
 @dataclass(frozen=True)
@@ -85,7 +87,9 @@ def session(lines: tuple[str, ...]) -> list[tuple[str, list[str]]]:
         else:
             assert shown, f"a console block begins with '$ command', not {line!r}"
             shown[-1][1].append(line)
-    return [(without_set_up(command), output) for command, output in shown if without_set_up(command)]
+    return [
+        (without_set_up(command), output) for command, output in shown if without_set_up(command)
+    ]
 
 
 def matches(shown: list[str], printed: str) -> bool:
@@ -125,8 +129,14 @@ def reader(tmp_path_factory: pytest.TempPathFactory):
 
     def run(commands: str) -> subprocess.CompletedProcess[str]:
         return subprocess.run(
-            ["bash", "-euo", "pipefail", "-c", commands], cwd=work, env=env, stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, timeout=LONGEST_BLOCK_S,
+            ["bash", "-euo", "pipefail", "-c", commands],
+            cwd=work,
+            env=env,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            timeout=LONGEST_BLOCK_S,
         )
 
     return run
@@ -148,14 +158,22 @@ def test_a_block_does_what_it_shows(block: Block, reader):
     for command, shown in session(block.lines):
         ran = reader(command)
         an_error_is_shown = any(line.startswith("genie-sim: ") for line in shown)
-        assert ran.returncode == (1 if an_error_is_shown else 0), f"README.md:{block.line}: {command}:\n{ran.stdout}"
-        assert matches(shown, ran.stdout), f"README.md:{block.line}: {command} prints:\n{ran.stdout}"
+        assert ran.returncode == (1 if an_error_is_shown else 0), (
+            f"README.md:{block.line}: {command}:\n{ran.stdout}"
+        )
+        assert matches(shown, ran.stdout), (
+            f"README.md:{block.line}: {command} prints:\n{ran.stdout}"
+        )
 
 
 def test_the_readme_shows_commands_and_what_they_print():
     assert README.exists(), "README.md is missing"
     runnable = [block for block in BLOCKS if not block.not_run]
-    assert any("genie-sim run" in "\n".join(block.lines) for block in runnable if block.language == "console")
+    assert any(
+        "genie-sim run" in "\n".join(block.lines)
+        for block in runnable
+        if block.language == "console"
+    )
 
 
 def test_continuous_integration_runs_the_tests_as_the_readme_says():
@@ -172,7 +190,11 @@ def test_continuous_integration_runs_the_tests_as_the_readme_says():
 def test_links_lead_somewhere(page: str):
     text = (REPOSITORY / page).read_text(encoding="utf-8")
     targets = [target.partition("#")[0] for target in re.findall(r"\]\(([^)\s]+)\)", text)]
-    broken = [target for target in targets if target and "://" not in target and not (REPOSITORY / target).exists()]
+    broken = [
+        target
+        for target in targets
+        if target and "://" not in target and not (REPOSITORY / target).exists()
+    ]
     assert not broken
 
 

@@ -26,7 +26,9 @@ def a_short_drive(frames: int = 3) -> Table:
     for frame in range(frames):
         for car in ("car2", "car1"):
             stamp_ns = frame * 100 * MS
-            row = Frame("genie", car, "camera_02", frame, 0, stamp_ns, received_ns=stamp_ns + 3 * MS)
+            row = Frame(
+                "genie", car, "camera_02", frame, 0, stamp_ns, received_ns=stamp_ns + 3 * MS
+            )
             if frame == frames - 1:
                 row.drop = f"{car}/detector:/image_raw"
             else:
@@ -40,10 +42,48 @@ def a_short_drive(frames: int = 3) -> Table:
 
 def one_of_each() -> list[Table]:
     lookups = Table(LOOKUPS)
-    lookups.append(("genie", 5, "car1/genie", "car", "image", "client", "car1", "camera", 0, "miss", 1, 0, 0, 0.0, 1))
-    lookups.append(("genie", 9, "car1/genie", "car", "boost", None, "car1", "camera_02", 0, None, 4, 2, 3, 0.12, 7))
+    lookups.append(
+        (
+            "genie",
+            5,
+            "car1/genie",
+            "car",
+            "image",
+            "client",
+            "car1",
+            "camera",
+            0,
+            "miss",
+            1,
+            0,
+            0,
+            0.0,
+            1,
+        )
+    )
+    lookups.append(
+        (
+            "genie",
+            9,
+            "car1/genie",
+            "car",
+            "boost",
+            None,
+            "car1",
+            "camera_02",
+            0,
+            None,
+            4,
+            2,
+            3,
+            0.12,
+            7,
+        )
+    )
     resources = Table(RESOURCES)
-    resources.append(("genie", 100 * MS, "car1.accelerator", "accelerator", 1, 62 * MS, 1, 2, 5, None))
+    resources.append(
+        ("genie", 100 * MS, "car1.accelerator", "accelerator", 1, 62 * MS, 1, 2, 5, None)
+    )
     resources.append(("genie", 100 * MS, "car1->edge1", "link", 1, 24 * MS, 0, 2, 0, 2_794_594))
     poses = Table(POSES)
     poses.append(("genie", "car1", "camera_02", 0, 0, 12.5, -3.0, 0.25, 1.4))
@@ -57,7 +97,11 @@ def test_a_frame_tells_what_happened_to_it():
     answered = frames[(frames.car == "car1") & (frames.frame == 0)].iloc[0]
     dropped = frames[(frames.car == "car2") & (frames.frame == 2)].iloc[0]
     assert answered.first_answer_ns - answered.received_ns == 9 * MS
-    assert (answered.source, answered.image_hit, answered.bytes_up) == ("own_cache", True, 1_397_297)
+    assert (answered.source, answered.image_hit, answered.bytes_up) == (
+        "own_cache",
+        True,
+        1_397_297,
+    )
     assert (dropped.source, dropped["drop"]) == ("none", "car2/detector:/image_raw")
     assert np.isnan(dropped.first_answer_ns) and dropped.image_hit is None  # unknown is not False
 
@@ -71,7 +115,25 @@ def test_frames_are_sorted_by_method_car_stream_and_frame_whatever_the_order_of_
 def test_events_keep_their_order():
     lookups = Table(LOOKUPS)
     for t_ns, genie in ((3, "c"), (7, "b"), (7, "a"), (7, "d")):
-        lookups.append(("genie", t_ns, genie, "car", "image", "client", "car1", "camera_02", 0, "hit", 1, 1, 0, 0.0, 1))
+        lookups.append(
+            (
+                "genie",
+                t_ns,
+                genie,
+                "car",
+                "image",
+                "client",
+                "car1",
+                "camera_02",
+                0,
+                "hit",
+                1,
+                1,
+                0,
+                0.0,
+                1,
+            )
+        )
     assert list(lookups.to_frame().genie) == ["c", "b", "a", "d"]
 
 
@@ -88,14 +150,21 @@ def some_objects(table: Table, at_once: int = 1) -> Table:
 
 def test_rows_that_went_to_the_file_at_once_are_the_same_rows(tmp_path):
     """And few of them are in memory: that is what it is for."""
-    here, spilled = some_objects(Table(OBJECTS)), some_objects(Table(OBJECTS, tmp_path / "objects.partial"))
+    here, spilled = (
+        some_objects(Table(OBJECTS)),
+        some_objects(Table(OBJECTS, tmp_path / "objects.partial")),
+    )
     assert len(spilled) == len(here) == 150_000
     assert spilled.size_bytes < here.size_bytes / 5
     spilled.write(tmp_path / "objects.parquet")
     pd.testing.assert_frame_equal(spilled.to_frame(), here.to_frame())
     assert [path.name for path in tmp_path.iterdir()] == ["objects.parquet"]
     told = pq.ParquetFile(tmp_path / "objects.parquet").metadata
-    assert [told.row_group(place).num_rows for place in range(told.num_row_groups)] == [65_536, 65_536, 18_928]
+    assert [told.row_group(place).num_rows for place in range(told.num_row_groups)] == [
+        65_536,
+        65_536,
+        18_928,
+    ]
     assert list(spilled.to_frame().genie.cat.categories) == sorted(here.to_frame().genie.unique())
     some_objects(Table(OBJECTS, tmp_path / "partial"), at_once=30).write(tmp_path / "in_thirties")
     assert (tmp_path / "in_thirties").read_bytes() == (tmp_path / "objects.parquet").read_bytes()
@@ -114,7 +183,10 @@ def test_more_that_becomes_known_of_a_frame_after_all_is_entered():
     table.append(late.row())
     frames = table.to_frame()
     assert list(frames.bytes_up) == [1_397_297, 1_397_297, 0, 1_397_297, 1_397_297, 7]
-    assert table.take(method="genie", car="car3", stream="camera_02", stamp_ns=0) is None and len(table) == 6
+    assert (
+        table.take(method="genie", car="car3", stream="camera_02", stamp_ns=0) is None
+        and len(table) == 6
+    )
 
 
 @pytest.mark.parametrize("table", one_of_each(), ids=lambda table: table.name)
@@ -141,13 +213,20 @@ def test_a_table_without_rows_is_a_table(schema, tmp_path):
 
 
 def test_two_processes_with_other_hash_seeds_write_the_same_bytes(tmp_path):
-    script = "import sys; from pathlib import Path; from test_records import a_short_drive as drive; "
+    script = (
+        "import sys; from pathlib import Path; from test_records import a_short_drive as drive; "
+    )
     script += "drive(5).write(Path(sys.argv[1]))"
     paths = [tmp_path / "a.parquet", tmp_path / "b.parquet"]
     for path, hash_seed in zip(paths, ("0", "4711"), strict=True):
-        environment = os.environ | {"PYTHONHASHSEED": hash_seed, "PYTHONPATH": os.pathsep.join(sys.path)}
+        environment = os.environ | {
+            "PYTHONHASHSEED": hash_seed,
+            "PYTHONPATH": os.pathsep.join(sys.path),
+        }
         here = str(Path(__file__).parent)
-        subprocess.run([sys.executable, "-c", script, str(path)], env=environment, cwd=here, check=True)
+        subprocess.run(
+            [sys.executable, "-c", script, str(path)], env=environment, cwd=here, check=True
+        )
     assert paths[0].read_bytes() == paths[1].read_bytes()
 
 
@@ -169,7 +248,10 @@ def test_a_logged_frame_takes_less_than_120_bytes():
 
 
 def test_a_column_that_is_never_empty_refuses_none():
-    for frame in (Frame("genie", "car1", "camera_02", 0, 0, None), Frame("genie", None, "camera_02", 0, 0, 0)):
+    for frame in (
+        Frame("genie", "car1", "camera_02", 0, 0, None),
+        Frame("genie", None, "camera_02", 0, 0, 0),
+    ):
         table = Table(FRAMES)
         table.append(frame.row())
         with pytest.raises(TypeError, match="is never empty"):
@@ -180,15 +262,25 @@ def test_a_table_of_an_older_genie_sim_is_named_with_what_to_do(tmp_path, monkey
     monkeypatch.setattr(tables, "FORMAT_VERSION", 1)
     a_short_drive().write(tmp_path / "frames.parquet")
     monkeypatch.undo()
-    with pytest.raises(UserError, match=r"made by an older genie-sim: format 1, this one reads 2; run it again"):
+    with pytest.raises(
+        UserError, match=r"made by an older genie-sim: format 1, this one reads 2; run it again"
+    ):
         tables.read(tmp_path / "frames.parquet", FRAMES)
 
 
 def test_a_wrong_file_is_named_in_one_line(tmp_path):
-    missing, broken, other = tmp_path / "missing.parquet", tmp_path / "broken.parquet", tmp_path / "other.parquet"
+    missing, broken, other = (
+        tmp_path / "missing.parquet",
+        tmp_path / "broken.parquet",
+        tmp_path / "other.parquet",
+    )
     broken.write_bytes(b"PAR1 not really")
     Table(RESOURCES).write(other)
-    for path, problem in ((missing, "no such file"), (broken, "not a readable"), (other, "'resources', expected")):
+    for path, problem in (
+        (missing, "no such file"),
+        (broken, "not a readable"),
+        (other, "'resources', expected"),
+    ):
         with pytest.raises(UserError, match=problem) as caught:
             tables.read(path, FRAMES)
         assert str(path) in str(caught.value) and "\n" not in str(caught.value)

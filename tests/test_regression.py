@@ -49,7 +49,9 @@ def test_the_small_evaluation_gives_the_committed_numbers():
         for name in committed
         if not math.isclose(committed[name], found[name], rel_tol=RELATIVE, abs_tol=1e-12)
     ]
-    assert not changed, "\n".join([f"{len(changed)} of {len(committed)} changed; {__file__} says what to do", *changed])
+    assert not changed, "\n".join(
+        [f"{len(changed)} of {len(committed)} changed; {__file__} says what to do", *changed]
+    )
 
 
 def test_the_reason_of_the_last_change_stands_in_the_changelog():
@@ -60,4 +62,6 @@ def test_the_reason_of_the_last_change_stands_in_the_changelog():
 
 if __name__ == "__main__":
     numbers = small_version()
-    COMMITTED.write_text(json.dumps({"reason": sys.argv[1], "numbers": numbers}, indent=1, sort_keys=True) + "\n")
+    COMMITTED.write_text(
+        json.dumps({"reason": sys.argv[1], "numbers": numbers}, indent=1, sort_keys=True) + "\n"
+    )

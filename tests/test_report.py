@@ -26,7 +26,9 @@ EVIL = "</script><script>window.hacked=1</script><!--<img src=x onerror='window.
 NS = 1_000_000_000
 
 
-def short_run(scenario: str = "3car_hetero", cars: int = 3, seconds: float = 2.0, **settings: object) -> gs.Run:
+def short_run(
+    scenario: str = "3car_hetero", cars: int = 3, seconds: float = 2.0, **settings: object
+) -> gs.Run:
     windows = {f"cars[{i}].route.window": ["0 s", f"{seconds} s"] for i in range(cars)}
     return gs.run(scenario, windows | settings)
 
@@ -43,7 +45,9 @@ def page(run: gs.Run) -> str:
 
 def embedded(page: str) -> dict:
     """The data of a page, as its script reads it."""
-    (text,) = re.findall(r'<script type="application/json" id="data">(.*?)</script>', page, re.DOTALL)
+    (text,) = re.findall(
+        r'<script type="application/json" id="data">(.*?)</script>', page, re.DOTALL
+    )
     return json.loads(text)
 
 
@@ -71,9 +75,14 @@ def test_every_frame_of_a_short_run_is_in_the_replay(run, page):
     assert [one["name"] for one in shown["methods"]] == list(run.facts["scenario"]["methods"])
     for one in shown["methods"]:
         mine = run.frames[run.frames["method"] == one["name"]]
-        assert sum(us >= 0 for us in one["frames"]["first_answer_us"]) == mine["first_answer_ns"].notna().sum()
+        assert (
+            sum(us >= 0 for us in one["frames"]["first_answer_us"])
+            == mine["first_answer_ns"].notna().sum()
+        )
     assert sum(len(one["lookups"]["t_us"]) for one in shown["methods"]) == len(run.lookups)
-    assert sum(len(changes[4]) for one in shown["methods"] for changes in one["objects"]) == len(run.objects)
+    assert sum(len(changes[4]) for one in shown["methods"] for changes in one["objects"]) == len(
+        run.objects
+    )
 
 
 def test_a_frame_of_the_replay_is_that_of_the_tables(run, page):
@@ -103,7 +112,9 @@ def test_the_steps_of_every_frame_add_up_to_its_response_time(run, page):
         for answer in ("first", "fresh"):
             whole = (frames[f"{answer}_answer_ns"] - frames["received_ns"]).sum()
             assert sums[answer] + sums["both"] == whole > 0
-        assert set(steps["frame_id"]) <= set(range(sum(len(stream["stamp_us"]) for stream in shown["streams"])))
+        assert set(steps["frame_id"]) <= set(
+            range(sum(len(stream["stamp_us"]) for stream in shown["streams"]))
+        )
 
 
 def test_ghosts_that_a_car_holds_are_those_of_the_table(run, page):
@@ -122,8 +133,12 @@ def test_ghosts_on_the_street_are_as_many_as_the_page_counts(run, page):
         begins = np.cumsum(objects["begin_us"])
         took_us = np.array(objects["took_us"])
         for car, counts in one["held"].items():
-            mine = np.isin(objects["judged"], ghosts) & (np.array(objects["car"]) == shown["names"].index(car))
-            for t_us, held, right in zip(np.cumsum(counts["t_us"]), counts["held"], counts["right"], strict=True):
+            mine = np.isin(objects["judged"], ghosts) & (
+                np.array(objects["car"]) == shown["names"].index(car)
+            )
+            for t_us, held, right in zip(
+                np.cumsum(counts["t_us"]), counts["held"], counts["right"], strict=True
+            ):
                 is_open = (begins <= t_us) & ((took_us < 0) | (t_us < begins + took_us))
                 assert (mine & is_open).sum() == held - right
                 seen += held - right
@@ -139,14 +154,19 @@ def test_there_is_one_end_of_the_simulated_time(run, page):
     shown = embedded(page)
     assert round(shown["about"]["seconds"] * 1000) == round(shown["replay"]["end_us"] / 1000)
     last = [run.frames[name].max() for name in ("stamp_ns", "first_answer_ns", "fresh_answer_ns")]
-    assert shown["replay"]["end_us"] == max(*last, run.lookups["t_ns"].max(), run.objects["t_ns"].max()) // 1000
+    assert (
+        shown["replay"]["end_us"]
+        == max(*last, run.lookups["t_ns"].max(), run.objects["t_ns"].max()) // 1000
+    )
 
 
 def test_methods_are_those_that_ran_in_their_order_and_no_script_knows_their_names():
     run = short_run("1car_homo", 1, 1.0, methods=["genie", "local"])
     assert [one["name"] for one in embedded(report.page(run))["methods"]] == ["genie", "local"]
     for script in Path(report.__file__).parent.glob("*.js"):
-        assert not re.search(r"""["'`](local|remote|genie)["'`]|\.(local|remote)\b""", script.read_text()), script.name
+        assert not re.search(
+            r"""["'`](local|remote|genie)["'`]|\.(local|remote)\b""", script.read_text()
+        ), script.name
 
 
 def test_a_curve_ends_at_the_share_that_was_answered(run, page):
@@ -178,7 +198,9 @@ def test_a_later_stretch_begins_with_the_maps_as_they_were_then(run, monkeypatch
     monkeypatch.setattr(replay, "MOST_ROWS", 1000)
     later = embedded(report.page(run, start_ns=NS))["replay"]
     assert later["begin_us"] == 1_000_000
-    known = run.objects[run.objects["t_ns"] <= NS].groupby(["genie", "label", "east_m", "north_m"], observed=True)
+    known = run.objects[run.objects["t_ns"] <= NS].groupby(
+        ["genie", "label", "east_m", "north_m"], observed=True
+    )
     objects = of_method(later, "genie")["objects"]
     first = {(genie, label, e, n): c[0] for genie, label, e, n, t, c in objects if t[0] == 1000}
     names = later["names"]
@@ -188,14 +210,18 @@ def test_a_later_stretch_begins_with_the_maps_as_they_were_then(run, monkeypatch
 
 
 def test_what_a_map_forgets_is_gone_from_the_replay():
-    run = short_run("1car_hetero", 1, **{"genie.object_map.freshness": {"name": "ttl", "ttl": "200 ms"}})
+    run = short_run(
+        "1car_hetero", 1, **{"genie.object_map.freshness": {"name": "ttl", "ttl": "200 ms"}}
+    )
     shown = embedded(report.page(run))["replay"]
     gone = sum(confidences.count(-1) for *_, confidences in of_method(shown, "genie")["objects"])
     assert gone == run.objects["confidence"].isna().sum() > 5
 
 
 def test_a_run_without_poses_says_so(run):
-    told = embedded(report.page(replace(run, tables={**run.tables, "poses": run.tables["poses"].rows([])})))
+    told = embedded(
+        report.page(replace(run, tables={**run.tables, "poses": run.tables["poses"].rows([])}))
+    )
     assert told["replay"] is None
     assert any("no replay" in note for note in told["notes"])
 
@@ -215,7 +241,10 @@ def test_two_minutes_of_three_cars_stay_below_8_megabytes():
 def test_the_longest_replay_stays_below_8_megabytes(monkeypatch):
     """As many rows as are ever shown, of a run whose every frame is answered by a detector."""
     monkeypatch.setattr(replay, "MOST_ROWS", replay.MOST_ROWS // 4)
-    settings = {f"cars[{i}].route.laps": 4 for i in range(3)} | {"genie.similarity": "exact", "genie.eviction": "lru"}
+    settings = {f"cars[{i}].route.laps": 4 for i in range(3)} | {
+        "genie.similarity": "exact",
+        "genie.eviction": "lru",
+    }
     page = report.page(gs.run("3car_hetero", settings | {"genie.capacity": "10 entries"}))
     shown = embedded(page)
     assert any("every frame from" in note for note in shown["notes"])
@@ -319,7 +348,9 @@ def middle(browser: Browser, element: str) -> tuple[float, float]:
 
 
 @pytest.mark.parametrize(
-    ("width", "dark"), [(1200, False), (1200, True), (700, False), (360, False)], ids=["wide", "dark", "half", "narrow"]
+    ("width", "dark"),
+    [(1200, False), (1200, True), (700, False), (360, False)],
+    ids=["wide", "dark", "half", "narrow"],
 )
 def test_the_page_draws_itself_in_any_window(browser, file, width, dark):
     browser.size(width, 900, dark=dark)
@@ -340,7 +371,9 @@ def test_the_page_of_a_town_says_how_much_of_the_answers_was_not_there(browser, 
     browser.open(in_town.report(tmp_path / "r.html"))
     assert browser.errors == []
     ghosts = in_town.metrics.query("metric == 'ghost_share' and method == 'genie'")["value"].item()
-    assert f"{100 * ghosts:.3g} % were not there" in browser.evaluate("byId('headline').textContent")
+    assert f"{100 * ghosts:.3g} % were not there" in browser.evaluate(
+        "byId('headline').textContent"
+    )
     shown = browser.evaluate("byId('by-method').innerText")
     assert "Recall of visible objects" in shown and "Ghosts among held objects" in shown
 
@@ -354,15 +387,21 @@ def test_the_page_of_a_run_that_recorded_frames_alone_has_no_empty_table(browser
 
 def test_the_numbers_on_the_page_are_the_metrics(browser, file, run):
     browser.open(file)
-    assert browser.evaluate("document.querySelector('.chart') === byId('accuracy')"), "the first figure"
-    assert browser.evaluate("document.querySelectorAll('#accuracy > svg path[transform]').length") == 3
+    assert browser.evaluate("document.querySelector('.chart') === byId('accuracy')"), (
+        "the first figure"
+    )
+    assert (
+        browser.evaluate("document.querySelectorAll('#accuracy > svg path[transform]').length") == 3
+    )
     assert "the detector without delay" in browser.evaluate("byId('accuracy').textContent")
     mean = run.metrics.query("metric == 'first_answer_mean' and method == 'genie'")["value"].item()
     assert f"{mean:.3g} ms" in browser.evaluate("byId('headline').textContent")
     assert browser.evaluate("byId('metric-table').tBodies[0].rows.length") == len(run.metrics)
     browser.evaluate("byId('metric-filter').value = 'fresh GENIE'")
     browser.evaluate("byId('metric-filter').dispatchEvent(new Event('input'))")
-    found = run.metrics["metric"].str.contains("fresh") & run.metrics["method"].str.contains("genie")
+    found = run.metrics["metric"].str.contains("fresh") & run.metrics["method"].str.contains(
+        "genie"
+    )
     assert browser.evaluate("byId('metric-table').tBodies[0].rows.length") == found.sum() > 0
 
 
@@ -376,21 +415,30 @@ def test_hosts_differ_in_their_marks_too(browser, file, run):
             "[...key.querySelectorAll('path')].slice(1).map((one) => one.getAttribute('d') + one.classList[1]).join())"
         )
         assert len(set(marks)) == len(marks) == len(hosts) and all(marks)
-    drawn = browser.evaluate("byId('use-charts').children[0].querySelectorAll(':scope > svg path[transform]').length")
+    drawn = browser.evaluate(
+        "byId('use-charts').children[0].querySelectorAll(':scope > svg path[transform]').length"
+    )
     assert drawn >= 3 * len(hosts)
 
 
 def test_the_slider_moves_the_street_by_mouse_and_by_key(browser, file):
     browser.open(file)
-    before, picture_before = browser.evaluate("byId('clock').value"), browser.evaluate("byId('map').toDataURL()")
+    before, picture_before = (
+        browser.evaluate("byId('clock').value"),
+        browser.evaluate("byId('map').toDataURL()"),
+    )
     browser.evaluate("byId('time').focus()")
     for _ in range(20):
         browser.press("ArrowRight")
     after = browser.evaluate("byId('clock').value")
-    assert float(after.split(" s")[0]) == pytest.approx(float(before.split(" s")[0]) + 0.2, abs=0.011)
+    assert float(after.split(" s")[0]) == pytest.approx(
+        float(before.split(" s")[0]) + 0.2, abs=0.011
+    )
     assert browser.evaluate("byId('map').toDataURL()") != picture_before
     browser.click(*middle(browser, "time"))
-    now, end = re.fullmatch(r"([\d.]+) s of ([\d.]+) s", browser.evaluate("byId('clock').value")).groups()
+    now, end = re.fullmatch(
+        r"([\d.]+) s of ([\d.]+) s", browser.evaluate("byId('clock').value")
+    ).groups()
     assert float(now) == pytest.approx(float(end) / 2, abs=0.03)
 
 
@@ -436,10 +484,14 @@ def test_a_click_on_a_frame_tells_its_story(browser, file, run):
     x, y = middle(browser, "strip")
     browser.click(x, y)
     title = browser.evaluate("byId('story').querySelector('h3').textContent")
-    assert title.startswith(browser.evaluate("byId('frame-told').textContent").partition(", Genie")[0])
+    assert title.startswith(
+        browser.evaluate("byId('frame-told').textContent").partition(", Genie")[0]
+    )
     car, stream, frame = re.match(r"(\w+), (\w+), frame (\d+)", title).groups()
     genie = run.frames[run.frames["method"] == "genie"]
-    (row,) = genie.query(f"car == '{car}' and stream == '{stream}' and frame == {frame}").to_dict("records")
+    (row,) = genie.query(f"car == '{car}' and stream == '{stream}' and frame == {frame}").to_dict(
+        "records"
+    )
     story = browser.evaluate("byId('story').textContent")
     assert f"{car}/genie looks into its message cache" in story
     took_ms = (row["first_answer_ns"] - row["received_ns"]) / 1e6
@@ -449,7 +501,10 @@ def test_a_click_on_a_frame_tells_its_story(browser, file, run):
     assert "dropped at" in story or "fresh" in story
     last = "fresh" if pd.notna(row["fresh_answer_ns"]) else "first"
     whole_ms = (row[f"{last}_answer_ns"] - row["received_ns"]) / 1e6
-    assert browser.evaluate("byId('story').querySelector('tbody tr:last-child').textContent") == f"all{whole_ms:.6f} ms"
+    assert (
+        browser.evaluate("byId('story').querySelector('tbody tr:last-child').textContent")
+        == f"all{whole_ms:.6f} ms"
+    )
     assert "ghosts" in browser.evaluate("byId('now').textContent")
 
 
@@ -459,7 +514,11 @@ def test_where_the_time_goes_is_the_mean_of_the_answers(browser, file, run):
         "[...byId('part-table').querySelectorAll('tbody tr')].map((row) => [row.firstChild, row.lastChild]"
         ".map((cell) => cell.textContent))"
     )
-    means = {one.metric: one.value for one in run.measured if (one.method, one.component) == ("genie", "")}
+    means = {
+        one.metric: one.value
+        for one in run.measured
+        if (one.method, one.component) == ("genie", "")
+    }
     told = {name: float(value.removesuffix(" ms")) for name, value in rows}
     assert told["Genie (DG), first"] == pytest.approx(means["first_answer_mean"], rel=5e-3)
     assert told["Genie (DG), fresh"] == pytest.approx(means["fresh_answer_mean"], rel=5e-3)
@@ -484,7 +543,9 @@ def test_what_is_clicked_in_the_strip_stays_under_the_pointer(browser, tmp_path)
 
 
 @pytest.mark.parametrize(("width", "height"), [(1280, 800), (420, 800)])
-def test_the_strip_stays_in_the_window_beside_the_street_and_the_story(browser, file, width, height):
+def test_the_strip_stays_in_the_window_beside_the_street_and_the_story(
+    browser, file, width, height
+):
     browser.size(width, height)
     browser.open(file)
     browser.evaluate("document.documentElement.style.scrollBehavior = 'auto'")
@@ -495,7 +556,9 @@ def test_the_strip_stays_in_the_window_beside_the_street_and_the_story(browser, 
         )
         assert 0 < top < bottom < height, element
         told, at = (browser.evaluate(one) for one in ("byId('frame-told').textContent", "scrollY"))
-        browser.click((left + right) / 2 + {"street": 50, "lanes": 90, "frame": 20}[element], top + 8)
+        browser.click(
+            (left + right) / 2 + {"street": 50, "lanes": 90, "frame": 20}[element], top + 8
+        )
         assert browser.evaluate("byId('frame-told').textContent") != told
         assert browser.evaluate("scrollY") == at
     hidden = "byId('h-frame').getBoundingClientRect().top - byId('frames').getBoundingClientRect().bottom"
@@ -505,15 +568,19 @@ def test_the_strip_stays_in_the_window_beside_the_street_and_the_story(browser, 
 def test_the_page_tells_what_each_car_holds_under_each_method(browser, file, run):
     """The newest answered frame of a car when the replay stands still, with its age since it was received."""
     browser.open(file)
-    assert browser.evaluate("[...byId('now').tHead.rows[0].cells].map(one => one.textContent)")[1:] == [
-        method.title for method in run.methods
-    ]
+    assert browser.evaluate("[...byId('now').tHead.rows[0].cells].map(one => one.textContent)")[
+        1:
+    ] == [method.title for method in run.methods]
     browser.evaluate("byId('time').value = 100; byId('time').dispatchEvent(new Event('input'))")
     now_ns = 1_000_000_000
     for row, car in enumerate(sorted(run.frames["car"].unique())):
         for column, method in enumerate(run.methods):
-            mine = run.frames.query(f"car == '{car}' and method == '{method.name}' and first_answer_ns <= {now_ns}")
-            told = browser.evaluate(f"byId('now').tBodies[0].rows[{row}].cells[{column + 1}].textContent")
+            mine = run.frames.query(
+                f"car == '{car}' and method == '{method.name}' and first_answer_ns <= {now_ns}"
+            )
+            told = browser.evaluate(
+                f"byId('now').tBodies[0].rows[{row}].cells[{column + 1}].textContent"
+            )
             if mine.empty:
                 assert told == "nothing yet"
                 continue
@@ -536,7 +603,9 @@ def test_keys_move_the_time_change_the_method_and_play(browser, file):
         browser.press("ArrowLeft")
         browser.press("ArrowUp")
         assert browser.evaluate("byId('method').selectedOptions[0].text") == "remote (R)"
-        assert "under remote (R)" in browser.evaluate("byId('story').querySelector('h3').textContent")
+        assert "under remote (R)" in browser.evaluate(
+            "byId('story').querySelector('h3').textContent"
+        )
         browser.press("ArrowDown")
         for word in ("Pause", "Play"):
             browser.press(" ")
@@ -557,14 +626,18 @@ def test_every_control_and_canvas_has_a_name(browser, file):
 
 def test_frames_are_chosen_by_keys_and_by_number(browser, file):
     browser.open(file)
-    browser.evaluate("byId('which-stream').value = 1; byId('which-stream').dispatchEvent(new Event('change'))")
+    browser.evaluate(
+        "byId('which-stream').value = 1; byId('which-stream').dispatchEvent(new Event('change'))"
+    )
     browser.evaluate("byId('strip').focus()")
     number = int(browser.evaluate("byId('which-frame').value"))
     browser.press("ArrowRight")
     assert int(browser.evaluate("byId('which-frame').value")) == number + 1
     browser.press("ArrowDown")
     assert int(browser.evaluate("byId('which-stream').value")) == 2
-    browser.evaluate("byId('which-frame').value = 99999; byId('which-frame').dispatchEvent(new Event('change'))")
+    browser.evaluate(
+        "byId('which-frame').value = 99999; byId('which-frame').dispatchEvent(new Event('change'))"
+    )
     last = int(browser.evaluate("byId('which-frame').value"))
     assert 0 < last < 99999
     assert f"frame {last}, under" in browser.evaluate("byId('story').textContent")
@@ -573,7 +646,9 @@ def test_frames_are_chosen_by_keys_and_by_number(browser, file):
 def test_a_click_on_the_street_chooses_the_nearest_car(browser, file):
     browser.open(file)
     browser.click(*middle(browser, "map"))
-    assert re.match(r"car\d, camera_\d\d, frame \d+", browser.evaluate("byId('frame-told').textContent"))
+    assert re.match(
+        r"car\d, camera_\d\d, frame \d+", browser.evaluate("byId('frame-told').textContent")
+    )
     assert browser.errors == []
 
 
@@ -596,7 +671,10 @@ def test_a_curve_is_read_off_with_the_pointer_and_with_keys(browser, file):
 def test_a_car_without_cameras_asks_with_its_position(browser, tmp_path):
     run = short_run("case_study", 2, 1.0)
     browser.open(run.report(tmp_path / "r.html"))
-    for stream, begin in ((0, "car1 takes the picture"), (4, "car2, without cameras, asks with its position")):
+    for stream, begin in (
+        (0, "car1 takes the picture"),
+        (4, "car2, without cameras, asks with its position"),
+    ):
         browser.evaluate(f"byId('which-stream').value = {stream}")
         browser.evaluate("byId('which-stream').dispatchEvent(new Event('change'))")
         assert begin in browser.evaluate("byId('story').textContent")
@@ -608,9 +686,20 @@ def test_a_car_without_cameras_asks_with_its_position(browser, tmp_path):
         ("case_study", 2, {}),
         ("1car_homo", 1, {"methods": ["local"]}),
         ("1car_homo", 1, {"methods": ["remote", "local"]}),
-        ("1car_homo", 1, {"cars[0].edge": None, "cars[0].link": None, "edges": [], "methods": ["genie"]}),
+        (
+            "1car_homo",
+            1,
+            {"cars[0].edge": None, "cars[0].link": None, "edges": [], "methods": ["genie"]},
+        ),
         ("2car_homo", 2, {"genie.algorithm": "literal"}),
-        ("2car_homo", 2, {"genie.object_map.threshold": "empirical", "cameras": [{"name": "one", "recording": "02"}]}),
+        (
+            "2car_homo",
+            2,
+            {
+                "genie.object_map.threshold": "empirical",
+                "cameras": [{"name": "one", "recording": "02"}],
+            },
+        ),
     ],
     ids=["a car without cameras", "local alone", "no Genie", "no edge", "literal", "one camera"],
 )
@@ -625,10 +714,16 @@ def test_every_kind_of_run_has_its_page(browser, tmp_path, scenario, cars, setti
 
 
 def test_a_page_without_replay_still_draws(browser, tmp_path, run):
-    browser.open(replace(run, tables={**run.tables, "poses": run.tables["poses"].rows([])}).report(tmp_path / "r.html"))
+    browser.open(
+        replace(run, tables={**run.tables, "poses": run.tables["poses"].rows([])}).report(
+            tmp_path / "r.html"
+        )
+    )
     assert browser.errors == []
     assert browser.evaluate("byId('street').hidden")
-    assert "Street" not in browser.evaluate("document.querySelector('nav').innerText"), "no way to what is not there"
+    assert "Street" not in browser.evaluate("document.querySelector('nav').innerText"), (
+        "no way to what is not there"
+    )
 
 
 def test_markup_in_names_is_shown_as_text(browser, tmp_path, run):

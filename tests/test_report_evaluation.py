@@ -28,11 +28,15 @@ def with_bench(folder: Path) -> Path:
     by_default = dict.fromkeys(("value", "low", "high")) | {"verdict": "not reproduced"}
     turned = {"C14": {"verdict": "reproduced", "marginal": True}, "C11": {"kind": "prediction"}}
     bench = [
-        row | {"reading": "bench", "by_default_metrics": by_default, "note": "made up"} | turned.get(row["id"], {})
+        row
+        | {"reading": "bench", "by_default_metrics": by_default, "note": "made up"}
+        | turned.get(row["id"], {})
         for row in ROWS
     ]
     (folder / "verdicts.json").write_text(json.dumps(ROWS + bench))
-    shown = [one.as_json() | {"settings": []} for one in (load_reading("default"), load_reading("bench"))]
+    shown = [
+        one.as_json() | {"settings": []} for one in (load_reading("default"), load_reading("bench"))
+    ]
     (folder / "readings.json").write_text(json.dumps(shown))
     return folder
 
@@ -47,7 +51,9 @@ def page(tmp_path_factory) -> str:
 @pytest.fixture
 def folder() -> Path:
     """A copy of the same evaluation, to be changed."""
-    return with_bench(Path(shutil.copytree(PAPER, "evaluation", ignore=shutil.ignore_patterns("*.png"))))
+    return with_bench(
+        Path(shutil.copytree(PAPER, "evaluation", ignore=shutil.ignore_patterns("*.png")))
+    )
 
 
 def rewritten(path: Path, change) -> None:
@@ -74,7 +80,9 @@ def test_every_claim_is_there_with_what_was_expected_found_and_judged(page):
 def test_a_bound_has_its_sign_and_is_that_of_the_verdict(page):
     """A number is reproduced just where its whole interval holds; of several effects the mean is above zero, too."""
     shown = {
-        one["id"]: one["bound"] for one in embedded(page)["claims"] if not one["tolerance"] and one["kind"] != "table"
+        one["id"]: one["bound"]
+        for one in embedded(page)["claims"]
+        if not one["tolerance"] and one["kind"] != "table"
     }
     assert {sign for sign, _ in shown.values()} == {"\u2265", "\u2264", ">"}
     for row in ROWS:
@@ -83,12 +91,16 @@ def test_a_bound_has_its_sign_and_is_that_of_the_verdict(page):
         if sign == ">":
             assert row["low"] > bound or not holds, row["id"]
         elif sign:
-            assert holds == (row["low"] >= bound if sign == "\u2265" else row["high"] <= bound), row["id"]
+            assert holds == (row["low"] >= bound if sign == "\u2265" else row["high"] <= bound), (
+                row["id"]
+            )
 
 
 def test_a_bound_is_written_with_its_sign(browser, file):
     browser.open(file)
-    told = browser.evaluate("['C14', 'C5', 'C3', 'C4', 'C1'].map((one) => byId(one).cells[3].textContent)")
+    told = browser.evaluate(
+        "['C14', 'C5', 'C3', 'C4', 'C1'].map((one) => byId(one).cells[3].textContent)"
+    )
     assert told == ["> 0", "\u2264 1.1", "\u2265 0.99", "> 0", "0.82 \u00b1 0.05"]
     browser.evaluate("byId('C4').querySelector('button').click()")
     told = browser.evaluate("byId('C4').nextElementSibling.textContent")
@@ -123,7 +135,10 @@ def test_first_and_fresh_answers_are_those_of_the_metrics(page):
 
 def test_the_page_is_small_and_does_not_tell_when_where_or_how_fast_it_was_made(page, folder):
     assert len(page.encode()) < 8 * MEGABYTE
-    rewritten(folder / "run.json", lambda about: about.update(wall_time_s=1, platform="moon", workers=99, commit="x"))
+    rewritten(
+        folder / "run.json",
+        lambda about: about.update(wall_time_s=1, platform="moon", workers=99, commit="x"),
+    )
     assert evaluation.page(folder) == page
 
 
@@ -149,8 +164,14 @@ def test_report_writes_the_page_of_an_evaluation(folder, page, capsys):
     [
         (lambda folder: (folder / "metrics.json").unlink(), "metrics.json: missing"),
         (lambda folder: (folder / "run.json").write_text("{"), "run.json: cannot be read"),
-        (lambda folder: (folder / "verdicts.json").write_text('[{"id": "C1"}]'), "not the results of this version"),
-        (lambda folder: (folder / "calibration.json").write_text("[]"), "not the results of this version"),
+        (
+            lambda folder: (folder / "verdicts.json").write_text('[{"id": "C1"}]'),
+            "not the results of this version",
+        ),
+        (
+            lambda folder: (folder / "calibration.json").write_text("[]"),
+            "not the results of this version",
+        ),
     ],
     ids=["incomplete", "broken", "other", "odd"],
 )
@@ -188,7 +209,11 @@ def file(page: str) -> Path:
 
 def asked_for(browser: Browser) -> list[str]:
     """Addresses besides the pictures that are in the page itself."""
-    return [address for address in browser.requests if not address.startswith("data:image/svg+xml;base64,")]
+    return [
+        address
+        for address in browser.requests
+        if not address.startswith("data:image/svg+xml;base64,")
+    ]
 
 
 def choose(browser: Browser, element: str, value: str, event: str = "input") -> None:
@@ -196,7 +221,9 @@ def choose(browser: Browser, element: str, value: str, event: str = "input") -> 
     browser.evaluate(f"byId('{element}').dispatchEvent(new Event('{event}'))")
 
 
-@pytest.mark.parametrize(("width", "dark"), [(1200, False), (1200, True), (360, False)], ids=["wide", "dark", "narrow"])
+@pytest.mark.parametrize(
+    ("width", "dark"), [(1200, False), (1200, True), (360, False)], ids=["wide", "dark", "narrow"]
+)
 def test_the_page_draws_itself_in_any_window(browser, file, width, dark):
     browser.size(width, 900, dark=dark)
     browser.open(file)
@@ -206,8 +233,15 @@ def test_the_page_draws_itself_in_any_window(browser, file, width, dark):
     assert shown.std() > 10
     assert (shown.mean() < 80) == dark
     assert browser.evaluate("document.documentElement.scrollWidth") == width
-    assert browser.evaluate("document.querySelectorAll('#sensitivity-charts .chart svg circle').length") > 50
-    decoded = "Promise.all([...document.images].map(one => one.decode().then(() => one.naturalWidth)))"
+    assert (
+        browser.evaluate(
+            "document.querySelectorAll('#sensitivity-charts .chart svg circle').length"
+        )
+        > 50
+    )
+    decoded = (
+        "Promise.all([...document.images].map(one => one.decode().then(() => one.naturalWidth)))"
+    )
     assert min(browser.evaluate(decoded)) > 100
     words = browser.evaluate("document.body.innerText")
     assert not any(word in words for word in ("NaN", "undefined", "Infinity", "[object"))
@@ -220,7 +254,11 @@ def test_claims_are_filtered_by_verdict_kind_words_and_marginality(browser, file
     predictions = [row for row in ROWS if row["kind"] == "prediction"]
     assert browser.evaluate(SHOWN) == [row["id"] for row in predictions]
     browser.evaluate("byId('verdict-filter').querySelector('button').click()")
-    assert browser.evaluate(SHOWN) == [row["id"] for row in predictions if row["verdict"] != "reproduced"] != []
+    assert (
+        browser.evaluate(SHOWN)
+        == [row["id"] for row in predictions if row["verdict"] != "reproduced"]
+        != []
+    )
     browser.evaluate("byId('verdict-filter').querySelector('button').click()")
     choose(browser, "kind", "")
     browser.evaluate("byId('marginal').click()")
@@ -237,14 +275,18 @@ def test_the_reading_decides_which_verdicts_are_filtered(browser, file):
     predictions = [row["verdict"] for row in ROWS if row["kind"] == "prediction"]
     assert f"prediction{predictions.count('reproduced')} of {len(predictions)}" in counts
     assert "all, by the default's metrics" in counts
-    heads = browser.evaluate("[...byId('claims').tHead.rows[0].cells].map(cell => cell.textContent)")
+    heads = browser.evaluate(
+        "[...byId('claims').tHead.rows[0].cells].map(cell => cell.textContent)"
+    )
     assert heads[-2:] == ["default", "bench"]
     assert browser.evaluate("byId('C14').cells[4].textContent").startswith("not reproduced")
     assert browser.evaluate("byId('C14').cells[5].textContent").startswith("reproducedmarginal")
     browser.evaluate("byId('verdict-filter').querySelector('button').click()")
     assert "C14" in browser.evaluate(SHOWN)
     choose(browser, "reading", "bench")
-    assert browser.evaluate(SHOWN) == [row["id"] for row in ROWS], "another reading begins with all of its verdicts"
+    assert browser.evaluate(SHOWN) == [row["id"] for row in ROWS], (
+        "another reading begins with all of its verdicts"
+    )
     browser.evaluate("byId('verdict-filter').querySelector('button').click()")
     assert "C14" not in browser.evaluate(SHOWN)
     choose(browser, "reading", "default")
@@ -255,7 +297,11 @@ def test_the_reading_decides_which_verdicts_are_filtered(browser, file):
 def test_readings_are_shown_with_what_they_mean(browser, file):
     browser.open(file)
     told = browser.evaluate("byId('reading-list').textContent")
-    assert "on the bench" in told and "similarity=exact" in told and "Known when it was written" in told
+    assert (
+        "on the bench" in told
+        and "similarity=exact" in told
+        and "Known when it was written" in told
+    )
     assert "objects then stored" in browser.evaluate("byId('meanings').textContent")
 
 
@@ -264,9 +310,16 @@ def test_a_click_on_a_claim_opens_its_evidence_and_its_figure(browser, file):
     browser.click(*middle(browser, "C14"))
     told = browser.evaluate("byId('C14').nextElementSibling.textContent")
     row = next(row for row in ROWS if row["id"] == "C14")
-    assert row["test"] in told and row["note"] in told and "made up" in told and f"{row['n']} seeds" in told
+    assert (
+        row["test"] in told
+        and row["note"] in told
+        and "made up" in told
+        and f"{row['n']} seeds" in told
+    )
     assert "By the default's metrics" in told
-    (name,) = browser.evaluate("[...byId('C14').nextElementSibling.querySelectorAll('img')].map(one => one.alt)")
+    (name,) = browser.evaluate(
+        "[...byId('C14').nextElementSibling.querySelectorAll('img')].map(one => one.alt)"
+    )
     assert name == "Object reuse"
     browser.evaluate("byId('C15').querySelector('button').focus()")
     browser.press("Tab")
@@ -277,7 +330,9 @@ def test_a_click_on_a_claim_opens_its_evidence_and_its_figure(browser, file):
 def test_the_measure_of_first_and_fresh_answers_is_chosen(browser, file):
     browser.open(file)
     means = browser.evaluate("byId('answer-table').textContent")
-    titles = browser.evaluate("[...byId('answer-charts').querySelectorAll('h3')].map(one => one.textContent)")
+    titles = browser.evaluate(
+        "[...byId('answer-charts').querySelectorAll('h3')].map(one => one.textContent)"
+    )
     assert titles == ["Mean: first answer", "Mean: fresh result"]
     choose(browser, "measure", "2", "change")
     assert browser.evaluate("byId('answer-table').textContent") != means
@@ -289,8 +344,13 @@ def test_other_drives_are_shown_with_how_often_each_claim_holds(browser, file):
     committed = json.loads((PAPER / "drives.json").read_text())["directions"]
     cells = "[row.cells[0].textContent, row.cells[3].textContent]"
     rows = browser.evaluate(f"[...byId('drives-table').tBodies[0].rows].map((row) => {cells})")
-    names, counts = zip(*((f"{one['claim']} {one['says']}".strip(), one) for one in committed), strict=True)
-    assert rows == [[name, f"{one['holds']} of {one['drives']}"] for name, one in zip(names, counts, strict=True)]
+    names, counts = zip(
+        *((f"{one['claim']} {one['says']}".strip(), one) for one in committed), strict=True
+    )
+    assert rows == [
+        [name, f"{one['holds']} of {one['drives']}"]
+        for name, one in zip(names, counts, strict=True)
+    ]
     lead = browser.evaluate("byId('drives-lead').textContent")
     assert "Supported: slope -0.907 (-1.12 to -0.693), r = -0.93, 15 drives." in lead
     assert browser.evaluate("byId('drives-chart').querySelectorAll('circle').length") > 15
@@ -318,9 +378,14 @@ def test_a_quick_evaluation_says_what_it_did_not_do(browser, folder):
 
 
 def test_markup_in_results_is_shown_as_text_and_figures_run_no_scripts(browser, folder):
-    rewritten(folder / "verdicts.json", lambda rows: rows[0].update(claim=EVIL, note=EVIL, verdict="reproduced"))
+    rewritten(
+        folder / "verdicts.json",
+        lambda rows: rows[0].update(claim=EVIL, note=EVIL, verdict="reproduced"),
+    )
     figure = folder / "figures" / "image_reuse.svg"
-    figure.write_text(figure.read_text().replace("<defs>", "<script>window.parent.hacked = 3</script><defs>", 1))
+    figure.write_text(
+        figure.read_text().replace("<defs>", "<script>window.parent.hacked = 3</script><defs>", 1)
+    )
     Path("report.html").write_text(evaluation.page(folder), encoding="utf-8")
     assert Path("report.html").read_text(encoding="utf-8").count("<script") == 2
     browser.open(Path("report.html"))

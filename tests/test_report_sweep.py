@@ -87,7 +87,9 @@ def test_the_table_is_that_of_the_sweep(crossed):
     points = pd.read_parquet(crossed / "table.parquet")
     mine = points[(points["metric"] == "object_reuse") & (points["placement"] == "car")]
     assert shown["levels"] == [mine["rate"].tolist(), mine["rule"].tolist()]
-    for column, name in zip(shown["values"]["object_reuse"][0], ("value", "low", "high"), strict=True):
+    for column, name in zip(
+        shown["values"]["object_reuse"][0], ("value", "low", "high"), strict=True
+    ):
         assert column == pytest.approx(mine[name].tolist(), rel=1e-4)
 
 
@@ -95,7 +97,11 @@ def test_a_curve_averages_over_the_other_axis_or_keeps_its_levels_apart(crossed)
     rate, rule = embedded(sweep.page(crossed))["curves"]
     points = pd.read_parquet(crossed / "table.parquet")
     mine = points[(points["metric"] == "object_reuse") & (points["placement"] == "edge")]
-    assert (rate["log"], rate["levels"], rule["levels"]) == (True, [0.01, 0.1, 1.0], ["noisy_or", "ema"])
+    assert (rate["log"], rate["levels"], rule["levels"]) == (
+        True,
+        [0.01, 0.1, 1.0],
+        ["noisy_or", "ema"],
+    )
     lines = {line["level"]: line["values"]["object_reuse"][1][0] for line in rate["lines"]}
     assert lines[None] == pytest.approx(mine.groupby("rate")["value"].mean().tolist(), rel=1e-4)
     assert lines["ema"] == pytest.approx(mine[mine["rule"] == "ema"]["value"].tolist(), rel=1e-4)
@@ -105,7 +111,11 @@ def test_axes_that_are_not_in_the_order_of_their_names_keep_their_settings(drawn
     assert [(axis["column"], axis["of"]) for axis in embedded(sweep.page(town))["axes"]] == [
         ("size", ["fleet.cars"]), ("forget [ms]", ["genie.object_map.freshness.ttl"]), ("mix", ["fleet.devices"]),
     ]  # fmt: skip
-    assert [curve["sampled"] for curve in embedded(sweep.page(town))["curves"]] == [False, True, False]
+    assert [curve["sampled"] for curve in embedded(sweep.page(town))["curves"]] == [
+        False,
+        True,
+        False,
+    ]
     gate, view = ["genie.object_map.gate"], ["genie.view_range"]
     assert [axis["of"] for axis in embedded(sweep.page(drawn))["axes"]] == [view, gate]
 
@@ -136,14 +146,18 @@ def test_an_unfinished_sweep_gets_one_line(crossed, capsys):
 
 def test_only_drawn_values_are_averaged_over_and_not_along_a_drawn_axis(drawn, crossed, town):
     assert "averaged over" not in (drawn / "figures" / "gate.svg").read_text()
-    assert not any("averaged over" in path.read_text() for path in (crossed / "figures").glob("*.svg"))
+    assert not any(
+        "averaged over" in path.read_text() for path in (crossed / "figures").glob("*.svg")
+    )
     assert "averaged over forget" in (town / "figures" / "size.svg").read_text()
 
 
 def test_the_figures_of_a_sweep_in_a_town_show_its_ghosts(town):
     words = (town / "figures" / "forget-1.svg").read_text()
     assert "ghost share" in words and "size = 3" in words
-    assert "ghost_share" in {one["name"] for one in embedded(sweep.page(town))["metrics"] if one["main"]}
+    assert "ghost_share" in {
+        one["name"] for one in embedded(sweep.page(town))["metrics"] if one["main"]
+    }
 
 
 def test_values_on_an_axis_can_be_read(town):
@@ -151,12 +165,22 @@ def test_values_on_an_axis_can_be_read(town):
     axes = load_design(town.parent / "town.yaml").axes
     runs = pd.read_parquet(town / "runs.parquet")
     drawn = figures.along(axes["forget"], "forget [ms]", runs, "")
-    assert [tick.get_text() for tick in drawn.axes[0].get_xticklabels()] == ["200", "500", "1000", "2000"]
+    assert [tick.get_text() for tick in drawn.axes[0].get_xticklabels()] == [
+        "200",
+        "500",
+        "1000",
+        "2000",
+    ]
     assert drawn.get_label().split("\n")[0].endswith("one seed, so without intervals")
     assert {panel.get_xlabel() for panel in drawn.axes} == {"forget [ms], logarithmic"}
-    assert any(panel.get_ylabel().startswith("with a fresh") for panel in drawn.axes), "latencies are of those alone"
+    assert any(panel.get_ylabel().startswith("with a fresh") for panel in drawn.axes), (
+        "latencies are of those alone"
+    )
     mixes = figures.along(axes["mix"], "mix", runs, "")
-    assert [tick.get_text() for tick in mixes.axes[0].get_xticklabels()] == ["orin_nano", '{"jetson_tx2": …']
+    assert [tick.get_text() for tick in mixes.axes[0].get_xticklabels()] == [
+        "orin_nano",
+        '{"jetson_tx2": …',
+    ]
     for panel in (*drawn.axes, *mixes.axes):
         highest = np.nanmax(np.concatenate([line.get_ydata() for line in panel.get_lines()]))
         low, high = panel.get_ylim()
@@ -167,10 +191,14 @@ def test_values_on_an_axis_can_be_read(town):
 
 
 def choose(browser: Browser, element: str, value: str) -> None:
-    browser.evaluate(f"byId('{element}').value = '{value}'; byId('{element}').dispatchEvent(new Event('change'))")
+    browser.evaluate(
+        f"byId('{element}').value = '{value}'; byId('{element}').dispatchEvent(new Event('change'))"
+    )
 
 
-@pytest.mark.parametrize(("width", "dark"), [(1200, False), (1200, True), (360, False)], ids=["wide", "dark", "narrow"])
+@pytest.mark.parametrize(
+    ("width", "dark"), [(1200, False), (1200, True), (360, False)], ids=["wide", "dark", "narrow"]
+)
 @pytest.mark.parametrize("which", ["crossed", "drawn"])
 def test_the_page_draws_itself_in_any_window(browser, request, which, width, dark):
     file = request.getfixturevalue(which) / "report.html"
@@ -221,18 +249,29 @@ def test_the_table_sorts_by_a_click_on_a_head(browser, crossed):
     values = dict(zip(mine["point"], mine["value"], strict=True))
     for direction in ("ascending", "descending"):
         browser.evaluate("byId('table').tHead.querySelectorAll('button')[3].click()")
-        order = browser.evaluate("[...byId('table').tBodies[0].rows].map(row => Number(row.cells[0].textContent))")
+        order = browser.evaluate(
+            "[...byId('table').tBodies[0].rows].map(row => Number(row.cells[0].textContent))"
+        )
         shown = [values[point] for point in order]
         assert shown == sorted(shown, reverse=direction == "descending")
-        assert browser.evaluate("byId('table').tHead.rows[0].cells[3].getAttribute('aria-sort')") == direction
-    browser.evaluate("byId('filter').value = 'EMA 0.1'; byId('filter').dispatchEvent(new Event('input'))")
+        assert (
+            browser.evaluate("byId('table').tHead.rows[0].cells[3].getAttribute('aria-sort')")
+            == direction
+        )
+    browser.evaluate(
+        "byId('filter').value = 'EMA 0.1'; byId('filter').dispatchEvent(new Event('input'))"
+    )
     assert browser.evaluate("byId('table').tBodies[0].rows.length") == 1
 
 
 def test_markup_in_a_description_is_shown_as_text(browser, tmp_path):
     import json
 
-    folder = swept(CROSSED.replace("DESCRIPTION", json.dumps(EVIL)).replace("seeds: 2", "seeds: 1"), tmp_path, "evil")
+    folder = swept(
+        CROSSED.replace("DESCRIPTION", json.dumps(EVIL)).replace("seeds: 2", "seeds: 1"),
+        tmp_path,
+        "evil",
+    )
     assert (folder / "report.html").read_text(encoding="utf-8").count("<script") == 2
     browser.open(folder / "report.html")
     assert browser.evaluate("typeof window.hacked") == "undefined"

@@ -46,8 +46,13 @@ def section_v(rows: list[dict]) -> str:
     lines.append(f"|---|---|---|{'---|' * len(readings)}---|")
     for one in verdict_table.sentences():
         figure = f"`{one['figure']}`" if one["figure"] else ""
-        cells = ["; ".join(f"{claim}: {found[claim][name]['verdict']}" for claim in one["claims"]) for name in readings]
-        lines.append(f"| {one['part']} | {one['says']} | {figure} | {' | '.join(cells)} | {one['note'] or ''} |")
+        cells = [
+            "; ".join(f"{claim}: {found[claim][name]['verdict']}" for claim in one["claims"])
+            for name in readings
+        ]
+        lines.append(
+            f"| {one['part']} | {one['says']} | {figure} | {' | '.join(cells)} | {one['note'] or ''} |"
+        )
     return "\n".join(lines)
 
 
@@ -56,8 +61,13 @@ def counts_table(rows: list[dict]) -> str:
     readings = list(dict.fromkeys(one["reading"] for one in rows))
     lines = []
     for kind in dict.fromkeys(one["kind"] for one in rows):
-        mine = [[one for one in rows if (one["reading"], one["kind"]) == (name, kind)] for name in readings]
-        held = [sum(one["verdict"] in ("reproduced", "calibrated") for one in ones) for ones in mine]
+        mine = [
+            [one for one in rows if (one["reading"], one["kind"]) == (name, kind)]
+            for name in readings
+        ]
+        held = [
+            sum(one["verdict"] in ("reproduced", "calibrated") for one in ones) for ones in mine
+        ]
         cells = [f"{n} of {len(ones)}" if ones else "" for n, ones in zip(held, mine, strict=True)]
         lines.append([kind.replace("_", " "), *cells])
     table = text_table.markdown(["reproduced", *readings], lines)
@@ -131,9 +141,16 @@ def test_the_overlap_is_the_share_of_a_route_that_the_car_ahead_drives_too():
 def test_one_car_and_three_see_the_same_street_over_the_seeds():
     """Where a car drives on average: in the middle of the street, however many there are."""
     for scenario in ("1car_homo", "2car_homo", "3car_homo"):
-        middles = [sum(w) / 2 for seed in ASSUMED.seeds for w in windows_s("overlap=0.1", scenario=scenario, seed=seed)]
+        middles = [
+            sum(w) / 2
+            for seed in ASSUMED.seeds
+            for w in windows_s("overlap=0.1", scenario=scenario, seed=seed)
+        ]
         assert sum(middles) / len(middles) == pytest.approx(7.8, abs=0.6)
-        assert all(begin >= 0 and end <= 15.6 + 1e-6 for begin, end in windows_s("overlap=0.1", scenario=scenario))
+        assert all(
+            begin >= 0 and end <= 15.6 + 1e-6
+            for begin, end in windows_s("overlap=0.1", scenario=scenario)
+        )
 
 
 def test_the_car_without_cameras_drives_behind():
@@ -144,17 +161,26 @@ def test_the_car_without_cameras_drives_behind():
 @pytest.mark.parametrize("variant", ASSUMED.variants, ids=lambda variant: variant.name)
 def test_every_variant_changes_the_scenario(variant):
     base = prepare_job(Job("3car_hetero", 1, last_calibration())).scenario
-    assert prepare_job(Job("3car_hetero", 1, (*last_calibration(), *variant.settings))).scenario != base
+    assert (
+        prepare_job(Job("3car_hetero", 1, (*last_calibration(), *variant.settings))).scenario
+        != base
+    )
 
 
 @pytest.mark.parametrize("sweep", ASSUMED.sweeps, ids=lambda sweep: sweep.parameter)
 def test_every_value_of_a_sweep_is_another_run(sweep):
-    settings = [("overlap=0.5", "gate_m=1", f"{sweep.parameter}={value:g}") for value in sweep.values]
+    settings = [
+        ("overlap=0.5", "gate_m=1", f"{sweep.parameter}={value:g}") for value in sweep.values
+    ]
     prepared = [prepare_job(Job("2car_homo", 1, one)) for one in settings]
-    assert len({(one.scenario.to_yaml(), one.drives["car1"].digest) for one in prepared}) == len(sweep.values)
+    assert len({(one.scenario.to_yaml(), one.drives["car1"].digest) for one in prepared}) == len(
+        sweep.values
+    )
 
 
-@pytest.mark.parametrize("harm", ["nothing", "wraps a method", "changes its topics", "leaves the master alone"])
+@pytest.mark.parametrize(
+    "harm", ["nothing", "wraps a method", "changes its topics", "leaves the master alone"]
+)
 def test_it_is_seen_when_attaching_a_genie_touches_the_node(harm, monkeypatch):
     attach_genie = nodes.attach
 
@@ -190,7 +216,12 @@ def test_the_search_finds_the_point_that_fits_and_stays_in_the_plausible_ranges(
         for job in jobs:
             overlap, gate_m = (float(setting.split("=")[1]) for setting in job.settings[-2:])
             facts = {f"object_reuse:{placement}": gate_m / 2 for placement in ("car", "edge")}
-            found.append(Outcome(facts | {f"image_reuse:{placement}": overlap / 4 for placement in ("car", "edge")}))
+            found.append(
+                Outcome(
+                    facts
+                    | {f"image_reuse:{placement}": overlap / 4 for placement in ("car", "edge")}
+                )
+            )
         return found
 
     found = calibrate.calibrate(ASSUMED, world)
@@ -225,11 +256,22 @@ def test_a_fit_that_misses_is_not_called_reached():
 @pytest.mark.slow
 def test_a_quick_evaluation_judges_every_claim_and_draws_every_figure(tmp_path):
     told = []
-    result = reproduce(tmp_path / "out", quick=True, seeds=1, workers=1, progress=lambda *what: told.append(what))
+    result = reproduce(
+        tmp_path / "out", quick=True, seeds=1, workers=1, progress=lambda *what: told.append(what)
+    )
     rows = verdict_table.read_rows(result.folder)
-    assert [(one["reading"], one["id"]) for one in rows] == [(name, one.id) for name in NAMES for one in load_claims()]
+    assert [(one["reading"], one["id"]) for one in rows] == [
+        (name, one.id) for name in NAMES for one in load_claims()
+    ]
     assert told[-1][0] == told[-1][1], "the progress ends at its end"
-    for name in ("latency_cdf", "image_reuse", "object_reuse", "confidence_boost", "case_study", "worth"):
+    for name in (
+        "latency_cdf",
+        "image_reuse",
+        "object_reuse",
+        "confidence_boost",
+        "case_study",
+        "worth",
+    ):
         assert (result.folder / "figures" / f"{name}.svg").stat().st_size > 10_000
     assert "| object precision |" in (result.folder / "verdicts.md").read_text()
     assert json.loads((result.folder / "run.json").read_text())["quick"] is True
@@ -248,7 +290,9 @@ def test_the_committed_results_are_those_of_the_committed_assumptions():
     about = json.loads((PAPER / "run.json").read_text())
     here = REPOSITORY / "genie_sim" / "paper"
     for name, digest in about["inputs"].items():
-        assert hashlib.sha256((here / name).read_bytes()).hexdigest() == digest, f"{name} changed: evaluate anew"
+        assert hashlib.sha256((here / name).read_bytes()).hexdigest() == digest, (
+            f"{name} changed: evaluate anew"
+        )
     assert about["quick"] is False
     assert tuple(about["seeds"]) == ASSUMED.seeds
     assert {name: tuple(used) for name, used in about["settings"].items()} == {
@@ -266,7 +310,9 @@ def test_the_documents_show_the_committed_verdicts(document):
     text = document.read_text(encoding="utf-8")
     for name, part in generated_parts(PAPER).items():
         shown = between(name, text)
-        assert shown is None or shown == part, f"{document.name} shows other {name}: python tests/test_reproduce.py"
+        assert shown is None or shown == part, (
+            f"{document.name} shows other {name}: python tests/test_reproduce.py"
+        )
     if document.name == "README.md":
         assert between("counts", text) is not None
     if document.name == "paper.md":
@@ -278,8 +324,13 @@ def refresh(repository):
     """Writes the committed evaluation into the fitted parameters and the documents of a repository."""
     best = json.loads((PAPER / "calibration.json").read_text())["best"]
     fitted = repository / "genie_sim" / "paper" / "calibrated.yaml"
-    comments = [line for line in fitted.read_text(encoding="utf-8").splitlines() if line.startswith("#")]
-    fitted.write_text("\n".join([*comments, *(f"{one.name}: {best[one.name]:g}" for one in ASSUMED.fitted)]) + "\n")
+    comments = [
+        line for line in fitted.read_text(encoding="utf-8").splitlines() if line.startswith("#")
+    ]
+    fitted.write_text(
+        "\n".join([*comments, *(f"{one.name}: {best[one.name]:g}" for one in ASSUMED.fitted)])
+        + "\n"
+    )
     for path in GENERATED:
         path = repository / path.relative_to(REPOSITORY)
         shown = refreshed(path.read_text(encoding="utf-8"), generated_parts(PAPER))

@@ -22,7 +22,9 @@ def simulated(monkeypatch):
 
     def world(run, jobs, *_):
         ran.extend(jobs)
-        return [Outcome({f"which:{method}": float(len(ran)) for method in job.methods}) for job in jobs]
+        return [
+            Outcome({f"which:{method}": float(len(ran)) for method in job.methods}) for job in jobs
+        ]
 
     monkeypatch.setattr("genie_sim.paper.runs.in_parallel", world)
     return ran
@@ -51,7 +53,10 @@ def test_settings_that_make_the_same_scenario_are_one_run(simulated, scenario, s
 
 
 def test_a_threshold_by_its_word_is_the_run_of_its_number(simulated):
-    jobs = [Job("2car_homo", 1, (*BASE, f"genie.object_map.threshold={value}")) for value in ("range_60", "0.72")]
+    jobs = [
+        Job("2car_homo", 1, (*BASE, f"genie.object_map.threshold={value}"))
+        for value in ("range_60", "0.72")
+    ]
     assert _key(jobs[0]) == _key(jobs[1])
     by_word, by_number = (run_job(replace(job, judged=True)).facts for job in jobs)
     assert repr(by_word) == repr(by_number)  # with NaN
@@ -59,7 +64,10 @@ def test_a_threshold_by_its_word_is_the_run_of_its_number(simulated):
 
 
 def test_every_seed_is_a_run_of_its_own(simulated):
-    assert len({id(one) for one in Runs(1)([Job("2car_homo", seed, BASE) for seed in (1, 2, 1)], "")}) == 2
+    assert (
+        len({id(one) for one in Runs(1)([Job("2car_homo", seed, BASE) for seed in (1, 2, 1)], "")})
+        == 2
+    )
     assert [job.seed for job in simulated] == [1, 2]
 
 
@@ -81,8 +89,13 @@ def test_a_job_that_wants_more_than_is_known_is_simulated_again_with_all_of_it(s
 def test_other_definitions_cost_facts_of_their_own_alone():
     job = Job("1car_homo", 1, BASE, ("genie",))
     every, own = run_job(job).facts, run_job(replace(job, redefined=False)).facts
-    assert {name: repr(every[name]) for name in own} == {name: repr(value) for name, value in own.items()}
-    others, some = set(every) - set(own), ("image_reuse_highest_running:car", "image_running_peak_at:car")
+    assert {name: repr(every[name]) for name in own} == {
+        name: repr(value) for name, value in own.items()
+    }
+    others, some = (
+        set(every) - set(own),
+        ("image_reuse_highest_running:car", "image_running_peak_at:car"),
+    )
     assert {"first_answer_mean_from_stamp:genie", *some} <= others
     assert all("_from_stamp" in name or "_running" in name for name in others)
 
@@ -90,9 +103,16 @@ def test_other_definitions_cost_facts_of_their_own_alone():
 def test_genie_alone_has_the_baselines_of_its_world(simulated):
     runs = Runs(1)
     runs([Job("2car_homo", 1, BASE)], "")
-    same, other = (Job("2car_homo", 1, (*BASE, setting), ("genie",)) for setting in ("genie.passes=2", "links=ideal"))
+    same, other = (
+        Job("2car_homo", 1, (*BASE, setting), ("genie",))
+        for setting in ("genie.passes=2", "links=ideal")
+    )
     assert runs.has_baselines(same) and not runs.has_baselines(other)
-    assert runs([same, other], "")[0].facts == {"which:local": 1.0, "which:remote": 1.0, "which:genie": 3.0}
+    assert runs([same, other], "")[0].facts == {
+        "which:local": 1.0,
+        "which:remote": 1.0,
+        "which:genie": 3.0,
+    }
     assert set(runs([other], "")[0].facts) == {"which:genie"}
 
 
@@ -122,13 +142,17 @@ def test_two_passes_changes_nothing_else():
     settings = [load_reading(name).settings(BASE) for name in ("default", "two_passes")]
     base, other = (prepare_job(Job("3car_hetero", 1, mine)) for mine in settings)
     assert (base.scenario.genie.passes, other.scenario.genie.passes) == (1, 2)
-    assert base.scenario.model_dump(exclude={"genie"}) == other.scenario.model_dump(exclude={"genie"})
+    assert base.scenario.model_dump(exclude={"genie"}) == other.scenario.model_dump(
+        exclude={"genie"}
+    )
 
 
 @pytest.mark.parametrize("setting", ["genie.passses=2", "links=idael", "fleet=3"])
 def test_a_reading_that_sets_what_no_scenario_has_is_told_before_anything_runs(setting):
     reading = load_reading("two_passes")
-    wrong = reading.model_copy(update={"choices": (reading.choices[0].model_copy(update={"settings": (setting,)}),)})
+    wrong = reading.model_copy(
+        update={"choices": (reading.choices[0].model_copy(update={"settings": (setting,)}),)}
+    )
     with pytest.raises(UserError) as told:
         check(wrong)
     assert str(told.value).startswith(f"{reading.path}: choices[0].set: ")

@@ -79,7 +79,9 @@ def test_the_papers_six_scenarios(name: str) -> None:
     first_edge = "quadro_rtx_4000" if name.endswith("hetero") else "agx_xavier"
     assert [edge.device for edge in paper.edges] == [first_edge] + ["agx_xavier"] * (cars - 1)
     assert [car.edge for car in paper.cars] == [edge.name for edge in paper.edges]
-    windows_s = [[instant_ns / 1e9 for instant_ns in car.route.window_ns or ()] for car in paper.cars]
+    windows_s = [
+        [instant_ns / 1e9 for instant_ns in car.route.window_ns or ()] for car in paper.cars
+    ]
     assert windows_s == [[0, 9.2], [3.1, 12.3], [6.2, 15.4]][:cars]
     hint_for_editors, *lines = (ROOT / f"scenarios/{name}.yaml").read_text().splitlines()
     assert hint_for_editors.startswith("# yaml-language-server") and len(lines) <= 12
@@ -128,7 +130,9 @@ def unwritten(model: type[BaseModel], written: dict[str, Any], path: str = "") -
     return found
 
 
-def inner_models(field: FieldInfo, value: dict[str, Any] | None = None) -> Iterator[type[BaseModel]]:
+def inner_models(
+    field: FieldInfo, value: dict[str, Any] | None = None
+) -> Iterator[type[BaseModel]]:
     """The models of the settings in a field; of a plug-in's, those of the one in ``value``."""
     for mark in field.metadata:
         if isinstance(mark, Plain):
@@ -149,8 +153,22 @@ def model_types(annotation: Any) -> Iterator[type[BaseModel]]:
 def test_the_file_of_all_settings_names_every_choice() -> None:
     text = (ROOT / "scenarios/all_settings.yaml").read_text()
     literals = {choice for line in literal_choices(Scenario) for choice in line}
-    of_sections = (*Fleet.yaml_names(), *FaultEntry.yaml_names(), *OVERRIDABLE, *MethodEntry.yaml_names()[:-1])
-    registries = (SIMILARITIES, EVICTIONS, CONFIDENCE_RULES, LINKS, LINK_MODELS, METHODS, FAULTS, SOURCES)
+    of_sections = (
+        *Fleet.yaml_names(),
+        *FaultEntry.yaml_names(),
+        *OVERRIDABLE,
+        *MethodEntry.yaml_names()[:-1],
+    )
+    registries = (
+        SIMILARITIES,
+        EVICTIONS,
+        CONFIDENCE_RULES,
+        LINKS,
+        LINK_MODELS,
+        METHODS,
+        FAULTS,
+        SOURCES,
+    )
     of_plug_ins = (
         setting
         for what, registry in (("fault", FAULTS), ("frame source", SOURCES))
@@ -173,7 +191,10 @@ def literal_choices(model: type[BaseModel]) -> Iterator[tuple[str, ...]]:
 
 
 def test_an_override_says_the_same_as_the_file() -> None:
-    text = TWO_CARS.replace("edge: edge1}", "edge: edge1, route: {laps: 2}}", 1) + "genie: {eviction: lru}\n"
+    text = (
+        TWO_CARS.replace("edge: edge1}", "edge: edge1, route: {laps: 2}}", 1)
+        + "genie: {eviction: lru}\n"
+    )
     assert scenario(TWO_CARS, "cars[0].route.laps=2", "genie.eviction=lru") == scenario(text)
 
 
@@ -185,7 +206,9 @@ def wire(link: Choice | None) -> Wire:
 
 
 def test_overrides_reach_into_names_and_defaults() -> None:
-    lossy = scenario(TWO_CARS.replace("edge: edge1}", "edge: edge1, link: wifi}", 1), "cars[0].link.loss=0.1")
+    lossy = scenario(
+        TWO_CARS.replace("edge: edge1}", "edge: edge1, link: wifi}", 1), "cars[0].link.loss=0.1"
+    )
     assert wire(lossy.cars[0].link) == replace(wire(LINKS["wifi"]), loss=0.1)
     assert wire(scenario(TWO_CARS, "edge_network.delay=5 ms").edge_network).rate_up_bps == 10**9
     wide = scenario(TWO_CARS, "genie.similarity.cell=2 m").genie.similarity
@@ -202,7 +225,10 @@ def test_the_literal_algorithm_is_a_preset() -> None:
     plain = set(LITERAL) - {"similarity", "request_expiry", "object_map"}
     assert {key: getattr(literal, key) for key in plain} == {key: LITERAL[key] for key in plain}
     mixed = scenario(
-        TWO_CARS, "genie.algorithm=literal", "genie.miss_policy=blocking", "genie.object_map.rule=ema"
+        TWO_CARS,
+        "genie.algorithm=literal",
+        "genie.miss_policy=blocking",
+        "genie.object_map.rule=ema",
     ).genie
     assert (mixed.miss_policy, mixed.neighbour_miss) == ("blocking", "process")
     assert (mixed.object_map.rule, mixed.object_map.one_per_location) == ("ema", True)
@@ -218,7 +244,9 @@ def test_similarities_take_the_parameters_of_their_class() -> None:
 
 
 def test_capacities() -> None:
-    assert scenario(TWO_CARS, "genie.capacity=1000 entries").genie.capacity == Capacity(entries=1000)
+    assert scenario(TWO_CARS, "genie.capacity=1000 entries").genie.capacity == Capacity(
+        entries=1000
+    )
     assert scenario(TWO_CARS, "genie.capacity=10 MB").genie.capacity == Capacity(bytes=10**7)
     both = scenario(TWO_CARS, "genie.capacity={entries: 5, bytes: 1 MiB}").genie.capacity
     assert both == Capacity(entries=5, bytes=2**20)
@@ -226,12 +254,18 @@ def test_capacities() -> None:
 
 def test_frames_may_be_looked_at_live() -> None:
     assert scenario(TWO_CARS, "perception=live").source == Live()
-    live = scenario(TWO_CARS, "perception={source: live, drive: 2011_09_26/0005, detector: nanodet_m_416}").source
+    live = scenario(
+        TWO_CARS, "perception={source: live, drive: 2011_09_26/0005, detector: nanodet_m_416}"
+    ).source
     assert live == Live(drive="2011_09_26/0005", detector="nanodet_m_416")
 
 
 def test_a_users_own_device(tmp_path: Path) -> None:
-    own = (ROOT / "device_profiles/jetson_tx2.yaml").read_text().replace("name: jetson_tx2", "name: mine")
+    own = (
+        (ROOT / "device_profiles/jetson_tx2.yaml")
+        .read_text()
+        .replace("name: jetson_tx2", "name: mine")
+    )
     Path("mine.yaml").write_text(own)
     assert scenario(TWO_CARS, "cars[0].device=./mine.yaml").cars[0].device == "./mine.yaml"
 
@@ -263,20 +297,34 @@ choices = st.fixed_dictionaries(
         "object_map": st.fixed_dictionaries(
             {
                 "rate": st.floats(0, 1),
-                "threshold": st.floats(0, 1) | st.sampled_from(["range_60", "empirical", {"percentile": 60.0}]),
+                "threshold": st.floats(0, 1)
+                | st.sampled_from(["range_60", "empirical", {"percentile": 60.0}]),
             }
         ),
     },
 )
 links = st.sampled_from(sorted(LINKS)) | st.fixed_dictionaries(
-    {"loss": st.floats(0, 1), "rate_up": st.integers(1, 10**10).map(lambda bps: f"{bps} bit/s"), "delay": durations}
+    {
+        "loss": st.floats(0, 1),
+        "rate_up": st.integers(1, 10**10).map(lambda bps: f"{bps} bit/s"),
+        "delay": durations,
+    }
 )
 names = st.from_regex(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,10}", fullmatch=True)
 
 
 @settings(max_examples=40, deadline=None)  # each reads the devices' profiles twice
-@given(names, st.text(st.characters(codec="utf-8", exclude_categories=("Cc", "Cs"))), choices, links, durations, names)
-def test_whatever_is_resolved_reads_back(name: str, text: str, genie: Any, link: Any, start: str, camera: str) -> None:
+@given(
+    names,
+    st.text(st.characters(codec="utf-8", exclude_categories=("Cc", "Cs"))),
+    choices,
+    links,
+    durations,
+    names,
+)
+def test_whatever_is_resolved_reads_back(
+    name: str, text: str, genie: Any, link: Any, start: str, camera: str
+) -> None:
     original = read_scenario(
         {
             "name": name,
@@ -285,7 +333,13 @@ def test_whatever_is_resolved_reads_back(name: str, text: str, genie: Any, link:
             "cameras": [{"name": camera, "recording": camera}],
             "edges": [{"name": "an_edge", "device": "agx_xavier"}],
             "cars": [
-                {"name": "a_car", "device": "jetson_tx2", "edge": "an_edge", "link": link, "route": {"start": start}}
+                {
+                    "name": "a_car",
+                    "device": "jetson_tx2",
+                    "edge": "an_edge",
+                    "link": link,
+                    "route": {"start": start},
+                }
             ],
             "genie": genie,
         }
@@ -296,24 +350,50 @@ def test_whatever_is_resolved_reads_back(name: str, text: str, genie: Any, link:
 def with_car(**settings: str) -> str:
     """A scenario whose second car has these settings."""
     car = {"name": "car2", "device": "jetson_tx2", "edge": "edge1", **settings}
-    return TWO_CARS.rsplit("  - ", 1)[0] + "  - {" + ", ".join(f"{key}: {value}" for key, value in car.items()) + "}\n"
+    return (
+        TWO_CARS.rsplit("  - ", 1)[0]
+        + "  - {"
+        + ", ".join(f"{key}: {value}" for key, value in car.items())
+        + "}\n"
+    )
 
 
 LINK_NAMES = ", ".join(sorted(LINKS))
 MISTAKES = [
     # unknown and misspelt fields
-    (TWO_CARS + "genie: {evictoin: lru}\n", "genie.evictoin: unknown field; did you mean 'eviction'?"),
+    (
+        TWO_CARS + "genie: {evictoin: lru}\n",
+        "genie.evictoin: unknown field; did you mean 'eviction'?",
+    ),
     (with_car(genei="true"), "cars[1].genei: unknown field; did you mean 'genie'?"),
-    (with_car(genie="{eviction: lru}"), "cars[1].genie: must be true or false, not {'eviction': 'lru'}"),
-    (with_car(x="1"), "cars[1].x: unknown field; known: name, device, edge, link, route, cameras, genie"),
+    (
+        with_car(genie="{eviction: lru}"),
+        "cars[1].genie: must be true or false, not {'eviction': 'lru'}",
+    ),
+    (
+        with_car(x="1"),
+        "cars[1].x: unknown field; known: name, device, edge, link, route, cameras, genie",
+    ),
     (with_car(genie="no"), "cars[1].genie: must be true or false, not 'no'"),
     ("edge: []\n" + TWO_CARS, "edge: unknown field; did you mean 'edges'?"),
     ("scenario: 1car_homo\naxes: {}\n", "axes: belongs to a sweep, which 'genie-sim sweep' runs"),
     # what does not exist
-    (with_car(edge="edge9"), "cars[1].edge: unknown edge 'edge9' (did you mean 'edge1'?); known: edge1"),
-    ("cars: [{name: a, device: jetson_tx2, edge: b}]\n", "cars[0].edge: unknown edge 'b'; there are no edges"),
-    ("cars: [{name: a, device: jetson_tx2, link: wifi}]\n", "cars[0].link: leads nowhere: the car has no 'edge'"),
-    (with_car(link="wfi"), f"cars[1].link: unknown link 'wfi' (did you mean 'wifi'?); known: {LINK_NAMES}"),
+    (
+        with_car(edge="edge9"),
+        "cars[1].edge: unknown edge 'edge9' (did you mean 'edge1'?); known: edge1",
+    ),
+    (
+        "cars: [{name: a, device: jetson_tx2, edge: b}]\n",
+        "cars[0].edge: unknown edge 'b'; there are no edges",
+    ),
+    (
+        "cars: [{name: a, device: jetson_tx2, link: wifi}]\n",
+        "cars[0].link: leads nowhere: the car has no 'edge'",
+    ),
+    (
+        with_car(link="wfi"),
+        f"cars[1].link: unknown link 'wfi' (did you mean 'wifi'?); known: {LINK_NAMES}",
+    ),
     (
         with_car(device="jetson"),
         "cars[1].device: unknown device 'jetson' (did you mean 'jetson_tx2'?); known: agx_orin, agx_xavier, "
@@ -343,7 +423,10 @@ MISTAKES = [
         TWO_CARS + "perception: {trace: kitti_0006}\n",
         "perception.trace: unknown trace 'kitti_0006' (did you mean 'kitti_0005'?); known: kitti_0005",
     ),
-    (with_car(route="{trace: ./gone.parquet}"), "cars[1].route.trace: ./gone.parquet: no such file"),
+    (
+        with_car(route="{trace: ./gone.parquet}"),
+        "cars[1].route.trace: ./gone.parquet: no such file",
+    ),
     (
         TWO_CARS + "perception: {source: alive}\n",
         "perception.source: unknown frame source 'alive' (did you mean 'live'?); known: live, recorded, town, or pack",
@@ -365,7 +448,10 @@ MISTAKES = [
         "model: orin_nano: model 'detr_resnet_101_dc5' runs out of memory",
     ),
     # quantities
-    (with_car(route="{start: 3}"), "cars[1].route.start: duration 3 has no unit; write for example '30 ms'"),
+    (
+        with_car(route="{start: 3}"),
+        "cars[1].route.start: duration 3 has no unit; write for example '30 ms'",
+    ),
     (
         with_car(route="{start: soon}"),
         "cars[1].route.start: duration 'soon' is not a number with a unit; write for example",
@@ -375,7 +461,10 @@ MISTAKES = [
         with_car(route="{start: 3 days}"),
         "cars[1].route.start: duration '3 days' has an unknown unit 'days'; known: ns, us, µs, ms, s, min, h",
     ),
-    (with_car(link="{rate_up: -1 Mbit/s}"), "cars[1].link.rate_up: must be more than zero, but is '-1 Mbit/s'"),
+    (
+        with_car(link="{rate_up: -1 Mbit/s}"),
+        "cars[1].link.rate_up: must be more than zero, but is '-1 Mbit/s'",
+    ),
     (with_car(link="{rate_up: 0}"), "cars[1].link.rate_up: must be more than zero, but is 0"),
     (with_car(link="{loss: 1.5}"), "cars[1].link.loss: must be from 0 to 1, but is 1.5"),
     (
@@ -384,7 +473,10 @@ MISTAKES = [
     ),
     (with_car(route="{laps: 0}"), "cars[1].route.laps: must be at least 1, not 0"),
     (with_car(route="{laps: 1.5}"), "cars[1].route.laps: must be a whole number, not 1.5"),
-    (with_car(route="{window: [5 s, 3 s]}"), "cars[1].route.window: must be [begin, end] with begin before end"),
+    (
+        with_car(route="{window: [5 s, 3 s]}"),
+        "cars[1].route.window: must be [begin, end] with begin before end",
+    ),
     (with_car(route="{window: [5 s]}"), "cars[1].route.window[1]: missing"),
     (TWO_CARS + "seed: -1\n", "seed: must be at least 0, not -1"),
     (TWO_CARS + "queue_length: 0\n", "queue_length: must be at least 1, not 0"),
@@ -392,10 +484,22 @@ MISTAKES = [
         TWO_CARS + "origin: [490, 8, 100]\n",
         "origin: must be [latitude, longitude, altitude] in degrees, degrees and metres",
     ),
-    (TWO_CARS + "genie: {ttl: 10 s}\n", "genie.ttl: has no effect with eviction 'unlimited'; write 'eviction: ttl'"),
-    (TWO_CARS + "genie: {eviction: ttl}\n", "genie.ttl: missing; eviction 'ttl' needs it, for example 'ttl: 10 s'"),
-    (TWO_CARS + "genie: {capacity: 10}\n", "genie.capacity: must be such as '1000 entries' or '10 MB', not 10"),
-    (TWO_CARS + "genie: {capacity: ten}\n", "genie.capacity: must be such as '1000 entries' or '10 MB', not 'ten'"),
+    (
+        TWO_CARS + "genie: {ttl: 10 s}\n",
+        "genie.ttl: has no effect with eviction 'unlimited'; write 'eviction: ttl'",
+    ),
+    (
+        TWO_CARS + "genie: {eviction: ttl}\n",
+        "genie.ttl: missing; eviction 'ttl' needs it, for example 'ttl: 10 s'",
+    ),
+    (
+        TWO_CARS + "genie: {capacity: 10}\n",
+        "genie.capacity: must be such as '1000 entries' or '10 MB', not 10",
+    ),
+    (
+        TWO_CARS + "genie: {capacity: ten}\n",
+        "genie.capacity: must be such as '1000 entries' or '10 MB', not 'ten'",
+    ),
     (TWO_CARS + "genie: {capacity: {}}\n", "genie.capacity: must name 'entries', 'bytes' or both"),
     (
         TWO_CARS + "genie: {similarity: {name: pose_grid, cell: 0 m}}\n",
@@ -423,7 +527,10 @@ MISTAKES = [
         "genie.object_map.threshold.percentile: must be at most 100.0, not 101",
     ),
     (TWO_CARS + "genie: {passes: 3}\n", "genie.passes: must be at most 2, not 3"),
-    (TWO_CARS + "genie: {car_learns: edge}\n", "genie.car_learns: unknown car learns 'edge'; known: all, own"),
+    (
+        TWO_CARS + "genie: {car_learns: edge}\n",
+        "genie.car_learns: unknown car learns 'edge'; known: all, own",
+    ),
     # cars, names, shapes
     ("edges: []\n", "cars: missing"),
     ("cars: []\n", "cars: must not be empty"),
@@ -431,13 +538,19 @@ MISTAKES = [
     ("cars: [car1]\n", "cars[0]: must be a mapping, not 'car1'"),
     ("cars: [{name: a}]\n", "cars[0].device: missing"),
     (with_car(name="car1"), "cars[1].name: duplicate name 'car1'"),
-    (with_car(name="edges"), "cars[1].name: 'edges' is what the network between the edges is called"),
+    (
+        with_car(name="edges"),
+        "cars[1].name: 'edges' is what the network between the edges is called",
+    ),
     (with_car(name="edge1"), "cars[1].name: duplicate name 'edge1'"),
     (
         with_car(name="'my car'"),
         "cars[1].name: must be letters, digits, '_', '-' and '.', the first a letter or digit, not 'm",
     ),
-    (TWO_CARS + "cameras: [{name: a, recording: 2}]\n", "cameras[0].recording: must be text, not 2"),
+    (
+        TWO_CARS + "cameras: [{name: a, recording: 2}]\n",
+        "cameras[0].recording: must be text, not 2",
+    ),
     (
         TWO_CARS + "cameras: [{name: a, recording: 02}, {name: a, recording: 03}]\n",
         "cameras[1].name: duplicate name 'a'",
@@ -458,7 +571,9 @@ MISTAKES = [
 ]
 
 
-@pytest.mark.parametrize(("text", "message"), MISTAKES, ids=[message[:40] for _, message in MISTAKES])
+@pytest.mark.parametrize(
+    ("text", "message"), MISTAKES, ids=[message[:40] for _, message in MISTAKES]
+)
 def test_a_mistake_is_told_in_one_line(text: str, message: str) -> None:
     told = refusal(text)
     assert told.startswith(f"x.yaml: {message}")
@@ -466,7 +581,9 @@ def test_a_mistake_is_told_in_one_line(text: str, message: str) -> None:
 
 
 def test_of_several_mistakes_the_first_is_told_and_the_others_counted() -> None:
-    told = refusal(TWO_CARS.replace("edge: edge1}", "edge: edge1, route: {laps: 0, start: 3}}") + "seed: x\n")
+    told = refusal(
+        TWO_CARS.replace("edge: edge1}", "edge: edge1, route: {laps: 0, start: 3}}") + "seed: x\n"
+    )
     assert told == "x.yaml: seed: must be a whole number, not 'x' (and 4 more)"
 
 
@@ -485,7 +602,10 @@ def test_of_several_mistakes_the_first_is_told_and_the_others_counted() -> None:
             "cars: is [{'name': 'car1', 'device': 'jetson_tx2', 'edge': 'edge1'..., which has no setting",
         ),
         ("seed[0]=1", "seed: is not a list in the scenario"),
-        ("cameras[0].size=1 kB", "cameras: is not a list in the scenario, which leaves it out: set it as a whole"),
+        (
+            "cameras[0].size=1 kB",
+            "cameras: is not a list in the scenario, which leaves it out: set it as a whole",
+        ),
         ("perception=5", "perception: must be a name or a mapping, not 5"),
         (
             "genie.similarity={name: exact, cell: 1 m}",
@@ -494,7 +614,10 @@ def test_of_several_mistakes_the_first_is_told_and_the_others_counted() -> None:
         ("seed", "must be path=value, such as cars[0].device=orin_nano"),
         ("=1", "must be path=value, such as cars[0].device=orin_nano"),
         ("genie..x=1", "cannot read the path 'genie..x'; write it like cars[0].device"),
-        ("cars[-1].device=x", "cannot read the path 'cars[-1].device'; write it like cars[0].device"),
+        (
+            "cars[-1].device=x",
+            "cannot read the path 'cars[-1].device'; write it like cars[0].device",
+        ),
         ("cars[0]device=x", "cannot read the path 'cars[0]device'; write it like cars[0].device"),
         ("genie={", "line 1: expected the node content, but found '<stream end>'"),
     ],
@@ -504,12 +627,15 @@ def test_a_mistaken_override_is_named(override: str, message: str) -> None:
 
 
 def test_a_mistake_in_the_file_is_not_blamed_on_an_override() -> None:
-    assert refusal(TWO_CARS + "spread: busy\n", "seed=2").startswith("x.yaml: spread: unknown spread 'busy'; known: ")
+    assert refusal(TWO_CARS + "spread: busy\n", "seed=2").startswith(
+        "x.yaml: spread: unknown spread 'busy'; known: "
+    )
 
 
 def test_unknown_scenarios() -> None:
     with pytest.raises(
-        UserError, match=r"^unknown scenario '3cars_hetero' \(did you mean '3car_hetero'\?\); known: 1car"
+        UserError,
+        match=r"^unknown scenario '3cars_hetero' \(did you mean '3car_hetero'\?\); known: 1car",
     ):
         load_scenario("3cars_hetero")
     with pytest.raises(UserError, match=r"^./gone.yaml: no such file$"):
@@ -531,7 +657,18 @@ def test_a_schema_for_editors_comes_for_free() -> None:
             | st.dictionaries(
                 st.text()
                 | st.sampled_from(
-                    ["cars", "edges", "genie", "name", "device", "edge", "link", "route", "like", "source"]
+                    [
+                        "cars",
+                        "edges",
+                        "genie",
+                        "name",
+                        "device",
+                        "edge",
+                        "link",
+                        "route",
+                        "like",
+                        "source",
+                    ]
                 ),
                 x,
             )
@@ -547,6 +684,12 @@ def test_whatever_is_given_ends_in_a_scenario_or_in_one_line(data: Any) -> None:
 
 def test_requests_that_expire_before_their_detector_answers() -> None:
     slow = refusal(TWO_CARS, "model=detr_resnet_101_dc5")
-    assert "genie.request_expiry: 2 s is over before detr_resnet_101_dc5 answers on jetson_tx2 (2.496 s)" in slow
-    assert scenario(TWO_CARS, "model=detr_resnet_101_dc5", "genie.request_expiry=5 s").model == "detr_resnet_101_dc5"
+    assert (
+        "genie.request_expiry: 2 s is over before detr_resnet_101_dc5 answers on jetson_tx2 (2.496 s)"
+        in slow
+    )
+    assert (
+        scenario(TWO_CARS, "model=detr_resnet_101_dc5", "genie.request_expiry=5 s").model
+        == "detr_resnet_101_dc5"
+    )
     assert scenario(TWO_CARS, "model=detr_resnet_101_dc5", "methods=[local, remote]")

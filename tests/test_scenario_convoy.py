@@ -19,7 +19,9 @@ def scenario(**convoy):
 
 def test_a_convoy_is_short_for_cars_and_edges():
     route = {"start": "2 s", "window": ["1 s", "4 s"], "laps": 2, "pause": "0 s"}
-    short = scenario(edges=[QUADRO, XAVIER], route=route, start_every="1.5 s", ahead="500 ms", link="wifi")
+    short = scenario(
+        edges=[QUADRO, XAVIER], route=route, start_every="1.5 s", ahead="500 ms", link="wifi"
+    )
     windows = [["1 s", "4 s"], ["1.5 s", "4.5 s"], ["2 s", "5 s"]]
     cars = [
         {"name": f"car{place + 1}", "device": "jetson_tx2", "edge": edge, "link": "wifi",
@@ -50,9 +52,18 @@ def test_cars_are_given_to_edges_in_turn(devices, edges):
     [
         ({"convoy": {**THREE, "cars": 0}}, "scenario: convoy.cars: must be at least 1, not 0"),
         ({"convoy": {**THREE, "ahead": "1 s"}}, "scenario: convoy.ahead: needs 'route.window'"),
-        ({"convoy": {**THREE, "route": {"lap": 2}}}, "scenario: convoy.route.lap: unknown field; did you mean 'laps'?"),
-        ({"convoy": THREE, "edges": [{"name": "a", "device": XAVIER}]}, "scenario: edges: a convoy brings its own"),
-        ({"convoy": {**THREE, "edges": ["xavier"]}}, "scenario: edges[0].device: unknown device 'xavier'"),
+        (
+            {"convoy": {**THREE, "route": {"lap": 2}}},
+            "scenario: convoy.route.lap: unknown field; did you mean 'laps'?",
+        ),
+        (
+            {"convoy": THREE, "edges": [{"name": "a", "device": XAVIER}]},
+            "scenario: edges: a convoy brings its own",
+        ),
+        (
+            {"convoy": {**THREE, "edges": ["xavier"]}},
+            "scenario: edges[0].device: unknown device 'xavier'",
+        ),
         ({"convoy": 3}, "scenario: convoy: must be a mapping, not 3"),
     ],
 )
@@ -72,7 +83,10 @@ def test_a_mistake_in_a_convoy_is_told_in_one_line(data, said):
 )
 def test_the_evaluations_powerful_server_is_one_all_or_shared(server, devices, edges):
     made = prepare_job(Job("3car_hetero", 1, (f"server={server}",))).scenario
-    assert ([edge.device for edge in made.edges], [car.edge for car in made.cars]) == (devices, edges)
+    assert ([edge.device for edge in made.edges], [car.edge for car in made.cars]) == (
+        devices,
+        edges,
+    )
     alike = prepare_job(Job("3car_homo", 1, (f"server={server}",))).scenario
     assert [edge.device for edge in alike.edges] == [XAVIER] * 3
     with pytest.raises(UserError, match="unknown server 'al'"):

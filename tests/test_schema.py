@@ -12,7 +12,11 @@ from genie_sim.scenario.yaml_input import read_mapping
 
 REPOSITORY = Path(__file__).resolve().parent.parent
 FILES = {"scenario": "scenarios", "device": "device_profiles"}
-SHIPPED = [(kind, path) for kind, folder in FILES.items() for path in sorted((REPOSITORY / folder).glob("*.yaml"))]
+SHIPPED = [
+    (kind, path)
+    for kind, folder in FILES.items()
+    for path in sorted((REPOSITORY / folder).glob("*.yaml"))
+]
 
 
 def complaints(kind: str, data: object) -> list[str]:
@@ -36,7 +40,10 @@ def test_an_editor_marks_misspelt_and_misplaced_settings():
     assert complaints("scenario", {"cars": [car], "genie": {"eviction": "lruu"}})
     assert complaints("scenario", {"cars": [car], "genie": {"object_map": {"threshold": 60}}})
     assert complaints("scenario", {"genie": {}}), "without cars"
-    assert not complaints("scenario", {"cars": [car], "genie": {"eviction": "my_policies:Random", "capacity": "10 MB"}})
+    assert not complaints(
+        "scenario",
+        {"cars": [car], "genie": {"eviction": "my_policies:Random", "capacity": "10 MB"}},
+    )
 
 
 def test_defaults_are_shown_as_they_are_written_in_yaml():
@@ -55,8 +62,12 @@ def test_an_editor_knows_the_settings_of_each_plug_in():
     assert not complaints("scenario", {"cars": [car], "perception": town})
     assert complaints("scenario", {"cars": [car], "perception": {**town, "durration": "6 s"}})
     assert complaints("scenario", {"cars": [car], "perception": {**town, "town": {"blok": 3}}})
-    assert complaints("scenario", {"cars": [car], "genie": {"similarity": {"name": "dhash", "cell": "1 m"}}})
-    assert not complaints("scenario", {"cars": [car], "perception": {"source": "my.code:Frames", "rate_hz": 30}})
+    assert complaints(
+        "scenario", {"cars": [car], "genie": {"similarity": {"name": "dhash", "cell": "1 m"}}}
+    )
+    assert not complaints(
+        "scenario", {"cars": [car], "perception": {"source": "my.code:Frames", "rate_hz": 30}}
+    )
 
 
 @pytest.mark.parametrize("kind", SCHEMAS)

@@ -47,9 +47,17 @@ def test_the_hash_seed_of_python_does_not_matter() -> None:
     draw = "print(stream(1, 'car1', 'uplink').integers(0, 2**62, 8).tolist())"
     script = f"from genie_sim.seeds import stream; {draw}"
     for hash_seed in ("0", "12345"):
-        environment = {**os.environ, "PYTHONHASHSEED": hash_seed, "PYTHONPATH": os.pathsep.join(sys.path)}
+        environment = {
+            **os.environ,
+            "PYTHONHASHSEED": hash_seed,
+            "PYTHONPATH": os.pathsep.join(sys.path),
+        }
         done = subprocess.run(
-            [sys.executable, "-c", script], env=environment, capture_output=True, text=True, check=True
+            [sys.executable, "-c", script],
+            env=environment,
+            capture_output=True,
+            text=True,
+            check=True,
         )
         assert done.stdout.strip() == str(numbers("car1", "uplink"))
 

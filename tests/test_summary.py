@@ -36,7 +36,11 @@ def test_a_terminal_sees_every_method_and_of_devices_the_three_busiest(found):
 
 
 def test_a_table_for_a_paper_has_the_same_numbers_with_intervals_in_every_format(found):
-    one = next(metric for metric in found if (metric.metric, metric.method) == ("first_answer_mean", "remote"))
+    one = next(
+        metric
+        for metric in found
+        if (metric.metric, metric.method) == ("first_answer_mean", "remote")
+    )
     headings, rows = summary.cells(found, {"remote": "remote (R)"})
     assert headings == ["", "local", "remote (R)", "genie"]
     shown = f"{one.value:.3g} ({one.low:.3g} to {one.high:.3g})"
@@ -58,7 +62,9 @@ def test_csv_has_all_digits_and_no_formula():
 
 def test_first_and_fresh_answers_stand_beside_each_other(found):
     text = markdown(found)
-    means = [("first_answer_mean", role) for role in ("local", "remote", "genie")] + [("fresh_answer_mean", "genie")]
+    means = [("first_answer_mean", role) for role in ("local", "remote", "genie")] + [
+        ("fresh_answer_mean", "genie")
+    ]
     known = {(metric.metric, metric.method): metric.value for metric in found}
     cells = [cell.split()[0] for cell in row_of(text, "mean [ms]")]
     assert cells == [f"{known[mean]:.3g}" for mean in means]
@@ -122,7 +128,11 @@ def test_the_markdown_names_the_run_and_says_what_the_intervals_mean(found):
     assert text.startswith("# 3car_hetero\n\nRun `0123456789ab`, seed 4.\n")
     assert "95 % interval inside this run" in text
     assert "50 requests in a row" in text
-    mean = next(metric for metric in found if (metric.metric, metric.method) == ("first_answer_mean", "genie"))
+    mean = next(
+        metric
+        for metric in found
+        if (metric.metric, metric.method) == ("first_answer_mean", "genie")
+    )
     assert f"{mean.value:.3g} ({mean.low:.3g} to {mean.high:.3g})" in text
     for line in text.splitlines():
         if line.startswith("|"):
@@ -132,11 +142,18 @@ def test_the_markdown_names_the_run_and_says_what_the_intervals_mean(found):
 
 def test_a_fleet_shows_its_busiest_devices_and_counts_the_others():
     run = [Metric("frames_published", "genie", "all", "", 1, "frames")]
-    run += [Metric("utilization", "genie", "edge", f"edge{i:02}.accelerator", i / 100, "1") for i in range(60)]
-    assert "edge59.accelerator" in summary.text(run) and "edge56.accelerator" not in summary.text(run)
+    run += [
+        Metric("utilization", "genie", "edge", f"edge{i:02}.accelerator", i / 100, "1")
+        for i in range(60)
+    ]
+    assert "edge59.accelerator" in summary.text(run) and "edge56.accelerator" not in summary.text(
+        run
+    )
     text = markdown(run)
     assert "edge59.accelerator" in text and "edge10.accelerator" not in text
-    assert "47 less busy ones are in metrics.json." in text  # 60, without 12 shown and one that idles
+    assert (
+        "47 less busy ones are in metrics.json." in text
+    )  # 60, without 12 shown and one that idles
 
 
 def test_any_method_whose_fresh_answers_come_later_has_both_columns_and_genies_a_table_of_each_method():

@@ -41,7 +41,9 @@ from tests.conftest import REPOSITORY
 
 
 @pytest.fixture(autouse=True)
-def _draws_only_where_figures_matter(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+def _draws_only_where_figures_matter(
+    request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Drawing takes most of a small sweep's time; only tests marked ``drawn`` have figures."""
     if request.node.get_closest_marker("drawn") is None:
         monkeypatch.setattr(figures, "of_sweep", lambda *_: iter(()))
@@ -67,7 +69,9 @@ def write(text: str, name: str = "s.yaml") -> str:
 def points(text: str) -> pd.DataFrame:
     """The values of the axes at each point."""
     design = load_design(Path(write(text)))
-    return pd.DataFrame([point.levels for point in design.points()], columns=list(design.columns.values()))
+    return pd.DataFrame(
+        [point.levels for point in design.points()], columns=list(design.columns.values())
+    )
 
 
 def sampled(axes: str, samples: int = 20, more: str = "") -> pd.DataFrame:
@@ -110,7 +114,11 @@ axes:
 """)))  # fmt: skip
     found = [(point.levels, point.scenario, point.overrides) for point in design.points()]
     assert found[0] == (("1car_homo", "quiet"), "1car_homo", ())
-    assert found[3] == (("2car_homo", "busy"), "2car_homo", ("cars[0].route.laps=2", 'spread="loaded"'))
+    assert found[3] == (
+        ("2car_homo", "busy"),
+        "2car_homo",
+        ("cars[0].route.laps=2", 'spread="loaded"'),
+    )
 
 
 def test_a_latin_hypercube_has_one_value_in_each_part_of_the_span():
@@ -119,19 +127,29 @@ def test_a_latin_hypercube_has_one_value_in_each_part_of_the_span():
 
 
 def test_a_grid_whose_steps_are_whole_fits_settings_that_must_be():
-    cars = "scenario: fleet_30\naxes:\n  cars: {set: fleet.cars, grid: {from: 1, to: 10, points: 4}}"
+    cars = (
+        "scenario: fleet_30\naxes:\n  cars: {set: fleet.cars, grid: {from: 1, to: 10, points: 4}}"
+    )
     design = load_design(Path(write(cars)))
-    assert [point.overrides for point in design.points()] == [(f"fleet.cars={n}",) for n in (1, 4, 7, 10)]
+    assert [point.overrides for point in design.points()] == [
+        (f"fleet.cars={n}",) for n in (1, 4, 7, 10)
+    ]
 
 
 def test_samples_on_a_logarithmic_scale_have_even_decades():
     text = RATE.replace("from: 0, to: 1", "from: 0.001, to: 1, scale: log")
     rates = sampled(text.replace("random", "latin_hypercube"), 30)["rate"]
-    assert [((rates >= low) & (rates < 10 * low)).sum() for low in (0.001, 0.01, 0.1)] == [10, 10, 10]
+    assert [((rates >= low) & (rates < 10 * low)).sum() for low in (0.001, 0.01, 0.1)] == [
+        10,
+        10,
+        10,
+    ]
 
 
 def test_whole_numbers_are_drawn_equally_often():
-    laps = sampled('  laps: {set: "cars[0].route.laps", latin_hypercube: {from: 1, to: 4, whole: true}}', 40)["laps"]
+    laps = sampled(
+        '  laps: {set: "cars[0].route.laps", latin_hypercube: {from: 1, to: 4, whole: true}}', 40
+    )["laps"]
     assert laps.value_counts().sort_index().to_dict() == {1: 10, 2: 10, 3: 10, 4: 10}
 
 
@@ -149,9 +167,14 @@ def test_more_random_samples_keep_the_earlier_ones():
 
 
 def test_sampled_axes_are_drawn_together_and_crossed_with_the_others():
-    table = sampled(RATE + VIEW + "  rule: {set: genie.object_map.rule, list: [ema, noisy_or]}\n", 7)
+    table = sampled(
+        RATE + VIEW + "  rule: {set: genie.object_map.rule, list: [ema, noisy_or]}\n", 7
+    )
     assert len(table) == 14
-    both = [table[table["rule"] == rule][["rate", "view [m]"]].to_numpy() for rule in ("ema", "noisy_or")]
+    both = [
+        table[table["rule"] == rule][["rate", "view [m]"]].to_numpy()
+        for rule in ("ema", "noisy_or")
+    ]
     assert (both[0] == both[1]).all()
 
 
@@ -159,30 +182,110 @@ RATES = "genie.object_map.rate, list: [0.1, 0.5]"
 MISTAKES = {
     "an unknown field": ("seeds:", "sedes:", "s.yaml: sedes: unknown field; did you mean 'seeds'?"),
     "no axes": (SMALL[SMALL.index("axes:") :], "axes: {}", "s.yaml: axes: must not be empty"),
-    "an axis without a way": ("list: [0.1, 0.5]", "", "s.yaml: axes.rate: must have exactly one of grid, list, random"),
+    "an axis without a way": (
+        "list: [0.1, 0.5]",
+        "",
+        "s.yaml: axes.rate: must have exactly one of grid, list, random",
+    ),
     "two ways": ("list: [0.1, 0.5]", "list: [1], random: {from: 0, to: 1}", "has list and random"),
-    "no setting": ("set: genie.object_map.rate, ", "", "s.yaml: axes.rate.set: missing; say which setting is varied"),
-    "an unknown setting": ("object_map.rate", "object_map.rat", "s.yaml: genie.object_map.rat=0.1: "),
+    "no setting": (
+        "set: genie.object_map.rate, ",
+        "",
+        "s.yaml: axes.rate.set: missing; say which setting is varied",
+    ),
+    "an unknown setting": (
+        "object_map.rate",
+        "object_map.rat",
+        "s.yaml: genie.object_map.rat=0.1: ",
+    ),
     "a value out of range": ("[0.1, 0.5]", "[0.1, 5]", "s.yaml: genie.object_map.rate=5: genie."),
-    "a value twice": ("[0.1, 0.5]", "[0.1, 0.1]", "s.yaml: axes.rate.list: the value 0.1 comes twice"),
+    "a value twice": (
+        "[0.1, 0.5]",
+        "[0.1, 0.1]",
+        "s.yaml: axes.rate.list: the value 0.1 comes twice",
+    ),
     "an empty list": ("[0.1, 0.5]", "[]", "s.yaml: axes.rate.list: must not be empty"),
-    "units that differ": ("to: 3 m", "to: 3 s", "s.yaml: axes.gate.grid.to: must have the unit of 'from', m, not s"),
-    "a span the wrong way": ("to: 3 m", "to: 1 m", "s.yaml: axes.gate.grid.to: must be more than 'from'"),
-    "a logarithm of zero": ("{from: 1 m,", "{scale: log, from: 0 m,", "s.yaml: axes.gate.grid.from: must be more than"),
-    "no number": ("from: 1 m", "from: near", "s.yaml: axes.gate.grid.from: must be a number, or one with a unit"),
-    "one point": ("points: 2", "points: 1", "s.yaml: axes.gate.grid.points: must be at least 2, not 1"),
-    "no seeds": ("seeds: 3", "seeds: 0", "s.yaml: seeds: must be a list, or how many: at least 1, not 0"),
+    "units that differ": (
+        "to: 3 m",
+        "to: 3 s",
+        "s.yaml: axes.gate.grid.to: must have the unit of 'from', m, not s",
+    ),
+    "a span the wrong way": (
+        "to: 3 m",
+        "to: 1 m",
+        "s.yaml: axes.gate.grid.to: must be more than 'from'",
+    ),
+    "a logarithm of zero": (
+        "{from: 1 m,",
+        "{scale: log, from: 0 m,",
+        "s.yaml: axes.gate.grid.from: must be more than",
+    ),
+    "no number": (
+        "from: 1 m",
+        "from: near",
+        "s.yaml: axes.gate.grid.from: must be a number, or one with a unit",
+    ),
+    "one point": (
+        "points: 2",
+        "points: 1",
+        "s.yaml: axes.gate.grid.points: must be at least 2, not 1",
+    ),
+    "no seeds": (
+        "seeds: 3",
+        "seeds: 0",
+        "s.yaml: seeds: must be a list, or how many: at least 1, not 0",
+    ),
     "a seed twice": ("seeds: 3", "seeds: [1, 2, 1]", "s.yaml: seeds: the seed 1 comes twice"),
-    "samples of nothing": ("seeds: 3", "samples: 3", "s.yaml: samples: has no effect without an axis"),
-    "no samples": ("list: [0.1, 0.5]", "random: {from: 0, to: 1}", "s.yaml: samples: missing; axis 'rate' needs"),
-    "one setting in two axes": ("gate, genie.view_range]", "rate]", "would undo genie.object_map.rate, set by"),
-    "seeds by an axis": ("set: genie.object_map.rate", "set: seed", "s.yaml: seeds: say which seeds are run; axis"),
-    "a column of the table": ("rate: {", "metric: {", "s.yaml: axes.metric: is a column of the table already"),
-    "too many runs": ("seeds: 3", "seeds: 1000000", "s.yaml: axes: make 4,000,000 runs; at most 1,000,000"),
-    "an unknown scenario": ("1car_homo", "1car_hom", "s.yaml: unknown scenario '1car_hom' (did you mean '1car_homo'?)"),
-    "no code of that name": (RATES, "genie.similarity, list: ['json:no']", "s.yaml: similarity 'json:no'"),
-    "a setting that a scenario lacks": (RATES, "scenario, list: [fleet_30]", "s.yaml: fleet_30: cars[0]"),
-    "a route past the end": ("[0 s, 1 s]", "[90 s, 91 s]", "cars[0].route.window: begins at 90 s, after the last"),
+    "samples of nothing": (
+        "seeds: 3",
+        "samples: 3",
+        "s.yaml: samples: has no effect without an axis",
+    ),
+    "no samples": (
+        "list: [0.1, 0.5]",
+        "random: {from: 0, to: 1}",
+        "s.yaml: samples: missing; axis 'rate' needs",
+    ),
+    "one setting in two axes": (
+        "gate, genie.view_range]",
+        "rate]",
+        "would undo genie.object_map.rate, set by",
+    ),
+    "seeds by an axis": (
+        "set: genie.object_map.rate",
+        "set: seed",
+        "s.yaml: seeds: say which seeds are run; axis",
+    ),
+    "a column of the table": (
+        "rate: {",
+        "metric: {",
+        "s.yaml: axes.metric: is a column of the table already",
+    ),
+    "too many runs": (
+        "seeds: 3",
+        "seeds: 1000000",
+        "s.yaml: axes: make 4,000,000 runs; at most 1,000,000",
+    ),
+    "an unknown scenario": (
+        "1car_homo",
+        "1car_hom",
+        "s.yaml: unknown scenario '1car_hom' (did you mean '1car_homo'?)",
+    ),
+    "no code of that name": (
+        RATES,
+        "genie.similarity, list: ['json:no']",
+        "s.yaml: similarity 'json:no'",
+    ),
+    "a setting that a scenario lacks": (
+        RATES,
+        "scenario, list: [fleet_30]",
+        "s.yaml: fleet_30: cars[0]",
+    ),
+    "a route past the end": (
+        "[0 s, 1 s]",
+        "[90 s, 91 s]",
+        "cars[0].route.window: begins at 90 s, after the last",
+    ),
 }
 
 
@@ -232,7 +335,10 @@ def test_the_table_holds_mean_and_interval_of_separate_runs(uninterrupted):
     measured: dict[tuple[str, ...], list[float]] = {}
     for seed in (1, 2, 3):
         made = runner.simulate(runner.prepare(load_scenario("1car_homo", overrides, seed)))
-        tables = {table.name: table.to_frame() for table in (made.frames, made.lookups, made.answers, made.held)}
+        tables = {
+            table.name: table.to_frame()
+            for table in (made.frames, made.lookups, made.answers, made.held)
+        }
         for one in metrics.compute(METHODS, tables):
             values = measured.setdefault((one.metric, one.method, one.placement, one.component), [])
             values += [] if one.value is None else [one.value]
@@ -253,18 +359,28 @@ def test_the_table_holds_mean_and_interval_of_separate_runs(uninterrupted):
 
 def test_the_csv_says_the_same_as_the_parquet_file(uninterrupted):
     parquet = pd.read_parquet(uninterrupted / "table.parquet")
-    csv = pd.read_csv(uninterrupted / "table.csv").astype({"component": object}).fillna({"component": ""})
+    csv = (
+        pd.read_csv(uninterrupted / "table.csv")
+        .astype({"component": object})
+        .fillna({"component": ""})
+    )
     pd.testing.assert_frame_equal(csv, parquet, check_dtype=False, check_exact=True)
 
 
 def test_each_axis_has_a_figure_and_the_folder_says_what_it_is(uninterrupted):
-    assert {path.stem for path in (uninterrupted / "figures").iterdir()} == {"rate", "gate", "rate-gate"}
+    assert {path.stem for path in (uninterrupted / "figures").iterdir()} == {
+        "rate",
+        "gate",
+        "rate-gate",
+    }
     about = json.loads((uninterrupted / "sweep.json").read_text())
     assert (about["points"], about["runs"], about["sweep"]["scenario"]) == (4, 12, "1car_homo")
 
 
 @pytest.mark.drawn
-def test_a_figure_along_an_axis_shows_every_value_of_the_other_one_and_no_mean_over_it(uninterrupted):
+def test_a_figure_along_an_axis_shows_every_value_of_the_other_one_and_no_mean_over_it(
+    uninterrupted,
+):
     runs = pd.read_parquet(uninterrupted / "runs.parquet")
     design = load_design(write(SMALL))
     drawn = dict(figures.of_sweep(design, runs, "made up"))
@@ -284,7 +400,16 @@ def test_a_third_axis_has_figures_of_its_own_that_say_where_they_are(uninterrupt
     both = pd.concat([runs.assign(rule="ema"), runs.assign(rule="noisy_or")])
     text = SMALL + "  rule: {set: genie.object_map.rule, list: [ema, noisy_or]}\n"
     drawn = dict(figures.of_sweep(load_design(write(text)), both, "made up"))
-    assert list(drawn) == ["rate-1", "rate-2", "gate-1", "gate-2", "rule-1", "rule-2", "rate-gate-1", "rate-gate-2"]
+    assert list(drawn) == [
+        "rate-1",
+        "rate-2",
+        "gate-1",
+        "gate-2",
+        "rule-1",
+        "rule-2",
+        "rate-gate-1",
+        "rate-gate-2",
+    ]
     assert drawn["rate-2"].get_suptitle() == "at rule = noisy_or"
 
 
@@ -297,11 +422,22 @@ def test_differences_are_paired_by_seed(uninterrupted):
     row = found[(found["metric"] == "first_answer_mean") & (found["gate [m]"] == 3.0)].iloc[0]
     gaps = high - low
     assert (row["rate"], row["value"], row["runs"]) == (0.5, pytest.approx(gaps.mean()), 3)
-    expected = stats.t.interval(0.95, 2, gaps.mean(), stats.sem(gaps)) if gaps.std() else (gaps.mean(), gaps.mean())
+    expected = (
+        stats.t.interval(0.95, 2, gaps.mean(), stats.sem(gaps))
+        if gaps.std()
+        else (gaps.mean(), gaps.mean())
+    )
     assert (row["low"], row["high"]) == pytest.approx(expected)
     written = pd.read_csv(uninterrupted / "differences.csv")
-    assert set(zip(written["along"], written["against"], strict=True)) == {("rate", 0.1), ("gate [m]", 1.0)}
-    same = written[(written["along"] == "rate") & (written["metric"] == row["metric"]) & (written["gate [m]"] == 3.0)]
+    assert set(zip(written["along"], written["against"], strict=True)) == {
+        ("rate", 0.1),
+        ("gate [m]", 1.0),
+    }
+    same = written[
+        (written["along"] == "rate")
+        & (written["metric"] == row["metric"])
+        & (written["gate [m]"] == 3.0)
+    ]
     assert same["value"].tolist() == [pytest.approx(row["value"])]
 
 
@@ -313,27 +449,43 @@ def test_differences_name_columns_and_values_that_are_not_there(uninterrupted):
         genie_sim.differences(runs, "method", to="local")
 
 
-def test_a_sweep_from_python_is_that_of_the_file_and_draws_what_is_kept_only(uninterrupted, monkeypatch):
+def test_a_sweep_from_python_is_that_of_the_file_and_draws_what_is_kept_only(
+    uninterrupted, monkeypatch
+):
     drawn: list[str] = []
-    monkeypatch.setattr(figures, "of_sweep", lambda design, *_: iter(drawn.append(design.name) or ()))
+    monkeypatch.setattr(
+        figures, "of_sweep", lambda design, *_: iter(drawn.append(design.name) or ())
+    )
     settings = {"cars[0].route.window": ["0 s", "1 s"], "methods": ["genie"]}
     axes = {"genie.object_map.rate": [0.1, 0.5]}
     axes["gate"] = {"set": ["genie.object_map.gate", "genie.view_range"], "list": ["1 m", "3 m"]}
     made = genie_sim.sweep("1car_homo", axes, settings, seeds=3, jobs=1)
     pd.testing.assert_frame_equal(made, pd.read_parquet(uninterrupted / "table.parquet"))
     assert drawn == []
-    genie_sim.sweep("1car_homo", {"genie.object_map.rate": [0.1]}, settings, seeds=1, jobs=1, out="kept")
+    genie_sim.sweep(
+        "1car_homo", {"genie.object_map.rate": [0.1]}, settings, seeds=1, jobs=1, out="kept"
+    )
     assert drawn == ["sweep"]
     with pytest.raises(UserError, match=r"^sweep: speed=1: speed: unknown field"):
         genie_sim.sweep("1car_homo", {"speed": [1, 2]}, settings, seeds=1)
 
 
-def test_what_a_spreadsheet_would_take_for_a_formula_is_made_harmless_and_numbers_stay_numbers(tmp_path):
+def test_what_a_spreadsheet_would_take_for_a_formula_is_made_harmless_and_numbers_stay_numbers(
+    tmp_path,
+):
     cases = ["=1+1", "+x", "-y", "@z", "plain", "\tq"]
-    table = pd.DataFrame({"point": range(6), "@case": cases, "value": [-1.5, math.nan, 2.0, -3.0, 0.0, 1.0]})
+    table = pd.DataFrame(
+        {"point": range(6), "@case": cases, "value": [-1.5, math.nan, 2.0, -3.0, 0.0, 1.0]}
+    )
     tables.write_csv(table, tmp_path / "table.csv")
     text = (tmp_path / "table.csv").read_text()
-    assert text.splitlines()[:5] == ["point,'@case,value", "0,'=1+1,-1.5", "1,'+x,", "2,'-y,2.0", "3,'@z,-3.0"]
+    assert text.splitlines()[:5] == [
+        "point,'@case,value",
+        "0,'=1+1,-1.5",
+        "1,'+x,",
+        "2,'-y,2.0",
+        "3,'@z,-3.0",
+    ]
     assert "4,plain,0.0" in text and "'\tq" in text
 
 
@@ -368,7 +520,9 @@ def test_figures_of_an_axis_that_is_gone_go_though_nothing_is_run_again(uninterr
     assert {path.stem for path in Path("results/s/figures").iterdir()} == {"rate"}
 
 
-def test_the_folder_says_what_its_tables_are_though_another_sweep_of_its_name_has_begun(uninterrupted):
+def test_the_folder_says_what_its_tables_are_though_another_sweep_of_its_name_has_begun(
+    uninterrupted,
+):
     finished(uninterrupted)
     first = Sweep.load("s.yaml", Path("results"))
     first.run(Local(1))
@@ -404,7 +558,11 @@ def test_a_killed_sweep_goes_on_to_the_same_bytes(uninterrupted):
     assert not Path("results/s/table.csv").exists()
     assert main(["sweep", "s.yaml", "--jobs", "1"]) == 0
     same_bytes(uninterrupted)
-    ids = [run_id for path in Path("results/s/parts").iterdir() for run_id in pd.read_parquet(path)["run_id"].unique()]
+    ids = [
+        run_id
+        for path in Path("results/s/parts").iterdir()
+        for run_id in pd.read_parquet(path)["run_id"].unique()
+    ]
     assert len(ids) == len(set(ids)) == 12, "no run was made twice, and no half part is left"
 
 
@@ -422,7 +580,9 @@ def test_a_sweep_whose_main_process_alone_is_killed_ends_its_workers():
 
 @pytest.mark.unix
 @pytest.mark.parametrize("asked", [signal.SIGINT, signal.SIGTERM])
-def test_ctrl_c_or_the_end_of_a_batch_job_ends_with_130_and_one_line_and_keeps_what_is_done(asked, uninterrupted):
+def test_ctrl_c_or_the_end_of_a_batch_job_ends_with_130_and_one_line_and_keeps_what_is_done(
+    asked, uninterrupted
+):
     write(SMALL)
     with in_the_middle("--jobs", "2") as run:
         os.killpg(run.pid, asked)  # as a terminal and Slurm do
@@ -433,7 +593,10 @@ def test_ctrl_c_or_the_end_of_a_batch_job_ends_with_130_and_one_line_and_keeps_w
     same_bytes(uninterrupted)
 
 
-@pytest.mark.skipif(not Path("/proc").is_dir(), reason="only /proc tells when a process has begun to listen to Ctrl-C")
+@pytest.mark.skipif(
+    not Path("/proc").is_dir(),
+    reason="only /proc tells when a process has begun to listen to Ctrl-C",
+)
 def test_ctrl_c_while_workers_begin_is_one_line_too():
     write(SMALL)
     with begun("--jobs", "2") as run:
@@ -470,13 +633,19 @@ class Broken(Exact):
 
 @pytest.mark.parametrize("jobs", ["1", "2"])
 def test_runs_that_fail_are_told_and_the_others_are_done(jobs, monkeypatch, capsys):
-    write(SMALL.replace("object_map.rate, list: [0.1, 0.5]", "similarity, list: ['tests.test_sweep:Broken', exact]"))
+    write(
+        SMALL.replace(
+            "object_map.rate, list: [0.1, 0.5]",
+            "similarity, list: ['tests.test_sweep:Broken', exact]",
+        )
+    )
     assert main(["sweep", "s.yaml", "--jobs", jobs]) == 1
     line = capsys.readouterr().err
     first = r"point 0 \(rate = tests.test_sweep:Broken, gate = 1.0\), seed 1"
     why = "RuntimeError: the lens is dirty"
     told = re.fullmatch(
-        rf"genie-sim: results/s: 6 of 12 runs failed, the others are done; {first}: {why}; see (\S+)\n", line
+        rf"genie-sim: results/s: 6 of 12 runs failed, the others are done; {first}: {why}; see (\S+)\n",
+        line,
     )
     assert told, line
     text = Path(told[1]).read_text()
@@ -497,7 +666,9 @@ def test_points_that_say_the_same_share_their_runs(monkeypatch):
     assert main(["sweep", "s.yaml", "--jobs", "1"]) == 0
     assert len(simulated) == 6
     table = pd.read_csv("results/s/table.csv").drop(columns="point").set_index("rate")
-    assert table.loc["plain"].reset_index(drop=True).equals(table.loc["said"].reset_index(drop=True))
+    assert (
+        table.loc["plain"].reset_index(drop=True).equals(table.loc["said"].reset_index(drop=True))
+    )
 
 
 def test_shards_share_the_runs_and_the_last_one_makes_the_table(uninterrupted, monkeypatch, capsys):
@@ -505,7 +676,9 @@ def test_shards_share_the_runs_and_the_last_one_makes_the_table(uninterrupted, m
     write(SMALL)
     for shard in ("3/3", "1/3"):
         assert main(["sweep", "s.yaml", "--jobs", "1", "--shard", shard]) == 0
-    assert capsys.readouterr().out.endswith("8 of 12 runs are in results/s; the last shard makes the table\n")
+    assert capsys.readouterr().out.endswith(
+        "8 of 12 runs are in results/s; the last shard makes the table\n"
+    )
     assert not Path("results/s/table.csv").exists()
     assert main(["sweep", "s.yaml", "--jobs", "1", "--shard", "2/3"]) == 0
     assert len(simulated) == 12
@@ -528,7 +701,9 @@ def test_profiles_and_traces_are_read_once(monkeypatch):
 
 def test_a_town_is_laid_out_once_a_point_and_every_seed_has_the_id_of_its_own(monkeypatch):
     settings = "scenario: fleet_30\nset: {perception.duration: 1 s}\nseeds: 5"
-    design = load_design(Path(write(f"{settings}\naxes:\n  cars: {{set: fleet.cars, list: [2, 3]}}\n")))
+    design = load_design(
+        Path(write(f"{settings}\naxes:\n  cars: {{set: fleet.cars, list: [2, 3]}}\n"))
+    )
     laid_out, lay_out = [], town.Streets
     monkeypatch.setattr(town, "Streets", lambda *ways: laid_out.append(1) or lay_out(*ways))
     planned = plan(design, "s.yaml")
@@ -565,7 +740,9 @@ def test_a_broken_part_is_named(content, uninterrupted, capsys):
 
 
 def test_a_worker_with_another_version_is_refused():
-    with pytest.raises(UserError, match=r"a worker has genie-sim .*, the sweep 0\.0\.1: install the same"):
+    with pytest.raises(
+        UserError, match=r"a worker has genie-sim .*, the sweep 0\.0\.1: install the same"
+    ):
         tasks.run_task(tasks.Task((), "parts", "0.0.1"), b"")
 
 
@@ -592,7 +769,9 @@ def test_a_dask_worker_that_is_killed_loses_nothing(uninterrupted):
 def test_a_scheduler_that_is_not_there_gets_one_line(capsys, monkeypatch):
     pytest.importorskip("distributed", reason="Dask comes with '.[dask]'")
     monkeypatch.setattr("genie_sim.sweeps.tasks.SCHEDULER_TIMEOUT_S", 1)
-    assert main(["sweep", write(SMALL), "--backend", "dask", "--scheduler", "tcp://127.0.0.1:1"]) == 1
+    assert (
+        main(["sweep", write(SMALL), "--backend", "dask", "--scheduler", "tcp://127.0.0.1:1"]) == 1
+    )
     one_line(capsys, "--scheduler tcp://127.0.0.1:1: no Dask scheduler answers there")
 
 

@@ -31,7 +31,11 @@ def town() -> Town:
 
 
 def content(drive: Drive) -> list:
-    return [(f.digest, f.dhash, f.pose, f.detections, f.truth()) for frames in drive.frames.values() for f in frames]
+    return [
+        (f.digest, f.dhash, f.pose, f.detections, f.truth())
+        for frames in drive.frames.values()
+        for f in frames
+    ]
 
 
 def test_a_seed_makes_the_town_that_it_has_always_made():
@@ -51,12 +55,23 @@ def test_the_same_rules_and_seed_give_the_same_drive(town):
 def test_frames_do_not_depend_on_the_order_in_which_they_are_asked_for(town):
     forwards = content(town.drive("car1", DURATION_NS))
     drive = town.drive("car1", DURATION_NS)
-    backwards = [drive.frames[camera][i] for camera in ("03", "02") for i in reversed(range(len(drive.frames[camera])))]
-    assert [(f.digest, f.dhash, f.pose, f.detections, f.truth()) for f in backwards][::-1] == forwards
+    backwards = [
+        drive.frames[camera][i]
+        for camera in ("03", "02")
+        for i in reversed(range(len(drive.frames[camera])))
+    ]
+    assert [(f.digest, f.dhash, f.pose, f.detections, f.truth()) for f in backwards][
+        ::-1
+    ] == forwards
 
 
 def test_no_two_pictures_are_the_same(town):
-    frames = [f for car in ("a", "b") for frames in town.drive(car, DURATION_NS).frames.values() for f in frames]
+    frames = [
+        f
+        for car in ("a", "b")
+        for frames in town.drive(car, DURATION_NS).frames.values()
+        for f in frames
+    ]
     assert len({f.digest for f in frames}) == len({f.dhash for f in frames}) == len(frames) == 800
     assert all(len(f.digest) == 64 and int(f.digest, 16) and 0 <= f.dhash < 2**64 for f in frames)
 
@@ -65,16 +80,25 @@ def test_no_two_pictures_are_the_same(town):
     ("settings", "message"),
     [
         ({"blocks": (0, 4)}, "town: blocks: "),
-        ({"block_m": 40.0}, "town: block: 40.0 m is too short to stop in from the speed limit; at least 73 m"),
+        (
+            {"block_m": 40.0},
+            "town: block: 40.0 m is too short to stop in from the speed limit; at least 73 m",
+        ),
         ({"popularity": -1.0}, "town: popularity: -1.0 is negative"),
         ({"destinations": 0}, "town: destinations: 0 is not a whole number from 1 on"),
         ({"view_m": float("nan")}, "town: view: nan m is not a finite number"),
-        ({"street_half_m": 3.0}, "town: street_half: 3.0 m is not between 8 m and a quarter of a block, 37.5 m"),
+        (
+            {"street_half_m": 3.0},
+            "town: street_half: 3.0 m is not between 8 m and a quarter of a block, 37.5 m",
+        ),
         ({"blocks": 8}, "town: blocks: 8 is not two whole numbers from 1 to 100"),
         ({"speed_mps": [8, 9]}, r"town: speed_mps: \[8, 9\] is not a finite number"),
         ({"blocks": (400, 4)}, "town: blocks: .* is not two whole numbers from 1 to 100"),
         ({"view_m": 200.0}, "town: view: 200.0 m is more than 100 m, where no law is known"),
-        ({"parked_cars_per_100m": 30.0}, "town: parked_cars_per_100m: 30.0 do not fit; .* room for 24.0"),
+        (
+            {"parked_cars_per_100m": 30.0},
+            "town: parked_cars_per_100m: 30.0 do not fit; .* room for 24.0",
+        ),
         ({"cyclists_per_100m": 1e6}, "town: cyclists_per_100m: 1000000.0 is not between 0 and 100"),
         ({"speed_mps": 0.0}, "town: speed_mps: 0.0 is not positive"),
         ({"truck_share": 1.5}, "town: truck_share: 1.5 is not between 0 and 1"),
@@ -107,7 +131,9 @@ def test_the_same_drive_under_any_hash_seed(town, hash_seed):
         "print(repr([(f.digest, f.pose, f.detections) for f in drive.frames['02']]))"
     )
     environment = {**os.environ, "PYTHONHASHSEED": hash_seed, "PYTHONPATH": str(REPOSITORY)}
-    told = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, env=environment, check=True)
+    told = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, env=environment, check=True
+    )
     here = [(f.digest, f.pose, f.detections) for f in town.drive("car1", 2 * NS_PER_S).frames["02"]]
     assert told.stdout.strip() == repr(here)
 
@@ -135,10 +161,15 @@ def test_detections_are_kept_while_the_frame_is(town):
 
 def test_what_moves_is_at_one_place_for_all(town):
     """Two drives that begin at different times see one town: its clock is that of start_ns plus the stamp."""
-    early, late = town.drive("car1", DURATION_NS), town.drive("car2", DURATION_NS, start_ns=5 * NS_PER_S)
+    early, late = (
+        town.drive("car1", DURATION_NS),
+        town.drive("car2", DURATION_NS, start_ns=5 * NS_PER_S),
+    )
     for drive, begin_ns in ((early, 0), (late, 5 * NS_PER_S)):
         for frame in drive.frames["02"][::20]:
-            there = truth_near(town, frame.pose.east_m, frame.pose.north_m, 61.0, begin_ns + frame.stamp_ns)
+            there = truth_near(
+                town, frame.pose.east_m, frame.pose.north_m, 61.0, begin_ns + frame.stamp_ns
+            )
             assert set(frame.truth()) <= set(there)
 
 
@@ -159,12 +190,16 @@ def test_times_that_leave_no_frame_are_refused(town, times):
 )
 @settings(max_examples=25)
 def test_any_town_can_be_driven_in(blocks, block_m, main_every, destinations, seed):
-    rules = TownRules(blocks=blocks, block_m=block_m, main_every=main_every, destinations=destinations)
+    rules = TownRules(
+        blocks=blocks, block_m=block_m, main_every=main_every, destinations=destinations
+    )
     town = Town(rules, seed)
     drive = town.drive("car1", 30 * NS_PER_S)
     for frame in drive.frames["02"][::30]:
         assert -2 <= frame.pose.east_m <= town.size_m[0] + 2
         assert -2 <= frame.pose.north_m <= town.size_m[1] + 2
-        assert all(0 <= d.score <= 1 and d.box is None and d.method == "town" for d in frame.detections)
+        assert all(
+            0 <= d.score <= 1 and d.box is None and d.method == "town" for d in frame.detections
+        )
         scores = [d.score for d in frame.detections]
         assert scores == sorted(scores, reverse=True)

@@ -60,14 +60,20 @@ def test_random_numbers_are_normal():
     row = np.array(smooth_normals(0.05))
     assert row.std() == pytest.approx(1, abs=0.05)
     for places in (1, 10, 40):
-        assert np.corrcoef(row[places:], row[:-places])[0, 1] == pytest.approx(math.exp(-0.05 * places), abs=0.05)
+        assert np.corrcoef(row[places:], row[:-places])[0, 1] == pytest.approx(
+            math.exp(-0.05 * places), abs=0.05
+        )
 
 
 def _known(miss: float, of_object: float, of_view: float) -> DetectorLaws:
     """Laws that are easy to say: one miss probability everywhere, scores from 0.3 to 0.9, errors of up to 1 m."""
     correlation = {"object": of_object, "view": of_view, "smooth_m": 3.0}
     group = {
-        "found": {"range_m": [20.0], "miss": [miss], "scores": [np.linspace(0.3, 0.9, 21).tolist()]},
+        "found": {
+            "range_m": [20.0],
+            "miss": [miss],
+            "scores": [np.linspace(0.3, 0.9, 21).tolist()],
+        },
         "place": {
             "range_m": [20.0],
             "along_m": [np.linspace(-1, 1, 21).tolist()],
@@ -75,11 +81,19 @@ def _known(miss: float, of_object: float, of_view: float) -> DetectorLaws:
         },
         **{f"{name}_correlation": correlation for name in ("score", "along", "across")},
     }
-    ghost = {**group, "places": 0, "fleeting_a_frame": 0.0, "fleeting_range_m": [9, 9], "fleeting_scores": [1, 1]}
+    ghost = {
+        **group,
+        "places": 0,
+        "fleeting_a_frame": 0.0,
+        "fleeting_range_m": [9, 9],
+        "fleeting_scores": [1, 1],
+    }
     groups = {"vehicles": group, "persons": group}
     ghosts = {"vehicles": ghost, "persons": ghost}
     names = {"prone": 0.0, "names": []}
-    return DetectorLaws({"groups": groups, "ghosts": ghosts, "vehicle_names": names, "provenance": {}})
+    return DetectorLaws(
+        {"groups": groups, "ghosts": ghosts, "vehicle_names": names, "provenance": {}}
+    )
 
 
 def _drive_by(objects: int = 150) -> list[fit.Look]:
@@ -89,7 +103,19 @@ def _drive_by(objects: int = 150) -> list[fit.Look]:
         for gone_m in np.arange(0.0, 25.0, 0.5):
             pose = CameraPose(gone_m, 0.0, 1.65, 0.0)
             range_m = math.hypot(36.0 - gone_m, 5.0)
-            looks.append(fit.Look(number, "02", pose, (36.0, 5.0, 0.75), range_m, range_m - gone_m, None, None, None))
+            looks.append(
+                fit.Look(
+                    number,
+                    "02",
+                    pose,
+                    (36.0, 5.0, 0.75),
+                    range_m,
+                    range_m - gone_m,
+                    None,
+                    None,
+                    None,
+                )
+            )
     return looks
 
 
@@ -108,7 +134,9 @@ def test_a_lasting_effect_makes_some_objects_easy_and_others_hard():
     """Share of looks that find an object: the same for all without lasting and gradual effects, all or nothing with."""
     spread = []
     for of_object, of_view in ((0.0, 0.0), (0.5, 0.3), (0.98, 0.0)):
-        again = validation.resimulate(_known(0.5, of_object, of_view), "vehicles", _drive_by(80), seed=2)
+        again = validation.resimulate(
+            _known(0.5, of_object, of_view), "vehicles", _drive_by(80), seed=2
+        )
         shares = [validation.found_share(again[k : k + 50]) for k in range(0, len(again), 50)]
         spread.append(float(np.std(shares)))
     assert spread[0] < 0.1 < spread[1] < spread[2]
@@ -130,7 +158,10 @@ def test_numbers_stay_within_the_tables(laws):
         of = laws.of(label, real)
         for copula in (of.score, of.along, of.across):
             most = max(map(abs, normals())), max(map(abs, copula.views)), max(map(abs, normals()))
-            assert sum(weight * z for weight, z in zip(copula[:3], most, strict=True)) * STEPS_PER_Z < MIDDLE
+            assert (
+                sum(weight * z for weight, z in zip(copula[:3], most, strict=True)) * STEPS_PER_Z
+                < MIDDLE
+            )
 
 
 def test_some_vehicles_are_called_something_else_at_times(laws):
@@ -160,7 +191,9 @@ def test_a_frame_of_the_town_shows_as_much_as_one_of_the_trace(trace, town_frame
     real_frames = [frame for frames in trace.frames.values() for frame in frames]
     for labels, margin in ((VEHICLES, 0.2), (PERSONS, 0.3)):
         real, made = _numbers(real_frames, labels), _numbers(town_frames, labels)
-        print(f"{labels[0]}: real {np.mean(real):.2f}, town {np.mean(made):.2f}, {validation.distance(real, made):.3f}")
+        print(
+            f"{labels[0]}: real {np.mean(real):.2f}, town {np.mean(made):.2f}, {validation.distance(real, made):.3f}"
+        )
         assert np.mean(made) == pytest.approx(np.mean(real), rel=0.2)
         assert validation.distance(real, made) < margin
 
@@ -170,8 +203,18 @@ def test_vehicles_are_seen_from_as_far_and_as_surely_as_in_the_trace(trace, town
     real_frames = [frame for frames in trace.frames.values() for frame in frames]
     samples = []
     for frames in (real_frames, town_frames):
-        found = [(f.pose, d) for f in frames for d in f.detections if d.label in VEHICLES and d.location is not None]
-        samples.append(([math.dist(pose[:2], d.location[:2]) for pose, d in found], [d.score for _, d in found]))
+        found = [
+            (f.pose, d)
+            for f in frames
+            for d in f.detections
+            if d.label in VEHICLES and d.location is not None
+        ]
+        samples.append(
+            (
+                [math.dist(pose[:2], d.location[:2]) for pose, d in found],
+                [d.score for _, d in found],
+            )
+        )
     ranges, scores = (validation.distance(samples[0][k], samples[1][k]) for k in (0, 1))
     print(f"ranges {ranges:.3f}, scores {scores:.3f}")
     assert ranges < 0.12
@@ -207,7 +250,8 @@ def _bins(group: str, rows: Sequence[fit.Look]):
 
 @pytest.mark.real_data
 @pytest.mark.parametrize(
-    ("group", "margins"), [("vehicles", (0.03, 0.06, 0.08, 0.08)), ("persons", (0.05, 0.1, 0.15, 0.08))]
+    ("group", "margins"),
+    [("vehicles", (0.03, 0.06, 0.08, 0.08)), ("persons", (0.05, 0.1, 0.15, 0.08))],
 )
 def test_the_town_detector_says_what_the_real_one_said(laws, looks, group, margins):
     """The same true objects from the same places: 40 replications (seeds 0 to 39) compared with the real trace.
@@ -216,16 +260,25 @@ def test_the_town_detector_says_what_the_real_one_said(laws, looks, group, margi
     of the errors along the line of sight and across. The data of persons are three tracks.
     """
     real = looks[group]
-    made = [look for seed in range(REPLICATIONS) for look in validation.resimulate(laws, group, real, seed)]
+    made = [
+        look
+        for seed in range(REPLICATIONS)
+        for look in validation.resimulate(laws, group, real, seed)
+    ]
     assert len(made) > 0.9 * REPLICATIONS * len(real)
     gaps = [validation.found_share(made) - validation.found_share(real)]
     made_bins = dict(_bins(group, made))
     share = validation.found_share
     gaps += [share(made_bins[span]) - share(here) for span, here in _bins(group, real)]
     score = validation.distance(validation.scores(real), validation.scores(made))
-    errors = [(validation.errors(real, name), validation.errors(made, name)) for name in ("along_m", "across_m")]
+    errors = [
+        (validation.errors(real, name), validation.errors(made, name))
+        for name in ("along_m", "across_m")
+    ]
     along, across = (validation.distance(*pair) for pair in errors)
-    print(f"{group}: gaps of found {np.round(gaps, 3)}, score {score:.3f}, along {along:.3f}, across {across:.3f}")
+    print(
+        f"{group}: gaps of found {np.round(gaps, 3)}, score {score:.3f}, along {along:.3f}, across {across:.3f}"
+    )
     assert abs(gaps[0]) < margins[0]
     assert max(map(abs, gaps)) < margins[0] + 0.05
     assert score < margins[1]
@@ -239,9 +292,14 @@ def test_the_town_detector_misses_in_runs_as_the_real_one(laws, looks, group):
     """How often found changes to missed from one picture to the next: the real share is within those of 40
     replications, and less than half of what independent misses would give."""
     real = looks[group]
-    made = [validation.changes(validation.resimulate(laws, group, real, seed)) for seed in range(REPLICATIONS)]
+    made = [
+        validation.changes(validation.resimulate(laws, group, real, seed))
+        for seed in range(REPLICATIONS)
+    ]
     independent = validation.independent_changes(group, real)
-    print(f"{group}: real {validation.changes(real):.3f}, town {np.mean(made):.3f}, independent {independent:.3f}")
+    print(
+        f"{group}: real {validation.changes(real):.3f}, town {np.mean(made):.3f}, independent {independent:.3f}"
+    )
     assert min(made) <= validation.changes(real) <= max(made)
     assert np.mean(made) < 0.65 * independent
     assert np.mean(made) == pytest.approx(validation.changes(real), abs=0.05)
@@ -273,10 +331,14 @@ def test_looks_at_a_vehicle_are_alike_as_the_real_ones(laws, looks):
     real = looks["vehicles"]
     for name in ("score", "along_m", "across_m"):
         made = [
-            validation.correlations("vehicles", validation.resimulate(laws, "vehicles", real, seed), name)
+            validation.correlations(
+                "vehicles", validation.resimulate(laws, "vehicles", real, seed), name
+            )
             for seed in range(REPLICATIONS)
         ]
-        gap = np.abs(np.mean(made, axis=0) - validation.correlations("vehicles", real, name))[:6].mean()
+        gap = np.abs(np.mean(made, axis=0) - validation.correlations("vehicles", real, name))[
+            :6
+        ].mean()
         print(f"{name}: {gap:.3f}")
         assert gap < 0.12, name
 
@@ -286,7 +348,9 @@ def test_looks_at_a_vehicle_are_alike_as_the_real_ones(laws, looks):
 def test_the_committed_laws_are_made_again_from_the_data(kitti_root, trace):
     """benchmarks/town_laws.py: the same trace and labels give the numbers that are committed."""
     laws = fit.fit(
-        trace, read_truth(kitti_root, "2011_09_26/0005", trace), read_truth(kitti_root, "tracking/0000", trace)
+        trace,
+        read_truth(kitti_root, "2011_09_26/0005", trace),
+        read_truth(kitti_root, "tracking/0000", trace),
     )
     text = resources.files("genie_sim.town").joinpath("laws.json").read_text(encoding="utf-8")
     committed = json.loads(text)

@@ -27,7 +27,10 @@ def town() -> Town:
 def ways(town) -> list[np.ndarray]:
     """East and north (n, 2) of 12 cars over five minutes, ten times a second."""
     drives = [town.drive(f"car{k}", 300 * NS_PER_S) for k in range(12)]
-    return [np.array([drive.position(t_ns) for t_ns in range(0, drive.duration_ns, STEP_NS)]) for drive in drives]
+    return [
+        np.array([drive.position(t_ns) for t_ns in range(0, drive.duration_ns, STEP_NS)])
+        for drive in drives
+    ]
 
 
 def _from_crossing_m(places: np.ndarray) -> np.ndarray:
@@ -46,15 +49,21 @@ def test_cars_stay_in_their_lane(ways):
         for here, step in zip(way[:-1][going], steps[going], strict=True):
             middle = np.round(here / RULES.block_m) * RULES.block_m
             right = np.array([step[1], -step[0]]) / np.hypot(*step)
-            assert np.dot(here - middle, right * (np.abs(right) > 0.5)) == pytest.approx(LANE_M, abs=1e-5)
+            assert np.dot(here - middle, right * (np.abs(right) > 0.5)) == pytest.approx(
+                LANE_M, abs=1e-5
+            )
 
 
 def test_speeds_are_those_of_a_town(ways):
     for way in ways:
         speeds = np.hypot(*np.diff(way, axis=0).T) * NS_PER_S / STEP_NS
         assert speeds.max() <= RULES.main_speed_mps + 1e-6
-        assert np.abs(np.diff(speeds)).max() * NS_PER_S / STEP_NS <= RULES.braking_mps2 + 0.3  # chords of turns
-    everything = np.concatenate([np.hypot(*np.diff(way, axis=0).T) for way in ways]) * NS_PER_S / STEP_NS
+        assert (
+            np.abs(np.diff(speeds)).max() * NS_PER_S / STEP_NS <= RULES.braking_mps2 + 0.3
+        )  # chords of turns
+    everything = (
+        np.concatenate([np.hypot(*np.diff(way, axis=0).T) for way in ways]) * NS_PER_S / STEP_NS
+    )
     assert 4.0 < everything.mean() < 10.0, "14 to 36 km/h, stops included"
     assert 0.02 < (everything < 0.1).mean() < 0.5, "there are stops, but cars get on"
 
@@ -75,7 +84,11 @@ def test_on_other_streets_the_lower_limit_holds(ways):
         steps = np.diff(way, axis=0) * NS_PER_S / STEP_NS
         for here, (east, north) in zip(way[:-1], steps, strict=True):
             if max(abs(east), abs(north)) > 7 and min(abs(east), abs(north)) < 1e-6:
-                street = round(here[1] / RULES.block_m) if abs(east) > abs(north) else round(here[0] / RULES.block_m)
+                street = (
+                    round(here[1] / RULES.block_m)
+                    if abs(east) > abs(north)
+                    else round(here[0] / RULES.block_m)
+                )
                 assert max(abs(east), abs(north)) <= RULES.limit_mps(street) + 1e-6
 
 
@@ -133,7 +146,9 @@ def test_what_is_there_is_found_by_its_class(town):
     for step_m in range(-50, 50, 4):
         at = east_m + step_m, north_m
         for label in (*labels, "elephant"):
-            near = any(one.label == label and math.dist(one.location[:2], at) <= 9.0 for one in everything)
+            near = any(
+                one.label == label and math.dist(one.location[:2], at) <= 9.0 for one in everything
+            )
             assert town.is_there((label,), *at, 9.0, t_ns) == near
 
 
@@ -150,7 +165,9 @@ def test_cyclists_are_a_bicycle_and_a_person(town):
     everything = truth_near(town, 450.0, 375.0, 1000.0, 0)
     bicycles = {one.location[:2] for one in everything if one.label == "bicycle" and one.moving}
     assert bicycles
-    assert bicycles <= {one.location[:2] for one in everything if one.label == "person" and one.moving}
+    assert bicycles <= {
+        one.location[:2] for one in everything if one.label == "person" and one.moving
+    }
 
 
 def test_densities_are_those_of_the_rules(town):
@@ -163,7 +180,9 @@ def test_densities_are_those_of_the_rules(town):
     assert moving / streets_m * 100 == pytest.approx(RULES.moving_cars_per_100m, rel=0.4)
 
 
-@pytest.mark.parametrize(("before", "here", "after"), [((0, 0), (1, 0), (2, 0)), ((1, 0), (1, 1), (1, 2))])
+@pytest.mark.parametrize(
+    ("before", "here", "after"), [((0, 0), (1, 0), (2, 0)), ((1, 0), (1, 1), (1, 2))]
+)
 def test_a_car_drives_straight_on_where_a_turn_gains_nothing(before, here, after):
     even = TownRules(blocks=(4, 4), speed_mps=10.0, main_speed_mps=10.0)
     assert Commuting(even, np.random.default_rng(1)).after(before, here, (3, 3)) == after

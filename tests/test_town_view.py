@@ -45,7 +45,9 @@ def test_in_view_is_what_no_house_hides(town):
         for frame in drive.frames["02"][::20]:
             pose = frame.pose
             mine = {one.number: one for one in frame.truth()}
-            for one in truth_near(town, pose.east_m, pose.north_m, RULES.view_m + 5, frame.stamp_ns):
+            for one in truth_near(
+                town, pose.east_m, pose.north_m, RULES.view_m + 5, frame.stamp_ns
+            ):
                 reach_m = min(RULES.view_m, REACHES_M[one.label])
                 range_m = math.dist(pose[:2], one.location[:2])
                 sight = pose[:2], one.location[:2]
@@ -64,8 +66,15 @@ def test_in_view_is_what_no_house_hides(town):
 def test_nothing_low_in_the_picture_is_in_view(town):
     """A person of 1.75 m seen from 51 m is 25 pixels high at KITTI's focal length of 721 pixels."""
     assert REACHES_M["person"] == pytest.approx(721 * 1.75 / 25, rel=0.002)
-    frames = [f for car in range(10) for f in town.drive(f"car{car}", 60 * NS_PER_S).frames["03"][::20]]
-    far = [math.dist(f.pose[:2], one.location[:2]) for f in frames for one in f.truth() if one.label == "bicycle"]
+    frames = [
+        f for car in range(10) for f in town.drive(f"car{car}", 60 * NS_PER_S).frames["03"][::20]
+    ]
+    far = [
+        math.dist(f.pose[:2], one.location[:2])
+        for f in frames
+        for one in f.truth()
+        if one.label == "bicycle"
+    ]
     assert 0.8 * REACHES_M["bicycle"] < max(far) <= REACHES_M["bicycle"]
 
 
@@ -73,17 +82,27 @@ def test_both_cameras_stand_beside_each_other(town):
     frames = town.drive("car1", 30 * NS_PER_S).frames
     for left, right in zip(frames["02"], frames["03"], strict=True):
         assert left.pose.heading_rad == right.pose.heading_rad
-        east_m, north_m = right.pose.east_m - left.pose.east_m, right.pose.north_m - left.pose.north_m
+        east_m, north_m = (
+            right.pose.east_m - left.pose.east_m,
+            right.pose.north_m - left.pose.north_m,
+        )
         heading = left.pose.heading_rad
-        assert east_m * math.cos(heading) + north_m * math.sin(heading) == pytest.approx(0, abs=0.002)
-        assert east_m * math.sin(heading) - north_m * math.cos(heading) == pytest.approx(0.54, abs=0.002)
+        assert east_m * math.cos(heading) + north_m * math.sin(heading) == pytest.approx(
+            0, abs=0.002
+        )
+        assert east_m * math.sin(heading) - north_m * math.cos(heading) == pytest.approx(
+            0.54, abs=0.002
+        )
 
 
 def test_the_camera_looks_where_the_car_goes(town):
     frames = town.drive("car1", 120 * NS_PER_S).frames["02"]
     before = frames[0]
     for after in frames[1:]:
-        east_m, north_m = after.pose.east_m - before.pose.east_m, after.pose.north_m - before.pose.north_m
+        east_m, north_m = (
+            after.pose.east_m - before.pose.east_m,
+            after.pose.north_m - before.pose.north_m,
+        )
         if math.hypot(east_m, north_m) > 0.2:
             off = math.remainder(math.atan2(north_m, east_m) - before.pose.heading_rad, math.tau)
             assert abs(off) < 0.2

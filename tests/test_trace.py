@@ -40,8 +40,16 @@ def frame(camera="02", index=0, **changes):
 
 
 def trace(**cameras):
-    frames = cameras or {"02": tuple(frame("02", i) for i in range(4)), "03": tuple(frame("03", i) for i in range(3))}
-    return Trace("kitti_0005", KARLSRUHE, frames, {"detector": "yolox_nano", "versions": {"onnxruntime": "1.20"}})
+    frames = cameras or {
+        "02": tuple(frame("02", i) for i in range(4)),
+        "03": tuple(frame("03", i) for i in range(3)),
+    }
+    return Trace(
+        "kitti_0005",
+        KARLSRUHE,
+        frames,
+        {"detector": "yolox_nano", "versions": {"onnxruntime": "1.20"}},
+    )
 
 
 @pytest.fixture
@@ -65,7 +73,9 @@ def with_metadata(**changes):
 def test_what_is_written_is_read(path):
     write_trace(path, trace())
     assert read_trace(path) == trace()
-    assert [p.name for p in path.parent.iterdir()] == ["drive.parquet"]  # nothing half-written stays
+    assert [p.name for p in path.parent.iterdir()] == [
+        "drive.parquet"
+    ]  # nothing half-written stays
 
 
 def test_same_trace_same_bytes(path, tmp_path):
@@ -89,7 +99,11 @@ def test_rebased_trace_shows_the_same_places_on_earth():
     before, after = trace(), trace().rebased(elsewhere)
     for old, new in zip(before.frames["02"], after.frames["02"], strict=True):
         places = [(old.pose[:3], new.pose[:3])]
-        places += [(a.location, b.location) for a, b in zip(old.detections, new.detections, strict=True) if a.location]
+        places += [
+            (a.location, b.location)
+            for a, b in zip(old.detections, new.detections, strict=True)
+            if a.location
+        ]
         for old_enu, new_enu in places:
             on_earth = pymap3d.enu2geodetic(*old_enu, *KARLSRUHE)
             assert new_enu == pytest.approx(pymap3d.geodetic2enu(*on_earth, *elsewhere), abs=1e-6)
@@ -117,7 +131,9 @@ def test_a_truncated_file_is_refused_wherever_it_ends(path):
     whole = path.read_bytes()
     for length in np.linspace(0, len(whole) - 1, 40, dtype=int):
         path.write_bytes(whole[:length])
-        with pytest.raises(UserError, match=r"drive\.parquet: not a readable Parquet file") as error:
+        with pytest.raises(
+            UserError, match=r"drive\.parquet: not a readable Parquet file"
+        ) as error:
             read_trace(path)
         assert "\n" not in str(error.value)
 
@@ -150,16 +166,31 @@ def test_another_program_s_files_are_refused(path):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (with_metadata(format_version=99), "format_version: trace has version 99, this genie-sim reads 1"),
+        (
+            with_metadata(format_version=99),
+            "format_version: trace has version 99, this genie-sim reads 1",
+        ),
         (with_metadata(origin=[49.0]), "origin"),
         (with_metadata(origin=[1e308, 8.0, 100.0]), "origin"),
-        (lambda table: table.replace_schema_metadata({METADATA_KEY: b"[" * 100_000}), "metadata cannot be read"),
+        (
+            lambda table: table.replace_schema_metadata({METADATA_KEY: b"[" * 100_000}),
+            "metadata cannot be read",
+        ),
         (with_metadata(digest="0" * 64), "does not match its own digest"),
         (with_metadata(provenance=None), "'provenance' is missing"),
-        (lambda table: table.replace_schema_metadata({METADATA_KEY: b"{"}), "metadata cannot be read"),
+        (
+            lambda table: table.replace_schema_metadata({METADATA_KEY: b"{"}),
+            "metadata cannot be read",
+        ),
         (lambda table: table.drop_columns(["dhash"]), "column dhash: missing, or not uint64"),
-        (lambda table: table.set_column(2, "stamp_ns", pa.array([0.0] * 7)), "column stamp_ns: missing, or not int64"),
-        (lambda table: table.set_column(0, "camera", pa.array(["02"] * 6 + [None])), "'camera' has empty values"),
+        (
+            lambda table: table.set_column(2, "stamp_ns", pa.array([0.0] * 7)),
+            "column stamp_ns: missing, or not int64",
+        ),
+        (
+            lambda table: table.set_column(0, "camera", pa.array(["02"] * 6 + [None])),
+            "'camera' has empty values",
+        ),
         (lambda table: table.slice(0, 0), "no frames"),
         (lambda table: table.slice(1), "does not match its own digest"),
     ],
@@ -183,11 +214,23 @@ def test_a_trace_with_something_wrong_is_refused(path, change, message):
         ((frame(width=0),), "width"),
         ((frame(horizontal_fov_rad=0.0),), "horizontal_fov_rad"),
         ((frame(detections=(Detection("car", 1.2, (0.0, 0.0, 1.0, 1.0), None, 1.2),)),), "car"),
-        ((frame(detections=(Detection("car", 0.5, (0.0, 0.0, math.inf, 1.0), None, 0.5),)),), "car"),
+        (
+            (frame(detections=(Detection("car", 0.5, (0.0, 0.0, math.inf, 1.0), None, 0.5),)),),
+            "car",
+        ),
         ((frame(detections=(Detection("car", 0.5, None, (1e308, 0.0, 0.0), 0.5),)),), "car"),
-        ((frame(detections=(Detection("car", None, (0.0, 0.0, 1.0, 1.0), None, 0.5),)),), "a car whose score"),
-        ((frame(detections=(Detection(None, 0.5, (0.0, 0.0, 1.0, 1.0), None, 0.5),)),), "without a label"),
-        ((frame(detections=(Detection("car", 0.5, (0.0, None, 1.0, 1.0), None, 0.5),)),), "a car whose score"),
+        (
+            (frame(detections=(Detection("car", None, (0.0, 0.0, 1.0, 1.0), None, 0.5),)),),
+            "a car whose score",
+        ),
+        (
+            (frame(detections=(Detection(None, 0.5, (0.0, 0.0, 1.0, 1.0), None, 0.5),)),),
+            "without a label",
+        ),
+        (
+            (frame(detections=(Detection("car", 0.5, (0.0, None, 1.0, 1.0), None, 0.5),)),),
+            "a car whose score",
+        ),
     ],
 )
 def test_a_trace_with_impossible_frames_is_refused(path, frames, message):
@@ -197,7 +240,9 @@ def test_a_trace_with_impossible_frames_is_refused(path, frames, message):
 
 
 def test_a_detection_may_have_no_box(path):
-    boxless = trace(**{"02": (frame(detections=(Detection("car", 0.5, None, (1.0, 2.0, 3.0), 0.5),)),)})
+    boxless = trace(
+        **{"02": (frame(detections=(Detection("car", 0.5, None, (1.0, 2.0, 3.0), 0.5),)),)}
+    )
     write_trace(path, boxless)
     assert read_trace(path).frames == boxless.frames
 
@@ -210,7 +255,10 @@ def test_an_unwritable_place_is_a_user_error(tmp_path):
 
 def test_the_shipped_trace_is_the_whole_drive():
     shipped = read_trace(SHIPPED)
-    assert {camera: len(frames) for camera, frames in shipped.frames.items()} == {"02": 154, "03": 154}
+    assert {camera: len(frames) for camera, frames in shipped.frames.items()} == {
+        "02": 154,
+        "03": 154,
+    }
     for frames in shipped.frames.values():
         assert [f.index for f in frames] == list(range(154))
         assert {f.size_bytes for f in frames} == {1_397_297}

@@ -34,13 +34,21 @@ def test_durations(text: object, ns: int) -> None:
 
 @pytest.mark.parametrize(
     ("text", "size"),
-    [("1.4 MB", 1_400_000), ("4 MiB", 4 * 2**20), ("465.8 kB", 465_800), ("1397297 B", 1_397_297), ("1 KiB", 1024)],
+    [
+        ("1.4 MB", 1_400_000),
+        ("4 MiB", 4 * 2**20),
+        ("465.8 kB", 465_800),
+        ("1397297 B", 1_397_297),
+        ("1 KiB", 1024),
+    ],
 )
 def test_sizes(text: str, size: int) -> None:
     assert units.size_bytes(text) == size
 
 
-@pytest.mark.parametrize(("text", "bps"), [("1 Gbit/s", 10**9), ("100 Mbit/s", 10**8), ("0.5 kbit/s", 500)])
+@pytest.mark.parametrize(
+    ("text", "bps"), [("1 Gbit/s", 10**9), ("100 Mbit/s", 10**8), ("0.5 kbit/s", 500)]
+)
 def test_rates_count_bits(text: str, bps: int) -> None:
     assert units.rate_bps(text) == bps
 
@@ -62,11 +70,31 @@ def test_arithmetic_is_exact_where_floats_are_not() -> None:
     [
         (units.duration_ns, 30, "duration 30 has no unit; write for example '30 ms'"),
         (units.duration_ns, "30", "duration '30' has no unit; write for example '30 ms'"),
-        (units.duration_ns, True, "duration True is not a number with a unit; write for example '30 ms'"),
-        (units.duration_ns, None, "duration None is not a number with a unit; write for example '30 ms'"),
-        (units.duration_ns, "soon", "duration 'soon' is not a number with a unit; write for example '30 ms'"),
-        (units.duration_ns, "nan s", "duration 'nan s' is not a number with a unit; write for example '30 ms'"),
-        (units.duration_ns, "3 days", "duration '3 days' has an unknown unit 'days'; known: ns, us, µs, ms, s, min, h"),
+        (
+            units.duration_ns,
+            True,
+            "duration True is not a number with a unit; write for example '30 ms'",
+        ),
+        (
+            units.duration_ns,
+            None,
+            "duration None is not a number with a unit; write for example '30 ms'",
+        ),
+        (
+            units.duration_ns,
+            "soon",
+            "duration 'soon' is not a number with a unit; write for example '30 ms'",
+        ),
+        (
+            units.duration_ns,
+            "nan s",
+            "duration 'nan s' is not a number with a unit; write for example '30 ms'",
+        ),
+        (
+            units.duration_ns,
+            "3 days",
+            "duration '3 days' has an unknown unit 'days'; known: ns, us, µs, ms, s, min, h",
+        ),
         (units.duration_ns, "0.5 ns", "duration '0.5 ns' is not a whole number of nanoseconds"),
         (units.duration_ns, "1e99 s", "duration '1e99 s' is too large"),
         (
@@ -75,7 +103,11 @@ def test_arithmetic_is_exact_where_floats_are_not() -> None:
             "duration '1e999999 s' is not a number with a unit; write for example '30 ms'",
         ),
         (units.size_bytes, "0.5 B", "size '0.5 B' is not a whole number of bytes"),
-        (units.rate_bps, "1 GB/s", "rate '1 GB/s' has an unknown unit 'GB/s'; known: bit/s, kbit/s, Mbit/s, Gbit/s"),
+        (
+            units.rate_bps,
+            "1 GB/s",
+            "rate '1 GB/s' has an unknown unit 'GB/s'; known: bit/s, kbit/s, Mbit/s, Gbit/s",
+        ),
         (
             units.rate_bps,
             "1 gbit/s",
@@ -119,7 +151,13 @@ def test_angles_are_written_exactly(radians: float) -> None:
 
 @given(st.one_of(st.text(), st.integers(), st.floats(), st.none(), st.booleans()))
 def test_nothing_but_value_errors(value: object) -> None:
-    for read in (units.duration_ns, units.size_bytes, units.rate_bps, units.length_m, units.angle_rad):
+    for read in (
+        units.duration_ns,
+        units.size_bytes,
+        units.rate_bps,
+        units.length_m,
+        units.angle_rad,
+    ):
         try:
             read(value)
         except ValueError as error:

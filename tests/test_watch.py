@@ -38,7 +38,14 @@ def made(kind, **has):
 
 
 def detector(name="edge1/detector", topics=(("/image_raw-local",), ("/objects-local",)), **has):
-    return made(Detector, name=name, subscribes=("/image_raw",), publishes=("/objects",), graph=Graph(topics), **has)
+    return made(
+        Detector,
+        name=name,
+        subscribes=("/image_raw",),
+        publishes=("/objects",),
+        graph=Graph(topics),
+        **has,
+    )
 
 
 def genie(host, *confidences):
@@ -90,7 +97,11 @@ def test_a_c_t_by_its_word_is_known():
 @pytest.mark.parametrize(
     ("changed", "host", "topics"),
     [
-        ({}, "car1", ["/detection/image_detector/objects", "/detection/image_detector/objects-remote"]),
+        (
+            {},
+            "car1",
+            ["/detection/image_detector/objects", "/detection/image_detector/objects-remote"],
+        ),
         ({"fresh_objects": "all"}, "car1", ["/detection/image_detector/objects-remote"]),
         (
             {"fresh_objects": "all"},
@@ -108,7 +119,9 @@ def test_it_listens_to_all_that_c_t_is_for(changed, host, topics):
 
 def test_a_detector_is_the_same_with_and_without_a_genie_and_its_topics_are_not():
     alone = detector(topics=(("/image_raw",), ("/objects",)))
-    assert watched(("remote", world(alone)), ("genie", world(detector())))["detector_untouched"] == 1
+    assert (
+        watched(("remote", world(alone)), ("genie", world(detector())))["detector_untouched"] == 1
+    )
     assert watched(("genie", world(alone)))["detector_untouched"] == 0, "the Genie is not before it"
     two = world(alone, detector("car1/detector"))
     assert watched(("genie", two))["detector_untouched"] == 0, "nor before each of two"

@@ -54,12 +54,19 @@ class Pairs:
     def correlations(self, z: Array) -> Array:
         """Mean product of the normal scores of two looks at one object, for each of ``LAGS_M``; nan without pairs."""
         total = np.bincount(self._lag, self._weights * z[self._a] * z[self._b], len(LAGS_M))
-        means: Array = np.divide(total, self._count, out=np.full(len(LAGS_M), np.nan), where=self._count > 0)
+        means: Array = np.divide(
+            total, self._count, out=np.full(len(LAGS_M), np.nan), where=self._count > 0
+        )
         return means
 
 
 def fit_shares(
-    tracks: Whole, views_m: Array, bins: Whole, values: Array, seed: int, replications: int = REPLICATIONS
+    tracks: Whole,
+    views_m: Array,
+    bins: Whole,
+    values: Array,
+    seed: int,
+    replications: int = REPLICATIONS,
 ) -> dict[str, float]:
     """The shares of the copula whose looks, made at the same places, are as correlated as the real ones.
 
@@ -74,7 +81,9 @@ def fit_shares(
     random = np.random.default_rng(seed)
     draws = random.standard_normal((replications, 3, len(tracks)))
     best: tuple[float, dict[str, float]] = (math.inf, {})
-    cut = np.array([NormalDist().inv_cdf(min(max(missing[k], 1e-9), 1 - 1e-9)) for k in bins.tolist()])
+    cut = np.array(
+        [NormalDist().inv_cdf(min(max(missing[k], 1e-9), 1 - 1e-9)) for k in bins.tolist()]
+    )
     for smooth_m in SMOOTH_M:
         gradual = _gradual(tracks, views_m, smooth_m, draws[:, 1])
         for of_object in OBJECT_SHARES:
@@ -83,7 +92,11 @@ def fit_shares(
                 made = []
                 for k in range(replications):
                     lasting = draws[k, 0][objects]
-                    z = of_object**0.5 * lasting + of_view**0.5 * gradual[k] + of_look**0.5 * draws[k, 2]
+                    z = (
+                        of_object**0.5 * lasting
+                        + of_view**0.5 * gradual[k]
+                        + of_look**0.5 * draws[k, 2]
+                    )
                     z = np.where(z < cut, -9.0, z)
                     made.append(pairs.correlations(normal_scores(z, bins)))
                 gap = float(np.nansum((np.mean(made, axis=0) - real) ** 2))

@@ -47,7 +47,9 @@ class Look(NamedTuple):
 def looks(trace: Trace, truth: PictureLabels, min_score: float = 0.3) -> dict[str, list[Look]]:
     """Every labelled object in every picture that counts, by group."""
     evaluation = evaluate(trace, truth, min_score)
-    frames = {(camera, frame.index): frame for camera in trace.frames for frame in trace.frames[camera]}
+    frames = {
+        (camera, frame.index): frame for camera in trace.frames for frame in trace.frames[camera]
+    }
     gone_m = _gone_m(trace)
     rows: dict[str, list[Look]] = {}
     for name, group in evaluation.groups.items():
@@ -64,7 +66,17 @@ def looks(trace: Trace, truth: PictureLabels, min_score: float = 0.3) -> dict[st
                 along_m, across_m = errors_m(detection, label.centre, pose)
                 view_m = range_m - gone_m[camera, index]
                 rows[name].append(
-                    Look(label.track, camera, pose, label.centre, range_m, view_m, detection, along_m, across_m)
+                    Look(
+                        label.track,
+                        camera,
+                        pose,
+                        label.centre,
+                        range_m,
+                        view_m,
+                        detection,
+                        along_m,
+                        across_m,
+                    )
                 )
     return rows
 
@@ -82,7 +94,9 @@ def errors_m(
     return along_m, (off[1] * sight[0] - off[0] * sight[1]) / range_m
 
 
-def fit(trace: Trace, truth: PictureLabels, ghost_truth: PictureLabels, seed: int = 1) -> dict[str, Any]:
+def fit(
+    trace: Trace, truth: PictureLabels, ghost_truth: PictureLabels, seed: int = 1
+) -> dict[str, Any]:
     """The laws of the trace's detector. ``ghost_truth`` must say which areas nobody labelled (``DontCare``)."""
     by_group = looks(trace, truth)
     groups = {
@@ -113,7 +127,10 @@ def _names(vehicles: Sequence[Look]) -> dict[str, Any]:
     return {
         "vehicles": len(names),
         "prone": round(sum(set(one) != {"car"} for one in names.values()) / len(names), DECIMALS),
-        "names": [[name, round(prone.count(name) / max(len(prone), 1), DECIMALS)] for name in ("truck", "bus")],
+        "names": [
+            [name, round(prone.count(name) / max(len(prone), 1), DECIMALS)]
+            for name in ("truck", "bus")
+        ],
     }
 
 
@@ -139,7 +156,9 @@ def _quantiles(values: Sequence[float]) -> list[float]:
 
 def found_law(name: str, rows: Sequence[Look]) -> dict[str, Any]:
     """By range: the probability of a miss and the quantiles of the scores."""
-    bins = [here for here in _binned(rows, SCORE_EDGES_M[name]) if any(look.detection for look in here)]
+    bins = [
+        here for here in _binned(rows, SCORE_EDGES_M[name]) if any(look.detection for look in here)
+    ]
     centres_m = [round(float(np.mean([look.range_m for look in here])), DECIMALS) for here in bins]
     # Between two bins' middles the law is a straight line: regression on these lines, so that bins keep their means.
     ranges_m = [look.range_m for look in rows]
@@ -150,7 +169,9 @@ def found_law(name: str, rows: Sequence[Look]) -> dict[str, Any]:
         "range_m": centres_m,
         "looks": [len(here) for here in bins],
         "miss": [round(float(share), DECIMALS) for share in np.clip(miss, 0.005, 0.995)],
-        "scores": [_quantiles([look.detection.score for look in here if look.detection]) for here in bins],
+        "scores": [
+            _quantiles([look.detection.score for look in here if look.detection]) for here in bins
+        ],
     }
 
 
@@ -159,7 +180,9 @@ def place_law(name: str, rows: Sequence[Look]) -> dict[str, Any]:
     placed = [look for look in rows if look.along_m is not None]
     bins = [here for here in _binned(placed, PLACE_EDGES_M[name]) if here]
     return {
-        "range_m": [round(float(np.mean([look.range_m for look in here])), DECIMALS) for here in bins],
+        "range_m": [
+            round(float(np.mean([look.range_m for look in here])), DECIMALS) for here in bins
+        ],
         "looks": [len(here) for here in bins],
         "along_m": [_quantiles([look.along_m or 0.0 for look in here]) for here in bins],
         "across_m": [_quantiles([look.across_m or 0.0 for look in here]) for here in bins],
@@ -170,7 +193,10 @@ def shares_of(
     rows: Sequence[Look], values: Sequence[float], edges_m: Sequence[float], seed: int, **how: int
 ) -> dict[str, float]:
     """The shares of the copula (``copula.fit_shares``) of these looks' scores or errors, ranked in bins of ranges."""
-    tracks, views_m = np.array([look.track for look in rows]), np.array([look.view_m for look in rows])
+    tracks, views_m = (
+        np.array([look.track for look in rows]),
+        np.array([look.view_m for look in rows]),
+    )
     bins = np.digitize([look.range_m for look in rows], edges_m)
     return fit_shares(tracks, views_m, bins, np.array(values), seed, **how)
 
@@ -185,10 +211,14 @@ def _place_correlation(name: str, rows: Sequence[Look], error: str, seed: int) -
     return shares_of(placed, [getattr(look, error) for look in placed], PLACE_EDGES_M[name], seed)
 
 
-Sighting = tuple[TraceFrame, Detection, Array]  # of a false positive: where it was placed (east, north) [m]
+Sighting = tuple[
+    TraceFrame, Detection, Array
+]  # of a false positive: where it was placed (east, north) [m]
 
 
-def _ghosts(trace: Trace, truth: PictureLabels, groups: Mapping[str, Any], seed: int) -> dict[str, Any]:
+def _ghosts(
+    trace: Trace, truth: PictureLabels, groups: Mapping[str, Any], seed: int
+) -> dict[str, Any]:
     """False positives. Those that come back at a place are ghosts of that place, seen again and again as an object
     would be; the others are transient, anywhere in view, once."""
     evaluation = evaluate(trace, truth, 0.3)
@@ -198,7 +228,9 @@ def _ghosts(trace: Trace, truth: PictureLabels, groups: Mapping[str, Any], seed:
     ghosts = {}
     for name in LABELS:
         reach_m = REACHES_M[GHOST_LABELS[name]]
-        wrong = {id(j.detection): j.detection for j in evaluation.groups[name].judged if j.label is None}
+        wrong = {
+            id(j.detection): j.detection for j in evaluation.groups[name].judged if j.label is None
+        }
         sightings = [
             (frame, found, np.array(found.location[:2]))
             for frame in frames
@@ -206,19 +238,30 @@ def _ghosts(trace: Trace, truth: PictureLabels, groups: Mapping[str, Any], seed:
             if id(found) in wrong and found.location is not None
         ]
         lasting = _lasting_places(sightings)
-        rows = [look for number, place in enumerate(lasting) for look in _looks(number, place, frames, reach_m, gone_m)]
+        rows = [
+            look
+            for number, place in enumerate(lasting)
+            for look in _looks(number, place, frames, reach_m, gone_m)
+        ]
         came_back = [row.detection for row in rows if row.detection]
-        transient = [found for found in wrong.values() if all(found is not kept for kept in came_back)]
+        transient = [
+            found for found in wrong.values() if all(found is not kept for kept in came_back)
+        ]
         ghosts[name] = {
             "fleeting_a_frame": round(len(transient) / len(frames), DECIMALS),
-            "fleeting_range_m": _quantiles([math.dist(frame.pose[:2], where) for frame, _, where in sightings]),
+            "fleeting_range_m": _quantiles(
+                [math.dist(frame.pose[:2], where) for frame, _, where in sightings]
+            ),
             "fleeting_scores": _quantiles([found.score for found in transient]),
             "places": len(lasting),
         }
         if lasting:
             per_100m = round(100 * len(rows) / len(frames) / _street_in_view_m(reach_m), DECIMALS)
             ghosts[name] |= {"per_100m": per_100m, **_ghost_law(rows, came_back, seed)}
-            ghosts[name] |= {key: groups[name][key] for key in ("place", "along_correlation", "across_correlation")}
+            ghosts[name] |= {
+                key: groups[name][key]
+                for key in ("place", "along_correlation", "across_correlation")
+            }
     return ghosts
 
 
@@ -250,7 +293,17 @@ def _looks(
         if picture in seen or _in_view(frame, middle, reach_m):
             range_m = math.dist(frame.pose[:2], middle)
             view_m = range_m - gone_m[picture]
-            yield Look(number, frame.camera, frame.pose, where, range_m, view_m, seen.get(picture), None, None)
+            yield Look(
+                number,
+                frame.camera,
+                frame.pose,
+                where,
+                range_m,
+                view_m,
+                seen.get(picture),
+                None,
+                None,
+            )
 
 
 def _ghost_law(rows: Sequence[Look], came_back: Sequence[Detection], seed: int) -> dict[str, Any]:
@@ -269,7 +322,9 @@ def _ghost_law(rows: Sequence[Look], came_back: Sequence[Detection], seed: int) 
 
 def _street_in_view_m(reach_m: float) -> float:
     """How much of a town's street a camera sees the ghosts of, which stand ``GHOST_BESIDE_M`` from its middle."""
-    return math.sqrt(reach_m**2 - GHOST_BESIDE_M**2) - GHOST_BESIDE_M / math.tan(HORIZONTAL_FOV_RAD / 2)
+    return math.sqrt(reach_m**2 - GHOST_BESIDE_M**2) - GHOST_BESIDE_M / math.tan(
+        HORIZONTAL_FOV_RAD / 2
+    )
 
 
 def _in_view(frame: TraceFrame, place: Array, reach_m: float) -> bool:

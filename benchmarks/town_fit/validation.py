@@ -28,14 +28,27 @@ def resimulate(laws: DetectorLaws, group: str, looks: Sequence[Look], seed: int)
     """
     label, again = GHOST_LABELS[group], []
     poses = [look.pose for look in looks]
-    objects = [town_object(laws.of(label), mix(seed), one.track, label, *one.centre[:2], False) for one in looks]
-    things, each, place = Things(objects), np.arange(len(looks)), np.array([one.centre[:2] for one in looks])
+    objects = [
+        town_object(laws.of(label), mix(seed), one.track, label, *one.centre[:2], False)
+        for one in looks
+    ]
+    things, each, place = (
+        Things(objects),
+        np.arange(len(looks)),
+        np.array([one.centre[:2] for one in looks]),
+    )
     pictures = [
-        mix(seed ^ mix(round(pose.east_m * 1000) ^ mix(round(pose.north_m * 1000) ^ int(look.camera))))
+        mix(
+            seed
+            ^ mix(round(pose.east_m * 1000) ^ mix(round(pose.north_m * 1000) ^ int(look.camera)))
+        )
         for look, pose in zip(looks, poses, strict=True)
     ]
     turned = ([turn(pose.heading_rad) for pose in poses] for turn in (math.cos, math.sin))
-    at = (np.array(column) for column in ([p.east_m for p in poses], [p.north_m for p in poses], *turned))
+    at = (
+        np.array(column)
+        for column in ([p.east_m for p in poses], [p.north_m for p in poses], *turned)
+    )
     glances = Looks(*at, np.zeros(len(looks)), np.array(pictures, dtype=np.uint64))
     view = in_view(glances, [(each, each, each, *place.T)], things, MOST_VIEW_M)
     found = SyntheticDetector(things, laws).detect(view, glances)
@@ -82,7 +95,10 @@ def correlations(group: str, looks: Sequence[Look], name: str = "score") -> Arra
     chosen = [look for look in looks if name == "score" or look.along_m is not None]
     values = [_value(look.detection) if name == "score" else getattr(look, name) for look in chosen]
     bins = np.digitize([look.range_m for look in chosen], SCORE_EDGES_M[group])
-    tracks, views_m = np.array([look.track for look in chosen]), np.array([look.view_m for look in chosen])
+    tracks, views_m = (
+        np.array([look.track for look in chosen]),
+        np.array([look.view_m for look in chosen]),
+    )
     return Pairs(tracks, views_m).correlations(normal_scores(values, bins))
 
 
@@ -92,7 +108,10 @@ def _value(detection: Detection | None) -> float:
 
 def table(laws: DetectorLaws, looks: Mapping[str, Sequence[Look]], replications: int = 40) -> str:
     """The comparison as a Markdown table; the town's figures are of so many replications (seeds from 0 on)."""
-    text = ["| | looks | found | score | along | across | changes | independent |", "|---|---|---|---|---|---|---|---|"]
+    text = [
+        "| | looks | found | score | along | across | changes | independent |",
+        "|---|---|---|---|---|---|---|---|",
+    ]
     for group, real in looks.items():
         again = [resimulate(laws, group, real, seed) for seed in range(replications)]
         made = [look for one in again for look in one]
@@ -103,7 +122,10 @@ def table(laws: DetectorLaws, looks: Mapping[str, Sequence[Look]], replications:
                 len(made) // replications,
                 found_share(made),
                 distance(scores(real), scores(made)),
-                *(distance(errors(real, name), errors(made, name)) for name in ("along_m", "across_m")),
+                *(
+                    distance(errors(real, name), errors(made, name))
+                    for name in ("along_m", "across_m")
+                ),
                 sum(map(changes, again)) / replications,
                 independent_changes(group, real),
             ),

@@ -14,7 +14,9 @@ from genie_sim.recording.results import MethodInfo, Metric
 SHORT = 0.25  # of the longest bar: one below can hardly be read beside it
 
 
-def parts_of(measured: Sequence[Metric], methods: Sequence[MethodInfo]) -> Mapping[str, Mapping[str, float]]:
+def parts_of(
+    measured: Sequence[Metric], methods: Sequence[MethodInfo]
+) -> Mapping[str, Mapping[str, float]]:
     """The parts [ms] of the mean first answer under each method, and of the fresh one where that differs, by label."""
     found: dict[str, dict[str, float]] = {}
     for method in methods:
@@ -34,13 +36,18 @@ def parts_of(measured: Sequence[Metric], methods: Sequence[MethodInfo]) -> Mappi
 
 @in_style()
 def time_parts(
-    measured: Sequence[Metric], methods: Sequence[MethodInfo], footer: str = "", width_in: float | None = None
+    measured: Sequence[Metric],
+    methods: Sequence[MethodInfo],
+    footer: str = "",
+    width_in: float | None = None,
 ) -> Figure:
     """A bar for each method's mean response time, made of what it went into; below, again and on a scale of
     their own, those that are short beside the longest."""
     bars = parts_of(measured, methods)
     whole = {label: sum(parts.values()) for label, parts in bars.items()}
-    short = {label: parts for label, parts in bars.items() if whole[label] < SHORT * max(whole.values())}
+    short = {
+        label: parts for label, parts in bars.items() if whole[label] < SHORT * max(whole.values())
+    }
     panels = [bars, short] if short else [bars]
     rows = [max(len(one), 1) for one in panels]
     figure = Figure(figsize=(width_in or style.COLUMN_IN, 0.45 * len(rows) + 0.2 * sum(rows)))
@@ -58,10 +65,14 @@ def _draw_parts(axis: Axes, bars: Mapping[str, Mapping[str, float]]) -> None:
     for part, (name, look) in style.PARTS.items():
         widths = np.array([parts.get(part, 0.0) for parts in bars.values()])
         if widths.any():
-            axis.barh(places, widths, 0.68, left, label=name, edgecolor="black", linewidth=0.5, **look)
+            axis.barh(
+                places, widths, 0.68, left, label=name, edgecolor="black", linewidth=0.5, **look
+            )
             left = left + widths
     for place, whole in zip(places, left, strict=True):
-        axis.annotate(f"{whole:.3g}", (whole, place), (3, 0), textcoords="offset points", va="center")
+        axis.annotate(
+            f"{whole:.3g}", (whole, place), (3, 0), textcoords="offset points", va="center"
+        )
     axis.set_yticks(places, list(bars))
     axis.invert_yaxis()
     axis.set_xlim(0, 1.14 * max(left, default=0.0) or 1.0)

@@ -60,9 +60,16 @@ class Compared(NamedTuple):
 COMPARED: Mapping[str, Compared] = {
     "first_answer_mean": Compared("ms", lambda rows: _times(rows, "first")),
     "fresh_answer_mean": Compared("ms", lambda rows: _times(rows, "fresh")),
-    "answered_share": Compared("1", lambda rows: (~np.isnan(rows.floats("first_answer_ns")), np.ones(len(rows)))),
-    "under_deadline_share": Compared("1", lambda rows: (response_ms(rows, "first") < DEADLINE_MS, np.ones(len(rows)))),
-    **{f"{which}_proxy_f1": Compared("1", _agree, "answers", {"which": which}) for which in ("first", "fresh")},
+    "answered_share": Compared(
+        "1", lambda rows: (~np.isnan(rows.floats("first_answer_ns")), np.ones(len(rows)))
+    ),
+    "under_deadline_share": Compared(
+        "1", lambda rows: (response_ms(rows, "first") < DEADLINE_MS, np.ones(len(rows)))
+    ),
+    **{
+        f"{which}_proxy_f1": Compared("1", _agree, "answers", {"which": which})
+        for which in ("first", "fresh")
+    },
     **{
         name: Compared(*HELD[name], "held", {"what": "consumer"})
         for name in ("streaming_f1", "object_recall", "ghost_share", "gospa")
@@ -117,7 +124,11 @@ class Comparison:
     def by(self) -> str:
         """What the intervals are over, in words."""
         found = sorted({row.by for row in self.rows if row.by})
-        return f"95 % intervals of paired differences, by {' and '.join(found)}" if found else "nothing to compare with"
+        return (
+            f"95 % intervals of paired differences, by {' and '.join(found)}"
+            if found
+            else "nothing to compare with"
+        )
 
 
 def compare(runs: Sequence[Run], methods: Sequence[str] = ()) -> Comparison:
@@ -135,15 +146,28 @@ def compare(runs: Sequence[Run], methods: Sequence[str] = ()) -> Comparison:
         for method in chosen:
             label = method.name if len(groups) == 1 else f"{names[place]}: {method.name}"
             arm = Arm(label, method, group)
-            same = [one for one in arms if one.runs is groups[0] and (place == 0 or one.method.name == method.name)]
+            same = [
+                one
+                for one in arms
+                if one.runs is groups[0] and (place == 0 or one.method.name == method.name)
+            ]
             if same and (place or len(groups) == 1):
                 _check(same[0], arm)
                 against[label] = same[0]
             arms.append(arm)
     if not against:
-        raise UserError("compare: nothing to compare: give two results, or one with several methods")
-    rows = [row for name in COMPARED for arm in arms if (row := _difference(name, arm, against.get(arm.label)))]
-    return Comparison(arms, rows, names, _settings([next(iter(group.values())) for group in groups]))
+        raise UserError(
+            "compare: nothing to compare: give two results, or one with several methods"
+        )
+    rows = [
+        row
+        for name in COMPARED
+        for arm in arms
+        if (row := _difference(name, arm, against.get(arm.label)))
+    ]
+    return Comparison(
+        arms, rows, names, _settings([next(iter(group.values())) for group in groups])
+    )
 
 
 def _chosen(run: Run, names: Sequence[str]) -> list[MethodInfo]:
@@ -160,7 +184,10 @@ def _groups(runs: Sequence[Run]) -> list[dict[int, Run]]:
     for run in runs:
         seed = run.facts["scenario"]["seed"]
         setting = {name: value for name, value in run.facts["scenario"].items() if name != "seed"}
-        setting = {"scenario": setting, **{name: run.facts[name] for name in ("genie_sim", "devices", "plugins")}}
+        setting = {
+            "scenario": setting,
+            **{name: run.facts[name] for name in ("genie_sim", "devices", "plugins")},
+        }
         group = groups.setdefault(json.dumps(setting, sort_keys=True), {})
         if seed in group:
             raise UserError(f"compare: {run.name}-{run.run_id}: the same run is given twice")
@@ -175,10 +202,20 @@ def _names(groups: Sequence[Mapping[int, Run]]) -> list[str]:
     names = [run.name for run in first]
     if len(set(names)) == len(names):
         return names
-    differ = {path: values for path, values in _settings(first).items() if path.startswith("scenario.")}
-    named = [[f"{path.rpartition('.')[2]} {value}" for value in values] for path, values in differ.items()]
+    differ = {
+        path: values for path, values in _settings(first).items() if path.startswith("scenario.")
+    }
+    named = [
+        [f"{path.rpartition('.')[2]} {value}" for value in values]
+        for path, values in differ.items()
+    ]
     told = [", ".join(one).replace("'", "") for one in zip(*named, strict=True)]
-    if told and len(set(names)) == 1 and len(set(told)) == len(told) and max(map(len, told)) <= SHORT_NAME:
+    if (
+        told
+        and len(set(names)) == 1
+        and len(set(told)) == len(told)
+        and max(map(len, told)) <= SHORT_NAME
+    ):
         return told
     return [f"{run.name}-{run.run_id[:6]}" for run in first]
 
@@ -192,20 +229,35 @@ def _check(other: Arm, arm: Arm) -> None:
     """Raises UserError unless both saw the same frames."""
     if not _paired(arm, other):
         seeds = (", ".join(map(str, sorted(one.runs))) for one in (other, arm))
-        raise UserError(f"compare: {other.label} and {arm.label} have no seed in common: {' and '.join(seeds)}")
+        raise UserError(
+            f"compare: {other.label} and {arm.label} have no seed in common: {' and '.join(seeds)}"
+        )
     for mine, theirs in [(arm.runs[seed], other.runs[seed]) for seed in _paired(arm, other)]:
         what = f"compare: {other.label} ({theirs.run_id}) and {arm.label} ({mine.run_id}) cannot be compared"
         drives = [one.facts["traces"] for one in (theirs, mine)]
         if drives[0] != drives[1]:
-            names = sorted(name for name in {**drives[0], **drives[1]} if drives[0].get(name) != drives[1].get(name))
+            names = sorted(
+                name
+                for name in {**drives[0], **drives[1]}
+                if drives[0].get(name) != drives[1].get(name)
+            )
             raise UserError(f"{what}: other drives ({', '.join(names[:3])})")
         frames = [
-            set(zip(rows["car"].tolist(), rows["stream"].tolist(), rows["stamp_ns"].tolist(), strict=True))
+            set(
+                zip(
+                    rows["car"].tolist(),
+                    rows["stream"].tolist(),
+                    rows["stamp_ns"].tolist(),
+                    strict=True,
+                )
+            )
             for run, method in ((theirs, other.method), (mine, arm.method))
             for rows in [run.tables["frames"].where(method=method.name)]
         ]
         if frames[0] != frames[1]:
-            raise UserError(f"{what}: other frames ({len(frames[0]):,} and {len(frames[1]):,}): other cars or cameras")
+            raise UserError(
+                f"{what}: other frames ({len(frames[0]):,} and {len(frames[1]):,}): other cars or cameras"
+            )
 
 
 def _difference(metric: str, arm: Arm, other: Arm | None) -> Difference | None:
@@ -227,7 +279,10 @@ def _difference(metric: str, arm: Arm, other: Arm | None) -> Difference | None:
         gap, half = over_seeds(gaps)
     else:
         seed = _paired(arm, other)[0]
-        ours, its = _sums(metric, arm.runs[seed], arm.method), _sums(metric, other.runs[seed], other.method)
+        ours, its = (
+            _sums(metric, arm.runs[seed], arm.method),
+            _sums(metric, other.runs[seed], other.method),
+        )
         if ours.value is None or its.value is None:
             return alone._replace(against=other.label)
         by, gap = BLOCKS, ours.value - its.value
@@ -238,20 +293,33 @@ def _difference(metric: str, arm: Arm, other: Arm | None) -> Difference | None:
 
 def _over_blocks(mine: Sums, theirs: Sums) -> tuple[float | None, int]:
     """Half the interval of the difference of two ratios, and the number of blocks."""
-    blocks = Blocks(joined([mine.car, theirs.car]), np.concatenate([mine.stamp_ns, theirs.stamp_ns]))
+    blocks = Blocks(
+        joined([mine.car, theirs.car]), np.concatenate([mine.stamp_ns, theirs.stamp_ns])
+    )
     none = [np.zeros(len(theirs.above)), np.zeros(len(mine.above))]
     ours = blocks.influence(*(np.concatenate([part, none[0]]) for part in (mine.above, mine.below)))
-    other = blocks.influence(*(np.concatenate([none[1], part]) for part in (theirs.above, theirs.below)))
+    other = blocks.influence(
+        *(np.concatenate([none[1], part]) for part in (theirs.above, theirs.below))
+    )
     return blocks.half_width(ours - other), len(ours)
 
 
 def _settings(runs: Sequence[Run]) -> dict[str, list[str]]:
     """What differs between settings: each path, and its value in each, ``-`` where it is not there."""
-    flat = [dict(_flat({key: run.facts[key] for key in ("scenario", "devices", "genie_sim")})) for run in runs]
+    flat = [
+        dict(_flat({key: run.facts[key] for key in ("scenario", "devices", "genie_sim")}))
+        for run in runs
+    ]
     paths = dict.fromkeys(path for one in flat for path in one)
-    found = {path: [short_repr(one[path]) if path in one else "-" for one in flat] for path in paths}
+    found = {
+        path: [short_repr(one[path]) if path in one else "-" for one in flat] for path in paths
+    }
     skipped = ("scenario.seed", "scenario.name", "scenario.description")
-    return {path: values for path, values in found.items() if len(set(values)) > 1 and path not in skipped}
+    return {
+        path: values
+        for path, values in found.items()
+        if len(set(values)) > 1 and path not in skipped
+    }
 
 
 def _flat(value: Any, path: str = "") -> Iterator[tuple[str, Any]]:
@@ -274,7 +342,8 @@ def as_metrics(comparison: Comparison) -> tuple[list[Metric], list[MethodInfo]]:
                 one
                 for run in arm.runs.values()
                 for one in run.measured
-                if (one.metric, one.method, one.placement, one.component) == (name, arm.method.name, "all", "")
+                if (one.metric, one.method, one.placement, one.component)
+                == (name, arm.method.name, "all", "")
                 and one.value is not None
             ]
             if len(of_runs) == 1:

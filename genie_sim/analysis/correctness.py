@@ -15,8 +15,14 @@ from genie_sim.recording.results import Metric
 RIGHT_F1 = 0.8  # a cache hit below it is a wrong hit
 FLOOR = "floor"  # the detector's own answer without any delay, as a component
 CAUSES = ("moved_away", "never_there", "duplicate")  # of ghosts
-HITS = {"all": ("own_cache", "edge_cache", "peer_cache"), "car": ("own_cache",), "edge": ("edge_cache", "peer_cache")}
-Parts = Callable[[Columns], tuple[Any, Any]]  # of a ratio of sums over rows: above and below, row by row
+HITS = {
+    "all": ("own_cache", "edge_cache", "peer_cache"),
+    "car": ("own_cache",),
+    "edge": ("edge_cache", "peer_cache"),
+}
+Parts = Callable[
+    [Columns], tuple[Any, Any]
+]  # of a ratio of sums over rows: above and below, row by row
 
 
 def _visible(rows: Columns) -> Any:
@@ -53,9 +59,19 @@ def of_answers(answers: Columns, methods: Sequence[str]) -> Iterator[Metric]:
         for answer in ("first", "fresh"):
             mine, where = (method == name) & (which == answer), (name, "all", "")
             if mine.any():
-                yield share(blocks, f"{answer}_proxy_precision", where, mine * matched, mine * served)
-                yield share(blocks, f"{answer}_proxy_recall", where, mine * matched, mine * detected)
-                yield share(blocks, f"{answer}_proxy_f1", where, mine * 2 * matched, mine * (served + detected))
+                yield share(
+                    blocks, f"{answer}_proxy_precision", where, mine * matched, mine * served
+                )
+                yield share(
+                    blocks, f"{answer}_proxy_recall", where, mine * matched, mine * detected
+                )
+                yield share(
+                    blocks,
+                    f"{answer}_proxy_f1",
+                    where,
+                    mine * 2 * matched,
+                    mine * (served + detected),
+                )
         for placement, sources in HITS.items():
             hits = (method == name) & (which == "fresh") & source.isin(sources)
             if hits.any():
@@ -72,5 +88,7 @@ def of_held(held: Columns, methods: Sequence[str], intervals: bool = True) -> It
             mine = (method == name) & ((what == FLOOR) == (component == FLOOR))
             if mine.any():
                 for metric, (unit, parts) in HELD.items():
-                    above, below = (np.where(mine, np.nan_to_num(part), 0.0) for part in parts(held))
+                    above, below = (
+                        np.where(mine, np.nan_to_num(part), 0.0) for part in parts(held)
+                    )
                     yield share(blocks, metric, (name, "all", component), above, below, unit)

@@ -16,7 +16,9 @@ from genie_sim.analysis.style import CHARACTER_IN, LINE_IN
 in_style = partial(context, ["default", style.RC])
 
 
-def finish(figure: Figure, title: str, footer: str, axes: Iterable[Axes] = (), note: str = "") -> None:
+def finish(
+    figure: Figure, title: str, footer: str, axes: Iterable[Axes] = (), note: str = ""
+) -> None:
     """The common legend of the panels, below them, for which the figure grows, and above them a ``note`` of what they
     do not show. The title, and which run it is, stand in the file alone: on paper there is a caption."""
     if note:
@@ -42,7 +44,11 @@ def _columns(labels: Sequence[str], width_in: float) -> int:
 
 def handles(axes: Iterable[Axes]) -> dict[str, Any]:
     """What stands in the legends of these panels, each label once."""
-    return {label: handle for axis in axes for handle, label in zip(*axis.get_legend_handles_labels(), strict=True)}
+    return {
+        label: handle
+        for axis in axes
+        for handle, label in zip(*axis.get_legend_handles_labels(), strict=True)
+    }
 
 
 def logarithmic_ms(axis: Axes, low: float, high: float) -> None:

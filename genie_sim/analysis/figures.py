@@ -31,7 +31,15 @@ from genie_sim.analysis.metrics import (
     running_use,
     windowed_reuse,
 )
-from genie_sim.analysis.style import CHARACTER_IN, COLUMN_IN, PAGE_IN, PLACEMENTS, by_number, percent_tick, thinned
+from genie_sim.analysis.style import (
+    CHARACTER_IN,
+    COLUMN_IN,
+    PAGE_IN,
+    PLACEMENTS,
+    by_number,
+    percent_tick,
+    thinned,
+)
 from genie_sim.recording.columns import Columns
 from genie_sim.recording.results import MethodInfo, Run
 from genie_sim.units import NS_PER_S
@@ -84,7 +92,9 @@ def of_run(run: Run, width_in: float | None = None) -> dict[str, Figure]:
     return figures
 
 
-def save(figure: Figure, folder: Path, name: str, formats: Sequence[str] = ("svg", "png")) -> list[Path]:
+def save(
+    figure: Figure, folder: Path, name: str, formats: Sequence[str] = ("svg", "png")
+) -> list[Path]:
     """Writes ``name.svg`` and so on, with the figure's title and run but without date and version. Raises OSError."""
     paths = [folder / f"{name}.{format}" for format in formats]
     with in_style():
@@ -129,7 +139,11 @@ def _settle(figure: Figure) -> None:
 
 @in_style()
 def latency_cdf(
-    panels: Panels, methods: Methods, footer: str = "", width_in: float | None = None, of: str = "published"
+    panels: Panels,
+    methods: Methods,
+    footer: str = "",
+    width_in: float | None = None,
+    of: str = "published",
 ) -> Figure:
     """Response time under each method, with the 33 ms deadline (paper: Fig. "cdf-time").
 
@@ -148,38 +162,64 @@ def latency_cdf(
                 continue
             line = style.method_line(position)
             first, fresh = (_known(response_ms(mine, answer)) for answer in ("first", "fresh"))
-            looks = {"answered": (first, line), "fresh": (fresh, line | {"linewidth": 0.9, "linestyle": (0, (4, 2))})}
+            looks = {
+                "answered": (first, line),
+                "fresh": (fresh, line | {"linewidth": 0.9, "linestyle": (0, (4, 2))}),
+            }
             if np.array_equal(first, fresh):
                 del looks["fresh"]
             for answer, (values, look) in looks.items():
                 share = _percent(len(values) / len(mine))
                 name = method.title if answer == "answered" else f"{method.title}, fresh"
-                shares[answer].append(f"{method.name} {share}".replace(" ", "\u00a0"))  # in one line
+                shares[answer].append(
+                    f"{method.name} {share}".replace(" ", "\u00a0")
+                )  # in one line
                 told = name if len(panels) > 1 else f"{name}, {share}"
-                _step(axis, values, len(mine) if of == "published" else None, high, **look | {"label": told})
-        axis.axvline(DEADLINE_MS, color="black", linewidth=0.9, linestyle="--", label=f"{DEADLINE_MS:g} ms deadline")
+                _step(
+                    axis,
+                    values,
+                    len(mine) if of == "published" else None,
+                    high,
+                    **look | {"label": told},
+                )
+        axis.axvline(
+            DEADLINE_MS,
+            color="black",
+            linewidth=0.9,
+            linestyle="--",
+            label=f"{DEADLINE_MS:g} ms deadline",
+        )
         if len(panels) > 1:
             said = [f"{what}: {', '.join(found)}" for what, found in shares.items() if found]
             room = int(axis.get_position().width * figure.get_figwidth() * TITLE_CHARACTERS_PER_IN)
-            axis.set_title("\n".join([label, *(line for one in said for line in textwrap.wrap(one, room))]))
+            axis.set_title(
+                "\n".join([label, *(line for one in said for line in textwrap.wrap(one, room))])
+            )
         axis.set_ylim(0, 1.02)
         logarithmic_ms(axis, low, high)
     _label_outer(axes, "response time [ms], logarithmic", f"share of {of} frames")
-    finish(figure, f"Response time from received to first answer, share of {of} frames", footer, axes)
+    finish(
+        figure, f"Response time from received to first answer, share of {of} frames", footer, axes
+    )
     return figure
 
 
 @in_style()
-def image_reuse(panels: Panels, methods: Methods, footer: str = "", width_in: float | None = None) -> Figure:
+def image_reuse(
+    panels: Panels, methods: Methods, footer: str = "", width_in: float | None = None
+) -> Figure:
     """Hits / requests of the message caches, asked by their own clients (paper: Fig. "reuse-img")."""
     of_clients = {
-        label: Columns.of(lookups).where(kind="image", requester="client") for label, lookups in panels.items()
+        label: Columns.of(lookups).where(kind="image", requester="client")
+        for label, lookups in panels.items()
     }
     return _reuse_bars(of_clients, methods, "Image reuse", footer, width_in)
 
 
 @in_style()
-def object_reuse(panels: Panels, methods: Methods, footer: str = "", width_in: float | None = None) -> Figure:
+def object_reuse(
+    panels: Panels, methods: Methods, footer: str = "", width_in: float | None = None
+) -> Figure:
     """Object look-ups answered by an object with C >= C_T / all of them (paper: Fig. "reuse-obj")."""
     tables = {label: Columns.of(lookups) for label, lookups in panels.items()}
     of_maps = {label: lookups.rows(lookups["kind"] != "image") for label, lookups in tables.items()}
@@ -187,7 +227,9 @@ def object_reuse(panels: Panels, methods: Methods, footer: str = "", width_in: f
 
 
 @in_style()
-def confidence_boost(panels: Panels, methods: Methods, footer: str = "", width_in: float | None = None) -> Figure:
+def confidence_boost(
+    panels: Panels, methods: Methods, footer: str = "", width_in: float | None = None
+) -> Figure:
     """Running mean of C_new - C_old over the updates of the object maps on cars and on edges (paper: Fig. "boost").
 
     In greys; with several methods that run Genies, in the colour of each. The axis is that of the curves after their
@@ -207,7 +249,10 @@ def confidence_boost(panels: Panels, methods: Methods, footer: str = "", width_i
                 settled += curve["boost"][curve["updates"] > FEW_UPDATES].tolist()
                 look = style.PLACEMENT_LINES[placement] | {"label": f"Genies {where}"}
                 if several:
-                    look |= {"color": style.COLOURS[position % len(style.COLOURS)], "label": f"{method.title}, {where}"}
+                    look |= {
+                        "color": style.COLOURS[position % len(style.COLOURS)],
+                        "label": f"{method.title}, {where}",
+                    }
                 axis.plot(curve["updates"][kept], curve["boost"][kept], **look)
         axis.set_title(label if len(panels) > 1 else "")
         axis.margins(x=0.02)
@@ -215,7 +260,9 @@ def confidence_boost(panels: Panels, methods: Methods, footer: str = "", width_i
         room = 0.08 * (max(settled) - min(settled)) or 0.01
         axes[0].set_ylim(min(settled) - room, max(settled) + room)
     _label_outer(axes, "updates so far", "mean of C(new) - C(old)")
-    finish(figure, "Confidence boost: running mean over the updates of the object maps", footer, axes)
+    finish(
+        figure, "Confidence boost: running mean over the updates of the object maps", footer, axes
+    )
     return figure
 
 
@@ -234,8 +281,13 @@ def resource_use(resources: "Columns | pd.DataFrame", methods: Methods, footer: 
         for kind in RESOURCE_KINDS
         if (resources["kind"] == kind).any()
     }
-    used = {kind: curves for kind, curves in used.items() if any(curves)} or dict(list(used.items())[:1])
-    hosts = sorted({_host(name) for of_kind in used.values() for curves in of_kind for name in curves}, key=by_number)
+    used = {kind: curves for kind, curves in used.items() if any(curves)} or dict(
+        list(used.items())[:1]
+    )
+    hosts = sorted(
+        {_host(name) for of_kind in used.values() for curves in of_kind for name in curves},
+        key=by_number,
+    )
     kinds, columns = max(len(used), 1), min(max(len(methods), 1), MOST_COLUMNS)
     blocks = max(-(-len(methods) // columns), 1)  # of methods, one below the other
     figure = Figure(figsize=(PAGE_IN, 0.4 + 1.15 * kinds * blocks))
@@ -256,16 +308,23 @@ def resource_use(resources: "Columns | pd.DataFrame", methods: Methods, footer: 
         axis.remove()
     for axis in grid[-1]:
         axis.set_xlabel("simulated time [s]")
-    finish(figure, "Use of devices and links, and queues, over simulated time", footer, list(grid.flat))
+    finish(
+        figure, "Use of devices and links, and queues, over simulated time", footer, list(grid.flat)
+    )
     return figure
 
 
-def _reuse_bars(panels: Tables, methods: Methods, what: str, footer: str, width_in: float | None) -> Figure:
+def _reuse_bars(
+    panels: Tables, methods: Methods, what: str, footer: str, width_in: float | None
+) -> Figure:
     """Bars are means over the Genies on cars and on edges, error bars the extreme windows of any of them."""
     ran = [method for _, method in _with_genies(panels, methods)] or methods[:1]
     groups = [(label, method, lookups) for label, lookups in panels.items() for method in ran]
     title = f"{what}: mean over Genies; bars: extreme windows of {WINDOW_REQUESTS} requests of any Genie"
-    labels = [f"{label}\n{method.title}" if len(panels) > 1 else method.title for label, method, _ in groups]
+    labels = [
+        f"{label}\n{method.title}" if len(panels) > 1 else method.title
+        for label, method, _ in groups
+    ]
     if len(ran) == 1:
         labels = list(panels)
     width_in = width_in or (COLUMN_IN if len(groups) <= 3 else PAGE_IN)
@@ -278,7 +337,9 @@ def _reuse_bars(panels: Tables, methods: Methods, what: str, footer: str, width_
         look = style.PLACEMENT_BARS[placement] | {"label": f"Genies {where}"}
         for x, (_, method, lookups) in enumerate(groups):
             mine = lookups.where(method=method.name, placement=placement)
-            _reuse_bar(axis, x + 0.38 * (side - 0.5), mine, look, upright=0.38 * room_in < 6 * CHARACTER_IN)
+            _reuse_bar(
+                axis, x + 0.38 * (side - 0.5), mine, look, upright=0.38 * room_in < 6 * CHARACTER_IN
+            )
     axis.set_xticks(range(len(groups)), labels, rotation=90 if tilted else 0)
     axis.set_xlim(-0.6, len(groups) - 0.4)
     axis.set_ylim(0, None)
@@ -289,11 +350,21 @@ def _reuse_bars(panels: Tables, methods: Methods, what: str, footer: str, width_
     return figure
 
 
-def _reuse_bar(axis: Axes, left: float, lookups: Columns, look: dict[str, Any], upright: bool) -> None:
+def _reuse_bar(
+    axis: Axes, left: float, lookups: Columns, look: dict[str, Any], upright: bool
+) -> None:
     turn = 90 if upright else 0
     ratios, windows = list(reuse(lookups).values()), windowed_reuse(lookups)["ratio"]
     if not ratios:
-        axis.annotate("none", (left, 0), (0, 3), textcoords="offset points", ha="center", va="bottom", rotation=turn)
+        axis.annotate(
+            "none",
+            (left, 0),
+            (0, 3),
+            textcoords="offset points",
+            ha="center",
+            va="bottom",
+            rotation=turn,
+        )
         return
     mean = float(np.mean(ratios))
     axis.bar(left, mean, 0.34, edgecolor="black", linewidth=0.7, **look)
@@ -315,7 +386,9 @@ def _grid(panels: Panels, width_in: float | None) -> tuple[Figure, list[Axes]]:
     """One panel a run: at most three beside each other, as in the paper; one in a column's width."""
     columns = 1 if width_in == COLUMN_IN else min(len(panels), 3)
     rows = -(-len(panels) // columns)
-    figure = Figure(figsize=(width_in or (COLUMN_IN if columns == 1 else PAGE_IN), 0.3 + 1.75 * rows))
+    figure = Figure(
+        figsize=(width_in or (COLUMN_IN if columns == 1 else PAGE_IN), 0.3 + 1.75 * rows)
+    )
     grid = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
     axes = list(grid.flat)
     for axis in axes[len(panels) :]:
@@ -332,7 +405,11 @@ def _label_outer(axes: list[Axes], x_label: str, y_label: str) -> None:
 
 def _limits_ms(panels: Tables) -> tuple[float, float]:
     """Of all response times and the deadline, with some room; a logarithmic axis starts at 0.1 ms at the latest."""
-    times = [_known(response_ms(frames, answer)) for frames in panels.values() for answer in ("first", "fresh")]
+    times = [
+        _known(response_ms(frames, answer))
+        for frames in panels.values()
+        for answer in ("first", "fresh")
+    ]
     known = np.concatenate([*times, [DEADLINE_MS]])
     return max(0.8 * float(known.min()), 0.1), 1.25 * float(known.max())
 
@@ -360,16 +437,28 @@ def _used(of_kind: Columns) -> dict[str, tuple[Any, Any]]:
     return {name: curve for name, curve in curves.items() if curve[1].max() >= LEAST_USE}
 
 
-def _draw_use(axis: Axes, curves: dict[str, tuple[Any, Any]], names: list[str], hosts: list[str]) -> None:
+def _draw_use(
+    axis: Axes, curves: dict[str, tuple[Any, Any]], names: list[str], hosts: list[str]
+) -> None:
     if not curves:
-        axis.text(0.5, 0.5, "not used", transform=axis.transAxes, ha="center", va="center", color="0.35")
+        axis.text(
+            0.5, 0.5, "not used", transform=axis.transAxes, ha="center", va="center", color="0.35"
+        )
     elif len(hosts) <= len(style.HOSTS):
         for name, (t_s, values) in curves.items():
             host = _host(name)
             place, nth = hosts.index(host), [one for one in names if _host(one) == host].index(name)
-            look: dict[str, Any] = {"color": style.HOSTS[place], "linestyle": ("-", "--", ":")[min(nth, 2)]}
-            look |= {"marker": style.MARKERS[place], "markevery": ((place + 0.5) / 8 / len(style.HOSTS), 1 / 8)}
-            axis.plot(t_s, values, linewidth=1.0, markersize=3.5, label=host if nth == 0 else None, **look)
+            look: dict[str, Any] = {
+                "color": style.HOSTS[place],
+                "linestyle": ("-", "--", ":")[min(nth, 2)],
+            }
+            look |= {
+                "marker": style.MARKERS[place],
+                "markevery": ((place + 0.5) / 8 / len(style.HOSTS), 1 / 8),
+            }
+            axis.plot(
+                t_s, values, linewidth=1.0, markersize=3.5, label=host if nth == 0 else None, **look
+            )
     else:
         t_s = np.unique(np.concatenate([t for t, _ in curves.values()]))
         values = np.stack([np.interp(t_s, *curve) for curve in curves.values()])

@@ -22,8 +22,12 @@ Numbers = Mapping[str, Sequence[Metric]]
 
 def drawable(runs: Numbers) -> str | None:
     """Which accuracy these runs have in common; ``None`` where there is none."""
-    found = [{one.metric for one in measured if one.value is not None} for measured in runs.values()]
-    return next((name for name in ACCURACY if all({name, LATENCY} <= names for names in found)), None)
+    found = [
+        {one.metric for one in measured if one.value is not None} for measured in runs.values()
+    ]
+    return next(
+        (name for name in ACCURACY if all({name, LATENCY} <= names for names in found)), None
+    )
 
 
 @in_style()
@@ -41,18 +45,31 @@ def latency_accuracy(
     figure = Figure(figsize=(width_in or style.COLUMN_IN, 2.1))
     axis = figure.subplots()
     for number, (label, measured) in enumerate(runs.items()):
-        found = {(one.metric, one.method, one.component): one for one in measured if one.placement == "all"}
+        found = {
+            (one.metric, one.method, one.component): one
+            for one in measured
+            if one.placement == "all"
+        }
         for position, method in enumerate(methods):
             x, y = found.get((LATENCY, method.name, "")), found.get((accuracy, method.name, ""))
             if x is None or y is None or x.value is None or y.value is None:
                 continue
             name = method.title if len(runs) == 1 else f"{label}: {method.title}"
             mark = style.method_marker(number if len(runs) > 1 else position)
-            look: dict[str, Any] = {"color": style.COLOURS[position % len(style.COLOURS)], "marker": mark}
-            axis.errorbar(x.value, y.value, _ends(y), _ends(x), linestyle="", capsize=2, label=name, **look)
-        floors = [one.value for (name, _, part), one in found.items() if (name, part) == (accuracy, FLOOR)]
+            look: dict[str, Any] = {
+                "color": style.COLOURS[position % len(style.COLOURS)],
+                "marker": mark,
+            }
+            axis.errorbar(
+                x.value, y.value, _ends(y), _ends(x), linestyle="", capsize=2, label=name, **look
+            )
+        floors = [
+            one.value for (name, _, part), one in found.items() if (name, part) == (accuracy, FLOOR)
+        ]
         if floors and floors[0] is not None:
-            axis.axhline(floors[0], color="0.4", linewidth=0.9, linestyle=":", label="detector without delay")
+            axis.axhline(
+                floors[0], color="0.4", linewidth=0.9, linestyle=":", label="detector without delay"
+            )
     axis.set_xscale("log")
     logarithmic_ms(axis, *axis.get_xlim())
     axis.set_ylim(0, 1.02)

@@ -32,13 +32,18 @@ if TYPE_CHECKING:
 PLACEMENTS = ("car", "edge")  # of Genies
 DEADLINE_MS = 33.0  # Section V-B: 30 frames/s
 WINDOW_REQUESTS = 50
-PART = {"first": "first_answer_part", "fresh": "fresh_answer_part"}  # what each part of a mean took, by answer
+PART = {
+    "first": "first_answer_part",
+    "fresh": "fresh_answer_part",
+}  # what each part of a mean took, by answer
 PERCENTILES = (50, 95, 99)
 
 Where = tuple[str, str, str]  # method, placement, component
 
 
-def compute(methods: Sequence[MethodInfo], tables: "Mapping[str, Table]", *, intervals: bool = True) -> list[Metric]:
+def compute(
+    methods: Sequence[MethodInfo], tables: "Mapping[str, Table]", *, intervals: bool = True
+) -> list[Metric]:
     """All metrics of one run in a fixed order: of ``frames`` and what else was recorded (columns: ``records``), under
     the ``methods`` that ran. ``intervals``: of frames and boosts, too; for many runs, whose spread is what counts, they
     are left out.
@@ -62,7 +67,9 @@ def compute(methods: Sequence[MethodInfo], tables: "Mapping[str, Table]", *, int
         found += correctness.of_held(known["held"], names)
     if "steps" in known:
         found += _of_steps(known["steps"], frames, names)
-    return [replace(one, value=_ten(one.value), low=_ten(one.low), high=_ten(one.high)) for one in found]
+    return [
+        replace(one, value=_ten(one.value), low=_ten(one.low), high=_ten(one.high)) for one in found
+    ]
 
 
 def response_ms(frames: Columns, answer: str) -> Floats:
@@ -73,7 +80,9 @@ def response_ms(frames: Columns, answer: str) -> Floats:
 def reuse(lookups: Columns) -> dict[str, float]:
     """hits / requests of each Genie; a coalesced request is not a hit. Genies that were asked nothing are left out."""
     genies: Text = lookups["genie"]
-    requests, hits = (np.bincount(genies.codes, lookups[name], len(genies.names)) for name in ("requests", "hits"))
+    requests, hits = (
+        np.bincount(genies.codes, lookups[name], len(genies.names)) for name in ("requests", "hits")
+    )
     return {genies.names[one]: float(hits[one] / requests[one]) for one in np.flatnonzero(requests)}
 
 
@@ -87,16 +96,25 @@ def windowed_reuse(lookups: Columns, window: int = WINDOW_REQUESTS) -> Columns:
     ends = np.flatnonzero(requests[1:] - requests[first] >= window) + 1
     starts = np.searchsorted(requests, requests[ends] - window, side="right") - 1
     ratios = (hits[ends] - hits[starts]) / (requests[ends] - requests[starts])
-    return Columns({"genie": events["genie"][ends - 1], "t_ns": events["t_ns"][ends - 1], "ratio": ratios})
+    return Columns(
+        {"genie": events["genie"][ends - 1], "t_ns": events["t_ns"][ends - 1], "ratio": ratios}
+    )
 
 
 def running_reuse(lookups: Columns) -> Columns:
     """hits / requests of each Genie so far, after each of its messages: columns ``t_ns`` and ``ratio``."""
     events, (requests, hits), first = _counted(lookups.rows(lookups["requests"] > 0))
-    return Columns({"t_ns": events["t_ns"], "ratio": (hits[1:] - hits[first]) / (requests[1:] - requests[first])})
+    return Columns(
+        {
+            "t_ns": events["t_ns"],
+            "ratio": (hits[1:] - hits[first]) / (requests[1:] - requests[first]),
+        }
+    )
 
 
-def _counted(lookups: Columns) -> "tuple[Columns, list[np.ndarray[Any, Any]], np.ndarray[Any, Any]]":
+def _counted(
+    lookups: Columns,
+) -> "tuple[Columns, list[np.ndarray[Any, Any]], np.ndarray[Any, Any]]":
     """The look-ups Genie by Genie, the requests and the hits before each of them and after the last, and of each the
     place of its Genie's first."""
     events = lookups.rows(np.argsort(lookups["genie"].codes, kind="stable"))
@@ -151,14 +169,18 @@ def _of_frames(frames: Columns, methods: Sequence[MethodInfo], intervals: bool) 
         published = int(mine.sum())
         yield Metric("frames_published", *where, published, "frames", n=published)
         for part in ("answered", "dropped", "in_flight"):  # each frame is in exactly one of these
-            yield Metric(f"frames_{part}", *where, int((mine & shares[part]).sum()), "frames", n=published)
+            yield Metric(
+                f"frames_{part}", *where, int((mine & shares[part]).sum()), "frames", n=published
+            )
         yield _throughput(frames.rows(mine), where)
     for answer, values in response.items():
         times = {one.name: np.where(masks[one.name], values, np.nan) for one in ran}
         for better in (one.name for one in ran if not one.baseline):
             for baseline in (one.name for one in ran if one.baseline):
                 where = better, "all", baseline
-                yield _improvement(blocks, f"improvement_{answer}_answer", where, times[better], times[baseline])
+                yield _improvement(
+                    blocks, f"improvement_{answer}_answer", where, times[better], times[baseline]
+                )
 
 
 def _latencies(blocks: Blocks, values_ms: Floats, name: str, where: Where) -> Iterator[Metric]:
@@ -176,7 +198,9 @@ def _latencies(blocks: Blocks, values_ms: Floats, name: str, where: Where) -> It
     mean = float(values.mean())
     half = blocks.half_width(blocks.influence(np.where(known, values_ms, 0.0), known.astype(float)))
     yield Metric(f"{name}_mean", *where, mean, "ms", *around(mean, half), n)
-    for percent, value in zip(PERCENTILES, np.percentile(values, PERCENTILES).tolist(), strict=True):
+    for percent, value in zip(
+        PERCENTILES, np.percentile(values, PERCENTILES).tolist(), strict=True
+    ):
         share = percent / 100
         below = known & (values_ms <= value)
         half = blocks.half_width(blocks.influence(below.astype(float), known.astype(float)))
@@ -191,19 +215,28 @@ def _throughput(frames: Columns, where: Where) -> Metric:
     instants = np.concatenate([frames.floats("stamp_ns"), frames.floats("first_answer_ns"), fresh])
     seconds = (np.nanmax(instants) - np.nanmin(instants)) / NS_PER_S
     count = int((~np.isnan(fresh)).sum())
-    return Metric("fresh_answer_throughput", *where, count / seconds if seconds > 0 else None, "1/s", n=count)
+    return Metric(
+        "fresh_answer_throughput", *where, count / seconds if seconds > 0 else None, "1/s", n=count
+    )
 
 
-def _improvement(blocks: Blocks, name: str, where: Where, ours_ms: Floats, theirs_ms: Floats) -> Metric:
+def _improvement(
+    blocks: Blocks, name: str, where: Where, ours_ms: Floats, theirs_ms: Floats
+) -> Metric:
     """1 - mean(ours) / mean(theirs); both saw the same frames, so their blocks are paired."""
     known = [~np.isnan(arm) for arm in (ours_ms, theirs_ms)]
     n = min(int(flags.sum()) for flags in known)
     if not n:
         return Metric(name, *where, None, "1")
-    ours, theirs = (float(arm[flags].mean()) for arm, flags in zip((ours_ms, theirs_ms), known, strict=True))
+    ours, theirs = (
+        float(arm[flags].mean()) for arm, flags in zip((ours_ms, theirs_ms), known, strict=True)
+    )
     if not theirs:
         return Metric(name, *where, None, "1")
-    moves = [blocks.influence(np.nan_to_num(arm), (~np.isnan(arm)).astype(float)) for arm in (ours_ms, theirs_ms)]
+    moves = [
+        blocks.influence(np.nan_to_num(arm), (~np.isnan(arm)).astype(float))
+        for arm in (ours_ms, theirs_ms)
+    ]
     half = blocks.half_width(moves[0] / theirs - ours / theirs**2 * moves[1])
     value = 1 - ours / theirs
     return Metric(name, *where, value, "1", *around(value, half), n)
@@ -231,7 +264,9 @@ def _of_genies(lookups: Columns, method: str, placement: str, intervals: bool) -
     yield _boost(objects, where, intervals)
     for name, events in (("stored_images", images), ("stored_objects", objects)):
         last = last_of_genies(events)
-        yield Metric(name, *where, float(np.mean(last)) if last else None, "entries/Genie", n=len(last))
+        yield Metric(
+            name, *where, float(np.mean(last)) if last else None, "entries/Genie", n=len(last)
+        )
 
 
 def last_of_genies(events: Columns) -> list[int]:
@@ -308,10 +343,14 @@ def _of_steps(steps: Columns, frames: Columns, methods: Sequence[str]) -> Iterat
             n = int((~np.isnan(published.floats(f"{answer}_answer_ns"))).sum())
             of_answer = mine.rows(mine["which"].isin((answer, "both")))
             took_ns, parts = of_answer["end_ns"] - of_answer["begin_ns"], of_answer["part"]
-            sums = dict(zip(parts.names, np.bincount(parts.codes, took_ns, len(parts.names)), strict=True))
+            sums = dict(
+                zip(parts.names, np.bincount(parts.codes, took_ns, len(parts.names)), strict=True)
+            )
             for part, sum_ns in sums.items():
                 if n and sum_ns:
-                    yield Metric(metric, method, "all", part, float(sum_ns) / n / NS_PER_MS, "ms", n=n)
+                    yield Metric(
+                        metric, method, "all", part, float(sum_ns) / n / NS_PER_MS, "ms", n=n
+                    )
 
 
 def _ten(value: float | None) -> float | None:

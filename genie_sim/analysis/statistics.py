@@ -22,7 +22,9 @@ NO_SHARES = ("confidence_boost", "improvement")  # metrics of unit 1 that may be
 _METRIC = ["metric", "method", "placement", "component", "unit"]  # the columns that tell which
 
 
-def across_seeds(runs: "pd.DataFrame", by: Sequence[str], differences: bool = False) -> "pd.DataFrame":
+def across_seeds(
+    runs: "pd.DataFrame", by: Sequence[str], differences: bool = False
+) -> "pd.DataFrame":
     """Mean, 95 % t interval and count of each metric within the groups ``by``: columns value, low, high, runs.
 
     The unit of replication is the seed: with several runs of a group under one seed, their mean counts once. One seed
@@ -37,8 +39,16 @@ def across_seeds(runs: "pd.DataFrame", by: Sequence[str], differences: bool = Fa
     several = n > 1
     half[several] = [half_of_mean(*one) for one in zip(spread[several], n[several], strict=True)]
     found = found.assign(low=found["value"] - half, high=found["value"] + half)
-    shares = (found["unit"] == "1") & ~found["metric"].str.startswith(NO_SHARES) & ~np.isnan(half) & (not differences)
-    ends = [wilson(value, reach) for value, reach in zip(found["value"][shares], half[shares], strict=True)]
+    shares = (
+        (found["unit"] == "1")
+        & ~found["metric"].str.startswith(NO_SHARES)
+        & ~np.isnan(half)
+        & (not differences)
+    )
+    ends = [
+        wilson(value, reach)
+        for value, reach in zip(found["value"][shares], half[shares], strict=True)
+    ]
     found.loc[shares, ["low", "high"]] = np.reshape(ends, (-1, 2))
     for name in ("value", "low", "high"):  # ten digits: processors add up in different orders
         found[name] = [float(f"{number:.10g}") for number in found[name]]
@@ -64,7 +74,9 @@ class Blocks:
     """Rows grouped into one second each, every stratum (car or Genie) for itself. Unless intervals are ``wanted``,
     nothing is computed, and every one is unknown."""
 
-    def __init__(self, strata: Text, instants_ns: np.ndarray[Any, np.dtype[np.int64]], wanted: bool = True) -> None:
+    def __init__(
+        self, strata: Text, instants_ns: np.ndarray[Any, np.dtype[np.int64]], wanted: bool = True
+    ) -> None:
         self._sizes = np.zeros(1, dtype=np.int64)
         self._wanted = wanted
         if not wanted:
@@ -94,7 +106,9 @@ class Blocks:
         return float(t_quantile(int((self._sizes - 1).sum())) * error)
 
     def _sum(self, values: Floats) -> Floats:
-        sums: Floats = np.bincount(self._of_row, values, minlength=len(self._stratum)).astype(np.float64)
+        sums: Floats = np.bincount(self._of_row, values, minlength=len(self._stratum)).astype(
+            np.float64
+        )
         return sums
 
 
@@ -115,10 +129,14 @@ def t_quantile(freedom: int) -> float:
     t: float = x + sum(part / freedom ** (place + 1) for place, part in enumerate(series))
     if freedom >= 300:
         return t
-    peak = math.exp(math.lgamma((freedom + 1) / 2) - math.lgamma(freedom / 2)) / math.sqrt(freedom * math.pi)
+    peak = math.exp(math.lgamma((freedom + 1) / 2) - math.lgamma(freedom / 2)) / math.sqrt(
+        freedom * math.pi
+    )
     for _ in range(20):
         before = t
-        t -= (_t_within(t, freedom) - CONFIDENCE) / (2 * peak * (1 + t * t / freedom) ** (-(freedom + 1) / 2))
+        t -= (_t_within(t, freedom) - CONFIDENCE) / (
+            2 * peak * (1 + t * t / freedom) ** (-(freedom + 1) / 2)
+        )
         if abs(t - before) < 1e-14 * t:
             break
     return t
@@ -152,13 +170,20 @@ def wilson(value: float, half: float, n: int = 0) -> tuple[float, float]:
     number of positive counts estimated from survey data", 1998.
     """
     spread = value * (1 - value)
-    k = half**2 / spread if spread > 0 else NORMAL_QUANTILE**2 / n if n else 0.0  # quantile squared / rows
+    k = (
+        half**2 / spread if spread > 0 else NORMAL_QUANTILE**2 / n if n else 0.0
+    )  # quantile squared / rows
     middle, reach = value + k / 2, math.sqrt(k * spread + k * k / 4)
     return max((middle - reach) / (1 + k), 0.0), min((middle + reach) / (1 + k), 1.0)
 
 
 def share(
-    blocks: Blocks, name: str, where: tuple[str, str, str], part: Floats, whole: Floats, unit: str = "1"
+    blocks: Blocks,
+    name: str,
+    where: tuple[str, str, str],
+    part: Floats,
+    whole: Floats,
+    unit: str = "1",
 ) -> Metric:
     """How many of ``whole`` are in ``part``, at a method, placement and component, with Wilson's interval; with another
     unit than 1 the mean of what adds up to ``part``, with the usual one."""

@@ -10,9 +10,15 @@ from typing import Any
 
 import numpy as np
 
-COLUMN_IN, PAGE_IN = 3.5, 7.16  # width of a column and of a page of IEEE's and ACM's journals and proceedings
+COLUMN_IN, PAGE_IN = (
+    3.5,
+    7.16,
+)  # width of a column and of a page of IEEE's and ACM's journals and proceedings
 WIDTHS = {"column": COLUMN_IN, "page": PAGE_IN}
-LINE_IN, CHARACTER_IN = 0.17, 0.058  # height of a line of 8 points, and about the width of a character
+LINE_IN, CHARACTER_IN = (
+    0.17,
+    0.058,
+)  # height of a line of 8 points, and about the width of a character
 RC: dict[str, Any] = {
     "font.size": 8,
     "axes.titlesize": 8,
@@ -37,9 +43,36 @@ RC: dict[str, Any] = {
     "svg.hashsalt": "genie-sim",
 }
 COLOURS = ("#E69F00", "#C44E00", "#0B3C6F", "#009E73", "#CC79A7", "#56B4E9", "#777777", "#000000")
-HOSTS = ("#332288", "#88CCEE", "#44AA99", "#117733", "#999933", "#DDCC77", "#CC6677", "#882255")  # no method's (Tol)
-DARK_HOSTS = ("#9C90F0", "#88CCEE", "#44AA99", "#4FBF74", "#BBBB55", "#DDCC77", "#E08895", "#D873A4")
-DARK_COLOURS = ("#F0B13C", "#FF8A4C", "#79B8FF", "#35C498", "#F08FC4", "#5AC8FA", "#A0A0A0", "#E8E8E8")  # dark pages
+HOSTS = (
+    "#332288",
+    "#88CCEE",
+    "#44AA99",
+    "#117733",
+    "#999933",
+    "#DDCC77",
+    "#CC6677",
+    "#882255",
+)  # no method's (Tol)
+DARK_HOSTS = (
+    "#9C90F0",
+    "#88CCEE",
+    "#44AA99",
+    "#4FBF74",
+    "#BBBB55",
+    "#DDCC77",
+    "#E08895",
+    "#D873A4",
+)
+DARK_COLOURS = (
+    "#F0B13C",
+    "#FF8A4C",
+    "#79B8FF",
+    "#35C498",
+    "#F08FC4",
+    "#5AC8FA",
+    "#A0A0A0",
+    "#E8E8E8",
+)  # dark pages
 DOTTED, DASH_DOT, SOLID, DASHED = (0, (1, 1)), (0, (5, 1.2, 1, 1.2)), "-", (0, (4, 1.2))
 DASHES = (DOTTED, DASH_DOT, SOLID, DASHED)
 HATCHES = ("////", "....", "", "xxxx", "\\\\\\\\", "++++", "oooo", "----")
@@ -61,7 +94,10 @@ PLACEMENT_LINES: dict[str, dict[str, Any]] = {  # about the Genies there
     "car": {"color": "0.55", "linestyle": DASHED, "linewidth": 1.6},
     "edge": {"color": "0.15", "linestyle": SOLID, "linewidth": 1.6},
 }
-PLACEMENT_BARS = {"car": {"facecolor": "0.85", "hatch": "////"}, "edge": {"facecolor": "0.45", "hatch": ""}}
+PLACEMENT_BARS = {
+    "car": {"facecolor": "0.85", "hatch": "////"},
+    "edge": {"facecolor": "0.45", "hatch": ""},
+}
 
 
 def method_line(position: int) -> dict[str, Any]:

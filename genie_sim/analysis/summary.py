@@ -33,9 +33,7 @@ SCREEN_ROWS = (
     ("wrong cache hits* [%]", "wrong_hit_share"),
 )
 SCREEN_REUSE = (("image reuse", "image_reuse"), ("object reuse", "object_reuse"))
-SCREEN_NOTE = (
-    "Times count from when a frame reached the first node's queue. Shares: of all frames. Fresh: about this very frame."
-)
+SCREEN_NOTE = "Times count from when a frame reached the first node's queue. Shares: of all frames. Fresh: about this very frame."
 SCREEN_FLOOR = "Held: by the consumer, against what is there; floor: the detector without delay."
 SCREEN_PROXY = "* Against the detector's own answer to the frame."
 
@@ -143,10 +141,14 @@ def text(metrics: Sequence[Metric], width: int = 80) -> str:
     return "\n".join(lines) + "\n"
 
 
-def cells(metrics: Sequence[Metric], titles: Mapping[str, str]) -> tuple[list[str], list[list[str]]]:
+def cells(
+    metrics: Sequence[Metric], titles: Mapping[str, str]
+) -> tuple[list[str], list[list[str]]]:
     """The same table as headings and rows of text with the intervals inside the run; methods have their ``titles``."""
     headings, rows = _screen(metrics)
-    made = [[label, *(_show(cell, unit=False, interval=True) for cell in row)] for label, row in rows]
+    made = [
+        [label, *(_show(cell, unit=False, interval=True) for cell in row)] for label, row in rows
+    ]
     return ["", *(titles.get(heading, heading) for heading in headings)], made
 
 
@@ -154,14 +156,25 @@ def _screen(metrics: Sequence[Metric]) -> tuple[list[str], list[tuple[str, list[
     """The columns of the one table and its rows: those that any method has."""
     found, methods = _found(metrics)
     columns = [(method, "all", "") for method in methods]
-    columns += [column for method in methods if ("streaming_f1", *(column := (method, "all", FLOOR))) in found][:1]
+    columns += [
+        column
+        for method in methods
+        if ("streaming_f1", *(column := (method, "all", FLOOR))) in found
+    ][:1]
     rows = _rows(SCREEN_ROWS, columns, found)
     for label, metric in SCREEN_REUSE:
         for placement, where in PLACEMENTS.items():
-            rows.append((f"{label} {where} [%]", [found.get((metric, method, placement, "")) for method in methods]))
+            rows.append(
+                (
+                    f"{label} {where} [%]",
+                    [found.get((metric, method, placement, "")) for method in methods],
+                )
+            )
     busiest = _busiest(metrics)[:MOST_ON_SCREEN]
     use = _use(metrics)
-    rows += [(f"{name} busy [%]", [use.get((name, method)) for method in methods]) for name in busiest]
+    rows += [
+        (f"{name} busy [%]", [use.get((name, method)) for method in methods]) for name in busiest
+    ]
     rows = [(label, [*row, *[None] * (len(columns) - len(row))]) for label, row in rows if any(row)]
     return [component or method for method, _, component in columns], rows
 
@@ -169,7 +182,9 @@ def _screen(metrics: Sequence[Metric]) -> tuple[list[str], list[tuple[str, list[
 def _found(metrics: Sequence[Metric]) -> tuple[Found, list[str]]:
     """The metrics by where they are, and the methods that ran, in their order."""
     found = {(one.metric, one.method, one.placement, one.component): one for one in metrics}
-    return found, list(dict.fromkeys(one.method for one in metrics if one.metric == "frames_published"))
+    return found, list(
+        dict.fromkeys(one.method for one in metrics if one.metric == "frames_published")
+    )
 
 
 def markdown(metrics: Sequence[Metric], scenario: str, run_id: str, seed: int) -> str:
@@ -177,7 +192,10 @@ def markdown(metrics: Sequence[Metric], scenario: str, run_id: str, seed: int) -
     parts = [f"# {scenario}", f"Run `{run_id}`, seed {seed}.", NOTE_ON_WORDS, NOTE_ON_INTERVALS]
     parts = [textwrap.fill(part, 120) for part in parts]
     for table in _tables(metrics):
-        rows = [[label, *(_show(one, table.units, interval=True) for one in cells)] for label, cells in table.rows]
+        rows = [
+            [label, *(_show(one, table.units, interval=True) for one in cells)]
+            for label, cells in table.rows
+        ]
         shown = text_table.markdown(["", *table.columns], rows, "l" + "r" * len(table.columns))
         parts += filter(None, [f"## {table.title}", shown, table.more])
     return "\n\n".join(parts) + "\n"
@@ -188,16 +206,30 @@ def _tables(metrics: Sequence[Metric]) -> Iterator[_Table]:
     found, methods = _found(metrics)
     if methods:
         yield _latencies(methods, found)
-        yield _Table("Published frames", methods, _rows(FRAME_ROWS, [(method, "all", "") for method in methods], found))
+        yield _Table(
+            "Published frames",
+            methods,
+            _rows(FRAME_ROWS, [(method, "all", "") for method in methods], found),
+        )
     yield from _correctness(methods, found)
     for method in methods:
-        over = [one.component for one in metrics if (one.metric, one.method) == (IMPROVEMENT_ROWS[0][1], method)]
+        over = [
+            one.component
+            for one in metrics
+            if (one.metric, one.method) == (IMPROVEMENT_ROWS[0][1], method)
+        ]
         if over:
             rows = _rows(IMPROVEMENT_ROWS, [(method, "all", baseline) for baseline in over], found)
-            yield _Table(f"Improvement by {method}, of the mean", [f"over {baseline}" for baseline in over], rows)
+            yield _Table(
+                f"Improvement by {method}, of the mean",
+                [f"over {baseline}" for baseline in over],
+                rows,
+            )
     with_genies = list(dict.fromkeys(one.method for one in metrics if one.metric == "image_reuse"))
     for method in with_genies:
-        places = [placement for placement in PLACEMENTS if ("image_reuse", method, placement, "") in found]
+        places = [
+            placement for placement in PLACEMENTS if ("image_reuse", method, placement, "") in found
+        ]
         rows = _rows(GENIE_ROWS, [(method, placement, "") for placement in places], found)
         title = "Genies" if len(with_genies) == 1 else f"Genies under {method}"
         yield _Table(title, [PLACEMENTS[placement] for placement in places], rows)
@@ -209,7 +241,11 @@ def _correctness(methods: Sequence[str], found: Found) -> Iterator[_Table]:
     compared = [method for method in methods if ("first_proxy_f1", method, "all", "") in found]
     columns = [(method, "all", component) for component in ("", FLOOR) for method in methods]
     judged = [column for column in columns if ("streaming_f1", *column) in found]
-    columns = [column for column in columns if column in judged or (column[0] in compared and not column[2])]
+    columns = [
+        column
+        for column in columns
+        if column in judged or (column[0] in compared and not column[2])
+    ]
     rows = (*(PROXY_ROWS if compared else ()), *(TRUTH_ROWS if judged else ()))
     notes = [*([PROXY_NOTE] if compared else []), TRUTH_NOTE if judged else NO_TRUTH_NOTE]
     if columns:
@@ -221,13 +257,21 @@ def _latencies(methods: Sequence[str], found: Found) -> _Table:
     """First and fresh answer beside each other where they differ for a method."""
     columns = []
     for method in methods:
-        first, fresh = ([found.get((row[which], method, "all", "")) for row in LATENCY_ROWS] for which in (1, 2))
-        if [one and one.value for one in first] == [one and one.value for one in fresh] or not any(fresh):
+        first, fresh = (
+            [found.get((row[which], method, "all", "")) for row in LATENCY_ROWS] for which in (1, 2)
+        )
+        if [one and one.value for one in first] == [one and one.value for one in fresh] or not any(
+            fresh
+        ):
             columns.append((method, first))
         else:
             columns += [(f"{method} first", first), (f"{method} fresh", fresh)]
-    rows = [(row[0], [cells[place] for _, cells in columns]) for place, row in enumerate(LATENCY_ROWS)]
-    return _Table(LATENCY_TITLE, [heading for heading, _ in columns], rows, LATENCY_NOTE, units=False)
+    rows = [
+        (row[0], [cells[place] for _, cells in columns]) for place, row in enumerate(LATENCY_ROWS)
+    ]
+    return _Table(
+        LATENCY_TITLE, [heading for heading, _ in columns], rows, LATENCY_NOTE, units=False
+    )
 
 
 def _rows(
@@ -273,9 +317,16 @@ def _show(metric: Metric | None, unit: bool = True, interval: bool = False) -> s
         return UNKNOWN
     share = metric.unit == "1" and metric.metric != "confidence_boost"
     value, low, high = (
-        None if one is None else _digits(100 * one if share else one) for one in (metric.value, metric.low, metric.high)
+        None if one is None else _digits(100 * one if share else one)
+        for one in (metric.value, metric.low, metric.high)
     )
-    word = "%" if share else "" if metric.unit == "1" else metric.unit.partition("/Genie")[0].replace("entries", "")
+    word = (
+        "%"
+        if share
+        else ""
+        if metric.unit == "1"
+        else metric.unit.partition("/Genie")[0].replace("entries", "")
+    )
     shown = f"{value} {word}".rstrip() if unit else str(value)
     return shown if not interval or low is None or high is None else f"{shown} ({low} to {high})"
 

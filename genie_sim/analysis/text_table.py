@@ -10,7 +10,16 @@ from genie_sim.recording.tables import harmless
 
 FORMATS = {"markdown": ".md", "csv": ".csv", "latex": ".tex"}
 LATEX = str.maketrans(
-    {"_": r"\_", "%": r"\%", "&": r"\&", "#": r"\#", "$": r"\$", "{": r"\{", "}": r"\}", "~": r"\textasciitilde{}"}
+    {
+        "_": r"\_",
+        "%": r"\%",
+        "&": r"\&",
+        "#": r"\#",
+        "$": r"\$",
+        "{": r"\{",
+        "}": r"\}",
+        "~": r"\textasciitilde{}",
+    }
 )
 
 
@@ -24,7 +33,11 @@ def checked(format: str) -> str:
 def markdown(headings: Sequence[str], rows: Iterable[Sequence[str]], align: str = "") -> str:
     """A Markdown table, as it is put between paragraphs; ``align`` as for ``rounded``, all left if it is not given."""
     rules = "".join("---:|" if side == "r" else "---|" for side in align or "l" * len(headings))
-    lines = [f"| {' | '.join(headings).lstrip()} |", f"|{rules}", *(f"| {' | '.join(row)} |" for row in rows)]
+    lines = [
+        f"| {' | '.join(headings).lstrip()} |",
+        f"|{rules}",
+        *(f"| {' | '.join(row)} |" for row in rows),
+    ]
     return "\n".join(lines)
 
 
@@ -34,7 +47,15 @@ def rounded(format: str, headings: Sequence[str], rows: Iterable[Sequence[str]],
         safe, *others = ([one.replace("|", r"\|") for one in row] for row in (headings, *rows))
         return markdown(safe, others, align) + "\n"
     lines = [" & ".join(one.translate(LATEX) for one in row) + r" \\" for row in (headings, *rows)]
-    body = [rf"\begin{{tabular}}{{{align}}}", r"\hline", lines[0], r"\hline", *lines[1:], r"\hline", r"\end{tabular}"]
+    body = [
+        rf"\begin{{tabular}}{{{align}}}",
+        r"\hline",
+        lines[0],
+        r"\hline",
+        *lines[1:],
+        r"\hline",
+        r"\end{tabular}",
+    ]
     return "\n".join(body) + "\n"
 
 
@@ -43,5 +64,8 @@ def exact(names: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
     to = io.StringIO()
     writer = csv.writer(to, lineterminator="\n")
     writer.writerow(names)
-    writer.writerows([float(f"{one:.10g}") if isinstance(one, float) else harmless(one) for one in row] for row in rows)
+    writer.writerows(
+        [float(f"{one:.10g}") if isinstance(one, float) else harmless(one) for one in row]
+        for row in rows
+    )
     return to.getvalue()

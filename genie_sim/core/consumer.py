@@ -28,7 +28,9 @@ class Consumer(ABC):
     def on_frame(self, image: Image) -> None:
         """The car took a frame, to which answers will come."""
         at = image.pose, image.horizontal_fov_rad
-        self._frames[image.header] = Image(image.header, image.size_bytes, image.digest, image.dhash, *at)
+        self._frames[image.header] = Image(
+            image.header, image.size_bytes, image.digest, image.dhash, *at
+        )
         if len(self._frames) > ASKED:
             self._frames.popitem(last=False)
 
@@ -109,7 +111,10 @@ class Tracker(Consumer):
         return tuple(self._map.served(now_ns))
 
 
-CONSUMERS: dict[ConsumerName, Callable[[DetectorLaws], Consumer]] = {"newest": Newest, "tracker": Tracker}
+CONSUMERS: dict[ConsumerName, Callable[[DetectorLaws], Consumer]] = {
+    "newest": Newest,
+    "tracker": Tracker,
+}
 
 
 def _instant(answer: Detections) -> int:
@@ -131,6 +136,9 @@ def _moved(one: Detection, for_ns: int) -> Detection:
 def _is_near(at: Location, others: Sequence[Location]) -> bool:
     east_m, north_m, _ = at
     for other in others:
-        if abs(other[0] - east_m) < NEAR_M and math.hypot(other[0] - east_m, other[1] - north_m) < NEAR_M:
+        if (
+            abs(other[0] - east_m) < NEAR_M
+            and math.hypot(other[0] - east_m, other[1] - north_m) < NEAR_M
+        ):
             return True
     return False

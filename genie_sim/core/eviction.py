@@ -16,7 +16,9 @@ class Eviction:
     """
 
     def __init__(self) -> None:
-        self._keys: OrderedDict[Hashable, int | None] = OrderedDict()  # a dict would search for its first key
+        self._keys: OrderedDict[Hashable, int | None] = (
+            OrderedDict()
+        )  # a dict would search for its first key
 
     def stored(self, key: Hashable, now_ns: int) -> None:
         """An answer was stored under ``key``, for the first time or again."""
@@ -97,4 +99,9 @@ class TTL(Eviction):
         return self._keys.get(key)
 
 
-EVICTIONS: dict[str, Callable[..., Eviction]] = {"unlimited": Eviction, "lru": LRU, "lfu": LFU, "ttl": TTL}
+EVICTIONS: dict[str, Callable[..., Eviction]] = {
+    "unlimited": Eviction,
+    "lru": LRU,
+    "lfu": LFU,
+    "ttl": TTL,
+}

@@ -66,7 +66,9 @@ def make_genie(
     parts: dict[str, Any] = {
         "key": similarity.key,
         "new_cache": new_cache,
-        "pending": PendingIndex(_stamp if rules.header_identity == "stamp" else None, similarity.index),
+        "pending": PendingIndex(
+            _stamp if rules.header_identity == "stamp" else None, similarity.index
+        ),
         "object_map": _object_map(rules, laws, on_edge),
         "map_answer": Detections,
     }
@@ -80,7 +82,9 @@ def _object_map(rules: GenieRules, laws: DetectorLaws, on_edge: bool) -> Map:
     if not policy.tracks:
         return ObjectMap(rules.object_map, rules.view_range_m, rule, policy)
     policy.laws = laws
-    return TrackMap(rules.object_map, policy, rule, "look" if on_edge else "map", rules.view_range_m)
+    return TrackMap(
+        rules.object_map, policy, rule, "look" if on_edge else "map", rules.view_range_m
+    )
 
 
 def confidence_rule(name: str) -> ConfidenceRule:
@@ -98,11 +102,17 @@ def confidence_rule(name: str) -> ConfidenceRule:
             confidence = own(before, seen, rate)
         except Exception as error:
             raise UserError(f"confidence rule {name!r}: {type(error).__name__}: {error}") from error
-        if isinstance(confidence, Real) and not isinstance(confidence, bool) and 0 <= float(confidence) <= 1:
+        if (
+            isinstance(confidence, Real)
+            and not isinstance(confidence, bool)
+            and 0 <= float(confidence) <= 1
+        ):
             return float(confidence)
         given = f"{before:g}, {seen:g}, {rate:g}"
         made = short_repr(confidence)
-        raise UserError(f"confidence rule {name!r}: of {given} it makes {made}, no number from 0 to 1")
+        raise UserError(
+            f"confidence rule {name!r}: of {given} it makes {made}, no number from 0 to 1"
+        )
 
     checked(0.5, 0.5, 0.1)
     return checked

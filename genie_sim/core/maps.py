@@ -4,7 +4,15 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
-from genie_sim.messages import Answer, CameraPose, Detection, Header, Location, MapChange, ObjectLookups
+from genie_sim.messages import (
+    Answer,
+    CameraPose,
+    Detection,
+    Header,
+    Location,
+    MapChange,
+    ObjectLookups,
+)
 
 
 @dataclass(slots=True)
@@ -64,19 +72,28 @@ class Map:
         return ()
 
     def learn(
-        self, answer: Answer, viewer: Viewer | None, now_ns: int, own: bool, tells_changes: bool, leaves: bool = True
+        self,
+        answer: Answer,
+        viewer: Viewer | None,
+        now_ns: int,
+        own: bool,
+        tells_changes: bool,
+        leaves: bool = True,
     ) -> Learned:
         """EnhancedCacheNewData. ``viewer`` is the request's, where it is known; ``own``: the answer is that of the
         encapsulated node; ``tells_changes``: the look-ups are to name the objects that changed; ``leaves``: the answer
         is stored or goes on, else only the look-ups count."""
         return Learned(answer, answer, answer, None)
 
-    def boost(self, answer: Answer, header: Header, viewer: Viewer | None, now_ns: int) -> Boosted | None:
-        """EnhancedCacheBoostData for a stored answer that leaves under ``header``; ``None`` if its type has no objects.
-        """
+    def boost(
+        self, answer: Answer, header: Header, viewer: Viewer | None, now_ns: int
+    ) -> Boosted | None:
+        """EnhancedCacheBoostData for a stored answer that leaves under ``header``; ``None`` if its type has no objects."""
         return None
 
-    def visible(self, viewer: Viewer, range_m: float, now_ns: int) -> tuple[tuple[Detection, ...], int | None]:
+    def visible(
+        self, viewer: Viewer, range_m: float, now_ns: int
+    ) -> tuple[tuple[Detection, ...], int | None]:
         """The objects in view that may leave, and the time that their places are predicted for, if they are."""
         return (), None
 

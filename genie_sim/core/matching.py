@@ -14,7 +14,9 @@ _CLASSES = {"truck": "car", "bus": "car"}
 Near = tuple[float, int, int]  # squared distance [m2] of a pair, and its indices in two lists
 
 
-Placed = tuple[str, float, float]  # an object's class, and where it is on the ground, east and north [m]
+Placed = tuple[
+    str, float, float
+]  # an object's class, and where it is on the ground, east and north [m]
 
 
 def class_of(label: str) -> str:
@@ -24,7 +26,11 @@ def class_of(label: str) -> str:
 
 def placed(objects: Iterable[Detection]) -> list[Placed]:
     """Those that have a place in the world."""
-    return [(_CLASSES.get(one.label, one.label), *one.location[:2]) for one in objects if one.location is not None]
+    return [
+        (_CLASSES.get(one.label, one.label), *one.location[:2])
+        for one in objects
+        if one.location is not None
+    ]
 
 
 def near(ours: Sequence[Placed], theirs: Sequence[Placed], reach_m: float) -> list[Near]:

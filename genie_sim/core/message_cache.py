@@ -16,7 +16,9 @@ Answers = dict[str, Answer]  # by the topic they were published on
 class MessageCache:
     """Key of a request -> its answers, within a capacity in entries, in bytes, or without limit (``None``)."""
 
-    def __init__(self, index: KeyIndex, eviction: Eviction, capacity: Capacity | None = None) -> None:
+    def __init__(
+        self, index: KeyIndex, eviction: Eviction, capacity: Capacity | None = None
+    ) -> None:
         self._index = index
         self._eviction = eviction
         self._capacity = capacity
@@ -70,7 +72,9 @@ class MessageCache:
 
     def _fits(self, entries: int, size_bytes: int) -> bool:
         capacity = self._capacity
-        return capacity is None or capacity.holds(len(self._answers) + entries, self.size_bytes + size_bytes)
+        return capacity is None or capacity.holds(
+            len(self._answers) + entries, self.size_bytes + size_bytes
+        )
 
     def _remove(self, key: Hashable) -> None:
         self.size_bytes -= sum(answer.size_bytes for answer in self._answers.pop(key).values())
@@ -108,7 +112,9 @@ class PendingRequest:
 class PendingIndex:
     """Header of a request -> the request that waits, and key -> the request that an equal one can join."""
 
-    def __init__(self, identity: Callable[[Header], Hashable] | None, new_keys: Callable[[], KeyIndex]) -> None:
+    def __init__(
+        self, identity: Callable[[Header], Hashable] | None, new_keys: Callable[[], KeyIndex]
+    ) -> None:
         """``identity``: what of a header counts, ``None`` for all of it."""
         self._identity = identity
         self._new_keys = new_keys

@@ -24,7 +24,13 @@ from dataclasses import replace
 from typing import Any, Protocol
 
 from genie_sim.core.maps import Learned, Map, Viewer, as_change
-from genie_sim.core.message_cache import Answers, MessageCache, PendingIndex, PendingRequest, Requester
+from genie_sim.core.message_cache import (
+    Answers,
+    MessageCache,
+    PendingIndex,
+    PendingRequest,
+    Requester,
+)
 from genie_sim.core.rules import GenieRules
 from genie_sim.messages import (
     Answer,
@@ -76,7 +82,10 @@ class GenieNode:
         tells_changes: bool = True,
     ) -> None:
         self.name = name
-        self._own = (name, name.partition("/")[0])  # origins of this host's frames: real ROS names Genies, SimPy hosts
+        self._own = (
+            name,
+            name.partition("/")[0],
+        )  # origins of this host's frames: real ROS names Genies, SimPy hosts
         self.rules = rules
         self._shares_all = rules.share_filter == "all"
         self.object_map = object_map
@@ -89,7 +98,9 @@ class GenieNode:
         self._subscribed, self._published = tuple(subscribed), tuple(published)
         self._databases: dict[str, MessageCache] = {}  # H_DB
         # Of each topic that something arrives on: the node's own one, whether requests do, and whether of its own side.
-        self._arrivals: dict[str, tuple[str, bool, bool]] = {topic: (topic, True, True) for topic in subscribed}
+        self._arrivals: dict[str, tuple[str, bool, bool]] = {
+            topic: (topic, True, True) for topic in subscribed
+        }
         for about, suffix, request in (
             *((topic, self._remote, True) for topic in subscribed),
             *((topic, self._local, False) for topic in published),
@@ -110,9 +121,14 @@ class GenieNode:
         if self.rules.pending_index == "across_topics":
             return topics
         unknown = [topic for topic, (_, request, _) in self._arrivals.items() if not request]
-        return (*topics, *(topic + suffix for topic in unknown for suffix in (self._local, self._remote)))
+        return (
+            *topics,
+            *(topic + suffix for topic in unknown for suffix in (self._local, self._remote)),
+        )
 
-    def on_message(self, topic: str, message: Any, now_ns: int, sender: str | None = None) -> list[Effect]:
+    def on_message(
+        self, topic: str, message: Any, now_ns: int, sender: str | None = None
+    ) -> list[Effect]:
         """Algorithm 1, OnMessageArrival. ``sender`` names the neighbour that a reply goes to, ``None`` where the
         middleware does not tell: then it goes to all of them."""
         before: list[Effect] = []
@@ -125,7 +141,9 @@ class GenieNode:
         about, request, own = self._arrivals[topic]
         effects: list[Effect]
         if request:
-            effects = self._on_request(about, message, Requester(message.header, not own, sender), now_ns)
+            effects = self._on_request(
+                about, message, Requester(message.header, not own, sender), now_ns
+            )
         elif self.rules.pending_index == "per_topic":
             effects = self._on_unknown(topic, message)
         else:
@@ -152,22 +170,33 @@ class GenieNode:
         """How many requests the message cache holds answers to."""
         return sum(map(len, self._databases.values()))
 
-    def _on_request(self, topic: str, request: Request, requester: Requester, now_ns: int) -> list[Effect]:
+    def _on_request(
+        self, topic: str, request: Request, requester: Requester, now_ns: int
+    ) -> list[Effect]:
         database = self._databases.get(topic)
         if database is None:
-            database = self._databases[topic] = self._new_cache()  # line 6: a hashmap for a never-seen topic
+            database = self._databases[topic] = (
+                self._new_cache()
+            )  # line 6: a hashmap for a never-seen topic
         key = self._key(request)
         answers = database.get(key, now_ns)
         if answers is None:
             return self._on_miss(topic, request, key, requester, now_ns)
-        if len(answers) < len(self._published):  # the node may still be about to answer on its other topics
+        if len(answers) < len(
+            self._published
+        ):  # the node may still be about to answer on its other topics
             pending = self._pending.by_key(topic, key)
             if pending is not None:
                 pending.requesters.append(replace(requester, served=frozenset(answers)))
         # line 16: cache hit
-        return [self._looked_up(requester, "hit"), *self._replay(answers, requester, request, now_ns)]
+        return [
+            self._looked_up(requester, "hit"),
+            *self._replay(answers, requester, request, now_ns),
+        ]
 
-    def _on_miss(self, topic: str, request: Request, key: Hashable, requester: Requester, now_ns: int) -> list[Effect]:
+    def _on_miss(
+        self, topic: str, request: Request, key: Hashable, requester: Requester, now_ns: int
+    ) -> list[Effect]:
         if self._pending.by_header(requester.header) is not None:
             return []  # this very request came before, over another way
         expiry_ns = self.rules.request_expiry_ns
@@ -177,12 +206,17 @@ class GenieNode:
             opened = PendingRequest(topic, key, deadline_ns, False, viewer=viewer)
             self._pending.open(requester.header, opened)
             return [self._looked_up(requester, "miss")]
-        pending = self._pending.by_key(topic, key) if self.rules.same_key_pending == "coalesce" else None
+        pending = (
+            self._pending.by_key(topic, key) if self.rules.same_key_pending == "coalesce" else None
+        )
         if pending is not None and not pending.answered:
             if any(one.header == requester.header for one in pending.requesters):
                 return []
             pending.requesters.append(requester)
-            return [self._looked_up(requester, "coalesced"), *self._meanwhile(viewer, requester, now_ns)]
+            return [
+                self._looked_up(requester, "coalesced"),
+                *self._meanwhile(viewer, requester, now_ns),
+            ]
         # line 12: cache miss
         effects: list[Effect] = [self._looked_up(requester, "miss")]
         effects.append(Publish(topic + self._local, request))
@@ -197,7 +231,12 @@ class GenieNode:
 
         Without a pose there is no view, and no answer.
         """
-        if viewer is None or requester.neighbour or self._map_answer is None or self.rules.miss_policy != "immediate":
+        if (
+            viewer is None
+            or requester.neighbour
+            or self._map_answer is None
+            or self.rules.miss_policy != "immediate"
+        ):
             return []
         objects, valid_ns = self.object_map.visible(viewer, self.rules.view_range_m, now_ns)
         answer = self._map_answer(viewer.header, objects)
@@ -205,14 +244,20 @@ class GenieNode:
             answer = answer.with_look(None, valid_ns)
         return [Publish(topic, answer.served("map", self.name)) for topic in self._published]
 
-    def _replay(self, answers: Answers, requester: Requester, request: Request, now_ns: int) -> list[Effect]:
+    def _replay(
+        self, answers: Answers, requester: Requester, request: Request, now_ns: int
+    ) -> list[Effect]:
         """Lines 17 to 19: the stored answers go to the sender, with what the map knows about their locations."""
         effects: list[Effect] = []
         viewer, restamps = _viewer(request), self.rules.replay_stamp != "stored"
         for topic, answer in answers.items():
             boosted = self.object_map.boost(answer, requester.header, viewer, now_ns)
             if boosted is not None:
-                answer = boosted.answer if requester.neighbour and self._shares_all else boosted.to_clients
+                answer = (
+                    boosted.answer
+                    if requester.neighbour and self._shares_all
+                    else boosted.to_clients
+                )
                 counts = boosted.requests, boosted.hits, 0, 0.0, len(self.object_map)
                 header = requester.header if restamps else answer.header
                 effects.append(ObjectLookups(header, "boost", *counts))
@@ -229,7 +274,9 @@ class GenieNode:
         learned = Learned(answer, answer, answer, None)
         if learns:
             leaves = broadcast or pending is not None
-            learned = self.object_map.learn(answer, viewer, now_ns, own, self._tells_changes, leaves)  # line 9
+            learned = self.object_map.learn(
+                answer, viewer, now_ns, own, self._tells_changes, leaves
+            )  # line 9
         answer = learned.answer
         to_neighbours = answer if self._shares_all else learned.to_neighbours
         effects: list[Effect] = [] if learned.lookups is None else [learned.lookups]
@@ -240,8 +287,12 @@ class GenieNode:
                 pending.answered.add(topic)
                 if len(pending.answered) == len(self._published):
                     self._pending.close(pending)
-                to_host = answer if own and self.rules.fresh_objects == "all" else learned.to_clients
-                effects += self._release(topic, pending, to_host, learned.to_clients, to_neighbours, own)
+                to_host = (
+                    answer if own and self.rules.fresh_objects == "all" else learned.to_clients
+                )
+                effects += self._release(
+                    topic, pending, to_host, learned.to_clients, to_neighbours, own
+                )
         if broadcast:
             effects.append(Publish(topic + self._remote, to_neighbours))
         return effects
@@ -261,7 +312,13 @@ class GenieNode:
         database.put(pending.key, topic, answer, now_ns)
 
     def _release(
-        self, topic: str, pending: PendingRequest, to_host: Answer, to_others: Answer, to_neighbours: Answer, own: bool
+        self,
+        topic: str,
+        pending: PendingRequest,
+        to_host: Answer,
+        to_others: Answer,
+        to_neighbours: Answer,
+        own: bool,
     ) -> list[Effect]:
         """The first answer goes to everyone who waits for it, under each one's own header: ``to_host`` to clients on
         this host, ``to_others`` to those behind a link."""
@@ -269,12 +326,16 @@ class GenieNode:
         broadcast = own and self.rules.share_answers == "broadcast"
         for requester in pending.requesters:
             hits_only = not requester.neighbour and self.rules.miss_policy == "hits_only"
-            covered_by_broadcast = requester.neighbour and broadcast and requester.header == to_host.header
+            covered_by_broadcast = (
+                requester.neighbour and broadcast and requester.header == to_host.header
+            )
             if topic in requester.served or hits_only or covered_by_broadcast:
                 continue
             to_client = to_host if requester.header.origin in self._own else to_others
             answer = to_neighbours if requester.neighbour else to_client
-            mine = answer if requester.header == answer.header else answer.restamped(requester.header)
+            mine = (
+                answer if requester.header == answer.header else answer.restamped(requester.header)
+            )
             effects.append(self._deliver(topic, mine, requester))
         return effects
 
@@ -288,7 +349,9 @@ class GenieNode:
         to_neighbours = answer
         if answer.objects is not None:
             threshold = self.object_map.threshold
-            answer = answer.with_objects([one for one in answer.objects if one.confidence >= threshold])
+            answer = answer.with_objects(
+                [one for one in answer.objects if one.confidence >= threshold]
+            )
         if not self._shares_all:
             to_neighbours = answer
         return [Publish(topic + self._local, answer), Publish(topic + self._remote, to_neighbours)]

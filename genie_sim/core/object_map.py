@@ -14,13 +14,25 @@ from genie_sim.core.maps import Boosted, Learned, Map, Viewer
 from genie_sim.core.rules import ObjectMapRules, Percentile
 from genie_sim.core.tracking import PARKED_NS
 from genie_sim.core.view import rectangle
-from genie_sim.messages import Answer, CameraPose, Detection, Header, Location, MapChange, ObjectLookups
+from genie_sim.messages import (
+    Answer,
+    CameraPose,
+    Detection,
+    Header,
+    Location,
+    MapChange,
+    ObjectLookups,
+)
 
-RANGE_60 = 0.30 + 0.60 * (1.0 - 0.30)  # 60 % of the way up the range of scores that the detector reports
+RANGE_60 = 0.30 + 0.60 * (
+    1.0 - 0.30
+)  # 60 % of the way up the range of scores that the detector reports
 EMPIRICAL_PERCENT = 60.0
 CELL_GATES = 2.0
 REACH_GATES = 1.01  # how far around an object the cells list it: a gate, and room for rounding
-ORIGIN_NS = 1_000_000_000  # with ``confidence_source: origins``, a car's word counts again after so long
+ORIGIN_NS = (
+    1_000_000_000  # with ``confidence_source: origins``, a car's word counts again after so long
+)
 ROW = 2.0**26  # cells from one row to the next: no row of cells on earth has as many
 Origins = dict[str, int]
 NOBODY: Any = MappingProxyType({})  # what nobody keeps: most objects of a fleet's maps
@@ -36,8 +48,15 @@ class StoredObject:
         "sightings", "spoke_ns",
     )  # fmt: skip
 
-    def __init__(self, seen: Detection, location: Location, now_ns: int, origins: Origins, spoke_ns: Origins) -> None:
-        self.label, self.location, self.score, self.confidence = seen.label, location, seen.score, seen.confidence
+    def __init__(
+        self, seen: Detection, location: Location, now_ns: int, origins: Origins, spoke_ns: Origins
+    ) -> None:
+        self.label, self.location, self.score, self.confidence = (
+            seen.label,
+            location,
+            seen.score,
+            seen.confidence,
+        )
         self.east_m, self.north_m, _ = location
         self.first_ns = self.seen_ns = now_ns
         self.sightings = 1
@@ -50,7 +69,9 @@ class StoredObject:
         return self.seen_ns - self.first_ns >= PARKED_NS
 
     def as_detection(self) -> Detection:
-        self.detection = Detection(self.label, self.score, None, self.location, self.confidence, "map")
+        self.detection = Detection(
+            self.label, self.score, None, self.location, self.confidence, "map"
+        )
         return self.detection
 
 
@@ -72,7 +93,9 @@ class ObjectMap(Map):
         self._freshness = Never() if freshness is None else freshness
         self._always_serves = getattr(type(self._freshness), "serves", None) is Never.serves
         self._notes = getattr(type(self._freshness), "seen", None) is not Never.seen
-        self._knows_origins = self._notes or not self._always_serves  # else no policy has a say about who saw what
+        self._knows_origins = (
+            self._notes or not self._always_serves
+        )  # else no policy has a say about who saw what
         self._origins = rules.confidence_source == "origins"
         self._boosts: dict[int, tuple[Answer, Boosted]] = {}  # by the identity of the stored answer
         self._boosted_changes = 0  # of the map, when they were made
@@ -91,7 +114,9 @@ class ObjectMap(Map):
         self._of_scores = rules.threshold == "empirical"
         self.threshold = fixed_threshold(rules.threshold)  # C_T
         self.changes = 0  # counts on whenever anything here becomes different
-        self._to_forget: list[tuple[int, int, StoredObject]] = []  # a heap: when to look at it, a number of its own
+        self._to_forget: list[
+            tuple[int, int, StoredObject]
+        ] = []  # a heap: when to look at it, a number of its own
         self._numbers = itertools.count()
 
     def __len__(self) -> int:
@@ -188,7 +213,13 @@ class ObjectMap(Map):
         return True
 
     def learn(
-        self, answer: Answer, viewer: Viewer | None, now_ns: int, own: bool, tells_changes: bool, leaves: bool = True
+        self,
+        answer: Answer,
+        viewer: Viewer | None,
+        now_ns: int,
+        own: bool,
+        tells_changes: bool,
+        leaves: bool = True,
     ) -> Learned:
         """EnhancedCacheNewData: every object of an answer is a sighting. See ``maps.Map``."""
         if answer.objects is None:
@@ -217,7 +248,9 @@ class ObjectMap(Map):
             if leaves:
                 objects.append(seen)
                 known.append(stored)
-        facts = ObjectLookups(answer.header, "sighting", requests, hits, updates, boost, len(self), tuple(changes))
+        facts = ObjectLookups(
+            answer.header, "sighting", requests, hits, updates, boost, len(self), tuple(changes)
+        )
         if not leaves:
             return Learned(answer, answer, answer, facts)
         answer = answer.with_objects(objects)
@@ -226,7 +259,9 @@ class ObjectMap(Map):
             to_neighbours = self._confident(answer, known, "", now_ns)
         return Learned(answer, to_clients, to_neighbours, facts)
 
-    def _confident(self, answer: Answer, known: Sequence[StoredObject | None], to: str, now_ns: int) -> Answer:
+    def _confident(
+        self, answer: Answer, known: Sequence[StoredObject | None], to: str, now_ns: int
+    ) -> Answer:
         """The answer without what must not leave a Genie: the objects below C_T (Section III-D), and those that the
         freshness policy keeps back."""
         threshold, objects = self.threshold, answer.objects or ()
@@ -242,7 +277,9 @@ class ObjectMap(Map):
             ]
         )
 
-    def boost(self, answer: Answer, header: Header, viewer: Viewer | None, now_ns: int) -> Boosted | None:
+    def boost(
+        self, answer: Answer, header: Header, viewer: Viewer | None, now_ns: int
+    ) -> Boosted | None:
         """EnhancedCacheBoostData: adds the stored objects at the answer's locations, each once, and leaves out what is
         below C_T. As long as the map stays as it is, so does what it makes of an answer."""
         if answer.objects is None:
@@ -286,11 +323,15 @@ class ObjectMap(Map):
         answer = answer.with_objects(objects)
         return Boosted(answer, self._confident(answer, known, to, now_ns), requests, hits)
 
-    def visible(self, viewer: Viewer, range_m: float, now_ns: int) -> tuple[tuple[Detection, ...], int | None]:
+    def visible(
+        self, viewer: Viewer, range_m: float, now_ns: int
+    ) -> tuple[tuple[Detection, ...], int | None]:
         """The confident objects in view. See ``maps.Map``."""
         found = self.in_view(viewer.pose, viewer.horizontal_fov_rad, range_m)
         if not self._always_serves:
-            found = [one for one in found if self._freshness.serves(one, viewer.header.origin, now_ns)]
+            found = [
+                one for one in found if self._freshness.serves(one, viewer.header.origin, now_ns)
+            ]
         return tuple(one.detection or one.as_detection() for one in found), None
 
     def match(self, label: str, location: Location) -> StoredObject | None:
@@ -318,14 +359,20 @@ class ObjectMap(Map):
                 found.append(one)
         return found
 
-    def in_view(self, pose: CameraPose, horizontal_fov_rad: float, range_m: float) -> list[StoredObject]:
+    def in_view(
+        self, pose: CameraPose, horizontal_fov_rad: float, range_m: float
+    ) -> list[StoredObject]:
         """The objects with C >= C_T inside a camera's horizontal field of view, up to ``range_m`` away."""
         threshold, range2 = self.threshold, range_m**2
         east_m, north_m, _, heading_rad = pose
         ahead_east, ahead_north = math.cos(heading_rad), math.sin(heading_rad)
         half_rad = min(horizontal_fov_rad / 2, math.pi)
-        least_ahead = math.cos(half_rad) if half_rad < math.pi else -math.inf  # per metre of distance
-        behind_m = 0.0 if least_ahead >= 0.0 else -math.inf  # what is less far ahead is not in view, however near
+        least_ahead = (
+            math.cos(half_rad) if half_rad < math.pi else -math.inf
+        )  # per metre of distance
+        behind_m = (
+            0.0 if least_ahead >= 0.0 else -math.inf
+        )  # what is less far ahead is not in view, however near
         found, sqrt = [], math.sqrt
         west, east, south, north = rectangle(pose, half_rad, range_m)
         for cell in _cells((west, east), (south, north), self._view_cell_m):
@@ -348,8 +395,11 @@ class ObjectMap(Map):
             return [location]
         reach_m = self._reach_m
         east_m, north_m, _ = location
-        return _cells((east_m - reach_m, east_m + reach_m), (north_m - reach_m, north_m + reach_m), self._cell_m)
-
+        return _cells(
+            (east_m - reach_m, east_m + reach_m),
+            (north_m - reach_m, north_m + reach_m),
+            self._cell_m,
+        )
 
 
 def fixed_threshold(threshold: float | str | Percentile) -> float:

@@ -69,7 +69,9 @@ class Capacity:
 
     def holds(self, entries: int, size_bytes: int) -> bool:
         """Whether there is room for so much."""
-        return (self.entries is None or entries <= self.entries) and (self.bytes is None or size_bytes <= self.bytes)
+        return (self.entries is None or entries <= self.entries) and (
+            self.bytes is None or size_bytes <= self.bytes
+        )
 
 
 @dataclass(frozen=True)
@@ -122,4 +124,6 @@ class GenieRules:
         if self.eviction == "ttl" and self.ttl_ns is None:
             raise ValueError("ttl: missing; eviction 'ttl' needs it, for example 'ttl: 10 s'")
         if self.eviction in ("unlimited", "lru", "lfu") and self.ttl_ns is not None:
-            raise ValueError(f"ttl: has no effect with eviction {self.eviction!r}; write 'eviction: ttl'")
+            raise ValueError(
+                f"ttl: has no effect with eviction {self.eviction!r}; write 'eviction: ttl'"
+            )

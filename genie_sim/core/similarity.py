@@ -67,7 +67,12 @@ class PoseGrid:
     def key(self, image: Image) -> Hashable:
         (east_m, north_m, _, heading_rad), cell_m = image.pose, self._cell_m
         sector = math.floor(heading_rad / TURN_RAD * self._sectors + 0.5) % self._sectors
-        return image.header.frame_id, math.floor(east_m / cell_m), math.floor(north_m / cell_m), sector
+        return (
+            image.header.frame_id,
+            math.floor(east_m / cell_m),
+            math.floor(north_m / cell_m),
+            sector,
+        )
 
     def index(self) -> KeyIndex:
         return _EqualKeys()
@@ -104,8 +109,18 @@ class _NearHashes(dict[Any, None]):
         self.pop(key, None)
 
     def find(self, key: Any) -> Hashable | None:
-        nearest = key if key in self else min(self, key=lambda held: (held ^ key).bit_count(), default=None)
-        return nearest if nearest is not None and (nearest ^ key).bit_count() <= self._radius else None
+        nearest = (
+            key
+            if key in self
+            else min(self, key=lambda held: (held ^ key).bit_count(), default=None)
+        )
+        return (
+            nearest if nearest is not None and (nearest ^ key).bit_count() <= self._radius else None
+        )
 
 
-SIMILARITIES: dict[str, Callable[..., Similarity]] = {"exact": Exact, "pose_grid": PoseGrid, "dhash": DHash}
+SIMILARITIES: dict[str, Callable[..., Similarity]] = {
+    "exact": Exact,
+    "pose_grid": PoseGrid,
+    "dhash": DHash,
+}

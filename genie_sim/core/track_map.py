@@ -17,7 +17,10 @@ from genie_sim.errors import UserError
 from genie_sim.messages import Answer, Detection, Header, Look, ObjectLookups
 
 SLOW_CELL_M, FAST_CELL_M = 10.0, 60.0
-DRIFT_M, DRIVE_M = 0.5, 34.0  # how far a slow, and any other track is at most from where it was updated
+DRIFT_M, DRIVE_M = (
+    0.5,
+    34.0,
+)  # how far a slow, and any other track is at most from where it was updated
 ROW = 1 << 26  # cells from one row to the next
 COUNTED_NS = 10_000_000_000  # so long a look is remembered, lest it be counted again
 UNCERTAIN = (1.0, 0.0, 1.0)
@@ -40,7 +43,9 @@ class TrackMap(Map):
     ) -> None:
         self._rules, self._policy, self._shares = rules, freshness, shares
         self._boosted = CONFIDENCE_RULES[rules.rule] if confidence_rule is None else confidence_rule
-        self.threshold = freshness.p_min if freshness.by_existence else fixed_threshold(rules.threshold)
+        self.threshold = (
+            freshness.p_min if freshness.by_existence else fixed_threshold(rules.threshold)
+        )
         self._view_range_m = view_range_m
         self._slow: dict[int, list[Track]] = {}
         self._fast: dict[int, list[Track]] = {}
@@ -49,8 +54,12 @@ class TrackMap(Map):
         self._to_forget: list[tuple[int, int, Track]] = []  # a heap: when to look at it
         self._counted: OrderedDict[Header, None] = OrderedDict()
         self._latest: dict[tuple[str, str], tuple[int, View]] = {}  # the newest look of each camera
-        if not freshness.by_existence and (rules.threshold == "empirical" or isinstance(rules.threshold, Percentile)):
-            raise UserError("genie.object_map.threshold: a percentile needs a freshness policy that does not track")
+        if not freshness.by_existence and (
+            rules.threshold == "empirical" or isinstance(rules.threshold, Percentile)
+        ):
+            raise UserError(
+                "genie.object_map.threshold: a percentile needs a freshness policy that does not track"
+            )
 
     def __len__(self) -> int:
         return self._count
@@ -73,7 +82,13 @@ class TrackMap(Map):
         return forgotten
 
     def learn(
-        self, answer: Answer, viewer: Viewer | None, now_ns: int, own: bool, tells_changes: bool, leaves: bool = True
+        self,
+        answer: Answer,
+        viewer: Viewer | None,
+        now_ns: int,
+        own: bool,
+        tells_changes: bool,
+        leaves: bool = True,
     ) -> Learned:
         """Counts the look behind an answer, or takes over the tracks of one that has none."""
         if answer.objects is None:
@@ -87,22 +102,36 @@ class TrackMap(Map):
             tracks, before = self.look(look, now_ns)
         else:
             at_ns = now_ns if answer.valid_ns is None else answer.valid_ns
-            tracks = [one for one in (self._take_over(one, at_ns) for one in answer.objects) if one is not None]
+            tracks = [
+                one
+                for one in (self._take_over(one, at_ns) for one in answer.objects)
+                if one is not None
+            ]
         shown = [one for one in tracks if one.cell is not None]
         requests = len(tracks)
         hits = sum(was >= self.threshold for was in before.values())
-        boost = sum(self._worth(one, now_ns) - before[one.number] for one in shown if one.number in before)
+        boost = sum(
+            self._worth(one, now_ns) - before[one.number] for one in shown if one.number in before
+        )
         changes = tuple(map(as_change, shown)) if tells_changes else ()
-        facts = ObjectLookups(answer.header, "sighting", requests, hits, len(before), boost, len(self), changes)
+        facts = ObjectLookups(
+            answer.header, "sighting", requests, hits, len(before), boost, len(self), changes
+        )
         answer = answer.with_look(look, None)
-        served = answer.with_objects(self._served(shown, "" if look else answer.header.origin, now_ns))
+        served = answer.with_objects(
+            self._served(shown, "" if look else answer.header.origin, now_ns)
+        )
         if look is None or self._shares == "look":
             return Learned(answer, served, served, facts)
         viewer = Viewer(look.header, look.pose, look.horizontal_fov_rad)
         objects, valid_ns = self.visible(viewer, self._view_range_m, now_ns)
-        return Learned(answer, served.with_objects(objects).with_look(look, valid_ns), served, facts)
+        return Learned(
+            answer, served.with_objects(objects).with_look(look, valid_ns), served, facts
+        )
 
-    def boost(self, answer: Answer, header: Header, viewer: Viewer | None, now_ns: int) -> Boosted | None:
+    def boost(
+        self, answer: Answer, header: Header, viewer: Viewer | None, now_ns: int
+    ) -> Boosted | None:
         """What the map shows at the requester's pose, in the place of what was stored."""
         if answer.objects is None:
             return None
@@ -118,7 +147,9 @@ class TrackMap(Map):
             answer = answer.with_objects(objects).with_look(None, valid_ns)
         return Boosted(answer, answer, requests, hits)
 
-    def visible(self, viewer: Viewer, range_m: float, now_ns: int) -> tuple[tuple[Detection, ...], int | None]:
+    def visible(
+        self, viewer: Viewer, range_m: float, now_ns: int
+    ) -> tuple[tuple[Detection, ...], int | None]:
         half_rad = min(viewer.horizontal_fov_rad / 2, math.pi)
         least_ahead, p_min = math.cos(half_rad), self._policy.p_min
         (east_m, north_m, _, heading_rad), near = viewer.pose, []
@@ -128,7 +159,11 @@ class TrackMap(Map):
                 there_east_m, there_north_m = track.place(now_ns)
                 away_east_m, away_north_m = there_east_m - east_m, there_north_m - north_m
                 away_m = math.hypot(away_east_m, away_north_m)
-                if away_m <= range_m and away_east_m * ahead_east + away_north_m * ahead_north >= least_ahead * away_m:
+                if (
+                    away_m <= range_m
+                    and away_east_m * ahead_east + away_north_m * ahead_north
+                    >= least_ahead * away_m
+                ):
                     near.append(track)
         return tuple(self._served(near, viewer.header.origin, now_ns)), now_ns
 
@@ -138,7 +173,9 @@ class TrackMap(Map):
 
     def match(self, label: str, east_m: float, north_m: float, at_ns: int) -> Track | None:
         """The nearest track of the label's group that a sighting there could be."""
-        found = ((away_m, one.number, one) for away_m, one in self._near(label, east_m, north_m, at_ns))
+        found = (
+            (away_m, one.number, one) for away_m, one in self._near(label, east_m, north_m, at_ns)
+        )
         return min(found, default=(0.0, 0, None))[2]
 
     def look(self, look: Look, now_ns: int) -> tuple[list[Track], dict[int, float]]:
@@ -146,7 +183,9 @@ class TrackMap(Map):
         before were worth, by number."""
         stamp_ns = look.header.stamp_ns
         if look.header in self._counted:
-            places = [(one.label, one.location) for one in look.detections if one.location is not None]
+            places = [
+                (one.label, one.location) for one in look.detections if one.location is not None
+            ]
             known = [self.match(label, at[0], at[1], stamp_ns) for label, at in places]
             return list({one.number: one for one in known if one is not None}.values()), {}
         view = View(look)
@@ -175,7 +214,11 @@ class TrackMap(Map):
             if track.existence < 0.5:  # before that it has time
                 self._plan(track)
         for _, number, j, track in pairs:
-            if number not in matched and track.cell is not None and _apart_m(track, of[j], stamp_ns) < NEAR_M:
+            if (
+                number not in matched
+                and track.cell is not None
+                and _apart_m(track, of[j], stamp_ns) < NEAR_M
+            ):
                 self._take_out(track, track.moving)
         self.forget(now_ns)
         return list({one.number: one for one in of.values()}.values()), before
@@ -195,7 +238,10 @@ class TrackMap(Map):
         if track is None:
             kind = kind_of(seen.label)
             for one in born:
-                if one.kind.group == kind.group and math.hypot(one.east_m - at[0], one.north_m - at[1]) < NEAR_M:
+                if (
+                    one.kind.group == kind.group
+                    and math.hypot(one.east_m - at[0], one.north_m - at[1]) < NEAR_M
+                ):
                     return one
         range_m = math.hypot(at[0] - look.pose.east_m, at[1] - look.pose.north_m)
         sigma_m = sigma_of(range_m)
@@ -209,7 +255,9 @@ class TrackMap(Map):
         else:
             self._move(track, seen, sigma_m, header)
             if self._speaks(track, header):
-                track.confidence = self._boosted(track.confidence, seen.confidence, self._rules.rate)
+                track.confidence = self._boosted(
+                    track.confidence, seen.confidence, self._rules.rate
+                )
         track.range_m = range_m
         self._policy.seen(track, seen.score, header)
         if track.cell is None:
@@ -228,7 +276,11 @@ class TrackMap(Map):
     def _speaks(self, track: Track, header: Header) -> bool:
         """Looks are counted once, so sightings are no echoes; ``origins`` also wants a second between a car's."""
         last_ns = track.spoke_ns.get(header.origin)
-        if self._rules.confidence_source == "origins" and last_ns is not None and header.stamp_ns - last_ns < ORIGIN_NS:
+        if (
+            self._rules.confidence_source == "origins"
+            and last_ns is not None
+            and header.stamp_ns - last_ns < ORIGIN_NS
+        ):
             return False
         track.spoke_ns[header.origin] = header.stamp_ns
         return True
@@ -248,7 +300,17 @@ class TrackMap(Map):
             return track
         if track is None:
             number, kind = next(self._numbers), kind_of(one.label)
-            track = Track(number, kind, one.label, one.score, one.confidence, *at, at_ns, motion.seen, UNCERTAIN)
+            track = Track(
+                number,
+                kind,
+                one.label,
+                one.score,
+                one.confidence,
+                *at,
+                at_ns,
+                motion.seen,
+                UNCERTAIN,
+            )
         else:
             self._take_out(track, track.moving)
         track.east_m, track.north_m, track.up_m = at
@@ -260,12 +322,16 @@ class TrackMap(Map):
         self._plan(track)
         return track
 
-    def _near(self, label: str, east_m: float, north_m: float, at_ns: int) -> list[tuple[float, Track]]:
+    def _near(
+        self, label: str, east_m: float, north_m: float, at_ns: int
+    ) -> list[tuple[float, Track]]:
         """The tracks that a detection may show, with their distances."""
         kind = kind_of(label)
         reach_m = kind.gate_m
         found = []
-        for track in self._inside((east_m - reach_m, east_m + reach_m, north_m - reach_m, north_m + reach_m)):
+        for track in self._inside(
+            (east_m - reach_m, east_m + reach_m, north_m - reach_m, north_m + reach_m)
+        ):
             if track.kind is kind and abs(track.north_m - north_m) <= reach_m + DRIVE_M:
                 there_east_m, there_north_m = track.place(at_ns)
                 away_m = math.hypot(there_east_m - east_m, there_north_m - north_m)
@@ -275,10 +341,16 @@ class TrackMap(Map):
 
     def _around(self, look: Look, placed: Iterable[Detection]) -> list[Placed]:
         """The tracks in view of a look, and around all that it shows, each with its place then."""
-        reach_m, half_rad, stamp_ns = FARTHEST_M, min(look.horizontal_fov_rad / 2, math.pi), look.header.stamp_ns
+        reach_m, half_rad, stamp_ns = (
+            FARTHEST_M,
+            min(look.horizontal_fov_rad / 2, math.pi),
+            look.header.stamp_ns,
+        )
         for one in placed:
             if one.location is not None:
-                away_m = math.hypot(one.location[0] - look.pose.east_m, one.location[1] - look.pose.north_m)
+                away_m = math.hypot(
+                    one.location[0] - look.pose.east_m, one.location[1] - look.pose.north_m
+                )
                 reach_m = max(reach_m, away_m)
         west, east, south, north = rectangle(look.pose, half_rad, reach_m)
         area = west - WIDEST_M, east + WIDEST_M, south - WIDEST_M, north + WIDEST_M
@@ -287,7 +359,10 @@ class TrackMap(Map):
     def _inside(self, area: tuple[float, float, float, float]) -> Iterator[Track]:
         """The tracks that may be in an upright rectangle: west, east, south, north."""
         west, east, south, north = area
-        for grid, side_m, reach_m in ((self._slow, SLOW_CELL_M, DRIFT_M), (self._fast, FAST_CELL_M, DRIVE_M)):
+        for grid, side_m, reach_m in (
+            (self._slow, SLOW_CELL_M, DRIFT_M),
+            (self._fast, FAST_CELL_M, DRIVE_M),
+        ):
             if not grid:
                 continue
             rows = range(int((south - reach_m) // side_m), int((north + reach_m) // side_m) + 1)
@@ -328,15 +403,23 @@ class TrackMap(Map):
             if by_existence or one.confidence >= threshold:
                 existence = policy.existence(one, now_ns)
                 if existence >= policy.p_min and (always or policy.serves(one, to, now_ns)):
-                    found.append(one.as_detection(now_ns, existence if by_existence else one.confidence, existence))
+                    found.append(
+                        one.as_detection(
+                            now_ns, existence if by_existence else one.confidence, existence
+                        )
+                    )
         return found
 
     def _worth(self, track: Track, now_ns: int) -> float:
         """The confidence that others are told: that the object exists, where this decides, else C."""
-        return self._policy.existence(track, now_ns) if self._policy.by_existence else track.confidence
+        return (
+            self._policy.existence(track, now_ns) if self._policy.by_existence else track.confidence
+        )
 
 
-def _pairs(placed: Sequence[Detection], around: Iterable[Placed], at_ns: int) -> list[tuple[float, int, int, Track]]:
+def _pairs(
+    placed: Sequence[Detection], around: Iterable[Placed], at_ns: int
+) -> list[tuple[float, int, int, Track]]:
     """What may belong together, nearest first: distance, the track's number, the detection's place in its list."""
     cells: dict[int, list[Placed]] = {}
     for one in around:
@@ -357,7 +440,9 @@ def _pairs(placed: Sequence[Detection], around: Iterable[Placed], at_ns: int) ->
 
 def _fits(track: Track, away_m: float, at_ns: int) -> bool:
     """Whether a sighting so far from a track's place may be the track's."""
-    return away_m <= NEAR_M or (away_m <= track.kind.gate_m and away_m <= NEAR_M + 2.0 * track.sigma_m(at_ns))
+    return away_m <= NEAR_M or (
+        away_m <= track.kind.gate_m and away_m <= NEAR_M + 2.0 * track.sigma_m(at_ns)
+    )
 
 
 def _cell(track: Track) -> int:

@@ -12,7 +12,10 @@ from genie_sim.messages import Detection, Header, Motion
 COAST_NS = 1_000_000_000  # so long a place is predicted after it was last seen
 MOVING_MPS = 0.5
 PARKED_NS = 1_000_000_000  # slower than that for so long
-SIGMA_M, SIGMA_RANGE_M = 0.5, 20.0  # of a detected place; beyond this range it grows in proportion to the range
+SIGMA_M, SIGMA_RANGE_M = (
+    0.5,
+    20.0,
+)  # of a detected place; beyond this range it grows in proportion to the range
 NEAR_M = 1.0  # a sighting this near to a predicted place is always the object's; nearer tracks are one object
 
 
@@ -124,7 +127,10 @@ class Track:
         off_east_m, off_north_m = seen.location[0] - east_m, seen.location[1] - north_m
         self.east_m, self.north_m = east_m + gain * off_east_m, north_m + gain * off_north_m
         self.up_m = seen.location[2]
-        ve, vn = self.velocity_mps[0] + speed_gain * off_east_m, self.velocity_mps[1] + speed_gain * off_north_m
+        ve, vn = (
+            self.velocity_mps[0] + speed_gain * off_east_m,
+            self.velocity_mps[1] + speed_gain * off_north_m,
+        )
         most = 2.0 * self.kind.v_max_mps
         if (speed := math.hypot(ve, vn)) > most:
             ve, vn = ve * most / speed, vn * most / speed
@@ -147,7 +153,11 @@ class Track:
         """The covariance after a time: white acceleration, constant over each step."""
         p, c, v = self.variance
         q = self.kind.acceleration_mps2**2 * dt_s * dt_s
-        return p + 2.0 * c * dt_s + v * dt_s * dt_s + q * dt_s * dt_s / 4.0, c + v * dt_s + q * dt_s / 2.0, v + q
+        return (
+            p + 2.0 * c * dt_s + v * dt_s * dt_s + q * dt_s * dt_s / 4.0,
+            c + v * dt_s + q * dt_s / 2.0,
+            v + q,
+        )
 
 
 def sigma_of(range_m: float) -> float:

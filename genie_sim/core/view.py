@@ -18,7 +18,9 @@ class View:
         self.pose = look.pose
         self._half_rad = look.horizontal_fov_rad / 2 - MARGIN_RAD
         self._ahead = math.cos(look.pose.heading_rad), math.sin(look.pose.heading_rad)
-        self._least_ahead = math.cos(min(max(self._half_rad, 0.0), math.pi))  # per metre of distance
+        self._least_ahead = math.cos(
+            min(max(self._half_rad, 0.0), math.pi)
+        )  # per metre of distance
         self._shadows: list[tuple[float, float, float]] = []  # bearing, half width, range
         for one in look.detections:
             if one.location is not None:
@@ -47,14 +49,20 @@ def bearing(pose: CameraPose, east_m: float, north_m: float) -> tuple[float, flo
     return math.hypot(away_east_m, away_north_m), turn_rad
 
 
-def rectangle(pose: CameraPose, half_rad: float, range_m: float) -> tuple[float, float, float, float]:
+def rectangle(
+    pose: CameraPose, half_rad: float, range_m: float
+) -> tuple[float, float, float, float]:
     """West, east, south and north of an upright rectangle around a view: around the kite that touches the arc of its
     circle sector at the ends and the middle, around the whole circle if the sector is wide."""
     east_m, north_m, _, heading_rad = pose
     easts: Sequence[float]
     if half_rad > WIDE_RAD:
         return east_m - range_m, east_m + range_m, north_m - range_m, north_m + range_m
-    left, right, tip_m = heading_rad + half_rad, heading_rad - half_rad, range_m / math.cos(half_rad)
+    left, right, tip_m = (
+        heading_rad + half_rad,
+        heading_rad - half_rad,
+        range_m / math.cos(half_rad),
+    )
     easts = 0.0, range_m * math.cos(left), range_m * math.cos(right), tip_m * math.cos(heading_rad)
     norths = 0.0, range_m * math.sin(left), range_m * math.sin(right), tip_m * math.sin(heading_rad)
     return east_m + min(easts), east_m + max(easts), north_m + min(norths), north_m + max(norths)

@@ -45,4 +45,8 @@ class Outage:
         for place, timed in enumerate(mine):
             ends = timed.fault.target.split("->")
             if len(ends) > 2 or not known.issuperset(ends):
-                yield place, "target", f"{unknown('target', timed.fault.target, known)}, or a link such as car1->edge1"
+                yield (
+                    place,
+                    "target",
+                    f"{unknown('target', timed.fault.target, known)}, or a link such as car1->edge1",
+                )

@@ -44,7 +44,9 @@ class Popularity(Eviction):
 
     def __init__(self) -> None:
         super().__init__()
-        self.counts: dict[Hashable, float] = {}  # of all known keys, in the order of their last requests
+        self.counts: dict[
+            Hashable, float
+        ] = {}  # of all known keys, in the order of their last requests
 
     def asked(self, key: Hashable) -> None:
         """One more request for a key."""
@@ -70,7 +72,12 @@ class Cachier(SimilarityCache):
     """
 
     def __init__(
-        self, capacity: Capacity | None, radius: float, per_entry_ns: int, period_ns: int, replay: Replay = "camera"
+        self,
+        capacity: Capacity | None,
+        radius: float,
+        per_entry_ns: int,
+        period_ns: int,
+        replay: Replay = "camera",
     ) -> None:
         self.popularity = Popularity()
         super().__init__(self.popularity, capacity, replay)
@@ -93,7 +100,9 @@ class Cachier(SimilarityCache):
         self.popularity.asked(alike[0][1] if alike else key)
         if stored:
             return stored[0][1]
-        while self._asked_ns and now_ns - (oldest := next(iter(self._asked_ns.items())))[1] > LOST_NS:
+        while (
+            self._asked_ns and now_ns - (oldest := next(iter(self._asked_ns.items())))[1] > LOST_NS
+        ):
             del self._asked_ns[oldest[0]]
         self._asked_ns[key] = now_ns
         return None
@@ -101,7 +110,9 @@ class Cachier(SimilarityCache):
     def learn(self, key: Key, answer: Answer, now_ns: int) -> None:
         """The cloud has answered. The picture takes the place of the one that it was counted for, if there is one."""
         taken_ns = now_ns - self._asked_ns.pop(key, now_ns - LOST_NS)
-        self.cloud_ns = taken_ns if self.cloud_ns is None else self.cloud_ns + GAIN * (taken_ns - self.cloud_ns)
+        self.cloud_ns = (
+            taken_ns if self.cloud_ns is None else self.cloud_ns + GAIN * (taken_ns - self.cloud_ns)
+        )
         counts = self.popularity.counts
         for _, other in self._known.near(key, 1, self.reach) if key not in counts else ():
             counts[key] = counts.pop(other)
@@ -147,7 +158,10 @@ class EdgeOfCloud(Similarity):
         picture with one stored key."""
         self._cloud, self.feature, self.replay = cloud, feature, replay
         self._radius = at_least("radius", radius, 0.0)
-        self._times = int(at_least("per_entry", per_entry_ns, 0)), int(at_least("period", period_ns, 1))
+        self._times = (
+            int(at_least("per_entry", per_entry_ns, 0)),
+            int(at_least("period", period_ns, 1)),
+        )
 
     def on_car(self, place: Place) -> Station | None:
         return Remote().on_car(place)
@@ -157,13 +171,22 @@ class EdgeOfCloud(Similarity):
         if cloud not in place.edges:
             raise UserError(f"cachier: cloud: {unknown('edge', cloud, place.edges)}")
         if place.name == cloud:
-            return Station(detector=True, interceptor=partial(_cloud, place), hears=(IMAGES + REMOTE,))
+            return Station(
+                detector=True, interceptor=partial(_cloud, place), hears=(IMAGES + REMOTE,)
+            )
         if not place.sees:
             return Station()
         if cloud not in place.neighbours:
-            raise UserError(f"cachier: cloud: {place.name} is no neighbour of {cloud}, and can forward nothing to it")
+            raise UserError(
+                f"cachier: cloud: {place.name} is no neighbour of {cloud}, and can forward nothing to it"
+            )
         node = partial(self._node, place, on_edge=True, asks=True)
-        return Station(interceptor=node, hears=(OBJECTS + REMOTE,), key=self.feature, per_entry_ns=self._times[0])
+        return Station(
+            interceptor=node,
+            hears=(OBJECTS + REMOTE,),
+            key=self.feature,
+            per_entry_ns=self._times[0],
+        )
 
     def cache(self, place: Place, capacity: Capacity | None) -> SimilarityCache:
         return Cachier(capacity, self._radius, *self._times, self.replay)
@@ -174,5 +197,9 @@ def _cloud(place: Place, subscribed: tuple[str, ...], published: tuple[str, ...]
     rules, same = place.genie, Exact()
     assert rules is not None
     parts: dict[str, Any] = {"key": same.key, "new_cache": stores_nothing, "pending": same.index}
-    own: dict[str, Any] = {"share_requests": False, "same_key_pending": "forward", "neighbour_miss": "process"}
+    own: dict[str, Any] = {
+        "share_requests": False,
+        "same_key_pending": "forward",
+        "neighbour_miss": "process",
+    }
     return cache_node(rules, f"{place.name}/cloud", subscribed, published, **parts, **own)

@@ -50,4 +50,6 @@ def _asker(place: Place, subscribed: tuple[str, ...], published: tuple[str, ...]
     """It stores nothing: what it is asked goes to its detector and to the hub, the first answer goes back."""
     assert place.genie is not None
     without: dict[str, Any] = {"new_cache": stores_nothing, "object_map": Map()}
-    return make_genie(place.genie, f"{place.name}/asker", subscribed, published, on_edge=True, **without)
+    return make_genie(
+        place.genie, f"{place.name}/asker", subscribed, published, on_edge=True, **without
+    )

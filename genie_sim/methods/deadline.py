@@ -43,7 +43,9 @@ class Line:
             return None
         x, t, xx, xt = self._sums
         spread = xx - x * x
-        slope = max((xt - x * t) / spread, 0.0) if spread > 1e-6 * xx else t / x  # of equal sizes: it is all the link
+        slope = (
+            max((xt - x * t) / spread, 0.0) if spread > 1e-6 * xx else t / x
+        )  # of equal sizes: it is all the link
         return max(t + slope * (size_bytes - x), 0.0)
 
 
@@ -54,7 +56,10 @@ class Scheduler:
         self._deadline_ns, self._shares, self._probe_ns = deadline_ns, shares, probe_ns
         self._service_ns: float | None = None
         self._line = Line()
-        self._sent: dict[Route, dict[Header, tuple[int, int]]] = {"local": {}, "remote": {}}  # bytes, when
+        self._sent: dict[Route, dict[Header, tuple[int, int]]] = {
+            "local": {},
+            "remote": {},
+        }  # bytes, when
         self._used_ns: dict[Route, int] = {}
         self._free_ns = 0  # when the own detector gave its last answer
 
@@ -65,7 +70,10 @@ class Scheduler:
         waiting = min(len(self._sent["local"]), 2)
         local = None if self._service_ns is None else self._service_ns * (1 + waiting)
         for size in (round(part * size_bytes) for part in self._shares):
-            options = [(local, Send("local", size_bytes)), (self._line.at(size), Send("remote", size))]
+            options = [
+                (local, Send("local", size_bytes)),
+                (self._line.at(size), Send("remote", size)),
+            ]
             known = [(estimate, send) for estimate, send in options if estimate is not None]
             best = min(known, default=None)
             if best is not None and best[0] <= self._deadline_ns:
@@ -73,7 +81,9 @@ class Scheduler:
                 break
         for route in ("local", "remote"):
             last_ns = self._used_ns.get(route)
-            if all(send.route != route for send in found) and (last_ns is None or now_ns - last_ns >= self._probe_ns):
+            if all(send.route != route for send in found) and (
+                last_ns is None or now_ns - last_ns >= self._probe_ns
+            ):
                 found.append(Send(route, size_bytes))
         for send in found:
             self._used_ns[send.route] = now_ns
@@ -102,12 +112,19 @@ class Deadline(Method):
     title = "deadline"
 
     def __init__(
-        self, deadline_ns: int = 300 * NS_PER_MS, shares: tuple[float, ...] = (1.0, 0.7, 0.35), probe_ns: int = NS_PER_S
+        self,
+        deadline_ns: int = 300 * NS_PER_MS,
+        shares: tuple[float, ...] = (1.0, 0.7, 0.35),
+        probe_ns: int = NS_PER_S,
     ) -> None:
         """``shares``: how many of a picture's bytes each quality takes, best first."""
         if not shares:
             raise ValueError("shares: must not be empty")
-        self._told = int(at_least("deadline", deadline_ns, 1)), tuple(share("shares", one) for one in shares), probe_ns
+        self._told = (
+            int(at_least("deadline", deadline_ns, 1)),
+            tuple(share("shares", one) for one in shares),
+            probe_ns,
+        )
 
     def on_car(self, place: Place) -> Station | None:
         if not place.sees:
@@ -123,9 +140,13 @@ class Deadline(Method):
 class Router(TwoWays):
     """Sends each picture on its way, and answers with what comes back."""
 
-    def on_message(self, topic: str, message: Message, now_ns: int, sender: str | None = None) -> list[Effect]:
+    def on_message(
+        self, topic: str, message: Message, now_ns: int, sender: str | None = None
+    ) -> list[Effect]:
         if topic != self._images:
-            self._known.answered("local" if topic.endswith(LOCAL) else "remote", message.header, now_ns)
+            self._known.answered(
+                "local" if topic.endswith(LOCAL) else "remote", message.header, now_ns
+            )
             return [Publish(self._objects, message)]
         assert isinstance(message, Image)
         ways = self._known.choose(message.header, message.size_bytes, now_ns)

@@ -26,7 +26,9 @@ class Hashed(Nearest):
 
     def __init__(self, rng: np.random.Generator, width: float, few: int, many: int) -> None:
         super().__init__()
-        self._directions = np.rint(rng.standard_normal((TABLES * HASHES, DIMENSION)) * GRAIN).astype(np.float32)
+        self._directions = np.rint(
+            rng.standard_normal((TABLES * HASHES, DIMENSION)) * GRAIN
+        ).astype(np.float32)
         self._offsets = rng.random(TABLES * HASHES)
         self._few, self._many = few, many
         self._lookups = self._found = 0
@@ -54,7 +56,9 @@ class Hashed(Nearest):
         self._found += len(slots)
         if self._lookups == EVERY:
             self._adapt()
-        squares: Vector = self._squares[slots] - 2 * (self._vectors[slots] @ key.vector) + np.float32(key.square)
+        squares: Vector = (
+            self._squares[slots] - 2 * (self._vectors[slots] @ key.vector) + np.float32(key.square)
+        )
         return self._first(slots, squares, count, radius) if len(slots) else []
 
     def _adapt(self) -> None:
@@ -81,9 +85,16 @@ class Hashed(Nearest):
     def _buckets(self, key: Key) -> list[bytes]:
         """Of each table, the bucket of a key; those of different cameras have none in common."""
         if self._last[0] is not key:  # a miss asks, then stores
-            packed = np.floor((self._directions @ key.vector + self._shift) / self._whole).astype(np.int32).tobytes()
+            packed = (
+                np.floor((self._directions @ key.vector + self._shift) / self._whole)
+                .astype(np.int32)
+                .tobytes()
+            )
             camera, step = key.stream.encode(), len(packed) // TABLES
-            self._last = key, [camera + packed[begin : begin + step] for begin in range(0, len(packed), step)]
+            self._last = (
+                key,
+                [camera + packed[begin : begin + step] for begin in range(0, len(packed), step)],
+            )
         return self._last[1]
 
 
@@ -137,7 +148,10 @@ class Foggy(Similarity):
         feature: str = "hsv",
         replay: Replay = "camera",
     ) -> None:
-        self.theta, self.neighbours = share("theta", theta), int(at_least("neighbours", neighbours, 2))
+        self.theta, self.neighbours = (
+            share("theta", theta),
+            int(at_least("neighbours", neighbours, 2)),
+        )
         self.radius, self.feature, self.replay = at_least("radius", radius, 0.0), feature, replay
 
     def cache(self, place: Place, capacity: Capacity | None) -> SimilarityCache:

@@ -32,7 +32,9 @@ class Genie(Method):
 
     def on_car(self, place: Place) -> Station | None:
         if not place.sees:
-            return Station(interceptor=partial(_genie, place, miss_policy=PHANTOM_ON_CAR), uplink=UPLINK)
+            return Station(
+                interceptor=partial(_genie, place, miss_policy=PHANTOM_ON_CAR), uplink=UPLINK
+            )
         if place.genie is None:
             return Station(detector=True)
         genie = partial(_genie, place, alone=not place.joined)
@@ -48,6 +50,8 @@ class Genie(Method):
 
 def _genie(place: Place, *topics: tuple[str, ...], on_edge: bool = False, **how: Any) -> GenieNode:
     assert place.genie is not None
-    rules = place.genie if place.sees else replace(place.genie, car_learns="all")  # there is no own node to learn from
+    rules = (
+        place.genie if place.sees else replace(place.genie, car_learns="all")
+    )  # there is no own node to learn from
     told = {"laws": place.laws, "tells_changes": place.records_changes, **how}
     return make_genie(rules, f"{place.name}/genie", *topics, on_edge=on_edge, **told)

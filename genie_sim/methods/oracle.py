@@ -51,7 +51,10 @@ class KnownAnswers:
                 shared[number] = shared.get(number, 0) + 1
         for number in sorted(shared, reverse=True):
             answer, objects = self._answers[number]
-            if 2 * shared[number] >= SAME_F1 * (len(wanted) + len(objects)) and f1(objects, wanted) >= SAME_F1:
+            if (
+                2 * shared[number] >= SAME_F1 * (len(wanted) + len(objects))
+                and f1(objects, wanted) >= SAME_F1
+            ):
                 return answer
         return None
 
@@ -73,20 +76,26 @@ class Oracle(Method):
         if not place.sees:
             return None
         node = partial(AllKnowing, f"{place.name}/oracle", self._known)
-        return Station(detector=True, interceptor=node, uplink=UPLINK if place.joined else None, free=True)
+        return Station(
+            detector=True, interceptor=node, uplink=UPLINK if place.joined else None, free=True
+        )
 
 
 class AllKnowing(TwoWays):
     """Replays a right answer, or takes the first of both detectors: with the draws that they have, the faster way."""
 
-    def on_message(self, topic: str, message: Message, now_ns: int, sender: str | None = None) -> list[Effect]:
+    def on_message(
+        self, topic: str, message: Message, now_ns: int, sender: str | None = None
+    ) -> list[Effect]:
         if topic != self._images:
             assert isinstance(message, Detections)
             self._known.add(message)
             return [Publish(self._objects, message)]
         assert isinstance(message, Image)
         right = self._known.right(message.content.detections)
-        lookup = ImageLookup(message.header, "miss" if right is None else "hit", "client", len(self._known))
+        lookup = ImageLookup(
+            message.header, "miss" if right is None else "hit", "client", len(self._known)
+        )
         if right is not None:
             again = right.served("cache", self.name, message.header)
             return [lookup, Publish(self._objects, again)]

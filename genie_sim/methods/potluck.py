@@ -97,7 +97,11 @@ class AdaptiveThreshold(Similarity):
         ttl_ns: int = 10 * NS_PER_S,
     ) -> None:
         self.feature, self.replay = feature, replay
-        self._learning = share("dropout", dropout), int(at_least("warm", warm, 1)), at_least("tighten", tighten, 1.0)
+        self._learning = (
+            share("dropout", dropout),
+            int(at_least("warm", warm, 1)),
+            at_least("tighten", tighten, 1.0),
+        )
         self._keep, self._ttl_ns = share("keep", keep), int(at_least("ttl", ttl_ns, 1))
 
     def cache(self, place: Place, capacity: Capacity | None) -> Potluck:

@@ -22,7 +22,11 @@ class RndLRU(SimLRU):
     """What is ``d`` away is a hit with probability max(0, 1 - d / radius)."""
 
     def __init__(
-        self, capacity: Capacity | None, radius: float, rng: np.random.Generator, replay: Replay = "world"
+        self,
+        capacity: Capacity | None,
+        radius: float,
+        rng: np.random.Generator,
+        replay: Replay = "world",
     ) -> None:
         super().__init__(capacity, radius, replay)
         self._rng = rng
@@ -32,7 +36,11 @@ class RndLRU(SimLRU):
         if not nearest:
             return None
         distance, held = nearest[0]
-        return held if self._rng.random() * self.reach < self.reach - distance or not distance else None
+        return (
+            held
+            if self._rng.random() * self.reach < self.reach - distance or not distance
+            else None
+        )
 
 
 class SimilarityLRU(Similarity):
@@ -40,7 +48,9 @@ class SimilarityLRU(Similarity):
 
     title = "SIM-LRU"
 
-    def __init__(self, radius: float = 0.1, feature: str = "hsv", replay: Replay = "camera") -> None:
+    def __init__(
+        self, radius: float = 0.1, feature: str = "hsv", replay: Replay = "camera"
+    ) -> None:
         self.radius, self.feature, self.replay = at_least("radius", radius, 0.0), feature, replay
 
     def cache(self, place: Place, capacity: Capacity | None) -> SimilarityCache:

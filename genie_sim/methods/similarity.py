@@ -48,20 +48,35 @@ class Similarity(Method):
         if place.genie is None:
             return Station(detector=True)
         node = partial(self._node, place, on_edge=False, asks=place.joined)
-        return Station(detector=True, interceptor=node, uplink=UPLINK if place.joined else None, key=self.feature)
+        return Station(
+            detector=True,
+            interceptor=node,
+            uplink=UPLINK if place.joined else None,
+            key=self.feature,
+        )
 
     def on_edge(self, place: Place) -> Station:
         if not place.sees:
             return Station()
-        return Station(detector=True, interceptor=partial(self._node, place, on_edge=True, asks=False))
+        return Station(
+            detector=True, interceptor=partial(self._node, place, on_edge=True, asks=False)
+        )
 
     def _node(
-        self, place: Place, subscribed: tuple[str, ...], published: tuple[str, ...], *, on_edge: bool, asks: bool
+        self,
+        place: Place,
+        subscribed: tuple[str, ...],
+        published: tuple[str, ...],
+        *,
+        on_edge: bool,
+        asks: bool,
     ) -> GenieNode:
         """``asks``: what it misses goes to ``-remote``, too."""
         rules = place.genie
         assert rules is not None
-        cache = self.cache(place, rules.capacity if on_edge or rules.car_capacity is None else rules.car_capacity)
+        cache = self.cache(
+            place, rules.capacity if on_edge or rules.car_capacity is None else rules.car_capacity
+        )
         return cache_node(
             rules,
             f"{place.name}/cache",
@@ -77,7 +92,9 @@ class Similarity(Method):
 class TwoWays(Interceptor):
     """A car's pictures come here, and go to its own detector or up; answers come from both. ``known``: its state."""
 
-    def __init__(self, name: str, known: Any, subscribed: tuple[str, ...], published: tuple[str, ...]) -> None:
+    def __init__(
+        self, name: str, known: Any, subscribed: tuple[str, ...], published: tuple[str, ...]
+    ) -> None:
         self.name, self._known = name, known
         (self._images,), (self._objects,) = subscribed, published
 

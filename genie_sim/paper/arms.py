@@ -37,16 +37,24 @@ class Arms:
     def holding(self, claim: Claim) -> tuple[list[str], int]:
         """The arms under which a claim's test holds, and in how many it could be tried."""
         found = self._found[claim.id]
-        return [f"{name} (plausible: {self.plausible[name]})" for name, holds in found.items() if holds], len(found)
+        return [
+            f"{name} (plausible: {self.plausible[name]})" for name, holds in found.items() if holds
+        ], len(found)
 
     def as_json(self) -> dict[str, Any]:
         """For ``sensitivity.json``."""
-        held = {claim: [name for name, holds in of.items() if holds] for claim, of in self._found.items()}
+        held = {
+            claim: [name for name, holds in of.items() if holds]
+            for claim, of in self._found.items()
+        }
         variants = {name: one for name, one in self.evidence.items() if "=" not in name}
         return {
             "seeds": self.seeds,
             "sweeps": self.sweeps,
-            "variants": {name: _reuse(one) | {"plausible": self.plausible[name]} for name, one in variants.items()},
+            "variants": {
+                name: _reuse(one) | {"plausible": self.plausible[name]}
+                for name, one in variants.items()
+            },
             "claims_that_hold_under": held,
             "arms_that_try": {claim: len(of) for claim, of in self._found.items()},
         }
@@ -68,24 +76,37 @@ def arms_of(assumptions: Assumptions) -> Iterator[Arm]:
             yield Arm(name, (name,), ("genie",), "yes" if low <= value <= high else "no")
 
 
-def run_arms(assumptions: Assumptions, settings: tuple[str, ...], seeds: Sequence[int], runs: Runs) -> Arms:
+def run_arms(
+    assumptions: Assumptions, settings: tuple[str, ...], seeds: Sequence[int], runs: Runs
+) -> Arms:
     """Runs every arm, Genie alone where the evaluation's baselines do what they did."""
     places = [(scenario, seed) for scenario in ALL for seed in seeds]
     ours = runs([Job(scenario, seed, settings) for scenario, seed in places], "other readings")
     arms, jobs = list(arms_of(assumptions)), []
     for arm in arms:
         mine = (*settings, *arm.settings)
-        whole = [Job(scenario, seed, mine, arm.methods, redefined=False) for scenario, seed in places]
-        jobs += [replace(job, methods=("genie",)) if runs.has_baselines(job) else job for job in whole]
+        whole = [
+            Job(scenario, seed, mine, arm.methods, redefined=False) for scenario, seed in places
+        ]
+        jobs += [
+            replace(job, methods=("genie",)) if runs.has_baselines(job) else job for job in whole
+        ]
     outcomes = runs(jobs, "other readings")
     evidence, others = {}, {}
     for number, arm in enumerate(arms):
         made = outcomes[number * len(places) : (number + 1) * len(places)]
         facts = {place: outcome.facts for place, outcome in zip(places, made, strict=True)}
-        evidence[arm.name] = Evidence({("base", one): [facts[one, seed] for seed in seeds] for one in ALL})
+        evidence[arm.name] = Evidence(
+            {("base", one): [facts[one, seed] for seed in seeds] for one in ALL}
+        )
         if any(one is not other for one, other in zip(made, ours, strict=True)):
             others[arm.name] = evidence[arm.name]
-    return Arms(others, {arm.name: arm.plausible for arm in arms}, _curves(assumptions, settings, evidence), len(seeds))
+    return Arms(
+        others,
+        {arm.name: arm.plausible for arm in arms},
+        _curves(assumptions, settings, evidence),
+        len(seeds),
+    )
 
 
 def _curves(
@@ -95,17 +116,25 @@ def _curves(
     return [
         {
             "parameter": sweep.parameter,
-            "title": sweep.parameter.removesuffix("_m").removesuffix("_hz").split(".")[-1].replace("_", " "),
+            "title": sweep.parameter.removesuffix("_m")
+            .removesuffix("_hz")
+            .split(".")[-1]
+            .replace("_", " "),
             "unit": sweep.unit,
             "paper": sweep.paper,
             "used": float(used[sweep.parameter]) if sweep.parameter in used else None,
-            "points": [{"value": value} | _reuse(evidence[f"{sweep.parameter}={value:g}"]) for value in sweep.values],
+            "points": [
+                {"value": value} | _reuse(evidence[f"{sweep.parameter}={value:g}"])
+                for value in sweep.values
+            ],
         }
         for sweep in assumptions.sweeps
     ]
 
 
 def _reuse(evidence: Evidence) -> dict[str, tuple[float, float, float]]:
-    times = {f"{answer}_answer_ms": [f"{answer}_answer_mean:genie"] for answer in ("first", "fresh")}
+    times = {
+        f"{answer}_answer_ms": [f"{answer}_answer_mean:genie"] for answer in ("first", "fresh")
+    }
     facts = {"object_reuse": BOTH_OBJECTS, "image_reuse": BOTH_IMAGES, **times}
     return {name: interval(evidence.mean_of(ALL, of)) for name, of in facts.items()}

@@ -57,4 +57,6 @@ def load_assumptions() -> Assumptions:
     calibrated = data["calibrated"]
     fitted = [{"name": name, **one} for name, one in calibrated["parameters"].items()]
     targets = {name: target["value"] for name, target in calibrated["targets"].items()}
-    return Assumptions.model_validate({**data, **data["evaluation"], "fitted": fitted, "targets": targets})
+    return Assumptions.model_validate(
+        {**data, **data["evaluation"], "fitted": fitted, "targets": targets}
+    )

@@ -64,7 +64,12 @@ class Calibration:
     def as_json(self) -> dict[str, Any]:
         """For ``calibration.json``."""
         tried = [asdict(point) | {"ratio": point.ratio} for point in self.tried]
-        return {"best": asdict(self.best), "reached": self.reached, "targets": self.targets, "tried": tried}
+        return {
+            "best": asdict(self.best),
+            "reached": self.reached,
+            "targets": self.targets,
+            "tried": tried,
+        }
 
 
 def calibrate(assumptions: Assumptions, runs: Simulate) -> Calibration:
@@ -75,7 +80,10 @@ def calibrate(assumptions: Assumptions, runs: Simulate) -> Calibration:
 
     def attempt(middle: Sequence[float], places: Sequence[int]) -> Point:
         """Tries all points so many steps away from one, within the ranges; the best point of all so far."""
-        axes = [[round(at + i * step, 4) for i in places] for at, step in zip(middle, steps, strict=True)]
+        axes = [
+            [round(at + i * step, 4) for i in places]
+            for at, step in zip(middle, steps, strict=True)
+        ]
         known = {(one.overlap, one.gate_m) for one in tried}
         new = [
             (overlap, gate_m) for overlap, gate_m in product(*axes)
@@ -88,18 +96,32 @@ def calibrate(assumptions: Assumptions, runs: Simulate) -> Calibration:
     for _ in range(REFINEMENTS):
         steps = [step / 2 for step in steps]
         best = attempt((best.overlap, best.gate_m), (-1, 0, 1))
-    return Calibration(best, tuple(sorted(tried, key=lambda one: (one.overlap, one.gate_m))), assumptions.targets)
+    return Calibration(
+        best, tuple(sorted(tried, key=lambda one: (one.overlap, one.gate_m))), assumptions.targets
+    )
 
 
 def most_jobs(assumptions: Assumptions) -> int:
     """How many runs the search takes at most."""
-    return (GRID**2 + 8 * REFINEMENTS) * len(assumptions.scenarios) * len(assumptions.calibration_seeds)
+    return (
+        (GRID**2 + 8 * REFINEMENTS)
+        * len(assumptions.scenarios)
+        * len(assumptions.calibration_seeds)
+    )
 
 
-def _try(assumptions: Assumptions, points: Sequence[tuple[float, float]], runs: Simulate) -> list[Point]:
+def _try(
+    assumptions: Assumptions, points: Sequence[tuple[float, float]], runs: Simulate
+) -> list[Point]:
     seeds, scenarios = assumptions.calibration_seeds, assumptions.scenarios
     jobs = [
-        Job(scenario, seed, (f"overlap={overlap:g}", f"gate_m={gate_m:g}"), ("genie",), redefined=False)
+        Job(
+            scenario,
+            seed,
+            (f"overlap={overlap:g}", f"gate_m={gate_m:g}"),
+            ("genie",),
+            redefined=False,
+        )
         for overlap, gate_m in points
         for scenario in scenarios
         for seed in seeds
@@ -107,7 +129,9 @@ def _try(assumptions: Assumptions, points: Sequence[tuple[float, float]], runs: 
     outcomes = iter(runs(jobs, "calibration"))
     found = []
     for overlap, gate_m in points:
-        evidence = Evidence({("base", scenario): [next(outcomes).facts for _ in seeds] for scenario in scenarios})
+        evidence = Evidence(
+            {("base", scenario): [next(outcomes).facts for _ in seeds] for scenario in scenarios}
+        )
         objects = float(evidence.mean_of(scenarios, BOTH_OBJECTS).mean())
         images = float(evidence.mean_of(scenarios, BOTH_IMAGES).mean())
         found.append(Point(overlap, gate_m, objects, images))

@@ -11,7 +11,17 @@ import numpy as np
 
 from genie_sim.analysis.metrics import PLACEMENTS
 from genie_sim.paper import table1
-from genie_sim.paper.evidence import BASE, Claim, Evidence, Finding, Values, above, all_positive, below, matches
+from genie_sim.paper.evidence import (
+    BASE,
+    Claim,
+    Evidence,
+    Finding,
+    Values,
+    above,
+    all_positive,
+    below,
+    matches,
+)
 from genie_sim.paper.facts import EARLY_PERCENTILES
 from genie_sim.scenario.profiles import load_profile
 from genie_sim.scenario.yaml_input import parse
@@ -24,7 +34,10 @@ SHARED = (*HO[1:], *HE[1:])  # where there is somebody to share with
 PAIRS = tuple(zip(HO, HE, strict=True))
 CASE = "case_study"
 EARLY = tuple(f"first_answer_p{percent}" for percent in EARLY_PERCENTILES)
-BOARDS = {"local": ALL, "remote": HO}  # method -> the scenarios in which a car's board, or an equal one, detects
+BOARDS = {
+    "local": ALL,
+    "remote": HO,
+}  # method -> the scenarios in which a car's board, or an equal one, detects
 BASELINES = {"L": "local", "R": "remote"}
 BOTH_OBJECTS = tuple(f"object_reuse:{placement}" for placement in PLACEMENTS)
 BOTH_IMAGES = tuple(f"image_reuse:{placement}" for placement in PLACEMENTS)
@@ -65,13 +78,20 @@ def _c4(evidence: Evidence, claim: Claim) -> Finding:
         for letter, baseline in BASELINES.items():
             most = claim.also if (scenario, letter) == (HE[0], "R") else claim.expect
             for part in ("mean", "p95"):
-                ratio = _over(evidence, scenario, f"first_answer_{part}:genie", f"first_answer_{part}:{baseline}")
+                ratio = _over(
+                    evidence,
+                    scenario,
+                    f"first_answer_{part}:genie",
+                    f"first_answer_{part}:{baseline}",
+                )
                 gains[f"{scenario} {letter} {part}"] = most - ratio
     return all_positive(gains)
 
 
 def _c12(evidence: Evidence, claim: Claim) -> Finding:
-    bars = {f"{s} {where}": evidence.of(s, f"object_reuse:{where}") for s in ALL for where in PLACEMENTS}
+    bars = {
+        f"{s} {where}": evidence.of(s, f"object_reuse:{where}") for s in ALL for where in PLACEMENTS
+    }
     name = max(bars, key=lambda one: float(np.nan_to_num(bars[one]).mean()))
     errors = [evidence.of(s, f"object_reuse_high:{where}") for s in ALL for where in PLACEMENTS]
     highest = max(float(np.nan_to_num(one).mean()) for one in errors)
@@ -79,9 +99,14 @@ def _c12(evidence: Evidence, claim: Claim) -> Finding:
 
 
 def _c16(evidence: Evidence, claim: Claim) -> Finding:
-    gaps = [evidence.mean_of([he], BOTH_OBJECTS) - evidence.mean_of([ho], BOTH_OBJECTS) for ho, he in PAIRS]
+    gaps = [
+        evidence.mean_of([he], BOTH_OBJECTS) - evidence.mean_of([ho], BOTH_OBJECTS)
+        for ho, he in PAIRS
+    ]
     named = {f"{cars} car(s)": gap for cars, gap in enumerate(gaps, start=1)}
-    return all_positive({**named, "1 to 2 cars": gaps[1] - gaps[0], "2 to 3 cars": gaps[2] - gaps[1]})
+    return all_positive(
+        {**named, "1 to 2 cars": gaps[1] - gaps[0], "2 to 3 cars": gaps[2] - gaps[1]}
+    )
 
 
 def _c18(evidence: Evidence, claim: Claim) -> Finding:
@@ -91,7 +116,9 @@ def _c18(evidence: Evidence, claim: Claim) -> Finding:
 
 
 def _c19(evidence: Evidence, claim: Claim) -> Finding:
-    stored, reused = (_more_on_edges(evidence, ALONE, name) for name in ("stored_images", "image_reuse"))
+    stored, reused = (
+        _more_on_edges(evidence, ALONE, name) for name in ("stored_images", "image_reuse")
+    )
     hundreds = {f"{s} stored": images / 100 for s, images in stored.items()}
     return all_positive(hundreds | {f"{s} reuse": gap for s, gap in reused.items()})
 
@@ -101,7 +128,9 @@ def _c20(evidence: Evidence, claim: Claim) -> Finding:
     for scenario in SHARED:
         high = evidence.of(scenario, "image_reuse_high:car")
         alone = evidence.of(HO[0] if scenario in HO else HE[0], "image_reuse_high:car")
-        parts[f"{scenario} twice the bar"] = high - claim.expect * evidence.of(scenario, "image_reuse:car")
+        parts[f"{scenario} twice the bar"] = high - claim.expect * evidence.of(
+            scenario, "image_reuse:car"
+        )
         parts[f"{scenario} above 1 car"] = high - alone
         parts[f"{scenario} early"] = claim.also - evidence.of(scenario, "image_peak_at:car")
     return all_positive(parts)
@@ -110,8 +139,13 @@ def _c20(evidence: Evidence, claim: Claim) -> Finding:
 def _c21(evidence: Evidence, claim: Claim) -> Finding:
     parts = {}
     for ho, he in PAIRS:
-        parts[f"{he} mean"] = evidence.mean_of([he], BOTH_IMAGES) - evidence.mean_of([ho], BOTH_IMAGES)
-        high = [np.maximum(*(evidence.of(s, f"image_reuse_high:{where}") for where in PLACEMENTS)) for s in (he, ho)]
+        parts[f"{he} mean"] = evidence.mean_of([he], BOTH_IMAGES) - evidence.mean_of(
+            [ho], BOTH_IMAGES
+        )
+        high = [
+            np.maximum(*(evidence.of(s, f"image_reuse_high:{where}") for where in PLACEMENTS))
+            for s in (he, ho)
+        ]
         parts[f"{he} highest"] = high[0] - high[1]
     return all_positive(parts)
 
@@ -120,7 +154,9 @@ def _c28(evidence: Evidence, claim: Claim) -> Finding:
     parts = {}
     for what, names in (("images", BOTH_IMAGES), ("objects", BOTH_OBJECTS), ("boost", BOTH_BOOSTS)):
         for s in SHARED:
-            parts[f"{s} {what}"] = evidence.mean_of([s], names) - evidence.mean_of([s], names, "no_edge_sharing")
+            parts[f"{s} {what}"] = evidence.mean_of([s], names) - evidence.mean_of(
+                [s], names, "no_edge_sharing"
+            )
     return all_positive(parts)
 
 
@@ -153,10 +189,15 @@ def _c39(evidence: Evidence, claim: Claim) -> Finding:
         if cell.misprinted
     ]
     same = len(cells) == 24 and all(cell.printed_ms == cell.ours_ms for cell in cells)
-    return _arithmetic(len(misprints), "misprints", same and len(misprints) == claim.expect, "; ".join(misprints))
+    return _arithmetic(
+        len(misprints), "misprints", same and len(misprints) == claim.expect, "; ".join(misprints)
+    )
 
 
-AT_LEAST, AT_MOST = {"C3", "C32", "C34", "C35"}, {"C5", "C9", "C29", "C33"}  # ``expect``; else effects, above 0
+AT_LEAST, AT_MOST = (
+    {"C3", "C32", "C34", "C35"},
+    {"C5", "C9", "C29", "C33"},
+)  # ``expect``; else effects, above 0
 Check = Callable[[Evidence, Claim], Finding]
 CHECKS: dict[str, Check] = {
     "C1": _c1,
@@ -212,7 +253,9 @@ def _ratio(evidence: Evidence, above_: str, below_: str, name: str) -> Values:
     return evidence.of(above_, name) / evidence.of(below_, name)
 
 
-def _over(evidence: Evidence, scenario: str, above_: str, below_: str, variant: str = BASE) -> Values:
+def _over(
+    evidence: Evidence, scenario: str, above_: str, below_: str, variant: str = BASE
+) -> Values:
     return evidence.of(scenario, above_, variant) / evidence.of(scenario, below_, variant)
 
 
@@ -230,7 +273,10 @@ def _steps(evidence: Evidence, scenarios: Sequence[str], *names: str) -> dict[st
     """What one more car adds to the mean of the named facts, from 1 to 2 and from 2 to 3 cars."""
     means = [evidence.mean_of([scenario], names) for scenario in scenarios]
     setting = scenarios[0].removeprefix("1car_")
-    return {f"{setting} 1 to 2 cars": means[1] - means[0], f"{setting} 2 to 3 cars": means[2] - means[1]}
+    return {
+        f"{setting} 1 to 2 cars": means[1] - means[0],
+        f"{setting} 2 to 3 cars": means[2] - means[1],
+    }
 
 
 def _per_car(evidence: Evidence, name: str) -> dict[str, Values]:

@@ -11,7 +11,13 @@ from genie_sim.seeds import stream
 RESAMPLES = 200
 MARGINAL = 0.05  # share of resamples with another verdict from which on a verdict is marginal
 
-VERDICTS = ("reproduced", "same direction, other size", "not reproduced", "not testable here", "calibrated")
+VERDICTS = (
+    "reproduced",
+    "same direction, other size",
+    "not reproduced",
+    "not testable here",
+    "calibrated",
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +50,9 @@ def judge_one(claim: Claim, evidence: Evidence) -> Verdict:
     seeds = evidence.seeds
     drawn = (tuple(sorted(random.integers(seeds, size=seeds).tolist())) for _ in range(RESAMPLES))
     others = 0
-    for places, times in Counter(drawn if finding.n > 1 else ()).items():  # few seeds often give the same
+    for places, times in Counter(
+        drawn if finding.n > 1 else ()
+    ).items():  # few seeds often give the same
         others += times * (verdict_of(claim, _look(claim, evidence.resampled(places))) != verdict)
     return Verdict(claim, finding, verdict, finding.one_seed or others > MARGINAL * RESAMPLES)
 

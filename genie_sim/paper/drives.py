@@ -55,7 +55,10 @@ SCENARIOS = ("3car_homo", "3car_hetero")
 DETECTIONS = "pointrcnn"
 MIN_SCORE = 0.3
 SEEDS = (2, 3, 4, 5, 6)
-SHARE, AHEAD = 0.6, 0.2  # of the drive: what a car drives, and how far it is ahead of the car before
+SHARE, AHEAD = (
+    0.6,
+    0.2,
+)  # of the drive: what a car drives, and how far it is ahead of the car before
 SAME_CELL = "same_cell_share"
 FIRST = "improvement_first_answer"
 
@@ -81,7 +84,9 @@ class DriveJob:
     seed: int
 
 
-Row = dict[str, Any]  # of one run: sequence, scenario, seed, drive_s (how long the whole drive is), and FACTS
+Row = dict[
+    str, Any
+]  # of one run: sequence, scenario, seed, drive_s (how long the whole drive is), and FACTS
 OfDrive = Mapping[str, Row]  # by scenario
 
 
@@ -99,7 +104,10 @@ class Direction:
 
 def _values(drive: OfDrive, name: str) -> list[float]:
     """The fact in every scenario; one with a role or a baseline over both baselines, or on cars and on edges."""
-    of = (f"{name}:{what}" for what in (BASELINES.values() if name.startswith("improvement") else PLACEMENTS))
+    of = (
+        f"{name}:{what}"
+        for what in (BASELINES.values() if name.startswith("improvement") else PLACEMENTS)
+    )
     names = [name] if ":" in name else list(of)
     return [row[one] for row in drive.values() for one in names]
 
@@ -135,17 +143,25 @@ def _over_images(drive: OfDrive, name: str) -> float:
 
 
 DIRECTIONS = (
-    Direction("C1", "improvement over local and remote, first answer (the paper: 0.82)", _mean, FIRST),
+    Direction(
+        "C1", "improvement over local and remote, first answer (the paper: 0.82)", _mean, FIRST
+    ),
     Direction("C1", "the same, fresh answer", _mean, "improvement_fresh_answer"),
     Direction("C4", "smallest of these, first answer", _least, FIRST),
-    Direction("C3", "share of frames answered in 33 ms", _least, "under_deadline_share:genie", 0.99),
-    Direction("C13", "object reuse / image reuse (the paper: 4)", _over_images, "object_reuse", 1.0),
+    Direction(
+        "C3", "share of frames answered in 33 ms", _least, "under_deadline_share:genie", 0.99
+    ),
+    Direction(
+        "C13", "object reuse / image reuse (the paper: 4)", _over_images, "object_reuse", 1.0
+    ),
     Direction("C16", "object reuse, heterogeneous - homogeneous", _faster_server, "object_reuse"),
     Direction("C18", "image reuse, remote - local", _least_gap, "image_reuse"),
     Direction("C18", "the same, pooled over Genies", _least_gap, "image_reuse_pooled"),
     Direction("C21", "image reuse, heterogeneous - homogeneous", _faster_server, "image_reuse"),
     Direction("C22", "confidence boost, remote - local", _least_gap, "confidence_boost"),
-    Direction("C24", "confidence boost, heterogeneous - homogeneous", _faster_server, "confidence_boost"),
+    Direction(
+        "C24", "confidence boost, heterogeneous - homogeneous", _faster_server, "confidence_boost"
+    ),
     Direction("C26", "smallest confidence boost", _least, "confidence_boost"),
     Direction("", "share of ghosts in what is held, Genie - remote", _over_remote, "ghost_share"),
 )
@@ -173,7 +189,12 @@ def jobs() -> list[DriveJob]:
             usable.append(sequence)
     if not usable:
         raise UserError(f"{root / 'tracking'}: none of the {len(found)} sequences here can be used")
-    return [DriveJob(root, sequence, scenario, seed) for sequence in usable for scenario in SCENARIOS for seed in SEEDS]
+    return [
+        DriveJob(root, sequence, scenario, seed)
+        for sequence in usable
+        for scenario in SCENARIOS
+        for seed in SEEDS
+    ]
 
 
 @lru_cache(maxsize=1)
@@ -181,7 +202,9 @@ def _recordings(root: Path, sequence: str) -> Recordings:
     """The trace of a sequence, and what is really there, if the folder has its labels. Raises ``UserError``."""
     trace = tracking_trace(root / "tracking", sequence, DETECTIONS, MIN_SCORE)
     labelled = (root / "tracking" / "training" / "label_02" / f"{sequence}.txt").is_file()
-    return Recordings(trace, truth=make_truth(root, f"tracking/{sequence}", trace) if labelled else None)
+    return Recordings(
+        trace, truth=make_truth(root, f"tracking/{sequence}", trace) if labelled else None
+    )
 
 
 def prepare_drive(job: DriveJob) -> Prepared:
@@ -191,7 +214,9 @@ def prepare_drive(job: DriveJob) -> Prepared:
     settings = []
     for index in range(len(load_scenario(job.scenario).cars)):
         begin_s = index * AHEAD * drive_s
-        settings.append(f"cars[{index}].route.window=[{begin_s:.3f} s, {begin_s + SHARE * drive_s:.3f} s]")
+        settings.append(
+            f"cars[{index}].route.window=[{begin_s:.3f} s, {begin_s + SHARE * drive_s:.3f} s]"
+        )
     scenario = load_scenario(job.scenario, settings, job.seed)
     cameras = tuple(camera.model_copy(update={"recording": CAMERA}) for camera in scenario.cameras)
     return on_frames(scenario.model_copy(update={"cameras": cameras}), recordings)
@@ -201,15 +226,25 @@ def run_drive(job: DriveJob) -> Row:
     prepared = prepare_drive(job)
     trace = _recordings(job.root, job.sequence).main
     facts = outcome_of(prepared).facts | {SAME_CELL: same_cell_share(prepared.scenario, trace)}
-    about = {"sequence": job.sequence, "scenario": job.scenario, "seed": job.seed, "drive_s": _drive_s(trace)}
+    about = {
+        "sequence": job.sequence,
+        "scenario": job.scenario,
+        "seed": job.seed,
+        "drive_s": _drive_s(trace),
+    }
     return about | {name: rounded(facts.get(name, math.nan)) for name in FACTS}
 
 
 def same_cell_share(scenario: Scenario, trace: Trace) -> float:
     """Of a drive's frames, the share to which a Genie's cache gives the key of the frame before."""
-    key = plugins.make("similarity", scenario.genie.similarity, SIMILARITIES, SIMILARITY_METHODS).key
+    key = plugins.make(
+        "similarity", scenario.genie.similarity, SIMILARITIES, SIMILARITY_METHODS
+    ).key
     frames = trace.frames[CAMERA]
-    keys = [key(Image(Header(one.stamp_ns, CAMERA, ""), 0, one.digest, one.dhash, one.pose, 0.0)) for one in frames]
+    keys = [
+        key(Image(Header(one.stamp_ns, CAMERA, ""), 0, one.digest, one.dhash, one.pose, 0.0))
+        for one in frames
+    ]
     return ratio(sum(before == after for before, after in pairwise(keys)), len(keys) - 1)
 
 
@@ -249,7 +284,9 @@ def _intervals(direction: Direction, driven: Sequence[Row]) -> dict[str, list[fl
         drive: np.array([direction.number(run, direction.name) for run in seeds.values()])
         for drive, seeds in runs.items()
     }
-    known = {name: interval(values) for name, values in numbers.items() if not np.isnan(values).any()}
+    known = {
+        name: interval(values) for name, values in numbers.items() if not np.isnan(values).any()
+    }
     return {name: [rounded(end) for end in ends] for name, ends in known.items()}
 
 
@@ -281,8 +318,14 @@ def write(folder: Path, driven: Sequence[Row]) -> str:
     """``drives.csv`` (each run), ``drives.json`` (each claim on each drive), a part of ``verdicts.md``; its table."""
     import pandas as pd
 
-    found = {"seeds": list(SEEDS), "directions": directions(driven), "hypothesis": hypothesis(driven)}
-    with (folder / "drives.csv").open("w", encoding="utf-8", newline="") as file:  # of a path pandas makes a URI
+    found = {
+        "seeds": list(SEEDS),
+        "directions": directions(driven),
+        "hypothesis": hypothesis(driven),
+    }
+    with (folder / "drives.csv").open(
+        "w", encoding="utf-8", newline=""
+    ) as file:  # of a path pandas makes a URI
         pd.DataFrame(driven).to_csv(file, index=False)
     provenance.write_json(folder / "drives.json", found)
     table = markdown(found)
@@ -297,10 +340,35 @@ def markdown(found: Mapping[str, Any]) -> str:
     """The claims over the drives as a table, and what became of the hypothesis."""
     rows = []
     for one in found["directions"]:
-        spread = "-" if one["median"] is None else "{median:.3g} ({low:.3g} to {high:.3g})".format_map(one)
-        holds, unclear = f"{one['holds']} of {one['drives']}", one["drives"] - one["holds"] - one["contrary"]
-        rows.append([one["claim"], one["says"], f"{one['bound']:g}", spread, holds, str(one["contrary"]), str(unclear)])
-    headings = ["", "number of each drive", "more than", "median (range)", "holds", "contrary", "open"]
+        spread = (
+            "-"
+            if one["median"] is None
+            else "{median:.3g} ({low:.3g} to {high:.3g})".format_map(one)
+        )
+        holds, unclear = (
+            f"{one['holds']} of {one['drives']}",
+            one["drives"] - one["holds"] - one["contrary"],
+        )
+        rows.append(
+            [
+                one["claim"],
+                one["says"],
+                f"{one['bound']:g}",
+                spread,
+                holds,
+                str(one["contrary"]),
+                str(unclear),
+            ]
+        )
+    headings = [
+        "",
+        "number of each drive",
+        "more than",
+        "median (range)",
+        "holds",
+        "contrary",
+        "open",
+    ]
     table, tested = text_table.markdown(headings, rows), found["hypothesis"]
     if tested is None:
         return table

@@ -66,7 +66,9 @@ class Evidence:
     metric, which one is meant by it, where it is not the default's."""
 
     def __init__(
-        self, runs: Mapping[tuple[str, str], Sequence[Facts]], definitions: Mapping[str, str] | None = None
+        self,
+        runs: Mapping[tuple[str, str], Sequence[Facts]],
+        definitions: Mapping[str, str] | None = None,
     ) -> None:
         self._runs = runs
         self._definitions = definitions or {}
@@ -97,11 +99,15 @@ class Evidence:
         """The facts that any run of a scenario has, sorted."""
         return sorted({name for facts in self._runs[BASE, scenario] for name in facts})
 
-    def mean_of(self, scenarios: Sequence[str], names: Sequence[str], variant: str = BASE) -> Values:
+    def mean_of(
+        self, scenarios: Sequence[str], names: Sequence[str], variant: str = BASE
+    ) -> Values:
         """Mean over scenarios and facts, seed by seed; what is not defined is left out."""
         key = variant, *scenarios, *names
         if key not in self._means:
-            table = np.array([self._every(scenario, name, variant) for scenario in scenarios for name in names])
+            table = np.array(
+                [self._every(scenario, name, variant) for scenario in scenarios for name in names]
+            )
             known = ~np.isnan(table)
             counts = known.sum(axis=0)
             sums = np.where(known, table, 0.0).sum(axis=0)
@@ -116,7 +122,9 @@ class Evidence:
 
     @property
     def seeds(self) -> int:
-        return max((len(facts) for (variant, _), facts in self._runs.items() if variant == BASE), default=0)
+        return max(
+            (len(facts) for (variant, _), facts in self._runs.items() if variant == BASE), default=0
+        )
 
 
 def rounded(value: float) -> float:
@@ -146,7 +154,9 @@ def above(claim: Claim, values: Values, unit: str = "1", note: str = "") -> Find
     return _within(claim, values, claim.expect, math.inf, unit, note)
 
 
-def _within(claim: Claim, values: Values, least: float, most: float, unit: str, note: str) -> Finding:
+def _within(
+    claim: Claim, values: Values, least: float, most: float, unit: str, note: str
+) -> Finding:
     """The direction is shown where the whole interval lies on the claimed side of ``near``."""
     mean, low, high = interval(values)
     holds, near = least <= low and high <= most, claim.near
@@ -163,9 +173,23 @@ def all_positive(parts: Mapping[str, Values], unit: str = "1", note: str = "") -
     ends = {name: interval(values) for name, values in parts.items()}
     missed = {name: one for name, one in ends.items() if not one[1] > 0}
     against = [name for name, (_, _, high) in missed.items() if high < 0]
-    said = [f"{name} {mean:+.3g}{' (opposite)' if name in against else ''}" for name, (mean, _, _) in missed.items()]
-    shown = f"{len(parts) - len(missed)} of {len(parts)} shown" + (f"; not: {', '.join(said)}" if said else "")
+    said = [
+        f"{name} {mean:+.3g}{' (opposite)' if name in against else ''}"
+        for name, (mean, _, _) in missed.items()
+    ]
+    shown = f"{len(parts) - len(missed)} of {len(parts)} shown" + (
+        f"; not: {', '.join(said)}" if said else ""
+    )
     average = np.mean(list(parts.values()), axis=0)
     mean, low, high = interval(average)
     direction = not against and (low > 0 or 2 * len(missed) < len(parts))
-    return Finding(mean, low, high, len(average), unit, not missed, direction, f"{note}; {shown}" if note else shown)
+    return Finding(
+        mean,
+        low,
+        high,
+        len(average),
+        unit,
+        not missed,
+        direction,
+        f"{note}; {shown}" if note else shown,
+    )

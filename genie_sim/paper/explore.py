@@ -29,11 +29,20 @@ from genie_sim.scenario.yaml_input import read_mapping
 
 GENIE = ("genie",)
 # Variant, scenarios, settings, methods: as in the evaluation, but without the case study's baselines.
-RUNS: list[tuple[str, tuple[str, ...], tuple[str, ...], tuple[str, ...]]] = [(BASE, ALL, (), EVERY_METHOD)]
-RUNS += [(name, of, more, GENIE if name == BASE else run) for name, (of, more, run) in FOR_CLAIMS.items()]
+RUNS: list[tuple[str, tuple[str, ...], tuple[str, ...], tuple[str, ...]]] = [
+    (BASE, ALL, (), EVERY_METHOD)
+]
+RUNS += [
+    (name, of, more, GENIE if name == BASE else run) for name, (of, more, run) in FOR_CLAIMS.items()
+]
 Point = dict[str, str]  # choice -> level
-DRIVERS, LEAST_SHARE = 3, 0.05  # how many choices are named for a claim, and from which share of variance on
-SELDOM = 0.25  # of the points expected: claims that hold together no more often speak against each other
+DRIVERS, LEAST_SHARE = (
+    3,
+    0.05,
+)  # how many choices are named for a claim, and from which share of variance on
+SELDOM = (
+    0.25  # of the points expected: claims that hold together no more often speak against each other
+)
 
 
 @functools.cache
@@ -55,7 +64,10 @@ def points(count: int) -> list[Point]:
     names = levels()
     sobol = qmc.Sobol(len(names), scramble=True, rng=design()["sequence"])
     drawn = sobol.random_base2(max(count - 1, 1).bit_length())[:count]
-    return [{name: of[int(u * len(of))] for (name, of), u in zip(names.items(), row, strict=True)} for row in drawn]
+    return [
+        {name: of[int(u * len(of))] for (name, of), u in zip(names.items(), row, strict=True)}
+        for row in drawn
+    ]
 
 
 def judged(numbered: tuple[int, Point]) -> dict[str, str]:
@@ -66,14 +78,24 @@ def judged(numbered: tuple[int, Point]) -> dict[str, str]:
     runs = {}
     for variant, scenarios, more, methods in RUNS:
         for scenario in scenarios:
-            runs[variant, scenario] = [run_job(Job(scenario, seed, (*settings, *more), methods)).facts]
+            runs[variant, scenario] = [
+                run_job(Job(scenario, seed, (*settings, *more), methods)).facts
+            ]
     evidence = Evidence(runs, {metric: point[f"metric {metric}"] for metric in design()["metrics"]})
-    with np.errstate(all="ignore"):  # a ratio to nothing is no number, and its claim cannot be tried
+    with np.errstate(
+        all="ignore"
+    ):  # a ratio to nothing is no number, and its claim cannot be tried
         found = {claim.id: holds_under(claim, {"": evidence}) for claim in _claims()}
-    return {"point": str(number), **point, **{name: str(int(one[""])) if one else "" for name, one in found.items()}}
+    return {
+        "point": str(number),
+        **point,
+        **{name: str(int(one[""])) if one else "" for name, one in found.items()},
+    }
 
 
-def explore(out: Path, jobs: int, progress: Progress | None = None, count: int | None = None) -> dict[str, Any]:
+def explore(
+    out: Path, jobs: int, progress: Progress | None = None, count: int | None = None
+) -> dict[str, Any]:
     """Runs what is missing of the design in ``out``; returns, and writes there, what ``answers`` finds.
 
     Raises ``UserError`` where the folder cannot be written or holds points of another design."""
@@ -82,7 +104,9 @@ def explore(out: Path, jobs: int, progress: Progress | None = None, count: int |
     done = {int(row["point"]): row for row in read_points(path)} if path.is_file() else {}
     for number, row in done.items():
         if wanted.get(number) != {name: row.get(name) for name in levels()}:
-            raise UserError(f"{path}: point {number} is of another design; name another folder with --out")
+            raise UserError(
+                f"{path}: point {number} is of another design; name another folder with --out"
+            )
     out.mkdir(parents=True, exist_ok=True)
     missing = [(number, point) for number, point in wanted.items() if number not in done]
     with closing(in_processes(judged, missing, jobs)) as finished:
@@ -100,7 +124,9 @@ def explore(out: Path, jobs: int, progress: Progress | None = None, count: int |
 
 def _write(path: Path, rows: Iterable[Mapping[str, str]]) -> None:
     with atomic_write(path) as beside, beside.open("w", newline="", encoding="utf-8") as file:
-        write = csv.DictWriter(file, ["point", *levels(), *(claim.id for claim in _claims())], lineterminator="\n")
+        write = csv.DictWriter(
+            file, ["point", *levels(), *(claim.id for claim in _claims())], lineterminator="\n"
+        )
         write.writeheader()
         write.writerows(rows)
 
@@ -161,10 +187,18 @@ def _against(claims: Sequence[str], table: Values) -> list[dict[str, Any]]:
     for i, j in itertools.combinations(range(len(claims)), 2):
         both = table[[i, j]][:, ~np.isnan(table[[i, j]]).any(axis=0)]
         expected, together = (
-            (float(both[0].mean() * both[1].sum()), int(both.prod(axis=0).sum())) if both.size else (0, 0)
+            (float(both[0].mean() * both[1].sum()), int(both.prod(axis=0).sum()))
+            if both.size
+            else (0, 0)
         )
         if expected >= design()["expected_together"] and together <= SELDOM * expected:
-            found.append({"claims": [claims[i], claims[j]], "expected": _rounded(expected), "together": together})
+            found.append(
+                {
+                    "claims": [claims[i], claims[j]],
+                    "expected": _rounded(expected),
+                    "together": together,
+                }
+            )
     return sorted(found, key=lambda one: (one["together"] > 0, -one["expected"]))
 
 
@@ -173,16 +207,30 @@ def _split(table: Mapping[str, Values]) -> list[dict[str, Any]]:
 
     ``chance``: the 95 % interval of as many points drawn at random."""
     found, best = [], min(design()["best"], len(next(iter(table.values()))))
-    scores = {name: np.nanmean([table[one] for one in of], axis=0) for name, of in design()["halves"].items()}
+    scores = {
+        name: np.nanmean([table[one] for one in of], axis=0)
+        for name, of in design()["halves"].items()
+    }
     for by, other in itertools.permutations(scores, 2):
         chosen, of = np.argsort(-scores[by], kind="stable")[:best], scores[other]
         half = 1.96 * float(of.std(ddof=1)) * np.sqrt((1 - best / len(of)) / best)
-        shares = {"own": scores[by][chosen].mean(), "own_of_all": scores[by].mean(), "other": of[chosen].mean()}
+        shares = {
+            "own": scores[by][chosen].mean(),
+            "own_of_all": scores[by].mean(),
+            "other": of[chosen].mean(),
+        }
         shares |= {"other_of_all": of.mean()}
         chance = [_rounded(of.mean() - half), _rounded(of.mean() + half)]
         flat = scores[by].std() == 0 or of.std() == 0  # where every point is as good
         r = None if flat else _rounded(np.corrcoef(scores[by], of)[0, 1])
-        found.append({"by": by, **{name: _rounded(one) for name, one in shares.items()}, "chance": chance, "r": r})
+        found.append(
+            {
+                "by": by,
+                **{name: _rounded(one) for name, one in shares.items()},
+                "chance": chance,
+                "r": r,
+            }
+        )
     return found
 
 
@@ -194,10 +242,19 @@ def text(found: Mapping[str, Any]) -> str:
     """The answers as Markdown tables."""
     claims = []
     for name, one in found["claims"].items():
-        strong = {c: of for c, of in one["drivers"].items() if of["share_of_variance"] >= LEAST_SHARE}
-        at = {c: ", ".join(f"{level} {held:.2f}" for level, held in of["holds_at"].items()) for c, of in strong.items()}
-        drivers = "; ".join(f"{c} ({of['share_of_variance']:.2f}): {at[c]}" for c, of in strong.items())
-        claims.append([name, "not tried" if one["holds"] is None else format(one["holds"], ".0%"), drivers])
+        strong = {
+            c: of for c, of in one["drivers"].items() if of["share_of_variance"] >= LEAST_SHARE
+        }
+        at = {
+            c: ", ".join(f"{level} {held:.2f}" for level, held in of["holds_at"].items())
+            for c, of in strong.items()
+        }
+        drivers = "; ".join(
+            f"{c} ({of['share_of_variance']:.2f}): {at[c]}" for c, of in strong.items()
+        )
+        claims.append(
+            [name, "not tried" if one["holds"] is None else format(one["holds"], ".0%"), drivers]
+        )
     against = [
         [" and ".join(one["claims"]), str(one["together"]), f"{one['expected']:.0f}"]
         for one in found["against_each_other"]
@@ -205,7 +262,13 @@ def text(found: Mapping[str, Any]) -> str:
     cells = ("{by}", "{own:.0%} (all points {own_of_all:.0%})", "{other:.1%}", "{other_of_all:.1%}",
              "{chance[0]:.1%} to {chance[1]:.1%}")  # fmt: skip
     split = [[cell.format_map(one) for cell in cells] for one in found["split"]]
-    best = ["best by", "hold of these", "of the other half", "at all points", "95 % of random choices"]
+    best = [
+        "best by",
+        "hold of these",
+        "of the other half",
+        "at all points",
+        "95 % of random choices",
+    ]
     what = "what explains most (share of variance): share at each level"
     return "\n\n".join([
         markdown(["claim", "holds at", what], claims),

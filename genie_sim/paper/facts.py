@@ -26,15 +26,21 @@ FOR_EVER_NS = 2**62
 EARLY_PERCENTILES = (10, 20, 30, 40, 50)
 
 
-def facts_of(frames: Columns, lookups: Columns, resources: Columns, redefined: bool = True) -> Facts:
+def facts_of(
+    frames: Columns, lookups: Columns, resources: Columns, redefined: bool = True
+) -> Facts:
     """All facts of a run from its tables, as the default defines its metrics, and with ``redefined`` under every other
     definition, too (``definitions.fact``)."""
-    facts = _of_metrics(metrics.compute(METHODS, {"frames": frames, "lookups": lookups}, intervals=False))
+    facts = _of_metrics(
+        metrics.compute(METHODS, {"frames": frames, "lookups": lookups}, intervals=False)
+    )
     facts.update(_of_early_and_late(frames))
     both = frames.where(method="remote")
     both = both.rows((both["bytes_up"] > 0) & (both["bytes_down"] > 0))
     if len(both):
-        facts["image_to_objects_bytes:remote"] = ratio(both["bytes_up"].sum(), both["bytes_down"].sum())
+        facts["image_to_objects_bytes:remote"] = ratio(
+            both["bytes_up"].sum(), both["bytes_down"].sum()
+        )
     maps = lookups.rows(lookups["kind"] != "image")
     for placement in metrics.PLACEMENTS:
         facts[f"boost_per_object:{placement}"] = _boost_per_object(maps.where(placement=placement))
@@ -45,7 +51,9 @@ def facts_of(frames: Columns, lookups: Columns, resources: Columns, redefined: b
         facts.update(_from_stamp(frames, lookups, resources))
         facts.update(of_running_ratios(lookups))
         facts["image_running_peak_at:car"] = _peak_at(metrics.running_reuse(of_cars), frames)
-    facts.update(_of_resources(resources, frames["stamp_ns"][frames["lap"] == 1].min(initial=FOR_EVER_NS)))
+    facts.update(
+        _of_resources(resources, frames["stamp_ns"][frames["lap"] == 1].min(initial=FOR_EVER_NS))
+    )
     return facts
 
 
@@ -54,7 +62,9 @@ def _from_stamp(frames: Columns, lookups: Columns, resources: Columns) -> Facts:
     stamped = frames.assign(received_ns=frames["stamp_ns"])
     found = _of_metrics(metrics.compute(METHODS, {"frames": stamped}, intervals=False))
     found |= _of_early_and_late(stamped)
-    return {renamed: found[name] for name in found if (renamed := fact(name, {"time": "stamp"})) != name}
+    return {
+        renamed: found[name] for name in found if (renamed := fact(name, {"time": "stamp"})) != name
+    }
 
 
 def _of_metrics(found: Iterable[Metric]) -> Facts:
@@ -76,15 +86,21 @@ def _of_early_and_late(frames: Columns) -> Facts:
         if not len(mine):
             continue
         times_ms, stamp_ns = metrics.response_ms(mine, "first"), mine["stamp_ns"]
-        for percent, value in zip(EARLY_PERCENTILES, _percentiles(times_ms, EARLY_PERCENTILES), strict=True):
+        for percent, value in zip(
+            EARLY_PERCENTILES, _percentiles(times_ms, EARLY_PERCENTILES), strict=True
+        ):
             facts[f"first_answer_p{percent}:{method}"] = value
         late = stamp_ns > stamp_ns.min() + 2 / 3 * (stamp_ns.max() - stamp_ns.min())
         for answer, name in (("fresh", "late_fresh_share"), ("first", "late_answered_share")):
-            facts[f"{name}:{method}"] = float((~np.isnan(mine.floats(f"{answer}_answer_ns")))[late].mean())
+            facts[f"{name}:{method}"] = float(
+                (~np.isnan(mine.floats(f"{answer}_answer_ns")))[late].mean()
+            )
         for car in frames["car"].unique():
             of_car = times_ms[mine["car"] == car]
             known = of_car[~np.isnan(of_car)]
-            facts[f"first_answer_mean:{method}:{car}"] = float(known.mean()) if len(known) else math.nan
+            facts[f"first_answer_mean:{method}:{car}"] = (
+                float(known.mean()) if len(known) else math.nan
+            )
             facts[f"first_answer_p99:{method}:{car}"] = _percentiles(of_car, [99])[0]
     return facts
 
@@ -107,7 +123,9 @@ def of_running_ratios(lookups: Columns) -> Facts:
     ):
         for placement in metrics.PLACEMENTS:
             ratios = metrics.running_reuse(events.where(placement=placement))["ratio"]
-            facts[f"{metric}_highest_running:{placement}"] = float(ratios.max()) if len(ratios) else math.nan
+            facts[f"{metric}_highest_running:{placement}"] = (
+                float(ratios.max()) if len(ratios) else math.nan
+            )
     return facts
 
 
@@ -115,19 +133,28 @@ def _of_resources(resources: Columns, lap_ns: int) -> Facts:
     """What devices had done at the end, and detectors when the second lap began."""
     facts: Facts = {}
     resources = resources.by("t_ns")
-    cpus = [of_one.rows([-1]) for _, of_one in resources.where(method="genie", kind="cpu").groups("resource")]
-    busy_ns, completed = (sum(int(one[name][0]) for one in cpus) for name in ("busy_ns", "completed"))
+    cpus = [
+        of_one.rows([-1])
+        for _, of_one in resources.where(method="genie", kind="cpu").groups("resource")
+    ]
+    busy_ns, completed = (
+        sum(int(one[name][0]) for one in cpus) for name in ("busy_ns", "completed")
+    )
     facts["handling_ms"] = ratio(busy_ns / NS_PER_MS, completed)
     runs = lap1 = 0
     for method, of_method in resources.where(kind="accelerator").groups("method"):
         for resource, samples in of_method.groups("resource"):
             host, completed = resource.removesuffix(".accelerator"), samples["completed"]
-            facts[f"accelerator_rate:{method}:{host}"] = ratio(completed[-1], samples["busy_ns"][-1] / NS_PER_S)
+            facts[f"accelerator_rate:{method}:{host}"] = ratio(
+                completed[-1], samples["busy_ns"][-1] / NS_PER_S
+            )
             if method == "genie":
                 runs += int(completed[-1])
                 lap1 += int(completed[samples["t_ns"] <= lap_ns].max(initial=0))
     of_laps = {":lap1": lap1, ":lap2": runs - lap1} if lap_ns < FOR_EVER_NS else {}
-    return facts | {f"detector_runs{lap}": float(count) for lap, count in {"": runs, **of_laps}.items()}
+    return facts | {
+        f"detector_runs{lap}": float(count) for lap, count in {"": runs, **of_laps}.items()
+    }
 
 
 def _boost_per_object(maps: Columns) -> float:

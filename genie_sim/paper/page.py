@@ -30,7 +30,15 @@ FIGURES = {  # in the paper's order, then ours
     "sensitivity": "Sensitivity",
     "worth": "What the answers are worth",
 }
-CLAIMED = ("id", "where", "claim", "test", "expect", "tolerance", "kind")  # kind: that of the first reading
+CLAIMED = (
+    "id",
+    "where",
+    "claim",
+    "test",
+    "expect",
+    "tolerance",
+    "kind",
+)  # kind: that of the first reading
 COMPARED = [method.name for method in METHODS]
 BASELINES = [method.name for method in METHODS if method.baseline]
 ANSWERS: tuple[tuple[str, str, str, str, list[str]], ...] = (  # title, unit, first, fresh, the methods they are of
@@ -60,8 +68,14 @@ def page_data(folder: Path) -> dict[str, Any]:
     """Everything on the page, as plain JSON values; nothing of when, where and how fast it was made."""
     rows = verdict_table.read_rows(folder)
     notes = list(filter(None, [verdict_table.few_seeds(rows)]))
-    about, readings, every = (_read(folder / name) for name in ("run.json", "readings.json", "metrics.json"))
-    metrics = {(one["scenario"], one["name"]): one for one in every if one["reading"] == readings[0]["name"]}
+    about, readings, every = (
+        _read(folder / name) for name in ("run.json", "readings.json", "metrics.json")
+    )
+    metrics = {
+        (one["scenario"], one["name"]): one
+        for one in every
+        if one["reading"] == readings[0]["name"]
+    }
     names = ("genie_sim", "quick", "seeds", "calibration", "trace")
     return {
         "about": {"name": TITLE, "description": "", **{name: about[name] for name in names}},
@@ -69,7 +83,9 @@ def page_data(folder: Path) -> dict[str, Any]:
         "verdicts": VERDICTS,
         "readings": readings,
         "claims": list(_claims(rows)),
-        "improvement": [_of(metrics, "all", f"improvement_{answer}") for answer in ("first", "fresh")],
+        "improvement": [
+            _of(metrics, "all", f"improvement_{answer}") for answer in ("first", "fresh")
+        ],
         "answers": list(_answers(metrics)),
         "metrics": [
             [*(one[name] for name in ("reading", "scenario", "name")), *_interval(one), one["n"]]
@@ -133,7 +149,9 @@ def _figures(folder: Path, notes: list[str]) -> Iterator[dict[str, str]]:
             continue
         picture = path.read_bytes()
         if len(picture) > room:
-            notes.append(f"The figure {name} is too large for this page; see figures/{name}.svg beside it.")
+            notes.append(
+                f"The figure {name} is too large for this page; see figures/{name}.svg beside it."
+            )
             continue
         room -= len(picture)
         source = f"data:image/svg+xml;base64,{base64.b64encode(picture).decode()}"
@@ -162,19 +180,30 @@ def _sensitivity(found: Mapping[str, Any] | None) -> dict[str, Any] | None:
     sweeps = [
         {name: row[name] for name in ("parameter", "title", "unit", "paper", "used")}
         | {"values": [point["value"] for point in row["points"]]}
-        | {name: [[rounded(end) for end in point[name]] for point in row["points"]] for name in measures}
+        | {
+            name: [[rounded(end) for end in point[name]] for point in row["points"]]
+            for name in measures
+        }
         for row in found["sweeps"]
     ]
-    ordered = sorted(found["claims_that_hold_under"].items(), key=lambda one: (len(one[0]), one[0]))  # C2 before C10
+    ordered = sorted(
+        found["claims_that_hold_under"].items(), key=lambda one: (len(one[0]), one[0])
+    )  # C2 before C10
     variants = [
-        {"name": name, "plausible": one["plausible"], "holds": [claim for claim, under in ordered if name in under]}
+        {
+            "name": name,
+            "plausible": one["plausible"],
+            "holds": [claim for claim, under in ordered if name in under],
+        }
         | {measure: [rounded(end) for end in one[measure]] for measure in measures}
         for name, one in found["variants"].items()
     ]
     return {"sweeps": sweeps, "variants": variants}
 
 
-def _of(metrics: Mapping[tuple[str, str], Mapping[str, Any]], *key: str) -> list[float | None] | None:
+def _of(
+    metrics: Mapping[tuple[str, str], Mapping[str, Any]], *key: str
+) -> list[float | None] | None:
     metric = metrics.get((key[0], key[1]))
     return None if metric is None else _interval(metric)
 

@@ -20,14 +20,19 @@ from genie_sim.paper.facts import METHODS
 from genie_sim.paper.replicate import Outcome, in_parallel
 from genie_sim.recording.columns import Columns, Text, concat
 
-TITLES = {name: f"{name[0]} car{'s' if name[0] > '1' else ''}, {'hetero.' if name in HE else 'homo.'}" for name in ALL}
+TITLES = {
+    name: f"{name[0]} car{'s' if name[0] > '1' else ''}, {'hetero.' if name in HE else 'homo.'}"
+    for name in ALL
+}
 WRAPPED = {name: title.replace(", ", "\n") for name, title in TITLES.items()}
 OBJECTS_LINE: dict[str, Any] = {"color": "0.1", "marker": "o", "markersize": 3.5, "linewidth": 1.6}
 IMAGES_LINE: dict[str, Any] = {
     "color": "0.55", "marker": "s", "markersize": 3.5, "linewidth": 1.6, "linestyle": (0, (4, 1.2)),
 }  # fmt: skip
 PAPER_LINE: dict[str, Any] = {"linewidth": 0.9, "linestyle": (0, (1, 1.5))}
-LOGARITHMIC_FROM = 10.0  # a sweep whose largest value is this many times its smallest gets a logarithmic axis
+LOGARITHMIC_FROM = (
+    10.0  # a sweep whose largest value is this many times its smallest gets a logarithmic axis
+)
 
 Row = Mapping[str, Any]
 
@@ -51,7 +56,9 @@ def draw(
         "latency_cdf_of_published": partial(figures.latency_cdf, frames, METHODS, footer),
         "image_reuse": partial(figures.image_reuse, lookups, METHODS, footer),
         "object_reuse": partial(figures.object_reuse, lookups, METHODS, footer),
-        "confidence_boost": partial(figures.confidence_boost, one_seed, METHODS, f"{footer}; the first seed"),
+        "confidence_boost": partial(
+            figures.confidence_boost, one_seed, METHODS, f"{footer}; the first seed"
+        ),
         "case_study": partial(_case_study, tables[CASE], footer),
         "worth": partial(_worth, worth, footer),
     }
@@ -73,11 +80,16 @@ def _case_study(outcomes: Sequence[Outcome], footer: str) -> Figure:
     """Vision-assisted driving (paper: Fig. "bs"): response times of both cars, and reuse over events: the running ratio
     hits / requests."""
     figure = Figure(figsize=(PAGE_IN, 2.8), layout="constrained")
-    figure.set_label(f"Vision-assisted driving: car2 has no cameras\n{footer}; reuse: the first seed")
+    figure.set_label(
+        f"Vision-assisted driving: car2 has no cameras\n{footer}; reuse: the first seed"
+    )
     left, right = figure.subplots(1, 2)
     objects, images = OBJECTS_LINE | {"marker": ""}, IMAGES_LINE | {"marker": ""}
     genie = _pooled(outcomes, "frames").where(method="genie")
-    for car, label, look in (("car2", "car2, no cameras", objects), ("car1", "car1, cameras", images)):
+    for car, label, look in (
+        ("car2", "car2, no cameras", objects),
+        ("car1", "car1, cameras", images),
+    ):
         values = metrics.response_ms(genie.where(car=car), "first")
         ordered = np.sort(values[~np.isnan(values)])
         left.plot(ordered, np.arange(1, len(ordered) + 1) / len(ordered), label=label, **look)
@@ -109,7 +121,9 @@ def _sweeps(rows: Sequence[Row], targets: Mapping[str, float], footer: str) -> F
     ``value``, ``object_reuse`` and ``image_reuse`` as (mean, low, high).
     """
     figure = Figure(figsize=(PAGE_IN, 0.9 + 1.75 * -(-len(rows) // 3)), layout="constrained")
-    figure.set_label(f"Reuse against each parameter that the paper leaves open, all else unchanged\n{footer}")
+    figure.set_label(
+        f"Reuse against each parameter that the paper leaves open, all else unchanged\n{footer}"
+    )
     grid = figure.subplots(-(-len(rows) // 3), 3, sharey=True, squeeze=False)
     axes = list(grid.flat)
     for axis, row in zip(axes, rows, strict=False):
@@ -124,29 +138,53 @@ def _sweeps(rows: Sequence[Row], targets: Mapping[str, float], footer: str) -> F
 
 
 @in_style()
-def _calibration(points: Sequence[Row], best: Row, targets: Mapping[str, float], footer: str) -> Figure:
+def _calibration(
+    points: Sequence[Row], best: Row, targets: Mapping[str, float], footer: str
+) -> Figure:
     """Both calibrated numbers over the two fitted parameters, with the paper's level as a line where it is reached."""
     figure = Figure(figsize=(PAGE_IN, 3.0), layout="constrained")
-    figure.set_label(f"Calibration: the two published numbers over the two fitted parameters\n{footer}")
+    figure.set_label(
+        f"Calibration: the two published numbers over the two fitted parameters\n{footer}"
+    )
     left, right = figure.subplots(1, 2, sharey=True)
     for axis, name, target, title in (
         (left, "object_reuse", targets["object_reuse_mean"], "object reuse, mean of 12 bars"),
         (right, "ratio", targets["object_to_image_reuse"], "object reuse / image reuse"),
     ):
-        overlap, gate_m, values = (np.array([row[key] for row in points]) for key in ("overlap", "gate_m", name))
-        shades = axis.scatter(overlap, gate_m, c=values, cmap="cividis", s=42, edgecolors="black", linewidths=0.4)
+        overlap, gate_m, values = (
+            np.array([row[key] for row in points]) for key in ("overlap", "gate_m", name)
+        )
+        shades = axis.scatter(
+            overlap, gate_m, c=values, cmap="cividis", s=42, edgecolors="black", linewidths=0.4
+        )
         for x, y, value in zip(overlap, gate_m, values, strict=True):
             is_best = (x, y) == (best["overlap"], best["gate_m"])
             in_the_way = (abs(overlap - x) < 0.09) & (gate_m >= y) & (gate_m < y + 0.3)
             if is_best or in_the_way.sum() == 1:  # its own point alone
                 offset = (0, -12 if is_best else 6)
-                axis.annotate(f"{value:.2f}", (x, y), offset, textcoords="offset points", ha="center", fontsize=6)
+                axis.annotate(
+                    f"{value:.2f}",
+                    (x, y),
+                    offset,
+                    textcoords="offset points",
+                    ha="center",
+                    fontsize=6,
+                )
         if values.min() < target < values.max():
-            axis.tricontour(overlap, gate_m, values, levels=[target], colors="#C44E00", linewidths=1.4)
+            axis.tricontour(
+                overlap, gate_m, values, levels=[target], colors="#C44E00", linewidths=1.4
+            )
             title += f"; line: {target:g}"
         else:
             title += f"; {target:g} not reached"
-        axis.plot(best["overlap"], best["gate_m"], marker="x", color="#C44E00", markersize=9, markeredgewidth=2)
+        axis.plot(
+            best["overlap"],
+            best["gate_m"],
+            marker="x",
+            color="#C44E00",
+            markersize=9,
+            markeredgewidth=2,
+        )
         axis.set_title(title)
         axis.set_xlabel("overlap of the routes")
         axis.set_xlim(overlap.min() - 0.08, overlap.max() + 0.08)
@@ -160,7 +198,9 @@ def _calibration(points: Sequence[Row], best: Row, targets: Mapping[str, float],
 def _worth(rows: Sequence[Row], footer: str) -> Figure:
     """Precision, recall and ghosts of what the consumer holds, for L, R and DG; ``rows`` as ``quality`` makes them."""
     figure = Figure(figsize=(PAGE_IN, 2.6), layout="constrained")
-    figure.set_label(f"What the consumer holds at each instant, against KITTI's labels (drive 0005)\n{footer}")
+    figure.set_label(
+        f"What the consumer holds at each instant, against KITTI's labels (drive 0005)\n{footer}"
+    )
     names = {"object_precision": "precision", "object_recall_static": "recall, static",
              "object_recall_moving": "recall, moving", "ghost_share": "ghosts"}  # fmt: skip
     axis = figure.subplots()
@@ -173,7 +213,14 @@ def _worth(rows: Sequence[Row], footer: str) -> Figure:
                 at = x + 0.27 * (place - 1)
                 look = style.method_bar(place) | {"label": label}
                 axis.bar(at, mean, 0.25, edgecolor="black", linewidth=0.7, **look)
-                axis.errorbar(at, mean, yerr=[[mean - low], [high - mean]], color="black", linewidth=1, capsize=3)
+                axis.errorbar(
+                    at,
+                    mean,
+                    yerr=[[mean - low], [high - mean]],
+                    color="black",
+                    linewidth=1,
+                    capsize=3,
+                )
     axis.set_xticks(range(len(names)), list(names.values()))
     axis.grid(axis="x", visible=False)
     axis.set_ylabel("share of objects")
@@ -215,7 +262,9 @@ def _pooled(outcomes: Sequence[Outcome], table: str) -> Columns:
         part = _table(outcome, table)
         if "genie" in part.names:
             genies = part["genie"]
-            part = part.assign(genie=Text.of(genies.codes, [f"{genie}#{number}" for genie in genies.names]))
+            part = part.assign(
+                genie=Text.of(genies.codes, [f"{genie}#{number}" for genie in genies.names])
+            )
         parts.append(part)
     return concat(parts)
 

@@ -26,7 +26,11 @@ UNITS = dict.fromkeys(SHARES, "1") | {"gospa": "m", "held_age": "s", "place_erro
 
 def facts_of(held: Columns) -> Facts:
     """``number:method`` of one run, and ``number:floor``; NaN where not defined, nothing without a truth table."""
-    found = correctness.of_held(held, [method.name for method in METHODS], intervals=False) if len(held) else ()
+    found = (
+        correctness.of_held(held, [method.name for method in METHODS], intervals=False)
+        if len(held)
+        else ()
+    )
     return {
         f"{one.metric}:{one.component or one.method}": math.nan if one.value is None else one.value
         for one in found
@@ -42,5 +46,7 @@ def summarise(evidence: Evidence, scenarios: Sequence[str]) -> list[dict[str, An
             values = evidence.mean_of(scenarios, [f"{name}:{method}"])
             if not np.isnan(values).any():
                 found = dict(zip(("value", "low", "high"), interval(values), strict=True))
-                rows.append({"method": method, "name": name, "unit": unit, **found, "n": len(values)})
+                rows.append(
+                    {"method": method, "name": name, "unit": unit, **found, "n": len(values)}
+                )
     return rows

@@ -63,7 +63,10 @@ class Reading(Model):
     def _definitions_exist(self) -> "Reading":
         for metric, definition in self.definitions.items():
             if definition not in DEFINITIONS[metric]:
-                problem(f"metrics.{metric}.definition", unknown("definition", definition, DEFINITIONS[metric]))
+                problem(
+                    f"metrics.{metric}.definition",
+                    unknown("definition", definition, DEFINITIONS[metric]),
+                )
         return self
 
     @cached_property
@@ -75,7 +78,9 @@ class Reading(Model):
     @property
     def means_others(self) -> bool:
         """Whether some metric is not what the default means by it."""
-        return any(DEFINITIONS[metric][definition] for metric, definition in self.definitions.items())
+        return any(
+            DEFINITIONS[metric][definition] for metric, definition in self.definitions.items()
+        )
 
     def settings(self, calibrated: Iterable[str]) -> tuple[str, ...]:
         """Settings of its runs: what it takes of those that were fitted, and what it sets."""
@@ -84,7 +89,9 @@ class Reading(Model):
 
     def as_json(self) -> dict[str, Any]:
         """For ``readings.json``: each metric as the reading means it."""
-        said = load_reading(DEFAULT).metrics.model_dump() | self.metrics.model_dump(exclude_none=True)
+        said = load_reading(DEFAULT).metrics.model_dump() | self.metrics.model_dump(
+            exclude_none=True
+        )
         return {**self.model_dump(by_alias=True, exclude={"path"}), "metrics": said}
 
 
@@ -98,4 +105,6 @@ def load_reading(name: str) -> Reading:
     path = Path(name) if name.endswith(".yaml") else FOLDER / f"{name}.yaml"
     if path.parent == FOLDER and name not in NAMES:
         raise UserError(f"{unknown('reading', name, NAMES)}, or the path of a .yaml file")
-    return validate(Reading, read_mapping(path) | {"name": path.stem, "path": path}, lambda _: str(path))
+    return validate(
+        Reading, read_mapping(path) | {"name": path.stem, "path": path}, lambda _: str(path)
+    )

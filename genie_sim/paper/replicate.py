@@ -67,11 +67,17 @@ class Outcome:
     lookups: Columns | None = None
 
 
-Simulate = Callable[[Sequence[Job], str], list[Outcome]]  # jobs, and what they are for, for the progress bar
+Simulate = Callable[
+    [Sequence[Job], str], list[Outcome]
+]  # jobs, and what they are for, for the progress bar
 
 
 def in_parallel(
-    run: Callable[[Work], T], jobs: Sequence[Work], workers: int, progress: Progress | None = None, what: str = "runs"
+    run: Callable[[Work], T],
+    jobs: Sequence[Work],
+    workers: int,
+    progress: Progress | None = None,
+    what: str = "runs",
 ) -> list[T]:
     """``run`` of each job, in the order of the jobs; ``progress`` is told how many are done, of how many. Ctrl-C stops
     all processes."""
@@ -98,13 +104,19 @@ def outcome_of(prepared: Prepared, keep_tables: bool = False, redefined: bool = 
         setup = build.setup(prepared, method)
         held = held_of(prepared, method.name, setup, tables, judged)
         with gc_disabled():
-            world = World(setup, build.method(method), Log(method.name, tables, samples="processors", held=held))
+            world = World(
+                setup,
+                build.method(method),
+                Log(method.name, tables, samples="processors", held=held),
+            )
             watch.before(method.name, world)
             world.run()
             watch.after(world)
             judged.update(prepared.drives)
             world.dismantle()
-    frames, lookups, resources = (table.columns() for table in (tables.frames, tables.lookups, tables.resources))
+    frames, lookups, resources = (
+        table.columns() for table in (tables.frames, tables.lookups, tables.resources)
+    )
     facts = facts_of(frames, lookups, resources, redefined)
     facts |= quality.facts_of(tables.held.columns()) | watch.facts()
     return Outcome(facts, frames, lookups) if keep_tables else Outcome(facts)
@@ -117,7 +129,9 @@ def prepare_job(job: Job) -> Prepared:
     overrides = [*_expanded(_plain(job.scenario), words, job.seed), *own, *overrides]
     scenario = load_scenario(job.scenario, overrides, job.seed)
     name = str(scenario.perception.parameters["trace"])
-    recordings = _recordings(name, float(words.get("min_score", 0.0)), float(words.get("frame_rate_hz", 0)))
+    recordings = _recordings(
+        name, float(words.get("min_score", 0.0)), float(words.get("frame_rate_hz", 0))
+    )
     return on_frames(scenario, recordings)
 
 
@@ -162,7 +176,9 @@ def _expanded(scenario: Scenario, words: Mapping[str, str], seed: int) -> Iterat
         yield f"edge_network={words['links']}"
     if "gate_m" in words:
         yield f"genie.object_map.gate={words['gate_m']} m"
-    if "similarity" in words and all(car.cameras for car in cars):  # of pictures; phantom Genies have positions only
+    if "similarity" in words and all(
+        car.cameras for car in cars
+    ):  # of pictures; phantom Genies have positions only
         yield f"genie.similarity={words['similarity']}"
     if "image_cell_m" in words:
         yield f"genie.similarity={{name: pose_grid, cell: {words['image_cell_m']} m}}"
@@ -215,9 +231,13 @@ def _recordings(name: str, min_score: float, rate_hz: float) -> Recordings:
     every = round(RECORDED_HZ / rate_hz) if rate_hz else 1
 
     def kept(frame: TraceFrame) -> TraceFrame:
-        return replace(frame, detections=tuple(one for one in frame.detections if one.score >= min_score))
+        return replace(
+            frame, detections=tuple(one for one in frame.detections if one.score >= min_score)
+        )
 
-    frames = {camera: tuple(map(kept, sequence[::every])) for camera, sequence in whole.frames.items()}
+    frames = {
+        camera: tuple(map(kept, sequence[::every])) for camera, sequence in whole.frames.items()
+    }
     return Recordings(Trace(whole.name, whole.origin, frames, whole.provenance))
 
 

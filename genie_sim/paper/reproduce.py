@@ -25,7 +25,15 @@ from genie_sim.paper.claims import Verdict, judge
 from genie_sim.paper.evidence import Evidence, Values, interval
 from genie_sim.paper.facts import Facts
 from genie_sim.paper.readings import DEFAULT, Reading, load_readings
-from genie_sim.paper.replicate import EVERY_METHOD, Job, Outcome, Progress, TimeLeft, in_parallel, prepare_job
+from genie_sim.paper.replicate import (
+    EVERY_METHOD,
+    Job,
+    Outcome,
+    Progress,
+    TimeLeft,
+    in_parallel,
+    prepare_job,
+)
 from genie_sim.paper.runs import Runs
 from genie_sim.recording import provenance
 from genie_sim.scenario.yaml_input import read_mapping
@@ -36,7 +44,11 @@ QUICK_SEEDS = 4
 FOR_CLAIMS: dict[str, tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]] = {
     "base": ((CASE,), (), EVERY_METHOD),
     "ideal_link": ((HE[0],), ("links=ideal",), ("remote", "genie")),
-    "no_edge_sharing": (SHARED, ("genie.share_requests=false", "genie.share_answers=on_request"), ("genie",)),
+    "no_edge_sharing": (
+        SHARED,
+        ("genie.share_requests=false", "genie.share_answers=on_request"),
+        ("genie",),
+    ),
     "two_laps": ((HO[0], HE[0]), ("laps=2",), ("genie",)),
     "cut_link": ((HO[0],), ("link=cut",), ("local", "genie")),
 }
@@ -87,21 +99,32 @@ def reproduce(
     workers = workers or os.cpu_count() or 1
     used_seeds = _seeds(assumptions, quick, seeds)
     swept = not quick and readings[0].name == DEFAULT
-    tell = TimeLeft(_total(assumptions, len(readings), quick, swept, len(used_seeds)) + len(on_drives), progress)
+    tell = TimeLeft(
+        _total(assumptions, len(readings), quick, swept, len(used_seeds)) + len(on_drives), progress
+    )
     runs = Runs(workers, tell)
-    fitted = calibrate(assumptions, runs) if not quick and any(one.fitted for one in readings) else None
+    fitted = (
+        calibrate(assumptions, runs) if not quick and any(one.fitted for one in readings) else None
+    )
     if fitted is not None:
         calibrated = fitted.best.settings
     judged, tables = _evaluate(readings, calibrated, used_seeds, runs)
     arms = run_arms(assumptions, judged[0].settings, used_seeds, runs) if swept else None
-    made = _Evaluation(judged, used_seeds, tables, fitted, arms, quality.summarise(judged[0].evidence, ALL))
+    made = _Evaluation(
+        judged, used_seeds, tables, fitted, arms, quality.summarise(judged[0].evidence, ALL)
+    )
     driven = in_parallel(drives.run_drive, on_drives, workers, tell, "drives") if on_drives else []
     with provenance.result_folder(out) as folder:
         made.write(folder)
         table = drives.write(folder, driven) if driven else ""
         made.draw(folder / "figures", workers)
         wall_time_s = time.perf_counter() - tell.began_s
-        about = {"quick": quick, "workers": workers, "wall_time_s": round(wall_time_s, 1), **made.provenance()}
+        about = {
+            "quick": quick,
+            "workers": workers,
+            "wall_time_s": round(wall_time_s, 1),
+            **made.provenance(),
+        }
         provenance.write_json(folder / "run.json", about)
         report.write_text(folder / report.NAME, evaluation.page(folder))
     return Reproduction(out, judged, wall_time_s, table)
@@ -143,7 +166,11 @@ class _Evaluation:
         provenance.write_json(folder / "readings.json", readings)
         text = verdict_table.document(rows, readings, self.worth)
         (folder / "verdicts.md").write_text(text, encoding="utf-8")
-        metrics = [{"reading": one.reading.name, **row} for one in self.judged for row in _metrics(one.evidence)]
+        metrics = [
+            {"reading": one.reading.name, **row}
+            for one in self.judged
+            for row in _metrics(one.evidence)
+        ]
         provenance.write_json(folder / "metrics.json", metrics)
         provenance.write_json(folder / "quality.json", self.worth)
         if self.fitted is not None:
@@ -160,20 +187,28 @@ class _Evaluation:
         footer = f"genie-sim reproduce, {first.reading.name}: {', '.join(first.settings)}, {len(self.seeds)} seeds"
         sweeps = self.arms.sweeps if self.arms is not None else []
         targets = load_assumptions().targets
-        paper_figures.draw(folder, self.tables, self.fitted, sweeps, self.worth, targets, footer, workers)
+        paper_figures.draw(
+            folder, self.tables, self.fitted, sweeps, self.worth, targets, footer, workers
+        )
 
     def provenance(self) -> dict[str, Any]:
         """For ``run.json``: what the numbers come from."""
         here = Path(__file__).parent
         inputs = [here / name for name in ("assumptions.yaml", "claims.yaml")]
         inputs += [one.reading.path for one in self.judged]
-        names = [str(path.relative_to(here)) if path.is_relative_to(here) else path.name for path in inputs]
+        names = [
+            str(path.relative_to(here)) if path.is_relative_to(here) else path.name
+            for path in inputs
+        ]
         return {
             "settings": {one.reading.name: list(one.settings) for one in self.judged},
             "seeds": list(self.seeds),
-            "calibration": "searched" if self.fitted else "that of the last full run (calibrated.yaml)",
+            "calibration": "searched"
+            if self.fitted
+            else "that of the last full run (calibrated.yaml)",
             "inputs": {
-                name: hashlib.sha256(path.read_bytes()).hexdigest() for name, path in zip(names, inputs, strict=True)
+                name: hashlib.sha256(path.read_bytes()).hexdigest()
+                for name, path in zip(names, inputs, strict=True)
             },
             "trace": next(iter(prepare_job(Job(ALL[0], 1)).frames.digests().values())),
             **provenance.environment(),
@@ -188,7 +223,11 @@ def _seeds(assumptions: Assumptions, quick: bool, seeds: int | None) -> tuple[in
 
 def _total(assumptions: Assumptions, readings: int, quick: bool, swept: bool, seeds: int) -> int:
     """How many runs will be asked for, about; the progress bar is told of those that are known already, too."""
-    base = readings * seeds * (len(ALL) + sum(len(scenarios) for scenarios, _, _ in FOR_CLAIMS.values()))
+    base = (
+        readings
+        * seeds
+        * (len(ALL) + sum(len(scenarios) for scenarios, _, _ in FOR_CLAIMS.values()))
+    )
     arms = (len(list(arms_of(assumptions))) + 1) * len(ALL) * seeds if swept else 0
     return base + arms + (0 if quick else most_jobs(assumptions))
 
@@ -198,19 +237,29 @@ def _evaluate(
 ) -> tuple[list[Judged], dict[str, list[Outcome]]]:
     """The verdicts under each reading, and the runs of the first by scenario, with their tables."""
     places: list[Key] = [("base", scenario) for scenario in ALL]
-    places += [(variant, scenario) for variant, (scenarios, _, _) in FOR_CLAIMS.items() for scenario in scenarios]
+    places += [
+        (variant, scenario)
+        for variant, (scenarios, _, _) in FOR_CLAIMS.items()
+        for scenario in scenarios
+    ]
     settings = [one.settings(calibrated) for one in readings]
     jobs = []
     for mine in settings:
         for variant, scenario in places:
             shown = mine is settings[0] and variant == "base"
             _, more, methods = FOR_CLAIMS[variant]
-            jobs += [Job(scenario, seed, (*mine, *more), methods, shown, judged=shown) for seed in seeds]
+            jobs += [
+                Job(scenario, seed, (*mine, *more), methods, shown, judged=shown) for seed in seeds
+            ]
     outcomes = iter(runs(jobs, "claims"))
     grouped = [{place: [next(outcomes) for _ in seeds] for place in places} for _ in readings]
-    facts = [{key: [one.facts for one in group] for key, group in found.items()} for found in grouped]
+    facts = [
+        {key: [one.facts for one in group] for key, group in found.items()} for found in grouped
+    ]
     judged = in_parallel(_judged, list(zip(readings, settings, facts, strict=True)), runs.workers)
-    return judged, {scenario: group for (variant, scenario), group in grouped[0].items() if variant == "base"}
+    return judged, {
+        scenario: group for (variant, scenario), group in grouped[0].items() if variant == "base"
+    }
 
 
 def _judged(asked: tuple[Reading, tuple[str, ...], Mapping[Key, Sequence[Facts]]]) -> Judged:
@@ -245,5 +294,11 @@ def _metrics(evidence: Evidence) -> list[dict[str, Any]]:
 
 def _metric(scenario: str, name: str, values: Values) -> dict[str, Any]:
     value, low, high = (float(f"{number:.6g}") for number in interval(values))
-    return {"scenario": scenario, "name": name, "value": value, "low": low, "high": high, "n": len(values)}
-
+    return {
+        "scenario": scenario,
+        "name": name,
+        "value": value,
+        "low": low,
+        "high": high,
+        "n": len(values),
+    }

@@ -9,7 +9,15 @@ from typing import NamedTuple
 from genie_sim.core.object_map import RANGE_60
 from genie_sim.core.rules import GenieRules
 from genie_sim.paper.facts import of_baselines
-from genie_sim.paper.replicate import EVERY_METHOD, Job, Outcome, Progress, in_parallel, prepare_job, run_job
+from genie_sim.paper.replicate import (
+    EVERY_METHOD,
+    Job,
+    Outcome,
+    Progress,
+    in_parallel,
+    prepare_job,
+    run_job,
+)
 
 
 class _Setup(NamedTuple):
@@ -66,19 +74,25 @@ class Runs:
         if job.methods == EVERY_METHOD:
             self._baselines[place] = outcome
         elif place in self._baselines:
-            outcome = replace(outcome, facts=of_baselines(self._baselines[place].facts) | outcome.facts)
+            outcome = replace(
+                outcome, facts=of_baselines(self._baselines[place].facts) | outcome.facts
+            )
         self._known[key] = job, outcome
 
 
 def _covers(done: Job, job: Job) -> bool:
     """Whether a job gave all that another of the same setup and seed asks for."""
-    return {*job.methods} <= {*done.methods} and all(getattr(done, name) >= getattr(job, name) for name in MORE)
+    return {*job.methods} <= {*done.methods} and all(
+        getattr(done, name) >= getattr(job, name) for name in MORE
+    )
 
 
 def _both(one: Job, other: Job) -> Job:
     """One run for two jobs of the same setup and seed."""
     methods = max(one.methods, other.methods, key=len)
-    return replace(one, methods=methods, **{name: getattr(one, name) or getattr(other, name) for name in MORE})
+    return replace(
+        one, methods=methods, **{name: getattr(one, name) or getattr(other, name) for name in MORE}
+    )
 
 
 def _key(job: Job) -> Key:
@@ -93,7 +107,10 @@ def _setup(scenario: str, settings: tuple[str, ...]) -> _Setup:
     world = prepared.scenario.model_dump_json(exclude={"genie", "methods"})
     seen = prepared.frames.digests()
     digests = [seen[car] for car in prepared.drives]
-    return _Setup(hashlib.sha256(f"{world} {digests}".encode()).hexdigest(), str(_in_numbers(prepared.scenario.genie)))
+    return _Setup(
+        hashlib.sha256(f"{world} {digests}".encode()).hexdigest(),
+        str(_in_numbers(prepared.scenario.genie)),
+    )
 
 
 def _in_numbers(rules: GenieRules) -> GenieRules:

@@ -61,7 +61,16 @@ def cells() -> list[Cell]:
             median_ns = profile.models[MODELS[model]].median_ns
             ms, speedup = cell or (None, None)
             right = None if ms is None else slowest / ms
-            found.append(Cell(model, column, ms, None if median_ns is None else median_ns / 1e6, speedup, right))
+            found.append(
+                Cell(
+                    model,
+                    column,
+                    ms,
+                    None if median_ns is None else median_ns / 1e6,
+                    speedup,
+                    right,
+                )
+            )
     return found
 
 
@@ -69,6 +78,7 @@ def markdown() -> str:
     """The table with its printed speed-ups."""
     found = cells()
     table = text_table.markdown(
-        ["model", *DEVICES], ([model, *(str(one) for one in found if one.model == model)] for model in MODELS)
+        ["model", *DEVICES],
+        ([model, *(str(one) for one in found if one.model == model)] for model in MODELS),
     )
     return f"{table}\n\nMilliseconds / speed-up over the slowest device. Bold: what the printed one should be."

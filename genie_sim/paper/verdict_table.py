@@ -29,7 +29,9 @@ def row(
     """A verdict as plain data. ``arms``: the other values, told of where the claim is not reproduced. ``plain``: the
     verdict by the default's metrics, where the reading means others."""
     finding = verdict.finding or Finding(None, None, None, 0, "1", False, False)
-    names, tried = arms.holding(verdict.claim) if arms and verdict.verdict in VERDICTS[1:3] else (None, None)
+    names, tried = (
+        arms.holding(verdict.claim) if arms and verdict.verdict in VERDICTS[1:3] else (None, None)
+    )
     return {
         "reading": reading,
         **asdict(verdict.claim),
@@ -59,8 +61,12 @@ def table(rows: Sequence[Row]) -> str:
     lines = []
     for claim, found in by_claim(rows).items():
         cells = [f"{_verdict(found[one])}: {_found(found[one])}" for one in readings]
-        lines.append([claim, found[readings[0]]["claim"], _words(found[readings[0]]["kind"]), *cells])
-    return "\n".join([markdown(["", "the paper says", "kind", *readings], lines), "", *counts(rows)])
+        lines.append(
+            [claim, found[readings[0]]["claim"], _words(found[readings[0]]["kind"]), *cells]
+        )
+    return "\n".join(
+        [markdown(["", "the paper says", "kind", *readings], lines), "", *counts(rows)]
+    )
 
 
 def text(rows: Sequence[Row], width: int) -> str:
@@ -69,7 +75,9 @@ def text(rows: Sequence[Row], width: int) -> str:
     lines = [f"{'':4} {' '.join(f'{name:18}' for name in readings)}"]
     for claim, found in by_claim(rows).items():
         mine = [found[name] for name in readings]
-        cells = " ".join(f"{MARKS[one['verdict']]}{'* '[not one['marginal']]} {_number(one):15}" for one in mine)
+        cells = " ".join(
+            f"{MARKS[one['verdict']]}{'* '[not one['marginal']]} {_number(one):15}" for one in mine
+        )
         line = f"{claim:4} {cells} {mine[0]['claim']}"
         lines.append(line if len(line) <= width else f"{line[: max(width - 3, 0)]}...")
     marks = ", ".join(f"{mark} {verdict}" for verdict, mark in MARKS.items())
@@ -79,20 +87,43 @@ def text(rows: Sequence[Row], width: int) -> str:
 
 def document(rows: Sequence[Row], readings: Sequence[Row], worth: Sequence[Row]) -> str:
     """The whole account beside the results: the table, the readings, each claim's test, what the answers are worth."""
-    parts = ["# What of the paper holds here", "", table(rows), "", "## The readings", "", readings_text(readings), ""]
+    parts = [
+        "# What of the paper holds here",
+        "",
+        table(rows),
+        "",
+        "## The readings",
+        "",
+        readings_text(readings),
+        "",
+    ]
     parts += ["## Each claim", ""]
     for claim, found in by_claim(rows).items():
         first = next(iter(found.values()))
-        parts.append(f"**{claim}** ({first['where']}): {first['claim']}. Kind: {_words(first['kind'])}.")
+        parts.append(
+            f"**{claim}** ({first['where']}): {first['claim']}. Kind: {_words(first['kind'])}."
+        )
         parts.append(f"Test: {first['test']}.")
         for name, one in found.items():
             note = f"; {one['note']}" if one["note"] else ""
             plain = one["by_default_metrics"]
-            by = f"; by the default's metrics {plain['verdict']}: {_found(one | plain)}" if plain else ""
+            by = (
+                f"; by the default's metrics {plain['verdict']}: {_found(one | plain)}"
+                if plain
+                else ""
+            )
             parts.append(f"- {name}: *{_verdict(one)}*: {_found(one)}{note}{by}.")
         parts += [_elsewhere(one) for one in found.values() if one["holds_under"] is not None]
         parts.append("")
-    parts += ["## Table I", "", table1.markdown(), "", "## What the answers are worth", "", worth_table(worth)]
+    parts += [
+        "## Table I",
+        "",
+        table1.markdown(),
+        "",
+        "## What the answers are worth",
+        "",
+        worth_table(worth),
+    ]
     return "\n".join(parts) + "\n"
 
 
@@ -105,8 +136,13 @@ def readings_text(readings: Sequence[Row]) -> str:
         for choice in one["choices"]:
             parts.append(f'- `{", ".join(choice["set"])}`: "{choice["quote"]}". {choice["why"]}')
         parts += [""] if one["choices"] else []
-    said = [[_words(name), *(one["metrics"][name]["says"] for one in readings)] for name in readings[0]["metrics"]]
-    return "\n".join([*parts, markdown(["what is meant by", *(one["name"] for one in readings)], said)])
+    said = [
+        [_words(name), *(one["metrics"][name]["says"] for one in readings)]
+        for name in readings[0]["metrics"]
+    ]
+    return "\n".join(
+        [*parts, markdown(["what is meant by", *(one["name"] for one in readings)], said)]
+    )
 
 
 def _elsewhere(one: Row) -> str:
@@ -128,8 +164,13 @@ def worth_table(rows: Sequence[Row]) -> str:
     lines = []
     for name in dict.fromkeys(one["name"] for one in rows):
         mine = [found.get((one, name)) for one in methods]
-        cells = ["-" if one is None else "{value:.2f} ({low:.2f} to {high:.2f})".format_map(one) for one in mine]
-        unit = next((f" [{one['unit']}]" for one in mine if one and one.get("unit", "1") != "1"), "")
+        cells = [
+            "-" if one is None else "{value:.2f} ({low:.2f} to {high:.2f})".format_map(one)
+            for one in mine
+        ]
+        unit = next(
+            (f" [{one['unit']}]" for one in mine if one and one.get("unit", "1") != "1"), ""
+        )
         lines.append([_words(name) + unit, *cells])
     return markdown(["", *methods], lines)
 
@@ -155,8 +196,14 @@ def counts(rows: Sequence[Row]) -> list[str]:
         verdicts = Counter(one["verdict"] for one in mine)
         kinds = Counter(one["kind"] for one in mine if one["verdict"] == VERDICTS[0])
         of_kinds = ", ".join(f"{count} {_words(kind)}" for kind, count in kinds.items())
-        others = "".join(f"; {verdicts[verdict]} {verdict}" for verdict in VERDICTS[1:] if verdicts[verdict])
-        plain = [one["by_default_metrics"]["verdict"] == VERDICTS[0] for one in mine if one["by_default_metrics"]]
+        others = "".join(
+            f"; {verdicts[verdict]} {verdict}" for verdict in VERDICTS[1:] if verdicts[verdict]
+        )
+        plain = [
+            one["by_default_metrics"]["verdict"] == VERDICTS[0]
+            for one in mine
+            if one["by_default_metrics"]
+        ]
         by = f" By the default's metrics {sum(plain)} are." if plain else ""
         marginal = sum(one["marginal"] for one in mine)
         reproduced = f"of {len(mine)} claims {verdicts[VERDICTS[0]]} reproduced ({of_kinds})"
@@ -184,7 +231,11 @@ def _words(name: str) -> str:
 
 
 def _number(one: Row) -> str:
-    return "-" if one["value"] is None else f"{one['value']:.3g}{'' if one['unit'] == '1' else ' ' + one['unit']}"
+    return (
+        "-"
+        if one["value"] is None
+        else f"{one['value']:.3g}{'' if one['unit'] == '1' else ' ' + one['unit']}"
+    )
 
 
 def few_seeds(rows: Sequence[Row]) -> str:

@@ -26,8 +26,12 @@ class Watch:
     def __init__(self, rules: "GenieRules") -> None:
         self.address = "claims"
         self._rules = rules
-        threshold = RANGE_60 if rules.object_map.threshold == "range_60" else rules.object_map.threshold
-        self._threshold = threshold if isinstance(threshold, float) else 0.0  # others move: told by the Genie's tests
+        threshold = (
+            RANGE_60 if rules.object_map.threshold == "range_60" else rules.object_map.threshold
+        )
+        self._threshold = (
+            threshold if isinstance(threshold, float) else 0.0
+        )  # others move: told by the Genie's tests
         self._shared = self._unconfident = 0
         self._stored: dict[str, list[float]] = {"car": [], "edge": []}
         self._detectors: dict[str, set[tuple[object, ...]]] = {}
@@ -39,7 +43,10 @@ class Watch:
             if isinstance(node, Detector):
                 self._detectors.setdefault(node.name, set()).add(_fingerprint(node))
                 if method == "genie":
-                    self._behind_genie &= node.graph.topics_of(node.name) != (node.subscribes, node.publishes)
+                    self._behind_genie &= node.graph.topics_of(node.name) != (
+                        node.subscribes,
+                        node.publishes,
+                    )
             if isinstance(node, InterceptorNode):
                 if node.host.name in world.edges or self._rules.fresh_objects == "confident":
                     node.graph.subscribe(OBJECTS, self)
@@ -75,5 +82,7 @@ class Watch:
 def _fingerprint(node: Detector) -> tuple[object, ...]:
     """The node itself, whatever the master calls its topics: its class, what it has, and what of that is plain."""
     has = vars(node)
-    plain = {name: value for name, value in has.items() if isinstance(value, str | int | tuple | None)}
+    plain = {
+        name: value for name, value in has.items() if isinstance(value, str | int | tuple | None)
+    }
     return (type(node), tuple(has), tuple(sorted(plain.items())))

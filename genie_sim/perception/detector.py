@@ -15,7 +15,15 @@ import numpy as np
 from genie_sim import plugins
 from genie_sim.errors import UserError
 from genie_sim.paths import expanded
-from genie_sim.perception.onnx_detector import COCO_LABELS, CPU, MIN_SCORE, Found, OnnxDetector, Scored, letterbox
+from genie_sim.perception.onnx_detector import (
+    COCO_LABELS,
+    CPU,
+    MIN_SCORE,
+    Found,
+    OnnxDetector,
+    Scored,
+    letterbox,
+)
 
 __all__ = ["DETECTORS", "Found", "ImageDetector", "find_weights", "make_detector"]
 
@@ -28,7 +36,9 @@ class ImageDetector(Protocol):
     size: tuple[int, int]
     sha256: str
 
-    def __init__(self, weights: Path, size: tuple[int, int] | None = None, min_score: float = MIN_SCORE) -> None: ...
+    def __init__(
+        self, weights: Path, size: tuple[int, int] | None = None, min_score: float = MIN_SCORE
+    ) -> None: ...
 
     def detect(self, image_bgr: np.ndarray) -> list[Found]:
         """Road users and furniture in a picture (height, width, 3), best score first."""
@@ -104,7 +114,9 @@ class NanodetM(OnnxDetector):
 
     def prepare(self, image_bgr: np.ndarray) -> tuple[np.ndarray, float]:
         picture, scale = letterbox(image_bgr, self.size)
-        return np.ascontiguousarray(((picture - self.MEAN) / self.STD).transpose(2, 0, 1)[None]), scale
+        return np.ascontiguousarray(
+            ((picture - self.MEAN) / self.STD).transpose(2, 0, 1)[None]
+        ), scale
 
     def output_shapes(self) -> list[tuple[int, ...]]:
         cells = [self.size[0] // stride * (self.size[1] // stride) for stride in self.strides]
@@ -155,7 +167,9 @@ class Yolov8(OnnxDetector):
             names = ast.literal_eval(metadata["names"])
             labels = tuple(str(names[number]) for number in range(len(names)))
         except (ValueError, SyntaxError, KeyError, TypeError, MemoryError, RecursionError) as error:
-            raise UserError(f"{weights}: metadata: names: not a list of classes: {metadata['names'][:60]!r}") from error
+            raise UserError(
+                f"{weights}: metadata: names: not a list of classes: {metadata['names'][:60]!r}"
+            ) from error
         if not labels:
             raise UserError(f"{weights}: metadata: names: the network has no classes")
         return labels
@@ -184,7 +198,9 @@ def make_detector(
     path = find_weights(kind.file_name, weights)
     network = isinstance(kind, type) and issubclass(kind, OnnxDetector)
     if not network and (threads, batch) != (1, 1):
-        raise UserError(f"{name}: is no OnnxDetector, which alone can have several threads, or pictures at a time")
+        raise UserError(
+            f"{name}: is no OnnxDetector, which alone can have several threads, or pictures at a time"
+        )
     more = (providers, threads, batch) if network else ()
     made: ImageDetector = plugins.call("detector", name, kind, path, size, min_score, *more)
     return made
@@ -194,7 +210,9 @@ def find_weights(file_name: str, weights: str | Path | None = None) -> Path:
     """Path of a weights file, from an explicit file or folder or from the environment's GENIE_SIM_WEIGHTS."""
     place = weights or os.environ.get("GENIE_SIM_WEIGHTS")
     if not place:
-        raise UserError(f"weights: where is {file_name}? Name the file, or set GENIE_SIM_WEIGHTS to its folder")
+        raise UserError(
+            f"weights: where is {file_name}? Name the file, or set GENIE_SIM_WEIGHTS to its folder"
+        )
     path = expanded(place)
     path = path / file_name if path.is_dir() else path
     if not path.is_file():

@@ -23,7 +23,9 @@ def sent(image_bgr: np.ndarray, encoding: Encoding) -> tuple[np.ndarray, int]:
 def difference_hash(image_bgr: np.ndarray) -> int:
     """64-bit dHash of a picture (height, width, 3), blue, green, red: of its grey picture shrunk to 9x8 by area, one
     bit for each pixel brighter than its left one."""
-    small = cv2.resize(cv2.cvtColor(image_bgr, cv2.COLOR_BGR2GRAY), (9, 8), interpolation=cv2.INTER_AREA)
+    small = cv2.resize(
+        cv2.cvtColor(image_bgr, cv2.COLOR_BGR2GRAY), (9, 8), interpolation=cv2.INTER_AREA
+    )
     return int.from_bytes(np.packbits(small[:, 1:] > small[:, :-1]).tobytes(), "big")
 
 

@@ -62,8 +62,12 @@ class Group:
 
     def precision_recall(self, min_score: float) -> tuple[float, float]:
         """Precision (nan: nothing was found) and recall (nan: there are no labels) of detections from a score on."""
-        right = [found.label is not None for found in self.judged if found.detection.score >= min_score]
-        return float(np.mean(right)) if right else math.nan, sum(right) / self.labels if self.labels else math.nan
+        right = [
+            found.label is not None for found in self.judged if found.detection.score >= min_score
+        ]
+        return float(np.mean(right)) if right else math.nan, sum(
+            right
+        ) / self.labels if self.labels else math.nan
 
     def reliability(self, min_score: float = 0.0) -> list[tuple[float, float, int, float, float]]:
         """Of each bin of scores: its ends, how many detections, their mean score, and the share that are right."""
@@ -74,14 +78,26 @@ class Group:
         for low, high in pairwise(SCORE_BINS):
             here = (scores >= low) & ((scores < high) | (high == 1.0))
             if here.any():
-                rows.append((low, high, int(here.sum()), float(scores[here].mean()), float(right[here].mean())))
+                rows.append(
+                    (
+                        low,
+                        high,
+                        int(here.sum()),
+                        float(scores[here].mean()),
+                        float(right[here].mean()),
+                    )
+                )
         return rows
 
     def calibration_error(self, min_score: float = 0.0) -> float:
         """Expected calibration error: the mean gap between score and share of right ones, over bins of 0.1."""
         rows = self.reliability(min_score)
         total = sum(count for _, _, count, _, _ in rows)
-        return sum(count * abs(score - right) for _, _, count, score, right in rows) / total if total else math.nan
+        return (
+            sum(count * abs(score - right) for _, _, count, score, right in rows) / total
+            if total
+            else math.nan
+        )
 
 
 class Steadiness(NamedTuple):
@@ -105,14 +121,27 @@ class Evaluation:
     def kept(self, group: str | None = None, parked: bool = False) -> list[Judged]:
         """Right detections from ``min_score`` on; with ``parked`` only those of parked vehicles."""
         chosen = self.groups.values() if group is None else [self.groups[group]]
-        kept = [j for g in chosen for j in g.judged if j.label is not None and j.detection.score >= self.min_score]
-        return [j for j in kept if not parked or (j.label is not None and j.label.track not in self.truth.moving)]
+        kept = [
+            j
+            for g in chosen
+            for j in g.judged
+            if j.label is not None and j.detection.score >= self.min_score
+        ]
+        return [
+            j
+            for j in kept
+            if not parked or (j.label is not None and j.label.track not in self.truth.moving)
+        ]
 
     def steadiness(self) -> list[Steadiness]:
         """Parked vehicles that were placed at least ``MIN_SIGHTINGS`` times from within ``STABLE_RANGE_M``."""
         sightings: dict[int, list[Judged]] = {}
         for judged in self.kept("vehicles", parked=True):
-            if judged.error_m is not None and judged.range_m is not None and judged.range_m <= STABLE_RANGE_M:
+            if (
+                judged.error_m is not None
+                and judged.range_m is not None
+                and judged.range_m <= STABLE_RANGE_M
+            ):
                 assert judged.label is not None
                 sightings.setdefault(judged.label.track, []).append(judged)
         rows = []
@@ -143,7 +172,9 @@ def _judge(group: str, trace: Trace, truth: PictureLabels) -> Group:
         for camera, frames in trace.frames.items()
         for frame in frames
         for detection in frame.detections
-        if detection.label in LABELS[group] and detection.box is not None and (camera, frame.index) in truth.pictures
+        if detection.label in LABELS[group]
+        and detection.box is not None
+        and (camera, frame.index) in truth.pictures
     ]
     found.sort(key=lambda item: -item[0].score)
     taken: set[tuple[tuple[str, int], int]] = set()
@@ -161,11 +192,15 @@ def _judge(group: str, trace: Trace, truth: PictureLabels) -> Group:
             judged.append(Judged(detection, labels[best], range_m))
         elif not _left_out(box, labels, boxes, overlaps, MIN_IOU[group]):
             judged.append(Judged(detection, None, None))
-    counted = sum(label.counts and label.group == group for here in truth.pictures.values() for label in here)
+    counted = sum(
+        label.counts and label.group == group for here in truth.pictures.values() for label in here
+    )
     return Group(group, tuple(judged), counted)
 
 
-def _left_out(box: Box, labels: list[Labelled], boxes: Array, overlaps: Array, min_iou: float) -> bool:
+def _left_out(
+    box: Box, labels: list[Labelled], boxes: Array, overlaps: Array, min_iou: float
+) -> bool:
     if box[3] - box[1] < MIN_HEIGHT_PX:
         return True
     inside = _shared(box, boxes) / max(float(_area(np.array([box]))[0]), 1e-9)
@@ -195,7 +230,10 @@ def _radius_m(places: Array) -> float:
 def table(evaluation: Evaluation) -> str:
     """The evaluation as Markdown tables."""
     e = evaluation
-    text = [f"Labels: {e.truth.source}. Scores from {e.min_score:g} on, average precision from all scores.", ""]
+    text = [
+        f"Labels: {e.truth.source}. Scores from {e.min_score:g} on, average precision from all scores.",
+        "",
+    ]
     text += [
         "| found | labels | average precision | precision | recall | calibration error |",
         "|---|---|---|---|---|---|",
@@ -204,11 +242,16 @@ def table(evaluation: Evaluation) -> str:
         precision, recall = group.precision_recall(e.min_score)
         figures = [(group.average_precision(), 3), (precision, 2), (recall, 2)]
         figures.append((group.calibration_error(e.min_score), 3))
-        cells = ["-" if math.isnan(figure) else f"{figure:.{digits}f}" for figure, digits in figures]
+        cells = [
+            "-" if math.isnan(figure) else f"{figure:.{digits}f}" for figure, digits in figures
+        ]
         text.append(f"| {name} (IoU {MIN_IOU[name]:g}) | {group.labels} | {' | '.join(cells)} |")
     unlabelled = [name for name, group in e.groups.items() if not group.labels]
     if unlabelled:
-        text += ["", f"No labels of {' or '.join(unlabelled)} count in these pictures: what was missed is unknown."]
+        text += [
+            "",
+            f"No labels of {' or '.join(unlabelled)} count in these pictures: what was missed is unknown.",
+        ]
     text += ["", "| score | vehicles: number, right | persons: number, right |", "|---|---|---|"]
     bins = {name: {row[0]: row for row in group.reliability()} for name, group in e.groups.items()}
     for low, high in pairwise(SCORE_BINS):
@@ -218,12 +261,18 @@ def table(evaluation: Evaluation) -> str:
     for what, rows in _places(e):
         errors = [judged.error_m for judged in rows if judged.error_m is not None]
         if rows:
-            cells = [f"{value:.2f} m" for value in np.percentile(errors, [50, 90])] if errors else ["-", "-"]
+            cells = (
+                [f"{value:.2f} m" for value in np.percentile(errors, [50, 90])]
+                if errors
+                else ["-", "-"]
+            )
             text.append(f"| {what} | {len(errors)} of {len(rows)} | {' | '.join(cells)} |")
     steady = e.steadiness()
     if steady:
         stay = sum(row.radius_m <= STABLE_M for row in steady)
-        radius_m, label_radius_m = (float(np.median(column)) for column in list(zip(*steady, strict=True))[2:])
+        radius_m, label_radius_m = (
+            float(np.median(column)) for column in list(zip(*steady, strict=True))[2:]
+        )
         text += [
             "",
             f"Of {len(steady)} parked vehicles seen {MIN_SIGHTINGS} times or more within {STABLE_RANGE_M:g} m, "
@@ -238,11 +287,16 @@ def _places(e: Evaluation) -> list[tuple[str, list[Judged]]]:
     rows = [
         ("vehicles", e.kept("vehicles")),
         ("persons", e.kept("persons")),
-        ("parked vehicles within 30 m", [j for j in parked if j.range_m is not None and j.range_m <= 30.0]),
+        (
+            "parked vehicles within 30 m",
+            [j for j in parked if j.range_m is not None and j.range_m <= 30.0],
+        ),
     ]
     for low, high in RANGES_M:
         name = f"all from {low:g} to {high:g} m" if high < math.inf else f"all beyond {low:g} m"
-        rows.append((name, [j for j in e.kept() if j.range_m is not None and low <= j.range_m < high]))
+        rows.append(
+            (name, [j for j in e.kept() if j.range_m is not None and low <= j.range_m < high])
+        )
     for method, how in (("scan", "by the scan"), ("ground", "by the ground")):
         rows.append((f"all placed {how}", [j for j in e.kept() if j.detection.method == method]))
     return rows

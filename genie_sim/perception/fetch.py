@@ -87,7 +87,11 @@ class NotThere(UserError):
 
 
 def download(
-    url: str, path: Path, progress: Progress, sha256: str | None = None, size_bytes: int | None = None
+    url: str,
+    path: Path,
+    progress: Progress,
+    sha256: str | None = None,
+    size_bytes: int | None = None,
 ) -> None:
     """One file, written as ``.part`` and renamed once it is complete; a later call goes on where an earlier
     one stopped. A file that is there already, with the right hash, is left alone.
@@ -113,7 +117,9 @@ def download(
                 log.info("%s: attempt %d: %s", url, attempt, error)
                 if attempt == TRIES:
                     reason = getattr(error, "reason", None) or error
-                    raise UserError(f"{url}: not received ({reason}); try again to go on, or {by_hand}") from error
+                    raise UserError(
+                        f"{url}: not received ({reason}); try again to go on, or {by_hand}"
+                    ) from error
         if sha256 is not None and (actual := _sha256(part)) != sha256:
             part.unlink()
             raise UserError(
@@ -126,7 +132,14 @@ def unpack(archive: Path, folder: Path, most_bytes: int = MOST_UNPACKED_BYTES) -
     """Files of a ZIP archive into a folder. Nothing is written if an entry has no name, would leave the folder, is a
     link, is encrypted or appears twice, or if all of them are too many or unpack to too much; UserError says which."""
     root = folder.resolve()
-    broken = (zipfile.BadZipFile, EOFError, NotImplementedError, RuntimeError, ValueError, zlib.error)
+    broken = (
+        zipfile.BadZipFile,
+        EOFError,
+        NotImplementedError,
+        RuntimeError,
+        ValueError,
+        zlib.error,
+    )
     with (
         usable(archive, "cannot be unpacked"),
         as_user_error(f"{archive}: not a readable ZIP archive", *broken),
@@ -152,17 +165,30 @@ def _check(archive: Path, entries: list[zipfile.ZipInfo], root: Path, most_bytes
     if total > most_bytes:
         raise UserError(f"{archive}: unpacks to {total:,} bytes, more than {most_bytes:,}")
     if total > max(MOST_RATIO * packed, CHUNK_BYTES):
-        raise UserError(f"{archive}: unpacks to {total:,} bytes from {packed:,}, more than {MOST_RATIO} times as many")
+        raise UserError(
+            f"{archive}: unpacks to {total:,} bytes from {packed:,}, more than {MOST_RATIO} times as many"
+        )
     seen: set[str] = set()
     for entry in entries:
         name = PurePosixPath(entry.filename)
-        outside = name.is_absolute() or ".." in name.parts or "\\" in entry.filename or ":" in entry.filename
+        outside = (
+            name.is_absolute()
+            or ".." in name.parts
+            or "\\" in entry.filename
+            or ":" in entry.filename
+        )
         target = (root / name).resolve()
         for wrong, why in (
             (not name.name, "is no name of a file"),
             (outside, "leads out of the folder"),
-            (not target.is_relative_to(root), "leads out of the folder, by a link that is there already"),
-            (stat.S_IFMT(entry.external_attr >> 16) not in (0, stat.S_IFREG), "is a link or a device, not a file"),
+            (
+                not target.is_relative_to(root),
+                "leads out of the folder, by a link that is there already",
+            ),
+            (
+                stat.S_IFMT(entry.external_attr >> 16) not in (0, stat.S_IFREG),
+                "is a link or a device, not a file",
+            ),
             (entry.flag_bits & 1, "is encrypted"),
             (str(name).lower() in seen, "is in the archive twice"),
         ):
@@ -173,7 +199,9 @@ def _check(archive: Path, entries: list[zipfile.ZipInfo], root: Path, most_bytes
 
 def _receive(url: str, part: Path, progress: Progress, size_bytes: int | None) -> None:
     here = part.stat().st_size if part.is_file() else 0
-    request = Request(url, headers={"User-Agent": "genie-sim", **({"Range": f"bytes={here}-"} if here else {})})
+    request = Request(
+        url, headers={"User-Agent": "genie-sim", **({"Range": f"bytes={here}-"} if here else {})}
+    )
     with urlopen(request, timeout=TIMEOUT_S) as answer:
         range_ = answer.headers.get("Content-Range") or ""
         goes_on = here > 0 and answer.status == 206 and range_.startswith(f"bytes {here}-")

@@ -52,7 +52,9 @@ def matrices(path: Path, wanted: Sequence[tuple[Sequence[str], int]]) -> list[Ar
         try:
             matrix = np.array([float(value) for value in values]).reshape(3, columns)
         except ValueError as error:
-            raise UserError(f"{path}: {names[0]} is missing or has not {3 * columns} numbers") from error
+            raise UserError(
+                f"{path}: {names[0]} is missing or has not {3 * columns} numbers"
+            ) from error
         with np.errstate(all="ignore"):
             singular = columns >= 3 and abs(np.linalg.det(matrix[:, :3])) < 1e-9
         if singular or not within(matrix):

@@ -27,7 +27,9 @@ def read_oxts(path: Path) -> Array:
     wrong = np.argwhere(np.abs(packets) > MOST_OXTS)
     if len(wrong):
         packet, value = wrong[0]
-        raise UserError(f"{path}: packet {packet + 1}: value {value + 1} is {packets[packet, value]:g}, out of range")
+        raise UserError(
+            f"{path}: packet {packet + 1}: value {value + 1} is {packets[packet, value]:g}, out of range"
+        )
     return packets
 
 

@@ -26,7 +26,9 @@ from genie_sim.perception.geodesy import read_oxts, world_SE3_imu
 log = logging.getLogger(__name__)
 
 CAMERAS = ("00", "01", "02", "03")
-CALIBRATION: Mapping[str, Sequence[tuple[Sequence[str], int]]] = {  # the files of a day; matrices and their columns
+CALIBRATION: Mapping[
+    str, Sequence[tuple[Sequence[str], int]]
+] = {  # the files of a day; matrices and their columns
     "calib_cam_to_cam.txt": [
         *(((f"P_rect_{camera}",), 4) for camera in CAMERAS),
         *(((f"R_rect_{camera}",), 3) for camera in CAMERAS),
@@ -82,11 +84,17 @@ class KittiDrive:
             return None
         data = read_bytes(path)
         if len(data) % 16:
-            raise UserError(f"{path}: {len(data)} bytes are not a whole number of 16-byte points: truncated?")
-        columns = np.frombuffer(data, np.float32).reshape(-1, 4)[:, :3].T.astype(np.float64, order="C")
+            raise UserError(
+                f"{path}: {len(data)} bytes are not a whole number of 16-byte points: truncated?"
+            )
+        columns = (
+            np.frombuffer(data, np.float32).reshape(-1, 4)[:, :3].T.astype(np.float64, order="C")
+        )
         if not within(columns):
             raise UserError(f"{path}: the scan has points that are not finite numbers")
-        points: Array = columns.T  # so that each coordinate of all points lies together, which is how they are used
+        points: Array = (
+            columns.T
+        )  # so that each coordinate of all points lies together, which is how they are used
         return points
 
     def camera_SE3_velo(self, camera: str) -> Array:
@@ -95,7 +103,9 @@ class KittiDrive:
 
     def world_SE3_velo(self, index: int) -> Array:
         """From the laser's frame to the world, at a frame that has a position."""
-        return self.world_SE3_imu[index] @ inverse(np.asarray(self.calibration.T_velo_imu, dtype=np.float64))
+        return self.world_SE3_imu[index] @ inverse(
+            np.asarray(self.calibration.T_velo_imu, dtype=np.float64)
+        )
 
     def digest(self) -> str:
         """sha256 over the names and bytes of every file that decides what this drive shows."""
@@ -121,7 +131,9 @@ def open_drive(
     root = Path(root)
     date, folder = _drive_folder(root, drive)
     if not cameras or len(set(cameras)) != len(cameras):
-        raise UserError(f"cameras: {', '.join(cameras) or 'none'}: name each camera once, out of {', '.join(CAMERAS)}")
+        raise UserError(
+            f"cameras: {', '.join(cameras) or 'none'}: name each camera once, out of {', '.join(CAMERAS)}"
+        )
     calibration = _calibration(root / date)
     images = {camera: _images(folder, camera) for camera in cameras}
     numbers = sorted({index for sequence in images.values() for index in sequence})
@@ -131,12 +143,17 @@ def open_drive(
     oxts = folder / "oxts" / "data"
     oxts_paths = _numbered(oxts, "txt")
     origin, poses = _positions(oxts_paths, numbers, oxts, origin)
-    frames = {camera: tuple(_frames(folder, camera, images[camera], calibration, poses)) for camera in cameras}
+    frames = {
+        camera: tuple(_frames(folder, camera, images[camera], calibration, poses))
+        for camera in cameras
+    }
     decisive = [root / date / name for name in CALIBRATION]
     decisive += [folder / f"image_{camera}" / "timestamps.txt" for camera in cameras]
     decisive += [frame.image_path for sequence in frames.values() for frame in sequence]
     used = sorted(poses.keys() & set(numbers))
-    decisive += [paths[index] for paths in (oxts_paths, scan_paths) for index in used if index in paths]
+    decisive += [
+        paths[index] for paths in (oxts_paths, scan_paths) for index in used if index in paths
+    ]
     named = tuple((path.relative_to(root).as_posix(), path) for path in decisive)
     tracklets = folder / "tracklet_labels.xml"
     return KittiDrive(drive, origin, frames, poses, tracklets, calibration, scan_paths, named)
@@ -163,11 +180,15 @@ def _drive_folder(root: Path, drive: str) -> tuple[str, Path]:
     if not root.is_dir():
         raise UserError(f"{root}: no such KITTI folder")
     found = sorted(
-        f"{m[1]}/{m[2]}" for p in root.glob("*/*_sync") if (m := re.fullmatch(r"(.+)_drive_(\d+)_sync", p.name))
+        f"{m[1]}/{m[2]}"
+        for p in root.glob("*/*_sync")
+        if (m := re.fullmatch(r"(.+)_drive_(\d+)_sync", p.name))
     )
     if drive not in found:
         if not found:
-            raise UserError(f"{root}: no drives here; expected folders like 2011_09_26/2011_09_26_drive_0005_sync")
+            raise UserError(
+                f"{root}: no drives here; expected folders like 2011_09_26/2011_09_26_drive_0005_sync"
+            )
         raise UserError(f"{root}: {unknown('drive', drive, found)}")
     date, number = drive.split("/")
     return date, root / date / f"{date}_drive_{number}_sync"
@@ -228,31 +249,45 @@ def _calibration(folder: Path) -> Any:
         matrices(path, wanted)
         with as_user_error(f"{path}: not a KITTI calibration file", ValueError):
             pykitti.utils.read_calib_file(str(path))
-    day = pykitti.raw.__new__(pykitti.raw)  # without a drive's files, which are found by frame number here
+    day = pykitti.raw.__new__(
+        pykitti.raw
+    )  # without a drive's files, which are found by frame number here
     day.calib_path = str(folder)
     day._load_calib()
     return day.calib
 
 
 def _frames(
-    folder: Path, camera: str, images: Mapping[int, Path], calibration: Any, poses: Mapping[int, Array]
+    folder: Path,
+    camera: str,
+    images: Mapping[int, Path],
+    calibration: Any,
+    poses: Mapping[int, Array],
 ) -> list[CameraFrame]:
     path = folder / f"image_{camera}" / "timestamps.txt"
     stamps_ns = _stamps_ns(path)
     if max(images) >= len(stamps_ns):
-        raise UserError(f"{path}: {len(stamps_ns)} time stamps, but there is an image of frame {max(images)}")
-    imu_SE3_camera = inverse(np.asarray(getattr(calibration, f"T_cam{int(camera)}_imu"), dtype=np.float64))
+        raise UserError(
+            f"{path}: {len(stamps_ns)} time stamps, but there is an image of frame {max(images)}"
+        )
+    imu_SE3_camera = inverse(
+        np.asarray(getattr(calibration, f"T_cam{int(camera)}_imu"), dtype=np.float64)
+    )
     intrinsics = np.asarray(getattr(calibration, f"K_cam{int(camera)}"), dtype=np.float64)
     frames: list[CameraFrame] = []
     for index, image_path in images.items():
         if index not in poses:
             continue
         if frames and stamps_ns[index] <= frames[-1].stamp_ns:
-            raise UserError(f"{path}: line {index + 1}: time stamp does not follow that of frame {frames[-1].index}")
+            raise UserError(
+                f"{path}: line {index + 1}: time stamp does not follow that of frame {frames[-1].index}"
+            )
         pose = poses[index] @ imu_SE3_camera
         frames.append(CameraFrame(camera, index, stamps_ns[index], image_path, pose, intrinsics))
     if not frames:
-        raise UserError(f"{folder / 'oxts' / 'data'}: none of the frames of camera {camera} has a file here")
+        raise UserError(
+            f"{folder / 'oxts' / 'data'}: none of the frames of camera {camera} has a file here"
+        )
     return frames
 
 
@@ -265,7 +300,11 @@ def _stamps_ns(path: Path) -> list[int]:
         try:
             if not STAMP.fullmatch(line.strip()):
                 raise ValueError("of another form")
-            stamps_ns.append(int(np.datetime64(line.strip().replace(" ", "T"), "ns").astype(np.int64)))
+            stamps_ns.append(
+                int(np.datetime64(line.strip().replace(" ", "T"), "ns").astype(np.int64))
+            )
         except ValueError as error:
-            raise UserError(f"{path}: line {number}: {line.strip()!r} is not a time stamp") from error
+            raise UserError(
+                f"{path}: line {number}: {line.strip()!r} is not a time stamp"
+            ) from error
     return stamps_ns

@@ -50,7 +50,9 @@ NMS_IOU = 0.30
 
 
 GREY = 114  # what fills the rest of a letter box
-MOST_PIXELS = 2**25  # that a network gets at a time: about 5800 x 5800, or 64 pictures of 1248 x 384
+MOST_PIXELS = (
+    2**25
+)  # that a network gets at a time: about 5800 x 5800, or 64 pictures of 1248 x 384
 
 
 class Found(NamedTuple):
@@ -61,7 +63,9 @@ class Found(NamedTuple):
     box: Box
 
 
-Scored = tuple[np.ndarray, np.ndarray]  # boxes (n, 4) in pixels of the network's picture, scores (n, classes)
+Scored = tuple[
+    np.ndarray, np.ndarray
+]  # boxes (n, 4) in pixels of the network's picture, scores (n, classes)
 
 
 class OnnxDetector(ABC):
@@ -97,13 +101,19 @@ class OnnxDetector(ABC):
         self.size = size or self.default_size or _own_size(weights, network)
         width, height = self.size
         if any(side <= 0 or side % max(self.strides) for side in self.size):
-            raise UserError(f"detector {self.name}: size {self.size} must be multiples of {max(self.strides)}")
+            raise UserError(
+                f"detector {self.name}: size {self.size} must be multiples of {max(self.strides)}"
+            )
         if width * height * batch > MOST_PIXELS:
             each = f", {batch} at a time" if batch > 1 else ""
-            raise UserError(f"detector {self.name}: size {width}x{height}{each}: more than {MOST_PIXELS:,} pixels")
+            raise UserError(
+                f"detector {self.name}: size {width}x{height}{each}: more than {MOST_PIXELS:,} pixels"
+            )
         self.min_score, self.threads, self.batch = min_score, threads, batch
         self.sha256 = hashlib.sha256(weights.read_bytes()).hexdigest()
-        self.labels = self.labels_of(weights, {entry.key: entry.value for entry in network.metadata_props})
+        self.labels = self.labels_of(
+            weights, {entry.key: entry.value for entry in network.metadata_props}
+        )
         self.cells, self.cell_strides = _cells(self.size, self.strides)
         self._session = self._opened(weights, network, providers)
         self._input = self._session.get_inputs()[0].name
@@ -133,10 +143,14 @@ class OnnxDetector(ABC):
     def infer_many(self, blobs: Sequence[np.ndarray]) -> list[list[np.ndarray]]:
         """The outputs for each of up to ``batch`` prepared pictures; where there are fewer, the last fills the rest."""
         filled = [*blobs, *[blobs[-1]] * (self.batch - len(blobs))]
-        outputs = self._session.run(None, {self._input: filled[0] if self.batch == 1 else np.concatenate(filled)})
+        outputs = self._session.run(
+            None, {self._input: filled[0] if self.batch == 1 else np.concatenate(filled)}
+        )
         return [[output[i] for output in outputs] for i in range(len(blobs))]
 
-    def found(self, outputs: Sequence[np.ndarray], scale: float, image_size: tuple[int, int]) -> list[Found]:
+    def found(
+        self, outputs: Sequence[np.ndarray], scale: float, image_size: tuple[int, int]
+    ) -> list[Found]:
         """Road users and furniture in a picture of (width, height), best score first."""
         boxes, scores = self.decode(outputs[: self.outputs])
         limits = np.array([*image_size, *image_size], dtype=np.float64)
@@ -157,7 +171,9 @@ class OnnxDetector(ABC):
 
         for provider in providers:
             if provider not in onnxruntime.get_available_providers():
-                raise UserError(unknown("provider", provider, onnxruntime.get_available_providers()))
+                raise UserError(
+                    unknown("provider", provider, onnxruntime.get_available_providers())
+                )
         dims = network.graph.input[0].type.tensor_type.shape.dim
         for dim, value in zip(dims, (self.batch, 3, self.size[1], self.size[0]), strict=True):
             dim.dim_value = value
@@ -169,30 +185,50 @@ class OnnxDetector(ABC):
         options = onnxruntime.SessionOptions()
         options.intra_op_num_threads, options.inter_op_num_threads = self.threads, 1
         options.execution_mode = onnxruntime.ExecutionMode.ORT_SEQUENTIAL
-        options.add_session_config_entry("session.intra_op.allow_spinning", "0")  # leaves the cores to others
+        options.add_session_config_entry(
+            "session.intra_op.allow_spinning", "0"
+        )  # leaves the cores to others
         options.log_severity_level = 4
         # ONNX Runtime's exceptions have no common base of their own, nor have ONNX's and Protobuf's.
         with as_user_error(f"{weights}: ONNX Runtime cannot use this network", Exception):
-            return onnxruntime.InferenceSession(network.SerializeToString(), options, providers=list(providers))
+            return onnxruntime.InferenceSession(
+                network.SerializeToString(), options, providers=list(providers)
+            )
 
     def _check(self, weights: Path) -> None:
         """One run on a grey picture tells a network with other inputs or outputs."""
         blob, _ = self.prepare(np.full((self.size[1], self.size[0], 3), GREY, np.uint8))
-        what = f"cannot take {self.batch} pictures at a time" if self.batch > 1 else f"is no {self.name} network"
+        what = (
+            f"cannot take {self.batch} pictures at a time"
+            if self.batch > 1
+            else f"is no {self.name} network"
+        )
         with as_user_error(f"{weights}: {what}", Exception):
-            shapes = [output.shape for output in self.infer_many([blob] * self.batch)[-1][: self.outputs]]
+            shapes = [
+                output.shape for output in self.infer_many([blob] * self.batch)[-1][: self.outputs]
+            ]
         expected = self.output_shapes()
         if shapes != expected:
             one, other = (", ".join(map(str, many)) for many in (shapes, expected))
-            raise UserError(f"{weights}: is no {self.name} network: its output is {one}, expected {other}")
+            raise UserError(
+                f"{weights}: is no {self.name} network: its output is {one}, expected {other}"
+            )
         if self.batch > 1 and not self._tells_pictures_apart():
-            raise UserError(f"{weights}: cannot take {self.batch} pictures at a time: it mixes them up")
+            raise UserError(
+                f"{weights}: cannot take {self.batch} pictures at a time: it mixes them up"
+            )
 
     def _tells_pictures_apart(self) -> bool:
         """Whether a picture of a batch gives the same wherever it stands, and not what another one gives."""
-        grey, white = (self.prepare(np.full((self.size[1], self.size[0], 3), c, np.uint8))[0] for c in (GREY, 255))
+        grey, white = (
+            self.prepare(np.full((self.size[1], self.size[0], 3), c, np.uint8))[0]
+            for c in (GREY, 255)
+        )
         first, second = self.infer_many([grey, white]), self.infer_many([white, grey])
-        same = [np.allclose(a, b, atol=1e-4) for a, b in zip(first[0] + first[1], second[1] + second[0], strict=True)]
+        same = [
+            np.allclose(a, b, atol=1e-4)
+            for a, b in zip(first[0] + first[1], second[1] + second[0], strict=True)
+        ]
         return all(same) and not all(map(np.array_equal, first[0], first[1]))
 
 
@@ -225,12 +261,24 @@ def add_last_activation(graph: Any) -> bool:
     from onnx import TensorProto, helper
 
     pooled = [node.output[0] for node in graph.node if node.op_type == "MaxPool"]
-    ends = [node.output[0] for node in graph.node if node.op_type == "Concat" and len({*node.input} & {*pooled}) > 1]
+    ends = [
+        node.output[0]
+        for node in graph.node
+        if node.op_type == "Concat" and len({*node.input} & {*pooled}) > 1
+    ]
     for name in ends[-1:]:
-        conv = [node.output[0] for node in graph.node if node.op_type == "Conv" and name in node.input]
-        after = [node.output[0] for node in graph.node if {*node.input} & {*conv[:1]} and node.op_type != "Sigmoid"]
+        conv = [
+            node.output[0] for node in graph.node if node.op_type == "Conv" and name in node.input
+        ]
+        after = [
+            node.output[0]
+            for node in graph.node
+            if {*node.input} & {*conv[:1]} and node.op_type != "Sigmoid"
+        ]
         if after:
-            graph.output.append(helper.make_tensor_value_info(after[0], TensorProto.FLOAT, [None] * 4))
+            graph.output.append(
+                helper.make_tensor_value_info(after[0], TensorProto.FLOAT, [None] * 4)
+            )
             return True
     return False
 
@@ -240,7 +288,9 @@ def _reshape_for(graph: Any, batch: int) -> None:
     from onnx import numpy_helper
 
     constants = {tensor.name: tensor for tensor in graph.initializer}
-    constants |= {node.output[0]: node.attribute[0].t for node in graph.node if node.op_type == "Constant"}
+    constants |= {
+        node.output[0]: node.attribute[0].t for node in graph.node if node.op_type == "Constant"
+    }
     for number, node in enumerate(graph.node):
         if node.op_type != "Reshape" or node.input[1] not in constants:
             continue
@@ -258,7 +308,9 @@ def letterbox(image_bgr: np.ndarray, size: tuple[int, int]) -> tuple[np.ndarray,
     extent = (max(1, int(width * scale)), max(1, int(height * scale)))
     scaled = cv2.resize(image_bgr, extent, interpolation=cv2.INTER_LINEAR)
     below, right = size[1] - scaled.shape[0], size[0] - scaled.shape[1]
-    return cv2.copyMakeBorder(scaled, 0, below, 0, right, cv2.BORDER_CONSTANT, value=(GREY,) * 3), scale
+    return cv2.copyMakeBorder(
+        scaled, 0, below, 0, right, cv2.BORDER_CONSTANT, value=(GREY,) * 3
+    ), scale
 
 
 def best_boxes(
@@ -294,7 +346,9 @@ def best_boxes(
 def _own_size(weights: Path, network: Any) -> tuple[int, int]:
     height, width = (dim.dim_value for dim in network.graph.input[0].type.tensor_type.shape.dim[2:])
     if width <= 0 or height <= 0:
-        raise UserError(f"{weights}: leaves its input's size open: say which width and height it is to have")
+        raise UserError(
+            f"{weights}: leaves its input's size open: say which width and height it is to have"
+        )
     return width, height
 
 

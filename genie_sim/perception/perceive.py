@@ -32,7 +32,9 @@ def kitti_folder(root: str | Path | None) -> Path:
     """KITTI's folder: ``root``, else what GENIE_SIM_KITTI says. UserError where neither is given."""
     place = root or os.environ.get("GENIE_SIM_KITTI")
     if not place:
-        raise UserError("kitti: where are the drives? Name KITTI's folder, or set GENIE_SIM_KITTI to it")
+        raise UserError(
+            "kitti: where are the drives? Name KITTI's folder, or set GENIE_SIM_KITTI to it"
+        )
     return expanded(place)
 
 
@@ -74,17 +76,25 @@ def perceive(
     """
     root = kitti_folder(kitti_root)
     if drive.startswith(TRACKING) and (threads, batch, encoding) != (1, 1, "raw"):
-        raise UserError(f"{drive}: its detections are published ones: threads, batch and encoding mean nothing")
+        raise UserError(
+            f"{drive}: its detections are published ones: threads, batch and encoding mean nothing"
+        )
     if drive.startswith(TRACKING):
-        return tracking_trace(root / "tracking", drive.removeprefix(TRACKING), detector_name, min_score, origin)
+        return tracking_trace(
+            root / "tracking", drive.removeprefix(TRACKING), detector_name, min_score, origin
+        )
     opened = open_drive(root, drive, cameras, origin, allow_missing_scans)
     chosen = in_turn(opened, frames)
     make = partial(make_detector, detector_name, weights, size, min_score, providers)
     if threads is None or batch is None:
         threads, batch = tuning.fastest(opened, chosen, make, threads, batch, say)
     detector = make(threads, batch)
-    by_camera = _by_camera(trace_frames(opened, chosen, detector, place_from, encoding), len(chosen), progress)
-    about = _provenance(opened, detector, min_score, threads, batch, encoding) | {"features": feature_facts(by_camera)}
+    by_camera = _by_camera(
+        trace_frames(opened, chosen, detector, place_from, encoding), len(chosen), progress
+    )
+    about = _provenance(opened, detector, min_score, threads, batch, encoding) | {
+        "features": feature_facts(by_camera)
+    }
     return Trace(f"kitti_{drive.split('/')[1]}", opened.origin, by_camera, about)
 
 
@@ -113,13 +123,24 @@ def images(root: Path, drive: str, cameras: Sequence[str]) -> dict[tuple[str, in
     if drive.startswith(TRACKING):
         return {}
     opened = open_drive(root, drive, cameras, allow_missing_scans=True)
-    return {(camera, frame.index): frame.image_path for camera in opened.frames for frame in opened.frames[camera]}
+    return {
+        (camera, frame.index): frame.image_path
+        for camera in opened.frames
+        for frame in opened.frames[camera]
+    }
 
 
 def _provenance(
-    drive: KittiDrive, detector: ImageDetector, min_score: float, threads: int, batch: int, encoding: Encoding
+    drive: KittiDrive,
+    detector: ImageDetector,
+    min_score: float,
+    threads: int,
+    batch: int,
+    encoding: Encoding,
 ) -> dict[str, Any]:
-    unusual: dict[str, Any] = {} if (threads, batch) == (1, 1) else {"threads": threads, "batch": batch}
+    unusual: dict[str, Any] = (
+        {} if (threads, batch) == (1, 1) else {"threads": threads, "batch": batch}
+    )
     unusual |= {} if encoding == "raw" else {"encoding": encoding}
     return {
         "data": ATTRIBUTION,
@@ -133,7 +154,9 @@ def _provenance(
             "min_score": min_score,
             "nms_iou": NMS_IOU,
             "half_depth_m": placement.HALF_DEPTH_M,
-            "vehicle_sizes_m": {label: list(size) for label, size in placement.VEHICLE_SIZES.items()},
+            "vehicle_sizes_m": {
+                label: list(size) for label, size in placement.VEHICLE_SIZES.items()
+            },
             **unusual,
         },
         "versions": {name: importlib.metadata.version(name) for name in PACKAGES},

@@ -20,13 +20,20 @@ VIEW_M = 60.0  # how far ahead the bird's-eye view reaches
 VIDEO_FPS = 10.0
 PAPER, INK, GRID = (250, 250, 250), (40, 40, 40), (215, 215, 215)  # blue, green, red
 # Colours that people who see red and green alike can tell apart: Okabe and Ito's.
-COLOURS = {"car": (178, 114, 0), "truck": (178, 114, 0), "bus": (178, 114, 0), "person": (0, 94, 213)}
+COLOURS = {
+    "car": (178, 114, 0),
+    "truck": (178, 114, 0),
+    "bus": (178, 114, 0),
+    "person": (0, 94, 213),
+}
 OTHER = (115, 158, 0)
 
 Images = Mapping[tuple[str, int], Path]  # by camera and frame number
 
 
-def write_frames(folder: Path, trace: Trace, images: Images, progress: Callable[[int, int], None]) -> None:
+def write_frames(
+    folder: Path, trace: Trace, images: Images, progress: Callable[[int, int], None]
+) -> None:
     """One PNG for each frame. UserError where the folder cannot be written."""
     with usable(folder):
         folder.mkdir(parents=True, exist_ok=True)
@@ -36,7 +43,9 @@ def write_frames(folder: Path, trace: Trace, images: Images, progress: Callable[
             progress(count, _frames(trace))
 
 
-def write_video(path: Path, trace: Trace, images: Images, progress: Callable[[int, int], None]) -> None:
+def write_video(
+    path: Path, trace: Trace, images: Images, progress: Callable[[int, int], None]
+) -> None:
     """All frames of all cameras, one after the other, as an MP4 at 10 frames a second."""
     if path.suffix.lower() != ".mp4":
         raise UserError(f"{path}: a video's name must end in .mp4")
@@ -74,15 +83,27 @@ def drawn(trace: Trace, images: Images) -> Iterator[tuple[TraceFrame, np.ndarray
 
 
 def _camera(frame: TraceFrame, path: Path | None) -> np.ndarray:
-    image = np.full((frame.height, frame.width, 3), 90, np.uint8) if path is None else read_image(path)
+    image = (
+        np.full((frame.height, frame.width, 3), 90, np.uint8) if path is None else read_image(path)
+    )
     for detection in frame.detections:
         if detection.box is None:
             continue
         left, top, right, bottom = (round(value) for value in detection.box)
         colour = COLOURS.get(detection.label, OTHER)
         cv2.rectangle(image, (left, top), (right, bottom), colour, 2)
-        _text(image, f"{detection.label} {detection.score:.2f}", (left, max(10, top - 4)), (255, 255, 255))
-    _text(image, f"camera {frame.camera}, frame {frame.index}, {frame.stamp_ns / 1e9:.2f} s", (8, 16), (255, 255, 255))
+        _text(
+            image,
+            f"{detection.label} {detection.score:.2f}",
+            (left, max(10, top - 4)),
+            (255, 255, 255),
+        )
+    _text(
+        image,
+        f"camera {frame.camera}, frame {frame.index}, {frame.stamp_ns / 1e9:.2f} s",
+        (8, 16),
+        (255, 255, 255),
+    )
     return image
 
 
@@ -93,17 +114,25 @@ def _birds_eye(frame: TraceFrame, width: int) -> np.ndarray:
     foot = (width // 2, PANEL_PX - 20)
     for range_m in range(10, int(VIEW_M) + 1, 10):
         cv2.circle(panel, foot, round(range_m * pixels_per_m), GRID, 1)
-        _text(panel, f"{range_m} m", (foot[0] + 4, foot[1] - round(range_m * pixels_per_m) + 12), INK)
+        _text(
+            panel, f"{range_m} m", (foot[0] + 4, foot[1] - round(range_m * pixels_per_m) + 12), INK
+        )
     for side in (-1, 1):
         angle = side * frame.horizontal_fov_rad / 2
-        end = (foot[0] + round(2 * PANEL_PX * math.sin(angle)), foot[1] - round(2 * PANEL_PX * math.cos(angle)))
+        end = (
+            foot[0] + round(2 * PANEL_PX * math.sin(angle)),
+            foot[1] - round(2 * PANEL_PX * math.cos(angle)),
+        )
         cv2.line(panel, foot, end, GRID, 1)
     for detection in frame.detections:
         if detection.location is None:
             continue
         right_m, ahead_m = _from_camera(frame.pose, detection.location)
         place = (foot[0] + round(right_m * pixels_per_m), foot[1] - round(ahead_m * pixels_per_m))
-        colour, thickness = COLOURS.get(detection.label, OTHER), -1 if detection.method == "scan" else 2
+        colour, thickness = (
+            COLOURS.get(detection.label, OTHER),
+            -1 if detection.method == "scan" else 2,
+        )
         cv2.circle(panel, place, 5, colour, thickness, cv2.LINE_AA)
     _text(panel, "placed in this frame (filled: by the scan, ring: by the ground)", (8, 16), INK)
     return panel
@@ -116,18 +145,31 @@ def _map(frame: TraceFrame, seen: ObjectMap, width: int) -> np.ndarray:
     centre = (width // 2, PANEL_PX // 2)
     confident = 0
     for stored in seen:
-        east_m, north_m = stored.location[0] - frame.pose.east_m, stored.location[1] - frame.pose.north_m
-        place = (centre[0] + round(east_m * pixels_per_m), centre[1] - round(north_m * pixels_per_m))
+        east_m, north_m = (
+            stored.location[0] - frame.pose.east_m,
+            stored.location[1] - frame.pose.north_m,
+        )
+        place = (
+            centre[0] + round(east_m * pixels_per_m),
+            centre[1] - round(north_m * pixels_per_m),
+        )
         sure = stored.confidence >= seen.threshold
         confident += sure
         colour = COLOURS.get(stored.label, OTHER)
-        cv2.circle(panel, place, 2 + round(4 * stored.confidence), colour, -1 if sure else 1, cv2.LINE_AA)
+        cv2.circle(
+            panel, place, 2 + round(4 * stored.confidence), colour, -1 if sure else 1, cv2.LINE_AA
+        )
     tip = (
         centre[0] + round(14 * math.cos(frame.pose.heading_rad)),
         centre[1] - round(14 * math.sin(frame.pose.heading_rad)),
     )
     cv2.arrowedLine(panel, centre, tip, INK, 2, cv2.LINE_AA, tipLength=0.5)
-    _text(panel, f"object map: {len(seen)} objects, {confident} with C >= {seen.threshold:g} (filled)", (8, 16), INK)
+    _text(
+        panel,
+        f"object map: {len(seen)} objects, {confident} with C >= {seen.threshold:g} (filled)",
+        (8, 16),
+        INK,
+    )
     return panel
 
 
@@ -138,7 +180,9 @@ def _from_camera(pose: CameraPose, location: Location) -> tuple[float, float]:
     return east_m * sin - north_m * cos, east_m * cos + north_m * sin
 
 
-def _text(image: np.ndarray, text: str, place: tuple[int, int], colour: tuple[int, int, int]) -> None:
+def _text(
+    image: np.ndarray, text: str, place: tuple[int, int], colour: tuple[int, int, int]
+) -> None:
     cv2.putText(image, text, place, cv2.FONT_HERSHEY_SIMPLEX, 0.42, colour, 1, cv2.LINE_AA)
 
 

@@ -82,10 +82,14 @@ def trace_frames(
         yield from _in_order(starmap(place, _inferred(steps, pictures)), READ_AHEAD)
 
 
-def _inferred(steps: OnnxDetector | _InOneStep, pictures: Iterator[_Picture]) -> Iterator[tuple[_Picture, Any]]:
+def _inferred(
+    steps: OnnxDetector | _InOneStep, pictures: Iterator[_Picture]
+) -> Iterator[tuple[_Picture, Any]]:
     """Each picture with the network's outputs for it."""
     while together := list(islice(pictures, steps.batch)):
-        yield from zip(together, steps.infer_many([picture.blob for picture in together]), strict=True)
+        yield from zip(
+            together, steps.infer_many([picture.blob for picture in together]), strict=True
+        )
 
 
 @contextmanager
@@ -128,16 +132,34 @@ def _read(
     fingerprints = (hashlib.sha256(data).hexdigest(), difference_hash(image))
     if encoding != "raw":
         image, size_bytes = sent(image, encoding)
-    here = Placement(frame.intrinsics, size, drive.camera_SE3_velo(frame.camera), *scanned(frame.index))
+    here = Placement(
+        frame.intrinsics, size, drive.camera_SE3_velo(frame.camera), *scanned(frame.index)
+    )
     stamp_ns, pose = frame.stamp_ns - drive.first_stamp_ns, frame.world_SE3_camera
-    seen = size, fingerprints, pose, frame.intrinsics, (), {"hsv": packed(hue_saturation(image))}, size_bytes
-    return _Picture(pose, trace_frame(frame.camera, frame.index, stamp_ns, *seen), here, *steps.prepare(image))
+    seen = (
+        size,
+        fingerprints,
+        pose,
+        frame.intrinsics,
+        (),
+        {"hsv": packed(hue_saturation(image))},
+        size_bytes,
+    )
+    return _Picture(
+        pose, trace_frame(frame.camera, frame.index, stamp_ns, *seen), here, *steps.prepare(image)
+    )
 
 
-def _placed(steps: OnnxDetector | _InOneStep, place_from: float, picture: _Picture, outputs: Any) -> TraceFrame:
+def _placed(
+    steps: OnnxDetector | _InOneStep, place_from: float, picture: _Picture, outputs: Any
+) -> TraceFrame:
     frame, detections = picture.frame, []
     for label, score, box in steps.found(outputs, picture.scale, (frame.width, frame.height)):
-        point, method = picture.placement.place(label, box) if score >= place_from else (None, "none")
+        point, method = (
+            picture.placement.place(label, box) if score >= place_from else (None, "none")
+        )
         place = None if point is None else transform(picture.world_SE3_camera, point)
         detections.append(detection(label, score, box, place, method))
-    return replace(frame, detections=tuple(detections), features={**frame.features, **steps.features(outputs)})
+    return replace(
+        frame, detections=tuple(detections), features={**frame.features, **steps.features(outputs)}
+    )

@@ -52,9 +52,13 @@ BOX_MARGIN = 0.1  # this share of a box at each side is background more often th
 GROUP_GAP_M = 0.5  # two groups are further apart than this along the line of sight
 DENSE_SHARE = 0.25  # a group is dense with this share of the points in the box
 MIN_POINTS = 5
-SURFACE_PERCENTILE = 10  # nearest surface: not the very first point, which may be an antenna or noise
+SURFACE_PERCENTILE = (
+    10  # nearest surface: not the very first point, which may be an antenna or noise
+)
 
-MAX_GROUND_RANGE_M = 60.0  # where one pixel moves the ground point by 3 m: range^2 / (focal length * camera height)
+MAX_GROUND_RANGE_M = (
+    60.0  # where one pixel moves the ground point by 3 m: range^2 / (focal length * camera height)
+)
 BORDER_PX = 4  # a box that ends closer than this to the picture's border is cut off
 
 
@@ -83,7 +87,9 @@ def fit_ground(points: Array, reach_m: float = 30.0) -> Plane:
     It starts from flat ground under the laser and stays there when too few points are near it.
     """
     plane = FLAT_GROUND
-    columns = np.empty((4, len(points)))  # 1, x, y, z: contiguous, because this takes most of the time of a placement
+    columns = np.empty(
+        (4, len(points))
+    )  # 1, x, y, z: contiguous, because this takes most of the time of a placement
     columns[0], columns[1:] = 1.0, points.T
     columns = np.compress(columns[1] ** 2 + columns[2] ** 2 < reach_m**2, columns, axis=1)
     for band_m in (0.5, 0.3, 0.2, 0.15, 0.15):
@@ -118,7 +124,9 @@ class Placement:
             ground = TYPICAL_GROUND if scan is None else fit_ground(scan)
         velo_SE3_camera = np.asarray(np.linalg.inv(camera_SE3_velo), dtype=np.float64)
         self._height_m = float(ground.above_m(velo_SE3_camera[None, :3, 3])[0])
-        self._falls = np.array([*ground.slope, -1.0]) @ velo_SE3_camera[:3, :3]  # towards the ground, for a direction
+        self._falls = (
+            np.array([*ground.slope, -1.0]) @ velo_SE3_camera[:3, :3]
+        )  # towards the ground, for a direction
         scan = np.empty((0, 3)) if scan is None else scan
         # Points are columns here (3, n), because numpy is several times as fast with them.
         standing = np.compress(ground.above_m(scan) > GROUND_CLEARANCE_M, scan.T, axis=1)
@@ -147,7 +155,11 @@ class Placement:
                 middle = shape.centre(seen, VEHICLE_SIZES[label], self._cut(box))
                 if middle is not None:
                     x, z = middle
-                    return (x, float(ahead[1]) * math.hypot(x, z) / math.hypot(ahead[0], ahead[2]), z), "scan"
+                    return (
+                        x,
+                        float(ahead[1]) * math.hypot(x, z) / math.hypot(ahead[0], ahead[2]),
+                        z,
+                    ), "scan"
             surface_m, method = surface(ranges_m[group]), "scan"
         elif ground_m is not None and ground_m <= MAX_GROUND_RANGE_M:
             surface_m, method = ground_m, "ground"
@@ -157,7 +169,9 @@ class Placement:
         x, y, z = centre.tolist()
         return (x, y, z), method
 
-    def _object(self, label: str, box: Box, inside: Indices, ranges_m: Array, ground_m: float | None) -> Indices:
+    def _object(
+        self, label: str, box: Box, inside: Indices, ranges_m: Array, ground_m: float | None
+    ) -> Indices:
         """Which of the points inside a box, given their distances, are the object's."""
         return near_group(ranges_m, ground_m)
 
@@ -166,7 +180,10 @@ class Placement:
         margin_x, margin_y = BOX_MARGIN * (box[2] - box[0]), BOX_MARGIN * (box[3] - box[1])
         low = (box[0] + margin_x, box[1] + margin_y)
         high = (box[2] - margin_x, box[3] - margin_y)
-        first, end = np.searchsorted(self._across, low[0], "right"), np.searchsorted(self._across, high[0])
+        first, end = (
+            np.searchsorted(self._across, low[0], "right"),
+            np.searchsorted(self._across, high[0]),
+        )
         down = self._down[first:end]
         return np.sort(self._order[first:end][(down > low[1]) & (down < high[1])])
 

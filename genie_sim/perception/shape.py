@@ -76,9 +76,13 @@ def _low_end_is_seen(axis: int, low: Array, high: Array, axes: Array, cut: str |
 
 
 def _turn(points: Array) -> float:
-    turned = np.concatenate([TURNED_AXES, TURNED_AXES[:, ::-1] * [-1, 1]]) @ points.T  # (2 turns, n)
+    turned = (
+        np.concatenate([TURNED_AXES, TURNED_AXES[:, ::-1] * [-1, 1]]) @ points.T
+    )  # (2 turns, n)
     stray = int(len(points) * STRAY_PERCENT / 100)
     ordered = np.sort(turned, axis=1)
-    off = np.minimum(np.abs(turned - ordered[:, [stray]]), np.abs(ordered[:, [-1 - stray]] - turned))
+    off = np.minimum(
+        np.abs(turned - ordered[:, [stray]]), np.abs(ordered[:, [-1 - stray]] - turned)
+    )
     on_either = np.minimum(off[: len(TURNS_RAD)], off[len(TURNS_RAD) :])
     return float(TURNS_RAD[int((1.0 / np.maximum(on_either, NEAR_M)).sum(axis=1).argmax())])

@@ -69,7 +69,9 @@ class Recorded:
 
     trace: str = "kitti_0005"
 
-    def open(self, seed: int, origin: Geodetic | None, progress: Progress | None = None) -> "Recordings":
+    def open(
+        self, seed: int, origin: Geodetic | None, progress: Progress | None = None
+    ) -> "Recordings":
         from genie_sim.perception.trace import read_trace
 
         path = files.find(files.TRACE, self.trace)
@@ -92,13 +94,17 @@ class Live:
     def __post_init__(self) -> None:
         if not re.fullmatch(r"\d{4}_\d{2}_\d{2}/\d{4}", self.drive, re.ASCII):
             given = short_repr(self.drive)
-            raise ValueError(f"drive: must be a date and a number such as '2011_09_26/0005', not {given}")
+            raise ValueError(
+                f"drive: must be a date and a number such as '2011_09_26/0005', not {given}"
+            )
         if not self.cameras:
             raise ValueError("cameras: must not be empty")
         if not 0 <= self.min_score <= 1:
             raise ValueError(f"min_score: must be from 0 to 1, but is {self.min_score:g}")
 
-    def open(self, seed: int, origin: Geodetic | None, progress: Progress | None = None) -> "Recordings":
+    def open(
+        self, seed: int, origin: Geodetic | None, progress: Progress | None = None
+    ) -> "Recordings":
         from genie_sim.perception.perceive import perceive
 
         root = os.path.expandvars(self.kitti)
@@ -111,7 +117,9 @@ class Live:
             if progress is not None:
                 progress(done, total, "perceive")
 
-        made = perceive(root, self.drive, self.cameras, self.detector, min_score=self.min_score, progress=tell)
+        made = perceive(
+            root, self.drive, self.cameras, self.detector, min_score=self.min_score, progress=tell
+        )
         return Recordings(made, origin)
 
 
@@ -139,7 +147,13 @@ class Recordings:
             made = self.main if trace is None or path is None else read_trace(path)
             origin = self.main.origin if self.origin is None else self.origin
             self._read[trace] = made.rebased(origin)
-            truth = truth_beside(path, made) if path is not None else self.truth if trace is None else None
+            truth = (
+                truth_beside(path, made)
+                if path is not None
+                else self.truth
+                if trace is None
+                else None
+            )
             if truth is not None:
                 self._truths[self._read[trace].digest] = truth.rebased(origin)
         self._of_cars[car] = trace
@@ -161,13 +175,20 @@ class Recordings:
 
     def digests(self) -> Mapping[str, str]:
         found = {car: self._read[trace].digest for car, trace in self._of_cars.items()}
-        known = {car: self._truths[digest] for car, digest in found.items() if digest in self._truths}
+        known = {
+            car: self._truths[digest] for car, digest in found.items() if digest in self._truths
+        }
         return found | {f"truth of {car}": table.digest for car, table in known.items()}
 
     def provenance(self) -> Mapping[str, Mapping[str, Any]]:
-        traces = {one.name: dict(one.provenance) for one in map(self._read.__getitem__, self._of_cars.values())}
+        traces = {
+            one.name: dict(one.provenance)
+            for one in map(self._read.__getitem__, self._of_cars.values())
+        }
         tables = self._truths.values()
-        return traces | {f"truth of {table.provenance['trace']}": dict(table.provenance) for table in tables}
+        return traces | {
+            f"truth of {table.provenance['trace']}": dict(table.provenance) for table in tables
+        }
 
 
 def encoded_beside(path: Path | None, trace: "Trace", encoding: Encoding) -> "Trace":
@@ -180,16 +201,24 @@ def encoded_beside(path: Path | None, trace: "Trace", encoding: Encoding) -> "Tr
     beside = path.with_suffix(f".{encoding}{path.suffix}")
     if not beside.is_file():
         made = f"'genie-sim perceive --encoding {encoding} --out {beside}' makes it"
-        raise UserError(f"image_encoding: {encoding}: {path.name} has no {beside.name} beside it; {made}")
+        raise UserError(
+            f"image_encoding: {encoding}: {path.name} has no {beside.name} beside it; {made}"
+        )
     from genie_sim.perception.trace import read_trace
 
     found = read_trace(beside)
     if found.provenance.get("parameters", {}).get("encoding") != encoding:
         raise UserError(f"{beside}: is not of pictures encoded as {encoding}")
     if _pictures(found) != _pictures(trace):
-        raise UserError(f"{beside}: is not of the pictures of {path.name}; make it again, or take it away")
+        raise UserError(
+            f"{beside}: is not of the pictures of {path.name}; make it again, or take it away"
+        )
     return found.rebased(trace.origin)
 
 
 def _pictures(trace: "Trace") -> list[tuple[str, int, str]]:
-    return [(one.camera, one.stamp_ns, one.digest) for camera in sorted(trace.frames) for one in trace.frames[camera]]
+    return [
+        (one.camera, one.stamp_ns, one.digest)
+        for camera in sorted(trace.frames)
+        for one in trace.frames[camera]
+    ]

@@ -22,7 +22,16 @@ if TYPE_CHECKING:
 
 FORMAT_VERSION = 1
 FEATURE = "feature_"  # how the columns of features begin; a trace need not have any
-PLAIN = ("camera", "index", "stamp_ns", "width", "height", "size_bytes", "digest", "dhash")  # columns, and fields
+PLAIN = (
+    "camera",
+    "index",
+    "stamp_ns",
+    "width",
+    "height",
+    "size_bytes",
+    "digest",
+    "dhash",
+)  # columns, and fields
 BOX, PLACE = ("x1", "y1", "x2", "y2"), ("east_m", "north_m", "up_m")
 
 # sensor_msgs/Image in ROS 1, without the pixels: sequence number, stamp, frame_id, height, width, encoding, endianness,
@@ -84,7 +93,9 @@ class Trace:
 
     def __post_init__(self) -> None:
         rows = [_row(frame) for camera in sorted(self.frames) for frame in self.frames[camera]]
-        text = json.dumps([[float(x) for x in self.origin], rows], sort_keys=True, separators=(",", ":"))
+        text = json.dumps(
+            [[float(x) for x in self.origin], rows], sort_keys=True, separators=(",", ":")
+        )
         object.__setattr__(self, "digest", hashlib.sha256(text.encode()).hexdigest())
 
     def rebased(self, origin: Geodetic) -> "Trace":
@@ -97,13 +108,23 @@ class Trace:
 
         def moved(frame: TraceFrame) -> TraceFrame:
             pose = frame.pose
-            ahead = new_SE3_old[:3, :3] @ [math.cos(pose.heading_rad), math.sin(pose.heading_rad), 0.0]
+            ahead = new_SE3_old[:3, :3] @ [
+                math.cos(pose.heading_rad),
+                math.sin(pose.heading_rad),
+                0.0,
+            ]
             east_m, north_m, up_m = transform(new_SE3_old, pose[:3]).tolist()
             detections = tuple(
-                d if d.location is None else replace(d, location=tuple(transform(new_SE3_old, d.location).tolist()))
+                d
+                if d.location is None
+                else replace(d, location=tuple(transform(new_SE3_old, d.location).tolist()))
                 for d in frame.detections
             )
-            return replace(frame, pose=CameraPose(east_m, north_m, up_m, heading_of(ahead)), detections=detections)
+            return replace(
+                frame,
+                pose=CameraPose(east_m, north_m, up_m, heading_of(ahead)),
+                detections=detections,
+            )
 
         frames = {camera: tuple(map(moved, sequence)) for camera, sequence in self.frames.items()}
         return Trace(self.name, origin, frames, self.provenance)
@@ -112,7 +133,9 @@ class Trace:
         """The same trace without the detections below a score."""
 
         def kept(frame: TraceFrame) -> TraceFrame:
-            return replace(frame, detections=tuple(d for d in frame.detections if d.score >= min_score))
+            return replace(
+                frame, detections=tuple(d for d in frame.detections if d.score >= min_score)
+            )
 
         frames = {camera: tuple(map(kept, sequence)) for camera, sequence in self.frames.items()}
         parameters = self.provenance.get("parameters", {}) | {"min_score": min_score}
@@ -156,7 +179,9 @@ def feature_facts(frames: Mapping[str, Sequence[TraceFrame]]) -> dict[str, dict[
     return {
         name: {
             "dimension": len(ordered[0].features[name]),
-            "sha256": hashlib.sha256(b"".join(frame.features[name] for frame in ordered)).hexdigest(),
+            "sha256": hashlib.sha256(
+                b"".join(frame.features[name] for frame in ordered)
+            ).hexdigest(),
         }
         for name in sorted(names)
     }
@@ -183,7 +208,10 @@ def write_trace(path: str | Path, trace: Trace) -> None:
         "digest": trace.digest,
         "provenance": trace.provenance,
     }
-    rows = (_row(frame) | {FEATURE + name: frame.features[name] for name in features} for frame in frames)
+    rows = (
+        _row(frame) | {FEATURE + name: frame.features[name] for name in features}
+        for frame in frames
+    )
     parquet.write(Path(path), schema, rows, about)
 
 
@@ -205,21 +233,29 @@ def read_trace(path: str | Path) -> Trace:
     by_camera = checked(path, frames)
     trace = Trace(about["name"], tuple(about["origin"]), by_camera, about["provenance"])
     if trace.digest != about["digest"]:
-        raise UserError(f"{path}: content does not match its own digest {about['digest'][:12]}: file was altered")
+        raise UserError(
+            f"{path}: content does not match its own digest {about['digest'][:12]}: file was altered"
+        )
     if "features" in trace.provenance and trace.provenance["features"] != feature_facts(by_camera):
-        raise UserError(f"{path}: features do not match the digests in its own provenance: file was altered")
+        raise UserError(
+            f"{path}: features do not match the digests in its own provenance: file was altered"
+        )
     return trace
 
 
 def _check_about(path: Path, about: Mapping[str, Any]) -> None:
     version = about.get("format_version")
     if version != FORMAT_VERSION:
-        raise UserError(f"{path}: format_version: trace has version {version!r}, this genie-sim reads {FORMAT_VERSION}")
+        raise UserError(
+            f"{path}: format_version: trace has version {version!r}, this genie-sim reads {FORMAT_VERSION}"
+        )
     for name, kind in {"name": str, "origin": list, "digest": str, "provenance": dict}.items():
         if not isinstance(about.get(name), kind):
             raise UserError(f"{path}: metadata: {name!r} is missing or not a {kind.__name__}")
     origin = about["origin"]
-    if len(origin) != 3 or not all(within([x], most) for x, most in zip(origin, MOST_ORIGIN, strict=True)):
+    if len(origin) != 3 or not all(
+        within([x], most) for x, most in zip(origin, MOST_ORIGIN, strict=True)
+    ):
         raise UserError(f"{path}: metadata: origin {origin!r} is not latitude, longitude, altitude")
 
 
@@ -230,17 +266,27 @@ def checked(path: Path, frames: Iterable[TraceFrame]) -> dict[str, tuple[TraceFr
         where = f"{path}: camera {frame.camera!r}, frame {frame.index}"
         earlier = by_camera.setdefault(frame.camera, [])
         if earlier and frame.stamp_ns <= earlier[-1].stamp_ns:
-            raise UserError(f"{where}: stamp_ns {frame.stamp_ns} does not follow {earlier[-1].stamp_ns}")
+            raise UserError(
+                f"{where}: stamp_ns {frame.stamp_ns} does not follow {earlier[-1].stamp_ns}"
+            )
         if frame.stamp_ns < 0 or min(frame.width, frame.height, frame.size_bytes) <= 0:
-            raise UserError(f"{where}: stamp_ns, width, height and size_bytes must not be negative or zero")
+            raise UserError(
+                f"{where}: stamp_ns, width, height and size_bytes must not be negative or zero"
+            )
         if not (within(frame.pose[:3], MOST_M) and within(frame.pose[3:], MOST_HEADING_RAD)):
-            raise UserError(f"{where}: pose {tuple(frame.pose)} is no place on Earth [m] and a heading [rad]")
+            raise UserError(
+                f"{where}: pose {tuple(frame.pose)} is no place on Earth [m] and a heading [rad]"
+            )
         if not 0 < frame.horizontal_fov_rad < math.pi:
-            raise UserError(f"{where}: horizontal_fov_rad {frame.horizontal_fov_rad} is not between 0 and pi")
+            raise UserError(
+                f"{where}: horizontal_fov_rad {frame.horizontal_fov_rad} is not between 0 and pi"
+            )
         for detection in frame.detections:
             numbers = (detection.score, *(detection.box or ()), *(detection.location or ()))
             if not (within(numbers, MOST_M) and 0 <= detection.score <= 1):
-                raise UserError(f"{where}: a {detection.label} whose score, box or location is not a number in range")
+                raise UserError(
+                    f"{where}: a {detection.label} whose score, box or location is not a number in range"
+                )
             if not (isinstance(detection.label, str) and isinstance(detection.method, str)):
                 raise UserError(f"{where}: a detection without a label or a method")
         earlier.append(frame)
@@ -289,11 +335,16 @@ def _frame(row: Mapping[str, Any]) -> TraceFrame:
         return None if of[names[0]] is None else tuple(of[name] for name in names)
 
     detections = tuple(
-        Detection(d["label"], d["score"], several(d, BOX), several(d, PLACE), d["score"], d["method"])
+        Detection(
+            d["label"], d["score"], several(d, BOX), several(d, PLACE), d["score"], d["method"]
+        )
         for d in row["detections"]
     )
     plain = {name: row[name] for name in (*PLAIN, "horizontal_fov_rad")}
     features = {name.removeprefix(FEATURE): row[name] for name in row if name.startswith(FEATURE)}
     return TraceFrame(
-        **plain, pose=CameraPose(*(row[name] for name in CameraPose._fields)), detections=detections, features=features
+        **plain,
+        pose=CameraPose(*(row[name] for name in CameraPose._fields)),
+        detections=detections,
+        features=features,
     )

@@ -78,7 +78,9 @@ def sequences(training: Path) -> list[str]:
     return sorted(path.stem for path in (training / "oxts").glob("*.txt"))
 
 
-def open_sequence(training: str | Path, sequence: str, origin: Geodetic | None = None) -> TrackingDrive:
+def open_sequence(
+    training: str | Path, sequence: str, origin: Geodetic | None = None
+) -> TrackingDrive:
     """A sequence such as ``0005``; ``training`` holds ``oxts`` and ``calib``. UserError for files that are broken."""
     training = Path(training)
     known = sequences(training)
@@ -130,24 +132,44 @@ def tracking_trace(
             by_frame[index].append(found)
     frames = []
     for index, here in enumerate(by_frame):
-        kept = sorted((d for d in here if d.score >= min_score), key=lambda d: (-d.score, d.label, d.box or ()))
+        kept = sorted(
+            (d for d in here if d.score >= min_score),
+            key=lambda d: (-d.score, d.label, d.box or ()),
+        )
         digest = hashlib.sha256(f"tracking/{sequence}/{detections}/{index}".encode()).hexdigest()
         fingerprints = (digest, int(digest[:16], 16))
         pose = drive.world_SE3_camera2(index)
         frames.append(
-            trace_frame(CAMERA, index, index * FRAME_NS, drive.size, fingerprints, pose, drive.intrinsics, kept)
+            trace_frame(
+                CAMERA,
+                index,
+                index * FRAME_NS,
+                drive.size,
+                fingerprints,
+                pose,
+                drive.intrinsics,
+                kept,
+            )
         )
     provenance = {
         "data": ATTRIBUTION,
         "drive": f"tracking/{sequence}",
         "detector": detections,
         "detections_sha256": total.hexdigest(),
-        "parameters": {"min_score": min_score, "pictures": False, "pointrcnn_scores": POINTRCNN_SCORES},
+        "parameters": {
+            "min_score": min_score,
+            "pictures": False,
+            "pointrcnn_scores": POINTRCNN_SCORES,
+        },
     }
-    return Trace(f"tracking_{sequence}_{detections}", drive.origin, {CAMERA: tuple(frames)}, provenance)
+    return Trace(
+        f"tracking_{sequence}_{detections}", drive.origin, {CAMERA: tuple(frames)}, provenance
+    )
 
 
-def _published(path: Path, detector: str, label: str, drive: TrackingDrive) -> Iterator[tuple[int, Detection]]:
+def _published(
+    path: Path, detector: str, label: str, drive: TrackingDrive
+) -> Iterator[tuple[int, Detection]]:
     """Frame number and detection of each line of a file."""
     columns, read = PUBLISHED[detector]
     no_scan = Placement(drive.intrinsics, drive.size, drive.camera2_SE3_velo, None)
@@ -191,7 +213,9 @@ def _picture_size(calibration: Path, pictures: Path, focal_px: float) -> tuple[i
     nearest = min(PICTURE_SIZES, key=lambda known: abs(known - focal_px))
     if abs(nearest - focal_px) <= SAME_FOCAL_PX:
         return PICTURE_SIZES[nearest]
-    picture = next(iter(sorted(path for path in pictures.glob("*") if path.suffix in (".png", ".jpg"))), None)
+    picture = next(
+        iter(sorted(path for path in pictures.glob("*") if path.suffix in (".png", ".jpg"))), None
+    )
     if picture is None:
         raise UserError(
             f"{calibration}: P2: how large are the pictures? None of KITTI's days has a focal length of {focal_px:g} "

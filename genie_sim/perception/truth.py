@@ -84,7 +84,9 @@ def _of_tracklets(root: Path, drive: str, trace: Trace) -> PictureLabels:
         camera_SE3_velo = opened.camera_SE3_velo(camera)
         for frame in frames:
             if frame.index not in known:
-                raise UserError(f"{root}: drive {drive}: has no frame {frame.index} of camera {camera}")
+                raise UserError(
+                    f"{root}: drive {drive}: has no frame {frame.index} of camera {camera}"
+                )
             here = pictures.setdefault((camera, frame.index), [])
             for track, item in enumerate(items):
                 i = frame.index - item.first
@@ -94,7 +96,11 @@ def _of_tracklets(root: Path, drive: str, trace: Trace) -> PictureLabels:
                 box = _box_of(corners, known[frame.index].intrinsics, (frame.width, frame.height))
                 if box is None:
                     continue
-                judged = item.truncation[i] in (0, 1) and item.occlusion[i] in (0, 1, 2) and corners[:, 2].min() > 0
+                judged = (
+                    item.truncation[i] in (0, 1)
+                    and item.occlusion[i] in (0, 1, 2)
+                    and corners[:, 2].min() > 0
+                )
                 centre = _location(transform(opened.world_SE3_velo(frame.index), item.centres[i]))
                 here.append(_labelled(track, item.kind, box, judged, centre))
     return PictureLabels(f"tracklets of {drive}", pictures, _moving(pictures, trace))
@@ -104,11 +110,19 @@ def _of_tracking(training: Path, sequence: str, trace: Trace) -> PictureLabels:
     drive = open_sequence(training, sequence, trace.origin)
     frames = trace.frames.get(CAMERA)
     if frames is None:
-        raise UserError(f"{training}: labels are those of camera {CAMERA}, the trace has {', '.join(trace.frames)}")
+        raise UserError(
+            f"{training}: labels are those of camera {CAMERA}, the trace has {', '.join(trace.frames)}"
+        )
     for frame in frames:
-        there = drive.world_SE3_camera2(frame.index)[:3, 3] if frame.index < len(drive.world_SE3_camera0) else None
+        there = (
+            drive.world_SE3_camera2(frame.index)[:3, 3]
+            if frame.index < len(drive.world_SE3_camera0)
+            else None
+        )
         if there is None or math.dist(frame.pose[:3], there.tolist()) > 1.0:
-            raise UserError(f"{training}: sequence {sequence} is not the drive of this trace (frame {frame.index})")
+            raise UserError(
+                f"{training}: sequence {sequence} is not the drive of this trace (frame {frame.index})"
+            )
     pictures: dict[Picture, list[Labelled]] = {(CAMERA, frame.index): [] for frame in frames}
     path = training / "label_02" / f"{sequence}.txt"
     for label in tracking_labels(path, len(drive.world_SE3_camera0)):
@@ -130,7 +144,11 @@ def _labelled(track: int, kind: str, box: Box, judged: bool, centre: Location) -
 
 def _moving(pictures: Mapping[Picture, list[Labelled]], trace: Trace) -> frozenset[int]:
     """The tracks that got away from where they were first labelled faster than ``MOVING_MPS``, over all their time."""
-    stamps_ns = {(camera, frame.index): frame.stamp_ns for camera in trace.frames for frame in trace.frames[camera]}
+    stamps_ns = {
+        (camera, frame.index): frame.stamp_ns
+        for camera in trace.frames
+        for frame in trace.frames[camera]
+    }
     tracks: dict[int, dict[int, Location]] = {}
     for picture, labels in pictures.items():
         for label in labels:
@@ -207,15 +225,30 @@ def tracking_labels(path: Path, frames: int) -> list[TrackingLabel]:
     """Every line of a ``label_02`` file of a sequence of so many frames. Raises UserError."""
     labels = []
     for number, fields in lines(path):
-        with as_user_error(f"{path}: line {number}: not a tracking label", IndexError, ValueError, OverflowError):
-            frame, track, kind, truncation, occlusion = int(fields[0]), int(fields[1]), fields[2], *fields[3:5]
+        with as_user_error(
+            f"{path}: line {number}: not a tracking label", IndexError, ValueError, OverflowError
+        ):
+            frame, track, kind, truncation, occlusion = (
+                int(fields[0]),
+                int(fields[1]),
+                fields[2],
+                *fields[3:5],
+            )
             x1, y1, x2, y2, height_m, _, _, x, y, z = map(float, (*fields[6:13], *fields[13:16]))
             bounded = within([x1, y1, x2, y2, height_m, x, y, z])
             label = TrackingLabel(
-                frame, track, kind, int(float(truncation)), int(occlusion), (x1, y1, x2, y2), (x, y - height_m / 2, z)
+                frame,
+                track,
+                kind,
+                int(float(truncation)),
+                int(occlusion),
+                (x1, y1, x2, y2),
+                (x, y - height_m / 2, z),
             )
         if not bounded:
-            raise UserError(f"{path}: line {number}: not a tracking label: a number is not finite, or too large")
+            raise UserError(
+                f"{path}: line {number}: not a tracking label: a number is not finite, or too large"
+            )
         if not 0 <= frame < frames:
             raise UserError(f"{path}: line {number}: frame {frame} has no line in oxts")
         labels.append(label)
@@ -224,13 +257,24 @@ def tracking_labels(path: Path, frames: int) -> list[TrackingLabel]:
 
 def tracklets(path: Path) -> list[Tracklet]:
     """All objects of a ``tracklet_labels.xml``. Raises UserError where it is missing or something else."""
-    with as_user_error(f"{path}: not KITTI tracklets", ElementTree.ParseError, ValueError, LookupError, OverflowError):
-        return [_tracklet(item) for item in ElementTree.fromstring(read_bytes(path)).findall("tracklets/item")]
+    with as_user_error(
+        f"{path}: not KITTI tracklets",
+        ElementTree.ParseError,
+        ValueError,
+        LookupError,
+        OverflowError,
+    ):
+        return [
+            _tracklet(item)
+            for item in ElementTree.fromstring(read_bytes(path)).findall("tracklets/item")
+        ]
 
 
 def _tracklet(item: ElementTree.Element) -> Tracklet:
     names = ("tx", "ty", "tz", "rz", "occlusion", "truncation")
-    poses = [[float(pose.findtext(name, "")) for name in names] for pose in item.findall("poses/item")]
+    poses = [
+        [float(pose.findtext(name, "")) for name in names] for pose in item.findall("poses/item")
+    ]
     table = np.array(poses).reshape(-1, len(names))
     height_m, width_m, length_m = (float(item.findtext(name, "")) for name in "hwl")
     if not within([height_m, width_m, length_m, *table.ravel()]):

@@ -23,9 +23,14 @@ if TYPE_CHECKING:
 
 FORMAT_VERSION = 1
 SUFFIX = ".truth.parquet"
-REACH_M = 2.0  # an object is a labelled one within this distance: half of what separates parked cars
+REACH_M = (
+    2.0  # an object is a labelled one within this distance: half of what separates parked cars
+)
 RANGE_M = 40.0  # where KITTI's labels end
-LABELS = {"vehicles": "car", "persons": "person"}  # groups of labels, and the classes under which they are compared
+LABELS = {
+    "vehicles": "car",
+    "persons": "person",
+}  # groups of labels, and the classes under which they are compared
 KNOWN = ("car", "truck", "bus", "person")  # what a detector may call them; nothing else is labelled
 
 
@@ -61,7 +66,9 @@ class TruthTable:
     digest: str = field(init=False)
 
     def __post_init__(self) -> None:
-        text = json.dumps([self.trace, [float(x) for x in self.origin], self.rows], separators=(",", ":"))
+        text = json.dumps(
+            [self.trace, [float(x) for x in self.origin], self.rows], separators=(",", ":")
+        )
         object.__setattr__(self, "digest", hashlib.sha256(text.encode()).hexdigest())
 
     def rebased(self, origin: Geodetic) -> "TruthTable":
@@ -87,7 +94,9 @@ class RecordedTruth:
         self._visible: dict[tuple[str, int], list[TruthRow]] = {}
         self._hidden: dict[tuple[str, int], list[TruthRow]] = {}
         for row in table.rows:
-            (self._visible if row.visible else self._hidden).setdefault((row.camera, row.frame), []).append(row)
+            (self._visible if row.visible else self._hidden).setdefault(
+                (row.camera, row.frame), []
+            ).append(row)
 
     def knows(self, label: str) -> bool:
         return label in KNOWN
@@ -98,7 +107,8 @@ class RecordedTruth:
     def is_there(self, frame: Frame, label: str, east_m: float, north_m: float) -> bool:
         rows = (*self._hidden.get(_key(frame), ()), *self._visible.get(_key(frame), ()))
         return any(
-            row.label == label and math.hypot(row.east_m - east_m, row.north_m - north_m) <= REACH_M for row in rows
+            row.label == label and math.hypot(row.east_m - east_m, row.north_m - north_m) <= REACH_M
+            for row in rows
         )
 
 
@@ -114,17 +124,25 @@ def make_truth(root: str | Path, drive: str, trace: Trace) -> TruthTable:
     from genie_sim.perception.truth import read_truth
 
     truth = read_truth(root, drive, trace)
-    stamps_ns = {(camera, one.index): one.stamp_ns for camera in trace.frames for one in trace.frames[camera]}
+    stamps_ns = {
+        (camera, one.index): one.stamp_ns for camera in trace.frames for one in trace.frames[camera]
+    }
     rows = []
     for (camera, index), labels in sorted(truth.pictures.items()):
         for label in sorted(labels):
             if label.centre is not None and label.group in LABELS:
                 what = LABELS[label.group], label.track in truth.moving, label.counts
                 place = (round(x, POSITION_DECIMALS) for x in label.centre)
-                rows.append(TruthRow(camera, index, stamps_ns[camera, index], label.track, *what, *place))
+                rows.append(
+                    TruthRow(camera, index, stamps_ns[camera, index], label.track, *what, *place)
+                )
     if not rows:
         raise UserError(f"{root}: no object of {drive} is in view of the trace {trace.name}")
-    provenance = {"drive": drive, "labels": truth.source, "labels_sha256": _digest_of_labels(Path(root), drive)}
+    provenance = {
+        "drive": drive,
+        "labels": truth.source,
+        "labels_sha256": _digest_of_labels(Path(root), drive),
+    }
     return TruthTable(trace.digest, trace.origin, tuple(rows), {**provenance, "trace": trace.name})
 
 
@@ -176,20 +194,29 @@ def read_truth_table(path: Path) -> TruthTable:
     read, about = parquet.read(path, "truth table")
     if about.get("format_version") != FORMAT_VERSION:
         version = about.get("format_version")
-        raise UserError(f"{path}: format_version: {version!r}, this genie-sim reads {FORMAT_VERSION}")
+        raise UserError(
+            f"{path}: format_version: {version!r}, this genie-sim reads {FORMAT_VERSION}"
+        )
     parquet.check_columns(path, read, _schema())
     with as_user_error(f"{path}: not a truth table", ValueError, KeyError, TypeError):
         rows = tuple(TruthRow(**row) for row in read.select(_schema().names).to_pylist())
         table = TruthTable(about["trace"], tuple(about["origin"]), rows, about["provenance"])
         digest = about["digest"]
     if table.digest != digest:
-        raise UserError(f"{path}: content does not match its own digest {str(digest)[:12]}: file was altered")
+        raise UserError(
+            f"{path}: content does not match its own digest {str(digest)[:12]}: file was altered"
+        )
     return table
 
 
 def _schema() -> "pyarrow.Schema":
     import pyarrow as pa
 
-    kinds = {"camera": pa.string(), "label": pa.string(), "moving": pa.bool_(), "visible": pa.bool_()}
+    kinds = {
+        "camera": pa.string(),
+        "label": pa.string(),
+        "moving": pa.bool_(),
+        "visible": pa.bool_(),
+    }
     whole = dict.fromkeys(("frame", "stamp_ns", "object"), pa.int64())
     return pa.schema([(name, (kinds | whole).get(name, pa.float64())) for name in TruthRow._fields])

@@ -38,7 +38,9 @@ def fastest(
     counts = thread_counts(os.cpu_count() or 1) if threads is None else [threads]
     detectors: dict[Setting, ImageDetector] = {}
     refused: list[str] = []
-    for setting in [(count, size) for size in (BATCHES if batch is None else [batch]) for count in counts]:
+    for setting in [
+        (count, size) for size in (BATCHES if batch is None else [batch]) for count in counts
+    ]:
         try:
             detectors[setting] = make(*setting)
         except UserError as error:
@@ -55,7 +57,9 @@ def fastest(
             for _row in trace_frames(drive, first, detector):
                 pass
             seconds[setting].append(time.perf_counter() - begin)
-    rates_fps = {setting: len(first) / statistics.median(taken) for setting, taken in seconds.items()}
+    rates_fps = {
+        setting: len(first) / statistics.median(taken) for setting, taken in seconds.items()
+    }
     chosen = simplest(rates_fps)
     rates = ", ".join(f"{one[0]} x {one[1]}: {rate:.0f}" for one, rate in rates_fps.items())
     text = f"auto: --threads {chosen[0]} --batch {chosen[1]}, the simplest within {NOT_WORTH_IT:.0%} of the fastest; "
@@ -72,4 +76,7 @@ def thread_counts(processors: int) -> list[int]:
 def simplest(rates_fps: Mapping[Setting, float]) -> Setting:
     """Of the settings that are nearly as fast as the fastest, the one with the smallest batch, then fewest threads."""
     enough = (1 - NOT_WORTH_IT) * max(rates_fps.values())
-    return min((setting for setting, rate in rates_fps.items() if rate >= enough), key=lambda s: (s[1], s[0]))
+    return min(
+        (setting for setting, rate in rates_fps.items() if rate >= enough),
+        key=lambda s: (s[1], s[0]),
+    )

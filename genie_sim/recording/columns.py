@@ -28,7 +28,9 @@ class Text:
         """The same for names in any order, each of which may occur more than once."""
         ordered = sorted(set(names))
         place = {name: index for index, name in enumerate(ordered)}
-        return cls(np.array([*(place[name] for name in names), NO_TEXT], dtype=np.int32)[codes], ordered)
+        return cls(
+            np.array([*(place[name] for name in names), NO_TEXT], dtype=np.int32)[codes], ordered
+        )
 
     def __len__(self) -> int:
         return len(self.codes)
@@ -68,7 +70,9 @@ class Text:
     def codes_in(self, names: Sequence[str]) -> Array:
         """The place of each row's text among other names, ``NO_TEXT`` where it is not there."""
         place = {name: index for index, name in enumerate(names)}
-        return np.array([*(place.get(name, NO_TEXT) for name in self.names), NO_TEXT], dtype=np.int64)[self.codes]
+        return np.array(
+            [*(place.get(name, NO_TEXT) for name in self.names), NO_TEXT], dtype=np.int64
+        )[self.codes]
 
 
 class Columns:
@@ -85,7 +89,11 @@ class Columns:
     @classmethod
     def of(cls, table: "Columns | pd.DataFrame") -> "Columns":
         """The same for a pandas table, whose categories and texts become ``Text``."""
-        return table if isinstance(table, Columns) else cls({str(name): _column(table[name]) for name in table})
+        return (
+            table
+            if isinstance(table, Columns)
+            else cls({str(name): _column(table[name]) for name in table})
+        )
 
     def __getitem__(self, name: str) -> Any:
         if self._places is None:
@@ -95,7 +103,9 @@ class Columns:
         return self._chosen[name]
 
     def __len__(self) -> int:
-        return len(next(iter(self._whole.values()), ())) if self._places is None else len(self._places)
+        return (
+            len(next(iter(self._whole.values()), ())) if self._places is None else len(self._places)
+        )
 
     @property
     def names(self) -> list[str]:
@@ -123,7 +133,9 @@ class Columns:
         """With these columns; a text is meant for every row."""
         whole = {name: self[name] for name in self.names}
         for name, one in columns.items():
-            whole[name] = Text(np.zeros(len(self), dtype=np.int32), [one]) if isinstance(one, str) else one
+            whole[name] = (
+                Text(np.zeros(len(self), dtype=np.int32), [one]) if isinstance(one, str) else one
+            )
         return Columns(whole)
 
     def groups(self, name: str) -> "Iterator[tuple[str, Columns]]":
@@ -131,7 +143,9 @@ class Columns:
         column: Text = self[name]
         order = np.argsort(column.codes, kind="stable")
         codes, begins = np.unique(column.codes[order], return_index=True)
-        for code, places in zip(codes.tolist(), np.split(order, begins[1:]), strict=False):  # no codes: one empty part
+        for code, places in zip(
+            codes.tolist(), np.split(order, begins[1:]), strict=False
+        ):  # no codes: one empty part
             if code != NO_TEXT:
                 yield column.names[code], self.rows(places)
 

@@ -74,10 +74,14 @@ class Held:
     objects: Table | None = None
 
     def __post_init__(self) -> None:
-        self._open: dict[str, dict[Judged, int]] = {car: {} for car in self.truths}  # since when each is so
+        self._open: dict[str, dict[Judged, int]] = {
+            car: {} for car in self.truths
+        }  # since when each is so
         self._consumers = {car: self.make_consumer() for car in self.truths}
         self._streams: dict[str, str] = {}  # of each car, the one whose frames are the instants
-        self._since_ns: dict[str, dict[tuple[str, Location], int]] = {car: {} for car in self.truths}
+        self._since_ns: dict[str, dict[tuple[str, Location], int]] = {
+            car: {} for car in self.truths
+        }
         self._were: Places = {}  # what was visible, in order of time
 
     def answered(self, answer: Detections, now_ns: int) -> None:
@@ -99,7 +103,11 @@ class Held:
         if car not in self.truths or self._streams.setdefault(car, stream) != stream:
             return
         truth = self.truths[car]
-        there = [one for one in truth.visible(image.content) if _in_view(image, one.location, truth.range_m)]
+        there = [
+            one
+            for one in truth.visible(image.content)
+            if _in_view(image, one.location, truth.range_m)
+        ]
         held = self._consumers[car].held(now_ns)
         self._write(CONSUMER, image, held, there)
         known = self._since_ns[car]
@@ -109,13 +117,17 @@ class Held:
             self._write(FLOOR, image, image.content.detections, there)
         self._remember(now_ns, there, truth.reach_m)
 
-    def _write(self, what: str, image: Image, objects: Sequence[Detection], there: Sequence[Real]) -> None:
+    def _write(
+        self, what: str, image: Image, objects: Sequence[Detection], there: Sequence[Real]
+    ) -> None:
         now_ns, _, car = image.header
         truth, since_ns = self.truths[car], self._since_ns[car]
         judged = [
             one
             for one in objects
-            if one.location is not None and truth.knows(one.label) and _in_view(image, one.location, truth.range_m)
+            if one.location is not None
+            and truth.knows(one.label)
+            and _in_view(image, one.location, truth.range_m)
         ]
         mine = placed(judged)
         real = [(class_of(one.label), one.location[0], one.location[1]) for one in there]
@@ -130,10 +142,14 @@ class Held:
         }
         kept = [i for i in range(len(mine)) if causes.get(i) != "hidden"]
         cut_m2 = GOSPA_CUT_M * GOSPA_CUT_M
-        compared = [one for one in candidates if one[0] <= cut_m2 and causes.get(one[1]) != "hidden"]
+        compared = [
+            one for one in candidates if one[0] <= cut_m2 and causes.get(one[1]) != "hidden"
+        ]
         ghosts = list(causes.values())
         moving = sum(one.moving for one in there)
-        ages_s = [self._age_s(now_ns, judged[i], since_ns) if what == CONSUMER else 0.0 for i in kept]
+        ages_s = [
+            self._age_s(now_ns, judged[i], since_ns) if what == CONSUMER else 0.0 for i in kept
+        ]
         self.table.append((
             self.method, what, car, now_ns, len(kept), len(found),
             *(ghosts.count(cause) for cause in ("moved_away", "never_there", "duplicate", "hidden")),
@@ -146,9 +162,13 @@ class Held:
         if what == CONSUMER and self.objects is not None:
             matched = {j for _, _, j in found}
             missed = [(one, "missed") for j, one in enumerate(there) if j not in matched]
-            self._follow(car, now_ns, [*((judged[i], causes.get(i, "right")) for i in kept), *missed])
+            self._follow(
+                car, now_ns, [*((judged[i], causes.get(i, "right")) for i in kept), *missed]
+            )
 
-    def _follow(self, car: str, now_ns: int, objects: Iterable[tuple[Detection | Real, str]]) -> None:
+    def _follow(
+        self, car: str, now_ns: int, objects: Iterable[tuple[Detection | Real, str]]
+    ) -> None:
         """Notes since when each object is so, and writes a row for each that is so no more."""
         before, now = self._open[car], {}
         for one, judgement in objects:
@@ -203,7 +223,11 @@ class Held:
         an object of this class at exactly this place."""
         motion = getattr(one, "motion", None)
         assert one.location is not None
-        seen_ns: int = motion.seen.stamp_ns if motion is not None else since_ns.get((one.label, one.location), now_ns)
+        seen_ns: int = (
+            motion.seen.stamp_ns
+            if motion is not None
+            else since_ns.get((one.label, one.location), now_ns)
+        )
         return max(now_ns - seen_ns, 0) / NS_PER_S
 
 
@@ -231,7 +255,9 @@ def agreement(answer: Detections, image: Image) -> tuple[int, int, int]:
     return len(served), len(detected), len(pairs(near(served, detected, SAME_M)))
 
 
-def gospa_m(candidates: Sequence[Near], ours: int, theirs: int, cut_m: float = GOSPA_CUT_M) -> float:
+def gospa_m(
+    candidates: Sequence[Near], ours: int, theirs: int, cut_m: float = GOSPA_CUT_M
+) -> float:
     """The GOSPA distance [m] of order 2 with alpha 2 between so many objects, of which ``near`` gave those within
     ``cut_m``: squared distances of the best pairs, and ``cut_m`` squared / 2 for each object without one.
 
@@ -271,7 +297,9 @@ def _most_gained(group: Sequence[Near], cut_m2: float) -> float:
         return cut_m2 - min(distance_m2 for distance_m2, _, _ in group)
     if len(rows) > len(columns):
         rows, columns, group = columns, rows, [(one[0], one[2], one[1]) for one in group]
-    row, column = ({index: place for place, index in enumerate(indices)} for indices in (rows, columns))
+    row, column = (
+        {index: place for place, index in enumerate(indices)} for indices in (rows, columns)
+    )
     gains = [[0.0] * len(columns) for _ in rows]
     for distance_m2, i, j in group:
         gains[row[i]][column[j]] = cut_m2 - distance_m2
@@ -285,7 +313,10 @@ def _assigned(gains: Sequence[Sequence[float]]) -> list[int]:
     Source: R. Jonker, A. Volgenant, Computing 38, 1987. Place 0 of the lists is the row that is being assigned.
     """
     columns = range(1, len(gains[0]) + 1)
-    of_row, of_column = [0.0] * (len(gains) + 1), [0.0] * (len(columns) + 1)  # prices: none pays less than it costs
+    of_row, of_column = (
+        [0.0] * (len(gains) + 1),
+        [0.0] * (len(columns) + 1),
+    )  # prices: none pays less than it costs
     owner = [0] * (len(columns) + 1)
     for row in range(1, len(gains) + 1):
         owner[0], here = row, 0

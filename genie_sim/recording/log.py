@@ -102,23 +102,45 @@ class Log:
         if frame is not None:
             setattr(frame, column, getattr(frame, column) + message.size_bytes)
 
-    def answered(self, answer: Detections, source: str, now_ns: int, way: Step | None = None) -> None:
+    def answered(
+        self, answer: Detections, source: str, now_ns: int, way: Step | None = None
+    ) -> None:
         """An answer is in the consumer's hands. One under a stale stamp is no answer to this frame."""
         if self._held is not None:
             self._held.answered(answer, now_ns)
         frame = self._open.get(answer.header) or self._frame(answer.header)
         if frame is None:
             return
-        first, fresh = frame.first_answer_ns is None, answer.source != "map" and frame.fresh_answer_ns is None
+        first, fresh = (
+            frame.first_answer_ns is None,
+            answer.source != "map" and frame.fresh_answer_ns is None,
+        )
         if self._answers is not None and frame.image is not None and (first or fresh):
             counts = agreement(answer, frame.image)
             for which, is_this in (("first", first), ("fresh", fresh)):
                 if is_this:
-                    self._answers.append((self.method, frame.car, frame.stream, frame.stamp_ns, which, source, *counts))
-        if self._steps is not None and way is not None and frame.received_ns is not None and (first or fresh):
+                    self._answers.append(
+                        (
+                            self.method,
+                            frame.car,
+                            frame.stream,
+                            frame.stamp_ns,
+                            which,
+                            source,
+                            *counts,
+                        )
+                    )
+        if (
+            self._steps is not None
+            and way is not None
+            and frame.received_ns is not None
+            and (first or fresh)
+        ):
             which = "both" if first and fresh else "first" if first else "fresh"
             for step in reversed(list(way.since(frame.received_ns))):
-                self._steps.append((self.method, frame.car, frame.stream, frame.stamp_ns, which, *step))
+                self._steps.append(
+                    (self.method, frame.car, frame.stream, frame.stamp_ns, which, *step)
+                )
         if first:
             frame.first_answer_ns = now_ns
             frame.source = source
@@ -161,13 +183,17 @@ class Log:
             if event.changes:
                 self._changed(genie, event.changes, now_ns)
         elif isinstance(event, Forgotten):
-            self._changed(genie, [(label, location, None) for label, location, _ in event.objects], now_ns)
+            self._changed(
+                genie, [(label, location, None) for label, location, _ in event.objects], now_ns
+            )
         else:
             lost = self._frame(event.header)
             if lost is not None and lost.drop is None and lost.fresh_answer_ns is None:
                 lost.drop = f"{genie}:expired"
 
-    def _changed(self, genie: str, changes: Iterable[tuple[str, Location, float | None]], now_ns: int) -> None:
+    def _changed(
+        self, genie: str, changes: Iterable[tuple[str, Location, float | None]], now_ns: int
+    ) -> None:
         """Objects of a Genie's map are new, have another confidence, or none any more."""
         if self._objects is not None:
             values: list[Value] = []

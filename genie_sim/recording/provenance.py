@@ -21,7 +21,9 @@ from genie_sim.paths import PARTIAL, locked, read_text, usable
 from genie_sim.recording.tables import other_format
 
 RESULT_FORMAT = 4
-NEEDED: dict[str, tuple[type, str]] = {  # of run.json, whatever is done with a result; others are told when they lack
+NEEDED: dict[
+    str, tuple[type, str]
+] = {  # of run.json, whatever is done with a result; others are told when they lack
     "run_id": (str, "text"),
     "facts.scenario": (dict, "a mapping"),
     "facts.scenario.name": (str, "text"),
@@ -31,7 +33,9 @@ NEEDED: dict[str, tuple[type, str]] = {  # of run.json, whatever is done with a 
     "facts.methods": (list, "a list"),
 }
 EARLIER = ".earlier"  # the name of a result while another takes its place
-_LEFT = re.compile(rf"\.(?P<name>.+)\.[0-9a-f]{{8}}{re.escape(PARTIAL)}(?P<earlier>{re.escape(EARLIER)})?")
+_LEFT = re.compile(
+    rf"\.(?P<name>.+)\.[0-9a-f]{{8}}{re.escape(PARTIAL)}(?P<earlier>{re.escape(EARLIER)})?"
+)
 PACKAGES = ("simpy", "numpy", "pandas", "pyarrow", "pydantic", "matplotlib")
 
 
@@ -43,7 +47,10 @@ def run_id(facts: Mapping[str, Any]) -> str:
 
 def digests(folder: Path) -> dict[str, str]:
     """sha256 of each table of a result folder, by file name."""
-    return {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in sorted(folder.glob("*.parquet"))}
+    return {
+        path.name: hashlib.sha256(path.read_bytes()).hexdigest()
+        for path in sorted(folder.glob("*.parquet"))
+    }
 
 
 def environment() -> dict[str, Any]:
@@ -67,7 +74,9 @@ def check_writable(out: Path) -> None:
 def check_replaceable(final: Path) -> None:
     """Raises ``UserError`` unless a result folder can take the place of ``final``: nothing else is ever deleted."""
     with usable(final, "cannot be read"):
-        free = not final.exists() or (final.is_dir() and ((final / "run.json").is_file() or not any(final.iterdir())))
+        free = not final.exists() or (
+            final.is_dir() and ((final / "run.json").is_file() or not any(final.iterdir()))
+        )
     if not free or not final.name:
         raise UserError(f"{final}: holds something else than a result; choose another --out")
 
@@ -122,7 +131,9 @@ def _clear_away(folder: Path) -> None:
 
 def write_json(path: Path, value: object) -> None:
     """JSON to read by eye and to compare by line."""
-    path.write_text(json.dumps(value, indent=2, sort_keys=True, ensure_ascii=False) + "\n", encoding="utf-8")
+    path.write_text(
+        json.dumps(value, indent=2, sort_keys=True, ensure_ascii=False) + "\n", encoding="utf-8"
+    )
 
 
 def read_json(path: Path) -> Any:
@@ -140,7 +151,9 @@ def of_this_version(folder: Path | None) -> Iterator[None]:
     except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
         if folder is None:
             raise
-        raise UserError(f"{folder}: not the results of this version of genie-sim: {short_repr(error)}") from error
+        raise UserError(
+            f"{folder}: not the results of this version of genie-sim: {short_repr(error)}"
+        ) from error
 
 
 def read_run_json(folder: Path) -> dict[str, Any]:
@@ -167,7 +180,18 @@ def _commit() -> str | None:
     if not (root / ".git").exists():
         return None
     try:
-        git = ["git", "-C", os.fspath(root), "describe", "--always", "--abbrev=12", "--dirty", "--exclude=*"]
-        return subprocess.run(git, capture_output=True, text=True, timeout=10, check=True).stdout.strip()
+        git = [
+            "git",
+            "-C",
+            os.fspath(root),
+            "describe",
+            "--always",
+            "--abbrev=12",
+            "--dirty",
+            "--exclude=*",
+        ]
+        return subprocess.run(
+            git, capture_output=True, text=True, timeout=10, check=True
+        ).stdout.strip()
     except (OSError, subprocess.SubprocessError):
         return None

@@ -28,18 +28,44 @@ FRAMES = Schema(
         Column("frame", "int32", "", "running number in the stream, over all laps"),
         Column("lap", "int32", "", "how often the car had driven its route before"),
         Column("stamp_ns", "int64", "ns", "when the camera took and published it"),
-        Column("received_ns", "int64", "ns", "when it reached the queue of the first node; null: never", True),
-        Column("first_answer_ns", "int64", "ns", "when the consumer got the first answer; null: none", True),
-        Column("fresh_answer_ns", "int64", "ns", "when it got a detection or cached answer of this frame", True),
+        Column(
+            "received_ns",
+            "int64",
+            "ns",
+            "when it reached the queue of the first node; null: never",
+            True,
+        ),
+        Column(
+            "first_answer_ns",
+            "int64",
+            "ns",
+            "when the consumer got the first answer; null: none",
+            True,
+        ),
+        Column(
+            "fresh_answer_ns",
+            "int64",
+            "ns",
+            "when it got a detection or cached answer of this frame",
+            True,
+        ),
         Column("source", "text", "", "what produced the first answer"),
         Column("served_by", "text", "", "the node that gave the first answer", True),
         Column("image_hit", "bool", "", "found in the message cache of the first Genie", True),
-        Column("coalesced", "bool", "", "waited at the first Genie for an equal frame's answer", True),
+        Column(
+            "coalesced", "bool", "", "waited at the first Genie for an equal frame's answer", True
+        ),
         Column("objects_fresh", "int32", "objects", "in the fresh answer", True),
         Column("objects_served", "int32", "objects", "in the first answer", True),
         Column("bytes_up", "int64", "B", "sent from the car to its edge for this frame"),
         Column("bytes_down", "int64", "B", "sent from the edge to the car for this frame"),
-        Column("drop", "text", "", "queue or link that dropped it before any fresh answer; CAR:no_edge: no link", True),
+        Column(
+            "drop",
+            "text",
+            "",
+            "queue or link that dropped it before any fresh answer; CAR:no_edge: no link",
+            True,
+        ),
     ),
     sorted_by=("method", "car", "stream", "frame"),
 )
@@ -51,14 +77,27 @@ LOOKUPS = Schema(
         Column("t_ns", "int64", "ns", "simulated time"),
         Column("genie", "text", "", "the Genie that looked up"),
         Column("placement", "text", "", "where this Genie runs: car or edge"),
-        Column("kind", "text", "", "image (message cache), sighting or boost (object map, Algorithm 2 line 4 or 10)"),
-        Column("requester", "text", "", "client (its own network) or neighbour (another edge); null: object map", True),
+        Column(
+            "kind",
+            "text",
+            "",
+            "image (message cache), sighting or boost (object map, Algorithm 2 line 4 or 10)",
+        ),
+        Column(
+            "requester",
+            "text",
+            "",
+            "client (its own network) or neighbour (another edge); null: object map",
+            True,
+        ),
         Column("car", "text", "", "car of the frame"),
         Column("stream", "text", "", "stream of the frame"),
         Column("stamp_ns", "int64", "ns", "stamp of the frame"),
         Column("outcome", "text", "", "hit, miss or coalesced; null: object map", True),
         Column("requests", "int32", "look-ups", "asked for this message"),
-        Column("hits", "int32", "look-ups", "answered by a stored entry, or by an object with C >= C_T"),
+        Column(
+            "hits", "int32", "look-ups", "answered by a stored entry, or by an object with C >= C_T"
+        ),
         Column("updates", "int32", "objects", "stored objects whose confidence changed"),
         Column("boost_sum", "float64", "", "sum of C_new - C_old over these updates"),
         Column("entries", "int32", "entries", "in the message cache or the object map afterwards"),
@@ -70,9 +109,20 @@ RESOURCES = Schema(
     (
         METHOD,
         Column("t_ns", "int64", "ns", "simulated time of the sample"),
-        Column("resource", "text", "", "for example edge1.accelerator, car1->edge1, car1/genie:/image_raw"),
+        Column(
+            "resource",
+            "text",
+            "",
+            "for example edge1.accelerator, car1->edge1, car1/genie:/image_raw",
+        ),
         Column("kind", "text", "", "accelerator, cpu, link or queue"),
-        Column("capacity", "int32", "", "how many can be served at once; null: nothing is served here (queue)", True),
+        Column(
+            "capacity",
+            "int32",
+            "",
+            "how many can be served at once; null: nothing is served here (queue)",
+            True,
+        ),
         Column("busy_ns", "int64", "ns", "time spent serving, summed over the servers"),
         Column("queue", "int32", "messages", "waiting now"),
         Column("completed", "int64", "messages", "served so far"),
@@ -88,10 +138,17 @@ POSES = Schema(
         *CAMERA,
         Column("frame", "int32", "", "running number in the stream, over all laps"),
         STAMP,
-        Column("east_m", "float64", "m", "camera centre, in the scenario's one east-north-up frame"),
+        Column(
+            "east_m", "float64", "m", "camera centre, in the scenario's one east-north-up frame"
+        ),
         Column("north_m", "float64", "m", "camera centre"),
         Column("heading_rad", "float64", "rad", "optical axis, counter-clockwise from east"),
-        Column("horizontal_fov_rad", "float64", "rad", "what the camera sees from its left to its right border"),
+        Column(
+            "horizontal_fov_rad",
+            "float64",
+            "rad",
+            "what the camera sees from its left to its right border",
+        ),
     ),
 )
 OBJECTS = Schema(
@@ -104,7 +161,12 @@ OBJECTS = Schema(
         Column("t_ns", "int64", "ns", "simulated time"),
         Column("genie", "text", "", "the Genie whose map it is"),
         Column("label", "text", "", "class of the object"),
-        Column("east_m", "float64", "m", "where it was first seen, in the scenario's one east-north-up frame"),
+        Column(
+            "east_m",
+            "float64",
+            "m",
+            "where it was first seen, in the scenario's one east-north-up frame",
+        ),
         Column("north_m", "float64", "m", "where it was first seen"),
         Column("confidence", "float64", "", "from now on; null: the object is forgotten", True),
     ),
@@ -121,7 +183,12 @@ ANSWERS = Schema(
         Column("source", "text", "", "what produced the answer"),
         Column("served", "int32", "objects", "in the answer"),
         Column("detected", "int32", "objects", "found by the detector in this frame"),
-        Column("matched", "int32", "objects", "pairs of the two: one class, at most 2 m apart, nearest first"),
+        Column(
+            "matched",
+            "int32",
+            "objects",
+            "pairs of the two: one class, at most 2 m apart, nearest first",
+        ),
     ),
 )
 HELD = Schema(
@@ -136,9 +203,19 @@ HELD = Schema(
         Column("what", "text", "", "consumer or floor"),
         Column("car", "text", "", "the car that is judged"),
         Column("stamp_ns", "int64", "ns", "the instant"),
-        Column("held", "int32", "objects", "in the field of view; without those of classes that are not known"),
+        Column(
+            "held",
+            "int32",
+            "objects",
+            "in the field of view; without those of classes that are not known",
+        ),
         Column("right", "int32", "objects", "of those held: a visible object is there"),
-        Column("moved_away", "int32", "objects", "of those held: not there, but visible there in the 10 s before"),
+        Column(
+            "moved_away",
+            "int32",
+            "objects",
+            "of those held: not there, but visible there in the 10 s before",
+        ),
         Column("never_there", "int32", "objects", "of those held: not there, nor before"),
         Column("duplicate", "int32", "objects", "of those held: what is there is held once more"),
         Column("hidden", "int32", "objects", "there, but not visible; counted in no other column"),
@@ -147,8 +224,16 @@ HELD = Schema(
         Column("visible_moving", "int32", "objects", "visible and moving"),
         Column("found_moving", "int32", "objects", "of those: held"),
         Column("gospa_m", "float64", "m", "GOSPA, p = 2, c = 5 m, alpha = 2"),
-        Column("age_s", "float64", "s", "mean over those held: time since it was seen; a lower bound", True),
-        Column("error_m", "float64", "m", "mean over those right: distance from what is there", True),
+        Column(
+            "age_s",
+            "float64",
+            "s",
+            "mean over those held: time since it was seen; a lower bound",
+            True,
+        ),
+        Column(
+            "error_m", "float64", "m", "mean over those right: distance from what is there", True
+        ),
     ),
 )
 HELD_OBJECTS = Schema(
@@ -160,13 +245,27 @@ HELD_OBJECTS = Schema(
         METHOD,
         Column("car", "text", "", "the car that is judged"),
         Column("label", "text", "", "class of the object"),
-        Column("east_m", "float64", "m", "where it is held, or missed, in the scenario's one east-north-up frame"),
+        Column(
+            "east_m",
+            "float64",
+            "m",
+            "where it is held, or missed, in the scenario's one east-north-up frame",
+        ),
         Column("north_m", "float64", "m", "where it is held, or missed"),
         Column(
-            "judged", "text", "", "right; moved_away, never_there or duplicate: a ghost; missed: visible, but not held"
+            "judged",
+            "text",
+            "",
+            "right; moved_away, never_there or duplicate: a ghost; missed: visible, but not held",
         ),
         Column("begin_ns", "int64", "ns", "the first instant of which this holds"),
-        Column("end_ns", "int64", "ns", "the first instant after it of which it does not; null: until the last", True),
+        Column(
+            "end_ns",
+            "int64",
+            "ns",
+            "the first instant after it of which it does not; null: until the last",
+            True,
+        ),
     ),
 )
 STEPS = Schema(

@@ -37,7 +37,9 @@ _BUFFERS: dict[str, tuple[str, int | float]] = {
     "bool": ("b", -1),
     "text": ("i", -1),
 }
-_BUFFERED = 4096  # rows that go into the columns at once, which is several times faster than one by one
+_BUFFERED = (
+    4096  # rows that go into the columns at once, which is several times faster than one by one
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,12 +67,19 @@ class Schema:
         """Types, with unit and description beside each column."""
         import pyarrow as pa
 
-        types = {"int64": pa.int64(), "int32": pa.int32(), "float64": pa.float64(), "bool": pa.bool_()}
+        types = {
+            "int64": pa.int64(),
+            "int32": pa.int32(),
+            "float64": pa.float64(),
+            "bool": pa.bool_(),
+        }
         text = pa.dictionary(pa.int32(), pa.string())
         fields = []
         for column in self.columns:
             about = {"unit": column.unit, "description": column.description}
-            fields.append(pa.field(column.name, types.get(column.kind, text), column.nullable, about))
+            fields.append(
+                pa.field(column.name, types.get(column.kind, text), column.nullable, about)
+            )
         told = json.dumps({"format_version": FORMAT_VERSION, "table": self.name}, sort_keys=True)
         return pa.schema(fields, metadata={parquet.METADATA_KEY: told.encode()})
 
@@ -105,9 +114,13 @@ class _Buffer:
                 kept = [none if value is None else codes[value] for value in values]
             else:
                 kept = [none if value is None else value for value in values]
-            self.values.frombytes(struct.pack(f"{len(kept)}{self.values.typecode}", *kept))  # the fastest way of them
+            self.values.frombytes(
+                struct.pack(f"{len(kept)}{self.values.typecode}", *kept)
+            )  # the fastest way of them
         except (TypeError, struct.error) as error:
-            raise TypeError(f"column {self.about.name!r} is never empty" if None in values else str(error)) from None
+            raise TypeError(
+                f"column {self.about.name!r} is never empty" if None in values else str(error)
+            ) from None
 
     def decode(self, value: Any) -> Any:
         """What ``extend`` was given for it."""
@@ -148,14 +161,20 @@ class _Buffer:
             text = Text.of(values, list(self.codes))
             encoded = [name.encode() for name in text.names]
             ends = np.cumsum([0, *map(len, encoded)], dtype=np.int32)
-            names = pa.StringArray.from_buffers(len(encoded), pa.py_buffer(ends), pa.py_buffer(b"".join(encoded)))
-            codes = pa.Array.from_buffers(pa.int32(), len(values), [validity, pa.py_buffer(np.maximum(text.codes, 0))])
+            names = pa.StringArray.from_buffers(
+                len(encoded), pa.py_buffer(ends), pa.py_buffer(b"".join(encoded))
+            )
+            codes = pa.Array.from_buffers(
+                pa.int32(), len(values), [validity, pa.py_buffer(np.maximum(text.codes, 0))]
+            )
             return pa.DictionaryArray.from_arrays(codes, names)
         if self.about.kind == "bool":
             bits = np.packbits(values == 1, bitorder="little")
             return pa.Array.from_buffers(pa.bool_(), len(values), [validity, pa.py_buffer(bits)])
         kind = getattr(pa, self.about.kind)()
-        return pa.Array.from_buffers(kind, len(values), [validity, pa.py_buffer(np.ascontiguousarray(values))])
+        return pa.Array.from_buffers(
+            kind, len(values), [validity, pa.py_buffer(np.ascontiguousarray(values))]
+        )
 
 
 class Table:
@@ -206,7 +225,9 @@ class Table:
         for name, value in known.items():
             buffer = self._buffers[name]
             is_text = buffer.about.kind == "text"
-            found &= buffer.numpy(self._rows) == (buffer.codes.get(str(value), -1) if is_text else value)
+            found &= buffer.numpy(self._rows) == (
+                buffer.codes.get(str(value), -1) if is_text else value
+            )
         if not found.any():
             return None
         row, values = int(found.argmax()), []
@@ -245,7 +266,9 @@ class Table:
             return read(self._written, self.schema)
         self._store()
         order, buffers = self._order(), self._buffers.items()
-        return Columns({name: buffer.column(buffer.numpy(self._rows)[order]) for name, buffer in buffers})
+        return Columns(
+            {name: buffer.column(buffer.numpy(self._rows)[order]) for name, buffer in buffers}
+        )
 
     def to_frame(self) -> "pd.DataFrame":
         """The same as a pandas table. Text is categorical, an unknown number NaN."""
@@ -256,7 +279,9 @@ class Table:
         import pyarrow.parquet as pq
 
         texts = [column.name for column in self.schema.columns if column.kind == "text"]
-        return pq.ParquetWriter(file, self.schema.arrow(), compression="zstd", version="2.6", use_dictionary=texts)
+        return pq.ParquetWriter(
+            file, self.schema.arrow(), compression="zstd", version="2.6", use_dictionary=texts
+        )
 
     def _write_rows(self, writer: "pq.ParquetWriter") -> None:
         for batch in self._batches():
@@ -264,7 +289,9 @@ class Table:
 
     def _spill_rows(self, spill: Path) -> None:
         if self._writer is None:
-            self._writer = self._open.enter_context(self._parquet(self._open.enter_context(spill.open("wb"))))
+            self._writer = self._open.enter_context(
+                self._parquet(self._open.enter_context(spill.open("wb")))
+            )
         self._write_rows(self._writer)
         for buffer in self._buffers.values():
             del buffer.values[:]
@@ -285,7 +312,9 @@ class Table:
         schema, order = self.schema.arrow(), self._order()
         for start in range(0, self._rows, ROWS_PER_GROUP):
             part = order[start : start + ROWS_PER_GROUP]
-            arrays = [buffer.arrow(buffer.numpy(self._rows)[part]) for buffer in self._buffers.values()]
+            arrays = [
+                buffer.arrow(buffer.numpy(self._rows)[part]) for buffer in self._buffers.values()
+            ]
             yield pa.RecordBatch.from_arrays(arrays, schema=schema)
 
 
@@ -320,6 +349,8 @@ def _read_column(column: "pa.ChunkedArray") -> Any:
 
     if not pa.types.is_dictionary(column.type):
         return column.to_numpy()
-    whole = column.unify_dictionaries().combine_chunks()  # the groups of a file may know different names
+    whole = (
+        column.unify_dictionaries().combine_chunks()
+    )  # the groups of a file may know different names
     codes = whole.indices.to_numpy(zero_copy_only=False)
     return Text.of(np.nan_to_num(codes, nan=NO_TEXT).astype(np.int32), whole.dictionary.to_pylist())

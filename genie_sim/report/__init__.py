@@ -29,6 +29,7 @@ REPLAY = (
 DASH_PX = 3  # a unit of the figures' dashes
 LINES = 32  # that differ in colour or dashes
 
+
 def write(path: Path, run: "Run", start_ns: int = 0) -> None:
     """Writes the page about ``run``. A long run is replayed from ``start_ns`` on, as far as the page's size allows.
 
@@ -44,16 +45,23 @@ def write_text(path: Path, text: str) -> None:
 
 
 def page(run: "Run", start_ns: int = 0) -> str:
-    """The text of the page about ``run``. Raises ``UserError`` for one from a folder that this version did not write.
-    """
+    """The text of the page about ``run``. Raises ``UserError`` for one from a folder that this version did not write."""
     with provenance.of_this_version(run.folder):
         elsewhere = "The numbers are also in metrics.json and summary.md beside it."
-        title, scripts = f"{run.name}, run {run.run_id}", ("parts.js", *REPLAY, "many.js", "fleet.js", "run.js")
+        title, scripts = (
+            f"{run.name}, run {run.run_id}",
+            ("parts.js", *REPLAY, "many.js", "fleet.js", "run.js"),
+        )
         return assemble("run.html", scripts, title, page_data(run, start_ns), elsewhere)
 
 
 def assemble(
-    content: str, scripts: Sequence[str], title: str, data: Mapping[str, Any], elsewhere: str, pictures: bool = False
+    content: str,
+    scripts: Sequence[str],
+    title: str,
+    data: Mapping[str, Any],
+    elsewhere: str,
+    pictures: bool = False,
 ) -> str:
     """A page from its parts. ``elsewhere`` says where a reader without JavaScript finds the same. The page's policy
     allows its own script and style, and ``pictures`` that are in its data."""
@@ -77,21 +85,32 @@ def _palette() -> str:
     ``m0`` and so on, those of hosts ``h0``, and parts of the time ``part-0``."""
     colours = len(style.COLOURS)
     light, dark = (
-        ":root{" + "".join(f"--{of}-{i}:{one};" for of, all in named.items() for i, one in enumerate(all)) + "}"
+        ":root{"
+        + "".join(f"--{of}-{i}:{one};" for of, all in named.items() for i, one in enumerate(all))
+        + "}"
         for named in (
             {"method": style.COLOURS, "host": style.HOSTS},
             {"method": style.DARK_COLOURS, "host": style.DARK_HOSTS},
         )
     )
-    lines = (f".m{i}{{--c:var(--method-{i % colours});stroke-dasharray:{_dashes(i)}}}" for i in range(LINES))
-    parts = (f".part-{i}{{fill:{look['facecolor']}}}" for i, (_, look) in enumerate(style.PARTS.values()))
+    lines = (
+        f".m{i}{{--c:var(--method-{i % colours});stroke-dasharray:{_dashes(i)}}}"
+        for i in range(LINES)
+    )
+    parts = (
+        f".part-{i}{{fill:{look['facecolor']}}}" for i, (_, look) in enumerate(style.PARTS.values())
+    )
     hosts = (f".h{i}{{--c:var(--host-{i})}}" for i in range(len(style.HOSTS)))
-    return "\n".join([light, f"@media (prefers-color-scheme: dark){{{dark}}}", *lines, *parts, *hosts, ""])
+    return "\n".join(
+        [light, f"@media (prefers-color-scheme: dark){{{dark}}}", *lines, *parts, *hosts, ""]
+    )
 
 
 def _dashes(position: int) -> str:
     dashes = style.method_line(position)["linestyle"]
-    return "none" if dashes == style.SOLID else " ".join(f"{DASH_PX * part:g}" for part in dashes[1])
+    return (
+        "none" if dashes == style.SOLID else " ".join(f"{DASH_PX * part:g}" for part in dashes[1])
+    )
 
 
 def as_json(value: Any) -> str:

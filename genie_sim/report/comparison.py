@@ -17,10 +17,17 @@ if TYPE_CHECKING:
 
 PAGE = "compare.html"
 HEADINGS = ("metric", "of", "value", "against", "difference", "95 % interval", "paired by", "pairs")
-ONE_RUN = (
-    "Blocks of one second tell how sure a difference is inside these runs; other seeds and drives may differ by more."
+ONE_RUN = "Blocks of one second tell how sure a difference is inside these runs; other seeds and drives may differ by more."
+PAGE_HEADINGS = (
+    "metric",
+    "of",
+    "value",
+    "against",
+    "its value",
+    "difference",
+    "95 % interval",
+    "pairs",
 )
-PAGE_HEADINGS = ("metric", "of", "value", "against", "its value", "difference", "95 % interval", "pairs")
 
 
 def text(comparison: Comparison, format: str = "markdown") -> str:
@@ -65,13 +72,19 @@ def page(comparison: Comparison) -> str:
         "rows": list(_rows(comparison)),
         "settings": [[path, *values] for path, values in comparison.settings.items()],
         "figures": [
-            {"name": name, "title": str(figure.get_label()).partition("\n")[0], "source": _picture(figure)}
+            {
+                "name": name,
+                "title": str(figure.get_label()).partition("\n")[0],
+                "source": _picture(figure),
+            }
             for name, figure in figures(comparison).items()
         ],
         "notes": [],
     }
     elsewhere = "The numbers are also in table.md and table.csv beside it."
-    return report.assemble("compare.html", ("compare.js",), f"{name}, compared", data, elsewhere, pictures=True)
+    return report.assemble(
+        "compare.html", ("compare.js",), f"{name}, compared", data, elsewhere, pictures=True
+    )
 
 
 def _rows(comparison: Comparison) -> Iterator[list[str]]:
@@ -115,7 +128,16 @@ def _cells(row: Difference) -> list[str]:
     ends = "-" if row.low is None else f"{number(row.low, '+')} to {number(row.high, '+')}"
     gap = "-" if row.difference is None else f"{number(row.difference, '+')} {difference}"
     value = "-" if row.value is None else f"{number(row.value)} {unit}"
-    return [row.metric, row.arm, value, row.against or "-", gap, ends, row.by or "-", str(row.n or "-")]
+    return [
+        row.metric,
+        row.arm,
+        value,
+        row.against or "-",
+        gap,
+        ends,
+        row.by or "-",
+        str(row.n or "-"),
+    ]
 
 
 def _picture(figure: "Figure") -> str:

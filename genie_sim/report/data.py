@@ -53,7 +53,9 @@ def page_data(run: "Run", start_ns: int = 0) -> dict[str, Any]:
         "deadline_ms": DEADLINE_MS,
         "cdf": list(_cdfs(run)),
         "over_time": {
-            "image_reuse": list(_reuse(run, lookups.where(kind="image", requester="client"), notes)),
+            "image_reuse": list(
+                _reuse(run, lookups.where(kind="image", requester="client"), notes)
+            ),
             "object_reuse": list(_reuse(run, lookups.rows(of_maps), notes)),
             "confidence_boost": list(_boost(run)),
         },
@@ -104,16 +106,28 @@ def _who(scenario: Mapping[str, Any], devices: Mapping[str, str]) -> tuple[list[
     """Cars and edges, one by one; of a fleet the cars of each device and all edges together."""
     fleet = scenario.get("fleet")
     if fleet is None:
-        cars = [{"name": car["name"], **_car(car, devices[car["device"]])} for car in scenario["cars"]]
-        return cars, [{"name": edge["name"], "device": devices[edge["device"]]} for edge in scenario["edges"]]
+        cars = [
+            {"name": car["name"], **_car(car, devices[car["device"]])} for car in scenario["cars"]
+        ]
+        return cars, [
+            {"name": edge["name"], "device": devices[edge["device"]]} for edge in scenario["edges"]
+        ]
     way = f"{scenario['perception']['duration']} of commuting through the town"
-    of_all = {"edge": "the nearest", "link": _link(fleet["link"]), "route": way, "cameras": True, "genie": True}
+    of_all = {
+        "edge": "the nearest",
+        "link": _link(fleet["link"]),
+        "route": way,
+        "cameras": True,
+        "genie": True,
+    }
     cars = [
         {"name": f"{share:.4g} of {fleet['cars']:,} cars", "device": devices[name], **of_all}
         for name, share in fleet["devices"].items()
         if name in devices  # of a small fleet, a small share may be no car at all
     ]
-    return cars, [{"name": f"an edge about every {fleet['cell']}", "device": devices[fleet["edge_device"]]}]
+    return cars, [
+        {"name": f"an edge about every {fleet['cell']}", "device": devices[fleet["edge_device"]]}
+    ]
 
 
 def _how_many(run: "Run") -> dict[str, int | None]:
@@ -140,7 +154,11 @@ def _shown(measured: "Sequence[Metric]", notes: list[str]) -> "list[Metric]":
     others = ("improvement", *PART.values())
     of_resources = [one for one in measured if one.component and not one.metric.startswith(others)]
     use = {(one.method, one.component): 0.0 for one in of_resources}
-    use |= {(one.method, one.component): one.value or 0.0 for one in of_resources if one.metric == "utilization"}
+    use |= {
+        (one.method, one.component): one.value or 0.0
+        for one in of_resources
+        if one.metric == "utilization"
+    }
     if len(use) <= RESOURCES_ON_PAGE:
         return list(measured)
     notes.append(
@@ -197,7 +215,9 @@ def _reuse(run: "Run", lookups: "Columns", notes: list[str]) -> Iterator[dict[st
         windows = windowed_reuse(placed)
         genies = sorted(windows["genie"].unique(), key=by_number)
         if len(genies) > GENIES_PER_PLACEMENT:
-            shown = f"{GENIES_PER_PLACEMENT} of {len(genies)} Genies {PLACEMENTS[where['placement']]}"
+            shown = (
+                f"{GENIES_PER_PLACEMENT} of {len(genies)} Genies {PLACEMENTS[where['placement']]}"
+            )
             notes.append(f"Reuse over time shows {shown}; the metrics count all.")
         for genie in genies[:GENIES_PER_PLACEMENT]:
             mine = windows.where(genie=genie)
@@ -243,11 +263,19 @@ def _use(run: "Run", notes: list[str]) -> Iterator[dict[str, Any]]:
                 f"reached {LEAST_USE:.0%}; all are in the table of metrics."
             )
         for name in sorted(used[:RESOURCES_PER_KIND]):
-            yield {"method": method, "kind": kind, "name": name, "x": middles, "y": _list(curves[name], 4)}
+            yield {
+                "method": method,
+                "kind": kind,
+                "name": name,
+                "x": middles,
+                "y": _list(curves[name], 4),
+            }
 
 
 def _mean_use(samples: "Columns", edges_ns: "Floats") -> "Floats":
-    mean: Floats = np.diff(np.interp(edges_ns, *running_use(samples))) / np.maximum(np.diff(edges_ns), 1.0)
+    mean: Floats = np.diff(np.interp(edges_ns, *running_use(samples))) / np.maximum(
+        np.diff(edges_ns), 1.0
+    )
     return mean
 
 

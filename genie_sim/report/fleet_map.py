@@ -56,7 +56,10 @@ def fleet_data(run: "Run", notes: list[str]) -> dict[str, Any] | None:
 
 def _cells(run: "Run") -> Iterator[tuple[int, int]]:
     """Column and row of every cell that has an edge in the tables."""
-    names = {*run.tables["resources"]["resource"].unique(), *run.tables["lookups"]["genie"].unique()}
+    names = {
+        *run.tables["resources"]["resource"].unique(),
+        *run.tables["lookups"]["genie"].unique(),
+    }
     yield from {(int(found[2]), int(found[3])) for name in names if (found := EDGE.match(name))}
 
 
@@ -65,7 +68,10 @@ def _by_cell(run: "Run", rows: "Columns", name: str) -> "Iterator[tuple[dict[str
     for method in run.methods:
         for thing, mine in rows.where(method=method.name).groups(name):
             if found := EDGE.match(thing):
-                yield {"method": method.name, "cell": [int(found[2]), int(found[3])]}, mine.by("t_ns")
+                yield (
+                    {"method": method.name, "cell": [int(found[2]), int(found[3])]},
+                    mine.by("t_ns"),
+                )
 
 
 def _cars(run: "Run", instants_ns: "Instants", notes: list[str]) -> Iterator[dict[str, Any]]:
@@ -74,27 +80,38 @@ def _cars(run: "Run", instants_ns: "Instants", notes: list[str]) -> Iterator[dic
     names = sorted(by_car, key=lambda name: (len(name), name))
     kept = thinned(len(names), MOST_CARS)
     if len(kept) < len(names):
-        notes.append(f"The map draws {len(kept)} of {len(names):,} cars, evenly chosen; load and reuse count all.")
+        notes.append(
+            f"The map draws {len(kept)} of {len(names):,} cars, evenly chosen; load and reuse count all."
+        )
     for name in [names[place] for place in kept]:
         poses = by_car[name].by("stamp_ns")
         last = np.maximum(np.searchsorted(poses["stamp_ns"], instants_ns, side="right") - 1, 0)
-        at = {axis: np.round(poses.floats(f"{axis}_m")[last]).astype(int).tolist() for axis in ("east", "north")}
+        at = {
+            axis: np.round(poses.floats(f"{axis}_m")[last]).astype(int).tolist()
+            for axis in ("east", "north")
+        }
         yield {"name": name, **at}
 
 
 def _loads(run: "Run", instants_ns: "Instants") -> Iterator[dict[str, Any]]:
     """Share of each step in which an edge's accelerator worked."""
     lengths_ns = np.diff(instants_ns, prepend=instants_ns[0] - instants_ns[1])
-    for where, samples in _by_cell(run, run.tables["resources"].where(kind="accelerator"), "resource"):
+    for where, samples in _by_cell(
+        run, run.tables["resources"].where(kind="accelerator"), "resource"
+    ):
         worked_ns = np.interp(instants_ns, *running_use(samples))
         yield {**where, "values": _shares(np.diff(worked_ns, prepend=0.0) / lengths_ns)}
 
 
 def _reuse(run: "Run", instants_ns: "Instants") -> Iterator[dict[str, Any]]:
     """Hits / requests for images at each edge so far, ``None`` before the first request."""
-    for where, mine in _by_cell(run, run.tables["lookups"].where(kind="image", placement="edge"), "genie"):
+    for where, mine in _by_cell(
+        run, run.tables["lookups"].where(kind="image", placement="edge"), "genie"
+    ):
         until = np.searchsorted(mine["t_ns"], instants_ns, side="right")
-        requests, hits = (np.concatenate([[0], mine[of].cumsum()])[until] for of in ("requests", "hits"))
+        requests, hits = (
+            np.concatenate([[0], mine[of].cumsum()])[until] for of in ("requests", "hits")
+        )
         shares = np.divide(hits, requests, out=np.full(len(until), np.nan), where=requests > 0)
         yield {**where, "values": _shares(shares)}
 
@@ -106,7 +123,10 @@ def _hand_overs(run: "Run", instants_ns: "Instants") -> Iterator[dict[str, Any]]
         in_order = mine.rows(np.lexsort((mine["t_ns"], mine["car"].codes)))
         car, genie, t_ns = in_order["car"].codes, in_order["genie"].codes, in_order["t_ns"]
         changes_ns = np.sort(t_ns[1:][(car[1:] == car[:-1]) & (genie[1:] != genie[:-1])])
-        yield {"method": method, "until": np.searchsorted(changes_ns, instants_ns, side="right").tolist()}
+        yield {
+            "method": method,
+            "until": np.searchsorted(changes_ns, instants_ns, side="right").tolist(),
+        }
 
 
 def _over_cars(run: "Run") -> Iterator[dict[str, Any]]:
@@ -121,7 +141,9 @@ def _over_cars(run: "Run") -> Iterator[dict[str, Any]]:
             yield from _distribution(method.name, f"{answer}_p95", slow)
         of_genies = images.where(method=method.name).groups("genie")
         asked = [(int(one["hits"].sum()), int(one["requests"].sum())) for _, one in of_genies]
-        yield from _distribution(method.name, "image_reuse", [hits / requests for hits, requests in asked if requests])
+        yield from _distribution(
+            method.name, "image_reuse", [hits / requests for hits, requests in asked if requests]
+        )
 
 
 def _distribution(method: str, of: str, values: Sequence[float]) -> Iterator[dict[str, Any]]:
@@ -129,7 +151,12 @@ def _distribution(method: str, of: str, values: Sequence[float]) -> Iterator[dic
     kept = thinned(len(ordered), POINTS)
     if len(ordered):
         ranks = (kept + 1) / len(ordered)
-        yield {"method": method, "of": of, "x": ordered[kept].round(4).tolist(), "y": ranks.round(4).tolist()}
+        yield {
+            "method": method,
+            "of": of,
+            "x": ordered[kept].round(4).tolist(),
+            "y": ranks.round(4).tolist(),
+        }
 
 
 def _ghosts_by_age(run: "Run") -> Iterator[dict[str, Any]]:

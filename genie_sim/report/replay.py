@@ -19,7 +19,9 @@ if TYPE_CHECKING:
 
     Column = np.ndarray[Any, Any]
 
-MOST_ROWS = 200_000  # of frames, look-ups, map changes, steps and held objects together: about 7 MB of JSON
+MOST_ROWS = (
+    200_000  # of frames, look-ups, map changes, steps and held objects together: about 7 MB of JSON
+)
 US = 1_000
 KINDS = ("image", "sighting", "boost")
 OUTCOMES = ("miss", "hit", "coalesced")
@@ -40,7 +42,11 @@ class _Names:
     def codes(self, column: Text) -> list[int]:
         """Of a column; new texts are numbered as they first occur."""
         codes, first = np.unique(column.codes, return_index=True)
-        places = {int(code): self.code(column.names[code]) for code in codes[np.argsort(first)] if code != NO_TEXT}
+        places = {
+            int(code): self.code(column.names[code])
+            for code in codes[np.argsort(first)]
+            if code != NO_TEXT
+        }
         numbers = np.full(len(column.names) + 1, UNKNOWN)
         numbers[list(places)] = list(places.values())
         found: list[int] = numbers[column.codes].tolist()
@@ -78,9 +84,13 @@ def replay_data(run: "Run", start_ns: int, notes: list[str]) -> dict[str, Any] |
                 "frames": _frames(run.tables["frames"].where(method=method.name), poses, names),
                 "lookups": _lookups(run.tables["lookups"].where(method=method.name), poses, names),
                 "objects": list(
-                    _objects(run.tables["objects"].where(method=method.name), begin_ns, end_ns, names)
+                    _objects(
+                        run.tables["objects"].where(method=method.name), begin_ns, end_ns, names
+                    )
                 ),
-                "held": dict(_held(run.tables["held"].where(method=method.name, what="consumer"), end_ns)),
+                "held": dict(
+                    _held(run.tables["held"].where(method=method.name, what="consumer"), end_ns)
+                ),
                 "held_objects": _held_objects(
                     run.tables["held_objects"].where(method=method.name), begin_ns, end_ns, names
                 ),
@@ -98,8 +108,16 @@ def replay_data(run: "Run", start_ns: int, notes: list[str]) -> dict[str, Any] |
 
 def last_instant_ns(run: "Run") -> int:
     """The last instant on record: of frames, answers, look-ups and object maps; 0 for an empty run."""
-    instants = {"frames": ["stamp_ns", "first_answer_ns", "fresh_answer_ns"], "lookups": ["t_ns"], "objects": ["t_ns"]}
-    found = (run.tables[table].floats(column) for table, columns in instants.items() for column in columns)
+    instants = {
+        "frames": ["stamp_ns", "first_answer_ns", "fresh_answer_ns"],
+        "lookups": ["t_ns"],
+        "objects": ["t_ns"],
+    }
+    found = (
+        run.tables[table].floats(column)
+        for table, columns in instants.items()
+        for column in columns
+    )
     return max((int(np.nanmax(one)) for one in found if not np.isnan(one).all()), default=0)
 
 
@@ -107,7 +125,9 @@ def _end_ns(run: "Run", begin_ns: int) -> int:
     """The last instant that is shown: that of the run, else as many whole seconds as fit, at least one."""
     tables = {"frames": "stamp_ns", "lookups": "stamp_ns", "objects": "t_ns", "steps": "stamp_ns"}
     tables["held_objects"] = "begin_ns"
-    instants = np.sort(np.concatenate([run.tables[name][column] for name, column in tables.items()]))
+    instants = np.sort(
+        np.concatenate([run.tables[name][column] for name, column in tables.items()])
+    )
     first = int(np.searchsorted(instants, begin_ns))
     if len(instants) - first <= MOST_ROWS:
         return last_instant_ns(run)
@@ -124,7 +144,8 @@ def _places(poses: Columns, table: Columns, column: str) -> "Column":
     cars, streams = poses["car"].names, poses["stream"].names
     least, most = int(poses[column].min()), int(poses[column].max())
     keys, sought = (
-        (one["car"].codes_in(cars) * len(streams) + one["stream"].codes_in(streams)) * (most - least + 1)
+        (one["car"].codes_in(cars) * len(streams) + one["stream"].codes_in(streams))
+        * (most - least + 1)
         + (one[column].astype(np.int64) - least)
         for one in (poses, table)
     )
@@ -167,15 +188,26 @@ def _frames(mine: Columns, poses: Columns, names: _Names) -> dict[str, Any]:
         found: list[int] = by_id(_integers(values)).tolist()
         return found
 
-    instants = {name: rows.floats(f"{name}_ns") for name in ("received", "first_answer", "fresh_answer")}
+    instants = {
+        name: rows.floats(f"{name}_ns") for name in ("received", "first_answer", "fresh_answer")
+    }
     flags = zip(rows["image_hit"].tolist(), rows["coalesced"].tolist(), strict=True)
     outcome = [UNKNOWN if hit is None else 2 if coalesced else int(hit) for hit, coalesced in flags]
     texts = {name: rows[name] for name in ("source", "served_by", "drop")}
     return {
-        **{f"{name}_us": numbers((values - rows["stamp_ns"]) // US) for name, values in instants.items()},
+        **{
+            f"{name}_us": numbers((values - rows["stamp_ns"]) // US)
+            for name, values in instants.items()
+        },
         "outcome": numbers(np.array(outcome)),
-        **{name: names.codes(Text(by_id(text.codes, NO_TEXT), text.names)) for name, text in texts.items()},
-        **{name: numbers(rows[name]) for name in ("objects_served", "objects_fresh", "bytes_up", "bytes_down")},
+        **{
+            name: names.codes(Text(by_id(text.codes, NO_TEXT), text.names))
+            for name, text in texts.items()
+        },
+        **{
+            name: numbers(rows[name])
+            for name in ("objects_served", "objects_fresh", "bytes_up", "bytes_down")
+        },
     }
 
 
@@ -246,7 +278,9 @@ def _objects(mine: Columns, begin_ns: int, end_ns: int, names: _Names) -> Iterat
     confidence = _scaled(np.nan_to_num(mine["confidence"], nan=UNKNOWN / 1000), 1000)
     for begin, end in pairwise([*begins.tolist(), len(mine)]):
         t_ns = all_ns[begin:end]
-        first = max(int(np.searchsorted(t_ns, begin_ns, side="right")) - 1, 0)  # the last before the replay begins
+        first = max(
+            int(np.searchsorted(t_ns, begin_ns, side="right")) - 1, 0
+        )  # the last before the replay begins
         yield [
             names.code(genies[begin]),
             names.code(labels[begin]),

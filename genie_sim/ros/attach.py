@@ -98,7 +98,13 @@ def attach(
         if of_plan.get(file):
             of_plan[file] = str(Path(of_plan[file]).absolute())
     plan = Plan(
-        node, name or node.strip("/").replace("/", "_"), role, tuple(inputs), tuple(answers), types, **of_plan
+        node,
+        name or node.strip("/").replace("/", "_"),
+        role,
+        tuple(inputs),
+        tuple(answers),
+        types,
+        **of_plan,
     )
     check(plan)
     original = graph.process_of(node)
@@ -106,12 +112,16 @@ def attach(
     with _locked(path) as held:
         if not held or path in State.all():
             raise UserError(f"{node}: already has a Genie; 'genie-sim detach {node}' puts it back")
-        state = State(graph.network, node, original, None, (os.getpid(), start_of(os.getpid())), boot())
+        state = State(
+            graph.network, node, original, None, (os.getpid(), start_of(os.getpid())), boot()
+        )
         state.write(path)
         with _interrupts() as interrupted:
             try:
                 original.stop()
-                behind = original.start_again(graph.remapped(node, original.argv, (*inputs, *answers)), _log(path))
+                behind = original.start_again(
+                    graph.remapped(node, original.argv, (*inputs, *answers)), _log(path)
+                )
                 replace(state, behind=behind).write(path)
                 _watch(plan, graph, path, behind, interrupted, say)
             finally:
@@ -126,11 +136,15 @@ def detach(node: str, network: str | None = None) -> None:
     """
     node = "/" + node.strip("/")
     found = {path: state for path, state in State.all().items() if state.node == node}
-    paths = {path: state.network for path, state in found.items() if network in (None, state.network)}
+    paths = {
+        path: state.network for path, state in found.items() if network in (None, state.network)
+    }
     if not paths:
         raise UserError(f"{node}: has no Genie")
     if len(paths) > 1:
-        raise UserError(f"{node}: has a Genie in each of {', '.join(paths.values())}; say in which network")
+        raise UserError(
+            f"{node}: has a Genie in each of {', '.join(paths.values())}; say in which network"
+        )
     path = next(iter(paths))
     pid, started = found[path].watchdog
     if start_of(pid) == started:
@@ -173,23 +187,35 @@ def _watch(
     """Runs the Genie's process until somebody wants it to end; leaves it ended."""
     environment = {**os.environ, **graph.environment, STATE: str(path)}
     command = [sys.executable, "-m", graph.module]
-    with _log(path).open("ab") as errors, subprocess.Popen(
-        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=errors, env=environment, text=True,
-        start_new_session=True,
-    ) as genie:
+    with (
+        _log(path).open("ab") as errors,
+        subprocess.Popen(
+            command,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=errors,
+            env=environment,
+            text=True,
+            start_new_session=True,
+        ) as genie,
+    ):
         assert genie.stdin is not None and genie.stdout is not None
         try:
             genie.stdin.write(plan.to_json() + "\n")
             genie.stdin.flush()
             _await_ready(plan, genie.stdout, path, behind, interrupted)
             if not interrupted():
-                say(f"{plan.node}: Genie attached: {', '.join(plan.requests)} -> {', '.join(plan.answers)}")
+                say(
+                    f"{plan.node}: Genie attached: {', '.join(plan.requests)} -> {', '.join(plan.answers)}"
+                )
             while not interrupted():
                 if genie.poll() is not None:
                     raise UserError(f"{plan.node}: its Genie ended ({_last_line(path)})")
                 if not behind.alive():
                     path.unlink()  # somebody stopped the node: it must not come back
-                    raise UserError(f"{plan.node}: the node ended behind its Genie; it was not started again")
+                    raise UserError(
+                        f"{plan.node}: the node ended behind its Genie; it was not started again"
+                    )
                 time.sleep(WATCH_S)
         finally:
             if genie.poll() is None:
@@ -209,9 +235,13 @@ def _await_ready(
                 return
             raise UserError(f"{plan.node}: its Genie did not start ({_last_line(path)})")
         if not behind.alive():
-            raise UserError(f"{plan.node}: ended when started with other topics ({_last_line(path)})")
+            raise UserError(
+                f"{plan.node}: ended when started with other topics ({_last_line(path)})"
+            )
         if time.monotonic() > deadline:
-            raise UserError(f"{plan.node}: did not connect to its Genie within {READY_S:.0f} s; see {_log(path)}")
+            raise UserError(
+                f"{plan.node}: did not connect to its Genie within {READY_S:.0f} s; see {_log(path)}"
+            )
 
 
 @contextlib.contextmanager
@@ -250,7 +280,9 @@ def _graph(pid: int | None, master_uri: str | None) -> Graph:
     try:
         return ros1_graph.Graph(master_uri) if pid is None else ros2_graph.Graph(pid)
     except ImportError as error:
-        raise UserError(f"ROS is not there for {sys.executable}: {error}; see docs/ros.md") from error
+        raise UserError(
+            f"ROS is not there for {sys.executable}: {error}; see docs/ros.md"
+        ) from error
 
 
 def _log(path: Path) -> Path:
@@ -278,16 +310,30 @@ def choose(
             raise UserError(f"{node}: {unknown('topic', topic, [*subscribed, *published])}")
 
     def usable(topics: Types) -> list[str]:
-        return [topic for topic, kind in topics.items() if topic not in leave and (not kind or graph.has_header(kind))]
+        return [
+            topic
+            for topic, kind in topics.items()
+            if topic not in leave and (not kind or graph.has_header(kind))
+        ]
 
     requests, answers = list(asked_for) or usable(subscribed), usable(published)
     if len(requests) > 1 and not asked_for:
-        images = [topic for topic in requests if (kind := subscribed[topic]) and kind.name == graph.image_type]
+        images = [
+            topic
+            for topic in requests
+            if (kind := subscribed[topic]) and kind.name == graph.image_type
+        ]
         if len(images) != 1:
-            raise UserError(f"{node}: which topic carries the requests? It subscribes to {', '.join(requests)}")
+            raise UserError(
+                f"{node}: which topic carries the requests? It subscribes to {', '.join(requests)}"
+            )
         requests = images
     if not requests or not answers:
         verb = "publishes" if requests else "subscribes to"
         raise UserError(f"{node}: {verb} no topic whose messages have a header")
     types = {**subscribed, **published}
-    return requests, answers, {topic: kind for topic in (*requests, *answers) if (kind := types[topic])}
+    return (
+        requests,
+        answers,
+        {topic: kind for topic in (*requests, *answers) if (kind := types[topic])},
+    )

@@ -22,7 +22,16 @@ from genie_sim.messages import Box, Detection
 from genie_sim.perception.encoding import difference_hash
 from genie_sim.perception.geodesy import enu_SE3_enu
 from genie_sim.perception.placement import HALF_DEPTH_M, Placement
-from genie_sim.perception.trace import MOST_M, MOST_ORIGIN, Trace, TraceFrame, checked, detection, trace_frame, within
+from genie_sim.perception.trace import (
+    MOST_M,
+    MOST_ORIGIN,
+    Trace,
+    TraceFrame,
+    checked,
+    detection,
+    trace_frame,
+    within,
+)
 from genie_sim.ros.codec import ABSOLUTE_FRAMES, IMAGE, OBJECTS, picture
 from genie_sim.ros.tf import Frames, Track, rotation
 from genie_sim.ros.typestore import stamp_ns as header_stamp_ns
@@ -33,7 +42,10 @@ if TYPE_CHECKING:
 
 IMAGES = (IMAGE, "sensor_msgs/msg/CompressedImage")
 POINTS, FIX, IMU = "sensor_msgs/msg/PointCloud2", "sensor_msgs/msg/NavSatFix", "sensor_msgs/msg/Imu"
-TRANSFORMS, CAMERA_INFO = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage"), "sensor_msgs/msg/CameraInfo"
+TRANSFORMS, CAMERA_INFO = (
+    ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage"),
+    "sensor_msgs/msg/CameraInfo",
+)
 ARRAYS = (OBJECTS, "vision_msgs/msg/Detection2DArray")
 SCAN_WITHIN_NS = 60_000_000  # half a turn of a laser at 10 Hz, and a little
 WAIT_NS = 300_000_000  # for the scan that was taken with an image
@@ -86,8 +98,21 @@ def perceive_bag(
         scans = sorted(topic for topic, kind in topics.items() if kind == POINTS)
         total = sum(one.msgcount for one in reader.connections if one.topic in selected.values())
         made: dict[str, list[TraceFrame]] = {}
-        for done, (camera, image, cloud) in enumerate(_pictures(path, reader, selected, scans[:1]), start=1):
-            frame = _frame(path, camera, selected[camera], done, image, cloud, around, place_of, detector, min_score)
+        for done, (camera, image, cloud) in enumerate(
+            _pictures(path, reader, selected, scans[:1]), start=1
+        ):
+            frame = _frame(
+                path,
+                camera,
+                selected[camera],
+                done,
+                image,
+                cloud,
+                around,
+                place_of,
+                detector,
+                min_score,
+            )
             if frame is not None:
                 made.setdefault(camera, []).append(frame)
             if progress is not None:
@@ -109,7 +134,9 @@ def _frame(
         return None
     image = _picture(path, topic, message)
     size, intrinsics = (image.shape[1], image.shape[0]), around.intrinsics[_info_topic(topic)]
-    camera_SE3_laser = None if cloud is None else around.frames.find(frame_id, cloud.header.frame_id, stamp_ns)
+    camera_SE3_laser = (
+        None if cloud is None else around.frames.find(frame_id, cloud.header.frame_id, stamp_ns)
+    )
     placement = None
     if camera_SE3_laser is not None:
         placement = Placement(intrinsics, size, camera_SE3_laser, _points(path, cloud))
@@ -118,7 +145,9 @@ def _frame(
         found = (Seen(*one) for one in detector.detect(image))
     kept = [_placed(one, placement, world_SE3_camera) for one in found if one.score >= min_score]
     fingerprints = (hashlib.sha256(bytes(message.data)).hexdigest(), difference_hash(image))
-    return trace_frame(camera, number, stamp_ns, size, fingerprints, world_SE3_camera, intrinsics, kept)
+    return trace_frame(
+        camera, number, stamp_ns, size, fingerprints, world_SE3_camera, intrinsics, kept
+    )
 
 
 def _placed(one: Seen, placement: Placement | None, world_SE3_camera: Array) -> Detection:
@@ -148,19 +177,27 @@ def _places(path: Path, around: Surroundings, origin: Geodetic | None) -> tuple[
 
         def on_the_track(frame_id: str, stamp_ns: int) -> Array | None:
             imu_SE3_frame, world_SE3_imu = frames.find(imu, frame_id, stamp_ns), track.at(stamp_ns)
-            return None if imu_SE3_frame is None or world_SE3_imu is None else world_SE3_imu @ imu_SE3_frame
+            return (
+                None
+                if imu_SE3_frame is None or world_SE3_imu is None
+                else world_SE3_imu @ imu_SE3_frame
+            )
 
         return origin, on_the_track
     known = frames.known()
     world = next((name for name in ABSOLUTE_FRAMES if name in known), None)
     if world is None:
-        raise UserError(f"{path}: where is the car? No {FIX} with {IMU}, and no transform from map or world")
+        raise UserError(
+            f"{path}: where is the car? No {FIX} with {IMU}, and no transform from map or world"
+        )
     if origin is None:
         raise UserError(f"{path}: no {FIX}: say with --origin where the frame {world!r} lies")
     return origin, partial(frames.find, world)
 
 
-def _rig_poses(here: Track, turns: Iterable[tuple[int, Array, str]], lever: Array) -> Iterator[tuple[int, Array]]:
+def _rig_poses(
+    here: Track, turns: Iterable[tuple[int, Array, str]], lever: Array
+) -> Iterator[tuple[int, Array]]:
     """The IMU's poses: turned as it says, where the fix is less the way from the IMU to the antenna."""
     for stamp_ns, turn, _ in turns:
         world_SE3_here = here.at(stamp_ns)
@@ -206,15 +243,22 @@ def _surroundings(path: Path, reader: Any, detections: str | None) -> Surroundin
             for one in message.transforms:
                 place, turn = one.transform.translation, rotation(one.transform.rotation)
                 if turn is None or not within((place.x, place.y, place.z), MOST_M):
-                    raise UserError(f"{path}: {topic}: a transform to {one.child_frame_id!r} that is no place and turn")
+                    raise UserError(
+                        f"{path}: {topic}: a transform to {one.child_frame_id!r} that is no place and turn"
+                    )
                 step = rigid(turn, (place.x, place.y, place.z))
                 parent, child = one.header.frame_id, one.child_frame_id
-                around.frames.heard(parent, child, header_stamp_ns(one.header), step, topic.endswith("static"))
+                around.frames.heard(
+                    parent, child, header_stamp_ns(one.header), step, topic.endswith("static")
+                )
         elif kind == CAMERA_INFO:
             projection = np.array(message.P if hasattr(message, "P") else message.p).reshape(3, 4)
             camera = np.array(message.K if hasattr(message, "K") else message.k).reshape(3, 3)
             around.intrinsics[topic] = projection[:, :3] if projection[0, 0] else camera
-            if not (np.isfinite(around.intrinsics[topic]).all() and around.intrinsics[topic].diagonal().min() > 0):
+            if not (
+                np.isfinite(around.intrinsics[topic]).all()
+                and around.intrinsics[topic].diagonal().min() > 0
+            ):
                 raise UserError(f"{path}: {topic}: no intrinsics of a camera")
         elif kind == FIX:
             fix = (message.latitude, message.longitude, message.altitude)
@@ -223,11 +267,17 @@ def _surroundings(path: Path, reader: Any, detections: str | None) -> Surroundin
         elif kind == IMU:
             turn = rotation(message.orientation)
             if turn is not None:
-                around.turns.append((header_stamp_ns(message.header), turn, message.header.frame_id))
+                around.turns.append(
+                    (header_stamp_ns(message.header), turn, message.header.frame_id)
+                )
         else:
             seen = around.seen[header_stamp_ns(message.header)] = tuple(_objects(message, kind))
-            if not all(within((one.score, *one.box, *(one.location or ())), MOST_M) for one in seen):
-                raise UserError(f"{path}: {topic}: an object whose score, box or place is no number in range")
+            if not all(
+                within((one.score, *one.box, *(one.location or ())), MOST_M) for one in seen
+            ):
+                raise UserError(
+                    f"{path}: {topic}: an object whose score, box or place is no number in range"
+                )
     return around
 
 
@@ -243,14 +293,21 @@ def _objects(message: Any, kind: str) -> Iterator[Seen]:
         return
     for one in message.detections:
         if len(one.results):
-            best = max((getattr(result, "hypothesis", result) for result in one.results), key=lambda guess: guess.score)
+            best = max(
+                (getattr(result, "hypothesis", result) for result in one.results),
+                key=lambda guess: guess.score,
+            )
             middle = getattr(one.bbox.center, "position", one.bbox.center)
             half_x, half_y = one.bbox.size_x / 2, one.bbox.size_y / 2
             box = (middle.x - half_x, middle.y - half_y, middle.x + half_x, middle.y + half_y)
-            yield Seen(str(best.class_id if hasattr(best, "class_id") else best.id), float(best.score), box)
+            yield Seen(
+                str(best.class_id if hasattr(best, "class_id") else best.id), float(best.score), box
+            )
 
 
-def _cameras(path: Path, cameras: Sequence[str], topics: Mapping[str, str], known: Mapping[str, Array]) -> Topics:
+def _cameras(
+    path: Path, cameras: Sequence[str], topics: Mapping[str, str], known: Mapping[str, Array]
+) -> Topics:
     """Image topics by the camera's name."""
     images = sorted(topic for topic, kind in topics.items() if kind in IMAGES)
     selected: dict[str, str] = {}
@@ -261,10 +318,14 @@ def _cameras(path: Path, cameras: Sequence[str], topics: Mapping[str, str], know
             raise UserError(f"{path}: {topic}: no {_info_topic(topic)} says what the camera sees")
         name = name or _camera_topic(topic).strip("/").rpartition("/")[2] or "camera"
         if name in selected and cameras:
-            raise UserError(f"{path}: two cameras are called {name!r}; give other names, as in left={topic}")
+            raise UserError(
+                f"{path}: two cameras are called {name!r}; give other names, as in left={topic}"
+            )
         selected.setdefault(name, topic)  # of raw and compressed the raw one: it comes first
     if not selected:
-        raise UserError(f"{path}: no image topic with a camera_info beside it; topics: {', '.join(sorted(topics))}")
+        raise UserError(
+            f"{path}: no image topic with a camera_info beside it; topics: {', '.join(sorted(topics))}"
+        )
     return selected
 
 
@@ -280,7 +341,11 @@ def _info_topic(topic: str) -> str:
 def _check_topic(path: Path, topic: str, topics: Mapping[str, str], kinds: Sequence[str]) -> None:
     usable = sorted(name for name, kind in topics.items() if kind in kinds)
     if topic not in usable:
-        raise UserError(f"{path}: {unknown('topic', topic, usable)}" if usable else f"{path}: no {' or '.join(kinds)}")
+        raise UserError(
+            f"{path}: {unknown('topic', topic, usable)}"
+            if usable
+            else f"{path}: no {' or '.join(kinds)}"
+        )
 
 
 def _pictures(
@@ -294,8 +359,14 @@ def _pictures(
 
     def with_scan(image: Any) -> Any:
         stamp_ns = header_stamp_ns(image.header)
-        near = min(recent, key=lambda scan: abs(header_stamp_ns(scan.header) - stamp_ns), default=None)
-        return near if near is not None and abs(header_stamp_ns(near.header) - stamp_ns) <= SCAN_WITHIN_NS else None
+        near = min(
+            recent, key=lambda scan: abs(header_stamp_ns(scan.header) - stamp_ns), default=None
+        )
+        return (
+            near
+            if near is not None and abs(header_stamp_ns(near.header) - stamp_ns) <= SCAN_WITHIN_NS
+            else None
+        )
 
     for connection, at_ns, message in _messages(path, reader, chosen):
         if connection.topic in names:
@@ -324,7 +395,9 @@ def _picture(path: Path, topic: str, message: Any) -> np.ndarray:
     with contextlib.suppress(cv2.error):  # it holds nothing, or too much
         image = cv2.imdecode(np.frombuffer(bytes(message.data), np.uint8), cv2.IMREAD_COLOR)
     if image is None:
-        raise UserError(f"{path}: {topic}: a compressed image that cannot be read ({message.format})")
+        raise UserError(
+            f"{path}: {topic}: a compressed image that cannot be read ({message.format})"
+        )
     return image
 
 
@@ -335,7 +408,10 @@ def _points(path: Path, cloud: Any) -> Array:
         raise UserError(f"{path}: a {POINTS} without float32 fields x, y and z")
     float32, names = (">f4" if cloud.is_bigendian else "<f4"), ["x", "y", "z"]
     data, count = bytes(cloud.data), cloud.width * cloud.height
-    if len(data) < count * cloud.point_step or cloud.point_step < max(offsets[name] for name in names) + 4:
+    if (
+        len(data) < count * cloud.point_step
+        or cloud.point_step < max(offsets[name] for name in names) + 4
+    ):
         raise UserError(f"{path}: a {POINTS} cut short: {len(data)} bytes")
     layout = np.dtype(
         {"names": names, "formats": [float32] * 3, "offsets": [offsets[name] for name in names],
@@ -346,7 +422,9 @@ def _points(path: Path, cloud: Any) -> Array:
     return points[np.isfinite(points).all(axis=1)]
 
 
-def _numbered(path: Path, made: Mapping[str, list[TraceFrame]]) -> dict[str, tuple[TraceFrame, ...]]:
+def _numbered(
+    path: Path, made: Mapping[str, list[TraceFrame]]
+) -> dict[str, tuple[TraceFrame, ...]]:
     """Frame numbers of each camera, and stamps that begin with the first one's. Raises UserError."""
     first_ns = min(frame.stamp_ns for frames in made.values() for frame in frames)
     numbered = [
@@ -357,13 +435,26 @@ def _numbered(path: Path, made: Mapping[str, list[TraceFrame]]) -> dict[str, tup
 
 
 def _provenance(
-    path: Path, selected: Topics, scans: Sequence[str], detector: "ImageDetector | None", detections: str | None
+    path: Path,
+    selected: Topics,
+    scans: Sequence[str],
+    detector: "ImageDetector | None",
+    detections: str | None,
 ) -> dict[str, Any]:
     total = hashlib.sha256()
     for file in sorted(path.rglob("*")) if path.is_dir() else [path]:
         if file.is_file():
             with file.open("rb") as opened:
                 total.update(hashlib.file_digest(opened, "sha256").digest())
-    found = {"detector": detector.name, "weights_sha256": detector.sha256} if detector else {"detector": detections}
+    found = (
+        {"detector": detector.name, "weights_sha256": detector.sha256}
+        if detector
+        else {"detector": detections}
+    )
     topics = {"cameras": dict(selected), "scans": list(scans[:1])}
-    return {"data": f"bag {path.name}", "bag_sha256": total.hexdigest(), "parameters": topics, **found}
+    return {
+        "data": f"bag {path.name}",
+        "bag_sha256": total.hexdigest(),
+        "parameters": topics,
+        **found,
+    }

@@ -23,7 +23,9 @@ _URI = re.compile(rf"genie:(car|edge)/({NAME.pattern})")
 _CERTIFICATE = re.compile("-----BEGIN CERTIFICATE-----.*?-----END CERTIFICATE-----\n", re.DOTALL)
 AUTHORITY = "authority.pem"
 AUTHORITY_DAYS, PEER_DAYS, MOST_DAYS = 3650, 365, 36500
-_AUTHORITY_IS = "basicConstraints = critical, CA:TRUE, pathlen:0\nkeyUsage = critical, keyCertSign, cRLSign"
+_AUTHORITY_IS = (
+    "basicConstraints = critical, CA:TRUE, pathlen:0\nkeyUsage = critical, keyCertSign, cRLSign"
+)
 _PEER_IS = """basicConstraints = critical, CA:FALSE
 keyUsage = critical, digitalSignature
 extendedKeyUsage = serverAuth, clientAuth
@@ -52,12 +54,16 @@ class Credentials:
         try:
             mode, text = Path(path).stat().st_mode, Path(path).read_text(encoding="ascii")
         except (OSError, UnicodeError) as error:
-            raise UserError(f"{path}: key: {getattr(error, 'strerror', None) or 'no PEM file'}") from error
+            raise UserError(
+                f"{path}: key: {getattr(error, 'strerror', None) or 'no PEM file'}"
+            ) from error
         if mode & 0o077:
             raise UserError(f"{path}: key: others may read it; chmod 600 {path}")
         certificates = _CERTIFICATE.findall(text)
         if len(certificates) != 2:
-            raise UserError(f"{path}: key: {len(certificates)} certificates, not 2; make one: genie-sim keys peer")
+            raise UserError(
+                f"{path}: key: {len(certificates)} certificates, not 2; make one: genie-sim keys peer"
+            )
         try:
             self.dialling = _context(ssl.PROTOCOL_TLS_CLIENT, path, certificates[1])
             self.listening = _context(ssl.PROTOCOL_TLS_SERVER, path, certificates[1])
@@ -68,7 +74,10 @@ class Credentials:
     def _meets_itself(self) -> Peer:
         """Whom another Genie would see: a handshake in memory, with which a key fails that nobody would accept."""
         there, back = ssl.MemoryBIO(), ssl.MemoryBIO()
-        dialler, listener = self.dialling.wrap_bio(back, there), self.listening.wrap_bio(there, back, server_side=True)
+        dialler, listener = (
+            self.dialling.wrap_bio(back, there),
+            self.listening.wrap_bio(there, back, server_side=True),
+        )
         for side in (dialler, listener, dialler, listener):
             with contextlib.suppress(ssl.SSLWantReadError):
                 side.do_handshake()
@@ -129,7 +138,9 @@ def make_peer(folder: Path, name: str, role: str, days: int = PEER_DAYS) -> Path
     if role not in ROLES:
         raise UserError(unknown("role", role, ROLES))
     if not NAME.fullmatch(name) or f"{name}.pem" == AUTHORITY:
-        raise UserError(f"keys: {name!r} is no name of a Genie: up to 64 letters, digits, '_', '-' and '.'")
+        raise UserError(
+            f"keys: {name!r} is no name of a Genie: up to 64 letters, digits, '_', '-' and '.'"
+        )
     if not authority.exists():
         raise UserError(f"{authority}: no such file; make it: genie-sim keys ca {folder}")
     text = authority.read_text(encoding="ascii")
@@ -146,8 +157,24 @@ def _issued(name: str, what: str, days: int, authority: Path | None = None) -> t
     with tempfile.TemporaryDirectory() as folder:
         key, certificate = Path(folder, "key"), Path(folder, "certificate")
         command: list[str | Path] = [
-            "openssl", "req", "-x509", "-batch", "-nodes", "-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:P-256",
-            "-sha256", "-days", str(days), "-config", "/dev/stdin", "-keyout", key, "-out", certificate,
+            "openssl",
+            "req",
+            "-x509",
+            "-batch",
+            "-nodes",
+            "-newkey",
+            "ec",
+            "-pkeyopt",
+            "ec_paramgen_curve:P-256",
+            "-sha256",
+            "-days",
+            str(days),
+            "-config",
+            "/dev/stdin",
+            "-keyout",
+            key,
+            "-out",
+            certificate,
         ]
         if authority is not None:
             command += ["-CA", authority, "-CAkey", authority]
@@ -165,7 +192,9 @@ def _issued(name: str, what: str, days: int, authority: Path | None = None) -> t
 def _write(path: Path, text: str) -> None:
     """A file that only its owner may read. Never replaces one: it may be the only copy of a key."""
     try:
-        with os.fdopen(os.open(path, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o600), "w", encoding="ascii") as file:
+        with os.fdopen(
+            os.open(path, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o600), "w", encoding="ascii"
+        ) as file:
             file.write(text)
     except FileExistsError as error:
         raise UserError(f"{path}: is there already; move it away first") from error

@@ -26,7 +26,16 @@ ABSOLUTE_FRAMES = ("map", "world")  # frames whose coordinates are the object ma
 IMAGE, OBJECTS = "sensor_msgs/msg/Image", "autoware_msgs/msg/DetectedObjectArray"
 MARKER, MARKERS = "visualization_msgs/msg/Marker", "visualization_msgs/msg/MarkerArray"
 CUBE, ADD, DELETE_ALL = 1, 0, 3
-CHANNELS = {"mono8": 1, "8UC1": 1, "bgr8": 3, "8UC3": 3, "rgb8": 3, "bgra8": 4, "8UC4": 4, "rgba8": 4}
+CHANNELS = {
+    "mono8": 1,
+    "8UC1": 1,
+    "bgr8": 3,
+    "8UC3": 3,
+    "rgb8": 3,
+    "bgra8": 4,
+    "8UC4": 4,
+    "rgba8": 4,
+}
 HEADER_BYTES = 16  # without the frame
 
 
@@ -64,8 +73,12 @@ def begins_with_header(definition: str) -> bool:
 def codec_of(wire_type: WireType, ros: int) -> "Codec":
     """The codec of a type of ROS 1 or 2. Raises UserError for a ROS 1 type without a header."""
     if wire_type.definition and not begins_with_header(wire_type.definition):
-        raise UserError(f"{wire_type.name}: messages of this type have no header to find an answer by")
-    made = {OBJECTS: ObjectsCodec, MARKERS: MarkersCodec}.get(_full(wire_type.name), Codec)(wire_type, ros)
+        raise UserError(
+            f"{wire_type.name}: messages of this type have no header to find an answer by"
+        )
+    made = {OBJECTS: ObjectsCodec, MARKERS: MarkersCodec}.get(_full(wire_type.name), Codec)(
+        wire_type, ros
+    )
     if _full(wire_type.name) in (IMAGE, OBJECTS, MARKERS):
         made.prepare()
     return made
@@ -92,13 +105,19 @@ class Codec:
     def stamp(self, payload: bytes) -> tuple[int, str]:
         """Stamp [ns] and frame of the message's header."""
         order, end = self._header(payload)
-        seconds, nanoseconds = struct.unpack_from(order + ("II" if self._ros == 1 else "iI"), payload, 4)
+        seconds, nanoseconds = struct.unpack_from(
+            order + ("II" if self._ros == 1 else "iI"), payload, 4
+        )
         if nanoseconds >= NS_PER_S:
             raise ValueError(f"a stamp of {nanoseconds} ns beside the seconds")
-        frame = payload[HEADER_BYTES:end] if self._ros == 1 else payload[HEADER_BYTES:end].rstrip(b"\0")
+        frame = (
+            payload[HEADER_BYTES:end] if self._ros == 1 else payload[HEADER_BYTES:end].rstrip(b"\0")
+        )
         return seconds * NS_PER_S + nanoseconds, frame.decode("utf-8", "surrogateescape")
 
-    def restamped(self, payload: bytes, stamp_ns: int, frame_id: str, seq: int | None = None) -> bytes:
+    def restamped(
+        self, payload: bytes, stamp_ns: int, frame_id: str, seq: int | None = None
+    ) -> bytes:
         """The message under another header. ``seq`` numbers it in ROS 1; ROS 2 headers have no number."""
         order, end = self._header(payload)
         first = payload[:4] if seq is None else struct.pack("<I", seq & 0xFFFFFFFF)
@@ -181,8 +200,15 @@ class ObjectsCodec(Codec):
     def _object(self, one: Detection, header: Any) -> Any:
         if isinstance(one, RosObject):
             return replace(one.raw, score=one.confidence)
-        fields = {"label": one.label, "valid": True, "space_frame": ABSOLUTE_FRAMES[0], "score": one.confidence}
-        return message(self._store, OBJECTS.removesuffix("Array"), header=header, pose=_pose(one), **fields)
+        fields = {
+            "label": one.label,
+            "valid": True,
+            "space_frame": ABSOLUTE_FRAMES[0],
+            "score": one.confidence,
+        }
+        return message(
+            self._store, OBJECTS.removesuffix("Array"), header=header, pose=_pose(one), **fields
+        )
 
 
 class MarkersCodec(Codec):
@@ -198,7 +224,9 @@ class MarkersCodec(Codec):
         markers = self.read(payload).markers
         return (stamp_ns(markers[0].header), markers[0].header.frame_id) if markers else (0, "")
 
-    def restamped(self, payload: bytes, stamp_ns: int, frame_id: str, seq: int | None = None) -> bytes:
+    def restamped(
+        self, payload: bytes, stamp_ns: int, frame_id: str, seq: int | None = None
+    ) -> bytes:
         return self._stamped(self.read(payload), stamp_ns, frame_id)
 
     def content(self, payload: bytes) -> bytes:
@@ -207,7 +235,8 @@ class MarkersCodec(Codec):
     def objects(self, payload: bytes) -> tuple[Detection, ...]:
         return tuple(
             _object(one.ns, one.color.a, None, _location(one.pose, one.header.frame_id), one)
-            for one in self.read(payload).markers if one.action == ADD
+            for one in self.read(payload).markers
+            if one.action == ADD
         )
 
     def with_objects(self, payload: bytes, header: Header, objects: Sequence[Detection]) -> bytes:
@@ -216,10 +245,17 @@ class MarkersCodec(Codec):
             if isinstance(one, RosObject):
                 made = replace(one.raw, color=replace(one.raw.color, a=one.confidence))
             else:  # from the object map
-                fields = {"ns": one.label, "id": number, "type": CUBE, "color": {"a": one.confidence}}
+                fields = {
+                    "ns": one.label,
+                    "id": number,
+                    "type": CUBE,
+                    "color": {"a": one.confidence},
+                }
                 made = message(self._store, MARKER, pose=_pose(one), **fields)
             markers.append(made)
-        return self._stamped(message(self._store, self._name, markers=markers), header.stamp_ns, header.frame_id)
+        return self._stamped(
+            message(self._store, self._name, markers=markers), header.stamp_ns, header.frame_id
+        )
 
     def _stamped(self, array: Any, stamp_ns: int, frame_id: str) -> bytes:
         for one in array.markers:
@@ -234,7 +270,9 @@ def _detected(one: Any, array_frame: str) -> RosObject:
     return _object(one.label, one.score, box, at if at and any(at) else None, one)
 
 
-def _object(label: str, score: float, box: Box | None, location: Location | None, raw: Any) -> RosObject:
+def _object(
+    label: str, score: float, box: Box | None, location: Location | None, raw: Any
+) -> RosObject:
     known = float(score) if math.isfinite(score) else 0.0
     return RosObject(label, known, box, location, known, "ros", raw=raw)
 
@@ -283,4 +321,6 @@ def picture(message: Any) -> np.ndarray:
     pixels = rows[:, : width * channels].reshape(height, width, channels)
     if channels == 1:
         return np.repeat(pixels, 3, axis=2)
-    return np.ascontiguousarray(pixels[:, :, 2::-1] if encoding.startswith("rgb") else pixels[:, :, :3])
+    return np.ascontiguousarray(
+        pixels[:, :, 2::-1] if encoding.startswith("rgb") else pixels[:, :, :3]
+    )

@@ -42,7 +42,9 @@ class Connection:
     """A connection after its handshake; ``up`` from its first frame on. Raises Refused for a certificate that is no
     Genie's. ``requests`` are the topics of images, ``warn`` gets log lines."""
 
-    def __init__(self, sock: ssl.SSLSocket, requests: frozenset[str], warn: Callable[[str], None]) -> None:
+    def __init__(
+        self, sock: ssl.SSLSocket, requests: frozenset[str], warn: Callable[[str], None]
+    ) -> None:
         fields = sock.getpeercert() or {}
         self.peer = identity(fields)
         self.certificate = sock.getpeercert(True)
@@ -75,7 +77,9 @@ class Connection:
         with contextlib.suppress(OSError):
             socket.socket.shutdown(self._sock, socket.SHUT_RDWR)
 
-    def run(self, codec_of: CodecOf, on_message: OnMessage, on_up: "Callable[[Connection], None]") -> None:
+    def run(
+        self, codec_of: CodecOf, on_message: OnMessage, on_up: "Callable[[Connection], None]"
+    ) -> None:
         """Reads until the connection ends, which raises. ``on_up`` may refuse it at its first frame."""
         self._sock.settimeout(0)
         writer = threading.Thread(target=self._write, daemon=True)
@@ -156,7 +160,11 @@ class Connection:
 
 def encode(topic: str, message: RosMessage) -> bytes:
     """The frame of a message, without the frame's length."""
-    said: dict[str, Any] = {"topic": topic, "type": message.codec.type[:2], "origin": message.header.origin}
+    said: dict[str, Any] = {
+        "topic": topic,
+        "type": message.codec.type[:2],
+        "origin": message.header.origin,
+    }
     said |= {"source": message.source, "served_by": message.served_by}
     if message.pose is not None:
         said |= {"pose": message.pose, "fov_rad": message.horizontal_fov_rad}
@@ -171,10 +179,14 @@ def decode(frame: bytes, codec_of: CodecOf) -> tuple[str, RosMessage] | None:
     try:
         end = LENGTH.size + int(LENGTH.unpack_from(frame)[0])
         said = json.loads(frame[LENGTH.size : end])
-        topic, origin, source, served_by = (_text(said, name) for name in ("topic", "origin", "source", "served_by"))
+        topic, origin, source, served_by = (
+            _text(said, name) for name in ("topic", "origin", "source", "served_by")
+        )
         codec = codec_of(topic.removesuffix(REMOTE))
         if codec is None or list(codec.type[:2]) != said["type"]:
-            raise ValueError(f"{topic}: a type that is not the one here: {str(said['type'])[:MAX_TEXT]!r}")
+            raise ValueError(
+                f"{topic}: a type that is not the one here: {str(said['type'])[:MAX_TEXT]!r}"
+            )
         pose = None if said.get("pose") is None else CameraPose(*map(float, said["pose"]))
         fov_rad = float(said.get("fov_rad", 0.0))
     except (TypeError, KeyError, OverflowError, RecursionError, struct.error) as error:

@@ -68,7 +68,9 @@ def export(run: "Run", out: Path, format: str) -> int:
     if format not in FORMATS:
         raise UserError(unknown("format", format, FORMATS))
     if run.poses.empty:
-        raise UserError(f"{run.folder or run.name}: holds no poses, so there is nothing to show; 'record' them")
+        raise UserError(
+            f"{run.folder or run.name}: holds no poses, so there is nothing to show; 'record' them"
+        )
     ros = FORMATS[format]
     with provenance.of_this_version(run.folder):
         made = (*_poses(run), *_cars(run), *_objects(run), *_lookups(run, ros), *_frames(run, ros))
@@ -81,7 +83,10 @@ def export(run: "Run", out: Path, format: str) -> int:
 
 def _poses(run: "Run") -> Iterator[Entry]:
     for row in _rows(run.poses):
-        motion = {"translation": {"x": row.east_m, "y": row.north_m}, "rotation": _heading(row.heading_rad)}
+        motion = {
+            "translation": {"x": row.east_m, "y": row.north_m},
+            "rotation": _heading(row.heading_rad),
+        }
         child = f"{row.car}/{row.stream}"
         one = {"header": _header(row.stamp_ns), "child_frame_id": child, "transform": motion}
         yield Entry(row.stamp_ns, "/tf", TF, {"transforms": [one]})
@@ -107,18 +112,31 @@ def _objects(run: "Run") -> Iterator[Entry]:
         place, text = (row.east_m, row.north_m, size[2] / 2), f"{row.label} {confidence:.2f}"
         topic, colour = f"/{_topic(row.genie)}/object_map", (*confidence_colour(confidence), 0.9)
         action = DELETE if forgotten else ADD
-        yield _marker(topic, row.t_ns, row.label, number, CUBE, place, size, colour, text, action=action)
+        yield _marker(
+            topic, row.t_ns, row.label, number, CUBE, place, size, colour, text, action=action
+        )
 
 
 def _lookups(run: "Run", ros: int) -> Iterator[Entry]:
-    at = {(row.car, row.stream, row.stamp_ns): (row.east_m, row.north_m) for row in _rows(run.poses)}
+    at = {
+        (row.car, row.stream, row.stamp_ns): (row.east_m, row.north_m) for row in _rows(run.poses)
+    }
     for number, row in enumerate(_rows(run.lookups[run.lookups["kind"] == "image"])):
         asked = f"{row.outcome} at {row.genie} for {row.car}/{row.stream}, {row.stamp_ns / NS_PER_S:.3f} s"
         yield _event(ros, row.t_ns, INFO, row.genie, asked)
         place, colour = (*at[row.car, row.stream, row.stamp_ns], 3.0), (*COLOURS[row.outcome], 1.0)
         lifetime = time(LOOKUP_SHOWN_NS)
         yield _marker(
-            "/lookups", row.t_ns, row.genie, number, BALL, place, (0.5,) * 3, colour, asked, lifetime=lifetime
+            "/lookups",
+            row.t_ns,
+            row.genie,
+            number,
+            BALL,
+            place,
+            (0.5,) * 3,
+            colour,
+            asked,
+            lifetime=lifetime,
         )
 
 
@@ -130,12 +148,19 @@ def _frames(run: "Run", ros: int) -> Iterator[Entry]:
         first, received = row.first_answer_ns, row.received_ns
         if first == first and first is not None and received == received:  # not nan, not null
             response_ms = (int(first) - int(received)) / 1e6
-            yield Entry(int(first), f"/{_topic(row.car)}/{row.method}/response", FLOAT, {"data": response_ms})
+            yield Entry(
+                int(first),
+                f"/{_topic(row.car)}/{row.method}/response",
+                FLOAT,
+                {"data": response_ms},
+            )
 
 
 def _event(ros: int, t_ns: int, level: dict[int, int], name: str, text: str) -> Entry:
     when = {"header": _header(t_ns)} if ros == 1 else {"stamp": time(_ros_ns(t_ns))}
-    return Entry(t_ns, "/events", LOGS[ros], {**when, "level": level[ros], "name": name, "msg": text})
+    return Entry(
+        t_ns, "/events", LOGS[ros], {**when, "level": level[ros], "name": name, "msg": text}
+    )
 
 
 def _marker(
@@ -203,7 +228,9 @@ def write(path: Path, ros: int, entries: Iterable[Entry]) -> None:
             connections: dict[str, Any] = {}
             for entry in entries:
                 if entry.topic not in connections:
-                    connections[entry.topic] = writer.add_connection(entry.topic, entry.kind, typestore=store)
+                    connections[entry.topic] = writer.add_connection(
+                        entry.topic, entry.kind, typestore=store
+                    )
                 data = serialize(message(store, entry.kind, **entry.fields), entry.kind)
                 writer.write(connections[entry.topic], _ros_ns(entry.t_ns), data)
         (bag if ros == 1 else bag / "run.mcap").replace(path)

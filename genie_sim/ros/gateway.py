@@ -90,13 +90,22 @@ class Gateway:
         """A message of an authenticated Genie. Raises ValueError, and does nothing, where it has no right to say so."""
         origin = message.header.origin
         with self._lock:
-            if self._role == "car" and peer.role == "edge" and topic in self._answers and origin == self.genie.name:
+            if (
+                self._role == "car"
+                and peer.role == "edge"
+                and topic in self._answers
+                and origin == self.genie.name
+            ):
                 self._arrived(topic + REMOTE, message, now_ns, peer.name)
-            elif self._role == "edge" and peer.role == "car" and topic in self._remote_requests and origin == peer.name:
-                self._arrived(self._remote_requests[topic], message, now_ns, peer.name)
             elif (
-                self._role == peer.role == "edge"
-                and (topic in self._remote_requests or topic in self._remote_answers)
+                self._role == "edge"
+                and peer.role == "car"
+                and topic in self._remote_requests
+                and origin == peer.name
+            ):
+                self._arrived(self._remote_requests[topic], message, now_ns, peer.name)
+            elif self._role == peer.role == "edge" and (
+                topic in self._remote_requests or topic in self._remote_answers
             ):
                 self._arrived(topic, message, now_ns, peer.name)
             else:

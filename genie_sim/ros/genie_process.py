@@ -32,7 +32,9 @@ class GenieProcess(ABC):
         self.ended = threading.Event()
         self.failure: UserError | None = None
         self.plan = plan
-        self.codecs: dict[str, Codec] = {topic: codec_of(kind, ros) for topic, kind in plan.types.items()}
+        self.codecs: dict[str, Codec] = {
+            topic: codec_of(kind, ros) for topic, kind in plan.types.items()
+        }
         self._poses = None if plan.pose_topic is None else Poses(ros)
         self._links = TlsLinks(plan, self.codecs.get)
         known = [self.codecs[topic] for topic in plan.answers if topic in self.codecs]
@@ -44,7 +46,9 @@ class GenieProcess(ABC):
         self.connect()
         threading.Thread(target=self._tick, daemon=True).start()
         from_link = self.gateway.from_link
-        self._links.start(lambda peer, topic, message: from_link(peer, topic, message, time.monotonic_ns()))
+        self._links.start(
+            lambda peer, topic, message: from_link(peer, topic, message, time.monotonic_ns())
+        )
 
     @abstractmethod
     def connect(self) -> None:
@@ -72,7 +76,10 @@ class GenieProcess(ABC):
         try:
             message = RosMessage.of(payload, codec, self.plan.name, answer)
             if self._poses is not None and not answer:
-                pose, fov_rad = self._poses.at(message.header.stamp_ns), self.plan.horizontal_fov_rad
+                pose, fov_rad = (
+                    self._poses.at(message.header.stamp_ns),
+                    self.plan.horizontal_fov_rad,
+                )
                 message = replace(message, pose=pose, horizontal_fov_rad=fov_rad)
             self.gateway.from_ros(topic, message, time.monotonic_ns(), sender)
         except ValueError as error:

@@ -40,7 +40,9 @@ class TlsLinks:
         self._credentials = Credentials(plan.key_file)
         if self._credentials.owner != self._me:
             name, role = self._credentials.owner
-            raise UserError(f"{plan.key_file}: key: of {role} {name}; this Genie is {plan.role} {plan.name}")
+            raise UserError(
+                f"{plan.key_file}: key: of {role} {name}; this Genie is {plan.role} {plan.name}"
+            )
         if plan.listen is not None:
             with as_user_error(f"link: cannot listen on {plan.listen}", OSError):
                 listener = socket.create_server(_address(plan.listen), backlog=BACKLOG)
@@ -90,11 +92,15 @@ class TlsLinks:
                 if reason(error) != said:
                     said = reason(error)
                     self._warn(f"link: {name}@{address[0]}:{address[1]}: {said}")
-            self._closed.wait(wait_s * random.uniform(0.5, 1.0))  # so that two who dial each other do not meet for ever
+            self._closed.wait(
+                wait_s * random.uniform(0.5, 1.0)
+            )  # so that two who dial each other do not meet for ever
             wait_s = min(2 * wait_s, RETRY_S[1])
 
     def _dialled(self, address: tuple[str, int]) -> ssl.SSLSocket:
-        with socket.create_connection(address, timeout=HANDSHAKE_S) as sock:  # TLS takes the socket over
+        with socket.create_connection(
+            address, timeout=HANDSHAKE_S
+        ) as sock:  # TLS takes the socket over
             return self._credentials.dialling.wrap_socket(sock)
 
     def _hold(self, sock: ssl.SSLSocket, expected: str | None) -> None:

@@ -10,10 +10,15 @@ from dataclasses import dataclass
 
 from genie_sim.ros.certificates import reason
 
-STRANGERS, STRANGERS_OF_ONE_HOST = 64, 16  # at a time; the oldest that is silent makes room, else the oldest
+STRANGERS, STRANGERS_OF_ONE_HOST = (
+    64,
+    16,
+)  # at a time; the oldest that is silent makes room, else the oldest
 HANDSHAKE_S = 2.0
 BACKLOG = 1024
-AT_ONCE = 8  # connections accepted before those that wait are heard: fewer than may wait from one host
+AT_ONCE = (
+    8  # connections accepted before those that wait are heard: fewer than may wait from one host
+)
 STEP_S = 0.1
 FULL_S = 0.02  # pause where the machine has no descriptor left
 
@@ -56,7 +61,9 @@ class Lobby:
         while not self._closed.is_set():
             try:
                 self._step()
-            except Exception as error:  # no descriptor, no thread, no memory: nothing may end this loop
+            except (
+                Exception
+            ) as error:  # no descriptor, no thread, no memory: nothing may end this loop
                 self._warn(f"link: cannot accept: {reason(error)}")
                 if self._strangers:
                     self._refuse(next(iter(self._strangers.values())), "there is no room")
@@ -84,7 +91,9 @@ class Lobby:
     def _enter(self, sock: socket.socket, address: tuple[str, int]) -> None:
         try:
             sock.setblocking(False)
-            secure = self._context.wrap_socket(sock, server_side=True, do_handshake_on_connect=False)
+            secure = self._context.wrap_socket(
+                sock, server_side=True, do_handshake_on_connect=False
+            )
         except OSError as error:  # it has gone already
             sock.close()
             self._warn(f"link: refused {address[0]}:{address[1]}: {reason(error)}")

@@ -34,7 +34,9 @@ class RosMessage:
         """What the bytes say. Objects are looked for in answers only. ValueError: they are no message."""
         stamp_ns, frame_id = codec.stamp(payload)
         objects = codec.objects(payload) if answer else None
-        return cls(Header(stamp_ns, frame_id, origin), payload, codec, objects=objects, read=objects)
+        return cls(
+            Header(stamp_ns, frame_id, origin), payload, codec, objects=objects, read=objects
+        )
 
     @property
     def size_bytes(self) -> int:
@@ -58,7 +60,9 @@ class RosMessage:
         return self
 
     def served(self, source: str, by: str, header: Header | None = None) -> "RosMessage":
-        return replace(self, source=source, served_by=by, header=self.header if header is None else header)
+        return replace(
+            self, source=source, served_by=by, header=self.header if header is None else header
+        )
 
     def encoded(self, seq: int | None = None) -> bytes:
         """The bytes to send: with this header, these objects, and the number ``seq`` if there is one."""

@@ -60,11 +60,15 @@ def checked_settings(settings: Mapping[str, Any], pose_topic: str | None) -> Gen
     """The settings of a Genie in real ROS. Raises UserError naming the field."""
     genie = read_genie({**DEFAULTS, **settings})
     if genie.similarity.name == "pose_grid" and pose_topic is None:
-        raise UserError("genie: similarity: pose_grid needs to know where the camera is: name a pose topic")
+        raise UserError(
+            "genie: similarity: pose_grid needs to know where the camera is: name a pose topic"
+        )
     freshness = genie.object_map.freshness.name
     if plugins.resolve("freshness policy", freshness, FRESHNESS, MUST_HAVE).tracks:
         known = ", ".join(name for name, policy in FRESHNESS.items() if not policy.tracks)
-        raise UserError(f"genie: object_map.freshness: {freshness!r} tracks, which ROS messages cannot carry; {known}")
+        raise UserError(
+            f"genie: object_map.freshness: {freshness!r} tracks, which ROS messages cannot carry; {known}"
+        )
     return genie
 
 
@@ -74,7 +78,9 @@ def check(plan: Plan) -> None:
     if plan.role not in ROLES:
         raise UserError(unknown("role", plan.role, ROLES))
     if (plan.listen or plan.connect) and plan.key_file is None:
-        raise UserError("link: a link to another Genie needs a key file: genie-sim keys peer NAME --role ROLE")
+        raise UserError(
+            "link: a link to another Genie needs a key file: genie-sim keys peer NAME --role ROLE"
+        )
     if plan.listen and plan.role == "car":
         raise UserError("link: a car connects to its edge and does not listen")
 
@@ -94,10 +100,18 @@ def make_gateway(
         )
     alone = not plan.connect and plan.role == "car"
     genie = make_genie(
-        settings, plan.name, plan.requests, plan.answers, on_edge=plan.role == "edge", alone=alone, **middleware
+        settings,
+        plan.name,
+        plan.requests,
+        plan.answers,
+        on_edge=plan.role == "edge",
+        alone=alone,
+        **middleware,
     )
     if middleware["map_answer"] is None and genie.rules.miss_policy == "immediate":
-        genie.rules = replace(genie.rules, miss_policy="blocking")  # there is no map to answer from meanwhile
+        genie.rules = replace(
+            genie.rules, miss_policy="blocking"
+        )  # there is no map to answer from meanwhile
     return Gateway(genie, plan.role, plan.requests, plan.answers, publish, observe, links)
 
 

@@ -8,7 +8,11 @@ from genie_sim.messages import CameraPose
 from genie_sim.ros.codec import WireType, codec_of
 from genie_sim.ros.typestore import stamp_ns
 
-POSE_TYPES = ("geometry_msgs/PoseStamped", "geometry_msgs/PoseWithCovarianceStamped", "nav_msgs/Odometry")
+POSE_TYPES = (
+    "geometry_msgs/PoseStamped",
+    "geometry_msgs/PoseWithCovarianceStamped",
+    "nav_msgs/Odometry",
+)
 MAX_AGE_NS = 500_000_000  # assumed: at 10 m/s a pose this old is 5 m off
 KEPT = 100
 
@@ -36,7 +40,9 @@ class Poses:
         message = codec.read(payload)
         pose = getattr(message.pose, "pose", message.pose)  # beside a covariance
         at, turn = pose.position, pose.orientation
-        heading_rad = math.atan2(2 * (turn.w * turn.z + turn.x * turn.y), 1 - 2 * (turn.y**2 + turn.z**2))
+        heading_rad = math.atan2(
+            2 * (turn.w * turn.z + turn.x * turn.y), 1 - 2 * (turn.y**2 + turn.z**2)
+        )
         found = CameraPose(at.x, at.y, at.z, heading_rad)
         if not all(map(math.isfinite, found)):
             raise ValueError("a pose that is not finite")

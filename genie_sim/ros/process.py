@@ -10,7 +10,11 @@ from pathlib import Path
 
 from genie_sim.errors import UserError
 
-STOP = ((signal.SIGINT, 10.0), (signal.SIGTERM, 3.0), (signal.SIGKILL, 3.0))  # roslaunch asks in this order, too
+STOP = (
+    (signal.SIGINT, 10.0),
+    (signal.SIGTERM, 3.0),
+    (signal.SIGKILL, 3.0),
+)  # roslaunch asks in this order, too
 
 
 def boot() -> str:
@@ -34,10 +38,14 @@ class NodeProcess:
         folder = Path(f"/proc/{pid}")
         try:
             argv = _strings(folder / "cmdline")
-            env = dict(entry.split("=", 1) for entry in _strings(folder / "environ") if "=" in entry)
+            env = dict(
+                entry.split("=", 1) for entry in _strings(folder / "environ") if "=" in entry
+            )
             started, cwd = start_of(pid), str((folder / "cwd").readlink())
         except OSError as error:
-            raise UserError(f"process {pid}: {error.strerror}; attach as the user who runs it") from error
+            raise UserError(
+                f"process {pid}: {error.strerror}; attach as the user who runs it"
+            ) from error
         if not argv or started is None:
             raise UserError(f"process {pid}: has ended")
         return cls(pid, started, argv, env, cwd)
@@ -62,7 +70,12 @@ class NodeProcess:
         """The same program in the same folder and environment, in a session of its own, so that it outlives us."""
         with log_path.open("ab") as output:
             started = subprocess.Popen(
-                argv, env=self.env, cwd=self.cwd, stdin=subprocess.DEVNULL, stdout=output, stderr=output,
+                argv,
+                env=self.env,
+                cwd=self.cwd,
+                stdin=subprocess.DEVNULL,
+                stdout=output,
+                stderr=output,
                 start_new_session=True,
             )
         return NodeProcess(started.pid, start_of(started.pid) or 0, argv, self.env, self.cwd)
@@ -94,4 +107,6 @@ def listens_on(pid: int, port: int) -> bool:
 
 
 def _strings(path: Path) -> tuple[str, ...]:
-    return tuple(part.decode("utf-8", "surrogateescape") for part in path.read_bytes().split(b"\0")[:-1])
+    return tuple(
+        part.decode("utf-8", "surrogateescape") for part in path.read_bytes().split(b"\0")[:-1]
+    )

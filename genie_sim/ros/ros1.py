@@ -37,11 +37,19 @@ class Ros1Genie(GenieProcess):
         for topic in self.gateway.genie.subscriptions():
             queue_length = QUEUE_LENGTH if topic.endswith((LOCAL, REMOTE)) else 1
             subscriber = rospy.Subscriber(
-                topic, rospy.AnyMsg, self._on_message, topic, queue_length, BUFFER_BYTES, tcp_nodelay=True
+                topic,
+                rospy.AnyMsg,
+                self._on_message,
+                topic,
+                queue_length,
+                BUFFER_BYTES,
+                tcp_nodelay=True,
             )
             self._subscribers.append(subscriber)
         if self.plan.pose_topic is not None:
-            self._pose_subscriber = rospy.Subscriber(self.plan.pose_topic, rospy.AnyMsg, self._on_pose, queue_size=10)
+            self._pose_subscriber = rospy.Subscriber(
+                self.plan.pose_topic, rospy.AnyMsg, self._on_pose, queue_size=10
+            )
 
     def publish(self, topic: str, message: RosMessage) -> None:
         wire_type = message.codec.type
@@ -57,11 +65,17 @@ class Ros1Genie(GenieProcess):
 
     def heard(self) -> bool:
         to_node = [topic + LOCAL for topic in self.plan.requests]
-        return all(self._publishers[topic][1].get_num_connections() for topic in to_node if topic in self._publishers)
+        return all(
+            self._publishers[topic][1].get_num_connections()
+            for topic in to_node
+            if topic in self._publishers
+        )
 
     def hears(self) -> bool:
         from_node = {topic + LOCAL for topic in self.plan.answers}
-        return all(one.get_num_connections() for one in self._subscribers if one.resolved_name in from_node)
+        return all(
+            one.get_num_connections() for one in self._subscribers if one.resolved_name in from_node
+        )
 
     def stop(self) -> None:
         rospy.signal_shutdown("detached")
@@ -83,14 +97,22 @@ class Ros1Genie(GenieProcess):
     def _codec(self, name: str, connection: dict[str, str]) -> Codec:
         if name not in self.codecs:
             definition = connection.get("message_definition", "")
-            self.codecs[name] = codec_of(WireType(connection["type"], connection["md5sum"], definition), 1)
+            self.codecs[name] = codec_of(
+                WireType(connection["type"], connection["md5sum"], definition), 1
+            )
         return self.codecs[name]
 
     def _publisher(self, topic: str, wire_type: WireType) -> tuple[WireType, Any, Any]:
         if topic not in self._publishers:
-            fields = {"_type": wire_type.name, "_md5sum": wire_type.checksum, "_full_text": wire_type.definition}
+            fields = {
+                "_type": wire_type.name,
+                "_md5sum": wire_type.checksum,
+                "_full_text": wire_type.definition,
+            }
             message_class = type("Bytes", (rospy.AnyMsg,), {**fields, "__slots__": []})
-            publisher = rospy.Publisher(topic, message_class, queue_size=QUEUE_LENGTH, tcp_nodelay=True)
+            publisher = rospy.Publisher(
+                topic, message_class, queue_size=QUEUE_LENGTH, tcp_nodelay=True
+            )
             self._publishers[topic] = (wire_type, publisher, message_class)
             deadline = time.monotonic() + CONNECT_S
             if plain(topic) not in self.plan.types and topic.endswith(LOCAL) and self._subscribers:

@@ -14,7 +14,14 @@ from genie_sim.ros.gateway import LOCAL
 from genie_sim.ros.process import NodeProcess, listens_on
 
 CALLER = "/genie_attach"
-NEVER = ("/rosout", "/rosout_agg", "/clock", "/tf", "/tf_static", "/diagnostics")  # infrastructure, not data
+NEVER = (
+    "/rosout",
+    "/rosout_agg",
+    "/clock",
+    "/tf",
+    "/tf_static",
+    "/diagnostics",
+)  # infrastructure, not data
 PATIENCE_S = 3.0
 
 
@@ -27,7 +34,9 @@ class Graph:
     def __init__(self, master_uri: str | None) -> None:
         import rosgraph
 
-        master_uri = (master_uri or os.environ.get("ROS_MASTER_URI") or "http://localhost:11311").rstrip("/")
+        master_uri = (
+            master_uri or os.environ.get("ROS_MASTER_URI") or "http://localhost:11311"
+        ).rstrip("/")
         self.environment = {"ROS_MASTER_URI": master_uri}
         self.network = master_uri.partition("://")[2]
         self._master = rosgraph.Master(CALLER, master_uri=master_uri)
@@ -46,24 +55,36 @@ class Graph:
         import rosgraph.network
 
         uri = urlparse(str(self._master.lookupNode(node)))
-        if uri.hostname is None or uri.port is None or not rosgraph.network.is_local_address(uri.hostname):
+        if (
+            uri.hostname is None
+            or uri.port is None
+            or not rosgraph.network.is_local_address(uri.hostname)
+        ):
             raise UserError(f"{node}: runs on {uri.hostname}; attach there")
         try:
             pid = _node_at(uri.geturl()).getPid(CALLER)[2]
         except OSError as error:
-            raise UserError(f"{node}: does not answer ({error.strerror}); is it still there?") from error
+            raise UserError(
+                f"{node}: does not answer ({error.strerror}); is it still there?"
+            ) from error
         process = NodeProcess.of(pid)
         if not listens_on(pid, uri.port):
-            raise UserError(f"{node}: process {pid} is not the node; attach inside the container that it runs in")
+            raise UserError(
+                f"{node}: process {pid} is not the node; attach inside the container that it runs in"
+            )
         if process.argv[0].endswith("/nodelet") and process.argv[1:2] == ("manager",):
-            raise UserError(f"{node}: is a nodelet manager; its nodelets cannot be renamed from outside")
+            raise UserError(
+                f"{node}: is a nodelet manager; its nodelets cannot be renamed from outside"
+            )
         return process
 
     def _typed(self, node: str, topics: Iterable[tuple[str, Sequence[str]]]) -> Types:
         """The topics of a node; their types from a publisher's connection header, else from an installed package."""
         publishers, names = dict(self._publishers), dict(self._master.getTopicTypes())
         found: Types = {}
-        for topic in sorted(topic for topic, nodes in topics if node in nodes and topic not in NEVER):
+        for topic in sorted(
+            topic for topic, nodes in topics if node in nodes and topic not in NEVER
+        ):
             said = (self._asked(publisher, topic) for publisher in publishers.get(topic, ()))
             found[topic] = next(filter(None, said), None) or _installed(names.get(topic, "*"))
         return found
@@ -82,7 +103,11 @@ class Graph:
         made = []
         for argument in argv:
             source, found, target = argument.partition(":=")
-            resolved = rosgraph.names.resolve_name(target, node) if found and not source.startswith("_") else None
+            resolved = (
+                rosgraph.names.resolve_name(target, node)
+                if found and not source.startswith("_")
+                else None
+            )
             made.append(f"{source}:={resolved}{LOCAL}" if resolved in topics else argument)
         made += [f"{topic}:={topic}{LOCAL}" for topic in topics]
         if not any(argument.startswith("__name:=") for argument in argv):
@@ -94,7 +119,9 @@ class Graph:
         import rosgraph.network
 
         try:
-            _, _, chosen = _node_at(self._master.lookupNode(node)).requestTopic(CALLER, topic, [["TCPROS"]])
+            _, _, chosen = _node_at(self._master.lookupNode(node)).requestTopic(
+                CALLER, topic, [["TCPROS"]]
+            )
             with socket.create_connection((chosen[1], chosen[2]), timeout=PATIENCE_S) as connection:
                 said = {"topic": topic, "callerid": CALLER, "md5sum": "*", "type": "*"}
                 rosgraph.network.write_ros_handshake_header(connection, said)

@@ -30,23 +30,35 @@ class Ros2Genie(GenieProcess):
     def __init__(self, plan: Plan) -> None:
         for wire_type in plan.types.values():
             if not has_header(wire_type.name):
-                raise UserError(f"{wire_type.name}: messages of this type have no header to find an answer by")
+                raise UserError(
+                    f"{wire_type.name}: messages of this type have no header to find an answer by"
+                )
         super().__init__(plan, 2)
         self._publishers: dict[str, Any] = {}
         self._context = Context()
         rclpy.init(context=self._context)
-        self._node = rclpy.create_node("genie_" + plan.node.strip("/").replace("/", "_"), context=self._context)
+        self._node = rclpy.create_node(
+            "genie_" + plan.node.strip("/").replace("/", "_"), context=self._context
+        )
 
     def connect(self) -> None:
         for topic in (*(topic + LOCAL for topic in self.plan.requests), *self.plan.answers):
-            self._publishers[topic] = self._node.create_publisher(self._class(topic), topic, self._quality(topic))
+            self._publishers[topic] = self._node.create_publisher(
+                self._class(topic), topic, self._quality(topic)
+            )
         for topic in (*self.plan.requests, *(topic + LOCAL for topic in self.plan.answers)):
             self._node.create_subscription(
-                self._class(topic), topic, partial(self._on_message, topic), self._quality(topic), raw=True
+                self._class(topic),
+                topic,
+                partial(self._on_message, topic),
+                self._quality(topic),
+                raw=True,
             )
         if self.plan.pose_topic is not None:
             on_pose = partial(self.from_pose_topic, POSE)
-            self._node.create_subscription(class_of(POSE), self.plan.pose_topic, on_pose, QUEUE_LENGTH, raw=True)
+            self._node.create_subscription(
+                class_of(POSE), self.plan.pose_topic, on_pose, QUEUE_LENGTH, raw=True
+            )
         executor = SingleThreadedExecutor(context=self._context)
         executor.add_node(self._node)
         threading.Thread(target=executor.spin, daemon=True).start()
@@ -54,10 +66,14 @@ class Ros2Genie(GenieProcess):
     def publish(self, topic: str, message: RosMessage) -> None:
         publisher = self._publishers.get(topic)
         if publisher is not None and self.codecs[plain(topic)].type.name == message.codec.type.name:
-            publisher.publish(message.encoded())  # else a -remote topic, or map objects for a topic that holds none
+            publisher.publish(
+                message.encoded()
+            )  # else a -remote topic, or map objects for a topic that holds none
 
     def heard(self) -> bool:
-        return all(self._publishers[topic + LOCAL].get_subscription_count() for topic in self.plan.requests)
+        return all(
+            self._publishers[topic + LOCAL].get_subscription_count() for topic in self.plan.requests
+        )
 
     def hears(self) -> bool:
         return all(self._node.count_publishers(topic + LOCAL) for topic in self.plan.answers)
@@ -74,13 +90,17 @@ class Ros2Genie(GenieProcess):
     def _quality(self, topic: str) -> QoSProfile:
         """Reliable, unless a publisher of the topic offers less, which then would not be heard at all."""
         found = self._node.get_publishers_info_by_topic(topic)
-        best_effort = any(one.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT for one in found)
+        best_effort = any(
+            one.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT for one in found
+        )
         latched = bool(found) and all(
             one.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL for one in found
         )
         return QoSProfile(
             depth=QUEUE_LENGTH,
-            reliability=ReliabilityPolicy.BEST_EFFORT if best_effort else ReliabilityPolicy.RELIABLE,
+            reliability=ReliabilityPolicy.BEST_EFFORT
+            if best_effort
+            else ReliabilityPolicy.RELIABLE,
             durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE,
         )
 

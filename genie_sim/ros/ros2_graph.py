@@ -14,7 +14,13 @@ from genie_sim.ros.typestore import class_of
 
 NEVER = ("/rosout", "/parameter_events", "/clock", "/tf", "/tf_static", "/diagnostics")
 DISCOVERY_S = 5.0
-MIDDLEWARE = ("ROS_", "RMW_", "FASTRTPS_", "FASTDDS_", "CYCLONEDDS_")  # what must be the same in every process
+MIDDLEWARE = (
+    "ROS_",
+    "RMW_",
+    "FASTRTPS_",
+    "FASTDDS_",
+    "CYCLONEDDS_",
+)  # what must be the same in every process
 
 
 class Graph:
@@ -25,7 +31,9 @@ class Graph:
 
     def __init__(self, pid: int) -> None:
         self._process = NodeProcess.of(pid)
-        self.environment = {name: text for name, text in self._process.env.items() if name.startswith(MIDDLEWARE)}
+        self.environment = {
+            name: text for name, text in self._process.env.items() if name.startswith(MIDDLEWARE)
+        }
         os.environ.update(self.environment)
         self.network = f"domain-{self.environment.get('ROS_DOMAIN_ID', '0')}"
 
@@ -39,7 +47,10 @@ class Graph:
         with _looking() as here:
             _until(lambda: whole in here.get_node_names_and_namespaces())
             if whole not in here.get_node_names_and_namespaces():
-                found = sorted(f"{space.rstrip('/')}/{name}" for name, space in here.get_node_names_and_namespaces())
+                found = sorted(
+                    f"{space.rstrip('/')}/{name}"
+                    for name, space in here.get_node_names_and_namespaces()
+                )
                 raise UserError(unknown("node", node, found))
             _until(lambda: _typed(here, here.get_publisher_names_and_types_by_node(*whole)))
             subscribed = _typed(here, here.get_subscriber_names_and_types_by_node(*whole))
@@ -60,7 +71,10 @@ class Graph:
             if option in ("-r", "--remap") and found and full in topics:
                 made[index + 1] = f"{source}:={full}{LOCAL}"
         made += ["--ros-args"]
-        for rule in (*(f"{topic}:={topic}{LOCAL}" for topic in topics), f"__node:={node.rpartition('/')[2]}"):
+        for rule in (
+            *(f"{topic}:={topic}{LOCAL}" for topic in topics),
+            f"__node:={node.rpartition('/')[2]}",
+        ):
             made += ["-r", rule]
         return tuple(made)
 
@@ -88,7 +102,11 @@ def _until(found: Any) -> None:
 
 
 def _typed(here: Any, topics: Iterable[tuple[str, Sequence[str]]]) -> Types:
-    return {topic: WireType(types[0], _hash(here, topic)) for topic, types in sorted(topics) if topic not in NEVER}
+    return {
+        topic: WireType(types[0], _hash(here, topic))
+        for topic, types in sorted(topics)
+        if topic not in NEVER
+    }
 
 
 def _hash(here: Any, topic: str) -> str:

@@ -9,7 +9,9 @@ import numpy as np
 
 from genie_sim.core.geometry import Array, inverse, rigid
 
-ALWAYS_NS = 500_000_000  # a pose this much before the first or after the last one known is taken for it
+ALWAYS_NS = (
+    500_000_000  # a pose this much before the first or after the last one known is taken for it
+)
 
 
 def rotation(turn: Any) -> Array | None:
@@ -17,7 +19,11 @@ def rotation(turn: Any) -> Array | None:
     from scipy.spatial.transform import Rotation
 
     quaternion = (turn.x, turn.y, turn.z, turn.w)
-    return np.asarray(Rotation.from_quat(quaternion).as_matrix()) if 0.1 < math.hypot(*quaternion) < 10 else None
+    return (
+        np.asarray(Rotation.from_quat(quaternion).as_matrix())
+        if 0.1 < math.hypot(*quaternion) < 10
+        else None
+    )
 
 
 class Track:
@@ -39,7 +45,9 @@ class Track:
             return self._poses[end] if near else None
         before = after - 1
         between = self.stamps_ns[after] - self.stamps_ns[before]
-        return _between(self._poses[before], self._poses[after], (stamp_ns - self.stamps_ns[before]) / between)
+        return _between(
+            self._poses[before], self._poses[after], (stamp_ns - self.stamps_ns[before]) / between
+        )
 
 
 class Frames:
@@ -50,7 +58,9 @@ class Frames:
         self._moving: dict[str, tuple[str, list[tuple[int, Array]]]] = {}
         self._tracks: dict[str, Track] = {}
 
-    def heard(self, parent: str, child: str, stamp_ns: int, parent_SE3_child: Array, static: bool) -> None:
+    def heard(
+        self, parent: str, child: str, stamp_ns: int, parent_SE3_child: Array, static: bool
+    ) -> None:
         """A transform of the bag."""
         parent, child = parent.strip("/"), child.strip("/")
         if static:
@@ -60,12 +70,18 @@ class Frames:
 
     def known(self) -> list[str]:
         """Every frame that has a name."""
-        tree = {**{child: of[0] for child, of in self._static.items()}, **{c: of[0] for c, of in self._moving.items()}}
+        tree = {
+            **{child: of[0] for child, of in self._static.items()},
+            **{c: of[0] for c, of in self._moving.items()},
+        }
         return sorted({*tree, *tree.values()})
 
     def find(self, target: str, source: str, stamp_ns: int) -> Array | None:
         """``target_SE3_source`` at an instant; ``None`` where nothing joins the two."""
-        up, down = self._to_root(target.strip("/"), stamp_ns), self._to_root(source.strip("/"), stamp_ns)
+        up, down = (
+            self._to_root(target.strip("/"), stamp_ns),
+            self._to_root(source.strip("/"), stamp_ns),
+        )
         shared = next((name for name in down if name in up), None)
         return None if shared is None else inverse(up[shared]) @ down[shared]
 

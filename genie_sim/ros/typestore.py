@@ -26,7 +26,9 @@ def typestore(ros: int, definition: str = "", name: str = "") -> "Typestore":
     try:
         from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typestore
     except ImportError as error:
-        raise UserError(f"messages need the extra 'ros': pip install 'genie-sim[ros]' ({error})") from error
+        raise UserError(
+            f"messages need the extra 'ros': pip install 'genie-sim[ros]' ({error})"
+        ) from error
     store = get_typestore(Stores.ROS1_NOETIC if ros == 1 else Stores.ROS2_HUMBLE)
     if TF not in store.fielddefs:
         store.register(get_types_from_msg(_TF_DEFINITION, TF))
@@ -48,18 +50,30 @@ def message(store: "Typestore", kind: str, /, **given: Any) -> Any:
 
     def made(node: Any, detail: Any, value: Any = None) -> Any:
         if node == Nodetype.NAME:
-            return message(store, detail, **(value or {})) if value is None or isinstance(value, Mapping) else value
+            return (
+                message(store, detail, **(value or {}))
+                if value is None or isinstance(value, Mapping)
+                else value
+            )
         if node == Nodetype.BASE:
             return _EMPTY.get(detail[0], 0) if value is None else value
         element, length = detail
         if value is not None:
-            return [made(element[0], element[1], one) for one in value] if element[0] == Nodetype.NAME else value
+            return (
+                [made(element[0], element[1], one) for one in value]
+                if element[0] == Nodetype.NAME
+                else value
+            )
         if element[0] == Nodetype.BASE and element[1][0] != "string":
-            return np.zeros(length if node == Nodetype.ARRAY else 0, _NUMPY.get(element[1][0], element[1][0]))
+            return np.zeros(
+                length if node == Nodetype.ARRAY else 0, _NUMPY.get(element[1][0], element[1][0])
+            )
         return []
 
     fields: Any = store.fielddefs[kind][1]
-    return store.types[kind](**{name: made(node, detail, given.get(name)) for name, (node, detail) in fields})
+    return store.types[kind](
+        **{name: made(node, detail, given.get(name)) for name, (node, detail) in fields}
+    )
 
 
 def time(stamp_ns: int) -> dict[str, int]:

@@ -33,13 +33,23 @@ class Convoy(Model):
 
     def expanded(self) -> dict[str, Any]:
         """The same as ``cars`` and ``edges``, as in YAML: car1, car2, ... and edge1, edge2, ..."""
-        edges = [{"name": f"edge{place}", "device": device} for place, device in enumerate(self.edges, 1)]
+        edges = [
+            {"name": f"edge{place}", "device": device} for place, device in enumerate(self.edges, 1)
+        ]
         return {"edges": edges, "cars": [self._car(place) for place in range(self.cars)]}
 
     def _car(self, place: int) -> dict[str, Any]:
         route = self.route.model_dump(mode="json", by_alias=True)
         route["start"] = duration_text(self.route.start_ns + place * self.start_every_ns)
         if self.route.window_ns is not None:
-            route["window"] = [duration_text(t_ns + place * self.ahead_ns) for t_ns in self.route.window_ns]
+            route["window"] = [
+                duration_text(t_ns + place * self.ahead_ns) for t_ns in self.route.window_ns
+            ]
         edge = f"edge{place % len(self.edges) + 1}" if self.edges else None
-        return {"name": f"car{place + 1}", "device": self.device, "edge": edge, "link": self.link, "route": route}
+        return {
+            "name": f"car{place + 1}",
+            "device": self.device,
+            "edge": edge,
+            "link": self.link,
+            "route": route,
+        }

@@ -50,11 +50,17 @@ def _read(value: object) -> object:
     if isinstance(value, FaultEntry):
         return value
     if not isinstance(value, Mapping):
-        problem("", f"must be a mapping such as {{fault: outage, target: car1, begin: 3 s}}, not {short_repr(value)}")
+        problem(
+            "",
+            f"must be a mapping such as {{fault: outage, target: car1, begin: 3 s}}, not {short_repr(value)}",
+        )
     if "fault" not in value:
         problem("fault", "missing")
     times = {key: item for key, item in value.items() if key in _TIMES}
-    return {"fault": _PLUG_IN.read({key: item for key, item in value.items() if key not in _TIMES}), **times}
+    return {
+        "fault": _PLUG_IN.read({key: item for key, item in value.items() if key not in _TIMES}),
+        **times,
+    }
 
 
 def _write(entry: FaultEntry) -> dict[str, Any]:
@@ -79,18 +85,25 @@ FaultField = Annotated[
 
 
 def check_faults(
-    faults: Sequence[FaultEntry], edge_of: Mapping[str, str | None], edges: Collection[str], own: bool = False
+    faults: Sequence[FaultEntry],
+    edge_of: Mapping[str, str | None],
+    edges: Collection[str],
+    own: bool = False,
 ) -> Iterator[tuple[str, str]]:
     """What is wrong with the faults: (field, text). ``edge_of`` names every car with its edge.
 
     The faults of one kind are looked at together, by the ``check`` of their class if it has one. Code of the user's
     ``own`` is not run to read a scenario, only to run it.
     """
-    for kind in dict.fromkeys(entry.fault.name for entry in faults if own or entry.fault.name in FAULTS):
+    for kind in dict.fromkeys(
+        entry.fault.name for entry in faults if own or entry.fault.name in FAULTS
+    ):
         check = getattr(plugins.resolve("fault", kind, FAULTS, MUST_HAVE), "check", None)
         places = [place for place, entry in enumerate(faults) if entry.fault.name == kind]
         if check is not None:
-            for place, field, text in check([timed(faults[place], place) for place in places], edge_of, edges):
+            for place, field, text in check(
+                [timed(faults[place], place) for place in places], edge_of, edges
+            ):
                 yield f"faults[{places[place]}].{field}", text
 
 
@@ -102,4 +115,6 @@ def timed(entry: FaultEntry, place: int) -> TimedFault:
     if end_ns is None and duration_ns is not None:
         end_ns = begin_ns + duration_ns
     name = f"fault {place}"
-    return TimedFault(fault, name, begin_ns, end_ns, entry.mean_time_between_ns, entry.mean_duration_ns or 0)
+    return TimedFault(
+        fault, name, begin_ns, end_ns, entry.mean_time_between_ns, entry.mean_duration_ns or 0
+    )

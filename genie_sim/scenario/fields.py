@@ -88,7 +88,12 @@ def _path(error: ErrorDetails, data: object) -> str:
     """``cars[1].genie``: the error's place in the YAML, without the names that pydantic gives to choices of types."""
     path, here, last = "", data, len(error["loc"]) - 1
     for index, step in enumerate(error["loc"]):
-        if isinstance(step, int) and isinstance(here, Sequence) and not isinstance(here, str) and step < len(here):
+        if (
+            isinstance(step, int)
+            and isinstance(here, Sequence)
+            and not isinstance(here, str)
+            and step < len(here)
+        ):
             path, here = f"{path}[{step}]", here[step]
         elif isinstance(here, Mapping) and step in here:
             path, here = f"{path}.{_step(step)}", here[step]
@@ -101,12 +106,17 @@ def _path(error: ErrorDetails, data: object) -> str:
 
 def _step(name: object) -> str:
     """A key as part of a path; in quotes if it is no plain word."""
-    return name if isinstance(name, str) and re.fullmatch(r"[\w-]{1,40}", name) else short_repr(name)
+    return (
+        name if isinstance(name, str) and re.fullmatch(r"[\w-]{1,40}", name) else short_repr(name)
+    )
 
 
 def _text(error: ErrorDetails) -> str:
     kind, value, context = error["type"], error["input"], error.get("ctx", {})
-    name = next((str(step).replace("_", " ") for step in reversed(error["loc"]) if isinstance(step, str)), "value")
+    name = next(
+        (str(step).replace("_", " ") for step in reversed(error["loc"]) if isinstance(step, str)),
+        "value",
+    )
     if error["loc"] and isinstance(error["loc"][-1], int):
         name = name.removesuffix("s")  # one of the list
     wanted = {
@@ -169,7 +179,9 @@ _angle = PlainSerializer(units.angle_text, return_type=str, when_used="json")
 _length = PlainSerializer(units.length_text, return_type=str, when_used="json")
 
 Duration = Annotated[int, _number(units.duration_ns), _duration, _example("30 ms")]
-PositiveDuration = Annotated[int, _number(units.duration_ns, positive=True), _duration, _example("30 ms")]
+PositiveDuration = Annotated[
+    int, _number(units.duration_ns, positive=True), _duration, _example("30 ms")
+]
 Size = Annotated[int, _number(units.size_bytes), _size, _example("1.4 MB")]
 PositiveSize = Annotated[int, _number(units.size_bytes, positive=True), _size, _example("1.4 MB")]
 Rate = Annotated[int, _number(units.rate_bps, positive=True), _rate, _example("100 Mbit/s")]

@@ -26,7 +26,9 @@ def _shares(value: object) -> object:
 def _sum_to_one(shares: dict[str, float]) -> dict[str, float]:
     if abs(sum(shares.values()) - 1.0) > SHARES_ERROR:
         raise ValueError(f"shares must add up to 1, not to {sum(shares.values()):g}")
-    return dict(sorted(shares.items()))  # the order decides which car gets which device, and is nobody's choice
+    return dict(
+        sorted(shares.items())
+    )  # the order decides which car gets which device, and is nobody's choice
 
 
 Share = Annotated[float, Field(gt=0, le=1)]
@@ -34,7 +36,10 @@ _DEVICES_SCHEMA = WithJsonSchema(
     {
         "anyOf": [
             {"type": "string"},
-            {"type": "object", "additionalProperties": {"type": "number", "exclusiveMinimum": 0, "maximum": 1}},
+            {
+                "type": "object",
+                "additionalProperties": {"type": "number", "exclusiveMinimum": 0, "maximum": 1},
+            },
         ]
     }
 )
@@ -49,7 +54,9 @@ class Fleet(Model):
     """
 
     cars: Annotated[int, Field(ge=1, le=MOST_CARS)]
-    devices: Annotated[dict[str, Share], BeforeValidator(_shares), AfterValidator(_sum_to_one), _DEVICES_SCHEMA]
+    devices: Annotated[
+        dict[str, Share], BeforeValidator(_shares), AfterValidator(_sum_to_one), _DEVICES_SCHEMA
+    ]
     link: Link = LINKS["nr5g"]
     edge_device: str
     cell_m: PositiveLength = Field(default=300.0, alias="cell")

@@ -28,12 +28,20 @@ THRESHOLDS = ("range_60", "empirical")
 
 
 def _kind(value: object) -> str:
-    return "stored" if isinstance(value, Mapping | Percentile) else "threshold" if isinstance(value, str) else "number"
+    return (
+        "stored"
+        if isinstance(value, Mapping | Percentile)
+        else "threshold"
+        if isinstance(value, str)
+        else "number"
+    )
 
 
 def _threshold(value: str) -> str:
     if value not in THRESHOLDS:
-        raise ValueError(f"{unknown('threshold', value, THRESHOLDS)}, a number from 0 to 1, {{percentile: N}}")
+        raise ValueError(
+            f"{unknown('threshold', value, THRESHOLDS)}, a number from 0 to 1, {{percentile: N}}"
+        )
     return value
 
 
@@ -47,14 +55,18 @@ def _capacity(value: object) -> object:
     try:
         units.size_bytes(value)
     except ValueError as error:
-        raise ValueError(f"must be such as '1000 entries' or '10 MB', not {short_repr(value)}") from error
+        raise ValueError(
+            f"must be such as '1000 entries' or '10 MB', not {short_repr(value)}"
+        ) from error
     return {"bytes": value}
 
 
 def _name(what: str, registry: Mapping[str, object]) -> Any:
     """A plug-in without arguments: its name, or ``package.module:Class``."""
     schema = WithJsonSchema({"anyOf": [{"enum": list(registry)}, OWN_CLASS_SCHEMA]})
-    return Annotated[str, BeforeValidator(lambda value: plugins.checked_name(what, value, registry)), schema]
+    return Annotated[
+        str, BeforeValidator(lambda value: plugins.checked_name(what, value, registry)), schema
+    ]
 
 
 def with_preset(data: Any) -> Any:
@@ -72,7 +84,10 @@ _CAPACITY_SCHEMA = {
         {"type": "string", "examples": ["1000 entries", "10 MB"]},
         {
             "type": "object",
-            "properties": {"entries": {"type": "integer", "minimum": 1}, "bytes": {"type": "string"}},
+            "properties": {
+                "entries": {"type": "integer", "minimum": 1},
+                "bytes": {"type": "string"},
+            },
             "additionalProperties": False,
         },
         {"type": "null"},

@@ -21,7 +21,9 @@ USUAL = "ethernet_1g"
 _MODEL = PlugIn("link model", LINK_MODELS, key="model", default="wire")
 
 
-def _wire(up: int | None, down: int | None, delay_ns: int, jitter_ns: int = 0, overhead_bytes: int = 90) -> Choice:
+def _wire(
+    up: int | None, down: int | None, delay_ns: int, jitter_ns: int = 0, overhead_bytes: int = 90
+) -> Choice:
     rates = {"rate_up_bps": up, "rate_down_bps": down}
     more = {"loss": 0.0, "mtu_payload_bytes": 1448, "overhead_bytes": overhead_bytes}
     return Choice("wire", {**rates, "delay_ns": delay_ns, "jitter_ns": jitter_ns, **more})
@@ -41,8 +43,12 @@ LINKS: dict[str, Choice] = {
     # Means over the UK's networks. Rates: 5G 129.9 Mbit/s down, 14.7 up; 4G 29.5 down, 7.6 up [S: Ofcom, Mobile
     # Matters 2023]. Delay: half the response time, the middle of the operators' 16.3 to 21.4 ms on 5G and 18.3 to
     # 23.7 ms on 4G [D from S: Ofcom, Mobile Matters 2024]. Jitter [A]. Both carry far less than a car's four cameras.
-    "nr5g": _wire(14_700_000, 129_900_000, (16_300_000 + 21_400_000) // 4, 5 * NS_PER_MS, overhead_bytes=0),
-    "lte": _wire(7_600_000, 29_500_000, (18_300_000 + 23_700_000) // 4, 10 * NS_PER_MS, overhead_bytes=0),
+    "nr5g": _wire(
+        14_700_000, 129_900_000, (16_300_000 + 21_400_000) // 4, 5 * NS_PER_MS, overhead_bytes=0
+    ),
+    "lte": _wire(
+        7_600_000, 29_500_000, (18_300_000 + 23_700_000) // 4, 10 * NS_PER_MS, overhead_bytes=0
+    ),
 }
 
 
@@ -73,7 +79,9 @@ def _write(link: Choice) -> object:
 
 
 def _schema() -> dict[str, Any]:
-    of_wire = model_of(plugins.resolve("link model", "wire", LINK_MODELS)).model_json_schema()["properties"]
+    of_wire = model_of(plugins.resolve("link model", "wire", LINK_MODELS)).model_json_schema()[
+        "properties"
+    ]
     fields = {"like": {"enum": list(LINKS)}, "model": {"enum": list(LINK_MODELS)}, **of_wire}
     named = {"type": "object", "properties": fields, "additionalProperties": False}
     own = {"type": "object", "properties": {"model": OWN_CLASS_SCHEMA}, "required": ["model"]}

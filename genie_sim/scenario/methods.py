@@ -13,7 +13,15 @@ from genie_sim.scenario.fields import Model, Name, problem, wrong
 from genie_sim.scenario.plain import OWN_CLASS_SCHEMA, PlugIn
 
 # What ``scenario.Overridable`` holds.
-OVERRIDABLE = ("genie", "model", "spread", "queue_length", "consumer", "image_encoding", "edge_network")
+OVERRIDABLE = (
+    "genie",
+    "model",
+    "spread",
+    "queue_length",
+    "consumer",
+    "image_encoding",
+    "edge_network",
+)
 _PLUG_IN = PlugIn("method", METHODS, key="method", beside=("name", "title", *OVERRIDABLE))
 
 
@@ -36,7 +44,9 @@ def read_method(value: object) -> MethodEntry:
         return value
     given: dict[str, Any] = dict(value) if isinstance(value, Mapping) else {"method": value}
     method = given.pop("method", given.get("name"))
-    name = given.pop("name", method.rpartition(":")[2] if isinstance(method, str) else method)  # MyMethod of m:MyMethod
+    name = given.pop(
+        "name", method.rpartition(":")[2] if isinstance(method, str) else method
+    )  # MyMethod of m:MyMethod
     title = given.pop("title", None)
     if title is not None and (not isinstance(title, str) or not title.strip()):
         problem("title", f"must be text, not {short_repr(title)}")
@@ -52,7 +62,10 @@ def read_method(value: object) -> MethodEntry:
 
 def _write(entry: MethodEntry) -> object:
     choice = _PLUG_IN.write(entry.method)
-    written: dict[str, Any] = {"name": entry.name, **(choice if isinstance(choice, dict) else {"method": choice})}
+    written: dict[str, Any] = {
+        "name": entry.name,
+        **(choice if isinstance(choice, dict) else {"method": choice}),
+    }
     written |= ({} if entry.title is None else {"title": entry.title}) | entry.settings
     return entry.name if written == {"name": entry.name, "method": entry.name} else written
 

@@ -9,7 +9,11 @@ from genie_sim.scenario.yaml_input import parse
 
 _STEP = re.compile(r"([A-Za-z_]\w*)|\[(\d{1,6})\]")
 _PATH = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*|\[\d{1,6}\])*")
-_SHORT_FOR = {"link": "like", "edge_network": "like", "similarity": "name"}  # settings that may be a mere name
+_SHORT_FOR = {
+    "link": "like",
+    "edge_network": "like",
+    "similarity": "name",
+}  # settings that may be a mere name
 
 
 class Override(NamedTuple):
@@ -50,13 +54,17 @@ def _assign(settings: dict[str, Any], steps: list[str | int], value: Any, text: 
                 raise UserError(f"{text}: {path}: is not a list in the scenario{left_out}")
             if step > len(here):
                 count = "1 entry" if len(here) == 1 else f"{len(here)} entries"
-                raise UserError(f"{text}: {path}: has {count}, counted from 0; the next is {path}[{len(here)}]")
+                raise UserError(
+                    f"{text}: {path}: has {count}, counted from 0; the next is {path}[{len(here)}]"
+                )
             if step == len(here):
                 here.append({} if isinstance(following, str) else [])
             path += f"[{step}]"
         else:
             if not isinstance(here, dict):
-                raise UserError(f"{text}: {path}: is {short_repr(here)}, which has no setting {step!r}")
+                raise UserError(
+                    f"{text}: {path}: is {short_repr(here)}, which has no setting {step!r}"
+                )
             path += f".{step}" if path else step
         if following is None:
             here[step] = value
@@ -64,6 +72,8 @@ def _assign(settings: dict[str, Any], steps: list[str | int], value: Any, text: 
             here = here[step]
         else:
             inner = here.get(step)
-            if isinstance(following, str) and (inner is None or (isinstance(inner, str) and step in _SHORT_FOR)):
+            if isinstance(following, str) and (
+                inner is None or (isinstance(inner, str) and step in _SHORT_FOR)
+            ):
                 inner = {} if inner is None else {_SHORT_FOR[step]: inner}
             here[step] = here = inner

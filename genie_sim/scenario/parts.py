@@ -36,8 +36,12 @@ class Camera(Model):
 FOUR_CAMERAS = (
     Camera(name="camera_02", recording="02"),
     Camera.model_construct(name="camera_03", recording="03", phase_ns=25 * units.NS_PER_MS),
-    Camera.model_construct(name="camera_00", recording="02", phase_ns=50 * units.NS_PER_MS, size_bytes=465_800),
-    Camera.model_construct(name="camera_01", recording="03", phase_ns=75 * units.NS_PER_MS, size_bytes=465_800),
+    Camera.model_construct(
+        name="camera_00", recording="02", phase_ns=50 * units.NS_PER_MS, size_bytes=465_800
+    ),
+    Camera.model_construct(
+        name="camera_01", recording="03", phase_ns=75 * units.NS_PER_MS, size_bytes=465_800
+    ),
 )
 
 
@@ -57,7 +61,9 @@ class Route(Model):
     """
 
     trace: str | None = None
-    window_ns: Annotated[tuple[Duration, Duration], Listed] | None = Field(default=None, alias="window")
+    window_ns: Annotated[tuple[Duration, Duration], Listed] | None = Field(
+        default=None, alias="window"
+    )
     start_ns: Duration = Field(default=0, alias="start")
     laps: Count = 1
     pause_ns: Duration = Field(default=units.NS_PER_S, alias="pause")
@@ -109,7 +115,10 @@ class Car(Model):
         if self.link is not None and self.edge is None:
             problem("link", "leads nowhere: the car has no 'edge'")
         if not self.cameras and (self.edge is None or not self.genie):
-            problem("cameras", "a car without cameras needs an 'edge' and 'genie: true', or nobody answers it")
+            problem(
+                "cameras",
+                "a car without cameras needs an 'edge' and 'genie: true', or nobody answers it",
+            )
         if isinstance(self.cameras, tuple):
             unique("cameras", [camera.name for camera in self.cameras], ".name")
         return self

@@ -11,16 +11,39 @@ from dataclasses import is_dataclass
 from types import UnionType
 from typing import Annotated, Any, Union, get_args, get_origin
 
-from pydantic import Field, GetCoreSchemaHandler, GetJsonSchemaHandler, ValidationError, create_model
+from pydantic import (
+    Field,
+    GetCoreSchemaHandler,
+    GetJsonSchemaHandler,
+    ValidationError,
+    create_model,
+)
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, core_schema
 
 from genie_sim import plugins
 from genie_sim.errors import UserError, short_repr, unknown
 from genie_sim.plugins import Choice, Parameter
-from genie_sim.scenario.fields import Duration, Length, Listed, Model, Rate, Size, Turn, first_problem, problem, wrong
+from genie_sim.scenario.fields import (
+    Duration,
+    Length,
+    Listed,
+    Model,
+    Rate,
+    Size,
+    Turn,
+    first_problem,
+    problem,
+    wrong,
+)
 
-_WITH_UNIT: dict[str, Any] = {"_ns": Duration, "_bytes": Size, "_m": Length, "_bps": Rate, "_rad": Turn}
+_WITH_UNIT: dict[str, Any] = {
+    "_ns": Duration,
+    "_bytes": Size,
+    "_m": Length,
+    "_bps": Rate,
+    "_rad": Turn,
+}
 
 
 class Plain:
@@ -30,31 +53,43 @@ class Plain:
     not say all.
     """
 
-    def __init__(self, cls: type, complete: Callable[[Any], Any] | None = None, **fields: Any) -> None:
+    def __init__(
+        self, cls: type, complete: Callable[[Any], Any] | None = None, **fields: Any
+    ) -> None:
         self._cls, self._complete, self._fields = cls, complete, fields
 
     @functools.cached_property
     def model(self) -> type[Model]:
         return model_of(self._cls, **self._fields)
 
-    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+    def __get_pydantic_core_schema__(
+        self, source: Any, handler: GetCoreSchemaHandler
+    ) -> CoreSchema:
         def read(value: Any, validate: Callable[[Any], Model]) -> Any:
             if isinstance(value, self._cls):
                 return value
-            return _instance(self._cls, validate(self._complete(value) if self._complete else value))
+            return _instance(
+                self._cls, validate(self._complete(value) if self._complete else value)
+            )
 
         return core_schema.no_info_wrap_validator_function(
             read,
             handler.generate_schema(self.model),
-            serialization=core_schema.plain_serializer_function_ser_schema(self.write, when_used="json"),
+            serialization=core_schema.plain_serializer_function_ser_schema(
+                self.write, when_used="json"
+            ),
         )
 
-    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
+    def __get_pydantic_json_schema__(
+        self, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> JsonSchemaValue:
         return handler(self.model.__pydantic_core_schema__)
 
     def write(self, value: Any) -> dict[str, Any]:
         """The value as a mapping of plain data, as in YAML."""
-        return _written(self.model, {name: getattr(value, name) for name in self.model.model_fields})
+        return _written(
+            self.model, {name: getattr(value, name) for name in self.model.model_fields}
+        )
 
 
 class PlugIn:
@@ -72,15 +107,32 @@ class PlugIn:
         default: str | None = None,
         beside: Sequence[str] = (),
     ) -> None:
-        self.what, self.registry, self._key, self._default, self._beside = what, registry, key, default, beside
-
-    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
-        return core_schema.no_info_plain_validator_function(
-            self.read, serialization=core_schema.plain_serializer_function_ser_schema(self.write, when_used="json")
+        self.what, self.registry, self._key, self._default, self._beside = (
+            what,
+            registry,
+            key,
+            default,
+            beside,
         )
 
-    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
-        own = {"type": "object", "properties": {self._key: OWN_CLASS_SCHEMA}, "required": [self._key]}
+    def __get_pydantic_core_schema__(
+        self, source: Any, handler: GetCoreSchemaHandler
+    ) -> CoreSchema:
+        return core_schema.no_info_plain_validator_function(
+            self.read,
+            serialization=core_schema.plain_serializer_function_ser_schema(
+                self.write, when_used="json"
+            ),
+        )
+
+    def __get_pydantic_json_schema__(
+        self, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> JsonSchemaValue:
+        own = {
+            "type": "object",
+            "properties": {self._key: OWN_CLASS_SCHEMA},
+            "required": [self._key],
+        }
         shipped = []
         for name in self.registry:
             model = model_of(plugins.resolve(self.what, name, self.registry))
@@ -99,17 +151,24 @@ class PlugIn:
             problem("", f"must be a name or a mapping, not {short_repr(value)}")
         given = dict(value) if isinstance(value, Mapping) else {self._key: value}
         with wrong(self._key if isinstance(value, Mapping) else ""):
-            name = plugins.checked_name(self.what, given.pop(self._key, self._default), self.registry)
+            name = plugins.checked_name(
+                self.what, given.pop(self._key, self._default), self.registry
+            )
         if name not in self.registry:
             for key, item in given.items():
                 if not isinstance(item, Parameter):
-                    problem(key, f"must be a number, true or false, or text, not {short_repr(item)}")
+                    problem(
+                        key, f"must be a number, true or false, or text, not {short_repr(item)}"
+                    )
             return Choice(name, given)
         cls = plugins.resolve(self.what, name, self.registry)
         known = model_of(cls)
         for key in given:
             if key not in known.yaml_names():
-                problem(str(key), unknown(f"parameter of {name}", key, [*known.yaml_names(), *self._beside]))
+                problem(
+                    str(key),
+                    unknown(f"parameter of {name}", key, [*known.yaml_names(), *self._beside]),
+                )
         try:
             model = known.model_validate(given)
         except ValidationError as error:
@@ -138,7 +197,10 @@ def model_of(cls: Callable[..., Any], **fields: Any) -> type[Model]:
         kind = fields.get(name, _with_unit(name, parameter.annotation))
         default = ... if parameter.default is inspect.Parameter.empty else parameter.default
         if isinstance(default, Mapping) or type(default).__name__ == "_HAS_DEFAULT_FACTORY_CLASS":
-            found[name] = (kind, Field(default_factory=cls.__dataclass_fields__[name].default_factory))  # type: ignore[attr-defined]
+            found[name] = (
+                kind,
+                Field(default_factory=cls.__dataclass_fields__[name].default_factory),
+            )  # type: ignore[attr-defined]
         else:
             found[name] = (kind, Field(default=default, alias=name.removesuffix(_suffix(name))))
     made: type[Model] = create_model(getattr(cls, "__name__", "Settings"), __base__=Model, **found)

@@ -11,7 +11,15 @@ from pydantic import Field, model_validator
 
 from genie_sim import files
 from genie_sim.errors import UserError, unknown
-from genie_sim.scenario.fields import Duration, Listed, Model, Name, PositiveDuration, problem, validate
+from genie_sim.scenario.fields import (
+    Duration,
+    Listed,
+    Model,
+    Name,
+    PositiveDuration,
+    problem,
+    validate,
+)
 from genie_sim.scenario.yaml_input import read_mapping, read_text
 
 Tag = Literal["P", "S", "M", "D", "A"]
@@ -75,7 +83,9 @@ class ModelTime(Model):
     def _fits_or_not(self) -> "ModelTime":
         if (self.median_ns is None) != self.oom:
             problem("median", "exactly one of 'median' and 'oom: true' must be given")
-        if self.quantiles_ns and (len(self.quantiles_ns) < 2 or sorted(self.quantiles_ns) != list(self.quantiles_ns)):
+        if self.quantiles_ns and (
+            len(self.quantiles_ns) < 2 or sorted(self.quantiles_ns) != list(self.quantiles_ns)
+        ):
             problem("quantiles", "must be at least two times, in ascending order")
         return self
 
@@ -96,7 +106,9 @@ class KeyTime(Model):
 
 
 KEYS = {  # by the name of the feature; a profile may say otherwise
-    "hsv": KeyTime.model_validate({"median": "1 ms", "tag": "A", "source": "assumed: a histogram of a picture"}),
+    "hsv": KeyTime.model_validate(
+        {"median": "1 ms", "tag": "A", "source": "assumed: a histogram of a picture"}
+    ),
     "yolox_gap": KeyTime(
         of_detection=0.455,
         tag="D",
@@ -104,7 +116,9 @@ KEYS = {  # by the name of the feature; a profile may say otherwise
     ),
 }
 
-_CODEC = Sourced(value=1.0, tag="A", source="as fast as the processor that sim/encoding.py was measured on")
+_CODEC = Sourced(
+    value=1.0, tag="A", source="as fast as the processor that sim/encoding.py was measured on"
+)
 
 
 class DeviceProfile(Model):

@@ -21,11 +21,28 @@ from genie_sim.perception.sources import SOURCES
 from genie_sim.plugins import Choice
 from genie_sim.scenario.convoy import Convoy
 from genie_sim.scenario.faults import FaultField, check_faults
-from genie_sim.scenario.fields import Count, Duration, Listed, Model, Name, first_problem, problem, validate, wrong
+from genie_sim.scenario.fields import (
+    Count,
+    Duration,
+    Listed,
+    Model,
+    Name,
+    first_problem,
+    problem,
+    validate,
+    wrong,
+)
 from genie_sim.scenario.fleet import MOST_EDGES, Fleet
 from genie_sim.scenario.genie import GenieSection, with_preset
 from genie_sim.scenario.links import LINKS, Link
-from genie_sim.scenario.methods import OVERRIDABLE, MethodEntry, MethodField, method_class, overridden, read_method
+from genie_sim.scenario.methods import (
+    OVERRIDABLE,
+    MethodEntry,
+    MethodField,
+    method_class,
+    overridden,
+    read_method,
+)
 from genie_sim.scenario.overrides import Override, apply_overrides
 from genie_sim.scenario.parts import FOUR_CAMERAS, Camera, Car, Edge, Route, unique
 from genie_sim.scenario.plain import PlugIn
@@ -33,7 +50,9 @@ from genie_sim.scenario.profiles import DeviceProfile, load_profile
 from genie_sim.scenario.yaml_input import dump, read_mapping
 from genie_sim.seeds import stream
 
-Record = Literal["lookups", "resources", "poses", "objects", "answers", "held", "held_objects", "steps"]
+Record = Literal[
+    "lookups", "resources", "poses", "objects", "answers", "held", "held_objects", "steps"
+]
 RECORDS: tuple[Record, ...] = get_args(Record)
 USUAL_METHODS = tuple(map(read_method, methods.USUAL))
 
@@ -65,15 +84,17 @@ class Scenario(Overridable):
     beside the frames only those in ``record`` are written down, and of a fleet's resources only those of its edges.
     """
 
-    model_config = ConfigDict(json_schema_extra={"anyOf": [{"required": [who]} for who in ("cars", "convoy", "fleet")]})
+    model_config = ConfigDict(
+        json_schema_extra={"anyOf": [{"required": [who]} for who in ("cars", "convoy", "fleet")]}
+    )
 
     name: Name
     description: str = ""
     seed: Annotated[int, Field(ge=0)] = 1
     methods: Annotated[tuple[MethodField, ...], Listed, Field(min_length=1)] = USUAL_METHODS
-    perception: Annotated[Choice, PlugIn("frame source", SOURCES, key="source", default="recorded")] = Choice(
-        "recorded", {"trace": "kitti_0005"}
-    )
+    perception: Annotated[
+        Choice, PlugIn("frame source", SOURCES, key="source", default="recorded")
+    ] = Choice("recorded", {"trace": "kitti_0005"})
     origin: Annotated[tuple[float, float, float], Listed] | None = None
     cameras: Annotated[tuple[Camera, ...], Listed, Field(min_length=1)] = FOUR_CAMERAS
     start_jitter_ns: Duration = Field(default=100 * units.NS_PER_MS, alias="start_jitter")
@@ -109,16 +130,25 @@ class Scenario(Overridable):
         unique("cars", [car.name for car in self.cars], ".name", also=edges)
         for index, car in enumerate(self.cars):
             if car.name == EDGES:
-                problem(f"cars[{index}].name", f"{EDGES!r} is what the network between the edges is called")
+                problem(
+                    f"cars[{index}].name",
+                    f"{EDGES!r} is what the network between the edges is called",
+                )
             if car.edge is not None and car.edge not in edges:
                 problem(f"cars[{index}].edge", _unknown_edge(car.edge, edges))
             self._edge_fits(index, car)
         self._neighbours_fit(edges)
         if self.fleet is None:
-            for field, text in check_faults(self.faults, {car.name: car.edge for car in self.cars}, edges):
+            for field, text in check_faults(
+                self.faults, {car.name: car.edge for car in self.cars}, edges
+            ):
                 problem(field, text)
-        if self.origin is not None and not (abs(self.origin[0]) <= 90 and abs(self.origin[1]) <= 180):
-            problem("origin", "must be [latitude, longitude, altitude] in degrees, degrees and metres")
+        if self.origin is not None and not (
+            abs(self.origin[0]) <= 90 and abs(self.origin[1]) <= 180
+        ):
+            problem(
+                "origin", "must be [latitude, longitude, altitude] in degrees, degrees and metres"
+            )
         return self
 
     def _cars_or_fleet(self) -> None:
@@ -139,12 +169,22 @@ class Scenario(Overridable):
             problem("origin", "a town is where it is; leave it out")
         for index, car in enumerate(self.cars):
             if car.route.trace is not None:
-                problem(f"cars[{index}].route.trace", "cars in a town make their own way; leave it out")
-            for field, unusual in (("window", car.route.window_ns is not None), ("laps", car.route.laps > 1)):
+                problem(
+                    f"cars[{index}].route.trace", "cars in a town make their own way; leave it out"
+                )
+            for field, unusual in (
+                ("window", car.route.window_ns is not None),
+                ("laps", car.route.laps > 1),
+            ):
                 if unusual:
-                    problem(f"cars[{index}].route.{field}", "a town's clock never goes back; use 'perception.duration'")
+                    problem(
+                        f"cars[{index}].route.{field}",
+                        "a town's clock never goes back; use 'perception.duration'",
+                    )
             if not car.cameras:
-                problem(f"cars[{index}].cameras", "without cameras, cars drive recorded streets only")
+                problem(
+                    f"cars[{index}].cameras", "without cameras, cars drive recorded streets only"
+                )
 
     def _neighbours_fit(self, edges: Collection[str]) -> None:
         """Neighbours exist and agree: what one edge asks another, that one must be able to answer."""
@@ -167,14 +207,27 @@ class Scenario(Overridable):
             return
         for place, fault in enumerate(self.faults):
             if fault.target == car.name and "edge" in fault.fault.parameters:
-                problem(f"faults[{place}].target", "a car without cameras stays with the edge that serves it")
+                problem(
+                    f"faults[{place}].target",
+                    "a car without cameras stays with the edge that serves it",
+                )
         for other in self.cars:
-            joins = (fault.fault.parameters.get("edge") for fault in self.faults if fault.target == other.name)
+            joins = (
+                fault.fault.parameters.get("edge")
+                for fault in self.faults
+                if fault.target == other.name
+            )
             if other.cameras and car.edge in (other.edge, *joins):
-                problem(f"cars[{index}].edge", f"serves {other.name}'s cameras; a car without needs one of its own")
+                problem(
+                    f"cars[{index}].edge",
+                    f"serves {other.name}'s cameras; a car without needs one of its own",
+                )
         for entry in self.methods:
             if self.under(entry).genie.similarity.name != "pose_grid":
-                problem(f"cars[{index}].cameras", "a car without cameras has only its position: similarity 'pose_grid'")
+                problem(
+                    f"cars[{index}].cameras",
+                    "a car without cameras has only its position: similarity 'pose_grid'",
+                )
 
     @model_validator(mode="after")
     def _methods_fit(self) -> Self:
@@ -190,7 +243,11 @@ class Scenario(Overridable):
     @model_validator(mode="after")
     def _files_exist(self) -> Self:
         """Traces are there, devices too, and each knows the model."""
-        traces = {f"cars[{i}].route.trace": car.route.trace for i, car in enumerate(self.cars) if car.route.trace}
+        traces = {
+            f"cars[{i}].route.trace": car.route.trace
+            for i, car in enumerate(self.cars)
+            if car.route.trace
+        }
         if "trace" in self.perception.parameters:
             traces["perception.trace"] = self.perception.parameters["trace"]
         for field, trace in traces.items():
@@ -214,7 +271,10 @@ class Scenario(Overridable):
         return {device: first[device] for device, _ in used}
 
     def _model_fits(self, index: int, entry: MethodEntry, profile: DeviceProfile) -> None:
-        mine, where = self.under(entry), f"methods[{index}]." if entry.settings.keys() & {"model", "genie"} else ""
+        mine, where = (
+            self.under(entry),
+            f"methods[{index}]." if entry.settings.keys() & {"model", "genie"} else "",
+        )
         with wrong(f"{where}model"):
             median_ns = profile.median_ns(mine.model)
         expiry_ns = mine.genie.request_expiry_ns
@@ -242,7 +302,10 @@ class Scenario(Overridable):
         if not entry.settings:
             return self
         known = self.model_dump(mode="json", by_alias=True, include=set(OVERRIDABLE))
-        settings = {name: with_preset(said) if name == "genie" else said for name, said in entry.settings.items()}
+        settings = {
+            name: with_preset(said) if name == "genie" else said
+            for name, said in entry.settings.items()
+        }
         mine = validate(Overridable, overridden(known, settings), lambda _: "")
         return self.model_copy(update={name: getattr(mine, name) for name in entry.settings})
 
@@ -263,12 +326,16 @@ class Scenario(Overridable):
         late_ns = route.start_ns + self.start_jitter_ns + max(camera.phase_ns for camera in cameras)
         total_ns = late_ns + route.laps * (end_ns - begin_ns) + (route.laps - 1) * route.pause_ns
         if total_ns > LONGEST_DAYS * DAY_NS:
-            raise UserError(f"{where}: ends after {total_ns / DAY_NS:,.1f} days; at most {LONGEST_DAYS} are simulated")
+            raise UserError(
+                f"{where}: ends after {total_ns / DAY_NS:,.1f} days; at most {LONGEST_DAYS} are simulated"
+            )
 
     def to_yaml(self) -> str:
         """Every setting written out; reads back to an equal scenario."""
         written = self.model_dump(mode="json", by_alias=True)
-        return dump({key: written[key] for key in ("name", "description", "seed", "methods")} | written)
+        return dump(
+            {key: written[key] for key in ("name", "description", "seed", "methods")} | written
+        )
 
 
 def _without_convoy(data: Mapping[str, Any]) -> dict[str, Any]:
@@ -287,7 +354,9 @@ def _unknown_edge(name: str, edges: Collection[str]) -> str:
     return unknown("edge", name, edges) if edges else f"unknown edge {name!r}; there are no edges"
 
 
-def load_scenario(path_or_name: str | Path, overrides: Sequence[str] = (), seed: int | None = None) -> Scenario:
+def load_scenario(
+    path_or_name: str | Path, overrides: Sequence[str] = (), seed: int | None = None
+) -> Scenario:
     """A scenario file, by path or by name, with ``path=value`` overrides. Raises ``UserError``."""
     path = files.find(files.SCENARIO, path_or_name)
     data = read_mapping(path)
@@ -298,7 +367,9 @@ def load_scenario(path_or_name: str | Path, overrides: Sequence[str] = (), seed:
 def with_methods(scenario: Scenario, names: Sequence[str], where: str = "methods") -> Scenario:
     """The scenario with these methods: its own entries by name, else ones by themselves. Raises ``UserError``."""
     written = scenario.model_dump(mode="json", by_alias=True)
-    entries = {entry.name: one for entry, one in zip(scenario.methods, written["methods"], strict=True)}
+    entries = {
+        entry.name: one for entry, one in zip(scenario.methods, written["methods"], strict=True)
+    }
     for name in names:
         try:
             entries.setdefault(plugins.checked_name("method", name, {**METHODS, **entries}), name)
@@ -308,7 +379,10 @@ def with_methods(scenario: Scenario, names: Sequence[str], where: str = "methods
 
 
 def read_scenario(
-    data: Mapping[str, Any], overrides: Sequence[str] = (), seed: int | None = None, where: str = "scenario"
+    data: Mapping[str, Any],
+    overrides: Sequence[str] = (),
+    seed: int | None = None,
+    where: str = "scenario",
 ) -> Scenario:
     """The scenario in ``data``, written as in YAML; ``where`` begins the errors."""
     settings = copy.deepcopy(dict(data))

@@ -31,7 +31,9 @@ class _AsInYaml(GenerateJsonSchema):
         made = super().default_schema(schema)
         default = schema.get("default")
         if default is not None and not isinstance(default, bool | str):
-            made["default"] = SchemaSerializer(schema["schema"]).to_python(default, mode="json", by_alias=True)
+            made["default"] = SchemaSerializer(schema["schema"]).to_python(
+                default, mode="json", by_alias=True
+            )
         return made
 
     def field_title_should_be_set(self, schema: Any) -> bool:

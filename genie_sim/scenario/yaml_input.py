@@ -47,7 +47,9 @@ def read_text(path: Path) -> str:
     """The text of a file of settings. Raises ``UserError``."""
     with usable(path, "cannot be read"):
         if path.stat().st_size > MOST_BYTES:
-            raise UserError(f"{path}: is larger than {MOST_BYTES} bytes; a file of settings is smaller")
+            raise UserError(
+                f"{path}: is larger than {MOST_BYTES} bytes; a file of settings is smaller"
+            )
         data = path.read_bytes()
     try:
         return data.decode("utf-8-sig")
@@ -70,11 +72,15 @@ def _parsed(text: str, where: str) -> Any:
         if node is None:
             return None
         if sum(1 for _ in _expanded(node)) > MOST_NODES:
-            raise UserError(f"{where}: holds more than {MOST_NODES} values once its aliases are written out")
+            raise UserError(
+                f"{where}: holds more than {MOST_NODES} values once its aliases are written out"
+            )
         return loader.construct_document(node)
     except yaml.reader.ReaderError as error:
         line = text[: error.position].count("\n") + 1
-        raise UserError(f"{where}: line {line}: holds the character {chr(error.character)!r}") from error
+        raise UserError(
+            f"{where}: line {line}: holds the character {chr(error.character)!r}"
+        ) from error
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         problem = str(error.problem)
@@ -87,7 +93,14 @@ def _parsed(text: str, where: str) -> Any:
 
 def dump(value: Any) -> str:
     """YAML text that ``parse`` reads back to the same plain data."""
-    return yaml.dump(value, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=120, default_flow_style=False)
+    return yaml.dump(
+        value,
+        Dumper=_Dumper,
+        sort_keys=False,
+        allow_unicode=True,
+        width=120,
+        default_flow_style=False,
+    )
 
 
 class _Loader(yaml.SafeLoader):
@@ -105,12 +118,16 @@ class _Loader(yaml.SafeLoader):
             problem = f"tags such as {event.tag!r} are not allowed"
             raise yaml.MarkedYAMLError(problem=problem, problem_mark=event.start_mark)
         if self._depth >= DEEPEST:
-            raise yaml.MarkedYAMLError(problem=f"nested more than {DEEPEST} deep", problem_mark=event.start_mark)
+            raise yaml.MarkedYAMLError(
+                problem=f"nested more than {DEEPEST} deep", problem_mark=event.start_mark
+            )
         self._depth += 1
         node = super().compose_node(parent, index)
         self._depth -= 1
         if isinstance(node, yaml.ScalarNode) and (bad := _UNPRINTABLE.search(node.value)):
-            raise yaml.MarkedYAMLError(problem=f"holds the character {bad[0]!r}", problem_mark=node.start_mark)
+            raise yaml.MarkedYAMLError(
+                problem=f"holds the character {bad[0]!r}", problem_mark=node.start_mark
+            )
         return node
 
     def construct_mapping(self, node: Any, deep: bool = False) -> dict[Any, Any]:
@@ -143,7 +160,6 @@ def _represent_text(dumper: yaml.SafeDumper, text: str) -> yaml.ScalarNode:
     return dumper.represent_scalar("tag:yaml.org,2002:str", text, style='"' if quoted else None)
 
 
-
 _Dumper.add_representer(str, _represent_text)
 
 
@@ -155,7 +171,9 @@ def _expanded(root: yaml.Node) -> Iterator[yaml.Node]:
         seen += 1
         yield node
         if depth > DEEPEST:
-            raise yaml.MarkedYAMLError(problem=f"nested more than {DEEPEST} deep", problem_mark=node.start_mark)
+            raise yaml.MarkedYAMLError(
+                problem=f"nested more than {DEEPEST} deep", problem_mark=node.start_mark
+            )
         if isinstance(node, yaml.SequenceNode):
             waiting += [(child, depth + 1) for child in node.value]
         elif isinstance(node, yaml.MappingNode):

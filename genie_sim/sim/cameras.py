@@ -18,19 +18,29 @@ class Camera(Node):
     not see, each frame is only its position (Section V-F), which is what its localisation knows.
     """
 
-    def __init__(self, camera: CameraSetup, car: CarSetup, graph: Graph, topic: str, published: Published) -> None:
+    def __init__(
+        self, camera: CameraSetup, car: CarSetup, graph: Graph, topic: str, published: Published
+    ) -> None:
         super().__init__(f"{car.name}/{camera.name}", graph, subscribes=(), publishes=(topic,))
         frames, window_ns = camera.frames, car.window_ns
         self._camera = camera
         self._car = car
         self._topic = topic
-        begin_ns, end_ns = window_ns if window_ns is not None else (frames[0].stamp_ns, frames[-1].stamp_ns + 1)
+        begin_ns, end_ns = (
+            window_ns if window_ns is not None else (frames[0].stamp_ns, frames[-1].stamp_ns + 1)
+        )
         self._first_ns = car.start_ns + camera.phase_ns - begin_ns
-        inside = frames if window_ns is None else [frame for frame in frames if begin_ns <= frame.stamp_ns < end_ns]
+        inside = (
+            frames
+            if window_ns is None
+            else [frame for frame in frames if begin_ns <= frame.stamp_ns < end_ns]
+        )
         self._frames: Sequence[Frame] = inside
         self._lap_ns = end_ns - begin_ns + car.pause_ns
         self._published = published
-        laps = ((self._stamp_ns(lap, frame), lap, frame) for lap in range(car.laps) for frame in inside)
+        laps = (
+            (self._stamp_ns(lap, frame), lap, frame) for lap in range(car.laps) for frame in inside
+        )
         self._coming = enumerate(laps)
 
     @property
@@ -59,7 +69,11 @@ class Camera(Node):
     def _image(self, header: Header, frame: Frame) -> Image:
         if not self._car.sees:
             unseen = f"{header.frame_id}/"
-            return Image(header, POSITION_BYTES, unseen, 0, frame.pose, frame.horizontal_fov_rad, frame)
+            return Image(
+                header, POSITION_BYTES, unseen, 0, frame.pose, frame.horizontal_fov_rad, frame
+            )
         recorded, size_bytes = f"{header.frame_id}/{frame.digest}", self._camera.size_bytes
         size_bytes = frame.size_bytes if size_bytes is None else size_bytes
-        return Image(header, size_bytes, recorded, frame.dhash, frame.pose, frame.horizontal_fov_rad, frame)
+        return Image(
+            header, size_bytes, recorded, frame.dhash, frame.pose, frame.horizontal_fov_rad, frame
+        )

@@ -21,13 +21,17 @@ class Clock(simpy.Environment):
     """The time of a run: ``now`` is in nanoseconds since its start."""
 
     now: int = 0  # SimPy allows for fractions; delays here are whole, so this stays whole
-    way: Step | None = None  # what led to the call that is carried out now, where somebody wants to know
+    way: Step | None = (
+        None  # what led to the call that is carried out now, where somebody wants to know
+    )
 
     def __init__(self) -> None:
         super().__init__()
         self._instants: list[int] = []
         self._calls: dict[int, list[tuple[Callable[..., None], tuple[Any, ...]]]] = {}
-        self._urgent: deque[simpy.Event] = deque()  # what comes before all other calls of this instant
+        self._urgent: deque[simpy.Event] = (
+            deque()
+        )  # what comes before all other calls of this instant
 
     def after(self, delay_ns: int, call: Callable[..., None], *arguments: Any) -> None:
         """Calls ``call(*arguments)`` in ``delay_ns`` of simulated time."""
@@ -45,7 +49,9 @@ class Clock(simpy.Environment):
     def waited(self, way: Step | None, part: str, place: str) -> None:
         """What is done from now on goes on with ``way``, which has waited at this place until now."""
 
-    def schedule(self, event: simpy.Event, priority: EventPriority = NORMAL, delay: Any = 0) -> None:
+    def schedule(
+        self, event: simpy.Event, priority: EventPriority = NORMAL, delay: Any = 0
+    ) -> None:
         """SimPy's way to say when an event happens; ``delay`` is a whole number, too."""
         if priority == NORMAL:
             self.after(int(delay), self._happens, event)

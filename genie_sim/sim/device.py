@@ -89,7 +89,9 @@ class Host:
         self.device = device
         self.accelerator = Processor(env, f"{name}.accelerator", "accelerator")
         self.cpu = Processor(env, f"{name}.cpu", "cpu", device.cores)
-        self.hop_ns = cache(device.hop.of)  # how long a message takes to another process, by its size
+        self.hop_ns = cache(
+            device.hop.of
+        )  # how long a message takes to another process, by its size
         self._detector_times = device.detector_time.draws(accelerator_rng)
         self._message_times = device.message_time.draws(cpu_rng)
 

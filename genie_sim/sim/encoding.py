@@ -20,7 +20,9 @@ TIMES_NS: dict[Encoding, tuple[int, int]] = {
     "jpeg80": (1_160_000, 1_360_000),
 }
 Take = Callable[[str, Message, str], None]  # topic, message, sender
-Recorded = Mapping[str, Mapping[tuple[str, int], Frame]]  # by car; by the picture's digest and stamp
+Recorded = Mapping[
+    str, Mapping[tuple[str, int], Frame]
+]  # by car; by the picture's digest and stamp
 
 
 class Sent(NamedTuple):
@@ -53,7 +55,10 @@ class Codec:
             frame = frames.get((message.digest.rpartition("/")[2], content.stamp_ns))
             if frame is None:  # a position
                 return message
-            wire_bytes, features = min(frame.size_bytes, message.size_bytes), getattr(content, "features", {})
+            wire_bytes, features = (
+                min(frame.size_bytes, message.size_bytes),
+                getattr(content, "features", {}),
+            )
             content = Sent(frame.detections, wire_bytes, message.size_bytes, features)
         return replace(message, size_bytes=content.wire_bytes, content=content)
 

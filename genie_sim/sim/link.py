@@ -28,7 +28,12 @@ class Link:
     part = "edges"  # what the time on it counts as: ``uplink``, ``downlink``, or that of the network between edges
 
     def __init__(
-        self, env: Clock, name: str, channel: Channel, queue_length: int = 1, dropped: Dropped | None = None
+        self,
+        env: Clock,
+        name: str,
+        channel: Channel,
+        queue_length: int = 1,
+        dropped: Dropped | None = None,
     ) -> None:
         self.env = env
         self.name = name
@@ -39,7 +44,9 @@ class Link:
         self._channel = channel
         self._queue_length = queue_length
         self._dropped = dropped
-        self._waiting: deque[tuple[Hashable, Message, Step | None, Carried | None, Deliver, Arguments]] = deque()
+        self._waiting: deque[
+            tuple[Hashable, Message, Step | None, Carried | None, Deliver, Arguments]
+        ] = deque()
         self._flows: Counter[Hashable] = Counter()
         self._busy = False
         self._busy_since_ns = 0
@@ -77,14 +84,23 @@ class Link:
         self._waiting.append((flow, message, self.env.way, carried, deliver, arguments))
         self._flows[flow] += 1
 
-    def _transmit(self, message: Message, carried: Carried | None, deliver: Deliver, arguments: Arguments) -> None:
+    def _transmit(
+        self, message: Message, carried: Carried | None, deliver: Deliver, arguments: Arguments
+    ) -> None:
         """A message goes on the wire."""
         size_bytes = message.size_bytes
         occupied_ns = self._channel.occupied_ns(size_bytes, self.env.now)
-        self.env.after(int(occupied_ns), self._transmitted, size_bytes, message, carried, deliver, arguments)
+        self.env.after(
+            int(occupied_ns), self._transmitted, size_bytes, message, carried, deliver, arguments
+        )
 
     def _transmitted(
-        self, size_bytes: int, message: Message, carried: Carried | None, deliver: Deliver, arguments: Arguments
+        self,
+        size_bytes: int,
+        message: Message,
+        carried: Carried | None,
+        deliver: Deliver,
+        arguments: Arguments,
     ) -> None:
         """Its last bit is on the wire: it arrives after the delay, or is lost."""
         now_ns = self.env.now
@@ -166,7 +182,9 @@ class Bridge:
         if self._codec is not None:
             message = self._codec.on_wire(message)
         flow = (self.address, self._topic, message.header.frame_id)
-        self.link.send(flow, message, self._arrive, (message, sender, self._times_up), self._carried)
+        self.link.send(
+            flow, message, self._arrive, (message, sender, self._times_up), self._carried
+        )
 
     def _arrive(self, message: Message, sender: str, times_up: int) -> None:
         if self._is_up and times_up == self._times_up:

@@ -16,7 +16,9 @@ class CarListener:
     monitor of each, and of each frame when it reaches the first node's queue. With ``no_server`` no node takes the
     frames: they are lost at once."""
 
-    def __init__(self, world: "World", car: str, graph: "Graph", uplink: "CarUplink | None", no_server: bool) -> None:
+    def __init__(
+        self, world: "World", car: str, graph: "Graph", uplink: "CarUplink | None", no_server: bool
+    ) -> None:
         self.address = f"{car}/consumer"
         self._world = world
         self._car = car

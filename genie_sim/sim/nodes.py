@@ -3,7 +3,16 @@
 from collections import OrderedDict
 from collections.abc import Callable
 
-from genie_sim.messages import Detections, Effect, Expired, Header, Image, Message, Observation, Publish
+from genie_sim.messages import (
+    Detections,
+    Effect,
+    Expired,
+    Header,
+    Image,
+    Message,
+    Observation,
+    Publish,
+)
 from genie_sim.monitor import Step
 from genie_sim.sim.device import Arguments, Done
 from genie_sim.sim.ros_graph import Graph, Node
@@ -28,7 +37,10 @@ class Detector(Node):
 
     def handle(self, topic: str, message: Message, sender: str) -> None:
         assert isinstance(message, Image)
-        self.publish(self.publishes[0], Detections(message.header, message.content.detections, "detector", self.name))
+        self.publish(
+            self.publishes[0],
+            Detections(message.header, message.content.detections, "detector", self.name),
+        )
 
 
 class InterceptorNode(Node):
@@ -56,7 +68,9 @@ class InterceptorNode(Node):
         self._observe = observe
         self._timer_set = False
         self._two_passes = passes == 2 and not station.free
-        self._ways: OrderedDict[Header, Step] = OrderedDict()  # of the frames that it was asked about
+        self._ways: OrderedDict[Header, Step] = (
+            OrderedDict()
+        )  # of the frames that it was asked about
 
     def work(self, message: Message, done: Done, arguments: Arguments) -> None:
         if self._free:
@@ -102,7 +116,9 @@ class InterceptorNode(Node):
         for effect in effects:
             if isinstance(effect, Publish):
                 header = effect.message.header
-                if way is not None and header != way.header and header in self._ways:  # it had waited for this
+                if (
+                    way is not None and header != way.header and header in self._ways
+                ):  # it had waited for this
                     self.env.waited(self._ways[header], "pending", self.name)
                 if self._two_passes and self._made(effect):
                     self._in_service.append(effect.message)
@@ -116,7 +132,11 @@ class InterceptorNode(Node):
     def _made(self, effect: Publish) -> bool:
         """Whether this is an answer of the node's own making that leaves on the original topic."""
         message = effect.message
-        return effect.topic == OBJECTS and isinstance(message, Detections) and message.served_by == self.name
+        return (
+            effect.topic == OBJECTS
+            and isinstance(message, Detections)
+            and message.served_by == self.name
+        )
 
     def _leave(self, effect: Publish) -> None:
         self._in_service.remove(effect.message)

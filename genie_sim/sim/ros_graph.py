@@ -28,7 +28,9 @@ class Graph:
     the subscribers of its topic after the host's hop time.
     """
 
-    def __init__(self, host: Host, queue_length: int = 1, dropped: Dropped = lambda message, where: None) -> None:
+    def __init__(
+        self, host: Host, queue_length: int = 1, dropped: Dropped = lambda message, where: None
+    ) -> None:
         self.host = host
         self.env = host.env
         self.name = host.name
@@ -113,7 +115,9 @@ class Graph:
         """A message comes in from another graph: the link has already taken its time."""
         self._arrive(self._subscribers.get(topic, ()), topic, message, sender)
 
-    def _arrive(self, receivers: Iterable[Subscriber], topic: str, message: Message, sender: str) -> None:
+    def _arrive(
+        self, receivers: Iterable[Subscriber], topic: str, message: Message, sender: str
+    ) -> None:
         for receiver in receivers:
             receiver.deliver(topic, message, sender)
 
@@ -148,7 +152,9 @@ class Node:
         self.drops = 0
         self.completed = 0
         self.queued = 0  # how many messages wait, over all topics
-        self.routes: dict[str, tuple[str, list[Subscriber]]] = {}  # of what it publishes, kept by the graph
+        self.routes: dict[
+            str, tuple[str, list[Subscriber]]
+        ] = {}  # of what it publishes, kept by the graph
         self._idle_threads = threads
         self._threads = threads
         self._queues: dict[str, deque[tuple[int, Message, str, Step | None]]] = {}

@@ -32,7 +32,9 @@ class ServiceTime:
             share = 0.5 * (1.0 + math.erf(z / math.sqrt(2.0)))
             steps = np.arange(len(self.quantiles_ns))
             return round(float(np.interp(share * steps[-1], steps, self.quantiles_ns)))
-        return max(1, round(self.median_ns * (self.loc + (1.0 - self.loc) * math.exp(self.sigma * z))))
+        return max(
+            1, round(self.median_ns * (self.loc + (1.0 - self.loc) * math.exp(self.sigma * z)))
+        )
 
     @property
     def mean_ns(self) -> float:
@@ -43,7 +45,9 @@ class ServiceTime:
 
     def draws(self, rng: np.random.Generator) -> Iterator[int]:
         """Endless service times [ns]."""
-        while True:  # several normal numbers at once are the same ones, and cost little more than one
+        while (
+            True
+        ):  # several normal numbers at once are the same ones, and cost little more than one
             yield from map(self.at, rng.standard_normal(16).tolist())
 
 

@@ -31,7 +31,9 @@ class Interceptor(Protocol):
 
     def publications(self) -> tuple[str, ...]: ...
 
-    def on_message(self, topic: str, message: Message, now_ns: int, sender: str | None = None) -> list[Effect]: ...
+    def on_message(
+        self, topic: str, message: Message, now_ns: int, sender: str | None = None
+    ) -> list[Effect]: ...
 
     def next_deadline_ns(self) -> int | None:
         """When ``on_deadline`` wants to be called, if no message comes before."""
@@ -50,7 +52,9 @@ class Interceptor(Protocol):
         return ()
 
 
-MakeInterceptor = Callable[[tuple[str, ...], tuple[str, ...]], Interceptor]  # from T_S and T_P of the node behind it
+MakeInterceptor = Callable[
+    [tuple[str, ...], tuple[str, ...]], Interceptor
+]  # from T_S and T_P of the node behind it
 
 
 @dataclass(frozen=True)

@@ -23,7 +23,11 @@ class StepClock(Clock):
         self.way = Step("", "", self.now, None, header)
 
     def waited(self, way: Step | None, part: str, place: str) -> None:
-        self.way = way if way is None or way.end_ns == self.now else Step(part, place, self.now, way, way.header)
+        self.way = (
+            way
+            if way is None or way.end_ns == self.now
+            else Step(part, place, self.now, way, way.header)
+        )
 
     def after(self, delay_ns: int, call: Callable[..., None], *arguments: Any) -> None:
         if self.way is None:

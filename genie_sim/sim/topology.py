@@ -41,9 +41,14 @@ def neighbours(edges: "Sequence[EdgeSetup]") -> Iterator[tuple[str, list[str]]]:
     named = {edge.name: edge.neighbours for edge in edges}
     order = {edge.name: place for place, edge in enumerate(edges)}
     for name, chosen in named.items():
-        candidates: Sequence[str] = list(named) if chosen is None else sorted(chosen, key=order.__getitem__)
+        candidates: Sequence[str] = (
+            list(named) if chosen is None else sorted(chosen, key=order.__getitem__)
+        )
         others = [other for other in candidates if other != name]
-        yield name, [other for other in others if (theirs := named[other]) is None or name in theirs]
+        yield (
+            name,
+            [other for other in others if (theirs := named[other]) is None or name in theirs],
+        )
 
 
 def join_edges(world: "World", edges: Mapping[str, Edge]) -> None:
@@ -55,4 +60,6 @@ def join_edges(world: "World", edges: Mapping[str, Edge]) -> None:
         port = world.link(f"{name}->{EDGES}", world.setup.edge_network, up=True)
         for other in (edges[one] for one in others):
             for topic in other.station.hears:
-                edges[name].graph.bridge(topic, Bridge(port, other.target, topic, world.front(other.name), codec=codec))
+                edges[name].graph.bridge(
+                    topic, Bridge(port, other.target, topic, world.front(other.name), codec=codec)
+                )

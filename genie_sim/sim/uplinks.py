@@ -71,9 +71,22 @@ class CarUplink:
         up = self._world.link(f"{car.name}->{edge.name}", car.link, up=True)
         down = self._world.link(f"{edge.name}->{car.name}", car.link, up=False)
         up.part, down.part = "uplink", "downlink"
-        sent, received = partial(monitor.carried, "bytes_up"), partial(monitor.carried, "bytes_down")
-        upwards = Bridge(up, edge.target, IMAGES, f"{edge.name}/{DETECTOR}", sent, self._lost, self._world.setup.codec)
-        downwards = Bridge(down, self._graph, self._topics.down, self._world.front(car.name), received, self._lost)
+        sent, received = (
+            partial(monitor.carried, "bytes_up"),
+            partial(monitor.carried, "bytes_down"),
+        )
+        upwards = Bridge(
+            up,
+            edge.target,
+            IMAGES,
+            f"{edge.name}/{DETECTOR}",
+            sent,
+            self._lost,
+            self._world.setup.codec,
+        )
+        downwards = Bridge(
+            down, self._graph, self._topics.down, self._world.front(car.name), received, self._lost
+        )
         edge.bridge_to[car.name] = downwards
         return upwards, downwards
 

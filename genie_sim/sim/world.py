@@ -48,7 +48,9 @@ class World:
         self.hosts: dict[str, tuple[Host, Graph]] = {}
         self.links: dict[str, Link] = {}
         self.end_ns = 0  # when the last frame is taken
-        self.outages: list[tuple[str, str]] = []  # the targets of links that are down now, and by which fault
+        self.outages: list[
+            tuple[str, str]
+        ] = []  # the targets of links that are down now, and by which fault
         self._method = method
         self._edge_names = tuple(edge.name for edge in setup.edges)
         self._cameras: list[Camera] = []
@@ -58,7 +60,12 @@ class World:
         for car in setup.cars:
             self._build_car(car)
         processors = [one for one in self.resources if one.kind in ("accelerator", "cpu")]
-        sampled = {"all": self.resources, "edges": self.resources[:of_edges], "processors": processors, "none": []}
+        sampled = {
+            "all": self.resources,
+            "edges": self.resources[:of_edges],
+            "processors": processors,
+            "none": [],
+        }
         self._sampled: list[Resource] = sampled[monitor.samples]
         for timed in setup.faults:
             fault.start(self, timed)
@@ -89,7 +96,15 @@ class World:
             graph.clear()
         for uplink in self.uplinks.values():
             uplink.clear()
-        for parts in (self.hosts, self.edges, self.uplinks, self.links, self.resources, self._sampled, self._cameras):
+        for parts in (
+            self.hosts,
+            self.edges,
+            self.uplinks,
+            self.links,
+            self.resources,
+            self._sampled,
+            self._cameras,
+        ):
             parts.clear()
         self.env.clear()
 
@@ -141,7 +156,9 @@ class World:
         blind, joined = self.setup.blind_edges, dict(neighbours(self.setup.edges))
         for edge in self.setup.edges:
             name = edge.name
-            place = replace(self._place(name, name not in blind, True, True), neighbours=joined[name])
+            place = replace(
+                self._place(name, name not in blind, True, True), neighbours=joined[name]
+            )
             station = self._method.on_edge(place)
             self.edges[name] = Edge(self._add_host(name, edge.device), station)
             if station.detector:
@@ -152,7 +169,9 @@ class World:
         join_edges(self, self.edges)
 
     def _build_car(self, car: CarSetup) -> None:
-        station = self._method.on_car(self._place(car.name, car.sees, car.edge is not None, car.genie))
+        station = self._method.on_car(
+            self._place(car.name, car.sees, car.edge is not None, car.genie)
+        )
         if station is None:
             return
         graph = self._add_host(car.name, car.device)
@@ -162,7 +181,9 @@ class World:
         uplink = None
         if station.uplink is not None:
             uplink = self.uplinks[car.name] = CarUplink(self, car, graph, station.uplink)
-        CarListener(self, car.name, graph, uplink, no_server=uplink is None and car.name not in self._fronts)
+        CarListener(
+            self, car.name, graph, uplink, no_server=uplink is None and car.name not in self._fronts
+        )
         for camera in car.cameras:
             node = Camera(camera, car, graph, IMAGES, self.monitor.published)
             self._cameras.append(node)
@@ -171,10 +192,21 @@ class World:
     def _place(self, name: str, sees: bool, joined: bool, genie: bool) -> Place:
         setup, stream = self.setup, partial(self.stream, name)
         rules = setup.genie if genie else None
-        return Place(name, sees, joined, rules, stream, self.monitor.wants_changes, setup.laws, self._edge_names)
+        return Place(
+            name,
+            sees,
+            joined,
+            rules,
+            stream,
+            self.monitor.wants_changes,
+            setup.laws,
+            self._edge_names,
+        )
 
     def _add_host(self, name: str, device: Device) -> Graph:
-        host = Host(self.env, name, device, self.stream(name, "accelerator"), self.stream(name, "cpu"))
+        host = Host(
+            self.env, name, device, self.stream(name, "accelerator"), self.stream(name, "cpu")
+        )
         self.resources += [host.accelerator, host.cpu]
         graph = Graph(host, self.setup.queue_length, self.monitor.dropped)
         self.hosts[name] = host, graph

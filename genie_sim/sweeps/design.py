@@ -22,7 +22,9 @@ from genie_sim.scenario.fields import Model, Name, problem, validate
 from genie_sim.scenario.yaml_input import read_mapping
 from genie_sim.seeds import stream
 
-SCENARIO = "scenario"  # the one path of an axis that is no setting of a scenario but names another one
+SCENARIO = (
+    "scenario"  # the one path of an axis that is no setting of a scenario but names another one
+)
 MOST_RUNS = 1_000_000
 COLUMNS = (  # of the tables
     "point", "seed", "run_id", "metric", "method", "placement", "component", "value", "unit", "low", "high", "n", "runs"
@@ -41,7 +43,9 @@ PANELS = {  # the main metrics -> label of their panel in figures
 }
 LOGARITHMIC_FROM = 20.0  # a list that spans so much, largest to smallest
 UNITS = {*units.DURATIONS, *units.SIZES, *units.RATES, *units.LENGTHS, *units.ANGLES, "entries"}
-_QUANTITY = re.compile(r"([+-]?\d{1,15}(?:\.\d{1,15})?(?:[eE][+-]?\d{1,2})?)(?:\s*([^\s\d]\S*))?", re.ASCII)
+_QUANTITY = re.compile(
+    r"([+-]?\d{1,15}(?:\.\d{1,15})?(?:[eE][+-]?\d{1,2})?)(?:\s*([^\s\d]\S*))?", re.ASCII
+)
 
 Value = TypeVar("Value")
 Level = float | str  # the value of an axis at a point, as the tables show it
@@ -52,13 +56,19 @@ def _quantity(value: object) -> tuple[float, str] | None:
     if isinstance(value, int | float) and not isinstance(value, bool):
         return float(value), ""
     match = _QUANTITY.fullmatch(value) if isinstance(value, str) else None
-    return (float(match[1]), match[2] or "") if match and (match[2] is None or match[2] in UNITS) else None
+    return (
+        (float(match[1]), match[2] or "")
+        if match and (match[2] is None or match[2] in UNITS)
+        else None
+    )
 
 
 def _end(value: object) -> tuple[float, str]:
     quantity = _quantity(value)
     if quantity is None:
-        raise ValueError(f"must be a number, or one with a unit such as '0.5 m', not {short_repr(value)}")
+        raise ValueError(
+            f"must be a number, or one with a unit such as '0.5 m', not {short_repr(value)}"
+        )
     return quantity
 
 
@@ -73,7 +83,10 @@ class Span(Model):
     @model_validator(mode="after")
     def _in_order(self) -> Self:
         if self.low[1] != self.high[1]:
-            problem("to", f"must have the unit of 'from', {self.low[1] or 'none'}, not {self.high[1] or 'none'}")
+            problem(
+                "to",
+                f"must have the unit of 'from', {self.low[1] or 'none'}, not {self.high[1] or 'none'}",
+            )
         if not self.low[0] < self.high[0]:
             problem("to", "must be more than 'from'")
         if self.scale == "log" and self.low[0] <= 0:
@@ -107,7 +120,9 @@ class Grid(Span):
 
 
 def _paths(value: object) -> object:
-    return (value,) if isinstance(value, str) else tuple(value) if isinstance(value, list) else value
+    return (
+        (value,) if isinstance(value, str) else tuple(value) if isinstance(value, list) else value
+    )
 
 
 class Axis(Model):
@@ -124,12 +139,23 @@ class Axis(Model):
 
     @model_validator(mode="after")
     def _one_way(self) -> Self:
-        ways = {"grid": self.grid, "list": self.cases, "random": self.random, "latin_hypercube": self.latin_hypercube}
+        ways = {
+            "grid": self.grid,
+            "list": self.cases,
+            "random": self.random,
+            "latin_hypercube": self.latin_hypercube,
+        }
         given = [name for name, way in ways.items() if way is not None]
         if len(given) != 1:
-            problem("", f"must have exactly one of {', '.join(ways)}, has {' and '.join(given) or 'none'}")
+            problem(
+                "",
+                f"must have exactly one of {', '.join(ways)}, has {' and '.join(given) or 'none'}",
+            )
         if isinstance(self.cases, dict) == bool(self.paths):
-            problem("set", "is not for named cases" if self.paths else "missing; say which setting is varied")
+            problem(
+                "set",
+                "is not for named cases" if self.paths else "missing; say which setting is varied",
+            )
         if self.cases is not None and not self.cases:
             problem("list", "must not be empty")
         if self.span is None or self.span is self.grid:
@@ -172,7 +198,10 @@ class Axis(Model):
         quantities = self._quantities()
         texts = [value if isinstance(value, str) else _text(value) for value in listed]
         names: Sequence[Level] = [number for number, _ in quantities] if quantities else texts
-        return [(name, dict.fromkeys(self.paths, value)) for name, value in zip(names, listed, strict=True)]
+        return [
+            (name, dict.fromkeys(self.paths, value))
+            for name, value in zip(names, listed, strict=True)
+        ]
 
     def samples(self, name: str, count: int, seed: int) -> list[tuple[Level, dict[str, Any]]]:
         """``count`` values of a sampled axis, drawn from the random stream of the axis' name.
@@ -183,7 +212,11 @@ class Axis(Model):
         rng = stream(seed, "sweep", name)
         span = self.random or self.latin_hypercube
         assert span is not None
-        shares = rng.random(count) if self.random is not None else (rng.permutation(count) + rng.random(count)) / count
+        shares = (
+            rng.random(count)
+            if self.random is not None
+            else (rng.permutation(count) + rng.random(count)) / count
+        )
         return [self._numeric(span, span.at(float(share))) for share in shares]
 
     def _numeric(self, span: Span, value: float) -> tuple[Level, dict[str, Any]]:
@@ -195,7 +228,9 @@ class Axis(Model):
         """A list's numbers and their one unit; None for a list of other things."""
         if not isinstance(self.cases, list):
             return None
-        quantities = [quantity for value in self.cases if (quantity := _quantity(value)) is not None]
+        quantities = [
+            quantity for value in self.cases if (quantity := _quantity(value)) is not None
+        ]
         same = len(quantities) == len(self.cases) and len({unit for _, unit in quantities}) == 1
         return quantities if same else None
 
@@ -241,14 +276,18 @@ class Design(Model):
         if sampled and self.samples is None:
             problem("samples", f"missing; axis {sampled[0]!r} needs to know how many")
         if not sampled and self.samples is not None:
-            problem("samples", "has no effect without an axis that is 'random' or 'latin_hypercube'")
+            problem(
+                "samples", "has no effect without an axis that is 'random' or 'latin_hypercube'"
+            )
         set_by = dict.fromkeys(self.settings, "'set'")
         for name, axis in self.axes.items():
             if name in COLUMNS:
                 problem(f"axes.{name}", "is a column of the table already; call the axis otherwise")
             for path in sorted(axis.settings_paths):
                 for earlier, who in set_by.items():
-                    if who != f"axis {name!r}" and (earlier == path or earlier.startswith((f"{path}.", f"{path}["))):
+                    if who != f"axis {name!r}" and (
+                        earlier == path or earlier.startswith((f"{path}.", f"{path}["))
+                    ):
                         problem(f"axes.{name}.set", f"{path} would undo {earlier}, set by {who}")
                 set_by[path] = f"axis {name!r}"
         if "seed" in set_by:
@@ -260,7 +299,11 @@ class Design(Model):
     @property
     def runs(self) -> int:
         """How many runs the points and seeds make."""
-        return math.prod(len(self.axes[name].levels()) for name in self.crossed) * (self.samples or 1) * len(self.seeds)
+        return (
+            math.prod(len(self.axes[name].levels()) for name in self.crossed)
+            * (self.samples or 1)
+            * len(self.seeds)
+        )
 
     @property
     def crossed(self) -> list[str]:
@@ -270,18 +313,25 @@ class Design(Model):
     @property
     def columns(self) -> dict[str, str]:
         """The column of each axis in the tables: its name, and its unit in brackets."""
-        return {name: f"{name} [{axis.unit}]" if axis.unit else name for name, axis in self.axes.items()}
+        return {
+            name: f"{name} [{axis.unit}]" if axis.unit else name for name, axis in self.axes.items()
+        }
 
     def points(self) -> "Iterator[Point]":
         """All points, the last crossed axis and the samples changing fastest."""
         fixed = dict(self.settings)
         crossed = {name: axis.levels() for name, axis in self.axes.items() if not axis.sampled}
         sampled = {name: axis for name, axis in self.axes.items() if axis.sampled}
-        drawn = {name: axis.samples(name, self.samples or 0, self.sample_seed) for name, axis in sampled.items()}
+        drawn = {
+            name: axis.samples(name, self.samples or 0, self.sample_seed)
+            for name, axis in sampled.items()
+        }
         for combination in itertools.product(*crossed.values()):
             for sample in zip(*drawn.values(), strict=True) if drawn else [()]:
                 chosen = dict(zip((*crossed, *drawn), (*combination, *sample), strict=True))
-                settings = fixed | {path: value for name in self.axes for path, value in chosen[name][1].items()}
+                settings = fixed | {
+                    path: value for name in self.axes for path, value in chosen[name][1].items()
+                }
                 scenario = settings.pop(SCENARIO, self.scenario)
                 overrides = tuple(f"{path}={_text(value)}" for path, value in settings.items())
                 yield Point(tuple(chosen[name][0] for name in self.axes), str(scenario), overrides)
@@ -311,4 +361,3 @@ def load_design(path_or_name: str | Path) -> Design:
 def read_design(data: Mapping[str, Any], where: str) -> Design:
     """A sweep as in YAML; ``where`` it comes from is in front of what is wrong with it. Raises ``UserError``."""
     return validate(Design, data, lambda field: where)
-

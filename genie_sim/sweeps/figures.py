@@ -40,24 +40,40 @@ def of_sweep(design: Design, runs: "pd.DataFrame", footer: str) -> Iterator[tupl
     columns, crossed = design.columns, design.crossed
     for name, axis in design.axes.items():
         others = [other for other in crossed if other != name]
-        averaged = [] if axis.sampled else [columns[other] for other in design.axes if other not in crossed]
+        averaged = (
+            []
+            if axis.sampled
+            else [columns[other] for other in design.axes if other not in crossed]
+        )
         beside = columns[others[0]] if others else None
         for suffix, said, here in _places(runs, [columns[other] for other in others[1:]]):
-            yield f"{name}{suffix}", along(axis, columns[name], here, footer, beside, averaged, said)
+            yield (
+                f"{name}{suffix}",
+                along(axis, columns[name], here, footer, beside, averaged, said),
+            )
     if len(crossed) > 1:
         first, second = crossed[:2]
         for suffix, said, here in _places(runs, [columns[other] for other in crossed[2:]]):
-            yield f"{first}-{second}{suffix}", heat(columns[first], columns[second], here, footer, said)
+            yield (
+                f"{first}-{second}{suffix}",
+                heat(columns[first], columns[second], here, footer, said),
+            )
 
 
-def _places(runs: "pd.DataFrame", columns: Sequence[str]) -> "Iterator[tuple[str, str, pd.DataFrame]]":
+def _places(
+    runs: "pd.DataFrame", columns: Sequence[str]
+) -> "Iterator[tuple[str, str, pd.DataFrame]]":
     """The runs at every combination of values of these columns, with a suffix for file names and words for titles."""
     values = [list(dict.fromkeys(runs[column])) for column in columns]
-    for number, place in enumerate(itertools.islice(itertools.product(*values), MOST_PLACES), start=1):
+    for number, place in enumerate(
+        itertools.islice(itertools.product(*values), MOST_PLACES), start=1
+    ):
         here = runs
         for column, value in zip(columns, place, strict=True):
             here = here[here[column] == value]
-        said = ", ".join(f"{column} = {_shortened(value)}" for column, value in zip(columns, place, strict=True))
+        said = ", ".join(
+            f"{column} = {_shortened(value)}" for column, value in zip(columns, place, strict=True)
+        )
         yield (f"-{number}" if columns else ""), said, here
 
 
@@ -100,7 +116,9 @@ def along(
             panel.yaxis.set_major_formatter(FuncFormatter(percent_tick))
     for panel in list(grid.flat)[len(panels) :]:
         panel.remove()
-    for panel in figure.axes if beside is None else grid[:, 0]:  # after all are drawn, for a row shares its limits
+    for panel in (
+        figure.axes if beside is None else grid[:, 0]
+    ):  # after all are drawn, for a row shares its limits
         low, high = panel.get_ylim()
         low = min(0.0, low)
         panel.set_ylim(low, high + MARKER_ROOM * (high - low))
@@ -118,7 +136,11 @@ def heat(first: str, second: str, runs: "pd.DataFrame", footer: str, at: str = "
     """Means across seeds over two axes, ``second`` to the right and ``first`` upwards: a row of panels a metric, a
     column a method. Darker is more, on one scale a metric; of Genies' metrics those on cars are shown."""
     means = across_seeds(runs[runs["component"] == ""], [first, second])
-    means = means[means["placement"].isin(("all", "car")) & means["metric"].isin(HEATED) & means["value"].notna()]
+    means = means[
+        means["placement"].isin(("all", "car"))
+        & means["metric"].isin(HEATED)
+        & means["value"].notna()
+    ]
     methods = list(dict.fromkeys(means["method"]))
     metrics = [metric for metric in HEATED if (means["metric"] == metric).any()]
     up, right = ([*dict.fromkeys(runs[column])] for column in (first, second))
@@ -129,7 +151,9 @@ def heat(first: str, second: str, runs: "pd.DataFrame", footer: str, at: str = "
         mine = means[means["metric"] == metric]
         ends = (float(mine["value"].min()), float(mine["value"].max()))
         for panel, method in zip(row, methods, strict=True):
-            cells = mine[mine["method"] == method].pivot_table(index=first, columns=second, values="value", sort=False)
+            cells = mine[mine["method"] == method].pivot_table(
+                index=first, columns=second, values="value", sort=False
+            )
             if cells.empty:
                 panel.set_axis_off()
                 continue
@@ -149,13 +173,25 @@ def _heat_map(panel: Axes, cells: "pd.DataFrame", ends: tuple[float, float], per
     panel.set_xticks(range(values.shape[1]), [_shortened(level) for level in cells.columns])
     panel.set_yticks(range(values.shape[0]), [_shortened(level) for level in cells.index])
     middle = sum(ends) / 2
-    for (y, x), value in [(place, values[place]) for place in itertools.product(*map(range, values.shape))]:
+    for (y, x), value in [
+        (place, values[place]) for place in itertools.product(*map(range, values.shape))
+    ]:
         if not math.isnan(value):
             text = f"{100 * value:.0f} %" if percent else f"{value:.3g}"
-            panel.text(x, y, text, ha="center", va="center", color="white" if value > middle else "black", fontsize=7)
+            panel.text(
+                x,
+                y,
+                text,
+                ha="center",
+                va="center",
+                color="white" if value > middle else "black",
+                fontsize=7,
+            )
 
 
-def _draw(panel: Axes, axis: Axis, column: str, means: "pd.DataFrame", methods: Sequence[str]) -> None:
+def _draw(
+    panel: Axes, axis: Axis, column: str, means: "pd.DataFrame", methods: Sequence[str]
+) -> None:
     levels = list(dict.fromkeys(means[column]))
     numbers = [level for level in levels if isinstance(level, float)]
     numeric = len(numbers) == len(levels)
@@ -164,7 +200,11 @@ def _draw(panel: Axes, axis: Axis, column: str, means: "pd.DataFrame", methods: 
             mine = mine.sort_values(column)
         if mine["value"].notna().sum() == 0:
             continue
-        x = mine[column].to_numpy(float) if numeric else [levels.index(level) for level in mine[column]]
+        x = (
+            mine[column].to_numpy(float)
+            if numeric
+            else [levels.index(level) for level in mine[column]]
+        )
         ends = [mine["value"] - mine["low"], mine["high"] - mine["value"]]
         line = _look(str(method), str(placement), methods, alone=means["method"].nunique() == 1)
         if not numeric or axis.sampled:
@@ -193,8 +233,15 @@ def _look(method: str, placement: str, methods: Sequence[str], alone: bool) -> d
         return style.method_line(position) | marker | {"label": method}
     line, where = style.PLACEMENT_LINES[placement], PLACEMENTS[placement]
     if alone:
-        return line | {"label": f"Genies {where}", "marker": style.MARKERS[list(PLACEMENTS).index(placement)]}
-    return line | marker | {"label": f"{method}, {where}", "color": style.method_line(position)["color"]}
+        return line | {
+            "label": f"Genies {where}",
+            "marker": style.MARKERS[list(PLACEMENTS).index(placement)],
+        }
+    return (
+        line
+        | marker
+        | {"label": f"{method}, {where}", "color": style.method_line(position)["color"]}
+    )
 
 
 def _logarithmic(axis: Axis, numbers: Sequence[float]) -> bool:
@@ -214,4 +261,3 @@ def _round_ticks(low: float, high: float) -> list[float]:
 def _shortened(level: Level) -> str:
     text = level if isinstance(level, str) else f"{level:g}"
     return text if len(text) <= LEVEL_CHARACTERS else f"{text[: LEVEL_CHARACTERS - 1]}…"
-

@@ -14,7 +14,9 @@ from genie_sim.sweeps.design import PANELS, spans_much
 if TYPE_CHECKING:
     import pandas as pd
 
-    Series = Mapping[str, list[tuple[str, ...]]]  # by metric: what it is of, as method, placement and component
+    Series = Mapping[
+        str, list[tuple[str, ...]]
+    ]  # by metric: what it is of, as method, placement and component
 
 OF = ["method", "placement", "component"]
 BY = ["metric", *OF]
@@ -28,7 +30,10 @@ def page(folder: Path) -> str:
     """The page about the sweep in ``folder``. Raises ``UserError`` for one that is not finished."""
     with provenance.of_this_version(folder):
         data = page_data(folder)
-        title, elsewhere = f"{data['about']['name']}, a sweep", "The numbers are also in table.csv beside it."
+        title, elsewhere = (
+            f"{data['about']['name']}, a sweep",
+            "The numbers are also in table.csv beside it.",
+        )
         return report.assemble("sweep.html", ("many.js", "sweep.js"), title, data, elsewhere)
 
 
@@ -38,20 +43,34 @@ def page_data(folder: Path) -> dict[str, Any]:
     notes: list[str] = []
     settings, by_name, titles = about["sweep"], about["sweep"]["axes"], about.get("titles", {})
     columns = [str(name) for name in points.columns[1 : 1 + len(by_name)]]
-    axes = {column: by_name[column.partition(" [")[0]] for column in columns}  # JSON sorts them by name
+    axes = {
+        column: by_name[column.partition(" [")[0]] for column in columns
+    }  # JSON sorts them by name
     found = points.dropna(subset=["metric"])
     kept = _chosen(found, runs, columns, notes)
     metrics: Any = kept.groupby(["metric", "unit"], sort=False)
-    of = {str(name): list(dict.fromkeys(map(tuple, group[OF].to_numpy().tolist()))) for (name, _), group in metrics}
+    of = {
+        str(name): list(dict.fromkeys(map(tuple, group[OF].to_numpy().tolist())))
+        for (name, _), group in metrics
+    }
     return {
         "about": {
-            **{name: settings[name] for name in ("name", "description", "scenario", "set", "seeds")},
+            **{
+                name: settings[name] for name in ("name", "description", "scenario", "set", "seeds")
+            },
             **{name: about[name] for name in ("points", "runs", "genie_sim")},
         },
-        "axes": [{"column": name, "of": axis["set"], "sampled": _sampled(axis)} for name, axis in axes.items()],
-        "methods": [{"name": name, "title": titles.get(name, name)} for name in dict.fromkeys(found["method"])],
+        "axes": [
+            {"column": name, "of": axis["set"], "sampled": _sampled(axis)}
+            for name, axis in axes.items()
+        ],
+        "methods": [
+            {"name": name, "title": titles.get(name, name)}
+            for name in dict.fromkeys(found["method"])
+        ],
         "metrics": [
-            {"name": name, "unit": unit, "of": of[name], "main": name in PANELS} for name, unit in metrics.groups
+            {"name": name, "unit": unit, "of": of[name], "main": name in PANELS}
+            for name, unit in metrics.groups
         ],
         "table": _table(points, kept, columns, of, notes),
         "curves": list(_curves(runs, kept, axes, of, notes)),
@@ -73,41 +92,60 @@ def _read(folder: Path) -> "tuple[dict[str, Any], pd.DataFrame, pd.DataFrame]":
             with path.open("rb") as file:  # of a path pandas makes a URI
                 read.append(pd.read_parquet(file, use_threads=False))  # see parquet.read
     except FileNotFoundError:
-        raise UserError(f"{path}: missing; the sweep is not finished, run it again for the rest") from None
+        raise UserError(
+            f"{path}: missing; the sweep is not finished, run it again for the rest"
+        ) from None
     except (OSError, ValueError) as error:
         raise UserError(f"{path}: cannot be read: {first_line(error)}") from error
     return about, read[0], read[1]
 
 
-def _chosen(points: "pd.DataFrame", runs: "pd.DataFrame", columns: Sequence[str], notes: list[str]) -> "pd.DataFrame":
+def _chosen(
+    points: "pd.DataFrame", runs: "pd.DataFrame", columns: Sequence[str], notes: list[str]
+) -> "pd.DataFrame":
     """The rows of all metrics, or of the main ones where all would be too much for a page."""
     levels = sum(min(runs[column].nunique(), MOST_LEVELS) for column in columns)
     series = len(points[BY].drop_duplicates())
     if (len(points) + series * levels * MOST_LINES) * len(ENDS) <= MOST_NUMBERS:
         return points
-    notes.append("The page shows the main metrics only; all are in table.csv and table.parquet beside it.")
+    notes.append(
+        "The page shows the main metrics only; all are in table.csv and table.parquet beside it."
+    )
     return points[points["metric"].isin(PANELS)]
 
 
 def _table(
-    points: "pd.DataFrame", kept: "pd.DataFrame", columns: Sequence[str], of: "Series", notes: list[str]
+    points: "pd.DataFrame",
+    kept: "pd.DataFrame",
+    columns: Sequence[str],
+    of: "Series",
+    notes: list[str],
 ) -> dict[str, Any]:
     """The points' levels, column by column, and each metric's values in the same order."""
     places = points[["point", *columns]].drop_duplicates("point")
     series = max(len(kept[BY].drop_duplicates()), 1)
     most = max(MOST_NUMBERS // (series * len(ENDS)), 1)
     if len(places) > most:
-        notes.append(f"The table shows the first {most:,} of {len(places):,} points; all are in table.csv beside it.")
+        notes.append(
+            f"The table shows the first {most:,} of {len(places):,} points; all are in table.csv beside it."
+        )
         places = places[:most]
     return {
         "points": [int(number) for number in places["point"]],
-        "levels": [[one if isinstance(one, str) else float(one) for one in places[column]] for column in columns],
+        "levels": [
+            [one if isinstance(one, str) else float(one) for one in places[column]]
+            for column in columns
+        ],
         "values": _values(kept, of, "point", places["point"].tolist()),
     }
 
 
 def _curves(
-    runs: "pd.DataFrame", kept: "pd.DataFrame", axes: Mapping[str, Mapping[str, Any]], of: "Series", notes: list[str]
+    runs: "pd.DataFrame",
+    kept: "pd.DataFrame",
+    axes: Mapping[str, Mapping[str, Any]],
+    of: "Series",
+    notes: list[str],
 ) -> Iterator[dict[str, Any]]:
     """Along each axis: averages over all other axes, and the same at each level of another crossed axis."""
     of_kept = runs[runs["metric"].isin(kept["metric"].unique())]
@@ -116,12 +154,18 @@ def _curves(
         numeric = all(isinstance(level, float) for level in levels)
         levels = sorted(levels) if numeric else levels
         if len(levels) > MOST_LEVELS:
-            notes.append(f"Along {column}, {MOST_LEVELS} of its {len(levels):,} values are drawn, evenly chosen.")
+            notes.append(
+                f"Along {column}, {MOST_LEVELS} of its {len(levels):,} values are drawn, evenly chosen."
+            )
             last = len(levels) - 1
             levels = [levels[last * place // (MOST_LEVELS - 1)] for place in range(MOST_LEVELS)]
         shown = of_kept[of_kept[column].isin(levels)]
         lines: list[dict[str, Any]] = [
-            {"by": None, "level": None, "values": _values(across_seeds(shown, [column]), of, column, levels)}
+            {
+                "by": None,
+                "level": None,
+                "values": _values(across_seeds(shown, [column]), of, column, levels),
+            }
         ]
         for other in () if _sampled(axis) else axes:
             cases = list(dict.fromkeys(shown[other]))
@@ -129,7 +173,11 @@ def _curves(
                 continue
             means = across_seeds(shown, [other, column])
             lines += [
-                {"by": other, "level": level, "values": _values(means[means[other] == level], of, column, levels)}
+                {
+                    "by": other,
+                    "level": level,
+                    "values": _values(means[means[other] == level], of, column, levels),
+                }
                 for level in cases
             ]
         yield {
@@ -138,14 +186,18 @@ def _curves(
         }  # fmt: skip
 
 
-def _values(means: "pd.DataFrame", of: "Series", key: str, places: list[Any]) -> dict[str, list[Any]]:
+def _values(
+    means: "pd.DataFrame", of: "Series", key: str, places: list[Any]
+) -> dict[str, list[Any]]:
     """By metric and what it is of, three columns in the order of ``places``: value, low, high; ``None`` where not
     defined."""
     made: dict[str, list[Any]] = {name: [None] * len(series) for name, series in of.items()}
     groups: Any = means.dropna(subset=BY).groupby(BY, sort=False)
     for (metric, *which), group in groups:
         rows = group.set_index(key)[ENDS].reindex(places)
-        made[metric][of[metric].index(tuple(which))] = [[rounded(value, 5) for value in rows[end]] for end in ENDS]
+        made[metric][of[metric].index(tuple(which))] = [
+            [rounded(value, 5) for value in rows[end]] for end in ENDS
+        ]
     return made
 
 

@@ -48,10 +48,14 @@ def plan(design: Design, where: str, progress: Progress | None = None) -> Plan:
     world = _World()
     total = design.runs // len(design.seeds)
     for number, point in enumerate(design.points()):
-        levels = ", ".join(f"{name} = {level}" for name, level in zip(design.axes, point.levels, strict=True))
+        levels = ", ".join(
+            f"{name} = {level}" for name, level in zip(design.axes, point.levels, strict=True)
+        )
         try:
             scenario = load_scenario(point.scenario, point.overrides)
-            for run in _runs_of(world.prepare(scenario), design.seeds, f"point {number} ({levels})"):
+            for run in _runs_of(
+                world.prepare(scenario), design.seeds, f"point {number} ({levels})"
+            ):
                 made.entries.append(Entry(number, run.scenario.seed, run.run_id, point.levels))
                 made.runs.setdefault(run.run_id, run)
         except UserError as error:
@@ -70,7 +74,10 @@ def _runs_of(prepared: Prepared, seeds: Sequence[int], point: str) -> Iterator[R
     for seed in seeds:
         seeded = replace(prepared, scenario=prepared.scenario.model_copy(update={"seed": seed}))
         if prepared.frames.seeded:
-            seeded = replace(seeded, frames=runner.frame_source(seeded.scenario).open(seed, seeded.scenario.origin))
+            seeded = replace(
+                seeded,
+                frames=runner.frame_source(seeded.scenario).open(seed, seeded.scenario.origin),
+            )
         run_id = provenance.run_id(runner.facts(seeded))
         yield Run(run_id, seeded.scenario, key, frames, f"{point}, seed {seed}")
 
@@ -120,6 +127,10 @@ def _frames(prepared: Prepared) -> float:
             recorded = prepared.drives[car.name].frames[camera.recording]
             length_ns = recorded[-1].stamp_ns - recorded[0].stamp_ns
             window_ns = car.route.window_ns
-            driven = 1.0 if window_ns is None or not length_ns else min((window_ns[1] - window_ns[0]) / length_ns, 1.0)
+            driven = (
+                1.0
+                if window_ns is None or not length_ns
+                else min((window_ns[1] - window_ns[0]) / length_ns, 1.0)
+            )
             frames += driven * len(recorded) * car.route.laps
     return frames * len(prepared.scenario.methods)

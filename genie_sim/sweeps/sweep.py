@@ -25,7 +25,13 @@ if TYPE_CHECKING:
 FORMAT = 2
 ABOUT = "sweep.json"
 FAILURES = "failures"
-RESULTS = ("table.*", "differences.*", "runs.parquet", "figures/*", "report.html")  # besides the parts
+RESULTS = (
+    "table.*",
+    "differences.*",
+    "runs.parquet",
+    "figures/*",
+    "report.html",
+)  # besides the parts
 
 
 @dataclass(frozen=True)
@@ -56,7 +62,9 @@ class Sweep:
     @classmethod
     def load(cls, path_or_name: str | Path, out: Path, progress: Progress | None = None) -> "Sweep":
         """Reads and checks the sweep and its folder. Raises ``UserError``."""
-        return cls.of(load_design(path_or_name), str(files.find(files.SWEEP, path_or_name)), out, progress)
+        return cls.of(
+            load_design(path_or_name), str(files.find(files.SWEEP, path_or_name)), out, progress
+        )
 
     @classmethod
     def of(cls, design: Design, where: str, out: Path, progress: Progress | None = None) -> "Sweep":
@@ -65,7 +73,12 @@ class Sweep:
         _check(folder)
         return cls(design, folder, plan(design, where, progress))
 
-    def run(self, backend: Local | Dask, shard: tuple[int, int] = (1, 1), progress: Progress | None = None) -> None:
+    def run(
+        self,
+        backend: Local | Dask,
+        shard: tuple[int, int] = (1, 1),
+        progress: Progress | None = None,
+    ) -> None:
         """Runs what is missing of a shard ``(i, n)``. Raises ``UserError``; where runs failed, when all others are
         done."""
         with usable(self.folder):
@@ -84,7 +97,9 @@ class Sweep:
         for run in missing:
             self._told(run.run_id).unlink(missing_ok=True)
         failures: list[Failure] = []
-        with contextlib.closing(backend.run(tasks(missing, backend.workers, self._parts), self.plan.shared)) as results:
+        with contextlib.closing(
+            backend.run(tasks(missing, backend.workers, self._parts), self.plan.shared)
+        ) as results:
             for finished in results:
                 count += finished.runs
                 failures += finished.failures
@@ -100,12 +115,16 @@ class Sweep:
                 f"{first.place}: {why[first.run_id]}; see {self._told(first.run_id)}"
             )
         if {run.run_id for run in mine} - tables.done_runs(self._parts):
-            raise UserError(f"{self._parts}: the workers' parts are not there; they must write to the same file system")
+            raise UserError(
+                f"{self._parts}: the workers' parts are not there; they must write to the same file system"
+            )
 
     def finish(self, pictures: bool = True) -> Swept:
         """Makes the tables, and with ``pictures`` figures and page, if every run is done. Raises ``UserError``."""
         done = len(tables.done_runs(self._parts) & self.plan.runs.keys())
-        swept = Swept(self.folder, self.design.runs // len(self.design.seeds), len(self.plan.runs), done)
+        swept = Swept(
+            self.folder, self.design.runs // len(self.design.seeds), len(self.plan.runs), done
+        )
         if swept.complete:
             with usable(self.folder):
                 runs = self._write()
@@ -130,7 +149,9 @@ class Sweep:
     def _write(self) -> "pd.DataFrame":
         """The tables; returns that of all runs."""
         columns = list(self.design.columns.values())
-        runs = tables.of_runs(self.plan.entries, columns, tables.read_parts(self._parts, self.plan.runs.keys()))
+        runs = tables.of_runs(
+            self.plan.entries, columns, tables.read_parts(self._parts, self.plan.runs.keys())
+        )
         crossed = [self.design.columns[name] for name in self.design.crossed]
         about = json.dumps({"sweep": self._settings(), "format": FORMAT}, sort_keys=True).encode()
         tables.write_parquet(runs, self.folder / "runs.parquet", about)
@@ -141,7 +162,9 @@ class Sweep:
         self._write_about()  # another sweep of this name may have begun in the meantime
         for leftover in self._parts.glob(f".*{PARTIAL}"):
             leftover.unlink(missing_ok=True)  # of workers that were killed
-        shutil.rmtree(self.folder / FAILURES, ignore_errors=True)  # of runs that a plug-in has since been mended for
+        shutil.rmtree(
+            self.folder / FAILURES, ignore_errors=True
+        )  # of runs that a plug-in has since been mended for
         return runs
 
     def _draw(self, runs: "pd.DataFrame") -> None:
@@ -152,8 +175,13 @@ class Sweep:
         titles, seeds = self._titles(), self.design.seeds
         shown = ", ".join(map(str, seeds)) if len(seeds) <= 5 else f"{len(seeds)} seeds"
         points = self.design.runs // len(seeds)
-        footer = f"sweep {self.design.name} of {self.design.scenario}, {points} points, seeds {shown}"
-        told = {name: title if list(titles.values()).count(title) == 1 else name for name, title in titles.items()}
+        footer = (
+            f"sweep {self.design.name} of {self.design.scenario}, {points} points, seeds {shown}"
+        )
+        told = {
+            name: title if list(titles.values()).count(title) == 1 else name
+            for name, title in titles.items()
+        }
         titled = runs.assign(method=runs["method"].map(told))
         for name, figure in figures.of_sweep(self.design, titled, footer):
             of_runs.save(figure, self.folder / "figures", name)
@@ -165,7 +193,11 @@ class Sweep:
     def _titles(self) -> dict[str, str]:
         """What pages call each method."""
         runs, seed = self.plan.runs, self.design.seeds[0]  # one of each point
-        found = (build.method_facts(runs[one.run_id].scenario) for one in self.plan.entries if one.seed == seed)
+        found = (
+            build.method_facts(runs[one.run_id].scenario)
+            for one in self.plan.entries
+            if one.seed == seed
+        )
         return {method["name"]: method["title"] for methods in found for method in methods}
 
     def _write_about(self) -> None:

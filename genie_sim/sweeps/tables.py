@@ -41,7 +41,9 @@ def read_parts(parts: Path, run_ids: Collection[str]) -> "pd.DataFrame":
     return pd.concat([part.astype(texts) for part in kept])
 
 
-def of_runs(entries: Sequence[Entry], columns: Sequence[str], measured: "pd.DataFrame") -> "pd.DataFrame":
+def of_runs(
+    entries: Sequence[Entry], columns: Sequence[str], measured: "pd.DataFrame"
+) -> "pd.DataFrame":
     """One row per point, seed and metric: the axes' values, what was measured, and its interval inside the run."""
     import pandas as pd
 
@@ -57,7 +59,9 @@ def of_points(runs: "pd.DataFrame", columns: Sequence[str]) -> "pd.DataFrame":
     return places.merge(means, on="point", how="left")
 
 
-def differences(runs: "pd.DataFrame", columns: Sequence[str], along: str, to: Any) -> "pd.DataFrame":
+def differences(
+    runs: "pd.DataFrame", columns: Sequence[str], along: str, to: Any
+) -> "pd.DataFrame":
     """Paired differences of every metric: each value of the column ``along`` minus the value ``to``, seed by seed.
 
     ``runs`` is ``of_runs`` with the axes in ``columns``; ``along`` is one of them or ``method``. Returns the axes,
@@ -75,10 +79,14 @@ def differences(runs: "pd.DataFrame", columns: Sequence[str], along: str, to: An
     reference = runs[runs[along] == to][[*paired_by, "value"]]
     others = runs[(runs[along] != to) & runs["metric"].notna()]
     both = others.merge(reference, on=paired_by, suffixes=("", "_reference"))
-    return across_seeds(both.assign(value=both["value"] - both["value_reference"]), columns, differences=True)
+    return across_seeds(
+        both.assign(value=both["value"] - both["value_reference"]), columns, differences=True
+    )
 
 
-def all_differences(runs: "pd.DataFrame", columns: Sequence[str], crossed: Sequence[str]) -> "pd.DataFrame":
+def all_differences(
+    runs: "pd.DataFrame", columns: Sequence[str], crossed: Sequence[str]
+) -> "pd.DataFrame":
     """Paired differences of methods from the first method, and along each ``crossed`` column from its first value:
     ``along`` and ``against`` say which."""
     import pandas as pd
@@ -86,7 +94,9 @@ def all_differences(runs: "pd.DataFrame", columns: Sequence[str], crossed: Seque
     found = []
     for along in ("method", *crossed):
         first = runs[along].dropna().iloc[0]
-        found.append(differences(runs, columns, along, first).assign(along=along, against=str(first)))
+        found.append(
+            differences(runs, columns, along, first).assign(along=along, against=str(first))
+        )
     return pd.concat(found, ignore_index=True)
 
 
@@ -95,7 +105,9 @@ def write_parquet(table: "pd.DataFrame", path: Path, about: bytes) -> None:
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    made = pa.Table.from_pandas(table, preserve_index=False).replace_schema_metadata({METADATA_KEY: about})
+    made = pa.Table.from_pandas(table, preserve_index=False).replace_schema_metadata(
+        {METADATA_KEY: about}
+    )
     with atomic_write(path) as beside, beside.open("wb") as file:  # of a path pyarrow makes a URI
         pq.write_table(made, file, compression="zstd", version="2.6")
 
@@ -104,7 +116,9 @@ def write_csv(table: "pd.DataFrame", path: Path) -> None:
     """An undefined number is an empty field. A text that a spreadsheet would take for a formula gets an apostrophe in
     front. Raises ``UserError``."""
     texts = table.select_dtypes(exclude="number").columns
-    table = table.assign(**{name: table[name].map(tables.harmless) for name in texts}).rename(columns=tables.harmless)
+    table = table.assign(**{name: table[name].map(tables.harmless) for name in texts}).rename(
+        columns=tables.harmless
+    )
     with atomic_write(path) as beside, beside.open("w", encoding="utf-8", newline="") as file:
         table.to_csv(file, index=False, lineterminator="\n")
 

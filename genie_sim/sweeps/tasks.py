@@ -97,16 +97,24 @@ def run_task(task: Task, packed: bytes) -> Finished:
     """Simulates the runs of a task and writes their part. What one run raises does not keep the others from being done.
     ``packed``: what the tasks share, pickled. Raises ``UserError``."""
     if task.genie_sim != genie_sim.__version__:
-        raise UserError(f"a worker has genie-sim {genie_sim.__version__}, the sweep {task.genie_sim}: install the same")
+        raise UserError(
+            f"a worker has genie-sim {genie_sim.__version__}, the sweep {task.genie_sim}: install the same"
+        )
     frames = _unpacked(packed)
     table = Table(PART)
     failures: list[Failure] = []
     for run in task.runs:
         try:
             known = None if run.source is None else frames[run.source]
-            found = measured(runner.prepare(run.scenario) if known is None else runner.on_frames(run.scenario, known))
+            found = measured(
+                runner.prepare(run.scenario)
+                if known is None
+                else runner.on_frames(run.scenario, known)
+            )
         except Exception as error:
-            failures.append(Failure(run.run_id, f"{type(error).__name__}: {error}", traceback.format_exc()))
+            failures.append(
+                Failure(run.run_id, f"{type(error).__name__}: {error}", traceback.format_exc())
+            )
             continue
         for metric in found:
             table.append((run.run_id, *astuple(metric)))
@@ -123,11 +131,21 @@ def run_task(task: Task, packed: bytes) -> Finished:
 
 def measured(prepared: Prepared) -> Sequence[Metric]:
     """Simulates one run: the metrics of its methods and of their Genies, not of single resources: a fleet has many."""
-    needed = ("lookups", "resources", "poses", "objects", "answers", "held")  # by the metrics of a sweep
+    needed = (
+        "lookups",
+        "resources",
+        "poses",
+        "objects",
+        "answers",
+        "held",
+    )  # by the metrics of a sweep
     record = tuple(one for one in prepared.expanded.record if one in needed)
     scenario = prepared.expanded.model_copy(update={"record": record})
     tables = runner.simulate(replace(prepared, expanded=scenario))
-    used = {table.name: table.columns() for table in (tables.frames, tables.lookups, tables.answers, tables.held)}
+    used = {
+        table.name: table.columns()
+        for table in (tables.frames, tables.lookups, tables.answers, tables.held)
+    }
     return metrics.compute(runner.methods_of(prepared), used)
 
 
@@ -159,7 +177,9 @@ class Dask:
         try:
             from distributed import Client
         except ImportError:
-            raise UserError("--backend dask: Dask is not installed: pip install 'genie-sim[dask]'") from None
+            raise UserError(
+                "--backend dask: Dask is not installed: pip install 'genie-sim[dask]'"
+            ) from None
         self._where = f"--scheduler {scheduler}"
         try:
             self._client = Client(scheduler, timeout=SCHEDULER_TIMEOUT_S)
@@ -169,7 +189,9 @@ class Dask:
             self._client.wait_for_workers(1, timeout=WORKERS_TIMEOUT_S)
         except TimeoutError:
             self.close()
-            raise UserError(f"{self._where}: has no workers, and got none in {WORKERS_TIMEOUT_S} s") from None
+            raise UserError(
+                f"{self._where}: has no workers, and got none in {WORKERS_TIMEOUT_S} s"
+            ) from None
         self.workers: int = max(1, sum(self._client.nthreads().values()))
 
     def run(self, tasks: Sequence[Task], shared: Shared) -> Generator[Finished, None, None]:
@@ -180,12 +202,17 @@ class Dask:
         from distributed import CancelledError, KilledWorker, as_completed
 
         packed = self._client.submit(bytes, pickle.dumps(shared))
-        futures = [self._client.submit(run_task, task, packed, key=f"genie-sim-{task.part.stem}") for task in tasks]
+        futures = [
+            self._client.submit(run_task, task, packed, key=f"genie-sim-{task.part.stem}")
+            for task in tasks
+        ]
         try:
             for future in as_completed(futures):
                 yield future.result()
         except KilledWorker as error:
-            raise UserError(f"{self._where}: a task was lost with several workers, for want of memory?") from error
+            raise UserError(
+                f"{self._where}: a task was lost with several workers, for want of memory?"
+            ) from error
         except (CancelledError, OSError) as error:
             raise UserError(f"{self._where}: the connection to the scheduler was lost") from error
         finally:

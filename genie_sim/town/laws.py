@@ -27,7 +27,10 @@ from genie_sim.town.noise import smooth_normals
 from genie_sim.town.rules import MOST_VIEW_M
 
 GROUP_OF = {"car": "vehicles", "truck": "vehicles", "bus": "vehicles"}  # all others: persons
-STEPS_PER_Z, MIDDLE = 32.0, 32 * 7  # tables cover z from -7 to 7: three numbers of at most 3.7, weights of norm 1
+STEPS_PER_Z, MIDDLE = (
+    32.0,
+    32 * 7,
+)  # tables cover z from -7 to 7: three numbers of at most 3.7, weights of norm 1
 VIEW_STEP_M = 0.25
 PLACE_DECIMALS = 6
 PRONE = 1 << 12
@@ -61,7 +64,17 @@ class GroupLaws:
     65,536 looks, and the names.
     """
 
-    __slots__ = ("across", "across_m", "along", "along_m", "names", "place", "prone", "score", "scores")
+    __slots__ = (
+        "across",
+        "across_m",
+        "along",
+        "along_m",
+        "names",
+        "place",
+        "prone",
+        "score",
+        "scores",
+    )
 
     def __init__(self, fitted: Mapping[str, Any], place: int) -> None:
         self.place = place  # among all groups
@@ -90,22 +103,36 @@ class DetectorLaws:
 
     def __init__(self, fitted: Mapping[str, Any]) -> None:
         self.provenance: Mapping[str, Any] = fitted["provenance"]
-        self.digest = str(fitted.get("digest", ""))  # given when they were fitted; it seeds what towns draw from them
+        self.digest = str(
+            fitted.get("digest", "")
+        )  # given when they were fitted; it seeds what towns draw from them
         called = fitted["vehicle_names"]
         running = accumulate(round(share * 0x10000) for _, share in called["names"])
-        names = tuple((share, str(name)) for share, (name, _) in zip(running, called["names"], strict=True))
+        names = tuple(
+            (share, str(name)) for share, (name, _) in zip(running, called["names"], strict=True)
+        )
         self.groups: list[GroupLaws] = []
         self._real = {name: self._group(group) for name, group in fitted["groups"].items()}
-        self._real["vehicles"].names, self._real["vehicles"].prone = names, round(called["prone"] * PRONE)
-        self._ghosts = {name: self._group(group) for name, group in fitted["ghosts"].items() if group["places"]}
+        self._real["vehicles"].names, self._real["vehicles"].prone = (
+            names,
+            round(called["prone"] * PRONE),
+        )
+        self._ghosts = {
+            name: self._group(group) for name, group in fitted["ghosts"].items() if group["places"]
+        }
         named = (("score", "scores"), ("along", "along_m"), ("across", "across_m"))
         self.copulas = [self._together(*names) for names in named]
         smooth_normals.cache_clear()  # each group has its row by now
         ghosts = [(GHOST_LABELS[name], group) for name, group in sorted(fitted["ghosts"].items())]
-        self.ghosts_per_100m = {label: float(group["per_100m"]) for label, group in ghosts if group["places"]}
+        self.ghosts_per_100m = {
+            label: float(group["per_100m"]) for label, group in ghosts if group["places"]
+        }
         self.transient = tuple(
             TransientLaw(
-                label, group["fleeting_a_frame"], tuple(group["fleeting_range_m"]), tuple(group["fleeting_scores"])
+                label,
+                group["fleeting_a_frame"],
+                tuple(group["fleeting_range_m"]),
+                tuple(group["fleeting_scores"]),
             )
             for label, group in ghosts
         )
@@ -173,13 +200,17 @@ def _score_table(found: Mapping[str, Any]) -> Array:
 def _place_table(place: Mapping[str, Any], name: str) -> Array:
     quantiles = _quantiles_by_range(place["range_m"], place[name])
     levels = np.linspace(0.0, 1.0, quantiles.shape[1])
-    return _table(np.array([np.interp(_share(0.5), levels, row) for row in quantiles]), PLACE_DECIMALS)
+    return _table(
+        np.array([np.interp(_share(0.5), levels, row) for row in quantiles]), PLACE_DECIMALS
+    )
 
 
 def _share(step: float) -> Array:
     """The share of z below each column of a table, or so many steps above it."""
     columns = np.arange(2 * MIDDLE + 2)
-    return np.array([NormalDist().cdf(z) for z in ((columns + step - MIDDLE) / STEPS_PER_Z).tolist()])
+    return np.array(
+        [NormalDist().cdf(z) for z in ((columns + step - MIDDLE) / STEPS_PER_Z).tolist()]
+    )
 
 
 def _table(values: Array, decimals: int) -> Array:

@@ -27,7 +27,9 @@ SIZES_M = {  # assumed: usual heights
     "bench": 0.85,
 }
 FEET_M = {"traffic light": 2.2, "stop sign": 2.0}  # assumed: of what does not stand on the ground
-MIDDLES_M = {label: round(FEET_M.get(label, 0.0) + size_m / 2, 3) for label, size_m in SIZES_M.items()}
+MIDDLES_M = {
+    label: round(FEET_M.get(label, 0.0) + size_m / 2, 3) for label, size_m in SIZES_M.items()
+}
 # An object lower than KITTI's MIN_HEIGHT_PX in the picture is not judged, so no law is known of it: it is not in view.
 REACHES_M = {label: FOCAL_PX * size_m / MIN_HEIGHT_PX for label, size_m in SIZES_M.items()}
 

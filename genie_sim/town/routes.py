@@ -20,7 +20,11 @@ Node = tuple[int, int]  # the crossing of the i-th street from the west and the 
 
 Place = tuple[float, float, float]  # east, north [m], heading [rad]
 
-RIGHT_MPS, LEFT_MPS, CAREFUL_MPS = 3.0, 4.0, 5.5  # assumed: through right and left turns, and where the right has way
+RIGHT_MPS, LEFT_MPS, CAREFUL_MPS = (
+    3.0,
+    4.0,
+    5.5,
+)  # assumed: through right and left turns, and where the right has way
 STOP_S = 2.0  # assumed: at a stop sign
 GREEN_S, CYCLE_S = 28.0, 60.0  # assumed: of a traffic light
 
@@ -34,7 +38,9 @@ class Course:
         self._begin_s: list[float] = []
         self._pieces: list[tuple[float, float, float, float, float, float, float, float]] = []
 
-    def add(self, begin_s: float, place: Place, curvature: float, speed: float, acceleration: float) -> None:
+    def add(
+        self, begin_s: float, place: Place, curvature: float, speed: float, acceleration: float
+    ) -> None:
         east_m, north_m, heading = place
         self._begin_s.append(begin_s)
         turn = math.cos(heading), math.sin(heading)
@@ -64,14 +70,18 @@ class Commuting:
         self._east, self._north = rules.blocks
         nodes = [(i, j) for i in range(self._east + 1) for j in range(self._north + 1)]
         count = min(rules.destinations, len(nodes))
-        self._destinations: list[Node] = [nodes[k] for k in random.permutation(len(nodes))[:count].tolist()]
+        self._destinations: list[Node] = [
+            nodes[k] for k in random.permutation(len(nodes))[:count].tolist()
+        ]
         weights = [(k + 1) ** -rules.popularity for k in range(count)]
         self._shares = [share / sum(weights) for share in accumulate(weights)]
         self._away = functools.cache(self._seconds_to)
 
     def destination(self, draw: float) -> Node:
         """The destination that a number in [0, 1) stands for."""
-        return self._destinations[min(bisect_right(self._shares, draw), len(self._destinations) - 1)]
+        return self._destinations[
+            min(bisect_right(self._shares, draw), len(self._destinations) - 1)
+        ]
 
     def neighbours(self, node: Node) -> Iterator[Node]:
         for way_i, way_j in ((1, 0), (0, 1), (-1, 0), (0, -1)):
@@ -91,7 +101,9 @@ class Commuting:
             cost_s = self._rules.block_m / self.limit_mps(node, there) + away_s[there]
             return cost_s if there == straight_on or before is None else cost_s + 1e-3
 
-        return min((there for there in self.neighbours(node) if there != before), key=cost, default=node)
+        return min(
+            (there for there in self.neighbours(node) if there != before), key=cost, default=node
+        )
 
     def _seconds_to(self, destination: Node) -> dict[Node, float]:
         """Seconds from every junction to a destination (Dijkstra)."""
@@ -114,7 +126,11 @@ class Commuting:
         node = (int(draws[0] * (self._east + 1)), int(draws[1] * (self._north + 1)))
         destination = self.destination(draws[2])
         while destination == node:
-            destination = self.destination(float(random.random())) if len(self._destinations) > 1 else self._other(node)
+            destination = (
+                self.destination(float(random.random()))
+                if len(self._destinations) > 1
+                else self._other(node)
+            )
         way, before = [node], None
         while node != destination:
             before, node = node, self.after(before, node, destination)
@@ -138,12 +154,20 @@ class Commuting:
 
 def green_at(node: Node, northbound: bool, t_s: float) -> float:
     """When a light at a junction is green for those who drive along one axis: now, or the time [s] it turns so."""
-    offset_s = (mix(node[0] << 20 | node[1]) & 0xFFFF) / 0x10000 * CYCLE_S + (CYCLE_S / 2 if northbound else 0.0)
+    offset_s = (mix(node[0] << 20 | node[1]) & 0xFFFF) / 0x10000 * CYCLE_S + (
+        CYCLE_S / 2 if northbound else 0.0
+    )
     phase_s = (t_s + offset_s) % CYCLE_S
     return t_s if phase_s < GREEN_S else t_s + CYCLE_S - phase_s
 
 
-def drive(rules: TownRules, commuting: Commuting, random: np.random.Generator, begin_s: float, end_s: float) -> Course:
+def drive(
+    rules: TownRules,
+    commuting: Commuting,
+    random: np.random.Generator,
+    begin_s: float,
+    end_s: float,
+) -> Course:
     """The course of one car from ``begin_s`` on; it knows its place at least until ``end_s``."""
     course = Course()
     nodes = commuting.trip(random)
@@ -151,7 +175,9 @@ def drive(rules: TownRules, commuting: Commuting, random: np.random.Generator, b
     straight_m = rules.block_m - 2 * JUNCTION_M
     t_s, speed = begin_s, commuting.limit_mps(here, there)
     # The first leg starts anywhere from which a stop at its end is still possible.
-    offset_m = float(random.random()) * max(0.0, straight_m - speed**2 / (2 * rules.braking_mps2) - 1.0)
+    offset_m = float(random.random()) * max(
+        0.0, straight_m - speed**2 / (2 * rules.braking_mps2) - 1.0
+    )
     while t_s <= end_s:
         beyond = next(nodes)
         limit = commuting.limit_mps(here, there)
@@ -168,7 +194,9 @@ def drive(rules: TownRules, commuting: Commuting, random: np.random.Generator, b
         length_m = straight_m - offset_m
         wait_until_s: float | None = 0.0 if other_main else None
         if main and other_main:
-            arrival_s = t_s + sum(seconds for seconds, _, _ in _phases(rules, length_m, speed, through, limit))
+            arrival_s = t_s + sum(
+                seconds for seconds, _, _ in _phases(rules, length_m, speed, through, limit)
+            )
             green_s = green_at(there, way[0] == 0, arrival_s)
             wait_until_s = green_s if green_s > arrival_s else None
         gone_m, begin = 0.0, place
@@ -204,12 +232,22 @@ def _phases(
     peak = max(begin, end, min(limit, math.sqrt(reachable)))
     faster_m, slower_m = (peak**2 - begin**2) / (2 * a), (peak**2 - end**2) / (2 * b)
     even_m = max(0.0, length_m - faster_m - slower_m)
-    phases = [((peak - begin) / a, begin, a), (even_m / peak, peak, 0.0), ((peak - end) / b, peak, -b)]
+    phases = [
+        ((peak - begin) / a, begin, a),
+        (even_m / peak, peak, 0.0),
+        ((peak - end) / b, peak, -b),
+    ]
     return [phase for phase in phases if phase[0] > 0]
 
 
 def _manoeuvre(
-    rules: TownRules, course: Course, t_s: float, place: Place, turn: int, speed: float, through: float
+    rules: TownRules,
+    course: Course,
+    t_s: float,
+    place: Place,
+    turn: int,
+    speed: float,
+    through: float,
 ) -> tuple[float, float]:
     """Across the junction: straight, or a quarter of a circle. Time and speed at its end."""
     radius_m = JUNCTION_M + turn * LANE_M

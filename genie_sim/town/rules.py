@@ -6,7 +6,9 @@ from typing import NoReturn
 
 from genie_sim.errors import UserError
 
-JUNCTION_M = 6.0  # from the middle of a junction to where a car begins to turn, and to its stop lines
+JUNCTION_M = (
+    6.0  # from the middle of a junction to where a car begins to turn, and to its stop lines
+)
 LANE_M = 1.75  # from the middle of a street to the middle of its right-hand lane
 SLOT_M = 6.5  # of kerb that a parked car takes
 CLEAR_M = 14.0  # from a crossing, free of parked cars
@@ -52,12 +54,18 @@ class TownRules:
     def __post_init__(self) -> None:
         two = tuple(self.blocks) if isinstance(self.blocks, list | tuple) else ()
         if len(two) != 2 or any(type(n) is not int or not 1 <= n <= MOST_BLOCKS for n in two):
-            raise UserError(f"town: blocks: {self.blocks!r} is not two whole numbers from 1 to {MOST_BLOCKS}")
+            raise UserError(
+                f"town: blocks: {self.blocks!r} is not two whole numbers from 1 to {MOST_BLOCKS}"
+            )
         object.__setattr__(self, "blocks", two)
         positive = ("speed_mps", "main_speed_mps", "acceleration_mps2", "braking_mps2", "view_m")
         for field in fields(self)[1:]:
             value = getattr(self, field.name)
-            if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+            if (
+                isinstance(value, bool)
+                or not isinstance(value, int | float)
+                or not math.isfinite(value)
+            ):
                 self._refuse(field.name, "is not a finite number")
             if isinstance(field.default, float):  # 15 and 15.0 are one town
                 object.__setattr__(self, field.name, float(value))
@@ -76,17 +84,27 @@ class TownRules:
         braking_m = max(self.speed_mps, self.main_speed_mps) ** 2 / (2 * self.braking_mps2)
         if self.block_m < braking_m + 4 * JUNCTION_M:
             least_m = math.ceil(braking_m + 4 * JUNCTION_M)
-            self._refuse("block_m", f"is too short to stop in from the speed limit; at least {least_m} m")
+            self._refuse(
+                "block_m", f"is too short to stop in from the speed limit; at least {least_m} m"
+            )
         if not 8.0 <= self.street_half_m <= self.block_m / 4:
-            self._refuse("street_half_m", f"is not between 8 m and a quarter of a block, {self.block_m / 4:g} m")
+            self._refuse(
+                "street_half_m",
+                f"is not between 8 m and a quarter of a block, {self.block_m / 4:g} m",
+            )
         room = 200 * self.parking_slots / self.block_m
         if self.parked_cars_per_100m > room:
-            self._refuse("parked_cars_per_100m", f"do not fit; between junctions there is room for {room:.1f}")
+            self._refuse(
+                "parked_cars_per_100m",
+                f"do not fit; between junctions there is room for {room:.1f}",
+            )
 
     def _refuse(self, name: str, why: str) -> NoReturn:
         """Names the rule and its value as scenarios write them: ``view: 500 m``."""
         value = getattr(self, name)
-        raise UserError(f"town: {name.removesuffix('_m')}: {value!r}{' m' if name.endswith('_m') else ''} {why}")
+        raise UserError(
+            f"town: {name.removesuffix('_m')}: {value!r}{' m' if name.endswith('_m') else ''} {why}"
+        )
 
     @property
     def parking_slots(self) -> int:

@@ -46,15 +46,23 @@ class InTown:
             if value <= 0:
                 raise ValueError(f"{name}: must be more than zero, but is {text}")
         if self.duration_ns / self.interval_ns > MOST_FRAMES:
-            raise ValueError(f"interval: makes more than {MOST_FRAMES:,} frames of {duration_text(self.duration_ns)}")
+            raise ValueError(
+                f"interval: makes more than {MOST_FRAMES:,} frames of {duration_text(self.duration_ns)}"
+            )
         if self.town.block_m > MOST_BLOCK_M:
-            raise ValueError(f"town.block: must be at most {MOST_BLOCK_M / 1000:g} km, but is {self.town.block_m:g} m")
+            raise ValueError(
+                f"town.block: must be at most {MOST_BLOCK_M / 1000:g} km, but is {self.town.block_m:g} m"
+            )
 
     def cells(self, cell_m: float) -> float:
         """About how many cells of that size the town has."""
-        return math.prod(max(1.0, blocks * self.town.block_m / cell_m) for blocks in self.town.blocks)
+        return math.prod(
+            max(1.0, blocks * self.town.block_m / cell_m) for blocks in self.town.blocks
+        )
 
-    def open(self, seed: int, origin: Geodetic | None, progress: "Progress | None" = None) -> "TownDrives":
+    def open(
+        self, seed: int, origin: Geodetic | None, progress: "Progress | None" = None
+    ) -> "TownDrives":
         from genie_sim.town.town import Town
 
         return TownDrives(Town(self.town, seed), self)
@@ -73,7 +81,9 @@ class TownDrives:
         return self.town.drive(car, self.settings.duration_ns, self.settings.interval_ns, start_ns)
 
     def truth_of(self, drive: "Drive") -> "TownTruth":
-        return TownTruth(self.town, drive.start_ns, self.settings.tolerance_m, self.settings.range_m)
+        return TownTruth(
+            self.town, drive.start_ns, self.settings.tolerance_m, self.settings.range_m
+        )
 
     def digests(self) -> Mapping[str, str]:
         return {self.town.name: self.town.digest}

@@ -25,7 +25,11 @@ from genie_sim.town.objects import TownObject, town_object
 from genie_sim.town.rules import CLEAR_M, GHOST_BESIDE_M, JUNCTION_M, LANE_M, SLOT_M, TownRules
 
 PARKED_M, PAVEMENT_M, BIKE_M = 5.0, 7.5, 3.2  # from the middle of the street
-WALK_MPS, CYCLE_MPS, FLOW = 1.4, 4.5, 0.9  # assumed; FLOW is the share of the speed limit that traffic drives
+WALK_MPS, CYCLE_MPS, FLOW = (
+    1.4,
+    4.5,
+    0.9,
+)  # assumed; FLOW is the share of the speed limit that traffic drives
 FURNITURE = (("fire hydrant", 0.4), ("bench", 0.5))
 STREAM_BITS = 32
 ROUNDING_M = 1e-6
@@ -65,7 +69,9 @@ class Stream(NamedTuple):
             if starts_m[k] > end_m:
                 return found
             along_m = starts_m[k] + (gone_m + lap * length_m)
-            east_m, north_m = (self.beside_m, along_m) if self.northbound else (along_m, self.beside_m)
+            east_m, north_m = (
+                (self.beside_m, along_m) if self.northbound else (along_m, self.beside_m)
+            )
             for mover in self.movers[k]:
                 number = mover.number - int(lap) * len(starts_m)
                 found.append(mover.at(number, east_m, north_m))
@@ -94,18 +100,28 @@ class Street:
     """
 
     def __init__(
-        self, northbound: bool, middle_m: float, length_m: float, standing: list[TownObject], streams: list[Stream]
+        self,
+        northbound: bool,
+        middle_m: float,
+        length_m: float,
+        standing: list[TownObject],
+        streams: list[Stream],
     ) -> None:
         self.northbound, self.middle_m, self.length_m = northbound, middle_m, length_m
         self.streams = [stream for stream in streams if stream.starts_m]
-        self.standing = sorted(standing, key=lambda s: (s.north_m if northbound else s.east_m, s.number))
+        self.standing = sorted(
+            standing, key=lambda s: (s.north_m if northbound else s.east_m, s.number)
+        )
         self.places_m = array("d", (s.north_m if northbound else s.east_m for s in self.standing))
         self.first = 0
 
     @functools.cached_property
     def things(self) -> list[TownObject]:
         """All that stands and then all that moves, in the order of the columns."""
-        return [*self.standing, *(one for stream in self.streams for movers in stream.movers for one in movers)]
+        return [
+            *self.standing,
+            *(one for stream in self.streams for movers in stream.movers for one in movers),
+        ]
 
     @functools.cached_property
     def _columns(self) -> tuple[Array, Array, _Movers]:
@@ -119,7 +135,9 @@ class Street:
         ]
         columns = np.array(rows).reshape(-1, 5).T
         stream, start_m, speed_mps, mover_beside_m, count = columns
-        movers = _Movers(stream.astype(np.int64), start_m, speed_mps, mover_beside_m, count.astype(np.int64))
+        movers = _Movers(
+            stream.astype(np.int64), start_m, speed_mps, mover_beside_m, count.astype(np.int64)
+        )
         return np.array(self.places_m), beside_m, movers
 
     def seen(self, low_m: Array, high_m: Array, t_s: Array) -> Part:
@@ -138,16 +156,24 @@ class Street:
         move, lap = (np.concatenate(column) for column in zip(*picked, strict=True))
         order = np.lexsort((movers.start_m[move] + lap * self.length_m, movers.stream[move]))
         move, lap = move[order], lap[order]
-        moved_m = movers.start_m[move] + (movers.speed_mps[move] * t_s[:, None] + lap * self.length_m)
-        along_m = np.concatenate([np.broadcast_to(places_m[stand], (len(t_s), len(stand))), moved_m], axis=1)
+        moved_m = movers.start_m[move] + (
+            movers.speed_mps[move] * t_s[:, None] + lap * self.length_m
+        )
+        along_m = np.concatenate(
+            [np.broadcast_to(places_m[stand], (len(t_s), len(stand))), moved_m], axis=1
+        )
         look, column = np.nonzero((low_m[:, None] <= along_m) & (along_m <= high_m[:, None]))
         there_m = along_m[look, column]
         aside_m = np.concatenate([beside_m[stand], movers.beside_m[move]])[column]
         thing = np.concatenate([stand, move + len(places_m)])[column] + self.first
-        less = np.concatenate([np.zeros(len(stand), np.int64), lap.astype(np.int64) * movers.many[move]])[column]
+        less = np.concatenate(
+            [np.zeros(len(stand), np.int64), lap.astype(np.int64) * movers.many[move]]
+        )[column]
         return (look, thing, less, *((aside_m, there_m) if self.northbound else (there_m, aside_m)))
 
-    def between(self, low_m: float, high_m: float, t_s: float, labels: Collection[str] = ()) -> list[TownObject]:
+    def between(
+        self, low_m: float, high_m: float, t_s: float, labels: Collection[str] = ()
+    ) -> list[TownObject]:
         """All that is between two places along the street at a time, or only what may be of some classes."""
         places_m = self.places_m
         found = self.standing[bisect_left(places_m, low_m) : bisect_left(places_m, high_m)]
@@ -161,7 +187,12 @@ class Street:
 
 
 def lay_out(
-    rules: TownRules, laws: DetectorLaws, northbound: bool, index: int, seed_key: int, random: np.random.Generator
+    rules: TownRules,
+    laws: DetectorLaws,
+    northbound: bool,
+    index: int,
+    seed_key: int,
+    random: np.random.Generator,
 ) -> Street:
     """One street with all that is on it, and the places where the detector sees what is not there."""
     crossings = rules.blocks[1] if northbound else rules.blocks[0]
@@ -172,7 +203,9 @@ def lay_out(
     def stand(label: str, along_m: float, beside_m: float, real: bool = True) -> None:
         place = (middle_m + beside_m, along_m) if northbound else (along_m, middle_m + beside_m)
         number = base + len(standing)
-        standing.append(town_object(laws.of(label, real), seed_key, number, label, *place, False, real))
+        standing.append(
+            town_object(laws.of(label, real), seed_key, number, label, *place, False, real)
+        )
 
     for side in (-1, 1):
         for along_m, is_truck in _parked(rules, crossings, random):
@@ -180,8 +213,14 @@ def lay_out(
     for label, density, beside_m, real in (
         ("bicycle", rules.parked_bicycles_per_100m, PAVEMENT_M - 1.0, True),
         ("person", rules.standing_people_per_100m, PAVEMENT_M, True),
-        *((label, rules.furniture_per_100m * share, PAVEMENT_M + 1.0, True) for label, share in FURNITURE),
-        *((label, density, GHOST_BESIDE_M, False) for label, density in laws.ghosts_per_100m.items()),
+        *(
+            (label, rules.furniture_per_100m * share, PAVEMENT_M + 1.0, True)
+            for label, share in FURNITURE
+        ),
+        *(
+            (label, density, GHOST_BESIDE_M, False)
+            for label, density in laws.ghosts_per_100m.items()
+        ),
     ):
         for along_m, side in _scattered(density, length_m, random):
             stand(label, along_m, side * beside_m, real)
@@ -196,7 +235,11 @@ def lay_out(
                 # On the right of those who come along: right of the heading east is south.
                 stand(sign, along_m, direction * PAVEMENT_M * (1 if northbound else -1))
     return Street(
-        northbound, middle_m, length_m, standing, _streams(rules, laws, northbound, index, base, seed_key, random)
+        northbound,
+        middle_m,
+        length_m,
+        standing,
+        _streams(rules, laws, northbound, index, base, seed_key, random),
     )
 
 
@@ -218,12 +261,24 @@ def _streams(
         (("person",), rules.walkers_per_100m, PAVEMENT_M, WALK_MPS),
     ):
         for direction in (-1, 1):
-            starts_m = array("d", np.sort(random.random(random.poisson(density / 2 * length_m / 100)) * length_m))
-            beside_m = index * rules.block_m + direction * off_m * (1 if northbound else -1)  # on their right
+            starts_m = array(
+                "d", np.sort(random.random(random.poisson(density / 2 * length_m / 100)) * length_m)
+            )
+            beside_m = index * rules.block_m + direction * off_m * (
+                1 if northbound else -1
+            )  # on their right
             number = base + ((2 * len(streams) + 1) << STREAM_BITS) + (1 << STREAM_BITS - 1)
             movers = [
                 tuple(
-                    town_object(laws.of(label), seed_key, number + k + (kind << STREAM_BITS), label, 0.0, 0.0, True)
+                    town_object(
+                        laws.of(label),
+                        seed_key,
+                        number + k + (kind << STREAM_BITS),
+                        label,
+                        0.0,
+                        0.0,
+                        True,
+                    )
                     for kind, label in enumerate(labels)
                 )
                 for k in range(len(starts_m))
@@ -233,22 +288,34 @@ def _streams(
     return streams
 
 
-def _parked(rules: TownRules, crossings: int, random: np.random.Generator) -> Iterator[tuple[float, bool]]:
+def _parked(
+    rules: TownRules, crossings: int, random: np.random.Generator
+) -> Iterator[tuple[float, bool]]:
     """Place along one side of a street, and whether it is a truck, of each parked car; some blocks have none."""
     slots = rules.parking_slots
     busy = rules.parked_cars_per_100m / 200 * rules.block_m / slots
     for block in range(crossings):
         share = random.beta(2 * busy, 2 * (1 - busy)) if 0 < busy < 1 else busy
         taken = np.flatnonzero(random.random(slots) < share)
-        places_m = block * rules.block_m + CLEAR_M + (taken + 0.4 + 0.2 * random.random(len(taken))) * SLOT_M
-        yield from zip(places_m.tolist(), (random.random(len(taken)) < rules.truck_share).tolist(), strict=True)
+        places_m = (
+            block * rules.block_m
+            + CLEAR_M
+            + (taken + 0.4 + 0.2 * random.random(len(taken))) * SLOT_M
+        )
+        yield from zip(
+            places_m.tolist(), (random.random(len(taken)) < rules.truck_share).tolist(), strict=True
+        )
 
 
-def _scattered(per_100m: float, length_m: float, random: np.random.Generator) -> Iterator[tuple[float, int]]:
+def _scattered(
+    per_100m: float, length_m: float, random: np.random.Generator
+) -> Iterator[tuple[float, int]]:
     """Place along a street and side (-1 or 1) of objects that stand anywhere."""
     count = random.poisson(per_100m * length_m / 100)
     places_m = random.random(count) * length_m
-    yield from zip(places_m.tolist(), np.where(random.random(count) < 0.5, -1, 1).tolist(), strict=True)
+    yield from zip(
+        places_m.tolist(), np.where(random.random(count) < 0.5, -1, 1).tolist(), strict=True
+    )
 
 
 class Streets:
@@ -263,10 +330,18 @@ class Streets:
             count += len(street.things)
 
     def near(
-        self, east_m: float, north_m: float, range_m: float, t_s: float, labels: Collection[str] = ()
+        self,
+        east_m: float,
+        north_m: float,
+        range_m: float,
+        t_s: float,
+        labels: Collection[str] = (),
     ) -> Iterator[TownObject]:
         """All that is within a distance, seen or not, or only what is of some classes."""
-        for streets, across_m, along_m in ((self.east, north_m, east_m), (self.north, east_m, north_m)):
+        for streets, across_m, along_m in (
+            (self.east, north_m, east_m),
+            (self.north, east_m, north_m),
+        ):
             reach_m = range_m + self.half_m
             for k in self._crossed(across_m - reach_m, across_m + reach_m, len(streets)):
                 for s in streets[k].between(along_m - range_m, along_m + range_m, t_s, labels):
@@ -276,4 +351,6 @@ class Streets:
 
     def _crossed(self, low_m: float, high_m: float, count: int) -> range:
         block_m = self.block_m
-        return range(max(0, math.ceil(low_m / block_m)), min(count - 1, math.floor(high_m / block_m)) + 1)
+        return range(
+            max(0, math.ceil(low_m / block_m)), min(count - 1, math.floor(high_m / block_m)) + 1
+        )

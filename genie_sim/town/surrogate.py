@@ -52,7 +52,11 @@ class Surrogate:
         law, heading = self._law, pose.heading_rad
         at = pose.east_m, pose.north_m, TURN_M * math.cos(heading), TURN_M * math.sin(heading)
         of_place = np.cos(self._rows @ at + self._phases) * math.sqrt(2 / DIMENSION)
-        vector = self._common + law.of_place * of_place + law.noise / math.sqrt(2 * DIMENSION) * _noise(key)
+        vector = (
+            self._common
+            + law.of_place * of_place
+            + law.noise / math.sqrt(2 * DIMENSION) * _noise(key)
+        )
         return np.clip(np.rint(vector * UNIT), -127, 127).astype(np.int8).tobytes()
 
 

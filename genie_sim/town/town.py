@@ -26,7 +26,11 @@ from genie_sim.town.streets import Street, Streets, lay_out
 from genie_sim.town.surrogate import LAWS, surrogates
 from genie_sim.town.view import Eyes, Looks, View
 
-ORIGIN: Geodetic = (49.0, 8.4, 115.0)  # near Karlsruhe, where KITTI was recorded; the town itself is made up
+ORIGIN: Geodetic = (
+    49.0,
+    8.4,
+    115.0,
+)  # near Karlsruhe, where KITTI was recorded; the town itself is made up
 STREAM = "city"  # names the random streams, here and in digests: another word makes another town of every seed
 CAMERA_UP_M = 1.65
 TOGETHER = 16  # frames of a camera whose views are worked out at once
@@ -61,7 +65,10 @@ class Town:
         def ways(name: str, blocks: int) -> list[Street]:
             streams = (stream(self.seed, STREAM, name, k) for k in range(blocks + 1))
             northbound = name == "north"
-            return [lay_out(self.rules, self.laws, northbound, k, self.key, one) for k, one in enumerate(streams)]
+            return [
+                lay_out(self.rules, self.laws, northbound, k, self.key, one)
+                for k, one in enumerate(streams)
+            ]
 
         return Streets(self.rules, ways("east", rows), ways("north", columns))
 
@@ -73,7 +80,9 @@ class Town:
     @functools.cached_property
     def things(self) -> Things:
         """All that stands and moves in the town, by number of the streets."""
-        return Things([one for street in (*self.streets.east, *self.streets.north) for one in street.things])
+        return Things(
+            [one for street in (*self.streets.east, *self.streets.north) for one in street.things]
+        )
 
     @functools.cached_property
     def eyes(self) -> Eyes:
@@ -84,7 +93,9 @@ class Town:
     def _commuting(self) -> routes.Commuting:
         return routes.Commuting(self.rules, stream(self.seed, STREAM, "destinations"))
 
-    def drive(self, car: str, duration_ns: int, interval_ns: int = 100_000_000, start_ns: int = 0) -> "Drive":
+    def drive(
+        self, car: str, duration_ns: int, interval_ns: int = 100_000_000, start_ns: int = 0
+    ) -> "Drive":
         """What the cameras of one car see, a frame every ``interval_ns``, from ``start_ns`` on the town's clock on.
 
         The route is the car's own: it depends on the town and the car's name alone. Raises UserError for times that
@@ -97,14 +108,22 @@ class Town:
         """Where it comes from, for ``run.json``."""
         laws = {"laws": dict(self.laws.provenance), "laws_digest": self.laws.digest}
         features = dict.fromkeys(LAWS, "surrogate")
-        return {"source": "town", "rules": asdict(self.rules), "seed": self.seed, **laws, "features": features}
+        return {
+            "source": "town",
+            "rules": asdict(self.rules),
+            "seed": self.seed,
+            **laws,
+            "features": features,
+        }
 
     def course(self, car: str, start_ns: int, end_ns: int) -> routes.Course:
         """Where a car is from ``start_ns`` to ``end_ns``."""
         random = stream(self.seed, STREAM, "car", car)
         return routes.drive(self.rules, self._commuting, random, start_ns * 1e-9, end_ns * 1e-9)
 
-    def is_there(self, labels: Collection[str], east_m: float, north_m: float, range_m: float, t_ns: int) -> bool:
+    def is_there(
+        self, labels: Collection[str], east_m: float, north_m: float, range_m: float, t_ns: int
+    ) -> bool:
         """Whether anything of these classes really is within a distance of a place at a time."""
         return any(s.real for s in self.streets.near(east_m, north_m, range_m, t_ns * 1e-9, labels))
 
@@ -115,7 +134,9 @@ class Drive:
     ``origin`` is latitude [deg], longitude [deg], altitude [m]. ``frames`` are made when they are looked at.
     """
 
-    def __init__(self, town: Town, car: str, duration_ns: int, interval_ns: int, start_ns: int) -> None:
+    def __init__(
+        self, town: Town, car: str, duration_ns: int, interval_ns: int, start_ns: int
+    ) -> None:
         if interval_ns <= 0 or duration_ns <= 0 or start_ns < 0:
             raise UserError(
                 f"town: drive of {car}: duration {duration_ns} ns and interval {interval_ns} ns must be positive, "
@@ -129,7 +150,9 @@ class Drive:
         self.picture_prefix = hashlib.sha256(text.encode()).hexdigest()[:48]
         self.car_key = int(self.picture_prefix[:16], 16)
         count = math.ceil(duration_ns / interval_ns)
-        self.frames: Mapping[str, Sequence[TownFrame]] = {name: TownFrames(self, name, count) for name in BASELINES_M}
+        self.frames: Mapping[str, Sequence[TownFrame]] = {
+            name: TownFrames(self, name, count) for name in BASELINES_M
+        }
 
     @functools.cached_property
     def course(self) -> routes.Course:
@@ -157,7 +180,11 @@ class Glances:
             east_m, north_m, heading, c, s, _ = drive.course.at(t_s)
             east_m = round(east_m - left_m * s, POSITION_DECIMALS)
             north_m = round(north_m + left_m * c, POSITION_DECIMALS)
-            self.poses.append(CameraPose(east_m, north_m, CAMERA_UP_M, round(math.remainder(heading, math.tau), 6)))
+            self.poses.append(
+                CameraPose(
+                    east_m, north_m, CAMERA_UP_M, round(math.remainder(heading, math.tau), 6)
+                )
+            )
             at.append((east_m, north_m, c, s, t_s))
         x, y, cos, sin, times_s = np.array(at).T
         self._looks = Looks(x, y, cos, sin, times_s, np.array(self.keys, dtype=np.uint64))
@@ -188,7 +215,9 @@ class Glances:
         """What is really in view in one of the frames."""
         view, objects = self._view, self.drive.town.things.objects
         rows = slice(*np.searchsorted(view.look, (place, place + 1)))
-        columns = (column[rows].tolist() for column in (view.thing, view.less, view.east_m, view.north_m))
+        columns = (
+            column[rows].tolist() for column in (view.thing, view.less, view.east_m, view.north_m)
+        )
         seen = ((objects[thing], *rest) for thing, *rest in zip(*columns, strict=True))
         return tuple(one.at(one.number - less, x, y) for one, less, x, y in seen if one.real)
 
@@ -201,7 +230,17 @@ class TownFrame:
     ``detections`` are made when they are first asked for, from the town's seed, the car and the frame alone.
     """
 
-    __slots__ = ("_detections", "_looks", "_place", "camera", "dhash", "digest", "index", "pose", "stamp_ns")
+    __slots__ = (
+        "_detections",
+        "_looks",
+        "_place",
+        "camera",
+        "dhash",
+        "digest",
+        "index",
+        "pose",
+        "stamp_ns",
+    )
 
     width = WIDTH
     height = HEIGHT
@@ -261,7 +300,9 @@ class TownFrames(Sequence[TownFrame]):
 
     def __getitem__(self, index: Any) -> Any:
         chosen = range(self._count)[index]
-        return tuple(self._made(chosen)) if isinstance(chosen, range) else next(self._made((chosen,)))
+        return (
+            tuple(self._made(chosen)) if isinstance(chosen, range) else next(self._made((chosen,)))
+        )
 
     def _made(self, indices: Sequence[int]) -> Iterator[TownFrame]:
         for begin in range(0, len(indices), TOGETHER):

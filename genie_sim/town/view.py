@@ -74,35 +74,59 @@ class Eyes:
         c1, s1 = looks.cos * HALF_C - looks.sin * HALF_S, looks.sin * HALF_C + looks.cos * HALF_S
         c2, s2 = looks.cos * HALF_C + looks.sin * HALF_S, looks.sin * HALF_C - looks.cos * HALF_S
 
-        def way(streets: list[Street], along_m: Array, across_m: Array, ahead: Array, a: Array, b: Array) -> _Way:
+        def way(
+            streets: list[Street], along_m: Array, across_m: Array, ahead: Array, a: Array, b: Array
+        ) -> _Way:
             least = np.where(-ahead >= HALF_C, -1.0, np.minimum(0.0, np.minimum(a, b)))
             most = np.where(ahead >= HALF_C, 1.0, np.maximum(0.0, np.maximum(a, b)))
             number = np.rint(across_m / block_m)
-            is_on = (np.abs(across_m - number * block_m) <= half_m) & (number >= 0) & (number < len(streets))
-            return _Way(streets, along_m, across_m, along_m + view_m * least, along_m + view_m * most, number, is_on)
+            is_on = (
+                (np.abs(across_m - number * block_m) <= half_m)
+                & (number >= 0)
+                & (number < len(streets))
+            )
+            return _Way(
+                streets,
+                along_m,
+                across_m,
+                along_m + view_m * least,
+                along_m + view_m * most,
+                number,
+                is_on,
+            )
 
         east = way(self._streets.east, x, y, looks.cos, c1, c2)
         north = way(self._streets.north, y, x, looks.sin, s1, s2)
         for ours in (east, north):
             for k in np.unique(ours.number[ours.is_on]).tolist():
                 rows = np.flatnonzero(ours.is_on & (ours.number == k))
-                found = ours.streets[int(k)].seen(ours.low_m[rows], ours.high_m[rows], looks.t_s[rows])
+                found = ours.streets[int(k)].seen(
+                    ours.low_m[rows], ours.high_m[rows], looks.t_s[rows]
+                )
                 yield rows[found[0]], *found[1:]
         for ours, theirs in ((east, north), (north, east)):
             first, last = np.ceil(ours.low_m / block_m), np.floor(ours.high_m / block_m)
             on = np.flatnonzero(ours.is_on)
             if not len(on):
                 continue
-            for k in range(max(int(first[on].min()), 0), min(int(last[on].max()), len(theirs.streets) - 1) + 1):
+            for k in range(
+                max(int(first[on].min()), 0), min(int(last[on].max()), len(theirs.streets) - 1) + 1
+            ):
                 street = theirs.streets[k]
-                crosses = (first[on] <= k) & (k <= last[on]) & ~(theirs.is_on[on] & (theirs.number[on] == k))
+                crosses = (
+                    (first[on] <= k)
+                    & (k <= last[on])
+                    & ~(theirs.is_on[on] & (theirs.number[on] == k))
+                )
                 rows = on[crosses & (np.abs(street.middle_m - theirs.across_m[on]) > half_m)]
                 if len(rows):
                     middle_m = ours.number[rows] * block_m
                     yield _through_gap(street, theirs, rows, looks.t_s[rows], middle_m, half_m)
 
 
-def _through_gap(street: Street, way: _Way, rows: Ints, t_s: Array, middle_m: Array, half_m: float) -> Part:
+def _through_gap(
+    street: Street, way: _Way, rows: Ints, t_s: Array, middle_m: Array, half_m: float
+) -> Part:
     """What can be seen of a crossing street past the corners of the houses.
 
     A look is made from a street whose middle is at ``middle_m`` along the crossing one; a line of sight must pass
@@ -116,14 +140,18 @@ def _through_gap(street: Street, way: _Way, rows: Ints, t_s: Array, middle_m: Ar
     high_m = np.minimum(way.high_m[rows], along_m + (middle_m + half_m - along_m) * widest)
     row, thing, less, east_m, north_m = street.seen(low_m, high_m, t_s)
     there_m, beyond_m = (north_m, east_m) if street.northbound else (east_m, north_m)
-    entry_m = along_m[row] + (there_m - along_m[row]) * near_m[row] / np.abs(beyond_m - across_m[row])
+    entry_m = along_m[row] + (there_m - along_m[row]) * near_m[row] / np.abs(
+        beyond_m - across_m[row]
+    )
     clear = np.abs(entry_m - middle_m[row]) <= half_m
     return rows[row[clear]], thing[clear], less[clear], east_m[clear], north_m[clear]
 
 
 def in_view(looks: Looks, parts: list[Part], things: Things, view_m: float) -> View:
     """Of the things that looks may see, those in the field of view, neither too near nor too far."""
-    look, thing, less, east_m, north_m = (np.concatenate(column) for column in zip(*parts, strict=True))
+    look, thing, less, east_m, north_m = (
+        np.concatenate(column) for column in zip(*parts, strict=True)
+    )
     c, s = looks.cos[look], looks.sin[look]
     dx, dy = east_m - looks.east_m[look], north_m - looks.north_m[look]
     reach_m, left_m = (dx * c + dy * s) * SLOPE, dy * c - dx * s

@@ -17,7 +17,9 @@ from tests.conformance import small
 
 S = 1_000_000_000
 BEGIN_NS, END_NS = round(0.5 * S), round(1.1 * S)
-WORK_NS = 2 * S  # a frame that comes so long after the end has nothing to do with the fault any more
+WORK_NS = (
+    2 * S
+)  # a frame that comes so long after the end has nothing to do with the fault any more
 
 
 class FaultConformance:
@@ -43,13 +45,19 @@ class FaultConformance:
 
     def test_what_was_before_is_as_if_it_never_happened(self, fault: dict[str, Any]):
         """Up to the moment it begins: afterwards even an old frame may be lost."""
-        with_fault, without = (small.frames(self.setting(*one)) for one in ([{**fault, **self.times}], []))
+        with_fault, without = (
+            small.frames(self.setting(*one)) for one in ([{**fault, **self.times}], [])
+        )
         for name in ("first_answer_ns", "fresh_answer_ns"):
-            one, other = ((rows[name].where(rows[name] < BEGIN_NS)) for rows in (with_fault, without))
+            one, other = (
+                (rows[name].where(rows[name] < BEGIN_NS)) for rows in (with_fault, without)
+            )
             pd.testing.assert_series_equal(one, other, check_dtype=False)
         assert (without["first_answer_ns"] < BEGIN_NS).any()
 
-    def test_it_happens_at_its_times_under_every_method(self, fault: dict[str, Any], monkeypatch: pytest.MonkeyPatch):
+    def test_it_happens_at_its_times_under_every_method(
+        self, fault: dict[str, Any], monkeypatch: pytest.MonkeyPatch
+    ):
         happened = spy(monkeypatch, self.setting({**fault, **self.times}))
         begin, end = ("begin", BEGIN_NS), ("end", END_NS)
         assert happened == [[begin, end]] * len(self.methods)
@@ -70,13 +78,19 @@ class RandomFaultConformance:
     def test_it_comes_at_the_same_random_times_under_every_method(
         self, fault: dict[str, Any], monkeypatch: pytest.MonkeyPatch
     ):
-        once, *others = spy(monkeypatch, small.scenario(self.methods, faults=[{**fault, **self.times}]))
+        once, *others = spy(
+            monkeypatch, small.scenario(self.methods, faults=[{**fault, **self.times}])
+        )
         assert all(times == once for times in others)
-        assert [what for what, _ in once] == ["begin", "end"] * (len(once) // 2), "each ends before the next"
+        assert [what for what, _ in once] == ["begin", "end"] * (len(once) // 2), (
+            "each ends before the next"
+        )
         assert len(once) >= 4 and [when for _, when in once] == sorted(when for _, when in once)
         again = spy(monkeypatch, small.scenario(self.methods, faults=[{**fault, **self.times}]))
         assert again == [once] * len(self.methods)
-        other = spy(monkeypatch, small.scenario(self.methods, faults=[{**fault, **self.times}], seed=2))
+        other = spy(
+            monkeypatch, small.scenario(self.methods, faults=[{**fault, **self.times}], seed=2)
+        )
         assert other[0] != once, "another seed, other times"
 
     def test_every_frame_is_answered_or_dropped_at_random_times_too(self, fault: dict[str, Any]):

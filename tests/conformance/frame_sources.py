@@ -59,5 +59,9 @@ class FrameSourceConformance:
             for camera in self.cameras:
                 stamps = [one.stamp_ns for one in drive.frames[camera["recording"]]]
                 taken = sum(begin_ns <= stamp_ns < end_ns for stamp_ns in stamps)
-                mine = found[(found["car"] == car) & (found["stream"] == camera["name"]) & (found["method"] == "local")]
+                mine = found[
+                    (found["car"] == car)
+                    & (found["stream"] == camera["name"])
+                    & (found["method"] == "local")
+                ]
                 assert len(mine) == taken

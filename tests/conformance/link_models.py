@@ -23,7 +23,9 @@ class LinkModelConformance:
     """A link, as a scenario writes it."""
 
     def setting(self, link: Any) -> Scenario:
-        return small.scenario(cars=[small.car(1, link=link), small.car(2, link=link)], edge_network=link)
+        return small.scenario(
+            cars=[small.car(1, link=link), small.car(2, link=link)], edge_network=link
+        )
 
     def model(self, link: Any) -> LinkModel:
         choice = self.setting(link).cars[0].link
@@ -43,7 +45,10 @@ class LinkModelConformance:
     def test_all_chance_comes_from_the_generator_that_it_is_given(self, link: Any):
         def course(seed: int) -> list[Any]:
             """Two links at once: neither is to feel the other."""
-            mine, other = (self.model(link).channel(True, np.random.default_rng(one)) for one in (seed, seed + 1))
+            mine, other = (
+                self.model(link).channel(True, np.random.default_rng(one))
+                for one in (seed, seed + 1)
+            )
             found = []
             for now_ns in range(0, 100_000_000, 1_000_000):
                 found += [mine.occupied_ns(40_000, now_ns), mine.delay_ns(40_000, now_ns)]
@@ -53,7 +58,10 @@ class LinkModelConformance:
         assert course(1) == course(1)
 
     def test_a_larger_message_is_never_faster_on_an_idle_link(self, link: Any):
-        occupied = [self.model(link).channel(True, np.random.default_rng(1)).occupied_ns(size, 0) for size in SIZES]
+        occupied = [
+            self.model(link).channel(True, np.random.default_rng(1)).occupied_ns(size, 0)
+            for size in SIZES
+        ]
         assert occupied == sorted(occupied)
 
     def test_every_frame_is_answered_or_dropped_and_twice_the_same(self, link: Any):

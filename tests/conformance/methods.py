@@ -19,7 +19,9 @@ SETTINGS: dict[str, dict[str, Any]] = {
     "usual": {},
     "lossy": {"cars": [small.car(1, link={"like": "wifi", "loss": 0.2}), small.car(2, link="lte")]},
     "long queues": {"queue_length": 3},
-    "outage": {"faults": [{"fault": "outage", "target": "edge1", "begin": "500 ms", "end": "900 ms"}]},
+    "outage": {
+        "faults": [{"fault": "outage", "target": "edge1", "begin": "500 ms", "end": "900 ms"}]
+    },
     "one edge": {"cars": [small.car(1), small.car(2, edge="edge1")]},
 }
 
@@ -63,13 +65,24 @@ class MethodConformance:
         alone = small.tables(small.scenario([method]))
         both = small.tables(small.scenario([slower, method]))
         small.same(small.of(name, alone), small.of(name, both))
-        by_hand = small.tables(small.scenario([{"name": "slower", "method": method}], model="yolov8m", queue_length=4))
+        by_hand = small.tables(
+            small.scenario([{"name": "slower", "method": method}], model="yolov8m", queue_length=4)
+        )
         small.same(small.of("slower", by_hand), small.of("slower", both))
-        other, mine = (both["frames"].query("method == @one").reset_index(drop=True) for one in ("slower", name))
-        assert not other["first_answer_ns"].equals(mine["first_answer_ns"]), "the settings change nothing"
+        other, mine = (
+            both["frames"].query("method == @one").reset_index(drop=True)
+            for one in ("slower", name)
+        )
+        assert not other["first_answer_ns"].equals(mine["first_answer_ns"]), (
+            "the settings change nothing"
+        )
 
     def test_it_says_what_it_is(self, method: str):
         (fact,) = build.method_facts(small.scenario([method]))
         made = build.method(read_method(method))
-        assert fact == {"name": read_method(method).name, "title": made.title, "baseline": made.baseline}
+        assert fact == {
+            "name": read_method(method).name,
+            "title": made.title,
+            "baseline": made.baseline,
+        }
         assert made.title and isinstance(made.baseline, bool)

@@ -52,10 +52,14 @@ class Street:
     def _frame(self, camera, number):
         east_m = number * self.speed_mps / 10
         ahead = [8.0 * place for place in range(20) if 4.0 < 8.0 * place - east_m < 40.0]
-        found = tuple(Detection("car", 0.8, (0.0, 0.0, 9.0, 9.0), (x, 4.0, 0.8), 0.8, "scan") for x in ahead)
+        found = tuple(
+            Detection("car", 0.8, (0.0, 0.0, 9.0, 9.0), (x, 4.0, 0.8), 0.8, "scan") for x in ahead
+        )
         pose = CameraPose(east_m, 0.5 * (camera == "right"), 1.6, 0.0)
         features = {"hsv": bytes([round(east_m * 5), *[0] * 63])}  # 0.02 a metre
-        return StreetFrame(number * 100_000_000, pose, f"{camera} {number}", number, found, features=features)
+        return StreetFrame(
+            number * 100_000_000, pose, f"{camera} {number}", number, found, features=features
+        )
 
 
 @dataclass(frozen=True)
@@ -77,7 +81,10 @@ class Again:
         self.every = every
 
     def on_car(self, place):
-        return Station(interceptor=lambda *_: Latest(place, self.every), uplink=Uplink(IMAGES + "-up", OBJECTS + "-up"))
+        return Station(
+            interceptor=lambda *_: Latest(place, self.every),
+            uplink=Uplink(IMAGES + "-up", OBJECTS + "-up"),
+        )
 
     def on_edge(self, place):
         return Station(detector=True)
@@ -106,7 +113,10 @@ class Latest(Interceptor):
         hit = held is not None and bool(self.rng.integers(self.every) == 0)
         looked_up = Lookup(message.header, "hit" if hit else "miss", "client", len(self.newest))
         if hit:
-            return [looked_up, Publish(OBJECTS, held.restamped(message.header).served("cache", self.name))]
+            return [
+                looked_up,
+                Publish(OBJECTS, held.restamped(message.header).served("cache", self.name)),
+            ]
         return [looked_up, Publish(IMAGES + "-up", message)]
 
 

@@ -13,7 +13,10 @@ from genie_sim.recording.records import Tables
 from genie_sim.scenario.scenario import Scenario, read_scenario
 from genie_sim.sim.world import World
 
-CAMERAS = [{"name": "camera_0", "recording": "left"}, {"name": "camera_1", "recording": "right", "phase": "30 ms"}]
+CAMERAS = [
+    {"name": "camera_0", "recording": "left"},
+    {"name": "camera_1", "recording": "right", "phase": "30 ms"},
+]
 FRAMES = 2 * 20  # of each car
 ALL = ("local", "remote", "genie")
 
@@ -32,7 +35,12 @@ def scenario(methods: Sequence[Any] = ALL, **settings: Any) -> Scenario:
 
 
 def car(number: int, **settings: Any) -> dict[str, Any]:
-    usual = {"name": f"car{number}", "device": "jetson_tx2", "edge": f"edge{number}", "link": "ethernet_100m"}
+    usual = {
+        "name": f"car{number}",
+        "device": "jetson_tx2",
+        "edge": f"edge{number}",
+        "link": "ethernet_100m",
+    }
     return usual | settings
 
 
@@ -69,7 +77,9 @@ def world(setting: Scenario, place: int = 0) -> tuple[World, Tables]:
     """The world of one of the scenario's methods, ready to run, and the tables that it fills."""
     prepared, filled = runner.prepare(setting), Tables()
     entry = setting.methods[place]
-    return World(build.setup(prepared, entry), build.method(entry), Log(entry.name, filled, setting.record)), filled
+    return World(
+        build.setup(prepared, entry), build.method(entry), Log(entry.name, filled, setting.record)
+    ), filled
 
 
 def check_conserved(rows: pd.DataFrame, methods: Sequence[str]) -> None:

@@ -17,7 +17,10 @@ from tests.conformance import small
 from tests.conformance.faults import FaultConformance, RandomFaultConformance, S
 
 OWN = "tests.conformance.own"
-OUTAGES = [{"fault": "outage", "target": target} for target in ("car1", "edge1", "car1->edge1", "edge1->car1")]
+OUTAGES = [
+    {"fault": "outage", "target": target}
+    for target in ("car1", "edge1", "car1->edge1", "edge1->car1")
+]
 HAND_OVER = {"fault": "hand_over", "target": "car1", "edge": "edge2", "gap": "600 ms"}
 CRASHES = [{"fault": f"{OWN}:Crash", "target": target} for target in ("edge1", "car1")]
 
@@ -57,7 +60,9 @@ class TestCrashesAtRandomTimes(RandomFaultConformance):
     pass
 
 
-@pytest.mark.parametrize("fault", [{"fault": f"{OWN}:Blackout", "target": target} for target in ("edge1", "car1")])
+@pytest.mark.parametrize(
+    "fault", [{"fault": f"{OWN}:Blackout", "target": target} for target in ("edge1", "car1")]
+)
 class TestBlackout(FaultConformance):
     drops = ":blackout"
 
@@ -71,13 +76,24 @@ def working(target: str, method: str, since_s: float):
     while not here:
         world.env.run(until=max(world.env.now + 1_000_000, round(since_s * S)))
         here = [message.header for node in graph.nodes for message in node._in_service]
-        here += [one[1].header for node in graph.nodes for queue in node._queues.values() for one in queue]
+        here += [
+            one[1].header
+            for node in graph.nodes
+            for queue in node._queues.values()
+            for one in queue
+        ]
         owing = [node.pure for node in graph.nodes if isinstance(node, InterceptorNode)]
         here += [one.header for pure in owing for one in pure.on_void() if isinstance(one, Expired)]
     return world, tables, host, graph, set(here)
 
 
-VOIDED = [("car1", "local"), ("edge1", "remote"), ("car1", "genie"), ("edge1", "genie"), ("car1", f"{OWN}:Again")]
+VOIDED = [
+    ("car1", "local"),
+    ("edge1", "remote"),
+    ("car1", "genie"),
+    ("edge1", "genie"),
+    ("car1", f"{OWN}:Again"),
+]
 
 
 @pytest.mark.parametrize(("target", "method"), VOIDED)
@@ -87,11 +103,18 @@ def test_what_is_voided_says_who_did_it(target: str, method: str):
     world.void(target, "test:crash")
     world.monitor.close()
     rows = tables.frames.to_frame()
-    mine = rows[[header in here for header in zip(rows["stamp_ns"], rows["stream"], rows["car"], strict=True)]]
+    mine = rows[
+        [
+            header in here
+            for header in zip(rows["stamp_ns"], rows["stream"], rows["car"], strict=True)
+        ]
+    ]
     assert len(mine) == len(here)
     lost = mine[mine["fresh_answer_ns"].isna()]
     assert len(lost) and (lost["drop"] == "test:crash").all(), lost
-    assert not (rows["drop"] == "test:crash")[rows.index.difference(lost.index)].any(), "and nothing else was lost"
+    assert not (rows["drop"] == "test:crash")[rows.index.difference(lost.index)].any(), (
+        "and nothing else was lost"
+    )
 
     assert host.accelerator.queued == host.cpu.queued == 0
     assert all(node.queued == 0 and not node._in_service for node in graph.nodes)
@@ -136,7 +159,12 @@ def test_a_node_alone_can_be_voided():
     world.run()
     rows = tables.frames.to_frame()
     small.check_conserved(rows, ["local"])
-    mine = rows[[header in here for header in zip(rows["stamp_ns"], rows["stream"], rows["car"], strict=True)]]
+    mine = rows[
+        [
+            header in here
+            for header in zip(rows["stamp_ns"], rows["stream"], rows["car"], strict=True)
+        ]
+    ]
     assert len(mine) == len(here) and (mine["drop"] == "test:node").all()
     assert first in here and detector.completed > completed
     assert host.accelerator.completed == detector.completed + 1, "one job was for nothing"
@@ -149,7 +177,11 @@ def test_a_host_forgets_what_it_knew():
     assert len(before.object_map) and before.cache_entries()
     resources = list(world.resources)
     world.void("edge1", "test:crash")
-    assert genie.pure is not before and not len(genie.pure.object_map) and not genie.pure.cache_entries()
+    assert (
+        genie.pure is not before
+        and not len(genie.pure.object_map)
+        and not genie.pure.cache_entries()
+    )
     assert world.resources == resources, "it is the same node, with a fresh state"
     changes = tables.objects.to_frame().query("genie == 'edge1/genie'")
     last = changes.groupby(["label", "east_m", "north_m"], observed=True).tail(1)
@@ -158,7 +190,10 @@ def test_a_host_forgets_what_it_knew():
 
 def test_a_host_that_is_not_there_is_one_line():
     world, _ = small.world(small.scenario(["local"]))
-    with pytest.raises(UserError, match=r"^unknown host 'edge3' \(did you mean 'edge2'\?\); known: car1, car2, edge1"):
+    with pytest.raises(
+        UserError,
+        match=r"^unknown host 'edge3' \(did you mean 'edge2'\?\); known: car1, car2, edge1",
+    ):
         world.void("edge3", "test")
     blind = small.scenario(["local"], cars=[small.car(1, cameras=False), small.car(2)])
     world, _ = small.world(blind)
@@ -197,18 +232,26 @@ def test_a_crash_in_a_file_of_ones_own(run_cli, tmp_path: Path):
     assert (rows["drop"] == "edge1:crash").sum() >= 1
     assert (rows["drop"] == "car1->edge1:crash").sum() > 5
     assert "my_module:Crash" in (folder / "run.json").read_text()
-    wrong = run_cli("run", "1car_homo", "--set", f"faults=[{fault.replace('edge1', 'edge7')}]", "--no-report")
+    wrong = run_cli(
+        "run", "1car_homo", "--set", f"faults=[{fault.replace('edge1', 'edge7')}]", "--no-report"
+    )
     assert wrong.returncode == 1 and "faults[0].target: unknown target 'edge7'" in wrong.stderr
 
 
 @pytest.mark.parametrize(
     ("fault", "message"),
     [
-        ({"fault": "outag", "target": "car1"}, r"faults\[0\]\.?\w*: unknown fault 'outag' \(did you mean 'outage'\?\)"),
+        (
+            {"fault": "outag", "target": "car1"},
+            r"faults\[0\]\.?\w*: unknown fault 'outag' \(did you mean 'outage'\?\)",
+        ),
         ({"fault": f"{OWN}:Nobody", "target": "car1"}, "has no attribute 'Nobody'"),
         ({"fault": f"{OWN}:Radio", "slot_ms": 1.0}, "has no method begin, end"),
         ({"fault": f"{OWN}:Crash"}, "missing 1 required positional argument: 'target'"),
-        ({"fault": f"{OWN}:Blackout", "target": "car1", "how": "hard"}, "unexpected keyword argument 'how'"),
+        (
+            {"fault": f"{OWN}:Blackout", "target": "car1", "how": "hard"},
+            "unexpected keyword argument 'how'",
+        ),
     ],
 )
 def test_a_fault_that_does_not_work_is_one_line(fault, message: str):

@@ -15,7 +15,10 @@ from tests.conformance.frame_sources import FrameSourceConformance
 STREET = "tests.conformance.own:Street"
 BLOCKS = {"town": {"blocks": [2, 2]}, "source": "town", "duration": "2 s"}
 ROUTE = {"window": ["1 s", "3 s"]}
-NUMBERED = [{"name": "camera_02", "recording": "02"}, {"name": "camera_03", "recording": "03", "phase": "25 ms"}]
+NUMBERED = [
+    {"name": "camera_02", "recording": "02"},
+    {"name": "camera_03", "recording": "03", "phase": "25 ms"},
+]
 
 
 def test_every_shipped_source_is_tested_here():
@@ -33,7 +36,9 @@ class TestTown(FrameSourceConformance):
     cameras = NUMBERED
 
 
-@pytest.mark.parametrize("source", [{"source": STREET}, {"source": STREET, "seconds": 1.0, "speed_mps": 9.0}])
+@pytest.mark.parametrize(
+    "source", [{"source": STREET}, {"source": STREET, "seconds": 1.0, "speed_mps": 9.0}]
+)
 class TestStreet(FrameSourceConformance):
     pass
 
@@ -42,7 +47,9 @@ def test_a_source_of_ones_own_is_run_and_decides_the_run():
     run = runner.run_in_memory(small.scenario(["local"]))
     assert run.facts["traces"] == {"street": "2.0 5.0"}
     assert f"frame source {STREET}" in run.facts["plugins"]
-    other = runner.run_in_memory(small.scenario(["local"], perception={"source": STREET, "speed_mps": 6.0}))
+    other = runner.run_in_memory(
+        small.scenario(["local"], perception={"source": STREET, "speed_mps": 6.0})
+    )
     assert other.run_id != run.run_id
 
 
@@ -65,17 +72,29 @@ def test_cars_with_cameras_of_their_own():
 def test_a_recording_that_is_not_there_names_car_and_trace():
     own = [{"name": "roof", "recording": "up"}]
     field = r"^small: cars\[1\]\.cameras\[0\]\.recording: "
-    with pytest.raises(UserError, match=field + r"unknown recording 'up'; known: left, right \(car2 drives street\)$"):
+    with pytest.raises(
+        UserError,
+        match=field + r"unknown recording 'up'; known: left, right \(car2 drives street\)$",
+    ):
         runner.prepare(small.scenario(cars=[small.car(1), small.car(2, cameras=own)]))
-    recorded = {"perception": {"source": "recorded", "trace": "kitti_0005"}, "cameras": small.CAMERAS}
-    with pytest.raises(UserError, match=r"^small: cameras\[0\]\.recording: .*known: 02, 03 \(car1 drives .*0005.*\)$"):
+    recorded = {
+        "perception": {"source": "recorded", "trace": "kitti_0005"},
+        "cameras": small.CAMERAS,
+    }
+    with pytest.raises(
+        UserError,
+        match=r"^small: cameras\[0\]\.recording: .*known: 02, 03 \(car1 drives .*0005.*\)$",
+    ):
         runner.prepare(small.scenario(**recorded))
 
 
 @pytest.mark.parametrize(
     ("source", "message"),
     [
-        ({"source": "recorde"}, r"perception.*unknown frame source 'recorde' \(did you mean 'recorded'\?\)"),
+        (
+            {"source": "recorde"},
+            r"perception.*unknown frame source 'recorde' \(did you mean 'recorded'\?\)",
+        ),
         ({"source": STREET, "secnds": 1.0}, "unexpected keyword argument 'secnds'"),
         ({"source": "tests.conformance.own:Radio", "slot_ms": 1.0}, "has no method open"),
         ({"source": "tests.conformance.own:Nobody"}, "has no attribute 'Nobody'"),

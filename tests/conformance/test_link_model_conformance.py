@@ -14,7 +14,14 @@ from tests.conformance import small
 from tests.conformance.link_models import LinkModelConformance
 
 RADIO = "tests.conformance.own:Radio"
-FULL = {"model": "wire", "rate_up": "50 Mbit/s", "rate_down": None, "delay": "3 ms", "jitter": "9 ms", "loss": 0.1}
+FULL = {
+    "model": "wire",
+    "rate_up": "50 Mbit/s",
+    "rate_down": None,
+    "delay": "3 ms",
+    "jitter": "9 ms",
+    "loss": 0.1,
+}
 
 
 def test_every_shipped_model_is_tested_here():
@@ -26,7 +33,9 @@ class TestWire(LinkModelConformance):
     pass
 
 
-@pytest.mark.parametrize("link", [{"model": RADIO, "slot_ms": 1.0}, {"model": RADIO, "slot_ms": 0.5, "fails": 3}])
+@pytest.mark.parametrize(
+    "link", [{"model": RADIO, "slot_ms": 1.0}, {"model": RADIO, "slot_ms": 0.5, "fails": 3}]
+)
 class TestRadio(LinkModelConformance):
     pass
 
@@ -37,7 +46,10 @@ def test_the_formula_of_the_wire():
     assert wire.wire_bits(1_397_297) == (1_397_297 + 965 * 90) * 8 == 11_873_176
     up, down = (wire.channel(one, np.random.default_rng(1)) for one in (True, False))
     assert up.occupied_ns(1_397_297, 0) == 11_873_176 and down.occupied_ns(1_397_297, 0) == 0
-    assert Wire(3, 3, 0, overhead_bytes=0).channel(True, np.random.default_rng(1)).occupied_ns(1, 0) == 2_666_666_667
+    assert (
+        Wire(3, 3, 0, overhead_bytes=0).channel(True, np.random.default_rng(1)).occupied_ns(1, 0)
+        == 2_666_666_667
+    )
     assert {up.delay_ns(1, 0) for _ in range(500)} == {200_000 + more for more in range(6)}
 
 
@@ -50,9 +62,13 @@ def test_so_many_messages_are_lost(loss: float, arrived: int):
 
 def test_a_link_that_loses_everything_answers_nobody():
     lost = {"like": "ideal", "loss": 1.0}
-    rows = small.frames(small.scenario(["remote"], cars=[small.car(1, link=lost), small.car(2, link="ideal")]))
+    rows = small.frames(
+        small.scenario(["remote"], cars=[small.car(1, link=lost), small.car(2, link="ideal")])
+    )
     first = rows["car"] == "car1"
-    assert rows[first]["first_answer_ns"].isna().all() and (rows[first]["drop"] == "car1->edge1").all()
+    assert (
+        rows[first]["first_answer_ns"].isna().all() and (rows[first]["drop"] == "car1->edge1").all()
+    )
     assert not (rows[~first]["drop"].dropna() == "car2->edge2").any()
 
 
@@ -60,11 +76,15 @@ def test_a_radio_of_ones_own_carries_the_frames():
     """A slot each millisecond: what arrives left at the end of a slot."""
     radio = {"model": RADIO, "slot_ms": 1.0, "slot_bytes": 200_000}
     setting = small.scenario(["remote"], cars=[small.car(1, link=radio), small.car(2)])
-    assert build.link_model(setting.cars[0].link) == build.plugins.call("", "", _radio(), 1.0, 200_000)
+    assert build.link_model(setting.cars[0].link) == build.plugins.call(
+        "", "", _radio(), 1.0, 200_000
+    )
     rows = small.frames(setting).query("car == 'car1'")
     assert rows["first_answer_ns"].notna().any()
     assert f"link model {RADIO}" in build.plugin_digests(setting)
-    failing = small.scenario(["remote"], cars=[small.car(1, link={**radio, "fails": 1}), small.car(2)])
+    failing = small.scenario(
+        ["remote"], cars=[small.car(1, link={**radio, "fails": 1}), small.car(2)]
+    )
     rows = small.frames(failing).query("car == 'car1'")
     assert (rows["drop"] == "car1->edge1").all(), "every one of them is lost"
 
@@ -79,9 +99,15 @@ def _radio():
     ("link", "message"),
     [
         ({"model": "wre"}, r"cars\[0\].link.*unknown link model 'wre' \(did you mean 'wire'\?\)"),
-        ({"model": "wire", "rate_up": "1 Mbit/s", "dely": "1 ms"}, r"cars\[0\].link.dely: unknown parameter of wire"),
+        (
+            {"model": "wire", "rate_up": "1 Mbit/s", "dely": "1 ms"},
+            r"cars\[0\].link.dely: unknown parameter of wire",
+        ),
         ({"like": "lte", "loss": 1.5}, r"cars\[0\].link.*loss: must be from 0 to 1, but is 1.5"),
-        ({"model": RADIO, "slot_ms": -1.0}, f"link model '{RADIO}': slot_ms: must be more than zero"),
+        (
+            {"model": RADIO, "slot_ms": -1.0},
+            f"link model '{RADIO}': slot_ms: must be more than zero",
+        ),
         ({"model": RADIO}, r"missing 1 required positional argument: 'slot_ms'"),
         ({"model": "tests.conformance.own:Again"}, "has no method channel"),
         ({"model": "tests.conformance.own:Nobody"}, "has no attribute 'Nobody'"),
@@ -89,5 +115,7 @@ def _radio():
 )
 def test_a_link_that_does_not_work_is_one_line(link, message: str):
     with pytest.raises(UserError, match=message) as error:
-        runner.run_in_memory(small.scenario(["remote"], cars=[small.car(1, link=link), small.car(2)]))
+        runner.run_in_memory(
+            small.scenario(["remote"], cars=[small.car(1, link=link), small.car(2)])
+        )
     assert "\n" not in str(error.value)

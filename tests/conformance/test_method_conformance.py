@@ -30,13 +30,19 @@ class TestOwn(MethodConformance):
 
 def test_a_method_of_a_name_that_nobody_knows_never_runs():
     """Neither out of a scenario nor when somebody makes the entry by hand."""
-    with pytest.raises(UserError, match=r"^scenario: methods\[1\]: unknown method 'gene' \(did you mean 'genie'\?\)"):
+    with pytest.raises(
+        UserError,
+        match=r"^scenario: methods\[1\]: unknown method 'gene' \(did you mean 'genie'\?\)",
+    ):
         small.scenario(["local", "gene"])
     with pytest.raises(UserError, match=r"unknown method 'gene'"):
         small.scenario([{"name": "mine", "method": "gene"}])
     entry = MethodEntry(name="gene", method=Choice("gene"))
     prepared = runner.prepare(small.scenario())
-    with pytest.raises(UserError, match=r"^unknown method 'gene' \(did you mean 'genie'\?\); known: .*, genie, local"):
+    with pytest.raises(
+        UserError,
+        match=r"^unknown method 'gene' \(did you mean 'genie'\?\); known: .*, genie, local",
+    ):
         World(build.setup(prepared, entry), build.method(entry), Log("gene", Tables()))
     with pytest.raises(UserError, match="unknown method 'gene'"):
         runner.run_in_memory(small.scenario().model_copy(update={"methods": (entry,)}))
@@ -62,7 +68,12 @@ def test_one_method_several_times_with_other_settings():
     entries = [
         "genie",
         {"name": "tiny", "method": "genie", "genie": {"eviction": "lru", "capacity": "2 entries"}},
-        {"name": "strict", "method": "genie", "title": "exact Genie", "genie": {"similarity": "exact"}},
+        {
+            "name": "strict",
+            "method": "genie",
+            "title": "exact Genie",
+            "genie": {"similarity": "exact"},
+        },
         {"name": "half", "method": AGAIN, "every": 2},
         "remote",
     ]
@@ -70,22 +81,43 @@ def test_one_method_several_times_with_other_settings():
     setting = small.scenario(entries, **slow)
     run = runner.run_in_memory(setting)
     assert [one.name for one in run.methods] == ["genie", "tiny", "strict", "half", "remote"]
-    assert [one.title for one in run.methods] == ["Genie (DG)", "tiny", "exact Genie", "half", "remote (R)"]
+    assert [one.title for one in run.methods] == [
+        "Genie (DG)",
+        "tiny",
+        "exact Genie",
+        "half",
+        "remote (R)",
+    ]
     assert [one.baseline for one in run.methods] == [False, False, False, False, True]
-    most = run.lookups[run.lookups["kind"] == "image"].groupby("method", observed=True)["entries"].max()
+    most = (
+        run.lookups[run.lookups["kind"] == "image"]
+        .groupby("method", observed=True)["entries"]
+        .max()
+    )
     assert most["tiny"] <= 2 < most["strict"] <= most["genie"] * 10
     hits = run.frames.groupby("method", observed=True)["image_hit"].sum()
     assert hits["strict"] == 0 < hits["genie"]
     assert 0 < hits["half"] < small.FRAMES * 2
     same_again = runner.run_in_memory(small.scenario([entries[1], entries[0]], **slow))
     for name in ("genie", "tiny"):
-        small.same(small.of(name, {"frames": run.frames}), small.of(name, {"frames": same_again.frames}))
-    assert runner.read_scenario(setting.model_dump(mode="json", by_alias=True)).methods == setting.methods
+        small.same(
+            small.of(name, {"frames": run.frames}), small.of(name, {"frames": same_again.frames})
+        )
+    assert (
+        runner.read_scenario(setting.model_dump(mode="json", by_alias=True)).methods
+        == setting.methods
+    )
 
 
 def test_each_method_that_is_no_baseline_is_compared_with_each_that_is():
     run = runner.run_in_memory(small.scenario(["remote", AGAIN, "local", "genie"]))
-    compared = {(one.method, one.component) for one in run.measured if one.metric.startswith("improvement")}
-    assert compared == {(mine, usual) for mine in ("Again", "genie") for usual in ("remote", "local")}
+    compared = {
+        (one.method, one.component) for one in run.measured if one.metric.startswith("improvement")
+    }
+    assert compared == {
+        (mine, usual) for mine in ("Again", "genie") for usual in ("remote", "local")
+    }
     alone = runner.run_in_memory(small.scenario([AGAIN, "genie"]))
-    assert not [one for one in alone.measured if one.metric.startswith("improvement")], "nothing to compare with"
+    assert not [one for one in alone.measured if one.metric.startswith("improvement")], (
+        "nothing to compare with"
+    )

@@ -31,7 +31,12 @@ poses = st.builds(
 )
 images = st.builds(
     Image,
-    header=st.builds(Header, st.integers(0, 10**12), st.sampled_from(["02", "03"]), st.sampled_from(["car1", "car2"])),
+    header=st.builds(
+        Header,
+        st.integers(0, 10**12),
+        st.sampled_from(["02", "03"]),
+        st.sampled_from(["car1", "car2"]),
+    ),
     size_bytes=st.just(1_397_297),
     digest=st.text("0123456789abcdef", min_size=4, max_size=4),
     dhash=st.integers(0, 2**64 - 1),
@@ -56,7 +61,9 @@ class SimilarityConformance:
         similarity = type(self).make()
         index = similarity.index()
         index.add(similarity.key(image))
-        later = replace(image, header=Header(image.header.stamp_ns + S, image.header.frame_id, "car9"))
+        later = replace(
+            image, header=Header(image.header.stamp_ns + S, image.header.frame_id, "car9")
+        )
         assert index.find(similarity.key(later)) == similarity.key(image)
 
     @inherited
@@ -101,7 +108,9 @@ class SimilarityConformance:
         assert yours.find(similarity.key(one)) is None
 
 
-accesses = st.lists(st.tuples(st.sampled_from(["store", "use", "remove"]), st.integers(0, 9)), max_size=200)
+accesses = st.lists(
+    st.tuples(st.sampled_from(["store", "use", "remove"]), st.integers(0, 9)), max_size=200
+)
 
 
 class EvictionConformance:
@@ -162,11 +171,15 @@ class EvictionConformance:
         limited = entries is not None or size_bytes is not None
         cache = MessageCache(_Plain(), eviction, Capacity(entries, size_bytes) if limited else None)
         for now_ns, (key, objects) in enumerate(stored):
-            cache.put(key, "/objects", Detections(Header(0, "02", "car1"), (None,) * objects), now_ns)
+            cache.put(
+                key, "/objects", Detections(Header(0, "02", "car1"), (None,) * objects), now_ns
+            )
             assert entries is None or len(cache) <= entries
             assert size_bytes is None or cache.size_bytes <= size_bytes
             held = [cache.get(known, now_ns) for known in range(31)]
-            assert cache.size_bytes == sum(one["/objects"].size_bytes for one in held if one is not None)
+            assert cache.size_bytes == sum(
+                one["/objects"].size_bytes for one in held if one is not None
+            )
 
 
 class _Plain:

@@ -88,7 +88,10 @@ def test_a_genie_that_does_not_tell_changes_does_all_else_as_one_that_does():
     for frames in (frame(0), frame(1)):
         for asked in (telling, silent):
             asked.on_message(IMAGES, frames, 0)
-        told, untold = (one.on_message(FROM_NODE, answer(frames, CAR, FAINT_BUS), S) for one in (telling, silent))
+        told, untold = (
+            one.on_message(FROM_NODE, answer(frames, CAR, FAINT_BUS), S)
+            for one in (telling, silent)
+        )
         lookups = facts(told, ObjectLookups)
         assert [len(one.changes) for one in lookups] == [2]
         assert facts(untold, ObjectLookups) == [replace(one, changes=()) for one in lookups]
@@ -102,7 +105,9 @@ def test_the_nodes_answer_is_delivered_once_and_shared():
     asked.on_message(IMAGES, first, 0)
     stored = tuple((one.label, one.location, one.score) for one in (CAR, FAINT_BUS))
     assert asked.on_message(FROM_NODE, answer(first, CAR, FAINT_BUS), S // 10) == [
-        ObjectLookups(first.header, "sighting", 2, hits=0, updates=0, boost_sum=0, objects=2, changes=stored),
+        ObjectLookups(
+            first.header, "sighting", 2, hits=0, updates=0, boost_sum=0, objects=2, changes=stored
+        ),
         Publish(OBJECTS, answer(first, CAR)),
         Publish(FROM_OTHERS, answer(first, CAR)),
     ]
@@ -162,13 +167,23 @@ def test_a_hit_is_replayed_under_the_new_header_with_what_the_map_knows():
     asked = genie(miss_policy="blocking")
     asked.on_message(IMAGES, frame(0), 0)
     asked.on_message(FROM_NODE, answer(frame(0), CAR, bus), 1)
-    asked.on_message(FROM_OTHERS, answer(frame(5, car="car9"), replace(bus, score=0.9, confidence=0.9), person), 2)
+    asked.on_message(
+        FROM_OTHERS,
+        answer(frame(5, car="car9"), replace(bus, score=0.9, confidence=0.9), person),
+        2,
+    )
 
     again = frame(10)
     [hit, boost, delivered] = asked.on_message(IMAGES, again, 10 * S)
     assert hit == lookup(again, "hit", entries=1)
-    assert boost == ObjectLookups(again.header, "boost", requests=2, hits=2, updates=0, boost_sum=0, objects=3)
-    assert (delivered.topic, delivered.to, delivered.message.header) == (OBJECTS, None, again.header)
+    assert boost == ObjectLookups(
+        again.header, "boost", requests=2, hits=2, updates=0, boost_sum=0, objects=3
+    )
+    assert (delivered.topic, delivered.to, delivered.message.header) == (
+        OBJECTS,
+        None,
+        again.header,
+    )
     assert (delivered.message.source, delivered.message.served_by) == ("cache", "edge1/genie")
     replayed = {one.label: one for one in delivered.message.objects}
     assert list(replayed) == ["car", "bus", "person"]
@@ -183,7 +198,9 @@ def test_replaying_does_not_change_the_stored_answer():
     asked = genie(miss_policy="blocking")
     asked.on_message(IMAGES, frame(0), 0)
     asked.on_message(FROM_NODE, answer(frame(0), CAR), 1)
-    asked.on_message(FROM_OTHERS, answer(frame(5, car="car9"), seen("person", 0.8, at=(20.5, 0.0))), 2)
+    asked.on_message(
+        FROM_OTHERS, answer(frame(5, car="car9"), seen("person", 0.8, at=(20.5, 0.0))), 2
+    )
     replays = [answers(asked.on_message(IMAGES, frame(stamp), stamp * S))[0] for stamp in (10, 11)]
     assert [labels(one) for one in replays] == [["car", "person"], ["car", "person"]]
 
@@ -193,8 +210,14 @@ def test_an_object_between_two_others_is_added_once():
     asked = genie(miss_policy="blocking")
     asked.on_message(IMAGES, frame(0), 0)
     asked.on_message(FROM_NODE, answer(frame(0), left, right), 1)
-    asked.on_message(FROM_OTHERS, answer(frame(5, car="car9"), seen("person", 0.8, at=(20.6, 0.0))), 2)
-    assert labels(answers(asked.on_message(IMAGES, frame(10), 10 * S))[0]) == ["car", "car", "person"]
+    asked.on_message(
+        FROM_OTHERS, answer(frame(5, car="car9"), seen("person", 0.8, at=(20.6, 0.0))), 2
+    )
+    assert labels(answers(asked.on_message(IMAGES, frame(10), 10 * S))[0]) == [
+        "car",
+        "car",
+        "person",
+    ]
 
 
 @pytest.mark.parametrize(("stamp", "header_of"), [("request", 10), ("stored", 0)])
@@ -210,7 +233,9 @@ def test_an_evicted_answer_is_a_miss_again():
     for stamp, place in enumerate((CROSSING, BRIDGE)):
         asked.on_message(IMAGES, frame(stamp, at=place), stamp * S)
         asked.on_message(FROM_NODE, answer(frame(stamp, at=place), CAR), stamp * S)
-    assert lookup(frame(9, at=BRIDGE), "hit", entries=1) in asked.on_message(IMAGES, frame(9, at=BRIDGE), 9 * S)
+    assert lookup(frame(9, at=BRIDGE), "hit", entries=1) in asked.on_message(
+        IMAGES, frame(9, at=BRIDGE), 9 * S
+    )
     assert lookup(frame(9), "miss", entries=1) in asked.on_message(IMAGES, frame(9), 9 * S)
 
 
@@ -240,7 +265,9 @@ def test_equal_requests_may_both_be_run():
 
 
 def test_after_the_answer_there_is_nothing_left_to_join():
-    asked = genie(capacity=Capacity(bytes=100), miss_policy="blocking")  # no answer with an object fits
+    asked = genie(
+        capacity=Capacity(bytes=100), miss_policy="blocking"
+    )  # no answer with an object fits
     asked.on_message(IMAGES, frame(0), 0)
     asked.on_message(FROM_NODE, answer(frame(0), CAR), 1)
     assert lookup(frame(1), "miss") in asked.on_message(IMAGES, frame(1), 2)
@@ -259,7 +286,8 @@ def test_the_very_same_request_over_another_way_is_ignored():
 
 
 @pytest.mark.parametrize(
-    ("second_answer", "replayed"), [("overwrite", ["bus"]), ("first_wins", ["car"]), ("merge", ["car", "bus"])]
+    ("second_answer", "replayed"),
+    [("overwrite", ["bus"]), ("first_wins", ["car"]), ("merge", ["car", "bus"])],
 )
 def test_the_second_answer_overwrites_the_first_leaves_it_or_joins_it(second_answer, replayed):
     asked = genie(miss_policy="blocking", second_answer=second_answer)
@@ -287,7 +315,9 @@ def test_a_neighbours_hit_is_answered_to_it_alone():
     theirs = frame(0.2, car="car2")
     [hit, _, reply] = asked.on_message(TO_OTHERS, theirs, 2, NEIGHBOUR)
     assert hit == lookup(theirs, "hit", requester="neighbour", entries=1)
-    assert reply == Publish(FROM_OTHERS, Detections(theirs.header, (CAR,), "cache", "edge1/genie"), to=NEIGHBOUR)
+    assert reply == Publish(
+        FROM_OTHERS, Detections(theirs.header, (CAR,), "cache", "edge1/genie"), to=NEIGHBOUR
+    )
 
 
 def test_a_neighbour_without_a_name_is_answered_where_neighbours_listen():
@@ -300,14 +330,19 @@ def test_a_neighbour_without_a_name_is_answered_where_neighbours_listen():
 
 def test_a_neighbours_miss_costs_nothing():
     theirs = frame(0, car="car2")
-    assert genie().on_message(TO_OTHERS, theirs, 0, NEIGHBOUR) == [lookup(theirs, "miss", requester="neighbour")]
+    assert genie().on_message(TO_OTHERS, theirs, 0, NEIGHBOUR) == [
+        lookup(theirs, "miss", requester="neighbour")
+    ]
 
 
 def test_a_neighbours_miss_does_not_keep_the_own_node_from_work():
     asked = genie(miss_policy="blocking")
     asked.on_message(TO_OTHERS, frame(0, car="car2"), 0, NEIGHBOUR)
     ours = frame(0.1)
-    assert publications(asked.on_message(IMAGES, ours, 1)) == [Publish(TO_NODE, ours), Publish(TO_OTHERS, ours)]
+    assert publications(asked.on_message(IMAGES, ours, 1)) == [
+        Publish(TO_NODE, ours),
+        Publish(TO_OTHERS, ours),
+    ]
 
 
 def test_the_literal_storm_runs_a_neighbours_miss_and_passes_it_on():
@@ -338,7 +373,12 @@ def test_a_shared_answer_is_stored_once_its_request_has_been_seen():
     theirs = frame(0, car="car2")
     asked = genie()
     asked.on_message(TO_OTHERS, theirs, 0, NEIGHBOUR)
-    assert publications(asked.on_message(FROM_OTHERS, answer(theirs, CAR, by="edge2/detector"), 1, NEIGHBOUR)) == []
+    assert (
+        publications(
+            asked.on_message(FROM_OTHERS, answer(theirs, CAR, by="edge2/detector"), 1, NEIGHBOUR)
+        )
+        == []
+    )
     [replayed] = answers(asked.on_message(IMAGES, frame(3), 3 * S))
     assert (replayed.header, labels(replayed)) == (frame(3).header, ["car"])
 
@@ -364,23 +404,35 @@ def test_the_neighbours_cached_answer_serves_our_client():
 
 def test_immediately_a_client_gets_the_confident_objects_in_view():
     asked = genie()
-    ahead, faint, behind = seen("car", 0.9, at=(20, 3)), seen("bus", 0.5, at=(25, 0)), seen("dog", 0.9, at=(-20, 0))
+    ahead, faint, behind = (
+        seen("car", 0.9, at=(20, 3)),
+        seen("bus", 0.5, at=(25, 0)),
+        seen("dog", 0.9, at=(-20, 0)),
+    )
     asked.on_message(FROM_OTHERS, answer(frame(0, car="car2"), ahead, faint, behind), 0)
     [at_once] = answers(asked.on_message(IMAGES, frame(1), S))
-    assert (at_once.header, at_once.source, at_once.served_by) == (frame(1).header, "map", "edge1/genie")
+    assert (at_once.header, at_once.source, at_once.served_by) == (
+        frame(1).header,
+        "map",
+        "edge1/genie",
+    )
     assert labels(at_once) == ["car"]
 
 
 def test_immediately_may_mean_an_empty_answer_and_the_detection_follows():
     asked = genie()
-    assert answers(asked.on_message(IMAGES, frame(0), 0)) == [Detections(frame(0).header, (), "map", "edge1/genie")]
+    assert answers(asked.on_message(IMAGES, frame(0), 0)) == [
+        Detections(frame(0).header, (), "map", "edge1/genie")
+    ]
     assert answers(asked.on_message(FROM_NODE, answer(frame(0), CAR), S)) == [answer(frame(0), CAR)]
 
 
 def test_a_coalesced_client_gets_the_map_at_once_too():
     asked = genie()
     asked.on_message(IMAGES, frame(0), 0)
-    assert [one.header for one in answers(asked.on_message(IMAGES, frame(1), 1))] == [frame(1).header]
+    assert [one.header for one in answers(asked.on_message(IMAGES, frame(1), 1))] == [
+        frame(1).header
+    ]
 
 
 def test_a_neighbour_never_gets_the_map_for_a_miss():
@@ -419,29 +471,44 @@ def test_with_hits_only_a_miss_is_never_answered():
 
 @pytest.mark.parametrize(
     ("name", "delivered"),
-    [("car1/genie", ["car", "bus"]), ("car1", ["car", "bus"]), ("edge1/genie", ["car"]), ("car12/genie", ["car"])],
+    [
+        ("car1/genie", ["car", "bus"]),
+        ("car1", ["car", "bus"]),
+        ("edge1/genie", ["car"]),
+        ("car12/genie", ["car"]),
+    ],
 )
-def test_all_fresh_objects_may_reach_the_clients_on_the_nodes_own_host_but_nobody_else(name, delivered):
+def test_all_fresh_objects_may_reach_the_clients_on_the_nodes_own_host_but_nobody_else(
+    name, delivered
+):
     """The transparent answer: who asks over a link gets what is above C_T, whatever the scenario says."""
     asked = genie(name=name, miss_policy="blocking", fresh_objects="all")
     asked.on_message(IMAGES, frame(0), 0)
-    to_client, shared = publications(asked.on_message(FROM_NODE, answer(frame(0), CAR, FAINT_BUS), 1))
+    to_client, shared = publications(
+        asked.on_message(FROM_NODE, answer(frame(0), CAR, FAINT_BUS), 1)
+    )
     assert (to_client.topic, labels(to_client.message)) == (OBJECTS, delivered)
     assert (shared.topic, labels(shared.message)) == (FROM_OTHERS, ["car"])
-    assert labels(answers(asked.on_message(IMAGES, frame(1), S))[0]) == ["car"]  # a replay is not fresh
+    assert labels(answers(asked.on_message(IMAGES, frame(1), S))[0]) == [
+        "car"
+    ]  # a replay is not fresh
 
 
 def test_what_another_genie_says_is_not_the_own_nodes_fresh_answer():
     asked = genie(name="car1/genie", miss_policy="blocking", fresh_objects="all")
     asked.on_message(IMAGES, frame(0), 0)
-    assert labels(answers(asked.on_message(FROM_OTHERS, answer(frame(0), CAR, FAINT_BUS), 1))[0]) == ["car"]
+    assert labels(
+        answers(asked.on_message(FROM_OTHERS, answer(frame(0), CAR, FAINT_BUS), 1))[0]
+    ) == ["car"]
 
 
 def test_a_neighbour_whose_miss_is_run_gets_the_detection_though_clients_get_hits_only():
     theirs = frame(0, car="car2")
     asked = genie(miss_policy="hits_only", neighbour_miss="process", share_answers="on_request")
     asked.on_message(TO_OTHERS, theirs, 0, NEIGHBOUR)
-    assert [one.to for one in publications(asked.on_message(FROM_NODE, answer(theirs, CAR), 1))] == [NEIGHBOUR]
+    assert [
+        one.to for one in publications(asked.on_message(FROM_NODE, answer(theirs, CAR), 1))
+    ] == [NEIGHBOUR]
 
 
 # Requests that nobody answers
@@ -525,7 +592,9 @@ def test_the_literal_index_can_never_hit():
     for stamp in (0, 10, 20):
         outcomes += facts(asked.on_message(IMAGES, frame(stamp), stamp * S), ImageLookup)
         for topic in (FROM_NODE, FROM_OTHERS):
-            taken_for_a_request = asked.on_message(topic, answer(frame(stamp), CAR, FAINT_BUS), stamp * S + 1)
+            taken_for_a_request = asked.on_message(
+                topic, answer(frame(stamp), CAR, FAINT_BUS), stamp * S + 1
+            )
             assert taken_for_a_request == [
                 Publish(f"{topic}-local", answer(frame(stamp), CAR)),
                 Publish(f"{topic}-remote", answer(frame(stamp), CAR)),
@@ -541,7 +610,10 @@ def test_answers_without_objects_are_cached_and_replayed_as_they_are():
     asked = genie(miss_policy="blocking", published=("/lanes",))
     asked.on_message(IMAGES, frame(0), 0)
     lanes = Lanes(frame(0).header, lanes=3)
-    assert asked.on_message("/lanes-local", lanes, 1) == [Publish("/lanes", lanes), Publish("/lanes-remote", lanes)]
+    assert asked.on_message("/lanes-local", lanes, 1) == [
+        Publish("/lanes", lanes),
+        Publish("/lanes-remote", lanes),
+    ]
     [hit, replay] = asked.on_message(IMAGES, frame(1), S)
     assert hit == lookup(frame(1), "hit", entries=1)
     assert replay == Publish("/lanes", Lanes(frame(1).header, 3, "cache", "edge1/genie"))
@@ -565,7 +637,9 @@ def test_who_comes_between_two_answers_of_the_node_gets_both_each_once():
     asked = both_topics()
     asked.on_message(FROM_NODE, answer(frame(0), CAR), 1)
     between = asked.on_message(IMAGES, frame(1), 2)
-    assert [(one.topic, one.message.header) for one in publications(between)] == [(OBJECTS, frame(1).header)]
+    assert [(one.topic, one.message.header) for one in publications(between)] == [
+        (OBJECTS, frame(1).header)
+    ]
     later = publications(asked.on_message("/lanes-local", Lanes(frame(0).header, 3), 3))
     assert [(one.topic, one.message.header) for one in later] == [
         ("/lanes", frame(0).header),
@@ -587,7 +661,9 @@ def test_who_was_served_by_a_neighbours_answer_waits_only_for_the_other_topic():
     asked.on_message(TO_OTHERS, theirs, 1, NEIGHBOUR)
     asked.on_message(FROM_OTHERS, answer(theirs, CAR), 2, NEIGHBOUR)
     assert [one.header for one in answers(asked.on_message(IMAGES, late, 3))] == [late.header]
-    assert [one.header for one in answers(asked.on_message(FROM_NODE, answer(frame(0), CAR), 4))] == [frame(0).header]
+    assert [
+        one.header for one in answers(asked.on_message(FROM_NODE, answer(frame(0), CAR), 4))
+    ] == [frame(0).header]
     lanes = answers(asked.on_message("/lanes-local", Lanes(frame(0).header, 3), 5), "/lanes")
     assert [one.header for one in lanes] == [frame(0).header, late.header]
 
@@ -601,7 +677,9 @@ def test_who_was_served_by_a_neighbours_answer_does_not_expire_with_those_who_we
 
 
 def test_a_request_that_can_no_longer_get_every_answer_is_run_again():
-    asked = genie(miss_policy="blocking", published=(OBJECTS, "/lanes"), capacity=Capacity(bytes=100))
+    asked = genie(
+        miss_policy="blocking", published=(OBJECTS, "/lanes"), capacity=Capacity(bytes=100)
+    )
     asked.on_message(IMAGES, frame(0), 0)
     asked.on_message(FROM_NODE, answer(frame(0), CAR), 1)  # does not fit into the cache
     assert Publish(TO_NODE, frame(1)) in asked.on_message(IMAGES, frame(1), 2)
@@ -627,7 +705,9 @@ def test_a_topic_that_is_not_the_nodes_is_refused():
 def test_an_edge_may_send_other_edges_every_object_but_a_car_never():
     asked = genie(miss_policy="blocking", share_filter="all")
     asked.on_message(IMAGES, frame(0), 0)
-    to_client, shared = publications(asked.on_message(FROM_NODE, answer(frame(0), CAR, FAINT_BUS), 1))
+    to_client, shared = publications(
+        asked.on_message(FROM_NODE, answer(frame(0), CAR, FAINT_BUS), 1)
+    )
     assert (to_client.topic, labels(to_client.message)) == (OBJECTS, ["car"])
     assert (shared.topic, labels(shared.message)) == (FROM_OTHERS, ["car", "bus"])
     assert labels(answers(asked.on_message(IMAGES, frame(1), S))[0]) == ["car"]
@@ -645,6 +725,8 @@ def test_a_car_that_learns_from_its_own_node_only_passes_the_edges_answer_on():
     again = asked.on_message(IMAGES, frame(1), S)
     assert lookup(frame(1), "miss") in again
     assert labels(answers(again)[0]) == []
-    assert answers(asked.on_message(FROM_NODE, answer(frame(0), CAR, FAINT_BUS), S + 1)) == []  # too late, but learned
+    assert (
+        answers(asked.on_message(FROM_NODE, answer(frame(0), CAR, FAINT_BUS), S + 1)) == []
+    )  # too late, but learned
     assert (asked.cache_entries(), len(asked.object_map)) == (1, 2)
     assert lookup(frame(2), "hit", entries=1) in asked.on_message(IMAGES, frame(2), 2 * S)

@@ -21,7 +21,9 @@ from tests.core.worlds import S, object_map, seen
 coordinates = st.integers(-500, 500).map(lambda centimetres: centimetres / 100)
 scores = st.integers(0, 100).map(lambda percent: percent / 100)
 sightings = st.lists(
-    st.builds(seen, st.sampled_from(["car", "person"]), scores, st.tuples(coordinates, coordinates)),
+    st.builds(
+        seen, st.sampled_from(["car", "person"]), scores, st.tuples(coordinates, coordinates)
+    ),
     min_size=15,
     max_size=30,
 )
@@ -39,7 +41,12 @@ def told(objects, *sightings):
 def test_a_first_sighting_is_stored_with_its_score():
     before, stored = object_map().sight(seen("car", 0.3))
     assert before is None
-    assert (stored.label, stored.location, stored.score, stored.confidence) == ("car", (20.0, 0.0, 0.0), 0.3, 0.3)
+    assert (stored.label, stored.location, stored.score, stored.confidence) == (
+        "car",
+        (20.0, 0.0, 0.0),
+        0.3,
+        0.3,
+    )
 
 
 def test_an_object_that_another_map_has_confirmed_comes_with_its_confidence():
@@ -103,7 +110,9 @@ def test_the_nearest_object_of_the_class_is_it():
     assert object_at(objects, "car", (0.7, 0.0)).score == 0.8
 
 
-@pytest.mark.parametrize(("metres", "same"), [(0.0, True), (0.99, True), (1.0, True), (1.01, False)])
+@pytest.mark.parametrize(
+    ("metres", "same"), [(0.0, True), (0.99, True), (1.0, True), (1.01, False)]
+)
 def test_the_gate_decides_what_is_the_same_place(metres, same):
     objects = told(object_map(gate_m=1.0), seen("car", 0.9, at=(0.5, 0.5)))
     assert (object_at(objects, "car", (0.5 + metres, 0.5)) is not None) is same
@@ -124,7 +133,9 @@ def test_looking_into_cells_finds_what_looking_at_every_object_finds(sightings, 
         assert sorted(map(id, objects.at((*place, 0.0)))) == sorted(map(id, there))
         cars = [distance2(one.location, place) for one in there if one.label == "car"]
         found = object_at(objects, "car", place)
-        assert (None if found is None else distance2(found.location, place)) == min(cars, default=None)
+        assert (None if found is None else distance2(found.location, place)) == min(
+            cars, default=None
+        )
 
 
 def distance2(location, place):
@@ -133,7 +144,9 @@ def distance2(location, place):
 
 def test_with_exact_locations_a_millimetre_makes_another_object():
     objects = told(
-        object_map(location_key="exact"), seen("car", 0.9, at=(20.0, 0.0)), seen("car", 0.9, at=(20.001, 0.0))
+        object_map(location_key="exact"),
+        seen("car", 0.9, at=(20.0, 0.0)),
+        seen("car", 0.9, at=(20.001, 0.0)),
     )
     assert len(objects) == 2
     assert objects.sight(seen("car", 0.5, at=(20.0, 0.0)))[0] == 0.9
@@ -171,7 +184,9 @@ def test_the_empirical_threshold_is_the_60th_percentile_of_first_scores(scores, 
     """Nearest rank: of five scores the third, of ten the sixth. Before there is any, nothing is confident."""
     objects = object_map(threshold="empirical")
     for number, score in enumerate(scores):
-        told(objects, *[seen("car", score, at=(5.0 * number, 0.0))] * 2)  # the second sighting is no first score
+        told(
+            objects, *[seen("car", score, at=(5.0 * number, 0.0))] * 2
+        )  # the second sighting is no first score
     assert objects.threshold == percentile
 
 
@@ -183,10 +198,16 @@ def test_c_t_may_be_a_percentile_of_all_that_is_stored(percent):
     assert objects.threshold == 1.0, "nothing is confident before there is anything"
     for second in range(60):
         objects.forget(second * S)
-        one = seen("car", rng.random(), at=(5.0 * rng.randrange(12), 0.0)).with_confidence(rng.random())
+        one = seen("car", rng.random(), at=(5.0 * rng.randrange(12), 0.0)).with_confidence(
+            rng.random()
+        )
         objects.sight(one, second * S)
         stored = sorted(one.confidence for one in objects)
-        least = next(one for one in stored if sum(other <= one for other in stored) >= percent / 100 * len(stored))
+        least = next(
+            one
+            for one in stored
+            if sum(other <= one for other in stored) >= percent / 100 * len(stored)
+        )
         assert objects.threshold == least
     objects.forget(100 * S)
     assert len(objects) == 0 and objects.threshold == 1.0
@@ -197,7 +218,8 @@ def test_c_t_may_be_a_percentile_of_all_that_is_stored(percent):
 
 def test_a_place_holds_every_object_within_the_gate_of_any_class():
     near, nearer, far = (
-        seen(label, 0.9, at=at) for label, at in (("car", (20, 1.0)), ("dog", (20, 0)), ("bus", (20, -1.01)))
+        seen(label, 0.9, at=at)
+        for label, at in (("car", (20, 1.0)), ("dog", (20, 0)), ("bus", (20, -1.01)))
     )
     objects = told(object_map(gate_m=1.0), near, nearer, far)
     assert {one.label for one in objects.at((20.0, 0.0, 0.0))} == {"car", "dog"}
@@ -211,7 +233,13 @@ def in_view(objects, heading_deg=0.0, fov_deg=90.0, range_m=50.0, at=(0.0, 0.0))
     return {one.label for one in objects.in_view(pose, math.radians(fov_deg), range_m)}
 
 
-COMPASS = {"east": (30, 0), "north": (0, 30), "west": (-30, 0), "south": (0, -30), "far east": (70, 0)}
+COMPASS = {
+    "east": (30, 0),
+    "north": (0, 30),
+    "west": (-30, 0),
+    "south": (0, -30),
+    "far east": (70, 0),
+}
 
 
 def surroundings():
@@ -237,14 +265,19 @@ def test_a_camera_sees_what_it_looks_at(heading_deg, visible):
 def test_headings_wrap_around():
     """West of the camera bearings jump from 180 to -180 degrees; both sides are in view."""
     objects = told(object_map(), seen("left", 0.9, at=(-30, -5)), seen("right", 0.9, at=(-30, 5)))
-    assert in_view(objects, heading_deg=179) == in_view(objects, heading_deg=-179) == {"left", "right"}
+    assert (
+        in_view(objects, heading_deg=179) == in_view(objects, heading_deg=-179) == {"left", "right"}
+    )
 
 
 @pytest.mark.parametrize(("fov_deg", "seen_at_30_deg"), [(59, False), (61, True), (360, True)])
 def test_the_field_of_view_extends_half_to_either_side(fov_deg, seen_at_30_deg):
     for side in (30, -30):
         at = (20 * math.cos(math.radians(side)), 20 * math.sin(math.radians(side)))
-        assert bool(in_view(told(object_map(), seen("car", 0.9, at=at)), fov_deg=fov_deg)) is seen_at_30_deg
+        assert (
+            bool(in_view(told(object_map(), seen("car", 0.9, at=at)), fov_deg=fov_deg))
+            is seen_at_30_deg
+        )
 
 
 def test_the_view_ends_at_its_range():
@@ -253,7 +286,10 @@ def test_the_view_ends_at_its_range():
 
 
 def test_what_is_in_view_is_told_with_the_confidence_that_it_has_by_then():
-    viewer, objects = Viewer(Header(0, "02", "car1"), CameraPose(0.0, 0.0, 0.0, 0.0), 1.0), object_map()
+    viewer, objects = (
+        Viewer(Header(0, "02", "car1"), CameraPose(0.0, 0.0, 0.0, 0.0), 1.0),
+        object_map(),
+    )
     for confidence in (0.8, 0.8 + 0.1 * 0.8 * (1 - 0.8)):
         _, stored = objects.sight(seen("car", 0.8))
         assert stored.confidence == confidence
@@ -267,13 +303,23 @@ def test_only_confident_objects_are_in_view():
 
 @pytest.mark.parametrize("view_cell_m", [7.0, 30.0, 1000.0])
 def test_the_cells_that_views_are_looked_up_in_do_not_matter(view_cell_m):
-    objects = told(object_map(view_cell_m=view_cell_m), *(seen(label, 0.9, at=at) for label, at in COMPASS.items()))
+    objects = told(
+        object_map(view_cell_m=view_cell_m),
+        *(seen(label, 0.9, at=at) for label, at in COMPASS.items()),
+    )
     assert in_view(objects, range_m=70.1) == {"east", "far east"}
 
 
 @settings(max_examples=25)
-@given(sightings, st.floats(-7.0, 7.0), st.tuples(coordinates, coordinates), st.sampled_from([0.5, 3.0, 50.0]))
-def test_views_through_cells_show_what_looking_at_every_object_shows(sightings, heading_rad, at, view_cell_m):
+@given(
+    sightings,
+    st.floats(-7.0, 7.0),
+    st.tuples(coordinates, coordinates),
+    st.sampled_from([0.5, 3.0, 50.0]),
+)
+def test_views_through_cells_show_what_looking_at_every_object_shows(
+    sightings, heading_rad, at, view_cell_m
+):
     """By the angle between two directions, from their dot product, instead of from headings."""
     objects = told(object_map(view_cell_m=view_cell_m, gate_m=0.1), *sightings)
     camera, range_m, half_rad = CameraPose(*at, 1.6, heading_rad), 4.0, math.radians(40.0)
@@ -284,7 +330,9 @@ def test_views_through_cells_show_what_looking_at_every_object_shows(sightings, 
         ahead_m = east_m * math.cos(heading_rad) + north_m * math.sin(heading_rad)
         margin = ahead_m - distance_m * math.cos(half_rad)
         if distance_m > 0 and abs(margin) > 1e-9 and abs(distance_m - range_m) > 1e-9:
-            assert (id(one) in found) is (one.confidence >= 0.6 and distance_m < range_m and margin > 0)
+            assert (id(one) in found) is (
+                one.confidence >= 0.6 and distance_m < range_m and margin > 0
+            )
 
 
 def test_a_gate_as_wide_as_the_world_takes_no_longer():
@@ -301,7 +349,9 @@ def test_an_object_that_nobody_sees_for_long_enough_is_forgotten():
     assert objects.forget(12) == []
     assert {one.label for one in objects} == {"car", "bus"}
     assert [one.label for one in objects.forget(13)] == ["bus"]
-    assert [one.label for one in objects] == ["car"] and len(objects) == 1, "the car was seen again at 8"
+    assert [one.label for one in objects] == ["car"] and len(objects) == 1, (
+        "the car was seen again at 8"
+    )
     assert object_at(objects, "bus", (40.0, 1.0)) is None and in_view(objects) == {"car"}
     objects.forget(18)
     assert list(objects) == [] and len(objects) == 0

@@ -19,7 +19,16 @@ from genie_sim.core.rules import ObjectMapRules
 from genie_sim.core.track_map import TrackMap
 from genie_sim.core.view import View
 from genie_sim.errors import UserError
-from genie_sim.messages import LOOK_BYTES, LOOK_DETECTION_BYTES, CameraPose, Detection, Detections, Header, Image, Look
+from genie_sim.messages import (
+    LOOK_BYTES,
+    LOOK_DETECTION_BYTES,
+    CameraPose,
+    Detection,
+    Detections,
+    Header,
+    Image,
+    Look,
+)
 from genie_sim.scenario.genie import read_genie
 from tests.core.worlds import IMAGES, OBJECTS, S, answer, frame, genie, object_map, seen
 
@@ -28,7 +37,9 @@ MS = S // 1000
 FOV = math.radians(90.0)
 
 
-def look(t_s: float, *detections: Detection, at=(0.0, 0.0), heading_deg=0.0, car="car1", camera="02") -> Look:
+def look(
+    t_s: float, *detections: Detection, at=(0.0, 0.0), heading_deg=0.0, car="car1", camera="02"
+) -> Look:
     """A look east from the origin, unless it is said otherwise."""
     pose = CameraPose(at[0], at[1], 1.6, math.radians(heading_deg))
     return Look(Header(round(t_s * S), camera, car), pose, FOV, detections)
@@ -73,7 +84,10 @@ def test_a_parked_car_that_was_passed_stays_and_goes_when_it_has_left():
 
 def test_a_van_ahead_that_drives_on_is_served_where_it_is_and_leaves_no_trail():
     """10 m/s away from a camera that sees it every 100 ms: 2 s later one object, and 50 ms on, half a metre further."""
-    map_ = after(tracks(), *(look(0.1 * i, car(10.0 + i, label="truck" if i % 3 else "car")) for i in range(21)))
+    map_ = after(
+        tracks(),
+        *(look(0.1 * i, car(10.0 + i, label="truck" if i % 3 else "car")) for i in range(21)),
+    )
     ((_, east_m, north_m),) = there(map_, 2.05)
     assert east_m == pytest.approx(30.5, abs=0.15) and north_m == 0.0
     (held,) = map_
@@ -117,7 +131,9 @@ def test_a_late_look_is_associated_by_predicting_back_and_moves_nothing():
     (held,) = map_
     place, sightings = held.place(S), held.sightings
     map_.look(look(0.55, car(15.5)), S)
-    assert list(map_) == [held] and held.sightings == sightings + 1, "it is the same car, half a second ago"
+    assert list(map_) == [held] and held.sightings == sightings + 1, (
+        "it is the same car, half a second ago"
+    )
     assert held.place(S) == place and held.seen.stamp_ns == S
     existence = held.existence
     map_.look(look(0.65), S)
@@ -137,12 +153,16 @@ def test_the_same_look_by_two_ways_counts_once():
 
 
 def test_two_who_walk_side_by_side_stay_two():
-    walkers = [look(0.1 * i, *(seen("person", 0.9, at=(15.0 + 0.1 * i, n)) for n in (0.0, 1.5))) for i in range(10)]
+    walkers = [
+        look(0.1 * i, *(seen("person", 0.9, at=(15.0 + 0.1 * i, n)) for n in (0.0, 1.5)))
+        for i in range(10)
+    ]
     assert len(after(tracks(), *walkers)) == 2
 
 
 def test_two_detections_never_show_one_track():
     """The second is nearer to the first's track than to its own, which is taken."""
+
     def walker(north_m: float) -> Detection:
         return seen("person", 0.9, at=(10.0, north_m))
 
@@ -161,7 +181,10 @@ def textbook(p: float, dt_s: float, survival: float, found: float, ratio: float 
     return (1.0 - d) * p / (1.0 - d * p)
 
 
-@given(st.lists(st.one_of(st.none(), st.floats(0.3, 1.0)), min_size=1, max_size=12), st.floats(4.0, 39.0))
+@given(
+    st.lists(st.one_of(st.none(), st.floats(0.3, 1.0)), min_size=1, max_size=12),
+    st.floats(4.0, 39.0),
+)
 def test_existence_follows_the_textbooks_recursion(scores, range_m):
     laws = DetectorLaws((0.9,) * 7, (0.8,) * 7, ASSUMED.ratios, ASSUMED.firsts)
     policy = Existence(measured=False)
@@ -193,7 +216,9 @@ def test_autowares_rule_halves_in_half_a_second_and_takes_misses_for_nothing():
     assert held.existence == pytest.approx(0.4 * 0.45 / (0.4 * 0.45 + 0.6 * 0.2))
 
 
-@pytest.mark.parametrize(("range_m", "found"), [(10.0, 0.9), (20.0, 0.9), (30.0, 0.6), (40.0, 0.3), (60.0, 0.2)])
+@pytest.mark.parametrize(
+    ("range_m", "found"), [(10.0, 0.9), (20.0, 0.9), (30.0, 0.6), (40.0, 0.3), (60.0, 0.2)]
+)
 def test_the_assumed_chance_to_find_falls_with_the_range(range_m, found):
     assert ASSUMED.found(True, range_m) == pytest.approx(found)
 
@@ -204,14 +229,19 @@ def test_a_measured_law_knows_a_good_detector_from_a_bad_one():
     def looks(every: int) -> list[Look]:
         places = [(8.0 + 2.0 * (i // 4), -6.0 + 4.0 * (i % 4)) for i in range(8)]
         return [
-            look(0.1 * t, *(seen("car", 0.9, at=at) for k, at in enumerate(places) if (t + k) % every == 0))
+            look(
+                0.1 * t,
+                *(seen("car", 0.9, at=at) for k, at in enumerate(places) if (t + k) % every == 0),
+            )
             for t in range(60)
         ]
 
     good, bad = measured(looks(1)), measured(looks(2))
     assert good.found(True, 12.0) > 0.95 > 0.75 > bad.found(True, 12.0) > 0.4
     assert good.others == pytest.approx(ASSUMED.others), "no persons were seen"
-    assert all(found == pytest.approx(known) for found, known in zip(measured([]), ASSUMED, strict=True))
+    assert all(
+        found == pytest.approx(known) for found, known in zip(measured([]), ASSUMED, strict=True)
+    )
 
 
 # What a look sees
@@ -219,13 +249,22 @@ def test_a_measured_law_knows_a_good_detector_from_a_bad_one():
 
 @pytest.mark.parametrize(
     ("at", "seen_there"),
-    [((20, 0), True), ((3, 0), False), ((41, 0), False), ((-20, 0), False), ((20, 18), True), ((20, 20), False)],
+    [
+        ((20, 0), True),
+        ((3, 0), False),
+        ((41, 0), False),
+        ((-20, 0), False),
+        ((20, 18), True),
+        ((20, 20), False),
+    ],
 )
 def test_a_look_tells_of_its_field_of_view_alone(at, seen_there):
     assert (View(look(0)).range_m(*at) is not None) is seen_there
 
 
-@pytest.mark.parametrize(("east_m", "hidden"), [(19.0, False), (21.5, False), (22.5, True), (35.0, True)])
+@pytest.mark.parametrize(
+    ("east_m", "hidden"), [(19.0, False), (21.5, False), (22.5, True), (35.0, True)]
+)
 def test_a_detection_hides_what_is_two_metres_behind_it(east_m, hidden):
     view = View(look(0, car(20.0)))
     assert (view.range_m(east_m, 0.2) is None) is hidden
@@ -241,7 +280,13 @@ def test_class_ttl_keeps_what_stands_and_forgets_what_moves():
         objects.sight(seen(label, 0.9, at=(10.0, north_m)), 0)
     objects.sight(car(30.0), 0)
     objects.sight(car(30.0), 1 * S)  # at one place for a second: parked
-    for t_ns, gone in ((S // 2 - 1, []), (S // 2, ["person"]), (S, ["car"]), (300 * S, []), (301 * S, ["car"])):
+    for t_ns, gone in (
+        (S // 2 - 1, []),
+        (S // 2, ["person"]),
+        (S, ["car"]),
+        (300 * S, []),
+        (301 * S, ["car"]),
+    ):
         assert [one.label for one in objects.forget(t_ns)] == gone
     assert [one.label for one in objects] == ["bench"]
 
@@ -273,8 +318,15 @@ def test_origins_count_no_echo():
 
     def confidence(source: str) -> list[float]:
         objects, found = object_map(confidence_source=source), []
-        for stamp_s, kind in ((0.0, "detector"), (0.0, "detector"), (0.5, "cache"), (1.0, "detector")):
-            said = answer(Header(round(stamp_s * S), "02", "car1"), car(score=0.5)).served(kind, "x")
+        for stamp_s, kind in (
+            (0.0, "detector"),
+            (0.0, "detector"),
+            (0.5, "cache"),
+            (1.0, "detector"),
+        ):
+            said = answer(Header(round(stamp_s * S), "02", "car1"), car(score=0.5)).served(
+                kind, "x"
+            )
             objects.learn(said, None, 0, False, False)
             found.append(round(next(iter(objects)).confidence, 3))
         return found
@@ -291,10 +343,14 @@ def test_looks_travel_their_bytes_count_and_hits_are_no_looks():
     asked = genie(TrackMap(ObjectMapRules(), policy, shares="look"))
     request = frame(0)
     asked.on_message(IMAGES, request, 0)
-    effects = asked.on_message(FROM_NODE, answer(request, seen("car", 0.9, at=(20.0, 0.0))), 50 * MS)
+    effects = asked.on_message(
+        FROM_NODE, answer(request, seen("car", 0.9, at=(20.0, 0.0))), 50 * MS
+    )
     sent = [one.message for one in effects if getattr(one, "topic", "") == f"{OBJECTS}-remote"]
     (look_,) = {one.look for one in sent}
-    assert look_.header == request.header and look_.pose == request.pose and len(look_.detections) == 1
+    assert (
+        look_.header == request.header and look_.pose == request.pose and len(look_.detections) == 1
+    )
     without = sent[0].with_look(None, None)
     assert sent[0].size_bytes == without.size_bytes + LOOK_BYTES + LOOK_DETECTION_BYTES
     hit = asked.on_message(IMAGES, frame(0.2), 200 * MS)
@@ -313,7 +369,9 @@ def test_looks_travel_their_bytes_count_and_hits_are_no_looks():
         (Tracks(), 0.5, 0),
     ],
 )
-def test_a_sighting_hits_what_may_leave_by_existence_or_by_confidence(policy, score: float, hits: int):
+def test_a_sighting_hits_what_may_leave_by_existence_or_by_confidence(
+    policy, score: float, hits: int
+):
     """After one look the object exists with about the probability that its score is, and has this as its C."""
     map_ = after(tracks(policy, threshold=0.6), look(0.0, car(score=score)))
     again = look(0.1, car(score=score))
@@ -324,7 +382,9 @@ def test_a_sighting_hits_what_may_leave_by_existence_or_by_confidence(policy, sc
 def test_another_maps_track_is_taken_over_only_where_nobody_here_has_just_looked():
     both = car(20.0, 0.0), car(20.0, 30.0)
     edge = after(tracks(), *(look(0.1 * i, *both, car="car2", heading_deg=30.0) for i in range(9)))
-    objects, valid_ns = edge.visible(Viewer(Header(S, "02", "car1"), CameraPose(0, 0, 0, 0.5), math.pi), 50.0, S)
+    objects, valid_ns = edge.visible(
+        Viewer(Header(S, "02", "car1"), CameraPose(0, 0, 0, 0.5), math.pi), 50.0, S
+    )
     sent = Detections(Header(S, "02", "car1"), tuple(objects), "cache").with_look(None, valid_ns)
     assert len(objects) == 2
     mine = after(tracks(), look(0.9))
@@ -361,7 +421,9 @@ def test_a_genie_that_never_forgets_sends_no_looks():
 
 
 def image(t_s: float, camera="02") -> Image:
-    return Image(Header(round(t_s * S), camera, "car1"), 1, "", 0, CameraPose(0.0, 0.0, 1.6, 0.0), FOV)
+    return Image(
+        Header(round(t_s * S), camera, "car1"), 1, "", 0, CameraPose(0.0, 0.0, 1.6, 0.0), FOV
+    )
 
 
 def held(consumer, t_s: float) -> list[tuple[str, float]]:
@@ -390,7 +452,9 @@ def test_newest_predicts_what_has_a_velocity_and_lets_it_replace_older_views():
     map_ = after(tracks(), *(look(0.1 * i, car(10.0 + i)) for i in range(11)))
     objects, valid_ns = map_.visible(Viewer(image(1.0).header, image(1.0).pose, FOV), 50.0, S)
     consumer.on_frame(image(1.0))
-    consumer.on_answer(Detections(image(1.0).header, tuple(objects), "map").with_look(None, valid_ns), S)
+    consumer.on_answer(
+        Detections(image(1.0).header, tuple(objects), "map").with_look(None, valid_ns), S
+    )
     assert held(consumer, 1.0) == [("car", pytest.approx(20.0, abs=0.1))]
     assert held(consumer, 1.3) == [("car", pytest.approx(23.0, abs=0.2))]
     assert held(consumer, 9.0) == [("car", pytest.approx(30.0, abs=0.3))], "for a second at most"
@@ -416,7 +480,10 @@ sightings = st.tuples(
 )
 
 
-@given(st.lists(st.lists(sightings, max_size=5), max_size=12), st.sampled_from(["ipda", "autoware", "track"]))
+@given(
+    st.lists(st.lists(sightings, max_size=5), max_size=12),
+    st.sampled_from(["ipda", "autoware", "track"]),
+)
 def test_whatever_is_seen_bounds_hold_and_the_same_again_is_the_same(rounds, name):
     """In any order of time: probabilities in 0..1, the grids hold what the count says, and nothing depends on luck."""
 
@@ -437,8 +504,14 @@ def test_whatever_is_seen_bounds_hold_and_the_same_again_is_the_same(rounds, nam
     ("freshness", "says"),
     [
         ("newer", "unknown freshness policy 'newer'"),
-        ({"name": "recommended", "p_min": 1.5}, "freshness.p_min: must be a number from 0 to 1, not 1.5"),
-        ({"name": "existence", "p_min": -0.1}, "freshness.p_min: must be a number from 0 to 1, not -0.1"),
+        (
+            {"name": "recommended", "p_min": 1.5},
+            "freshness.p_min: must be a number from 0 to 1, not 1.5",
+        ),
+        (
+            {"name": "existence", "p_min": -0.1},
+            "freshness.p_min: must be a number from 0 to 1, not -0.1",
+        ),
         ({"name": "existence", "preset": "kalman"}, "freshness.preset"),
         ({"name": "ttl", "ttl": "0 s"}, "freshness.ttl: must be more than zero"),
         ({"name": "corroborate", "n": 0}, "freshness.n: must be at least 1"),

@@ -48,11 +48,17 @@ def genies(**fixed):
     """How to make a Genie, of any reading but for those that are ``fixed``."""
 
     def choice(options):
-        return st.fixed_dictionaries({name: st.sampled_from(values) for name, values in options.items()})
+        return st.fixed_dictionaries(
+            {name: st.sampled_from(values) for name, values in options.items()}
+        )
 
-    open_readings = {name: values for name, values in (READINGS | CACHES).items() if name not in fixed}
+    open_readings = {
+        name: values for name, values in (READINGS | CACHES).items() if name not in fixed
+    }
     return st.builds(
-        lambda readings, map_readings: lambda: genie(objects=object_map(**map_readings), **readings, **fixed),
+        lambda readings, map_readings: (
+            lambda: genie(objects=object_map(**map_readings), **readings, **fixed)
+        ),
         choice(open_readings),
         choice(MAP_READINGS),
     )
@@ -76,19 +82,25 @@ def test_only_confident_objects_ever_leave(make_genie, story):
             whole |= effect.topic.endswith("-remote") and rules.share_filter == "all"
             whole |= rules.car_learns == "own" and step.topic == f"{OBJECTS}-remote"
             if effect.topic.startswith(OBJECTS) and not whole:
-                assert all(one.confidence >= telling.object_map.threshold for one in effect.message.objects)
+                assert all(
+                    one.confidence >= telling.object_map.threshold for one in effect.message.objects
+                )
 
 
 @whatever
 @given(genies(miss_policy="blocking", replay_stamp="request"), any_story)
 def test_blocking_a_clients_frame_is_answered_at_most_once(make_genie, story):
-    delivered = Counter(one.header for _, effects in tell(make_genie(), story) for one in answers(effects))
+    delivered = Counter(
+        one.header for _, effects in tell(make_genie(), story) for one in answers(effects)
+    )
     assert all(times == 1 for times in delivered.values())
 
 
 @whatever
 @given(genies(miss_policy="immediate", replay_stamp="request"), any_story)
-def test_immediately_a_clients_frame_is_answered_by_the_map_first_and_once_more_at_most(make_genie, story):
+def test_immediately_a_clients_frame_is_answered_by_the_map_first_and_once_more_at_most(
+    make_genie, story
+):
     sources = {}
     for _, effects in tell(make_genie(), story):
         for one in answers(effects):
@@ -168,7 +180,10 @@ def test_neighbours_never_make_the_node_work_nor_pass_anything_on(make_genie, st
     for step, effects in tell(make_genie(), story):
         if step.topic == f"{IMAGES}-remote":
             sent = publications(effects)
-            assert [(one.topic, one.to) for one in sent] in ([], [(f"{OBJECTS}-remote", step.sender)])
+            assert [(one.topic, one.to) for one in sent] in (
+                [],
+                [(f"{OBJECTS}-remote", step.sender)],
+            )
 
 
 @whatever
@@ -195,7 +210,9 @@ def test_the_stories_reach_every_kind_of_event():
         for _, effects in tell(genie(request_expiry_ns=S), story):
             for effect in effects:
                 if isinstance(effect, Publish):
-                    happened[effect.topic, getattr(effect.message, "source", ""), effect.to is not None] += 1
+                    happened[
+                        effect.topic, getattr(effect.message, "source", ""), effect.to is not None
+                    ] += 1
                 elif isinstance(effect, ImageLookup):
                     happened[effect.outcome, effect.requester] += 1
                 else:

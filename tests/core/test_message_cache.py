@@ -18,7 +18,9 @@ HEADER = Header(0, "02", "car1")
 def zipf(requests=20_000, pictures=500, skew=0.9, seed=1):
     """Requests for pictures, the k-th of which is asked for with probability ~ 1 / k^skew."""
     weights = np.arange(1, pictures + 1) ** -skew
-    return np.random.default_rng(seed).choice(pictures, requests, p=weights / weights.sum()).tolist()
+    return (
+        np.random.default_rng(seed).choice(pictures, requests, p=weights / weights.sum()).tolist()
+    )
 
 
 def replay(cache, trace, objects_of=lambda key: 0):
@@ -36,18 +38,25 @@ def replay(cache, trace, objects_of=lambda key: 0):
 @pytest.mark.parametrize(("eviction", "theirs"), [(LRU, "LRU"), (Eviction, "FIFO")])
 def test_hits_are_those_of_libcachesim(eviction, theirs, capacity):
     """The same policy of an independent simulator (libCacheSim) on the same Zipf trace, request by request."""
-    libcachesim = pytest.importorskip("libcachesim", reason="needs libcachesim: pip install 'genie-sim[test]'")
+    libcachesim = pytest.importorskip(
+        "libcachesim", reason="needs libcachesim: pip install 'genie-sim[test]'"
+    )
     reference = getattr(libcachesim, theirs)(cache_size=capacity, hashpower=12)
     trace = zipf()
     expected = [reference.get(libcachesim.Request(obj_id=key, obj_size=1)) for key in trace]
-    assert replay(MessageCache(Exact().index(), eviction(), Capacity(entries=capacity)), trace) == expected
+    assert (
+        replay(MessageCache(Exact().index(), eviction(), Capacity(entries=capacity)), trace)
+        == expected
+    )
     assert 0 < sum(expected) < len(expected)
 
 
 @pytest.mark.parametrize("capacity_bytes", [2_000, 20_000, 200_000])
 def test_hits_in_bytes_are_those_of_libcachesim(capacity_bytes):
     """Answers of different sizes: a large one may push out several, one larger than the cache is not stored."""
-    libcachesim = pytest.importorskip("libcachesim", reason="needs libcachesim: pip install 'genie-sim[test]'")
+    libcachesim = pytest.importorskip(
+        "libcachesim", reason="needs libcachesim: pip install 'genie-sim[test]'"
+    )
 
     def objects_of(key):
         return key * 7919 % 8
@@ -56,7 +65,8 @@ def test_hits_in_bytes_are_those_of_libcachesim(capacity_bytes):
     trace = zipf()
     sizes = [Detections(HEADER, (None,) * objects_of(key)).size_bytes for key in trace]
     expected = [
-        reference.get(libcachesim.Request(obj_id=key, obj_size=size)) for key, size in zip(trace, sizes, strict=True)
+        reference.get(libcachesim.Request(obj_id=key, obj_size=size))
+        for key, size in zip(trace, sizes, strict=True)
     ]
     cache = MessageCache(Exact().index(), LRU(), Capacity(bytes=capacity_bytes))
     assert replay(cache, trace, objects_of) == expected
@@ -72,7 +82,9 @@ def test_hits_under_lfu_are_those_of_a_naive_list(capacity):
         if key not in uses and len(uses) == capacity:
             del uses[min(uses, key=uses.__getitem__)]
         uses[key] = (uses.get(key, (0, 0))[0] + 1, now_ns)
-    assert replay(MessageCache(Exact().index(), LFU(), Capacity(entries=capacity)), trace) == expected
+    assert (
+        replay(MessageCache(Exact().index(), LFU(), Capacity(entries=capacity)), trace) == expected
+    )
     assert 0 < sum(expected) < len(expected)
 
 
@@ -160,7 +172,9 @@ def pending_index(identity=lambda header: header):
 
 
 def pending_request(deadline_ns=None, key="crossing", forwarded=True):
-    return PendingRequest("/image_raw", key, deadline_ns, forwarded, [Requester(HEADER, False, None)])
+    return PendingRequest(
+        "/image_raw", key, deadline_ns, forwarded, [Requester(HEADER, False, None)]
+    )
 
 
 def test_a_request_is_found_by_its_header_and_joined_by_its_key():

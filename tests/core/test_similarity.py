@@ -27,7 +27,9 @@ class TestDHash(SimilarityConformance):
 
 
 def test_every_similarity_is_held_to_the_conformance_tests():
-    assert set(SIMILARITIES.values()) <= {one.make for one in SimilarityConformance.__subclasses__()}
+    assert set(SIMILARITIES.values()) <= {
+        one.make for one in SimilarityConformance.__subclasses__()
+    }
 
 
 def same(similarity, one, other):
@@ -51,14 +53,24 @@ def at(east_m=0.5, north_m=0.5, heading_deg=0.0, camera="02"):
     return frame(0, at=(east_m, north_m), heading_deg=heading_deg, camera=camera)
 
 
-@pytest.mark.parametrize("other", [at(0.0, 0.99), at(heading_deg=7), at(heading_deg=-7), at(heading_deg=360)])
+@pytest.mark.parametrize(
+    "other", [at(0.0, 0.99), at(heading_deg=7), at(heading_deg=-7), at(heading_deg=360)]
+)
 def test_the_same_spot(other):
     assert same(PoseGrid(cell_m=1.0, heading_rad=math.radians(15)), at(), other)
 
 
 @pytest.mark.parametrize(
     "other",
-    [at(1.0), at(-0.1), at(north_m=1.2), at(north_m=-0.1), at(heading_deg=8), at(heading_deg=180), at(camera="03")],
+    [
+        at(1.0),
+        at(-0.1),
+        at(north_m=1.2),
+        at(north_m=-0.1),
+        at(heading_deg=8),
+        at(heading_deg=180),
+        at(camera="03"),
+    ],
 )
 def test_another_spot_heading_or_camera(other):
     assert not same(PoseGrid(cell_m=1.0, heading_rad=math.radians(15)), at(), other)
@@ -109,7 +121,11 @@ def test_hashes_may_differ_in_the_radius(bits, equal):
 
 @settings(max_examples=20)
 @given(
-    st.lists(st.tuples(st.sampled_from([True, True, False]), st.integers(0, 2**10 - 1)), min_size=100, max_size=150),
+    st.lists(
+        st.tuples(st.sampled_from([True, True, False]), st.integers(0, 2**10 - 1)),
+        min_size=100,
+        max_size=150,
+    ),
     st.integers(0, 2**10 - 1),
     st.integers(0, 4),
 )

@@ -27,8 +27,11 @@ def test_in_the_end_both_know_the_same(story):
     for step, _ in tell(real, story, timer=False):
         if step.topic:
             twin.hears(step.now_ns, step.topic, step.message, step.sender)
-    known = sorted((one.label, one.location, one.score, round(one.confidence, 9)) for one in real.object_map)
+    known = sorted(
+        (one.label, one.location, one.score, round(one.confidence, 9)) for one in real.object_map
+    )
     assert known == sorted(
-        (*(one[k] for k in ("label", "location", "score")), round(one["confidence"], 9)) for one in twin.map
+        (*(one[k] for k in ("label", "location", "score")), round(one["confidence"], 9))
+        for one in twin.map
     )
     assert real.cache_entries() == len(twin.cache)

@@ -13,7 +13,16 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from genie_sim.messages import Detection, Detections, Effect, Expired, Header, Image, ImageLookup, Publish
+from genie_sim.messages import (
+    Detection,
+    Detections,
+    Effect,
+    Expired,
+    Header,
+    Image,
+    ImageLookup,
+    Publish,
+)
 from tests.core.worlds import IMAGES, OBJECTS, S
 
 C_T, RATE, GATE_M, VIEW_M, EXPIRY_NS = 0.60, 0.1, 1.0, 50.0, 2 * S
@@ -29,7 +38,9 @@ class Twin:
         self.waiting: list[dict[str, Any]] = []  # requests that have not expired
         self.map: list[dict[str, Any]] = []  # objects
 
-    def hears(self, now_ns: int, topic: str, message: Image | Detections, sender: str) -> list[Deed]:
+    def hears(
+        self, now_ns: int, topic: str, message: Image | Detections, sender: str
+    ) -> list[Deed]:
         deeds = self.forgets(now_ns)
         if isinstance(message, Image):
             requester = "client" if topic == IMAGES else sender
@@ -40,7 +51,9 @@ class Twin:
         """A request that the detector dropped expires, and everyone of ours who waited for it knows."""
         late = [one for one in self.waiting if now_ns >= one["since_ns"] + EXPIRY_NS]
         self.waiting = [one for one in self.waiting if one not in late]
-        return [("expires", header) for one in late if not one["answered"] for header in one["clients"]]
+        return [
+            ("expires", header) for one in late if not one["answered"] for header in one["clients"]
+        ]
 
     def is_asked(self, now_ns: int, image: Image, requester: str) -> list[Deed]:
         header, picture = image.header, picture_of(image)
@@ -49,7 +62,13 @@ class Twin:
             return [("looks up", header, "hit", role), *self.replays(picture, header, requester)]
         if any(header == one["header"] or header in one["clients"] for one in self.waiting):
             return []  # the seen-set
-        request = {"since_ns": now_ns, "header": header, "picture": picture, "clients": [], "answered": False}
+        request = {
+            "since_ns": now_ns,
+            "header": header,
+            "picture": picture,
+            "clients": [],
+            "answered": False,
+        }
         if role == "neighbour":  # hits only: no processing, no re-broadcast
             self.waiting.append(request)
             return [("looks up", header, "miss", role)]
@@ -69,7 +88,9 @@ class Twin:
             for one in self.map
             if in_view(image, one["location"])
         ]
-        return self.publishes("tells clients", Detections(image.header, tuple(visible), "map", self.name))
+        return self.publishes(
+            "tells clients", Detections(image.header, tuple(visible), "map", self.name)
+        )
 
     def is_told(self, answer: Detections, own: bool) -> list[Deed]:
         """The first answer is delivered to all who wait for it, a later one only overwrites what is stored."""
@@ -79,7 +100,10 @@ class Twin:
             if one["header"] == answer.header:
                 self.cache[one["picture"]] = answer
                 if not one["answered"]:
-                    deeds += [self.publishes("tells clients", answer.restamped(header)) for header in one["clients"]]
+                    deeds += [
+                        self.publishes("tells clients", answer.restamped(header))
+                        for header in one["clients"]
+                    ]
                 one["answered"] = True
         if own:  # the other edges store it
             deeds.append(self.publishes("tells others", answer))
@@ -93,7 +117,9 @@ class Twin:
             if one.location is None:
                 objects.append(one)
                 continue
-            confident = [stored for stored in self.near(one.location) if stored["confidence"] >= C_T]
+            confident = [
+                stored for stored in self.near(one.location) if stored["confidence"] >= C_T
+            ]
             requests, hits = requests + 1, hits + (1 if confident else 0)
             stored = self.same(one)
             included.append(stored)
@@ -103,7 +129,10 @@ class Twin:
             if stored not in included:
                 included.append(stored)
                 objects.append(
-                    as_seen(Detection(stored["label"], 0, None, stored["location"], 0), stored["confidence"])
+                    as_seen(
+                        Detection(stored["label"], 0, None, stored["location"], 0),
+                        stored["confidence"],
+                    )
                 )
         answer = Detections(header, tuple(objects), "cache", self.name)
         verb = "tells clients" if requester == "client" else f"tells {requester}"
@@ -138,22 +167,33 @@ class Twin:
     def same(self, seen: Detection) -> dict[str, Any] | None:
         """The nearest of the class within the gate."""
         alike = [one for one in self.near(seen.location) if one["label"] == seen.label]
-        return min(alike, key=lambda one: math.dist(one["location"][:2], seen.location[:2]), default=None)
+        return min(
+            alike, key=lambda one: math.dist(one["location"][:2], seen.location[:2]), default=None
+        )
 
     def publishes(self, verb: str, answer: Detections) -> Deed:
         """Only objects with C >= C_T leave a Genie."""
-        return told(verb, answer.with_objects([one for one in answer.objects if one.confidence >= C_T]))
+        return told(
+            verb, answer.with_objects([one for one in answer.objects if one.confidence >= C_T])
+        )
 
 
 def picture_of(image: Image) -> Any:
     """Cell of the camera's position and heading: "arrives at the same spot"."""
     heading = round(math.degrees(image.pose.heading_rad) / 15) % 24
-    return image.header.frame_id, math.floor(image.pose.east_m), math.floor(image.pose.north_m), heading
+    return (
+        image.header.frame_id,
+        math.floor(image.pose.east_m),
+        math.floor(image.pose.north_m),
+        heading,
+    )
 
 
 def in_view(image: Image, location: Any) -> bool:
     east_m, north_m = location[0] - image.pose.east_m, location[1] - image.pose.north_m
-    off_axis = (math.atan2(north_m, east_m) - image.pose.heading_rad + math.pi) % (2 * math.pi) - math.pi
+    off_axis = (math.atan2(north_m, east_m) - image.pose.heading_rad + math.pi) % (
+        2 * math.pi
+    ) - math.pi
     return math.hypot(east_m, north_m) <= VIEW_M and abs(off_axis) <= image.horizontal_fov_rad / 2
 
 

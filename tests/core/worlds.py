@@ -40,7 +40,9 @@ def frame(
 def seen(label: str, score: float, at: tuple[float, float] | None = (20.0, 0.0)) -> Detection:
     """A detector's finding at a place of the ground plane, or one that could not be placed."""
     location = None if at is None else (at[0], at[1], 0.0)
-    return Detection(label, score, (10.0, 10.0, 50.0, 40.0), location, score, "scan" if at else "none")
+    return Detection(
+        label, score, (10.0, 10.0, 50.0, 40.0), location, score, "scan" if at else "none"
+    )
 
 
 def answer(request: Image | Header, *objects: Detection, by: str = "detector") -> Detections:
@@ -69,10 +71,14 @@ class Lanes:
         raise AssertionError("lanes hold no objects")
 
     def served(self, source: str, by: str, header: Header | None = None) -> Lanes:
-        return replace(self, source=source, served_by=by, header=self.header if header is None else header)
+        return replace(
+            self, source=source, served_by=by, header=self.header if header is None else header
+        )
 
 
-def object_map(view_cell_m: float = 50.0, freshness: Never | None = None, **rules: Any) -> ObjectMap:
+def object_map(
+    view_cell_m: float = 50.0, freshness: Never | None = None, **rules: Any
+) -> ObjectMap:
     """An empty object map; ``rules`` are those of ``ObjectMapRules``."""
     return ObjectMap(ObjectMapRules(**rules), view_cell_m, freshness=freshness)
 

@@ -34,7 +34,11 @@ def main() -> int:
         with tempfile.TemporaryDirectory() as folder:
             numbers = range(given.first, given.first + count)
             tallies[target.name] = harness.run(target, Path(folder), numbers, given.seed)
-        print(harness.table({target.name: tallies[target.name]}).splitlines()[2], file=sys.stderr, flush=True)
+        print(
+            harness.table({target.name: tallies[target.name]}).splitlines()[2],
+            file=sys.stderr,
+            flush=True,
+        )
         for bug in tallies[target.name].bugs:
             print(bug, file=sys.stderr, flush=True)
     print(harness.table(tallies))

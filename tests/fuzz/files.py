@@ -53,7 +53,11 @@ def one_file(path: Path, whole: bytes, read: Callable[[Path], object]) -> Case:
 
 def drive(folder: Path) -> Case:
     sync = make_drive(folder, frames=2)
-    pose = "<item>" + "".join(f"<{n}>1</{n}>" for n in ("tx", "ty", "tz", "rz", "occlusion", "truncation")) + "</item>"
+    pose = (
+        "<item>"
+        + "".join(f"<{n}>1</{n}>" for n in ("tx", "ty", "tz", "rz", "occlusion", "truncation"))
+        + "</item>"
+    )
     (sync / "tracklet_labels.xml").write_text(
         "<b><tracklets><item><objectType>Car</objectType><h>1.5</h><w>2</w><l>4</l><first_frame>0</first_frame>"
         f"<poses>{pose * 2}</poses></item></tracklets></b>"
@@ -73,7 +77,8 @@ def tracking(folder: Path) -> Case:
     files = {
         "training/oxts/0003.txt": (OXTS + "\n") * 3,
         "training/calib/0003.txt": CALIBRATION,
-        "training/label_02/0003.txt": "0 7 Car 0 0 -1.5 500 170 600 230 1.5 1.6 3.9 -2.0 1.6 20.0 -1.6\n" * 3,
+        "training/label_02/0003.txt": "0 7 Car 0 0 -1.5 500 170 600 230 1.5 1.6 3.9 -2.0 1.6 20.0 -1.6\n"
+        * 3,
         "detections/pointrcnn_Car/0003.txt": CAR.format(frame=0, logit=5.0) * 3,
         "detections/pointrcnn_Pedestrian/0003.txt": "",
         "detections/rrc_Car/0003.txt": "1,500.0,170.0,600.0,230.0,0.9\n" * 3,
@@ -114,7 +119,21 @@ def networks(folder: Path) -> Case:
     return lambda rng: rng.choice(cases)(rng)
 
 
-NAMES = ("a/b.txt", "c.bin", " ", "/", "..", "../x", "/x", "a/../../x", "A/B.TXT", "a\0b", "x" * 300, "a/", "~/x")
+NAMES = (
+    "a/b.txt",
+    "c.bin",
+    " ",
+    "/",
+    "..",
+    "../x",
+    "/x",
+    "a/../../x",
+    "A/B.TXT",
+    "a\0b",
+    "x" * 300,
+    "a/",
+    "~/x",
+)
 
 
 def archives(folder: Path) -> Case:
@@ -128,7 +147,9 @@ def archives(folder: Path) -> Case:
         if rng.random() < 0.3:
             names = rng.sample(NAMES, rng.randint(1, 3))
             content = archive([(name, b"\0" * rng.choice((0, 10, 10**6))) for name in names])
-        path.write_bytes(content if content is not whole and rng.random() < 0.5 else broken(content, rng))
+        path.write_bytes(
+            content if content is not whole and rng.random() < 0.5 else broken(content, rng)
+        )
         try:
             fetch.unpack(path, inside)
         finally:

@@ -49,7 +49,9 @@ class Tally:
     bugs: list[str] = field(default_factory=list)
 
 
-def run(target: Target, folder: Path, numbers: range, seed: int = SEED, most_bugs: int = 20) -> Tally:
+def run(
+    target: Target, folder: Path, numbers: range, seed: int = SEED, most_bugs: int = 20
+) -> Tally:
     """Does these cases of a target. Each has a generator of its own, so that it can be done again alone."""
     tally = Tally()
     case = target.prepare(folder)
@@ -66,7 +68,9 @@ def run(target: Target, folder: Path, numbers: range, seed: int = SEED, most_bug
             tally.refused += 1
         except Hang:
             tally.hangs += 1
-            tally.bugs.append(f"{target.name} {number}: longer than {PATIENCE_S:.0f} s\n{traceback.format_exc()}")
+            tally.bugs.append(
+                f"{target.name} {number}: longer than {PATIENCE_S:.0f} s\n{traceback.format_exc()}"
+            )
         except Exception:
             tally.tracebacks += 1
             tally.bugs.append(f"{target.name} {number}:\n{traceback.format_exc()}")
@@ -77,7 +81,10 @@ def run(target: Target, folder: Path, numbers: range, seed: int = SEED, most_bug
 
 def table(tallies: dict[str, Tally]) -> str:
     """What came out, as a table in Markdown."""
-    lines = ["| input | cases | worked | one clear line | tracebacks | hangs |", "|---|---:|---:|---:|---:|---:|"]
+    lines = [
+        "| input | cases | worked | one clear line | tracebacks | hangs |",
+        "|---|---:|---:|---:|---:|---:|",
+    ]
     total = Tally()
     for tally in tallies.values():
         for name in ("cases", "worked", "refused", "tracebacks", "hangs"):

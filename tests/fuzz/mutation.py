@@ -59,7 +59,9 @@ def changed(tree: Any, rng: random.Random) -> Any:
             holder.append(copy.deepcopy(holder[key]))
         elif what == 3:
             holder[key] = copy.deepcopy(rng.choice(places)[0])
-        elif what == 4 and isinstance(holder[key], int | float) and not isinstance(holder[key], bool):
+        elif (
+            what == 4 and isinstance(holder[key], int | float) and not isinstance(holder[key], bool)
+        ):
             holder[key] = holder[key] * rng.choice((-1, 0, 10, 1000))
         else:
             holder[key] = copy.deepcopy(rng.choice(VALUES))
@@ -67,7 +69,13 @@ def changed(tree: Any, rng: random.Random) -> Any:
 
 
 def _places(tree: Any) -> Any:
-    inside = tree.items() if isinstance(tree, dict) else enumerate(tree) if isinstance(tree, list) else ()
+    inside = (
+        tree.items()
+        if isinstance(tree, dict)
+        else enumerate(tree)
+        if isinstance(tree, list)
+        else ()
+    )
     for key, value in inside:
         yield tree, key
         yield from _places(value)

@@ -40,8 +40,14 @@ def small_street(path: Path) -> BagWriter:
         stamp_ns = test_bags.START_NS + number * test_bags.STEP_NS
         bag.position(stamp_ns, test_bags.ORIGIN, (0.0, 0.0, 0.1 * number))
         bag.image(stamp_ns, np.full((36, 64, 3), 10 * number, np.uint8))
-        bag.scan(stamp_ns + 2_000_000, np.array([(20.0, y / 2, 0.0) for y in range(-6, 6)]), late_ns=70_000_000)
-        bag.objects(stamp_ns, {"label": "car", "score": 0.75, "x": 28, "y": 15, "width": 8, "height": 6})
+        bag.scan(
+            stamp_ns + 2_000_000,
+            np.array([(20.0, y / 2, 0.0) for y in range(-6, 6)]),
+            late_ns=70_000_000,
+        )
+        bag.objects(
+            stamp_ns, {"label": "car", "score": 0.75, "x": 28, "y": 15, "width": 8, "height": 6}
+        )
     return bag
 
 
@@ -110,12 +116,22 @@ def _payloads(ros: int) -> list[tuple[Codec, bytes]]:
         MARKERS: message(store, MARKERS, markers=[message(store, MARKER, header=at, ns="car", id=n) for n in range(2)]),
     }  # fmt: skip
     if ros == 1:  # no ROS 2 has it
-        one = message(store, "autoware_msgs/msg/DetectedObject", header=at, label="car", score=0.5, space_frame="map")
+        one = message(
+            store,
+            "autoware_msgs/msg/DetectedObject",
+            header=at,
+            label="car",
+            score=0.5,
+            space_frame="map",
+        )
         made[OBJECTS] = message(store, OBJECTS, header=at, objects=[one, one])
     write = store.serialize_ros1 if ros == 1 else store.serialize_cdr
 
     def codec(kind: str) -> Codec:
-        return codec_of(WireType(kind.replace("/msg/", "/"), "1" * 32, DEFINITION if kind == OBJECTS else ""), ros)
+        return codec_of(
+            WireType(kind.replace("/msg/", "/"), "1" * 32, DEFINITION if kind == OBJECTS else ""),
+            ros,
+        )
 
     return [(codec(kind), bytes(write(one, kind))) for kind, one in made.items()]
 
@@ -157,7 +173,9 @@ def frames(folder: Path) -> Case:
     codecs = {f"/{number}": codec for number, (codec, _) in enumerate(_payloads(1))}
     good = []
     for number, (codec, payload) in enumerate(_payloads(1)):
-        frame = connection.encode(f"/{number}", RosMessage.of(payload, codec, "car1", codec.holds_objects))
+        frame = connection.encode(
+            f"/{number}", RosMessage.of(payload, codec, "car1", codec.holds_objects)
+        )
         end = 4 + int.from_bytes(frame[:4], "big")
         good.append((frame, json.loads(frame[4:end]), frame[end:]))
 

@@ -65,7 +65,11 @@ def settings_case(folder: Path, files: list[Path], read: Callable[[Path], object
 def scenarios(folder: Path) -> Case:
     """Read, prepared, and simulated where that takes no time."""
     (folder / "tiny.yaml").write_text(TINY)
-    shipped = [path for path in sorted((REPOSITORY / "scenarios").glob("*.yaml")) if not path.stem.startswith("fleet_")]
+    shipped = [
+        path
+        for path in sorted((REPOSITORY / "scenarios").glob("*.yaml"))
+        if not path.stem.startswith("fleet_")
+    ]
 
     def use(path: Path) -> None:
         scenario = load_scenario(path)
@@ -73,7 +77,9 @@ def scenarios(folder: Path) -> Case:
             return  # it takes seconds to make
         prepared = runner.prepare(scenario)
         windows_ns = [car.route.window_ns or (0, LONG_NS) for car in scenario.cars]
-        if all(end - begin < LONG_NS for begin, end in windows_ns) and all(car.route.laps < 5 for car in scenario.cars):
+        if all(end - begin < LONG_NS for begin, end in windows_ns) and all(
+            car.route.laps < 5 for car in scenario.cars
+        ):
             runner.simulate(prepared)
 
     return settings_case(folder, [*shipped, *[folder / "tiny.yaml"] * 6], use)
@@ -125,7 +131,7 @@ def options(folder: Path) -> Case:
         for option in rng.sample(known, min(len(known), rng.randint(0, 3))):
             line += [option, rng.choice(WORDS)]
         if rng.random() < 0.2:
-            line[rng.randrange(len(line)) if line else 0:] = [rng.choice(WORDS)]
+            line[rng.randrange(len(line)) if line else 0 :] = [rng.choice(WORDS)]
         _status(line)
 
     def guarded(rng: random.Random) -> None:
@@ -161,14 +167,23 @@ def result_folders(folder: Path) -> Case:
     (folder / "tiny.yaml").write_text(TINY)
     made = folder / "made"
     with mock.patch("genie_sim.analysis.figures.save"):
-        run = runner.run_to_folder(load_scenario(folder / "tiny.yaml"), folder / "runs").folder.rename(made)
+        run = runner.run_to_folder(
+            load_scenario(folder / "tiny.yaml"), folder / "runs"
+        ).folder.rename(made)
         axes = {"range": {"set": "genie.view_range", "list": ["20 m", "30 m"]}}
-        sweep = {"scenario": str(folder / "tiny.yaml"), "set": {"methods": ["local"]}, "axes": axes, "seeds": 1}
+        sweep = {
+            "scenario": str(folder / "tiny.yaml"),
+            "set": {"methods": ["local"]},
+            "axes": axes,
+            "seeds": 1,
+        }
         (folder / "s.yaml").write_text(yaml.safe_dump(sweep))
         work = Sweep.load(folder / "s.yaml", folder)
         work.run(Local(1))
         swept = work.finish().folder
-    whole = {path: path.read_bytes() for path in [*run.iterdir(), *swept.iterdir()] if path.is_file()}
+    whole = {
+        path: path.read_bytes() for path in [*run.iterdir(), *swept.iterdir()] if path.is_file()
+    }
 
     def use(rng: random.Random, path: Path) -> None:
         if path.is_relative_to(swept):
@@ -179,7 +194,10 @@ def result_folders(folder: Path) -> Case:
             return
         what = rng.randrange(4)
         if what == 0:
-            with plugins.own_code(False), mock.patch("genie_sim.runner._fill", side_effect=UserError("stopped")):
+            with (
+                plugins.own_code(False),
+                mock.patch("genie_sim.runner._fill", side_effect=UserError("stopped")),
+            ):
                 runner.rerun(run)
         elif what == 1:
             write(folder / NAME, results.load(run))
@@ -208,7 +226,11 @@ def result_tables(folder: Path) -> Case:
     with mock.patch("genie_sim.analysis.figures.save"):
         run = runner.run_to_folder(load_scenario(folder / "tiny.yaml"), folder).folder
     cases = [
-        one_file(run / f"{schema.name}.parquet", (run / f"{schema.name}.parquet").read_bytes(), partial(_read, schema))
+        one_file(
+            run / f"{schema.name}.parquet",
+            (run / f"{schema.name}.parquet").read_bytes(),
+            partial(_read, schema),
+        )
         for schema in SCHEMAS
     ]
     return lambda rng: rng.choice(cases)(rng)

@@ -41,7 +41,9 @@ def test_there_are_two_thousand_cases_and_each_is_the_same_every_time():
     ],
     ids=str,
 )  # fmt: skip
-def test_the_harness_finds_a_bug(error: Exception | None, found: tuple[int, ...], monkeypatch: pytest.MonkeyPatch):
+def test_the_harness_finds_a_bug(
+    error: Exception | None, found: tuple[int, ...], monkeypatch: pytest.MonkeyPatch
+):
     monkeypatch.setattr(harness, "PATIENCE_S", 0.05)
 
     def case(rng: random.Random) -> None:

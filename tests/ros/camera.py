@@ -32,7 +32,9 @@ def on_answer(answer):
     if isinstance(answer, Image):
         line["place"] = answer.data[0]
     else:
-        line["objects"] = [[one.label, one.x, round(one.score, 3), one.user_defined_info] for one in answer.objects]
+        line["objects"] = [
+            [one.label, one.x, round(one.score, 3), one.user_defined_info] for one in answer.objects
+        ]
     print(json.dumps(line), flush=True)
 
 
@@ -40,7 +42,9 @@ def main(places, pause_s, listen_s, topic=None):
     rospy.init_node("camera", anonymous=True)
     answers = (topic, Image) if topic else ("/detection/image_detector/objects", Array)
     listening = rospy.Subscriber(*answers, on_answer, buff_size=2**24, tcp_nodelay=True)
-    images = rospy.Publisher("/image_raw", Image, queue_size=10, tcp_nodelay=True) if places else None
+    images = (
+        rospy.Publisher("/image_raw", Image, queue_size=10, tcp_nodelay=True) if places else None
+    )
     poses = rospy.Publisher("/current_pose", PoseStamped, queue_size=10, tcp_nodelay=True)
     print("up", flush=True)
     sys.stdin.readline()
@@ -51,7 +55,11 @@ def main(places, pause_s, listen_s, topic=None):
         image = image_of(index, int(place))
         if at:
             pose = PoseStamped(header=image.header)
-            pose.pose.position.x, pose.pose.position.y, pose.pose.orientation.w = float(east), 5.0, 1.0
+            pose.pose.position.x, pose.pose.position.y, pose.pose.orientation.w = (
+                float(east),
+                5.0,
+                1.0,
+            )
             poses.publish(pose)
             time.sleep(0.1)
         sent[image.header.stamp.to_nsec()] = time.monotonic()

@@ -19,7 +19,11 @@ def on_answer(array):
         "stamp_ns": stamp_ns,
         "frame_id": array.markers[0].header.frame_id,
         "after_s": time.monotonic() - sent.get(stamp_ns, 0.0),
-        "objects": [[one.ns, one.id, round(one.color.a, 3), one.text] for one in array.markers if one.action == 0],
+        "objects": [
+            [one.ns, one.id, round(one.color.a, 3), one.text]
+            for one in array.markers
+            if one.action == 0
+        ],
     }
     print(json.dumps(line), flush=True)
 
@@ -34,8 +38,14 @@ def main(places, pause_s, listen_s):
         time.sleep(0.05)
     time.sleep(1.0)
     for index, place in enumerate(places):
-        image = Image(height=48, width=64, encoding="mono8", step=64, data=bytes([place]) * (64 * 48))
-        image.header.stamp.sec, image.header.stamp.nanosec, image.header.frame_id = index + 1, 7, "camera_02"
+        image = Image(
+            height=48, width=64, encoding="mono8", step=64, data=bytes([place]) * (64 * 48)
+        )
+        image.header.stamp.sec, image.header.stamp.nanosec, image.header.frame_id = (
+            index + 1,
+            7,
+            "camera_02",
+        )
         sent[(index + 1) * 10**9 + 7] = time.monotonic()
         images.publish(image)
         time.sleep(pause_s)

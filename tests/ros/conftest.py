@@ -78,11 +78,37 @@ class Keys:
 
     def certificate(self, pem: str, names: str, days: int) -> str:
         """Another certificate of our authority for the key of ``pem``, with ``names`` and so many days to go."""
-        request, made = self._folder / "request", self._folder / f"certificate{len(list(self._folder.iterdir()))}"
+        request, made = (
+            self._folder / "request",
+            self._folder / f"certificate{len(list(self._folder.iterdir()))}",
+        )
         with_names = ["-addext", f"subjectAltName={names}"] if names else []
-        new = ["openssl", "req", "-new", "-key", pem, "-subj", "/CN=x", *with_names, "-out", request]
+        new = [
+            "openssl",
+            "req",
+            "-new",
+            "-key",
+            pem,
+            "-subj",
+            "/CN=x",
+            *with_names,
+            "-out",
+            request,
+        ]
         authority = self._folder / "ours" / "authority.pem"
-        sign = ["openssl", "x509", "-req", "-in", request, "-CA", authority, "-CAkey", authority, "-days", str(days)]
+        sign = [
+            "openssl",
+            "x509",
+            "-req",
+            "-in",
+            request,
+            "-CA",
+            authority,
+            "-CAkey",
+            authority,
+            "-days",
+            str(days),
+        ]
         for command in (new, [*sign, "-copy_extensions", "copy", "-out", made]):
             subprocess.run(command, check=True, capture_output=True)
         return str(made)
@@ -105,7 +131,9 @@ def ros1_python(tmp_path_factory: pytest.TempPathFactory) -> Path:
     python = folder / "bin" / "python"
     tried = subprocess.run([python, "-c", "import rospy, rosbag"], capture_output=True, text=True)
     if tried.returncode:
-        pytest.skip(f"Debian's ROS 1 is not for Python {sys.version.split()[0]}: {tried.stderr.splitlines()[-1]}")
+        pytest.skip(
+            f"Debian's ROS 1 is not for Python {sys.version.split()[0]}: {tried.stderr.splitlines()[-1]}"
+        )
     return python
 
 
@@ -119,7 +147,10 @@ class Master:
         self._python = python
         self._processes: list[subprocess.Popen[str]] = []
         self.env = {
-            **os.environ, "ROS_MASTER_URI": self.uri, "ROS_IP": "127.0.0.1", "ROS_HOME": str(folder / "ros_home"),
+            **os.environ,
+            "ROS_MASTER_URI": self.uri,
+            "ROS_IP": "127.0.0.1",
+            "ROS_HOME": str(folder / "ros_home"),
             "PYTHONPATH": str(REPOSITORY),
         }
         self._proxy = xmlrpc.client.ServerProxy(self.uri)
@@ -130,7 +161,12 @@ class Master:
         """A process of this network; what it prints comes through a pipe, its errors go to a file."""
         with (self.folder / f"{log}.err").open("a") as errors:
             process = subprocess.Popen(
-                command, env=self.env, cwd=self.folder, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=errors,
+                command,
+                env=self.env,
+                cwd=self.folder,
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=errors,
                 text=True,
             )
         self._processes.append(process)
@@ -142,7 +178,10 @@ class Master:
     def start_node(self, name: str, script: str, *arguments: object) -> subprocess.Popen[str]:
         """A node, ready to be found by the master."""
         process = self.start(script, *arguments)
-        until(lambda: self.pid_of(name) == process.pid and self.topics_of(name)[0], f"{name} has started")
+        until(
+            lambda: self.pid_of(name) == process.pid and self.topics_of(name)[0],
+            f"{name} has started",
+        )
         return process
 
     def attach(self, node: str = DETECTOR, **arguments: object) -> subprocess.Popen[str]:
@@ -158,7 +197,11 @@ class Master:
         """The one line with which ``attach`` refuses."""
         given = json.dumps({"node": node, **arguments})
         done = subprocess.run(
-            [self._python, "-c", ATTACH, given], env=self.env, capture_output=True, text=True, timeout=60
+            [self._python, "-c", ATTACH, given],
+            env=self.env,
+            capture_output=True,
+            text=True,
+            timeout=60,
         )
         assert done.returncode == 1
         return done.stderr.strip()
@@ -180,7 +223,10 @@ class Master:
         assert camera.stdout is not None
         assert camera.stdout.readline() == "up\n"
         topic = str(arguments[3]) if len(arguments) > 3 else OBJECTS
-        until(lambda: any(node.startswith("/camera") for node in self.subscribers(topic)), "the camera listens")
+        until(
+            lambda: any(node.startswith("/camera") for node in self.subscribers(topic)),
+            "the camera listens",
+        )
         time.sleep(0.5)  # the publishers of its topic connect
         return camera
 
@@ -196,7 +242,10 @@ class Master:
     def topics_of(self, node: str) -> tuple[list[str], list[str]]:
         """What a node subscribes to and publishes, by the master."""
         publishers, subscribers, _ = self._state()
-        listed = [sorted(topic for topic, nodes in side if node in nodes) for side in (subscribers, publishers)]
+        listed = [
+            sorted(topic for topic, nodes in side if node in nodes)
+            for side in (subscribers, publishers)
+        ]
         return listed[0], [topic for topic in listed[1] if topic != "/rosout"]
 
     def pid_of(self, node: str) -> int | None:
@@ -212,7 +261,9 @@ class Master:
 
     def log_of_genie(self) -> str:
         """What the Genie's process and the node behind it have said."""
-        return "".join(log.read_text() for log in (self.folder / "ros_home" / "genie-sim").glob("*.log"))
+        return "".join(
+            log.read_text() for log in (self.folder / "ros_home" / "genie-sim").glob("*.log")
+        )
 
     def close(self) -> None:
         """Ends every process of this network, also the nodes that a watchdog has started again."""
@@ -244,7 +295,10 @@ def end_all(ros_home: str, but: int | None = None) -> None:
     """Kills every process whose ``ROS_HOME`` is the test's own: also nodes that a watchdog has started again."""
     for environment in Path("/proc").glob("[0-9]*/environ"):
         with contextlib.suppress(OSError):
-            if f"ROS_HOME={ros_home}\0".encode() in environment.read_bytes() and int(environment.parent.name) != but:
+            if (
+                f"ROS_HOME={ros_home}\0".encode() in environment.read_bytes()
+                and int(environment.parent.name) != but
+            ):
                 os.kill(int(environment.parent.name), signal.SIGKILL)
 
 

@@ -10,14 +10,18 @@ import rospy
 from genpy.dynamic import generate_dynamic
 from sensor_msgs.msg import Image
 
-TYPES = generate_dynamic("autoware_msgs/DetectedObjectArray", Path(__file__).with_name("objects.txt").read_text())
+TYPES = generate_dynamic(
+    "autoware_msgs/DetectedObjectArray", Path(__file__).with_name("objects.txt").read_text()
+)
 Array, Object = TYPES["autoware_msgs/DetectedObjectArray"], TYPES["autoware_msgs/DetectedObject"]
 
 
 def on_image(image):
     time.sleep(rospy.get_param("~seconds", 0.05))
     place = image.data[0]  # the test's images say where they were taken
-    found = Object(header=image.header, label="car", score=0.75, valid=True, space_frame="map", x=place)
+    found = Object(
+        header=image.header, label="car", score=0.75, valid=True, space_frame="map", x=place
+    )
     found.pose.position.x, found.pose.position.y = 10.0 * place, 5.0
     found.pose.orientation.w = 1.0
     found.user_defined_info = ["place", str(place)]

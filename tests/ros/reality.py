@@ -33,7 +33,11 @@ TRACE = REPOSITORY / "scenarios/traces/kitti_0005.parquet"
 WINDOW_NS = (0, 9 * NS)
 GENIE = {"similarity": "pose_grid", "miss_policy": "blocking", "fresh_objects": "all"}
 FOV_RAD = 1.4
-SMALL_BYTES, LARGE_BYTES, ANSWER_BYTES = 3_000, 1_000_000, 800  # messages of the calibration; the drive's: 1,397,297
+SMALL_BYTES, LARGE_BYTES, ANSWER_BYTES = (
+    3_000,
+    1_000_000,
+    800,
+)  # messages of the calibration; the drive's: 1,397,297
 CALIBRATION_SLEEP_NS = 30 * MS
 SLEEPS_SEED = 1  # of the first forty, the one with the largest margin (see margin_ms)
 BUSY_LIMIT = 0.25  # other work may keep the processors this busy; beyond that, times say nothing about the model
@@ -71,13 +75,18 @@ class Drive:
 
 def frames() -> list[TraceFrame]:
     """Camera 02 of the shipped drive."""
-    return [one for one in read_trace(TRACE).frames["02"] if WINDOW_NS[0] <= one.stamp_ns < WINDOW_NS[1]]
+    return [
+        one for one in read_trace(TRACE).frames["02"] if WINDOW_NS[0] <= one.stamp_ns < WINDOW_NS[1]
+    ]
 
 
 def sleeps_ns(count: int) -> list[int]:
     """The detector's times: 40 to 80 ms for three images in four, 130 to 170 ms for the fourth."""
     rng = random.Random(SLEEPS_SEED)
-    return [round((rng.uniform(130, 170) if rng.random() < 0.25 else rng.uniform(40, 80)) * MS) for _ in range(count)]
+    return [
+        round((rng.uniform(130, 170) if rng.random() < 0.25 else rng.uniform(40, 80)) * MS)
+        for _ in range(count)
+    ]
 
 
 def plan_of(shown: Sequence[TraceFrame], sleeps: Sequence[int]) -> dict[str, Any]:
@@ -88,7 +97,11 @@ def plan_of(shown: Sequence[TraceFrame], sleeps: Sequence[int]) -> dict[str, Any
                 "at_ns": frame.stamp_ns - shown[0].stamp_ns,
                 "size_bytes": frame.size_bytes,
                 "pose": list(frame.pose),
-                "objects": [[one.label, one.score, *one.location] for one in frame.detections if one.location],
+                "objects": [
+                    [one.label, one.score, *one.location]
+                    for one in frame.detections
+                    if one.location
+                ],
             }
             for frame in shown
         ],
@@ -103,7 +116,9 @@ def measure(master: Master) -> Parts:
     """Hops by messages between two plain nodes; Genie and detector by small images of places in a row, shown twice."""
     hops = measure_hops(master)
     small_ns = statistics.median(hops[SMALL_BYTES])
-    per_megabyte_ns = (statistics.median(hops[LARGE_BYTES]) - small_ns) / (LARGE_BYTES - SMALL_BYTES) * MS
+    per_megabyte_ns = (
+        (statistics.median(hops[LARGE_BYTES]) - small_ns) / (LARGE_BYTES - SMALL_BYTES) * MS
+    )
     small_ns -= per_megabyte_ns * SMALL_BYTES / MS
     step_ns, places = 100 * MS, 30
     calibration = {
@@ -120,11 +135,15 @@ def measure(master: Master) -> Parts:
     }
     shown = drive(master, calibration)
     assert shown.outcomes == ["miss"] * places + ["hit"] * places, shown.outcomes
-    request_ns, answer_ns = (small_ns + per_megabyte_ns * size / MS for size in (SMALL_BYTES, ANSWER_BYTES))
+    request_ns, answer_ns = (
+        small_ns + per_megabyte_ns * size / MS for size in (SMALL_BYTES, ANSWER_BYTES)
+    )
     genie_ns = float(np.median(shown.of("hit"))) * MS - request_ns - answer_ns
     rest_ns = 2 * (request_ns + answer_ns + genie_ns) + CALIBRATION_SLEEP_NS
     overhead_ns = float(np.median(shown.of("miss"))) * MS - rest_ns
-    return Parts(*(max(1, round(part)) for part in (small_ns, per_megabyte_ns, genie_ns)), round(overhead_ns))
+    return Parts(
+        *(max(1, round(part)) for part in (small_ns, per_megabyte_ns, genie_ns)), round(overhead_ns)
+    )
 
 
 def measure_hops(master: Master, count: int = 60) -> dict[int, list[int]]:
@@ -147,7 +166,10 @@ def measure_hops(master: Master, count: int = 60) -> dict[int, list[int]]:
 
 def drive(master: Master, plan: dict[str, Any]) -> Drive:
     """One drive through a Genie that ``genie-sim attach`` has put in front of the sleeping detector."""
-    path, record = master.folder / f"plan-{time.monotonic_ns()}.json", master.folder / f"{time.monotonic_ns()}.jsonl"
+    path, record = (
+        master.folder / f"plan-{time.monotonic_ns()}.json",
+        master.folder / f"{time.monotonic_ns()}.jsonl",
+    )
     path.write_text(json.dumps(plan))
     detector = master.start_node(DETECTOR, "reality_nodes.py", "detector", path)
     attached = master.attach(
@@ -158,12 +180,19 @@ def drive(master: Master, plan: dict[str, Any]) -> Drive:
     master.detach()
     attached.wait(20)
     detector.wait(20)
-    until(lambda: "/image_raw" in master.topics_of(DETECTOR)[0], "detaching has started it as it was")
+    until(
+        lambda: "/image_raw" in master.topics_of(DETECTOR)[0], "detaching has started it as it was"
+    )
     os.kill(until(lambda: master.pid_of(DETECTOR), "it answers"), signal.SIGINT)
     until(lambda: not master.subscribers("/image_raw"), "the detector has gone")
     times = json.loads(output)
-    response_ms = [math.nan if answered is None else (answered - sent) / MS for _, sent, answered in times]
-    return Drive(*_lookups([json.loads(line) for line in record.read_text().splitlines()]), np.array(response_ms))
+    response_ms = [
+        math.nan if answered is None else (answered - sent) / MS for _, sent, answered in times
+    ]
+    return Drive(
+        *_lookups([json.loads(line) for line in record.read_text().splitlines()]),
+        np.array(response_ms),
+    )
 
 
 def _lookups(records: list[dict[str, Any]]) -> tuple[list[str], list[tuple[str, int, int, int]]]:
@@ -210,12 +239,21 @@ def profile_of(parts: Parts) -> dict[str, Any]:
         "title": "The machine that the report was made on",
         "cores": measured(os.cpu_count(), "os.cpu_count"),
         "hop": {
-            "small": measured(f"{parts.hop_small_ns} ns", "messages of 3 kB between two rospy nodes"),
-            "per_megabyte": measured(f"{parts.hop_per_megabyte_ns} ns", "messages of 1 MB, less those of 3 kB"),
+            "small": measured(
+                f"{parts.hop_small_ns} ns", "messages of 3 kB between two rospy nodes"
+            ),
+            "per_megabyte": measured(
+                f"{parts.hop_per_megabyte_ns} ns", "messages of 1 MB, less those of 3 kB"
+            ),
         },
-        "genie": {"median": measured(f"{parts.genie_ns} ns", "hits with images of 3 kB, less hops"), "spread": none},
+        "genie": {
+            "median": measured(f"{parts.genie_ns} ns", "hits with images of 3 kB, less hops"),
+            "spread": none,
+        },
         "spreads": {"isolated": none, "default": none, "loaded": none},
-        "models": {"sleeping": {"median": "100 ms", "tag": "A", "source": "replaced by the recorded times"}},
+        "models": {
+            "sleeping": {"median": "100 ms", "tag": "A", "source": "replaced by the recorded times"}
+        },
     }
 
 
@@ -232,7 +270,11 @@ def simulate(parts: Parts, sleeps: Sequence[int], folder: Path) -> Drive:
     images, objects = lookups[lookups["kind"] == "image"], lookups[lookups["kind"] != "image"]
     counts = objects[["kind", "requests", "hits", "updates"]].itertuples(index=False)
     response_ms = (seen["first_answer_ns"] - seen["stamp_ns"]).to_numpy(float) / MS
-    return Drive(images["outcome"].tolist(), [(k, int(r), int(h), int(u)) for k, r, h, u in counts], response_ms)
+    return Drive(
+        images["outcome"].tolist(),
+        [(k, int(r), int(h), int(u)) for k, r, h, u in counts],
+        response_ms,
+    )
 
 
 def scenario_on(device: Path) -> Scenario:
@@ -246,7 +288,11 @@ def scenario_on(device: Path) -> Scenario:
             "cameras": [{"name": "camera_02", "recording": "02"}],
             "start_jitter": "0 s",
             "cars": [
-                {"name": "car1", "device": str(device), "route": {"window": [f"{bound} ns" for bound in WINDOW_NS]}}
+                {
+                    "name": "car1",
+                    "device": str(device),
+                    "route": {"window": [f"{bound} ns" for bound in WINDOW_NS]},
+                }
             ],
             "genie": GENIE,
         }

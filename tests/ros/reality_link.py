@@ -45,7 +45,20 @@ def namespaces(rate_bps: int) -> Iterator[Netns]:
     try:
         for name in (car, edge):
             ip("netns", "add", name)
-        ip("link", "add", "veth0", "netns", car, "type", "veth", "peer", "name", "veth0", "netns", edge)
+        ip(
+            "link",
+            "add",
+            "veth0",
+            "netns",
+            car,
+            "type",
+            "veth",
+            "peer",
+            "name",
+            "veth0",
+            "netns",
+            edge,
+        )
         for name, address in ((car, "10.99.0.1/24"), (edge, "10.99.0.2/24")):
             ip("-n", name, "address", "add", address, "dev", "veth0")
             ip("-n", name, "link", "set", "veth0", "up")
@@ -62,12 +75,27 @@ def measured_ms(rate_bps: int, size_bytes: int, count: int) -> list[float]:
     with namespaces(rate_bps) as (car, edge):
         python = [sys.executable, str(Path(__file__).resolve())]
         receive = subprocess.Popen(
-            ["ip", "netns", "exec", edge, *python, "receive", str(PORT), str(count)], stdout=subprocess.PIPE, text=True
+            ["ip", "netns", "exec", edge, *python, "receive", str(PORT), str(count)],
+            stdout=subprocess.PIPE,
+            text=True,
         )
         assert receive.stdout is not None
         assert receive.stdout.readline() == "up\n"
-        send = ["ip", "netns", "exec", car, *python, "send", "10.99.0.2", str(PORT), str(size_bytes), str(count)]
-        began_ns = int(subprocess.run(send, check=True, capture_output=True, text=True, timeout=60).stdout)
+        send = [
+            "ip",
+            "netns",
+            "exec",
+            car,
+            *python,
+            "send",
+            "10.99.0.2",
+            str(PORT),
+            str(size_bytes),
+            str(count),
+        ]
+        began_ns = int(
+            subprocess.run(send, check=True, capture_output=True, text=True, timeout=60).stdout
+        )
         output, _ = receive.communicate(timeout=60)
         _sent_bytes[rate_bps] = _counted_bytes(car)
         return [(int(line) - began_ns) / NS_PER_MS for line in output.splitlines()]
@@ -78,7 +106,10 @@ _sent_bytes: dict[int, int] = {}  # by rate: what the shaper itself counted in t
 
 def _counted_bytes(car: str) -> int:
     told = subprocess.run(
-        ["tc", "-n", car, "-s", "-j", "qdisc", "show", "dev", "veth0"], check=True, capture_output=True, text=True
+        ["tc", "-n", car, "-s", "-j", "qdisc", "show", "dev", "veth0"],
+        check=True,
+        capture_output=True,
+        text=True,
     )
     return int(json.loads(told.stdout)[0]["bytes"])
 
@@ -106,7 +137,11 @@ def simulated_ms(rate_bps: int, size_bytes: int, count: int) -> list[float]:
     link = Link(env, "veth", wire.channel(True, np.random.default_rng(0)), queue_length=count)
     arrived_ms: list[float] = []
     for number in range(count):
-        link.send("images", Message(Header(number, "", ""), ()), lambda: arrived_ms.append(env.now / NS_PER_MS))
+        link.send(
+            "images",
+            Message(Header(number, "", ""), ()),
+            lambda: arrived_ms.append(env.now / NS_PER_MS),
+        )
     env.run()
     return arrived_ms
 
@@ -114,7 +149,10 @@ def simulated_ms(rate_bps: int, size_bytes: int, count: int) -> list[float]:
 def _receive(port: int, count: int) -> None:
     with socket.create_server(("", port)) as server:
         print("up", flush=True)
-        with server.accept()[0] as connection, connection.makefile("rb", buffering=1 << 20) as stream:
+        with (
+            server.accept()[0] as connection,
+            connection.makefile("rb", buffering=1 << 20) as stream,
+        ):
             for _ in range(count):
                 stream.read(int.from_bytes(stream.read(4), "big"))
                 print(time.monotonic_ns(), flush=True)

@@ -19,7 +19,12 @@ from detector import Array, Object
 from geometry_msgs.msg import PoseStamped
 from sensor_msgs.msg import Image
 
-IMAGES, OBJECTS, POSES, PROBE = "/image_raw", "/detection/image_detector/objects", "/current_pose", "/probe"
+IMAGES, OBJECTS, POSES, PROBE = (
+    "/image_raw",
+    "/detection/image_detector/objects",
+    "/current_pose",
+    "/probe",
+)
 FIRST_STAMP_NS = 10**9
 POSE_AHEAD_S = 0.02
 BUFFER_BYTES = 2**24
@@ -43,7 +48,10 @@ def pose_of(frame):
     pose.header.stamp = stamp_of(frame["at_ns"])
     place = pose.pose.position
     place.x, place.y, place.z, heading_rad = frame["pose"]
-    pose.pose.orientation.z, pose.pose.orientation.w = math.sin(heading_rad / 2), math.cos(heading_rad / 2)
+    pose.pose.orientation.z, pose.pose.orientation.w = (
+        math.sin(heading_rad / 2),
+        math.cos(heading_rad / 2),
+    )
     return pose
 
 
@@ -57,7 +65,11 @@ def camera(plan):
     listening = rospy.Subscriber(OBJECTS, Array, on_answer, tcp_nodelay=True)
     images = rospy.Publisher(IMAGES, Image, queue_size=10, tcp_nodelay=True)
     poses = rospy.Publisher(POSES, PoseStamped, queue_size=10, tcp_nodelay=True)
-    while not (images.get_num_connections() and poses.get_num_connections() and listening.get_num_connections()):
+    while not (
+        images.get_num_connections()
+        and poses.get_num_connections()
+        and listening.get_num_connections()
+    ):
         time.sleep(0.01)
     time.sleep(0.5)
     data = bytes(max(frame["size_bytes"] for frame in plan["frames"]))
@@ -70,7 +82,10 @@ def camera(plan):
         published[frame["at_ns"]] = time.monotonic_ns()
         images.publish(image)
     time.sleep(1.0)
-    print(json.dumps([[at_ns, sent_ns, answered.get(at_ns)] for at_ns, sent_ns in published.items()]), flush=True)
+    print(
+        json.dumps([[at_ns, sent_ns, answered.get(at_ns)] for at_ns, sent_ns in published.items()]),
+        flush=True,
+    )
 
 
 def detector(plan):
@@ -81,7 +96,9 @@ def detector(plan):
         time.sleep(next(sleeps_s))
         answer = Array(header=image.header)
         for label, score, east, north, up in found[image.header.stamp.to_nsec()]:
-            one = Object(header=image.header, label=label, score=score, valid=True, space_frame="map")
+            one = Object(
+                header=image.header, label=label, score=score, valid=True, space_frame="map"
+            )
             one.pose.position.x, one.pose.position.y, one.pose.position.z = east, north, up
             one.pose.orientation.w = 1.0
             answer.objects.append(one)
@@ -89,7 +106,9 @@ def detector(plan):
 
     rospy.init_node("vision_darknet_detect")
     publisher = rospy.Publisher(OBJECTS, Array, queue_size=10, tcp_nodelay=True)
-    rospy.Subscriber(IMAGES, Image, on_image, queue_size=1, buff_size=BUFFER_BYTES, tcp_nodelay=True)
+    rospy.Subscriber(
+        IMAGES, Image, on_image, queue_size=1, buff_size=BUFFER_BYTES, tcp_nodelay=True
+    )
     rospy.spin()
 
 
@@ -122,7 +141,9 @@ def receiver(count):
             rospy.signal_shutdown("done")
 
     rospy.init_node("receiver")
-    rospy.Subscriber(PROBE, rospy.AnyMsg, on_message, queue_size=10, buff_size=BUFFER_BYTES, tcp_nodelay=True)
+    rospy.Subscriber(
+        PROBE, rospy.AnyMsg, on_message, queue_size=10, buff_size=BUFFER_BYTES, tcp_nodelay=True
+    )
     rospy.spin()
 
 

@@ -75,7 +75,10 @@ def series() -> Series:
             for number in range(RUNS):
                 real.append(reality.drive(master, reality.plan_of(shown, sleeps)))
                 busy.append(reality.busy_elsewhere())
-                print(f"real run {number + 1} of {RUNS}: others kept the processors {busy[-1]:.0%} busy", flush=True)
+                print(
+                    f"real run {number + 1} of {RUNS}: others kept the processors {busy[-1]:.0%} busy",
+                    flush=True,
+                )
         finally:
             master.close()
     return Series(parts, simulated, real, busy, reality.margin_ms(simulated, shown))
@@ -87,7 +90,11 @@ def transfers() -> list[Transfer]:
         for size_bytes, count in ((100_000, 1), (465_800, 1), (1_397_297, 1), (465_800, 3)):
             arguments = (rate_mbps * 10**6, size_bytes, count)
             real = [reality_link.measured_ms(*arguments)[-1] for _ in range(reality_link.REPEATED)]
-            found.append(Transfer(rate_mbps, size_bytes, count, real, reality_link.simulated_ms(*arguments)[-1]))
+            found.append(
+                Transfer(
+                    rate_mbps, size_bytes, count, real, reality_link.simulated_ms(*arguments)[-1]
+                )
+            )
     return found
 
 
@@ -100,8 +107,15 @@ def draw_drive(made: Series) -> Figure:
             label = f"real ROS, {len(made.real)} runs" if number == 0 else None
             one.plot(frames, run.response_ms, "x", color=GREY, markersize=4, label=label)
             all_.step(np.sort(run.response_ms), (frames + 1) / len(frames), color=GREY, label=label)
-        one.plot(frames, made.simulated.response_ms, "o", color=BLUE, markersize=2.5, label="simulated")
-        all_.step(np.sort(made.simulated.response_ms), (frames + 1) / len(frames), color=BLUE, label="simulated")
+        one.plot(
+            frames, made.simulated.response_ms, "o", color=BLUE, markersize=2.5, label="simulated"
+        )
+        all_.step(
+            np.sort(made.simulated.response_ms),
+            (frames + 1) / len(frames),
+            color=BLUE,
+            label="simulated",
+        )
         one.set(xlabel="frame of the drive", ylabel="response time [ms]", yscale="log")
         all_.set(xlabel="response time [ms]", ylabel="share of the frames", ylim=(0, 1))
         figure.legend(*one.get_legend_handles_labels(), loc="outside upper center", ncols=2)
@@ -118,7 +132,12 @@ def draw_link(found: list[Transfer]) -> Figure:
             chosen = [one for one in found if one.rate_mbps == rate_mbps]
             times = ([one.real_ms for one in chosen], [one.simulated_ms for one in chosen])
             axes.plot(*times, marker, color=BLUE, fillstyle="none", label=f"{rate_mbps} Mbit/s")
-        axes.set(xlabel="real transfer [ms]", ylabel="simulated transfer [ms]", xscale="log", yscale="log")
+        axes.set(
+            xlabel="real transfer [ms]",
+            ylabel="simulated transfer [ms]",
+            xscale="log",
+            yscale="log",
+        )
         axes.legend()
         return figure
 
@@ -132,7 +151,10 @@ def comparison(made: Series) -> list[str]:
     for outcome in (None, *OUTCOMES):
         simulated, real = made.simulated.of(outcome), [run.of(outcome) for run in made.real]
         for name, share, bound in (("median", 50, 0.10), ("95th percentile", 95, 0.20)):
-            expected, found = np.percentile(simulated, share), np.percentile(np.concatenate(real), share)
+            expected, found = (
+                np.percentile(simulated, share),
+                np.percentile(np.concatenate(real), share),
+            )
             each = [np.percentile(run, share) for run in real]
             off = expected / found - 1
             lines.append(
@@ -224,12 +246,15 @@ bucket lets its burst through at once, unlike a wire. Delay and loss are not com
             f"{min(one.all_real_ms):.2f} to {max(one.all_real_ms):.2f} ms | "
             f"{one.simulated_ms:.2f} ms | {one.off:+.1%} |\n"
         )
-    return text + """
+    return (
+        text
+        + """
 ![Transfers, real and simulated](images/reality_link.png)
 
 A host whose timers are late shapes a link below its rate: on another day one reached 87 % of its 100 Mbit/s, by the
 kernel's own count of bytes, and 99 % of 20 Mbit/s. The test then skips the rate that was not reached, and says so.
 """
+    )
 
 
 def main() -> None:

@@ -33,7 +33,10 @@ def main() -> None:
                 print("busy", flush=True)
         while thrown < now * GARBAGE_PER_S:
             thrown += 1
-            with contextlib.suppress(OSError), socket.create_connection(("127.0.0.1", port), timeout=2) as one:
+            with (
+                contextlib.suppress(OSError),
+                socket.create_connection(("127.0.0.1", port), timeout=2) as one,
+            ):
                 one.sendall(os.urandom(500))
         for number, _ in poll.poll(5):
             poll.unregister(number)

@@ -22,7 +22,11 @@ from rosbags.typesys import get_types_from_msg
 from genie_sim.ros.bags import IMAGES, POINTS, Surroundings, _places, perceive_bag
 from genie_sim.ros.typestore import TF, message, time, typestore
 
-CAMERA, IMAGE, SCAN = "camera_color_left", "/kitti/camera_color_left/image_raw", "/kitti/velo/pointcloud"
+CAMERA, IMAGE, SCAN = (
+    "camera_color_left",
+    "/kitti/camera_color_left/image_raw",
+    "/kitti/velo/pointcloud",
+)
 OBJECTS, ARRAY = "/detection/image_detector/objects", "autoware_msgs/msg/DetectedObjectArray"
 ORIGIN = (49.011, 8.423, 116.0)
 START_NS, STEP_NS = 1_317_000_000 * 10**9, 100_000_000
@@ -56,7 +60,10 @@ class BagWriter:
             from genie_sim.ros.export import START_S, Entry, write
 
             began_ns = START_S * 10**9
-            entries = [Entry(at_ns - began_ns, topic, kind, vars(one)) for at_ns, topic, kind, one in ordered]
+            entries = [
+                Entry(at_ns - began_ns, topic, kind, vars(one))
+                for at_ns, topic, kind, one in ordered
+            ]
             write(self.path, 2, entries)
             return self.path
         from rosbags.rosbag1 import Writer as Writer1
@@ -70,7 +77,9 @@ class BagWriter:
                 writer.write(connections[topic], at_ns, serialize(one, kind))
         return self.path
 
-    def transform(self, at_ns: int, parent: str, child: str, parent_SE3_child: Any, static: bool = True) -> None:
+    def transform(
+        self, at_ns: int, parent: str, child: str, parent_SE3_child: Any, static: bool = True
+    ) -> None:
         from scipy.spatial.transform import Rotation
 
         def numbers(kind: str, names: str, values: Any) -> Any:
@@ -81,7 +90,9 @@ class BagWriter:
             "geometry_msgs/msg/Transform",
             translation=numbers("geometry_msgs/msg/Vector3", "xyz", parent_SE3_child[:3, 3]),
             rotation=numbers(
-                "geometry_msgs/msg/Quaternion", "xyzw", Rotation.from_matrix(parent_SE3_child[:3, :3]).as_quat()
+                "geometry_msgs/msg/Quaternion",
+                "xyzw",
+                Rotation.from_matrix(parent_SE3_child[:3, :3]).as_quat(),
             ),
         )
         one = message(
@@ -93,9 +104,16 @@ class BagWriter:
     def camera_info(self, at_ns: int, intrinsics: Any, size: tuple[int, int]) -> None:
         k, p = ("K", "P") if self.ros == 1 else ("k", "p")
         projection = np.column_stack([intrinsics, np.zeros(3)])
-        fields = {k: np.asarray(intrinsics, float).ravel(), p: projection.ravel(), "width": size[0], "height": size[1]}
+        fields = {
+            k: np.asarray(intrinsics, float).ravel(),
+            p: projection.ravel(),
+            "width": size[0],
+            "height": size[1],
+        }
         topic = f"/kitti/{CAMERA}/camera_info"
-        self.add(at_ns, topic, "sensor_msgs/msg/CameraInfo", header=self.header(at_ns, CAMERA), **fields)
+        self.add(
+            at_ns, topic, "sensor_msgs/msg/CameraInfo", header=self.header(at_ns, CAMERA), **fields
+        )
 
     def image(self, stamp_ns: int, picture: np.ndarray, encoding: str = "bgr8") -> None:
         height, width = picture.shape[:2]
@@ -107,7 +125,14 @@ class BagWriter:
     def scan(self, stamp_ns: int, points: np.ndarray, late_ns: int = 0) -> None:
         """``late_ns``: recorded so much after the image of this stamp."""
         fields = [
-            message(self.store, "sensor_msgs/msg/PointField", name=name, offset=4 * at, datatype=7, count=1)
+            message(
+                self.store,
+                "sensor_msgs/msg/PointField",
+                name=name,
+                offset=4 * at,
+                datatype=7,
+                count=1,
+            )
             for at, name in enumerate("xyz")
         ]
         self.add(
@@ -116,12 +141,16 @@ class BagWriter:
             data=np.frombuffer(points.astype("<f4").tobytes(), np.uint8),
         )  # fmt: skip
 
-    def position(self, stamp_ns: int, fix: tuple[float, float, float], rpy: tuple[float, float, float]) -> None:
+    def position(
+        self, stamp_ns: int, fix: tuple[float, float, float], rpy: tuple[float, float, float]
+    ) -> None:
         from scipy.spatial.transform import Rotation
 
         quaternion = Rotation.from_matrix(rotation_from_rpy(*rpy)).as_quat()
         turn = message(
-            self.store, "geometry_msgs/msg/Quaternion", **dict(zip("xyzw", map(float, quaternion), strict=True))
+            self.store,
+            "geometry_msgs/msg/Quaternion",
+            **dict(zip("xyzw", map(float, quaternion), strict=True)),
         )
         latitude, longitude, altitude = fix
         at = self.header(stamp_ns, "imu_link")
@@ -135,7 +164,9 @@ class BagWriter:
         definition = (HERE / "objects.txt").read_text()
         if ARRAY not in self.store.fielddefs:
             types = get_types_from_msg(definition, ARRAY)
-            known = {name: fields for name, fields in types.items() if name not in self.store.fielddefs}
+            known = {
+                name: fields for name, fields in types.items() if name not in self.store.fielddefs
+            }
             self.store.register(known)
         at = self.header(stamp_ns, CAMERA)
         objects = []
@@ -143,7 +174,9 @@ class BagWriter:
             east, north = one.pop("at", (0.0, 0.0))
             place = message(self.store, "geometry_msgs/msg/Point", x=east, y=north)
             pose = message(self.store, "geometry_msgs/msg/Pose", position=place)
-            objects.append(message(self.store, "autoware_msgs/msg/DetectedObject", header=at, pose=pose, **one))
+            objects.append(
+                message(self.store, "autoware_msgs/msg/DetectedObject", header=at, pose=pose, **one)
+            )
         self.add(stamp_ns + 50_000_000, OBJECTS, ARRAY, header=at, objects=objects)
 
 
@@ -159,7 +192,9 @@ def street(path: Path) -> BagWriter:
     longitude_per_m = 1 / (111_320 * math.cos(math.radians(ORIGIN[0])))
     for number in range(3):
         stamp_ns = START_NS + number * STEP_NS
-        bag.position(stamp_ns, (ORIGIN[0], ORIGIN[1] + number * longitude_per_m, ORIGIN[2]), (0.0, 0.0, 0.0))
+        bag.position(
+            stamp_ns, (ORIGIN[0], ORIGIN[1] + number * longitude_per_m, ORIGIN[2]), (0.0, 0.0, 0.0)
+        )
         bag.image(stamp_ns, np.full((360, 640, 3), 10 * number, np.uint8))
         bag.scan(stamp_ns + 2_000_000, np.concatenate([wall, ground]), late_ns=70_000_000)
         bag.objects(
@@ -184,8 +219,15 @@ def test_a_bag_of_every_kind_becomes_a_trace(kind: str, tmp_path: Path):
         assert frame.pose.heading_rad == pytest.approx(0.0, abs=1e-3)
         assert (frame.width, frame.height) == (640, 360)
         car, person = frame.detections  # the third one's score is too low
-        assert (car.label, car.score, car.method, car.box) == ("car", 0.75, "scan", (280.0, 150.0, 360.0, 210.0))
-        assert number + 20.0 < car.location[0] < number + 20.0 + 4.0, "behind the surface of the wall"
+        assert (car.label, car.score, car.method, car.box) == (
+            "car",
+            0.75,
+            "scan",
+            (280.0, 150.0, 360.0, 210.0),
+        )
+        assert number + 20.0 < car.location[0] < number + 20.0 + 4.0, (
+            "behind the surface of the wall"
+        )
         assert (person.label, person.location, person.method) == ("person", (7.0, 8.0, 0.0), "bag")
     write_trace(tmp_path / "street.parquet", trace)
     assert read_trace(tmp_path / "street.parquet").digest == trace.digest
@@ -193,7 +235,8 @@ def test_a_bag_of_every_kind_becomes_a_trace(kind: str, tmp_path: Path):
 
 def test_the_same_bag_gives_the_same_content_in_ros_1_and_ros_2(tmp_path: Path):
     digests = {
-        perceive_bag(street(tmp_path / f"street.{kind}").write(), detections=OBJECTS).digest for kind in KINDS
+        perceive_bag(street(tmp_path / f"street.{kind}").write(), detections=OBJECTS).digest
+        for kind in KINDS
     }
     assert len(digests) == 1
 
@@ -235,7 +278,13 @@ def test_without_gps_the_transforms_say_where_the_car_is(tmp_path: Path):
     bag.messages = [one for one in bag.messages if "oxts" not in one[1]]
     for number in (0, 2):  # at the second image between the two
         stamp_ns = START_NS + number * STEP_NS
-        bag.transform(stamp_ns, "world", "base_link", rigid(np.eye(3), (100.0 + number, 0.0, 0.0)), static=False)
+        bag.transform(
+            stamp_ns,
+            "world",
+            "base_link",
+            rigid(np.eye(3), (100.0 + number, 0.0, 0.0)),
+            static=False,
+        )
     bag.transform(START_NS, "base_link", "imu_link", np.eye(4))
     path = bag.write()
     with pytest.raises(UserError, match="say with --origin where the frame 'world' lies"):
@@ -262,13 +311,23 @@ def test_a_fix_is_the_antenna_s_place_and_not_the_imu_s():
     [
         ("oxts", (), "where is the car"),
         ("camera_info", (), "no image topic with a camera_info beside it"),
-        ("camera_info", (IMAGE,), "no /kitti/camera_color_left/camera_info says what the camera sees"),
-        ("nothing", ("left=/kitti/camera_color_left/image",), "did you mean '/kitti/camera_color_left/image_raw'"),
+        (
+            "camera_info",
+            (IMAGE,),
+            "no /kitti/camera_color_left/camera_info says what the camera sees",
+        ),
+        (
+            "nothing",
+            ("left=/kitti/camera_color_left/image",),
+            "did you mean '/kitti/camera_color_left/image_raw'",
+        ),
         ("tf_static", (), "no image was taken where the car's position is known"),
         ("objects", (), "no autoware_msgs/msg/DetectedObjectArray or vision_msgs"),
     ],
 )
-def test_what_a_bag_lacks_is_named(without: str, cameras: tuple[str, ...], told: str, tmp_path: Path):
+def test_what_a_bag_lacks_is_named(
+    without: str, cameras: tuple[str, ...], told: str, tmp_path: Path
+):
     bag = street(tmp_path / "street.bag")
     bag.messages = [one for one in bag.messages if without not in one[1]]
     with pytest.raises(UserError, match=told):
@@ -296,7 +355,10 @@ def test_a_picture_in_another_encoding_is_the_same_picture(tmp_path: Path):
             return []
 
     picture = np.random.default_rng(1).integers(0, 255, (36, 64, 3), np.uint8)
-    for encoding, stored in (("bgr8", picture), ("rgb8", np.ascontiguousarray(picture[:, :, ::-1]))):
+    for encoding, stored in (
+        ("bgr8", picture),
+        ("rgb8", np.ascontiguousarray(picture[:, :, ::-1])),
+    ):
         bag = street(tmp_path / f"{encoding}.bag")
         bag.messages = [one for one in bag.messages if one[1] != IMAGE]
         bag.image(START_NS, stored, encoding)
@@ -321,20 +383,32 @@ def test_kitti_in_a_bag_is_perceived_as_from_its_folder(
     shown = [frame for frame in drive.frames["02"] if frame.index in numbers]
     bag = BagWriter(tmp_path / f"kitti.{kind}")
     first = shown[0]
-    bag.transform(first.stamp_ns, "imu_link", CAMERA, inverse(drive.world_SE3_imu[0]) @ first.world_SE3_camera)
+    bag.transform(
+        first.stamp_ns, "imu_link", CAMERA, inverse(drive.world_SE3_imu[0]) @ first.world_SE3_camera
+    )
     bag.transform(first.stamp_ns, CAMERA, "velo_link", drive.camera_SE3_velo("02"))
     bag.camera_info(first.stamp_ns, first.intrinsics, (1242, 375))
     folder = kitti_root / "2011_09_26" / "2011_09_26_drive_0005_sync"
     for frame in shown:
-        values = [float(text) for text in (folder / "oxts/data" / f"{frame.index:010d}.txt").read_text().split()]
-        bag.position(frame.stamp_ns, (values[0], values[1], values[2]), (values[3], values[4], values[5]))
+        values = [
+            float(text)
+            for text in (folder / "oxts/data" / f"{frame.index:010d}.txt").read_text().split()
+        ]
+        bag.position(
+            frame.stamp_ns, (values[0], values[1], values[2]), (values[3], values[4], values[5])
+        )
         bag.image(frame.stamp_ns, read_image(frame.image_path))
         bag.scan(frame.stamp_ns + 5_000_000, drive.scan(frame.index))
     found: Trace = perceive_bag(
-        bag.write(), make_detector("yolox_nano", weights_dir), (f"02={IMAGE}",), origin=expected.origin
+        bag.write(),
+        make_detector("yolox_nano", weights_dir),
+        (f"02={IMAGE}",),
+        origin=expected.origin,
     )
 
-    assert [frame.dhash for frame in found.frames["02"]] == [frame.dhash for frame in expected.frames["02"]]
+    assert [frame.dhash for frame in found.frames["02"]] == [
+        frame.dhash for frame in expected.frames["02"]
+    ]
     assert sum(len(frame.detections) for frame in expected.frames["02"]) > 10
     for here, there in zip(found.frames["02"], expected.frames["02"], strict=True):
         assert here.stamp_ns == there.stamp_ns

@@ -23,12 +23,17 @@ START_NS = 10**9  # of ROS time, when the simulation begins
 
 @pytest.fixture(scope="module")
 def run() -> Run:
-    settings = ["cars[0].route.window=[0 s, 2 s]", "genie.object_map.freshness={name: ttl, ttl: 300 ms}"]
+    settings = [
+        "cars[0].route.window=[0 s, 2 s]",
+        "genie.object_map.freshness={name: ttl, ttl: 300 ms}",
+    ]
     return runner.run_in_memory(load_scenario("1car_hetero", settings))
 
 
 @pytest.fixture(scope="module", params=["mcap", "bag"])
-def read_back(request: pytest.FixtureRequest, run: Run, tmp_path_factory: pytest.TempPathFactory) -> Any:
+def read_back(
+    request: pytest.FixtureRequest, run: Run, tmp_path_factory: pytest.TempPathFactory
+) -> Any:
     """(topic, time [ns], message) of everything in the exported file, and how much ``export`` said it is."""
     path = tmp_path_factory.mktemp("export") / f"run.{request.param}"
     written = export(run, path, request.param)
@@ -42,14 +47,19 @@ def _read_mcap(path: Path) -> list[tuple[str, int, Any]]:
 
     with path.open("rb") as file:
         found = make_reader(file, decoder_factories=[DecoderFactory()]).iter_decoded_messages()
-        return [(channel.topic, message.log_time, decoded) for _, channel, message, decoded in found]
+        return [
+            (channel.topic, message.log_time, decoded) for _, channel, message, decoded in found
+        ]
 
 
 def _read_bag(path: Path) -> list[tuple[str, int, Any]]:
     from rosbags.highlevel import AnyReader
 
     with AnyReader([path]) as reader:
-        return [(one.topic, at, reader.deserialize(raw, one.msgtype)) for one, at, raw in reader.messages()]
+        return [
+            (one.topic, at, reader.deserialize(raw, one.msgtype))
+            for one, at, raw in reader.messages()
+        ]
 
 
 def _of(read_back: Any, topic: str) -> list[tuple[int, Any]]:
@@ -76,7 +86,8 @@ def test_cars_are_transforms_at_their_own_instants(read_back, run):
     assert sorted(at for at, _ in tf) == sorted(run.poses["stamp_ns"] + START_NS)
     assert all(_ns(message.transforms[0].header.stamp) == at for at, message in tf)
     placed = {
-        (at, one.transforms[0].child_frame_id): one.transforms[0].transform.translation.x for at, one in tf
+        (at, one.transforms[0].child_frame_id): one.transforms[0].transform.translation.x
+        for at, one in tf
     }
     row = run.poses.iloc[7]
     assert placed[row.stamp_ns + START_NS, f"{row.car}/{row.stream}"] == row.east_m
@@ -90,17 +101,27 @@ def test_the_object_map_has_its_confidences_as_colours(read_back, run):
         boxes = [(at, one.markers[0]) for at, one in _of(read_back, f"/{genie}/object_map")]
         assert [at - START_NS for at, _ in boxes] == rows["t_ns"].tolist()
         assert [box.pose.position.y for _, box in boxes] == rows["north_m"].tolist()
-        assert [box.action for _, box in boxes] == [2 if unknown else 0 for unknown in rows["confidence"].isna()]
+        assert [box.action for _, box in boxes] == [
+            2 if unknown else 0 for unknown in rows["confidence"].isna()
+        ]
         assert rows["confidence"].isna().any(), "what is forgotten is taken away"
         for (_, box), confidence in zip(boxes, rows["confidence"].fillna(0.0), strict=True):
-            assert (box.color.r, box.color.g, box.color.b) == pytest.approx(confidence_colour(confidence), abs=1e-6)
+            assert (box.color.r, box.color.g, box.color.b) == pytest.approx(
+                confidence_colour(confidence), abs=1e-6
+            )
         places = len(rows.drop_duplicates(["label", "east_m", "north_m"]))
-        assert len({(box.ns, box.id) for _, box in boxes}) == places, "an object seen again is the same box"
+        assert len({(box.ns, box.id) for _, box in boxes}) == places, (
+            "an object seen again is the same box"
+        )
 
 
 def test_hits_and_misses_are_events(read_back, run):
     images = run.lookups[run.lookups["kind"] == "image"]
-    events = [(at, one.msg) for at, one in _of(read_back, "/events") if " at " in one.msg and "dropped" not in one.msg]
+    events = [
+        (at, one.msg)
+        for at, one in _of(read_back, "/events")
+        if " at " in one.msg and "dropped" not in one.msg
+    ]
     assert Counter(text.split()[0] for _, text in events) == Counter(images["outcome"])
     assert sorted(at - START_NS for at, _ in events) == images["t_ns"].tolist()
     assert len(_of(read_back, "/lookups")) == len(images)
@@ -111,7 +132,9 @@ def test_response_times_of_every_method(read_back, run):
     for method in ("local", "remote", "genie"):
         rows = run.frames[(run.frames["method"] == method) & run.frames["first_answer_ns"].notna()]
         expected = sorted((rows["first_answer_ns"] - rows["received_ns"]) / 1e6)
-        assert sorted(one.data for _, one in _of(read_back, f"/car1/{method}/response")) == pytest.approx(expected)
+        assert sorted(
+            one.data for _, one in _of(read_back, f"/car1/{method}/response")
+        ) == pytest.approx(expected)
 
 
 def test_a_format_that_is_not_known(run, tmp_path):
@@ -123,12 +146,17 @@ def test_a_format_that_is_not_known(run, tmp_path):
 def test_a_result_folder_on_the_command_line(tmp_path, capsys):
     from genie_sim.cli import main
 
-    folder = runner.run_to_folder(load_scenario("1car_hetero", ["cars[0].route.window=[0 s, 1 s]"]), tmp_path).folder
+    folder = runner.run_to_folder(
+        load_scenario("1car_hetero", ["cars[0].route.window=[0 s, 1 s]"]), tmp_path
+    ).folder
     assert main(["export", str(folder)]) == 0
     assert capsys.readouterr().out.startswith(f"{folder / 'run.mcap'}: ")
     assert _read_mcap(folder / "run.mcap")
 
 
 def test_lighter_is_more_confident():
-    lightness = [sum(w * c for w, c in zip((0.3, 0.6, 0.1), confidence_colour(x / 10), strict=True)) for x in range(11)]
+    lightness = [
+        sum(w * c for w, c in zip((0.3, 0.6, 0.1), confidence_colour(x / 10), strict=True))
+        for x in range(11)
+    ]
     assert lightness == sorted(lightness)

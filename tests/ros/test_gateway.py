@@ -22,20 +22,28 @@ SCAN = codec_of(WireType("my_msgs/Scan", "0" * 32, "Header header\nfloat32[] ran
 CAR1, CAR2, EDGE2 = Peer("car1", "car"), Peer("car2", "car"), Peer("edge2", "edge")
 
 
-def message(stamp_ns: int, content: bytes = b"", origin: str = "car1", frame: bytes = b"laser") -> RosMessage:
+def message(
+    stamp_ns: int, content: bytes = b"", origin: str = "car1", frame: bytes = b"laser"
+) -> RosMessage:
     stamp = divmod(stamp_ns, NS_PER_S)
-    return RosMessage.of(struct.pack("<IIII", 5, *stamp, len(frame)) + frame + content, SCAN, origin, answer=True)
+    return RosMessage.of(
+        struct.pack("<IIII", 5, *stamp, len(frame)) + frame + content, SCAN, origin, answer=True
+    )
 
 
 class Site:
     """A Genie for an opaque node /scan -> /result, its links to three others, and all that it has said."""
 
     def __init__(self, name: str, role: str, **settings: object) -> None:
-        plan = Plan("/node", name, role, ("/scan",), ("/result",), settings=settings, connect=("edge:1",))
+        plan = Plan(
+            "/node", name, role, ("/scan",), ("/result",), settings=settings, connect=("edge:1",)
+        )
         self.said: list[tuple[str, Header, bytes]] = []
         self.sent: list[tuple[str, str, Header]] = []
         self.outcomes: list[str] = []
-        self.gateway = make_gateway(plan, self._publish, lambda record, _: self._observe(record), self, None)
+        self.gateway = make_gateway(
+            plan, self._publish, lambda record, _: self._observe(record), self, None
+        )
 
     def peers(self) -> list[Peer]:
         return [Peer("edge1", "edge")] if self.gateway.genie.name == "car1" else [CAR1, CAR2, EDGE2]
@@ -62,12 +70,18 @@ def test_an_opaque_message_is_known_by_its_bytes_and_answered_under_its_own_head
     car.hear("/scan", message(2, b"same", frame=b"another frame"))
     car.hear("/scan", message(3, b"different"))
     assert car.outcomes == ["miss", "hit", "miss"]
-    answers = [(header.stamp_ns, header.frame_id, content) for topic, header, content in car.said if topic == "/result"]
+    answers = [
+        (header.stamp_ns, header.frame_id, content)
+        for topic, header, content in car.said
+        if topic == "/result"
+    ]
     assert answers == [(1, "laser", b"answer"), (2, "another frame", b"answer")]
     assert [to for to, *_ in car.sent] == ["edge1", "edge1"], "only misses go up"
 
 
-@pytest.mark.parametrize(("learns", "outcomes"), [("all", ["miss", "hit"]), ("own", ["miss", "miss"])])
+@pytest.mark.parametrize(
+    ("learns", "outcomes"), [("all", ["miss", "hit"]), ("own", ["miss", "miss"])]
+)
 def test_a_car_may_learn_from_its_own_node_only(learns: str, outcomes: list[str]):
     car = Site("car1", "car", car_learns=learns)
     car.hear("/scan", message(1, b"same"))
@@ -84,7 +98,9 @@ def test_stamps_that_go_back_are_stamps_like_others():
         car.hear("/scan", message(stamp_ns, b"%d" % stamp_ns))
     for stamp_ns in (1, 7, 5, 9):
         car.hear("/result_local", message(stamp_ns, b"to %d" % stamp_ns))
-    answers = [(header.stamp_ns, content) for topic, header, content in car.said if topic == "/result"]
+    answers = [
+        (header.stamp_ns, content) for topic, header, content in car.said if topic == "/result"
+    ]
     assert answers == [(1, b"to 1"), (7, b"to 7"), (5, b"to 5"), (9, b"to 9")]
 
 
@@ -93,7 +109,10 @@ def test_what_the_node_says_unasked_or_late_still_reaches_the_robot():
     car.hear("/result_local", message(7, b"unasked"))
     car.hear("/scan", message(8, b"slow"))
     car.hear("/result_local", message(8, b"late"), now_s=3.0)
-    assert [content for topic, _, content in car.said if topic == "/result"] == [b"unasked", b"late"]
+    assert [content for topic, _, content in car.said if topic == "/result"] == [
+        b"unasked",
+        b"late",
+    ]
 
 
 def test_cars_with_equal_stamps_are_not_taken_for_each_other():
@@ -130,14 +149,28 @@ def test_a_genie_says_only_what_it_has_a_right_to(role: str, peer: Peer, topic: 
 
 
 def test_pose_grid_without_a_pose_never_hits():
-    plan = Plan("/n", "car1", "car", ("/scan",), ("/result",), settings={"similarity": "pose_grid"}, pose_topic="/pose")
+    plan = Plan(
+        "/n",
+        "car1",
+        "car",
+        ("/scan",),
+        ("/result",),
+        settings={"similarity": "pose_grid"},
+        pose_topic="/pose",
+    )
     outcomes: list[str] = []
     gateway = make_gateway(
-        plan, lambda *_: None, lambda record, _: outcomes.append(record.outcome), Site("car1", "car"), None
+        plan,
+        lambda *_: None,
+        lambda record, _: outcomes.append(record.outcome),
+        Site("car1", "car"),
+        None,
     )
     here = CameraPose(10.2, 5.0, 0.0, 0.1)
     for stamp_ns, pose in ((1, None), (2, None), (3, here), (4, None), (5, here)):
-        gateway.from_ros("/scan", replace(message(stamp_ns), pose=pose, horizontal_fov_rad=1.4), 0, "/camera")
+        gateway.from_ros(
+            "/scan", replace(message(stamp_ns), pose=pose, horizontal_fov_rad=1.4), 0, "/camera"
+        )
         gateway.from_ros("/result_local", message(stamp_ns), 0, "/node")
     assert outcomes == ["miss", "miss", "miss", "miss", "hit"]
 
@@ -149,11 +182,18 @@ def test_the_pose_nearest_in_time_counts():
         content = struct.pack("<7d", x, 0.0, 0.0, 0.0, 0.0, 0.5**0.5, 0.5**0.5)
         poses.heard("geometry_msgs/PoseStamped", message(second * NS_PER_S, content).payload)
     found = poses.at(2 * NS_PER_S - 1)
-    assert found is not None and found.east_m == 20.0 and found.heading_rad == pytest.approx(3.14159265 / 2)
+    assert (
+        found is not None
+        and found.east_m == 20.0
+        and found.heading_rad == pytest.approx(3.14159265 / 2)
+    )
     assert poses.at(3 * NS_PER_S) is None, "too old"
     for wrong in (math.nan, math.inf):
         with pytest.raises(ValueError, match="not finite"):
-            poses.heard("geometry_msgs/PoseStamped", message(9, struct.pack("<7d", wrong, *[0.0] * 6)).payload)
+            poses.heard(
+                "geometry_msgs/PoseStamped",
+                message(9, struct.pack("<7d", wrong, *[0.0] * 6)).payload,
+            )
     with pytest.raises(ValueError, match="no geometry_msgs/PoseStamped"):
         poses.heard("geometry_msgs/PoseStamped", message(9, b"short").payload)
     with pytest.raises(UserError, match="sensor_msgs/Imu has no pose"):
@@ -188,8 +228,15 @@ def test_the_hash_of_a_ros_image_is_that_of_the_trace():
 
     picture = np.random.default_rng(3).integers(0, 256, (48, 64, 3), dtype=np.uint8)
     rows = np.pad(picture.reshape(48, -1), ((0, 0), (0, 8)))
-    content = struct.pack("<III", 48, 64, 4) + b"bgr8" + struct.pack("<BII", 0, 200, rows.size) + rows.tobytes()
-    assert codec_of(WireType("sensor_msgs/Image"), 1).dhash(message(1, content).payload) == difference_hash(picture)
+    content = (
+        struct.pack("<III", 48, 64, 4)
+        + b"bgr8"
+        + struct.pack("<BII", 0, 200, rows.size)
+        + rows.tobytes()
+    )
+    assert codec_of(WireType("sensor_msgs/Image"), 1).dhash(
+        message(1, content).payload
+    ) == difference_hash(picture)
 
 
 def test_an_image_cut_short_has_no_hash():
@@ -214,13 +261,17 @@ def test_objects_survive_the_object_map(ros: int):
     assert codec.stamp(payload) == (5 * NS_PER_S + 7, "camera")
     (read,) = codec.objects(payload)
     assert (read.label, read.confidence) == ("car", 0.5)
-    assert read.location == ((1.0, 2.0, 3.0) if ros == 1 else None), "markers are placed by their own header's frame"
+    assert read.location == ((1.0, 2.0, 3.0) if ros == 1 else None), (
+        "markers are placed by their own header's frame"
+    )
     again = codec.with_objects(payload, Header(6, "map", "car1"), [read.with_confidence(0.75)])
     assert codec.stamp(again) == (6, "map")
     (read,) = codec.objects(again)
     assert (read.label, read.confidence, read.location) == ("car", 0.75, (1.0, 2.0, 3.0))
     assert codec.content(codec.restamped(again, 99, "map")) == codec.content(again)
-    nowhere = codec.with_objects(b"", Header(1, "map", ""), [replace(from_map, location=(math.nan,) * 3)])
+    nowhere = codec.with_objects(
+        b"", Header(1, "map", ""), [replace(from_map, location=(math.nan,) * 3)]
+    )
     assert codec.objects(nowhere)[0].location is None
     with pytest.raises(ValueError, match="no "):
         codec.objects(payload[:-3])
@@ -230,5 +281,8 @@ def test_a_stamp_of_ros_2_is_changed_in_place():
     codec = codec_of(WireType("sensor_msgs/msg/Image"), 2)
     payload = b"\0\1\0\0" + struct.pack("<iII", 3, 4, 7) + b"camera\0" + bytes(20)
     assert codec.stamp(payload) == (3 * NS_PER_S + 4, "camera")
-    assert codec.stamp(codec.restamped(payload, 8 * NS_PER_S + 1, "camera")) == (8 * NS_PER_S + 1, "camera")
+    assert codec.stamp(codec.restamped(payload, 8 * NS_PER_S + 1, "camera")) == (
+        8 * NS_PER_S + 1,
+        "camera",
+    )
     assert codec.content(codec.restamped(payload, 8, "camera")) == bytes(20)

@@ -51,7 +51,14 @@ def image(second: int, size: int = 1000, codec: object = IMAGE) -> RosMessage:
 
 
 def plan_of(keys: Keys, name: str, role: str, **where: object) -> Plan:
-    return Plan("/node", name, role, ("/image_raw",), ("/objects",), **{"key_file": keys(name, role), **where})
+    return Plan(
+        "/node",
+        name,
+        role,
+        ("/image_raw",),
+        ("/objects",),
+        **{"key_file": keys(name, role), **where},
+    )
 
 
 class Site:
@@ -100,7 +107,10 @@ def warnings(caplog: pytest.LogCaptureFixture) -> Callable[[], list[str]]:
 
 
 def tls(
-    port: int, pem: str, certificate: str | None = None, newest: ssl.TLSVersion = ssl.TLSVersion.TLSv1_3
+    port: int,
+    pem: str,
+    certificate: str | None = None,
+    newest: ssl.TLSVersion = ssl.TLSVersion.TLSv1_3,
 ) -> ssl.SSLSocket:
     """A hand-made client with the certificate of a key file, or another ``certificate`` for its key."""
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
@@ -133,7 +143,9 @@ def test_a_message_arrives_as_it_was_sent(edge: Site, new_site: Callable[..., Si
         car.links.send("edge1", REQUEST, sent)
         until(lambda second=second: len(edge.got) == second, "the image arrives")
     assert [(peer, topic) for peer, topic, _ in edge.got] == [(Peer("car1", "car"), REQUEST)] * 3
-    assert [message.header for *_, message in edge.got] == [Header(n * 10**9, "camera", "car1") for n in (1, 2, 3)]
+    assert [message.header for *_, message in edge.got] == [
+        Header(n * 10**9, "camera", "car1") for n in (1, 2, 3)
+    ]
     assert {(message.pose, message.horizontal_fov_rad) for *_, message in edge.got} == {(pose, 1.4)}
     assert edge.got[0][2].payload == image(1, size=1_400_000).payload
 
@@ -144,7 +156,9 @@ def test_no_small_message_waits_for_an_acknowledgement(edge: Site, new_site: Cal
     until(lambda: car.names() == ["edge1"] and edge.names() == ["car1"], "both are connected")
     ends = [*car.links._connections.values(), *edge.links._connections.values()]
     assert all(one._sock.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY) for one in ends)
-    edge.then = lambda peer, topic, message: edge.links.send(peer.name, "/objects", image(2, 800, SCAN))
+    edge.then = lambda peer, topic, message: edge.links.send(
+        peer.name, "/objects", image(2, 800, SCAN)
+    )
     took_s = []
     for count in range(1, 21):
         begun = time.perf_counter()
@@ -166,7 +180,9 @@ def test_both_directions_at_once_under_load(edge: Site, new_site: Callable[..., 
         car.links.send("edge1", REQUEST, image(second, size=300_000))
         edge.links.send("car1", "/objects", image(second, 300_000, SCAN))
         time.sleep(0.001)
-    assert [*car.links._connections.values(), *edge.links._connections.values()] == connections, "never cut"
+    assert [*car.links._connections.values(), *edge.links._connections.values()] == connections, (
+        "never cut"
+    )
     for site in (car, edge):
         seconds = [message.header.stamp_ns for *_, message in site.got]
         assert len(seconds) > 50 and seconds == sorted(set(seconds)), "in order, none twice"
@@ -192,7 +208,9 @@ class Watched:
                 self._inside.release()
 
 
-def test_reader_and_writer_take_turns(edge: Site, new_site: Callable[..., Site], monkeypatch: pytest.MonkeyPatch):
+def test_reader_and_writer_take_turns(
+    edge: Site, new_site: Callable[..., Site], monkeypatch: pytest.MonkeyPatch
+):
     """OpenSSL says that a connection must not be used by two threads at once; what then happens is not defined."""
     watched: list[Watched] = []
 
@@ -212,7 +230,9 @@ def test_reader_and_writer_take_turns(edge: Site, new_site: Callable[..., Site],
     assert [one.together for one in watched] == [0, 0]
 
 
-def test_a_slow_link_holds_two_images_and_the_newest_ones(edge: Site, new_site: Callable[..., Site]):
+def test_a_slow_link_holds_two_images_and_the_newest_ones(
+    edge: Site, new_site: Callable[..., Site]
+):
     car = new_site("car1", "car", connect=(edge.address,))
     until(lambda: car.names() == ["edge1"] and edge.names() == ["car1"], "connected")
     (one,) = car.links._connections.values()
@@ -256,15 +276,25 @@ def test_two_edges_that_dial_each_other_settle_on_one_connection(new_site: Calla
     time.sleep(2.0)
     settled = [list(edge.links._connections.values()) for edge in edges]
     time.sleep(2.0)
-    assert [list(edge.links._connections.values()) for edge in edges] == settled and len(settled[0]) == 1
+    assert [list(edge.links._connections.values()) for edge in edges] == settled and len(
+        settled[0]
+    ) == 1
 
 
 # Who gets in
 
 
 def test_who_has_no_certificate_learns_nothing(edge: Site, warnings: Callable[[], list[str]]):
-    for attempt in (b"GET / HTTP/1.1\r\n\r\n", b"\xff" * 4096, struct.pack(">I", 2**31) + b"x", os.urandom(5000)):
-        with socket.create_connection(("127.0.0.1", edge.port), timeout=10) as thief, contextlib.suppress(OSError):
+    for attempt in (
+        b"GET / HTTP/1.1\r\n\r\n",
+        b"\xff" * 4096,
+        struct.pack(">I", 2**31) + b"x",
+        os.urandom(5000),
+    ):
+        with (
+            socket.create_connection(("127.0.0.1", edge.port), timeout=10) as thief,
+            contextlib.suppress(OSError),
+        ):
             thief.sendall(attempt)
             assert len(thief.recv(100)) <= 7, "an alert at most"
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
@@ -275,7 +305,9 @@ def test_who_has_no_certificate_learns_nothing(edge: Site, warnings: Callable[[]
         assert thief.recv(100) == b""
     until(lambda: len(warnings()) == 5, "a line for each of them")
     assert edge.got == [] and edge.names() == []
-    assert all("\n" not in line and line.startswith("link: refused 127.0.0.1:") for line in warnings())
+    assert all(
+        "\n" not in line and line.startswith("link: refused 127.0.0.1:") for line in warnings()
+    )
 
 
 def test_older_tls_is_refused(edge: Site, keys: Keys):
@@ -286,7 +318,10 @@ def test_older_tls_is_refused(edge: Site, keys: Keys):
 @pytest.mark.parametrize(
     ("case", "line"),
     [
-        ("another authority", "unable to get local issuer certificate|self-signed certificate in certificate chain"),
+        (
+            "another authority",
+            "unable to get local issuer certificate|self-signed certificate in certificate chain",
+        ),
         ("expired", "certificate has expired"),
         ("no name", "a certificate that names no Genie"),
         ("two names", "a certificate that names no Genie"),
@@ -308,7 +343,9 @@ def test_a_wrong_certificate_is_refused_with_one_line(
     elif case == "the listener's own name":
         pem = keys("edge1", "edge")
     else:
-        certificate = keys.certificate(pem, names.get(case, "URI:genie:car/car1"), -1 if case == "expired" else 1)
+        certificate = keys.certificate(
+            pem, names.get(case, "URI:genie:car/car1"), -1 if case == "expired" else 1
+        )
     with contextlib.suppress(OSError), tls(edge.port, pem, certificate) as thief:
         thief.sendall(framed(connection.PING, connection.encode(REQUEST, image(1))))
         while thief.recv(4096):
@@ -336,7 +373,10 @@ class Listener:
         with contextlib.suppress(OSError):
             while True:
                 sock, _ = self._server.accept()
-                with contextlib.suppress(OSError), self._context.wrap_socket(sock, server_side=True) as secure:
+                with (
+                    contextlib.suppress(OSError),
+                    self._context.wrap_socket(sock, server_side=True) as secure,
+                ):
                     secure.sendall(framed(connection.PING))
                     while data := secure.recv(4096):
                         self.heard += data
@@ -350,12 +390,25 @@ class Listener:
     ("name", "role", "line"),
     [
         ("edge2", "edge", "it is edge edge2, not edge1"),  # right authority, another name
-        ("edge1", "car", "it is car edge1; a car has nothing to say to a car"),  # a car that poses as an edge
-        ("elsewhere", "edge", "unable to get local issuer certificate|self-signed certificate in certificate chain"),
+        (
+            "edge1",
+            "car",
+            "it is car edge1; a car has nothing to say to a car",
+        ),  # a car that poses as an edge
+        (
+            "elsewhere",
+            "edge",
+            "unable to get local issuer certificate|self-signed certificate in certificate chain",
+        ),
     ],
 )
 def test_a_car_checks_whom_it_has_reached(
-    keys: Keys, new_site: Callable[..., Site], warnings: Callable[[], list[str]], name: str, role: str, line: str
+    keys: Keys,
+    new_site: Callable[..., Site],
+    warnings: Callable[[], list[str]],
+    name: str,
+    role: str,
+    line: str,
 ):
     pem = keys.other("edge1", "edge") if name == "elsewhere" else keys(name, role, f"{name}-{role}")
     impostor = Listener(pem)
@@ -374,7 +427,9 @@ def test_a_genie_that_says_it_is_what_its_certificate_does_not_say_does_not_star
     with pytest.raises(UserError, match="key: of car car1; this Genie is edge car1"):
         TlsLinks(plan_of(keys, "car1", "edge", key_file=car, listen="127.0.0.1:0"), CODECS.get)
     with pytest.raises(UserError, match="key: of car car1; this Genie is car car2"):
-        TlsLinks(plan_of(keys, "car2", "car", key_file=car, connect=("edge1@127.0.0.1:1",)), CODECS.get)
+        TlsLinks(
+            plan_of(keys, "car2", "car", key_file=car, connect=("edge1@127.0.0.1:1",)), CODECS.get
+        )
     with pytest.raises(UserError, match="does not say whom to connect to; write name@host:port"):
         TlsLinks(plan_of(keys, "car1", "car", connect=("127.0.0.1:1",)), CODECS.get)
 
@@ -398,7 +453,10 @@ def test_a_second_connection_of_a_name_replaces_only_its_own_certificate(
         assert "car car1 is connected with another certificate" in warnings()[0]
         assert edge.links._connections["car1"] is held
         with dial(keys("car1", "car")):
-            until(lambda: edge.links._connections.get("car1") not in (held, None), "the second took its place")
+            until(
+                lambda: edge.links._connections.get("car1") not in (held, None),
+                "the second took its place",
+            )
             with contextlib.suppress(OSError):
                 while first.recv(100):
                     pass
@@ -413,7 +471,9 @@ def test_a_peer_counts_from_its_first_frame(edge: Site, keys: Keys):
         until(lambda: edge.names() == ["car1"], "now it is up")
 
 
-def test_a_connection_ends_with_its_certificate(edge: Site, keys: Keys, monkeypatch: pytest.MonkeyPatch):
+def test_a_connection_ends_with_its_certificate(
+    edge: Site, keys: Keys, monkeypatch: pytest.MonkeyPatch
+):
     with tls(edge.port, keys("car1", "car")) as car:
         car.sendall(framed(connection.PING))
         until(lambda: edge.names() == ["car1"], "it is up")
@@ -429,7 +489,10 @@ def test_a_clock_that_goes_back_cuts_nothing(
     """Only the end of a certificate is looked up in the time of day; everything else is counted by a steady clock."""
     car = new_site("car1", "car", connect=(edge.address,))
     until(lambda: car.names() == ["edge1"] and edge.names() == ["car1"], "both are connected")
-    held, now_s = [*car.links._connections.values(), *edge.links._connections.values()], [time.time()]
+    held, now_s = (
+        [*car.links._connections.values(), *edge.links._connections.values()],
+        [time.time()],
+    )
 
     def back() -> float:
         now_s[0] -= 3600
@@ -445,11 +508,15 @@ def test_a_clock_that_goes_back_cuts_nothing(
 
 
 @pytest.mark.by_hand
-def test_a_million_frames_arrive_in_order_and_nothing_piles_up(edge: Site, new_site: Callable[..., Site]):
+def test_a_million_frames_arrive_in_order_and_nothing_piles_up(
+    edge: Site, new_site: Callable[..., Site]
+):
     car = new_site("car1", "car", connect=(edge.address,))
     until(lambda: car.names() == ["edge1"] and edge.names() == ["car1"], "both are connected")
     seen, begun, grown = [0], time.monotonic(), [0]
-    edge.then = lambda peer, topic, message: seen.append(message.header.stamp_ns // 10**9) or edge.got.clear()
+    edge.then = lambda peer, topic, message: (
+        seen.append(message.header.stamp_ns // 10**9) or edge.got.clear()
+    )
     for sent in range(1, 1_000_001):
         car.links.send("edge1", REQUEST, image(sent))
         while sent - seen[-1] > 1:  # two may wait, so none is dropped
@@ -458,14 +525,22 @@ def test_a_million_frames_arrive_in_order_and_nothing_piles_up(edge: Site, new_s
             grown.append(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
     until(lambda: len(seen) > 1_000_000, "the last one arrives")
     assert seen == list(range(1_000_001)), "in order, none twice, none lost"
-    print(f"a million frames in {time.monotonic() - begun:.0f} s, {(grown[2] - grown[1]) / 1024:.0f} MB more meanwhile")
+    print(
+        f"a million frames in {time.monotonic() - begun:.0f} s, {(grown[2] - grown[1]) / 1024:.0f} MB more meanwhile"
+    )
     assert grown[2] - grown[1] < 100 * 1024, "the list of what was seen, 36 MB, and little else"
 
 
 # What a peer may say
 
 PAYLOAD = image(1).payload
-MESSAGE = {"topic": REQUEST, "type": IMAGE.type[:2], "origin": "car1", "source": "detector", "served_by": ""}
+MESSAGE = {
+    "topic": REQUEST,
+    "type": IMAGE.type[:2],
+    "origin": "car1",
+    "source": "detector",
+    "served_by": "",
+}
 
 
 def other(**fields: object) -> bytes:
@@ -491,7 +566,10 @@ def test_nonsense_of_a_peer_costs_it_the_message_and_a_line(
         car.sendall(framed(*NONSENSE, connection.encode(REQUEST, image(1))))
         until(lambda: edge.got, "after all that an image is heard")
     assert len(edge.got) == 1 and len(warnings()) == len(NONSENSE)
-    assert all("\n" not in line and line.startswith("link: dropped a message of car1: ") for line in warnings())
+    assert all(
+        "\n" not in line and line.startswith("link: dropped a message of car1: ")
+        for line in warnings()
+    )
 
 
 def test_definitions_do_not_travel():
@@ -503,12 +581,19 @@ def test_a_dialler_dials_again_whatever_has_happened(
     edge: Site, new_site: Callable[..., Site], monkeypatch: pytest.MonkeyPatch
 ):
     """Also what nobody has thought of: every way of an attempt to end is an end of this attempt only."""
-    met, raised = [], [RuntimeError("x"), ValueError("y"), OverflowError("z"), MemoryError(), OSError(5, "w")]
+    met, raised = (
+        [],
+        [RuntimeError("x"), ValueError("y"), OverflowError("z"), MemoryError(), OSError(5, "w")],
+    )
     whole = link.check
 
     def check(*arguments: object) -> None:
         met.append(arguments)
-        if raised and threading.current_thread() is not threading.main_thread() and arguments[2] is not None:
+        if (
+            raised
+            and threading.current_thread() is not threading.main_thread()
+            and arguments[2] is not None
+        ):
             raise raised.pop()
         whole(*arguments)
 
@@ -557,7 +642,9 @@ def attack(keys: Keys, tmp_path: Path, seconds: float) -> list[float]:
     edge = peer_process(plan_of(keys, "edge1", "edge", listen=f"127.0.0.1:{port}"), stderr=log)
     until(lambda: reachable(port), "the edge listens")
     strangers = subprocess.Popen(
-        [sys.executable, HERE / "strangers.py", str(port), str(seconds + 5)], stdout=subprocess.PIPE, text=True
+        [sys.executable, HERE / "strangers.py", str(port), str(seconds + 5)],
+        stdout=subprocess.PIPE,
+        text=True,
     )
     took_s = []
     try:
@@ -577,14 +664,18 @@ def attack(keys: Keys, tmp_path: Path, seconds: float) -> list[float]:
             process.kill()
             process.wait()
         log.close()
-    assert (tmp_path / "edge.log").stat().st_size < 1000 * (seconds + 10) * link.WARNINGS_PER_S, "the disk is safe"
+    assert (tmp_path / "edge.log").stat().st_size < 1000 * (seconds + 10) * link.WARNINGS_PER_S, (
+        "the disk is safe"
+    )
     return took_s
 
 
 @pytest.mark.parametrize("seconds", [5, pytest.param(60, marks=pytest.mark.by_hand)])
 def test_strangers_do_not_keep_a_right_client_out(keys: Keys, tmp_path: Path, seconds: int):
     took_s = attack(keys, tmp_path, seconds)
-    print(f"{len(took_s)} times in, after {statistics.median(took_s):.3f} s, at most {max(took_s):.3f} s")
+    print(
+        f"{len(took_s)} times in, after {statistics.median(took_s):.3f} s, at most {max(took_s):.3f} s"
+    )
     assert len(took_s) > seconds and max(took_s) < 1.0, sorted(took_s)[-10:]
 
 
@@ -597,14 +688,18 @@ def test_a_dozen_peers_behind_one_address_get_in_at_a_time(edge: Site, keys: Key
     time.sleep(0.3)  # all of them are in their handshake
     for one in waiting:
         with context.wrap_socket(one) as secure:
-            assert secure.recv(8) == framed(connection.PING), "it is heard, and told that somebody is there"
+            assert secure.recv(8) == framed(connection.PING), (
+                "it is heard, and told that somebody is there"
+            )
 
 
 def test_no_more_strangers_than_allowed_and_the_oldest_makes_room(edge: Site):
     with contextlib.ExitStack() as stack:
         socks = []
         for _ in range(lobby.STRANGERS_OF_ONE_HOST + 5):
-            socks.append(stack.enter_context(socket.create_connection(("127.0.0.1", edge.port), timeout=10)))
+            socks.append(
+                stack.enter_context(socket.create_connection(("127.0.0.1", edge.port), timeout=10))
+            )
             time.sleep(0.02)
         gone = {one.fileno() for one in select.select(socks, [], [], 0.3)[0]}
         assert gone == {one.fileno() for one in socks[:5]}
@@ -641,7 +736,10 @@ def test_nothing_ends_the_loop_that_accepts(
                 taken.append(os.dup(0))
         for one in waiting:
             one.connect(("127.0.0.1", port))
-        until(lambda: any("cannot accept: Too many open files" in line for line in warnings()), "it has run out")
+        until(
+            lambda: any("cannot accept: Too many open files" in line for line in warnings()),
+            "it has run out",
+        )
     finally:
         resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))
         for number in taken:
@@ -657,8 +755,12 @@ def test_nothing_ends_the_loop_that_accepts(
 
 def peer_process(plan: Plan, *arguments: object, stderr: object = None) -> subprocess.Popen[str]:
     return subprocess.Popen(
-        [sys.executable, "-m", "tests.ros.link_peer", plan.to_json(), *map(str, arguments)], stdout=subprocess.PIPE,
-        stderr=stderr, text=True, cwd=REPOSITORY, env={**os.environ, "PYTHONPATH": str(REPOSITORY)},
+        [sys.executable, "-m", "tests.ros.link_peer", plan.to_json(), *map(str, arguments)],
+        stdout=subprocess.PIPE,
+        stderr=stderr,
+        text=True,
+        cwd=REPOSITORY,
+        env={**os.environ, "PYTHONPATH": str(REPOSITORY)},
     )
 
 
@@ -669,7 +771,9 @@ class Pair:
         self.port = port or free_port()
         self.plans = {
             "edge": plan_of(keys, "edge1", "edge", listen=f"127.0.0.1:{self.port}"),
-            "car": plan_of(keys, "car1", "car", connect=(f"edge1@127.0.0.1:{dialled or self.port}",)),
+            "car": plan_of(
+                keys, "car1", "car", connect=(f"edge1@127.0.0.1:{dialled or self.port}",)
+            ),
         }
         self.lines: list[tuple[float, str, str]] = []
         self.processes: dict[str, subprocess.Popen[str]] = {}
@@ -680,7 +784,9 @@ class Pair:
         until(lambda: self.got(), "images arrive")
 
     def start(self, side: str) -> None:
-        process = peer_process(self.plans[side], *([20] if side == "car" else []), stderr=subprocess.DEVNULL)
+        process = peer_process(
+            self.plans[side], *([20] if side == "car" else []), stderr=subprocess.DEVNULL
+        )
         self.processes[side] = process
         threading.Thread(target=self._read, args=(side, process), daemon=True).start()
 
@@ -690,13 +796,22 @@ class Pair:
 
     def await_line(self, side: str, line: str, since: float, patience_s: float = 20.0) -> float:
         found = until(
-            lambda: [at for at, its, text in list(self.lines) if (its, text) == (side, line) and at >= since],
-            f"{side}: {line}", patience_s,
+            lambda: [
+                at
+                for at, its, text in list(self.lines)
+                if (its, text) == (side, line) and at >= since
+            ],
+            f"{side}: {line}",
+            patience_s,
         )
         return found[0] - since
 
     def got(self) -> list[int]:
-        return [int(text.split()[1]) for _, side, text in list(self.lines) if side == "edge" and text.startswith("got")]
+        return [
+            int(text.split()[1])
+            for _, side, text in list(self.lines)
+            if side == "edge" and text.startswith("got")
+        ]
 
     def close(self) -> None:
         for process in self.processes.values():
@@ -712,8 +827,12 @@ def pair(keys: Keys) -> Iterator[Pair]:
     made.close()
 
 
-@pytest.mark.parametrize(("dies", "other", "line"), [("edge", "car", "edge1"), ("car", "edge", "car1")])
-def test_a_side_that_is_killed_is_noticed_and_comes_back(pair: Pair, dies: str, other: str, line: str):
+@pytest.mark.parametrize(
+    ("dies", "other", "line"), [("edge", "car", "edge1"), ("car", "edge", "car1")]
+)
+def test_a_side_that_is_killed_is_noticed_and_comes_back(
+    pair: Pair, dies: str, other: str, line: str
+):
     killed = time.monotonic()
     pair.processes[dies].kill()
     pair.processes[dies].wait()
@@ -728,8 +847,12 @@ def test_a_side_that_is_killed_is_noticed_and_comes_back(pair: Pair, dies: str, 
         assert len(set(pair.got())) == len(pair.got()), "nothing is delivered twice"
 
 
-@pytest.mark.parametrize(("stops", "other", "line"), [("edge", "car", "edge1"), ("car", "edge", "car1")])
-def test_a_side_that_stands_still_is_noticed_and_comes_back(pair: Pair, stops: str, other: str, line: str):
+@pytest.mark.parametrize(
+    ("stops", "other", "line"), [("edge", "car", "edge1"), ("car", "edge", "car1")]
+)
+def test_a_side_that_stands_still_is_noticed_and_comes_back(
+    pair: Pair, stops: str, other: str, line: str
+):
     stopped = time.monotonic()
     pair.processes[stops].send_signal(signal.SIGSTOP)
     assert pair.await_line(other, f"down {line}", stopped) < NOTICED_S
@@ -789,7 +912,10 @@ def test_a_half_open_link_is_noticed_by_both_and_comes_back(keys: Keys):
     try:
         cut = time.monotonic()
         between.cut_in_silence()
-        noticed = [pair.await_line("car", "down edge1", cut), pair.await_line("edge", "down car1", cut)]
+        noticed = [
+            pair.await_line("car", "down edge1", cut),
+            pair.await_line("edge", "down car1", cut),
+        ]
         assert max(noticed) < NOTICED_S
         assert pair.await_line("car", "up edge1", cut) - noticed[0] < BACK_S
         before = len(pair.got())
@@ -799,10 +925,14 @@ def test_a_half_open_link_is_noticed_by_both_and_comes_back(keys: Keys):
         pair.close()
 
 
-def test_who_sits_on_the_wire_can_cut_it_but_not_change_it(edge: Site, new_site: Callable[..., Site]):
+def test_who_sits_on_the_wire_can_cut_it_but_not_change_it(
+    edge: Site, new_site: Callable[..., Site]
+):
     between = Wire(edge.port)
     car = new_site("car1", "car", connect=(f"edge1@127.0.0.1:{between.port}",))
-    until(lambda: edge.names() == ["car1"] and car.names() == ["edge1"], "connected through the wire")
+    until(
+        lambda: edge.names() == ["car1"] and car.names() == ["edge1"], "connected through the wire"
+    )
     seen: list[bytes] = []
 
     def flip(data: bytes) -> bytes:
@@ -815,7 +945,9 @@ def test_who_sits_on_the_wire_can_cut_it_but_not_change_it(edge: Site, new_site:
     between.change = bytes
     until(lambda: edge.names() == ["car1"], "and the car dials again", BACK_S)
     assert edge.got == []
-    assert not any(b"camera" in data or REQUEST.encode() in data for data in seen), "nothing is readable"
+    assert not any(b"camera" in data or REQUEST.encode() in data for data in seen), (
+        "nothing is readable"
+    )
 
 
 # The key file, and what is said of all this
@@ -832,7 +964,9 @@ def test_the_numbers_of_the_security_page_are_those_of_the_code():
         f"within {connection.SILENCE_S + connection.PING_S:.0f} s",
     ):
         assert told in page, told
-    assert (lobby.STRANGERS, lobby.STRANGERS_OF_ONE_HOST, lobby.HANDSHAKE_S) == (64, 16, 2.0), "a change is a decision"
+    assert (lobby.STRANGERS, lobby.STRANGERS_OF_ONE_HOST, lobby.HANDSHAKE_S) == (64, 16, 2.0), (
+        "a change is a decision"
+    )
 
 
 def test_a_line_of_the_log_is_one_line_whatever_it_quotes():
@@ -852,7 +986,11 @@ def test_a_key_file_is_private_and_whole(tmp_path: Path, keys: Keys):
         Credentials(str(path))
     path.chmod(0o600)
     assert Credentials(str(path)).owner == Peer("car1", "car")
-    for wrong, line in (("", "0 certificates, not 2"), ("\xff", "no PEM file"), (text.replace("M", "N", 3), "key: ")):
+    for wrong, line in (
+        ("", "0 certificates, not 2"),
+        ("\xff", "no PEM file"),
+        (text.replace("M", "N", 3), "key: "),
+    ):
         path.write_bytes(wrong.encode("latin-1"))
         with pytest.raises(UserError, match=line):
             Credentials(str(path))

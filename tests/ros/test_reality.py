@@ -22,7 +22,9 @@ def within(real: float, simulated: float, tolerance: float) -> bool:
     return abs(simulated - real) <= tolerance * real
 
 
-def test_the_same_drive_has_the_same_outcomes_and_the_same_response_times(master: Master, tmp_path: Path):
+def test_the_same_drive_has_the_same_outcomes_and_the_same_response_times(
+    master: Master, tmp_path: Path
+):
     shown = reality.frames()
     sleeps = reality.sleeps_ns(len(shown))
     parts = reality.measure(master)
@@ -34,14 +36,24 @@ def test_the_same_drive_has_the_same_outcomes_and_the_same_response_times(master
     assert not np.isnan(simulated.response_ms).any(), "the drive is made so that nothing is dropped"
     assert set(simulated.outcomes) == {"hit", "miss", "coalesced"}
     assert real.outcomes == simulated.outcomes
-    assert real.map_lookups == simulated.map_lookups, "the object maps were asked, and answered, alike"
+    assert real.map_lookups == simulated.map_lookups, (
+        "the object maps were asked, and answered, alike"
+    )
     assert not np.isnan(real.response_ms).any()
 
-    times = [(np.percentile(one.response_ms, 50), np.percentile(one.response_ms, 95)) for one in (real, simulated)]
-    agree = [within(*both, bound) for both, bound in zip(zip(*times, strict=True), (0.10, 0.20), strict=True)]
+    times = [
+        (np.percentile(one.response_ms, 50), np.percentile(one.response_ms, 95))
+        for one in (real, simulated)
+    ]
+    agree = [
+        within(*both, bound)
+        for both, bound in zip(zip(*times, strict=True), (0.10, 0.20), strict=True)
+    ]
     told = f"median and 95th percentile [ms]: real {times[0]}, simulated {times[1]}"
     if not all(agree) and max(busy) > reality.BUSY_LIMIT:
-        pytest.skip(f"outcomes agree, times say nothing: others kept the processors {max(busy):.0%} busy; {told}")
+        pytest.skip(
+            f"outcomes agree, times say nothing: others kept the processors {max(busy):.0%} busy; {told}"
+        )
     assert all(agree), told
 
 
@@ -49,7 +61,9 @@ def test_another_detector_would_be_noticed(tmp_path: Path):
     """The comparison can fail: with a detector of twice the time, hits turn into coalesced requests."""
     sleeps = reality.sleeps_ns(len(reality.frames()))
     parts = reality.Parts(300_000, 1_500_000, 300_000, 200_000)
-    as_it_is, slower = (reality.simulate(parts, times, tmp_path) for times in (sleeps, [2 * one for one in sleeps]))
+    as_it_is, slower = (
+        reality.simulate(parts, times, tmp_path) for times in (sleeps, [2 * one for one in sleeps])
+    )
     assert as_it_is.outcomes != slower.outcomes
 
 
@@ -71,19 +85,29 @@ SHAPER_HOLDS = 0.97  # below it is not the simulated link that is off: the real 
     ],
 )  # fmt: skip
 @pytest.mark.skipif(sys.platform != "linux", reason="network namespaces are Linux's")
-def test_a_shaped_link_takes_as_long_as_the_simulated_one(rate_bps: int, size_bytes: int, count: int):
+def test_a_shaped_link_takes_as_long_as_the_simulated_one(
+    rate_bps: int, size_bytes: int, count: int
+):
     reason = reality_link.why_not()
     if reason is not None:
         pytest.skip(reason)
     busy = reality.busy_elsewhere(1.0)
-    runs = [reality_link.measured_ms(rate_bps, size_bytes, count) for _ in range(reality_link.REPEATED)]
+    runs = [
+        reality_link.measured_ms(rate_bps, size_bytes, count) for _ in range(reality_link.REPEATED)
+    ]
     real = np.median(runs, axis=0).tolist()
     simulated = reality_link.simulated_ms(rate_bps, size_bytes, count)
     assert len(real) == len(simulated) == count
     agree = [within(one, other, 0.05) for one, other in zip(real, simulated, strict=True)]
     if not all(agree) and busy > reality.BUSY_LIMIT:
-        pytest.skip(f"{real} ms, simulated {simulated} ms; others kept the processors {busy:.0%} busy")
+        pytest.skip(
+            f"{real} ms, simulated {simulated} ms; others kept the processors {busy:.0%} busy"
+        )
     held = 1.0 if all(agree) else reality_link.held_rate(rate_bps)
     if held < SHAPER_HOLDS:
-        pytest.skip(f"{real} ms, simulated {simulated} ms; this host's shaper keeps up {held:.1%} of its rate only")
-    assert all(agree), f"{real} ms, simulated {simulated} ms; the shaper keeps up {held:.1%} of its rate"
+        pytest.skip(
+            f"{real} ms, simulated {simulated} ms; this host's shaper keeps up {held:.1%} of its rate only"
+        )
+    assert all(agree), (
+        f"{real} ms, simulated {simulated} ms; the shaper keeps up {held:.1%} of its rate"
+    )

@@ -26,7 +26,11 @@ def command_line(pid: int) -> bytes:
 
 def back_as_it_was(master: Master, original: bytes) -> bool:
     pid = master.pid_of(DETECTOR)
-    return master.topics_of(DETECTOR) == UNTOUCHED and pid is not None and command_line(pid) == original
+    return (
+        master.topics_of(DETECTOR) == UNTOUCHED
+        and pid is not None
+        and command_line(pid) == original
+    )
 
 
 def test_the_second_time_at_a_place_is_a_hit(master: Master):
@@ -39,13 +43,19 @@ def test_the_second_time_at_a_place_is_a_hit(master: Master):
     answers = master.play("1,2,3,1,2,3", pause_s=0.4)
 
     assert master.outcomes() == ["miss"] * 3 + ["hit"] * 3
-    assert [answer["stamp_ns"] for answer in answers] == [second * 10**9 + 7 for second in range(1, 7)]
+    assert [answer["stamp_ns"] for answer in answers] == [
+        second * 10**9 + 7 for second in range(1, 7)
+    ]
     assert {answer["frame_id"] for answer in answers} == {"camera_02"}
     assert [answer["seq"] for answer in answers] == [1, 2, 3, 4, 5, 6]
     assert [answer["objects"] for answer in answers] == [
         [["car", place, 0.75, ["place", str(place)]]] for place in (1, 2, 3, 1, 2, 3)
     ]
-    assert min(answer["after_s"] for answer in answers[:3]) > 0.2 > max(answer["after_s"] for answer in answers[3:])
+    assert (
+        min(answer["after_s"] for answer in answers[:3])
+        > 0.2
+        > max(answer["after_s"] for answer in answers[3:])
+    )
 
     master.detach()
     assert attached.wait(10) == 0
@@ -69,13 +79,21 @@ def test_where_a_pose_is_known_the_object_map_answers_at_once(master: Master):
     master.attach(settings=settings, pose_topic="/current_pose", horizontal_fov_rad=1.4)
     answers = master.play("1@2.2,1@4.2,1@2.7", pause_s=0.8)
     assert master.outcomes() == ["miss", "miss", "hit"]
-    told = [(answer["stamp_ns"] // 10**9, [one[0] for one in answer["objects"]]) for answer in answers]
+    told = [
+        (answer["stamp_ns"] // 10**9, [one[0] for one in answer["objects"]]) for answer in answers
+    ]
     assert told == [(1, []), (1, ["car"]), (2, ["car"]), (2, ["car"]), (3, ["car"])]
     first_of_map = answers[2]
     assert first_of_map["after_s"] < 0.1 and first_of_map["objects"] == [["car", 0, 0.75, []]]
     seen_twice = round(0.75 + 0.1 * 0.75 * (1 - 0.75), 3)  # noisy or
-    assert [answers[index]["objects"][0][2] for index in (1, 3, 4)] == [0.75, seen_twice, seen_twice]
-    assert answers[4]["objects"][0][3] == ["place", "1"], "no field of the node's own answer is lost"
+    assert [answers[index]["objects"][0][2] for index in (1, 3, 4)] == [
+        0.75,
+        seen_twice,
+        seen_twice,
+    ]
+    assert answers[4]["objects"][0][3] == ["place", "1"], (
+        "no field of the node's own answer is lost"
+    )
 
 
 def test_a_killed_genie_leaves_the_robot_with_its_node(master: Master):
@@ -125,9 +143,15 @@ def test_a_node_that_its_user_stops_stays_stopped(master: Master):
 
 def test_what_cannot_be_attached_to_is_refused_and_left_alone(master: Master):
     detector = master.start_node(DETECTOR, "detector.py")
-    assert f"unknown node '/vision_darknet' (did you mean '{DETECTOR}'?)" in master.try_attach("/vision_darknet")
-    assert "pose_grid needs to know where the camera is" in master.try_attach(settings={"similarity": "pose_grid"})
-    assert "genie.eviction: unknown eviction 'lruu'" in master.try_attach(settings={"eviction": "lruu"})
+    assert f"unknown node '/vision_darknet' (did you mean '{DETECTOR}'?)" in master.try_attach(
+        "/vision_darknet"
+    )
+    assert "pose_grid needs to know where the camera is" in master.try_attach(
+        settings={"similarity": "pose_grid"}
+    )
+    assert "genie.eviction: unknown eviction 'lruu'" in master.try_attach(
+        settings={"eviction": "lruu"}
+    )
     assert "needs a key file" in master.try_attach(connect=["127.0.0.1:1"])
     assert "unknown topic '/image'" in master.try_attach(requests=["/image"])
     assert master.pid_of(DETECTOR) == detector.pid
@@ -145,17 +169,30 @@ def test_a_bag_played_at_it(master: Master, ros1_python: Path):
     listener = master.camera("-", 0, 5.0)
     listener.stdin.write("go\n")
     listener.stdin.flush()
-    subprocess.run(["rosbag", "play", "-q", bag], env=master.env, check=True, timeout=60, stdin=subprocess.DEVNULL)
+    subprocess.run(
+        ["rosbag", "play", "-q", bag],
+        env=master.env,
+        check=True,
+        timeout=60,
+        stdin=subprocess.DEVNULL,
+    )
     answers = [json.loads(line) for line in listener.communicate(timeout=30)[0].splitlines()]
     assert master.outcomes() == ["miss"] * 10 + ["hit"] * 10
     assert [answer["objects"][0][1] for answer in answers] == places
-    assert [answer["stamp_ns"] for answer in answers] == [(index + 1) * 10**9 + 7 for index in range(20)]
+    assert [answer["stamp_ns"] for answer in answers] == [
+        (index + 1) * 10**9 + 7 for index in range(20)
+    ]
 
 
-@pytest.mark.skipif(not REPUBLISH.exists(), reason=f"needs a C++ node: no {REPUBLISH} (image-transport-tools)")
+@pytest.mark.skipif(
+    not REPUBLISH.exists(), reason=f"needs a C++ node: no {REPUBLISH} (image-transport-tools)"
+)
 def test_a_cpp_node_with_an_anonymous_name_and_remappings_of_its_own(master: Master):
     node = master.run([REPUBLISH, "raw", "in:=/image_raw", "raw", "out:=/image_copy"], "republish")
-    name = until(lambda: next((one for one in master.subscribers(IMAGES) if "republish" in one), None), "it started")
+    name = until(
+        lambda: next((one for one in master.subscribers(IMAGES) if "republish" in one), None),
+        "it started",
+    )
     original = command_line(node.pid)
     attached = master.attach(name)
     assert master.topics_of(name)[0] == ["/image_raw_local"]
@@ -166,5 +203,8 @@ def test_a_cpp_node_with_an_anonymous_name_and_remappings_of_its_own(master: Mas
     assert master.outcomes() == ["miss", "miss", "hit", "hit"]
     master.detach(name)
     assert attached.wait(10) == 0
-    back = until(lambda: [one for one in master.subscribers(IMAGES) if "republish" in one], "it has its topics again")
+    back = until(
+        lambda: [one for one in master.subscribers(IMAGES) if "republish" in one],
+        "it has its topics again",
+    )
     assert command_line(master.pid_of(back[0]) or 0) == original

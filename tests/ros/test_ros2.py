@@ -14,7 +14,17 @@ from typing import Any
 
 import pytest
 
-from tests.ros.conftest import ATTACH, DETACH, HERE, REPOSITORY, Keys, end, end_all, free_port, until
+from tests.ros.conftest import (
+    ATTACH,
+    DETACH,
+    HERE,
+    REPOSITORY,
+    Keys,
+    end,
+    end_all,
+    free_port,
+    until,
+)
 
 pytestmark = pytest.mark.slow
 DETECTOR = "/detector"
@@ -39,13 +49,19 @@ BEHIND_GENIE = {"subscribes": ["/image_raw_local"], "publishes": ["/objects_loca
 @pytest.fixture(scope="session")
 def ros2_python() -> Path:
     cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-    python = Path(os.environ.get("GENIE_SIM_ROS2_VENV") or cache / "genie-sim" / "ros2") / "bin" / "python"
+    python = (
+        Path(os.environ.get("GENIE_SIM_ROS2_VENV") or cache / "genie-sim" / "ros2")
+        / "bin"
+        / "python"
+    )
     if not python.exists():
         pytest.skip(f"needs ROS 2's wheels: no {python} (.ci/install-ros)")
     version = "import sys, rclpy; print(sys.version_info[:2])"
     tried = subprocess.run([python, "-c", version], capture_output=True, text=True)
     if tried.stdout.strip() != str(sys.version_info[:2]):
-        pytest.skip(f"ROS 2 in {python} is for Python {tried.stdout.strip() or tried.stderr.strip()}")
+        pytest.skip(
+            f"ROS 2 in {python} is for Python {tried.stdout.strip() or tried.stderr.strip()}"
+        )
     return python
 
 
@@ -58,15 +74,22 @@ class Domain:
         self._python = python
         self._processes: list[subprocess.Popen[str]] = []
         self.env = {
-            **os.environ, "ROS_DOMAIN_ID": str(number), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
-            "ROS_HOME": str(folder / "ros_home"), "PYTHONPATH": f"{REPOSITORY}:{sysconfig.get_path('purelib')}",
+            **os.environ,
+            "ROS_DOMAIN_ID": str(number),
+            "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+            "ROS_HOME": str(folder / "ros_home"),
+            "PYTHONPATH": f"{REPOSITORY}:{sysconfig.get_path('purelib')}",
         }
 
     def start(self, *command: object, **env: str) -> subprocess.Popen[str]:
         with (self.folder / "errors").open("a") as errors:
             process = subprocess.Popen(
-                [self._python, *map(str, command)], env={**self.env, **env}, stdin=subprocess.DEVNULL,
-                stdout=subprocess.PIPE, stderr=errors, text=True,
+                [self._python, *map(str, command)],
+                env={**self.env, **env},
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.PIPE,
+                stderr=errors,
+                text=True,
             )
         self._processes.append(process)
         return process
@@ -77,7 +100,12 @@ class Domain:
         return process
 
     def attach(self, pid: int, **arguments: object) -> subprocess.Popen[str]:
-        given = {"node": DETECTOR, "pid": pid, "record": str(self.folder / "record.jsonl"), **arguments}
+        given = {
+            "node": DETECTOR,
+            "pid": pid,
+            "record": str(self.folder / "record.jsonl"),
+            **arguments,
+        }
         process = self.start("-c", ATTACH, json.dumps(given))
         assert process.stdout is not None
         assert "Genie attached" in process.stdout.readline(), (self.folder / "errors").read_text()
@@ -86,8 +114,12 @@ class Domain:
     def detach(self) -> None:
         subprocess.run([self._python, "-c", DETACH, DETECTOR], env=self.env, check=True, timeout=60)
 
-    def play(self, places: str, pause_s: float = 0.15, listen_s: float = 0.5) -> list[dict[str, Any]]:
-        output, _ = self.start(HERE / "camera2.py", places, pause_s, listen_s).communicate(timeout=60)
+    def play(
+        self, places: str, pause_s: float = 0.15, listen_s: float = 0.5
+    ) -> list[dict[str, Any]]:
+        output, _ = self.start(HERE / "camera2.py", places, pause_s, listen_s).communicate(
+            timeout=60
+        )
         return [json.loads(line) for line in output.splitlines()]
 
     def topics(self) -> dict[str, list[str]] | None:
@@ -95,10 +127,16 @@ class Domain:
 
     def lookups(self) -> list[tuple[str, str]]:
         records = map(json.loads, (self.folder / "record.jsonl").read_text().splitlines())
-        return [(one["header"]["origin"], one["outcome"]) for one in records if one["record"] == "ImageLookup"]
+        return [
+            (one["header"]["origin"], one["outcome"])
+            for one in records
+            if one["record"] == "ImageLookup"
+        ]
 
     def log_of_genie(self) -> str:
-        return "".join(log.read_text() for log in (self.folder / "ros_home" / "genie-sim").glob("*.log"))
+        return "".join(
+            log.read_text() for log in (self.folder / "ros_home" / "genie-sim").glob("*.log")
+        )
 
     def close(self) -> None:
         for process in reversed(self._processes):
@@ -128,7 +166,9 @@ def test_the_second_time_at_a_place_is_a_hit(new_domain: Callable[[str, int], Do
     answers = car.play("1,2,3,1,2,3")
 
     assert [outcome for _, outcome in car.lookups()] == ["miss"] * 3 + ["hit"] * 3
-    assert [answer["stamp_ns"] for answer in answers] == [second * 10**9 + 7 for second in range(1, 7)]
+    assert [answer["stamp_ns"] for answer in answers] == [
+        second * 10**9 + 7 for second in range(1, 7)
+    ]
     assert {answer["frame_id"] for answer in answers} == {"camera_02"}
     assert [answer["objects"] for answer in answers] == [
         [["car", place, 0.75, f"place {place}"]] for place in (1, 2, 3, 1, 2, 3)
@@ -142,7 +182,11 @@ def test_a_killed_genie_leaves_the_robot_with_its_node(new_domain: Callable[[str
     car = new_domain("car1", 72)
     attached = car.attach(car.start_detector().pid)
     children = Path(f"/proc/{attached.pid}/task/{attached.pid}/children").read_text().split()
-    genie = next(int(pid) for pid in children if b"genie_sim.ros.ros2" in Path(f"/proc/{pid}/cmdline").read_bytes())
+    genie = next(
+        int(pid)
+        for pid in children
+        if b"genie_sim.ros.ros2" in Path(f"/proc/{pid}/cmdline").read_bytes()
+    )
     os.kill(genie, signal.SIGKILL)
     assert attached.wait(20) == 1
     until(lambda: car.topics() == UNTOUCHED, "the watchdog has restored the node")
@@ -153,7 +197,9 @@ def test_two_domains_are_two_virtual_networks(new_domain: Callable[[str, int], D
     car, edge = new_domain("car1", 73), new_domain("edge1", 74)
     address = f"127.0.0.1:{free_port()}"
     edge_key, car_key = keys("edge1", "edge"), keys("car1", "car")
-    edge.attach(edge.start_detector().pid, role="edge", name="edge1", listen=address, key_file=edge_key)
+    edge.attach(
+        edge.start_detector().pid, role="edge", name="edge1", listen=address, key_file=edge_key
+    )
     detector = car.start_detector(seconds=1.0)
     car.attach(detector.pid, name="car1", connect=[f"edge1@{address}"], key_file=car_key)
     until(lambda: "edge edge1 is connected" in car.log_of_genie(), "the link is up")

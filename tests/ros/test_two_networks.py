@@ -30,7 +30,9 @@ def lookups(master: Master) -> list[tuple[str, str, str]]:
     ]
 
 
-def test_the_edge_answers_what_the_car_is_slow_to_see(new_master: Callable[[str], Master], keys: Keys):
+def test_the_edge_answers_what_the_car_is_slow_to_see(
+    new_master: Callable[[str], Master], keys: Keys
+):
     """The car's detector takes a second, the edge's 50: answers come over the link, and come but once."""
     car, edge = new_master("car1"), new_master("edge1")
     car.start_node(DETECTOR, "detector.py", "_seconds:=1.0")
@@ -46,7 +48,9 @@ def test_the_edge_answers_what_the_car_is_slow_to_see(new_master: Callable[[str]
     assert lookups(edge) == [("car1", "miss", "client")] * 2
     assert [answer["stamp_ns"] // 10**9 for answer in answers] == [1, 2, 3, 4]
     assert [answer["objects"][0][1] for answer in answers] == [1, 2, 1, 2]
-    assert all(0.05 < answer["after_s"] < 1.0 for answer in answers[:2]), "faster than its own detector"
+    assert all(0.05 < answer["after_s"] < 1.0 for answer in answers[:2]), (
+        "faster than its own detector"
+    )
 
     edge.detach()
     until(lambda: "edge1 is cut" in car.log_of_genie(), "the car notices that its edge is gone")
@@ -55,18 +59,25 @@ def test_the_edge_answers_what_the_car_is_slow_to_see(new_master: Callable[[str]
     assert alone[0]["after_s"] > 1.0, "its own detector"
 
     edge.attach(role="edge", name="edge1", listen=address, key_file=keys("edge1", "edge"))
-    until(lambda: car.log_of_genie().count("edge edge1 is connected") == 2, "the car has found its edge again")
+    until(
+        lambda: car.log_of_genie().count("edge edge1 is connected") == 2,
+        "the car has found its edge again",
+    )
     again = car.play("5", listen_s=1.0)
     assert again[0]["after_s"] < 1.0
 
 
-def test_what_one_edge_has_seen_is_a_hit_at_the_other(new_master: Callable[[str], Master], keys: Keys):
+def test_what_one_edge_has_seen_is_a_hit_at_the_other(
+    new_master: Callable[[str], Master], keys: Keys
+):
     first, second = new_master("edge1"), new_master("edge2")
     for edge in (first, second):
         edge.start_node(DETECTOR, "detector.py")
     address = f"127.0.0.1:{free_port()}"
     first.attach(role="edge", name="edge1", listen=address, key_file=keys("edge1", "edge"))
-    second.attach(role="edge", name="edge2", connect=[f"edge1@{address}"], key_file=keys("edge2", "edge"))
+    second.attach(
+        role="edge", name="edge2", connect=[f"edge1@{address}"], key_file=keys("edge2", "edge")
+    )
     until(lambda: "edge edge1 is connected" in second.log_of_genie(), "the link is up")
     first.play("1,2")
     answers = second.play("1")
@@ -81,14 +92,21 @@ def test_nobody_poisons_the_map(new_master: Callable[[str], Master], keys: Keys)
     edge.start_node(DETECTOR, "detector.py")
     address = f"127.0.0.1:{free_port()}"
     edge.attach(role="edge", name="edge1", listen=address, key_file=keys("edge1", "edge"))
-    image_type, objects = WireType("sensor_msgs/Image", IMAGE_MD5), "/detection/image_detector/objects_remote"
+    image_type, objects = (
+        WireType("sensor_msgs/Image", IMAGE_MD5),
+        "/detection/image_detector/objects_remote",
+    )
 
     def say(name: str, role: str, key: str, topic: str, origin: str) -> None:
-        links = TlsLinks(Plan("/n", name, role, (), (), connect=(f"edge1@{address}",), key_file=key), {}.get)
+        links = TlsLinks(
+            Plan("/n", name, role, (), (), connect=(f"edge1@{address}",), key_file=key), {}.get
+        )
         links.start(lambda *_: None)
         time.sleep(1.0)
         image = struct.pack("<IIII", 0, 1, 0, 6) + b"camera" + bytes(100)
-        links.send("edge1", topic, RosMessage.of(image, codec_of(image_type, 1), origin, answer=False))
+        links.send(
+            "edge1", topic, RosMessage.of(image, codec_of(image_type, 1), origin, answer=False)
+        )
         time.sleep(0.5)
         links.close()
 

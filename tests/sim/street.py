@@ -26,7 +26,10 @@ FOV_RAD = math.radians(81.4)
 
 
 def street(
-    seconds: float = 6.0, speed_mps: float = 5.0, rate_hz: int = 10, recordings: tuple[str, ...] = ("02", "03")
+    seconds: float = 6.0,
+    speed_mps: float = 5.0,
+    rate_hz: int = 10,
+    recordings: tuple[str, ...] = ("02", "03"),
 ) -> Trace:
     """Drives east along y = 0; a car is parked every 8 m at y = 4 m, seen with a score that falls with distance."""
     frames = {}
@@ -66,14 +69,25 @@ def _frame(recording: str, index: int, east_m: float, north_m: float, rate_hz: i
 def scenario(cars: int | Sequence[Mapping[str, Any]] = 1, **settings: Any) -> Scenario:
     """Cars as in YAML, or so many TX2 cars with an edge each; edges are AGX Xaviers unless ``settings`` say so."""
     if isinstance(cars, int):
-        cars = [{"name": f"car{i}", "device": "jetson_tx2", "edge": f"edge{i}"} for i in range(1, cars + 1)]
+        cars = [
+            {"name": f"car{i}", "device": "jetson_tx2", "edge": f"edge{i}"}
+            for i in range(1, cars + 1)
+        ]
     names = sorted({car["edge"] for car in cars if car.get("edge") is not None})
     edges = [{"name": name, "device": "agx_xavier"} for name in names]
-    return read_scenario({"name": "street", "edges": edges, "cars": [dict(car) for car in cars], **settings})
+    return read_scenario(
+        {"name": "street", "edges": edges, "cars": [dict(car) for car in cars], **settings}
+    )
 
 
 def fixed_device(
-    name: str, *, detector: str, genie: str = "9 ms", hop: str = "0.3 ms", per_megabyte: str = "2 ms", cores: int = 4
+    name: str,
+    *,
+    detector: str,
+    genie: str = "9 ms",
+    hop: str = "0.3 ms",
+    per_megabyte: str = "2 ms",
+    cores: int = 4,
 ) -> DeviceProfile:
     """A computer on which everything always takes the same time (written as in YAML)."""
 
@@ -89,7 +103,9 @@ def fixed_device(
             "hop": {"small": given(hop), "per_megabyte": given(per_megabyte)},
             "genie": {"median": given(genie), "spread": always},
             "spreads": {"isolated": always, "default": always, "loaded": always},
-            "models": {"autoware_vision_detector": {"median": detector, "tag": "A", "source": "test"}},
+            "models": {
+                "autoware_vision_detector": {"median": detector, "tag": "A", "source": "test"}
+            },
         }
     )
 
@@ -112,7 +128,9 @@ def build(
     prepared = on_frames(setting, recordings, devices)
     entry = next(entry for entry in setting.methods if entry.name == method)
     tables = tables if tables is not None else Tables()
-    return World(construction.setup(prepared, entry), construction.method(entry), Log(method, tables)), tables
+    return World(
+        construction.setup(prepared, entry), construction.method(entry), Log(method, tables)
+    ), tables
 
 
 def drive(
@@ -125,4 +143,6 @@ def drive(
     tables = Tables()
     for method in setting.methods:
         build(setting, method.name, trace, devices, tables, sent)[0].run()
-    return {table.name: table.to_frame() for table in (tables.frames, tables.lookups, tables.resources)}
+    return {
+        table.name: table.to_frame() for table in (tables.frames, tables.lookups, tables.resources)
+    }

@@ -36,7 +36,10 @@ def car(name: str, edge: str | None, link: Any = None, **route: Any) -> dict[str
 
 def of_methods(setting: Scenario, **how: Any) -> dict[str, pd.DataFrame]:
     frames = drive(setting, **how)["frames"]
-    return {str(name): rows.reset_index(drop=True) for name, rows in frames.groupby("method", observed=True)}
+    return {
+        str(name): rows.reset_index(drop=True)
+        for name, rows in frames.groupby("method", observed=True)
+    }
 
 
 def answered(frames: pd.DataFrame) -> pd.DataFrame:
@@ -45,7 +48,9 @@ def answered(frames: pd.DataFrame) -> pd.DataFrame:
 
 def rows(frames: pd.DataFrame) -> list[tuple[Any, ...]]:
     """Comparable: unknown values equal each other."""
-    return list(frames.astype(object).where(frames.notna(), None).itertuples(index=False, name=None))
+    return list(
+        frames.astype(object).where(frames.notna(), None).itertuples(index=False, name=None)
+    )
 
 
 # Without an edge
@@ -53,7 +58,12 @@ def rows(frames: pd.DataFrame) -> list[tuple[Any, ...]]:
 CUT = {"fault": "outage", "target": "car1", "begin": "2 s"}
 WAYS_TO_BE_ALONE = [
     pytest.param(car("car1", "edge1"), [CUT], CUT_NS, id="link cut in mid run"),
-    pytest.param(car("car1", "edge1", {"like": "ethernet_1g", "loss": 1.0}), [], 0, id="link that loses everything"),
+    pytest.param(
+        car("car1", "edge1", {"like": "ethernet_1g", "loss": 1.0}),
+        [],
+        0,
+        id="link that loses everything",
+    ),
     pytest.param(car("car1", None), [], 0, id="no edge"),
 ]
 
@@ -67,7 +77,10 @@ def test_a_car_alone_goes_on_exactly_as_with_its_own_nodes(
     rules = {"miss_policy": "blocking", "similarity": "exact"}
     setting = scenario([lonely], cameras=TWO_CAMERAS, genie=rules, faults=faults)
     methods = of_methods(setting, devices=STEADY)
-    local, genie = (answered(methods[name][methods[name]["stamp_ns"] >= since_ns]) for name in ("local", "genie"))
+    local, genie = (
+        answered(methods[name][methods[name]["stamp_ns"] >= since_ns])
+        for name in ("local", "genie")
+    )
     assert len(local) > 8
     assert set(genie["source"]) == {"own_detector"}
     assert genie[["stream", "frame"]].values.tolist() == local[["stream", "frame"]].values.tolist()
@@ -110,8 +123,12 @@ def test_remote_frames_of_a_car_without_an_edge_are_lost_and_not_on_their_way():
 def test_a_run_waits_for_whatever_is_still_on_a_slow_link():
     """1.4 MB at 400 kbit/s take 28 s, the one that waits behind it another 28 s; two cameras share the queue of one."""
     slow = {"like": "ethernet_1g", "rate_up": "400 kbit/s"}
-    frames = of_methods(scenario([car("car1", "edge1", slow)], cameras=TWO_CAMERAS), devices=STEADY)["remote"]
-    assert not (frames["first_answer_ns"].isna() & frames["drop"].isna()).any(), "nothing is left in flight"
+    frames = of_methods(
+        scenario([car("car1", "edge1", slow)], cameras=TWO_CAMERAS), devices=STEADY
+    )["remote"]
+    assert not (frames["first_answer_ns"].isna() & frames["drop"].isna()).any(), (
+        "nothing is left in flight"
+    )
     late_ns = answered(frames)["first_answer_ns"] - answered(frames)["stamp_ns"]
     assert late_ns.min() > 20_000_000_000 and frames["first_answer_ns"].max() > 60_000_000_000
 
@@ -126,7 +143,10 @@ def test_remote_alone_answers_nothing_while_the_link_is_cut():
 def test_a_car_with_plain_nodes_is_not_helped():
     plain = {**car("car1", "edge1"), "genie": False}
     methods = of_methods(scenario([plain, car("car2", "edge1")]))
-    both = [methods[name][methods[name]["car"] == "car1"].drop(columns="method") for name in ("local", "genie")]
+    both = [
+        methods[name][methods[name]["car"] == "car1"].drop(columns="method")
+        for name in ("local", "genie")
+    ]
     assert rows(both[0]) == rows(both[1])
 
 
@@ -139,9 +159,11 @@ def test_one_edge_serves_two_cars_and_answers_the_second_from_its_cache():
     genie = tables["frames"][tables["frames"]["method"] == "genie"]
     second = answered(genie[genie["car"] == "car2"])
     assert (second["source"] == "edge_cache").mean() > 0.3
-    assert set(second["served_by"]) <= {"edge1/genie", "edge1/vision_darknet_detect", "car2/genie"} | {
-        "car2/vision_darknet_detect"
-    }
+    assert set(second["served_by"]) <= {
+        "edge1/genie",
+        "edge1/vision_darknet_detect",
+        "car2/genie",
+    } | {"car2/vision_darknet_detect"}
     assert not (tables["lookups"]["requester"] == "neighbour").any(), "there is nobody else to ask"
 
 
@@ -156,12 +178,16 @@ def test_on_its_second_lap_a_car_finds_what_it_has_seen_and_computes_less():
     genie = tables["frames"][tables["frames"]["method"] == "genie"]
     hits = genie.groupby("lap")["image_hit"].apply(lambda one: one.astype(float).mean())
     assert hits[1] > hits[0] + 0.3
-    ends_ns = genie[genie["lap"] == 0]["stamp_ns"].max() + 900 * MS  # in the pause, when all work is done
+    ends_ns = (
+        genie[genie["lap"] == 0]["stamp_ns"].max() + 900 * MS
+    )  # in the pause, when all work is done
     runs = tables["resources"]
     runs = runs[(runs["method"] == "genie") & (runs["resource"].str.endswith("accelerator"))]
     total = runs.groupby("resource", observed=True)["completed"].max()
     first_lap = runs[runs["t_ns"] <= ends_ns].groupby("resource", observed=True)["completed"].max()
-    assert ((total - first_lap) < first_lap).all(), "each detector runs less often on the second lap"
+    assert ((total - first_lap) < first_lap).all(), (
+        "each detector runs less often on the second lap"
+    )
 
 
 def test_on_a_grid_of_1_mm_nothing_is_the_same_place_before_the_second_lap():
@@ -193,7 +219,9 @@ def test_what_a_neighbour_publishes_is_in_one_s_own_edge_s_cache():
     fleet = [car("car1", "edge1"), car("car2", "edge2", start="3 s")]
     genie = of_methods(scenario(fleet, genie={"miss_policy": "blocking"}))["genie"]
     second = answered(genie[genie["car"] == "car2"])
-    assert (second["source"] == "edge_cache").sum() > 20 and not (second["source"] == "peer_cache").any()
+    assert (second["source"] == "edge_cache").sum() > 20 and not (
+        second["source"] == "peer_cache"
+    ).any()
 
 
 def test_edges_that_do_not_ask_are_not_asked_but_share_objects_all_the_same():
@@ -245,7 +273,9 @@ def test_another_car_does_not_change_the_random_numbers_of_the_first():
     for method in ("local", "remote"):
         beside = together[method][together[method]["car"] == "car1"]
         assert rows(alone[method]) == rows(beside)
-    mine, other = (together["local"][together["local"]["car"] == name]["stamp_ns"] for name in ("car1", "car2"))
+    mine, other = (
+        together["local"][together["local"]["car"] == name]["stamp_ns"] for name in ("car1", "car2")
+    )
     assert mine.min() != other.min(), "each car has a start of its own"
 
 
@@ -279,7 +309,11 @@ def test_tables_have_the_same_bytes_under_any_hash_seed(tmp_path: Path):
     tests = Path(__file__).resolve().parent.parent
     written = set()
     for hash_seed in ("0", "4242"):
-        environment = {**os.environ, "PYTHONHASHSEED": hash_seed, "PYTHONPATH": f"{tests.parent}{os.pathsep}{tests}"}
+        environment = {
+            **os.environ,
+            "PYTHONHASHSEED": hash_seed,
+            "PYTHONPATH": f"{tests.parent}{os.pathsep}{tests}",
+        }
         done = subprocess.run(
             [sys.executable, "-c", WRITE_TABLES],
             cwd=tmp_path,

@@ -26,7 +26,10 @@ TRACE = street(seconds=2.0)
 SENT = Trace(
     "sent",
     TRACE.origin,
-    {name: [replace(one, size_bytes=90_000) for one in found] for name, found in TRACE.frames.items()},
+    {
+        name: [replace(one, size_bytes=90_000) for one in found]
+        for name, found in TRACE.frames.items()
+    },
     {},
 )
 USUAL = None  # the profiles that are shipped
@@ -35,7 +38,8 @@ BUSY = {  # one core and a slow Genie: its own queue overflows too
     "agx_xavier": fixed_device("agx_xavier", detector="60 ms", genie="15 ms", cores=2),
 }
 SLOW_CODEC = {  # encoders drop pictures
-    name: one.model_copy(update={"codec": one.codec.model_copy(update={"value": 8.0})}) for name, one in BUSY.items()
+    name: one.model_copy(update={"codec": one.codec.model_copy(update={"value": 8.0})})
+    for name, one in BUSY.items()
 }
 ALL_AT_ONCE = [{"name": f"camera_{i}", "recording": f"0{2 + i % 2}"} for i in range(4)]
 LONGEST_WORK_NS = 15_000_000_000  # nothing takes longer: an image at 1 Mbit/s
@@ -82,7 +86,11 @@ class Run:
 
     def looked_up(self, genie: str, outcome: str, requester: str = "client") -> int:
         rows = self.lookups
-        mine = (rows["genie"] == genie) & (rows["outcome"] == outcome) & (rows["requester"] == requester)
+        mine = (
+            (rows["genie"] == genie)
+            & (rows["outcome"] == outcome)
+            & (rows["requester"] == requester)
+        )
         return int(rows.loc[mine, "requests"].sum())
 
 
@@ -99,12 +107,18 @@ def check_frames(frames: pd.DataFrame, setting: Scenario) -> None:
         for camera in setting.cameras:
             mine = streams.get_group((car.name, camera.name))
             begin_ns, end_ns = car.route.window_ns or (0, 10**12)
-            recorded = sum(begin_ns <= one.stamp_ns < end_ns for one in TRACE.frames[camera.recording])
-            assert mine["frame"].tolist() == list(range(recorded * car.route.laps)), "every frame is published once"
+            recorded = sum(
+                begin_ns <= one.stamp_ns < end_ns for one in TRACE.frames[camera.recording]
+            )
+            assert mine["frame"].tolist() == list(range(recorded * car.route.laps)), (
+                "every frame is published once"
+            )
             assert mine["stamp_ns"].is_monotonic_increasing and mine["stamp_ns"].is_unique
     assert len(frames) == sum(len(group) for _, group in streams)
 
-    received, first, fresh = (frames[name] for name in ("received_ns", "first_answer_ns", "fresh_answer_ns"))
+    received, first, fresh = (
+        frames[name] for name in ("received_ns", "first_answer_ns", "fresh_answer_ns")
+    )
     answered = first.notna()
     assert not (fresh.notna() & frames["drop"].notna()).any(), "a fresh answer or dropped, not both"
     assert (received.isna() | (received >= frames["stamp_ns"])).all()
@@ -115,7 +129,9 @@ def check_frames(frames: pd.DataFrame, setting: Scenario) -> None:
         assert (frames[column].notna() == answered).all()
     assert (frames["objects_fresh"].notna() == fresh.notna()).all()
     not_map = answered & (frames["source"] != "map")
-    assert (first[not_map] == fresh[not_map]).all(), "what does not come from the map is about this very frame"
+    assert (first[not_map] == fresh[not_map]).all(), (
+        "what does not come from the map is about this very frame"
+    )
 
 
 def check_resources(run: Run) -> None:
@@ -131,7 +147,10 @@ def check_resources(run: Run) -> None:
 def check_bytes(run: Run) -> None:
     for car in run.setting.cars:
         mine = run.settled[run.settled["car"] == car.name]
-        for column, name in (("bytes_up", f"{car.name}->{car.edge}"), ("bytes_down", f"{car.edge}->{car.name}")):
+        for column, name in (
+            ("bytes_up", f"{car.name}->{car.edge}"),
+            ("bytes_down", f"{car.edge}->{car.name}"),
+        ):
             link = run.of(Link).get(name)
             assert mine[column].sum() == (link.sent_bytes if link is not None else 0)
 
@@ -153,13 +172,17 @@ def check_remote(run: Run) -> None:
     for edge in run.setting.edges:
         cars = [car.name for car in run.setting.cars if car.edge == edge.name]
         detector = detectors[f"{edge.name}/{DETECTOR}"]
-        assert taken(detector) == run.arrived(*(f"{car}->{edge.name}" for car in cars)) - run.uncoded(edge.name)
+        assert taken(detector) == run.arrived(
+            *(f"{car}->{edge.name}" for car in cars)
+        ) - run.uncoded(edge.name)
         assert detector.completed == sum(taken(links[f"{edge.name}->{car}"]) for car in cars)
     for car in run.setting.cars:
         mine = run.settled[run.settled["car"] == car.name]
         answered = mine["first_answer_ns"].notna().sum()
         if car.edge is None:
-            assert answered == 0 and mine["received_ns"].isna().all(), "nobody is there to receive anything"
+            assert answered == 0 and mine["received_ns"].isna().all(), (
+                "nobody is there to receive anything"
+            )
             continue
         sent = taken(links[f"{car.name}->{car.edge}"]) + run.uncoded(car.name)
         assert sent == len(mine) == mine["received_ns"].notna().sum()
@@ -233,7 +256,12 @@ def scenarios(draw) -> Scenario:
     fleet = []
     for i in range(1, draw(st.integers(1, 3)) + 1):
         edge = draw(st.sampled_from((None, "edge1", f"edge{i}")))
-        car: dict[str, Any] = {"name": f"car{i}", "device": "jetson_tx2", "edge": edge, "genie": draw(often)}
+        car: dict[str, Any] = {
+            "name": f"car{i}",
+            "device": "jetson_tx2",
+            "edge": edge,
+            "genie": draw(often),
+        }
         if edge is not None:
             car["link"] = draw(st.sampled_from(LINKS))
         car["route"] = {
@@ -260,7 +288,9 @@ def scenarios(draw) -> Scenario:
     }
     eviction = draw(st.sampled_from(("unlimited", "lru", "lfu", "ttl")))
     limits = (
-        {"ttl": "300 ms"} if eviction == "ttl" else {"capacity": draw(st.sampled_from((None, "3 entries", "2 kB")))}
+        {"ttl": "300 ms"}
+        if eviction == "ttl"
+        else {"capacity": draw(st.sampled_from((None, "3 entries", "2 kB")))}
     )
     outages = [
         {"fault": "outage", "target": car["name"], "begin": "500 ms", "end": "900 ms"}
@@ -270,7 +300,9 @@ def scenarios(draw) -> Scenario:
     more = {"cameras": ALL_AT_ONCE, "start_jitter": "0 s"} if draw(st.booleans()) else {}
     rules |= {"eviction": eviction, **limits}
     more |= {"image_encoding": draw(st.sampled_from(("raw", "png", "jpeg80")))}
-    return scenario(fleet, queue_length=draw(st.integers(1, 3)), genie=rules, faults=outages, **more)
+    return scenario(
+        fleet, queue_length=draw(st.integers(1, 3)), genie=rules, faults=outages, **more
+    )
 
 
 often = st.sampled_from((True, True, False))
@@ -290,14 +322,23 @@ def test_the_usual_cars(cars: int):
 def test_pictures_that_wait_too_long_for_a_slow_encoder_are_dropped():
     setting = scenario(2, image_encoding="png", cameras=ALL_AT_ONCE)
     run = Run(setting, "remote", SLOW_CODEC)
-    assert run.uncoded("car1") == run.settled["drop"].astype(str).str.startswith("car1/encoder:").sum() > 0
+    assert (
+        run.uncoded("car1")
+        == run.settled["drop"].astype(str).str.startswith("car1/encoder:").sum()
+        > 0
+    )
     check(setting, SLOW_CODEC)
 
 
 def test_what_is_in_flight_at_the_end_of_a_run_is_inside_the_world(monkeypatch: pytest.MonkeyPatch):
     """An LTE link is far too slow for four cameras: some frames are still on their way where nobody waits for them."""
     monkeypatch.setattr("genie_sim.sim.world.MOST_DRAIN_NS", DRAIN_NS)
-    slow = {"name": "car1", "device": "jetson_tx2", "edge": "edge1", "link": {"like": "lte", "rate_up": "1 Mbit/s"}}
+    slow = {
+        "name": "car1",
+        "device": "jetson_tx2",
+        "edge": "edge1",
+        "link": {"like": "lte", "rate_up": "1 Mbit/s"},
+    }
     run = Run(scenario([slow], queue_length=2), "remote", USUAL)
     in_flight = run.frames["first_answer_ns"].isna() & run.frames["drop"].isna()
     assert in_flight.sum() > 0

@@ -32,7 +32,9 @@ GAP = 50 * MS
 LOST = "car1:hand_over"
 DEVICES = {
     "jetson_tx2": fixed_device("jetson_tx2", detector="300 ms", genie="9 ms"),
-    "agx_xavier": fixed_device("agx_xavier", detector="60 ms", genie="8 ms", hop="0.2 ms", per_megabyte="1 ms"),
+    "agx_xavier": fixed_device(
+        "agx_xavier", detector="60 ms", genie="8 ms", hop="0.2 ms", per_megabyte="1 ms"
+    ),
 }
 TWO_EDGES = [{"name": name, "device": "agx_xavier"} for name in ("edge1", "edge2")]
 STREET = street(seconds=3.0)
@@ -50,16 +52,29 @@ def hand_over(at_ns: int, edge: str, gap_ns: int = GAP) -> dict[str, str]:
 def moving(*hand_overs: tuple[int, str], gap_ns: int = GAP, **more: Any) -> Scenario:
     """One car that begins at edge1."""
     faults = [hand_over(at_ns, edge, gap_ns) for at_ns, edge in hand_overs]
-    usual = {"methods": ["remote"], "cameras": ONE_CAMERA, "start_jitter": "0 s", "edges": TWO_EDGES}
+    usual = {
+        "methods": ["remote"],
+        "cameras": ONE_CAMERA,
+        "start_jitter": "0 s",
+        "edges": TWO_EDGES,
+    }
     return scenario([MOVER], faults=faults, **usual | more)
 
 
 def answers(setting: Scenario, *stamps_ns: int) -> list[tuple[int | None, str | None, str | None]]:
     """Of each frame taken at these instants: its response since the stamp, who served it, and what dropped it."""
-    views = trace(*(view(index, stamp_ns, float(index)) for index, stamp_ns in enumerate(stamps_ns)))
+    views = trace(
+        *(view(index, stamp_ns, float(index)) for index, stamp_ns in enumerate(stamps_ns))
+    )
     frames = drive(setting, views, DEVICES)["frames"]
-    since = (frames["first_answer_ns"] - frames["stamp_ns"]).astype("object").where(frames["first_answer_ns"].notna())
-    table = pd.DataFrame({"since": since, "by": frames["served_by"], "drop": frames["drop"]}).astype(object)
+    since = (
+        (frames["first_answer_ns"] - frames["stamp_ns"])
+        .astype("object")
+        .where(frames["first_answer_ns"].notna())
+    )
+    table = pd.DataFrame(
+        {"since": since, "by": frames["served_by"], "drop": frames["drop"]}
+    ).astype(object)
     return list(table.where(table.notna(), None).itertuples(index=False, name=None))
 
 
@@ -102,14 +117,28 @@ def test_a_gap_of_no_time_loses_only_what_was_under_way():
 def test_a_car_that_comes_back_has_its_old_link_and_gets_what_the_edge_has_finished_since():
     """Away while the edge's detector works, not when it has the answer; but the second frame is on the link meanwhile
     and lost, although the car is back before it would have arrived."""
-    away = moving((30 * MS, "edge2"), (35 * MS, "edge1"), (108 * MS, "edge2"), (109 * MS, "edge1"), gap_ns=1 * MS)
+    away = moving(
+        (30 * MS, "edge2"),
+        (35 * MS, "edge1"),
+        (108 * MS, "edge2"),
+        (109 * MS, "edge1"),
+        gap_ns=1 * MS,
+    )
     frames = 0, 100 * MS, 200 * MS
     by = BY.format("edge1")
-    assert answers(away, *frames) == [(ANSWERED, by, None), (None, None, LOST), (ANSWERED, by, None)]
+    assert answers(away, *frames) == [
+        (ANSWERED, by, None),
+        (None, None, LOST),
+        (ANSWERED, by, None),
+    ]
     views = trace(*(view(index, stamp_ns, float(index)) for index, stamp_ns in enumerate(frames)))
     world, _ = build(away, "remote", views, DEVICES)
     world.run()
-    links = {one.name: one.completed for one in world.resources if isinstance(one, Link) and "car1" in one.name}
+    links = {
+        one.name: one.completed
+        for one in world.resources
+        if isinstance(one, Link) and "car1" in one.name
+    }
     assert links == {"car1->edge1": 3, "edge1->car1": 2, "car1->edge2": 0, "edge2->car1": 0}
 
 
@@ -134,7 +163,11 @@ def test_other_cars_notice_a_hand_over_only_through_the_edges():
         len(setting.cars): drive(setting, STREET, DEVICES)["frames"]
         for setting in (scenario([lonely], edges=edges), both)
     }
-    with_mover = frames[2][frames[2]["car"] == "car2"].reset_index(drop=True).astype({"method": str, "car": str})
+    with_mover = (
+        frames[2][frames[2]["car"] == "car2"]
+        .reset_index(drop=True)
+        .astype({"method": str, "car": str})
+    )
     alone = frames[1].astype({"method": str, "car": str})
     assert with_mover.astype(object).fillna("").equals(alone.astype(object).fillna(""))
 
@@ -172,13 +205,21 @@ def test_every_frame_is_answered_dropped_or_in_flight_whatever_the_car_does(
 def check_bytes(world: World, frames: pd.DataFrame) -> None:
     """What each frame cost is what its car's links carried, whichever edge they led to."""
     links = [one for one in world.resources if isinstance(one, Link)]
-    assert frames["bytes_up"].sum() == sum(one.sent_bytes for one in links if one.name.startswith("car1->"))
-    assert frames["bytes_down"].sum() == sum(one.sent_bytes for one in links if one.name.endswith("->car1"))
+    assert frames["bytes_up"].sum() == sum(
+        one.sent_bytes for one in links if one.name.startswith("car1->")
+    )
+    assert frames["bytes_down"].sum() == sum(
+        one.sent_bytes for one in links if one.name.endswith("->car1")
+    )
 
 
 def check_remote(world: World, frames: pd.DataFrame) -> None:
     """Every answer on record came down a link; what came down and is not on record was cut off by a hand-over."""
-    down = sum(one.completed for one in world.resources if isinstance(one, Link) and one.name.endswith("->car1"))
+    down = sum(
+        one.completed
+        for one in world.resources
+        if isinstance(one, Link) and one.name.endswith("->car1")
+    )
     answered = int(frames["first_answer_ns"].notna().sum())
     assert answered <= down <= answered + int((frames["drop"] == LOST).sum())
 
@@ -186,7 +227,10 @@ def check_remote(world: World, frames: pd.DataFrame) -> None:
 @pytest.mark.parametrize(
     ("hand_overs", "message"),
     [
-        ([(5, "edge9")], r"faults\[0\].edge: unknown edge 'edge9' \(did you mean 'edge2'\?\); known: edge1, edge2"),
+        (
+            [(5, "edge9")],
+            r"faults\[0\].edge: unknown edge 'edge9' \(did you mean 'edge2'\?\); known: edge1, edge2",
+        ),
         ([(5, "edge1")], r"faults\[0\].edge: car1 is with edge1 already"),
         (
             [(5 * MS, "edge2"), (54 * MS, "edge1")],
@@ -194,7 +238,9 @@ def check_remote(world: World, frames: pd.DataFrame) -> None:
         ),
     ],
 )
-def test_hand_overs_that_cannot_be_are_told_in_one_line(hand_overs: list[tuple[int, str]], message: str):
+def test_hand_overs_that_cannot_be_are_told_in_one_line(
+    hand_overs: list[tuple[int, str]], message: str
+):
     with pytest.raises(UserError, match=message):
         moving(*hand_overs)
 

@@ -15,7 +15,9 @@ NAMES = ("edge1", "edge2", "edge3")
 
 def three(**neighbours: list[str] | None) -> Scenario:
     """Three cars, each with its edge."""
-    edges = [{"name": name, "device": "agx_xavier", "neighbours": neighbours.get(name)} for name in NAMES]
+    edges = [
+        {"name": name, "device": "agx_xavier", "neighbours": neighbours.get(name)} for name in NAMES
+    ]
     return scenario(3, edges=edges, methods=["genie"])
 
 
@@ -26,7 +28,9 @@ def heard(setting: Scenario) -> dict[str, set[str]]:
     for name, edge in world.edges.items():
         deliver = edge.graph.inject
 
-        def spy(topic: str, message: Any, sender: str, name: str = name, deliver: Any = deliver) -> None:
+        def spy(
+            topic: str, message: Any, sender: str, name: str = name, deliver: Any = deliver
+        ) -> None:
             if sender.startswith("edge"):
                 reached[name].add(sender.split("/")[0])
             deliver(topic, message, sender)
@@ -37,7 +41,11 @@ def heard(setting: Scenario) -> dict[str, set[str]]:
 
 
 def test_without_a_word_every_edge_shares_with_all_others():
-    assert heard(three()) == {"edge1": {"edge2", "edge3"}, "edge2": {"edge1", "edge3"}, "edge3": {"edge1", "edge2"}}
+    assert heard(three()) == {
+        "edge1": {"edge2", "edge3"},
+        "edge2": {"edge1", "edge3"},
+        "edge3": {"edge1", "edge2"},
+    }
 
 
 def test_a_row_of_edges_shares_with_the_next_ones_only():
@@ -47,7 +55,11 @@ def test_a_row_of_edges_shares_with_the_next_ones_only():
 
 def test_an_edge_that_leaves_another_out_is_not_asked_by_it_either():
     assert heard(three(edge1=[])) == {"edge1": set(), "edge2": {"edge3"}, "edge3": {"edge2"}}
-    assert heard(three(edge1=["edge2"])) == {"edge1": {"edge2"}, "edge2": {"edge1", "edge3"}, "edge3": {"edge2"}}
+    assert heard(three(edge1=["edge2"])) == {
+        "edge1": {"edge2"},
+        "edge2": {"edge1", "edge3"},
+        "edge3": {"edge2"},
+    }
 
 
 def test_naming_all_others_is_the_same_as_naming_none():
@@ -59,8 +71,14 @@ def test_naming_all_others_is_the_same_as_naming_none():
 @pytest.mark.parametrize(
     ("neighbours", "message"),
     [
-        ({"edge1": ["edge4"]}, r"edges\[0\].neighbours\[0\]: unknown edge 'edge4' \(did you mean 'edge3'\?\); known: "),
-        ({"edge2": ["edge1", "edge2"]}, r"edges\[1\].neighbours\[1\]: edge2 is no neighbour of itself"),
+        (
+            {"edge1": ["edge4"]},
+            r"edges\[0\].neighbours\[0\]: unknown edge 'edge4' \(did you mean 'edge3'\?\); known: ",
+        ),
+        (
+            {"edge2": ["edge1", "edge2"]},
+            r"edges\[1\].neighbours\[1\]: edge2 is no neighbour of itself",
+        ),
         (
             {"edge1": ["edge2"], "edge2": ["edge3"]},
             r"edges\[0\].neighbours\[0\]: edge2 does not have edge1 among its own neighbours",
@@ -68,6 +86,8 @@ def test_naming_all_others_is_the_same_as_naming_none():
         ({"edge1": ["edge2", "edge2"]}, r"edges\[0\].neighbours\[1\]: duplicate name 'edge2'"),
     ],
 )
-def test_neighbours_that_cannot_be_are_told_in_one_line(neighbours: dict[str, list[str]], message: str):
+def test_neighbours_that_cannot_be_are_told_in_one_line(
+    neighbours: dict[str, list[str]], message: str
+):
     with pytest.raises(UserError, match=message):
         three(**neighbours)

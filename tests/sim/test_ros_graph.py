@@ -64,7 +64,9 @@ def office(name: str = "car1", env: Clock | None = None, **settings) -> Graph:
     env = env if env is not None else Clock()
     device = fixed_device(name, detector="1 ms", hop=f"{HOP_NS} ns", per_megabyte="0 ms")
     rng = np.random.default_rng(1)
-    return Graph(Host(env, name, built_device(device, "autoware_vision_detector"), rng, rng), **settings)
+    return Graph(
+        Host(env, name, built_device(device, "autoware_vision_detector"), rng, rng), **settings
+    )
 
 
 def link(env: Clock, name: str, up: bool = True) -> Link:
@@ -73,7 +75,9 @@ def link(env: Clock, name: str, up: bool = True) -> Link:
     return Link(env, name, wire.channel(up, np.random.default_rng(1)))
 
 
-def clerk(name: str = "clerk", topics: tuple[str, ...] = ("/notes",), threads: int = 1, **settings) -> Clerk:
+def clerk(
+    name: str = "clerk", topics: tuple[str, ...] = ("/notes",), threads: int = 1, **settings
+) -> Clerk:
     return Clerk(name, office(**settings), topics, (), threads)
 
 
@@ -118,11 +122,17 @@ def test_threads_work_at_the_same_time():
 
 
 @given(
-    st.lists(st.tuples(st.integers(0, 10 * WORK_NS), st.sampled_from(("/a", "/b"))), min_size=1, max_size=40),
+    st.lists(
+        st.tuples(st.integers(0, 10 * WORK_NS), st.sampled_from(("/a", "/b"))),
+        min_size=1,
+        max_size=40,
+    ),
     st.integers(1, 4),
     st.integers(1, 3),
 )
-def test_every_note_is_done_or_dropped_and_no_queue_grows_beyond_its_length(notes, queue_length: int, threads: int):
+def test_every_note_is_done_or_dropped_and_no_queue_grows_beyond_its_length(
+    notes, queue_length: int, threads: int
+):
     dropped: list[int] = []
     node = clerk(
         topics=("/a", "/b"),
@@ -201,7 +211,11 @@ def test_a_remapped_node_talks_on_other_topics_under_its_old_names():
 
 def detector_of(method: str, place: str) -> Detector:
     world, _ = build(scenario(2), method)
-    return next(one for one in world.resources if isinstance(one, Detector) and one.name == f"{place}/{DETECTOR}")
+    return next(
+        one
+        for one in world.resources
+        if isinstance(one, Detector) and one.name == f"{place}/{DETECTOR}"
+    )
 
 
 @pytest.mark.parametrize("place", ["car1", "edge2"])
@@ -210,7 +224,9 @@ def test_encapsulating_a_detector_leaves_the_detector_itself_alone(place: str):
     plain, encapsulated = detector_of("local", place), detector_of("genie", place)
     assert type(plain) is type(encapsulated) is Detector
     own = ("subscribes", "publishes", "name")
-    assert {name: getattr(plain, name) for name in own} == {name: getattr(encapsulated, name) for name in own}
+    assert {name: getattr(plain, name) for name in own} == {
+        name: getattr(encapsulated, name) for name in own
+    }
     assert plain.graph.queue_length == encapsulated.graph.queue_length
     assert set(vars(plain)) == set(vars(encapsulated)), "nothing was added to it"
     for code in ("work", "handle", "publish", "deliver"):
@@ -222,9 +238,23 @@ def test_encapsulating_a_detector_leaves_the_detector_itself_alone(place: str):
 @pytest.mark.parametrize("place", ["car1", "edge2"])
 def test_the_genie_takes_over_the_topics_that_the_master_names(place: str):
     world, _ = build(scenario(2), "genie")
-    genie = next(one for one in world.resources if isinstance(one, InterceptorNode) and one.name == f"{place}/genie")
-    assert set(genie.subscribes) == {IMAGES, f"{IMAGES}-remote", f"{OBJECTS}-local", f"{OBJECTS}-remote"}
-    assert set(genie.publishes) == {f"{IMAGES}-local", f"{IMAGES}-remote", OBJECTS, f"{OBJECTS}-remote"}
+    genie = next(
+        one
+        for one in world.resources
+        if isinstance(one, InterceptorNode) and one.name == f"{place}/genie"
+    )
+    assert set(genie.subscribes) == {
+        IMAGES,
+        f"{IMAGES}-remote",
+        f"{OBJECTS}-local",
+        f"{OBJECTS}-remote",
+    }
+    assert set(genie.publishes) == {
+        f"{IMAGES}-local",
+        f"{IMAGES}-remote",
+        OBJECTS,
+        f"{OBJECTS}-remote",
+    }
 
 
 def test_any_node_can_be_encapsulated_whatever_its_topics():
@@ -247,7 +277,10 @@ def test_any_node_can_be_encapsulated_whatever_its_topics():
     Clerk("lanes", graph, ("/clouds", "/map"), ("/lanes", "/signs"))
     attach(graph, "lanes", make, lambda genie, record, now_ns: None, suffix="_local")
     assert told == [(("/clouds", "/map"), ("/lanes", "/signs"))]
-    assert graph.topics_of("lanes") == (("/clouds_local", "/map_local"), ("/lanes_local", "/signs_local"))
+    assert graph.topics_of("lanes") == (
+        ("/clouds_local", "/map_local"),
+        ("/lanes_local", "/signs_local"),
+    )
 
 
 # Bridges
@@ -269,7 +302,9 @@ class Offices:
         for name in names:
             for other in names:
                 if other != name:
-                    bridge = Bridge(self.ports[name], self.graphs[other], "/notes", f"{other}/genie")
+                    bridge = Bridge(
+                        self.ports[name], self.graphs[other], "/notes", f"{other}/genie"
+                    )
                     self.graphs[name].bridge("/notes", bridge)
 
 
@@ -278,8 +313,14 @@ def test_what_came_over_a_bridge_is_not_bridged_on():
     three = Offices()
     three.nodes["edge1"].publish("/notes", Note(7))
     three.env.run()
-    assert {name: len(listener.heard) for name, listener in three.listeners.items()} == dict.fromkeys(three.graphs, 1)
-    assert {name: port.completed for name, port in three.ports.items()} == {"edge1": 2, "edge2": 0, "edge3": 0}
+    assert {
+        name: len(listener.heard) for name, listener in three.listeners.items()
+    } == dict.fromkeys(three.graphs, 1)
+    assert {name: port.completed for name, port in three.ports.items()} == {
+        "edge1": 2,
+        "edge2": 0,
+        "edge3": 0,
+    }
 
 
 def test_a_note_for_one_neighbour_crosses_only_the_bridge_to_it():
@@ -308,7 +349,9 @@ def test_an_answer_goes_down_to_the_car_that_it_is_about():
         note.header = Header(number, "camera_02", about)
         node.publish("/objects", note)
         env.run()
-    numbers = {name: [number for _, number, _ in listener.heard] for name, listener in heard.items()}
+    numbers = {
+        name: [number for _, number, _ in listener.heard] for name, listener in heard.items()
+    }
     assert numbers == {"car1": [1, 4], "car2": [2]}
 
 
@@ -320,14 +363,24 @@ def test_a_bridge_that_was_taken_down_loses_what_comes_and_what_was_on_its_way()
     there.subscribe("/notes", heard)
     wire = Wire(1_000_000_000, 1_000_000_000, delay_ns=200_000)
     up = Link(env, "link", wire.channel(True, np.random.default_rng(1)))
-    bridge = Bridge(up, there, "/notes", "there/node", lost=lambda note: lost.append((env.now, note.header.stamp_ns)))
+    bridge = Bridge(
+        up,
+        there,
+        "/notes",
+        "there/node",
+        lost=lambda note: lost.append((env.now, note.header.stamp_ns)),
+    )
     here.bridge("/notes", bridge)
     events = [(0, Note(1)), (300_000, Note(2)), (310_000, bridge.take_down), (320_000, Note(3))]
     for at_ns, what in [*events, (330_000, bridge.put_up), (600_000, Note(4))]:
         env.run(until=max(at_ns, 1))
         what() if callable(what) else bridge.deliver("/notes", what, "here/node")
     env.run()
-    arrival_ns = 300_000 + wire.channel(True, np.random.default_rng(1)).occupied_ns(Note(2).size_bytes, 0) + 200_000
+    arrival_ns = (
+        300_000
+        + wire.channel(True, np.random.default_rng(1)).occupied_ns(Note(2).size_bytes, 0)
+        + 200_000
+    )
     assert [number for _, number, _ in heard.heard] == [1, 4]
     assert lost == [(320_000, 3), (arrival_ns, 2)]
 
@@ -350,7 +403,9 @@ def test_requests_of_one_edge_are_not_passed_on_by_the_others():
 
 def test_even_literal_neighbours_pass_a_request_on_only_once():
     """``neighbour_miss: process``, the paper's words: every Genie runs and broadcasts it, but none does so twice."""
-    world, _ = build(scenario(3, genie={"neighbour_miss": "process", "same_key_pending": "forward"}), "genie")
+    world, _ = build(
+        scenario(3, genie={"neighbour_miss": "process", "same_key_pending": "forward"}), "genie"
+    )
     published: list[tuple[str, int, str, str]] = []
     for edge in world.edges.values():
         genie = edge.graph.node(f"{edge.name}/genie").pure
@@ -367,4 +422,7 @@ def test_even_literal_neighbours_pass_a_request_on_only_once():
         genie.on_message = spy
     world.run()
     assert len(published) == len(set(published)) > 0
-    assert {(name, origin) for name, _, _, origin in published} >= {("edge2", "car1"), ("edge1", "car2")}
+    assert {(name, origin) for name, _, _, origin in published} >= {
+        ("edge2", "car1"),
+        ("edge1", "car2"),
+    }

@@ -51,7 +51,12 @@ from genie_sim.sim.steps import StepClock
 S = 1000 * MS
 
 UP = [("hop", CAR_HOP_IMAGE), ("uplink", LINK_IMAGE)]
-ON_EDGE = [("hop", EDGE_HOP_IMAGE), ("inference", EDGE_DETECTOR), ("hop", EDGE_HOP_ANSWER), ("genie", EDGE_GENIE)]
+ON_EDGE = [
+    ("hop", EDGE_HOP_IMAGE),
+    ("inference", EDGE_DETECTOR),
+    ("hop", EDGE_HOP_ANSWER),
+    ("genie", EDGE_GENIE),
+]
 DOWN = [("hop", EDGE_HOP_ANSWER), ("downlink", LINK_ANSWER)]
 LAST = [("genie", CAR_GENIE), ("hop", CAR_HOP_ANSWER)]
 
@@ -64,10 +69,19 @@ def tables(method: str, of: Any, setting: Any, record: Any = RECORDS, **options:
     return written
 
 
-def way(method: str, of: Any = ONE_FRAME, fleet: Any = None, number: int = 0, which: str = "fresh", **more: Any) -> Any:
+def way(
+    method: str,
+    of: Any = ONE_FRAME,
+    fleet: Any = None,
+    number: int = 0,
+    which: str = "fresh",
+    **more: Any,
+) -> Any:
     """Part and length of each step to the fresh (or first) answer to one frame."""
     options = {name: more.pop(name) for name in ("sent",) if name in more}
-    setting = scenario(fleet or [car("car1", "edge1")], **({"cameras": ONE_CAMERA, "start_jitter": "0 s"} | more))
+    setting = scenario(
+        fleet or [car("car1", "edge1")], **({"cameras": ONE_CAMERA, "start_jitter": "0 s"} | more)
+    )
     found = tables(method, of, setting, devices=fixed(), **options).steps.to_frame()
     mine = found[found["which"].isin([which, "both"])]
     stamp_ns = sorted(mine["stamp_ns"].unique())[number]
@@ -82,12 +96,22 @@ def test_without_caches():
 
 def test_genie():
     assert way("genie", which="first") == [("genie", CAR_GENIE), ("hop", CAR_HOP_EMPTY)]
-    assert way("genie") == [("genie", CAR_GENIE), *UP, ("genie", EDGE_GENIE), *ON_EDGE, *DOWN, *LAST]
+    assert way("genie") == [
+        ("genie", CAR_GENIE),
+        *UP,
+        ("genie", EDGE_GENIE),
+        *ON_EDGE,
+        *DOWN,
+        *LAST,
+    ]
 
 
 def test_with_two_passes_what_a_genie_answers_itself_costs_on_the_way_out_too():
     rules = {"passes": 2}
-    assert way("genie", which="first", genie=rules) == [("genie", 2 * CAR_GENIE), ("hop", CAR_HOP_EMPTY)]
+    assert way("genie", which="first", genie=rules) == [
+        ("genie", 2 * CAR_GENIE),
+        ("hop", CAR_HOP_EMPTY),
+    ]
     assert way("genie", genie=rules) == way("genie"), "a detection pays when it comes in"
     again = trace(view(0, 0, 0.5), view(1, 2 * S, 0.5))
     (once, took), _ = way("genie", again, number=1)
@@ -98,7 +122,11 @@ def test_an_edge_answers_out_of_its_cache_in_two_passes():
     cars = [car("car1", "edge1"), car("car2", "edge1", start="2 s")]
     rules = {"miss_policy": "blocking", "passes": 2}
     there, back = [("genie", CAR_GENIE), *UP], [*DOWN, *LAST]
-    assert way("genie", fleet=cars, number=1, genie=rules) == [*there, ("genie", 2 * EDGE_GENIE), *back]
+    assert way("genie", fleet=cars, number=1, genie=rules) == [
+        *there,
+        ("genie", 2 * EDGE_GENIE),
+        *back,
+    ]
 
 
 def test_encoded_pictures():
@@ -138,8 +166,16 @@ def test_a_peer_answers(passes):
     "settings",
     [
         ("start_jitter=30 ms",),
-        ("genie.miss_policy=blocking", "genie.same_key_pending=forward", "queue_length=3", "cars[0].link=wifi"),
-        ("faults=[{fault: outage, target: car1, begin: 1 s, end: 1500 ms}]", "genie.share_answers=on_request"),
+        (
+            "genie.miss_policy=blocking",
+            "genie.same_key_pending=forward",
+            "queue_length=3",
+            "cars[0].link=wifi",
+        ),
+        (
+            "faults=[{fault: outage, target: car1, begin: 1 s, end: 1500 ms}]",
+            "genie.share_answers=on_request",
+        ),
     ],
 )
 def test_the_steps_of_every_answer_of_every_method_add_up_to_the_nanosecond(settings):
@@ -151,12 +187,18 @@ def test_the_steps_of_every_answer_of_every_method_add_up_to_the_nanosecond(sett
         ways = run.steps[run.steps["which"].isin([which, "both"])].groupby(key, observed=True)
         known = run.frames[run.frames[f"{which}_answer_ns"].notna()].set_index(key).sort_index()
         assert set(known.index.get_level_values("method")) == set(METHODS)
-        steps = pd.DataFrame({"begin": ways["begin_ns"].first(), "end": ways["end_ns"].last(), "n": ways.size()})
+        steps = pd.DataFrame(
+            {"begin": ways["begin_ns"].first(), "end": ways["end_ns"].last(), "n": ways.size()}
+        )
         steps["sum"] = ways["end_ns"].sum() - ways["begin_ns"].sum()
         steps["whole"] = known[f"{which}_answer_ns"] - known["received_ns"]
         assert steps.index.equals(known.index) and (steps["sum"] == steps["whole"]).all()
-        assert (steps["begin"] == known["received_ns"]).all() and (steps["end"] == known[f"{which}_answer_ns"]).all()
-        means = {one.method: one.value for one in run.measured if one.metric == f"{which}_answer_mean"}
+        assert (steps["begin"] == known["received_ns"]).all() and (
+            steps["end"] == known[f"{which}_answer_ns"]
+        ).all()
+        means = {
+            one.method: one.value for one in run.measured if one.metric == f"{which}_answer_mean"
+        }
         parts = dict.fromkeys(means, 0.0)
         for one in run.measured:
             if one.metric == f"{which}_answer_part":
@@ -164,15 +206,27 @@ def test_the_steps_of_every_answer_of_every_method_add_up_to_the_nanosecond(sett
         assert parts == pytest.approx(means, rel=1e-9)
     took = run.steps["end_ns"] - run.steps["begin_ns"]
     assert (took > 0).all(), "what takes no time is no step"
-    waits = run.steps.assign(took=took).groupby(["method", "part"], observed=True)["took"].sum().unstack()
+    waits = (
+        run.steps.assign(took=took)
+        .groupby(["method", "part"], observed=True)["took"]
+        .sum()
+        .unstack()
+    )
     assert waits.loc["local"].dropna().index.isin(["queueing", "inference", "hop"]).all()
-    assert waits.loc["remote"].dropna().index.isin(["queueing", "uplink", "inference", "downlink", "hop"]).all()
+    assert (
+        waits.loc["remote"]
+        .dropna()
+        .index.isin(["queueing", "uplink", "inference", "downlink", "hop"])
+        .all()
+    )
 
 
 def test_nothing_else_changes_because_of_it():
     setting = scenario(2, start_jitter="30 ms")
     others = [one for one in RECORDS if one != "steps"]
-    with_steps, without = (tables("genie", street(3.0), setting, record) for record in (RECORDS, others))
+    with_steps, without = (
+        tables("genie", street(3.0), setting, record) for record in (RECORDS, others)
+    )
     for one, other in zip(with_steps, without, strict=True):
         if one.name != "steps":
             pd.testing.assert_frame_equal(one.to_frame(), other.to_frame())
@@ -233,16 +287,27 @@ class InTwos(Interceptor):
 
     def on_message(self, topic, message, now_ns, sender=None):
         self.waiting.append(message.header)
-        return [Publish(OBJECTS, Detections(one, ())) for one in self.waiting] if len(self.waiting) == 2 else []
+        return (
+            [Publish(OBJECTS, Detections(one, ())) for one in self.waiting]
+            if len(self.waiting) == 2
+            else []
+        )
 
 
 def test_an_answer_to_an_older_frame_does_not_take_over_the_way_of_the_others():
     clock, ways = StepClock(), {}
-    host = Host(clock, "car1", device(fixed()["jetson_tx2"], "autoware_vision_detector"), *[default_rng(1)] * 2)
+    host = Host(
+        clock,
+        "car1",
+        device(fixed()["jetson_tx2"], "autoware_vision_detector"),
+        *[default_rng(1)] * 2,
+    )
     graph = Graph(host)
     node = InterceptorNode(InTwos, graph, lambda *_: None)
     consumer = SimpleNamespace(address="consumer")
-    consumer.deliver = lambda topic, answer, sender: ways.setdefault(answer.header.stamp_ns, clock.way)
+    consumer.deliver = lambda topic, answer, sender: ways.setdefault(
+        answer.header.stamp_ns, clock.way
+    )
     graph.subscribe(OBJECTS, consumer)
     for stamp_ns in (MS, 5 * MS):
         clock.run(until=stamp_ns)

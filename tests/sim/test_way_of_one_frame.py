@@ -34,7 +34,9 @@ LINK_ANSWER = 4_128 + DELAY
 
 UP = CAR_HOP_IMAGE + LINK_IMAGE  # from a node of the car to the edge's
 DOWN = EDGE_HOP_ANSWER + LINK_ANSWER
-FIRST_LOOK = CAR_HOP_IMAGE + CAR_GENIE  # from the camera until the car's Genie has looked the frame up
+FIRST_LOOK = (
+    CAR_HOP_IMAGE + CAR_GENIE
+)  # from the camera until the car's Genie has looked the frame up
 LAST_STEP = CAR_GENIE + CAR_HOP_ANSWER  # an answer's way through the car's Genie to the consumer
 OWN_DETECTOR = CAR_HOP_IMAGE + CAR_DETECTOR + CAR_HOP_ANSWER
 EDGE_DETECTION = EDGE_HOP_IMAGE + EDGE_DETECTOR + EDGE_HOP_ANSWER + EDGE_GENIE
@@ -45,7 +47,9 @@ OBJECT = Detection("car", 0.9, (0.0, 0.0, 10.0, 10.0), (20.0, 4.0, 0.8), 0.9, "s
 def view(index: int, stamp_ns: int, east_m: float) -> TraceFrame:
     pose = CameraPose(east_m, 0.0, 1.6, 0.0)
     name = f"02-{index}"
-    return TraceFrame("02", index, stamp_ns, 1242, 375, IMAGE_BYTES, name, index, pose, FOV_RAD, (OBJECT,))
+    return TraceFrame(
+        "02", index, stamp_ns, 1242, 375, IMAGE_BYTES, name, index, pose, FOV_RAD, (OBJECT,)
+    )
 
 
 def trace(*views: TraceFrame) -> Trace:
@@ -60,7 +64,9 @@ def fixed(detector: str = "300 ms", cores: int = 4) -> dict[str, DeviceProfile]:
     """The devices whose times stand above."""
     return {
         "jetson_tx2": fixed_device("jetson_tx2", detector=detector, genie="9 ms", cores=cores),
-        "agx_xavier": fixed_device("agx_xavier", detector="60 ms", genie="8 ms", hop="0.2 ms", per_megabyte="1 ms"),
+        "agx_xavier": fixed_device(
+            "agx_xavier", detector="60 ms", genie="8 ms", hop="0.2 ms", per_megabyte="1 ms"
+        ),
     }
 
 
@@ -82,7 +88,10 @@ def frames(
     table = drive(setting, of, devices, sent)["frames"]
     for column in ("received", "first_answer", "fresh_answer"):
         table[column] = table[f"{column}_ns"] - table["stamp_ns"]
-    return {str(method): rows.reset_index(drop=True) for method, rows in table.groupby("method", observed=True)}
+    return {
+        str(method): rows.reset_index(drop=True)
+        for method, rows in table.groupby("method", observed=True)
+    }
 
 
 def answers(frame: pd.Series) -> tuple[int, int, str]:
@@ -109,14 +118,22 @@ def test_remote():
     answer = UP + EDGE_DETECTOR + DOWN
     assert answers(row) == (answer, answer, "edge_detector")
     assert answer == 75_572_324
-    assert (row["objects_served"], row["bytes_up"], row["bytes_down"]) == (1, IMAGE_BYTES, ANSWER_BYTES)
+    assert (row["objects_served"], row["bytes_up"], row["bytes_down"]) == (
+        1,
+        IMAGE_BYTES,
+        ANSWER_BYTES,
+    )
 
 
 SENT_BYTES = 100_000  # one object was lost, two are new
 SENT = Trace(
     "sent",
     (49.0, 8.4, 110.0),
-    {"02": (replace(ONE_FRAME.frames["02"][0], size_bytes=SENT_BYTES, detections=(OBJECT, OBJECT)),)},
+    {
+        "02": (
+            replace(ONE_FRAME.frames["02"][0], size_bytes=SENT_BYTES, detections=(OBJECT, OBJECT)),
+        )
+    },
     {},
 )
 ENCODE, DECODE = 1_620_865, 1_900_324  # 1.16 and 1.36 ms/MB, of the picture in memory
@@ -125,7 +142,10 @@ LINK_SENT = 850_400 + DELAY  # 70 segments with 90 B each
 
 def test_an_encoded_picture_costs_both_cpus_and_is_what_the_edge_s_detector_sees():
     found = frames(ONE_FRAME, sent=SENT, image_encoding="jpeg80")
-    assert answers(found["local"].loc[0])[0] == OWN_DETECTOR and found["local"].loc[0, "objects_served"] == 1
+    assert (
+        answers(found["local"].loc[0])[0] == OWN_DETECTOR
+        and found["local"].loc[0, "objects_served"] == 1
+    )
     row = found["remote"].loc[0]
     down = EDGE_HOP_ANSWER + 400 + (826 + 90) * 8 + DELAY  # two objects
     assert answers(row)[0] == CAR_HOP_IMAGE + ENCODE + LINK_SENT + DECODE + EDGE_DETECTOR + down
@@ -185,7 +205,11 @@ def test_a_coalesced_frame_gets_the_answer_to_the_frame_it_waits_for():
     rows = frames(trace(view(0, 0, 0.5), view(1, 50 * MS, 0.7)))["genie"]
     assert rows["coalesced"].tolist() == [False, True]
     assert rows.loc[0, "fresh_answer_ns"] == rows.loc[1, "fresh_answer_ns"]
-    assert answers(rows.loc[1]) == (FIRST_LOOK + CAR_HOP_EMPTY, answers(rows.loc[0])[1] - 50 * MS, "map")
+    assert answers(rows.loc[1]) == (
+        FIRST_LOOK + CAR_HOP_EMPTY,
+        answers(rows.loc[0])[1] - 50 * MS,
+        "map",
+    )
     assert rows.loc[1, "bytes_up"] == 0
 
 
@@ -212,9 +236,27 @@ def test_edges_pass_encoded_pictures_on_and_each_decodes_them():
     rules = {"miss_policy": "blocking", "share_answers": "on_request"}
     row = frames(ONE_FRAME, cars, sent=SENT, image_encoding="jpeg80", genie=rules)["genie"].loc[1]
     two_objects = 400 + 400 * 8  # more to hand over, and on the wire
-    there_and_back = EDGE_HOP_IMAGE + LINK_SENT + DECODE + EDGE_GENIE + EDGE_HOP_ANSWER + LINK_ANSWER + two_objects
+    there_and_back = (
+        EDGE_HOP_IMAGE
+        + LINK_SENT
+        + DECODE
+        + EDGE_GENIE
+        + EDGE_HOP_ANSWER
+        + LINK_ANSWER
+        + two_objects
+    )
     up = CAR_HOP_IMAGE + ENCODE + LINK_SENT + DECODE
-    fresh = FIRST_LOOK + up + EDGE_GENIE + there_and_back + EDGE_GENIE + DOWN + two_objects + LAST_STEP + 800
+    fresh = (
+        FIRST_LOOK
+        + up
+        + EDGE_GENIE
+        + there_and_back
+        + EDGE_GENIE
+        + DOWN
+        + two_objects
+        + LAST_STEP
+        + 800
+    )
     assert answers(row) == (fresh, fresh, "peer_cache")
 
 
@@ -230,7 +272,9 @@ def test_frames_taken_together_follow_each_other_on_the_wire_and_through_the_det
     rows = frames(ONE_FRAME, cameras=both)["remote"]
     first, second = rows["fresh_answer"]
     assert first == UP + EDGE_DETECTOR + DOWN
-    assert second == first + EDGE_DETECTOR, "it waits on the wire, and then for the rest of the first detection"
+    assert second == first + EDGE_DETECTOR, (
+        "it waits on the wire, and then for the rest of the first detection"
+    )
 
 
 def test_frames_taken_together_wait_for_the_only_core_of_a_cpu():

@@ -12,7 +12,9 @@ from genie_sim.seeds import stream
 CONFIDENCE = 0.99
 
 
-def replicate(experiment: Callable[[np.random.Generator], float], *, replications: int, seed: int) -> tuple[float, ...]:
+def replicate(
+    experiment: Callable[[np.random.Generator], float], *, replications: int, seed: int
+) -> tuple[float, ...]:
     """One result of each replication; every one has random numbers of its own."""
     return tuple(experiment(stream(seed, "replication", number)) for number in range(replications))
 
@@ -26,7 +28,9 @@ def equivalent(results: Sequence[float], *, expected: float, margin: float) -> b
 
     mean = float(np.mean(results))
     half = (
-        float(t.ppf((1 + CONFIDENCE) / 2, len(results) - 1)) * float(np.std(results, ddof=1)) / math.sqrt(len(results))
+        float(t.ppf((1 + CONFIDENCE) / 2, len(results) - 1))
+        * float(np.std(results, ddof=1))
+        / math.sqrt(len(results))
     )
     low, high = expected * (1 - margin), expected * (1 + margin)
     print(

@@ -43,7 +43,9 @@ class Sized:
 class Line:
     """A link, and what happened on it: arrivals as (message's number, when), what was lost, what was carried."""
 
-    def __init__(self, model: Wire, up: bool = True, queue_length: int = 10**9, seed: int = 1) -> None:
+    def __init__(
+        self, model: Wire, up: bool = True, queue_length: int = 10**9, seed: int = 1
+    ) -> None:
         self.env = Clock()
         self.arrived: list[tuple[int, int]] = []
         self.lost: list[int] = []
@@ -56,7 +58,9 @@ class Line:
             lambda message, where: self.lost.append(message.header.stamp_ns),
         )
 
-    def send(self, at_ns: int, number: int, size_bytes: int = IMAGE_BYTES, channel: str = "images") -> None:
+    def send(
+        self, at_ns: int, number: int, size_bytes: int = IMAGE_BYTES, channel: str = "images"
+    ) -> None:
         message = Sized(size_bytes, number)
 
         def now() -> None:
@@ -101,12 +105,18 @@ def test_the_formula_agrees_with_measured_times():
         shaped = wire(name, overhead_bytes=66, delay_ns=0)
         assert alone(shaped, IMAGE_BYTES) / 1e6 == pytest.approx(measured_ms, rel=0.011)
     fast, slow = wire("ethernet_1g"), wire("ethernet_100m")
-    assert alone(slow, IMAGE_BYTES) - slow.delay_ns == 10 * (alone(fast, IMAGE_BYTES) - fast.delay_ns)
+    assert alone(slow, IMAGE_BYTES) - slow.delay_ns == 10 * (
+        alone(fast, IMAGE_BYTES) - fast.delay_ns
+    )
 
 
 def test_up_and_down_have_their_own_rates():
     asymmetric = wire(rate_up_bps=10**7, rate_down_bps=10**8, delay_ns=0)
-    assert alone(asymmetric, IMAGE_BYTES, up=True) == 10 * alone(asymmetric, IMAGE_BYTES, up=False) == 1_187_317_600
+    assert (
+        alone(asymmetric, IMAGE_BYTES, up=True)
+        == 10 * alone(asymmetric, IMAGE_BYTES, up=False)
+        == 1_187_317_600
+    )
 
 
 def test_part_of_a_nanosecond_is_a_whole_one():
@@ -129,8 +139,12 @@ def test_messages_sent_together_follow_each_other_on_the_wire():
     for number in range(4):
         line.send(1000, number)
     line.run()
-    assert line.arrived == [(n, 1000 + (n + 1) * LAN.wire_bits(IMAGE_BYTES) + LAN.delay_ns) for n in range(4)]
-    assert line.link.busy_ns == 4 * LAN.wire_bits(IMAGE_BYTES), "the delay of the cable keeps no wire busy"
+    assert line.arrived == [
+        (n, 1000 + (n + 1) * LAN.wire_bits(IMAGE_BYTES) + LAN.delay_ns) for n in range(4)
+    ]
+    assert line.link.busy_ns == 4 * LAN.wire_bits(IMAGE_BYTES), (
+        "the delay of the cable keeps no wire busy"
+    )
 
 
 def test_a_small_answer_waits_for_the_image_before_it():
@@ -141,7 +155,9 @@ def test_a_small_answer_waits_for_the_image_before_it():
     assert line.arrived[1] == (2, LAN.wire_bits(IMAGE_BYTES) + LAN.wire_bits(426) + LAN.delay_ns)
 
 
-@given(st.lists(st.tuples(st.integers(0, 50_000_000), st.integers(1, 10**6)), min_size=2, max_size=20))
+@given(
+    st.lists(st.tuples(st.integers(0, 50_000_000), st.integers(1, 10**6)), min_size=2, max_size=20)
+)
 def test_jitter_keeps_the_order_and_its_bounds(messages: list[tuple[int, int]]):
     jitter_ns = 30_000_000
     steady, shaken = Line(LAN), Line(wire(jitter_ns=jitter_ns))
@@ -166,7 +182,9 @@ def test_jitter_is_uniform_from_zero_to_its_limit():
     least_ns = LAN.wire_bits(IMAGE_BYTES) + LAN.delay_ns
     late_ns = np.array([at_ns - number * 100_000_000 - least_ns for number, at_ns in line.arrived])
     error_ns = limit_ns / math.sqrt(12 * count)
-    print(f"\nmean jitter {late_ns.mean():.0f} ns, expected {limit_ns / 2:.0f} +- {4 * error_ns:.0f}")
+    print(
+        f"\nmean jitter {late_ns.mean():.0f} ns, expected {limit_ns / 2:.0f} +- {4 * error_ns:.0f}"
+    )
     assert abs(late_ns.mean() - limit_ns / 2) < 4 * error_ns
     assert late_ns.min() >= 0 and late_ns.max() <= limit_ns
 
@@ -193,7 +211,11 @@ def test_a_link_that_loses_nothing_or_everything(loss: float, arrive: int):
     for number in range(50):
         line.send(number, number)
     line.run()
-    assert (len(line.arrived), line.link.completed, line.link.drops) == (arrive, arrive, 50 - arrive)
+    assert (len(line.arrived), line.link.completed, line.link.drops) == (
+        arrive,
+        arrive,
+        50 - arrive,
+    )
 
 
 def test_during_an_outage_nothing_gets_through_and_afterwards_everything():
@@ -214,7 +236,9 @@ def test_during_an_outage_nothing_gets_through_and_afterwards_everything():
 def test_every_channel_keeps_its_newest_waiting_message_and_counts_the_others():
     """As a ROS publisher with queue length 1 does; 0 is on the wire already when the others come."""
     line = Line(LAN, queue_length=1)
-    for number, channel in enumerate(("camera_02", "camera_02", "camera_03", "camera_02", "camera_03", "camera_02")):
+    for number, channel in enumerate(
+        ("camera_02", "camera_02", "camera_03", "camera_02", "camera_03", "camera_02")
+    ):
         line.send(number, number, channel=channel)
     line.run()
     assert [number for number, _ in line.arrived] == [0, 4, 5]
@@ -230,9 +254,12 @@ def test_of_a_longer_queue_the_oldest_message_goes_first():
 
 
 @given(
-    st.lists(st.tuples(st.integers(0, 40_000_000), st.sampled_from("ab")), min_size=1, max_size=30), st.integers(1, 3)
+    st.lists(st.tuples(st.integers(0, 40_000_000), st.sampled_from("ab")), min_size=1, max_size=30),
+    st.integers(1, 3),
 )
-def test_published_is_arrived_or_dropped_and_at_most_the_queue_waits(messages: list[tuple[int, str]], length: int):
+def test_published_is_arrived_or_dropped_and_at_most_the_queue_waits(
+    messages: list[tuple[int, str]], length: int
+):
     line = Line(LAN, queue_length=length)
     for number, (at_ns, channel) in enumerate(messages):
         line.send(at_ns, number, channel=channel)
@@ -253,7 +280,9 @@ def test_bytes_are_those_on_the_wire_lost_ones_too_but_not_those_dropped_before_
     lossy = Line(wire(loss=1.0))
     lossy.send(0, 1)
     lossy.run()
-    assert lossy.carried == [1] and lossy.link.sent_bytes == IMAGE_BYTES and lossy.link.completed == 0
+    assert (
+        lossy.carried == [1] and lossy.link.sent_bytes == IMAGE_BYTES and lossy.link.completed == 0
+    )
 
 
 def test_the_use_of_the_wire_is_known_while_a_message_is_on_it():
@@ -269,5 +298,7 @@ def test_an_answer_of_eight_objects_is_433_times_smaller_than_the_image():
     """26 + 8 x 400 bytes of autoware_msgs/DetectedObjectArray with empty clouds."""
     from genie_sim.messages import Detection
 
-    eight = Detections(Header(0, "camera_02", "car1"), (Detection("car", 0.9, None, None, 0.9),) * 8)
+    eight = Detections(
+        Header(0, "camera_02", "car1"), (Detection("car", 0.9, None, None, 0.9),) * 8
+    )
     assert eight.size_bytes == 3226 and IMAGE_BYTES // eight.size_bytes == 433

@@ -106,15 +106,23 @@ def test_accelerator_matches_m_d_1(rho: float):
 
 def test_cores_of_a_cpu_match_m_m_c():
     """Mean wait, M/M/c: Erlang's C over c (1 - rho), in service times."""
-    assert erlang_c(0.6, 1) == pytest.approx(pollaczek_khinchine(0.6, 1.0)), "with one server it is M/M/1"
-    waits = replicate(processor_waits(0.6, exponential, servers=2, customers=6000), replications=40, seed=3)
+    assert erlang_c(0.6, 1) == pytest.approx(pollaczek_khinchine(0.6, 1.0)), (
+        "with one server it is M/M/1"
+    )
+    waits = replicate(
+        processor_waits(0.6, exponential, servers=2, customers=6000), replications=40, seed=3
+    )
     assert equivalent(waits, expected=erlang_c(0.6, 2), margin=0.10)
 
 
 def test_cores_of_a_cpu_match_m_d_c():
     """Genie's CPU: several cores, one queue."""
-    assert crommelin(0.7, 1) == pytest.approx(pollaczek_khinchine(0.7, 0.0)), "with one server it is M/D/1"
-    waits = replicate(processor_waits(0.7, always, servers=4, customers=7000), replications=30, seed=4)
+    assert crommelin(0.7, 1) == pytest.approx(pollaczek_khinchine(0.7, 0.0)), (
+        "with one server it is M/D/1"
+    )
+    waits = replicate(
+        processor_waits(0.7, always, servers=4, customers=7000), replications=30, seed=4
+    )
     assert equivalent(waits, expected=crommelin(0.7, 4), margin=0.10)
 
 
@@ -147,7 +155,9 @@ def test_little_s_law_and_utilization():
         env.process(arrivals(env, rng, rho, 1, customers, lambda _: customer()))
         env.run(env.process(sampler()))
         rate_per_ns = customers / env.now
-        return np.mean(queues) / (rate_per_ns * np.mean(waits)), processor.busy_ns / (customers * SERVICE_NS)
+        return np.mean(queues) / (rate_per_ns * np.mean(waits)), processor.busy_ns / (
+            customers * SERVICE_NS
+        )
 
     little = replicate(lambda rng: experiment(rng)[0], replications=20, seed=6)
     assert equivalent(little, expected=1.0, margin=0.02)
@@ -169,8 +179,12 @@ def test_time_in_use_counts_the_job_in_service():
 
 
 def image(number: int, stamp_ns: int) -> Image:
-    frame = TraceFrame("02", number, stamp_ns, 1242, 375, 1_397_297, str(number), number, POSE, FOV_RAD, ())
-    return Image(Header(stamp_ns, "camera_02", "car1"), 1_397_297, str(number), number, POSE, FOV_RAD, frame)
+    frame = TraceFrame(
+        "02", number, stamp_ns, 1242, 375, 1_397_297, str(number), number, POSE, FOV_RAD, ()
+    )
+    return Image(
+        Header(stamp_ns, "camera_02", "car1"), 1_397_297, str(number), number, POSE, FOV_RAD, frame
+    )
 
 
 def detector_run(rng: np.random.Generator, rho: float, queue_length: int, images: int):
@@ -189,7 +203,9 @@ def detector_run(rng: np.random.Generator, rho: float, queue_length: int, images
             answered.append(answer.header.stamp_ns)
             waits.append(env.now - answer.header.stamp_ns - SERVICE_NS)
 
-    graph = Graph(host, queue_length, lambda message, where: dropped.append(message.header.stamp_ns))
+    graph = Graph(
+        host, queue_length, lambda message, where: dropped.append(message.header.stamp_ns)
+    )
     detector = Detector("detector", graph, ("/image_raw",), ("/objects",))
     graph.subscribe("/objects", Consumer())
 
@@ -199,7 +215,9 @@ def detector_run(rng: np.random.Generator, rho: float, queue_length: int, images
     env.process(arrivals(env, rng, rho, 1, images, come))
     env.run()
     assert detector.completed == len(answered) and detector.drops == len(dropped)
-    assert len(answered) + len(dropped) == images, "published = answered + dropped, nothing is in flight any more"
+    assert len(answered) + len(dropped) == images, (
+        "published = answered + dropped, nothing is in flight any more"
+    )
     return answered, dropped, waits
 
 
@@ -234,11 +252,15 @@ def test_detector_answers_in_order_and_takes_the_newest():
     rng = np.random.default_rng(1)
     answered, dropped, waits = detector_run(rng, rho=3.0, queue_length=1, images=500)
     assert answered == sorted(answered)
-    assert max(waits) < SERVICE_NS, "the one that waits is pushed out by newer ones, so none waits for two"
+    assert max(waits) < SERVICE_NS, (
+        "the one that waits is pushed out by newer ones, so none waits for two"
+    )
     dropped_ns = np.array(dropped)
     begins_ns = [stamp_ns + wait_ns for stamp_ns, wait_ns in zip(answered, waits, strict=True)]
     for stamp_ns, begin_ns in zip(answered, begins_ns, strict=True):
-        assert not ((dropped_ns > stamp_ns) & (dropped_ns < begin_ns)).any(), "a newer image was thrown away"
+        assert not ((dropped_ns > stamp_ns) & (dropped_ns < begin_ns)).any(), (
+            "a newer image was thrown away"
+        )
 
 
 def test_a_link_with_poisson_messages_matches_m_d_1():
@@ -257,7 +279,11 @@ def test_a_link_with_poisson_messages_matches_m_d_1():
             for number in range(6000):
                 yield env.timeout(round(rng.exponential(wire_ns / rho)))
                 came_ns.append(env.now)
-                link.send("images", image(number, env.now), lambda: waits.append(env.now - came_ns.popleft() - wire_ns))
+                link.send(
+                    "images",
+                    image(number, env.now),
+                    lambda: waits.append(env.now - came_ns.popleft() - wire_ns),
+                )
 
         env.process(publisher())
         env.run()

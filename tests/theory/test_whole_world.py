@@ -35,7 +35,9 @@ RHO = 0.7
 
 def squared_variation(law: ServiceTime) -> float:
     """Variance over squared mean of median (loc + (1 - loc) exp(sigma Z))."""
-    variance = (law.median_ns * (1 - law.loc)) ** 2 * math.expm1(law.sigma**2) * math.exp(law.sigma**2)
+    variance = (
+        (law.median_ns * (1 - law.loc)) ** 2 * math.expm1(law.sigma**2) * math.exp(law.sigma**2)
+    )
     return variance / law.mean_ns**2
 
 
@@ -56,7 +58,9 @@ def test_the_law_in_use_is_log_normal_and_spread():
     """Else the tests below would be those of M/D/1."""
     law = device().detector_time
     assert not law.quantiles_ns and 0 < law.loc < 1 and squared_variation(law) > 0.01
-    drawn = np.fromiter((law.sample(rng) for rng in [np.random.default_rng(1)] for _ in range(200_000)), float)
+    drawn = np.fromiter(
+        (law.sample(rng) for rng in [np.random.default_rng(1)] for _ in range(200_000)), float
+    )
     assert drawn.mean() == pytest.approx(law.mean_ns, rel=0.005)
     assert drawn.var() / drawn.mean() ** 2 == pytest.approx(squared_variation(law), rel=0.05)
 
@@ -82,12 +86,16 @@ def test_detections_on_a_host_match_m_g_1():
         return float(np.mean(took[WARM_UP:])) / law.mean_ns
 
     took = replicate(experiment, replications=30, seed=11)
-    assert equivalent(took, expected=1 + pollaczek_khinchine(RHO, squared_variation(law)), margin=0.08)
+    assert equivalent(
+        took, expected=1 + pollaczek_khinchine(RHO, squared_variation(law)), margin=0.08
+    )
 
 
 def at_random(rng: np.random.Generator, rate_per_s: float) -> Trace:
     """Frames that come as a Poisson process."""
-    stamps_ns = np.cumsum(np.maximum(rng.exponential(NS_PER_S / rate_per_s, FRAMES).astype(np.int64), 1))
+    stamps_ns = np.cumsum(
+        np.maximum(rng.exponential(NS_PER_S / rate_per_s, FRAMES).astype(np.int64), 1)
+    )
     one = street(seconds=0.1, recordings=("02",)).frames["02"][0]
     frames = [
         replace(one, index=index, stamp_ns=int(stamp_ns), digest=str(index), detections=())
@@ -126,7 +134,8 @@ def worlds(method: str, replications: int) -> tuple[dict[str, float], ...]:
                 "rate_per_ns": FRAMES / end_ns,
                 "service_ns": used["busy_ns"] / used["completed"],
                 "utilization": used["busy_ns"] / used["t_ns"],
-                "link": sum(samples[samples["resource"] == "car1->edge1"]["busy_ns"].iloc[-1:]) / end_ns,
+                "link": sum(samples[samples["resource"] == "car1->edge1"]["busy_ns"].iloc[-1:])
+                / end_ns,
             }
         )
         return 0.0
@@ -138,7 +147,9 @@ def worlds(method: str, replications: int) -> tuple[dict[str, float], ...]:
 def test_a_world_under_local_matches_m_g_1():
     law = device().detector_time
     expected = 1 + pollaczek_khinchine(RHO, squared_variation(law))
-    assert equivalent([one["response"] for one in worlds("local", 24)], expected=expected, margin=0.06)
+    assert equivalent(
+        [one["response"] for one in worlds("local", 24)], expected=expected, margin=0.06
+    )
 
 
 def test_little_s_law_holds_in_a_world():
@@ -154,7 +165,10 @@ def test_little_s_law_holds_in_a_world():
 def test_the_utilization_law_holds_in_a_world(method: str, replications: int):
     """Of the accelerator that detects: its use, sampled, against the frames' rate times the mean of its law."""
     service_ns = device().detector_time.mean_ns
-    ratios = [one["utilization"] / (one["rate_per_ns"] * service_ns) for one in worlds(method, replications)]
+    ratios = [
+        one["utilization"] / (one["rate_per_ns"] * service_ns)
+        for one in worlds(method, replications)
+    ]
     assert equivalent(ratios, expected=1.0, margin=0.02)
 
 

@@ -52,11 +52,15 @@ class SimilarityCache(MessageCache):
         nearest = self.near(key, 1, now_ns, self.reach)
         return nearest[0][1] if nearest else None
 
-    def near(self, key: Key, count: int, now_ns: int, radius: float = math.inf) -> list[tuple[float, Key]]:
+    def near(
+        self, key: Key, count: int, now_ns: int, radius: float = math.inf
+    ) -> list[tuple[float, Key]]:
         """The nearest keys whose time is not over, as ``Nearest.near``."""
         found = self.keys.near(key, count, radius)
         expires_ns = self._eviction.expires_ns
-        old = [one for _, one in found if (end_ns := expires_ns(one)) is not None and end_ns <= now_ns]
+        old = [
+            one for _, one in found if (end_ns := expires_ns(one)) is not None and end_ns <= now_ns
+        ]
         for one in old:
             self._remove(one)
         return self.near(key, count, now_ns, radius) if old else found
@@ -74,7 +78,11 @@ class SimilarityCache(MessageCache):
     def seen(self, answers: Iterable[Answer], pose: CameraPose) -> "Objects":
         """The objects of answers to a request from ``pose``, in places that are comparable between requests."""
         there = ORIGIN if self._replay == "world" else pose
-        return objects(tuple(placed(one for each in answers for one in moved(each, there, ORIGIN).objects or ())))
+        return objects(
+            tuple(
+                placed(one for each in answers for one in moved(each, there, ORIGIN).objects or ())
+            )
+        )
 
     def held(self, key: Key) -> "Objects":
         """The same of the stored answers of a key."""
@@ -118,7 +126,11 @@ def moved(answer: Answer, there: CameraPose, here: CameraPose) -> Answer:
             return one
         east_m, north_m, up_m = one.location
         east_m, north_m, up_m = east_m - there.east_m, north_m - there.north_m, up_m - there.up_m
-        at = here.east_m + c * east_m - s * north_m, here.north_m + s * east_m + c * north_m, here.up_m + up_m
+        at = (
+            here.east_m + c * east_m - s * north_m,
+            here.north_m + s * east_m + c * north_m,
+            here.up_m + up_m,
+        )
         return Detection(one.label, one.score, one.box, at, one.confidence, one.method, one.motion)
 
     return answer.with_objects([place(one) for one in answer.objects])
@@ -142,7 +154,11 @@ def cache_node(
 ) -> GenieNode:
     """A node that takes over a detector's topics with a cache alone: requests wait for the first answer, misses go to
     the detector and up, equal ones coalesce (``pending`` says which are equal). ``changes`` are other rules."""
-    usual: dict[str, Any] = {"share_answers": "on_request", "miss_policy": "blocking", "pending_index": "across_topics"}
+    usual: dict[str, Any] = {
+        "share_answers": "on_request",
+        "miss_policy": "blocking",
+        "pending_index": "across_topics",
+    }
     usual["car_learns"] = "all"
     mine = replace(rules, **(usual | changes))
     waiting = PendingIndex(lambda header: header, pending)

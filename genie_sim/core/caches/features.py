@@ -13,13 +13,17 @@ from genie_sim.seeds import stream
 
 DIMENSION = 64
 UNIT = 254.0
-Vector = npt.NDArray[np.float32]  # (64,), whole numbers; sums of 64 squares of them are exact in float32
+Vector = npt.NDArray[
+    np.float32
+]  # (64,), whole numbers; sums of 64 squares of them are exact in float32
 
 
 @functools.cache
 def _signs(length: int) -> npt.NDArray[np.float64]:
     """The projection (64, length) of vectors of this length: a sign for each pair (D. Achlioptas, JCSS 2003)."""
-    drawn: npt.NDArray[np.float64] = stream(0, "feature projection", length).choice([-1.0, 1.0], (DIMENSION, length))
+    drawn: npt.NDArray[np.float64] = stream(0, "feature projection", length).choice(
+        [-1.0, 1.0], (DIMENSION, length)
+    )
     return drawn
 
 

@@ -98,14 +98,26 @@ class Nearest:
             squares[mine] = np.inf
         return self._first(np.arange(used), squares, count, radius)
 
-    def _first(self, slots: Slots, squares: Vector, count: int, radius: float) -> list[tuple[float, Key]]:
+    def _first(
+        self, slots: Slots, squares: Vector, count: int, radius: float
+    ) -> list[tuple[float, Key]]:
         """Of the keys in these slots, so far away each (squared), the ``count`` nearest; infinity is none."""
         most = min((radius * UNIT) ** 2, MOST)
         if count < len(slots):
-            most = min(most, float(squares.min() if count == 1 else np.partition(squares, count - 1)[count - 1]))
+            most = min(
+                most,
+                float(squares.min() if count == 1 else np.partition(squares, count - 1)[count - 1]),
+            )
         near = np.flatnonzero(squares <= most)
-        ordered = near if len(near) < 2 else near[np.lexsort((self._born[slots[near]], squares[near]))][:count]
-        held = [(float(np.sqrt(squares[one])) / UNIT, self._keys[slots[one]]) for one in ordered.tolist()]
+        ordered = (
+            near
+            if len(near) < 2
+            else near[np.lexsort((self._born[slots[near]], squares[near]))][:count]
+        )
+        held = [
+            (float(np.sqrt(squares[one])) / UNIT, self._keys[slots[one]])
+            for one in ordered.tolist()
+        ]
         return [(distance, one) for distance, one in held if one is not None]
 
     def _grow(self) -> None:

@@ -57,7 +57,11 @@ class Existence(Tracks):
         p = self._predicted(one, header.stamp_ns)
         one.log_survival = self._log_survival(one)
         if one.sightings == 1:
-            one.existence = self.laws.first(score) if self._ipda else min(max(score, AUTOWARE_LEAST), AUTOWARE_MOST)
+            one.existence = (
+                self.laws.first(score)
+                if self._ipda
+                else min(max(score, AUTOWARE_LEAST), AUTOWARE_MOST)
+            )
             return
         ratio = self.laws.ratio(score) if self._ipda else 0.9 * score / 0.2
         one.existence = p * ratio / (1.0 - p + p * ratio)

@@ -40,10 +40,15 @@ def _between(table: Sequence[float], place: float) -> float:
 
 def _assumed_found(near: float) -> tuple[float, ...]:
     """Falls from 20 m on, in a straight line, to a fifth."""
-    return tuple(max(0.2, near * min(1.0, 1.0 - (range_m - 20.0) / 30.0)) for range_m in range(0, 61, 10))
+    return tuple(
+        max(0.2, near * min(1.0, 1.0 - (range_m - 20.0) / 30.0)) for range_m in range(0, 61, 10)
+    )
 
 
 _TENTHS = tuple(i / 10 for i in range(11))
 ASSUMED = DetectorLaws(
-    _assumed_found(0.9), _assumed_found(0.8), tuple(0.9 * score / FALSE_SHARE for score in _TENTHS), _TENTHS
+    _assumed_found(0.9),
+    _assumed_found(0.8),
+    tuple(0.9 * score / FALSE_SHARE for score in _TENTHS),
+    _TENTHS,
 )

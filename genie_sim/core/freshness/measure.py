@@ -74,14 +74,23 @@ def measured(looks: Iterable[Look]) -> DetectorLaws:
 
 
 def _found(records: list[_Record], assumed: Iterable[float]) -> tuple[float, ...]:
-    looked = [(min(round(range_m / RANGE_STEP_M), 9), found) for one in records for range_m, found in one.looks]
-    looks, hits = Counter(place for place, _ in looked), Counter(place for place, found in looked if found)
+    looked = [
+        (min(round(range_m / RANGE_STEP_M), 9), found)
+        for one in records
+        for range_m, found in one.looks
+    ]
+    looks, hits = (
+        Counter(place for place, _ in looked),
+        Counter(place for place, found in looked if found),
+    )
     return tuple((hits[i] + WORTH * prior) / (looks[i] + WORTH) for i, prior in enumerate(assumed))
 
 
 def _ratios(real: list[_Record], false: list[_Record]) -> tuple[float, ...]:
     """How likely a look finds a real object with such a score, over how likely it finds a false one."""
-    of_real, of_false = (_by_score(score for one in each for score in one.scores[1:]) for each in (real, false))
+    of_real, of_false = (
+        _by_score(score for one in each for score in one.scores[1:]) for each in (real, false)
+    )
     real_looks, false_looks = (sum(len(one.looks) for one in each) for each in (real, false))
     false_prior, ratios = WORTH * 0.2 / SCORES, []
     for i, prior in enumerate(ASSUMED.ratios):
@@ -94,7 +103,8 @@ def _firsts(real: list[_Record], false: list[_Record]) -> tuple[float, ...]:
     """Which share of what was found with such a score for the first time was real."""
     right, wrong = (_by_score(one.scores[0] for one in each) for each in (real, false))
     return tuple(
-        (right[i] + WORTH * prior) / (right[i] + wrong[i] + WORTH) for i, prior in enumerate(ASSUMED.firsts)
+        (right[i] + WORTH * prior) / (right[i] + wrong[i] + WORTH)
+        for i, prior in enumerate(ASSUMED.firsts)
     )
 
 

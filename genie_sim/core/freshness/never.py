@@ -15,7 +15,9 @@ class Never:
     ``tracks`` have the other attributes of ``tracking.Track``, too.
     """
 
-    tracks: ClassVar[bool] = False  # objects move with a constant velocity, and looks travel with answers
+    tracks: ClassVar[bool] = (
+        False  # objects move with a constant velocity, and looks travel with answers
+    )
     by_existence: ClassVar[bool] = False  # ``p_min`` decides what leaves, and not C_T
     p_min: float = 0.0
     laws: DetectorLaws = ASSUMED  # what the detector is like; set by whoever makes the Genie
@@ -43,7 +45,9 @@ def positive(**values_ns: int) -> None:
     """Raises ``ValueError`` for a time that is not more than zero."""
     for name, value_ns in values_ns.items():
         if value_ns <= 0:
-            raise ValueError(f"{name.removesuffix('_ns')}: must be more than zero, but is {value_ns:g} ns")
+            raise ValueError(
+                f"{name.removesuffix('_ns')}: must be more than zero, but is {value_ns:g} ns"
+            )
 
 
 def probability(**values: float) -> None:

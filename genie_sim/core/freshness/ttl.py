@@ -30,7 +30,10 @@ class ClassTtl(Never):
     after the last sighting."""
 
     def __init__(
-        self, parked_ns: int = 300_000_000_000, moving_ns: int = 1_000_000_000, person_ns: int = 500_000_000
+        self,
+        parked_ns: int = 300_000_000_000,
+        moving_ns: int = 1_000_000_000,
+        person_ns: int = 500_000_000,
     ) -> None:
         positive(parked_ns=parked_ns, moving_ns=moving_ns, person_ns=person_ns)
         self._parked_ns, self._moving_ns, self._person_ns = parked_ns, moving_ns, person_ns

@@ -36,7 +36,9 @@ class Wire:
         if not 0 <= self.loss <= 1:
             raise ValueError(f"loss: must be from 0 to 1, but is {self.loss:g}")
         if self.mtu_payload_bytes <= 0:
-            raise ValueError(f"mtu_payload: must be more than zero, but is {size_text(self.mtu_payload_bytes)}")
+            raise ValueError(
+                f"mtu_payload: must be more than zero, but is {size_text(self.mtu_payload_bytes)}"
+            )
 
     def wire_bits(self, size_bytes: int) -> int:
         """What a message of ``size_bytes`` takes on the wire: every segment has its overhead."""
@@ -60,7 +62,9 @@ class WireChannel:
         self._wire = wire
         self._rate_bps = rate_bps
         self._rng = rng
-        self._delays_ns = chain.from_iterable(_delays_ns(wire, rng)) if wire.jitter_ns else repeat(wire.delay_ns)
+        self._delays_ns = (
+            chain.from_iterable(_delays_ns(wire, rng)) if wire.jitter_ns else repeat(wire.delay_ns)
+        )
         self._occupied_ns: dict[int, int] = {}  # by the message's size
 
     def occupied_ns(self, size_bytes: int, now_ns: int) -> int:
@@ -78,5 +82,7 @@ class WireChannel:
         if wire.loss:
             if self._rng.random() < wire.loss:
                 return None
-            return wire.delay_ns + (int(self._rng.integers(wire.jitter_ns + 1)) if wire.jitter_ns else 0)
+            return wire.delay_ns + (
+                int(self._rng.integers(wire.jitter_ns + 1)) if wire.jitter_ns else 0
+            )
         return next(self._delays_ns)

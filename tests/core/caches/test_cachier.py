@@ -74,7 +74,9 @@ def test_the_capacity_counts_too():
 
 def test_what_becomes_popular_takes_the_place_of_what_was():
     cache = warm(21 * MS)
-    assert not asked(cache, 1.2, 5 * S) and cache.size == 1  # 1 is at 2.5, and stays; a few more, and it is 4's time
+    assert (
+        not asked(cache, 1.2, 5 * S) and cache.size == 1
+    )  # 1 is at 2.5, and stays; a few more, and it is 4's time
     for step in range(3):
         asked(cache, 1.2, 6 * S + step * 100 * MS)
     assert [asked(cache, place, 7 * S) for place in (1.2, 0.3)] == [True, False]
@@ -93,7 +95,9 @@ def test_counts_grow_old_and_are_forgotten():
 def test_near_ones_are_one_and_the_newest_stands_for_them():
     cache = Cachier(None, 0.1, 0, 5 * S)
     first, again = at(0.0), at(0.05)
-    assert cache.get(first, 0) is None and cache.get(again, 10 * MS) is None  # before the first answer
+    assert (
+        cache.get(first, 0) is None and cache.get(again, 10 * MS) is None
+    )  # before the first answer
     cache.put(first, TOPIC, answer(1.0), 80 * MS)
     assert cache.popularity.counts == {first: 2.0}
     cache.put(again, TOPIC, answer(2.0), 90 * MS)

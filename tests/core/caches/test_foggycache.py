@@ -19,7 +19,12 @@ def reuse_and_accuracy(theta: float, seed: int) -> tuple[float, float]:
         true = 100.0 * (place // 0.2)
         found = cache.get(at(place), now)
         if found is None:
-            cache.put(at(place), TOPIC, answer(true if rng.random() > 0.125 else rng.uniform(5e3, 9e3)), now)
+            cache.put(
+                at(place),
+                TOPIC,
+                answer(true if rng.random() > 0.125 else rng.uniform(5e3, 9e3)),
+                now,
+            )
         else:
             hits += 1
             right += found[TOPIC].objects[0].location[0] == true
@@ -28,7 +33,9 @@ def reuse_and_accuracy(theta: float, seed: int) -> tuple[float, float]:
 
 def test_with_theta_accuracy_rises_and_reuse_falls():
     thetas = (0.5, 0.8, 0.95)
-    found = np.mean([[reuse_and_accuracy(theta, seed) for theta in thetas] for seed in range(3)], axis=0)
+    found = np.mean(
+        [[reuse_and_accuracy(theta, seed) for theta in thetas] for seed in range(3)], axis=0
+    )
     reuse, accuracy = found[:, 0], found[:, 1]
     assert reuse[0] > reuse[1] + 0.02 > reuse[2] + 0.04
     assert accuracy[0] < accuracy[1] <= accuracy[2]
@@ -44,7 +51,9 @@ def test_a_vote_needs_two_and_the_largest_cluster_wins():
     cache.put(at(0.02), TOPIC, answer(50.0), 3)
     assert cache.get(at(0.02), 4) is not None, "2 / sqrt(5) is 0.89"
     cache.put(at(0.03), TOPIC, answer(50.0), 5)
-    assert cache.get(at(0.02), 6) == {TOPIC: answer(50.0)}, "2 / sqrt(8) is 0.707, and the nearest of the first cluster"
+    assert cache.get(at(0.02), 6) == {TOPIC: answer(50.0)}, (
+        "2 / sqrt(8) is 0.707, and the nearest of the first cluster"
+    )
     cache.put(at(0.04), TOPIC, answer(90.0), 7)
     assert cache.get(at(0.02), 8) is None, "2 / sqrt(9) is less"
 
@@ -70,5 +79,3 @@ def test_hashing_finds_most_neighbours_and_looks_at_few(width: float):
     assert len(hashed) == 100
     assert sum(len(bucket) for table in hashed._tables for bucket in table.values()) == 4 * 100
     assert all(one in keys[700:] for _, one in hashed.near(keys[0], 50))
-
-

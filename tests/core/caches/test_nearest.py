@@ -25,7 +25,11 @@ def test_near_keys_are_those_of_the_definition_through_growth_and_removal():
         else:
             held.append(key(*rng.integers(-9, 9, 3), stream="left" if step % 3 else "right"))
             store.add(held[-1])
-        asked, count, radius = key(*rng.integers(-9, 9, 3), stream="left"), int(rng.integers(1, 5)), 8 / UNIT
+        asked, count, radius = (
+            key(*rng.integers(-9, 9, 3), stream="left"),
+            int(rng.integers(1, 5)),
+            8 / UNIT,
+        )
         expected = sorted(
             ((float(np.linalg.norm(one.vector - asked.vector)) / UNIT, born, one) for born, one in enumerate(held)
              if one.stream == "left"),
@@ -34,7 +38,9 @@ def test_near_keys_are_those_of_the_definition_through_growth_and_removal():
         expected = [(distance, one) for distance, _, one in expected if distance <= radius][:count]
         found = store.near(asked, count, radius)
         assert [one for _, one in found] == [one for _, one in expected]
-        assert [distance for distance, _ in found] == pytest.approx([distance for distance, _ in expected])
+        assert [distance for distance, _ in found] == pytest.approx(
+            [distance for distance, _ in expected]
+        )
     assert len(store) == len(held)
 
 
@@ -79,7 +85,9 @@ def test_an_answer_moves_with_its_camera():
     here = CameraPose(100.0, 50.0, 1.6, math.pi / 2)
     (one,) = moved(answer(10.0), HERE, here).objects
     assert one.location == pytest.approx((100.0, 60.0, 0.8))
-    aside = CameraPose(0.0, -3.0, 1.6, 0.0)  # 3 m to the right of where it was: the car is 3 m to its left
+    aside = CameraPose(
+        0.0, -3.0, 1.6, 0.0
+    )  # 3 m to the right of where it was: the car is 3 m to its left
     (one,) = moved(answer(10.0), aside, here).objects
     assert one.location == pytest.approx((97.0, 60.0, 0.8))
     assert moved(answer(10.0), HERE, HERE) == answer(10.0)

@@ -43,7 +43,9 @@ def header(number: int) -> Header:
     return Header(number * 100 * MS, "front", "car1")
 
 
-def drive(scheduler: Scheduler, frames: int, local_ms: int, remote_ms: float, per_byte_ns: int = 0) -> list[list]:
+def drive(
+    scheduler: Scheduler, frames: int, local_ms: int, remote_ms: float, per_byte_ns: int = 0
+) -> list[list]:
     """The ways of each frame, where both answer before the next one."""
     chosen = []
     for number in range(frames):
@@ -51,7 +53,9 @@ def drive(scheduler: Scheduler, frames: int, local_ms: int, remote_ms: float, pe
         one = header(number)
         ways = scheduler.choose(one, 1000, now_ns)
         for way in ways:
-            took_ms = local_ms if way.route == "local" else remote_ms + per_byte_ns * way.size_bytes / MS
+            took_ms = (
+                local_ms if way.route == "local" else remote_ms + per_byte_ns * way.size_bytes / MS
+            )
             scheduler.answered(way.route, one, now_ns + round(took_ms * MS))
         chosen.append([(way.route, way.size_bytes) for way in ways])
     return chosen
@@ -83,7 +87,11 @@ def test_frames_that_wait_for_the_own_detector_make_it_later():
     (first,) = {way.route for way in scheduler.choose(header(0), 1000, 0)} - {"remote"}
     scheduler.answered(first, header(0), 150 * MS)
     scheduler.answered("remote", header(0), 350 * MS)
-    assert [scheduler.choose(header(n), 1000, 500 * MS)[0].route for n in (1, 2, 3)] == ["local", "local", "remote"]
+    assert [scheduler.choose(header(n), 1000, 500 * MS)[0].route for n in (1, 2, 3)] == [
+        "local",
+        "local",
+        "remote",
+    ]
 
 
 def test_an_answer_tells_that_earlier_frames_were_dropped_and_later_ones_still_wait():
@@ -91,7 +99,9 @@ def test_an_answer_tells_that_earlier_frames_were_dropped_and_later_ones_still_w
     scheduler.choose(header(0), 1000, 0)
     scheduler.answered("local", header(0), 100 * MS)  # 100 ms each; the edge never answers
     for number in (1, 2, 3):
-        assert [way.route for way in scheduler.choose(header(number), 1000, number * 100 * MS)] == ["local"]
+        assert [way.route for way in scheduler.choose(header(number), 1000, number * 100 * MS)] == [
+            "local"
+        ]
     scheduler.answered("local", header(2), 350 * MS)
     scheduler.answered("local", header(1), 360 * MS)  # nobody waits for it any more
     assert scheduler._sent["local"].keys() == {header(3)}

@@ -16,7 +16,10 @@ def learned(boundary: float, seed: int, **settings: float) -> list[float]:
     """The threshold after each miss: requests on a line whose answer changes at every multiple of the boundary, so two
     that are farther apart never agree."""
     rng = np.random.default_rng(seed)
-    cache, found = Potluck(None, np.random.default_rng(seed + 100), warm=20, ttl_ns=10**15, **settings), []
+    cache, found = (
+        Potluck(None, np.random.default_rng(seed + 100), warm=20, ttl_ns=10**15, **settings),
+        [],
+    )
     for now, place in enumerate(rng.uniform(0.0, 6.0, 1500)):
         one = at(place)
         if cache.get(one, now) is None:
@@ -33,7 +36,9 @@ def test_the_threshold_settles_below_the_boundary_and_in_proportion_to_it(bounda
 
 
 def test_a_wider_boundary_gives_a_wider_threshold():
-    narrow, wide = (np.mean([np.mean(learned(b, seed)[-60:]) for seed in range(4)]) for b in (0.05, 0.4))
+    narrow, wide = (
+        np.mean([np.mean(learned(b, seed)[-60:]) for seed in range(4)]) for b in (0.05, 0.4)
+    )
     assert wide > 2 * narrow
 
 
@@ -61,5 +66,7 @@ def test_what_saves_least_per_byte_goes_first():
     cache.put(at(0.0), TOPIC, answer(1.0), 0)
     cache.put(at(1.0), TOPIC, answer(1.0, 9.0, 20.0), 1)
     cache.get(at(1.0), 2)
-    cache.put(at(2.0), TOPIC, answer(), 3)  # two uses of the large one are less per byte than one of the small one
+    cache.put(
+        at(2.0), TOPIC, answer(), 3
+    )  # two uses of the large one are less per byte than one of the small one
     assert [cache.get(at(x), 4) is not None for x in (0.0, 1.0, 2.0)] == [True, False, True]

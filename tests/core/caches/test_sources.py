@@ -48,13 +48,17 @@ def ttl_approximation(places: np.ndarray, rates: np.ndarray, capacity: int, reac
     def nobody_else(held: np.ndarray) -> np.ndarray:
         """Nothing within reach is held, given that the item itself is not."""
         free = 1.0 - held
-        return np.maximum(1.0 - left @ held / free, 0.0) * np.maximum(1.0 - right @ held / free, 0.0)
+        return np.maximum(1.0 - left @ held / free, 0.0) * np.maximum(
+            1.0 - right @ held / free, 0.0
+        )
 
     def refreshed(held: np.ndarray) -> np.ndarray:
         found = rates.copy()
         for i, others in enumerate(takes):
             for j, nearer in others:
-                taken = sum(held[k] / max(1.0 - held[inside[k] & inside[i]].sum(), 0.05) for k in nearer)
+                taken = sum(
+                    held[k] / max(1.0 - held[inside[k] & inside[i]].sum(), 0.05) for k in nearer
+                )
                 found[i] += rates[j] * max(1.0 - taken, 0.0)
         return found
 
@@ -83,7 +87,9 @@ def test_hits_of_sim_lru_are_those_of_its_ttl_approximation(capacity: int, reach
 
 @pytest.mark.parametrize("capacity", [1, 7, 40])
 def test_at_radius_nought_it_is_lru_to_the_hit(capacity: int):
-    libcachesim = pytest.importorskip("libcachesim", reason="needs libcachesim: pip install 'genie-sim[test]'")
+    libcachesim = pytest.importorskip(
+        "libcachesim", reason="needs libcachesim: pip install 'genie-sim[test]'"
+    )
     _, asked = requests(80, 3_000, seed=capacity)
     reference = libcachesim.LRU(cache_size=capacity, hashpower=12)
     expected = [reference.get(libcachesim.Request(obj_id=int(item), obj_size=1)) for item in asked]
