@@ -1,10 +1,11 @@
-"""How much the settings around a network move its average precision on drive 0005: a table, one line a setting.
+"""How much the settings around a network move its average precision on drive 0005: a table, one
+line a setting.
 
     GENIE_SIM_KITTI=... GENIE_SIM_WEIGHTS=... python benchmarks/accuracy.py [--detector yolox_nano]
 
-The first line is what ``genie-sim perceive --evaluate`` does; each other one changes what its name says. Precision and
-recall are those from a score of 0.3 on. A network is run once on each picture, and once more with the picture in the
-middle of its letter box instead of at its top.
+The first line is what ``genie-sim perceive --evaluate`` does; each other one changes what its name
+says. Precision and recall are those from a score of 0.3 on. A network is run once on each picture,
+and once more with the picture in the middle of its letter box instead of at its top.
 """
 
 from __future__ import annotations
@@ -16,13 +17,13 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
+from genie_sim.analysis.text_table import markdown
+from genie_sim.classes import CANONICAL, ROAD_LABELS
 from genie_sim.perception.detector import make_detector
 from genie_sim.perception.evaluation import evaluate
 from genie_sim.perception.kitti import KittiDrive, open_drive, read_image
 from genie_sim.perception.onnx_detector import (
     GREY,
-    ROAD_LABELS,
-    SAME_OBJECT,
     OnnxDetector,
     Scored,
     best_boxes,
@@ -41,7 +42,7 @@ class Setting(NamedTuple):
 
     name: str
     iou: float = 0.30
-    same_object: Mapping[str, str] = SAME_OBJECT
+    same_object: Mapping[str, str] = CANONICAL
     lowest_score: float = LOWEST_SCORE
     middle: bool = False
 
@@ -69,18 +70,18 @@ def main() -> None:
     drive = open_drive(kitti_folder(None), DRIVE, [CAMERA])
     scored = {middle: run(detector, drive, middle) for middle in (False, True)}
     truth = None
-    print(
-        f"| {detector.name} | vehicles | precision, recall | persons | precision, recall |\n|---|---|---|---|---|"
-    )
+    heads = [detector.name, "vehicles", "precision, recall", "persons", "precision, recall"]
+    rows = []
     for setting in SETTINGS:
         trace = as_trace(detector, drive, scored[setting.middle], setting)
         truth = truth or read_truth(kitti_folder(None), LABELS, trace)
         judged = evaluate(trace, truth, 0.3)
-        cells = [
-            f"{group.average_precision():.3f} | {', '.join(f'{share:.2f}' for share in group.precision_recall(0.3))}"
-            for group in judged.groups.values()
-        ]
-        print(f"| {setting.name} | {' | '.join(cells)} |")
+        cells = [setting.name]
+        for group in judged.groups.values():
+            precision, recall = group.precision_recall(0.3)
+            cells += [f"{group.average_precision():.3f}", f"{precision:.2f}, {recall:.2f}"]
+        rows.append(cells)
+    print(markdown(heads, rows))
 
 
 def run(detector: OnnxDetector, drive: KittiDrive, middle: bool) -> list[Scored]:
@@ -112,16 +113,31 @@ def as_trace(
     frames = []
     for frame, (boxes, scores) in zip(drive.frames[CAMERA], scored, strict=True):
         found = best_boxes(
-            boxes, scores, setting.lowest_score, detector.labels, setting.iou, setting.same_object
+            boxes,
+            scores,
+            setting.lowest_score,
+            detector.labels,
+            iou=setting.iou,
+            same_object=setting.same_object,
         )
-        kept = [detection(label, score, box, None, "none") for label, score, box in found]
+        kept = [detection(label, score, box, None, method="none") for label, score, box in found]
         stamp_ns, pose, size = (
             frame.stamp_ns - drive.first_stamp_ns,
             frame.world_SE3_camera,
             (1242, 375),
         )
         frames.append(
-            trace_frame(CAMERA, frame.index, stamp_ns, size, ("", 0), pose, frame.intrinsics, kept)
+            trace_frame(
+                camera=CAMERA,
+                index=frame.index,
+                stamp_ns=stamp_ns,
+                size=size,
+                digest="",
+                dhash=0,
+                world_SE3_camera=pose,
+                intrinsics=frame.intrinsics,
+                detections=kept,
+            )
         )
     return Trace(detector.name, drive.origin, {CAMERA: tuple(frames)}, {})
 

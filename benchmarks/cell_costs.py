@@ -1,9 +1,10 @@
-"""What a million cars would cost, from what one machine measures of a few: time, memory and disk, cell by cell.
+"""What a million cars would cost, from what one machine measures of a few: time, memory and disk,
+cell by cell.
 
     python benchmarks/cell_costs.py [--quick] [--markdown]
 
-Processor time of one core, memory of processes of their own, sizes of written files. ``--markdown`` writes the tables
-of docs/explanation/million-cars.md anew.
+Processor time of one core, memory of processes of their own, sizes of written files. ``--markdown``
+writes the tables of docs/explanation/million-cars.md anew.
 """
 
 from __future__ import annotations
@@ -32,7 +33,8 @@ from genie_sim.town import Town, TownRules
 FRAMES_A_S = 10
 FLEET_1000: tuple[Record, ...] = ("lookups", "resources", "held")
 CARS, HOUR_S = 1_000_000, 3600
-# What is timed, and the memory of one cell: right at the beginning, when its caches are full, and later.
+# What is timed, and the memory of one cell: right at the beginning, when its caches are full, and
+# later.
 FULL = (
     Setting(3, 3, 180, 30.0),
     Setting(1, 1, 20, 1.0),
@@ -50,10 +52,12 @@ TOWNS = (4, 40)  # blocks each way
 
 @dataclass(frozen=True)
 class Costs:
-    """Processor time [s] of a frame: ``least_s`` of cells apart with the table of frames alone, ``usual_s`` with the
-    tables of ``fleet_1000``, ``jointly_s`` of the whole town with the table of frames alone. ``disk``: written bytes a
-    frame of each table. Memory in bytes: of a ``process`` that has hardly begun, of a ``car`` that has driven for
-    ``filled_s``, of each ``frame`` after that, and of a ``block`` of the town."""
+    """Processor time [s] of a frame: ``least_s`` of cells apart with the table of frames alone,
+    ``usual_s`` with the tables of ``fleet_1000``, ``jointly_s`` of the whole town with the table of
+    frames alone. ``disk``: written bytes a frame of each table. Memory in bytes: of a ``process``
+    that has hardly begun, of a ``car`` that has driven for ``filled_s``, of each ``frame`` after
+    that, and of a ``block`` of the town.
+    """
 
     setting: Setting
     least_s: float
@@ -103,7 +107,7 @@ def measure(sizes: tuple[Setting, Setting, Setting, Setting]) -> Costs:
 
 def _recording(prepared: Prepared, record: tuple[Record, ...]) -> Prepared:
     scenario, expanded = (
-        one.model_copy(update={"record": record}) for one in (prepared.scenario, prepared.expanded)
+        replace(one, record=record) for one in (prepared.scenario, prepared.expanded)
     )
     return replace(prepared, scenario=scenario, expanded=expanded)
 
@@ -117,32 +121,32 @@ def _frame_s(cells: list[Prepared]) -> float:
     frames = 0
     began_s = time.process_time()
     for cell in cells:
-        frames += len(simulate(cell).frames)
+        frames += len(simulate(cell)["frames"])
     return (time.process_time() - began_s) / frames
 
 
 def written(prepared: Prepared) -> dict[str, float]:
     """Bytes a frame of each table that is written, by its name."""
     tables = simulate(prepared)
-    frames = len(tables.frames)
+    frames = len(tables["frames"])
     sizes = {}
     with tempfile.TemporaryDirectory() as folder:
-        for one in tables:
-            if len(one):
-                one.write(Path(folder) / one.name)
-                sizes[one.name] = (Path(folder) / one.name).stat().st_size / frames
+        for name, table in tables.items():
+            if len(table):
+                table.write(Path(folder) / name)
+                sizes[name] = (Path(folder) / name).stat().st_size / frames
     return sizes
 
 
 def resident(setting: Setting) -> int:
-    """The most memory of a process that simulates a town and holds its table of frames. Linux only."""
+    """The peak memory of a process that simulates a town and holds its frames. Linux only."""
     return int(_asked(f"print_resident({setting!r})"))
 
 
 def print_resident(setting: Setting) -> None:
     """Simulates in this process, and prints the most memory that it had, in bytes."""
     tables = simulate(_recording(small_town(setting, 1), ()))
-    assert len(tables.frames) == _frames(setting)
+    assert len(tables["frames"]) == _frames(setting)
     print(_peak_bytes())
 
 
@@ -152,7 +156,9 @@ def _peak_bytes() -> int:
 
 
 def print_town(blocks: int) -> None:
-    """Builds a town in this process, and prints how long it took [s] and the most memory that it had, in bytes."""
+    """Builds a town in this process, and prints how long it took [s] and the most memory that it
+    had, in bytes.
+    """
     began_s = time.process_time()
     _ = Town(TownRules(blocks=(blocks, blocks)), 1).streets  # laid out when asked for
     print(json.dumps([time.process_time() - began_s, _peak_bytes()]))

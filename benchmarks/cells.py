@@ -1,12 +1,13 @@
-r"""What is lost where a town is cut into cells that are simulated by themselves: joint and cut runs of the same cars.
+r"""What is lost where a town is cut into cells that are simulated by themselves: joint and cut runs
+of the same cars.
 
-    python benchmarks/cells.py [--columns 2] [--rows 1] [--cars 40] [--seconds 60] [--seeds 4] [--set PATH=VALUE] \
-        [--markdown]
+    python benchmarks/cells.py [--columns 2] [--rows 1] [--cars 40] [--seconds 60] [--seeds 4] \
+        [--set PATH=VALUE] [--markdown]
 
-A small town of some cells of ``fleet_1000`` is simulated as it is, and again with a part of what crosses the borders
-left out. A cut run has the same cars, frames and detections at the same instants: differences are taken seed by seed.
-The time that a car is in a cell for is a *visit*. ``--markdown`` writes the setting's table in
-docs/explanation/million-cars.md.
+A small town of some cells of ``fleet_1000`` is simulated as it is, and again with a part of what
+crosses the borders left out. A cut run has the same cars, frames and detections at the same
+instants: differences are taken seed by seed. The time that a car is in a cell for is a *visit*.
+``--markdown`` writes the setting's table in docs/explanation/million-cars.md.
 """
 
 from __future__ import annotations
@@ -15,9 +16,8 @@ import argparse
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 import pandas as pd
@@ -28,18 +28,20 @@ from benchmarks.speed_page import DOCS, filled, table
 from genie_sim.analysis import metrics
 from genie_sim.build import Prepared
 from genie_sim.errors import UserError
-from genie_sim.paper.evidence import Values, interval
-from genie_sim.parallel import in_processes, workers_here
+from genie_sim.paper.evidence import interval
+from genie_sim.parallel import workers_here
 from genie_sim.recording.records import Tables
-from genie_sim.recording.results import MethodInfo
+from genie_sim.recording.results import MethodInfo, Metric
 from genie_sim.runner import prepare, simulate
-from genie_sim.scenario.parts import Car, Edge, Route
 from genie_sim.scenario.scenario import load_scenario
+from genie_sim.sim.settings import Car, Edge, Route
+from genie_sim.study.setups import StudySetup, measured, run_id_of
+from genie_sim.study.tasks import Shared
 from genie_sim.units import NS_PER_S
 
 if TYPE_CHECKING:
     from genie_sim.perception.sources import Drive
-    from genie_sim.town.town import Drive as TownDrive
+    from genie_sim.town.town import TownDrive
 
 PAGE = DOCS / "explanation" / "million-cars.md"
 BLOCKS_A_CELL = 3  # each way, and
@@ -50,8 +52,9 @@ JOINT = "joint"
 
 @dataclass(frozen=True)
 class Setting:
-    """What is compared: a town of so many cells, in which every car drives for ``drive_s``. ``overrides``: what is
-    otherwise than in ``fleet_1000``, as for ``--set``."""
+    """What is compared: a town of so many cells, in which every car drives for ``drive_s``.
+    ``overrides``: what is otherwise than in ``fleet_1000``, as for ``--set``.
+    """
 
     columns: int = 2
     rows: int = 1
@@ -67,7 +70,9 @@ class Setting:
 
 @dataclass(frozen=True)
 class Tabled:
-    """What a run, or the runs of several cells together, wrote down. Visits bear the names of their cars."""
+    """What a run, or the runs of several cells together, wrote down. Visits bear the names of their
+    cars.
+    """
 
     frames: pd.DataFrame
     lookups: pd.DataFrame
@@ -76,47 +81,52 @@ class Tabled:
 
 
 @dataclass(frozen=True)
-class Figure:
-    """A metric that is compared: how it is called in the table, and a factor and unit to show it in."""
+class ShownMetric:
+    """A metric that is compared: how it is called in the table, and a factor and unit to show it
+    in.
+    """
 
     text: str
-    name: str
-    role: str
+    metric: str
+    placement: str
     factor: float = 1.0
     unit: str = ""
     digits: int = 1
 
 
-def _share(text: str, name: str, role: str = "genie") -> Figure:
-    return Figure(text, name, role, 100.0, "%")
+def _share(text: str, metric: str, placement: str = "all") -> ShownMetric:
+    return ShownMetric(text, metric, placement, 100.0, "%")
 
 
 GENIE = (MethodInfo("genie", "Genie", baseline=False),)
-FIGURES = (
-    Figure("first answer, mean", "first_answer_mean", "genie", unit="ms", digits=2),
-    Figure("first answer, p99", "first_answer_p99", "genie", unit="ms", digits=2),
-    Figure("fresh answer, mean", "fresh_answer_mean", "genie", unit="ms"),
-    Figure("fresh answer, p95", "fresh_answer_p95", "genie", unit="ms"),
+SHOWN = (
+    ShownMetric("first answer, mean", "first_answer_mean", "all", unit="ms", digits=2),
+    ShownMetric("first answer, p99", "first_answer_p99", "all", unit="ms", digits=2),
+    ShownMetric("fresh answer, mean", "fresh_answer_mean", "all", unit="ms"),
+    ShownMetric("fresh answer, p95", "fresh_answer_p95", "all", unit="ms"),
     _share("frames with a fresh answer", "fresh_answered_share"),
     _share("image reuse, cars", "image_reuse", "car"),
     _share("image reuse, edges", "image_reuse", "edge"),
     _share("object reuse, cars", "object_reuse", "car"),
     _share("object reuse, edges", "object_reuse", "edge"),
-    Figure("confidence boost, cars", "confidence_boost", "car", 1000.0, "‰"),
-    Figure("confidence boost, edges", "confidence_boost", "edge", 1000.0, "‰"),
+    ShownMetric("confidence boost, cars", "confidence_boost", "car", 1000.0, "‰"),
+    ShownMetric("confidence boost, edges", "confidence_boost", "edge", 1000.0, "‰"),
     _share("ghosts among the objects held", "ghost_share"),
     _share("visible objects that are held", "object_recall"),
+    _share("the same, 5 s after a hand-over", "object_recall_after_hand_over"),
 )
+FRAMES_A_S = 10
 AFTER_NS = 5 * NS_PER_S  # how long the frames after a hand-over are looked at by themselves
-AFTER = _share("the same, 5 s after a hand-over", "object_recall")  # last in every row of values
+AFTER_HAND_OVER = "object_recall_after_hand_over"
 
 
 def small_town(setting: Setting, seed: int) -> Prepared:
     """``fleet_1000``, with as many cells and cars as the setting says. Raises ``UserError``."""
+    blocks = BLOCKS_A_CELL * setting.columns, BLOCKS_A_CELL * setting.rows
     settings = (
         f"fleet.cars={setting.cars}",
         f"perception.duration={setting.drive_s} s",
-        f"perception.town.blocks=[{BLOCKS_A_CELL * setting.columns}, {BLOCKS_A_CELL * setting.rows}]",
+        f"perception.town.blocks={list(blocks)}",
         "record=[lookups, held]",
         *setting.overrides,
     )
@@ -135,7 +145,9 @@ def arriving_empty(joint: Prepared) -> Prepared:
 
 
 def apart(joint: Prepared) -> list[Prepared]:
-    """Each cell by itself: its edge, and of each car its visits there. Those are all that a cell is told."""
+    """Each cell by itself: its edge, and of each car its visits there. Those are all that a cell is
+    told.
+    """
     cars, drives = visits(joint)
     found = []
     for edge in _alone(joint):
@@ -155,8 +167,9 @@ def hand_overs(joint: Prepared) -> dict[str, list[tuple[int, str]]]:
 
 
 def visits(joint: Prepared) -> tuple[tuple[Car, ...], dict[str, Drive]]:
-    """Each car once for each time that it is in a cell, with its drive: from one hand-over to the next. A frame that is
-    taken during a hand-over belongs to the new cell."""
+    """Each car once for each time that it is in a cell, with its drive: from one hand-over to the
+    next. A frame that is taken during a hand-over belongs to the new cell.
+    """
     cars: list[Car] = []
     drives: dict[str, Drive] = {}
     handed_over = hand_overs(joint)
@@ -169,20 +182,18 @@ def visits(joint: Prepared) -> tuple[tuple[Car, ...], dict[str, Drive]]:
         until_ns = [*(begin_ns for begin_ns, _ in since[1:]), drive.duration_ns]
         for number, ((begin_ns, edge), end_ns) in enumerate(zip(since, until_ns, strict=True), 1):
             name = car.name if number == 1 else f"{car.name}{VISIT}{number}"
-            route = Route().model_copy(
-                update={"start_ns": drive.start_ns + begin_ns, "window_ns": (begin_ns, end_ns)}
-            )
-            cars.append(car.model_copy(update={"name": name, "edge": edge, "route": route}))
+            route = Route(start_ns=drive.start_ns + begin_ns, window_ns=(begin_ns, end_ns))
+            cars.append(replace(car, name=name, edge=edge, route=route))
             drives[name] = drive
     return tuple(cars), drives
 
 
-def _with(joint: Prepared, **changes: object) -> Prepared:
-    return replace(joint, expanded=joint.expanded.model_copy(update=changes))
+def _with(joint: Prepared, **changes: Any) -> Prepared:
+    return replace(joint, expanded=replace(joint.expanded, **changes))
 
 
 def _alone(joint: Prepared) -> tuple[Edge, ...]:
-    return tuple(edge.model_copy(update={"neighbours": ()}) for edge in joint.expanded.edges)
+    return tuple(replace(edge, neighbours=()) for edge in joint.expanded.edges)
 
 
 CUTS: Mapping[str, Callable[[Prepared], list[Prepared]]] = {
@@ -207,25 +218,12 @@ def together(cells: Sequence[Prepared]) -> Tabled:
 
 def _tabled(tables: Tables) -> Tabled:
     frames, lookups, resources, held = (
-        one.to_frame() for one in (tables.frames, tables.lookups, tables.resources, tables.held)
+        tables[name].to_frame() for name in ("frames", "lookups", "resources", "held")
     )
     for of_cars in (frames, lookups, held):
         of_cars["car"] = of_cars["car"].astype(str).str.partition(VISIT)[0]
     lookups["genie"] = lookups["genie"].astype(str).str.replace(r"\.\d+/", "/", regex=True)
     return Tabled(frames, lookups, resources, held)
-
-
-def figures_of(tabled: Tabled) -> list[float]:
-    """The figures of a run, in the order of ``FIGURES`` and in their units; NaN where one is not defined."""
-    found = {
-        (one.metric, one.method if one.placement == "all" else one.placement): one.value
-        for one in metrics.compute(GENIE, vars(tabled))
-    }
-    values = (found.get((figure.name, figure.role)) for figure in FIGURES)
-    return [
-        np.nan if value is None else value * figure.factor
-        for value, figure in zip(values, FIGURES, strict=True)
-    ]
 
 
 def recall_after_hand_overs(
@@ -241,62 +239,79 @@ def recall_after_hand_overs(
     return float(held["right"][soon].sum()) / visible if visible else np.nan
 
 
-@dataclass(frozen=True)
-class Compared:
-    """``values[cut][seed, figure]``, the last of them ``AFTER``, and the frames and hand-overs of the joint runs."""
+@dataclass(frozen=True, slots=True)
+class CutRun:
+    """The small town with a seed, simulated under one of ``CUTS``."""
 
     setting: Setting
-    values: Mapping[str, Values]
-    frames: int
-    hand_overs: int
+    cut: str
+    seed: int
+
+    @property
+    def run_id(self) -> str:
+        return run_id_of(self.setting, self.cut, self.seed)
+
+    @property
+    def frames(self) -> float:
+        return self.setting.cars * self.setting.drive_s * FRAMES_A_S
+
+    @property
+    def place(self) -> str:
+        return f"{self.cut}, seed {self.seed}"
+
+    def measure(self, shared: Shared, folder: Path) -> dict[str, list[Metric]]:
+        """Genie's metrics, the recall after hand-overs, and counts of frames and hand-overs."""
+        joint = small_town(self.setting, self.seed)
+        tables = together(CUTS[self.cut](joint))
+        passed = hand_overs(joint)
+        recall = recall_after_hand_overs(tables.held, passed)
+        beside = {
+            AFTER_HAND_OVER: None if np.isnan(recall) else recall,
+            "frames": float(len(tables.frames)),
+            "hand_overs": float(sum(map(len, passed.values()))),
+        }
+        found = metrics.compute(GENIE, vars(tables))
+        found += [Metric(name, "genie", "all", "", value, "1") for name, value in beside.items()]
+        return {self.run_id: found}
 
 
-def compare(
-    setting: Setting, seeds: int, workers: int = 1, tell: Callable[[str], None] = lambda _: None
-) -> Compared:
-    """Runs every cut with seeds 1 to ``seeds``; ``tell`` is told what is done."""
-    ran = []
-    for one in in_processes(partial(_of_seed, setting), range(1, seeds + 1), workers):
-        ran.append(one)
-        tell(f"{len(ran)} of {seeds} seeds")
-    values = {cut: np.array([of_cuts[cut] for of_cuts, _, _ in ran]) for cut in CUTS}
-    return Compared(
-        setting, values, sum(frames for _, frames, _ in ran), sum(passed for *_, passed in ran)
+def study(setting: Setting, seeds: int) -> list[StudySetup]:
+    """Every cut with seeds 1 to ``seeds``."""
+    return [
+        StudySetup({"cut": cut, "seed": seed}, CutRun(setting, cut, seed))
+        for seed in range(1, seeds + 1)
+        for cut in CUTS
+    ]
+
+
+def markdown(setting: Setting, rows: pd.DataFrame) -> str:
+    """What was run, the joint run's metrics, and by how much each cut misses them, with the
+    interval over seeds. ``rows``: the study's metrics by cut and seed.
+    """
+    values = rows[rows["component"] == ""].pivot_table(
+        index=["metric", "placement", "cut"], columns="seed", values="value", dropna=False
     )
-
-
-def _of_seed(setting: Setting, seed: int) -> tuple[dict[str, list[float]], int, int]:
-    """The figures of each cut; frames and hand-overs of the joint run."""
-    joint = small_town(setting, seed)
-    tables = {cut: together(make(joint)) for cut, make in CUTS.items()}
-    passed = hand_overs(joint)
-    figures = {
-        cut: [*figures_of(one), recall_after_hand_overs(one.held, passed) * AFTER.factor]
-        for cut, one in tables.items()
-    }
-    return figures, len(tables[JOINT].frames), sum(map(len, passed.values()))
-
-
-def markdown(compared: Compared) -> str:
-    """What was run, the joint run's figures, and by how much each cut misses them, with the interval over seeds."""
-    setting, seeds = compared.setting, len(compared.values[JOINT])
-    settings = ", ".join(f"`{one}`" for one in setting.overrides) or "as in `fleet_1000`"
-    per_minute = compared.hand_overs / (seeds * setting.cars * setting.drive_s / 60)
+    frames, passed = (values.loc[name, "all", JOINT].sum() for name in ("frames", "hand_overs"))
+    seeds = values.shape[1]
+    settings = ", ".join(f"`{path}`" for path in setting.overrides) or "as in `fleet_1000`"
+    per_minute = passed / (seeds * setting.cars * setting.drive_s / 60)
     about = (
-        f"{setting.columns} x {setting.rows} cells, {setting.cars} cars for {setting.drive_s:g} s, {settings}, "
-        f"{seeds} seeds: {compared.frames:,} frames a column, {per_minute:.2f} hand-overs a car and minute."
+        f"{setting.columns} x {setting.rows} cells, {setting.cars} cars for "
+        f"{setting.drive_s:g} s, {settings}, {seeds} seeds: {frames:,.0f} frames a column, "
+        f"{per_minute:.2f} hand-overs a car and minute."
     )
-    rows = []
-    for place, figure in enumerate((*FIGURES, AFTER)):
-        joint = compared.values[JOINT][:, place]
-        known = ~np.isnan(joint)  # a seed without hand-overs has no frames after one
-        cells = [f"{figure.text} [{figure.unit}]", f"{np.mean(joint[known]):.{figure.digits}f}"]
-        for cut in list(CUTS)[1:]:
-            differences = (compared.values[cut][:, place] - joint)[known]
-            mean, low, high = (_signed(value, figure.digits) for value in interval(differences))
+    cuts = [cut for cut in CUTS if cut != JOINT]
+    lines = []
+    for shown in SHOWN:
+        of_cuts = values.loc[shown.metric, shown.placement] * shown.factor
+        joint = of_cuts.loc[JOINT].dropna()  # a seed without hand-overs has no frames after one
+        cells = [f"{shown.text} [{shown.unit}]", f"{joint.mean():.{shown.digits}f}"]
+        for cut in cuts:
+            differences = (of_cuts.loc[cut] - joint)[joint.index].to_numpy()
+            mean, low, high = (_signed(value, shown.digits) for value in interval(differences))
             cells.append(f"{mean} ({low} to {high})")
-        rows.append(cells)
-    return f"{about}\n\n{table(('', JOINT, *list(CUTS)[1:]), rows)}"
+        lines.append(cells)
+    return f"{about}\n\n{table(('', JOINT, *cuts), lines)}"
 
 
 def _signed(value: float, digits: int) -> str:
@@ -308,6 +323,10 @@ def write(name: str, block: str, page: Path = PAGE) -> None:
     page.write_text(
         filled(page.read_text(encoding="utf-8"), name, block, str(page)), encoding="utf-8"
     )
+
+
+def tell(done: float, of: float, failed: str) -> None:
+    print(f"... {done:g} of {of:g} runs {failed}".rstrip(), file=sys.stderr)
 
 
 def main() -> None:
@@ -333,10 +352,8 @@ def main() -> None:
     given = parser.parse_args()
     setting = Setting(given.columns, given.rows, given.cars, given.seconds, tuple(given.set))
     try:
-        compared = compare(
-            setting, given.seeds, workers_here(), lambda done: print(f"... {done}", file=sys.stderr)
-        )
-        text = markdown(compared)
+        rows = measured(study(setting, given.seeds), workers_here(), progress=tell)
+        text = markdown(setting, rows)
         print(text)
         if given.markdown:
             write(setting.name, text)

@@ -1,9 +1,11 @@
-"""Bytes and processor time of encoded pictures of drive 0005, colour and grey: a table, one line an encoding.
+"""Bytes and processor time of encoded pictures of drive 0005, colour and grey: a table, one line an
+encoding.
 
     GENIE_SIM_KITTI=... python benchmarks/encodings.py
 
-One thread of OpenCV; medians over every fourth picture of camera 02. ``genie_sim/sim/encoding.py`` has the times of
-colour pictures, per megabyte of their pixels, from a machine that did nothing else.
+One thread of OpenCV; medians over every fourth picture of camera 02. ``genie_sim/sim/encoding.py``
+has the times of colour pictures, per megabyte of their pixels, from a machine that did nothing
+else.
 """
 
 from __future__ import annotations
@@ -13,6 +15,7 @@ import time
 import cv2
 import numpy as np
 
+from genie_sim.analysis.text_table import markdown
 from genie_sim.perception.encoding import FORMATS
 from genie_sim.perception.kitti import open_drive, read_image
 from genie_sim.perception.perceive import kitti_folder
@@ -23,9 +26,8 @@ def main() -> None:
     frames = open_drive(kitti_folder(None), "2011_09_26/0005", ("02",)).frames["02"][::4]
     colour = [read_image(frame.image_path) for frame in frames]
     grey = [cv2.cvtColor(image, cv2.COLOR_BGR2GRAY) for image in colour]
-    print(
-        "| | encoding | bytes | of the pixels | encode, ms/MB | decode, ms/MB |\n|---|---|---|---|---|---|"
-    )
+    heads = ["", "encoding", "bytes", "of the pixels", "encode, ms/MB", "decode, ms/MB"]
+    lines = []
     for what, images, flag in (
         ("colour", colour, cv2.IMREAD_COLOR),
         ("grey", grey, cv2.IMREAD_GRAYSCALE),
@@ -46,7 +48,9 @@ def main() -> None:
                     )
                 )
             size, share, encode, decode = np.median(rows, axis=0)
-            print(f"| {what} | {name} | {size:,.0f} | {share:.3f} | {encode:.2f} | {decode:.2f} |")
+            numbers = f"{size:,.0f}", f"{share:.3f}", f"{encode:.2f}", f"{decode:.2f}"
+            lines.append([what, name, *numbers])
+    print(markdown(heads, lines))
 
 
 if __name__ == "__main__":

@@ -1,4 +1,6 @@
-"""Genie's side of the speed benchmark: whole runs, where their time and memory go, and what they cost as they grow."""
+"""Genie's side of the speed benchmark: whole runs, where their time and memory go, and what they
+cost as they grow.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +13,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from itertools import count
 from pathlib import Path
 from typing import Any
@@ -35,23 +37,29 @@ LAP_S = 10.2  # 3car_hetero: a window of 9.2 s and a pause of 1 s
 
 
 def three_cars(laps: int, cameras: int | None = None) -> Scenario:
-    """``3car_hetero``, Genie only, driven so often; with ``cameras``, only the first so many of each car."""
+    """``3car_hetero``, Genie only, driven so often; with ``cameras``, only the first so many of
+    each car.
+    """
     scenario = load_scenario(
         "3car_hetero", ["methods=[genie]", *(f"cars[{car}].route.laps={laps}" for car in range(3))]
     )
-    return scenario.model_copy(update={"cameras": scenario.cameras[:cameras]})
+    return replace(scenario, cameras=scenario.cameras[:cameras])
 
 
 def fleet(cars: int, drive_s: float) -> Scenario:
-    """So many cars on the one shipped street, each a tenth of a second of the drive ahead of the one before, with an
-    edge for every ten that shares with the edges before and after it. Each drives for ``drive_s``."""
+    """So many cars on the one shipped street, each a tenth of a second of the drive ahead of the
+    one before, with an edge for every ten that shares with the edges before and after it. Each
+    drives for ``drive_s``.
+    """
     return read_scenario(
         {"name": "fleet", "methods": ["genie"], "edges": _edges(cars), "cars": _cars(cars, drive_s)}
     )
 
 
 def town(cars: int, drive_s: float) -> Scenario:
-    """``fleet_1000`` with so many cars in a town as densely driven, and so with as many edges to a car."""
+    """``fleet_1000`` with so many cars in a town as densely driven, and so with as many edges to a
+    car.
+    """
     blocks = max(round(BLOCKS * math.sqrt(cars / 1000)), 2)
     of_town = (f"perception.duration={drive_s} s", f"perception.town.blocks=[{blocks}, {blocks}]")
     return load_scenario("fleet_1000", ["methods=[genie]", f"fleet.cars={cars}", *of_town])
@@ -92,12 +100,13 @@ def phases_ns(cameras: int) -> tuple[int, ...]:
 
 
 def run_genie(prepared: Prepared, times: int = 1) -> Outcome:
-    """Whole runs, from the building of the world to the last answer, with all tables. Preparing is not timed: it is
-    done once for any number of runs."""
+    """Whole runs, from the building of the world to the last answer, with all tables. Preparing is
+    not timed: it is done once for any number of runs.
+    """
     frames = 0
     began_s = time.process_time()
     for _ in range(times):
-        frames += len(simulate(prepared).frames)
+        frames += len(simulate(prepared)["frames"])
     return Outcome(frames, time.process_time() - began_s)
 
 
@@ -113,7 +122,7 @@ class Work:
 def work_of(prepared: Prepared) -> Work:
     """Counts the SimPy events and the rows of a run."""
     tables, events = _counted(prepared)
-    return Work(len(tables.frames), events, {table.name: len(table) for table in tables})
+    return Work(len(tables["frames"]), events, {name: len(table) for name, table in tables.items()})
 
 
 def _counted(prepared: Prepared, progress: Progress | None = None) -> tuple[Tables, int]:
@@ -131,8 +140,9 @@ def _counted(prepared: Prepared, progress: Progress | None = None) -> tuple[Tabl
 
 @dataclass(frozen=True)
 class Drive:
-    """Processor time [s] at each simulated instant [s] while the cars drive: from the first to the last frame, without
-    the building of the world before and the wait for late answers after it."""
+    """Processor time [s] at each simulated instant [s] while the cars drive: from the first to the
+    last frame, without the building of the world before and the wait for late answers after it.
+    """
 
     simulated_s: tuple[float, ...]
     cpu_s: tuple[float, ...]
@@ -152,8 +162,10 @@ class Drive:
 
 
 def drive(prepared: Prepared) -> Drive:
-    """A run, with the clock read ten times a simulated second. Processor time: what else runs on the machine counts
-    less than in wall time, and these runs are too long to take turns with others."""
+    """A run, with the clock read ten times a simulated second. Processor time: what else runs on
+    the machine counts less than in wall time, and these runs are too long to take turns with
+    others.
+    """
     instants: list[tuple[float, float]] = []
 
     def tell(simulated_s: float, end_s: float, _: str) -> None:
@@ -163,7 +175,7 @@ def drive(prepared: Prepared) -> Drive:
     tables, events = _counted(prepared, tell)
     simulated_s, cpu_s = zip(*instants, strict=True)
     cameras = len(prepared.drives) * len(prepared.scenario.cameras)
-    return Drive(simulated_s, cpu_s, len(tables.frames), events, cameras)
+    return Drive(simulated_s, cpu_s, len(tables["frames"]), events, cameras)
 
 
 @dataclass(frozen=True)
@@ -186,12 +198,11 @@ def footprint(laps: int) -> Footprint:
 
 def print_footprint(laps: int) -> None:
     """Runs ``3car_hetero`` in this process and prints its footprint as JSON."""
-    with (
-        tempfile.TemporaryDirectory() as folder
-    ):  # where long tables wait, as in the result folder of a run
+    # where long tables wait, as in the result folder of a run
+    with tempfile.TemporaryDirectory() as folder:
         tables = simulate(prepare(three_cars(laps)), spill=Path(folder))
-        table_bytes = {table.name: table.size_bytes for table in tables}
-        print(json.dumps(asdict(Footprint(len(tables.frames), table_bytes, _resident_bytes()))))
+        table_bytes = {name: table.size_bytes for name, table in tables.items()}
+        print(json.dumps(asdict(Footprint(len(tables["frames"]), table_bytes, _resident_bytes()))))
 
 
 def _resident_bytes() -> int:
@@ -208,8 +219,9 @@ def _resident_bytes() -> int:
 
 
 def bytes_per_frame(short: Footprint, long: Footprint) -> dict[str, float]:
-    """What one more frame takes: by table, ``all tables`` and ``whole process``. Whatever a run of any length takes
-    cancels out."""
+    """What one more frame takes: by table, ``all tables`` and ``whole process``. Whatever a run of
+    any length takes cancels out.
+    """
     frames = long.frames - short.frames
     grown = {
         name: (long.table_bytes[name] - short.table_bytes[name]) / frames
@@ -224,7 +236,9 @@ def bytes_per_frame(short: Footprint, long: Footprint) -> dict[str, float]:
 
 @dataclass(frozen=True)
 class Hot:
-    """A function in the profile: calls a frame and its share of all time, calls it makes left out."""
+    """A function in the profile: calls a frame and its share of all time, calls it makes left
+    out.
+    """
 
     where: str
     calls_per_frame: float
@@ -232,20 +246,24 @@ class Hot:
 
 
 def profile(prepared: Prepared, entries: int) -> Sequence[Hot]:
-    """Where a run's time goes, the most expensive first. cProfile makes small functions look dearer than they are."""
+    """Where a run's time goes, the most expensive first. cProfile makes small functions look dearer
+    than they are.
+    """
     profiler = cProfile.Profile()
     tables = profiler.runcall(simulate, prepared)
     timed: dict[tuple[str, int, str], Any] = pstats.Stats(profiler).stats  # type: ignore[attr-defined]
     whole_s = sum(own_s for _, _, own_s, _, _ in timed.values())
     dearest = sorted(timed.items(), key=lambda item: item[1][2], reverse=True)[:entries]
     return [
-        Hot(_where(place), calls / len(tables.frames), own_s / whole_s)
+        Hot(_where(place), calls / len(tables["frames"]), own_s / whole_s)
         for place, (_, calls, own_s, _, _) in dearest
     ]
 
 
 def _where(place: tuple[str, int, str]) -> str:
-    """``sim/log.py: answered``; code outside the project by its package, built-ins by their name."""
+    """``sim/log.py: answered``; code outside the project by its package, built-ins by their
+    name.
+    """
     file, _, function = place
     if file == "~":
         name = function.strip("<>").replace("built-in method ", "").replace("method ", "")

@@ -15,7 +15,9 @@ from pathlib import Path
 
 
 def measured(scenario: str, settings: list[str]) -> dict[str, float]:
-    """The stages of one run in this process, which has imported nothing yet [s]; ``all but figures`` is their sum."""
+    """The stages of one run in this process, which has imported nothing yet [s]; ``all but
+    figures`` is their sum.
+    """
     took: dict[str, float] = {}
     before = 0.0  # the interpreter's own start is part of the first stage
 
@@ -25,7 +27,7 @@ def measured(scenario: str, settings: list[str]) -> dict[str, float]:
         took[stage], before = now - before, now
 
     from genie_sim import cli, report, runner  # noqa: F401 - the command line is a part of it
-    from genie_sim.analysis import summary
+    from genie_sim.analysis import screen, summary
     from genie_sim.scenario.scenario import load_scenario
 
     done("imports")
@@ -34,13 +36,13 @@ def measured(scenario: str, settings: list[str]) -> dict[str, float]:
     with tempfile.TemporaryDirectory() as folder:
         tables = runner.simulate(prepared, spill=Path(folder))
         done("simulating")
-        for table in tables:
-            table.write(Path(folder) / f"{table.name}.parquet")
+        for name, table in tables.items():
+            table.write(Path(folder) / f"{name}.parquet")
         done("Parquet")
         made = runner.finished(prepared, "0" * 12, tables)
         done("numbers")
-        summary.markdown(made.measured, made.name, made.run_id, 1)
-        summary.text(made.measured)
+        summary.markdown(made)
+        screen.text(made)
         done("summary")
         report.write(Path(folder) / report.NAME, made)
         done("page")

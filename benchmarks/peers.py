@@ -1,10 +1,12 @@
-"""The same station in other simulators, each in its own Python if need be: none of them is needed by the project.
+"""The same station in other simulators, each in its own Python if need be: none of them is needed
+by the project.
 
-    echo '{"phases_ns": [0, 5], "frames": 10, "servers": 1, "service_ns": 3, "period_ns": 10}' | python peers.py ciw
+    echo '{"phases_ns": [0, 5], "frames": 10, "servers": 1, "service_ns": 3, "period_ns": 10}' |
+        python peers.py ciw
 
-prints frames, processor time [s] and mean response [ns] as JSON, or why there are none. Only the simulation is timed,
-not the import. Each is written as its documentation does, and the choice that makes it faster is taken where there is
-one.
+prints frames, processor time [s] and mean response [ns] as JSON, or why there are none. Only the
+simulation is timed, not the import. Each is written as its documentation does, and the choice that
+makes it faster is taken where there is one.
 """
 
 from __future__ import annotations
@@ -29,7 +31,9 @@ LONGEST_S = 120
 
 
 def leafsim(station: Station) -> Responses:
-    """LEAF: the SimPy idiom, with a task placed on a node for each frame. LEAF has no queue, so a ``Resource`` is."""
+    """LEAF: the SimPy idiom, with a task placed on a node for each frame. LEAF has no queue, so a
+    ``Resource`` is.
+    """
     import simpy
     from leaf.application import Task  # type: ignore[import-not-found]
     from leaf.infrastructure import Node  # type: ignore[import-not-found]
@@ -62,7 +66,9 @@ def leafsim(station: Station) -> Responses:
 
 
 def ciw(station: Station) -> Responses:
-    """Ciw: one node. All cameras are merged into one arrival process; one for each camera would be slower."""
+    """Ciw: one node. All cameras are merged into one arrival process; one for each camera would be
+    slower.
+    """
     import ciw  # type: ignore[import-not-found]
 
     arrivals = sorted(
@@ -125,13 +131,17 @@ MOST_CARS = {"salabim": 100}  # more would take as long as all the rest of the b
 
 
 def run_peer(python: str, name: str, station: Station) -> dict[str, Any]:
-    """Simulates the station with a peer in another process: ``frames``, ``cpu_s``, ``mean_response_ns`` and
-    ``version``, or ``skipped`` with the reason."""
+    """Simulates the station with a peer in another process: ``frames``, ``cpu_s``,
+    ``mean_response_ns`` and ``version``, or ``skipped`` with the reason.
+    """
     try:
         ran = subprocess.run(
-            [python, str(Path(__file__).resolve()), name], input=json.dumps(asdict(station)),
-            capture_output=True, text=True, timeout=LONGEST_S,
-        )  # fmt: skip
+            [python, str(Path(__file__).resolve()), name],
+            input=json.dumps(asdict(station)),
+            capture_output=True,
+            text=True,
+            timeout=LONGEST_S,
+        )
     except (OSError, subprocess.TimeoutExpired) as error:
         return {"skipped": f"{type(error).__name__}: {error}"}
     if ran.returncode:
@@ -150,9 +160,8 @@ def main() -> None:
     except ImportError as error:
         print(json.dumps({"skipped": str(error)}))
         return
-    engine(
-        Station((0,), frames=1, servers=1, service_ns=1, period_ns=2)
-    )  # what it imports late is not timed
+    # what it imports late is not timed
+    engine(Station((0,), frames=1, servers=1, service_ns=1, period_ns=2))
     began_s = time.process_time()
     responses = engine(station)
     cpu_s = time.process_time() - began_s

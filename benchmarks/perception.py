@@ -1,12 +1,14 @@
 """How much of the network's own speed is left when frames are read, decoded and placed as well.
 
-    GENIE_SIM_KITTI=... GENIE_SIM_WEIGHTS=... python benchmarks/perception.py [--detector yolox_nano] [--threads 1]
+    GENIE_SIM_KITTI=... GENIE_SIM_WEIGHTS=... python benchmarks/perception.py [--detector
+    yolox_nano] [--threads 1]
 
-Bare: ``InferenceSession.run`` alone, on the same frames, already prepared, with the same threads. Pipeline: what
-``genie-sim perceive`` does with them, from files to placed detections. The two take turns, and each turn gives a share,
-because both are as fast as the machine happens to be. Processor time says what the wall clock cannot where others use
-the machine: the pipeline can be as fast as the network if everything else takes less of it than the network does, for
-each processor that the network leaves free.
+Bare: ``InferenceSession.run`` alone, on the same frames, already prepared, with the same threads.
+Pipeline: what ``genie-sim perceive`` does with them, from files to placed detections. The two take
+turns, and each turn gives a share, because both are as fast as the machine happens to be. Processor
+time says what the wall clock cannot where others use the machine: the pipeline can be as fast as
+the network if everything else takes less of it than the network does, for each processor that the
+network leaves free.
 """
 
 from __future__ import annotations
@@ -61,10 +63,12 @@ def main() -> None:
     print(f"bare network  {1 / bare_s:7.1f} frames/s")
     print(f"pipeline      {1 / pipeline_s:7.1f} frames/s")
     print(
-        f"share         {statistics.median(shares):7.0%} (rounds: {', '.join(f'{s:.0%}' for s in sorted(shares))})"
+        f"share         {statistics.median(shares):7.0%} "
+        f"(rounds: {', '.join(f'{s:.0%}' for s in sorted(shares))})"
     )
     print(
-        f"processor time of a frame: network {1e3 * bare_processor_s:.1f} ms, all else {1e3 * rest_s:.1f} ms"
+        f"processor time of a frame: network {1e3 * bare_processor_s:.1f} ms, "
+        f"all else {1e3 * rest_s:.1f} ms"
     )
 
 

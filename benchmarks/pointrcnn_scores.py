@@ -1,9 +1,11 @@
-"""How PointRCNN's logits become scores: logistic regression on the labels of the tracking sequences.
+"""How PointRCNN's logits become scores: logistic regression on the labels of the tracking
+sequences.
 
     GENIE_SIM_KITTI=... python benchmarks/pointrcnn_scores.py
 
-Prints the constants of ``genie_sim.perception.tracking.POINTRCNN_SCORES`` (fitted on all sequences), and how well
-such a fit holds on sequences that it has not seen: fitted on every other sequence, judged on the rest.
+Prints the constants of ``genie_sim.perception.tracking.POINTRCNN_SCORES`` (fitted on all
+sequences), and how well such a fit holds on sequences that it has not seen: fitted on every other
+sequence, judged on the rest.
 """
 
 from __future__ import annotations
@@ -31,9 +33,8 @@ def judged(sequence: str) -> dict[str, np.ndarray]:
     for label, (a, b) in tracking.POINTRCNN_SCORES.items():
         rows = []
         for one in evaluation.groups[GROUPS[label]].judged:
-            score = min(
-                max(one.detection.score, 0.00005), 0.99995
-            )  # scores are kept with four decimals
+            # scores are kept with four decimals
+            score = min(max(one.detection.score, 0.00005), 0.99995)
             rows.append(((math.log(score / (1 - score)) - b) / a, float(one.label is not None)))
         found[label] = np.array(rows)
     return found
@@ -73,7 +74,8 @@ def main() -> None:
                 calibration_error(held_out, *fit(fitted)),
             )
             print(
-                f"  {len(held_out)} held out: calibration error {held:.3f}; plain sigmoid {sigmoid:.3f}"
+                f"  {len(held_out)} held out: calibration error {held:.3f}; "
+                f"plain sigmoid {sigmoid:.3f}"
             )
 
 

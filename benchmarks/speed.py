@@ -1,10 +1,12 @@
-"""How fast Genie runs are beside the idiomatic SimPy model of the same cameras, a bare loop and other simulators.
+"""How fast Genie runs are beside the idiomatic SimPy model of the same cameras, a bare loop and
+other simulators.
 
     python benchmarks/speed.py [--quick] [--peers /path/to/python] [--markdown]
 
-Engines take turns (Genie, SimPy, heapq, others, Genie, ...), and medians and ratios are compared, because all are as
-fast as the machine happens to be. ``--quick`` takes half a minute, all of it a few. ``--peers`` names a Python that has
-leafsim, ciw or salabim; what it does not have is skipped. ``--markdown`` writes docs/speed.md anew, with its figures.
+Engines take turns (Genie, SimPy, heapq, others, Genie, ...), and medians and ratios are compared,
+because all are as fast as the machine happens to be. ``--quick`` takes half a minute, all of it a
+few. ``--peers`` names a Python that has leafsim, ciw or salabim; what it does not have is skipped.
+``--markdown`` writes docs/speed.md anew, with its figures.
 """
 
 from __future__ import annotations
@@ -18,7 +20,7 @@ import statistics
 import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 
@@ -39,9 +41,10 @@ LEAST = ", `record: []`"  # the same with no more tables than there must be
 
 @dataclass(frozen=True)
 class Sizes:
-    """How much is measured. ``fleets``: how long [s] so many cars drive; ``curves``: the fleets of the cost curves, the
-    first being what the others are compared with, each driving for ``curve_s`` as often as gives ``curve_frames``, and
-    none that would take longer than ``longest_s``; ``memory_laps``: the two lengths of run between which memory grows.
+    """How much is measured. ``fleets``: how long [s] so many cars drive; ``curves``: the fleets of
+    the cost curves, the first being what the others are compared with, each driving for ``curve_s``
+    as often as gives ``curve_frames``, and none that would take longer than ``longest_s``;
+    ``memory_laps``: the two lengths of run between which memory grows.
     """
 
     rounds: int
@@ -57,19 +60,36 @@ class Sizes:
 
 
 FULL = Sizes(
-    rounds=3, laps=10, fleets={100: 2.0, 1000: 1.0},
-    curves={"street": (3, 10, 30, 100, 300, 1000), "town": (3, 30, 300, 3000)}, curve_s=1.0,
-    curve_frames=1000, longest_s=75, minutes=60, memory_laps=(60, 480), profile_entries=15,
-)  # fmt: skip
+    rounds=3,
+    laps=10,
+    fleets={100: 2.0, 1000: 1.0},
+    curves={"street": (3, 10, 30, 100, 300, 1000), "town": (3, 30, 300, 3000)},
+    curve_s=1.0,
+    curve_frames=1000,
+    longest_s=75,
+    minutes=60,
+    memory_laps=(60, 480),
+    profile_entries=15,
+)
 QUICK = Sizes(
-    rounds=2, laps=2, fleets={100: 1.0}, curves={"street": (3, 30, 100), "town": (3, 30)}, curve_s=0.5,
-    curve_frames=300, longest_s=5, minutes=4, memory_laps=(5, 20), profile_entries=8,
-)  # fmt: skip
+    rounds=2,
+    laps=2,
+    fleets={100: 1.0},
+    curves={"street": (3, 30, 100), "town": (3, 30)},
+    curve_s=0.5,
+    curve_frames=300,
+    longest_s=5,
+    minutes=4,
+    memory_laps=(5, 20),
+    profile_entries=8,
+)
 
 
 @dataclass(frozen=True)
 class Race:
-    """What the engines did with the frames of so many cars, round by round; ``events``: a frame, where known."""
+    """What the engines did with the frames of so many cars, round by round; ``events``: a frame,
+    where known.
+    """
 
     cars: int
     rounds: Mapping[str, Sequence[Outcome]]
@@ -94,8 +114,10 @@ class Race:
 
 @dataclass(frozen=True)
 class Point:
-    """A fleet of the cost curve. ``growth``: its cost a frame over that of the smallest fleet, measured right before
-    and after, and the same of SimPy's station; ``None``, with the reason in ``missing``, where it was not measured."""
+    """A fleet of the cost curve. ``growth``: its cost a frame over that of the smallest fleet,
+    measured right before and after, and the same of SimPy's station; ``None``, with the reason in
+    ``missing``, where it was not measured.
+    """
 
     cars: int
     frames: int = 0
@@ -133,7 +155,7 @@ def measure(sizes: Sizes, peers_python: str, command: str, tell: Callable[[str],
     events: dict[str, int] = {}
     for name, laps in {FIRST_LAP: 1, ALL_LAPS.format(sizes.laps): sizes.laps}.items():
         for recorded, change in {name: {}, name + LEAST: {"record": ()}}.items():
-            driven, times = prepare(three_cars(laps).model_copy(update=change)), sizes.laps // laps
+            driven, times = prepare(replace(three_cars(laps), **change)), sizes.laps // laps
             work[recorded] = work_of(driven)
             runs[recorded] = partial(run_genie, driven, times)
             events[recorded] = times * work[recorded].events
@@ -146,7 +168,16 @@ def measure(sizes: Sizes, peers_python: str, command: str, tell: Callable[[str],
         runs = {FLEET: partial(run_genie, prepared)}
         events = {FLEET: of_fleet.events}
         races.append(
-            race(cars, runs, events, of_fleet.frames, sizes.rounds, peers_python, skipped, versions)
+            race(
+                cars,
+                runs,
+                events,
+                of_fleet.frames,
+                rounds=sizes.rounds,
+                peers_python=peers_python,
+                skipped=skipped,
+                versions=versions,
+            )
         )
     tell("memory and profile")
     short, long = (genie_runs.footprint(laps) for laps in sizes.memory_laps)
@@ -156,9 +187,17 @@ def measure(sizes: Sizes, peers_python: str, command: str, tell: Callable[[str],
     hour = drive(prepare(three_cars(laps, cameras=1)))
     curves = {name: cost_curve(name, sizes, tell) for name in sizes.curves}
     return Measured(
-        command, machine(), races, skipped, work, curves, hour,
-        genie_runs.bytes_per_frame(short, long), hot, versions,
-    )  # fmt: skip
+        command,
+        machine(),
+        races,
+        skipped,
+        work,
+        curves,
+        hour,
+        genie_runs.bytes_per_frame(short, long),
+        hot,
+        versions,
+    )
 
 
 def race(
@@ -166,13 +205,15 @@ def race(
     genie: Mapping[str, Callable[[], Outcome]],
     events: Mapping[str, int],
     frames: int,
+    *,
     rounds: int,
     peers_python: str,
     skipped: dict[str, str],
     versions: dict[str, str],
 ) -> Race:
-    """All engines take turns with as many frames of as many cameras. What cannot run is left out, with the reason in
-    ``skipped``."""
+    """All engines take turns with as many frames of as many cameras. What cannot run is left out,
+    with the reason in ``skipped``.
+    """
     station = station_of(frames, genie_runs.phases_ns(CAMERAS_PER_CAR * cars))
     found: dict[str, list[Outcome]] = {}
     for _ in range(rounds):
@@ -185,7 +226,9 @@ def race(
             found.setdefault(name, []).append(engine(station))
         for name in peers.PEERS:
             if name not in skipped and cars <= peers.MOST_CARS.get(name, cars):
-                _run_peer(name, station, peers_python, found, skipped, versions)
+                _run_peer(
+                    name, station, peers_python, found=found, skipped=skipped, versions=versions
+                )
     return Race(
         cars, {name: outcomes for name, outcomes in found.items() if len(outcomes) == rounds}
     )
@@ -195,6 +238,7 @@ def _run_peer(
     name: str,
     station: Station,
     python: str,
+    *,
     found: dict[str, list[Outcome]],
     skipped: dict[str, str],
     versions: dict[str, str],
@@ -218,7 +262,9 @@ class Costs:
 
 
 def cost_curve(name: str, sizes: Sizes, tell: Callable[[str], None]) -> list[Point]:
-    """The cost of a frame for ever larger fleets, each compared with the smallest just before and after it."""
+    """The cost of a frame for ever larger fleets, each compared with the smallest just before and
+    after it.
+    """
     make = genie_runs.FLEETS[name]
     least = sizes.curves[name][0]
     smallest = prepare(make(least, sizes.curve_s))
@@ -268,7 +314,9 @@ def costs(prepared: Prepared, least_frames: int) -> Costs:
 
 
 def _expected_s(took: Sequence[tuple[int, float]], cars: int) -> float:
-    """How long a fleet will take, by the growth between the two before it; at least in proportion to the last."""
+    """How long a fleet will take, by the growth between the two before it; at least in proportion
+    to the last.
+    """
     if len(took) < 2:
         return 0.0
     (fewer, fewer_s), (more, more_s) = took[-2:]
@@ -288,7 +336,9 @@ def machine() -> dict[str, str]:
     return {
         "processor": f"{_processor()}, {os.cpu_count()} cores, load {load} at the end",
         "system": made["platform"],
-        "versions": f"genie-sim {made['genie_sim']} ({commit}), Python {made['python']}, {packages}",
+        "versions": (
+            f"genie-sim {made['genie_sim']} ({commit}), Python {made['python']}, {packages}"
+        ),
     }
 
 

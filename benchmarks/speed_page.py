@@ -43,7 +43,9 @@ def blocks(measured: Measured) -> dict[str, str]:
 
 
 def write(measured: Measured, docs: Path = DOCS) -> None:
-    """Fills the page and draws its figures. Raises ``UserError`` where the page has no place for a table."""
+    """Fills the page and draws its figures. Raises ``UserError`` where the page has no place for a
+    table.
+    """
     page = docs / "speed.md"
     text = page.read_text(encoding="utf-8")
     for name, block in blocks(measured).items():
@@ -58,11 +60,14 @@ def write(measured: Measured, docs: Path = DOCS) -> None:
 
 
 def filled(text: str, name: str, block: str, where: str) -> str:
-    """The page with what stands between ``<!-- measured: NAME -->`` and ``<!-- end -->`` replaced."""
+    """The page with what stands between ``<!-- measured: NAME -->`` and ``<!-- end -->``
+    replaced.
+    """
     place = re.compile(rf"(<!-- measured: {re.escape(name)} -->\n).*?(<!-- end -->)", re.DOTALL)
     if not place.search(text):
         raise UserError(
-            f"{where}: no place for {name!r}: '<!-- measured: {name} -->' and '<!-- end -->' are missing"
+            f"{where}: no place for {name!r}: '<!-- measured: {name} -->' and '<!-- end -->' are"
+            " missing"
         )
     return place.sub(lambda found: f"{found[1]}{block}\n{found[2]}", text)
 
@@ -188,7 +193,9 @@ def _growth(measured: Measured) -> str:
 
 
 def _over_time(measured: Measured) -> tuple[int, float, float]:
-    """Whole minutes driven; what they cost over so many times the first; the last quarter over the second."""
+    """Whole minutes driven; what they cost over so many times the first; the last quarter over the
+    second.
+    """
     hour = measured.hour
     begin_s, minutes = (
         hour.simulated_s[0],

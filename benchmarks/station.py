@@ -1,8 +1,10 @@
-"""The station that every engine of the speed benchmark simulates: cameras, one first-come-first-served queue, servers.
+"""The station that every engine of the speed benchmark simulates: cameras, one
+first-come-first-served queue, servers.
 
-It is what remains of a Genie run without Genies: every camera takes a frame each period, a frame waits for one of the
-servers, keeps it for its service time, and its response is logged. Nothing is random once the phases are drawn, so
-engines must agree on every response. SimPy is imported late: other engines' Pythons read this module too.
+It is what remains of a Genie run without Genies: every camera takes a frame each period, a frame
+waits for one of the servers, keeps it for its service time, and its response is logged. Nothing is
+random once the phases are drawn, so engines must agree on every response. SimPy is imported late:
+other engines' Pythons read this module too.
 """
 
 from __future__ import annotations
@@ -24,7 +26,9 @@ Process = Generator[Any, Any, None]
 
 @dataclass(frozen=True)
 class Station:
-    """``phases_ns``: when each camera takes its first frame. Together the cameras take ``frames`` frames."""
+    """``phases_ns``: when each camera takes its first frame. Together the cameras take ``frames``
+    frames.
+    """
 
     phases_ns: tuple[int, ...]
     frames: int
@@ -44,8 +48,9 @@ class Station:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What one engine did: frames, processor time [s], events (``None``: unknown), responses [ns] in order of departure
-    (empty: not kept)."""
+    """What one engine did: frames, processor time [s], events (``None``: unknown), responses [ns]
+    in order of departure (empty: not kept).
+    """
 
     frames: int
     cpu_s: float
@@ -70,7 +75,9 @@ def station_of(frames: int, phases_ns: tuple[int, ...]) -> Station:
 
 
 def simpy_station(station: Station) -> Outcome:
-    """The anchor, as SimPy's tutorial would write it: a process for each camera and each frame, and a ``Resource``."""
+    """The anchor, as SimPy's tutorial would write it: a process for each camera and each frame, and
+    a ``Resource``.
+    """
     import simpy
 
     began_s = time.process_time()
@@ -99,7 +106,9 @@ def simpy_station(station: Station) -> Outcome:
 
 
 def heapq_station(station: Station) -> Outcome:
-    """The ceiling: the same events in a bare loop over a heap, with no simulation library at all."""
+    """The ceiling: the same events in a bare loop over a heap, with no simulation library at
+    all.
+    """
     began_s = time.process_time()
     left = [station.frames_of(camera) for camera in range(len(station.phases_ns))]
     heap = [
@@ -133,7 +142,9 @@ def heapq_station(station: Station) -> Outcome:
 
 
 def scheduled_events(env: Any) -> int:
-    """How many events a SimPy environment has scheduled so far: it numbers them, to keep ties in order."""
+    """How many events a SimPy environment has scheduled so far: it numbers them, to keep ties in
+    order.
+    """
     return next(env._eid)
 
 

@@ -1,10 +1,11 @@
-"""Makes the laws of the town's detector again: fits them on the real trace, judged by KITTI's labels.
+"""Makes the laws of the town's detector again: fits them on the real trace, judged by KITTI's
+labels.
 
     GENIE_SIM_KITTI=... python benchmarks/town_laws.py [--out genie_sim/town/laws.json]
     GENIE_SIM_KITTI=... python benchmarks/town_laws.py --compare
 
-The second compares the laws as they are with the real detector and its trace, and writes nothing. Only fitted numbers
-are written, with their provenance; KITTI's labels stay where they are.
+The second compares the laws as they are with the real detector and its trace, and writes nothing.
+Only fitted numbers are written, with their provenance; KITTI's labels stay where they are.
 """
 
 from __future__ import annotations
@@ -21,12 +22,12 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 from benchmarks.town_fit import validation
 from benchmarks.town_fit.fit import Look, fit, found_law, looks, place_law
 from genie_sim import files
-from genie_sim.perception import evaluation
+from genie_sim.classes import GROUPS
 from genie_sim.perception.perceive import kitti_folder
 from genie_sim.perception.trace import Trace, read_trace
 from genie_sim.perception.truth import read_truth
 from genie_sim.town import Town, TownRules
-from genie_sim.town.laws import DetectorLaws, detector_laws
+from genie_sim.town.laws import FittedLaws, detector_laws
 from genie_sim.units import NS_PER_S
 
 LAWS = Path(__file__).resolve().parent.parent / "genie_sim" / "town" / "laws.json"
@@ -72,7 +73,9 @@ def main() -> None:
 
 
 def held_out(rows: list[Look]) -> str:
-    """Vehicles by the laws of others: fitted on every second one, held against the rest, and the other way round."""
+    """Vehicles by the laws of others: fitted on every second one, held against the rest, and the
+    other way round.
+    """
     tracks = sorted({look.track for look in rows})
     text = [
         "| vehicles, held out | found, real | found, town | score | along | across |",
@@ -86,7 +89,7 @@ def held_out(rows: list[Look]) -> str:
             "found": found_law("vehicles", known),
             "place": place_law("vehicles", known),
         }
-        laws = DetectorLaws(fitted)
+        laws = FittedLaws(fitted)
         made = [
             look
             for seed in range(40)
@@ -108,7 +111,9 @@ def held_out(rows: list[Look]) -> str:
 
 
 def compared_frames(trace: Trace) -> str:
-    """How much the frames show: of the trace, and of 40 cars in each of six towns (seeds 0 to 5) of the usual rules."""
+    """How much the frames show: of the trace, and of 40 cars in each of six towns (seeds 0 to 5) of
+    the usual rules.
+    """
     towns = [Town(TownRules(), seed) for seed in range(6)]
     drives = [town.drive(f"car{k}", 40 * NS_PER_S) for town in towns for k in range(40)]
     made = [frame for drive in drives for frame in drive.frames["02"][::50]]
@@ -117,7 +122,7 @@ def compared_frames(trace: Trace) -> str:
         "| detections | trace, a frame | town, a frame | number | range | score |",
         "|---|---|---|---|---|---|",
     ]
-    for what, labels in {**evaluation.LABELS, "bicycles": ("bicycle",)}.items():
+    for what, labels in {**GROUPS, "bicycles": ("bicycle",)}.items():
         found = [
             [[d for d in f.detections if d.label in labels] for f in frames]
             for frames in (real, made)

@@ -2,8 +2,8 @@
 
     python benchmarks/town_speed.py [--blocks 40] [--cars 200] [--frames 96]
 
-Figures are of this machine and moment: the least of some rounds, in processor time of one thread. Frames are looked at
-as a simulator does: one of each car, then the next of each.
+Figures are of this machine and moment: the least of some rounds, in processor time of one thread.
+Frames are looked at as a simulator does: one of each car, then the next of each.
 """
 
 from __future__ import annotations
@@ -29,7 +29,8 @@ def main() -> None:
     Town(TownRules(blocks=(1, 1)), 1)  # reads the laws
     rules = TownRules(blocks=(arguments.blocks, arguments.blocks))
     print(
-        f"town of {arguments.blocks} x {arguments.blocks} blocks  {_seconds(lambda: Town(rules, 1).streets):8.2f} s"
+        f"town of {arguments.blocks} x {arguments.blocks} blocks  "
+        f"{_seconds(lambda: Town(rules, 1).streets):8.2f} s"
     )
     town = Town(rules, 1)
     duration_ns = arguments.frames * 100_000_000

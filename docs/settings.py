@@ -1,17 +1,58 @@
-"""The reference of settings: what the program's own schema says of each, with the meanings of ``settings.yaml``."""
+"""The reference of settings: what the program's own schema says of each."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping
-from pathlib import Path
 from typing import Any
 
-import yaml
-
+from genie_sim.scenario.methods import MethodSettings
 from genie_sim.scenario.schema import json_schema
+from genie_sim.settings import keys_of
 
-MEANINGS = Path(__file__).with_name("settings.yaml")
+GROUPS = {  # a setting belongs to the longest path that it is below
+    "The run": (
+        *("name", "description", "seed", "methods", "model", "spread", "queue_length"),
+        *("consumer", "start_jitter", "judged", "record", "origin"),
+    ),
+    "What cameras see": ("perception",),
+    "Cameras": ("cameras", "image_encoding"),
+    "Edges": ("edges", "edge_network", "serving"),
+    "Cars": ("cars", "interface"),
+    "Convoy": ("convoy",),
+    "Fleet": ("fleet",),
+    "Faults": ("faults",),
+    "Genie's message cache (Algorithm 1)": ("genie",),
+    "Genie's looks": ("genie.looks", "genie.pass_time"),
+    "Genie's object map (Algorithm 2)": ("genie.object_map",),
+    "Freshness of the map": ("genie.object_map.freshness",),
+}
+SEE = {  # where more is written
+    "methods": "[Add a method](../extend/method.md)",
+    "model": "[devices](devices.md)",
+    "spread": "[the timing model](../explanation/timing-model.md)",
+    "consumer": "[Freshness](../explanation/freshness.md)",
+    "judged": "[Correctness](../explanation/correctness.md)",
+    "record": "[Tables](tables.md)",
+    "perception": "[Perception](../perception.md)",
+    "perception.source": "[Add a frame source](../extend/frame-source.md)",
+    "perception.town[town]": "[The town](../explanation/town.md)",
+    "edges[].device": "[devices](devices.md)",
+    "edge_network": "[links](devices.md)",
+    "edge_network.model": "[Add a link](../extend/link.md)",
+    "interface": "[Measure energy](../how-to/energy.md)",
+    "serving": "[Serve in batches](../how-to/serving.md)",
+    "convoy": "[Write a scenario](../how-to/scenario.md)",
+    "fleet": "[Simulate a fleet](../how-to/fleets.md)",
+    "faults": "[Add a fault](../extend/fault.md)",
+    "genie": "[How the paper is read](../explanation/paper-readings.md)",
+    "genie.looks": "[Paced looks](../explanation/looks.md)",
+    "genie.similarity.name": "[Add a similarity](../extend/similarity.md)",
+    "genie.eviction": "[Add an eviction policy](../extend/eviction.md)",
+    "genie.object_map.rule": "[Add a confidence rule](../extend/confidence-rule.md)",
+    "genie.object_map.freshness": "[Freshness](../explanation/freshness.md)",
+    "genie.object_map.freshness.name": "[Add a freshness policy](../extend/freshness.md)",
+}
 UNITS = {  # by the example that the schema gives of a quantity
     "30 ms": "duration",
     "1.4 MB": "size",
@@ -26,37 +67,60 @@ KINDS = {
     "boolean": "true or false",
     "string": "text",
     "array": "list",
+    "object": "mapping",
+    "null": "`null`",
 }
 OWN_CLASS = "`package.module:Class`"
+# described elsewhere
 REPEATED = (
     "cars[].cameras[].",
     "cars[].link.",
     "fleet.link.",
     "convoy.link.",
     "convoy.route.",
-)  # described elsewhere
+    *(f"methods[].{key}" for key in keys_of(MethodSettings)),
+)
 
 Node = Mapping[str, Any]
 
 
 def settings() -> Iterator[str]:
-    """A section for every group of settings, and in it one for every setting, with an anchor of its name."""
-    found = dict(_walked())
-    for group, members in meanings().items():
+    """A section for every group of settings, and in it one for every setting, with an anchor of its
+    name.
+    """
+    sections: dict[str, list[tuple[int, str]]] = {group: [] for group in GROUPS}
+    for path, node in _walked():
+        text = f"{node['description']} ({SEE[path]})" if path in SEE else node["description"]
+        section = f"### `{path}` {{#{_anchor(path)}}}\n\n{_about(node)}\n\n{text}\n"
+        group, place = _group(path)
+        sections[group].append((place, section))
+    for group, members in sections.items():
         yield f"## {group}\n"
-        for path, meaning in members.items():
-            yield f"### `{path}` {{#{_anchor(path)}}}\n\n{_about(found[path])}\n\n{meaning.strip()}\n"
-
-
-def meanings() -> dict[str, dict[str, str]]:
-    """What ``settings.yaml`` says, by group and path."""
-    found: dict[str, dict[str, str]] = yaml.safe_load(MEANINGS.read_text(encoding="utf-8"))
-    return found
+        for _, section in sorted(members, key=lambda member: member[0]):
+            yield section
 
 
 def paths() -> list[str]:
-    """All settings of the schema, ``genie.similarity.cell[pose_grid]`` where one belongs to a choice."""
+    """All settings of the schema, ``genie.similarity.cell[pose_grid]`` where one belongs to a
+    choice.
+    """
     return [path for path, _ in _walked()]
+
+
+def unexplained() -> list[str]:
+    """The settings of which the schema has no description."""
+    return [path for path, node in _walked() if not node.get("description")]
+
+
+def _group(path: str) -> tuple[str, int]:
+    """The group of a setting, and its place in it."""
+    begins = {
+        begin: (group, place)
+        for group, prefixes in GROUPS.items()
+        for place, begin in enumerate(prefixes)
+        if path.startswith(begin) and path[len(begin) : len(begin) + 1] in ("", ".", "[")
+    }
+    return begins[max(begins, key=len)]
 
 
 def _walked() -> Iterator[tuple[str, Node]]:
@@ -64,61 +128,59 @@ def _walked() -> Iterator[tuple[str, Node]]:
     yield from _below("", schema, schema["$defs"], set())
 
 
-def _below(path: str, node: Node, known: Node, seen: set[str]) -> Iterator[tuple[str, Node]]:
-    node = _resolved(node, known)
-    for kind in _kinds(node, known):
-        properties = {
-            name: _resolved(one, known) for name, one in kind.get("properties", {}).items()
-        }
-        variant = next((f"[{one['const']}]" for one in properties.values() if "const" in one), "")
-        for name, one in properties.items():
+def _below(path: str, node: Node, classes: Node, seen: set[str]) -> Iterator[tuple[str, Node]]:
+    """Every setting below a path, once: its path and its node of the schema."""
+    for kind in _kinds(node, classes):
+        properties = kind.get("properties", {})
+        names = [property_["const"] for property_ in properties.values() if "const" in property_]
+        variant = f"[{names[0]}]" if names else ""
+        for name, property_ in properties.items():
             below = f"{path}.{name}{variant}".lstrip(".")
-            if "const" in one or below in seen or below.startswith(REPEATED):
+            if "const" in property_ or below in seen or below.startswith(REPEATED):
                 continue
             seen.add(below)
-            missing = name in kind.get("required", ())
-            yield below, {**one, "required": missing, "kinds": _kinds(one, known)}
-            yield from _below(below, one, known, seen)
+            kinds = _kinds(property_, classes)
+            yield below, {**property_, "required": name in kind.get("required", ()), "kinds": kinds}
+            yield from _below(below, property_, classes, seen)
         if "items" in kind:
-            yield (
-                f"{path}[]",
-                {"required": False, "kinds": _kinds(_resolved(kind["items"], known), known)},
-            )
-            yield from _below(f"{path}[]", kind["items"], known, seen)
+            yield from _below(f"{path}[]", kind["items"], classes, seen)
 
 
-def _resolved(node: Node, known: Node) -> Node:
-    if node.get("$ref") is None:
-        return node
-    return {**_resolved(known[node["$ref"].rpartition("/")[2]], known), **node, "$ref": None}
-
-
-def _kinds(node: Node, known: Node) -> list[Node]:
-    """What a value may be."""
-    several = None if "properties" in node else node.get("anyOf") or node.get("oneOf")
-    return [_resolved(one, known) for one in several] if several else [node]
+def _kinds(node: Node, classes: Node) -> list[Node]:
+    """What a value may be: the members of a union, references followed."""
+    if "$ref" in node:
+        return _kinds(classes[node["$ref"].rpartition("/")[2]], classes)
+    if "anyOf" in node and "properties" not in node:
+        return [kind for member in node["anyOf"] for kind in _kinds(member, classes)]
+    return [node]
 
 
 def _about(node: Node) -> str:
-    """Type, choices, bounds and default, such as "duration such as `30 ms` or `null`; default `2 s`"."""
-    choices = [str(choice) for kind in node["kinds"] for choice in kind.get("enum", ())]
-    names = [_kind(kind) for kind in node["kinds"] if "enum" not in kind]
-    parts = [" or ".join(dict.fromkeys(filter(None, names)))] if any(names) else []
+    """Type, choices, bounds and default, such as "duration such as `30 ms` or `null`; default `2
+    s`".
+    """
+    kinds = node["kinds"]
+    choices = [str(choice) for kind in kinds for choice in kind.get("enum", ())]
+    names = [_kind(kind) for kind in kinds if "enum" not in kind]
+    parts = [" or ".join(dict.fromkeys(name for name in names if name))] if any(names) else []
     if choices:
         parts.insert(0, " · ".join(f"`{choice}`" for choice in choices))
-    bounds = [f"at least {kind['minimum']:g}" for kind in node["kinds"] if "minimum" in kind]
-    bounds += [f"at most {kind['maximum']:g}" for kind in node["kinds"] if "maximum" in kind]
-    said = ", ".join([" or ".join(parts), *bounds])
+    bounds = [f"at least {kind['minimum']:g}" for kind in kinds if "minimum" in kind]
+    bounds += [
+        f"more than {kind['exclusiveMinimum']:g}" for kind in kinds if "exclusiveMinimum" in kind
+    ]
+    bounds += [f"at most {kind['maximum']:g}" for kind in kinds if "maximum" in kind]
+    text = ", ".join([" or ".join(parts), *bounds])
     default = node.get("default")
-    if node["required"] and OWN_CLASS not in said:
-        said += "; must be given"
-    elif "default" in node and (
+    if node["required"] and OWN_CLASS not in text:
+        return f"{text}; must be given"
+    if "default" in node and (
         not isinstance(default, dict | list) or len(json.dumps(default)) < 100
     ):
         default = round(default, 3) if isinstance(default, float) else default
         shown = json.dumps(default) if not isinstance(default, str) else default or '""'
-        said += f"; default `{shown}`"
-    return said
+        return f"{text}; default `{shown}`"
+    return text
 
 
 def _kind(kind: Node) -> str:
@@ -127,8 +189,9 @@ def _kind(kind: Node) -> str:
         return f"{UNITS[example]} such as `{example}`"
     if "pattern" in kind and ":" in kind["pattern"]:
         return OWN_CLASS
-    of = str(kind.get("type", "mapping" if "properties" in kind else ""))
-    return {"null": "`null`", "object": "mapping"}.get(of, KINDS.get(of, of))
+    if kind.get("type") == "array" and "enum" in kind.get("items", {}):
+        return "list of " + ", ".join(f"`{choice}`" for choice in kind["items"]["enum"])
+    return KINDS.get(str(kind.get("type", "")), "")
 
 
 def _anchor(path: str) -> str:

@@ -1,15 +1,19 @@
-"""genie-sim: a discrete-event simulator of Genie, smart ROS caching for connected autonomous robots.
+"""genie-sim: a discrete-event simulator of Genie, smart ROS caching for connected autonomous
+robots.
 
-As a library: ``import genie_sim as gs; run = gs.run("3car_hetero")``; see ``genie_sim.api``, which is imported when it
-is first used.
+As a library: ``import genie_sim as gs; run = gs.run("3car_hetero")``; see ``genie_sim.api``, which
+is imported when it is first used.
 """
 
 from typing import TYPE_CHECKING, Any
 
+from genie_sim.version import VERSION
+
 if TYPE_CHECKING:
     from genie_sim.api import (
-        Figures,
+        Plots,
         Run,
+        Runs,
         Scenario,
         UserError,
         compare,
@@ -17,14 +21,26 @@ if TYPE_CHECKING:
         load,
         load_scenario,
         run,
+        search,
         sweep,
     )
 
-__version__ = "0.1.0"
+__version__ = VERSION
 __all__ = [
-    "Figures", "Run", "Scenario", "UserError", "__version__", "compare", "differences", "load", "load_scenario", "run",
+    "Plots",
+    "Run",
+    "Runs",
+    "Scenario",
+    "UserError",
+    "__version__",
+    "compare",
+    "differences",
+    "load",
+    "load_scenario",
+    "run",
+    "search",
     "sweep",
-]  # fmt: skip
+]
 
 
 def __getattr__(name: str) -> Any:

@@ -1,12 +1,29 @@
-"""``python -m genie_sim``."""
+"""The program: ``genie-sim``, or ``python -m genie_sim``."""
 
+import os
 import sys
-from pathlib import Path
 
-# Python looks in the current folder first; where results of somebody else lie, nothing is imported from there.
-if not sys.flags.safe_path and Path(sys.path[0]).resolve() != Path(__file__).resolve().parents[1]:
-    del sys.path[0]
 
-from genie_sim.cli import main
+def main() -> int:
+    """Runs the command line; Ctrl-C ends it with one line also while its modules are imported."""
+    try:
+        from genie_sim.cli import main as command_line
 
-sys.exit(main())
+        return command_line()
+    except KeyboardInterrupt:
+        print("genie-sim: interrupted; nothing was written", file=sys.stderr)
+        return 130
+
+
+def _forget_current_folder() -> None:
+    """Python looks for modules in the current folder first. Where results of somebody else lie,
+    nothing is imported from there.
+    """
+    root = os.path.dirname(os.path.dirname(os.path.realpath(__file__)))  # noqa: PTH120 - pathlib takes long to import
+    if not sys.flags.safe_path and os.path.realpath(sys.path[0]) != root:
+        del sys.path[0]
+
+
+if __name__ == "__main__":
+    _forget_current_folder()
+    sys.exit(main())

@@ -3,39 +3,47 @@
 >>> import genie_sim as gs
 >>> run = gs.run("3car_hetero", {"cars[0].device": "orin_nano"}, seed=7)
 >>> run.frames, run.lookups, run.metrics        # pandas tables
->>> run.figures.latency_cdf()                   # a matplotlib figure
+>>> run.plot.latency_cdf()                      # a matplotlib figure
+>>> runs = gs.run("3car_hetero", seeds=5)       # means with intervals
 >>> run.report("report.html")                   # one page for a browser
 >>> gs.load("results/3car_hetero-2a7842fdfa41") # a run of the command line
 
-What is wrong with the input raises ``gs.UserError``, with one line that names field, value and choices.
+What is wrong with the input raises ``gs.UserError``, with one line that names field, value and
+choices.
 """
 
 import json
 import re
 import tempfile
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, overload
 
 from genie_sim import report, runner
 from genie_sim.analysis import compare as comparing
+from genie_sim.analysis import seed_runs
+from genie_sim.analysis.plots import Plots
+from genie_sim.analysis.seed_runs import SeedRuns
+from genie_sim.analysis.verdict import verdicts
 from genie_sim.errors import UserError
 from genie_sim.paths import expanded
 from genie_sim.perception.sources import Progress
 from genie_sim.recording import results
-from genie_sim.report import comparison
+from genie_sim.report import comparison, notebook
 from genie_sim.scenario import scenario
-from genie_sim.scenario.scenario import Scenario
+from genie_sim.scenario.scenario import Scenario, with_methods
+from genie_sim.settings import plain_data
 
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
 __all__ = [
-    "Figures",
+    "Plots",
     "Run",
+    "Runs",
     "Scenario",
     "UserError",
     "compare",
@@ -43,6 +51,7 @@ __all__ = [
     "load",
     "load_scenario",
     "run",
+    "search",
     "sweep",
 ]
 
@@ -51,7 +60,9 @@ Settings = Mapping[str, Any] | Sequence[str]
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Run(results.Run):
-    """A finished run in hand: its tables (see ``recording.results.Run``), metrics, figures and page."""
+    """A finished run in hand: its tables (see ``recording.results.Run``), metrics, figures and
+    page.
+    """
 
     @cached_property
     def scenario(self) -> Scenario:
@@ -60,69 +71,145 @@ class Run(results.Run):
 
     @cached_property
     def metrics(self) -> "pd.DataFrame":
-        """One row per metric: metric, method, placement, component, value, unit, low, high, n; see ``Metric``."""
-        import pandas as pd
+        """One row per metric: metric, method, placement, component, value, unit, low, high, n; see
+        ``Metric``.
+        """
+        return _long(self)
 
-        return pd.DataFrame([asdict(metric) for metric in self.measured])
+    def table(self) -> "pd.DataFrame":
+        """The values of ``metrics`` with a column a method, and a row for each metric, placement
+        and component.
+        """
+        return _wide(self)
 
     @property
-    def figures(self) -> "Figures":
-        """The paper's figures, of this run."""
-        return Figures(self)
+    def plot(self) -> Plots:
+        """The figures: ``run.plot.latency_cdf()``."""
+        return Plots(self)
+
+    def save(self, out: str | Path) -> Path:
+        """Writes the run's result folder into the folder ``out``, as ``run(..., out=out)`` does;
+        returns its path. Raises ``UserError``.
+        """
+        return runner.save(self, expanded(out))
 
     def report(self, path: str | Path | None = None) -> Path:
-        """Writes one HTML page to look at the run in a browser; default: ``report.html`` in the run's folder."""
-        if path is None:
-            if self.folder is None:
-                raise UserError(
-                    "report: a run without a folder needs a path, such as run.report('report.html')"
-                )
-            path = self.folder / report.NAME
-        path = expanded(path)
+        """Writes one HTML page to look at the run in a browser; default: ``report.html`` in the
+        run's folder.
+        """
+        path = _report_path(self, path)
         report.write(path, self)
         return path
 
+    def _repr_html_(self) -> str:
+        return notebook.run_html(self)
 
-@dataclass(frozen=True)
-class Figures:
-    """``run.figures.latency_cdf()`` and so on; each gives a matplotlib ``Figure``, which is imported only then."""
 
-    _run: Run
+@dataclass(frozen=True, eq=False, repr=False)
+class Runs(SeedRuns):
+    """Runs with several seeds in hand. ``runs`` are the single ones; metrics, tables and figures
+    are means over them, with 95 % intervals.
+    """
 
-    def latency_cdf(self, of: str = "published") -> "Figure":
-        """Distribution of response times, as shares of the ``published`` or of the ``answered`` frames."""
-        return self._draw("latency_cdf", {self._run.name: self._run.tables["frames"]}, of=of)
+    runs: Sequence[Run]
 
-    def latency_accuracy(self) -> "Figure":
-        """Mean time to first answer against streaming F1, or against the proxy where the truth is not known."""
-        from genie_sim.analysis.latency_accuracy import latency_accuracy
+    @cached_property
+    def metrics(self) -> "pd.DataFrame":
+        """One row per metric, as of a run: ``value`` is the mean over seeds, ``low`` and ``high``
+        the ends of its 95 % t interval, and ``n`` the number of runs that define it.
+        """
+        return _long(self)
 
-        return latency_accuracy(
-            {self._run.name: self._run.measured}, self._run.methods, self._run.footer
+    @cached_property
+    def every_run(self) -> "pd.DataFrame":
+        """One row per metric and seed."""
+        import pandas as pd
+
+        return pd.concat([run.metrics.assign(seed=run.seed) for run in self.runs])
+
+    def table(self) -> "pd.DataFrame":
+        """The means with a column a method, and a row for each metric, placement and component."""
+        return _wide(self)
+
+    @property
+    def plot(self) -> Plots:
+        """The figures, with bands and intervals: ``runs.plot.latency_cdf()``."""
+        return Plots(self)
+
+    def compare(self, methods: Sequence[str] = ()) -> "Comparison":
+        """The paired differences between the methods, seed by seed."""
+        return compare(self, methods=methods)
+
+    def save(self, out: str | Path) -> Path:
+        """Writes the result folder of every run into the folder ``out``; returns it. ``load`` reads
+        each. Raises ``UserError``.
+        """
+        for run in self.runs:
+            run.save(out)
+        return expanded(out)
+
+    def report(self, path: str | Path | None = None) -> Path:
+        """Writes one HTML page about all runs; default: ``report.html`` in their folder."""
+        path = _report_path(self, path)
+        report.write_text(path, comparison.seeds_page(self))
+        return path
+
+    def _repr_html_(self) -> str:
+        return notebook.run_html(self)
+
+
+def _long(run: results.Run | SeedRuns) -> "pd.DataFrame":
+    import pandas as pd
+
+    return pd.DataFrame([asdict(metric) for metric in run.measured])
+
+
+def _wide(run: Run | Runs) -> "pd.DataFrame":
+    """The index and the columns keep the order of the metrics and methods."""
+    index = ["metric", "placement", "component"]
+    wide = run.metrics.pivot(index=index, columns="method", values="value")
+    places = run.metrics[index].drop_duplicates().itertuples(index=False, name=None)
+    return wide.reindex(index=list(places), columns=[method.name for method in run.methods])
+
+
+def _report_path(run: Run | Runs, path: str | Path | None) -> Path:
+    if path is not None:
+        return expanded(path)
+    if run.folder is None:
+        raise UserError(
+            "report: a run without a folder needs a path, such as run.report('report.html')"
         )
+    return run.folder / report.NAME
 
-    def image_reuse(self) -> "Figure":
-        """Hits / requests of the message caches, on cars and on edges."""
-        return self._draw("image_reuse", {self._run.name: self._run.tables["lookups"]})
 
-    def object_reuse(self) -> "Figure":
-        """Object look-ups answered by an object with C >= C_T, on cars and on edges."""
-        return self._draw("object_reuse", {self._run.name: self._run.tables["lookups"]})
+@overload
+def run(
+    scenario: str | Path | Mapping[str, Any] | Scenario,
+    settings: Settings = (),
+    *,
+    seed: int | None = None,
+    seeds: None = None,
+    methods: Sequence[str] = (),
+    label: str = "",
+    out: str | Path | None = None,
+    jobs: int | None = None,
+    progress: Progress | None = None,
+) -> Run: ...
 
-    def confidence_boost(self) -> "Figure":
-        """Running mean of C_new - C_old over the updates of the object maps."""
-        return self._draw("confidence_boost", {self._run.name: self._run.tables["lookups"]})
 
-    def resource_use(self) -> "Figure":
-        """Use of devices and links, and queues, over simulated time."""
-        return self._draw("resource_use", self._run.tables["resources"])
-
-    def _draw(self, name: str, table: Any, **more: str) -> "Figure":
-        """Imports matplotlib, which takes a while, only now."""
-        from genie_sim.analysis import figures
-
-        figure: Figure = getattr(figures, name)(table, self._run.methods, self._run.footer, **more)
-        return figure
+@overload
+def run(
+    scenario: str | Path | Mapping[str, Any] | Scenario,
+    settings: Settings = (),
+    *,
+    seed: None = None,
+    seeds: int | Sequence[int],
+    methods: Sequence[str] = (),
+    label: str = "",
+    out: str | Path | None = None,
+    jobs: int | None = None,
+    progress: Progress | None = None,
+) -> Runs: ...
 
 
 def run(
@@ -130,42 +217,124 @@ def run(
     settings: Settings = (),
     *,
     seed: int | None = None,
+    seeds: int | Sequence[int] | None = None,
+    methods: Sequence[str] = (),
+    label: str = "",
     out: str | Path | None = None,
+    jobs: int | None = None,
     progress: Progress | None = None,
-) -> Run:
-    """Simulates a scenario: a file or a shipped name, the same as a mapping, or one from ``load_scenario``.
+) -> Run | Runs:
+    """Simulates a scenario under each of its methods. Raises ``UserError`` before it simulates.
 
-    ``settings`` change single fields, as ``--set`` does: ``{"genie.eviction": "lru", "cars[0].link": "wifi"}``.
-    ``seed`` is the root of all random streams (default: the scenario's). The run stays in memory, unless ``out`` names
-    a folder that gets its result folder. ``progress`` is called with the seconds simulated, those to simulate, and the
-    method. Raises ``UserError`` before anything is simulated.
+    Parameters
+    ----------
+    scenario : str, Path, mapping or Scenario
+        A file or a shipped name, the same as a mapping, or one from ``load_scenario``.
+    settings : mapping or sequence of str
+        Single fields to change, as ``--set`` does: ``{"genie.eviction": "lru", "cars[0].link":
+        "wifi"}``.
+    seed : int, optional
+        The root of all random streams; by default the scenario's.
+    seeds : int or sequence of int, optional
+        Several of them, or how many: 5 are the seeds 1 to 5. The result is then ``Runs``.
+    methods : sequence of str
+        Only these, in this order; by default those of the scenario.
+    label : str
+        What tables and figures call the result; by default the scenario's name.
+    out : str or Path, optional
+        A folder that gets the result folder; by default the run stays in memory. Of ``seeds``,
+        runs that are in it are not run again.
+    jobs : int, optional
+        Processes for ``seeds``; by default one per core.
+    progress : callable, optional
+        Called with the seconds simulated, those to simulate, and the method; of ``seeds`` with how
+        many runs are done, how many there are, and how many failed.
     """
     setting = load_scenario(scenario, settings, seed=seed)
+    if methods:
+        setting = with_methods(setting, methods)
+    label = results.checked_label(label)
+    if seeds is not None:
+        if seed is not None:
+            raise UserError("seed and seeds: give one of them")
+        return _run_seeds(setting, seeds, label, out=out, jobs=jobs, progress=progress)
     if out is None:
-        return _in_hand(runner.run_in_memory(setting, progress))
-    return _in_hand(runner.run_to_folder(setting, expanded(out), progress))
+        return _one_in_hand(runner.run_in_memory(setting, progress, label=label))
+    return _one_in_hand(runner.run_to_folder(setting, expanded(out), progress, label=label))
 
 
-def load(folder: str | Path) -> Run:
-    """The run in a result folder. Raises ``UserError`` for anything else, or for one that is not whole."""
-    return _in_hand(results.load(folder))
+def _run_seeds(
+    setting: Scenario,
+    seeds: int | Sequence[int],
+    label: str,
+    *,
+    out: str | Path | None,
+    jobs: int | None,
+    progress: Progress | None,
+) -> Runs:
+    """Runs what is missing of several seeds, in a scratch folder where there is no ``out``."""
+    from genie_sim import parallel
+    from genie_sim.study.seeds import design_of
+    from genie_sim.study.study import Study
+    from genie_sim.study.tasks import LocalWorkers
+
+    kept = out is not None
+    with tempfile.TemporaryDirectory() as scratch:
+        work = Study.of(
+            design_of(setting, seeds),
+            setting.name,
+            expanded(out or scratch),
+            base=setting,
+            label=label,
+            reports=kept,
+        )
+        work.run(LocalWorkers(jobs or parallel.workers_here()), progress=progress)
+        status = work.finish(pictures=kept)
+        runs = _in_hand(seed_runs.load(status.folder))
+    assert isinstance(runs, Runs)
+    if kept:
+        return runs
+    return Runs([replace(run, folder=None) for run in runs.runs], None, label)
 
 
-def compare(*results_: results.Run | str | Path, methods: Sequence[str] = ()) -> "Comparison":
-    """Compares runs, or result folders, that saw the same frames, or the methods of one: paired differences with
-    intervals, by seed where there are several of a setting, else by blocks of one second.
+def load(folder: str | Path, *, allow_changed: bool = False) -> Run | Runs:
+    """The run in a result folder, or the runs of one with several seeds.
 
-    ``methods``: which, the first of them to compare with. Raises ``UserError`` for what cannot be compared.
+    Raises ``UserError`` for anything else, for a folder that is not whole, and for files that were
+    changed since the run wrote them. With ``allow_changed`` these are read all the same; the run's
+    ``changed`` names them, and every table, figure and page made of it says so.
     """
-    runs = [one if isinstance(one, results.Run) else results.load(one) for one in results_]
-    return Comparison(comparing.compare(runs, methods))
+    return _in_hand(seed_runs.load(folder, allow_changed=allow_changed))
+
+
+def compare(
+    *results_: results.Run | SeedRuns | str | Path,
+    methods: Sequence[str] = (),
+    labels: Sequence[str] = (),
+    allow_changed: bool = False,
+) -> "Comparison":
+    """Compares runs, or result folders, that saw the same frames, or the methods of one: paired
+    differences with intervals, by seed where there are several of a setting, else by blocks of one
+    second.
+
+    ``methods``: which, the first of them to compare with. ``labels``: what the settings are called,
+    in their order. ``allow_changed`` as in ``load``. Raises
+    ``UserError`` for what cannot be compared.
+    """
+    runs = [
+        result
+        if isinstance(result, results.Run | SeedRuns)
+        else seed_runs.load(result, allow_changed=allow_changed)
+        for result in results_
+    ]
+    return Comparison(comparing.compare(runs, methods, labels))
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """Runs compared: ``table`` and ``settings`` as pandas tables, ``text()``, figures and a page."""
+    """Runs compared: ``table`` and ``settings`` for pandas, ``text()``, figures and a page."""
 
-    _made: comparing.Comparison
+    _made: comparing.ComparedRuns
 
     @cached_property
     def table(self) -> "pd.DataFrame":
@@ -184,8 +353,17 @@ class Comparison:
         )
 
     @property
+    def verdicts(self) -> list[str]:
+        """A sentence for each arm that is compared with another: in what it is better or worse, by
+        how much, and how sure that is.
+        """
+        return verdicts(self._made)
+
+    @property
     def figures(self) -> "Mapping[str, Figure]":
-        """Overlaid distributions of response times, and latency against accuracy."""
+        """The differences with their intervals, overlaid distributions of response times, and
+        latency against accuracy.
+        """
         return comparison.figures(self._made)
 
     def text(self, format: str = "markdown") -> str:
@@ -196,6 +374,9 @@ class Comparison:
         """Writes a page, figures and tables into a folder."""
         return comparison.write(self._made, expanded(folder))
 
+    def _repr_html_(self) -> str:
+        return notebook.comparison_html(self._made)
+
 
 def sweep(
     scenario: str | Path,
@@ -203,28 +384,52 @@ def sweep(
     settings: Mapping[str, Any] | None = None,
     *,
     seeds: int | Sequence[int] = 5,
+    methods: Sequence[str] = (),
+    label: str = "",
     samples: int | None = None,
     every_run: bool = False,
     jobs: int | None = None,
     out: str | Path | None = None,
     progress: Progress | None = None,
 ) -> "pd.DataFrame":
-    """Simulates a scenario along axes, every point with all ``seeds`` (5: the seeds 1 to 5), in ``jobs`` processes
-    (default: one a core).
+    """Simulates a scenario along axes, every point with all seeds. Raises ``UserError``.
 
-    ``axes``: by name, as in a sweep's file, or by the path of a setting with a list of its values:
-    ``{"genie.object_map.gate": ["1 m", "2 m"], "link": {"set": "cars[0].link", "list": ["wifi", "lte"]}}``.
-    Returns one row per point, metric, method, placement and component: the axes' values, the mean over seeds
-    (``value``), its 95 % t interval (``low``, ``high``) and the number of ``runs``; with ``every_run`` one row per run
-    instead, which ``differences`` takes. ``out``: a folder that gets the sweep's folder, and what is there is not run
-    again. Raises ``UserError``.
+    Returns one row per point, metric, method, placement and component: the axes' values, the mean
+    over seeds (``value``), its 95 % t interval (``low``, ``high``) and the number of ``runs``.
+
+    Parameters
+    ----------
+    scenario : str or Path
+        A file, or the name of one that is shipped.
+    axes : mapping
+        By name, as in a sweep's file, or by the path of a setting with a list of its values:
+        ``{"genie.object_map.gate": ["1 m", "2 m"], "link": {"set": "cars[0].link", "list": ["wifi",
+        "lte"]}}``.
+    settings : mapping, optional
+        Fields that are the same at every point.
+    seeds : int or sequence of int
+        Which seeds, or how many: 5 are the seeds 1 to 5.
+    methods : sequence of str
+        Only these, at every point; by default those of the scenario.
+    label : str
+        What figures and the page call the sweep.
+    samples : int, optional
+        How many points are drawn where axes are random.
+    every_run : bool
+        Whether to return one row per run instead, which ``differences`` takes.
+    jobs : int, optional
+        Processes; by default one per core.
+    out : str or Path, optional
+        A folder that gets the sweep's folder. Finished runs in it are not run again.
+    progress : callable, optional
+        Called with how much is done, how much there is, and what is going on.
     """
     import pandas as pd
 
     from genie_sim import parallel
-    from genie_sim.sweeps.design import read_design
-    from genie_sim.sweeps.sweep import Sweep
-    from genie_sim.sweeps.tasks import Local
+    from genie_sim.study.design import read_design
+    from genie_sim.study.study import Study
+    from genie_sim.study.tasks import LocalWorkers
 
     named = dict(_axis(path, axis) for path, axis in axes.items())
     given = {
@@ -238,28 +443,109 @@ def sweep(
         {**given, "seeds": seeds if isinstance(seeds, int) else list(seeds)}, "sweep"
     )
     with tempfile.TemporaryDirectory() as scratch:
-        work = Sweep.of(design, "sweep", expanded(out or scratch), progress)
-        work.run(Local(jobs or parallel.workers_here()), progress=progress)
-        made = work.finish(pictures=out is not None)
+        work = Study.of(
+            design,
+            "sweep",
+            expanded(out or scratch),
+            progress,
+            methods=methods,
+            label=results.checked_label(label),
+            reports=out is not None,
+        )
+        work.run(LocalWorkers(jobs or parallel.workers_here()), progress=progress)
+        status = work.finish(pictures=out is not None)
         return pd.read_parquet(
-            made.folder / ("runs.parquet" if every_run else "table.parquet"), use_threads=False
+            status.folder / ("runs.parquet" if every_run else "table.parquet"), use_threads=False
         )
 
 
+def search(
+    search: str | Path | Mapping[str, Any],
+    *,
+    methods: Sequence[str] = (),
+    settings: Mapping[str, Any] | None = None,
+    maximize: str | Sequence[str] = (),
+    minimize: str | Sequence[str] = (),
+    subject_to: str | Sequence[str] = (),
+    points: int | None = None,
+    seed: int | None = None,
+    jobs: int | None = None,
+    out: str | Path | None = None,
+    progress: Progress | None = None,
+) -> "pd.DataFrame":
+    """Searches the settings that pay. Raises ``UserError``.
+
+    Returns one row per design of the front, and one per method of the scenario as it is: objectives
+    and constraints with 95 % intervals over the held-out set, which the search has not seen; which
+    designs cannot be told apart (``equal_to``) or are worse beyond doubt (``dominated_by``); and
+    the values of the parameters.
+
+    Parameters
+    ----------
+    search : str, Path or mapping
+        A search file or a scenario, the name of one that is shipped, or the same as a search file
+        in a mapping.
+    methods : sequence of str
+        Which methods are tuned, each on the same budget: names or files of spaces.
+    settings : mapping, optional
+        Settings to fix; they are not searched.
+    maximize, minimize : str or sequence of str
+        Metrics, in the place of the objectives of the file.
+    subject_to : str or sequence of str
+        Constraints such as ``"ghost_share <= 0.3"``.
+    points : int, optional
+        How many points are tried of each method.
+    seed : int, optional
+        Of the search itself.
+    jobs : int, optional
+        Processes; by default one per core.
+    out : str or Path, optional
+        A folder that gets the search's folder. Points in it are not tried again.
+    progress : callable, optional
+        Called with how many points are done, how many there are, and what is going on.
+    """
+    import pandas as pd
+
+    from genie_sim import parallel
+    from genie_sim.study.tasks import LocalWorkers
+    from genie_sim.tuning import design as designs
+
+    changes: dict[str, Any] = {"set": dict(settings)} if settings else {}
+    if maximize or minimize:
+        changes["objectives"] = {"maximize": maximize, "minimize": minimize}
+    changes |= {
+        key: value
+        for key, value in (("subject_to", subject_to), ("points", points), ("seed", seed))
+        if value not in ((), None)
+    }
+    design = designs.load(search, methods, changes)
+    from genie_sim.tuning.search import Search
+
+    with tempfile.TemporaryDirectory() as scratch:
+        work = Search(design, expanded(out or scratch))
+        workers = LocalWorkers(jobs or parallel.workers_here())
+        work.run(workers, progress=progress)
+        status = work.finish(workers, progress, pictures=out is not None)
+        return pd.read_parquet(status.folder / "designs.parquet", use_threads=False)
+
+
 def _axis(path: str, axis: Any) -> tuple[str, Any]:
-    """A list stands for an axis along the setting that its name says, called by the last word of the path."""
+    """A list stands for an axis along the setting that its name says, called by the last word of
+    the path.
+    """
     if isinstance(axis, str) or not isinstance(axis, Sequence):
         return path, axis
     return re.findall(r"\w+", path)[-1], {"set": path, "list": list(axis)}
 
 
 def differences(runs: "pd.DataFrame", along: str, to: Any) -> "pd.DataFrame":
-    """Paired differences in a sweep's runs (``sweep(..., every_run=True)`` or ``runs.parquet``): of every value of the
-    column ``along``, an axis or ``method``, from the value ``to``, seed by seed, with 95 % t intervals.
+    """Paired differences in a sweep's runs (``sweep(..., every_run=True)`` or ``runs.parquet``): of
+    every value of the column ``along``, an axis or ``method``, from the value ``to``, seed by seed,
+    with 95 % t intervals.
 
     Raises ``UserError``.
     """
-    from genie_sim.sweeps import tables
+    from genie_sim.study import tables
 
     columns = list(runs.columns[3 : runs.columns.get_loc("metric")])
     return tables.differences(runs, columns, along, to)
@@ -271,7 +557,8 @@ def load_scenario(
     *,
     seed: int | None = None,
 ) -> Scenario:
-    """A scenario, checked: a file or a shipped name, a mapping as in YAML, or another scenario, with ``settings``.
+    """A scenario, checked: a file or a shipped name, a mapping as in YAML, or another scenario,
+    with ``settings``.
 
     Raises ``UserError``.
     """
@@ -279,17 +566,21 @@ def load_scenario(
     try:
         if isinstance(source, str | Path):
             return scenario.load_scenario(source, overrides, seed)
-        if isinstance(source, Scenario):
-            source = source.model_dump(mode="json", by_alias=True)
-        return scenario.read_scenario({"name": "scenario", **source}, overrides, seed)
+        data = plain_data(source) if isinstance(source, Scenario) else source
+        return scenario.read_scenario({"name": "scenario", **data}, overrides, seed)
     except UserError as error:
-        raise UserError(
-            str(error).removeprefix("--set ")
-        ) from error  # that is how the command line says it
+        # that is how the command line says it
+        raise UserError(str(error).removeprefix("--set ")) from error
 
 
-def _in_hand(run: results.Run) -> Run:
-    return Run(run.run_id, run.facts, run.yaml, run.tables, run.measured, run.folder)
+def _in_hand(run: results.Run | SeedRuns) -> Run | Runs:
+    if isinstance(run, SeedRuns):
+        return Runs([_one_in_hand(of_seed) for of_seed in run.runs], run.folder, run.label)
+    return _one_in_hand(run)
+
+
+def _one_in_hand(run: results.Run) -> Run:
+    return Run(**{field.name: getattr(run, field.name) for field in fields(run)})
 
 
 def _overrides(settings: Settings) -> Sequence[str]:

@@ -1,25 +1,27 @@
 """What can be named in a scenario, each with a line about it; the answers of ``genie-sim list``."""
 
+import inspect
 from collections.abc import Callable, Iterable, Mapping
 
 from genie_sim import files
 from genie_sim.core.confidence import CONFIDENCE_RULES
+from genie_sim.core.defences import DEFENCES
 from genie_sim.core.eviction import EVICTIONS
 from genie_sim.core.similarity import SIMILARITIES
 from genie_sim.faults import FAULTS
 from genie_sim.methods import METHODS
 from genie_sim.perception.sources import SOURCES
 from genie_sim.plugins import Choice, resolve
-from genie_sim.scenario.links import LINKS
 from genie_sim.scenario.profiles import load_profile
 from genie_sim.scenario.yaml_input import read_mapping
 from genie_sim.sim.link_models import LINK_MODELS
+from genie_sim.sim.link_models.presets import LINKS
 from genie_sim.units import duration_text, rate_text
 
 Listing = Iterable[tuple[str, str]]
 
 
-def _described(kind: files.Kind) -> Listing:
+def _described(kind: files.FileKind) -> Listing:
     for name, path in files.available(kind).items():
         yield name, str(read_mapping(path).get("description", ""))
 
@@ -38,7 +40,8 @@ def _about_link(link: Choice) -> str:
     of = link.parameters
     rates = (of["rate_up_bps"], of["rate_down_bps"])
     up, down = (rate_text(rate) if rate is not None else "no limit" for rate in rates)
-    return f"{up} up, {down} down, delay {duration_text(of['delay_ns'])}, jitter {duration_text(of['jitter_ns'])}"
+    delay, jitter = (duration_text(of[name]) for name in ("delay_ns", "jitter_ns"))
+    return f"{up} up, {down} down, delay {delay}, jitter {jitter}"
 
 
 def _detectors() -> Listing:
@@ -48,10 +51,12 @@ def _detectors() -> Listing:
 
 
 def _first_lines(registry: Mapping[str, object]) -> Listing:
-    return (
-        (name, (resolve("", name, registry).__doc__ or "").strip().splitlines()[0])
-        for name in registry
-    )
+    """Each name of a registry with the first paragraph of its class's docstring, on one line."""
+    for name in registry:
+        paragraph, _, _ = inspect.cleandoc(resolve("", name, registry).__doc__ or "").partition(
+            "\n\n"
+        )
+        yield name, " ".join(paragraph.split())
 
 
 KINDS: dict[str, Callable[[], Listing]] = {
@@ -61,6 +66,8 @@ KINDS: dict[str, Callable[[], Listing]] = {
     "link-models": lambda: _first_lines(LINK_MODELS),
     "scenarios": lambda: _described(files.SCENARIO),
     "sweeps": lambda: _described(files.SWEEP),
+    "searches": lambda: _described(files.SEARCH),
+    "spaces": lambda: _described(files.SPACE),
     "devices": lambda: ((name, load_profile(name).title) for name in files.available(files.DEVICE)),
     "models": _models,
     "links": lambda: ((name, _about_link(link)) for name, link in LINKS.items()),
@@ -69,4 +76,5 @@ KINDS: dict[str, Callable[[], Listing]] = {
     "similarities": lambda: _first_lines(SIMILARITIES),
     "evictions": lambda: _first_lines(EVICTIONS),
     "rules": lambda: _first_lines(CONFIDENCE_RULES),
+    "defences": lambda: _first_lines(DEFENCES),
 }

@@ -2,19 +2,45 @@
 
 import os
 import sys
+import textwrap
+from collections.abc import Sequence
 from contextlib import closing
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
-from genie_sim import __version__, arguments, completion, plugins, terminal
-from genie_sim.arguments import COUNT, PATH, own_code_option
-from genie_sim.cli_compare import compare, figures, table
+from genie_sim import arguments, completion, plugins, terminal
+from genie_sim.arguments import (
+    COUNT,
+    PATH,
+    backend_option,
+    changed_option,
+    jobs_option,
+    label_option,
+    own_code_option,
+    scheduler_option,
+    seeds_option,
+)
+from genie_sim.cli_compare import compare, figures, table, write_article
+from genie_sim.cli_files import copy, show
+from genie_sim.cli_import import import_tables
+from genie_sim.cli_links import links
 from genie_sim.cli_perceive import perceive, truth
 from genie_sim.cli_ros import attach, detach, keys
+from genie_sim.cli_search import search
 from genie_sim.errors import UserError, unknown
 from genie_sim.paths import expanded
 from genie_sim.terminal import Commands, Progress
+from genie_sim.text import one_line
+from genie_sim.version import VERSION
+
+if TYPE_CHECKING:
+    from genie_sim.analysis.seed_runs import SeedRuns
+    from genie_sim.recording.results import Run
+    from genie_sim.scenario.scenario import Scenario
+    from genie_sim.study.study import Study
+    from genie_sim.study.tasks import DaskWorkers, LocalWorkers
 
 EXAMPLES = """\b
 genie-sim run 3car_hetero
@@ -31,9 +57,7 @@ Simulates Genie, the smart ROS cache for connected vehicles and edge servers.
     invoke_without_command=True,
     context_settings={"show_default": True},
 )
-@click.version_option(
-    __version__, message="genie-sim %(version)s", help="Print the version and exit."
-)
+@click.version_option(VERSION, message="genie-sim %(version)s", help="Print the version and exit.")
 @click.option(
     "--debug/--no-debug", expose_value=False, help="Show where a class of your own failed."
 )
@@ -70,13 +94,25 @@ def app(context: click.Context) -> None:
     shell_complete=completion.methods,
     help="Only these: methods of the scenario, of 'list methods', or module:Class.",
 )
+@seeds_option
+@click.option("--jobs", type=COUNT, help="With --seeds: processes; default: one a core.")
+@label_option
 @click.option("--out", type=PATH, default="results", help="The folder that gets the result folder.")
 @click.option("--no-report", is_flag=True, help="Leave out report.html.")
 @click.option("--figures", is_flag=True, help="Draw the figures as well, as SVG.")
 def run(
-    scenario: str, set_: tuple[str, ...], seed: int | None, methods: str | None, out: Path, no_report: bool,
+    *,
+    scenario: str,
+    set_: tuple[str, ...],
+    seed: int | None,
+    methods: str | None,
+    seeds: str | None,
+    jobs: int | None,
+    label: str,
+    out: Path,
+    no_report: bool,
     figures: bool,
-) -> None:  # fmt: skip
+) -> None:
     """Simulate a scenario under each of its methods.
 
     Those are local, remote and Genie, unless it says otherwise.
@@ -86,68 +122,166 @@ def run(
     genie-sim run 3car_hetero --set cars[0].device=orin_nano --set genie.eviction=lru
     genie-sim run mine.yaml --seed 7 --out lab
     genie-sim run mine.yaml --methods local,genie
+    genie-sim run 3car_hetero --seeds 5
     """
     from genie_sim import files
 
-    files.find(files.SCENARIO, scenario)  # a slip is told before anything heavy is imported
+    several = arguments.seeds(seeds)
+    if seed is not None and several is not None:
+        raise UserError("--seed and --seeds: give one of them")
+    if jobs is not None and several is None:
+        raise UserError("--jobs: goes with --seeds; one run is one process")
+
+    files.find(files.SCENARIO, scenario)  # a wrong name is reported before the heavy imports
     from genie_sim.scenario.scenario import load_scenario, with_methods
 
     setting = load_scenario(scenario, set_, seed)
     if methods is not None:
-        setting = with_methods(setting, methods.split(","), f"--methods {methods}")
+        names = arguments.listed("--methods", methods)
+        setting = with_methods(setting, names, f"--methods {methods}")
     from genie_sim import build, runner
+    from genie_sim.recording.results import checked_label
 
-    if own := build.own_plugins(setting):
-        click.echo(
-            f"{setting.name} runs code of its own: {', '.join(f'{what} {name}' for what, name in own)}"
+    label = checked_label(label, "--label")
+    if own := build.plugin_names(setting):
+        click.echo(f"{setting.name} runs code of its own: {', '.join(own)}")
+    for note in build.notes(setting):
+        click.echo(textwrap.fill(note, min(terminal.width(), 100)))
+    formats = ("svg",) if figures else ()
+    if several is not None:
+        return _run_seeds(
+            setting, several, out, jobs=jobs, label=label, report=not no_report, formats=formats
         )
     with Progress() as progress:
         result = runner.run_to_folder(
-            setting, out, progress, not no_report, ("svg",) if figures else ()
+            setting, out, progress, with_report=not no_report, figures=formats, label=label
         )
-    assert result.folder is not None
-    from genie_sim.analysis import summary
+    _show(result, figures=figures, report=not no_report)
 
-    click.echo(summary.text(result.measured, width=min(terminal.width(), 100)), nl=False)
-    click.echo(f"Results: {result.folder} (all tables, with intervals: summary.md)")
-    click.echo(
-        f"Figures: {result.folder / 'figures' if figures else f'genie-sim figures {result.folder}'}"
-    )
-    if not no_report:
-        click.echo(f"Report:  {result.folder / terminal.PAGE}")
+
+def _run_seeds(
+    scenario: "Scenario",
+    seeds: int | list[int],
+    out: Path,
+    *,
+    jobs: int | None,
+    label: str,
+    report: bool,
+    formats: Sequence[str],
+) -> None:
+    """Runs a scenario under several seeds, or what is missing of that, and shows the means."""
+    from genie_sim import parallel
+    from genie_sim.analysis.seed_runs import load
+    from genie_sim.study.seeds import design_of
+    from genie_sim.study.study import Study
+    from genie_sim.study.tasks import LocalWorkers
+
+    design = design_of(scenario, seeds)
+    work = Study.of(design, scenario.name, out, base=scenario, label=label, reports=report)
+    _simulate(work, LocalWorkers(jobs or parallel.workers_here()))
+    status = work.finish(pictures=report, formats=formats)
+    _show(load(status.folder), figures=bool(formats), report=report)
+
+
+def _simulate(
+    work: "Study", workers: "LocalWorkers | DaskWorkers", part: tuple[int, int] = (1, 1)
+) -> None:
+    """Runs what is missing of a study. Ctrl-C ends the program with one line; what is done is
+    kept.
+    """
+    with Progress(unit="runs") as progress, closing(workers):
+        try:
+            work.run(workers, part, progress)
+        except KeyboardInterrupt:
+            print(
+                f"genie-sim: interrupted; finished runs are kept in {work.folder}", file=sys.stderr
+            )
+            raise SystemExit(130) from None
+
+
+def _show(result: "Run | SeedRuns", *, figures: bool, report: bool) -> None:
+    """Prints the main table of a run, or of several seeds, and where the results are."""
+    from genie_sim.analysis import screen
+    from genie_sim.analysis.compare import compared
+    from genie_sim.analysis.verdict import verdicts
+
+    folder, columns = result.folder, min(terminal.width(), 100)
+    assert folder is not None
+    click.echo(screen.text(result, columns), nl=False)
+    for sentence in verdicts(compared([result])) if len(result.runs) > 1 else ():
+        click.echo(textwrap.fill(one_line(sentence), columns, subsequent_indent="  "))
+    click.echo(f"Results: {folder} (all tables, with intervals: summary.md)")
+    click.echo(f"Figures: {folder / 'figures' if figures else f'genie-sim figures {folder}'}")
+    if report:
+        click.echo(f"Report:  {folder / terminal.PAGE}")
 
 
 @app.command()
-@click.argument("folder", type=PATH, help="A result folder of 'run', 'reproduce' or 'sweep'.")
+@click.argument(
+    "folder", type=PATH, help="A result folder of 'run', 'reproduce', 'sweep' or 'search'."
+)
 @click.option(
     "--start", default="0 s", help="Where the replay of a long run begins, such as '60 s'."
 )
 @click.option("--out", type=PATH, help="The page to write; default: report.html in the folder.")
+@click.option(
+    "--pictures",
+    metavar="DIR",
+    type=PATH,
+    help="KITTI's folder: the replay shows its frames, which stay where they are.",
+)
+@click.option("--copy-pictures", is_flag=True, help="The page holds small copies of the frames.")
+@changed_option
 @own_code_option
-def report(folder: Path, start: str, out: Path | None) -> None:
-    """Write one HTML page about a run, an evaluation or a sweep."""
+def report(
+    *,
+    folder: Path,
+    start: str,
+    out: Path | None,
+    pictures: Path | None,
+    copy_pictures: bool,
+    allow_changed: bool,
+) -> None:
+    """Write one HTML page about the results in a folder."""
     from genie_sim import units
 
     try:
         start_ns = units.duration_ns(start)
     except ValueError as error:
         raise UserError(f"--start: {error}") from error
+    if copy_pictures and pictures is None:
+        raise UserError("--copy-pictures: --pictures says where they are")
     from genie_sim import report as reports
+    from genie_sim.analysis.seed_runs import is_seeds_folder
     from genie_sim.paper import page as evaluation
     from genie_sim.recording import results
-    from genie_sim.sweeps import page as sweep
+    from genie_sim.report import comparison
+    from genie_sim.run_pictures import kitti_pictures
+    from genie_sim.study import page as sweep
+    from genie_sim.tuning import page as search_page
 
     path = out if out is not None else folder / terminal.PAGE
-    pages = {"verdicts.json": evaluation.page, "sweep.json": sweep.page}
+    pages = {
+        "verdicts.json": evaluation.page,
+        "sweep.json": sweep.page,
+        "search.json": search_page.page,
+    }
     page = next((page for name, page in pages.items() if (folder / name).is_file()), None)
+    if is_seeds_folder(folder):
+        page = comparison.seeds_page_of
     if page is None:
-        reports.write(path, results.load(folder), start_ns)
-    elif start_ns:
+        run = results.load(folder, allow_changed=allow_changed)
+        frames = None
+        if pictures is not None:
+            frames = kitti_pictures(run, pictures, copied=copy_pictures)
+        reports.write(path, run, start_ns, frames)
+    elif start_ns or pictures is not None:
+        option = "--start" if start_ns else "--pictures"
         raise UserError(
-            f"--start: {folder} holds no single run; only the page of a run has a replay"
+            f"{option}: {folder} holds no single run; only the page of a run has a replay"
         )
     else:
-        reports.write_text(path, page(folder))
+        reports.write_text(path, page(folder, allow_changed))
     click.echo(f"Report: {path}")
 
 
@@ -173,14 +307,20 @@ def report(folder: Path, start: str, out: Path | None) -> None:
     help="The folder that gets it; default: results/reproduce or results/explore.",
 )
 def reproduce(
-    quick: bool, seeds: int | None, jobs: int | None, drives: bool, reading: str | None, explore: bool,
+    *,
+    quick: bool,
+    seeds: int | None,
+    jobs: int | None,
+    drives: bool,
+    reading: str | None,
+    explore: bool,
     out: Path | None,
-) -> None:  # fmt: skip
+) -> None:
     """Run the paper's evaluation: figures and verdicts."""
     if explore:
         if quick or drives or seeds is not None or reading is not None:
             raise UserError(
-                "--explore: has a design of its own; of the others only --jobs and --out go with it"
+                "--explore: cannot be combined with --quick, --drives, --seeds or --reading"
             )
         return _explore(out or Path("results/explore"), jobs)
     out = out or Path("results/reproduce")
@@ -188,12 +328,21 @@ def reproduce(
     from genie_sim.paper.reproduce import reproduce as run_evaluation
 
     with Progress(unit="runs") as progress:
-        result = run_evaluation(out, quick, seeds, jobs, progress, drives, reading)
+        result = run_evaluation(
+            out,
+            quick=quick,
+            seeds=seeds,
+            workers=jobs,
+            progress=progress,
+            with_drives=drives,
+            reading=reading,
+        )
     click.echo(verdict_table.text(verdict_table.read_rows(result.folder), terminal.width()))
     if result.drives:
         click.echo(f"\n{result.drives}\n")
     click.echo(
-        f"Results: {result.folder} ({result.wall_time_s:.0f} s)\nFigures: {result.folder / 'figures'}"
+        f"Results: {result.folder} ({result.wall_time_s:.0f} s)\n"
+        f"Figures: {result.folder / 'figures'}"
     )
     click.echo(f"Report:  {result.folder / terminal.PAGE}")
 
@@ -202,32 +351,38 @@ def _explore(out: Path, jobs: int | None) -> None:
     from genie_sim.paper import explore
     from genie_sim.parallel import workers_here
 
-    with Progress(unit="points") as progress:
-        found = explore.explore(out, jobs or workers_here(), progress)
-    click.echo(f"{explore.text(found)}\n\nResults: {out}")
+    with Progress(unit="runs") as progress:
+        answers = explore.explore(out, jobs or workers_here(), progress)
+    click.echo(f"{explore.text(answers)}\n\nResults: {out}")
 
 
 @app.command()
 @click.argument("folder", type=PATH, help="A result folder.")
+@changed_option
 @own_code_option
-def rerun(folder: Path) -> None:
+def rerun(folder: Path, allow_changed: bool) -> None:
     """Run a result folder again and compare it byte for byte."""
     from genie_sim import runner
 
     with Progress() as progress:
-        compared = runner.rerun(folder, progress)
+        compared = runner.rerun(folder, progress, allow_changed=allow_changed)
     for name, same in compared.items():
         click.echo(f"{name}: {'identical' if same else 'DIFFERENT'}")
     if not all(compared.values()):
         raise UserError(f"{folder}: the run does not reproduce its own result")
 
 
-for _command in (compare, figures, table, perceive, truth):
+for _command in (compare, figures, table, write_article, perceive, truth, import_tables):
     app.add_command(_command)
 
 
 @app.command()
-@click.argument("what", metavar="{model|drive}", help="What is fetched.")
+@click.argument(
+    "what",
+    metavar="{model|drive}",
+    shell_complete=completion.fixed("model", "drive"),
+    help="What is fetched.",
+)
 @click.argument("name", help="Such as yolox-nano, or 2011_09_26_drive_0005.")
 @click.option(
     "--out",
@@ -279,96 +434,127 @@ def fetch(what: str, name: str, out: Path | None) -> None:
     "--empirical", is_flag=True, help="Keep the measured distribution instead of the fitted law."
 )
 def profile(
-    out: Path, detector: str | None, csv: Path | None, model: str | None, weights: Path | None, runs: int,
+    *,
+    out: Path,
+    detector: str | None,
+    csv: Path | None,
+    model: str | None,
+    weights: Path | None,
+    runs: int,
     empirical: bool,
-) -> None:  # fmt: skip
+) -> None:
     """Measure a detector on this machine into a device profile. Or take measured latencies."""
     from genie_sim import device_fit
 
     if (detector is None) == (csv is None):
         raise UserError(
-            "profile: give either --detector, to measure here, or --csv, with latencies measured elsewhere"
+            "profile: give either --detector, to measure here, or --csv, with latencies measured "
+            "elsewhere"
         )
     with Progress(unit="pictures") as progress:
         if csv is not None:
             measured = device_fit.from_csv(csv, model or csv.stem)
         else:
             assert detector is not None
-            measured = device_fit.measure(detector, weights, runs, model, progress)
+            measured = device_fit.measure(detector, weights, runs, model=model, progress=progress)
     fit = device_fit.fit(measured.latencies_ns)
     device_fit.write(out, measured, fit, empirical)
     click.echo(f"{out}: {measured.model}: {fit}")
 
 
 @app.command()
-@click.argument("sweep", help="A sweep file, or the name of one that comes with genie-sim.")
+@click.argument(
+    "sweep",
+    help="A sweep file, or the name of one that comes with genie-sim.",
+    shell_complete=completion.sweeps,
+)
 @click.option(
     "--out", type=PATH, default="results", help="The folder that gets the sweep's folder."
 )
-@click.option("--jobs", type=COUNT, help="Processes on this machine; default: one a core.")
-@click.option(
-    "--backend",
-    type=click.Choice(("joblib", "dask")),
-    default="joblib",
-    help="This machine, or a cluster.",
-)
-@click.option("--scheduler", help="Address of the Dask scheduler, tcp://host:8786.")
+@jobs_option
+@backend_option
+@scheduler_option
 @click.option(
     "--shard", default="1/1", metavar="I/N", help="Only this part of the runs, for job arrays."
 )
+@click.option(
+    "--methods",
+    metavar="A,B,...",
+    shell_complete=completion.methods,
+    help="Only these, at every point.",
+)
+@click.option("--seeds", metavar="N|A,B,...", help="So many seeds, or these; default: the sweep's.")
+@label_option
 def sweep(
-    sweep: str, out: Path, jobs: int | None, backend: str, scheduler: str | None, shard: str
+    *,
+    sweep: str,
+    out: Path,
+    jobs: int | None,
+    backend: str,
+    scheduler: str | None,
+    shard: str,
+    methods: str | None,
+    seeds: str | None,
+    label: str,
 ) -> None:
     """Simulate a scenario along axes, with several seeds. What has been done is not done again."""
     part = arguments.shard(shard)
+    names, numbers = arguments.listed("--methods", methods), arguments.seeds(seeds)
     if (backend == "dask") != (scheduler is not None):
         raise click.BadParameter("--backend dask and --scheduler ADDRESS belong together")
     from genie_sim import parallel
-    from genie_sim.sweeps.sweep import Sweep
-    from genie_sim.sweeps.tasks import Dask, Local
+    from genie_sim.analysis.seed_runs import load
+    from genie_sim.recording.results import checked_label
+    from genie_sim.study.study import Study
+    from genie_sim.study.tasks import DaskWorkers, LocalWorkers
 
+    label = checked_label(label, "--label")
     with Progress(unit="points") as progress:
-        work = Sweep.load(sweep, out, progress)
-    with Progress(unit="runs") as progress:
-        with closing(
-            Local(jobs or parallel.workers_here()) if scheduler is None else Dask(scheduler)
-        ) as workers:
-            try:
-                work.run(workers, part, progress)
-            except KeyboardInterrupt:
-                print(
-                    f"genie-sim: interrupted; finished runs are kept in {work.folder}",
-                    file=sys.stderr,
-                )
-                raise SystemExit(130) from None
-        done = work.finish()
-    if done.complete:
+        work = Study.load(sweep, out, progress, seeds=numbers, methods=names, label=label)
+    workers = (
+        LocalWorkers(jobs or parallel.workers_here())
+        if scheduler is None
+        else DaskWorkers(scheduler)
+    )
+    _simulate(work, workers, part)
+    done = work.finish()
+    if done.complete and not work.design.axes:
+        _show(load(done.folder), figures=False, report=True)
+    elif done.complete:
         click.echo(
-            f"{done.points:,} points, {done.runs:,} runs\nTable: {done.folder / 'table.csv'} (and .parquet)"
+            f"{done.points:,} points, {done.runs:,} runs\n"
+            f"Table: {done.folder / 'table.csv'} (and .parquet)"
         )
         click.echo(f"Figures: {done.folder / 'figures'}\nReport:  {done.folder / terminal.PAGE}")
     else:
         click.echo(
-            f"{done.done:,} of {done.runs:,} runs are in {done.folder}; the last shard makes the table"
+            f"{done.done:,} of {done.runs:,} runs are in {done.folder}; "
+            "the last shard makes the table"
         )
 
 
-for _command in (attach, detach, keys):
+for _command in (links, search, attach, detach, keys):
     app.add_command(_command)
 
 
 @app.command()
 @click.argument("folder", type=PATH, help="A result folder.")
-@click.option("--format", default="mcap", help="mcap (Foxglove, ROS 2) or bag (RViz, ROS 1).")
+@click.option(
+    "--format",
+    default="mcap",
+    shell_complete=completion.fixed("mcap", "bag"),
+    help="mcap (Foxglove, ROS 2) or bag (RViz, ROS 1).",
+)
 @click.option("--out", type=PATH, help="The file; default: run.mcap or run.bag in the folder.")
+@changed_option
 @own_code_option
-def export(folder: Path, format: str, out: Path | None) -> None:
+def export(folder: Path, format: str, out: Path | None, allow_changed: bool) -> None:
     """Write a run as a bag, for Foxglove or RViz."""
     from genie_sim.recording import results
     from genie_sim.ros import export as bags
 
     path = out if out is not None else folder / f"run.{format}"
-    count = bags.export(results.load(folder), path, format)
+    count = bags.export(results.load(folder, allow_changed=allow_changed), path, format)
     click.echo(f"{path}: {count:,} messages")
 
 
@@ -393,8 +579,17 @@ def list_(what: str | None) -> None:
             click.echo(line)
 
 
+for _command in (show, copy):
+    app.add_command(_command)
+
+
 @app.command()
-@click.argument("what", metavar="{scenario|device}", help="What kind of file.")
+@click.argument(
+    "what",
+    metavar="{scenario|device}",
+    shell_complete=completion.fixed("scenario", "device"),
+    help="What kind of file.",
+)
 def schema(what: str) -> None:
     """Print the JSON Schema of scenarios or devices, for editors."""
     import json
@@ -408,17 +603,18 @@ def schema(what: str) -> None:
 
 @plugins.own_code(allowed=True)  # whatever a command forbids, the next one finds as it was
 def main(argv: list[str] | None = None) -> int:
-    """Runs the command line. Exit status: 0 done, 1 the user's input or environment, 2 usage, 130 Ctrl-C or SIGTERM."""
+    """Runs the command line. Exit status: 0 done, 1 the user's input or environment, 2 usage, 130
+    Ctrl-C or SIGTERM.
+    """
     terminal.open_closed_streams()
-    os.environ["MPLBACKEND"] = (
-        "agg"  # figures go to files; a window that is asked for here may not even exist
-    )
+    # figures go to files; a window that is asked for here may not even exist
+    os.environ["MPLBACKEND"] = "agg"
     try:
         app(args=argv, prog_name="genie-sim")
     except SystemExit as stop:
-        return stop.code if isinstance(stop.code, int) else int(stop.code is not None)
+        return _status_of(stop)
     except UserError as error:
-        print(f"genie-sim: {terminal.one_line(str(error))}", file=sys.stderr)
+        print(f"genie-sim: {one_line(str(error))}", file=sys.stderr)
         return 1
     except (
         OSError,
@@ -433,8 +629,17 @@ def main(argv: list[str] | None = None) -> int:
             or (fault := plugins.own_fault(error)) is None
         ):
             raise
-        print(
-            f"genie-sim: {terminal.one_line(fault)}; genie-sim --debug shows more", file=sys.stderr
-        )
+        print(f"genie-sim: {one_line(fault)}; genie-sim --debug shows more", file=sys.stderr)
         return 1
     return 0
+
+
+def _status_of(stop: SystemExit) -> int:
+    """The exit status; a text, with which a class of the user's own may end the program, is shown
+    first.
+    """
+    if stop.code is None or isinstance(stop.code, int):
+        return stop.code or 0
+    text = plugins.own_fault(stop) or str(stop.code)
+    print(f"genie-sim: {one_line(text)}", file=sys.stderr)
+    return 1

@@ -1,11 +1,18 @@
-"""Commands about results that are there. Everything heavy is imported after the arguments are parsed."""
+"""Commands about results that are there. Everything heavy is imported after the arguments are
+parsed.
+"""
 
 from pathlib import Path
 
 import click
 
-from genie_sim.arguments import PATH, own_code_option
+from genie_sim import completion
+from genie_sim.arguments import PATH, changed_option, listed, own_code_option
 from genie_sim.errors import UserError, unknown
+from genie_sim.text import one_line
+
+WIDTHS = ("column", "page", "acm-column", "acm-page")  # of style.WIDTHS, which imports numpy
+TABLE_FORMATS = completion.fixed("markdown", "csv", "latex")
 
 
 @click.command()
@@ -13,13 +20,29 @@ from genie_sim.errors import UserError, unknown
     "folders", nargs=-1, required=True, help="Result folders, the one to compare with first."
 )
 @click.option(
-    "--method", multiple=True, help="Only this method. Repeatable; the first is compared with."
+    "--methods",
+    metavar="A,B,...",
+    shell_complete=completion.methods,
+    help="Only these; of one result, the first is compared with.",
 )
-@click.option("--format", default="markdown", help="Of the printed table: markdown, csv or latex.")
+@click.option("--labels", metavar="A,B,...", help="What the settings are called, in their order.")
+@click.option(
+    "--format",
+    default="markdown",
+    shell_complete=TABLE_FORMATS,
+    help="Of the printed table: markdown, csv or latex.",
+)
 @click.option("--out", type=PATH, help="Also write a page, figures and tables into this folder.")
+@changed_option
 @own_code_option
 def compare(
-    folders: tuple[str, ...], method: tuple[str, ...], format: str, out: Path | None
+    *,
+    folders: tuple[str, ...],
+    methods: str | None,
+    labels: str | None,
+    format: str,
+    out: Path | None,
+    allow_changed: bool,
 ) -> None:
     """Compare results that saw the same frames.
 
@@ -27,77 +50,128 @@ def compare(
     """
     from genie_sim.analysis import text_table
     from genie_sim.analysis.compare import compare as compare_runs
-    from genie_sim.recording import results
+    from genie_sim.analysis.seed_runs import load
+    from genie_sim.analysis.verdict import verdicts
     from genie_sim.report import comparison
 
     text_table.checked(format)
-    made = compare_runs([results.load(folder) for folder in folders], method)
-    click.echo(comparison.text(made, format), nl=False)
+    runs = [load(folder, allow_changed=allow_changed) for folder in folders]
+    compared = compare_runs(runs, listed("--methods", methods), listed("--labels", labels))
+    click.echo(comparison.text(compared, format), nl=False)
     if format == "markdown":
-        click.echo(f"\n{comparison.note(made)}")
-        for path, values in made.settings.items():
-            click.echo(f"{path}: {' | '.join(values)}")
+        click.echo()
+        for sentence in verdicts(compared):
+            click.echo(one_line(sentence))
+        click.echo(comparison.note(compared))
+        for path, values in compared.settings.items():
+            click.echo(one_line(f"{path}: {' | '.join(values)}"))
     if out is not None:
-        click.echo(f"Report: {comparison.write(made, out)}", err=format != "markdown")
+        click.echo(f"Report: {comparison.write(compared, out)}", err=format != "markdown")
+
+
+RESULTS = "Result folders: of a run, a sweep or an evaluation; several runs are compared."
+FOLDERS = click.argument("folders", nargs=-1, required=True, type=PATH, help=RESULTS)
 
 
 @click.command()
-@click.argument("folder", type=PATH, help="A result folder of 'run'.")
-@click.option("--format", default="svg", metavar="A,B,...", help="svg, png, pdf, or several.")
+@FOLDERS
 @click.option(
-    "--width", help="Of a printed 'column' (3.5 in) or 'page' (7.16 in); default: what fits each."
+    "--format",
+    default="svg",
+    metavar="A,B,...",
+    shell_complete=completion.fixed("svg", "png", "pdf"),
+    help="svg, png, pdf, or several.",
 )
-@click.option("--out", type=PATH, help="Where to; default: figures in the result folder.")
+@click.option(
+    "--width",
+    shell_complete=completion.fixed(*WIDTHS),
+    help="Of a printed 'column' (3.5 in) or 'page' (7.16 in) of IEEE, or 'acm-column' (3.33 in) or"
+    " 'acm-page' (7 in); default: what fits each.",
+)
+@click.option("--out", type=PATH, help="Where to; default: figures in the first result folder.")
+@changed_option
 @own_code_option
-def figures(folder: Path, format: str, width: str | None, out: Path | None) -> None:
-    """Draw the figures of a run for a paper.
+def figures(
+    *,
+    folders: tuple[Path, ...],
+    format: str,
+    width: str | None,
+    out: Path | None,
+    allow_changed: bool,
+) -> None:
+    """Draw the figures of results for a paper.
 
-    A title, and which run it is, stand in the file and not in the picture. PDF has its fonts embedded.
+    A title, and which run it is, stand in the file and not in the picture. PDF has its fonts
+    embedded.
 
     \b
     genie-sim figures results/3car_hetero-65c23e86c242 --format svg,pdf
     """
-    from genie_sim.analysis import figures as of_runs
-    from genie_sim.analysis import style
-    from genie_sim.recording import provenance, results
+    from genie_sim import article
+    from genie_sim.analysis.figures import FORMATS, save_all
+    from genie_sim.recording import provenance
 
     formats = list(dict.fromkeys(format.split(",")))
-    for one in formats:
-        if one not in of_runs.FORMATS:
-            raise UserError(f"--format: {unknown('format', one, of_runs.FORMATS)}")
-    if width not in (None, *style.WIDTHS):
-        raise UserError(f"--width: {unknown('width', str(width), style.WIDTHS)}")
-    run = results.load(folder)
-    with provenance.of_this_version(folder):
-        paths = of_runs.write(run, folder / "figures" if out is None else out, formats, width)
-    click.echo("\n".join(map(str, paths)))
+    for name in formats:
+        if name not in FORMATS:
+            raise UserError(f"--format: {unknown('format', name, FORMATS)}")
+    if width not in (None, *WIDTHS):
+        raise UserError(f"--width: {unknown('width', str(width), WIDTHS)}")
+    drawn = article.figures(folders, width, allow_changed)
+    if out is None and len(folders) > 1:
+        raise UserError("figures: of several results: say where to, with --out")
+    target = provenance.contained(folders[0], "figures") if out is None else out
+    click.echo("\n".join(map(str, save_all(drawn, target, formats))))
 
 
 @click.command()
-@click.argument("folder", type=PATH, help="A result folder of 'run'.")
+@FOLDERS
 @click.option(
-    "--format", default="markdown", help="markdown, latex or csv (every metric, all digits)."
+    "--format",
+    default="markdown",
+    shell_complete=TABLE_FORMATS,
+    help="markdown, latex or csv (every metric, all digits).",
 )
+@changed_option
 @own_code_option
-def table(folder: Path, format: str) -> None:
-    """Print the numbers of a run as a table for a paper.
+def table(folders: tuple[Path, ...], format: str, allow_changed: bool) -> None:
+    """Print the numbers of results as a table for a paper.
+
+    LaTeX needs the packages booktabs and siunitx.
 
     \b
     genie-sim table results/3car_hetero-65c23e86c242 --format latex
     """
-    from dataclasses import astuple, fields
+    from genie_sim import article
 
-    from genie_sim.analysis import summary, text_table
-    from genie_sim.recording import results
+    click.echo(article.table(folders, format, allow_changed), nl=False)
 
-    text_table.checked(format)
-    run = results.load(folder)
-    if format == "csv":
-        names = [field.name for field in fields(results.Metric)]
-        click.echo(text_table.exact(names, map(astuple, run.measured)), nl=False)
-    else:
-        titles = {method.name: method.title for method in run.methods}
-        headings, rows = summary.cells(run.measured, titles)
-        click.echo(
-            text_table.rounded(format, headings, rows, "l" + "r" * (len(headings) - 1)), nl=False
-        )
+
+@click.command("article")
+@FOLDERS
+@click.option("--out", type=PATH, required=True, help="The folder that gets the article.")
+@click.option(
+    "--publisher",
+    default="ieee",
+    shell_complete=completion.fixed("ieee", "acm"),
+    help="Whose columns: ieee or acm.",
+)
+@changed_option
+@own_code_option
+def write_article(
+    folders: tuple[Path, ...], out: Path, publisher: str, allow_changed: bool
+) -> None:
+    """Write an article in two columns from results.
+
+    LaTeX, with tables and figures. It says what was run, what came out and what each metric means;
+    pdflatex makes pages of it.
+
+    \b
+    genie-sim article results/3car_hetero-65c23e86c242 --out article
+    """
+    from genie_sim import article
+
+    if publisher not in article.CLASSES:
+        raise UserError(f"--publisher: {unknown('publisher', publisher, article.CLASSES)}")
+    paths = article.write(folders, out, publisher, allow_changed)
+    click.echo("\n".join(map(str, paths)))

@@ -1,7 +1,9 @@
-"""The commands ``perceive`` and ``truth``. Everything heavy is imported after the arguments are parsed."""
+"""The commands ``perceive`` and ``truth``. Everything heavy is imported after the arguments are
+parsed.
+"""
 
-from collections.abc import Callable, Mapping, Sequence
-from functools import partial
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, get_args
 
@@ -13,20 +15,31 @@ from genie_sim.errors import UserError
 from genie_sim.messages import Encoding
 from genie_sim.terminal import Progress
 
+DEFAULT_MIN_SCORE = 0.3
+
 if TYPE_CHECKING:
     from genie_sim.core.geometry import Geodetic
-    from genie_sim.perception.detector import ImageDetector
+    from genie_sim.perception.detector import DetectorSettings
     from genie_sim.perception.trace import Trace
 
 
 @click.command()
+@click.argument("root", type=PATH, required=False)
 @click.option("--drive", help="A drive, such as 2011_09_26/0005 or tracking/0005.")
 @click.option("--bag", type=PATH, help="Instead: a ROS 1 bag, a ROS 2 bag's folder, an MCAP file.")
 @click.option(
     "--topic", "topics", multiple=True, metavar="[NAME=]TOPIC", help="Images of the bag, or all."
 )
 @click.option("--detections", metavar="TOPIC", help="The bag's own, not a detector's.")
-@click.option("--out", type=PATH, help="The trace file to write.")
+@click.option(
+    "--format",
+    "data_set",
+    type=click.Choice(["v2v4real"]),
+    help="Instead: two cars of V2V4Real, in the folder ROOT (default: $GENIE_SIM_V2V4REAL).",
+)
+@click.option("--sequence", help="Of that data set, such as train/0012.")
+@click.option("--partner", type=int, metavar="ID", help="The label that is the other car.")
+@click.option("--out", type=PATH, help="The trace file to write; with --format, the folder.")
 @click.option("--kitti", type=PATH, help="KITTI's root folder; default: $GENIE_SIM_KITTI.")
 @click.option("--cameras", default="02,03", help="Colour cameras, separated by commas.")
 @click.option(
@@ -52,8 +65,7 @@ if TYPE_CHECKING:
 @click.option(
     "--min-score",
     type=click.FloatRange(0.0, 1.0),
-    default=0.3,
-    help="Keep detections from this score on.",
+    help="Keep detections from this score on; default: 0.3, with --format all.",
 )
 @click.option(
     "--origin", metavar="LAT,LON,ALT", help="The world's origin; default: the drive's first fix."
@@ -74,90 +86,173 @@ if TYPE_CHECKING:
 @click.option("--frames", type=PATH, help="A folder for the frames with what was found drawn in.")
 @click.option("--video", type=PATH, help="The same as a video (.mp4).")
 def perceive(
-    drive: str | None, bag: Path | None, topics: tuple[str, ...], detections: str | None, out: Path | None,
-    kitti: Path | None, cameras: str, detector: str, weights: Path | None, size: str | None, providers: str,
-    threads: str, batch: str, min_score: float, origin: str | None, allow_missing_scans: bool, evaluate: bool,
-    labels: str | None, encoding: Encoding, frames: Path | None, video: Path | None,
-) -> None:  # fmt: skip
-    """Run a detector over a drive or a bag; write a trace."""
+    *,
+    root: Path | None,
+    drive: str | None,
+    bag: Path | None,
+    data_set: str | None,
+    sequence: str | None,
+    partner: int | None,
+    topics: tuple[str, ...],
+    detections: str | None,
+    out: Path | None,
+    kitti: Path | None,
+    cameras: str,
+    detector: str,
+    weights: Path | None,
+    size: str | None,
+    providers: str,
+    threads: str,
+    batch: str,
+    min_score: float | None,
+    origin: str | None,
+    allow_missing_scans: bool,
+    evaluate: bool,
+    labels: str | None,
+    encoding: Encoding,
+    frames: Path | None,
+    video: Path | None,
+) -> None:
+    """Run a detector over a drive, a bag or a data set; write traces."""
     from genie_sim.perception import perceive as perception
-    from genie_sim.perception.detector import make_detector
+    from genie_sim.perception.detector import DetectorSettings
 
-    _check(
-        drive, bag, encoding, out is not None, evaluate or frames is not None or video is not None
-    )
-    network, world = arguments.width_height("--size", size), arguments.geodetic("--origin", origin)
-    at_once = (
-        arguments.count_or_auto("--threads", threads),
-        arguments.count_or_auto("--batch", batch),
-    )
-    cameras_, providers_ = cameras.split(","), providers.split(",")
-    if drive is None:
-        assert bag is not None
-        make = (
-            None
-            if detections
-            else partial(make_detector, detector, weights, network, min_score, providers_)
-        )
-        _write(out, _of_bag(bag, topics, detections, make, at_once, world, min_score))
+    needs_kitti = evaluate or frames is not None or video is not None
+    if [drive, bag, data_set].count(None) != 2:
+        raise UserError("perceive: give either --drive, --bag or --format")
+    if data_set is not None:
+        if needs_kitti or encoding != "raw" or origin is not None:
+            raise UserError(
+                "perceive: --format goes with ROOT, --sequence, --partner, --min-score and --out"
+            )
+        _of_pair(root, sequence, partner=partner, min_score=min_score, out=out)
         return
-    root = perception.kitti_folder(kitti)
-    lowest = min(min_score, perception.LOWEST_SCORE) if evaluate else min_score
+    for name, value in (("ROOT", root), ("--sequence", sequence), ("--partner", partner)):
+        if value is not None:
+            raise UserError(f"perceive: {name} {value} goes with --format v2v4real only")
+    min_score = DEFAULT_MIN_SCORE if min_score is None else min_score
+    if out is None and not needs_kitti:
+        raise UserError("perceive: say what you want: --out, --evaluate, --frames or --video")
+    if bag is not None and encoding != "raw":
+        raise UserError(
+            "perceive: --encoding is for drives: a bag's pictures are looked at as they were "
+            "recorded"
+        )
+    if bag is not None and needs_kitti:
+        raise UserError(
+            "perceive: --evaluate, --frames and --video need KITTI; with --bag use --out only"
+        )
+    world = arguments.geodetic("--origin", origin)
+    settings = DetectorSettings(
+        name=detector,
+        weights=weights,
+        size=arguments.width_height("--size", size),
+        min_score=min_score,
+        providers=providers.split(","),
+        threads=arguments.count_or_auto("--threads", threads),
+        batch=arguments.count_or_auto("--batch", batch),
+        encoding=encoding,
+    )
+    if bag is not None:
+        _write(out, _of_bag(bag, topics, detections, settings=settings, world=world))
+        return
+    assert drive is not None
+    if evaluate:  # weak detections count for average precision; they need no place
+        lowest = min(min_score, perception.LOWEST_SCORE)
+        settings = replace(settings, min_score=lowest, place_from=min_score)
+    root, camera_names = perception.kitti_folder(kitti), cameras.split(",")
+    selection = perception.DriveFrames(
+        drive, camera_names, origin=world, allow_missing_scans=allow_missing_scans
+    )
     with Progress(unit="frames") as progress:
-        everything = perception.perceive(
-            root, drive, cameras_, detector, weights, lowest, network, world, progress, None,
-            allow_missing_scans, providers_, min_score, *at_once, click.echo, encoding,
-        )  # fmt: skip
-    trace = everything.at_least(min_score)
+        whole = perception.perceive(root, selection, settings, progress=progress, report=click.echo)
+    trace = whole.at_least(min_score)
     _write(out, trace)
     if evaluate:
         from genie_sim.perception import evaluation, truth
 
-        labelled = truth.read_truth(root, labels or drive, everything)
-        click.echo(evaluation.table(evaluation.evaluate(everything, labelled, min_score)), nl=False)
+        labelled = truth.read_truth(root, labels or drive, whole)
+        click.echo(evaluation.table(evaluation.evaluate(whole, labelled, min_score)), nl=False)
     if frames is not None or video is not None:
-        _draw(trace, perception.images(root, drive, cameras_), frames, video)
+        _draw(trace, perception.images(root, drive, camera_names), frames, video)
 
 
-def _check(
-    drive: str | None, bag: Path | None, encoding: Encoding, writes: bool, shows: bool
+def _of_pair(
+    root: Path | None,
+    sequence: str | None,
+    *,
+    partner: int | None,
+    min_score: float | None,
+    out: Path | None,
 ) -> None:
-    if (drive is None) == (bag is None):
-        raise UserError("perceive: give either --drive or --bag")
-    if not (writes or shows):
-        raise UserError("perceive: say what you want: --out, --evaluate, --frames or --video")
-    if bag is not None and encoding != "raw":
-        raise UserError(
-            "perceive: --encoding is for drives: a bag's pictures are looked at as they were recorded"
-        )
-    if bag is not None and shows:
-        raise UserError(
-            "perceive: a bag has neither KITTI's labels nor its pictures: give --out alone"
-        )
+    """Writes the traces and the truth tables of both cars of a sequence of V2V4Real.
+
+    Parameters
+    ----------
+    root : DMSTrack's folder; ``None``: what GENIE_SIM_V2V4REAL says
+    sequence : such as ``train/0012``
+    partner : the label of the other car, of sequences whose is not known
+    min_score : the lowest score kept; ``None``: all
+    out : the folder
+    """
+    from genie_sim.perception import v2v4real
+    from genie_sim.perception.truth_table import path_beside, write_truth
+
+    if sequence is None or out is None:
+        raise UserError("perceive: --format v2v4real needs --sequence and --out")
+    pair = v2v4real.recordings(
+        v2v4real.folder(root),
+        sequence,
+        partner=partner,
+        min_score=v2v4real.LOWEST_SCORE if min_score is None else min_score,
+    )
+    for car, recording in pair.items():
+        path = out / f"{car}.parquet"
+        write_truth(path_beside(path), recording.truth)
+        _write(path, recording.trace)
+    about = recording.trace.provenance
+    click.echo(
+        f"the ego's poses are recovered: what stands scatters by {about['scatter_m']:.2f} m; "
+        f"frames {about['frames'][0]} to {about['frames'][1]}, the other car is label "
+        f"{about['partner']}"
+    )
 
 
 def _of_bag(
     bag: Path,
     topics: Sequence[str],
     detections: str | None,
-    make: "Callable[[int], ImageDetector] | None",
-    at_once: tuple[int | None, int | None],
+    *,
+    settings: "DetectorSettings",
     world: "Geodetic | None",
-    min_score: float,
 ) -> "Trace":
-    """The trace of a bag, by a detector that gets so many threads, or by the bag's own detections."""
+    """The trace of a bag, by a detector or by the bag's own detections.
+
+    Parameters
+    ----------
+    bag : the file or folder
+    topics : of its images; none: all
+    detections : the topic of the bag's own detections, or ``None``
+    settings : of the detector
+    world : the origin, latitude [deg], longitude [deg], altitude [m]; ``None``: the bag's first fix
+    """
     from genie_sim.ros.bags import perceive_bag
 
-    threads, batch = at_once
-    if threads is None or batch != 1:
+    if settings.threads is None or settings.batch != 1:
         raise UserError(
             "perceive: a bag's pictures go one at a time: give --threads a number, and no --batch"
         )
     with Progress(unit="frames") as progress:
-        detector = None if make is None else make(threads)
-        return perceive_bag(bag, detector, topics, detections, world, min_score, progress).at_least(
-            min_score
+        trace = perceive_bag(
+            bag,
+            detector=None if detections else settings.opened(settings.threads),
+            cameras=topics,
+            detections=detections,
+            origin=world,
+            min_score=settings.min_score,
+            progress=progress,
         )
+        return trace.at_least(settings.min_score)
 
 
 def _write(out: Path | None, trace: "Trace") -> None:
@@ -165,11 +260,11 @@ def _write(out: Path | None, trace: "Trace") -> None:
 
     if out is not None:
         write_trace(out, trace)
-        found = sum(
-            len(frame.detections) for sequence in trace.frames.values() for frame in sequence
+        frames = [frame for sequence in trace.frames.values() for frame in sequence]
+        detections = sum(len(frame.detections) for frame in frames)
+        click.echo(
+            f"{out}: {len(frames)} frames, {detections} detections, content {trace.digest[:12]}"
         )
-        count = sum(map(len, trace.frames.values()))
-        click.echo(f"{out}: {count} frames, {found} detections, content {trace.digest[:12]}")
 
 
 def _draw(
@@ -199,7 +294,8 @@ def _draw(
 def truth(drive: str, trace: str, kitti: Path | None, out: Path | None) -> None:
     """Compute what really is there on a trace's drive.
 
-    It comes from KITTI's labels of the drive, and lets runs on the trace tell how right their answers are.
+    It comes from KITTI's labels of the drive, and lets runs on the trace tell how right their
+    answers are.
     """
     from genie_sim import files
     from genie_sim.perception import perceive, truth_table
@@ -210,8 +306,8 @@ def truth(drive: str, trace: str, kitti: Path | None, out: Path | None) -> None:
     out = truth_table.path_beside(path) if out is None else out
     truth_table.write_truth(out, table)
     objects = {row.object: row.moving for row in table.rows}
-    seen = sum(row.visible for row in table.rows)
+    visible = sum(row.visible for row in table.rows)
     click.echo(
-        f"{out}: {len(objects)} objects, {sum(objects.values())} of them moving, visible {seen:,} times, "
-        f"content {table.digest[:12]}"
+        f"{out}: {len(objects)} objects, {sum(objects.values())} of them moving, "
+        f"visible {visible:,} times, content {table.digest[:12]}"
     )

@@ -36,16 +36,31 @@ from genie_sim.terminal import Commands
     "--connect", multiple=True, metavar="NAME@HOST:PORT", help="Connect to this Genie. Repeatable."
 )
 @click.option("--key", type=PATH, help="This Genie's key file, made by 'genie-sim keys peer'.")
+@click.option(
+    "--revoked", type=PATH, help="A list of revoked certificates, kept by 'genie-sim keys revoke'."
+)
 @click.option("--record", type=PATH, help="Write every look-up here, as lines of JSON.")
 @click.option("--pid", type=int, help="Process of the node, for ROS 2; without it, ROS 1.")
 def attach(
-    node: str, role: str, name: str | None, request: tuple[str, ...], leave: tuple[str, ...], set_: tuple[str, ...],
-    pose_topic: str | None, fov: str, listen: str | None, connect: tuple[str, ...], key: Path | None,
-    record: Path | None, pid: int | None,
-) -> None:  # fmt: skip
+    node: str,
+    *,
+    role: str,
+    name: str | None,
+    request: tuple[str, ...],
+    leave: tuple[str, ...],
+    set_: tuple[str, ...],
+    pose_topic: str | None,
+    fov: str,
+    listen: str | None,
+    connect: tuple[str, ...],
+    key: Path | None,
+    revoked: Path | None,
+    record: Path | None,
+    pid: int | None,
+) -> None:
     """Put a Genie in front of a running ROS node. It stays until Ctrl-C or 'detach'."""
     from genie_sim import units
-    from genie_sim.ros import attach as real
+    from genie_sim.ros.attach import attach as attach_genie
     from genie_sim.scenario.overrides import apply_overrides
 
     settings: dict[str, Any] = {}
@@ -54,11 +69,23 @@ def attach(
         fov_rad = units.angle_rad(fov)
     except ValueError as error:
         raise UserError(f"--fov: {error}") from error
-    real.attach(
-        node, role=role, name=name, settings=settings, requests=request, leave=leave, pose_topic=pose_topic,
-        horizontal_fov_rad=fov_rad, listen=listen, connect=connect, key_file=key, record=record, pid=pid,
+    attach_genie(
+        node,
+        role=role,
+        name=name,
+        settings=settings,
+        requests=request,
+        leave=leave,
+        pose_topic=pose_topic,
+        horizontal_fov_rad=fov_rad,
+        listen=listen,
+        connect=connect,
+        key_file=key,
+        revoked_file=revoked,
+        record=record,
+        pid=pid,
         say=click.echo,
-    )  # fmt: skip
+    )
 
 
 @click.command()
@@ -66,9 +93,9 @@ def attach(
 @click.option("--network", help="localhost:11311, or domain-0 in ROS 2.")
 def detach(node: str, network: str | None) -> None:
     """Take a node's Genie away; the node runs again as it was."""
-    from genie_sim.ros import attach as real
+    from genie_sim.ros.attach import detach as detach_genie
 
-    real.detach(node, network)
+    detach_genie(node, network)
     click.echo(f"{node}: back as it was")
 
 
@@ -99,3 +126,13 @@ def keys_peer(name: str, role: str, ca: Path, days: int) -> None:
     from genie_sim.ros.certificates import make_peer
 
     click.echo(make_peer(ca, name, role, days))
+
+
+@keys.command("revoke")
+@click.argument("key_file", type=PATH, help="The key file that counts no longer.")
+@click.option("--ca", type=PATH, default="keys", help="The folder of 'genie-sim keys ca'.")
+def keys_revoke(key_file: Path, ca: Path) -> None:
+    """Add a certificate to the list of 'genie-sim attach --revoked'."""
+    from genie_sim.ros.certificates import revoke
+
+    click.echo(revoke(ca, key_file))

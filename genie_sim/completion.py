@@ -1,5 +1,6 @@
-"""What the shell may complete, and how it comes to do so."""
+"""Shell completion: candidates and installation."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import click
@@ -23,6 +24,14 @@ def scenarios(_: object, __: object, incomplete: str) -> list[str]:
     return [name for name in files.available(files.SCENARIO) if name.startswith(incomplete)]
 
 
+def searches(_: object, __: object, incomplete: str) -> list[str]:
+    """Searches and scenarios that a shell may complete."""
+    from genie_sim import files
+
+    names = {**files.available(files.SEARCH), **files.available(files.SCENARIO)}
+    return [name for name in names if name.startswith(incomplete)]
+
+
 def kinds(_: object, __: object, incomplete: str) -> list[str]:
     """What ``genie-sim list`` can list."""
     from genie_sim.catalogue import KINDS
@@ -30,24 +39,60 @@ def kinds(_: object, __: object, incomplete: str) -> list[str]:
     return [kind for kind in KINDS if kind.startswith(incomplete)]
 
 
+def sweeps(_: object, __: object, incomplete: str) -> list[str]:
+    """Sweeps by name; paths a shell completes itself."""
+    from genie_sim import files
+
+    return [name for name in files.available(files.SWEEP) if name.startswith(incomplete)]
+
+
+def files_by_name(_: object, __: object, incomplete: str) -> list[str]:
+    """What ``genie-sim show`` shows."""
+    from genie_sim import files
+
+    kinds = (files.SCENARIO, files.SWEEP, files.DEVICE, files.SEARCH, files.SPACE)
+    names = sorted({name for kind in kinds for name in files.available(kind)})
+    return [name for name in names if name.startswith(incomplete)]
+
+
+def fixed(*words: str) -> Callable[[object, object, str], list[str]]:
+    """Returns what completes one of these words, also behind a comma."""
+
+    def complete(_: object, __: object, incomplete: str) -> list[str]:
+        before, comma, last = incomplete.rpartition(",")
+        return [f"{before}{comma}{word}" for word in words if word.startswith(last)]
+
+    return complete
+
+
 def setting_paths(_: object, __: object, incomplete: str) -> list[str]:
-    """``PATH=`` of every field that ``--set`` takes; of lists, the first entry's."""
-    from genie_sim.core.rules import GenieRules, ObjectMapRules
-    from genie_sim.scenario.fields import Model
-    from genie_sim.scenario.parts import Car, Edge, Route
-    from genie_sim.scenario.plain import model_of
+    """``PATH=`` of every field that ``--set`` takes, of lists the first entry's; behind the sign
+    the names that the field may be given.
+    """
+    from genie_sim.scenario import setting_paths as settings
     from genie_sim.scenario.scenario import Scenario
 
-    places: dict[str, type[Model]] = {
-        "": Scenario,
-        "cars[0].": Car,
-        "cars[0].route.": Route,
-        "edges[0].": Edge,
-        "genie.": model_of(GenieRules),
-        "genie.object_map.": model_of(ObjectMapRules),
-    }
-    paths = [f"{place}{name}=" for place, model in places.items() for name in model.yaml_names()]
-    return [path for path in paths if path.startswith(incomplete)]
+    path, equals, value = incomplete.partition("=")
+    if equals:
+        names = [*_names_for(path), *settings.choices_of(Scenario, path)]
+        return [f"{path}={name}" for name in names if name.startswith(value)]
+    return [f"{name}=" for name in settings.setting_paths(Scenario) if name.startswith(path)]
+
+
+def _names_for(path: str) -> list[str]:
+    """The files and models that a setting may name."""
+    from genie_sim import files
+
+    match path.rpartition(".")[2]:
+        case "device":
+            return list(files.available(files.DEVICE))
+        case "trace":
+            return list(files.available(files.TRACE))
+        case "model":
+            from genie_sim.catalogue import KINDS
+
+            return [name for name, _ in KINDS["models"]()]
+    return []
 
 
 def methods(_: object, __: object, incomplete: str) -> list[str]:
@@ -80,7 +125,8 @@ def _install(context: click.Context, _: object, wanted: bool) -> None:
         if (added := line.format(f"'{path}'")) not in before:
             begins.write_text(f"{before.rstrip()}\n{added}\n".lstrip(), encoding="utf-8")
     click.echo(
-        f"{shell} completion installed in {path}\nCompletion will take effect once you restart the terminal"
+        f"{shell} completion installed in {path}\n"
+        "Completion will take effect once you restart the terminal"
     )
     context.exit()
 
@@ -92,36 +138,42 @@ def _shell() -> str:
     try:
         return str(shellingham.detect_shell()[0])
     except shellingham.ShellDetectionFailure:
-        raise UserError("there is no telling which shell this is") from None
+        raise UserError("cannot detect the shell") from None
 
 
 def _script(context: click.Context, shell: str) -> str:
-    """What a shell must read to complete. Raises ``UserError`` for one that nobody has written it for."""
+    """Returns what a shell reads to complete. Raises ``UserError`` for one without support."""
     from click.shell_completion import get_completion_class
 
-    made = get_completion_class(shell.replace("pwsh", "powershell"))
-    if made is None:
-        raise UserError(
-            f"no completion for {shell}; there is one for bash, zsh, fish and PowerShell"
-        )
-    return made(context.command, {}, NAME, f"_{NAME}_COMPLETE".replace("-", "_").upper()).source()
+    completion = get_completion_class(shell.replace("pwsh", "powershell"))
+    if completion is None:
+        raise UserError(f"completion supports bash, zsh, fish and PowerShell, not {shell}")
+    return completion(
+        context.command, {}, NAME, f"_{NAME}_COMPLETE".replace("-", "_").upper()
+    ).source()
 
 
 def _profile(shell: str) -> Path:
     """What PowerShell reads when it starts."""
     import subprocess
 
-    told = subprocess.run(
+    shown = subprocess.run(
         [shell, "-NoProfile", "-Command", "$PROFILE"], stdout=subprocess.PIPE, text=True, check=True
     )
-    return Path(told.stdout.strip())
+    return Path(shown.stdout.strip())
 
 
 install_option = click.option(
-    "--install-completion", is_flag=True, expose_value=False, callback=_install,
+    "--install-completion",
+    is_flag=True,
+    expose_value=False,
+    callback=_install,
     help="Install completion for the current shell.",
-)  # fmt: skip
+)
 show_option = click.option(
-    "--show-completion", is_flag=True, expose_value=False, callback=_show,
+    "--show-completion",
+    is_flag=True,
+    expose_value=False,
+    callback=_show,
     help="Show completion for the current shell, to copy it or customize the installation.",
-)  # fmt: skip
+)

@@ -1,7 +1,9 @@
-"""This machine as a device: measured latencies become a device profile, with the law of its service times fitted.
+"""This machine as a device: measured latencies become a device profile, with the law of its service
+times fitted.
 
-The law is that of ``profiles.ServiceTime``, X = median (loc + (1 - loc) exp(sigma Z)). Its median is the measured one;
-loc and sigma are those whose quantiles come closest to the measured ones, in the logarithm, so that the tail counts.
+The law is that of ``profiles.ServiceTime``, X = median (loc + (1 - loc) exp(sigma Z)). Its median
+is the measured one; loc and sigma are those whose quantiles come closest to the measured ones, in
+the logarithm, so that the tail counts.
 """
 
 import csv
@@ -17,24 +19,26 @@ import numpy as np
 import numpy.typing as npt
 import yaml
 
-from genie_sim import __version__, units
+from genie_sim import units
 from genie_sim.errors import UserError, as_user_error
 from genie_sim.paths import atomic_write, read_text
 from genie_sim.scenario.profiles import DeviceProfile, load_profile
+from genie_sim.version import VERSION
 
-LEAST = 20  # latencies; fewer say nothing about a tail
+MIN_LATENCIES = 20  # latencies; fewer say nothing about a tail
 WARM_UP = 10
 PICTURE = (375, 1242, 3)  # KITTI's
 SHARES = np.arange(0.01, 1.0, 0.01)
 KEPT_QUANTILES = 101
-NS_PER_MS = 10**6
 
 Times = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
-class Measured:
-    """Latencies [ns] of one model, in the order in which they were measured, and where they come from."""
+class Measurement:
+    """Latencies [ns] of one model, in the order in which they were measured, and where they come
+    from.
+    """
 
     model: str
     latencies_ns: Times
@@ -42,7 +46,8 @@ class Measured:
 
 
 class Fit(NamedTuple):
-    """The fitted law, and the largest gap between its distribution function and the measured one (Kolmogorov-Smirnov).
+    """The fitted law, and the largest gap between its distribution function and the measured one
+    (Kolmogorov-Smirnov).
 
     ``p95`` and ``p99`` are the law's quantiles divided by the measured ones.
     """
@@ -58,39 +63,50 @@ class Fit(NamedTuple):
     def __str__(self) -> str:
         return (
             f"median {units.duration_text(self.median_ns)}, loc {self.loc:g}, sigma {self.sigma:g} "
-            f"from {self.runs} runs; largest gap between the distributions {self.gap:.3f}; the law's p95 and p99 are "
-            f"{self.p95:.2f} and {self.p99:.2f} times the measured"
+            f"from {self.runs} runs; largest gap between the distributions {self.gap:.3f}; "
+            f"the law's p95 and p99 are {self.p95:.2f} and {self.p99:.2f} times the measured"
         )
 
 
 def measure(
-    detector: str,
+    detector_name: str,
     weights: str | Path | None,
     runs: int,
     model: str | None,
     progress: Callable[[int, int], None],
-) -> Measured:
-    """Times ``detect`` (letter box, network, suppression) on pictures of noise of KITTI's size, one after the other."""
+) -> Measurement:
+    """Times ``detect`` (letter box, network, suppression) on pictures of noise of KITTI's size, one
+    after the other.
+
+    Parameters
+    ----------
+    detector_name : a detector, or ``package.module:Class``
+    weights : its file or folder; ``None``: the folder GENIE_SIM_WEIGHTS
+    runs : how many are timed, after ``WARM_UP`` others
+    model : the name in the profile; ``None``: the detector's
+    progress : is called with the runs done and all runs
+    """
     from genie_sim.perception.detector import make_detector
 
-    made = make_detector(detector, weights)
+    detector = make_detector(detector_name, weights)
     picture = np.random.default_rng(1).integers(0, 255, PICTURE, dtype=np.uint8)
     latencies = []
     for run in range(WARM_UP + runs):
         begin_ns = time.perf_counter_ns()
-        made.detect(picture)
+        detector.detect(picture)
         if run >= WARM_UP:
             latencies.append(time.perf_counter_ns() - begin_ns)
             progress(len(latencies), runs)
-    size = "x".join(map(str, made.size))
+    size = "x".join(map(str, detector.size))
     source = (
-        f"genie-sim {__version__} profile: {runs} runs of {made.name} at {size} (weights {made.sha256[:12]}), "
-        f"one thread, on {platform.machine()} with {os.cpu_count()} processors, {platform.system()}"
+        f"genie-sim {VERSION} profile: {runs} runs of {detector.name} at {size} "
+        f"(weights {detector.sha256[:12]}), one thread, on {platform.machine()} with "
+        f"{os.cpu_count()} processors, {platform.system()}"
     )
-    return Measured(model or made.name, np.array(latencies, dtype=np.float64), source)
+    return Measurement(model or detector.name, np.array(latencies, dtype=np.float64), source)
 
 
-def from_csv(path: Path, model: str) -> Measured:
+def from_csv(path: Path, model: str) -> Measurement:
     """Latencies [ms] in the first column that holds numbers; a first line of names may be there.
 
     Raises UserError, naming the line, for anything that is no time.
@@ -111,13 +127,16 @@ def from_csv(path: Path, model: str) -> Measured:
     for number, values in filled:
         if column >= len(values) or not (value := values[column]) or not 0 < value < 1e9:
             raise UserError(
-                f"{path}: line {number}: no latency in milliseconds in {','.join(rows[number - 1])[:60]!r}"
+                f"{path}: line {number}: no latency in milliseconds in "
+                f"{','.join(rows[number - 1])[:60]!r}"
             )
         latencies_ms.append(value)
-    if len(latencies_ms) < LEAST:
-        raise UserError(f"{path}: {len(latencies_ms)} latencies, expected at least {LEAST}")
-    return Measured(
-        model, np.array(latencies_ms) * NS_PER_MS, f"{len(latencies_ms)} latencies from {path.name}"
+    if len(latencies_ms) < MIN_LATENCIES:
+        raise UserError(f"{path}: {len(latencies_ms)} latencies, expected at least {MIN_LATENCIES}")
+    return Measurement(
+        model,
+        np.array(latencies_ms) * units.NS_PER_MS,
+        f"{len(latencies_ms)} latencies from {path.name}",
     )
 
 
@@ -139,7 +158,7 @@ def fit(latencies_ns: Times) -> Fit:
     bounds = [(0.0, 0.999), (0.001, 5.0)]
     best = min(
         (minimize(misfit, start, bounds=bounds) for start in starts),
-        key=lambda found: float(found.fun),
+        key=lambda result: float(result.fun),
     )
     loc, sigma = (round(float(value), 4) for value in best.x)
     law = lognorm(sigma, loc, 1.0 - loc)
@@ -147,11 +166,21 @@ def fit(latencies_ns: Times) -> Fit:
         round(float(law.ppf(share) / np.quantile(relative, share)), 3) for share in (0.95, 0.99)
     )
     gap = round(float(kstest(relative, law.cdf).statistic), 4)
-    return Fit(round(median_ns), loc, sigma, gap, p95, p99, len(relative))
+    return Fit(
+        median_ns=round(median_ns),
+        loc=loc,
+        sigma=sigma,
+        gap=gap,
+        p95=p95,
+        p99=p99,
+        runs=len(relative),
+    )
 
 
-def write(path: Path, measured: Measured, fitted: Fit, empirical: bool = False) -> DeviceProfile:
-    """A whole device profile: what was measured, and assumptions, marked so, where nothing was. Reads it back."""
+def write(path: Path, measured: Measurement, fitted: Fit, empirical: bool = False) -> DeviceProfile:
+    """A whole device profile: what was measured, and assumptions, marked so, where nothing was.
+    Reads it back.
+    """
     spread: dict[str, Any] = {"loc": fitted.loc, "sigma": fitted.sigma}
     source = f"{measured.source}; {fitted}"
     model: dict[str, Any] = {
@@ -165,7 +194,7 @@ def write(path: Path, measured: Measured, fitted: Fit, empirical: bool = False) 
     assumed = "not measured apart: as measured in one condition"
     profile = {
         "name": path.stem,
-        "title": f"Measured: {platform.node() or platform.machine()}"
+        "title": f"Measurement: {platform.node() or platform.machine()}"
         if "profile:" in measured.source
         else path.stem,
         "cores": {
@@ -196,7 +225,10 @@ def write(path: Path, measured: Measured, fitted: Fit, empirical: bool = False) 
         },
         "models": {measured.model: model},
     }
-    heading = "# Tags: P the paper, S a public source, M measured, D derived, A assumed. Written by genie-sim profile.\n"
+    heading = (
+        "# Tags: P the paper, S a public source, M measured, D derived, A assumed. "
+        "Written by genie-sim profile.\n"
+    )
     text = heading + yaml.safe_dump(profile, sort_keys=False, allow_unicode=True, width=110)
     with atomic_write(path) as partial:
         path.parent.mkdir(parents=True, exist_ok=True)

@@ -1,7 +1,8 @@
 """Finds scenarios, device profiles and traces, by path or by name.
 
-A value with a folder or a suffix in it is a path, relative to the current folder. Anything else is a name, looked up
-first in the current folder's ``scenarios``, ``scenarios/traces`` or ``device_profiles``, then in the shipped ones.
+A value with a folder or a suffix in it is a path, relative to the current folder. Anything else is
+a name, looked up first in the current folder's ``scenarios``, ``scenarios/traces`` or
+``device_profiles``, then in the shipped ones.
 """
 
 import functools
@@ -9,14 +10,14 @@ import logging
 from pathlib import Path
 from typing import NamedTuple
 
-import genie_sim
 from genie_sim.errors import UserError, as_user_error, unknown
 from genie_sim.paths import expanded
+from genie_sim.version import PACKAGE_FOLDER
 
 log = logging.getLogger(__name__)
 
 
-class Kind(NamedTuple):
+class FileKind(NamedTuple):
     """What is looked for, the folder it lives in and how its file's name ends."""
 
     what: str
@@ -24,20 +25,25 @@ class Kind(NamedTuple):
     suffix: str
 
 
-SCENARIO = Kind("scenario", "scenarios", ".yaml")
-SWEEP = Kind("sweep", "scenarios/sweeps", ".yaml")
-DEVICE = Kind("device", "device_profiles", ".yaml")
-TRACE = Kind("trace", "scenarios/traces", ".parquet")
+SCENARIO = FileKind("scenario", "scenarios", ".yaml")
+SWEEP = FileKind("sweep", "scenarios/sweeps", ".yaml")
+SEARCH = FileKind("search", "scenarios/searches", ".yaml")
+SPACE = FileKind("space", "scenarios/spaces", ".yaml")
+DEVICE = FileKind("device", "device_profiles", ".yaml")
+LINK_RECORDING = FileKind("recorded link", "scenarios/links", ".parquet")
+TRACE = FileKind("trace", "scenarios/traces", ".parquet")
+TRAFFIC = FileKind("traffic", "scenarios/traffic", ".xml.gz")
 
 
-def find(kind: Kind, path_or_name: str | Path) -> Path:
-    """The file meant by ``path_or_name``. Raises ``UserError`` with the known names if there is none."""
+def find(kind: FileKind, path_or_name: str | Path) -> Path:
+    """The file meant by ``path_or_name``. Raises ``UserError`` with the known names if there is
+    none.
+    """
     text = str(path_or_name)
     path = expanded(text)
     if len(path.parts) > 1 or path.suffix or isinstance(path_or_name, Path):
-        with as_user_error(
-            str(text), OSError
-        ):  # for example a name longer than the file system allows
+        # for example a name longer than the file system allows
+        with as_user_error(str(text), OSError):
             if path.is_file():
                 return path
             known = (
@@ -60,7 +66,9 @@ def find(kind: Kind, path_or_name: str | Path) -> Path:
 
 @functools.cache
 def _tell_of_two(path: Path, shipped: Path) -> None:
-    """Once: a name means the user's own file although one of that name and another content comes with genie-sim."""
+    """Once: a name means the user's own file although one of that name and another content comes
+    with genie-sim.
+    """
     if (
         shipped.is_file()
         and path.resolve() != shipped.resolve()
@@ -69,19 +77,21 @@ def _tell_of_two(path: Path, shipped: Path) -> None:
         log.warning("%s is used, not what comes with genie-sim under this name", path)
 
 
-def available(kind: Kind) -> dict[str, Path]:
-    """Every name that ``find`` knows, and its file; the current folder's come before the shipped ones."""
+def available(kind: FileKind) -> dict[str, Path]:
+    """Every name that ``find`` knows, and its file; the current folder's come before the shipped
+    ones.
+    """
     found: dict[str, Path] = {}
     for root in (Path(), _shipped()):
         for path in sorted((root / kind.folder).glob(f"*{kind.suffix}")):
-            if "." not in path.stem:  # NAME.truth.parquet belongs to a trace
-                found.setdefault(path.stem, path)
+            name = path.name.removesuffix(kind.suffix)
+            if "." not in name:  # NAME.truth.parquet belongs to a trace
+                found.setdefault(name, path)
     return dict(sorted(found.items()))
 
 
 @functools.cache
 def _shipped() -> Path:
     """The data folder of an installed package, else the root of the checkout."""
-    package = Path(genie_sim.__file__).parent
-    data = package / "data"
-    return data if data.is_dir() else package.parent
+    data = PACKAGE_FOLDER / "data"
+    return data if data.is_dir() else PACKAGE_FOLDER.parent

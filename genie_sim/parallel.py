@@ -17,7 +17,9 @@ Done = TypeVar("Done")
 
 
 def workers_here() -> int:
-    """How many processes have a core of their own: what the machine, its container and its batch system allow."""
+    """How many processes have a core of their own: what the machine, its container and its batch
+    system allow.
+    """
     import joblib
 
     return int(joblib.cpu_count())
@@ -26,10 +28,11 @@ def workers_here() -> int:
 def in_processes(
     run: Callable[[Job], Done], jobs: Sequence[Job], workers: int, ordered: bool = True
 ) -> Generator[Done, None, None]:
-    """``run`` of each job as it is finished, in the order of the jobs if ``ordered``. One worker is this process.
+    """``run`` of each job as it is finished, in the order of the jobs if ``ordered``. One worker is
+    this process.
 
-    Leaving the iteration early, by Ctrl-C for instance, ends all processes. Raises what ``run`` raised, and
-    ``UserError`` where a process was killed.
+    Leaving the iteration early, by Ctrl-C for instance, ends all processes. Raises what ``run``
+    raised, and ``UserError`` where a process was killed.
     """
     workers = min(workers, len(jobs))
     if workers <= 1:
@@ -38,7 +41,8 @@ def in_processes(
     import joblib
     from joblib.externals.loky.process_executor import TerminatedWorkerError
 
-    # Leaving early asks for pending work to be cancelled; joblib would warn of it beside our one line.
+    # Leaving early asks for pending work to be cancelled; joblib would warn of it beside our one
+    # line.
     warnings.filterwarnings("ignore", message=r"\d+ tasks ", module=r"joblib\.")
     pool = joblib.Parallel(
         workers, batch_size=1, return_as="generator" if ordered else "generator_unordered"
@@ -55,9 +59,17 @@ def in_processes(
         results.close()
 
 
+def in_parallel(run: Callable[[Job], Done], jobs: Sequence[Job], workers: int) -> list[Done]:
+    """``run`` of each job, in the order of the jobs. Ctrl-C stops all processes."""
+    with contextlib.closing(in_processes(run, jobs, workers)) as results:
+        return list(results)
+
+
 @contextlib.contextmanager
 def _deaf_to_ctrl_c() -> Generator[None]:
-    """Ctrl-C waits until this ends, and for ever in the processes that begin here: they may still be importing."""
+    """Ctrl-C waits until this ends, and for ever in the processes that begin here: they may still
+    be importing.
+    """
     if not hasattr(signal, "pthread_sigmask"):  # Windows
         yield
         return
@@ -81,7 +93,9 @@ def _run(run: Callable[[Job], Done], job: Job, parent: int) -> Done:
 
 @functools.cache
 def _become_worker(parent: int) -> None:
-    """Ctrl-C is the main process' affair. If that is killed, its workers end at once instead of waiting for minutes."""
+    """Workers ignore Ctrl-C; the main process handles it. If that is killed, its workers end at
+    once instead of waiting for minutes.
+    """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
     def watch() -> None:

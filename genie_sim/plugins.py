@@ -1,7 +1,8 @@
-"""Code found by name: an entry of a registry, or a class of the user's own written ``package.module:Class``.
+"""Code found by name: an entry of a registry, or a class of the user's own written
+``package.module:Class``.
 
-A registry is an explicit dict from a name to a class, or to the text ``package.module:Class`` of one that is imported
-when it is asked for.
+A registry is an explicit dict from a name to a class, or to the text ``package.module:Class`` of
+one that is imported when it is asked for.
 """
 
 import hashlib
@@ -26,8 +27,10 @@ _own_modules: dict[str, str] = {}  # what was asked of each
 
 @contextmanager
 def own_code(allowed: bool) -> Iterator[None]:
-    """Unless ``allowed``, nothing in this process imports a class of the user's own while it lasts: what a result
-    folder names may be anybody's. Around everything that a command does with such a folder."""
+    """Unless ``allowed``, nothing in this process imports a class of the user's own while it lasts:
+    what a result folder names may be anybody's. Around everything that a command does with such a
+    folder.
+    """
     global _own_code_allowed
     before, _own_code_allowed = _own_code_allowed, allowed
     try:
@@ -49,11 +52,18 @@ def is_own(name: object) -> bool:
     return isinstance(name, str) and _CLASS.fullmatch(name) is not None
 
 
+def own_label(what: str, name: str) -> str | None:
+    """What error lines call a class of the user's own, ``None`` for one of the package."""
+    return f"{what} {name!r}" if is_own(name) else None
+
+
 OWN_CLASS_PATTERN = f"^{_CLASS.pattern}$"
 
 
 def checked_name(what: str, name: object, registry: Mapping[str, object]) -> str:
-    """``name`` if it is known or written as an own class. Raises ``ValueError`` with the choices."""
+    """``name`` if it is in the registry or written as an own class. Raises ``ValueError`` with the
+    choices.
+    """
     if isinstance(name, str) and (name in registry or is_own(name)):
         return name
     raise ValueError(f"{unknown(what, name, registry)}, or package.module:Class")
@@ -62,9 +72,11 @@ def checked_name(what: str, name: object, registry: Mapping[str, object]) -> str
 def resolve(
     what: str, name: str, registry: Mapping[str, Any], methods: tuple[str, ...] = ()
 ) -> Any:
-    """The class or function called ``name``; an own one must have the ``methods``. Raises ``UserError``.
+    """The class or function called ``name``; an own one must have the ``methods``,
+    of ``a or b`` either. Raises ``UserError``.
 
-    The module may lie in the current folder, also for the installed command, where Python does not look by itself.
+    The module may lie in the current folder, also for the installed command, where Python does not
+    look by itself.
     """
     entry = registry.get(name)
     if entry is not None and not isinstance(entry, str):
@@ -77,24 +89,25 @@ def resolve(
         _own_modules[module_name] = f"{what} {name!r}"
         if not _own_code_allowed:
             raise UserError(
-                f"{what} {name!r}: code of somebody's own, which runs with --allow-own-code only"
+                f"{what} {name!r}: is third-party code; pass --allow-own-code to run it"
             )
         if "" not in sys.path:
             sys.path.append("")
-    with as_user_error(
-        f"{what} {name!r}", Exception
-    ):  # whatever an own module raises when it is imported
-        found = getattr(importlib.import_module(module_name), class_name)
-    lacking = [method for method in methods if not hasattr(found, method)]
+    # whatever an own module raises when it is imported
+    with as_user_error(f"{what} {name!r}", Exception):
+        own = getattr(importlib.import_module(module_name), class_name)
+    lacking = [
+        method for method in methods if not any(hasattr(own, name) for name in method.split(" or "))
+    ]
     if lacking:
-        raise UserError(
-            f"{what} {name!r}: has no method {', '.join(lacking)}; needs {', '.join(methods)}"
-        )
-    return found
+        raise UserError(f"{what} {name!r}: has no {', '.join(lacking)}; needs {', '.join(methods)}")
+    return own
 
 
 def own_fault(error: BaseException) -> str | None:
-    """One line about an exception that comes out of a class of the user's own, ``None`` for any other."""
+    """One line about an exception that comes out of a class of the user's own, ``None`` for any
+    other.
+    """
     for frame, line in reversed(list(traceback.walk_tb(error.__traceback__))):
         if whose := _own_modules.get(frame.f_globals.get("__name__", "")):
             where = f"{Path(frame.f_code.co_filename).name}, line {line}, in {frame.f_code.co_name}"
@@ -111,8 +124,10 @@ def make(
     )
 
 
-def call(what: str, name: str, own: Any, *arguments: Any, **parameters: Any) -> Any:
-    """What a class or function, perhaps of the user's own, returns. Raises ``UserError`` for wrong arguments."""
+def call(what: str, name: str, own: Any, /, *arguments: Any, **parameters: Any) -> Any:
+    """What a class or function, perhaps of the user's own, returns. Raises ``UserError`` for wrong
+    arguments.
+    """
     with as_user_error(f"{what} {name!r}", TypeError, ValueError):
         return own(*arguments, **parameters)
 

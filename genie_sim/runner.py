@@ -8,29 +8,35 @@ from contextlib import contextmanager
 from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, cast
 
-import genie_sim
-from genie_sim import build, plugins
+from genie_sim import build, own_classes, plugins
 from genie_sim.build import Prepared, check_faults_of, method_facts, plugin_digests
-from genie_sim.core.consumer import CONSUMERS
 from genie_sim.errors import UserError, short_repr, unknown
 from genie_sim.fleet import expanded
 from genie_sim.messages import Encoding
 from genie_sim.monitor import Samples
-from genie_sim.perception.sources import SOURCES, Drive, Frames, Progress
+from genie_sim.perception.sources import Drive, Frames, Progress
 from genie_sim.recording import provenance
-from genie_sim.recording.held import Held
 from genie_sim.recording.log import Log
-from genie_sim.recording.records import Tables
-from genie_sim.recording.results import MethodInfo, Run
-from genie_sim.scenario.fields import validate
-from genie_sim.scenario.parts import Car, Route
+from genie_sim.recording.map_accuracy import MapAccuracy
+from genie_sim.recording.records import SCHEMAS, PowerRow, Tables, new_tables
+from genie_sim.recording.results import FILES, MethodInfo, Run, changed_files, checked_label
+from genie_sim.recording.tables import Table
+from genie_sim.recording.tables import write as write_columns
+from genie_sim.scenario.power import INTERFACES, DevicePower, InterfacePower, parts
 from genie_sim.scenario.profiles import DeviceProfile
-from genie_sim.scenario.scenario import Scenario, read_scenario
+from genie_sim.scenario.scenario import FRAME_SOURCE, Scenario, read_scenario
+from genie_sim.settings import plain_data, read
+from genie_sim.sim.settings import Car, Route
 from genie_sim.sim.setup import Setup
 from genie_sim.sim.world import World
+from genie_sim.town.source import TownDrives
 from genie_sim.units import NS_PER_S
+from genie_sim.version import VERSION
+
+if TYPE_CHECKING:
+    from genie_sim.perception.sources import MapFrames
 
 
 def run_to_folder(
@@ -39,8 +45,11 @@ def run_to_folder(
     progress: Progress | None = None,
     with_report: bool = True,
     figures: Sequence[str] = (),
+    *,
+    label: str = "",
 ) -> Run:
-    """Simulates a scenario and writes ``out/<scenario>-<run id>``, with ``figures`` in these formats, such as ``svg``.
+    """Simulates a scenario and writes ``out/<scenario>-<run id>``, with ``figures`` in these
+    formats, such as ``svg``; ``label`` is what the user calls the run.
 
     Raises ``UserError`` before it simulates.
     """
@@ -48,25 +57,65 @@ def run_to_folder(
     prepared = prepare(scenario, progress)
     run_id = provenance.run_id(facts(prepared))
     folder = out / f"{scenario.name}-{run_id}"
+    return write(
+        prepared,
+        folder,
+        run_id,
+        progress=progress,
+        with_report=with_report,
+        figures=figures,
+        label=label,
+    )
+
+
+def write(
+    prepared: Prepared,
+    folder: Path,
+    run_id: str,
+    *,
+    progress: Progress | None = None,
+    with_report: bool = True,
+    figures: Sequence[str] = (),
+    label: str = "",
+) -> Run:
+    """Simulates a run and writes its results into ``folder``, which takes the place of earlier
+    results of that name. Raises ``UserError``.
+    """
     with provenance.result_folder(folder) as partial:
-        made = _fill(partial, prepared, run_id, progress, with_report, figures)
-    return replace(made, folder=folder)
+        run = _fill(
+            partial,
+            prepared,
+            run_id,
+            progress=progress,
+            with_report=with_report,
+            figure_formats=figures,
+            label=label,
+        )
+    return replace(run, folder=folder)
 
 
-def run_in_memory(scenario: Scenario, progress: Progress | None = None) -> Run:
+def run_in_memory(scenario: Scenario, progress: Progress | None = None, *, label: str = "") -> Run:
     """Simulates a scenario and writes nothing. Raises ``UserError`` before it simulates."""
     prepared = prepare(scenario, progress)
-    return finished(prepared, provenance.run_id(facts(prepared)), simulate(prepared, progress))
+    run_id = provenance.run_id(facts(prepared))
+    return replace(finished(prepared, run_id, simulate(prepared, progress)), label=label)
 
 
-def rerun(folder: Path, progress: Progress | None = None) -> dict[str, bool]:
-    """Runs a result folder's scenario again, with the device profiles it was made with; tells of each file, by its
-    name, whether the bytes are the same. ``run.json`` holds the wall time and is not compared."""
+def rerun(
+    folder: Path, progress: Progress | None = None, *, allow_changed: bool = False
+) -> dict[str, bool]:
+    """Runs a result folder's scenario again, with the device profiles it was made with; tells of
+    each file, by its name, whether the bytes are the same. ``run.json`` holds the wall time and is
+    not compared, nor is any file that no run writes.
+
+    Raises ``UserError``, also for files that were changed since, unless they are allowed: then they
+    differ.
+    """
     made = provenance.read_run_json(folder)
     where = str(folder / "run.json")
     scenario = read_scenario(made["facts"]["scenario"], where=where)
     devices = {
-        name: validate(DeviceProfile, device, lambda _: where)
+        name: read(DeviceProfile, device, lambda _: where)
         for name, device in made["facts"]["devices"].items()
     }
     prepared = prepare(scenario, progress, devices)
@@ -75,10 +124,19 @@ def rerun(folder: Path, progress: Progress | None = None) -> dict[str, bool]:
         before = made["facts"].get(key)
         if again[key] != before:
             raise UserError(f"{folder}: {_difference(key, before, again[key])}")
+    present = [name for name in FILES if (folder / name).exists()]
+    provenance.refuse_changed(folder, changed_files(folder, made, present), allow_changed)
     with tempfile.TemporaryDirectory() as temporary:
         with_report = (folder / "report.html").is_file()
-        drawn = sorted({path.suffix[1:] for path in (folder / "figures").glob("*.*")})
-        _fill(Path(temporary), prepared, made["run_id"], progress, with_report, drawn)
+        _fill(
+            Path(temporary),
+            prepared,
+            made["run_id"],
+            progress=progress,
+            with_report=with_report,
+            figure_formats=_formats_in(folder / "figures"),
+            label=checked_label(made.get("label", ""), f"{where}: label"),
+        )
         names = sorted(
             str(path.relative_to(temporary))
             for path in Path(temporary).rglob("*")
@@ -86,14 +144,26 @@ def rerun(folder: Path, progress: Progress | None = None) -> dict[str, bool]:
         )
         return {
             name: (folder / name).is_file()
-            and (folder / name).read_bytes() == (Path(temporary) / name).read_bytes()
+            and provenance.contained(folder, name).read_bytes()
+            == (Path(temporary) / name).read_bytes()
             for name in names
             if name != "run.json"
         }
 
 
+def _formats_in(folder: Path) -> list[str]:
+    """In which formats a folder holds the figures of a run."""
+    if not folder.is_dir():
+        return []
+    from genie_sim.analysis.figures import ALWAYS, FORMATS
+
+    return [format for format in sorted(FORMATS) if (folder / f"{ALWAYS}.{format}").is_file()]
+
+
 def _difference(name: str, before: object, now: object) -> str:
-    """Where two facts differ, as short as can be: ``devices.jetson_tx2.cores.value: 6 when it was made, 8 now``."""
+    """Where two facts differ, as short as can be: ``devices.jetson_tx2.cores.value: 6 when it was
+    made, 8 now``.
+    """
     if isinstance(before, Mapping) and isinstance(now, Mapping):
         for key in (*now, *before):
             if before.get(key) != now.get(key):
@@ -112,14 +182,12 @@ def facts(prepared: Prepared) -> dict[str, Any]:
     }
     return {
         "format": provenance.RESULT_FORMAT,
-        "genie_sim": genie_sim.__version__,
-        "scenario": prepared.scenario.model_dump(mode="json", by_alias=True),
-        "devices": {
-            name: device.model_dump(mode="json", by_alias=True)
-            for name, device in prepared.devices.items()
-        },
+        "genie_sim": VERSION,
+        "scenario": plain_data(prepared.scenario),
+        "devices": {name: plain_data(device) for name, device in prepared.devices.items()},
         "traces": {
             **prepared.frames.digests(),
+            **build.link_digests(prepared.scenario),
             **{
                 f"{encoding} of {car}": drive.digest
                 for (encoding, car), drive in prepared.encoded.items()
@@ -128,61 +196,121 @@ def facts(prepared: Prepared) -> dict[str, Any]:
         "plugins": plugin_digests(prepared.scenario),
         "methods": method_facts(prepared.scenario),
         **({"features": features} if features else {}),
+        **_map_facts(prepared),
     }
+
+
+def _map_facts(prepared: Prepared) -> dict[str, Any]:
+    """The borders of a fleet's map [m]; those of a town follow from its settings."""
+    frames = prepared.frames
+    if prepared.scenario.fleet is None or isinstance(frames, TownDrives):
+        return {}
+    return {"map": {"extent_m": [float(border_m) for border_m in cast(Any, frames).extent_m]}}
 
 
 def finished(prepared: Prepared, run_id: str, tables: Tables) -> Run:
     """The run that wrote these tables."""
     from genie_sim.analysis import metrics
 
-    read = {table.name: table.columns() for table in tables}
-    measured = metrics.compute(methods_of(prepared), read)
-    return Run(run_id, facts(prepared), prepared.scenario.to_yaml(), read, measured)
+    columns = {name: table.columns() for name, table in tables.items()}
+    measured = metrics.compute(methods_of(prepared), columns)
+    return Run(
+        run_id=run_id,
+        facts=facts(prepared),
+        yaml=prepared.scenario.to_yaml(),
+        tables=columns,
+        measured=measured,
+    )
 
 
 def _fill(
     folder: Path,
     prepared: Prepared,
     run_id: str,
+    *,
     progress: Progress | None,
     with_report: bool,
-    drawn: Sequence[str],
+    figure_formats: Sequence[str],
+    label: str = "",
 ) -> Run:
-    """Simulates and writes the files of a result folder; figures in the formats ``drawn``."""
+    """Simulates and writes the files of a result folder.
+
+    Parameters
+    ----------
+    folder : Path
+        An empty folder.
+    prepared : Prepared
+        The scenario with everything it names.
+    run_id : str
+        The run's id.
+    progress : callable, optional
+        Called with the time now and at the end [s], and what is done.
+    with_report : bool
+        Whether to write ``report.html``.
+    figure_formats : sequence of str
+        Such as ``svg``; none: no figures.
+    label : str
+        What the user calls the run; may be empty.
+    """
+    began_s = time.perf_counter()
+    tables = simulate(prepared, progress, spill=folder)
+    for name, table in tables.items():
+        table.write(folder / f"{name}.parquet")
+    made = replace(finished(prepared, run_id, tables), label=label)
+    _write_derived(folder, made, with_report=with_report, figure_formats=figure_formats)
+    about = {
+        "rows": {name: len(table) for name, table in tables.items()},
+        "traces": {name: dict(known) for name, known in prepared.frames.provenance().items()},
+        "wall_time_s": round(time.perf_counter() - began_s, 3),
+    }
+    _write_about(folder, made, about)
+    return made
+
+
+def _write_derived(
+    folder: Path, run: Run, *, with_report: bool, figure_formats: Sequence[str] = ()
+) -> None:
+    """Writes what follows from a run's tables: metrics, summary, page, figures."""
     from genie_sim import report
     from genie_sim.analysis import summary
 
-    began_s = time.perf_counter()
-    tables = simulate(prepared, progress, spill=folder)
-    for table in tables:
-        table.write(folder / f"{table.name}.parquet")
-    made = finished(prepared, run_id, tables)
-    provenance.write_json(folder / "metrics.json", [asdict(metric) for metric in made.measured])
-    described = summary.markdown(
-        made.measured, prepared.scenario.name, run_id, prepared.scenario.seed
-    )
-    (folder / "summary.md").write_text(described, encoding="utf-8")
-    if drawn:
+    provenance.write_json(folder / "metrics.json", [asdict(metric) for metric in run.measured])
+    (folder / "summary.md").write_text(summary.markdown(run), encoding="utf-8")
+    if figure_formats:
         from genie_sim.analysis import figures
 
-        figures.write(made, folder / "figures", drawn)
+        figures.write(run, folder / "figures", figure_formats)
     if with_report:
-        report.write(folder / report.NAME, made)
-    (folder / "scenario.resolved.yaml").write_text(made.yaml, encoding="utf-8")
-    provenance.write_json(
-        folder / "run.json",
-        {
-            "format": provenance.RESULT_FORMAT,
-            "run_id": run_id,
-            "facts": made.facts,
-            "digests": provenance.digests(folder),
-            "rows": {table.name: len(table) for table in tables},
-            "traces": {name: dict(known) for name, known in prepared.frames.provenance().items()},
-            "wall_time_s": round(time.perf_counter() - began_s, 3),
-            **provenance.environment(),
-        },
-    )
-    return made
+        report.write(folder / report.NAME, run)
+    (folder / "scenario.resolved.yaml").write_text(run.yaml, encoding="utf-8")
+
+
+def _write_about(folder: Path, run: Run, more: Mapping[str, Any]) -> None:
+    """Writes ``run.json``, with ``more`` that is known of the run."""
+    about = {
+        "format": provenance.RESULT_FORMAT,
+        "run_id": run.run_id,
+        **({"label": run.label} if run.label else {}),
+        "facts": run.facts,
+        "digests": provenance.digests(folder, FILES),
+        **more,
+        **provenance.environment(),
+    }
+    provenance.write_json(folder / "run.json", about)
+
+
+def save(run: Run, out: Path, with_report: bool = True) -> Path:
+    """Writes a run that is in memory as ``run_to_folder`` writes it; returns its folder. Raises
+    ``UserError``.
+    """
+    provenance.check_writable(out)
+    folder = out / f"{run.name}-{run.run_id}"
+    with provenance.result_folder(folder) as partial:
+        for name, schema in SCHEMAS.items():
+            write_columns(partial / f"{name}.parquet", schema, run.tables[name])
+        _write_derived(partial, run, with_report=with_report)
+        _write_about(partial, run, {"rows": {name: len(run.tables[name]) for name in SCHEMAS}})
+    return folder
 
 
 def prepare(
@@ -190,19 +318,25 @@ def prepare(
     progress: Progress | None = None,
     devices: Mapping[str, DeviceProfile] | None = None,
 ) -> Prepared:
-    """Opens the frame source and gives every car its drive, all in one world. ``devices`` replace the profiles that the
-    scenario read. Raises ``UserError``."""
+    """Opens the frame source and gives every car its drive, all in one world. ``devices`` replace
+    the profiles that the scenario read. Raises ``UserError``.
+    """
+    build.check_own_plugins(scenario)
     source = frame_source(scenario)
-    if hasattr(source, "town"):
+    if getattr(source, "is_map", False):
         routes = {f"cars[{index}].route": car.route for index, car in enumerate(scenario.cars)}
         for place, route in (routes or {"perception.duration": Route()}).items():
             scenario.check_time(f"{scenario.name}: {place}", route, source.duration_ns)
-    return on_frames(scenario, source.open(scenario.seed, scenario.origin, progress), devices)
+    frames = source.open(scenario.seed, scenario.origin, progress)
+    owner = plugins.own_label("frame source", scenario.perception.name)
+    if owner is not None:
+        frames = own_classes.checked_frames(frames, owner)
+    return on_frames(scenario, frames, devices)
 
 
 def frame_source(scenario: Scenario) -> Any:
     """What the ``perception`` section names. Raises ``UserError``."""
-    return plugins.make("frame source", scenario.perception, SOURCES, ("open",))
+    return FRAME_SOURCE.make(scenario.perception)
 
 
 def methods_of(prepared: Prepared) -> list[MethodInfo]:
@@ -216,40 +350,67 @@ def on_frames(
     """The same with a frame source that is open already. Raises ``UserError``."""
     full = scenario
     if scenario.fleet is not None:
-        full, drives = expanded(scenario, scenario.fleet, scenario.source, frames)
+        full, drives = expanded(scenario, scenario.fleet, cast("MapFrames", frames))
     else:
         drives = {
             car.name: frames.drive(car.name, car.route.trace, scenario.start_ns(car))
             for car in scenario.cars
         }
+    if scenario.sequence is not None:
+        full = _on_one_clock(full, drives)
+    owner = plugins.own_label("frame source", scenario.perception.name)
+    if owner is not None:
+        for drive in drives.values():
+            own_classes.check_drive(drive, owner)
+        frames.digests()  # checked now, not after the simulation
+        frames.provenance()
     for index, car in enumerate(full.cars[:1] if scenario.fleet else full.cars):
         _check_route(scenario, index, car, drives[car.name])
     check_faults_of(full)
     build.check_features(full, drives)
-    encoded: dict[tuple[str, str], Any] = {
-        (how, car.name): _encoded(scenario, frames, car.name, how)
-        for how in dict.fromkeys(scenario.under(entry).image_encoding for entry in scenario.methods)
-        for car in full.cars
-        if how != "raw" and car.edge is not None
-    }
-    named = [car.device for car in full.cars] + [edge.device for edge in full.edges]
-    known = scenario.profiles if devices is None else devices
+    encodings = {scenario.under(entry).image_encoding: None for entry in scenario.methods}
+    encoded: dict[tuple[str, str], Any] = {}
+    for encoding in encodings:
+        for car in full.cars:
+            if encoding != "raw" and car.edge is not None:
+                drive = _encoded(scenario, frames, car.name, encoding)
+                encoded[encoding, car.name] = drive
+    profiles = scenario.profiles if devices is None else devices
+    names = [car.device for car in full.cars] + [edge.device for edge in full.edges]
     return Prepared(
-        scenario,
-        full,
-        {name: known[name] for name in dict.fromkeys(named)},
-        frames,
-        drives,
-        encoded,
+        scenario=scenario,
+        expanded=full,
+        devices={name: profiles[name] for name in dict.fromkeys(names)},
+        frames=frames,
+        drives=drives,
+        encoded=encoded,
     )
 
 
+def _on_one_clock(scenario: Scenario, drives: Mapping[str, Drive]) -> Scenario:
+    """Every car replays its recording from the beginning of the sequence to the end, so that what
+    was recorded at one time is replayed at one time.
+    """
+    last_ns = max(
+        frames[-1].stamp_ns for drive in drives.values() for frames in drive.frames.values()
+    )
+    cars = tuple(
+        car
+        if car.route.window_ns is not None
+        else replace(car, route=replace(car.route, window_ns=(0, last_ns + 1)))
+        for car in scenario.cars
+    )
+    return replace(scenario, cars=cars)
+
+
 def _encoded(scenario: Scenario, frames: Any, car: str, encoding: Encoding) -> Any:
-    """A car's drive after its pictures were sent. Raises ``UserError`` where the source has no such pictures."""
+    """A car's drive after its pictures were sent. Raises ``UserError`` where the source has no such
+    pictures.
+    """
     if not hasattr(frames, "encoded"):
         raise UserError(
-            f"{scenario.name}: image_encoding: source {scenario.perception.name!r} has no pictures to encode: leave it "
-            "'raw', and give 'cameras' a 'size'"
+            f"{scenario.name}: image_encoding: source {scenario.perception.name!r} has no "
+            "pictures to encode: leave it 'raw', and give 'cameras' a 'size'"
         )
     return frames.encoded(car, encoding)
 
@@ -259,73 +420,123 @@ def simulate(
 ) -> Tables:
     """Every method of the scenario, one after the other, on the same random streams.
 
-    With ``spill``, a folder, the rows of long tables wait there and not in memory; ``write`` completes their files.
+    With ``spill``, a folder, the rows of long tables wait there and not in memory; ``write``
+    completes their files.
     """
-    scenario, tables = prepared.expanded, Tables(spill)
+    scenario, tables = prepared.expanded, new_tables(spill)
     samples: Samples = "all" if scenario.fleet is None else "edges"
     if "resources" not in scenario.record:
         samples = "none"
     driven: set[str] = set()
     for number, entry in enumerate(scenario.methods):
         setup = build.setup(prepared, entry)
-        held = held_of(prepared, entry.name, setup, tables, driven)
-        log = Log(entry.name, tables, scenario.record, samples, held, driven)
+        accuracy = accuracy_of(prepared, entry.name, setup, tables, driven=driven)
+        log = Log(
+            entry.name,
+            tables,
+            record=scenario.record,
+            samples=samples,
+            accuracy=accuracy,
+            posed=driven,
+        )
+        note_power(tables["power"], entry.name, prepared, setup)
         with gc_disabled():
             world = World(setup, build.method(entry), log)
-            world.run(_teller(progress, log, number, len(scenario.methods)))
-            driven.update(world.hosts)
+            world.run(_progress_of(log, progress, number, len(scenario.methods)))
+            driven.update(world.network.graphs)
             world.dismantle()
     return tables
 
 
-def _teller(
-    progress: Progress | None, log: Log, number: int, methods: int
+def note_power(table: Table, method: str, prepared: Prepared, setup: Setup) -> None:
+    """Writes what the devices and interfaces of a method take, where it is known."""
+    powers: dict[tuple[str, str], DevicePower | InterfacePower] = {}
+    for profile in prepared.devices.values():
+        power = profile.power_with(setup.settings.model)
+        if power is not None:
+            powers["device", profile.name] = power
+    for interface in setup.interfaces.values():
+        powers["interface", interface.name] = INTERFACES[interface.name]
+    for (kind, name), of_name in powers.items():
+        for part, of_part in parts(of_name):
+            row = PowerRow(method=method, kind=kind, name=name, part=part, **of_part._asdict())
+            table.append(row)
+
+
+def _progress_of(
+    log: Log, progress: Progress | None, number: int, methods: int
 ) -> Callable[[int, int], None]:
-    """Tells of the simulated time of one method, and how fast that goes."""
+    """Returns what reports the simulated time of one method, and the frames simulated per second.
+
+    ``number`` is the method's place among so many ``methods``.
+    """
     began_s = time.perf_counter()
 
-    def tell(now_ns: int, end_ns: int) -> None:
+    def report(now_ns: int, end_ns: int) -> None:
         if progress is not None:
             rate = log.published_frames / max(time.perf_counter() - began_s, 1e-9)
-            what = f"{log.method}, {rate:,.0f} frames/s"
-            progress((number * end_ns + now_ns) / NS_PER_S, methods * end_ns / NS_PER_S, what)
+            text = f"{log.method}, {rate:,.0f} frames/s"
+            progress((number * end_ns + now_ns) / NS_PER_S, methods * end_ns / NS_PER_S, text)
 
-    return tell
+    return report
 
 
-def held_of(
-    prepared: Prepared, method: str, setup: Setup, tables: Tables, driven: Collection[str]
-) -> Held | None:
-    """What judges the consumers of one method, if the scenario wants it; ``None`` where nobody knows what is there on
-    any car's drive. The floor of the cars in ``driven`` is written already."""
-    # A source of one's own need not know what is there.
-    truth_of = (
-        getattr(prepared.frames, "truth_of", None) if "held" in prepared.expanded.record else None
-    )
-    known = (
-        {} if truth_of is None else {car: truth_of(drive) for car, drive in prepared.drives.items()}
-    )
-    truths = {car: truth for car, truth in known.items() if truth is not None}
+def accuracy_of(
+    prepared: Prepared, method: str, setup: Setup, tables: Tables, *, driven: Collection[str]
+) -> MapAccuracy | None:
+    """Returns what judges the consumers of one method, if the scenario wants it; ``None`` where
+    nobody knows what is there on any car's drive.
+
+    Parameters
+    ----------
+    prepared : Prepared
+        The scenario with the drives of its cars.
+    method : str
+        The name of the method.
+    setup : Setup
+        The method's settings: the consumer, and the laws of the detector that it goes by.
+    tables : dict of str to Table
+        Where the rows go.
+    driven : collection of str
+        Cars that have driven with an earlier method, so that their zero-delay detector is judged.
+    """
+    record = prepared.expanded.record
+    # A frame source of the user's own need not know what is there.
+    truth_of = getattr(prepared.frames, "truth_of", None)
+    if truth_of is None or "held" not in record:
+        return None
+    truths = {car: truth_of(drive) for car, drive in prepared.drives.items()}
+    truths = {car: truth for car, truth in truths.items() if truth is not None}
     if not truths:
         return None
-    objects = tables.held_objects if "held_objects" in prepared.expanded.record else None
-    return Held(
-        method, truths, tables.held, driven, partial(CONSUMERS[setup.consumer], setup.laws), objects
+    return MapAccuracy(
+        method,
+        truths,
+        tables["held"],
+        judged_without_delay=driven,
+        make_consumer=partial(setup.settings.consumer.new, setup.laws),
+        objects=tables["held_objects"] if "held_objects" in record else None,
+        all_streams=prepared.expanded.judged == "all",
     )
 
 
 @contextmanager
 def gc_disabled() -> Iterator[None]:
-    """A simulation makes very many small objects, and leaves no cycles that only Python's collector would free; what
-    classes of somebody's own leave in cycles stays until it looks through old objects. With ten thousand cars in
-    memory, looking through all that lives would take longer than the simulation; so it does not begin with that at the
-    end either, as it would if what was made meanwhile were new to it."""
+    """Disables Python's garbage collector while a simulation runs.
+
+    A simulation makes very many small objects and leaves no reference cycles (``World.dismantle``),
+    so the collector would find nothing; with ten thousand cars in memory its passes would take
+    longer than the simulation. Cycles that classes of the user's own leave stay until a full
+    collection.
+    """
     was_enabled = gc.isenabled()
     gc.disable()
     try:
         yield
     finally:
         if was_enabled:
+            # This moves everything to the oldest generation. Otherwise enabling the collector would
+            # start a pass over all objects made meanwhile.
             gc.freeze()
             gc.unfreeze()
             gc.enable()
@@ -333,11 +544,9 @@ def gc_disabled() -> Iterator[None]:
 
 def _check_route(scenario: Scenario, index: int, car: Car, drive: Drive) -> None:
     """The car's cameras are recorded on its drive, and its window is a part of it."""
-    own, where, route = (
-        isinstance(car.cameras, tuple),
-        f"{scenario.name}: cars[{index}].route",
-        car.route,
-    )
+    own = isinstance(car.cameras, tuple)
+    where = f"{scenario.name}: cars[{index}].route"
+    route = car.route
     for number, camera in enumerate(scenario.cameras_of(car)):
         if camera.recording not in drive.frames:
             field = f"cars[{index}].cameras[{number}]" if own else f"cameras[{number}]"
@@ -357,10 +566,12 @@ def _check_route(scenario: Scenario, index: int, car: Car, drive: Drive) -> None
     if begin_ns > max(stamps_ns):
         begin_s, last_s = begin_ns / NS_PER_S, max(stamps_ns) / NS_PER_S
         raise UserError(
-            f"{where}: begins at {begin_s:g} s, after the last frame of {drive.name} at {last_s:g} s"
+            f"{where}: begins at {begin_s:g} s, after the last frame of {drive.name} "
+            f"at {last_s:g} s"
         )
     if not any(begin_ns <= stamp_ns < end_ns for stamp_ns in stamps_ns):
         after_s = min(stamp_ns for stamp_ns in stamps_ns if stamp_ns >= end_ns) / NS_PER_S
         raise UserError(
-            f"{where}: no camera takes a frame in it; the next one of {drive.name} is at {after_s:g} s"
+            f"{where}: no camera takes a frame in it; the next one of {drive.name} "
+            f"is at {after_s:g} s"
         )

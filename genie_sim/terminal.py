@@ -1,6 +1,6 @@
-"""What the command line shows besides results: where to begin, lists, a progress bar.
+"""What the command line shows besides results: where to begin, lists, progress.
 
-Everything fits the terminal's width, needs no colour, and says nothing where nobody looks.
+Everything fits the terminal's width and needs no colour.
 """
 
 import os
@@ -19,6 +19,8 @@ import click
 from genie_sim.errors import unknown
 
 PAGE = "report.html"
+PROGRESS_VARIABLE = "GENIE_SIM_PROGRESS"  # of the environment; "off": neither bar nor lines
+LINE_EVERY_S = 10  # between lines of progress where there is no terminal
 WIDE = 72  # from here on a command and what it does stand side by side
 FIRST_STEPS = (
     ("genie-sim run 3car_hetero", "three cars, three edges, a few seconds"),
@@ -57,7 +59,9 @@ def welcome(columns: int, results: Path = Path("results")) -> str:
 
 
 def listing(rows: Iterable[tuple[str, str]], indent: str, columns: int | None) -> Iterator[str]:
-    """A line for each name with what it is; wrapped to ``columns``, ``None`` for a line each, for other programs."""
+    """A line for each name with what it is; wrapped to ``columns``, ``None`` for a line each, for
+    other programs.
+    """
     for name, about in rows:
         line = f"{indent}{name:28} {about}".rstrip()
         if columns is None or len(line) <= columns:
@@ -74,8 +78,9 @@ def listing(rows: Iterable[tuple[str, str]], indent: str, columns: int | None) -
 
 
 class Commands(click.Group):
-    """The commands, under one roof: a misspelt one is answered with the nearest, Ctrl-C or SIGTERM ends any with one
-    line and status 130, and a reader that has gone away ends it quietly."""
+    """The commands, under one roof: a misspelt one is answered with the nearest, Ctrl-C or SIGTERM
+    ends any with one line and status 130, and a reader that has gone away ends it quietly.
+    """
 
     def list_commands(self, ctx: Any) -> list[str]:
         """In the order in which they are written."""
@@ -101,10 +106,11 @@ class Commands(click.Group):
 
 @contextmanager
 def _terminable() -> Iterator[None]:
-    """SIGTERM, which batch systems send when the time is up, is taken for Ctrl-C: what is half done is cleared away."""
-    if (
-        threading.current_thread() is not threading.main_thread()
-    ):  # no other may say what signals do
+    """SIGTERM, which batch systems send when the time is up, is taken for Ctrl-C: what is half done
+    is cleared away.
+    """
+    # no other may say what signals do
+    if threading.current_thread() is not threading.main_thread():
         yield
         return
     before = signal.signal(signal.SIGTERM, signal.default_int_handler)
@@ -122,18 +128,13 @@ def open_closed_streams() -> None:
 
 
 def drop_output() -> None:
-    """Lets go of what cannot be printed any more, or Python would try again at its end, and complain."""
+    """Lets go of what cannot be printed any more, or Python would try again at its end, and
+    complain.
+    """
     try:
         sys.stdout.flush()
     except OSError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-
-
-def one_line(text: str) -> str:
-    """With what would break the line, or steer the terminal, spelled out: a name may hold anything."""
-    return "".join(
-        sign if sign.isprintable() else sign.encode("unicode_escape").decode() for sign in text
-    )
 
 
 def machine_said(error: OSError | MemoryError) -> str:
@@ -145,34 +146,55 @@ def machine_said(error: OSError | MemoryError) -> str:
 
 
 class Progress:
-    """One progress bar, on a terminal only; called with how much is done, how much there is, and what is going on."""
+    """A progress bar on a terminal, and elsewhere a line on stderr every ``LINE_EVERY_S``, unless
+    the environment has ``GENIE_SIM_PROGRESS=off``; called with how much is done, how much there
+    is, and what is going on.
+    """
 
     def __init__(self, unit: str = "s") -> None:
         self._unit = unit
         self._bar: Any = None
+        self._state, self._what = "preparing", ""
+        self._end = threading.Event()
 
     def __enter__(self) -> "Progress":
-        if sys.stderr.isatty():
-            from rich.console import Console
-            from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+        if os.environ.get(PROGRESS_VARIABLE) == "off":
+            return self
+        if not sys.stderr.isatty():
+            threading.Thread(target=self._print_lines, daemon=True).start()
+            return self
+        from rich.console import Console
+        from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
-            bar = BarColumn(bar_width=max(8, min(40, width() // 4)))
-            columns = [TextColumn("{task.description}"), bar, TextColumn("{task.fields[state]}")]
-            if width() >= WIDE:
-                columns.append(TimeRemainingColumn())
-            self._bar = Progress(
-                *columns, console=Console(stderr=True), transient=True, refresh_per_second=5
-            )
-            self._task = self._bar.add_task("", total=None, state="")
-            self._bar.start()
+        bar = BarColumn(bar_width=max(8, min(40, width() // 4)))
+        columns = [TextColumn("{task.description}"), bar, TextColumn("{task.fields[state]}")]
+        if width() >= WIDE:
+            columns.append(TimeRemainingColumn())
+        self._bar = Progress(
+            *columns, console=Console(stderr=True), transient=True, refresh_per_second=5
+        )
+        self._task = self._bar.add_task("", total=None, state="")
+        self._bar.start()
         return self
 
     def __call__(self, done: float, total: float, what: str = "") -> None:
+        number = ",.1f" if self._unit == "s" else ","
+        self._state, self._what = f"{done:{number}} of {total:{number}} {self._unit}", what
         if self._bar is not None:
-            number = ",.1f" if self._unit == "s" else ","
-            state = f"{done:{number}} of {total:{number}} {self._unit}"
-            self._bar.update(self._task, completed=done, total=total, description=what, state=state)
+            self._bar.update(
+                self._task, completed=done, total=total, description=what, state=self._state
+            )
 
     def __exit__(self, *_: object) -> None:
+        self._end.set()
         if self._bar is not None:
             self._bar.stop()
+
+    def _print_lines(self) -> None:
+        """Until the end; where nobody reads them any more, no longer."""
+        while not self._end.wait(LINE_EVERY_S):
+            words = filter(None, (self._state, self._what))
+            try:
+                click.echo(f"genie-sim: {', '.join(words)}", err=True)
+            except (OSError, ValueError):
+                return

@@ -1,8 +1,8 @@
 """Quantities with units: text such as ``30 ms`` or ``1 Gbit/s`` to numbers, and back.
 
-Inside the program times are integer nanoseconds, sizes integer bytes, rates integer bit/s, lengths metres and angles
-radians. Text is converted once, where it is read, in exact arithmetic. Every error is a ``ValueError`` that says what
-to write instead.
+Inside the program times are integer nanoseconds, sizes integer bytes, rates integer bit/s, lengths
+metres and angles radians. Text is converted once, where it is read, in exact arithmetic. Every
+error is a ``ValueError`` that says what to write instead.
 """
 
 import math
@@ -39,11 +39,17 @@ SIZES: dict[str, int] = {
     "TiB": 2**40,
 }
 RATES: dict[str, int] = {"bit/s": 1, "kbit/s": 10**3, "Mbit/s": 10**6, "Gbit/s": 10**9}
+FREQUENCIES: dict[str, int] = {"Hz": 1, "kHz": 10**3, "MHz": 10**6, "GHz": 10**9}
 LENGTHS: dict[str, Fraction] = {
     "mm": Fraction(1, 1000),
     "cm": Fraction(1, 100),
     "m": Fraction(1),
     "km": Fraction(1000),
+}
+POWERS: dict[str, Fraction] = {
+    "mW": Fraction(1, 1000),
+    "W": Fraction(1),
+    "kW": Fraction(1000),
 }
 ANGLES = ("deg", "rad")
 
@@ -54,7 +60,9 @@ _LARGEST = 2**63 - 1  # what a Parquet integer column holds
 
 
 class _Counted(NamedTuple):
-    """A quantity that is a whole number of its smallest unit; ``written`` are the units of texts, the largest first."""
+    """A quantity that is a whole number of its smallest unit; ``written`` are the units of texts,
+    the largest first.
+    """
 
     name: str
     example: str
@@ -85,20 +93,26 @@ class _Counted(NamedTuple):
         return f"{'-' if value < 0 else ''}{digits} {unit}"
 
 
-_DURATION = _Counted("duration", "30 ms", DURATIONS, "nanoseconds", ("s", "ms", "us", "ns"))
-_SIZE = _Counted("size", "1.4 MB", SIZES, "bytes", ("GB", "MB", "kB", "B"))
+_DURATION = _Counted(
+    "duration", "30 ms", DURATIONS, counted="nanoseconds", written=("s", "ms", "us", "ns")
+)
+_SIZE = _Counted("size", "1.4 MB", SIZES, counted="bytes", written=("GB", "MB", "kB", "B"))
 _RATE = _Counted(
-    "rate", "100 Mbit/s", RATES, "bits per second", ("Gbit/s", "Mbit/s", "kbit/s", "bit/s")
+    "rate",
+    "100 Mbit/s",
+    RATES,
+    counted="bits per second",
+    written=("Gbit/s", "Mbit/s", "kbit/s", "bit/s"),
+)
+_FREQUENCY = _Counted(
+    "frequency", "25 MHz", FREQUENCIES, counted="hertz", written=("GHz", "MHz", "kHz", "Hz")
 )
 duration_ns, duration_text = _DURATION.read, _DURATION.text  # "1.5 s" to 1,500,000,000 ns, and back
-size_bytes, size_text = (
-    _SIZE.read,
-    _SIZE.text,
-)  # "1.4 MB" (10^6 bytes) or "4 MiB" (2^20 bytes), and back
-rate_bps, rate_text = (
-    _RATE.read,
-    _RATE.text,
-)  # "100 Mbit/s"; bytes are refused, so that nobody is off by eight
+# "1.4 MB" (10^6 bytes) or "4 MiB" (2^20 bytes), and back
+size_bytes, size_text = _SIZE.read, _SIZE.text
+# "100 Mbit/s"; bytes are refused, so that nobody is off by eight
+rate_bps, rate_text = _RATE.read, _RATE.text
+frequency_hz, frequency_text = _FREQUENCY.read, _FREQUENCY.text  # "25 MHz", and back
 
 
 def length_m(value: object) -> float:
@@ -112,6 +126,50 @@ def angle_rad(value: object) -> float:
     number, unit = _split(value, "angle", "15 deg", ANGLES)
     plain = _finite(number, value, "angle")
     return math.radians(plain) if unit == "deg" else plain
+
+
+def ratio_db(value: object) -> float:
+    """``"3 dB"`` to 3.0."""
+    number, _ = _split(value, "ratio", "3 dB", ("dB",))
+    return _finite(number, value, "ratio")
+
+
+def ratio_text(value_db: float) -> str:
+    """3.0 to ``"3 dB"``. ``ratio_db`` reads it back."""
+    return f"{_plain(value_db)} dB"
+
+
+def drift_ppm(value: object) -> float:
+    """``"20 ppm"`` to 20.0: microseconds per second."""
+    number, _ = _split(value, "drift", "20 ppm", ("ppm",))
+    return _finite(number, value, "drift")
+
+
+def drift_text(value_ppm: float) -> str:
+    """20.0 to ``"20 ppm"``. ``drift_ppm`` reads it back."""
+    return f"{_plain(value_ppm)} ppm"
+
+
+def power_dbm(value: object) -> float:
+    """``"23 dBm"`` to 23.0: decibels above a milliwatt."""
+    number, _ = _split(value, "power", "23 dBm", ("dBm",))
+    return _finite(number, value, "power")
+
+
+def power_text(value_dbm: float) -> str:
+    """23.0 to ``"23 dBm"``. ``power_dbm`` reads it back."""
+    return f"{_plain(value_dbm)} dBm"
+
+
+def watts(value: object) -> float:
+    """``"500 mW"`` to 0.5 W."""
+    number, unit = _split(value, "power", "3 W", POWERS)
+    return _finite(number * (POWERS[unit] if unit else 0), value, "power")
+
+
+def watts_text(value_w: float) -> str:
+    """0.5 W to ``"0.5 W"``. ``watts`` reads it back."""
+    return f"{_plain(value_w)} W"
 
 
 def length_text(value_m: float) -> str:

@@ -1,4 +1,6 @@
-"""A headless Chromium, driven over its own pipe (Chrome DevTools Protocol), with nothing else installed."""
+"""A headless Chromium, driven over its own pipe (Chrome DevTools Protocol), with nothing else
+installed.
+"""
 
 from __future__ import annotations
 
@@ -20,8 +22,9 @@ def installed() -> str | None:
 
 
 class Browser:
-    """One page. ``errors`` holds every message of the console that is an error or a warning, and every exception;
-    ``requests`` every address that the page asked for."""
+    """One page. ``errors`` holds every message of the console that is an error or a warning, and
+    every exception; ``requests`` every address that the page asked for.
+    """
 
     def __init__(self, program: str, profile: Path) -> None:
         from_browser, to_us = os.pipe()
@@ -71,10 +74,10 @@ class Browser:
         for domain in ("Page", "Runtime", "Network", "Log"):
             self._ask(f"{domain}.enable")
 
-    def open(self, path: Path) -> None:
-        """Loads a file and waits until it has been drawn."""
+    def open(self, path: Path, fragment: str = "") -> None:
+        """Loads a file, at a fragment such as ``#t=1``, and waits until it has been drawn."""
         self._loaded = False
-        self._ask("Page.navigate", url=path.absolute().as_uri())
+        self._ask("Page.navigate", url=path.absolute().as_uri() + fragment)
         while not self._loaded:
             self._event()
         self.evaluate(
@@ -110,6 +113,8 @@ class Browser:
             "ArrowDown": 40,
             "Enter": 13,
             "Tab": 9,
+            "n": 78,
+            "p": 80,
             " ": 32,
         }
         for kind in ("keyDown", "keyUp"):

@@ -1,4 +1,6 @@
-"""What every test may ask for: real data, the command line, and a folder of its own to write into."""
+"""What every test may ask for: real data, the command line, and a folder of its own to write
+into.
+"""
 
 from __future__ import annotations
 
@@ -17,15 +19,31 @@ from tests.browser import Browser, installed
 REPOSITORY = Path(__file__).resolve().parent.parent
 
 os.environ.setdefault("MPLBACKEND", "Agg")
+os.fsync = lambda descriptor: None  # no test cuts the power, and disks take their time
+os.environ["GENIE_SIM_PROGRESS"] = "off"  # lines of progress would come where a machine is slow
 settings.register_profile("genie_sim", derandomize=True, deadline=None, max_examples=50)
 settings.load_profile("genie_sim")
 
-# Long files first, so that no process has one left when the others are done; files of real ROS early, too, because they
-# mostly wait while others compute.
+# Long files first, so that no process has one left when the others are done; files of real ROS
+# early, too, because they mostly wait while others compute.
 FIRST = (
-    "test_method_conformance.py", "test_conservation.py",
-    "test_two_networks.py", "test_sweep.py", "test_docs.py", "test_ros1.py", "test_ros2.py", "test_report_sweep.py",
-)  # fmt: skip
+    "test_docs.py",
+    "test_method_conformance.py",
+    "test_conservation.py",
+    "test_two_networks.py",
+    "test_ros1.py",
+    "test_ros2.py",
+    "test_search.py",
+    "test_study.py",
+    "test_queues.py",
+    "test_cell.py",
+    "test_mishaps.py",
+    "test_own_code.py",
+    "test_interrupted.py",
+    "test_laws.py",
+    "test_whole_world.py",
+    "test_search_of_scenarios.py",
+)
 LAST = "test_reality.py"  # runs alone
 
 CommandLine = Callable[..., subprocess.CompletedProcess[str]]
@@ -33,7 +51,7 @@ CommandLine = Callable[..., subprocess.CompletedProcess[str]]
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption(
-        "--by-hand", action="store_true", help="also what takes minutes: tests marked by_hand"
+        "--nightly", action="store_true", help="also what takes minutes: tests marked nightly"
     )
 
 
@@ -41,20 +59,19 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     order = {name: place - len(FIRST) for place, name in enumerate(FIRST)} | {LAST: 1}
     items.sort(key=lambda item: order.get(item.path.name, 0))
     for item in items:
-        if item.get_closest_marker("by_hand") and not config.getoption("--by-hand"):
-            item.add_marker(pytest.mark.skip(reason="takes minutes: --by-hand"))
+        if item.get_closest_marker("nightly") and not config.getoption("--nightly"):
+            item.add_marker(pytest.mark.skip(reason="takes minutes: --nightly"))
         if item.get_closest_marker("slow"):
-            item.add_marker(
-                pytest.mark.no_cover
-            )  # it would take twice as long, for what others have run already
+            item.add_marker(pytest.mark.no_cover)
         if sys.platform == "win32" and item.get_closest_marker("unix"):
             item.add_marker(pytest.mark.skip(reason="needs the signals and terminals of Unix"))
 
 
 @pytest.hookimpl(wrapper=True, tryfirst=True)
 def pytest_runtest_protocol(item: pytest.Item) -> Iterator[None]:
-    """Where pytest-xdist runs several tests at a time, one that is marked ``alone`` waits until no other is running,
-    and keeps the others waiting."""
+    """Where pytest-xdist runs several tests at a time, one that is marked ``alone`` waits until no
+    other is running, and keeps the others waiting.
+    """
     if "PYTEST_XDIST_WORKER" not in os.environ or sys.platform == "win32":
         return (yield)
     with _turn(alone=item.get_closest_marker("alone") is not None):
@@ -63,7 +80,9 @@ def pytest_runtest_protocol(item: pytest.Item) -> Iterator[None]:
 
 @contextmanager
 def _turn(alone: bool) -> Iterator[None]:
-    """A lock that many share or one has, between processes; no file is needed but those that are there."""
+    """A lock that many share or one has, between processes; no file is needed but those that are
+    there.
+    """
     import fcntl
 
     with (
@@ -81,7 +100,9 @@ def _turn(alone: bool) -> Iterator[None]:
 
 @pytest.fixture(autouse=True)
 def _own_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Each test starts in an empty folder: nothing written to a relative path ends up in the checkout."""
+    """Each test starts in an empty folder: nothing written to a relative path ends up in the
+    checkout.
+    """
     monkeypatch.chdir(tmp_path)
 
 
@@ -97,6 +118,12 @@ def weights_dir() -> Path:
     return _real_data("GENIE_SIM_WEIGHTS", "real detector weights")
 
 
+@pytest.fixture(scope="session")
+def v2v4real_root() -> Path:
+    """The folder of DMSTrack's text files of V2V4Real; skips the test where there is none."""
+    return _real_data("GENIE_SIM_V2V4REAL", "the text files of V2V4Real")
+
+
 def _real_data(variable: str, what: str) -> Path:
     value = os.environ.get(variable)
     if not value:
@@ -110,7 +137,8 @@ def _real_data(variable: str, what: str) -> Path:
 def run_cli(tmp_path: Path) -> CommandLine:
     """``run_cli("run", "3car_hetero")`` runs this checkout's ``genie-sim`` in the test's folder.
 
-    Returns the ``CompletedProcess``, with exit status and texts. ``env`` adds environment variables.
+    Returns the ``CompletedProcess``, with exit status and texts. ``env`` adds environment
+    variables.
     """
 
     def run(

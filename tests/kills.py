@@ -1,8 +1,10 @@
-"""``python -m tests.kills --kills 100``: kills runs, sweeps and evaluations at random instants, and looks what is lost.
+"""``python -m tests.kills --kills 100``: kills runs, sweeps and evaluations at random instants, and
+looks what is lost.
 
-Every command is killed (SIGKILL, its processes too, or a Dask worker alone), begun again, killed again, and at the end
-left alone. Nothing that was complete may be gone or changed at any time, the last attempt must come to the same bytes
-as one that nobody disturbed, and nothing may lie about afterwards. Prints a table in Markdown; status 1 if not so.
+Every command is killed (SIGKILL, its processes too, or a Dask worker alone), begun again, killed
+again, and at the end left alone. Nothing that was complete may be gone or changed at any time, the
+last attempt must come to the same bytes as one that nobody disturbed, and nothing may lie about
+afterwards. Prints a table in Markdown; status 1 if not so.
 """
 
 from __future__ import annotations
@@ -39,8 +41,9 @@ SEED = 20_240_902
 
 @dataclass
 class Victim:
-    """A command that is killed. ``whole`` gives the digests of all that is complete in its folder; ``parts``: what of
-    it may grow from one attempt to the next, so that a sweep has an end."""
+    """A command that is killed. ``whole`` gives the digests of all that is complete in its folder;
+    ``parts``: what of it may grow from one attempt to the next, so that a sweep has an end.
+    """
 
     name: str
     command: list[str]
@@ -122,9 +125,13 @@ class Cluster:
 @contextlib.contextmanager
 def started(victim: Victim, folder: Path) -> Iterator[subprocess.Popen[bytes]]:
     process = subprocess.Popen(
-        [sys.executable, "-m", "genie_sim", *victim.command], cwd=folder, stdout=subprocess.DEVNULL,
-        stderr=(folder / "stderr").open("w"), start_new_session=True, env={**os.environ, "PYTHONPATH": str(REPOSITORY)},
-    )  # fmt: skip
+        [sys.executable, "-m", "genie_sim", *victim.command],
+        cwd=folder,
+        stdout=subprocess.DEVNULL,
+        stderr=(folder / "stderr").open("w"),
+        start_new_session=True,
+        env={**os.environ, "PYTHONPATH": str(REPOSITORY)},
+    )
     try:
         yield process
     finally:
@@ -150,7 +157,9 @@ def undisturbed(victim: Victim, folder: Path) -> dict[str, str]:
 
 
 def torment(victim: Victim, folder: Path, kills: int, rng: random.Random) -> None:
-    """Kills it so many times. When an attempt gets through, a sweep begins anew; a run replaces its own result."""
+    """Kills it so many times. When an attempt gets through, a sweep begins anew; a run replaces its
+    own result.
+    """
     expected = undisturbed(victim, folder / f"{victim.name} alone")
     here = prepare(folder / victim.name)
     for number in range(kills):
@@ -204,12 +213,16 @@ def main(arguments: list[str] | None = None) -> int:
         victims = [victim for victim in victims if victim.name in given.only]
         shares = sum(victim.share for victim in victims)
         print(
-            "| command | kills | after [s] | lost or changed | other than undisturbed | left behind |"
+            "| command | kills | after [s] | lost or changed | other than undisturbed | left"
+            " behind |"
         )
         print("|---|---:|---:|---:|---:|---:|")
         for victim in victims:
             torment(victim, Path(scratch), round(given.kills * victim.share / shares), rng)
-            spread = f"{min(victim.instants_s, default=0):.1f} to {max(victim.instants_s, default=0):.1f}"
+            spread = (
+                f"{min(victim.instants_s, default=0):.1f} to"
+                f" {max(victim.instants_s, default=0):.1f}"
+            )
             numbers = (victim.kills, spread, victim.lost, victim.other, victim.left)
             print(f"| {victim.name} | " + " | ".join(map(str, numbers)) + " |", flush=True)
     return int(any(victim.lost + victim.other + victim.left for victim in victims))

@@ -1,4 +1,6 @@
-"""Small made-up drives in KITTI's raw layout, a stand-in network, and a reader of KITTI's tracklets, for the tests."""
+"""Small made-up drives in KITTI's raw layout, a stand-in network, and a reader of KITTI's
+tracklets, for the tests.
+"""
 
 from __future__ import annotations
 
@@ -69,7 +71,9 @@ def make_drive(
 
 
 def make_network(path: Path, side: int = 416, classes: int = 80) -> Path:
-    """A network with YOLOX's inputs and outputs that calls each white 8x8 cell a car of 80x40 pixels."""
+    """A network with YOLOX's inputs and outputs that calls each white 8x8 cell a car of 80x40
+    pixels.
+    """
     import onnx
     from onnx import TensorProto, helper, numpy_helper
 
@@ -112,7 +116,9 @@ def make_network(path: Path, side: int = 416, classes: int = 80) -> Path:
 
 @dataclass(frozen=True)
 class Tracklet:
-    """One labelled object: its centre (x, y, z) in the laser's frame and its turn about z, by frame number."""
+    """One labelled object: its centre (x, y, z) in the laser's frame and its turn about z, by frame
+    number.
+    """
 
     kind: str
     height_m: float

@@ -1,4 +1,6 @@
-"""Tiny ONNX networks with the inputs and outputs of real detectors: each sees a car in every white 8 x 8 cell."""
+"""Tiny ONNX networks with the inputs and outputs of real detectors: each sees a car in every white
+8 x 8 cell.
+"""
 
 from __future__ import annotations
 
@@ -47,7 +49,9 @@ def make_nanodet(path: Path, side: int = 416) -> Path:
 def make_yolov8(
     path: Path, side: int | None = 320, labels: tuple[str, ...] = ("wheel", "car")
 ) -> Path:
-    """The one output of an Ultralytics export; a car is 80 x 40 pixels. ``side`` ``None``: left open in the file."""
+    """The one output of an Ultralytics export; a car is 80 x 40 pixels. ``side`` ``None``: left
+    open in the file.
+    """
     from onnx import TensorProto, helper, numpy_helper
 
     channels, fixed = 4 + len(labels), side or 320

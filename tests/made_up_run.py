@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from genie_sim.recording.records import FRAMES, LOOKUPS, RESOURCES, Frame
+from genie_sim.recording.records import FRAMES, LOOKUPS, RESOURCES, FrameRow
 from genie_sim.recording.results import MethodInfo
 from genie_sim.recording.tables import Table
 
@@ -15,13 +15,15 @@ METHODS = (
     MethodInfo("genie", "Genie (DG)", baseline=False),
 )
 STREAMS = ("camera_00", "camera_01", "camera_02", "camera_03")
-# Median service times [ms] of a TX2 (local) and an AGX Xavier (remote); how many streams a detector keeps up with.
+# Median service times [ms] of a TX2 (local) and an AGX Xavier (remote); how many streams a detector
+# keeps up with.
 DETECTOR_MS = {"local": 310.0, "remote": 65.0}
 KEPT = {"local": 0.08, "remote": 0.37}
 
 
 def frames(cars: int = 3, seconds: int = 10, seed: int = 1, speed: float = 1.0) -> Table:
-    """Detectors drop what they cannot keep up with; Genie answers at once and fresh when the detection is there.
+    """Detectors drop what they cannot keep up with; Genie answers at once and fresh when the
+    detection is there.
 
     ``speed`` divides the remote detector's time.
     """
@@ -32,7 +34,7 @@ def frames(cars: int = 3, seconds: int = 10, seed: int = 1, speed: float = 1.0) 
             for s, stream in enumerate(STREAMS):
                 for frame in range(10 * seconds):
                     stamp_ns = (100 * frame + 25 * s) * MS
-                    row = Frame(method, f"car{car}", stream, frame, 0, stamp_ns)
+                    row = FrameRow(method, f"car{car}", stream, frame, 0, stamp_ns)
                     received_ns = stamp_ns + 3 * MS
                     row.received_ns = received_ns
                     if method == "genie":
@@ -47,11 +49,11 @@ def frames(cars: int = 3, seconds: int = 10, seed: int = 1, speed: float = 1.0) 
                         _set(row, received_ns + int(took_ms * MS), "own_detector", rng.poisson(3))
                     else:
                         row.drop = f"{method}/detector:/image_raw"
-                    table.append(row.row())
+                    table.append(row.values())
     return table
 
 
-def _set(row: Frame, t_ns: int, source: str, objects: int) -> None:
+def _set(row: FrameRow, t_ns: int, source: str, objects: int) -> None:
     for column in ("first_answer_ns", "fresh_answer_ns"):
         setattr(row, column, t_ns)
     for column in ("objects_served", "objects_fresh"):
@@ -59,7 +61,9 @@ def _set(row: Frame, t_ns: int, source: str, objects: int) -> None:
     row.source = source
 
 
-def _answer_by_genie(row: Frame, received_ns: int, rng: np.random.Generator, speed: float) -> None:
+def _answer_by_genie(
+    row: FrameRow, received_ns: int, rng: np.random.Generator, speed: float
+) -> None:
     genie_ms = 8.8 * (0.6 + 0.4 * np.exp(0.5 * rng.standard_normal()))
     first_ns = received_ns + int(genie_ms * MS)
     hit = bool(rng.random() < 0.2)
@@ -77,7 +81,9 @@ def _answer_by_genie(row: Frame, received_ns: int, rng: np.random.Generator, spe
 
 
 def lookups(cars: int = 3, messages: int = 400, seed: int = 1, lift: float = 1.0) -> Table:
-    """Genies on cars and edges; hits become more frequent as the caches fill. ``lift`` multiplies them."""
+    """Genies on cars and edges; hits become more frequent as the caches fill. ``lift`` multiplies
+    them.
+    """
     rng = np.random.default_rng(seed)
     table = Table(LOOKUPS)
     for i in range(messages):

@@ -2,11 +2,13 @@
 
 - A block with a ``title`` is a file: it is written, not run. ``` ```yaml title="town.yaml" ```
 - ``python`` blocks share one namespace; a ``text`` block right below one shows what it prints.
-- ``bash`` and ``console`` blocks are those of the README (``test_readme``): a line ``...`` stands for any lines.
-- ``<!-- not run: reason -->`` above a block leaves it out, ``<!-- needs VARIABLE -->`` where that is not set.
+- ``bash`` and ``console`` blocks are those of the README (``test_readme``): a line ``...`` stands
+  for any lines.
+- ``<!-- not run: reason -->`` above a block leaves it out, ``<!-- needs VARIABLE -->`` where that
+  is not set.
 
-``python tests/run_page.py PAGE`` tells where the page lies; with ``--accept`` it shows instead what was printed, for
-the author to look at and commit.
+``python tests/run_page.py PAGE`` tells where the page lies; with ``--accept`` it shows instead what
+was printed, for the author to look at and commit.
 """
 
 from __future__ import annotations
@@ -22,7 +24,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from test_readme import matches, script, session
+from tests.docs.test_readme import matches, script, session
 
 FENCE = re.compile(r'(?P<indent> *)```(?P<language>\w*)(?: title="(?P<title>[^"]+)")?(?: .*)?')
 LONGEST_BLOCK_S = 300
@@ -30,7 +32,9 @@ LONGEST_BLOCK_S = 300
 
 @dataclass(frozen=True)
 class Block:
-    """A fenced block; ``first`` is the index of its first line in the page, ``indent`` the spaces before each."""
+    """A fenced block; ``first`` is the index of its first line in the page, ``indent`` the spaces
+    before each.
+    """
 
     language: str
     title: str | None
@@ -134,12 +138,18 @@ class Reader:
 
 
 def shell(commands: str) -> tuple[int, str]:
-    """Exit status and what is printed, in the manner of a terminal of 100 columns without colours."""
+    """Exit status and what is printed, in the manner of a terminal of 100 columns without
+    colours.
+    """
     ran = subprocess.run(
-        ["bash", "-euo", "pipefail", "-c", commands], stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT, text=True, timeout=LONGEST_BLOCK_S,
+        ["bash", "-euo", "pipefail", "-c", commands],
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        timeout=LONGEST_BLOCK_S,
         env={**os.environ, "COLUMNS": "100", "NO_COLOR": "1", "TERM": "dumb"},
-    )  # fmt: skip
+    )
     return ran.returncode, ran.stdout
 
 

@@ -7,11 +7,13 @@ import subprocess
 import sys
 from pathlib import Path
 
+import matplotlib.pyplot as plt
 import pandas as pd
 import pytest
 from matplotlib.figure import Figure
 
 import genie_sim as gs
+from genie_sim.analysis import figures
 from genie_sim.cli import main
 from tests.conftest import REPOSITORY
 
@@ -22,6 +24,12 @@ TABLES = ("frames", "lookups", "resources", "poses", "objects")
 @pytest.fixture(scope="module")
 def run() -> gs.Run:
     return gs.run("3car_hetero", SHORT, seed=5)
+
+
+@pytest.fixture(scope="module")
+def runs() -> gs.Runs:
+    settings = {**SHORT, "methods": ["remote", "genie"]}
+    return gs.run("3car_hetero", settings, seeds=[4, 5], jobs=1)
 
 
 def test_a_run_in_memory_writes_nothing(run):
@@ -42,11 +50,127 @@ def test_metrics_are_one_table(run):
     assert mean["value"].item() == pytest.approx(times_ms.mean())
 
 
-@pytest.mark.parametrize(
-    "name", ["latency_cdf", "image_reuse", "object_reuse", "confidence_boost", "resource_use"]
-)
-def test_every_figure_draws(run, name):
-    assert isinstance(getattr(run.figures, name)(), Figure)
+FIGURES = [name for name in vars(gs.Plots) if not name.startswith("_")]
+
+
+@pytest.mark.parametrize("name", FIGURES)
+def test_every_figure_draws(run, runs, name):
+    """Alone, of several seeds, and into a panel of somebody's own, where it takes one."""
+    for what in (run, runs):
+        assert isinstance(getattr(what.plot, name)(), Figure)
+    if name in ("time_parts", "energy", "differences"):
+        return
+    figure, (left, right) = plt.subplots(1, 2)
+    assert getattr(runs.plot, name)(ax=right) is figure
+    assert right.has_data() and not left.has_data()
+    assert [axis for axis in figure.axes if axis not in (left, right)] == []
+    plt.close(figure)
+
+
+def test_a_figure_of_what_is_not_there_is_refused_in_one_line(run):
+    with pytest.raises(gs.UserError, match="unknown kind 'disk'"):
+        run.plot.resource_use(kind="disk")
+    with pytest.raises(gs.UserError, match="unknown method 'genei'"):
+        run.plot.resource_use(method="genei")
+    little = gs.run("1car_homo", {"cars[0].route.window": ["0 s", "1 s"], "record": ["lookups"]})
+    with pytest.raises(gs.UserError, match="latency_accuracy: the run has no accuracy"):
+        little.plot.latency_accuracy()
+    with pytest.raises(gs.UserError, match="time_parts: the run has no steps"):
+        little.plot.time_parts()
+
+
+def test_the_wide_table_has_a_column_a_method_and_the_long_one_s_values(run):
+    wide = run.table()
+    assert list(wide.columns) == ["local", "remote", "genie"]
+    assert wide.index.names == ["metric", "placement", "component"]
+    long = run.metrics.set_index(["metric", "placement", "component", "method"])["value"]
+    for place in (("first_answer_mean", "all", ""), ("image_reuse", "edge", "")):
+        for method in wide.columns:
+            expected = long.get((*place, method))
+            value = wide.loc[place, method]
+            assert (pd.isna(value) and expected is None) or value == expected
+    assert len(wide) == len(run.metrics[["metric", "placement", "component"]].drop_duplicates())
+
+
+def test_seeds_give_means_and_each_run(runs):
+    assert isinstance(runs, gs.Runs) and runs.seeds == [4, 5] and runs.folder is None
+    mean = runs.metrics.query("metric == 'first_answer_mean' and method == 'genie'").iloc[0]
+    of_seeds = runs.every_run.query("metric == 'first_answer_mean' and method == 'genie'")
+    assert list(of_seeds["seed"]) == [4, 5]
+    assert mean["value"] == pytest.approx(of_seeds["value"].mean()) and mean["n"] == 2
+    assert mean["low"] < of_seeds["value"].min() and mean["high"] > of_seeds["value"].max()
+    assert runs.table().loc[("first_answer_mean", "all", ""), "genie"] == mean["value"]
+    assert set(runs.runs[0].frames["method"]) == {"remote", "genie"}
+    (sentence,) = runs.compare().verdicts
+    assert sentence.startswith("Genie (DG) is ") and "over 2 seeds" in sentence
+    with pytest.raises(gs.UserError, match="seed and seeds: give one of them"):
+        gs.run("1car_homo", seed=1, seeds=2)
+
+
+def test_seeds_in_a_folder_are_not_run_again_and_are_the_same(runs):
+    settings = {**SHORT, "methods": ["remote", "genie"]}
+    kept = gs.run("3car_hetero", settings, seeds=[4, 5], label="two", jobs=1, out="lab")
+    again = gs.load(kept.folder)
+    assert isinstance(again, gs.Runs) and again.title == "two"
+    for other in (kept, again):
+        pd.testing.assert_frame_equal(other.metrics, runs.metrics)
+    page = Path(kept.folder, "report.html").read_text(encoding="utf-8")
+    assert "<title>two, seeds 4, 5" in page
+    drawn = {"differences", *figures.of_run(runs)}
+    pictures = runs.report("seeds.html").read_text(encoding="utf-8").count("data:image/svg")
+    assert pictures == len(drawn) > 8
+    with pytest.raises(gs.UserError, match="needs a path"):
+        runs.report()
+
+
+def test_a_sweep_takes_methods_and_a_label():
+    axes = {"link": {"set": "cars[0].link", "list": ["wifi", "lte"]}}
+    short = {"cars[0].route.window": ["0 s", "1 s"]}
+    table = gs.sweep(
+        "1car_homo", axes, short, seeds=1, methods=["remote"], label="two links", jobs=1, out="lab"
+    )
+    assert set(table["method"]) == {"remote"} and set(table["link"]) == {"wifi", "lte"}
+    assert "<title>two links" in Path("lab/sweep/report.html").read_text(encoding="utf-8")
+    assert "two links" in Path("lab/sweep/figures/link.svg").read_text(encoding="utf-8")
+
+
+def test_a_run_that_is_saved_later_is_the_one_that_was_written_at_once(run):
+    folder = run.save("saved")
+    written = gs.run("3car_hetero", SHORT, seed=5, out="lab").folder
+    assert folder.name == written.name
+    names = sorted(path.name for path in written.iterdir())
+    assert names == sorted(path.name for path in folder.iterdir())
+    for name in names:
+        if name != "run.json":
+            assert (folder / name).read_bytes() == (written / name).read_bytes(), name
+    assert main(["rerun", str(folder)]) == 0
+
+
+def test_a_notebook_shows_what_was_run_and_its_table_as_plain_text(run, runs):
+    html = run._repr_html_()
+    assert "3 cars, 3 edges" in html and "<th>remote (R)</th>" in html
+    assert "seeds 4, 5" in runs._repr_html_()
+    compared = runs.compare()._repr_html_()
+    assert "Genie (DG) is" in compared and "paired by" not in compared
+    bad = gs.run(
+        {**run.facts["scenario"], "methods": [{"name": "genie", "title": "<script>x</script>"}]},
+        label="<b>",
+    )
+    assert "<script>" not in bad._repr_html_() and "&lt;script&gt;" in bad._repr_html_()
+    assert "&lt;b&gt;" in bad._repr_html_()
+
+
+def test_methods_and_labels(run):
+    chosen = gs.run("3car_hetero", SHORT, seed=5, methods=["genie", "local"], label="chosen")
+    assert [method.name for method in chosen.methods] == ["genie", "local"]
+    compared = gs.compare(run, chosen, methods=["genie"], labels=["usual", "new"])
+    assert set(compared.table["arm"]) == {"usual: genie", "new: genie"}
+    compared = gs.compare(run, chosen, methods=["genie"])
+    assert set(compared.table["arm"]) == {f"3car_hetero-{run.run_id[:6]}: genie", "chosen: genie"}
+    with pytest.raises(gs.UserError, match="unknown method 'genei'"):
+        gs.run("3car_hetero", methods=["genei"])
+    with pytest.raises(gs.UserError, match="label: must be one line"):
+        gs.run("3car_hetero", label="a\nb")
 
 
 def test_a_run_in_memory_in_a_folder_and_on_the_command_line_are_the_same(run):
@@ -126,7 +250,10 @@ def test_a_result_folder_that_lost_a_table_is_named():
 
 
 def test_the_names_are_there_but_nothing_heavy_until_they_are_used():
-    code = "import sys, genie_sim as gs; print('run' in dir(gs), 'pandas' in sys.modules, gs.run.__module__)"
+    code = (
+        "import sys, genie_sim as gs; print('run' in dir(gs), 'pandas' in sys.modules,"
+        " gs.run.__module__)"
+    )
     told = subprocess.run(
         [sys.executable, "-c", code], cwd=REPOSITORY, capture_output=True, text=True, check=True
     )

@@ -1,4 +1,6 @@
-"""The command line as its user meets it: what it prints, what it writes, and what it says when something is wrong."""
+"""The command line as its user meets it: what it prints, what it writes, and what it says when
+something is wrong.
+"""
 
 from __future__ import annotations
 
@@ -179,7 +181,7 @@ def test_rerun_notices_a_result_that_was_changed(capsys):
     with (folder / "frames.parquet").open("r+b") as file:
         file.seek(200)
         file.write(b"\0\0\0\0")
-    assert main(["rerun", str(folder)]) == 1
+    assert main(["rerun", str(folder), "--allow-changed"]) == 1
     assert "frames.parquet: DIFFERENT" in capsys.readouterr().out
 
 
@@ -251,9 +253,8 @@ def test_ctrl_c_or_the_end_of_a_batch_job_leaves_nothing_behind_and_ends_with_13
         stderr=subprocess.PIPE,
         text=True,
         env={**os.environ, "PYTHONPATH": str(REPOSITORY)},
-        preexec_fn=lambda: signal.signal(
-            signal.SIGINT, signal.SIG_DFL
-        ),  # a background job ignores it
+        # a background job ignores it
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )
     while not Path("results").exists():  # made just before it simulates
         time.sleep(0.05)
@@ -270,7 +271,7 @@ def test_ctrl_c_or_the_end_of_a_batch_job_leaves_nothing_behind_and_ends_with_13
     [
         (
             "eviction=json:JSONDecoder",
-            "eviction 'json:JSONDecoder': has no method stored, used, removed, victim",
+            "eviction 'json:JSONDecoder': has no stored, used, removed, victim",
         ),
         (
             "eviction=json:nothing",
@@ -280,8 +281,12 @@ def test_ctrl_c_or_the_end_of_a_batch_job_leaves_nothing_behind_and_ends_with_13
             "eviction=genie_sim.core.eviction:TTL",
             "missing 1 required positional argument: 'ttl_ns'",
         ),
-        ("similarity=json:JSONDecoder", "similarity 'json:JSONDecoder': has no method key, index"),
-        ("similarity={name: 'genie_sim.core.similarity:Exact', reach: 3}", "takes no arguments"),
+        (
+            "eviction={name: 'json:JSONDecoder', strict: true}",
+            "genie.eviction: must be a name alone, without settings, not {",
+        ),
+        ("similarity=json:JSONDecoder", "similarity 'json:JSONDecoder': has no key, index"),
+        ("similarity={name: 'genie_sim.core.similarity:Exact', reach: 3}", "unknown parameter of"),
         (
             "object_map.rule=math:sqrt",
             "confidence rule 'math:sqrt': TypeError: math.sqrt() takes exactly one argument",
@@ -296,10 +301,13 @@ def test_ctrl_c_or_the_end_of_a_batch_job_leaves_nothing_behind_and_ends_with_13
         ),
         (
             "object_map.rule=rules:big",
-            "'rules:big': of 0.5, 0.5, 0.1 it makes 1.7, no number from 0 to 1",
+            "'rules:big': returned 1.7 for (0.5, 0.5, 0.1); expected a number from 0 to 1",
         ),
-        ("object_map.rule=rules:late", "confidence rule 'rules:late': of "),
-        ("object_map.rule=rules:text", "it makes 'sure', no number from 0 to 1"),
+        ("object_map.rule=rules:late", "confidence rule 'rules:late': returned nan for "),
+        (
+            "object_map.rule=rules:text",
+            "returned 'sure' for (0.5, 0.5, 0.1); expected a number from 0 to 1",
+        ),
     ],
 )
 def test_a_users_own_policy_that_does_not_fit_gets_one_line(setting, message, capsys):
@@ -340,10 +348,9 @@ def test_a_users_own_policy_decides_the_run_id_by_its_code(run_cli):
 def test_the_main_command_imports_nothing_that_it_does_not_need():
     """Each of these takes as long to import as the simulation takes."""
     code = (
-        "import sys; from genie_sim.cli import main; "
-        "status = main(['run', '1car_homo', '--set', 'cars[0].route.window=[0 s, 1 s]']); "
-        "print('imported:', sorted({'pandas', 'matplotlib', 'scipy', 'cv2', 'PIL'} & set(sys.modules))); "
-        "sys.exit(status)"
+        "import sys; from genie_sim.cli import main; status = main(['run', '1car_homo', '--set',"
+        " 'cars[0].route.window=[0 s, 1 s]']); print('imported:', sorted({'pandas', 'matplotlib',"
+        " 'scipy', 'cv2', 'PIL'} & set(sys.modules))); sys.exit(status)"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.endswith("imported: []\n"), done.stdout[-200:]

@@ -1,4 +1,6 @@
-"""How the command line feels: where to begin, how it reads in any window, how soon it is there, what it completes."""
+"""How the command line feels: where to begin, how it reads in any window, how soon it is there,
+what it completes.
+"""
 
 from __future__ import annotations
 
@@ -42,14 +44,18 @@ def on_a_terminal(*arguments: str, columns: int = 80, **env: str) -> str:
     ours, theirs = pty.openpty()
     fcntl.ioctl(theirs, termios.TIOCSWINSZ, struct.pack("HHHH", 24, columns, 0, 0))
     surroundings = {
-        name: value for name, value in os.environ.items() if name not in ("COLUMNS", "NO_COLOR")
+        name: value
+        for name, value in os.environ.items()
+        if name not in ("COLUMNS", "NO_COLOR", "GENIE_SIM_PROGRESS")
     }
     shown = b""
     with subprocess.Popen(
         [*COMMAND, *arguments],
-        stdin=theirs, stdout=theirs, stderr=theirs,
+        stdin=theirs,
+        stdout=theirs,
+        stderr=theirs,
         env={**surroundings, "PYTHONPATH": str(REPOSITORY), "TERM": "xterm-256color", **env},
-    ) as process:  # fmt: skip
+    ) as process:
         os.close(theirs)
         until = time.monotonic() + 120
         while time.monotonic() < until:
@@ -106,7 +112,9 @@ def test_help_begins_with_three_examples_and_lists_every_command_in_one_line(cap
 
 
 def test_the_examples_of_help_are_right():
-    """Their commands and options exist and their scenario loads; running them is the README's test."""
+    """Their commands and options exist and their scenario loads; running them is the README's
+    test.
+    """
     from genie_sim.scenario.scenario import load_scenario
 
     assert (
@@ -118,7 +126,9 @@ def test_the_examples_of_help_are_right():
 @pytest.mark.unix
 @pytest.mark.parametrize("columns", [30, 80])
 def test_every_screen_fits_its_window(columns):
-    """Nothing but a command or a path, which cannot be broken, is wider. Help needs 50 columns, by its library."""
+    """Nothing but a command or a path, which cannot be broken, is wider. Help needs 50 columns, by
+    its library.
+    """
     for arguments in ([], ["list"], ["--help"], ["run", "--help"]):
         room = max(columns, 50) if "--help" in arguments else columns
         for line in plain(on_a_terminal(*arguments, columns=columns)).splitlines():
@@ -161,6 +171,57 @@ def test_without_a_terminal_there_is_no_bar_and_no_colour(run_cli):
     assert "frames/s" not in done.stdout
 
 
+def test_without_a_terminal_a_line_now_and_then_says_how_far_it_is(monkeypatch, capsys):
+    monkeypatch.setattr(terminal, "LINE_EVERY_S", 0.02)
+    monkeypatch.setenv("GENIE_SIM_PROGRESS", "off")
+    with terminal.Progress() as progress:
+        progress(1.5, 90.0, "genie, 400 frames/s")
+        time.sleep(0.2)
+    assert capsys.readouterr().err == ""
+    monkeypatch.delenv("GENIE_SIM_PROGRESS")
+    with terminal.Progress() as progress:
+        progress(1.5, 90.0, "genie, 400 frames/s")
+        time.sleep(0.5)
+    lines = capsys.readouterr().err.splitlines()
+    assert 3 <= len(lines) <= 26
+    assert set(lines) <= {
+        "genie-sim: preparing",
+        "genie-sim: 1.5 of 90.0 s, genie, 400 frames/s",
+    }
+    assert lines[-1].endswith("frames/s")
+    time.sleep(0.2)
+    assert capsys.readouterr().err == "", "the end is the end"
+
+
+def test_show_and_copy_give_what_is_shipped(capsys):
+    from genie_sim import files
+
+    for name, kind in (("3car_hetero", files.SCENARIO), ("jetson_tx2", files.DEVICE)):
+        text = files.find(kind, name).read_text(encoding="utf-8")
+        assert main(["show", name]) == 0
+        assert capsys.readouterr().out == text
+        assert main(["copy", name]) == 0
+        assert capsys.readouterr().out.startswith(f"{name}.yaml (from ")
+        assert Path(f"{name}.yaml").read_text(encoding="utf-8") == text
+    capsys.readouterr()
+    assert main(["copy", "3car_hetero"]) == 1
+    assert "3car_hetero.yaml: is there already; say where else" in capsys.readouterr().err
+    Path("mine").mkdir()
+    assert main(["copy", "3car_hetero", "mine"]) == 0 and Path("mine/3car_hetero.yaml").is_file()
+    Path("link.yaml").symlink_to("nowhere.yaml")
+    assert main(["copy", "3car_hetero", "link.yaml"]) == 1 and not Path("nowhere.yaml").exists()
+    capsys.readouterr()
+    assert main(["show", "baselines"]) == 1
+    (line,) = capsys.readouterr().err.splitlines()
+    assert (
+        line == "genie-sim: 'baselines' is a scenario and a sweep: say which with --kind scenario"
+    )
+    assert main(["show", "baselines", "--kind", "sweep"]) == 0
+    assert "axes:" in capsys.readouterr().out
+    assert main(["show", "3car_heter"]) == 1
+    assert "did you mean '3car_hetero'?" in capsys.readouterr().err
+
+
 @pytest.mark.unix
 def test_colour_can_be_switched_off():
     shown = on_a_terminal(*SHORT, columns=100, NO_COLOR="1")
@@ -185,6 +246,13 @@ def test_results_are_the_same_text_in_a_pipe_and_on_a_terminal(run_cli):
         (["run", "3car_hetero", "--sed", "3"], "--seed", 2),
         (["run", "3car_heter"], "did you mean '3car_hetero'?", 1),
         (["run", "3car_hetero", "--set", "genei.eviction=lru"], "did you mean 'genie'?", 1),
+        (
+            ["run", "3car_hetero", "--set", "duration=60 s"],
+            "did you mean 'perception.duration'?",
+            1,
+        ),
+        (["run", "3car_hetero", "--set", "eviction=lru"], "did you mean 'genie.eviction'?", 1),
+        (["run", "3car_hetero", "--set", "edge=[]"], "did you mean 'edges'?", 1),
         (["run", "3car_hetero", "--set", "genie.eviction=lur"], "did you mean 'lru'?", 1),
         (["run", "3car_hetero", "--set", "cars[0].device=orin"], "did you mean", 1),
         (["list", "evictoins"], "did you mean 'evictions'?", 1),
@@ -206,27 +274,44 @@ def completed(*words: str) -> list[str]:
             "COMP_WORDS": " ".join(("genie-sim", *words)),
             "COMP_CWORD": str(len(words)),
         },
-        capture_output=True, text=True, timeout=60,
-    )  # fmt: skip
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
     return [line.removeprefix("plain,") for line in told.stdout.split()]
 
 
 def test_the_shell_completes_commands_names_and_settings():
     assert "report" in completed("rep")
-    assert {"3car_hetero", "3car_homo", "3car_recommended"} == set(completed("run", "3car"))
+    assert {"3car_hetero", "3car_homo", "3car_laps", "3car_recommended"} == set(
+        completed("run", "3car")
+    )
     assert completed("list", "evi") == ["evictions"]
     assert completed("run", "3car_hetero", "--set", "genie.object_map.th") == [
-        "genie.object_map.threshold="
+        "genie.object_map.threshold=",
+        "genie.object_map.threshold.percentile=",
     ]
     assert "cars[0].route.laps=" in completed("run", "3car_hetero", "--set", "cars[0].route.")
+    assert completed("run", "x", "--set", "genie.eviction=l") == [
+        "genie.eviction=lru",
+        "genie.eviction=lfu",
+    ]
+    assert completed("run", "x", "--set", "cars[0].device=orin_n") == ["cars[0].device=orin_nano"]
+    assert "where_it_pays" in completed("sweep", "where")
+    assert completed("figures", "x", "--format", "svg,p") == ["svg,png", "svg,pdf"]
+    assert completed("table", "x", "--format", "l") == ["latex"]
+    assert {"baselines", "jetson_tx2"} <= {*completed("show", "ba"), *completed("copy", "jet")}
 
 
-@pytest.mark.parametrize(("shell", "script", "startup"), [
-    ("bash", ".genie-sim-complete.bash", ".bashrc"),
-    ("zsh", ".genie-sim-complete.zsh", ".zshrc"),
-    ("fish", ".config/fish/completions/genie-sim.fish", None),
-    ("pwsh", ".genie-sim-complete.ps1", "profile.ps1"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("shell", "script", "startup"),
+    [
+        ("bash", ".genie-sim-complete.bash", ".bashrc"),
+        ("zsh", ".genie-sim-complete.zsh", ".zshrc"),
+        ("fish", ".config/fish/completions/genie-sim.fish", None),
+        ("pwsh", ".genie-sim-complete.ps1", "profile.ps1"),
+    ],
+)
 def test_completion_is_installed_once_for_each_shell(
     shell, script, startup, tmp_path, monkeypatch, capsys
 ):
@@ -249,7 +334,7 @@ def test_completion_is_installed_once_for_each_shell(
 def test_a_shell_without_completion_is_told(monkeypatch, capsys):
     monkeypatch.setattr("shellingham.detect_shell", lambda: ("csh", "/bin/csh"))
     assert main(["--install-completion"]) == 1
-    assert "no completion for csh; there is one for bash" in capsys.readouterr().err
+    assert "completion supports bash, zsh, fish and PowerShell, not csh" in capsys.readouterr().err
 
 
 @pytest.mark.unix
@@ -258,8 +343,9 @@ def test_bash_itself_completes(tmp_path):
     (tmp_path / "genie-sim").write_text(f'#!/bin/sh\nexec {" ".join(COMMAND)} "$@"\n')
     (tmp_path / "genie-sim").chmod(0o755)
     asked = (
-        "source <(_GENIE_SIM_COMPLETE=bash_source genie-sim); COMP_WORDS=(genie-sim run 3car_het); COMP_CWORD=2; "
-        "$(complete -p genie-sim | grep -o '_genie[a-z_]*') genie-sim; echo ${COMPREPLY[@]}"
+        "source <(_GENIE_SIM_COMPLETE=bash_source genie-sim); COMP_WORDS=(genie-sim run 3car_het);"
+        " COMP_CWORD=2; $(complete -p genie-sim | grep -o '_genie[a-z_]*') genie-sim; echo"
+        " ${COMPREPLY[@]}"
     )
     environment = {
         **os.environ,
@@ -298,7 +384,19 @@ def test_help_is_there_before_anything_heavy(arguments):
     loaded = set(told.stdout.splitlines()[-1].split())
     assert not loaded & HEAVY
     ours = {name for name in loaded if name.startswith("genie_sim.")}
-    parts = ("cli", "cli_compare", "cli_perceive", "cli_ros", "terminal", "arguments", "completion")
+    parts = (
+        "cli",
+        "cli_compare",
+        "cli_perceive",
+        "cli_files",
+        "cli_import",
+        "cli_links",
+        "cli_search",
+        "cli_ros",
+        "terminal",
+        "arguments",
+        "completion",
+    )
     command_line = {f"genie_sim.{part}" for part in parts}
     assert ours <= {
         *command_line,
@@ -306,6 +404,8 @@ def test_help_is_there_before_anything_heavy(arguments):
         "genie_sim.paths",
         "genie_sim.plugins",
         "genie_sim.messages",
+        "genie_sim.text",
+        "genie_sim.version",
     }
     bare = subprocess.run(
         [sys.executable, "-c", "import sys, click; print(*sys.modules)"], capture_output=True

@@ -1,7 +1,10 @@
-"""Scenarios, device profiles and traces are found by path or by name; what a stranger wrote is read with care."""
+"""Scenarios, device profiles and traces are found by path or by name; what a stranger wrote is read
+with care.
+"""
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import pytest
@@ -10,7 +13,8 @@ from hypothesis import strategies as st
 
 from genie_sim import files
 from genie_sim.errors import UserError, as_user_error
-from genie_sim.paths import atomic_write
+from genie_sim.paths import atomic_write, remembered
+from genie_sim.recording.provenance import result_folder
 from genie_sim.scenario.yaml_input import dump, parse, read_mapping
 
 
@@ -116,7 +120,10 @@ def test_what_is_not_there(
         (b"a: *b\n", "x.yaml: line 1: found undefined alias 'b'"),
         (
             b"a: !!python/object/apply:os.system [ls]\n",
-            "x.yaml: line 1: tags such as 'tag:yaml.org,2002:python/object/apply:os.system' are not allowed",
+            (
+                "x.yaml: line 1: tags such as 'tag:yaml.org,2002:python/object/apply:os.system' are"
+                " not allowed"
+            ),
         ),
         (
             b"a: !!binary aGk=\n",
@@ -148,7 +155,10 @@ def test_a_missing_file_is_told_as_such(tmp_path: Path) -> None:
 
 
 def test_no_surprises_of_old_yaml() -> None:
-    text = "{no: no, loss: 1e-3, camera: 02, drive: 2011_09_26, time: 1:30, day: 2011-09-26, none: ~, yes: true}"
+    text = (
+        "{no: no, loss: 1e-3, camera: 02, drive: 2011_09_26, time: 1:30, day: 2011-09-26, none: ~,"
+        " yes: true}"
+    )
     assert parse(text, "text") == {
         "no": "no",
         "loss": 0.001,
@@ -236,3 +246,78 @@ def test_a_file_that_is_not_finished_is_not_there(tmp_path: Path, error: Excepti
     ):
         write()
     assert not list(tmp_path.iterdir())
+
+
+class DiskLog:
+    """The order in which names of files are synced to the disk, and get their final names."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.events: list[tuple[str, str]] = []
+        fsync, replace, rename = os.fsync, Path.replace, Path.rename
+
+        def logged_fsync(descriptor: int) -> None:
+            name = Path(f"/proc/self/fd/{descriptor}").readlink().name
+            self.events.append(("sync", name))
+            fsync(descriptor)
+
+        def logged_replace(source: Path, target: Path) -> Path:
+            self.events.append(("name", target.name))
+            return replace(source, target)
+
+        def logged_rename(source: Path, target: Path) -> Path:
+            self.events.append(("name", target.name))
+            return rename(source, target)
+
+        monkeypatch.setattr(os, "fsync", logged_fsync)
+        monkeypatch.setattr(Path, "replace", logged_replace)
+        monkeypatch.setattr(Path, "rename", logged_rename)
+
+
+needs_proc = pytest.mark.skipif(not Path("/proc/self/fd").is_dir(), reason="needs /proc")
+
+
+@needs_proc
+def test_a_file_is_on_the_disk_before_it_has_its_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    disk = DiskLog(monkeypatch)
+    with atomic_write(tmp_path / "table.csv") as partial:
+        partial.write_text("a,b\n")
+    assert disk.events == [("sync", partial.name), ("name", "table.csv"), ("sync", tmp_path.name)]
+
+
+@needs_proc
+def test_all_files_of_a_result_are_on_the_disk_before_it_has_its_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    disk = DiskLog(monkeypatch)
+    with result_folder(tmp_path / "run") as partial:
+        (partial / "figures").mkdir()
+        (partial / "figures" / "cdf.svg").write_text("<svg/>")
+        (partial / "frames.parquet").write_text("frames")
+    named = disk.events.index(("name", "run"))
+    before = {name for _, name in disk.events[:named]}
+    assert before == {"cdf.svg", "figures", "frames.parquet", partial.name}
+    assert disk.events[named + 1 :] == [("sync", tmp_path.name)]
+
+
+def test_a_file_that_is_as_it_was_is_not_read_again(tmp_path: Path) -> None:
+    reads = []
+
+    @remembered
+    def length(path: Path) -> int:
+        reads.append(path.name)
+        return len(path.read_bytes())
+
+    first, second = tmp_path / "first", tmp_path / "second"
+    first.write_bytes(b"abc")
+    second.write_bytes(b"ab")
+    assert [length(first), length(second), length(str(first))] == [3, 2, 3]
+    assert reads == ["first", "second"]
+    os.utime(first, ns=(1, 1))
+    assert length(first) == 3 and len(reads) == 3, "its time tells that it was written again"
+    first.write_bytes(b"abcd")
+    assert length(first) == 4
+    second.unlink()
+    with pytest.raises(FileNotFoundError):
+        length(second)

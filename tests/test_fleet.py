@@ -1,10 +1,13 @@
-"""A fleet: its cells, its cars, their hand-overs, and that a run of it is as reproducible as any other."""
+"""A fleet: its cells, its cars, their hand-overs, and that a run of it is as reproducible as any
+other.
+"""
 
 from __future__ import annotations
 
 import gc
 import pickle
 from collections import Counter
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -16,6 +19,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from genie_sim import files, runner
+from genie_sim.analysis.registry import ZERO_DELAY
 from genie_sim.errors import UserError
 from genie_sim.fleet import CHECK_NS, Cells, device_of_each
 from genie_sim.recording.records import Tables
@@ -26,9 +30,10 @@ from genie_sim.scenario.faults import FaultEntry
 from genie_sim.scenario.fleet import Fleet
 from genie_sim.scenario.scenario import Scenario, load_scenario, read_scenario
 from genie_sim.scenario.yaml_input import parse
-from genie_sim.sweeps.design import load_design
-from genie_sim.sweeps.plan import plan
-from genie_sim.sweeps.tasks import Finished, Task, run_task
+from genie_sim.settings import from_plain, plain_data
+from genie_sim.study.design import load_design
+from genie_sim.study.plan import plan
+from genie_sim.study.tasks import Finished, Task, run_task
 from genie_sim.town import Town
 from genie_sim.units import NS_PER_MS, NS_PER_S
 
@@ -66,7 +71,7 @@ def fleet(**settings: Any) -> dict[str, Any]:
 
 
 def test_cells_fill_the_town_in_rows_from_the_south_west():
-    cells = Cells((300.0, 200.0), 100.0)
+    cells = Cells((0.0, 0.0, 300.0, 200.0), 100.0)
     assert (len(cells), cells.columns, cells.rows) == (6, 3, 2)
     assert [cells.name(cell) for cell in range(6)] == [
         f"edge_{c}_{r}" for r in range(2) for c in range(3)
@@ -82,14 +87,14 @@ def test_cells_fill_the_town_in_rows_from_the_south_west():
         "streets along the rim lie half outside"
     )
     assert cells.distance_m(4, 150.0, 110.0) == 40.0
-    assert len(Cells((300.0, 200.0), 130.0)) == 4, (
+    assert len(Cells((0.0, 0.0, 300.0, 200.0), 130.0)) == 4, (
         "as many as fit best: 2.3 and 1.5 in a row are 2 and 2"
     )
-    assert len(Cells((300.0, 200.0), 5000.0)) == 1
+    assert len(Cells((0.0, 0.0, 300.0, 200.0), 5000.0)) == 1
 
 
 def test_neighbours_are_the_cells_beyond_a_border_and_have_each_other():
-    cells = Cells((300.0, 300.0), 100.0)
+    cells = Cells((0.0, 0.0, 300.0, 300.0), 100.0)
     assert cells.neighbours(4) == [1, 3, 5, 7]
     assert cells.neighbours(0) == [1, 3]
     assert all(
@@ -99,15 +104,17 @@ def test_neighbours_are_the_cells_beyond_a_border_and_have_each_other():
 
 @given(st.floats(-50, 450), st.floats(-50, 350), st.floats(30, 500))
 def test_no_other_middle_is_nearer(east_m: float, north_m: float, cell_m: float):
-    cells = Cells((400.0, 300.0), cell_m)
+    cells = Cells((0.0, 0.0, 400.0, 300.0), cell_m)
     nearest = min(cells.distance_m(cell, east_m, north_m) for cell in range(len(cells)))
     assert cells.distance_m(cells.at(east_m, north_m), east_m, north_m) == pytest.approx(nearest)
 
 
 def test_a_car_on_a_straight_way_is_handed_over_the_hysteresis_behind_each_border():
-    """10 m/s east through cells of 100 m, 50 m from their middles: ``x`` behind a border the old middle is farther by
-    hypot(50 + x, 50) - hypot(50 - x, 50) = 2 x / sqrt(2) or a little less; 14 m then need 10 m, just over a second."""
-    cells = Cells((400.0, 200.0), 100.0)
+    """10 m/s east through cells of 100 m, 50 m from their middles: ``x`` behind a border the old
+    middle is farther by hypot(50 + x, 50) - hypot(50 - x, 50) = 2 x / sqrt(2) or a little less; 14
+    m then need 10 m, just over a second.
+    """
+    cells = Cells((0.0, 0.0, 400.0, 200.0), 100.0)
     found = cells.passed(
         lambda t_ns: (t_ns / NS_PER_S * 10.0, 100.0 - 1e-9), 39 * NS_PER_S, 14.0, 0
     )
@@ -119,7 +126,7 @@ def test_a_car_on_a_straight_way_is_handed_over_the_hysteresis_behind_each_borde
 
 
 def test_a_car_to_and_fro_over_a_border_is_not_handed_over_by_less_than_the_hysteresis():
-    cells = Cells((200.0, 100.0), 100.0)
+    cells = Cells((0.0, 0.0, 200.0, 100.0), 100.0)
 
     def swaying(t_ns: int) -> tuple[float, float]:
         return 100.0 + (4.0 if t_ns // NS_PER_S % 2 else -4.0), 50.0
@@ -133,19 +140,21 @@ def test_a_car_to_and_fro_over_a_border_is_not_handed_over_by_less_than_the_hyst
     )
 
 
+def test_cells_of_a_map_that_begins_elsewhere():
+    here, there = Cells((0.0, 0.0, 300.0, 200.0), 100.0), Cells((-50.0, 700.0, 250.0, 900.0), 100.0)
+    for east_m, north_m in ((1.0, 1.0), (150.0, 99.0), (299.0, 1.0), (1.0, 101.0)):
+        assert there.at(east_m - 50.0, north_m + 700.0) == here.at(east_m, north_m)
+        for cell in range(6):
+            away_m = there.distance_m(cell, east_m - 50.0, north_m + 700.0)
+            assert away_m == pytest.approx(here.distance_m(cell, east_m, north_m))
+
+
 # Cars
 
 
 def test_devices_have_their_shares_and_one_more_car_changes_nobody_elses():
     shares = {"jetson_tx2": 0.7, "orin_nano": 0.2, "agx_orin": 0.1}
-    several = [
-        list(
-            device_of_each(
-                Fleet.model_validate({"cars": cars, "devices": shares, "edge_device": "x"})
-            )
-        )
-        for cars in (1000, 1001)
-    ]
+    several = [list(device_of_each(shares, cars)) for cars in (1000, 1001)]
     assert several[1][:1000] == several[0]
     assert {name: count / 1000 for name, count in Counter(several[0]).items()} == pytest.approx(
         shares, abs=0.005
@@ -155,8 +164,8 @@ def test_devices_have_their_shares_and_one_more_car_changes_nobody_elses():
 def test_the_order_in_which_shares_are_written_is_nobodys_choice():
     """Run ids do not see it, so cars must not either."""
     orders = {"jetson_tx2": 0.5, "orin_nano": 0.5}, {"orin_nano": 0.5, "jetson_tx2": 0.5}
-    one, other = (Fleet.model_validate(fleet(devices=devices)) for devices in orders)
-    assert list(device_of_each(one)) == list(device_of_each(other))
+    one, other = (from_plain(Fleet, fleet(devices=devices)) for devices in orders)
+    assert list(device_of_each(one.devices, 9)) == list(device_of_each(other.devices, 9))
 
 
 def test_one_more_car_changes_nobody_elses_way_or_device():
@@ -207,7 +216,7 @@ def test_every_car_drives_alone_begins_at_the_nearest_edge_and_changes_to_real_o
         == 40
         == len({drive.frames["02"][0].pose for drive in prepared.drives.values()})
     )
-    cells = Cells(truth.size_m, 100.0)
+    cells = Cells((0.0, 0.0, *truth.size_m), 100.0)
     assert len(names) == len(cells) == 6
     assert len(whole.faults) > 5
     for car in whole.cars:
@@ -218,13 +227,13 @@ def test_every_car_drives_alone_begins_at_the_nearest_edge_and_changes_to_real_o
             assert one.begin_ns is not None
             at = drive.position(one.begin_ns - drive.start_ns)
             assert one.fault.parameters["edge"] == cells.name(cells.at(*at))
-    checked = read_scenario(
-        whole.model_copy(update={"fleet": None}).model_dump(mode="json", by_alias=True)
-    )
+    checked = read_scenario(plain_data(replace(whole, fleet=None)))
     expanded = whole.cars, whole.edges, whole.faults
-    assert (checked.cars, checked.edges, checked.faults) == expanded, (
-        "what was not validated would have passed"
-    )
+    assert (
+        checked.cars,
+        checked.edges,
+        checked.faults,
+    ) == expanded, "what was not validated would have passed"
 
 
 def test_what_is_written_down_stays_small_and_reads_back():
@@ -251,7 +260,7 @@ def alone(**settings: Any) -> Scenario:
 
 
 def test_explicit_cars_may_drive_in_a_town_too():
-    frames = simulate(prepare(alone(route={"start": "1 s"}))).frames.to_frame()
+    frames = simulate(prepare(alone(route={"start": "1 s"})))["frames"].to_frame()
     assert len(frames) == 60 and set(frames["car"]) == {"a"}
 
 
@@ -278,7 +287,9 @@ def test_what_a_town_cannot_do_is_refused(setting: dict[str, Any], message: str)
 
 
 def test_what_a_fleet_costs_to_expand_grows_with_its_cars_only(monkeypatch: pytest.MonkeyPatch):
-    """Every car looks for its cell at its start and at every check, however many others there are."""
+    """Every car looks for its cell at its start and at every check, however many others there
+    are.
+    """
     looks: Counter[str] = Counter()
     at = Cells.at
 
@@ -303,14 +314,14 @@ def tables() -> Tables:
 
 
 def test_every_frame_of_every_car_is_answered_dropped_or_in_flight(tables: Tables):
-    frames = tables.frames.to_frame()
+    frames = tables["frames"].to_frame()
     assert Counter(frames["car"]) == dict.fromkeys((f"car{n}" for n in range(1, 6)), 60)
-    assert not (frames["fresh_answer_ns"].notna() & frames["drop"].notna()).any()
+    assert not (frames["result_answer_ns"].notna() & frames["drop"].notna()).any()
     assert frames["first_answer_ns"].notna().mean() > 0.9
 
 
 def test_the_resources_of_a_fleet_are_those_of_its_edges(tables: Tables):
-    resources = set(tables.resources.to_frame()["resource"].astype(str))
+    resources = set(tables["resources"].to_frame()["resource"].astype(str))
     assert resources and all(name.startswith("edge_") and "car" not in name for name in resources)
 
 
@@ -318,11 +329,11 @@ def test_the_resources_of_a_fleet_are_those_of_its_edges(tables: Tables):
 def test_a_table_that_is_left_out_is_empty_and_changes_no_other(tables: Tables, left_out: str):
     record = [name for name in ("lookups", "resources", "poses", "objects") if name != left_out]
     without = simulate(prepare(small(record=[*record, "answers", "held", "held_objects", "steps"])))
-    for all_of, fewer in zip(tables, without, strict=True):
-        if all_of.name == left_out:
-            assert len(all_of) > 0 and len(fewer) == 0
+    for name, table in tables.items():
+        if name == left_out:
+            assert len(table) > 0 and len(without[name]) == 0
         else:
-            assert fewer.to_frame().equals(all_of.to_frame()), all_of.name
+            assert without[name].to_frame().equals(table.to_frame()), name
 
 
 def test_the_page_of_a_fleet_tells_of_its_cars_together_and_stays_small(
@@ -332,18 +343,20 @@ def test_the_page_of_a_fleet_tells_of_its_cars_together_and_stays_small(
     run = runner.run_in_memory(setting)
     monkeypatch.setattr(data, "RESOURCES_ON_PAGE", 10)
     shown = data.page_data(run)
-    assert [car["name"] for car in shown["about"]["cars"]] == ["0.6 of 5 cars", "0.4 of 5 cars"]
+    assert [car["name"] for car in shown["about"]["cars"]] == ["60 % of 5 cars", "40 % of 5 cars"]
     assert [edge["name"] for edge in shown["about"]["edges"]] == ["an edge about every 100 m"]
     assert shown["about"]["how_many"] == {"cars": 5, "edges": 6}
     assert shown["replay"] is None
-    parts = {f"{which}_answer_part" for which in ("first", "fresh")}
+    parts = {f"{which}_answer_part" for which in ("first", "fresh", "result")}
     of_resources = {
         component
         for metric, _, _, component, *_ in shown["metrics"]
-        if component and metric not in parts
+        if component not in ("", ZERO_DELAY) and metric not in parts
     }
     everywhere = {
-        one.component for one in run.measured if one.component and one.metric not in parts
+        one.component
+        for one in run.measured
+        if one.component not in ("", ZERO_DELAY) and one.metric not in parts
     }
     assert len(of_resources) == 10 < len(everywhere)
     use = {one.component: one.value or 0 for one in run.measured if one.metric == "utilization"}
@@ -368,11 +381,11 @@ def driven() -> Run:
 def test_the_map_of_a_fleet_has_its_cars_where_their_last_frame_was_taken(
     driven: Run, monkeypatch: pytest.MonkeyPatch
 ):
-    monkeypatch.setattr(fleet_map, "MOST_CARS", 3)
+    monkeypatch.setattr(fleet_map, "MAX_CARS", 3)
     notes: list[str] = []
     shown = fleet_map.fleet_data(driven, notes)
     assert shown is not None and [car["name"] for car in shown["cars"]] == ["car1", "car6", "car12"]
-    assert notes == ["The map draws 3 of 12 cars, evenly chosen; load and reuse count all."]
+    assert notes == ["The map draws 3 of 12 cars, evenly chosen; the cells count all."]
     poses = driven.poses[driven.poses["car"] == "car6"]
     for instant, (second, east, north) in enumerate(
         zip(shown["instants_s"], shown["cars"][1]["east"], shown["cars"][1]["north"], strict=True)
@@ -386,9 +399,29 @@ def test_the_map_of_a_fleet_has_its_cars_where_their_last_frame_was_taken(
         assert (east, north) == (round(here["east_m"]), round(here["north_m"])), instant
 
 
+def test_the_map_of_a_fleet_tells_the_load_of_its_radio_cells(driven: Run):
+    """Of each cell, up; a fleet whose links share nothing has none."""
+    assert fleet_map.fleet_data(driven, [])["air"] == []  # type: ignore[index]
+    cell = {"model": "cell", "up": {"bandwidth": "5 MHz"}}
+    run = runner.run_in_memory(small(fleet=fleet(cars=12, link=cell), methods=["remote"]))
+    shown = fleet_map.fleet_data(run, [])
+    assert shown is not None and len(shown["air"]) == shown["columns"] * shown["rows"] == 6
+    samples = run.resources.query("resource == 'edge_0_0.cell_up'").sort_values("t_ns")
+    (values,) = (one["values"] for one in shown["air"] if one["cell"] == [0, 0])
+    seconds = [
+        second for second in shown["instants_s"][1:] if second * 1e9 <= samples["t_ns"].max()
+    ]
+    for instant, second in enumerate(seconds, 1):
+        worked = np.interp(
+            [(second - 1) * 1e9, second * 1e9], samples["t_ns"], samples["busy_ns"].astype(float)
+        )
+        assert values[instant] == pytest.approx((worked[1] - worked[0]) / 1e9, abs=0.002)
+    assert max(value for one in shown["air"] for value in one["values"]) > 0.3
+
+
 def test_the_map_of_a_fleet_tells_load_reuse_and_hand_overs_of_all_cars(driven: Run):
     shown = fleet_map.fleet_data(driven, [])
-    assert shown is not None and len(shown["cells"]) == 6
+    assert shown is not None and shown["columns"] * shown["rows"] == 6
     of_genies = [cell for cell in shown["reuse"] if cell["method"] == "genie"]
     asked = driven.lookups[
         (driven.lookups["kind"] == "image") & (driven.lookups["placement"] == "edge")
@@ -415,10 +448,103 @@ def test_the_map_of_a_fleet_tells_load_reuse_and_hand_overs_of_all_cars(driven: 
     frames = asked[(asked["requester"] == "client") & (asked["method"] == "genie")].sort_values(
         "t_ns"
     )
-    changes = sum((mine["genie"].astype(str) != mine["genie"].astype(str).shift()).sum() - 1 for _, mine in
-                  frames.astype({"car": str}).groupby("car"))  # fmt: skip
+    changes = sum(
+        (mine["genie"].astype(str) != mine["genie"].astype(str).shift()).sum() - 1
+        for _, mine in frames.astype({"car": str}).groupby("car")
+    )
     assert shown["hand_overs"] == [{"method": "genie", "until": shown["hand_overs"][0]["until"]}]
     assert shown["hand_overs"][0]["until"][-1] == changes > 0
+
+
+def test_the_cells_of_the_map_tell_hits_shares_ghosts_and_age_of_the_cars_in_them(driven: Run):
+    """Over the 5 s before an instant, of the cars whose last frame was taken in the cell. So few
+    cars share nothing yet: every third object counts as another car's.
+    """
+    held = driven.tables["held"]
+    tables = {**driven.tables, "held": held.assign(shared=held["held"] // 3)}
+    driven = replace(driven, tables=tables)
+    shown = fleet_map.fleet_data(driven, [])
+    assert shown is not None
+    west, south, east, north = shown["extent_m"]
+    columns, rows = shown["columns"], shown["rows"]
+
+    def cells(table: pd.DataFrame, instant: str) -> pd.DataFrame:
+        poses = driven.poses.sort_values("stamp_ns")
+        at = pd.merge_asof(
+            table.astype({"car": str}).sort_values(instant).rename(columns={instant: "at_ns"}),
+            poses.astype({"car": str})[["car", "stamp_ns", "east_m", "north_m"]],
+            left_on="at_ns",
+            right_on="stamp_ns",
+            by="car",
+        )
+        column = (at["east_m"] - west) / (east - west) * columns
+        row = (at["north_m"] - south) / (north - south) * rows
+        at["column"], at["row"] = column.clip(0, columns - 1e-9), row.clip(0, rows - 1e-9)
+        at = at.astype({"column": int, "row": int})
+        return at
+
+    lookups = driven.lookups.query("kind == 'image' and placement == 'car'")
+    of_layers = {
+        "hits": (cells(lookups, "t_ns"), "hits", "requests"),
+        "shared": (cells(driven.held, "stamp_ns"), "shared", "held"),
+        "ghosts": (cells(driven.held, "stamp_ns"), "ghosts", "held"),
+        "age": (cells(driven.held, "stamp_ns"), "ages", "aged"),
+    }
+    for name, (table, part, whole) in of_layers.items():
+        if name != "hits":
+            table = table[table["what"] == "consumer"]
+            table = table.assign(
+                ghosts=table["held"] - table["right"],
+                ages=table["age_s"] * table["held"],
+                aged=table["held"].where(table["age_s"].notna(), 0),
+            )
+        values = [value for cell in shown[name] for value in cell["values"] if value is not None]
+        assert max(values) > min(values)
+        for cell in shown[name]:
+            column, row = cell["cell"]
+            here = table.query(
+                f"method == '{cell['method']}' and column == {column} and row == {row}"
+            )
+            for second, value in zip(shown["instants_s"], cell["values"], strict=True):
+                last = here[(here["at_ns"] <= second * 1e9) & (here["at_ns"] > (second - 5) * 1e9)]
+                expected = last[part].sum() / last[whole].sum() if last[whole].sum() else None
+                assert value == (None if expected is None else pytest.approx(expected, abs=6e-4))
+        methods = {cell["method"] for cell in shown[name]}
+        assert methods == ({"genie"} if name == "hits" else {"remote", "genie"})
+
+
+def test_each_car_on_the_map_shows_what_became_of_its_last_frame(driven: Run):
+    shown = fleet_map.fleet_data(driven, [])
+    assert shown is not None and shown["all_cars"] == len(shown["cars"]) == 12
+    letters = set()
+    for car in shown["cars"]:
+        for method, outcomes in car["outcomes"].items():
+            frames = driven.frames.query(f"car == '{car['name']}' and method == '{method}'")
+            frames = frames.sort_values("stamp_ns")
+            begin = -1.0
+            for second, letter in zip(shown["instants_s"], outcomes, strict=True):
+                before = frames[frames["stamp_ns"].between(begin * 1e9, second * 1e9, "right")]
+                begin = second
+                if before.empty:
+                    assert letter == "-"
+                    continue
+                last = before.iloc[-1]
+                expected = "a" if pd.notna(last["first_answer_ns"]) else "n"
+                if pd.notna(last["image_hit"]):
+                    expected = "c" if last["coalesced"] else "h" if last["image_hit"] else "m"
+                assert letter == expected
+                letters.add(letter)
+    assert {"a", "h", "m"} <= letters
+
+
+def test_a_map_of_many_cells_has_fewer_steps(driven: Run, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(fleet_map, "MAX_VALUES", 3 * 6 * 2)
+    shown = fleet_map.fleet_data(driven, [])
+    assert shown is not None and 3 <= len(shown["instants_s"]) <= 5
+    every_second = fleet_map.MAX_VALUES * 100
+    monkeypatch.setattr(fleet_map, "MAX_VALUES", every_second)
+    fine = fleet_map.fleet_data(driven, [])
+    assert fine is not None and fine["instants_s"][1] == 1 < shown["instants_s"][1]
 
 
 def test_the_page_of_a_fleet_has_distributions_over_all_cars_and_ghosts_by_age(driven: Run):
@@ -458,7 +584,7 @@ def test_shipped_fleets_can_be_expanded(name: str, cars_to_a_cell: float | None)
 
 def test_caches_on_cars_may_have_a_capacity_of_their_own():
     limits = {"eviction": "lru", "capacity": "40 entries", "car_capacity": "3 entries"}
-    rows = simulate(prepare(small(genie=limits))).lookups.to_frame().query("kind == 'image'")
+    rows = simulate(prepare(small(genie=limits)))["lookups"].to_frame().query("kind == 'image'")
     assert dict(rows.groupby("placement", observed=True)["entries"].max()) == {"car": 3, "edge": 40}
 
 
@@ -510,7 +636,7 @@ def test_a_sweep_over_fleets_gives_each_run_what_it_gives_alone(
         ),
         ({"fleet": fleet(devices="tx3")}, "fleet.devices: unknown device 'tx3'; known: "),
         ({"fleet": fleet(edge_device="tx3")}, "fleet.edge_device: unknown device 'tx3'; known: "),
-        ({"fleet": fleet(cars=0)}, "fleet.cars: must be at least 1, not 0"),
+        ({"fleet": fleet(cars=0)}, "fleet.cars: must be from 1 to 1,000,000, not 0"),
         ({"fleet": fleet(cell=100)}, "fleet.cell: length 100 has no unit; write for example '1 m'"),
         (
             {"perception": {"source": "town", "town": {"blok": 3}}},

@@ -1,4 +1,6 @@
-"""What goes wrong around the program: results that somebody changed, full disks, odd paths, readers that go away."""
+"""What goes wrong around the program: results that somebody changed, full disks, odd paths, readers
+that go away.
+"""
 
 from __future__ import annotations
 
@@ -12,11 +14,12 @@ from pathlib import Path
 import pytest
 
 import genie_sim as gs
+from genie_sim import __main__ as program
 from genie_sim.arguments import PATH
 from genie_sim.cli import app, main
 from genie_sim.errors import UserError
 from genie_sim.paths import atomic_write
-from genie_sim.scenario.scenario import LONGEST_DAYS, load_scenario
+from genie_sim.scenario.scenario import MAX_DAYS, load_scenario
 from tests.conftest import REPOSITORY
 
 SHORT = {"cars[0].route.window": ["0 s", "1 s"], "methods": ["genie"]}
@@ -72,7 +75,7 @@ def test_a_table_without_one_of_its_columns_is_told(folder, capsys):
     path = folder / "frames.parquet"
     table = pq.ParquetFile(path).read()
     pq.write_table(table.drop_columns(["bytes_up"]), path)
-    assert main(["report", str(folder)]) == 1
+    assert main(["report", str(folder), "--allow-changed"]) == 1
     one_line(capsys.readouterr().err, "frames.parquet: column bytes_up: missing, or not int64")
 
 
@@ -87,7 +90,9 @@ def test_a_run_that_wrote_down_no_poses_is_no_bag(capsys):
 
 
 def test_every_path_is_taken_in_one_way():
-    """``~`` and what cannot be shown are dealt with in ``arguments``, for every option and argument."""
+    """``~`` and what cannot be shown are dealt with in ``arguments``, for every option and
+    argument.
+    """
     found = 0
     for command in {**app.commands, **app.commands["keys"].commands}.values():
         for name, hint in typing.get_type_hints(command.callback).items():
@@ -101,14 +106,18 @@ def test_every_path_is_taken_in_one_way():
 @pytest.mark.parametrize(
     "arguments",
     [
-        ["report", "~/nothing"], ["rerun", "~/nothing"], ["export", "~/nothing"], ["run", "~/nothing.yaml"],
-        ["sweep", "~/nothing.yaml"], ["profile", "--out=~/p.yaml", "--csv=~/nothing.csv"],
+        ["report", "~/nothing"],
+        ["rerun", "~/nothing"],
+        ["export", "~/nothing"],
+        ["run", "~/nothing.yaml"],
+        ["sweep", "~/nothing.yaml"],
+        ["profile", "--out=~/p.yaml", "--csv=~/nothing.csv"],
         ["perceive", "--bag=~/nothing.bag", "--out=~/t.parquet"],
         ["perceive", "--drive=2011_09_26/0005", "--kitti=~/nothing", "--out=~/t.parquet"],
         ["run", "1car_homo", "--set=perception={source: live, kitti: ~/nothing}"],
     ],
     ids=lambda arguments: " ".join(arguments[:2]),
-)  # fmt: skip
+)
 def test_home_is_found_wherever_a_path_may_stand(arguments, capsys, monkeypatch):
     monkeypatch.setenv("HOME", str(Path("home").absolute()))
     monkeypatch.setenv("GENIE_SIM_WEIGHTS", os.environ.get("GENIE_SIM_WEIGHTS", "~/nothing"))
@@ -150,7 +159,10 @@ def test_a_path_that_no_screen_can_show_gets_one_line(character, capsys):
 @pytest.mark.parametrize("name", ["s3://bucket", "file:", "a=1"])
 def test_a_folder_may_be_called_like_an_address(name, made, capsys):
     """Nothing is looked up in a network, and nothing is read from elsewhere."""
-    sweep = "scenario: 1car_homo\nset: {'cars[0].route.window': [0 s, 1 s], methods: [genie]}\nseeds: 1\n"
+    sweep = (
+        "scenario: 1car_homo\nset: {'cars[0].route.window': [0 s, 1 s], methods:"
+        " [genie]}\nseeds: 1\n"
+    )
     Path("s.yaml").write_text(sweep + "axes: {a: {set: genie.eviction, list: [lru, lfu]}}\n")
     assert main(["sweep", "s.yaml", "--jobs=1", "--out", name]) == 0
     folder = shutil.copytree(made, Path(name) / "run")
@@ -250,7 +262,7 @@ def genie_sim(
 )
 def test_years_of_simulated_time_get_one_line(scenario, setting, capsys):
     assert main(["run", scenario, "--set", setting]) == 1
-    one_line(capsys.readouterr().err, f"days; at most {LONGEST_DAYS} are simulated")
+    one_line(capsys.readouterr().err, f"days; at most {MAX_DAYS} are simulated")
     assert not Path("results").exists()
 
 
@@ -262,7 +274,7 @@ def test_a_month_is_not_too_long():
 @pytest.mark.parametrize(
     ("setting", "message"),
     [
-        ("fleet.cars=100000000000", "fleet.cars: must be at most 1000000, not 100000000000"),
+        ("fleet.cars=100000000000", "fleet.cars: must be from 1 to 1,000,000, not 100000000000"),
         ("fleet.cell=1 mm", "fleet.cell: makes more than 100,000 edges of this town"),
         ("perception.interval=1 ns", "perception.interval: makes more than 100,000,000 frames of "),
         ("perception.town={blocks: 3}", "perception.town.blocks: must be a list, not 3"),
@@ -286,3 +298,15 @@ def test_a_share_of_a_fleet_that_is_no_car_is_left_out_of_the_page():
     perception = {"source": "town", "duration": "1 s"}
     run = gs.run({"fleet": fleet, "perception": perception, "methods": ["local"]})
     assert "NVIDIA Jetson TX2" in run.report("page.html").read_text(encoding="utf-8")
+
+
+def test_ctrl_c_while_the_program_is_imported_ends_in_one_line(monkeypatch, capsys):
+    class Interrupting:
+        def find_spec(self, name: str, *_: object) -> None:
+            if name == "genie_sim.cli":
+                raise KeyboardInterrupt
+
+    monkeypatch.delitem(sys.modules, "genie_sim.cli")
+    monkeypatch.setattr(sys, "meta_path", [Interrupting(), *sys.meta_path])
+    assert program.main() == 130
+    assert capsys.readouterr().err == "genie-sim: interrupted; nothing was written\n"

@@ -1,4 +1,6 @@
-"""Methods on the command line, code of one's own that a run announces, and what ``list`` knows of plug-ins."""
+"""Methods on the command line, code of one's own that a run announces, and what ``list`` knows of
+plug-ins.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +9,7 @@ import os
 import shutil
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +21,7 @@ from genie_sim.cli import main
 from genie_sim.errors import UserError
 from genie_sim.methods import METHODS
 from genie_sim.scenario.scenario import load_scenario, with_methods
+from genie_sim.settings import plain_data
 from tests.conftest import REPOSITORY, CommandLine
 from tests.kitti_folder import make_drive
 
@@ -67,13 +71,12 @@ def test_methods_are_chosen_among_the_scenarios_own_and_all_others(mine: Path):
     setting = load_scenario(mine)
     chosen = with_methods(setting, ["remote", "mine", "tiny", "my.module:Other"])
     assert [entry.name for entry in chosen.methods] == ["remote", "mine", "tiny", "Other"]
-    assert chosen.methods[1:3] == (setting.methods[2], setting.methods[1]), (
-        "with their own settings"
-    )
+    assert chosen.methods[1:3] == (
+        setting.methods[2],
+        setting.methods[1],
+    ), "with their own settings"
     assert chosen.under(chosen.methods[2]).genie.capacity.entries == 3
-    others = [
-        one.model_dump(mode="json", by_alias=True, exclude={"methods"}) for one in (chosen, setting)
-    ]
+    others = [plain_data(replace(one, methods=())) for one in (chosen, setting)]
     assert others[0] == others[1], "nothing else changes"
 
 
@@ -82,7 +85,10 @@ def test_methods_are_chosen_among_the_scenarios_own_and_all_others(mine: Path):
     [
         (
             ["loca"],
-            r"^--methods x: unknown method 'loca' \(did you mean 'local'\?\); known: .*, local, mine,",
+            (
+                r"^--methods x: unknown method 'loca' \(did you mean 'local'\?\); known: .*, local,"
+                r" mine,"
+            ),
         ),
         (["local", ""], r"^--methods x: unknown method ''; known: "),
         ([" local"], r"^--methods x: unknown method ' local' \(did you mean 'local'\?\)"),
@@ -119,7 +125,7 @@ def test_run_takes_methods_and_says_first_that_code_of_ones_own_runs(
         "--set",
         "genie.eviction=mod:Keep",
     )
-    assert own.stdout == "mine runs code of its own: method mod:Nothing, eviction mod:Keep\n", (
+    assert own.stdout == "mine runs code of its own: eviction mod:Keep, method mod:Nothing\n", (
         "before it is run"
     )
     assert own.stderr == "genie-sim: eviction 'mod:Keep': module 'mod' has no attribute 'Keep'\n"
@@ -135,9 +141,27 @@ def test_run_takes_methods_and_says_first_that_code_of_ones_own_runs(
     ("kind", "names"),
     [
         ("methods", list(METHODS)),
-        ("faults", ["outage", "hand_over"]),
-        ("sources", ["recorded", "live", "town"]),
-        ("link-models", ["wire"]),
+        (
+            "faults",
+            [
+                "outage",
+                "hand_over",
+                "crash",
+                "stall",
+                "slow",
+                "partition",
+                "gnss",
+                "clock",
+                "camera",
+                "spoof",
+                "remove",
+                "shift",
+                "replay",
+                "inflate",
+            ],
+        ),
+        ("sources", ["recorded", "live", "town", "traffic"]),
+        ("link-models", ["wire", "trace", "cell"]),
     ],
 )
 def test_plugins_are_listed_each_with_a_sentence(kind: str, names: list[str], run_cli: CommandLine):
@@ -248,7 +272,7 @@ def test_a_folder_from_elsewhere_imports_nothing_unless_it_is_allowed(
     (line,) = capsys.readouterr().err.splitlines()
     assert (
         line
-        == "genie-sim: method 'mod:Nothing': code of somebody's own, which runs with --allow-own-code only"
+        == "genie-sim: method 'mod:Nothing': is third-party code; pass --allow-own-code to run it"
     )
     assert not (tmp_path / "sprung").exists()
     (tmp_path / "mod.py").write_text(OWN)
@@ -260,21 +284,20 @@ def test_a_folder_from_elsewhere_imports_nothing_unless_it_is_allowed(
 
 def test_a_command_inside_a_folder_from_elsewhere_imports_nothing_of_it(from_elsewhere: Path):
     """Where Python itself would look first, and matplotlib for its settings."""
-    for module in (
-        "mod",
-        "simpy",
-        "pandas",
-        "numexpr",
-    ):  # needed, needed later, looked for by pandas
+    # needed, needed later, looked for by pandas
+    for module in ("mod", "simpy", "pandas", "numexpr"):
         (from_elsewhere / f"{module}.py").write_text(TRAP)
     (from_elsewhere / "matplotlibrc").write_text("backend: module://own\n")
     for command, status in (("report", 0), ("rerun", 1)):
         inside = subprocess.run(
-            [sys.executable, "-m", "genie_sim", command, "."], cwd=from_elsewhere, capture_output=True, text=True,
+            [sys.executable, "-m", "genie_sim", command, "."],
+            cwd=from_elsewhere,
+            capture_output=True,
+            text=True,
             env={**os.environ, "PYTHONPATH": str(REPOSITORY)},
-        )  # fmt: skip
+        )
         assert inside.returncode == status and inside.stderr.count("\n") == status, inside.stderr
-    assert "--allow-own-code only" in inside.stderr
+    assert "pass --allow-own-code" in inside.stderr
     assert not (from_elsewhere / "sprung").exists()
 
 
@@ -310,4 +333,26 @@ def test_wherever_a_folder_names_a_class_it_is_not_imported(
     (tmp_path / "folder" / "run.json").write_text(json.dumps(said))
     assert main(["rerun", "folder"]) == 1
     assert not (tmp_path / "sprung").exists()
-    assert "--allow-own-code only" in capsys.readouterr().err
+    assert "pass --allow-own-code" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("where", ["", "    def __init__(self):\n        "])
+def test_own_code_that_ends_the_program_with_a_text_is_named_with_status_1(where, tmp_path):
+    (tmp_path / "quits.py").write_text(
+        "import sys\nfrom genie_sim.methods.local import Local\n\n"
+        "class Quits(Local):\n    title = 'quits'\n"
+        + (where or "sys.exit('no licence')\n")
+        + ("sys.exit('no licence')\n" if where else "")
+    )
+    ended = subprocess.run(
+        [sys.executable, "-m", "genie_sim", "run", "1car_homo", "--methods", "quits:Quits"],
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": str(REPOSITORY)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert ended.returncode == 1
+    last = ended.stderr.splitlines()[-1]
+    assert "method 'quits:Quits': SystemExit: 'no licence' (quits.py, line " in last
+    assert ended.stderr.count("\n") == 1

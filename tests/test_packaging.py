@@ -1,4 +1,6 @@
-"""What travels: the wheel carries the shipped scenarios, traces and device profiles, and finds them from any folder."""
+"""What travels: the wheel carries the shipped scenarios, traces and device profiles, and finds them
+from any folder.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +9,7 @@ import os
 import re
 import subprocess
 import sys
+import tarfile
 import tomllib
 import zipfile
 from itertools import chain
@@ -62,7 +65,7 @@ def test_the_wheel_carries_every_shipped_file(wheel: Path):
 def test_the_wheel_carries_the_licence_of_the_trace_beside_it(wheel: Path):
     """The trace was computed from KITTI, whose licence asks for attribution wherever it goes."""
     packed = set(zipfile.ZipFile(wheel).namelist())
-    traces = [name for name in packed if name.endswith(".parquet")]
+    traces = [name for name in packed if "/traces/" in name and name.endswith(".parquet")]
     assert traces
     assert all(name.replace(".parquet", ".LICENSE.md") in packed for name in traces)
 
@@ -80,6 +83,35 @@ def test_the_wheel_names_both_licences_and_carries_their_texts(wheel: Path):
         *(f"{traces}.{one}LICENSE.md" for one in ("", "jpeg80.", "jpeg90.", "png.", "truth.")),
     ]
     assert {f"{folder}licenses/{name}" for name in named} <= set(packed.namelist())
+
+
+def test_an_installed_package_knows_the_commit_that_it_was_built_from(installed: Path):
+    """Also where it was built from an unpacked sdist, which has no ``.git``."""
+    git = ["git", "describe", "--always", "--abbrev=12", "--dirty", "--exclude=*"]
+    told = subprocess.run(git, cwd=REPOSITORY, capture_output=True, text=True, check=True)
+    code = "from genie_sim.recording.provenance import environment; print(environment()['commit'])"
+    known = subprocess.run(
+        [sys.executable, "-c", code],
+        cwd=installed,
+        env={**os.environ, "PYTHONPATH": str(installed)},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert known.stdout == told.stdout and len(told.stdout.strip()) >= 12
+
+
+def test_a_wheel_of_an_sdist_knows_the_commit(tmp_path: Path):
+    build = [sys.executable, "-m", "hatchling", "build", "-d", str(tmp_path)]
+    subprocess.run([*build, "-t", "sdist"], cwd=REPOSITORY, capture_output=True, check=True)
+    (sdist,) = tmp_path.glob("*.tar.gz")
+    with tarfile.open(sdist) as packed:
+        packed.extractall(tmp_path / "unpacked", filter="data")
+    (root,) = (tmp_path / "unpacked").iterdir()
+    subprocess.run([*build, "-t", "wheel"], cwd=root, capture_output=True, check=True)
+    (wheel,) = tmp_path.glob("*.whl")
+    commit = (root / "commit.txt").read_text(encoding="utf-8")
+    assert zipfile.ZipFile(wheel).read("genie_sim/data/commit.txt").decode() == commit
 
 
 def test_the_wheel_says_that_it_is_typed(wheel: Path):
@@ -100,7 +132,9 @@ def test_the_wheel_carries_nothing_else(wheel: Path):
         ".css",
         ".js",
         ".schema.json",
-        "/laws.json",
+        "laws.json",
+        "/data/scenarios/traffic/sumo_grid.xml.gz",
+        "/data/commit.txt",
     )
     foreign = [
         name
@@ -158,8 +192,9 @@ def genie_sim(installed: Path, folder: Path, *arguments: str) -> str:
 
 
 def test_the_lock_file_pins_what_the_project_needs_with_digests_and_names_no_place():
-    """Every requirement, extras included, has an exact version and the SHA-256 of its files; no index, no path of the
-    machine that made it."""
+    """Every requirement, extras included, has an exact version and the SHA-256 of its files; no
+    index, no path of the machine that made it.
+    """
     text = (REPOSITORY / "requirements.lock").read_text(encoding="utf-8").replace(" \\\n", "")
     pin = re.compile(r"([a-z0-9-]+)==[^ ;]+( ; .*?)?(    --hash=sha256:[0-9a-f]{64})+")
     pins = {line: pin.fullmatch(line) for line in text.splitlines() if not line.startswith("#")}
@@ -173,7 +208,7 @@ def test_the_lock_file_pins_what_the_project_needs_with_digests_and_names_no_pla
 
 
 def test_every_requirement_has_a_lower_bound():
-    """``.ci/lower-bounds`` tests those of what is needed; an upper one would be a guess."""
+    """``nox -s lower_bounds`` tests those of what is needed; an upper one would be a guess."""
     extras = PROJECT["project"]["optional-dependencies"]
     for requirement in (*PROJECT["project"]["dependencies"], *chain(*extras.values())):
         assert re.fullmatch(r"[A-Za-z0-9-]+(\[[a-z0-9]+\])?>=[0-9.]+", requirement), requirement

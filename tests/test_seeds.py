@@ -37,7 +37,9 @@ def test_streams_differ_by_seed_and_by_name() -> None:
 
 
 def test_neighbouring_streams_are_uncorrelated() -> None:
-    """|r| of 10,000 pairs stays below 5 standard errors (5 / sqrt(10000)) for 20 pairs of neighbours."""
+    """|r| of 10,000 pairs stays below 5 standard errors (5 / sqrt(10000)) for 20 pairs of
+    neighbours.
+    """
     draws = [stream(1, "car", index).standard_normal(10_000) for index in range(21)]
     correlations = [float(np.corrcoef(a, b)[0, 1]) for a, b in pairwise(draws)]
     assert max(map(abs, correlations)) < 0.05

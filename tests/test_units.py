@@ -142,6 +142,15 @@ def test_sizes_and_rates_are_written_exactly(number: int) -> None:
 @given(st.just(0.0) | st.floats(1e-12, 1e12))
 def test_lengths_are_written_exactly(metres: float) -> None:
     assert units.length_m(units.length_text(metres)) == metres
+    assert units.watts(units.watts_text(metres)) == metres
+
+
+def test_watts() -> None:
+    assert [units.drift_ppm(text) for text in ("20 ppm", "-0.5 ppm", "0")] == [20.0, -0.5, 0.0]
+    assert units.drift_ppm(units.drift_text(-12.5)) == -12.5
+    assert [units.watts(text) for text in ("3 W", "450 mW", "1.5 kW", "0")] == [3.0, 0.45, 1500, 0]
+    with pytest.raises(ValueError, match="unknown unit 'w'"):
+        units.watts("3 w")
 
 
 @given(st.floats(1e-12, 10))

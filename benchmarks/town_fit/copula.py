@@ -19,7 +19,9 @@ REPLICATIONS = 20
 
 
 def normal_scores(values: npt.ArrayLike, bins: npt.ArrayLike) -> Array:
-    """Each value's rank within its bin as a standard normal number; equal values (misses) share the middle rank."""
+    """Each value's rank within its bin as a standard normal number; equal values (misses) share the
+    middle rank.
+    """
     from scipy.special import ndtri
 
     values_, bins_ = np.asarray(values, dtype=float), np.asarray(bins)
@@ -36,8 +38,9 @@ def normal_scores(values: npt.ArrayLike, bins: npt.ArrayLike) -> Array:
 
 
 class Pairs:
-    """All pairs of looks at one object, by the distance of their views; each object counts alike, however often it
-    was seen."""
+    """All pairs of looks at one object, by the distance of their views; each object counts alike,
+    however often it was seen.
+    """
 
     def __init__(self, tracks: Whole, views_m: Array) -> None:
         firsts, seconds, weights = [], [], []
@@ -52,7 +55,9 @@ class Pairs:
         self._count = np.bincount(self._lag, self._weights, len(LAGS_M))
 
     def correlations(self, z: Array) -> Array:
-        """Mean product of the normal scores of two looks at one object, for each of ``LAGS_M``; nan without pairs."""
+        """Mean product of the normal scores of two looks at one object, for each of ``LAGS_M``; nan
+        without pairs.
+        """
         total = np.bincount(self._lag, self._weights * z[self._a] * z[self._b], len(LAGS_M))
         means: Array = np.divide(
             total, self._count, out=np.full(len(LAGS_M), np.nan), where=self._count > 0
@@ -65,14 +70,24 @@ def fit_shares(
     views_m: Array,
     bins: Whole,
     values: Array,
+    *,
     seed: int,
     replications: int = REPLICATIONS,
 ) -> dict[str, float]:
-    """The shares of the copula whose looks, made at the same places, are as correlated as the real ones.
+    """The shares of the copula whose looks, made at the same places, are as correlated as the real
+    ones.
 
-    One row a look: which object, the coordinate of its view [m], the bin in which its value is ranked, and the value, a
-    score (0: missed) or an error. Every combination of ``OBJECT_SHARES``, ``LOOK_SHARES`` and
-    ``SMOOTH_M`` is simulated; the one nearest to the real correlations, in squares over ``LAGS_M``, is taken.
+    Every combination of ``OBJECT_SHARES``, ``LOOK_SHARES`` and ``SMOOTH_M`` is simulated; the one
+    nearest to the real correlations, in squares over ``LAGS_M``, is taken.
+
+    Parameters
+    ----------
+    tracks : which object each look is at, (n,)
+    views_m : the coordinate of its view [m], (n,)
+    bins : the bin in which its value is ranked, (n,)
+    values : a score (0: missed) or an error, (n,)
+    seed : of the simulations
+    replications : of each combination
     """
     pairs = Pairs(tracks, views_m)
     real = pairs.correlations(normal_scores(values, bins))
@@ -107,7 +122,9 @@ def fit_shares(
 
 
 def _gradual(tracks: Whole, views_m: Array, smooth_m: float, draws: Array) -> Array:
-    """Standard normal numbers (replications, looks), correlated by exp(-distance of views / smooth_m) per object."""
+    """Standard normal numbers (replications, looks), correlated by exp(-distance of views /
+    smooth_m) per object.
+    """
     made = np.empty_like(draws)
     for track in np.unique(tracks):
         here = np.flatnonzero(tracks == track)

@@ -1,4 +1,4 @@
-"""Fits the laws of a detector on a real trace that was judged by KITTI's labels (``evaluation``)."""
+"""Fits the laws of a detector on a real trace, judged by KITTI's labels (``evaluation``)."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from benchmarks.town_fit.copula import fit_shares
+from genie_sim.classes import GROUPS
 from genie_sim.core.geometry import Array
 from genie_sim.messages import CameraPose, Detection, Location
-from genie_sim.perception.evaluation import LABELS, MIN_SIGHTINGS, evaluate
+from genie_sim.perception.evaluation import MIN_SIGHTINGS, evaluate
 from genie_sim.perception.trace import Trace, TraceFrame
 from genie_sim.perception.truth import PictureLabels
-from genie_sim.town.laws import GHOST_LABELS
 from genie_sim.town.objects import HORIZONTAL_FOV_RAD, REACHES_M
 from genie_sim.town.rules import GHOST_BESIDE_M
 
@@ -27,10 +27,12 @@ GHOST_M = 2.0  # two wrong detections nearer than this are of one ghost
 
 
 class Look(NamedTuple):
-    """One labelled object in one picture that counts: which one, from how far, and what the detector made of it.
+    """One labelled object in one picture that counts: which one, from how far, and what the
+    detector made of it.
 
-    ``view_m`` is the coordinate of the gradual effect: the range less the way that the camera had gone. ``along_m``
-    and ``across_m`` are the error of the place, away from the camera and to the left of it.
+    ``view_m`` is the coordinate of the gradual effect: the range less the way that the camera had
+    gone. ``along_m`` and ``across_m`` are the error of the place, away from the camera and to the
+    left of it.
     """
 
     track: int
@@ -67,15 +69,15 @@ def looks(trace: Trace, truth: PictureLabels, min_score: float = 0.3) -> dict[st
                 view_m = range_m - gone_m[camera, index]
                 rows[name].append(
                     Look(
-                        label.track,
-                        camera,
-                        pose,
-                        label.centre,
-                        range_m,
-                        view_m,
-                        detection,
-                        along_m,
-                        across_m,
+                        track=label.track,
+                        camera=camera,
+                        pose=pose,
+                        centre=label.centre,
+                        range_m=range_m,
+                        view_m=view_m,
+                        detection=detection,
+                        along_m=along_m,
+                        across_m=across_m,
                     )
                 )
     return rows
@@ -84,7 +86,9 @@ def looks(trace: Trace, truth: PictureLabels, min_score: float = 0.3) -> dict[st
 def errors_m(
     detection: Detection | None, centre: Location, pose: CameraPose
 ) -> tuple[float, float] | tuple[None, None]:
-    """How far behind an object's middle, as the camera sees it, and how far to the left of it a detection lies."""
+    """How far behind an object's middle, as the camera sees it, and how far to the left of it a
+    detection lies.
+    """
     if detection is None or detection.location is None:
         return None, None
     sight = centre[0] - pose.east_m, centre[1] - pose.north_m
@@ -97,7 +101,9 @@ def errors_m(
 def fit(
     trace: Trace, truth: PictureLabels, ghost_truth: PictureLabels, seed: int = 1
 ) -> dict[str, Any]:
-    """The laws of the trace's detector. ``ghost_truth`` must say which areas nobody labelled (``DontCare``)."""
+    """The laws of the trace's detector. ``ghost_truth`` must say which areas nobody labelled
+    (``DontCare``).
+    """
     by_group = looks(trace, truth)
     groups = {
         name: {
@@ -117,8 +123,9 @@ def fit(
 
 
 def _names(vehicles: Sequence[Look]) -> dict[str, Any]:
-    """What the detector calls a vehicle that is no car to it: the share of vehicles to which that ever happens, and of
-    the looks at these the share of each name."""
+    """What the detector calls a vehicle that is no car to it: the share of vehicles to which that
+    ever happens, and of the looks at these the share of each name.
+    """
     names: dict[int, list[str]] = {}
     for look in vehicles:
         if look.detection is not None:
@@ -160,7 +167,8 @@ def found_law(name: str, rows: Sequence[Look]) -> dict[str, Any]:
         here for here in _binned(rows, SCORE_EDGES_M[name]) if any(look.detection for look in here)
     ]
     centres_m = [round(float(np.mean([look.range_m for look in here])), DECIMALS) for here in bins]
-    # Between two bins' middles the law is a straight line: regression on these lines, so that bins keep their means.
+    # Between two bins' middles the law is a straight line: regression on these lines, so that bins
+    # keep their means.
     ranges_m = [look.range_m for look in rows]
     parts = np.array([np.interp(ranges_m, centres_m, row) for row in np.eye(len(centres_m))]).T
     missed = np.array([look.detection is None for look in rows], dtype=float)
@@ -192,13 +200,15 @@ def place_law(name: str, rows: Sequence[Look]) -> dict[str, Any]:
 def shares_of(
     rows: Sequence[Look], values: Sequence[float], edges_m: Sequence[float], seed: int, **how: int
 ) -> dict[str, float]:
-    """The shares of the copula (``copula.fit_shares``) of these looks' scores or errors, ranked in bins of ranges."""
+    """The shares of the copula (``copula.fit_shares``) of these looks' scores or errors, ranked in
+    bins of ranges.
+    """
     tracks, views_m = (
         np.array([look.track for look in rows]),
         np.array([look.view_m for look in rows]),
     )
     bins = np.digitize([look.range_m for look in rows], edges_m)
-    return fit_shares(tracks, views_m, bins, np.array(values), seed, **how)
+    return fit_shares(tracks, views_m, bins, np.array(values), seed=seed, **how)
 
 
 def _correlation(name: str, rows: Sequence[Look], seed: int) -> dict[str, float]:
@@ -211,23 +221,23 @@ def _place_correlation(name: str, rows: Sequence[Look], error: str, seed: int) -
     return shares_of(placed, [getattr(look, error) for look in placed], PLACE_EDGES_M[name], seed)
 
 
-Sighting = tuple[
-    TraceFrame, Detection, Array
-]  # of a false positive: where it was placed (east, north) [m]
+# of a false positive: where it was placed (east, north) [m]
+Sighting = tuple[TraceFrame, Detection, Array]
 
 
 def _ghosts(
     trace: Trace, truth: PictureLabels, groups: Mapping[str, Any], seed: int
 ) -> dict[str, Any]:
-    """False positives. Those that come back at a place are ghosts of that place, seen again and again as an object
-    would be; the others are transient, anywhere in view, once."""
+    """False positives. Those that come back at a place are ghosts of that place, seen again and
+    again as an object would be; the others are transient, anywhere in view, once.
+    """
     evaluation = evaluate(trace, truth, 0.3)
     cameras = sorted({camera for camera, _ in truth.pictures})
     frames = [frame for camera in cameras for frame in trace.frames[camera]]
     gone_m = _gone_m(trace)
     ghosts = {}
-    for name in LABELS:
-        reach_m = REACHES_M[GHOST_LABELS[name]]
+    for name, labels in GROUPS.items():
+        reach_m = REACHES_M[labels[0]]
         wrong = {
             id(j.detection): j.detection for j in evaluation.groups[name].judged if j.label is None
         }
@@ -241,7 +251,7 @@ def _ghosts(
         rows = [
             look
             for number, place in enumerate(lasting)
-            for look in _looks(number, place, frames, reach_m, gone_m)
+            for look in _looks(number, place, frames, reach_m=reach_m, gone_m=gone_m)
         ]
         came_back = [row.detection for row in rows if row.detection]
         transient = [
@@ -266,7 +276,9 @@ def _ghosts(
 
 
 def _lasting_places(sightings: Sequence[Sighting]) -> list[list[Sighting]]:
-    """The sightings of each place to which false positives come back, ``MIN_SIGHTINGS`` times or more."""
+    """The sightings of each place to which false positives come back, ``MIN_SIGHTINGS`` times or
+    more.
+    """
     places: list[list[Sighting]] = []
     for sighting in sightings:
         near = [place for place in places if math.dist(place[0][2], sighting[2]) < GHOST_M]
@@ -281,28 +293,36 @@ def _looks(
     number: int,
     place: Sequence[Sighting],
     frames: Sequence[TraceFrame],
+    *,
     reach_m: float,
     gone_m: Mapping[tuple[str, int], float],
 ) -> Iterator[Look]:
-    """Every frame that has a ghost's place in view, as a look at it."""
-    seen = {(frame.camera, frame.index): found for frame, found, _ in place}
-    middle = np.mean([where for _, _, where in place], axis=0)
-    where = (float(middle[0]), float(middle[1]), 0.0)
+    """Every frame that has a ghost's place in view, as a look at it.
+
+    Parameters
+    ----------
+    number : of the place
+    place : the ghost's sightings there
+    frames : all frames
+    reach_m : from how far away it can be seen
+    gone_m : how far each camera had gone by each frame
+    """
+    detections = {(frame.camera, frame.index): detection for frame, detection, _ in place}
+    middle = np.mean([location for _, _, location in place], axis=0)
     for frame in frames:
         picture = (frame.camera, frame.index)
-        if picture in seen or _in_view(frame, middle, reach_m):
+        if picture in detections or _in_view(frame, middle, reach_m):
             range_m = math.dist(frame.pose[:2], middle)
-            view_m = range_m - gone_m[picture]
             yield Look(
-                number,
-                frame.camera,
-                frame.pose,
-                where,
-                range_m,
-                view_m,
-                seen.get(picture),
-                None,
-                None,
+                track=number,
+                camera=frame.camera,
+                pose=frame.pose,
+                centre=(float(middle[0]), float(middle[1]), 0.0),
+                range_m=range_m,
+                view_m=range_m - gone_m[picture],
+                detection=detections.get(picture),
+                along_m=None,
+                across_m=None,
             )
 
 
@@ -321,7 +341,9 @@ def _ghost_law(rows: Sequence[Look], came_back: Sequence[Detection], seed: int) 
 
 
 def _street_in_view_m(reach_m: float) -> float:
-    """How much of a town's street a camera sees the ghosts of, which stand ``GHOST_BESIDE_M`` from its middle."""
+    """How much of a town's street a camera sees the ghosts of, which stand ``GHOST_BESIDE_M`` from
+    its middle.
+    """
     return math.sqrt(reach_m**2 - GHOST_BESIDE_M**2) - GHOST_BESIDE_M / math.tan(
         HORIZONTAL_FOV_RAD / 2
     )

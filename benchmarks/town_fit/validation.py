@@ -1,4 +1,4 @@
-"""The town's detector compared with the real one: the same true objects, seen from the same places."""
+"""The town's detector beside the real one: the same true objects, seen from the same places."""
 
 from __future__ import annotations
 
@@ -10,33 +10,32 @@ import numpy as np
 
 from benchmarks.town_fit.copula import Pairs, normal_scores
 from benchmarks.town_fit.fit import SCORE_EDGES_M, Look, errors_m
+from genie_sim.classes import GROUPS
 from genie_sim.core.geometry import Array
 from genie_sim.messages import Detection
 from genie_sim.town.detector import SyntheticDetector
-from genie_sim.town.laws import GHOST_LABELS, DetectorLaws
+from genie_sim.town.laws import FittedLaws
 from genie_sim.town.noise import mix
-from genie_sim.town.objects import Things, town_object
-from genie_sim.town.rules import MOST_VIEW_M
-from genie_sim.town.view import Looks, in_view
+from genie_sim.town.objects import ObjectColumns, town_object
+from genie_sim.town.rules import MAX_VIEW_M
+from genie_sim.town.streets import StreetObjects
+from genie_sim.town.view import ViewPoses, in_view
 
 
-def resimulate(laws: DetectorLaws, group: str, looks: Sequence[Look], seed: int) -> list[Look]:
+def resimulate(laws: FittedLaws, group: str, looks: Sequence[Look], seed: int) -> list[Look]:
     """The same looks by the town's detector: what it finds, how sure it is, and where it puts it.
 
-    Left out are looks at what the town's camera does not have in view: nearer than 3.5 m, its middle outside the
-    picture, or a small object of its group from too far away.
+    Left out are looks at what the town's camera does not have in view: nearer than 3.5 m, its
+    middle outside the picture, or a small object of its group from too far away.
     """
-    label, again = GHOST_LABELS[group], []
+    label, again = GROUPS[group][0], []
     poses = [look.pose for look in looks]
     objects = [
-        town_object(laws.of(label), mix(seed), one.track, label, *one.centre[:2], False)
-        for one in looks
+        town_object(laws.of(label), mix(seed), look.track, label, place=look.centre[:2])
+        for look in looks
     ]
-    things, each, place = (
-        Things(objects),
-        np.arange(len(looks)),
-        np.array([one.centre[:2] for one in looks]),
-    )
+    columns, each = ObjectColumns(objects), np.arange(len(looks))
+    east_m, north_m = np.array([look.centre[:2] for look in looks]).T
     pictures = [
         mix(
             seed
@@ -49,19 +48,22 @@ def resimulate(laws: DetectorLaws, group: str, looks: Sequence[Look], seed: int)
         np.array(column)
         for column in ([p.east_m for p in poses], [p.north_m for p in poses], *turned)
     )
-    glances = Looks(*at, np.zeros(len(looks)), np.array(pictures, dtype=np.uint64))
-    view = in_view(glances, [(each, each, each, *place.T)], things, MOST_VIEW_M)
-    found = SyntheticDetector(things, laws).detect(view, glances)
-    for number in view.look.tolist():
+    view_poses = ViewPoses(*at, t_s=np.zeros(len(looks)), key=np.array(pictures, dtype=np.uint64))
+    unhidden = StreetObjects(each, each, each, east_m=east_m, north_m=north_m)
+    visible = in_view(view_poses, [unhidden], columns, MAX_VIEW_M)
+    detected = SyntheticDetector(columns, laws).detect(visible, view_poses)
+    for number in visible.pose.tolist():
         look = looks[number]
-        detection = next(iter(found.of(number)), None)
+        detection = next(iter(detected.of(number)), None)
         along_m, across_m = errors_m(detection, look.centre, look.pose)
         again.append(look._replace(detection=detection, along_m=along_m, across_m=across_m))
     return again
 
 
 def distance(a: Iterable[float], b: Iterable[float]) -> float:
-    """The Kolmogorov-Smirnov distance of two samples: the largest gap between their distribution functions."""
+    """The Kolmogorov-Smirnov distance of two samples: the largest gap between their distribution
+    functions.
+    """
     a_, b_ = np.sort(list(a)), np.sort(list(b))
     at = np.concatenate([a_, b_])
     shares = [np.searchsorted(sample, at, side="right") / len(sample) for sample in (a_, b_)]
@@ -82,7 +84,9 @@ def found_share(looks: Sequence[Look]) -> float:
 
 
 def changes(looks: Sequence[Look]) -> float:
-    """How often an object that one picture shows is found in it and missed in the next, or the other way round."""
+    """How often an object that one picture shows is found in it and missed in the next, or the
+    other way round.
+    """
     rows: dict[tuple[int, str], list[bool]] = {}
     for look in looks:
         rows.setdefault((look.track, look.camera), []).append(look.detection is not None)
@@ -91,7 +95,9 @@ def changes(looks: Sequence[Look]) -> float:
 
 
 def correlations(group: str, looks: Sequence[Look], name: str = "score") -> Array:
-    """How correlated two looks at one object are, by the distance of their views (``copula.LAGS_M``)."""
+    """How correlated two looks at one object are, by the distance of their views
+    (``copula.LAGS_M``).
+    """
     chosen = [look for look in looks if name == "score" or look.along_m is not None]
     values = [_value(look.detection) if name == "score" else getattr(look, name) for look in chosen]
     bins = np.digitize([look.range_m for look in chosen], SCORE_EDGES_M[group])
@@ -106,8 +112,10 @@ def _value(detection: Detection | None) -> float:
     return 0.0 if detection is None else detection.score
 
 
-def table(laws: DetectorLaws, looks: Mapping[str, Sequence[Look]], replications: int = 40) -> str:
-    """The comparison as a Markdown table; the town's figures are of so many replications (seeds from 0 on)."""
+def table(laws: FittedLaws, looks: Mapping[str, Sequence[Look]], replications: int = 40) -> str:
+    """The comparison as a Markdown table; the town's figures are of so many replications (seeds
+    from 0 on).
+    """
     text = [
         "| | looks | found | score | along | across | changes | independent |",
         "|---|---|---|---|---|---|---|---|",
@@ -137,7 +145,9 @@ def table(laws: DetectorLaws, looks: Mapping[str, Sequence[Look]], replications:
 
 
 def independent_changes(group: str, looks: Sequence[Look]) -> float:
-    """How often found and missed would change if every look were independent, at the shares found in each bin."""
+    """How often found and missed would change if every look were independent, at the shares found
+    in each bin.
+    """
     bins = np.digitize([look.range_m for look in looks], SCORE_EDGES_M[group])
     found = np.array([look.detection is not None for look in looks])
     shares = [found[bins == k].mean() for k in bins]

@@ -10,50 +10,58 @@ from genie_sim.analysis import style
 from genie_sim.analysis.drawing import finish, in_style
 from genie_sim.analysis.metrics import PART
 from genie_sim.recording.results import MethodInfo, Metric
+from genie_sim.text import number_text
 
-SHORT = 0.25  # of the longest bar: one below can hardly be read beside it
+MAX_SHORT = 0.25  # of the longest bar: one below can hardly be read beside it
+
+Parts = Mapping[str, float]  # mean time [ms] by part
 
 
 def parts_of(
-    measured: Sequence[Metric], methods: Sequence[MethodInfo]
+    metrics: Sequence[Metric], methods: Sequence[MethodInfo]
 ) -> Mapping[str, Mapping[str, float]]:
-    """The parts [ms] of the mean first answer under each method, and of the fresh one where that differs, by label."""
-    found: dict[str, dict[str, float]] = {}
+    """The parts [ms] of the mean first answer under each method, by label, and of the mean fresh
+    result where that differs.
+    """
+    bars: dict[str, Parts] = {}
     for method in methods:
-        first, fresh = (
-            {
-                one.component: one.value
-                for one in measured
-                if (one.metric, one.method) == (metric, method.name) and one.value is not None
-            }
-            for metric in PART.values()
-        )
-        both = {f"{method.title}, first": first, f"{method.title}, fresh": fresh}
-        told = {method.title: first} if first == fresh else both
-        found |= {label: parts for label, parts in told.items() if parts}
-    return found
+        first, fresh = (_parts(metrics, metric, method.name) for metric in PART.values())
+        if first == fresh:
+            bars[method.title] = first
+        else:
+            bars[f"{method.title}, first"] = first
+            bars[f"{method.title}, fresh"] = fresh
+    return {label: parts for label, parts in bars.items() if parts}
+
+
+def _parts(metrics: Sequence[Metric], name: str, method: str) -> Parts:
+    return {
+        metric.component: metric.value
+        for metric in metrics
+        if metric.metric == name and metric.method == method and metric.value is not None
+    }
 
 
 @in_style()
 def time_parts(
-    measured: Sequence[Metric],
+    metrics: Sequence[Metric],
     methods: Sequence[MethodInfo],
     footer: str = "",
     width_in: float | None = None,
 ) -> Figure:
-    """A bar for each method's mean response time, made of what it went into; below, again and on a scale of
-    their own, those that are short beside the longest."""
-    bars = parts_of(measured, methods)
+    """A bar for each method's mean response time, made of what it went into; below, again and on a
+    scale of their own, those that are short beside the longest.
+    """
+    bars = parts_of(metrics, methods)
     whole = {label: sum(parts.values()) for label, parts in bars.items()}
-    short = {
-        label: parts for label, parts in bars.items() if whole[label] < SHORT * max(whole.values())
-    }
+    longest = max(whole.values())
+    short = {label: parts for label, parts in bars.items() if whole[label] < MAX_SHORT * longest}
     panels = [bars, short] if short else [bars]
-    rows = [max(len(one), 1) for one in panels]
+    rows = [max(len(panel), 1) for panel in panels]
     figure = Figure(figsize=(width_in or style.COLUMN_IN, 0.45 * len(rows) + 0.2 * sum(rows)))
     axes = list(figure.subplots(len(rows), squeeze=False, height_ratios=rows).flat)
-    for axis, shown in zip(axes, panels, strict=True):
-        _draw_parts(axis, shown)
+    for axis, panel in zip(axes, panels, strict=True):
+        _draw_parts(axis, panel)
     axes[-1].set_xlabel("mean over answered frames [ms]")
     finish(figure, "Where the time goes: parts of the mean response time", footer, axes)
     return figure
@@ -71,7 +79,7 @@ def _draw_parts(axis: Axes, bars: Mapping[str, Mapping[str, float]]) -> None:
             left = left + widths
     for place, whole in zip(places, left, strict=True):
         axis.annotate(
-            f"{whole:.3g}", (whole, place), (3, 0), textcoords="offset points", va="center"
+            number_text(whole), (whole, place), (3, 0), textcoords="offset points", va="center"
         )
     axis.set_yticks(places, list(bars))
     axis.invert_yaxis()

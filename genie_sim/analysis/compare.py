@@ -1,7 +1,8 @@
 """Compares finished runs: the methods of one, or the same methods under other settings.
 
-Differences are paired. With at least two seeds in common, by seed: the 95 % t interval of the differences. With one, by
-blocks of one second of each car inside its run (``statistics.Blocks``): that says nothing of other seeds or drives.
+Differences are paired. With at least two seeds in common, by seed: the 95 % t interval of the
+differences. With one, by blocks of one second of each car inside its run (``statistics.Blocks``):
+that says nothing of other seeds or drives.
 """
 
 import json
@@ -12,14 +13,19 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from genie_sim.analysis.correctness import HELD, Parts
-from genie_sim.analysis.metrics import DEADLINE_MS, response_ms
+from genie_sim.analysis.metrics import response_ms
+from genie_sim.analysis.registry import DEADLINE_MS
+from genie_sim.analysis.seed_runs import SeedRuns
 from genie_sim.analysis.statistics import Blocks, around, over_seeds, wilson
 from genie_sim.errors import UserError, short_repr, unknown
+from genie_sim.recording import provenance
 from genie_sim.recording.columns import Columns, Floats, Text, joined
-from genie_sim.recording.results import MethodInfo, Metric, Run
+from genie_sim.recording.results import MethodInfo, Metric, Run, checked_label
 
 SEEDS, BLOCKS = "seeds", "blocks of 1 s"
-SHORT_NAME = 32  # characters
+MAX_NAME = 32  # characters
+OUTCOME = ("genie_sim", "devices", "plugins")  # what decides a run's outcome besides the scenario
+NO_SETTINGS = ("scenario.seed", "scenario.name", "scenario.description")
 
 
 class Sums(NamedTuple):
@@ -36,67 +42,112 @@ class Sums(NamedTuple):
         return float(self.above.sum()) / below if below else None
 
 
-def _times(rows: Columns, answer: str) -> tuple[Floats, Any]:
-    """The mean time of an answer, as sums."""
-    times = response_ms(rows, answer)
+def _first_time(rows: Columns) -> tuple[Floats, Any]:
+    times = response_ms(rows, "first")
     return np.nan_to_num(times), ~np.isnan(times)
 
 
-def _agree(rows: Columns) -> tuple[Floats, Floats]:
+def _fresh_time(rows: Columns) -> tuple[Floats, Any]:
+    times = response_ms(rows, "fresh")
+    return np.nan_to_num(times), ~np.isnan(times)
+
+
+def _answered(rows: Columns) -> tuple[Any, Floats]:
+    return ~np.isnan(rows.floats("first_answer_ns")), np.ones(len(rows))
+
+
+def _in_time(rows: Columns) -> tuple[Any, Floats]:
+    return response_ms(rows, "first") < DEADLINE_MS, np.ones(len(rows))
+
+
+def _bytes(column: str) -> Parts:
+    """Bytes per frame, of a column of the table ``frames``."""
+    return lambda rows: (rows[column], np.ones(len(rows)))
+
+
+def _agreement(rows: Columns) -> tuple[Floats, Floats]:
     """F1 against the detector's own answers, as sums."""
     served, detected, matched = map(rows.floats, ("served", "detected", "matched"))
     return 2 * matched, served + detected
 
 
 class Compared(NamedTuple):
-    """A metric that is compared: its unit, its ratio, and over which rows of which table."""
+    """A metric that is compared: its unit, its ratio, and over which rows of which table; without
+    a ratio it is the run's own number, and has no interval within one run.
+    """
 
     unit: str
-    parts: Parts
+    parts: Parts | None
     table: str = "frames"
     rows: Mapping[str, str] = {}
 
 
+def _of_consumer(metric: str) -> Compared:
+    unit, parts = HELD[metric]
+    return Compared(unit, parts, "held", {"what": "consumer"})
+
+
 COMPARED: Mapping[str, Compared] = {
-    "first_answer_mean": Compared("ms", lambda rows: _times(rows, "first")),
-    "fresh_answer_mean": Compared("ms", lambda rows: _times(rows, "fresh")),
-    "answered_share": Compared(
-        "1", lambda rows: (~np.isnan(rows.floats("first_answer_ns")), np.ones(len(rows)))
-    ),
-    "under_deadline_share": Compared(
-        "1", lambda rows: (response_ms(rows, "first") < DEADLINE_MS, np.ones(len(rows)))
-    ),
-    **{
-        f"{which}_proxy_f1": Compared("1", _agree, "answers", {"which": which})
-        for which in ("first", "fresh")
-    },
-    **{
-        name: Compared(*HELD[name], "held", {"what": "consumer"})
-        for name in ("streaming_f1", "object_recall", "ghost_share", "gospa")
-    },
+    "first_answer_mean": Compared("ms", _first_time),
+    "fresh_answer_mean": Compared("ms", _fresh_time),
+    "answered_share": Compared("1", _answered),
+    "under_deadline_share": Compared("1", _in_time),
+    "first_proxy_f1": Compared("1", _agreement, "answers", {"which": "first"}),
+    "result_proxy_f1": Compared("1", _agreement, "answers", {"which": "result"}),
+    "streaming_f1": _of_consumer("streaming_f1"),
+    "object_recall": _of_consumer("object_recall"),
+    "ghost_share": _of_consumer("ghost_share"),
+    "gospa": _of_consumer("gospa"),
+    "bytes_up_per_frame": Compared("B", _bytes("bytes_up")),
+    "bytes_down_per_frame": Compared("B", _bytes("bytes_down")),
+    "accelerator_time": Compared("s", None),
+    "cpu_time": Compared("s", None),
+    "energy_per_frame": Compared("J", None),
+    "energy_per_fresh": Compared("J", None),
+    "energy_per_right": Compared("J", None),
 }
 
 
 def _sums(metric: str, run: Run, method: MethodInfo) -> Sums:
     """A metric's sums in one run under one method."""
     _, parts, table, of = COMPARED[metric]
+    if parts is None:
+        return _whole_run(metric, run, method)
     rows = run.tables[table].where(method=method.name, **of)
     above, below = (np.asarray(part, dtype=float) for part in parts(rows))
     return Sums(rows["car"], rows["stamp_ns"], above, below)
 
 
+def _whole_run(metric: str, run: Run, method: MethodInfo) -> Sums:
+    """A metric of the run as a whole, as one row; none where it is not known."""
+    values = [
+        of_run.value
+        for of_run in run.measured
+        if (of_run.metric, of_run.method, of_run.placement) == (metric, method.name, "all")
+        and of_run.value is not None
+    ]
+    rows = run.tables["frames"].rows(slice(0, len(values)))
+    return Sums(rows["car"], rows["stamp_ns"], np.asarray(values, dtype=float), np.ones(len(rows)))
+
+
 @dataclass(frozen=True)
-class Arm:
-    """One method under one setting: its runs by seed."""
+class ComparedMethod:
+    """One method under one setting: its runs by seed.
+
+    Tables and the library name it by ``label``, which ends with the method's name; people read
+    ``title``, which ends with the method's title.
+    """
 
     label: str
+    title: str
     method: MethodInfo
     runs: Mapping[int, Run]
 
 
 class Difference(NamedTuple):
-    """A metric of an arm and, where there is another to compare with, its value minus that one's. ``by`` says what the
-    interval is over, ``n`` over how many."""
+    """A metric of an arm and, where there is another to compare with, its value minus that one's.
+    ``by`` says what the interval is over, ``n`` over how many.
+    """
 
     metric: str
     arm: str
@@ -111,245 +162,301 @@ class Difference(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Comparison:
-    """What was compared: ``rows`` metric by metric, and ``settings``: the path of each that differs, with its value
-    under every setting, in the order of ``names``."""
+class ComparedRuns:
+    """What was compared: ``rows`` metric by metric, and ``settings``: the path of each that
+    differs, with its value under every setting, in the order of ``names``.
+    ``warning`` says which files of the runs were changed; empty if none was.
+    """
 
-    arms: Sequence[Arm]
+    arms: Sequence[ComparedMethod]
     rows: Sequence[Difference]
     names: Sequence[str]
     settings: Mapping[str, Sequence[str]]
+    warning: str = ""
 
     @property
     def by(self) -> str:
         """What the intervals are over, in words."""
-        found = sorted({row.by for row in self.rows if row.by})
-        return (
-            f"95 % intervals of paired differences, by {' and '.join(found)}"
-            if found
-            else "nothing to compare with"
-        )
+        units = sorted({row.by for row in self.rows if row.by})
+        if not units:
+            return "nothing to compare with"
+        return f"95 % intervals of paired differences, by {' and '.join(units)}"
 
 
-def compare(runs: Sequence[Run], methods: Sequence[str] = ()) -> Comparison:
-    """Compares runs that saw the same frames. Runs that differ in nothing but the seed are one setting.
+def compare(
+    runs: Sequence[Run | SeedRuns], methods: Sequence[str] = (), labels: Sequence[str] = ()
+) -> ComparedRuns:
+    """Compares runs that saw the same frames. Runs that differ in nothing but the seed are one
+    setting.
 
-    ``methods``: which, in this order (default: all). The first setting is what the others are compared with, under the
-    same method; of one setting alone, the first method. Raises UserError for runs that cannot be compared.
+    ``methods``: which, in this order (default: all). ``labels``: what the settings are called, in
+    the order in which they come. The first setting is what the others are compared with, under the
+    same method; of one setting alone, the first method. Raises UserError for runs that cannot be
+    compared.
     """
-    groups = _groups(runs)
-    names = _names(groups)
-    arms: list[Arm] = []
-    against: dict[str, Arm] = {}
-    for place, group in enumerate(groups):
-        chosen = _chosen(next(iter(group.values())), methods)
-        for method in chosen:
-            label = method.name if len(groups) == 1 else f"{names[place]}: {method.name}"
-            arm = Arm(label, method, group)
-            same = [
-                one
-                for one in arms
-                if one.runs is groups[0] and (place == 0 or one.method.name == method.name)
-            ]
-            if same and (place or len(groups) == 1):
-                _check(same[0], arm)
-                against[label] = same[0]
-            arms.append(arm)
-    if not against:
+    comparison = compared(runs, methods, labels)
+    if not any(row.against for row in comparison.rows):
         raise UserError(
             "compare: nothing to compare: give two results, or one with several methods"
         )
-    rows = [
-        row
-        for name in COMPARED
-        for arm in arms
-        if (row := _difference(name, arm, against.get(arm.label)))
-    ]
-    return Comparison(
-        arms, rows, names, _settings([next(iter(group.values())) for group in groups])
-    )
+    return comparison
+
+
+def compared(
+    results: Sequence[Run | SeedRuns], methods: Sequence[str] = (), labels: Sequence[str] = ()
+) -> ComparedRuns:
+    """As ``compare``, also where there is only one method of one setting."""
+    runs = [run for result in results for run in result.runs]
+    folder = next((run.folder for run in runs if run.folder is not None), None)
+    with provenance.of_this_version(folder):
+        return _compared(runs, methods, labels)
+
+
+def _compared(runs: Sequence[Run], methods: Sequence[str], labels: Sequence[str]) -> ComparedRuns:
+    settings = _settings_of(runs)
+    names = _names(settings, labels)
+    arms: list[ComparedMethod] = []
+    references: dict[str, ComparedMethod] = {}  # by the label of the arm that is compared with it
+    for place, (name, by_seed) in enumerate(zip(names, settings, strict=True)):
+        for method in _chosen(_any(by_seed), methods):
+            label, title = method.name, method.title
+            if len(settings) > 1:
+                label, title = f"{name}: {label}", f"{name}: {title}"
+            arm = ComparedMethod(label, title, method, by_seed)
+            reference = _reference(arm, arms, place, len(settings))
+            if reference is not None:
+                _check(reference, arm)
+                references[label] = reference
+            arms.append(arm)
+    rows = []
+    for metric in COMPARED:
+        for arm in arms:
+            row = _difference(metric, arm, references.get(arm.label))
+            if row is not None:
+                rows.append(row)
+    warning = " ".join(f"{run.name}-{run.run_id}: {run.warning}." for run in runs if run.changed)
+    differing = _settings([_any(by_seed) for by_seed in settings])
+    return ComparedRuns(arms, rows, names, settings=differing, warning=warning)
+
+
+def _any(by_seed: Mapping[int, Run]) -> Run:
+    """The first run of a setting."""
+    return next(iter(by_seed.values()))
+
+
+def _reference(
+    arm: ComparedMethod, arms: Sequence[ComparedMethod], place: int, settings: int
+) -> ComparedMethod | None:
+    """What an arm of the setting at ``place`` is compared with: an earlier one of ``arms``."""
+    if settings == 1:
+        return arms[0] if arms else None
+    if place == 0:
+        return None
+    of_first = [other for other in arms if other.runs is arms[0].runs]
+    return next((other for other in of_first if other.method.name == arm.method.name), None)
 
 
 def _chosen(run: Run, names: Sequence[str]) -> list[MethodInfo]:
-    known = {method.name: method for method in run.methods}
+    methods = {method.name: method for method in run.methods}
     for name in names:
-        if name not in known:
-            raise UserError(f"compare: {run.name}-{run.run_id}: {unknown('method', name, known)}")
-    return [known[name] for name in names] or list(known.values())
+        if name not in methods:
+            raise UserError(f"compare: {run.name}-{run.run_id}: {unknown('method', name, methods)}")
+    return [methods[name] for name in names] or list(methods.values())
 
 
-def _groups(runs: Sequence[Run]) -> list[dict[int, Run]]:
-    """Runs by seed, of each setting."""
-    groups: dict[str, dict[int, Run]] = {}
+def _settings_of(runs: Sequence[Run]) -> list[dict[int, Run]]:
+    """Of each setting its runs by seed."""
+    settings: dict[str, dict[int, Run]] = {}
     for run in runs:
-        seed = run.facts["scenario"]["seed"]
-        setting = {name: value for name, value in run.facts["scenario"].items() if name != "seed"}
-        setting = {
-            "scenario": setting,
-            **{name: run.facts[name] for name in ("genie_sim", "devices", "plugins")},
-        }
-        group = groups.setdefault(json.dumps(setting, sort_keys=True), {})
-        if seed in group:
+        scenario = dict(run.facts["scenario"])
+        del scenario["seed"]
+        decisive = {"scenario": scenario, **{name: run.facts[name] for name in OUTCOME}}
+        by_seed = settings.setdefault(json.dumps(decisive, sort_keys=True), {})
+        if run.seed in by_seed:
             raise UserError(f"compare: {run.name}-{run.run_id}: the same run is given twice")
-        group[seed] = run
-    return list(groups.values())
+        by_seed[run.seed] = run
+    return list(settings.values())
 
 
-def _names(groups: Sequence[Mapping[int, Run]]) -> list[str]:
-    """What the settings are called: by their scenarios, else by the settings that differ, if these are short, else by
-    the runs' ids."""
-    first = [next(iter(group.values())) for group in groups]
-    names = [run.name for run in first]
+def _names(settings: Sequence[Mapping[int, Run]], labels: Sequence[str]) -> list[str]:
+    """What the settings are called: as the user says, with ``labels`` or with that of each run,
+    else by themselves. Raises UserError for labels that do not tell them apart.
+    """
+    if labels and len(labels) != len(settings):
+        raise UserError(f"compare: {len(labels)} labels for {len(settings)} settings")
+    own_labels = [_any(by_seed).label for by_seed in settings]
+    given = [checked_label(label) for label in labels] or own_labels
+    names = [label or name for label, name in zip(given, _names_by_content(settings), strict=True)]
+    if len(set(names)) < len(names):
+        raise UserError(f"compare: two settings have the same label: {', '.join(names)}")
+    return names
+
+
+def _names_by_content(settings: Sequence[Mapping[int, Run]]) -> list[str]:
+    """What the settings are called by themselves: by their scenarios, else by the settings that
+    differ, if these are short, else by the runs' ids.
+    """
+    runs = [_any(by_seed) for by_seed in settings]
+    names = [run.name for run in runs]
     if len(set(names)) == len(names):
         return names
-    differ = {
-        path: values for path, values in _settings(first).items() if path.startswith("scenario.")
-    }
-    named = [
-        [f"{path.rpartition('.')[2]} {value}" for value in values]
-        for path, values in differ.items()
-    ]
-    told = [", ".join(one).replace("'", "") for one in zip(*named, strict=True)]
-    if (
-        told
-        and len(set(names)) == 1
-        and len(set(told)) == len(told)
-        and max(map(len, told)) <= SHORT_NAME
-    ):
-        return told
-    return [f"{run.name}-{run.run_id[:6]}" for run in first]
+    labels: list[list[str]] = [[] for _ in runs]
+    for path, values in _settings(runs).items():
+        if path.startswith("scenario."):
+            field = path.rpartition(".")[2]
+            for label, value in zip(labels, values, strict=True):
+                label.append(f"{field} {value}".replace("'", ""))
+    texts = [", ".join(label) for label in labels]
+    told_apart = len(set(texts)) == len(texts) and len(set(names)) == 1
+    if told_apart and max(map(len, texts)) <= MAX_NAME:
+        return texts
+    return [f"{run.name}-{run.run_id[:6]}" for run in runs]
 
 
-def _paired(arm: Arm, other: Arm) -> list[int]:
-    """The seeds that both have."""
+def _common_seeds(arm: ComparedMethod, other: ComparedMethod) -> list[int]:
     return [seed for seed in arm.runs if seed in other.runs]
 
 
-def _check(other: Arm, arm: Arm) -> None:
+def _check(reference: ComparedMethod, arm: ComparedMethod) -> None:
     """Raises UserError unless both saw the same frames."""
-    if not _paired(arm, other):
-        seeds = (", ".join(map(str, sorted(one.runs))) for one in (other, arm))
+    seeds = _common_seeds(arm, reference)
+    if not seeds:
+        of_each = [", ".join(map(str, sorted(side.runs))) for side in (reference, arm)]
         raise UserError(
-            f"compare: {other.label} and {arm.label} have no seed in common: {' and '.join(seeds)}"
+            f"compare: {reference.label} and {arm.label} have no seed in common: "
+            f"{' and '.join(of_each)}"
         )
-    for mine, theirs in [(arm.runs[seed], other.runs[seed]) for seed in _paired(arm, other)]:
-        what = f"compare: {other.label} ({theirs.run_id}) and {arm.label} ({mine.run_id}) cannot be compared"
-        drives = [one.facts["traces"] for one in (theirs, mine)]
-        if drives[0] != drives[1]:
-            names = sorted(
-                name
-                for name in {**drives[0], **drives[1]}
-                if drives[0].get(name) != drives[1].get(name)
-            )
-            raise UserError(f"{what}: other drives ({', '.join(names[:3])})")
-        frames = [
-            set(
-                zip(
-                    rows["car"].tolist(),
-                    rows["stream"].tolist(),
-                    rows["stamp_ns"].tolist(),
-                    strict=True,
-                )
-            )
-            for run, method in ((theirs, other.method), (mine, arm.method))
-            for rows in [run.tables["frames"].where(method=method.name)]
-        ]
-        if frames[0] != frames[1]:
+    for seed in seeds:
+        run, other = arm.runs[seed], reference.runs[seed]
+        problem = (
+            f"compare: {reference.label} ({other.run_id}) and {arm.label} ({run.run_id}) "
+            "cannot be compared"
+        )
+        drives, others = run.facts["traces"], other.facts["traces"]
+        if drives != others:
+            cars = sorted({*drives, *others})
+            differing = [car for car in cars if drives.get(car) != others.get(car)]
+            raise UserError(f"{problem}: other drives ({', '.join(differing[:3])})")
+        frames, others = _frames(run, arm.method), _frames(other, reference.method)
+        if frames != others:
             raise UserError(
-                f"{what}: other frames ({len(frames[0]):,} and {len(frames[1]):,}): other cars or cameras"
+                f"{problem}: other frames ({len(others):,} and {len(frames):,}): "
+                "other cars or cameras"
             )
 
 
-def _difference(metric: str, arm: Arm, other: Arm | None) -> Difference | None:
-    values = {seed: _sums(metric, run, arm.method).value for seed, run in arm.runs.items()}
-    known = [value for value in values.values() if value is not None]
-    if not known:
+def _frames(run: Run, method: MethodInfo) -> set[tuple[str, str, int]]:
+    """The frames that a method saw: car, stream and stamp of each."""
+    rows = run.tables["frames"].where(method=method.name)
+    columns = (rows[name].tolist() for name in ("car", "stream", "stamp_ns"))
+    return set(zip(*columns, strict=True))
+
+
+def _difference(
+    metric: str, arm: ComparedMethod, reference: ComparedMethod | None
+) -> Difference | None:
+    """A metric of an arm, with its difference from that of the reference, if there is one; ``None``
+    where the arm has no value.
+    """
+    sums = {seed: _sums(metric, run, arm.method) for seed, run in arm.runs.items()}
+    values = {seed: of_seed.value for seed, of_seed in sums.items() if of_seed.value is not None}
+    if not values:
         return None
-    alone = Difference(metric, arm.label, float(np.mean(known)), COMPARED[metric].unit)
-    if other is None:
+    mean = float(np.mean(list(values.values())))
+    alone = Difference(metric, arm.label, mean, COMPARED[metric].unit)
+    if reference is None:
         return alone
-    theirs = {seed: _sums(metric, run, other.method).value for seed, run in other.runs.items()}
-    gaps = [
-        mine - reference
-        for seed in _paired(arm, other)
-        if (mine := values[seed]) is not None and (reference := theirs[seed]) is not None
-    ]
-    by, n, half = SEEDS, len(gaps), None
-    if n > 1:
+    other_sums, gaps = {}, []
+    for seed in _common_seeds(arm, reference):
+        other_sums[seed] = _sums(metric, reference.runs[seed], reference.method)
+        other = other_sums[seed].value
+        if seed in values and other is not None:
+            gaps.append(values[seed] - other)
+    if len(gaps) > 1:
+        by, n = SEEDS, len(gaps)
         gap, half = over_seeds(gaps)
+        low, high = around(gap, half)
     else:
-        seed = _paired(arm, other)[0]
-        ours, its = (
-            _sums(metric, arm.runs[seed], arm.method),
-            _sums(metric, other.runs[seed], other.method),
-        )
-        if ours.value is None or its.value is None:
-            return alone._replace(against=other.label)
-        by, gap = BLOCKS, ours.value - its.value
-        half, n = _over_blocks(ours, its)
-    low, high = around(gap, half)
-    return alone._replace(against=other.label, difference=gap, low=low, high=high, by=by, n=n)
+        seed = next(iter(other_sums))
+        ours, theirs = sums[seed], other_sums[seed]
+        if ours.value is None or theirs.value is None:
+            return alone._replace(against=reference.label)
+        by, gap = BLOCKS, ours.value - theirs.value
+        if COMPARED[metric].parts is None:
+            return alone._replace(against=reference.label, difference=gap)
+        half_of_blocks, n = _over_blocks(ours, theirs)
+        low, high = around(gap, half_of_blocks)
+    return alone._replace(against=reference.label, difference=gap, low=low, high=high, by=by, n=n)
 
 
-def _over_blocks(mine: Sums, theirs: Sums) -> tuple[float | None, int]:
+def _over_blocks(ours: Sums, theirs: Sums) -> tuple[float | None, int]:
     """Half the interval of the difference of two ratios, and the number of blocks."""
-    blocks = Blocks(
-        joined([mine.car, theirs.car]), np.concatenate([mine.stamp_ns, theirs.stamp_ns])
+    stamps_ns = np.concatenate([ours.stamp_ns, theirs.stamp_ns])
+    blocks = Blocks(joined([ours.car, theirs.car]), stamps_ns)
+    no_ours, no_theirs = np.zeros(len(ours.above)), np.zeros(len(theirs.above))
+    moves = blocks.influence(
+        np.concatenate([ours.above, no_theirs]), np.concatenate([ours.below, no_theirs])
     )
-    none = [np.zeros(len(theirs.above)), np.zeros(len(mine.above))]
-    ours = blocks.influence(*(np.concatenate([part, none[0]]) for part in (mine.above, mine.below)))
-    other = blocks.influence(
-        *(np.concatenate([none[1], part]) for part in (theirs.above, theirs.below))
+    other_moves = blocks.influence(
+        np.concatenate([no_ours, theirs.above]), np.concatenate([no_ours, theirs.below])
     )
-    return blocks.half_width(ours - other), len(ours)
+    return blocks.half_width(moves - other_moves), len(moves)
 
 
 def _settings(runs: Sequence[Run]) -> dict[str, list[str]]:
-    """What differs between settings: each path, and its value in each, ``-`` where it is not there."""
-    flat = [
-        dict(_flat({key: run.facts[key] for key in ("scenario", "devices", "genie_sim")}))
-        for run in runs
-    ]
-    paths = dict.fromkeys(path for one in flat for path in one)
-    found = {
-        path: [short_repr(one[path]) if path in one else "-" for one in flat] for path in paths
-    }
-    skipped = ("scenario.seed", "scenario.name", "scenario.description")
-    return {
-        path: values
-        for path, values in found.items()
-        if len(set(values)) > 1 and path not in skipped
-    }
+    """What differs between settings: each path, and its value in each, ``-`` where it has none."""
+    flat = []
+    for run in runs:
+        decisive = {name: run.facts[name] for name in ("scenario", "devices", "genie_sim")}
+        flat.append({path: short_repr(value) for path, value in _flat(decisive)})
+    differing = {}
+    for path in dict.fromkeys(path for values in flat for path in values):
+        values = [of_run.get(path, "-") for of_run in flat]
+        if len(set(values)) > 1 and path not in NO_SETTINGS:
+            differing[path] = values
+    return differing
 
 
 def _flat(value: Any, path: str = "") -> Iterator[tuple[str, Any]]:
+    """Each value that is no mapping or list, with its path: ``cars[0].device``."""
     if isinstance(value, Mapping) and value:
         for key in value:
             yield from _flat(value[key], f"{path}.{key}" if path else str(key))
     elif isinstance(value, list | tuple) and value:
-        for place, one in enumerate(value):
-            yield from _flat(one, f"{path}[{place}]")
+        for place, element in enumerate(value):
+            yield from _flat(element, f"{path}[{place}]")
     else:
         yield path, value
 
 
-def as_metrics(comparison: Comparison) -> tuple[list[Metric], list[MethodInfo]]:
-    """The arms as if each were a method, for figures: means over seeds, or the run's own numbers with intervals."""
-    found: list[Metric] = []
+def as_metrics(comparison: ComparedRuns) -> tuple[list[Metric], list[MethodInfo]]:
+    """The arms as if each were a method, for figures: means over seeds, or the run's own numbers
+    with intervals.
+    """
+    metrics = []
     for arm in comparison.arms:
         for name in COMPARED:
-            of_runs = [
-                one
-                for run in arm.runs.values()
-                for one in run.measured
-                if (one.metric, one.method, one.placement, one.component)
-                == (name, arm.method.name, "all", "")
-                and one.value is not None
-            ]
+            of_runs = _metrics_of(arm, name)
             if len(of_runs) == 1:
-                found.append(replace(of_runs[0], method=arm.label))
+                metrics.append(replace(of_runs[0], method=arm.label))
             elif of_runs:
-                mean, half = over_seeds([one.value for one in of_runs if one.value is not None])
+                values = [metric.value for metric in of_runs if metric.value is not None]
+                mean, half = over_seeds(values)
                 low, high = wilson(mean, half) if COMPARED[name].unit == "1" else around(mean, half)
-                found.append(replace(of_runs[0], method=arm.label, value=mean, low=low, high=high))
-    return found, [MethodInfo(arm.label, arm.label, arm.method.baseline) for arm in comparison.arms]
+                metrics.append(
+                    replace(of_runs[0], method=arm.label, value=mean, low=low, high=high)
+                )
+    methods = [MethodInfo(arm.label, arm.title, arm.method.baseline) for arm in comparison.arms]
+    return metrics, methods
+
+
+def _metrics_of(arm: ComparedMethod, name: str) -> list[Metric]:
+    """One of its metrics in each of an arm's runs, where it is defined."""
+    place = (name, arm.method.name, "all", "")
+    return [
+        metric
+        for run in arm.runs.values()
+        for metric in run.measured
+        if (metric.metric, metric.method, metric.placement, metric.component) == place
+        and metric.value is not None
+    ]

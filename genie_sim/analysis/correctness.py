@@ -1,6 +1,7 @@
-"""How right answers are, as arithmetic on the tables ``answers`` and ``held``.
+"""Correctness metrics, computed from the tables ``answers`` and ``held``.
 
-Sums are over answers or instants (micro averages); intervals are those of ``metrics``, from blocks of one second.
+Sums are over answers or instants (micro averages); intervals are those of ``metrics``, from blocks
+of one second.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -8,21 +9,19 @@ from typing import Any
 
 import numpy as np
 
+from genie_sim.analysis.registry import RIGHT_F1, ZERO_DELAY
 from genie_sim.analysis.statistics import Blocks, share
 from genie_sim.recording.columns import Columns
 from genie_sim.recording.results import Metric
 
-RIGHT_F1 = 0.8  # a cache hit below it is a wrong hit
-FLOOR = "floor"  # the detector's own answer without any delay, as a component
 CAUSES = ("moved_away", "never_there", "duplicate")  # of ghosts
 HITS = {
     "all": ("own_cache", "edge_cache", "peer_cache"),
     "car": ("own_cache",),
     "edge": ("edge_cache", "peer_cache"),
 }
-Parts = Callable[
-    [Columns], tuple[Any, Any]
-]  # of a ratio of sums over rows: above and below, row by row
+# of a ratio of sums over rows: above and below, row by row
+Parts = Callable[[Columns], tuple[Any, Any]]
 
 
 def _visible(rows: Columns) -> Any:
@@ -33,7 +32,8 @@ def _of_ghosts(cause: str) -> Parts:
     return lambda rows: (rows[cause], rows["held"])
 
 
-# What the objects that somebody holds are worth: unit, and the ratio over the rows of table ``held``.
+# What the objects that somebody holds are worth: unit, and the ratio over the rows of table
+# ``held``.
 HELD: dict[str, tuple[str, Parts]] = {
     "object_precision": ("1", lambda rows: (rows["right"], rows["held"])),
     "object_recall": ("1", lambda rows: (rows["right"], _visible(rows))),
@@ -49,46 +49,88 @@ HELD: dict[str, tuple[str, Parts]] = {
 
 
 def of_answers(answers: Columns, methods: Sequence[str]) -> Iterator[Metric]:
-    """Precision, recall and F1 of first and fresh answers against the detector's own answer to the frame (a proxy), and
-    the share of cache hits whose F1 is below ``RIGHT_F1``, by where the cache is."""
+    """Precision, recall and F1 of first answers and results against the detector's own answer to
+    the frame (a proxy), and the share of cache hits whose F1 is below ``RIGHT_F1``, by where the
+    cache is.
+    """
     blocks = Blocks(answers["car"], answers["stamp_ns"])
     method, which, source = (answers[name] for name in ("method", "which", "source"))
     served, detected, matched = map(answers.floats, ("served", "detected", "matched"))
     wrong = 2 * matched < RIGHT_F1 * (served + detected)  # two empty answers agree
+    proxies = {
+        "precision": (matched, served),
+        "recall": (matched, detected),
+        "f1": (2 * matched, served + detected),
+    }
     for name in methods:
-        for answer in ("first", "fresh"):
-            mine, where = (method == name) & (which == answer), (name, "all", "")
-            if mine.any():
-                yield share(
-                    blocks, f"{answer}_proxy_precision", where, mine * matched, mine * served
-                )
-                yield share(
-                    blocks, f"{answer}_proxy_recall", where, mine * matched, mine * detected
-                )
+        for answer in ("first", "result"):
+            rows = (method == name) & (which == answer)
+            if not rows.any():
+                continue
+            for measure, (above, below) in proxies.items():
                 yield share(
                     blocks,
-                    f"{answer}_proxy_f1",
-                    where,
-                    mine * 2 * matched,
-                    mine * (served + detected),
+                    f"{answer}_proxy_{measure}",
+                    (name, "all", ""),
+                    part=rows * above,
+                    whole=rows * below,
                 )
         for placement, sources in HITS.items():
-            hits = (method == name) & (which == "fresh") & source.isin(sources)
+            hits = (method == name) & (which == "result") & source.isin(sources)
             if hits.any():
-                yield share(blocks, "wrong_hit_share", (name, placement, ""), hits & wrong, hits)
+                where = (name, placement, "")
+                yield share(blocks, "wrong_hit_share", where, part=hits & wrong, whole=hits)
 
 
 def of_held(held: Columns, methods: Sequence[str], intervals: bool = True) -> Iterator[Metric]:
-    """Streaming accuracy: of what the consumers hold at each instant, and as component ``floor`` of the detector's own
-    answers without any delay, which are under the method that was recorded with them and hold for all."""
+    """Streaming accuracy of what the consumers hold at each instant, and, as component
+    ``zero_delay``, of the zero-delay detector, which stands under the first method that a car
+    drives with and holds for all.
+    """
     blocks = Blocks(held["car"], held["stamp_ns"], intervals)
     method, what = held["method"], held["what"]
     for name in methods:
-        for component in ("", FLOOR):
-            mine = (method == name) & ((what == FLOOR) == (component == FLOOR))
-            if mine.any():
-                for metric, (unit, parts) in HELD.items():
-                    above, below = (
-                        np.where(mine, np.nan_to_num(part), 0.0) for part in parts(held)
-                    )
-                    yield share(blocks, metric, (name, "all", component), above, below, unit)
+        for component in ("", ZERO_DELAY):
+            rows = (method == name) & ((what == ZERO_DELAY) == (component == ZERO_DELAY))
+            if not rows.any():
+                continue
+            for metric, (unit, parts) in HELD.items():
+                above, below = (np.where(rows, np.nan_to_num(part), 0.0) for part in parts(held))
+                where = (name, "all", component)
+                yield share(blocks, metric, where, part=above, whole=below, unit=unit)
+
+
+def of_laps(held: Columns, frames: Columns, methods: Sequence[str]) -> Iterator[Metric]:
+    """Recall and streaming F1 of what consumers hold in each lap, with the lap as component;
+    nothing where no car drives its route more than once.
+    """
+    if not len(frames) or not frames["lap"].max():
+        return
+    for name in methods:
+        judged = held.where(method=name, what="consumer")
+        laps = _laps(judged, frames.where(method=name))
+        for lap in np.unique(laps).tolist():
+            of_lap = judged.rows(laps == lap)
+            for metric, source in (("lap_recall", "object_recall"), ("lap_f1", "streaming_f1")):
+                above, below = (int(np.sum(part)) for part in HELD[source][1](of_lap))
+                yield Metric(
+                    metric,
+                    name,
+                    "all",
+                    f"lap {lap + 1}",
+                    value=above / below if below else None,
+                    unit="1",
+                    n=below,
+                )
+
+
+def _laps(judged: Columns, frames: Columns) -> Any:
+    """In which lap its car is at each judged instant, from 0."""
+    laps = np.zeros(len(judged), dtype=int)
+    for car in judged["car"].unique():
+        of_car = frames.where(car=car)
+        numbers, stamps_ns = of_car["lap"], of_car["stamp_ns"]
+        begins_ns = [stamps_ns[numbers == lap].min() for lap in np.unique(numbers)]
+        rows = judged["car"] == car
+        laps[rows] = np.searchsorted(begins_ns, judged["stamp_ns"][rows], side="right") - 1
+    return laps

@@ -1,28 +1,125 @@
 """What all figures share: their style and legend."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
-from typing import Any
+from string import ascii_lowercase
+from typing import TYPE_CHECKING, Any, Literal, Union
 
 from matplotlib.axes import Axes
+from matplotlib.container import ErrorbarContainer
 from matplotlib.figure import Figure
 from matplotlib.style import context
 from matplotlib.ticker import FixedLocator, NullLocator, StrMethodFormatter
 
 from genie_sim.analysis import style
-from genie_sim.analysis.style import CHARACTER_IN, LINE_IN
+from genie_sim.analysis.style import CHARACTER_IN, COLUMN_IN, LINE_IN, PAGE_IN
+from genie_sim.recording.columns import Columns
 
-# Within it, and in a function that it decorates, matplotlib draws in this style, whatever the user's is.
+if TYPE_CHECKING:
+    import pandas as pd
+
+Table = Union[Columns, "pd.DataFrame"]
+# by label: the table of a run, or those of its seeds
+Panels = Mapping[str, Table | Sequence[Table]]
+BAND_OPACITY = 0.22
+MAX_LEGEND = 0.2  # of the figure's height
+COLOUR_BAR = "<colorbar>"  # matplotlib's label of its axes
+
+# Within it, and in a function that it decorates, matplotlib draws in this style, whatever the
+# user's is.
 in_style = partial(context, ["default", style.RC])
+
+
+def seeds_of(panel: Table | Sequence[Table]) -> list[Columns]:
+    """The table of each seed; a run has one."""
+    tables: Sequence[Any] = panel if isinstance(panel, list | tuple) else [panel]
+    return [Columns.of(table) for table in tables]
+
+
+def figure_grid(
+    panels: Mapping[str, object], width_in: float | None, ax: Axes | None = None
+) -> tuple[Figure, list[Axes]]:
+    """One panel a run: at most three side by side, as in the paper; one in a column's width. With
+    ``ax``, that one alone. Raises ValueError for several panels in one.
+    """
+    if ax is not None:
+        if len(panels) > 1:
+            raise ValueError("several runs need several panels: leave out 'ax'")
+        return _figure_of(ax), [ax]
+    columns = 1 if is_narrow(width_in) else min(len(panels), 3)
+    rows = -(-len(panels) // columns)
+    figure = Figure(
+        figsize=(width_in or (COLUMN_IN if columns == 1 else PAGE_IN), 0.3 + 1.75 * rows)
+    )
+    grid = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
+    axes = list(grid.flat)
+    for axis in axes[len(panels) :]:
+        axis.remove()
+    return figure, axes[: len(panels)]
+
+
+def is_narrow(width_in: float | None) -> bool:
+    """Whether a width is that of a column and not of a page."""
+    return width_in is not None and width_in <= COLUMN_IN
+
+
+def one_panel(width_in: float, height_in: float, ax: Axes | None) -> tuple[Figure, Axes]:
+    """A figure with one panel, or the user's own panel ``ax``."""
+    if ax is not None:
+        return _figure_of(ax), ax
+    figure = Figure(figsize=(width_in, height_in))
+    return figure, figure.subplots()
+
+
+def _figure_of(ax: Axes) -> Figure:
+    figure = ax.get_figure(root=True)
+    assert isinstance(figure, Figure)
+    return figure
+
+
+def finish_axes(ax: Axes) -> None:
+    """The legend of a user's own panel, inside it; its figure is left alone."""
+    if handles([ax]):
+        ax.legend()
+
+
+def draw_band(axis: Axes, x: Any, low: Any, high: Any, *, colour: str, step: Any = None) -> None:
+    """A light band from ``low`` to ``high``: the interval of a curve."""
+    look: dict[str, Any] = {"color": colour, "alpha": BAND_OPACITY, "linewidth": 0}
+    axis.fill_between(x, low, high, step=step, **look)
+
+
+def label_outer(axes: Sequence[Axes], x_label: str, y_label: str) -> None:
+    """Labels the outer panels of a grid."""
+    for axis in axes:
+        axis.set_xlabel(x_label)
+        axis.set_ylabel(y_label)
+        if len(axes) > 1:
+            axis.label_outer()
 
 
 def finish(
     figure: Figure, title: str, footer: str, axes: Iterable[Axes] = (), note: str = ""
 ) -> None:
-    """The common legend of the panels, below them, for which the figure grows, and above them a ``note`` of what they
-    do not show. The title, and which run it is, stand in the file alone: on paper there is a caption."""
+    """Draws the common legend below the panels, for which the figure grows, and names the figure.
+    The panels grow, too, if the legend were more than ``MAX_LEGEND`` of the figure.
+
+    The title, and which run it is, stand in the file alone: a paper has its own caption.
+
+    Parameters
+    ----------
+    figure : Figure
+        With its panels drawn.
+    title, footer : str
+        What it shows, and of which run.
+    axes : iterable of Axes
+        The panels whose labels make up the legend.
+    note : str
+        What the panels do not show; it stands above them.
+    """
     if note:
         figure.suptitle(note, x=0.01, ha="left")
+    letter_panels(figure)
     figure.set_label(f"{title}\n{footer}")
     width_in, height_in = figure.get_size_inches()
     below, named = 0.0, handles(axes)
@@ -30,9 +127,19 @@ def finish(
         columns = _columns(list(named), width_in)
         figure.legend(list(named.values()), list(named), loc="lower center", ncols=columns)
         legend_in = (-(-len(named) // columns) + 0.4) * LINE_IN
+        height_in = max(height_in, (1 / MAX_LEGEND - 1) * legend_in)
         figure.set_figheight(height_in + legend_in)
         below = legend_in / (height_in + legend_in)
     figure.set_layout_engine("constrained", rect=(0.0, below, 1.0, 1.0 - below))
+
+
+def letter_panels(figure: Figure) -> None:
+    """Puts (a), (b) and so on before the titles of several panels."""
+    panels = [axis for axis in figure.axes if axis.get_label() != COLOUR_BAR]
+    for number, panel in enumerate(panels if len(panels) > 1 else ()):
+        letters = ascii_lowercase[number % 26] * (number // 26 + 1)
+        side: Literal["center", "left"] = "center" if panel.get_title() else "left"
+        panel.set_title(f"({letters}) {panel.get_title(loc=side)}".rstrip(), loc=side)
 
 
 def _columns(labels: Sequence[str], width_in: float) -> int:
@@ -43,16 +150,25 @@ def _columns(labels: Sequence[str], width_in: float) -> int:
 
 
 def handles(axes: Iterable[Axes]) -> dict[str, Any]:
-    """What stands in the legends of these panels, each label once."""
+    """What stands in the legends of these panels, each label once; of points with error bars the
+    marker alone, so that it is seen.
+    """
     return {
-        label: handle
+        label: _marker_alone(handle)
         for axis in axes
         for handle, label in zip(*axis.get_legend_handles_labels(), strict=True)
     }
 
 
+def _marker_alone(handle: Any) -> Any:
+    has_marker = isinstance(handle, ErrorbarContainer) and handle[0].get_marker() != "None"
+    return handle[0] if has_marker else handle
+
+
 def logarithmic_ms(axis: Axes, low: float, high: float) -> None:
-    """A logarithmic axis of milliseconds, with ticks at 1, 2 and 5 times each power of ten, written out."""
+    """A logarithmic axis of milliseconds, with ticks at 1, 2 and 5 times each power of ten, written
+    out.
+    """
     ticks = [digit * 10.0**power for power in range(-1, 7) for digit in (1, 2, 5)]
     axis.set_xscale("log")
     axis.set_xlim(low, high)

@@ -1,86 +1,104 @@
-"""One figure: how early the first answers come, against how right they are."""
+"""One figure: how early the first answers come, versus how right they are."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
 from genie_sim.analysis import style
-from genie_sim.analysis.correctness import FLOOR
-from genie_sim.analysis.drawing import finish, in_style, logarithmic_ms
+from genie_sim.analysis.drawing import (
+    finish,
+    finish_axes,
+    in_style,
+    logarithmic_ms,
+    one_panel,
+)
+from genie_sim.analysis.registry import METRICS, ZERO_DELAY, component_title, title_of
 from genie_sim.recording.results import MethodInfo, Metric
 
 LATENCY = "first_answer_mean"
-ACCURACY = {  # the first of them that every method has, and what is said of it
-    "streaming_f1": ("streaming F1", " of what the consumer holds"),
-    "first_proxy_f1": ("F1 of first answers", " against the detector's own"),
-}
+ACCURACIES = ("streaming_f1", "first_proxy_f1")  # the first of them that every run has is drawn
 Numbers = Mapping[str, Sequence[Metric]]
 
 
 def drawable(runs: Numbers) -> str | None:
     """Which accuracy these runs have in common; ``None`` where there is none."""
-    found = [
-        {one.metric for one in measured if one.value is not None} for measured in runs.values()
+    defined = [
+        {metric.metric for metric in metrics if metric.value is not None}
+        for metrics in runs.values()
     ]
-    return next(
-        (name for name in ACCURACY if all({name, LATENCY} <= names for names in found)), None
-    )
+    for accuracy in ACCURACIES:
+        if all({accuracy, LATENCY} <= names for names in defined):
+            return accuracy
+    return None
 
 
 @in_style()
 def latency_accuracy(
-    runs: Numbers, methods: Sequence[MethodInfo], footer: str = "", width_in: float | None = None
+    runs: Numbers,
+    methods: Sequence[MethodInfo],
+    footer: str = "",
+    width_in: float | None = None,
+    *,
+    ax: Axes | None = None,
 ) -> Figure:
     """A point per run and method, with the intervals of both; up and to the left is better.
 
-    ``runs``: metrics by label. Streaming F1 where every run has it, else the proxy; the dotted line is the detector's
-    own answer without delay. Raises ValueError where the runs have no accuracy in common.
+    ``runs``: metrics by label. Streaming F1 where every run has it, else the proxy; the dotted line
+    is the zero-delay detector. ``ax`` is a panel of the user's own to draw into. Raises
+    ValueError where the runs have no accuracy in common.
     """
     accuracy = drawable(runs)
     if accuracy is None:
         raise ValueError("runs without a common accuracy")
-    figure = Figure(figsize=(width_in or style.COLUMN_IN, 2.1))
-    axis = figure.subplots()
-    for number, (label, measured) in enumerate(runs.items()):
-        found = {
-            (one.metric, one.method, one.component): one
-            for one in measured
-            if one.placement == "all"
+    figure, axis = one_panel(width_in or style.COLUMN_IN, 2.1, ax)
+    looks = style.method_looks([method.name for method in methods])
+    for number, (label, metrics) in enumerate(runs.items()):
+        numbers = {
+            (metric.metric, metric.method, metric.component): metric
+            for metric in metrics
+            if metric.placement == "all" and metric.value is not None
         }
-        for position, method in enumerate(methods):
-            x, y = found.get((LATENCY, method.name, "")), found.get((accuracy, method.name, ""))
-            if x is None or y is None or x.value is None or y.value is None:
-                continue
-            name = method.title if len(runs) == 1 else f"{label}: {method.title}"
-            mark = style.method_marker(number if len(runs) > 1 else position)
-            look: dict[str, Any] = {
-                "color": style.COLOURS[position % len(style.COLOURS)],
-                "marker": mark,
-            }
-            axis.errorbar(
-                x.value, y.value, _ends(y), _ends(x), linestyle="", capsize=2, label=name, **look
-            )
-        floors = [
-            one.value for (name, _, part), one in found.items() if (name, part) == (accuracy, FLOOR)
+        for look, method in zip(looks, methods, strict=True):
+            x = numbers.get((LATENCY, method.name, ""))
+            y = numbers.get((accuracy, method.name, ""))
+            if x is not None and y is not None:
+                name = method.title if len(runs) == 1 else f"{label}: {method.title}"
+                marker = style.method_marker(number if len(runs) > 1 else look)
+                colour = style.method_colour(look)
+                _draw_point(axis, x, y, label=name, color=colour, marker=marker)
+        bounds = [
+            metric.value
+            for (name, _, component), metric in numbers.items()
+            if (name, component) == (accuracy, ZERO_DELAY) and metric.value is not None
         ]
-        if floors and floors[0] is not None:
-            axis.axhline(
-                floors[0], color="0.4", linewidth=0.9, linestyle=":", label="detector without delay"
-            )
+        if bounds:
+            line: dict[str, Any] = {"color": "0.4", "linewidth": 0.9, "linestyle": ":"}
+            axis.axhline(bounds[0], label=component_title(ZERO_DELAY), **line)
     axis.set_xscale("log")
     logarithmic_ms(axis, *axis.get_xlim())
     axis.set_ylim(0, 1.02)
     axis.yaxis.set_major_formatter(FuncFormatter(style.percent_tick))
-    axis.set_xlabel("mean time to first answer [ms], logarithmic")
-    axis.set_ylabel(ACCURACY[accuracy][0])
-    finish(figure, f"Latency against accuracy: {''.join(ACCURACY[accuracy])}", footer, [axis])
+    axis.set_xlabel(f"{METRICS[LATENCY].label}, logarithmic")
+    axis.set_ylabel(title_of(accuracy))
+    if ax is not None:
+        finish_axes(ax)
+        return figure
+    title = f"Accuracy versus latency: {title_of(accuracy)}, with 95 % intervals"
+    finish(figure, title, footer, [axis])
     return figure
 
 
-def _ends(metric: Metric) -> np.ndarray[tuple[int, int], np.dtype[np.float64]] | None:
+def _draw_point(axis: Axes, x: Metric, y: Metric, **look: Any) -> None:
+    """A mark at the values of two metrics, with a bar along each axis for its interval."""
+    assert x.value is not None and y.value is not None
+    axis.errorbar(x.value, y.value, xerr=_reach(x), yerr=_reach(y), linestyle="", capsize=2, **look)
+
+
+def _reach(metric: Metric) -> np.ndarray[tuple[int, int], np.dtype[np.float64]] | None:
     """How far the interval reaches below and above the value."""
     if metric.value is None or metric.low is None or metric.high is None:
         return None

@@ -1,14 +1,15 @@
-"""Intervals of a run's numbers: from batch means inside one run, and over runs with several seeds."""
+"""Intervals of numbers: from batch means inside one run, and over runs with several seeds."""
 
 import functools
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from genie_sim.recording.columns import Floats, Text
 from genie_sim.recording.results import Metric
+from genie_sim.text import significant
 from genie_sim.units import NS_PER_S
 
 if TYPE_CHECKING:
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
 
 BLOCK_NS = NS_PER_S
 CONFIDENCE = 0.95
+PERCENTILES = (50, 95, 99)
 NORMAL_QUANTILE = 1.959963984540054  # of (1 + CONFIDENCE) / 2
 
 NO_SHARES = ("confidence_boost", "improvement")  # metrics of unit 1 that may be below 0
@@ -25,43 +27,49 @@ _METRIC = ["metric", "method", "placement", "component", "unit"]  # the columns 
 def across_seeds(
     runs: "pd.DataFrame", by: Sequence[str], differences: bool = False
 ) -> "pd.DataFrame":
-    """Mean, 95 % t interval and count of each metric within the groups ``by``: columns value, low, high, runs.
+    """Mean, 95 % t interval and count of each metric within the groups ``by``: columns value, low,
+    high, runs.
 
-    The unit of replication is the seed: with several runs of a group under one seed, their mean counts once. One seed
-    gives no interval. That of a share (not of ``differences``) is Wilson's, so it stays within 0 and 1.
+    The unit of replication is the seed: with several runs of a group under one seed, their mean
+    counts once. One seed gives no interval. That of a share (not of ``differences``) is Wilson's,
+    so it stays within 0 and 1.
     """
     per_seed = runs.groupby([*by, *_METRIC, "seed"], sort=False, dropna=False)["value"].mean()
     grouped = per_seed.groupby([*by, *_METRIC], sort=False, dropna=False)
     spread = grouped.std().to_numpy()
-    found = grouped.agg(value="mean", runs="count").reset_index()
-    n = found["runs"].to_numpy()
+    rows = grouped.agg(value="mean", runs="count").reset_index()
+    n = rows["runs"].to_numpy()
     half = np.full(len(n), np.nan)
     several = n > 1
-    half[several] = [half_of_mean(*one) for one in zip(spread[several], n[several], strict=True)]
-    found = found.assign(low=found["value"] - half, high=found["value"] + half)
+    half[several] = [
+        half_of_mean(*sample) for sample in zip(spread[several], n[several], strict=True)
+    ]
+    rows = rows.assign(low=rows["value"] - half, high=rows["value"] + half)
     shares = (
-        (found["unit"] == "1")
-        & ~found["metric"].str.startswith(NO_SHARES)
+        (rows["unit"] == "1")
+        & ~rows["metric"].str.startswith(NO_SHARES)
         & ~np.isnan(half)
         & (not differences)
     )
     ends = [
         wilson(value, reach)
-        for value, reach in zip(found["value"][shares], half[shares], strict=True)
+        for value, reach in zip(rows["value"][shares], half[shares], strict=True)
     ]
-    found.loc[shares, ["low", "high"]] = np.reshape(ends, (-1, 2))
+    rows.loc[shares, ["low", "high"]] = np.reshape(ends, (-1, 2))
     for name in ("value", "low", "high"):  # ten digits: processors add up in different orders
-        found[name] = [float(f"{number:.10g}") for number in found[name]]
-    return found[[*by, *_METRIC, "value", "low", "high", "runs"]]
+        rows[name] = [significant(number, digits=10) for number in rows[name]]
+    return rows[[*by, *_METRIC, "value", "low", "high", "runs"]]
 
 
 def over_seeds(values: Sequence[float] | Floats) -> tuple[float, float]:
-    """Mean, and half of its 95 % t interval: 0 for one value. As by ``np.mean`` and ``np.std``, faster."""
-    known, n = np.asarray(values, dtype=float), len(values)
-    mean = float(np.add.reduce(known)) / n
+    """Mean, and half of its 95 % t interval: 0 for one value. As by ``np.mean`` and ``np.std``,
+    faster.
+    """
+    sample, n = np.asarray(values, dtype=float), len(values)
+    mean = float(np.add.reduce(sample)) / n
     if n == 1:
         return mean, 0.0
-    away = known - mean
+    away = sample - mean
     return mean, half_of_mean(math.sqrt(float(np.add.reduce(away * away)) / (n - 1)), n)
 
 
@@ -70,9 +78,25 @@ def half_of_mean(spread: float, n: int) -> float:
     return float(t_quantile(int(n) - 1) * spread / math.sqrt(n))
 
 
+def mean_bands(seeds: Floats, shares: bool = False) -> tuple[Floats, Floats, Floats]:
+    """Of curves, a row a seed: at each place their mean and the ends of its 95 % t interval, of
+    ``shares`` Wilson's.
+    """
+    n = len(seeds)
+    mean = seeds.mean(axis=0)
+    if n == 1:
+        return mean, mean, mean
+    half = t_quantile(n - 1) * seeds.std(axis=0, ddof=1) / math.sqrt(n)
+    if not shares:
+        return mean, mean - half, mean + half
+    low, high = np.transpose([wilson(*place) for place in zip(mean, half, strict=True)])
+    return mean, low, high
+
+
 class Blocks:
-    """Rows grouped into one second each, every stratum (car or Genie) for itself. Unless intervals are ``wanted``,
-    nothing is computed, and every one is unknown."""
+    """Rows grouped into blocks of one second each, every stratum (car or Genie) by itself. Unless
+    intervals are ``wanted``, nothing is computed, and all are unknown.
+    """
 
     def __init__(
         self, strata: Text, instants_ns: np.ndarray[Any, np.dtype[np.int64]], wanted: bool = True
@@ -89,7 +113,9 @@ class Blocks:
         self._sizes = np.bincount(self._stratum)
 
     def influence(self, above: Floats, below: Floats) -> Floats:
-        """How far each block moves the ratio sum(above) / sum(below): the linearised ratio estimator's residuals."""
+        """How far each block moves the ratio sum(above) / sum(below): the linearised ratio
+        estimator's residuals.
+        """
         if not self._wanted:
             return np.zeros(0)
         sums, counts = self._sum(above), self._sum(below)
@@ -114,10 +140,11 @@ class Blocks:
 
 @functools.lru_cache(maxsize=4096)
 def t_quantile(freedom: int) -> float:
-    """The 97.5 % quantile of Student's t distribution; scipy has it too, and takes as long to import as a run does.
+    """The 97.5 % quantile of Student's t distribution; scipy has it too, and takes as long to
+    import as a run does.
 
-    Source: M. Abramowitz, I. Stegun, "Handbook of Mathematical Functions", 1964: from 300 degrees of freedom on the
-    series 26.7.5, below that Newton's method on 26.7.3 and 26.7.4.
+    Source: M. Abramowitz, I. Stegun, "Handbook of Mathematical Functions", 1964: from 300 degrees
+    of freedom on the series 26.7.5, below that Newton's method on 26.7.3 and 26.7.4.
     """
     x = NORMAL_QUANTILE
     series = (
@@ -162,17 +189,17 @@ def around(value: float, half: float | None) -> tuple[float | None, float | None
 
 
 def wilson(value: float, half: float, n: int = 0) -> tuple[float, float]:
-    """Wilson's interval of a share whose usual one reaches ``half`` to either side, which says for how many independent
-    rows it stands; of a share of 0 or 1, that of ``n`` rows (0: nothing but the value). It stays within 0 and 1.
+    """Wilson's interval of a share whose usual one reaches ``half`` to either side, which says for
+    how many independent rows it stands; of a share of 0 or 1, that of ``n`` rows (0: nothing but
+    the value). It stays within 0 and 1.
 
-    Source: E. B. Wilson, "Probable inference, the law of succession, and statistical inference", 1927; with an
-    effective number of rows: E. L. Korn, B. I. Graubard, "Confidence intervals for proportions with small expected
-    number of positive counts estimated from survey data", 1998.
+    Source: E. B. Wilson, "Probable inference, the law of succession, and statistical inference",
+    1927; with an effective number of rows: E. L. Korn, B. I. Graubard, "Confidence intervals for
+    proportions with small expected number of positive counts estimated from survey data", 1998.
     """
     spread = value * (1 - value)
-    k = (
-        half**2 / spread if spread > 0 else NORMAL_QUANTILE**2 / n if n else 0.0
-    )  # quantile squared / rows
+    # quantile squared / rows
+    k = half**2 / spread if spread > 0 else NORMAL_QUANTILE**2 / n if n else 0.0
     middle, reach = value + k / 2, math.sqrt(k * spread + k * k / 4)
     return max((middle - reach) / (1 + k), 0.0), min((middle + reach) / (1 + k), 1.0)
 
@@ -181,16 +208,63 @@ def share(
     blocks: Blocks,
     name: str,
     where: tuple[str, str, str],
+    *,
     part: Floats,
     whole: Floats,
     unit: str = "1",
 ) -> Metric:
-    """How many of ``whole`` are in ``part``, at a method, placement and component, with Wilson's interval; with another
-    unit than 1 the mean of what adds up to ``part``, with the usual one."""
+    """The ratio of two sums over rows as a metric with its interval, Wilson's for a share.
+
+    Parameters
+    ----------
+    blocks : Blocks
+        The rows grouped into seconds.
+    name : str
+        The metric.
+    where : tuple of str
+        Its method, placement and component.
+    part, whole : array
+        A number for each row, above and below; for a share, flags or counts.
+    unit : str
+        ``1`` for a share; the ratio in any other unit is a mean, and gets the usual interval.
+    """
     n = int(whole.sum())
     if not n:
-        return Metric(name, *where, None, unit)
+        return Metric(name, *where, value=None, unit=unit)
     value = float(part.sum() / n)
     half = blocks.half_width(blocks.influence(part.astype(float), whole.astype(float)))
     low, high = wilson(value, half, n) if unit == "1" and half is not None else around(value, half)
-    return Metric(name, *where, value, unit, low, high, n)
+    return Metric(name, *where, value=value, unit=unit, low=low, high=high, n=n)
+
+
+def latencies(
+    blocks: Blocks, values_ms: Floats, name: str, where: tuple[str, str, str]
+) -> Iterator[Metric]:
+    """Mean and percentiles of the values that are not NaN; ``where`` as in a metric: method,
+    placement, component.
+
+    A percentile's interval is Woodruff's: the interval of the share of values below it, read back
+    through the distribution; it ends at the run's smallest and largest value.
+    """
+    answered = ~np.isnan(values_ms)
+    values, n = values_ms[answered], int(answered.sum())
+    if not n:
+        for part in ("mean", *(f"p{percent}" for percent in PERCENTILES)):
+            yield Metric(f"{name}_{part}", *where, value=None, unit="ms")
+        return
+    mean = float(values.mean())
+    half = blocks.half_width(
+        blocks.influence(np.where(answered, values_ms, 0.0), answered.astype(float))
+    )
+    low, high = around(mean, half)
+    yield Metric(f"{name}_mean", *where, value=mean, unit="ms", low=low, high=high, n=n)
+    percentiles = np.percentile(values, PERCENTILES).tolist()
+    for percent, value in zip(PERCENTILES, percentiles, strict=True):
+        below = answered & (values_ms <= value)
+        half = blocks.half_width(blocks.influence(below.astype(float), answered.astype(float)))
+        low = high = None
+        if half is not None:
+            rank = percent / 100
+            low = float(np.quantile(values, max(rank - half, 0.0)))
+            high = float(np.quantile(values, min(rank + half, 1.0)))
+        yield Metric(f"{name}_p{percent}", *where, value=value, unit="ms", low=low, high=high, n=n)

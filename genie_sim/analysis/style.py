@@ -1,24 +1,26 @@
 """How figures and pages look: sizes, text, and one palette for methods, placements and resources.
 
-A method's colour, line and hatch go by its position among the methods that ran, a resource's by its position among
-those in a panel. Cars and edges are never in a method's colour: they are grey, and differ in hatch or dashes. Colours
-are told apart with any colour vision (after Okabe and Ito), and in greyscale by their dashes and hatches.
+A method's look is a number: its colour, dashes, marker and hatch. It goes by the method's name, so
+that a method looks the same in every figure and on every page; methods of the user's own go by
+their order. A resource's look goes by its position among those in a panel. Cars and edges are never
+in a method's colour: they are grey, and differ in hatch or dashes. Colours are told apart with any
+colour vision (the first eight after Okabe and Ito), and in greyscale by dashes, markers and
+hatches.
 """
 
-import re
+from collections.abc import Sequence
+from itertools import chain, count
 from typing import Any
 
 import numpy as np
 
-COLUMN_IN, PAGE_IN = (
-    3.5,
-    7.16,
-)  # width of a column and of a page of IEEE's and ACM's journals and proceedings
-WIDTHS = {"column": COLUMN_IN, "page": PAGE_IN}
-LINE_IN, CHARACTER_IN = (
-    0.17,
-    0.058,
-)  # height of a line of 8 points, and about the width of a character
+from genie_sim.text import percent_text
+
+# width of a column and of a page in IEEE's journals and proceedings; ACM's are narrower (sigconf)
+COLUMN_IN, PAGE_IN = 3.5, 7.16
+WIDTHS = {"column": COLUMN_IN, "page": PAGE_IN, "acm-column": 3.33, "acm-page": 7.0}
+# height of a line of 8 points, and about the width of a character
+LINE_IN, CHARACTER_IN = 0.17, 0.058
 RC: dict[str, Any] = {
     "font.size": 8,
     "axes.titlesize": 8,
@@ -42,17 +44,50 @@ RC: dict[str, Any] = {
     "pdf.fonttype": 42,  # fonts are inside, as TrueType
     "svg.hashsalt": "genie-sim",
 }
-COLOURS = ("#E69F00", "#C44E00", "#0B3C6F", "#009E73", "#CC79A7", "#56B4E9", "#777777", "#000000")
-HOSTS = (
-    "#332288",
-    "#88CCEE",
-    "#44AA99",
-    "#117733",
-    "#999933",
-    "#DDCC77",
-    "#CC6677",
-    "#882255",
-)  # no method's (Tol)
+COLOURS = (
+    "#E69F00",
+    "#C44E00",
+    "#0B3C6F",
+    "#009E73",
+    "#CC79A7",
+    "#56B4E9",
+    "#777777",
+    "#000000",
+    "#7B3FA0",
+    "#8C5A2B",
+    "#7FA600",
+    "#E0245E",
+)
+# Of the methods that come with the program, and of their variants in its scenarios, which have the
+# colour of the method that they vary.
+METHOD_LOOKS = {
+    "local": 0,
+    "remote": 1,
+    "genie": 2,
+    "genie_recommended": 3,
+    "recommended": 3,
+    "central": 6,
+    "oracle": 7,
+    "sim_lru": 8,
+    "rnd_lru": 9,
+    "potluck": 10,
+    "foggycache": 11,
+    "local_tracker": 12,
+    "remote_tracker": 13,
+    "remote_fours": 13,
+    "genie_former": 14,
+    "genie_alone": 14,
+    "genie_tracks": 14,
+    "recommended_fours": 15,
+    "cachier": 16,
+    "deadline": 17,
+    "paced_remote": 18,
+    "paced_tracker": 19,
+}
+FIRST_OWN_LOOKS = (4, 5)  # then those after all of METHOD_LOOKS
+SAME_COLOUR = 4  # looks of one colour that differ in dashes
+# no method's (Tol)
+HOSTS = ("#332288", "#88CCEE", "#44AA99", "#117733", "#999933", "#DDCC77", "#CC6677", "#882255")
 DARK_HOSTS = (
     "#9C90F0",
     "#88CCEE",
@@ -63,6 +98,7 @@ DARK_HOSTS = (
     "#E08895",
     "#D873A4",
 )
+# dark pages
 DARK_COLOURS = (
     "#F0B13C",
     "#FF8A4C",
@@ -72,17 +108,22 @@ DARK_COLOURS = (
     "#5AC8FA",
     "#A0A0A0",
     "#E8E8E8",
-)  # dark pages
+    "#B98AE0",
+    "#C99A6B",
+    "#B4D43A",
+    "#FF6B95",
+)
 DOTTED, DASH_DOT, SOLID, DASHED = (0, (1, 1)), (0, (5, 1.2, 1, 1.2)), "-", (0, (4, 1.2))
 DASHES = (DOTTED, DASH_DOT, SOLID, DASHED)
 HATCHES = ("////", "....", "", "xxxx", "\\\\\\\\", "++++", "oooo", "----")
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
-# What a response time goes into: its name, and a light tone and a hatch of no method's (after Paul Tol).
+# What a response time goes into: its name, and a light tone and a hatch of no method's (after Paul
+# Tol).
 PARTS: dict[str, tuple[str, dict[str, Any]]] = {
     "queueing": ("queueing", {"facecolor": "#DDDDDD", "hatch": "...."}),
     "pending": ("equal frame pending", {"facecolor": "#FFFFFF", "hatch": "xxxx"}),
     "genie": ("Genie or cache", {"facecolor": "#77AADD", "hatch": "oooo"}),
-    "hop": ("hops", {"facecolor": "#FFAABB", "hatch": "||||"}),
+    "hop": ("IPC", {"facecolor": "#FFAABB", "hatch": "||||"}),
     "encoding": ("encoding", {"facecolor": "#BBCC33", "hatch": "++++"}),
     "uplink": ("uplink", {"facecolor": "#EEDD88", "hatch": "////"}),
     "inference": ("inference", {"facecolor": "#44BB99", "hatch": ""}),
@@ -100,32 +141,48 @@ PLACEMENT_BARS = {
 }
 
 
-def method_line(position: int) -> dict[str, Any]:
-    """Colour, dashes and width of a method's line; no two of the first 32 are the same."""
-    dashes = DASHES[(position + position // len(COLOURS)) % len(DASHES)]
-    return {"color": COLOURS[position % len(COLOURS)], "linestyle": dashes, "linewidth": 1.7}
+def method_looks(names: Sequence[str]) -> list[int]:
+    """The look of each method, by its name; no two are the same.
+
+    A name may begin with that of a setting, as in ``wifi: genie``. A method that comes again, under
+    another setting, keeps its colour as long as there are dashes left for it.
+    """
+    looks: list[int] = []
+    for name in names:
+        look = METHOD_LOOKS.get(name.rpartition(": ")[2])
+        same_colour = () if look is None else range(look, SAME_COLOUR * len(COLOURS), len(COLOURS))
+        own_looks = chain(FIRST_OWN_LOOKS, count(max(METHOD_LOOKS.values()) + 1))
+        looks.append(next(look for look in chain(same_colour, own_looks) if look not in looks))
+    return looks
 
 
-def method_marker(position: int) -> str:
-    """The marker of a method's points; with its colour, no two of the first 64 are the same."""
-    return MARKERS[(position + position // len(COLOURS)) % len(MARKERS)]
+def method_line(look: int) -> dict[str, Any]:
+    """Colour, dashes and width of a method's line; no two of the first 48 are the same."""
+    dashes = DASHES[(look + look // len(COLOURS)) % len(DASHES)]
+    return {"color": method_colour(look), "linestyle": dashes, "linewidth": 1.7}
 
 
-def method_bar(position: int) -> dict[str, Any]:
+def method_colour(look: int) -> str:
+    return COLOURS[look % len(COLOURS)]
+
+
+def method_marker(look: int) -> str:
+    """The marker of a method's points; with its colour, no two of the first 96 are the same."""
+    return MARKERS[(look + look // len(COLOURS)) % len(MARKERS)]
+
+
+def method_bar(look: int) -> dict[str, Any]:
     """Colour and hatch of a method's bar."""
-    hatch = HATCHES[(position + position // len(COLOURS)) % len(HATCHES)]
-    return {"facecolor": COLOURS[position % len(COLOURS)], "hatch": hatch}
+    hatch = HATCHES[(look + look // len(COLOURS)) % len(HATCHES)]
+    return {"facecolor": method_colour(look), "hatch": hatch}
 
 
 def thinned(n: int, most: int = 1000) -> np.ndarray[Any, np.dtype[np.int64]]:
-    """At most ``most`` places of n, evenly spread, both ends among them: enough to draw a curve through."""
+    """At most ``most`` places of n, evenly spread, both ends among them: enough to draw a curve
+    through.
+    """
     return np.unique(np.linspace(0, n - 1, min(n, most)).astype(np.int64)) if n else np.arange(0)
 
 
-def by_number(name: str) -> list[tuple[int, str]]:
-    """A key to sort names by: ``car2`` comes before ``car10``."""
-    return [(int(part or 0), text) for text, part in re.findall(r"(\D*)(\d*)", name)]
-
-
 def percent_tick(share: float, _place: object) -> str:
-    return f"{100 * share:.4g} %"
+    return percent_text(share, digits=4)

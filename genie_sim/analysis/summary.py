@@ -1,335 +1,534 @@
-"""What a run found: in one table that fits a terminal, and in all tables of ``summary.md``."""
+"""The results of a run as tables: that for a terminal and for papers, those of ``summary.md``."""
 
 import textwrap
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import astuple, fields
+from functools import partial
+from typing import NamedTuple
 
-from genie_sim.analysis import text_table
-from genie_sim.analysis.correctness import FLOOR
-from genie_sim.analysis.metrics import DEADLINE_MS, WINDOW_REQUESTS
+from genie_sim.analysis import prices, text_table
+from genie_sim.analysis.outages import PHASES
+from genie_sim.analysis.registry import (
+    METRICS,
+    RECENT_MS,
+    WINDOW_REQUESTS,
+    ZERO_DELAY,
+    component_title,
+    value_text,
+)
+from genie_sim.analysis.seed_runs import SeedRuns, seeds_text, tables_of_runs
 from genie_sim.analysis.style import PLACEMENTS
-from genie_sim.recording.results import Metric
+from genie_sim.recording.columns import Columns
+from genie_sim.recording.results import Metric, Run
+from genie_sim.text import one_line
 
-MOST_RESOURCES, MOST_ON_SCREEN = 12, 3
-LEAST_USE = 0.01
-UNKNOWN = "-"
-LATENCY_TITLE = "Time from received to answer"
-LATENCY_NOTE = (
-    "First: the first answer to reach the consumer, be it from the object map. Fresh: a detection or a cached answer "
-    "of this very frame. Times are those of answered frames, the share under the deadline is of all published ones."
+MAX_RESOURCES = 12
+MIN_USE = 0.01  # a resource that is used less is idle
+
+# The resources of which the busiest has a row, whichever that is.
+BUSIEST: Mapping[str, Callable[[Metric], bool]] = {
+    f"busiest accelerator {where}": partial(
+        lambda placement, metric: (
+            metric.placement == placement and metric.component.endswith(".accelerator")
+        ),
+        placement,
+    )
+    for placement, where in PLACEMENTS.items()
+} | {"busiest link": lambda metric: "->" in metric.component}
+
+SCREEN = (
+    "first_answer_mean",
+    "first_answer_p95",
+    "under_deadline_share",
+    "fresh_answer_mean",
+    "fresh_answered_share",
+    "recent_share",
+    "look_age_mean",
+    "dropped_share",
+    "streaming_f1",
+    "ghost_share",
+    "held_age",
+    "first_proxy_f1",
+    "wrong_hit_share",
+)
+SCREEN_REUSE = ("image_reuse", "object_reuse")
+SCREEN_PRICES = ("bytes_up_per_frame", "accelerator_time", "energy_per_frame")
+FAULTS = (
+    "fault_answered_share",
+    "fault_fresh_share",
+    "fault_latency",
+    "fault_look_age",
+    "fault_recall",
+    "fault_ghosts",
+)
+RECOVERY = "fault_recovery"
+RESPONSE_TIMES = (
+    "first_answer_mean",
+    "first_answer_p50",
+    "first_answer_p95",
+    "first_answer_p99",
+    "under_deadline_share",
+    "fresh_answer_mean",
+    "fresh_answer_p50",
+    "fresh_answer_p95",
+    "fresh_answer_p99",
+    "fresh_under_deadline_share",
+    "look_age_mean",
+    "look_age_p50",
+    "look_age_p95",
+    "look_age_p99",
+)
+FRAMES = (
+    "answered_share",
+    "fresh_answered_share",
+    "recent_share",
+    "empty_answer_share",
+    "dropped_share",
+    "in_flight_share",
+    "fresh_answer_throughput",
+    "looks_own_share",
+    "looks_sent_share",
+    "looks_answered_share",
+    "looks_stale_share",
+    "looks_overtaken_share",
+    "looks_timed_out_share",
+    "looks_in_flight_share",
+    "look_round_trip_mean",
+    "view_age_mean",
+    "view_age_p95",
+)
+PROXIES = (
+    "first_proxy_precision",
+    "first_proxy_recall",
+    "first_proxy_f1",
+    "result_proxy_precision",
+    "result_proxy_recall",
+    "result_proxy_f1",
+    "wrong_hit_share",
+)
+TRUTHS = (
+    "streaming_f1",
+    "object_precision",
+    "object_recall",
+    "object_recall_static",
+    "object_recall_moving",
+    "gospa",
+    "ghost_share",
+    "ghost_share_moved_away",
+    "ghost_share_never_there",
+    "ghost_share_duplicate",
+    "held_age",
+    "place_error",
+    "shared_share",
+    "shared_right_share",
+)
+LAPS = ("lap_recall", "lap_f1")
+IMPROVEMENTS = ("improvement_first_answer", "improvement_fresh_answer")
+GENIES = (
+    "image_reuse",
+    "image_reuse_pooled",
+    "image_reuse_with_neighbours",
+    "wrong_hit_share",
+    "coalesced_share",
+    "object_reuse",
+    "object_reuse_pooled",
+    "confidence_boost",
+    "stored_images",
+    "stored_objects",
 )
 
-SCREEN_ROWS = (
-    ("first answer, mean [ms]", "first_answer_mean"),
-    ("first answer, p95 [ms]", "first_answer_p95"),
-    (f"first within {DEADLINE_MS:g} ms [%]", "under_deadline_share"),
-    ("fresh answer, mean [ms]", "fresh_answer_mean"),
-    ("with a fresh answer [%]", "fresh_answered_share"),
-    ("dropped [%]", "dropped_share"),
-    ("F1 of what is held [%]", "streaming_f1"),
-    ("- ghosts in it [%]", "ghost_share"),
-    ("- its age [s]", "held_age"),
-    ("F1 of first answer* [%]", "first_proxy_f1"),
-    ("wrong cache hits* [%]", "wrong_hit_share"),
+PRICES = (
+    "bytes_up_per_frame",
+    "bytes_down_per_frame",
+    "bytes_up_rate",
+    "bytes_down_rate",
 )
-SCREEN_REUSE = (("image reuse", "image_reuse"), ("object reuse", "object_reuse"))
-SCREEN_NOTE = "Times count from when a frame reached the first node's queue. Shares: of all frames. Fresh: about this very frame."
-SCREEN_FLOOR = "Held: by the consumer, against what is there; floor: the detector without delay."
-SCREEN_PROXY = "* Against the detector's own answer to the frame."
+PRICES_PLACED = (  # of cars and edges apart
+    "accelerator_time",
+    "cpu_time",
+    "batch_size",
+    "energy_per_frame",
+    "energy_active_per_frame",
+    "energy_per_fresh",
+    "energy_per_right",
+)
 
-Found = Mapping[tuple[str, str, str, str], Metric]  # by metric, method, placement, component
-
-LATENCY_ROWS = (  # label, metric of the first answer, metric of the fresh answer
-    ("mean [ms]", "first_answer_mean", "fresh_answer_mean"),
-    ("median [ms]", "first_answer_p50", "fresh_answer_p50"),
-    ("p95 [ms]", "first_answer_p95", "fresh_answer_p95"),
-    ("p99 [ms]", "first_answer_p99", "fresh_answer_p99"),
-    (f"under {DEADLINE_MS:g} ms [%]", "under_deadline_share", "fresh_under_deadline_share"),
+ABOUT_TIMES = (
+    "Times: from when a frame reaches the queue of its first ROS node. Shares: of all published "
+    "frames, unless the name says otherwise."
 )
-FRAME_ROWS = (
-    ("answered", "answered_share"),
-    ("with a fresh answer", "fresh_answered_share"),
-    ("empty answers", "empty_answer_share"),
-    ("dropped", "dropped_share"),
-    ("in flight", "in_flight_share"),
-    ("fresh answers a second", "fresh_answer_throughput"),
+ABOUT_ANSWERS = (
+    "First answer: any, perhaps from the object map. Fresh result: a detector looked at this very "
+    f"frame. Recent: a look at most {RECENT_MS:g} ms older. Age of look: from the newest frame in "
+    "which a detector saw any of the first answer."
 )
-PROXY_ROWS = (
-    ("first: precision*", "first_proxy_precision"),
-    ("first: recall*", "first_proxy_recall"),
-    ("first: F1*", "first_proxy_f1"),
-    ("fresh: precision*", "fresh_proxy_precision"),
-    ("fresh: recall*", "fresh_proxy_recall"),
-    ("fresh: F1*", "fresh_proxy_f1"),
-    ("wrong cache hits*", "wrong_hit_share"),
+ABOUT_TRUTH = (
+    "Held: what the consumer believes at each instant, against what is in view then. Zero-delay "
+    "detector: the detector's own answers without any delay, judged in the same way."
 )
-TRUTH_ROWS = (
-    ("streaming: precision", "object_precision"),
-    ("recall, static", "object_recall_static"),
-    ("recall, moving", "object_recall_moving"),
-    ("F1", "streaming_f1"),
-    ("GOSPA", "gospa"),
-    ("ghosts", "ghost_share"),
-    ("- moved away", "ghost_share_moved_away"),
-    ("- never there", "ghost_share_never_there"),
-    ("- duplicates", "ghost_share_duplicate"),
-    ("age of what is held", "held_age"),
-    ("place error", "place_error"),
+ABOUT_PROXIES = (
+    "Proxy, and cache hits: against the detector's own answer to the same frame, which errs, too."
 )
-PROXY_NOTE = (
-    "* A proxy: against the detector's own answer to the same frame, which errs too. Wrong cache hits: those with an "
-    "F1 below 80 %."
+ABOUT_WRONG_HITS = METRICS["wrong_hit_share"].meaning
+NO_TRUTH = (
+    "The objects that are really there are not known here; 'genie-sim truth' makes a truth table "
+    "of any labelled drive."
 )
-TRUTH_NOTE = (
-    "Streaming: what the consumer holds at each instant, against what is really in view then. Floor: the detector's "
-    "own answer without any delay. Ghosts: held objects that are not there."
+ABOUT_ENERGY = (
+    "Energy: of cars and edges until the last answer, from the watts of the device profiles; in "
+    "brackets with every power at the lower and at the upper end of its range."
 )
-NO_TRUTH_NOTE = "What is really there is not known here; 'genie-sim truth' makes a truth table of any labelled drive."
-IMPROVEMENT_ROWS = (
-    ("first answer", "improvement_first_answer"),
-    ("fresh answer", "improvement_fresh_answer"),
+ABOUT_IMPROVEMENTS = "Improvement: 1 - mean of the method / mean of the baseline."
+ABOUT_FAULTS = (
+    "The first fault that is no hand-over; a frame belongs to the time of its stamp. Recovery: "
+    "from its end to the first half second with 95 % of the share of fresh results before it."
 )
-GENIE_ROWS = (
-    ("image reuse", "image_reuse"),
-    ("image reuse, pooled over Genies", "image_reuse_pooled"),
-    ("image reuse with neighbours", "image_reuse_with_neighbours"),
-    ("wrong image hits*", "wrong_hit_share"),
-    ("coalesced requests", "coalesced_share"),
-    ("object reuse", "object_reuse"),
-    ("object reuse, pooled over Genies", "object_reuse_pooled"),
-    ("confidence boost", "confidence_boost"),
-    ("stored images per Genie", "stored_images"),
-    ("stored objects per Genie", "stored_objects"),
-)
-NOTE_ON_WORDS = (
-    "Response times count from when the frame reached the first node's queue. Empty: an answer without objects. "
-    "Improvement: 1 - mean of the method / mean of the baseline."
-)
-NOTE_ON_INTERVALS = (
-    "In brackets: for latencies, shares, improvements and boosts the 95 % interval inside this run (blocks of one "
-    "second; other seeds and drives may differ by more); for reuse the lowest and the highest ratio of any "
-    f"{WINDOW_REQUESTS} requests in a row of any Genie."
+ABOUT_BUSIEST = "Busiest: the utilization of whichever is used most."
+ABOUT_INTERVALS = (
+    "In brackets: for latencies, shares, improvements and boosts the 95 % interval inside this run "
+    "(blocks of one second; other seeds and drives may differ by more); for reuse the lowest and "
+    f"the highest ratio of any {WINDOW_REQUESTS} requests in a row of any Genie."
 )
 
 
-@dataclass(frozen=True, slots=True)
-class _Table:
-    """A heading, the names of the columns, and rows that begin with their label."""
+class MetricRow(NamedTuple):
+    """A row of a table: its label, and a metric or nothing for each column."""
+
+    label: str
+    metrics: Sequence[Metric | None]
+
+
+class MetricTable(NamedTuple):
+    """A table of metrics: its title, the headings of its columns, its rows, and a note below."""
 
     title: str
-    columns: Sequence[str]
-    rows: Sequence[tuple[str, Sequence[Metric | None]]]
-    more: str = ""
-    units: bool = True  # beside every number; False: the label tells
+    headings: Sequence[str]
+    rows: Sequence[MetricRow]
+    note: str = ""
 
 
-def text(metrics: Sequence[Metric], width: int = 80) -> str:
-    """The table for a terminal, lines of at most ``width`` characters (from 40 on); long labels are wrapped. Of the
-    rows that any method has: how early, how fresh and how right answers are, then reuse, then the busiest devices."""
-    headings, rows = _screen(metrics)
-    notes = [SCREEN_NOTE, SCREEN_FLOOR if FLOOR in headings else NO_TRUTH_NOTE if rows else ""]
-    notes.append(SCREEN_PROXY if any("*" in label for label, _ in rows) else "")
-    cells = [[_show(cell, unit=False) for cell in row] for _, row in rows]
-    widths = [max(map(len, column)) for column in zip(headings, *cells, strict=True)]
-    room = max(width - sum(2 + one for one in widths), 8)
-    label_width = min(room, max((len(label) for label, _ in rows), default=0))
-    lines = [_line("", label_width, headings, widths)]
-    for (label, _), row in zip(rows, cells, strict=True):
-        *above, last = textwrap.wrap(label, label_width)
-        lines += [*above, _line(last, label_width, row, widths)]
-    lines += textwrap.wrap(" ".join(filter(None, notes)), width)
-    return "\n".join(lines) + "\n"
+class MetricColumn(NamedTuple):
+    """The metrics of one column: those of a method, a placement and a component."""
+
+    heading: str
+    method: str
+    placement: str = "all"
+    component: str = ""
 
 
-def cells(
-    metrics: Sequence[Metric], titles: Mapping[str, str]
-) -> tuple[list[str], list[list[str]]]:
-    """The same table as headings and rows of text with the intervals inside the run; methods have their ``titles``."""
-    headings, rows = _screen(metrics)
-    made = [
-        [label, *(_show(cell, unit=False, interval=True) for cell in row)] for label, row in rows
-    ]
-    return ["", *(titles.get(heading, heading) for heading in headings)], made
+class _Numbers:
+    """The metrics of a run by their names and places, and the methods that were simulated."""
 
+    def __init__(self, run: Run | SeedRuns) -> None:
+        self.metrics = run.measured
+        self.runs = tables_of_runs(run)
+        self._by_place = {
+            (metric.metric, metric.method, metric.placement, metric.component): metric
+            for metric in run.measured
+        }
+        simulated = {metric.method for metric in run.measured}
+        self.titles = {
+            method.name: one_line(method.title)
+            for method in run.methods
+            if method.name in simulated
+        }
+        self.columns = [MetricColumn(title, name) for name, title in self.titles.items()]
 
-def _screen(metrics: Sequence[Metric]) -> tuple[list[str], list[tuple[str, list[Metric | None]]]]:
-    """The columns of the one table and its rows: those that any method has."""
-    found, methods = _found(metrics)
-    columns = [(method, "all", "") for method in methods]
-    columns += [
-        column
-        for method in methods
-        if ("streaming_f1", *(column := (method, "all", FLOOR))) in found
-    ][:1]
-    rows = _rows(SCREEN_ROWS, columns, found)
-    for label, metric in SCREEN_REUSE:
-        for placement, where in PLACEMENTS.items():
-            rows.append(
-                (
-                    f"{label} {where} [%]",
-                    [found.get((metric, method, placement, "")) for method in methods],
-                )
-            )
-    busiest = _busiest(metrics)[:MOST_ON_SCREEN]
-    use = _use(metrics)
-    rows += [
-        (f"{name} busy [%]", [use.get((name, method)) for method in methods]) for name in busiest
-    ]
-    rows = [(label, [*row, *[None] * (len(columns) - len(row))]) for label, row in rows if any(row)]
-    return [component or method for method, _, component in columns], rows
+    def of(self, metric: str, column: MetricColumn) -> Metric | None:
+        return self._by_place.get((metric, column.method, column.placement, column.component))
 
-
-def _found(metrics: Sequence[Metric]) -> tuple[Found, list[str]]:
-    """The metrics by where they are, and the methods that ran, in their order."""
-    found = {(one.metric, one.method, one.placement, one.component): one for one in metrics}
-    return found, list(
-        dict.fromkeys(one.method for one in metrics if one.metric == "frames_published")
-    )
-
-
-def markdown(metrics: Sequence[Metric], scenario: str, run_id: str, seed: int) -> str:
-    """``summary.md``: the same tables with intervals, and what the words and intervals mean."""
-    parts = [f"# {scenario}", f"Run `{run_id}`, seed {seed}.", NOTE_ON_WORDS, NOTE_ON_INTERVALS]
-    parts = [textwrap.fill(part, 120) for part in parts]
-    for table in _tables(metrics):
-        rows = [
-            [label, *(_show(one, table.units, interval=True) for one in cells)]
-            for label, cells in table.rows
+    def rows(self, metrics: Sequence[str], columns: Sequence[MetricColumn]) -> list[MetricRow]:
+        """A row for each metric."""
+        return [
+            MetricRow(METRICS[metric].label, [self.of(metric, column) for column in columns])
+            for metric in metrics
         ]
-        shown = text_table.markdown(["", *table.columns], rows, "l" + "r" * len(table.columns))
-        parts += filter(None, [f"## {table.title}", shown, table.more])
+
+    def zero_delay(self) -> list[MetricColumn]:
+        """The column of the zero-delay detector, the same for all methods; none without truth."""
+        for name in self.titles:
+            column = MetricColumn(component_title(ZERO_DELAY), name, component=ZERO_DELAY)
+            if self.of("streaming_f1", column) is not None:
+                return [column]
+        return []
+
+    def busiest(self, of_kind: Callable[[Metric], bool], column: MetricColumn) -> Metric | None:
+        """The utilization of the busiest resource of a kind under a column's method; ``None``
+        where there is no such resource.
+        """
+        uses = [
+            metric
+            for metric in self.metrics
+            if (metric.metric, metric.method) == ("utilization", column.method) and of_kind(metric)
+        ]
+        if column.component or not uses:
+            return None
+        return max(uses, key=lambda metric: metric.value or 0.0)
+
+    def utilization(self) -> dict[str, dict[str, Metric]]:
+        """By resource and method, of those that are used at all; the busiest resource first."""
+        by_resource: dict[str, dict[str, Metric]] = {}
+        for metric in self.metrics:
+            if metric.metric == "utilization":
+                by_resource.setdefault(metric.component, {})[metric.method] = metric
+        highest = {
+            resource: max(metric.value or 0.0 for metric in by_method.values())
+            for resource, by_method in by_resource.items()
+        }
+        names = sorted(highest, key=lambda resource: (-highest[resource], resource))
+        return {name: by_resource[name] for name in names if highest[name] >= MIN_USE}
+
+
+def table(run: Run | SeedRuns, format: str) -> str:
+    """The same table in ``markdown``; in ``csv`` every metric with all digits. It says which files
+    of the run were changed, if any was. For ``latex`` see ``analysis.latex``.
+    """
+    if format == "csv":
+        names = [field.name for field in fields(Metric)]
+        rows = [astuple(metric) for metric in run.measured]
+        if run.changed:
+            names.append("changed")
+            rows = [(*row, " ".join(run.changed)) for row in rows]
+        return text_table.exact(names, rows)
+    headings, rows_of_text = cells(run)
+    align = "l" + "r" * (len(headings) - 1)
+    text = text_table.rounded(format, headings, rows_of_text, align)
+    about = about_seeds(run) if isinstance(run, SeedRuns) else ""
+    return text + text_table.remark(format, " ".join(filter(None, [about, run.warning])))
+
+
+def cells(run: Run | SeedRuns) -> tuple[list[str], list[list[str]]]:
+    """The same table as headings and rows of text, with intervals: inside the run, or over its
+    seeds.
+    """
+    table = _screen(_Numbers(run))
+    return ["", *table.headings], _text_rows(table)
+
+
+def about_seeds(runs: SeedRuns) -> str:
+    """What the numbers of several seeds are."""
+    seeds = seeds_text(runs.seeds)
+    return f"{seeds[0].upper()}{seeds[1:]}: means, in brackets their 95 % t intervals over seeds."
+
+
+def markdown(run: Run | SeedRuns) -> str:
+    """``summary.md``: all tables with intervals, and what the words and intervals mean."""
+    if isinstance(run, SeedRuns):
+        ids = ", ".join(f"`{of_seed.run_id}`" for of_seed in run.runs)
+        parts, about_intervals = [f"# {run.title}", f"Runs {ids}."], about_seeds(run)
+    else:
+        parts = [f"# {run.title}", f"Run `{run.run_id}`, seed {run.seed}."]
+        about_intervals = ABOUT_INTERVALS
+    abouts = (ABOUT_TIMES, ABOUT_ANSWERS, about_intervals)
+    parts += [textwrap.fill(about, 120) for about in abouts]
+    for table in _tables(_Numbers(run)):
+        align = "l" + "r" * len(table.headings)
+        parts += [
+            f"## {table.title}",
+            text_table.rounded(
+                "markdown", ["", *table.headings], _text_rows(table), align
+            ).rstrip(),
+        ]
+        if table.note:
+            parts.append(textwrap.fill(table.note, 120))
     return "\n\n".join(parts) + "\n"
 
 
-def _tables(metrics: Sequence[Metric]) -> Iterator[_Table]:
-    """The methods have the order of the metrics, which is that in which they ran."""
-    found, methods = _found(metrics)
+def main_table(run: Run | SeedRuns) -> MetricTable:
+    """The one table for a terminal or a paper: response times, correctness, reuse, and the busiest
+    devices.
+    """
+    return _screen(_Numbers(run))
+
+
+def _screen(numbers: _Numbers) -> MetricTable:
+    """The one table, of the rows in which any method has a number."""
+    methods = numbers.columns
+    columns = [*methods, *numbers.zero_delay()]
+    rows = numbers.rows(SCREEN, columns)
+    for metric in SCREEN_REUSE:
+        for placement, where in PLACEMENTS.items():
+            info = METRICS[metric]
+            placed = [column._replace(placement=placement) for column in columns]
+            label = info._replace(title=f"{info.title} {where}").label
+            rows.append(MetricRow(label, [numbers.of(metric, column) for column in placed]))
+    rows += numbers.rows(SCREEN_PRICES, columns)
+    for title, of_kind in BUSIEST.items():
+        info = METRICS["utilization"]
+        label = info._replace(title=title).label
+        rows.append(MetricRow(label, [numbers.busiest(of_kind, column) for column in columns]))
+    rows = [row for row in rows if any(row.metrics)]
+    judged = len(columns) > len(methods)
+    proxies = any(METRICS[metric].label == row.label for metric in PROXIES for row in rows)
+    notes = [ABOUT_TIMES, ABOUT_ANSWERS]
+    if any(row.label.startswith("busiest") for row in rows):
+        notes.append(ABOUT_BUSIEST)
+    if rows:
+        notes.append(ABOUT_TRUTH if judged else NO_TRUTH)
+    if proxies:
+        notes.append(ABOUT_PROXIES)
+    return MetricTable("", [column.heading for column in columns], rows, "\n".join(notes))
+
+
+def _laps(numbers: _Numbers) -> Iterator[MetricRow]:
+    """A row for each lap and each metric of laps."""
+    laps = dict.fromkeys(metric.component for metric in numbers.metrics if metric.metric == LAPS[0])
+    for name in LAPS:
+        for lap in laps:
+            columns = [column._replace(component=lap) for column in numbers.columns]
+            info = METRICS[name]
+            label = info._replace(title=f"{info.title}, {lap}").label
+            yield MetricRow(label, [numbers.of(name, column) for column in columns])
+
+
+def _faults(numbers: _Numbers) -> Iterator[MetricRow]:
+    """A row for each metric before, during and after the first fault, and one for the recovery."""
+    for name in FAULTS:
+        info = METRICS[name]
+        for phase in PHASES:
+            columns = [column._replace(component=phase) for column in numbers.columns]
+            metrics = [numbers.of(name, column) for column in columns]
+            if any(metrics):
+                title = info.title.replace("around a fault", f"{phase} the fault")
+                yield MetricRow(info._replace(title=title).label, metrics)
+    recovery = [numbers.of(RECOVERY, column) for column in numbers.columns]
+    if any(recovery):
+        yield MetricRow(METRICS[RECOVERY].label, recovery)
+
+
+def _tables(numbers: _Numbers) -> Iterator[MetricTable]:
+    """All tables, of methods in the order in which they ran."""
+    methods, headings = numbers.columns, list(numbers.titles.values())
     if methods:
-        yield _latencies(methods, found)
-        yield _Table(
-            "Published frames",
-            methods,
-            _rows(FRAME_ROWS, [(method, "all", "") for method in methods], found),
-        )
-    yield from _correctness(methods, found)
-    for method in methods:
-        over = [
-            one.component
-            for one in metrics
-            if (one.metric, one.method) == (IMPROVEMENT_ROWS[0][1], method)
+        yield MetricTable("Response times", headings, numbers.rows(RESPONSE_TIMES, methods))
+        yield MetricTable("Published frames", headings, numbers.rows(FRAMES, methods))
+    yield from _correctness(numbers)
+    if laps := list(_laps(numbers)):
+        yield MetricTable("Laps", headings, laps)
+    if around := list(_faults(numbers)):
+        yield MetricTable("Around the first fault", headings, around, ABOUT_FAULTS)
+    for method, title in numbers.titles.items():
+        baselines = [
+            metric.component
+            for metric in numbers.metrics
+            if metric.metric == IMPROVEMENTS[0] and metric.method == method
         ]
-        if over:
-            rows = _rows(IMPROVEMENT_ROWS, [(method, "all", baseline) for baseline in over], found)
-            yield _Table(
-                f"Improvement by {method}, of the mean",
-                [f"over {baseline}" for baseline in over],
-                rows,
+        columns = [
+            MetricColumn(
+                f"over {numbers.titles.get(baseline, baseline)}", method, component=baseline
             )
-    with_genies = list(dict.fromkeys(one.method for one in metrics if one.metric == "image_reuse"))
-    for method in with_genies:
-        places = [
-            placement for placement in PLACEMENTS if ("image_reuse", method, placement, "") in found
+            for baseline in baselines
         ]
-        rows = _rows(GENIE_ROWS, [(method, placement, "") for placement in places], found)
-        title = "Genies" if len(with_genies) == 1 else f"Genies under {method}"
-        yield _Table(title, [PLACEMENTS[placement] for placement in places], rows)
-    yield from _utilization(methods, metrics)
+        if columns:
+            table = _table(f"Improvement by {title}", columns, IMPROVEMENTS, numbers)
+            yield table._replace(note=ABOUT_IMPROVEMENTS)
+    yield from _genies(numbers)
+    yield from _prices(numbers)
+    yield from _utilization(numbers)
 
 
-def _correctness(methods: Sequence[str], found: Found) -> Iterator[_Table]:
-    """Against the detector's own answers and, where it is known, against the truth; the floor stands last."""
-    compared = [method for method in methods if ("first_proxy_f1", method, "all", "") in found]
-    columns = [(method, "all", component) for component in ("", FLOOR) for method in methods]
-    judged = [column for column in columns if ("streaming_f1", *column) in found]
-    columns = [
-        column
-        for column in columns
-        if column in judged or (column[0] in compared and not column[2])
+def _table(
+    title: str, columns: Sequence[MetricColumn], metrics: Sequence[str], numbers: _Numbers
+) -> MetricTable:
+    return MetricTable(
+        title, [column.heading for column in columns], numbers.rows(metrics, columns)
+    )
+
+
+def _correctness(numbers: _Numbers) -> Iterator[MetricTable]:
+    """Against the detector's own answers and, where it is known, against the truth."""
+    proxied = [
+        column for column in numbers.columns if numbers.of("first_proxy_f1", column) is not None
     ]
-    rows = (*(PROXY_ROWS if compared else ()), *(TRUTH_ROWS if judged else ()))
-    notes = [*([PROXY_NOTE] if compared else []), TRUTH_NOTE if judged else NO_TRUTH_NOTE]
+    judged = [
+        column for column in numbers.columns if numbers.of("streaming_f1", column) is not None
+    ]
+    columns = [column for column in numbers.columns if column in proxied or column in judged]
+    notes = []
+    if proxied:
+        notes += [ABOUT_PROXIES, ABOUT_WRONG_HITS]
+    notes.append(ABOUT_TRUTH if judged else NO_TRUTH)
+    metrics = (*(PROXIES if proxied else ()), *(TRUTHS if judged else ()))
     if columns:
-        headings = [component or method for method, _, component in columns]
-        yield _Table("Correctness", headings, _rows(rows, columns, found), " ".join(notes))
+        columns += numbers.zero_delay()
+        yield _table("Correctness", columns, metrics, numbers)._replace(note=" ".join(notes))
 
 
-def _latencies(methods: Sequence[str], found: Found) -> _Table:
-    """First and fresh answer beside each other where they differ for a method."""
-    columns = []
-    for method in methods:
-        first, fresh = (
-            [found.get((row[which], method, "all", "")) for row in LATENCY_ROWS] for which in (1, 2)
-        )
-        if [one and one.value for one in first] == [one and one.value for one in fresh] or not any(
-            fresh
-        ):
-            columns.append((method, first))
-        else:
-            columns += [(f"{method} first", first), (f"{method} fresh", fresh)]
-    rows = [
-        (row[0], [cells[place] for _, cells in columns]) for place, row in enumerate(LATENCY_ROWS)
+def _genies(numbers: _Numbers) -> Iterator[MetricTable]:
+    """The Genies of each method that has any, on cars and on edges."""
+    tables: dict[str, list[MetricColumn]] = {}
+    for method in numbers.titles:
+        for placement, where in PLACEMENTS.items():
+            column = MetricColumn(where, method, placement)
+            if numbers.of("image_reuse", column) is not None:
+                tables.setdefault(method, []).append(column)
+    for method, columns in tables.items():
+        title = "Genies" if len(tables) == 1 else f"Genies under {numbers.titles[method]}"
+        yield _table(title, columns, GENIES, numbers)
+
+
+def _prices(numbers: _Numbers) -> Iterator[MetricTable]:
+    """Bytes, computing time and energy."""
+    columns = numbers.columns
+    rows = numbers.rows(PRICES, columns)
+    for metric in PRICES_PLACED:
+        for placement, where in (("all", ""), *PLACEMENTS.items()):
+            info = METRICS[metric]
+            placed = [column._replace(placement=placement) for column in columns]
+            label = info._replace(title=f"{info.title} {where}".strip()).label
+            rows.append(MetricRow(label, [numbers.of(metric, column) for column in placed]))
+    rows = [row for row in rows if any(row.metrics)]
+    if rows:
+        note = energy_note(numbers.runs, numbers.titles)
+        yield MetricTable("Prices", list(numbers.titles.values()), rows, note)
+
+
+def energy_note(runs: Sequence[Mapping[str, Columns]], titles: Mapping[str, str]) -> str:
+    """What energy means, whose power nobody knows, and which methods take less than others over
+    all ranges of the powers.
+
+    Parameters
+    ----------
+    runs : sequence of mappings of str to Columns
+        The tables of each run.
+    titles : mapping of str to str
+        The titles of its methods by their names.
+    """
+    sentences = [ABOUT_ENERGY]
+    unknown = prices.unknown_powers(runs, list(titles))
+    if unknown:
+        sentences.append(f"Not known: the power of {', '.join(unknown)}.")
+    orders = prices.order(runs, list(titles))
+    certain = [
+        f"{titles[method]} than {', '.join(titles[other] for other in others)}"
+        for method, others in orders.items()
+        if others
     ]
-    return _Table(
-        LATENCY_TITLE, [heading for heading, _ in columns], rows, LATENCY_NOTE, units=False
-    )
+    if certain:
+        less = "; ".join(certain)
+        sentences.append(f"Less energy per frame, whatever the powers in their ranges: {less}.")
+    if len(orders) > 1:
+        sentences.append("All other pairs depend on the powers.")
+    return " ".join(sentences)
 
 
-def _rows(
-    rows: Sequence[tuple[str, str]], columns: Sequence[tuple[str, str, str]], found: Found
-) -> list[tuple[str, list[Metric | None]]]:
-    """``columns``: method, placement and component of each."""
-    return [(label, [found.get((metric, *column)) for column in columns]) for label, metric in rows]
+def _utilization(numbers: _Numbers) -> Iterator[MetricTable]:
+    """The busiest devices and links while frames were published; a fleet's others are counted."""
+    used = numbers.utilization()
+    if not used:
+        return
+    rows = []
+    for resource in sorted(list(used)[:MAX_RESOURCES]):
+        by_method = used[resource]
+        rows.append(MetricRow(resource, [by_method.get(method) for method in numbers.titles]))
+    left_out = len(used) - len(rows)
+    note = f"{left_out} less busy ones are in metrics.json." if left_out else ""
+    yield MetricTable("Utilization [%]", list(numbers.titles.values()), rows, note)
 
 
-def _utilization(methods: Sequence[str], metrics: Sequence[Metric]) -> Iterator[_Table]:
-    """Of the busiest devices and links while frames were published; a fleet's others are counted."""
-    found, names = _use(metrics), _busiest(metrics)
-    most = sorted(names[:MOST_RESOURCES])
-    if most:
-        rows = [(name, [found.get((name, method)) for method in methods]) for name in most]
-        left_out = len(names) - len(most)
-        more = f"{left_out} less busy ones are in metrics.json." if left_out else ""
-        yield _Table("Utilization", methods, rows, more)
-
-
-def _use(metrics: Sequence[Metric]) -> dict[tuple[str, str], Metric]:
-    """How busy each resource was under each method."""
-    return {(one.component, one.method): one for one in metrics if one.metric == "utilization"}
-
-
-def _busiest(metrics: Sequence[Metric]) -> list[str]:
-    """The resources that are used at all, the busiest under any method first."""
-    busiest: dict[str, float] = {}
-    for (resource, _), metric in _use(metrics).items():
-        if (metric.value or 0.0) >= LEAST_USE:
-            busiest[resource] = max(busiest.get(resource, 0.0), metric.value or 0.0)
-    return sorted(busiest, key=lambda resource: (-busiest[resource], resource))
-
-
-def _line(label: str, label_width: int, cells: Sequence[str], widths: Sequence[int]) -> str:
-    numbers = "".join(f"  {cell:>{width}}" for cell, width in zip(cells, widths, strict=True))
-    return f"{label:<{label_width}}{numbers}"
-
-
-def _show(metric: Metric | None, unit: bool = True, interval: bool = False) -> str:
-    """Three digits, the unit and the interval; shares in percent."""
-    if metric is None or metric.value is None:
-        return UNKNOWN
-    share = metric.unit == "1" and metric.metric != "confidence_boost"
-    value, low, high = (
-        None if one is None else _digits(100 * one if share else one)
-        for one in (metric.value, metric.low, metric.high)
-    )
-    word = (
-        "%"
-        if share
-        else ""
-        if metric.unit == "1"
-        else metric.unit.partition("/Genie")[0].replace("entries", "")
-    )
-    shown = f"{value} {word}".rstrip() if unit else str(value)
-    return shown if not interval or low is None or high is None else f"{shown} ({low} to {high})"
-
-
-def _digits(value: float) -> str:
-    return f"{value:,.0f}" if abs(value) >= 999.5 else f"{value:.3g}"
+def _text_rows(table: MetricTable) -> list[list[str]]:
+    rows = []
+    for row in table.rows:
+        numbers = [value_text(metric, unit=False, interval=True) for metric in row.metrics]
+        rows.append([row.label, *numbers])
+    return rows

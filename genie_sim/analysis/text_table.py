@@ -1,4 +1,7 @@
-"""A table as text for a paper, a page or a spreadsheet: LaTeX, Markdown or CSV."""
+"""A table as text for a paper, a page or a spreadsheet: LaTeX, Markdown or CSV.
+
+No cell can steer a terminal, end its row, or run a command of LaTeX or a formula of a spreadsheet.
+"""
 
 import csv
 import io
@@ -7,10 +10,12 @@ from typing import Any
 
 from genie_sim.errors import UserError, unknown
 from genie_sim.recording.tables import harmless
+from genie_sim.text import one_line, significant
 
 FORMATS = {"markdown": ".md", "csv": ".csv", "latex": ".tex"}
 LATEX = str.maketrans(
     {
+        "\\": r"\textbackslash{}",
         "_": r"\_",
         "%": r"\%",
         "&": r"\&",
@@ -19,6 +24,7 @@ LATEX = str.maketrans(
         "{": r"\{",
         "}": r"\}",
         "~": r"\textasciitilde{}",
+        "^": r"\textasciicircum{}",
     }
 )
 
@@ -31,7 +37,9 @@ def checked(format: str) -> str:
 
 
 def markdown(headings: Sequence[str], rows: Iterable[Sequence[str]], align: str = "") -> str:
-    """A Markdown table, as it is put between paragraphs; ``align`` as for ``rounded``, all left if it is not given."""
+    """A Markdown table, as it is put between paragraphs; ``align`` as for ``rounded``, all left if
+    it is not given.
+    """
     rules = "".join("---:|" if side == "r" else "---|" for side in align or "l" * len(headings))
     lines = [
         f"| {' | '.join(headings).lstrip()} |",
@@ -42,21 +50,36 @@ def markdown(headings: Sequence[str], rows: Iterable[Sequence[str]], align: str 
 
 
 def rounded(format: str, headings: Sequence[str], rows: Iterable[Sequence[str]], align: str) -> str:
-    """Cells as they are to be read, in ``markdown`` or ``latex``; ``align`` has an ``l`` or ``r`` for each column."""
+    """Cells as they are to be read, in ``markdown`` or ``latex``; ``align`` has an ``l`` or ``r``
+    for each column.
+    """
     if format == "markdown":
-        safe, *others = ([one.replace("|", r"\|") for one in row] for row in (headings, *rows))
-        return markdown(safe, others, align) + "\n"
-    lines = [" & ".join(one.translate(LATEX) for one in row) + r" \\" for row in (headings, *rows)]
-    body = [
+        escaped = [[in_markdown(cell) for cell in row] for row in (headings, *rows)]
+        return markdown(escaped[0], escaped[1:], align) + "\n"
+    escaped = [[one_line(cell).translate(LATEX) for cell in row] for row in (headings, *rows)]
+    lines = [" & ".join(row) + r" \\" for row in escaped]
+    table = [
         rf"\begin{{tabular}}{{{align}}}",
-        r"\hline",
+        r"\toprule",
         lines[0],
-        r"\hline",
+        r"\midrule",
         *lines[1:],
-        r"\hline",
+        r"\bottomrule",
         r"\end{tabular}",
     ]
-    return "\n".join(body) + "\n"
+    return "\n".join(table) + "\n"
+
+
+def remark(format: str, sentence: str) -> str:
+    """What goes below a table in ``markdown`` or ``latex``; nothing for no sentence."""
+    if not sentence:
+        return ""
+    return f"\n{one_line(sentence)}\n" if format == "markdown" else f"% {one_line(sentence)}\n"
+
+
+def in_markdown(cell: str) -> str:
+    """A text that stays in its cell of a Markdown table."""
+    return one_line(cell).replace("|", r"\|")
 
 
 def exact(names: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
@@ -64,8 +87,12 @@ def exact(names: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
     to = io.StringIO()
     writer = csv.writer(to, lineterminator="\n")
     writer.writerow(names)
-    writer.writerows(
-        [float(f"{one:.10g}") if isinstance(one, float) else harmless(one) for one in row]
-        for row in rows
-    )
+    for row in rows:
+        writer.writerow([_exact_cell(cell) for cell in row])
     return to.getvalue()
+
+
+def _exact_cell(cell: Any) -> Any:
+    if isinstance(cell, float):
+        return significant(cell, digits=10)
+    return harmless(one_line(cell)) if isinstance(cell, str) else cell

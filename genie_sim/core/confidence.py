@@ -1,7 +1,7 @@
 """How a repeated sighting changes the confidence of a stored object (Algorithm 2, line 5).
 
-Each rule maps the stored confidence C, the sighting's confidence M.C and the rate lambda, all in [0, 1], to the new
-stored confidence in [0, 1].
+Each rule maps the stored confidence C, the sighting's confidence M.C and the rate lambda, all in
+[0, 1], to the new stored confidence in [0, 1].
 """
 
 from collections.abc import Callable
@@ -10,12 +10,14 @@ ConfidenceRule = Callable[[float, float, float], float]
 
 
 def noisy_or(stored: float, seen: float, rate: float) -> float:
-    """``C += lambda * M.C * (1 - C)``: independent sightings add up and never pass 1. The default."""
+    """``C += lambda * M.C * (1 - C)``: sightings add up and never pass 1. The default."""
     return stored + rate * seen * (1.0 - stored)
 
 
 def literal(stored: float, seen: float, rate: float) -> float:
-    """``C += lambda * (C - M.C)`` as printed: a stronger sighting lowers the confidence. Clamped to [0, 1]."""
+    """``C += lambda * (C - M.C)`` as printed: a stronger sighting lowers the confidence. Clamped to
+    [0, 1].
+    """
     return min(1.0, max(0.0, stored + rate * (stored - seen)))
 
 
@@ -25,7 +27,9 @@ def ema(stored: float, seen: float, rate: float) -> float:
 
 
 def positive_part(stored: float, seen: float, rate: float) -> float:
-    """``C += lambda * max(M.C - C, 0)``: stronger sightings raise the confidence, weaker ones leave it."""
+    """``C += lambda * max(M.C - C, 0)``: stronger sightings raise the confidence, weaker ones leave
+    it.
+    """
     return stored + rate * max(seen - stored, 0.0)
 
 

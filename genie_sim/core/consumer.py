@@ -1,38 +1,40 @@
-"""What a car makes of the answers to its frames: the objects that it believes to be around it at any instant."""
+"""What a car makes of the answers to its frames: the objects that it believes to be around it at
+any instant.
+"""
 
 import math
 from abc import ABC, abstractmethod
 from collections import OrderedDict
-from collections.abc import Callable, Sequence
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Literal
 
-from genie_sim.core.freshness.existence import Recommended
+from genie_sim import units
+from genie_sim.core.freshness.existence import MeasuredExistence
 from genie_sim.core.freshness.laws import ASSUMED, DetectorLaws
+from genie_sim.core.maps import Viewer
 from genie_sim.core.rules import ObjectMapRules
 from genie_sim.core.track_map import TrackMap
 from genie_sim.core.tracking import COAST_NS, NEAR_M
-from genie_sim.core.view import bearing
+from genie_sim.core.view import ViewSector
 from genie_sim.messages import Detection, Detections, Header, Image, Location, Look
+from genie_sim.settings import Share
 
-ConsumerName = Literal["newest", "tracker"]
-ASKED = 256  # so many of its last frames a consumer remembers
+REMEMBERED_FRAMES = 256
 
 
 class Consumer(ABC):
     """The node that the answers are for. Times are nanoseconds of the clock that stamps frames."""
 
     def __init__(self) -> None:
-        self._frames: OrderedDict[Header, Image] = OrderedDict()  # that answers may still come for
+        # where the newest frames were taken, to which answers may still come
+        self._viewers: OrderedDict[Header, Viewer] = OrderedDict()
 
     def on_frame(self, image: Image) -> None:
         """The car took a frame, to which answers will come."""
-        at = image.pose, image.horizontal_fov_rad
-        self._frames[image.header] = Image(
-            image.header, image.size_bytes, image.digest, image.dhash, *at
-        )
-        if len(self._frames) > ASKED:
-            self._frames.popitem(last=False)
+        self._viewers[image.header] = Viewer(image.header, image.pose, image.horizontal_fov_rad)
+        if len(self._viewers) > REMEMBERED_FRAMES:
+            self._viewers.popitem(last=False)
 
     @abstractmethod
     def on_answer(self, answer: Detections, now_ns: int) -> None:
@@ -46,63 +48,79 @@ class Consumer(ABC):
 class Newest(Consumer):
     """Holds, of each camera stream, the objects of the answer to its newest frame.
 
-    An answer that holds at an instant (``Detections.valid_ns``) shows all that is in view then: its objects go on with
-    their velocities, for a second at most, and what older answers show in that field of view counts no more. Of two
-    objects of a class within a metre the first counts.
+    An answer that holds at an instant (``Detections.valid_ns``) shows all that is in view then: its
+    objects go on with their velocities, for a second at most, and what older answers show in that
+    field of view counts no more. Of two objects of a class within a metre in different answers the
+    first counts; those of one answer are different objects.
     """
 
-    def __init__(self, laws: DetectorLaws = ASSUMED) -> None:
+    def __init__(self) -> None:
         super().__init__()
         self._newest: dict[str, Detections] = {}
 
     def on_answer(self, answer: Detections, now_ns: int) -> None:
         stream = answer.header.frame_id
-        held = self._newest.get(stream)
-        if held is None or _instant(answer) >= _instant(held):
+        newest = self._newest.get(stream)
+        if newest is None or _instant(answer) >= _instant(newest):
             self._newest[stream] = answer
 
     def held(self, now_ns: int) -> tuple[Detection, ...]:
         answers = [self._newest[stream] for stream in sorted(self._newest)]
-        answers.sort(key=lambda one: 0 if one.valid_ns is None else -one.valid_ns)
-        kept: list[Detection] = []
-        places: dict[str, list[Location]] = {}  # of those kept, by their class
-        shown: list[Image] = []
+        # answers that hold at an instant come first, the newest of them before all others
+        answers.sort(key=lambda answer: 0 if answer.valid_ns is None else -answer.valid_ns)
+        objects: list[Detection] = []
+        places: dict[str, list[Location]] = {}  # of the objects, by class
+        decided: list[ViewSector] = []  # where an answer has shown all that there is
         for answer in answers:
-            for one in answer.objects:
-                at = one.location
-                if at is None or any(_in_view(image, at) for image in shown):
+            # Objects of one answer are different ones, however near: people walk side by side.
+            added: list[tuple[str, Location]] = []
+            for detection in answer.objects:
+                place = detection.location
+                if place is None or _in_any(decided, place):
                     continue
-                one = one if answer.valid_ns is None else _moved(one, now_ns - answer.valid_ns)
-                others = places.setdefault(one.label, [])
-                if one.location is not None and not _is_near(one.location, others):
-                    others.append(one.location)
-                    kept.append(one)
-            image = self._frames.get(answer.header)
-            if answer.valid_ns is not None and image is not None:
-                shown.append(image)
-        return tuple(kept)
+                if answer.valid_ns is not None:
+                    detection, place = _moved(detection, place, now_ns - answer.valid_ns)
+                if not _is_near(place, places.get(detection.label, ())):
+                    added.append((detection.label, place))
+                    objects.append(detection)
+            for label, place in added:
+                places.setdefault(label, []).append(place)
+            viewer = self._viewers.get(answer.header)
+            if answer.valid_ns is not None and viewer is not None:
+                decided.append(ViewSector(viewer.pose, viewer.horizontal_fov_rad))
+        return tuple(objects)
 
 
 class Tracker(Consumer):
-    """Tracks what detectors found in the car's frames, and predicts it: policy ``recommended`` in the car itself.
+    """Tracks what detectors found in the car's frames, and predicts it: policy ``recommended`` in
+    the car itself.
 
-    It counts the look that comes with an answer. Of an answer without, the objects are the look, as far as a detector
-    found them in this frame: what a cache or map adds is no look.
+    It counts the look that comes with an answer. Of an answer without, the objects are the look, as
+    far as a detector found them in this frame: what a cache or map adds is no look.
+
+    Parameters
+    ----------
+    p_min : float
+        It holds what exists with at least this probability.
+    tau_ns : int
+        Looks within this time [ns] are no independent evidence; see ``core.freshness``.
+    laws : DetectorLaws
+        The detectors' laws.
     """
 
-    def __init__(self, laws: DetectorLaws = ASSUMED) -> None:
+    def __init__(self, p_min: float = 0.8, tau_ns: int = 0, laws: DetectorLaws = ASSUMED) -> None:
         super().__init__()
-        policy = Recommended()
+        policy = MeasuredExistence(p_min, tau_ns=tau_ns)
         policy.laws = laws
         self._map = TrackMap(ObjectMapRules(), policy)
 
     def on_answer(self, answer: Detections, now_ns: int) -> None:
         look = answer.look
         if look is None and answer.source == "detector":
-            image = self._frames.get(answer.header)
-            if image is not None:
-                found = tuple(one for one in answer.objects if one.method != "map")
-                look = Look(answer.header, image.pose, image.horizontal_fov_rad, found)
+            viewer = self._viewers.get(answer.header)
+            if viewer is not None:
+                detections = tuple(seen for seen in answer.objects if seen.method != "map")
+                look = Look(answer.header, viewer.pose, viewer.horizontal_fov_rad, detections)
         if look is not None:
             self._map.look(look, now_ns)
 
@@ -111,30 +129,67 @@ class Tracker(Consumer):
         return tuple(self._map.served(now_ns))
 
 
-CONSUMERS: dict[ConsumerName, Callable[[DetectorLaws], Consumer]] = {
-    "newest": Newest,
-    "tracker": Tracker,
-}
+@dataclass(frozen=True)
+class ConsumerRules:
+    """What a car does with answers."""
+
+    name: Literal["newest", "tracker"] = "newest"
+    """`newest` holds the newest answer of each stream; `tracker` tracks objects and predicts
+    between answers.
+    """
+
+    p_min: Share = 0.8
+    """A tracker holds what exists with at least this probability."""
+
+    tau_ns: int = 0
+    """To a tracker looks within this time are no independent evidence; 0 counts every look
+    whole.
+    """
+
+    def __post_init__(self) -> None:
+        if self.name != "tracker":
+            for field in ("p_min", "tau_ns"):
+                if getattr(self, field) != getattr(ConsumerRules, field):
+                    raise ValueError(
+                        f"{field.removesuffix('_ns')}: has no effect with consumer {self.name!r}"
+                    )
+
+    @classmethod
+    def expand(cls, value: object) -> object:
+        """``tracker`` for ``{name: tracker}``."""
+        return {"name": value} if isinstance(value, str) else value
+
+    def shorten(self) -> object:
+        """The name alone where it says all."""
+        if self == ConsumerRules(self.name):
+            return self.name
+        return {"name": self.name, "p_min": self.p_min, "tau": units.duration_text(self.tau_ns)}
+
+    def new(self, laws: DetectorLaws = ASSUMED) -> Consumer:
+        """A consumer with these settings and these laws of the detectors."""
+        return Newest() if self.name == "newest" else Tracker(self.p_min, self.tau_ns, laws)
 
 
 def _instant(answer: Detections) -> int:
     return answer.header.stamp_ns if answer.valid_ns is None else answer.valid_ns
 
 
-def _in_view(image: Image, at: Location) -> bool:
-    return abs(bearing(image.pose, at[0], at[1])[1]) <= image.horizontal_fov_rad / 2
+def _in_any(sectors: Sequence[ViewSector], place: Location) -> bool:
+    return any(sector.distance_m(place[0], place[1]) is not None for sector in sectors)
 
 
-def _moved(one: Detection, for_ns: int) -> Detection:
-    if one.motion is None or one.location is None or for_ns <= 0:
-        return one
-    (east_mps, north_mps), dt_s = one.motion.velocity_mps, min(for_ns, COAST_NS) * 1e-9
-    east_m, north_m, up_m = one.location
-    return replace(one, location=(east_m + east_mps * dt_s, north_m + north_mps * dt_s, up_m))
+def _moved(detection: Detection, place: Location, for_ns: int) -> tuple[Detection, Location]:
+    """The detection where its velocity has brought it after a time, and that place."""
+    if detection.motion is None or for_ns <= 0:
+        return detection, place
+    (east_mps, north_mps), dt_s = detection.motion.velocity_mps, min(for_ns, COAST_NS) * 1e-9
+    east_m, north_m, up_m = place
+    place = (east_m + east_mps * dt_s, north_m + north_mps * dt_s, up_m)
+    return detection.with_location(place), place
 
 
-def _is_near(at: Location, others: Sequence[Location]) -> bool:
-    east_m, north_m, _ = at
+def _is_near(place: Location, others: Sequence[Location]) -> bool:
+    east_m, north_m, _ = place
     for other in others:
         if (
             abs(other[0] - east_m) < NEAR_M

@@ -1,7 +1,7 @@
 """Which stored answer goes when the cache is full, or when its time is over.
 
-To add a policy, write a class with the methods of ``Eviction`` and name it in ``EVICTIONS`` (or in a scenario as
-``package.module:Class``).
+To add a policy, write a class with the methods of ``Eviction`` and name it in ``EVICTIONS`` (or in
+a scenario as ``package.module:Class``).
 """
 
 import heapq
@@ -16,9 +16,8 @@ class Eviction:
     """
 
     def __init__(self) -> None:
-        self._keys: OrderedDict[Hashable, int | None] = (
-            OrderedDict()
-        )  # a dict would search for its first key
+        # a dict would search for its first key
+        self._keys: OrderedDict[Hashable, int | None] = OrderedDict()
 
     def stored(self, key: Hashable, now_ns: int) -> None:
         """An answer was stored under ``key``, for the first time or again."""
@@ -68,7 +67,7 @@ class LFU(Eviction):
         self._uses[key] = rank
         heapq.heappush(self._heap, (*rank, key))
         if len(self._heap) > 8 * len(self._uses) + 64:  # mostly stale ranks: rebuild
-            self._heap = [(*current, held) for held, current in self._uses.items()]
+            self._heap = [(*current, stored_key) for stored_key, current in self._uses.items()]
             heapq.heapify(self._heap)
 
     def removed(self, key: Hashable) -> None:
@@ -83,7 +82,9 @@ class LFU(Eviction):
 
 
 class TTL(Eviction):
-    """An answer lives for ``ttl_ns`` after it was stored; when the cache is full the oldest goes first."""
+    """An answer lives for ``ttl_ns`` after it was stored; when the cache is full the oldest goes
+    first.
+    """
 
     def __init__(self, ttl_ns: int) -> None:
         if ttl_ns <= 0:

@@ -3,26 +3,45 @@
 import functools
 from dataclasses import replace
 from numbers import Real
-from typing import Any
+from typing import Any, Literal
 
 from genie_sim import plugins
+from genie_sim.contracts import Checked
 from genie_sim.core.confidence import CONFIDENCE_RULES, ConfidenceRule
-from genie_sim.core.eviction import EVICTIONS
-from genie_sim.core.freshness import FRESHNESS, MUST_HAVE
+from genie_sim.core.defences import Defence, Guard
 from genie_sim.core.freshness.laws import ASSUMED, DetectorLaws
 from genie_sim.core.freshness.never import Never
 from genie_sim.core.maps import Map
-from genie_sim.core.message_cache import MessageCache, PendingIndex
+from genie_sim.core.message_cache import MessageCache
 from genie_sim.core.node import GenieNode
 from genie_sim.core.object_map import ObjectMap
-from genie_sim.core.rules import GenieRules, MissPolicy
-from genie_sim.core.similarity import SIMILARITIES
+from genie_sim.core.own_parts import (
+    DEFENCE_CONTRACTS,
+    POLICY_METHODS,
+    CheckedEviction,
+    CheckedSimilarity,
+)
+from genie_sim.core.paced_genie import PacedGenie
+from genie_sim.core.pacing import Pacer
+from genie_sim.core.per_topic import PerTopicGenie
+from genie_sim.core.readings import pending_index, readings_of
+from genie_sim.core.rules import (
+    CONFIDENCE_RULE,
+    DEFENCE,
+    EVICTION,
+    FRESHNESS_POLICY,
+    SIMILARITY,
+    GenieRules,
+    LookRules,
+    MissPolicy,
+    ToldRules,
+)
+from genie_sim.core.sharing import SharingGenie
+from genie_sim.core.similarity import Similarity
+from genie_sim.core.told import ToldTracks
 from genie_sim.core.track_map import TrackMap
 from genie_sim.errors import UserError, short_repr
-from genie_sim.messages import Detections, Header
-
-SIMILARITY_METHODS = ("key", "index")
-EVICTION_METHODS = ("stored", "used", "removed", "victim", "expires_ns")
+from genie_sim.messages import Detections
 
 
 def make_genie(
@@ -39,23 +58,48 @@ def make_genie(
 ) -> GenieNode:
     """The Genie called ``name`` for a node with the topics T_S and T_P.
 
-    On an edge it serves other Genies, so it answers when it has an answer, and shares what its node finds; on a car it
-    serves the consumer by the miss policy and sends only its misses up. ``alone``: nobody listens to ``-remote``.
-    ``miss_policy`` overrules all that. ``laws`` are those of the detectors. ``middleware`` replaces what depends on it
-    (see ``GenieNode``). Raises ``UserError`` where a plug-in of the user's own does not work.
+    On an edge it serves other Genies, so it answers when it has an answer, and shares what its node
+    finds; on a car it serves the consumer by the miss policy and sends only its misses up.
+
+    Parameters
+    ----------
+    rules : GenieRules
+        The settings.
+    name : str
+        The Genie's name.
+    subscribed, published : tuple of str
+        The encapsulated node's own topics, T_S and T_P.
+    on_edge : bool
+        Whether it is an edge's Genie or a car's.
+    alone : bool
+        Whether nobody listens to ``-remote``.
+    miss_policy : str, optional
+        What clients get whose request missed, in the place of what settings and role say.
+    laws : DetectorLaws
+        Those of the detectors.
+    **middleware
+        Arguments of ``GenieNode`` that depend on the middleware.
+
+    Raises
+    ------
+    UserError
+        A plug-in of the user's own does not work.
     """
-    similarity = plugins.make("similarity", rules.similarity, SIMILARITIES, SIMILARITY_METHODS)
-    new_eviction = plugins.resolve("eviction", rules.eviction, EVICTIONS, EVICTION_METHODS)
+    similarity = _similarity(rules)
+    new_eviction = EVICTION.resolve(rules.eviction)
     capacity = rules.capacity if on_edge or rules.car_capacity is None else rules.car_capacity
 
     def new_cache() -> MessageCache:
         ttl = () if rules.ttl_ns is None else (rules.ttl_ns,)
         eviction = plugins.call("eviction", rules.eviction, new_eviction, *ttl)
+        owner = plugins.own_label("eviction", rules.eviction)
+        if owner is not None:
+            eviction = CheckedEviction(eviction, owner)
         return MessageCache(similarity.index(), eviction, capacity)
 
     if miss_policy is None:
         miss_policy = "blocking" if on_edge and rules.algorithm != "literal" else rules.miss_policy
-    mine = replace(
+    role_rules = replace(
         rules,
         share_answers=rules.share_answers if on_edge else "on_request",
         share_requests=rules.share_requests if on_edge else not alone,
@@ -63,43 +107,158 @@ def make_genie(
         car_learns="all" if on_edge else rules.car_learns,
         miss_policy=miss_policy,
     )
+    node_class = PerTopicGenie if rules.pending_index == "per_topic" else GenieNode
     parts: dict[str, Any] = {
         "key": similarity.key,
         "new_cache": new_cache,
-        "pending": PendingIndex(
-            _stamp if rules.header_identity == "stamp" else None, similarity.index
-        ),
+        "pending": pending_index(role_rules, similarity.index),
         "object_map": _object_map(rules, laws, on_edge),
         "map_answer": Detections,
+        "readings": readings_of(role_rules),
     }
-    return GenieNode(name, subscribed, published, mine, **(parts | middleware))
+    return node_class(name, subscribed, published, role_rules, **(parts | middleware))
+
+
+def _similarity(rules: GenieRules) -> Similarity:
+    """The similarity that the rules name. Raises ``UserError``."""
+    choice = rules.similarity
+    own: Similarity = SIMILARITY.make(choice)
+    owner = plugins.own_label("similarity", choice.name)
+    return own if owner is None else CheckedSimilarity(own, owner)
+
+
+def make_paced_genie(
+    rules: GenieRules,
+    name: str,
+    subscribed: tuple[str, ...],
+    published: tuple[str, ...],
+    *,
+    has_edge: bool,
+    laws: DetectorLaws = ASSUMED,
+    **middleware: Any,
+) -> PacedGenie:
+    """The Genie of a car whose ``rules`` have looks; see ``make_genie``."""
+    looks = rules.looks
+    assert looks is not None and looks.told != "auto"
+    object_map = _track_map(rules, laws, "map")
+    guard, defence = None, _defence(looks)
+    if defence is not None or looks.signed:
+        guard = Guard(defence or Defence(), object_map.has, signed=looks.signed)
+    told = looks.told
+    pacer = Pacer(every_ns=looks.every_ns, in_flight=looks.in_flight, stale_ns=looks.stale_ns)
+    parts: dict[str, Any] = {
+        "pacer": pacer if has_edge else None,
+        "own": looks.own,
+        "object_map": object_map,
+        "told": None if told is None else ToldTracks(told, object_map.contradicts, guard),
+        "guard": guard,
+        "signs": looks.signed and has_edge,
+        "map_answer": Detections,
+        "view_range_m": rules.view_range_m,
+    }
+    return PacedGenie(name, subscribed, published, **(parts | middleware))
+
+
+def make_sharing_genie(
+    rules: GenieRules,
+    name: str,
+    subscribed: tuple[str, ...],
+    published: tuple[str, ...],
+    *,
+    laws: DetectorLaws = ASSUMED,
+    **middleware: Any,
+) -> SharingGenie:
+    """The Genie beside an edge's detector that tells cars of one another's looks."""
+    assert rules.looks is not None and isinstance(rules.looks.told, ToldRules)
+    defence = _defence(rules.looks)
+    parts: dict[str, Any] = {
+        "object_map": _track_map(rules, laws, "look", defence),
+        "told": rules.looks.told,
+        "defence": defence,
+        "signed": rules.looks.signed,
+        "make_answer": Detections,
+    }
+    return SharingGenie(name, subscribed, published, **(parts | middleware))
+
+
+def _defence(looks: LookRules) -> Defence | None:
+    """The defence that the rules name; ``None`` if it believes everything. Raises ``UserError``."""
+    choice = looks.defence
+    if choice.name == "none":
+        return None
+    defence: Defence = DEFENCE.make(choice)
+    owner = plugins.own_label("defence", choice.name)
+    if owner is not None:
+        defence = Checked(defence, owner, DEFENCE_CONTRACTS)  # type: ignore[assignment]
+    return defence
+
+
+def _track_map(
+    rules: GenieRules,
+    laws: DetectorLaws,
+    shares: Literal["look", "map"],
+    defence: Defence | None = None,
+) -> TrackMap:
+    """The map of a Genie with looks. Raises ``UserError`` where the freshness policy tracks
+    nothing.
+    """
+    assert rules.looks is not None
+    policy = _policy(rules)
+    if not policy.tracks:
+        raise UserError(
+            f"genie.object_map.freshness: {rules.object_map.freshness.name!r} does not track, which"
+            " 'looks' need; use recommended, existence or track"
+        )
+    policy.laws = laws
+    return TrackMap(
+        rules.object_map,
+        policy,
+        confidence_rule=confidence_rule(rules.object_map.rule),
+        shares=shares,
+        view_range_m=rules.view_range_m,
+        view_margin_rad=rules.looks.view_margin_rad,
+        defence=defence,
+    )
 
 
 def _object_map(rules: GenieRules, laws: DetectorLaws, on_edge: bool) -> Map:
     """The map that the freshness policy wants. Raises ``UserError``."""
-    choice, rule = rules.object_map.freshness, confidence_rule(rules.object_map.rule)
-    policy: Never = plugins.make("freshness policy", choice, FRESHNESS, MUST_HAVE)
+    policy, rule = _policy(rules), confidence_rule(rules.object_map.rule)
     if not policy.tracks:
         return ObjectMap(rules.object_map, rules.view_range_m, rule, policy)
     policy.laws = laws
     return TrackMap(
-        rules.object_map, policy, rule, "look" if on_edge else "map", rules.view_range_m
+        rules.object_map,
+        policy,
+        confidence_rule=rule,
+        shares="look" if on_edge else "map",
+        view_range_m=rules.view_range_m,
     )
 
 
+def _policy(rules: GenieRules) -> Never:
+    """The freshness policy that the rules name. Raises ``UserError``."""
+    choice = rules.object_map.freshness
+    policy: Never = FRESHNESS_POLICY.make(choice)
+    owner = plugins.own_label("freshness policy", choice.name)
+    if owner is not None:
+        policy = Checked(policy, owner, POLICY_METHODS)  # type: ignore[assignment]
+    return policy
+
+
 def confidence_rule(name: str) -> ConfidenceRule:
-    """A confidence rule by name. One of the user's own ends the run with one line if what it returns is no confidence.
+    """A confidence rule by name. One of the user's own ends the run with one line if what it
+    returns is no confidence.
 
     Raises ``UserError``."""
-    own = plugins.resolve("confidence rule", name, CONFIDENCE_RULES)
+    rule: ConfidenceRule = CONFIDENCE_RULE.resolve(name)
     if name in CONFIDENCE_RULES:
-        rule: ConfidenceRule = own
         return rule
 
-    @functools.wraps(own)
+    @functools.wraps(rule)
     def checked(before: float, seen: float, rate: float) -> float:
         try:
-            confidence = own(before, seen, rate)
+            confidence = rule(before, seen, rate)
         except Exception as error:
             raise UserError(f"confidence rule {name!r}: {type(error).__name__}: {error}") from error
         if (
@@ -108,25 +267,10 @@ def confidence_rule(name: str) -> ConfidenceRule:
             and 0 <= float(confidence) <= 1
         ):
             return float(confidence)
-        given = f"{before:g}, {seen:g}, {rate:g}"
-        made = short_repr(confidence)
         raise UserError(
-            f"confidence rule {name!r}: of {given} it makes {made}, no number from 0 to 1"
+            f"confidence rule {name!r}: returned {short_repr(confidence)} for"
+            f" ({before:g}, {seen:g}, {rate:g}); expected a number from 0 to 1"
         )
 
     checked(0.5, 0.5, 0.1)
     return checked
-
-
-def chosen_plugins(rules: GenieRules) -> tuple[tuple[str, str], ...]:
-    """What the rules choose by name: the kind of plug-in, and the name."""
-    return (
-        ("similarity", rules.similarity.name),
-        ("eviction", rules.eviction),
-        ("confidence rule", rules.object_map.rule),
-        ("freshness policy", rules.object_map.freshness.name),
-    )
-
-
-def _stamp(header: Header) -> int:
-    return header.stamp_ns

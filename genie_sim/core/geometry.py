@@ -1,8 +1,8 @@
 """Rigid transforms and the pinhole camera, in numpy alone.
 
-A transform is a 4x4 array named ``destination_SE3_source``: it takes points of the source frame to the destination
-frame, so that ``world_SE3_imu @ imu_SE3_camera`` reads as it composes. Camera frames have x right, y down and z along
-the optical axis; the world is east, north, up.
+A transform is a 4x4 array named ``destination_SE3_source``: it takes points of the source frame to
+the destination frame, so that ``world_SE3_imu @ imu_SE3_camera`` reads as it composes. Camera
+frames have x right, y down and z along the optical axis; the world is east, north, up.
 """
 
 import math
@@ -35,7 +35,9 @@ def transform(b_SE3_a: Array, points_a: npt.ArrayLike) -> Array:
 
 
 def rotation_from_rpy(roll_rad: float, pitch_rad: float, yaw_rad: float) -> Array:
-    """Rotation of KITTI's OXTS angles: yaw about up, counter-clockwise from east, then pitch, then roll."""
+    """Rotation of KITTI's OXTS angles: yaw about up, counter-clockwise from east, then pitch, then
+    roll.
+    """
     cr, sr = math.cos(roll_rad), math.sin(roll_rad)
     cp, sp = math.cos(pitch_rad), math.sin(pitch_rad)
     cy, sy = math.cos(yaw_rad), math.sin(yaw_rad)
@@ -53,7 +55,9 @@ def heading_of(direction: npt.ArrayLike) -> float:
 
 
 def project(intrinsics: Array, points_camera: npt.ArrayLike) -> Array:
-    """Pixels (n, 2) of points (n, 3) in the camera's frame; ``nan`` for points that are not in front of it."""
+    """Pixels (n, 2) of points (n, 3) in the camera's frame; ``nan`` for points that are not in
+    front of it.
+    """
     points = np.asarray(points_camera, dtype=np.float64)
     ahead = points[:, 2] > 0
     pixels = np.full((len(points), 2), np.nan)
@@ -63,7 +67,9 @@ def project(intrinsics: Array, points_camera: npt.ArrayLike) -> Array:
 
 
 def ray(intrinsics: Array, pixel: tuple[float, float]) -> Array:
-    """Direction (3,) in the camera's frame, with z = 1, of the ray through a pixel: the inverse of ``project``."""
+    """Direction (3,) in the camera's frame, with z = 1, of the ray through a pixel: the inverse of
+    ``project``.
+    """
     direction: Array = np.linalg.solve(intrinsics, np.array([pixel[0], pixel[1], 1.0]))
     return direction
 

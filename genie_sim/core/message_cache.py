@@ -1,4 +1,6 @@
-"""The database of Algorithm 1 for one topic: stored answers, and the requests that still wait for theirs."""
+"""The database of Algorithm 1 for one topic: stored answers, and the requests that still wait for
+theirs.
+"""
 
 from collections import deque
 from collections.abc import Callable, Hashable, Iterator
@@ -14,7 +16,9 @@ Answers = dict[str, Answer]  # by the topic they were published on
 
 
 class MessageCache:
-    """Key of a request -> its answers, within a capacity in entries, in bytes, or without limit (``None``)."""
+    """Key of a request -> its answers, within a capacity in entries, in bytes, or without limit
+    (``None``).
+    """
 
     def __init__(
         self, index: KeyIndex, eviction: Eviction, capacity: Capacity | None = None
@@ -30,45 +34,51 @@ class MessageCache:
 
     def get(self, key: Hashable, now_ns: int) -> Answers | None:
         """The answers to an equal request, ``None`` on a miss. Counts as a use."""
-        held = self._find(key, now_ns)
-        if held is None:
+        stored_key = self._find(key, now_ns)
+        if stored_key is None:
             return None
-        self._eviction.used(held, now_ns)
-        return self._answers[held]
+        self._eviction.used(stored_key, now_ns)
+        return self._answers[stored_key]
+
+    def peek(self, key: Hashable, now_ns: int) -> Answers | None:
+        """The answers to an equal request, ``None`` if there are none. Does not count as a use."""
+        stored_key = self._find(key, now_ns)
+        return None if stored_key is None else self._answers[stored_key]
 
     def put(self, key: Hashable, topic: str, answer: Answer, now_ns: int) -> None:
-        """Stores ``answer`` for ``topic``, over an older one; what no longer fits goes by the eviction policy.
+        """Stores ``answer`` for ``topic``, over an older one; what no longer fits goes by the
+        eviction policy.
 
         An answer larger than the whole capacity is not stored.
         """
         size_bytes = answer.size_bytes
         if self._capacity is not None and not self._capacity.holds(0, size_bytes):
             return
-        held = self._find(key, now_ns)
-        if held is None:
+        stored_key = self._find(key, now_ns)
+        if stored_key is None:
             while self._answers and not self._fits(1, size_bytes):
                 self._remove(self._eviction.victim())
-            held = key
-            self._index.add(held)
-            self._answers[held] = {}
-        answers = self._answers[held]
+            stored_key = key
+            self._index.add(stored_key)
+            self._answers[stored_key] = {}
+        answers = self._answers[stored_key]
         old = answers.get(topic)
         answers[topic] = answer
         self.size_bytes += size_bytes - (old.size_bytes if old is not None else 0)
-        self._eviction.stored(held, now_ns)
+        self._eviction.stored(stored_key, now_ns)
         while not self._fits(0, 0):  # an answer grew
             self._remove(self._eviction.victim())
 
     def _find(self, key: Hashable, now_ns: int) -> Hashable | None:
-        """The held key that equals ``key``; those whose time is over go on the way."""
-        held = self._index.find(key)
-        while held is not None:
-            expires_ns = self._eviction.expires_ns(held)
+        """The stored key that equals ``key``; those whose time is over go on the way."""
+        stored_key = self._index.find(key)
+        while stored_key is not None:
+            expires_ns = self._eviction.expires_ns(stored_key)
             if expires_ns is None or now_ns < expires_ns:
                 break
-            self._remove(held)
-            held = self._index.find(key)
-        return held
+            self._remove(stored_key)
+            stored_key = self._index.find(key)
+        return stored_key
 
     def _fits(self, entries: int, size_bytes: int) -> bool:
         capacity = self._capacity
@@ -84,7 +94,8 @@ class MessageCache:
 
 @dataclass(slots=True)
 class Requester:
-    """Who wants the answer to a request: a client of ours, or a neighbour (``name``, if the middleware tells it).
+    """Who wants the answer to a request: a client of ours, or a neighbour (``name``, if the
+    middleware tells it).
 
     ``served`` are the topics on which the cache has already answered.
     """
@@ -97,8 +108,9 @@ class Requester:
 
 @dataclass(slots=True)
 class PendingRequest:
-    """A request that was opened and has not expired; ``forwarded`` as long as a node of ours works on it. ``viewer`` is
-    from where it was made, ``None`` where that is unknown."""
+    """A request that was opened and has not expired; ``forwarded`` as long as a node of ours works
+    on it. ``viewer`` is from where it was made, ``None`` where that is unknown.
+    """
 
     topic: str
     key: Hashable
@@ -108,9 +120,15 @@ class PendingRequest:
     answered: set[str] = field(default_factory=set)  # the topics on which an answer came
     viewer: Viewer | None = None
 
+    def serves(self, header: Header) -> bool:
+        """Whether the request with this header waits for the answer."""
+        return any(requester.header == header for requester in self.requesters)
+
 
 class PendingIndex:
-    """Header of a request -> the request that waits, and key -> the request that an equal one can join."""
+    """Header of a request -> the request that waits, and key -> the request that an equal one can
+    join.
+    """
 
     def __init__(
         self, identity: Callable[[Header], Hashable] | None, new_keys: Callable[[], KeyIndex]
@@ -137,11 +155,18 @@ class PendingIndex:
     def by_key(self, topic: str, key: Hashable) -> PendingRequest | None:
         """The request that our node already works on for an equal message."""
         keys = self._keys.get(topic)
-        held = keys.find(key) if keys is not None else None
-        return None if held is None else self._open.get((topic, held))
+        pending_key = None if keys is None else keys.find(key)
+        return None if pending_key is None else self._open.get((topic, pending_key))
+
+    def joinable(self, topic: str, key: Hashable) -> PendingRequest | None:
+        """The request whose answer a request with an equal message can wait for."""
+        pending = self.by_key(topic, key)
+        return None if pending is None or pending.answered else pending
 
     def open(self, header: Header, pending: PendingRequest) -> None:
-        """A request waits from now on, one of this header at a time. Deadlines must not decrease from call to call."""
+        """A request waits from now on, one of this header at a time. Deadlines must not decrease
+        from call to call.
+        """
         if not self._waiting:
             self.next_deadline_ns = pending.deadline_ns
         identity = header if self._identity is None else self._identity(header)
@@ -163,7 +188,7 @@ class PendingIndex:
         return expired
 
     def close(self, pending: PendingRequest) -> None:
-        """Nobody needs to join this request any more; its header stays known for a second answer."""
+        """Nobody needs to join this request any more; a second answer still finds it."""
         if pending.forwarded:
             pending.forwarded = False
             if self._open.get((pending.topic, pending.key)) is pending:

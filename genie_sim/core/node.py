@@ -1,36 +1,38 @@
-"""Algorithm 1: the Genie that stands in front of a ROS node, and Algorithm 2 where it calls upon it.
+"""Algorithm 1: the Genie that stands in front of a ROS node.
 
-A Genie is a pure function of what it has been told: a message in, a list of effects out. It has no clock, no thread
-and no middleware; SimPy and real ROS are adapters around this class.
+A Genie is a pure function of the messages that it gets: a message in, a list of effects out. It has
+no clock, no thread and no middleware; SimPy and real ROS are adapters around this class.
 
 The topics of an encapsulated node that subscribes to T and publishes P:
 
-==================  =========================================================  =====================
-topic               what arrives                                               what leaves
-==================  =========================================================  =====================
-``T``               requests of clients
-``T-local``                                                                    misses, for the node
-``T-remote``        requests of neighbouring Genies                            misses, for the others
-``P``                                                                          answers for clients
-``P-local``         answers of the node
-``P-remote``        answers of other Genies                                    answers for them
-==================  =========================================================  =====================
+============  ===============================  ====================
+topic         what arrives                     what leaves
+============  ===============================  ====================
+``T``         requests of clients
+``T-local``                                    misses, for the node
+``T-remote``  requests of neighbouring Genies  misses, for others
+``P``                                          answers for clients
+``P-local``   answers of the node
+``P-remote``  answers of other Genies          answers for them
+============  ===============================  ====================
 
 On a car ``-remote`` leads to its edge, where the car is a client; between edges it is a broadcast.
+
+What is here is what a Genie does by default. Other readings of the paper stand in ``readings``.
 """
 
 from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
 from dataclasses import replace
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
-from genie_sim.core.maps import Learned, Map, Viewer, as_change
+from genie_sim.core.maps import EnhancedAnswer, LookupCounts, Map, Viewer, as_change, object_lookups
 from genie_sim.core.message_cache import (
-    Answers,
     MessageCache,
     PendingIndex,
     PendingRequest,
     Requester,
 )
+from genie_sim.core.readings import DEFAULT_READINGS, Readings
 from genie_sim.core.rules import GenieRules
 from genie_sim.messages import (
     Answer,
@@ -49,7 +51,9 @@ from genie_sim.messages import (
 
 
 class Request(Message, Protocol):
-    """A message that a client sends. ``pose`` is where its camera stood, ``None`` where that is unknown."""
+    """A message that a client sends. ``pose`` is where its camera stood, ``None`` where that is
+    unknown.
+    """
 
     @property
     def pose(self) -> CameraPose | None: ...
@@ -58,13 +62,44 @@ class Request(Message, Protocol):
     def horizontal_fov_rad(self) -> float: ...
 
 
-class GenieNode:
-    """One Genie. ``subscribed`` and ``published`` are the encapsulated node's own topics, T_S and T_P.
+class ArrivedMessage(NamedTuple):
+    """What arrives on one of a Genie's topics."""
 
-    What depends on the middleware is injected: ``key`` gives a request its similarity key, ``new_cache`` makes the
-    message cache of one topic, ``pending`` is empty at first, ``map_answer`` makes an answer out of map
-    objects (``None`` for nodes whose answers hold no objects), ``suffixes`` are what is affixed to topics (Section
-    III-C). ``tells_changes``: whether facts about the object map name the objects that changed.
+    topic: str  # the encapsulated node's own, without a suffix
+    is_request: bool
+    is_remote: bool  # from another Genie; else from a client, or from the encapsulated node
+    is_learned: bool = False  # an answer that the map learns from and the cache stores
+    is_broadcast: bool = False  # an answer of the encapsulated node that goes to all other Genies
+
+
+class GenieNode:
+    """One Genie, in front of a node that subscribes to T_S and publishes T_P.
+
+    Parameters
+    ----------
+    name : str
+        The Genie's name; what is before the first ``/`` names its host.
+    subscribed, published : sequence of str
+        The encapsulated node's own topics, T_S and T_P.
+    rules : GenieRules
+        The settings, as ``genies.make_genie`` has adapted them to the Genie's role.
+    key : callable
+        Gives a request its similarity key.
+    new_cache : callable
+        Makes the empty message cache of one topic.
+    pending : PendingIndex
+        The requests that wait for answers; none at first.
+    object_map : Map
+        The map of Algorithm 2, empty at first.
+    map_answer : callable, optional
+        Makes an answer out of a header and map objects; ``None`` for a node whose answers hold no
+        objects.
+    readings : Readings
+        What the paper leaves open and is not decided as by default.
+    suffixes : tuple of str
+        What is affixed to the topics of the node and of other Genies (Section III-C).
+    names_changes : bool
+        Whether facts about the object map name the objects that changed.
     """
 
     def __init__(
@@ -73,40 +108,47 @@ class GenieNode:
         subscribed: Sequence[str],
         published: Sequence[str],
         rules: GenieRules,
+        *,
         key: Callable[[Any], Hashable],
         new_cache: Callable[[], MessageCache],
         pending: PendingIndex,
         object_map: Map,
         map_answer: Callable[[Header, tuple[Detection, ...]], Answer] | None = None,
+        readings: Readings = DEFAULT_READINGS,
         suffixes: tuple[str, str] = ("-local", "-remote"),
-        tells_changes: bool = True,
+        names_changes: bool = True,
     ) -> None:
         self.name = name
-        self._own = (
-            name,
-            name.partition("/")[0],
-        )  # origins of this host's frames: real ROS names Genies, SimPy hosts
         self.rules = rules
-        self._shares_all = rules.share_filter == "all"
         self.object_map = object_map
+        # origins of this host's frames: real ROS names Genies, SimPy hosts
+        self._own_origins = (name, name.partition("/")[0])
         self._key = key
         self._new_cache = new_cache
         self._pending = pending
-        self._map_answer = map_answer
+        self._map_answer = map_answer if rules.miss_policy == "immediate" else None
+        self._readings = readings
         self._local, self._remote = suffixes
-        self._tells_changes = tells_changes
+        self._names_changes = names_changes
         self._subscribed, self._published = tuple(subscribed), tuple(published)
-        self._databases: dict[str, MessageCache] = {}  # H_DB
-        # Of each topic that something arrives on: the node's own one, whether requests do, and whether of its own side.
-        self._arrivals: dict[str, tuple[str, bool, bool]] = {
-            topic: (topic, True, True) for topic in subscribed
-        }
-        for about, suffix, request in (
-            *((topic, self._remote, True) for topic in subscribed),
-            *((topic, self._local, False) for topic in published),
-            *((topic, self._remote, False) for topic in published),
+        self._caches: dict[str, MessageCache] = {}  # H_DB: a hashmap for each topic of requests
+        self._arrivals: dict[str, ArrivedMessage] = {}  # by topic, with its suffix
+        for topics, suffix, is_request in (
+            (self._subscribed, "", True),
+            (self._subscribed, self._remote, True),
+            (self._published, self._local, False),
+            (self._published, self._remote, False),
         ):
-            self._arrivals.setdefault(about + suffix, (about, request, suffix == self._local))
+            for topic in topics:
+                is_remote = suffix == self._remote
+                arrival = ArrivedMessage(
+                    topic,
+                    is_request,
+                    is_remote,
+                    is_learned=not is_remote or readings.learns_from_others,
+                    is_broadcast=not is_remote and rules.share_answers == "broadcast",
+                )
+                self._arrivals.setdefault(topic + suffix, arrival)
 
     def subscriptions(self) -> tuple[str, ...]:
         """Every topic that this Genie listens to."""
@@ -116,127 +158,205 @@ class GenieNode:
         """Every topic that this Genie may publish on."""
         to_node = tuple(topic + self._local for topic in self._subscribed)
         to_others = tuple(topic + self._remote for topic in self._subscribed)
-        answers = tuple(topic + self._remote for topic in self._published)
-        topics = (*to_node, *to_others, *self._published, *answers)
-        if self.rules.pending_index == "across_topics":
-            return topics
-        unknown = [topic for topic, (_, request, _) in self._arrivals.items() if not request]
-        return (
-            *topics,
-            *(topic + suffix for topic in unknown for suffix in (self._local, self._remote)),
-        )
+        answers_to_others = tuple(topic + self._remote for topic in self._published)
+        return (*to_node, *to_others, *self._published, *answers_to_others)
 
     def on_message(
         self, topic: str, message: Any, now_ns: int, sender: str | None = None
     ) -> list[Effect]:
-        """Algorithm 1, OnMessageArrival. ``sender`` names the neighbour that a reply goes to, ``None`` where the
-        middleware does not tell: then it goes to all of them."""
-        before: list[Effect] = []
-        forgotten = self.object_map.forget(now_ns)
-        if forgotten and self._tells_changes:
-            before.append(Forgotten(tuple(map(as_change, forgotten))))
-        deadline_ns = self._pending.next_deadline_ns
-        if deadline_ns is not None and deadline_ns <= now_ns:
-            before += self.on_deadline(now_ns)
-        about, request, own = self._arrivals[topic]
-        effects: list[Effect]
-        if request:
-            effects = self._on_request(
-                about, message, Requester(message.header, not own, sender), now_ns
+        """Algorithm 1, OnMessageArrival(M, T): the effects of a message.
+
+        Parameters
+        ----------
+        topic : str
+            The topic T that the message came on, with its suffix.
+        message : Request or Answer
+            The message M.
+        now_ns : int
+            Time of the Genie's clock [ns].
+        sender : str, optional
+            The neighbour that a reply goes to. ``None`` where the middleware does not tell: then it
+            goes to all of them.
+        """
+        effects = self._time_passes(now_ns)
+        arrival = self._arrivals[topic]
+        header = message.header
+
+        # Lines 7 to 11: the message is an answer, to a pending request if that is here.
+        if not arrival.is_request:
+            pending = self._pending.by_header(header)  # line 7
+            answer = self._learn(arrival, message, pending, now_ns)  # line 9
+            if answer.lookups is not None:
+                effects.append(self._object_lookups(header, "sighting", answer.lookups))
+            if pending is not None:  # line 8
+                if arrival.is_learned:
+                    self._store(arrival.topic, answer.answer, pending, now_ns)  # line 10
+                effects += self._release(arrival, answer, pending)
+            if arrival.is_broadcast:
+                to_neighbours = self._readings.part_for_neighbours(answer)
+                effects.append(Publish(arrival.topic + self._remote, to_neighbours))
+            return effects  # line 11
+
+        # Lines 5 and 6: a hashmap for a topic on which no request came before.
+        cache = self._caches.get(arrival.topic)
+        if cache is None:
+            cache = self._caches[arrival.topic] = self._new_cache()
+
+        requester = Requester(header, neighbour=arrival.is_remote, name=sender)
+        viewer = _viewer(message)
+        key = self._key(message)
+        answers = cache.get(key, now_ns)
+
+        # Lines 12 to 15: cache miss. Neighbours get hits only, so theirs are not run; of equal
+        # requests only the first is. A client gets what the map shows until the answer comes.
+        if answers is None:
+            is_run = not requester.neighbour or self._readings.runs_neighbours_misses
+            equal = self._pending.joinable(arrival.topic, key) if is_run else None
+            if self._pending.by_header(header) is not None:
+                return effects  # this very request came before, over another way
+            if equal is not None and equal.serves(header):
+                return effects  # likewise, and waits with an equal one
+            if equal is not None:
+                equal.requesters.append(requester)
+                effects.append(self._image_lookup(requester, "coalesced"))
+            else:
+                effects.append(self._image_lookup(requester, "miss"))
+                if is_run:
+                    effects.append(Publish(arrival.topic + self._local, message))  # line 13
+                    if self.rules.share_requests:
+                        effects.append(Publish(arrival.topic + self._remote, message))  # line 14
+                opened = PendingRequest(
+                    arrival.topic,
+                    key,
+                    deadline_ns=self._deadline_ns(now_ns),
+                    forwarded=is_run,
+                    requesters=[requester] if is_run else [],
+                    viewer=viewer,
+                )
+                self._pending.open(header, opened)  # line 15
+            if viewer is not None and not requester.neighbour:
+                effects += self._map_answers(viewer, now_ns)
+            return effects
+
+        # Lines 16 to 19: cache hit. The node may still be about to answer on other topics.
+        if len(answers) < len(self._published):
+            pending = self._pending.by_key(arrival.topic, key)
+            if pending is not None:
+                pending.requesters.append(replace(requester, served=frozenset(answers)))
+        effects.append(self._image_lookup(requester, "hit"))
+        for answer_topic, stored in answers.items():  # line 17
+            boosted = self.object_map.enhanced_cache_boost_data(  # line 18
+                stored, header, viewer, now_ns
             )
-        elif self.rules.pending_index == "per_topic":
-            effects = self._on_unknown(topic, message)
-        else:
-            effects = self._on_answer(about, message, now_ns, own=own)
-        return before + effects if before else effects
+            replay_header = self._readings.replay_header(header, stored.header)
+            if boosted.lookups is not None:
+                effects.append(self._object_lookups(replay_header, "boost", boosted.lookups))
+            part = boosted.to_clients
+            if requester.neighbour:
+                part = self._readings.part_for_neighbours(boosted)
+            replay = part.served("cache", self.name, replay_header)
+            effects.append(self._publication(answer_topic, replay, requester))  # line 19
+        return effects
 
     def next_deadline_ns(self) -> int | None:
         """When ``on_deadline`` wants to be called, if no message comes before."""
         return self._pending.next_deadline_ns
 
     def on_deadline(self, now_ns: int) -> list[Effect]:
-        """Forgets the requests that nobody answered in time: the node dropped them, or the link did."""
+        """Expires requests that were not answered in time (dropped by the node or by a link)."""
         return [*_unanswered(self._pending.expire(now_ns))]
 
     def on_void(self) -> list[Observation]:
-        """What goes with its state when a fault takes that: its clients' requests without an answer, and the objects of
-        its map. It is not called again after that."""
+        """Records of what is lost when a fault wipes this Genie's state: unanswered client requests
+        and map objects. It is not called again after that.
+        """
         lost: list[Observation] = [*_unanswered(self._pending)]
-        if self._tells_changes and len(self.object_map):
+        if self._names_changes and len(self.object_map):
             lost.append(Forgotten(tuple(map(as_change, self.object_map))))
         return lost
 
     def cache_entries(self) -> int:
         """How many requests the message cache holds answers to."""
-        return sum(map(len, self._databases.values()))
+        return sum(map(len, self._caches.values()))
 
-    def _on_request(
-        self, topic: str, request: Request, requester: Requester, now_ns: int
-    ) -> list[Effect]:
-        database = self._databases.get(topic)
-        if database is None:
-            database = self._databases[topic] = (
-                self._new_cache()
-            )  # line 6: a hashmap for a never-seen topic
-        key = self._key(request)
-        answers = database.get(key, now_ns)
-        if answers is None:
-            return self._on_miss(topic, request, key, requester, now_ns)
-        if len(answers) < len(
-            self._published
-        ):  # the node may still be about to answer on its other topics
-            pending = self._pending.by_key(topic, key)
-            if pending is not None:
-                pending.requesters.append(replace(requester, served=frozenset(answers)))
-        # line 16: cache hit
-        return [
-            self._looked_up(requester, "hit"),
-            *self._replay(answers, requester, request, now_ns),
-        ]
+    def _time_passes(self, now_ns: int) -> list[Effect]:
+        """Forgets the objects of the map and the pending requests whose time is over."""
+        effects: list[Effect] = []
+        forgotten = self.object_map.forget(now_ns)
+        if forgotten and self._names_changes:
+            effects.append(Forgotten(tuple(map(as_change, forgotten))))
+        deadline_ns = self._pending.next_deadline_ns
+        if deadline_ns is not None and deadline_ns <= now_ns:
+            effects += self.on_deadline(now_ns)
+        return effects
 
-    def _on_miss(
-        self, topic: str, request: Request, key: Hashable, requester: Requester, now_ns: int
-    ) -> list[Effect]:
-        if self._pending.by_header(requester.header) is not None:
-            return []  # this very request came before, over another way
+    def _deadline_ns(self, now_ns: int) -> int | None:
+        """When a request that comes now expires."""
         expiry_ns = self.rules.request_expiry_ns
-        deadline_ns = None if expiry_ns is None else now_ns + expiry_ns
-        viewer = _viewer(request)
-        if requester.neighbour and self.rules.neighbour_miss == "ignore":
-            opened = PendingRequest(topic, key, deadline_ns, False, viewer=viewer)
-            self._pending.open(requester.header, opened)
-            return [self._looked_up(requester, "miss")]
-        pending = (
-            self._pending.by_key(topic, key) if self.rules.same_key_pending == "coalesce" else None
+        return None if expiry_ns is None else now_ns + expiry_ns
+
+    def _learn(
+        self, arrival: ArrivedMessage, answer: Answer, pending: PendingRequest | None, now_ns: int
+    ) -> EnhancedAnswer:
+        """Line 9: the object map learns from the answer."""
+        if not arrival.is_learned:
+            return EnhancedAnswer(answer, answer, answer)
+        return self.object_map.enhanced_cache_new_data(
+            answer,
+            None if pending is None else pending.viewer,
+            now_ns,
+            own=not arrival.is_remote,
+            names_changes=self._names_changes,
+            leaves=arrival.is_broadcast or pending is not None,
         )
-        if pending is not None and not pending.answered:
-            if any(one.header == requester.header for one in pending.requesters):
-                return []
-            pending.requesters.append(requester)
-            return [
-                self._looked_up(requester, "coalesced"),
-                *self._meanwhile(viewer, requester, now_ns),
-            ]
-        # line 12: cache miss
-        effects: list[Effect] = [self._looked_up(requester, "miss")]
-        effects.append(Publish(topic + self._local, request))
-        if self.rules.share_requests:
-            effects.append(Publish(topic + self._remote, request))
-        opened = PendingRequest(topic, key, deadline_ns, True, [requester], viewer=viewer)
-        self._pending.open(requester.header, opened)
-        return effects + self._meanwhile(viewer, requester, now_ns)
 
-    def _meanwhile(self, viewer: Viewer | None, requester: Requester, now_ns: int) -> list[Effect]:
-        """What a client gets at once although its request missed: the map's confident objects in view.
+    def _store(self, topic: str, answer: Answer, pending: PendingRequest, now_ns: int) -> None:
+        """Line 10: the answer becomes the value of its request's key."""
+        cache = self._caches[pending.topic]
+        if answer.look is not None:  # what is answered from a cache is no look
+            answer = answer.with_look(None, None)
+        if topic in pending.answered:
+            stored = (cache.peek(pending.key, now_ns) or {}).get(topic)
+            if stored is not None:
+                answer = self._readings.second_answer(stored, answer)
+                if answer is stored:
+                    return
+        cache.put(pending.key, topic, answer, now_ns)
 
-        Without a pose there is no view, and no answer.
+    def _release(
+        self, arrival: ArrivedMessage, answer: EnhancedAnswer, pending: PendingRequest
+    ) -> Iterator[Publish]:
+        """The first answer to a request goes to everyone who waits for it, under the header of each
+        one's own request.
         """
-        if (
-            viewer is None
-            or requester.neighbour
-            or self._map_answer is None
-            or self.rules.miss_policy != "immediate"
-        ):
+        topic, header = arrival.topic, answer.answer.header
+        if topic in pending.answered:
+            return
+        pending.answered.add(topic)
+        if len(pending.answered) == len(self._published):
+            self._pending.close(pending)
+        for requester in pending.requesters:
+            if topic in requester.served:
+                continue
+            if requester.neighbour:
+                if arrival.is_broadcast and requester.header == header:
+                    continue  # the broadcast reaches it
+                part = self._readings.part_for_neighbours(answer)
+            elif not self._readings.answers_misses:
+                continue
+            elif not arrival.is_remote and requester.header.origin in self._own_origins:
+                part = self._readings.part_for_own_host(answer)
+            else:
+                part = answer.to_clients
+            if requester.header != header:
+                part = part.restamped(requester.header)
+            yield self._publication(topic, part, requester)
+
+    def _map_answers(self, viewer: Viewer, now_ns: int) -> list[Publish]:
+        """What a client gets at once although its request missed: the map's confident objects in
+        view.
+        """
+        if self._map_answer is None:
             return []
         objects, valid_ns = self.object_map.visible(viewer, self.rules.view_range_m, now_ns)
         answer = self._map_answer(viewer.header, objects)
@@ -244,121 +364,18 @@ class GenieNode:
             answer = answer.with_look(None, valid_ns)
         return [Publish(topic, answer.served("map", self.name)) for topic in self._published]
 
-    def _replay(
-        self, answers: Answers, requester: Requester, request: Request, now_ns: int
-    ) -> list[Effect]:
-        """Lines 17 to 19: the stored answers go to the sender, with what the map knows about their locations."""
-        effects: list[Effect] = []
-        viewer, restamps = _viewer(request), self.rules.replay_stamp != "stored"
-        for topic, answer in answers.items():
-            boosted = self.object_map.boost(answer, requester.header, viewer, now_ns)
-            if boosted is not None:
-                answer = (
-                    boosted.answer
-                    if requester.neighbour and self._shares_all
-                    else boosted.to_clients
-                )
-                counts = boosted.requests, boosted.hits, 0, 0.0, len(self.object_map)
-                header = requester.header if restamps else answer.header
-                effects.append(ObjectLookups(header, "boost", *counts))
-            answer = answer.served("cache", self.name, requester.header if restamps else None)
-            effects.append(self._deliver(topic, answer, requester))
-        return effects
-
-    def _on_answer(self, topic: str, answer: Answer, now_ns: int, *, own: bool) -> list[Effect]:
-        """Lines 8 to 11, and delivery to everyone who waits. ``own``: the encapsulated node's answer."""
-        pending = self._pending.by_header(answer.header)
-        learns = own or self.rules.car_learns == "all"
-        viewer = None if pending is None else pending.viewer
-        broadcast = own and self.rules.share_answers == "broadcast"
-        learned = Learned(answer, answer, answer, None)
-        if learns:
-            leaves = broadcast or pending is not None
-            learned = self.object_map.learn(
-                answer, viewer, now_ns, own, self._tells_changes, leaves
-            )  # line 9
-        answer = learned.answer
-        to_neighbours = answer if self._shares_all else learned.to_neighbours
-        effects: list[Effect] = [] if learned.lookups is None else [learned.lookups]
-        if pending is not None:
-            if learns:
-                self._store(topic, pending, answer, now_ns)  # line 10
-            if topic not in pending.answered:
-                pending.answered.add(topic)
-                if len(pending.answered) == len(self._published):
-                    self._pending.close(pending)
-                to_host = (
-                    answer if own and self.rules.fresh_objects == "all" else learned.to_clients
-                )
-                effects += self._release(
-                    topic, pending, to_host, learned.to_clients, to_neighbours, own
-                )
-        if broadcast:
-            effects.append(Publish(topic + self._remote, to_neighbours))
-        return effects
-
-    def _store(self, topic: str, pending: PendingRequest, answer: Answer, now_ns: int) -> None:
-        database = self._databases[pending.topic]
-        if answer.look is not None:  # what is answered from a cache is no look
-            answer = answer.with_look(None, None)
-        if topic in pending.answered and self.rules.second_answer != "overwrite":
-            held = (database.get(pending.key, now_ns) or {}).get(topic)
-            if held is not None and self.rules.second_answer == "first_wins":
-                return
-            if held is not None and held.objects is not None and answer.objects is not None:
-                known = {(one.label, one.location) for one in held.objects}
-                added = [one for one in answer.objects if (one.label, one.location) not in known]
-                answer = held.with_objects([*held.objects, *added])
-        database.put(pending.key, topic, answer, now_ns)
-
-    def _release(
-        self,
-        topic: str,
-        pending: PendingRequest,
-        to_host: Answer,
-        to_others: Answer,
-        to_neighbours: Answer,
-        own: bool,
-    ) -> list[Effect]:
-        """The first answer goes to everyone who waits for it, under each one's own header: ``to_host`` to clients on
-        this host, ``to_others`` to those behind a link."""
-        effects: list[Effect] = []
-        broadcast = own and self.rules.share_answers == "broadcast"
-        for requester in pending.requesters:
-            hits_only = not requester.neighbour and self.rules.miss_policy == "hits_only"
-            covered_by_broadcast = (
-                requester.neighbour and broadcast and requester.header == to_host.header
-            )
-            if topic in requester.served or hits_only or covered_by_broadcast:
-                continue
-            to_client = to_host if requester.header.origin in self._own else to_others
-            answer = to_neighbours if requester.neighbour else to_client
-            mine = (
-                answer if requester.header == answer.header else answer.restamped(requester.header)
-            )
-            effects.append(self._deliver(topic, mine, requester))
-        return effects
-
-    def _deliver(self, topic: str, answer: Answer, requester: Requester) -> Publish:
+    def _publication(self, topic: str, answer: Answer, requester: Requester) -> Publish:
+        """The answer on the topic on which the requester listens."""
         if requester.neighbour:
             return Publish(topic + self._remote, answer, to=requester.name)
         return Publish(topic, answer)
 
-    def _on_unknown(self, topic: str, answer: Answer) -> list[Effect]:
-        """An answer under the literal index: no request on its topic has its header, so it is taken for a request."""
-        to_neighbours = answer
-        if answer.objects is not None:
-            threshold = self.object_map.threshold
-            answer = answer.with_objects(
-                [one for one in answer.objects if one.confidence >= threshold]
-            )
-        if not self._shares_all:
-            to_neighbours = answer
-        return [Publish(topic + self._local, answer), Publish(topic + self._remote, to_neighbours)]
+    def _image_lookup(self, requester: Requester, outcome: str) -> ImageLookup:
+        role = "neighbour" if requester.neighbour else "client"
+        return ImageLookup(requester.header, outcome, role, self.cache_entries())
 
-    def _looked_up(self, requester: Requester, outcome: str) -> ImageLookup:
-        who = "neighbour" if requester.neighbour else "client"
-        return ImageLookup(requester.header, outcome, who, self.cache_entries())
+    def _object_lookups(self, header: Header, kind: str, counts: LookupCounts) -> ObjectLookups:
+        return object_lookups(header, kind, counts, len(self.object_map))
 
 
 def _unanswered(requests: Iterable[PendingRequest]) -> Iterator[Expired]:

@@ -1,67 +1,76 @@
-"""Algorithm 2: the map from absolute locations to objects, whose confidence grows with every sighting."""
+"""Algorithm 2: the map from absolute locations to objects, whose confidence grows with every
+sighting.
+"""
 
-import bisect
 import heapq
 import itertools
-import math
 from collections.abc import Iterator, Sequence
 from types import MappingProxyType
 from typing import Any
 
 from genie_sim.core.confidence import CONFIDENCE_RULES, ConfidenceRule
 from genie_sim.core.freshness.never import Never
-from genie_sim.core.maps import Boosted, Learned, Map, Viewer
-from genie_sim.core.rules import ObjectMapRules, Percentile
+from genie_sim.core.locations import Locations, SameLocation, WithinGate
+from genie_sim.core.maps import EnhancedAnswer, LookupCounts, Map, Viewer, counts_again
+from genie_sim.core.rules import ObjectMapRules
+from genie_sim.core.thresholds import threshold_of
 from genie_sim.core.tracking import PARKED_NS
-from genie_sim.core.view import rectangle
-from genie_sim.messages import (
-    Answer,
-    CameraPose,
-    Detection,
-    Header,
-    Location,
-    MapChange,
-    ObjectLookups,
-)
+from genie_sim.core.view import ViewSector
+from genie_sim.grid import Grid
+from genie_sim.messages import Answer, CameraPose, Detection, Header, Location, MapChange
 
-RANGE_60 = 0.30 + 0.60 * (
-    1.0 - 0.30
-)  # 60 % of the way up the range of scores that the detector reports
-EMPIRICAL_PERCENT = 60.0
-CELL_GATES = 2.0
-REACH_GATES = 1.01  # how far around an object the cells list it: a gate, and room for rounding
-ORIGIN_NS = (
-    1_000_000_000  # with ``confidence_source: origins``, a car's word counts again after so long
-)
-ROW = 2.0**26  # cells from one row to the next: no row of cells on earth has as many
-Origins = dict[str, int]
-NOBODY: Any = MappingProxyType({})  # what nobody keeps: most objects of a fleet's maps
-Cell = float  # the number of a cell: a whole number, counted east in rows that are counted north
+# What an object notes of the cars that saw it where no setting asks for it, as for most objects of
+# a fleet's maps.
+NO_NOTES: Any = MappingProxyType({})
 
 
 class StoredObject:
-    """An object of the map. The location is that of the first sighting. ``origins`` belong to the freshness policy,
-    ``spoke_ns`` tells when each car spoke of it; ``detection`` is the object as it is asked for, once it has been."""
+    """An object of the map. The location is that of the first sighting.
+
+    ``number`` counts the objects of this map from 0 and is never given twice. ``origins`` belongs
+    to the freshness policy; ``counted_ns`` has the stamp of the last sighting that counted, by car.
+    ``seen_in`` is the newest frame in which a detector saw it, ``None`` where that is unknown.
+    """
 
     __slots__ = (
-        "confidence", "detection", "east_m", "first_ns", "label", "location", "north_m", "origins", "score", "seen_ns",
-        "sightings", "spoke_ns",
-    )  # fmt: skip
+        "_detection",
+        "confidence",
+        "counted_ns",
+        "east_m",
+        "first_ns",
+        "label",
+        "location",
+        "north_m",
+        "number",
+        "origins",
+        "score",
+        "seen_in",
+        "seen_ns",
+        "sightings",
+    )
 
     def __init__(
-        self, seen: Detection, location: Location, now_ns: int, origins: Origins, spoke_ns: Origins
+        self,
+        number: int,
+        seen: Detection,
+        location: Location,
+        now_ns: int,
+        *,
+        origins: dict[str, int],
+        counted_ns: dict[str, int],
     ) -> None:
-        self.label, self.location, self.score, self.confidence = (
-            seen.label,
-            location,
-            seen.score,
-            seen.confidence,
-        )
+        self.number = number
+        self.label = seen.label
+        self.score = seen.score
+        self.confidence = seen.confidence
+        self.location = location
         self.east_m, self.north_m, _ = location
         self.first_ns = self.seen_ns = now_ns
         self.sightings = 1
-        self.origins, self.spoke_ns = origins, spoke_ns
-        self.detection: Detection | None = None
+        self.origins = origins
+        self.counted_ns = counted_ns
+        self.seen_in: Header | None = None
+        self._detection: Detection | None = None  # as it was asked for last
 
     @property
     def parked(self) -> bool:
@@ -69,17 +78,45 @@ class StoredObject:
         return self.seen_ns - self.first_ns >= PARKED_NS
 
     def as_detection(self) -> Detection:
-        self.detection = Detection(
-            self.label, self.score, None, self.location, self.confidence, "map"
-        )
-        return self.detection
+        """The object as others get it."""
+        detection = self._detection
+        if (
+            detection is None
+            or detection.confidence != self.confidence
+            or detection.seen_in is not self.seen_in
+        ):
+            detection = self._detection = Detection(
+                self.label,
+                self.score,
+                box=None,
+                location=self.location,
+                confidence=self.confidence,
+                method="map",
+                seen_in=self.seen_in,
+            )
+        return detection
+
+    def look(self, header: Header | None) -> None:
+        """A detector saw it in a frame; ``None``: in one that nobody knows."""
+        if header is not None and (
+            self.seen_in is None or self.seen_in.stamp_ns <= header.stamp_ns
+        ):
+            self.seen_in = header
 
 
 class ObjectMap(Map):
-    """Location -> objects, in metres of one east-north-up frame; keys use the ground plane.
+    """Location -> objects, in metres of one east-north-up frame.
 
-    Every square cell lists the objects within a gate of it, so one cell answers what is at a location. A second grid of
-    ``view_cell_m`` serves the question what is in view. Neither decides what is found.
+    Parameters
+    ----------
+    rules : ObjectMapRules
+        The settings.
+    view_cell_m : float
+        Side of the cells that speed up the question what is in view [m]; does not change results.
+    confidence_rule : callable, optional
+        How a sighting changes a confidence (line 5), in the place of the one that ``rules`` names.
+    freshness : Never, optional
+        When an object is forgotten and who may have it; by default nothing is forgotten.
     """
 
     def __init__(
@@ -89,41 +126,184 @@ class ObjectMap(Map):
         confidence_rule: ConfidenceRule | None = None,
         freshness: Never | None = None,
     ) -> None:
-        self._rules = rules
         self._freshness = Never() if freshness is None else freshness
-        self._always_serves = getattr(type(self._freshness), "serves", None) is Never.serves
-        self._notes = getattr(type(self._freshness), "seen", None) is not Never.seen
-        self._knows_origins = (
-            self._notes or not self._always_serves
-        )  # else no policy has a say about who saw what
-        self._origins = rules.confidence_source == "origins"
-        self._boosts: dict[int, tuple[Answer, Boosted]] = {}  # by the identity of the stored answer
-        self._boosted_changes = 0  # of the map, when they were made
-        self._boosted = CONFIDENCE_RULES[rules.rule] if confidence_rule is None else confidence_rule
-        self._rate = rules.rate
+        self._boosted_confidence = confidence_rule or CONFIDENCE_RULES[rules.rule]
+        self._rate = rules.rate  # lambda
+        self._threshold = threshold_of(rules.threshold)
+        self._locations: Locations = (
+            SameLocation() if rules.location_key == "exact" else WithinGate(rules.gate_m)
+        )
         self._any_class = rules.one_per_location
-        self._exact = rules.location_key == "exact"
-        self._cell_m, self._reach_m = CELL_GATES * rules.gate_m, REACH_GATES * rules.gate_m
-        self._gate2 = 0.0 if self._exact else rules.gate_m**2
-        self._cells: dict[Any, list[StoredObject]] = {}  # by location if exact, else by cell
-        self._view_cell_m = view_cell_m
-        self._view_cells: dict[Cell, list[StoredObject]] = {}
+        self._counts_origins = rules.confidence_source == "origins"
+        self._view_grid: Grid[StoredObject] = Grid(view_cell_m)
         self._count = 0
-        self._ranked: list[float] = []  # what C_T is a percentile of, in order
-        self._of_stored = isinstance(rules.threshold, Percentile)
-        self._of_scores = rules.threshold == "empirical"
-        self.threshold = fixed_threshold(rules.threshold)  # C_T
-        self.changes = 0  # counts on whenever anything here becomes different
-        self._to_forget: list[
-            tuple[int, int, StoredObject]
-        ] = []  # a heap: when to look at it, a number of its own
-        self._numbers = itertools.count()
+        self._numbers = itertools.count()  # of objects
+        # a heap: when to look at the object, and a tie-breaker
+        self._to_forget: list[tuple[int, int, StoredObject]] = []
+        self._ties = itertools.count()
+        # of stored answers, by identity: what EnhancedCacheBoostData made of them; holds as long as
+        # the map does not change
+        self._boosted: dict[int, tuple[Answer, EnhancedAnswer]] = {}
 
     def __len__(self) -> int:
         return self._count
 
     def __iter__(self) -> Iterator[StoredObject]:
-        return (stored for cell in self._view_cells.values() for stored in cell)
+        return iter(self._view_grid)
+
+    @property
+    def threshold(self) -> float:
+        return self._threshold.value
+
+    def enhanced_cache_new_data(
+        self,
+        answer: Answer,
+        viewer: Viewer | None,
+        now_ns: int,
+        *,
+        own: bool,
+        names_changes: bool,
+        leaves: bool = True,
+    ) -> EnhancedAnswer:
+        """Algorithm 2, EnhancedCacheNewData: every object of an answer is a sighting. See
+        ``maps.Map``.
+        """
+        if answer.objects is None:  # line 2
+            return EnhancedAnswer(answer, answer, answer)
+        threshold = self.threshold
+        header = answer.header if answer.source == "detector" else None
+        looked_at = answer.seen_in or answer.header
+        objects: list[Detection] = []
+        stored_objects: list[StoredObject | None] = []  # that ``objects`` show
+        changes: list[MapChange] = []
+        requests = hits = updates = 0
+        boost_sum = 0.0
+        for seen in answer.objects:  # line 3
+            stored = None
+            if seen.location is not None:
+                requests += 1
+                frame = None if seen.method == "map" else header
+                before, stored = self.sight(seen, now_ns, frame)  # lines 4 to 7
+                stored.look(seen.seen_in if seen.method == "map" else looked_at)
+                if before is not None:
+                    hits += before >= threshold
+                    updates += 1
+                    boost_sum += stored.confidence - before
+                    if leaves:
+                        seen = seen.with_confidence(stored.confidence)
+                if names_changes:
+                    changes.append(
+                        MapChange(stored.number, stored.label, stored.location, stored.confidence)
+                    )
+            if leaves:
+                objects.append(seen)
+                stored_objects.append(stored)
+        counts = LookupCounts(requests, hits, updates, boost_sum, changes=tuple(changes))
+        if not leaves:
+            return EnhancedAnswer(answer, answer, answer, counts)
+        answer = answer.with_objects(objects)
+        to_clients = to_neighbours = self._confident_part(
+            answer, stored_objects, answer.header.origin, now_ns
+        )
+        if self._freshness.keeps_back:
+            to_neighbours = self._confident_part(answer, stored_objects, "", now_ns)
+        return EnhancedAnswer(answer, to_clients, to_neighbours, counts)
+
+    def sight(
+        self, seen: Detection, now_ns: int = 0, header: Header | None = None
+    ) -> tuple[float | None, StoredObject]:
+        """Lines 4 to 7 of Algorithm 2: boosts the stored object that ``seen`` shows, or adds it.
+
+        ``header`` is that of the frame in which a detector saw it, ``None`` if the object comes out
+        of a map or cache. Returns the confidence before (``None`` for a new object) and the stored
+        object.
+        """
+        assert seen.location is not None
+        self._boosted.clear()
+        # line 4
+        stored = self._locations.nearest(None if self._any_class else seen.label, seen.location)
+        if stored is None:
+            return None, self._add(seen, seen.location, now_ns, header)  # line 7
+        before = stored.confidence
+        if not self._counts_origins or (
+            header is not None and counts_again(stored.counted_ns, header)
+        ):
+            # line 5
+            stored.confidence = self._boosted_confidence(before, seen.confidence, self._rate)
+            self._threshold.changed(before, stored.confidence)
+        stored.seen_ns = now_ns
+        stored.sightings += 1
+        if header is not None and self._freshness.notes_sightings:
+            self._freshness.seen(stored, seen.score, header)
+        return before, stored
+
+    def enhanced_cache_boost_data(
+        self, answer: Answer, header: Header, viewer: Viewer | None, now_ns: int
+    ) -> EnhancedAnswer:
+        """Algorithm 2, EnhancedCacheBoostData: adds the stored objects at the answer's locations,
+        each once, and leaves out what is below C_T.
+        """
+        if answer.objects is None:  # line 9
+            return EnhancedAnswer(answer, answer, answer)
+        if not self._freshness.keeps_back:
+            remembered = self._boosted.get(id(answer))
+            if remembered is not None:
+                return remembered[1]
+        objects: list[Detection] = []
+        stored_objects: list[StoredObject | None] = []  # that ``objects`` show
+        others: list[StoredObject] = []
+        requests = hits = 0
+        threshold = self.threshold
+        for detection in answer.objects:  # line 10
+            stored = None
+            if detection.location is not None:
+                requests += 1
+                at_location = self._locations.at(detection.location)  # line 11
+                # line 12
+                confident = [other for other in at_location if other.confidence >= threshold]
+                hits += bool(confident)
+                others += confident  # line 13; added below, lest line 10 iterates over them
+                if len(at_location) == 1 and at_location[0].label == detection.label:
+                    stored = at_location[0]  # as nearly always
+                else:
+                    stored = self.match(detection.label, detection.location)
+                if stored is not None:
+                    detection = detection.with_confidence(stored.confidence)
+            objects.append(detection)
+            stored_objects.append(stored)
+        included = {stored.number for stored in stored_objects if stored is not None}
+        for other in others:
+            if other.number not in included:
+                included.add(other.number)
+                objects.append(other.as_detection())
+                stored_objects.append(other)
+        boosted = answer.with_objects(objects)
+        part = self._confident_part(boosted, stored_objects, header.origin, now_ns)
+        result = EnhancedAnswer(boosted, part, part, LookupCounts(requests, hits))
+        if not self._freshness.keeps_back:
+            self._boosted[id(answer)] = answer, result
+        return result
+
+    def _confident_part(
+        self, answer: Answer, stored_objects: Sequence[StoredObject | None], to: str, now_ns: int
+    ) -> Answer:
+        """The answer without what must not leave a Genie: the objects below C_T (Section III-D),
+        and those that the freshness policy keeps back from the car ``to`` (from other Genies:
+        ``""``).
+        """
+        threshold, objects = self.threshold, answer.objects or ()
+        if not self._freshness.keeps_back:
+            confident = [detection for detection in objects if detection.confidence >= threshold]
+            return answer if len(confident) == len(objects) else answer.with_objects(confident)
+        serves = self._freshness.serves
+        return answer.with_objects(
+            [
+                detection
+                for detection, stored in zip(objects, stored_objects, strict=True)
+                if detection.confidence >= threshold
+                and (stored is None or serves(stored, to, now_ns))
+            ]
+        )
 
     def forget(self, now_ns: int) -> list[StoredObject]:
         """Removes and returns the objects whose time is over by the freshness policy."""
@@ -134,297 +314,78 @@ class ObjectMap(Map):
             expires_ns = self._freshness.expires_ns(stored)
             if expires_ns is None:
                 heapq.heappop(waiting)
-                continue
-            if expires_ns > due_ns:  # it has been seen since
-                heapq.heapreplace(waiting, (expires_ns, next(self._numbers), stored))
-                continue
-            heapq.heappop(waiting)
-            forgotten.append(stored)
-            self._remove(stored)
+            elif expires_ns > due_ns:  # it has been seen since
+                heapq.heapreplace(waiting, (expires_ns, next(self._ties), stored))
+            else:
+                heapq.heappop(waiting)
+                forgotten.append(stored)
+                self._remove(stored)
         return forgotten
-
-    def _remove(self, stored: StoredObject) -> None:
-        self.changes += 1
-        self._count -= 1
-        for cell in self._cells_within_reach(stored.location):
-            _remove(self._cells, cell, stored)
-        _remove(self._view_cells, self._view_cell(stored.location), stored)
-        if self._of_stored:
-            self._rank(stored.confidence, None)
-
-    def _rank(self, old: float | None, new: float | None) -> None:
-        """Sets C_T, a percentile by nearest rank, when a value becomes another, comes (``old`` is ``None``) or goes."""
-        ranked, threshold = self._ranked, self._rules.threshold
-        if old is not None:
-            del ranked[bisect.bisect_left(ranked, old)]
-        if new is not None:
-            bisect.insort(ranked, new)
-        percent = threshold.percentile if isinstance(threshold, Percentile) else EMPIRICAL_PERCENT
-        self.threshold = ranked[math.ceil(percent * len(ranked) / 100) - 1] if ranked else 1.0
-
-    def sight(
-        self, seen: Detection, now_ns: int = 0, header: Header | None = None
-    ) -> tuple[float | None, StoredObject]:
-        """Lines 3 to 7: boosts the stored object that ``seen`` shows, or adds it. ``header`` is that of the frame that
-        a detector saw it in, ``None`` if the object comes out of a map or cache.
-
-        Returns the confidence before (``None`` for a new object) and the stored object.
-        """
-        location = seen.location
-        assert location is not None
-        self.changes += 1
-        stored = self.match(seen.label, location)
-        if stored is not None:
-            before = stored.confidence
-            if not self._origins or self._speaks(stored, header):
-                stored.confidence = self._boosted(before, seen.confidence, self._rate)
-                stored.detection = None
-                if self._of_stored:
-                    self._rank(before, stored.confidence)
-            stored.seen_ns = now_ns
-            stored.sightings += 1
-            if self._notes and header is not None:
-                self._freshness.seen(stored, seen.score, header)
-            return before, stored
-        origins, spoke_ns = {} if self._knows_origins else NOBODY, {} if self._origins else NOBODY
-        stored = StoredObject(seen, location, now_ns, origins, spoke_ns)
-        if header is not None:
-            if self._origins:
-                stored.spoke_ns[header.origin] = header.stamp_ns
-            self._freshness.seen(stored, seen.score, header)
-        if (expires_ns := self._freshness.expires_ns(stored)) is not None:
-            heapq.heappush(self._to_forget, (expires_ns, next(self._numbers), stored))
-        for cell in self._cells_within_reach(location):
-            self._cells.setdefault(cell, []).append(stored)
-        self._view_cells.setdefault(self._view_cell(location), []).append(stored)
-        if self._of_stored or self._of_scores:
-            self._rank(None, seen.confidence if self._of_stored else seen.score)
-        self._count += 1
-        return None, stored
-
-    def _speaks(self, stored: StoredObject, header: Header | None) -> bool:
-        """Whether a sighting is more than an echo: the detector's own, of a car that was not counted for a second."""
-        if header is None:
-            return False
-        last_ns = stored.spoke_ns.get(header.origin)
-        if last_ns is not None and header.stamp_ns - last_ns < ORIGIN_NS:
-            return False
-        stored.spoke_ns[header.origin] = header.stamp_ns
-        return True
-
-    def learn(
-        self,
-        answer: Answer,
-        viewer: Viewer | None,
-        now_ns: int,
-        own: bool,
-        tells_changes: bool,
-        leaves: bool = True,
-    ) -> Learned:
-        """EnhancedCacheNewData: every object of an answer is a sighting. See ``maps.Map``."""
-        if answer.objects is None:
-            return Learned(answer, answer, answer, None)
-        threshold, detected = self.threshold, answer.source == "detector"
-        header = answer.header if detected else None
-        objects: list[Detection] = []
-        known: list[StoredObject | None] = []
-        changes: list[MapChange] = []
-        requests = hits = updates = 0
-        boost, sight = 0.0, self.sight
-        stored: StoredObject | None
-        for seen in answer.objects:
-            stored = None
-            if seen.location is not None:
-                requests += 1
-                before, stored = sight(seen, now_ns, None if seen.method == "map" else header)
-                if before is not None:
-                    hits += before >= threshold
-                    updates += 1
-                    boost += stored.confidence - before
-                    if leaves:
-                        seen = seen.with_confidence(stored.confidence)
-                if tells_changes:
-                    changes.append((stored.label, stored.location, stored.confidence))
-            if leaves:
-                objects.append(seen)
-                known.append(stored)
-        facts = ObjectLookups(
-            answer.header, "sighting", requests, hits, updates, boost, len(self), tuple(changes)
-        )
-        if not leaves:
-            return Learned(answer, answer, answer, facts)
-        answer = answer.with_objects(objects)
-        to_clients = to_neighbours = self._confident(answer, known, answer.header.origin, now_ns)
-        if not self._always_serves:
-            to_neighbours = self._confident(answer, known, "", now_ns)
-        return Learned(answer, to_clients, to_neighbours, facts)
-
-    def _confident(
-        self, answer: Answer, known: Sequence[StoredObject | None], to: str, now_ns: int
-    ) -> Answer:
-        """The answer without what must not leave a Genie: the objects below C_T (Section III-D), and those that the
-        freshness policy keeps back."""
-        threshold, objects = self.threshold, answer.objects or ()
-        if self._always_serves:
-            confident = [seen for seen in objects if seen.confidence >= threshold]
-            return answer if len(confident) == len(objects) else answer.with_objects(confident)
-        serves = self._freshness.serves
-        return answer.with_objects(
-            [
-                seen
-                for seen, stored in zip(objects, known, strict=True)
-                if seen.confidence >= threshold and (stored is None or serves(stored, to, now_ns))
-            ]
-        )
-
-    def boost(
-        self, answer: Answer, header: Header, viewer: Viewer | None, now_ns: int
-    ) -> Boosted | None:
-        """EnhancedCacheBoostData: adds the stored objects at the answer's locations, each once, and leaves out what is
-        below C_T. As long as the map stays as it is, so does what it makes of an answer."""
-        if answer.objects is None:
-            return None
-        if not self._always_serves:
-            return self._boost(answer, header.origin, now_ns)
-        if self._boosted_changes != self.changes:
-            self._boosts.clear()
-            self._boosted_changes = self.changes
-        held = self._boosts.get(id(answer))
-        if held is None:
-            held = self._boosts[id(answer)] = answer, self._boost(answer, header.origin, now_ns)
-        return held[1]
-
-    def _boost(self, answer: Answer, to: str, now_ns: int) -> Boosted:
-        objects: list[Detection] = []
-        known: list[StoredObject | None] = []
-        requests = hits = 0
-        threshold = self.threshold
-        others: list[StoredObject] = []
-        for held in answer.objects or ():  # a list of its own: the stored answer stays as it is
-            stored = None
-            if held.location is not None:
-                requests += 1
-                around = self.at(held.location)
-                there = [one for one in around if one.confidence >= threshold]
-                is_it = len(around) == 1 and around[0].label == held.label  # mostly
-                stored = around[0] if is_it else self.match(held.label, held.location)
-                if stored is not None:
-                    held = held.with_confidence(stored.confidence)
-                hits += bool(there)
-                others += there
-            objects.append(held)
-            known.append(stored)
-        included = {id(one) for one in known if one is not None}
-        for one in others:
-            if id(one) not in included:
-                included.add(id(one))
-                objects.append(one.detection or one.as_detection())
-                known.append(one)
-        answer = answer.with_objects(objects)
-        return Boosted(answer, self._confident(answer, known, to, now_ns), requests, hits)
 
     def visible(
         self, viewer: Viewer, range_m: float, now_ns: int
     ) -> tuple[tuple[Detection, ...], int | None]:
         """The confident objects in view. See ``maps.Map``."""
-        found = self.in_view(viewer.pose, viewer.horizontal_fov_rad, range_m)
-        if not self._always_serves:
-            found = [
-                one for one in found if self._freshness.serves(one, viewer.header.origin, now_ns)
-            ]
-        return tuple(one.detection or one.as_detection() for one in found), None
+        objects = self.in_view(viewer.pose, viewer.horizontal_fov_rad, range_m)
+        if self._freshness.keeps_back:
+            serves, car = self._freshness.serves, viewer.header.origin
+            objects = [stored for stored in objects if serves(stored, car, now_ns)]
+        return tuple([stored.as_detection() for stored in objects]), None
 
     def match(self, label: str, location: Location) -> StoredObject | None:
-        """The stored object that a sighting of class ``label`` at ``location`` shows: the nearest that fits."""
-        east_m, north_m, _ = location
-        any_class = self._any_class
-        best, best2 = None, self._gate2
-        cell = location if self._exact else east_m // self._cell_m + north_m // self._cell_m * ROW
-        for one in self._cells.get(cell, ()):
-            if one.label == label or any_class:
-                away_east_m, away_north_m = one.east_m - east_m, one.north_m - north_m
-                distance2 = away_east_m * away_east_m + away_north_m * away_north_m
-                if distance2 < best2 or (best is None and distance2 == best2):
-                    best, best2 = one, distance2
-        return best
+        """The stored object that a sighting of class ``label`` at ``location`` shows: the nearest
+        that fits.
+        """
+        return self._locations.nearest(None if self._any_class else label, location)
 
     def at(self, location: Location) -> list[StoredObject]:
-        """``OBJECT_MAP[location]``: every stored object, of any class, that counts as being there."""
-        east_m, north_m, _ = location
-        found = []
-        cell = location if self._exact else east_m // self._cell_m + north_m // self._cell_m * ROW
-        for one in self._cells.get(cell, ()):
-            away_east_m, away_north_m = one.east_m - east_m, one.north_m - north_m
-            if away_east_m * away_east_m + away_north_m * away_north_m <= self._gate2:
-                found.append(one)
-        return found
+        """``OBJECT_MAP[location]``: every stored object, of any class, at a location."""
+        return self._locations.at(location)
 
     def in_view(
         self, pose: CameraPose, horizontal_fov_rad: float, range_m: float
     ) -> list[StoredObject]:
-        """The objects with C >= C_T inside a camera's horizontal field of view, up to ``range_m`` away."""
-        threshold, range2 = self.threshold, range_m**2
-        east_m, north_m, _, heading_rad = pose
-        ahead_east, ahead_north = math.cos(heading_rad), math.sin(heading_rad)
-        half_rad = min(horizontal_fov_rad / 2, math.pi)
-        least_ahead = (
-            math.cos(half_rad) if half_rad < math.pi else -math.inf
-        )  # per metre of distance
-        behind_m = (
-            0.0 if least_ahead >= 0.0 else -math.inf
-        )  # what is less far ahead is not in view, however near
-        found, sqrt = [], math.sqrt
-        west, east, south, north = rectangle(pose, half_rad, range_m)
-        for cell in _cells((west, east), (south, north), self._view_cell_m):
-            for stored in self._view_cells.get(cell, ()):
-                if stored.confidence < threshold:
-                    continue
-                away_east_m, away_north_m = stored.east_m - east_m, stored.north_m - north_m
-                ahead_m = away_east_m * ahead_east + away_north_m * ahead_north
-                if ahead_m >= behind_m:
-                    distance2 = away_east_m * away_east_m + away_north_m * away_north_m
-                    if distance2 <= range2 and ahead_m >= least_ahead * sqrt(distance2):
-                        found.append(stored)
-        return found
+        """The objects with C >= C_T inside a camera's horizontal field of view, up to ``range_m``
+        away.
+        """
+        threshold = self.threshold
+        sector = ViewSector(pose, horizontal_fov_rad, range_m)
+        distance_m = sector.distance_m
+        return [
+            stored
+            for stored in self._view_grid.inside(*sector.box())
+            if stored.confidence >= threshold
+            and distance_m(stored.east_m, stored.north_m) is not None
+        ]
 
-    def _view_cell(self, location: Location) -> Cell:
-        return location[0] // self._view_cell_m + location[1] // self._view_cell_m * ROW
-
-    def _cells_within_reach(self, location: Location) -> list[Any]:
-        if self._exact:
-            return [location]
-        reach_m = self._reach_m
-        east_m, north_m, _ = location
-        return _cells(
-            (east_m - reach_m, east_m + reach_m),
-            (north_m - reach_m, north_m + reach_m),
-            self._cell_m,
+    def _add(
+        self, seen: Detection, location: Location, now_ns: int, header: Header | None
+    ) -> StoredObject:
+        policy = self._freshness
+        stored = StoredObject(
+            next(self._numbers),
+            seen,
+            location,
+            now_ns,
+            origins={} if policy.keeps_back or policy.notes_sightings else NO_NOTES,
+            counted_ns={} if self._counts_origins else NO_NOTES,
         )
+        if header is not None:
+            if self._counts_origins:
+                stored.counted_ns[header.origin] = header.stamp_ns
+            policy.seen(stored, seen.score, header)
+        expires_ns = policy.expires_ns(stored)
+        if expires_ns is not None:
+            heapq.heappush(self._to_forget, (expires_ns, next(self._ties), stored))
+        self._locations.add(stored)
+        self._view_grid.add(self._view_grid.cell(stored.east_m, stored.north_m), stored)
+        self._threshold.added(stored.score, stored.confidence)
+        self._count += 1
+        return stored
 
-
-def fixed_threshold(threshold: float | str | Percentile) -> float:
-    """C_T as a number; 1 for a percentile, which there is none of yet."""
-    if isinstance(threshold, str):
-        return RANGE_60 if threshold == "range_60" else 1.0
-    return 1.0 if isinstance(threshold, Percentile) else threshold
-
-
-def _cells(easts: tuple[float, float], norths: tuple[float, float], side_m: float) -> list[Cell]:
-    """The cells of an upright rectangle, west to east."""
-    rows = _from_to(norths[0] // side_m, norths[1] // side_m)
-    return [i + j * ROW for i in _from_to(easts[0] // side_m, easts[1] // side_m) for j in rows]
-
-
-def _from_to(first: float, last: float) -> Sequence[float]:
-    """The whole numbers from one to another; mostly there are one or two, for which no range is made."""
-    if first == last:
-        return (first,)
-    return (first, last) if first + 1 == last else range(int(first), int(last) + 1)
-
-
-def _remove(cells: dict[Any, list[StoredObject]], cell: Any, stored: StoredObject) -> None:
-    """Takes an object out of a cell's list, and a list that is empty then out of the grid."""
-    held = cells[cell]
-    held.remove(stored)  # looks for the very object: none equals another
-    if not held:
-        del cells[cell]
+    def _remove(self, stored: StoredObject) -> None:
+        self._boosted.clear()
+        self._locations.remove(stored)
+        self._view_grid.remove(self._view_grid.cell(stored.east_m, stored.north_m), stored)
+        self._threshold.removed(stored.confidence)
+        self._count -= 1

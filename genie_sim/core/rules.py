@@ -1,13 +1,25 @@
-"""How the paper's Algorithms 1 and 2 are read: every open choice as a plain value. The defaults are the readings under
-which the algorithms work; ``LITERAL`` is what is printed."""
+"""How the paper's Algorithms 1 and 2 are read: every open choice is a setting. The defaults are the
+readings under which the algorithms work; ``LITERAL`` is what is printed.
+"""
 
 import math
-from dataclasses import dataclass, field
-from typing import Any, Literal
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal
 
+from genie_sim import units
+from genie_sim.core.confidence import CONFIDENCE_RULES
+from genie_sim.core.defences import DEFENCES
+from genie_sim.core.defences import MUST_HAVE as DEFENCE_METHODS
+from genie_sim.core.eviction import EVICTIONS
+from genie_sim.core.freshness import FRESHNESS, MUST_HAVE
+from genie_sim.core.similarity import SIMILARITIES
+from genie_sim.errors import short_repr
 from genie_sim.plugins import Choice
+from genie_sim.settings import SIZE, Bounds, Count, OneOf, PlugIn, SettingError, Share, Short
 
-# What Algorithms 1 and 2 say to the letter; single settings may still be given beside ``algorithm: literal``.
+# What Algorithms 1 and 2 say to the letter; single settings may still be given beside ``algorithm:
+# literal``.
 LITERAL: dict[str, Any] = {
     "similarity": "exact",
     "pending_index": "per_topic",
@@ -21,51 +33,119 @@ LITERAL: dict[str, Any] = {
 }
 
 
+SIMILARITY = PlugIn("similarity", SIMILARITIES, ("key", "index"), default="pose_grid")
+EVICTION = PlugIn("eviction", EVICTIONS, ("stored", "used", "removed", "victim", "expires_ns"))
+CONFIDENCE_RULE = PlugIn("confidence rule", CONFIDENCE_RULES)
+FRESHNESS_POLICY = PlugIn("freshness policy", FRESHNESS, MUST_HAVE)
+
+DEFENCE = PlugIn("defence", DEFENCES, DEFENCE_METHODS)
+
 MissPolicy = Literal["immediate", "blocking", "hits_only"]
+# The Genie that this project recommends. What edges tell cars is added where all cars share one
+# world. The pass time was measured in real ROS on an x86 processor (docs/reality.md).
+RECOMMENDED: dict[str, Any] = {
+    "share_requests": False,
+    "pass_time": "0.236 ms",
+    "looks": {"told": "auto"},
+    "object_map": {
+        "freshness": {
+            "name": "recommended",
+            "p_min": 0.8,
+            "tau": "100 ms",
+        }
+    },
+}
+PRESETS = {"literal": LITERAL, "recommended": RECOMMENDED}
+# What decides about stored answers, with its defaults.
+WITHOUT_CACHE: dict[str, Any] = {
+    "eviction": "unlimited",
+    "ttl_ns": None,
+    "capacity": None,
+    "car_capacity": None,
+    "same_key_pending": "coalesce",
+    "second_answer": "overwrite",
+}
 NEVER = Choice("never")
-SIMILARITY = Choice("pose_grid", {"cell_m": 1.0, "heading_rad": math.radians(15.0)})
+NO_DEFENCE = Choice("none")
+POSE_GRID = Choice("pose_grid", {"cell_m": 1.0, "heading_rad": math.radians(15.0)})
 
 
 @dataclass(frozen=True)
 class Percentile:
-    """C_T is this percentile, by nearest rank, of the confidences of all objects that a map holds."""
+    """C_T is a percentile of the confidences of all objects that a map holds."""
 
-    percentile: float
+    percentile: Annotated[float, Bounds(above=0, maximum=100)]
+    """C_T is this percentile, by nearest rank, of the confidences of all stored objects. Each Genie
+    has its own, and it changes with every sighting."""
 
 
 @dataclass(frozen=True)
 class ObjectMapRules:
-    """How Algorithm 2 is read.
-
-    ``location_key``: ``gate`` (the nearest object of the class within ``gate_m``) or ``exact`` (equal coordinates).
-    ``one_per_location``: any object at a location blocks a second (lines 4 and 7 as printed), classes not told apart.
-    ``rule`` is the confidence rule by name, ``rate`` its lambda. ``threshold``: C_T as a number, ``range_60``,
-    ``empirical`` (60th percentile of the first scores seen so far) or a percentile of what is stored now.
-    ``confidence_source``: every object of every answer counts as a sighting (``sightings``), or echoes do not
-    (``origins``): only what a detector found counts, and of each car at most once a second. ``freshness``: the policy,
-    by name, that says when an object is not believed in any more.
-    """
+    """How Algorithm 2 is read."""
 
     location_key: Literal["gate", "exact"] = "gate"
-    gate_m: float = 1.0
+    """When two sightings are one object, within `gate`, or with equal coordinates (the literal
+    reading)."""
+
+    gate_m: Annotated[float, Bounds(above=0)] = 1.0
+    """Largest distance at which two sightings of a class are one object. Fitted to the paper's
+    reuse in `reproduce`."""
+
     one_per_location: bool = False
-    rule: str = "noisy_or"
-    rate: float = 0.1
-    threshold: float | str | Percentile = 0.60
+    """Whether any object at a location, of whatever class, keeps out a second one (lines 4 and 7 as
+    printed)."""
+
+    rule: Annotated[str, CONFIDENCE_RULE] = "noisy_or"
+    """How confidence changes with a sighting, or a function of your own. The printed formula (line
+    5) lowers it; `noisy_or` does what the text says."""
+
+    rate: Share = 0.1
+    """λ of Algorithm 2, the rate of the confidence rule."""
+
+    threshold: Annotated[
+        Share | Literal["range_60", "empirical"] | Percentile,
+        OneOf("a number from 0 to 1, {percentile: N}"),
+    ] = 0.60
+    """C_T, above which objects are shared and served. The paper's 60 % may be read as a number, as
+    that share of the range of first scores (`range_60`), as their 60th percentile (`empirical`), or
+    as a percentile of the confidences stored now."""
+
     confidence_source: Literal["sightings", "origins"] = "sightings"
-    freshness: Choice = NEVER
+    """Whether echoes of a car's own detections, in answers of others, count as sightings. With
+    `origins` only what a detector found counts, and of each car at most once a second."""
+
+    freshness: Annotated[Choice, FRESHNESS_POLICY] = NEVER
+    """When the map stops believing in an object. The paper's map never forgets."""
 
 
 @dataclass(frozen=True)
 class Capacity:
     """At most so many entries, so many bytes, or both."""
 
-    entries: int | None = None
-    bytes: int | None = None
+    entries: Count | None = None
+    """Largest number of stored answers."""
+
+    bytes: Annotated[int, SIZE, Bounds(above=0)] | None = None
+    """Largest size of all stored answers together."""
 
     def __post_init__(self) -> None:
         if self.entries is None and self.bytes is None:
             raise ValueError("must name 'entries', 'bytes' or both")
+
+    @classmethod
+    def expand(cls, value: object) -> object:
+        """``1000 entries`` and ``10 MB`` for short."""
+        if value is None or isinstance(value, Mapping | cls):
+            return value
+        number, _, unit = str(value).partition(" ")
+        if unit == "entries" and number.isascii() and number.isdigit() and len(number) < 18:
+            return {"entries": int(number)}
+        try:
+            units.size_bytes(value)
+        except ValueError as error:
+            text = f"must be such as '1000 entries' or '10 MB', not {short_repr(value)}"
+            raise SettingError("", text) from error
+        return {"bytes": value}
 
     def holds(self, entries: int, size_bytes: int) -> bool:
         """Whether there is room for so much."""
@@ -74,51 +154,163 @@ class Capacity:
         )
 
 
+CapacityField = Annotated[Capacity | None, Short(("1000 entries", "10 MB"))]
+
+
+@dataclass(frozen=True)
+class ToldRules:
+    """What edges tell cars of other cars' looks, and what cars believe of it."""
+
+    p_min: Share = 0.5
+    """An edge tells tracks that exist with at least this probability."""
+
+    gate_m: Annotated[float, Bounds(minimum=0)] = 2.0
+    """A told object this near to one of the car's own of its kind is that one. At least twice the
+    error of the cars' positions."""
+
+    reach_m: Annotated[float, Bounds(above=0)] = 60.0
+    """An edge tells a car of what is within this distance."""
+
+    self_m: Annotated[float, Bounds(minimum=0)] = 4.0
+    """What others saw this near to the car is the car itself."""
+
+    fresh_ns: Annotated[int, Bounds(above=0)] = 1_000_000_000
+    """An edge tells tracks that another car has seen within this time."""
+
+
+@dataclass(frozen=True)
+class LookRules:
+    """When detectors look at frames, apart from the answers, which come out of the map at once."""
+
+    every_ns: int = 75_000_000
+    """A frame goes up when the view it shows was last looked at by the edge this long ago. Streams
+    whose headings differ by less than 15 degrees show one view and take turns."""
+
+    in_flight: Count = 4
+    """At most this many frames of a car are on their way to the edge and back."""
+
+    stale_ns: Annotated[int, Bounds(above=0)] = 500_000_000
+    """An answer about an older frame counts as no look; while the round trip is longer than this,
+    only one frame is on its way."""
+
+    own: Literal["all", "free", "rest"] = "all"
+    """Which frames go to the car's own detector, whose queue keeps the newest: all, those that come
+    while it is free, or those that do not go up."""
+
+    view_margin_rad: Annotated[float, Bounds(minimum=0)] = math.radians(10.0)
+    """Answers out of the map look this much wider than the camera, on each side."""
+
+    defence: Annotated[Choice, DEFENCE] = NO_DEFENCE
+    """What a car believes of what edges say, and an edge of what cars say, or a class of your
+    own."""
+
+    signed: bool = False
+    """Whether cars check and sign looks, their own detector's and the edge's, and send them up with
+    the next frame. What edges tell then counts only with signatures, so an edge cannot forge it."""
+
+    told: ToldRules | Literal["auto"] | None = None
+    """What a Genie beside each edge's detector tells the cars of one another's looks; `null`: there
+    is none. Only where all cars are in one world at one time; `auto`: as by default there, else
+    none."""
+
+
 @dataclass(frozen=True)
 class GenieRules:
-    """How Algorithm 1 is read.
+    """How Algorithm 1 is read."""
 
-    ``similarity`` and ``eviction`` are plug-ins by name; ``capacity`` limits every message cache, ``car_capacity``
-    those on cars instead. ``pending_index``: an answer is found by its header ``across_topics``, or only ``per_topic``
-    as printed, where it can never match because it comes on another topic than its request. ``header_identity``:
-    ``stamp_frame_origin`` or ``stamp``. ``same_key_pending``: a request equal to a pending one may ``coalesce`` with
-    it, or is run again (``forward``). ``replay_stamp``: a replayed answer carries the header of the ``request`` or the
-    ``stored`` one. ``second_answer``: a later answer to the same request may ``overwrite`` the first, leave it
-    (``first_wins``) or add its objects (``merge``). ``neighbour_miss``: a neighbour's request that is not in the cache
-    is ignored (``ignore``) or run and broadcast (``process``). ``share_answers``: the own node's answers go to all
-    (``broadcast``) or to the requester (``on_request``). ``share_requests``: misses are published on ``-remote``.
-    ``request_expiry_ns``: after this time an unanswered request is forgotten, ``None`` for never. ``miss_policy``: a
-    client whose request misses gets the map's objects in view at once and the detection later (``immediate``), the
-    first detection (``blocking``) or nothing (``hits_only``). ``view_range_m`` limits what is in view.
-    ``fresh_objects``: only ``confident`` objects reach clients, or those on the node's own host get ``all`` of what it
-    finds. ``share_filter``: edges send each other ``confident`` objects only, or ``all`` (C_T towards cars only).
-    ``car_learns``: a car's Genie stores ``all`` answers, or its ``own`` node's only: the edge's just go on to clients.
-    ``passes``: an answer that a Genie makes itself, from its cache or map, costs nothing beside its request (1), or as
-    much again (2).
+    algorithm: Literal["default", "literal", "recommended"] = "default"
+    """`literal` follows the letter of the paper in every setting below; nothing is ever reused
+    then. `recommended` is the Genie that this project recommends: paced looks, a map that
+    tracks."""
+
+    similarity: Annotated[Choice, SIMILARITY] = POSE_GRID
+    """When two images are the same. The paper does not say; `pose_grid` is its "arrives at the same
+    spot"."""
+
+    eviction: Annotated[str, EVICTION] = "unlimited"
+    """Which answer is evicted when the cache is full, or a class of your own. The paper's cache
+    only grows."""
+
+    capacity: CapacityField = None
+    """Largest size of a Genie's cache, in entries or bytes; unlimited by default, as in the
+    paper."""
+
+    car_capacity: CapacityField = None
+    """The capacity for Genies on cars; by default the same."""
+
+    ttl_ns: Annotated[int, Bounds(above=0)] | None = None
+    """How long an answer stays valid, where `eviction` is `ttl`."""
+
+    pending_index: Literal["across_topics", "per_topic"] = "across_topics"
+    """How an answer is matched to its request. Algorithm 1, line 8, is `per_topic`, which never
+    matches, since an answer comes on another topic than its request."""
+
+    header_identity: Literal["stamp_frame_origin", "stamp"] = "stamp_frame_origin"
+    """What identifies a header. Algorithm 1 uses the `stamp`, which two cars may share."""
+
+    same_key_pending: Literal["coalesce", "forward"] = "coalesce"
+    """Whether a request equal to a pending one waits for that one's answer, or is processed too
+    (line 12)."""
+
+    replay_stamp: Literal["request", "stored"] = "request"
+    """Which header a replayed answer carries, that of the request, or the stored one (line 5)."""
+
+    second_answer: Literal["overwrite", "first_wins", "merge"] = "overwrite"
+    """What a later answer to the same request does to the stored one (line 10): it replaces it, it
+    is left out, or its objects are added."""
+
+    neighbour_miss: Literal["ignore", "process"] = "ignore"
+    """What a Genie does with a neighbour's request that it cannot answer (lines 13 to 15):
+    nothing, or run it and broadcast the answer."""
+
+    share_answers: Literal["broadcast", "on_request"] = "broadcast"
+    """Whether an edge's detection goes to all neighbours, or only to the one that asked."""
+
+    share_requests: bool = True
+    """Whether misses go to neighbours. `false` is an ablation."""
+
+    request_expiry_ns: Annotated[int, Bounds(above=0)] | None = 2_000_000_000
+    """After this time an unanswered request is forgotten. Assumed; `null` (never) is the literal
+    reading."""
+
+    miss_policy: MissPolicy = "immediate"
+    """What a client gets on a miss: the map's objects at once and the detection later, the first
+    detection, or nothing (the literal reading). Only `immediate` can give the paper's
+    latencies."""
+
+    view_range_m: Annotated[float, Bounds(above=0)] = 50.0
+    """Objects of the map count as in view up to this distance. Assumed."""
+
+    fresh_objects: Literal["confident", "all"] = "confident"
+    """Whether objects below C_T in the node's own fresh answer reach the clients on its own host.
+    Cars that send requests over a link never get them."""
+
+    share_filter: Literal["confident", "all"] = "confident"
+    """Whether C_T filters what edges send each other, too, or only what cars get ("with the cars
+    requesting information")."""
+
+    car_learns: Literal["all", "own"] = "all"
+    """Whether a car's Genie stores the answers of its edge, or only those of its own detector ("fed
+    into Node Z"). A phantom Genie, which has no detector, always does."""
+
+    passes: Annotated[int, Bounds(minimum=1, maximum=2)] = 1
+    """How often a Genie's CPU time (`genie` in the device profile) is charged for a frame that it
+    answers itself, from its cache or map: once, for the request, or twice, for the answer as well.
+    In both cases an answer of a detector or of another Genie is charged once, when it comes in.
+    Other methods with a cache are charged alike. Real ROS ignores this setting."""
+
+    pass_time_ns: Annotated[int, Bounds(above=0)] | None = None
+    """CPU time of a message that a Genie with `looks` only passes on or learns from; an answer of
+    its own making costs the Genie time of the device profile. `null`: every message costs that.
     """
 
-    algorithm: Literal["default", "literal"] = "default"
-    similarity: Choice = SIMILARITY
-    eviction: str = "unlimited"
-    capacity: Capacity | None = None
-    car_capacity: Capacity | None = None
-    ttl_ns: int | None = None
-    pending_index: Literal["across_topics", "per_topic"] = "across_topics"
-    header_identity: Literal["stamp_frame_origin", "stamp"] = "stamp_frame_origin"
-    same_key_pending: Literal["coalesce", "forward"] = "coalesce"
-    replay_stamp: Literal["request", "stored"] = "request"
-    second_answer: Literal["overwrite", "first_wins", "merge"] = "overwrite"
-    neighbour_miss: Literal["ignore", "process"] = "ignore"
-    share_answers: Literal["broadcast", "on_request"] = "broadcast"
-    share_requests: bool = True
-    request_expiry_ns: int | None = 2_000_000_000
-    miss_policy: MissPolicy = "immediate"
-    view_range_m: float = 50.0
-    fresh_objects: Literal["confident", "all"] = "confident"
-    share_filter: Literal["confident", "all"] = "confident"
-    car_learns: Literal["all", "own"] = "all"
-    passes: int = 1
-    object_map: ObjectMapRules = field(default_factory=ObjectMapRules)
+    looks: LookRules | None = None
+    """Looks as a flow of their own, in the place of a message cache. `null`: misses are looks, as
+    in the paper.
+    """
+
+    object_map: ObjectMapRules = ObjectMapRules()
+    """How sightings become objects, and objects become confident."""
 
     def __post_init__(self) -> None:
         if self.eviction == "ttl" and self.ttl_ns is None:
@@ -127,3 +319,41 @@ class GenieRules:
             raise ValueError(
                 f"ttl: has no effect with eviction {self.eviction!r}; write 'eviction: ttl'"
             )
+
+        if self.looks is None:
+            if self.pass_time_ns is not None:
+                raise ValueError("pass_time: has no effect without 'looks'")
+            return
+        for name, usual in WITHOUT_CACHE.items():
+            if getattr(self, name) != usual:
+                field = name.removesuffix("_ns")
+                raise ValueError(f"{field}: has no effect with 'looks', which keep no answers")
+        if self.miss_policy != "immediate":
+            raise ValueError("miss_policy: must be 'immediate' with 'looks', which answer at once")
+        freshness = self.object_map.freshness.name
+        policy = FRESHNESS.get(freshness)  # a class of the user's own is judged when it is loaded
+        if policy is not None and not policy.tracks:
+            choices = ", ".join(name for name, policy in FRESHNESS.items() if policy.tracks)
+            raise ValueError(
+                f"object_map.freshness: {freshness!r} does not track, which 'looks' need; known:"
+                f" {choices}"
+            )
+
+    @classmethod
+    def expand(cls, value: object) -> object:
+        """What the name of an algorithm stands for, below the settings beside it."""
+        if isinstance(value, str):
+            value = {"algorithm": value}
+        if not isinstance(value, Mapping):
+            return value
+        preset = PRESETS.get(str(value.get("algorithm")))
+        return value if preset is None else _below(preset, value)
+
+
+def _below(preset: Mapping[str, Any], given: Mapping[str, Any]) -> dict[str, Any]:
+    """A preset with the given settings above it, sections setting by setting."""
+    merged = {**preset, **given}
+    for name, section in preset.items():
+        if isinstance(section, Mapping) and isinstance(given.get(name, {}), Mapping):
+            merged[name] = {**section, **given.get(name, {})}
+    return merged

@@ -1,7 +1,8 @@
-"""When are two images "the same"? A similarity gives every request a key and finds a known key that is equal to it.
+"""When are two images "the same"? A similarity gives every request a key and finds a known key that
+is equal to it.
 
-To add one, write a class with the two methods of ``Similarity`` and name it in ``SIMILARITIES`` (or in a scenario as
-``package.module:Class``).
+To add one, write a class with the two methods of ``Similarity`` and name it in ``SIMILARITIES`` (or
+in a scenario as ``package.module:Class``).
 """
 
 import math
@@ -31,11 +32,11 @@ class KeyIndex(Protocol):
     def discard(self, key: Hashable, /) -> None: ...
 
     def find(self, key: Hashable) -> Hashable | None:
-        """The held key that equals ``key`` under this similarity, else ``None``."""
+        """The stored key that equals ``key`` under this similarity, else ``None``."""
 
 
 class _EqualKeys(set[Hashable]):
-    """Keys that are the same only if they are equal."""
+    """An exact-match index."""
 
     def find(self, key: Hashable) -> Hashable | None:
         return key if key in self else None
@@ -54,8 +55,16 @@ class Exact:
 class PoseGrid:
     """Two images are the same if the same camera took them at the same spot, looking the same way.
 
-    A spot is a square cell of the ground plane of side ``cell_m`` (metres), a way of looking one of the equal sectors
-    nearest to ``heading_rad`` (radians) wide. "The next time it arrives at the same spot" (Section III-C).
+    A spot is a square cell of the ground plane, a way of looking one of equal sectors. "The next
+    time it arrives at the same spot" (Section III-C).
+
+    Parameters
+    ----------
+    cell_m : float
+        Side of the square of ground that counts as one spot. Assumed.
+    heading_rad : float
+        Width of the sector of headings that counts as one direction; the nearest that divides the
+        circle into equal sectors. Assumed.
     """
 
     def __init__(self, cell_m: float = 1.0, heading_rad: float = math.radians(15.0)) -> None:
@@ -81,7 +90,13 @@ class PoseGrid:
 class DHash:
     """Two images are the same if their 64-bit difference hashes differ in at most ``radius`` bits.
 
-    Any camera's image may match: two streams that replay one recording, as the grey cameras' stand-ins do, always will.
+    Any camera's image may match: two streams that replay one recording, as the grey cameras'
+    stand-ins do, always will.
+
+    Parameters
+    ----------
+    radius : int
+        Bits in which two 64-bit difference hashes may differ.
     """
 
     def __init__(self, radius: int = 8) -> None:
@@ -97,7 +112,9 @@ class DHash:
 
 
 class _NearHashes(dict[Any, None]):
-    """64-bit keys; finds the nearest within a Hamming radius, the older key of two equally near ones."""
+    """64-bit keys; finds the nearest within a Hamming radius, the older key of two equally near
+    ones.
+    """
 
     def __init__(self, radius: int) -> None:
         self._radius = radius
@@ -109,14 +126,12 @@ class _NearHashes(dict[Any, None]):
         self.pop(key, None)
 
     def find(self, key: Any) -> Hashable | None:
-        nearest = (
-            key
-            if key in self
-            else min(self, key=lambda held: (held ^ key).bit_count(), default=None)
-        )
-        return (
-            nearest if nearest is not None and (nearest ^ key).bit_count() <= self._radius else None
-        )
+        nearest: int | None = key
+        if key not in self:
+            nearest = min(self, key=lambda stored: (stored ^ key).bit_count(), default=None)
+        if nearest is None or (nearest ^ key).bit_count() > self._radius:
+            return None
+        return nearest
 
 
 SIMILARITIES: dict[str, Callable[..., Similarity]] = {

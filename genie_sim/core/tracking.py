@@ -3,25 +3,26 @@
 Both the object map of the policies that track and the consumer that tracks are made of these.
 """
 
+import functools
 import math
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
+from genie_sim.classes import MOVING_MPS, PERSONS, VEHICLES
 from genie_sim.messages import Detection, Header, Motion
 
 COAST_NS = 1_000_000_000  # so long a place is predicted after it was last seen
-MOVING_MPS = 0.5
-PARKED_NS = 1_000_000_000  # slower than that for so long
-SIGMA_M, SIGMA_RANGE_M = (
-    0.5,
-    20.0,
-)  # of a detected place; beyond this range it grows in proportion to the range
-NEAR_M = 1.0  # a sighting this near to a predicted place is always the object's; nearer tracks are one object
+PARKED_NS = 1_000_000_000  # slower than MOVING_MPS for this long counts as parked
+# of a detected place; beyond this range it grows in proportion to the range
+SIGMA_M, SIGMA_RANGE_M = 0.5, 20.0
+# a sighting this near to a predicted place is always the object's; nearer tracks are one object
+NEAR_M = 1.0
 
 
-class Kind(NamedTuple):
-    """How one group of classes moves: highest speed, standard deviation of the acceleration [m/s2], the farthest that
-    a sighting may be from the predicted place (Autoware's pruning distances), and half of the width that hides others.
+class MotionClass(NamedTuple):
+    """How one group of classes moves: highest speed, standard deviation of the acceleration [m/s2],
+    the farthest that a sighting may be from the predicted place (Autoware's pruning distances), and
+    half of the width that hides others.
     """
 
     group: str
@@ -31,34 +32,38 @@ class Kind(NamedTuple):
     half_width_m: float
 
 
-VEHICLE = Kind("vehicle", 17.0, 2.0, 5.0, 1.0)
-CYCLE = Kind("bicycle", 8.0, 1.5, 3.0, 0.4)
-PERSON = Kind("person", 3.0, 1.0, 2.0, 0.3)
-KINDS = {"car": VEHICLE, "truck": VEHICLE, "bus": VEHICLE, "train": VEHICLE, "person": PERSON}
+VEHICLE = MotionClass(
+    "vehicle", v_max_mps=17.0, acceleration_mps2=2.0, gate_m=5.0, half_width_m=1.0
+)
+CYCLE = MotionClass("bicycle", v_max_mps=8.0, acceleration_mps2=1.5, gate_m=3.0, half_width_m=0.4)
+PERSON = MotionClass("person", v_max_mps=3.0, acceleration_mps2=1.0, gate_m=2.0, half_width_m=0.3)
+FIXED_OBJECT = MotionClass("", v_max_mps=0.0, acceleration_mps2=0.0, gate_m=2.0, half_width_m=0.2)
+KINDS = dict.fromkeys((*VEHICLES, "train"), VEHICLE) | dict.fromkeys(PERSONS, PERSON)
 KINDS |= {"bicycle": CYCLE, "motorcycle": CYCLE}
+# lights, signs and street furniture
 FIXED = ("traffic light", "stop sign", "fire hydrant", "bench", "parking meter", "potted plant")
-KINDS |= {label: Kind(label, 0.0, 0.0, 2.0, 0.2) for label in FIXED}
+KINDS |= {label: FIXED_OBJECT._replace(group=label) for label in FIXED}
 
 
-def kind_of(label: str) -> Kind:
-    """How a class moves. Car, truck and bus are one group: detectors confuse them. An unknown class moves as persons
-    do, in a group of its own."""
-    kind = KINDS.get(label)
-    if kind is None:
-        kind = KINDS[label] = PERSON._replace(group=label)
-    return kind
+@functools.cache
+def kind_of(label: str) -> MotionClass:
+    """How a class moves. Car, truck and bus are one group: detectors confuse them. An unknown class
+    moves as persons do, in a group of its own.
+    """
+    return KINDS[label] if label in KINDS else PERSON._replace(group=label)
 
 
 @dataclass(slots=True, eq=False)
 class Track:
     """An object that moves: place and velocity at ``stamp_ns``, with one covariance for both axes.
 
-    ``variance`` are those of place [m2], of place and velocity together, and of velocity [(m/s)2]. ``existence`` is the
-    probability that the object is there, at ``checked_ns``, when a look last told of it.
+    ``variance`` are those of place [m2], of place and velocity together, and of velocity [(m/s)2].
+    ``existence`` is the probability that the object is there, at ``checked_ns``, when a look last
+    told of it.
     """
 
     number: int
-    kind: Kind
+    kind: MotionClass
     label: str
     score: float
     confidence: float
@@ -75,9 +80,10 @@ class Track:
     sightings: int = 1
     slow_since_ns: int | None = None
     origins: dict[str, int] = field(default_factory=dict)
-    spoke_ns: dict[str, int] = field(default_factory=dict)
+    counted_ns: dict[str, int] = field(default_factory=dict)
+    seen_by_ns: dict[str, int] = field(default_factory=dict)  # newest stamp of each car's sightings
     range_m: float = 0.0  # from the camera that saw it last
-    cell: int | None = None  # of the grid that it is in
+    cell: float | None = None  # of the grid that it is in
     due_ns: int | None = None
 
     @property
@@ -111,7 +117,9 @@ class Track:
         return math.sqrt(self._predicted(abs(now_ns - self.stamp_ns) * 1e-9)[0])
 
     def update(self, seen: Detection, sigma_m: float, header: Header) -> None:
-        """A sighting at a place with an uncertainty, in the frame with this header. A late one moves nothing."""
+        """A sighting at a place with an uncertainty, in the frame with this header. A late one
+        moves nothing.
+        """
         stamp_ns = header.stamp_ns
         self.sightings += 1
         if stamp_ns > self.seen.stamp_ns:
@@ -147,7 +155,16 @@ class Track:
         east_m, north_m = self.place(now_ns)
         motion = Motion(self.velocity_mps, self.sigma_m(now_ns), existence, self.seen)
         place = (east_m, north_m, self.up_m)
-        return Detection(self.label, self.score, None, place, confidence, "map", motion)
+        return Detection(
+            self.label,
+            self.score,
+            box=None,
+            location=place,
+            confidence=confidence,
+            method="map",
+            motion=motion,
+            seen_in=self.seen,
+        )
 
     def _predicted(self, dt_s: float) -> tuple[float, float, float]:
         """The covariance after a time: white acceleration, constant over each step."""

@@ -1,41 +1,99 @@
-"""What a camera sees: fields of view, and what nearer objects hide."""
+"""What a camera sees: the sector of its field of view, and what nearer objects hide in it."""
 
 import math
-from collections.abc import Sequence
 
 from genie_sim.core.tracking import kind_of
 from genie_sim.messages import CameraPose, Look
 
 NEAREST_M, FARTHEST_M = 3.5, 40.0  # where a detector that looks at an object should find it
 MARGIN_RAD = math.radians(2.0)  # no object is missed at the border of a picture
-BEHIND_M = 2.0  # so much farther away than a detection is hidden by it
+HIDDEN_BEHIND_M = 2.0  # what is farther away than a detection by this much is hidden by it
+WIDE_RAD = math.radians(60.0)  # half angle from which on a sector's box is that of the whole disc
+
+Area = tuple[float, float, float, float]  # west, east, south, north [m]
+
+
+class ViewSector:
+    """The part of the ground plane in a camera's horizontal field of view, up to a range."""
+
+    __slots__ = ("_ahead_east", "_ahead_north", "_min_cosine", "half_rad", "pose", "range_m")
+
+    def __init__(
+        self, pose: CameraPose, horizontal_fov_rad: float, range_m: float = math.inf
+    ) -> None:
+        self.pose, self.range_m = pose, range_m
+        self.half_rad = min(max(horizontal_fov_rad / 2, 0.0), math.pi)
+        self._ahead_east, self._ahead_north = math.cos(pose.heading_rad), math.sin(pose.heading_rad)
+        # of the angle off the axis; a whole turn shall see everything, whatever is rounded
+        self._min_cosine = math.cos(self.half_rad) if self.half_rad < math.pi else -2.0
+
+    def distance_m(self, east_m: float, north_m: float) -> float | None:
+        """How far away from the camera a place in view is; ``None`` for a place out of view."""
+        pose = self.pose
+        away_east_m, away_north_m = east_m - pose[0], north_m - pose[1]
+        ahead_m = away_east_m * self._ahead_east + away_north_m * self._ahead_north
+        if ahead_m < 0.0 <= self._min_cosine:
+            return None
+        distance_m = math.hypot(away_east_m, away_north_m)
+        if distance_m > self.range_m or ahead_m < self._min_cosine * distance_m:
+            return None
+        return distance_m
+
+    def box(self) -> Area:
+        """An upright rectangle around the sector: around the kite that touches its arc at the ends
+        and the middle, or around the whole disc if the sector is wide.
+        """
+        east_m, north_m, _, heading_rad = self.pose
+        range_m, half_rad = self.range_m, self.half_rad
+        if half_rad > WIDE_RAD:
+            return east_m - range_m, east_m + range_m, north_m - range_m, north_m + range_m
+        left_rad, right_rad = heading_rad + half_rad, heading_rad - half_rad
+        tip_m = range_m / math.cos(half_rad)
+        easts = (
+            0.0,
+            range_m * math.cos(left_rad),
+            range_m * math.cos(right_rad),
+            tip_m * self._ahead_east,
+        )
+        norths = (
+            0.0,
+            range_m * math.sin(left_rad),
+            range_m * math.sin(right_rad),
+            tip_m * self._ahead_north,
+        )
+        return (
+            east_m + min(easts),
+            east_m + max(easts),
+            north_m + min(norths),
+            north_m + max(norths),
+        )
 
 
 class View:
-    """The field of view of one look, with the shadows of what was detected."""
+    """Where one look should find objects: in its field of view, outside the shadows of others."""
 
     def __init__(self, look: Look) -> None:
         self.pose = look.pose
-        self._half_rad = look.horizontal_fov_rad / 2 - MARGIN_RAD
-        self._ahead = math.cos(look.pose.heading_rad), math.sin(look.pose.heading_rad)
-        self._least_ahead = math.cos(
-            min(max(self._half_rad, 0.0), math.pi)
-        )  # per metre of distance
-        self._shadows: list[tuple[float, float, float]] = []  # bearing, half width, range
-        for one in look.detections:
-            if one.location is not None:
-                range_m, bearing_rad = bearing(self.pose, one.location[0], one.location[1])
-                half_rad = math.atan2(kind_of(one.label).half_width_m, max(range_m, 0.1))
-                self._shadows.append((bearing_rad, half_rad, range_m + BEHIND_M))
+        self._sector = ViewSector(
+            look.pose, look.horizontal_fov_rad - 2 * MARGIN_RAD, range_m=FARTHEST_M
+        )
+        # of each detection: bearing of its middle, half of the angle that it takes, and from which
+        # distance on it hides what is there
+        self._shadows: list[tuple[float, float, float]] = []
+        for detection in look.detections:
+            if detection.location is not None:
+                range_m, bearing_rad = bearing(self.pose, *detection.location[:2])
+                half_rad = math.atan2(kind_of(detection.label).half_width_m, max(range_m, 0.1))
+                self._shadows.append((bearing_rad, half_rad, range_m + HIDDEN_BEHIND_M))
 
     def range_m(self, east_m: float, north_m: float) -> float | None:
-        """How far away a place is where the detector should find an object; ``None`` if it is not to be seen."""
-        away_east_m, away_north_m = east_m - self.pose[0], north_m - self.pose[1]
-        range_m = math.hypot(away_east_m, away_north_m)
-        ahead_m = away_east_m * self._ahead[0] + away_north_m * self._ahead[1]
-        if not NEAREST_M <= range_m <= FARTHEST_M or ahead_m < self._least_ahead * range_m:
+        """How far away a place is where the detector should find an object; ``None`` where it
+        cannot be expected to.
+        """
+        range_m = self._sector.distance_m(east_m, north_m)
+        if range_m is None or range_m < NEAREST_M:
             return None
-        bearing_rad = bearing(self.pose, east_m, north_m)[1]
+        _, bearing_rad = bearing(self.pose, east_m, north_m)
         for middle_rad, half_rad, from_m in self._shadows:
             if range_m > from_m and abs(bearing_rad - middle_rad) <= half_rad:
                 return None
@@ -43,29 +101,9 @@ class View:
 
 
 def bearing(pose: CameraPose, east_m: float, north_m: float) -> tuple[float, float]:
-    """Distance [m] and angle [rad] of a place from a camera's axis, counter-clockwise, in [-pi, pi]."""
+    """Distance [m] and angle [rad] of a place from a camera's axis, counter-clockwise, in [-pi,
+    pi].
+    """
     away_east_m, away_north_m = east_m - pose[0], north_m - pose[1]
     turn_rad = math.remainder(math.atan2(away_north_m, away_east_m) - pose[3], 2 * math.pi)
     return math.hypot(away_east_m, away_north_m), turn_rad
-
-
-def rectangle(
-    pose: CameraPose, half_rad: float, range_m: float
-) -> tuple[float, float, float, float]:
-    """West, east, south and north of an upright rectangle around a view: around the kite that touches the arc of its
-    circle sector at the ends and the middle, around the whole circle if the sector is wide."""
-    east_m, north_m, _, heading_rad = pose
-    easts: Sequence[float]
-    if half_rad > WIDE_RAD:
-        return east_m - range_m, east_m + range_m, north_m - range_m, north_m + range_m
-    left, right, tip_m = (
-        heading_rad + half_rad,
-        heading_rad - half_rad,
-        range_m / math.cos(half_rad),
-    )
-    easts = 0.0, range_m * math.cos(left), range_m * math.cos(right), tip_m * math.cos(heading_rad)
-    norths = 0.0, range_m * math.sin(left), range_m * math.sin(right), tip_m * math.sin(heading_rad)
-    return east_m + min(easts), east_m + max(easts), north_m + min(norths), north_m + max(norths)
-
-
-WIDE_RAD = math.radians(60.0)  # half of a view that is looked for in a whole circle

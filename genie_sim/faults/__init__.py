@@ -1,10 +1,24 @@
-"""Faults: what goes wrong in a run. One file each, found by name here or as ``package.module:Class``.
+"""Faults: what goes wrong in a run. One file each, found by name here or as
+``package.module:Class``.
 
-A fault imports ``sim`` and says what begins and what ends (``sim.fault.Fault``); its arguments are its settings.
+A fault imports ``sim`` and says what begins and what ends (``sim.fault.Fault``); its arguments are
+its settings.
 """
 
 FAULTS: dict[str, str] = {
     "outage": "genie_sim.faults.outage:Outage",
     "hand_over": "genie_sim.faults.hand_over:HandOver",
+    "crash": "genie_sim.faults.crash:Crash",
+    "stall": "genie_sim.faults.stall:Stall",
+    "slow": "genie_sim.faults.slow:Slow",
+    "partition": "genie_sim.faults.partition:Partition",
+    "gnss": "genie_sim.faults.gnss:Gnss",
+    "clock": "genie_sim.faults.clock:ClockFault",
+    "camera": "genie_sim.faults.camera:CameraFault",
+    "spoof": "genie_sim.faults.spoof:Spoof",
+    "remove": "genie_sim.faults.remove:Remove",
+    "shift": "genie_sim.faults.shift:Shift",
+    "replay": "genie_sim.faults.replay:Replay",
+    "inflate": "genie_sim.faults.inflate:Inflate",
 }
 MUST_HAVE = ("begin", "end")

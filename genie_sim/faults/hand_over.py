@@ -2,29 +2,31 @@
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 from genie_sim.errors import unknown
+from genie_sim.sim.fault import AffectedNetwork, TimedFault
 from genie_sim.units import NS_PER_MS, duration_text
-
-if TYPE_CHECKING:
-    from genie_sim.sim.fault import TimedFault
-    from genie_sim.sim.world import World
 
 
 @dataclass(frozen=True)
 class HandOver:
     """The car ``target`` leaves its edge, and joins another (``edge``) at the end.
 
-    It is hard, as that of a mobile network and of a ROS node that connects to another master: what the car sends in
-    between is lost, and so is what waits for the old link or is on it, and what the old edge answers in that time.
-    ``gap_ns`` is how long the car can send and receive nothing [S: 5g6gacademy.com, 5G drive testing, lesson 12.3.5:
-    30 to 80 ms within LTE, 50 to 150 ms within 5G].
+    It is a break-before-make hand-over, as that of a mobile network and of a ROS node that connects
+    to another master: what the car sends in between is lost, and so is what waits for the old link
+    or is on it, and what the old edge answers in that time.
     """
 
     target: str
+    """The car."""
+
     edge: str
+    """The edge that it changes to."""
+
+    # 30 to 80 ms within LTE, 50 to 150 ms within 5G [S: 5g6gacademy.com, 5G drive testing, lesson
+    # 12.3.5]: what both have in common.
     gap_ns: int = 50 * NS_PER_MS
+    """How long the car can send and receive nothing."""
 
     @property
     def duration_ns(self) -> int:
@@ -34,41 +36,45 @@ class HandOver:
     def dropped_by(self) -> str:
         return f"{self.target}:hand_over"
 
-    def begin(self, world: "World") -> None:
-        uplink = world.uplinks.get(self.target)
+    def begin(self, network: AffectedNetwork) -> None:
+        uplink = network.uplinks.get(self.target)
         if uplink is not None:  # else nothing of the car goes to any edge
             uplink.leave(self.dropped_by)
 
-    def end(self, world: "World") -> None:
-        uplink = world.uplinks.get(self.target)
+    def end(self, network: AffectedNetwork) -> None:
+        uplink = network.uplinks.get(self.target)
         if uplink is not None:
             uplink.join(self.edge)
 
     @staticmethod
     def check(
-        mine: "Sequence[TimedFault]", edge_of: Mapping[str, str | None], edges: Collection[str]
+        faults: Sequence[TimedFault], edge_of: Mapping[str, str | None], edges: Collection[str]
     ) -> Iterator[tuple[int, str, str]]:
-        """Each leads a car from its edge to another that exists, after the one before is over: (which fault, field,
-        what is wrong)."""
-        now_at, free_ns = dict(edge_of), dict.fromkeys(edge_of, 0)
-        for place, timed in sorted(enumerate(mine), key=lambda one: one[1].begin_ns):
-            one = timed.fault
-            assert isinstance(one, HandOver)
-            if one.target not in now_at:
-                yield place, "target", unknown("car", one.target, now_at)
+        """Yields each problem of the scenario's hand-overs: (the fault's index, field, what is
+        wrong). Each must lead a car from its edge to another that exists, after the one before is
+        over.
+        """
+        current_edge = dict(edge_of)
+        free_ns = dict.fromkeys(edge_of, 0)  # when the car's last hand-over is over
+        for index, timed in sorted(enumerate(faults), key=lambda item: item[1].begin_ns):
+            hand_over = timed.fault
+            assert isinstance(hand_over, HandOver)
+            car, edge = hand_over.target, hand_over.edge
+            if car not in current_edge:
+                yield index, "target", unknown("car", car, current_edge)
                 continue
-            here = now_at[one.target]
-            if here is None:
-                yield place, "target", f"{one.target} has no 'edge' to leave"
-            elif one.edge not in edges:
-                yield place, "edge", unknown("edge", one.edge, edges)
+            if current_edge[car] is None:
+                yield index, "target", f"{car} has no 'edge' to leave"
+            elif edge not in edges:
+                yield index, "edge", unknown("edge", edge, edges)
             elif timed.mean_time_between_ns is not None:
-                yield place, "mean_time_between", "a car changes to an edge once; give 'begin'"
-            elif timed.end_ns != timed.begin_ns + one.gap_ns:
-                yield place, "end", "a hand-over is over after its 'gap'; leave it out"
-            elif one.edge == here:
-                yield place, "edge", f"{one.target} is with {here} already"
-            elif timed.begin_ns < free_ns[one.target]:
-                over = duration_text(free_ns[one.target])
-                yield place, "begin", f"comes before the hand-over before it is over, at {over}"
-            now_at[one.target], free_ns[one.target] = one.edge, timed.end_ns or timed.begin_ns
+                yield index, "mean_time_between", "a car changes to an edge once; give 'begin'"
+            elif timed.end_ns != timed.begin_ns + hand_over.gap_ns:
+                yield index, "end", "a hand-over is over after its 'gap'; leave it out"
+            elif edge == current_edge[car]:
+                yield index, "edge", f"{car} is with {edge} already"
+            elif timed.begin_ns < free_ns[car]:
+                over = duration_text(free_ns[car])
+                yield index, "begin", f"comes before the hand-over before it is over, at {over}"
+            current_edge[car] = edge
+            free_ns[car] = timed.end_ns or timed.begin_ns

@@ -1,57 +1,135 @@
 """Genie (DG, Section III): a Genie before every detector; cars upload what they miss, edges share.
 
-A car without cameras lives on what others have seen (Section V-F, vision-assisted driving): the coordinator server
-finds that nothing detects objects there and assigns phantom Genies. The local one takes requests that hold a position
-instead of a picture, answers what is in its cache, and asks the remote phantom on the edge for the rest. That one
-answers with the confident objects in view of its map, which the other cars' edges fill, and with what their caches hold
-for the same spot. Both follow Algorithm 1 as every Genie does; they only have nothing encapsulated.
+A car without cameras relies on what others have seen (Section V-F, vision-assisted driving): the
+coordinator server finds that nothing detects objects there and assigns phantom Genies. The local
+one takes requests that hold a position instead of an image, answers what is in its cache, and asks
+the remote phantom on the edge for the rest. That one answers with the confident objects in view of
+its map, which the other cars' edges fill, and with what their caches hold for the same place. Both
+follow Algorithm 1 as every Genie does; they only have no node behind them.
 """
 
 from dataclasses import replace
 from functools import partial
 from typing import Any
 
-from genie_sim.core.genies import make_genie
+from genie_sim.core.genies import make_genie, make_paced_genie, make_sharing_genie
 from genie_sim.core.node import GenieNode
+from genie_sim.core.paced_genie import PacedGenie
 from genie_sim.core.rules import MissPolicy
-from genie_sim.sim.station import IMAGES, OBJECTS, Method, Place, Station, Uplink
+from genie_sim.core.sharing import SharingGenie
+from genie_sim.sim.method import (
+    IMAGES,
+    OBJECTS,
+    REMOTE,
+    REMOTE_UPLINK,
+    HostConfig,
+    HostContext,
+    Method,
+)
 
-REMOTE = "-remote"
-UPLINK = Uplink(IMAGES + REMOTE, OBJECTS + REMOTE)
-
-# The remote phantom has no detector that could answer later: it gives what its map holds at once. The local one waits
-# for it, because its own map holds no more than what the remote one has sent before.
+# The remote phantom has no detector that could answer later: it answers at once from its map. The
+# local one waits for it, because its own map holds no more than what the remote one has sent
+# before.
 PHANTOM_ON_CAR: MissPolicy = "blocking"
 PHANTOM_ON_EDGE: MissPolicy = "immediate"
 
 
 class Genie(Method):
-    """A Genie stands before every detector, cars upload what they miss, and edges share over the edge network."""
+    """A Genie stands before every detector, cars upload what they miss, and edges share over the
+    edge network.
+    """
 
     title = "Genie (DG)"
 
-    def on_car(self, place: Place) -> Station | None:
-        if not place.sees:
-            return Station(
-                interceptor=partial(_genie, place, miss_policy=PHANTOM_ON_CAR), uplink=UPLINK
+    def on_car(self, host: HostContext) -> HostConfig | None:
+        if not host.gets_images:
+            phantom = partial(_genie, host, miss_policy=PHANTOM_ON_CAR)
+            return HostConfig(interceptor=phantom, uplink=REMOTE_UPLINK)
+        if host.genie is None:
+            return HostConfig(detector=True)
+        if host.genie.looks is not None:
+            return HostConfig(
+                detector=True,
+                interceptor=partial(_looking_genie, host),
+                uplink=REMOTE_UPLINK if host.has_edge else None,
+                pass_time_ns=host.genie.pass_time_ns,
             )
-        if place.genie is None:
-            return Station(detector=True)
-        genie = partial(_genie, place, alone=not place.joined)
-        return Station(detector=True, interceptor=genie, uplink=UPLINK if place.joined else None)
+        genie = partial(_genie, host, alone=not host.has_edge)
+        uplink = REMOTE_UPLINK if host.has_edge else None
+        return HostConfig(detector=True, interceptor=genie, uplink=uplink)
 
-    def on_edge(self, place: Place) -> Station:
-        if not place.sees:  # it has nothing of its own to answer neighbours with, and only listens
-            phantom = partial(_genie, place, on_edge=True, miss_policy=PHANTOM_ON_EDGE)
-            return Station(interceptor=phantom, hears=(OBJECTS + REMOTE,))
-        genie = partial(_genie, place, on_edge=True)
-        return Station(detector=True, interceptor=genie, hears=(IMAGES + REMOTE, OBJECTS + REMOTE))
+    def on_edge(self, host: HostContext) -> HostConfig:
+        if not host.gets_images:  # it has no results of its own for its neighbours: it only listens
+            phantom = partial(_genie, host, on_edge=True, miss_policy=PHANTOM_ON_EDGE)
+            return HostConfig(interceptor=phantom, neighbour_topics=(OBJECTS + REMOTE,))
+        assert host.genie is not None
+        if host.genie.looks is not None:
+            if host.genie.looks.told is None:
+                return HostConfig(detector=True)
+            return HostConfig(
+                detector=True,
+                interceptor=partial(_telling_genie, host),
+                neighbour_topics=(OBJECTS + REMOTE,),
+                pass_time_ns=host.genie.pass_time_ns,
+                is_beside=True,
+            )
+        return HostConfig(
+            detector=True,
+            interceptor=partial(_genie, host, on_edge=True),
+            neighbour_topics=(IMAGES + REMOTE, OBJECTS + REMOTE),
+        )
 
 
-def _genie(place: Place, *topics: tuple[str, ...], on_edge: bool = False, **how: Any) -> GenieNode:
-    assert place.genie is not None
-    rules = (
-        place.genie if place.sees else replace(place.genie, car_learns="all")
-    )  # there is no own node to learn from
-    told = {"laws": place.laws, "tells_changes": place.records_changes, **how}
-    return make_genie(rules, f"{place.name}/genie", *topics, on_edge=on_edge, **told)
+def _genie(
+    host: HostContext,
+    subscribed: tuple[str, ...],
+    published: tuple[str, ...],
+    *,
+    on_edge: bool = False,
+    **parts: Any,
+) -> GenieNode:
+    """The Genie of a host; ``parts`` are further arguments of ``make_genie``."""
+    assert host.genie is not None
+    # Without images there is no own node to learn from.
+    rules = host.genie if host.gets_images else replace(host.genie, car_learns="all")
+    return make_genie(
+        rules,
+        f"{host.name}/genie",
+        subscribed,
+        published,
+        on_edge=on_edge,
+        laws=host.laws,
+        names_changes=host.records_changes,
+        **parts,
+    )
+
+
+def _looking_genie(
+    host: HostContext, subscribed: tuple[str, ...], published: tuple[str, ...]
+) -> PacedGenie:
+    """The Genie of a car that looks apart from its answers."""
+    assert host.genie is not None
+    return make_paced_genie(
+        host.genie,
+        f"{host.name}/genie",
+        subscribed,
+        published,
+        has_edge=host.has_edge,
+        laws=host.laws,
+        names_changes=host.records_changes,
+    )
+
+
+def _telling_genie(
+    host: HostContext, subscribed: tuple[str, ...], published: tuple[str, ...]
+) -> SharingGenie:
+    """The Genie beside an edge's detector."""
+    assert host.genie is not None
+    return make_sharing_genie(
+        host.genie,
+        f"{host.name}/genie",
+        subscribed,
+        published,
+        laws=host.laws,
+        names_changes=host.records_changes,
+    )

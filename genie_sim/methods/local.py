@@ -1,6 +1,6 @@
 """Local execution (L): every car's own detector answers its frames."""
 
-from genie_sim.sim.station import Method, Place, Station
+from genie_sim.sim.method import HostConfig, HostContext, Method
 
 
 class Local(Method):
@@ -9,5 +9,5 @@ class Local(Method):
     title = "local (L)"
     baseline = True
 
-    def on_car(self, place: Place) -> Station | None:
-        return Station(detector=True) if place.sees else None
+    def on_car(self, host: HostContext) -> HostConfig | None:
+        return HostConfig(detector=True) if host.gets_images else None

@@ -1,21 +1,25 @@
-"""Potluck: every device learns how alike two pictures must be to have one answer (Guo and Hu, ASPLOS 2018)."""
+"""Potluck: every device learns how similar two images must be to share an answer (Guo and Hu,
+ASPLOS 2018).
+"""
 
 from collections.abc import Hashable
 
 import numpy as np
 
 from genie_sim.core.caches.cache import Replay, SimilarityCache, same
-from genie_sim.core.caches.nearest import Key
+from genie_sim.core.caches.nearest import FeatureKey
 from genie_sim.core.eviction import TTL
 from genie_sim.core.rules import Capacity
 from genie_sim.messages import Answer
-from genie_sim.methods.similarity import Similarity, at_least, share
-from genie_sim.sim.station import Place
+from genie_sim.methods.similarity import SimilarityCaching, at_least, share
+from genie_sim.sim.method import HostContext
 from genie_sim.units import NS_PER_S
 
 
-class Importance(TTL):
-    """The answer that saves least goes first: uses per byte, since all took equally long; then the oldest."""
+class ImportanceEviction(TTL):
+    """The answer that saves least goes first: uses per byte, since all took equally long; then the
+    oldest.
+    """
 
     def __init__(self, ttl_ns: int) -> None:
         super().__init__(ttl_ns)
@@ -38,37 +42,64 @@ class Importance(TTL):
         return min(self._keys, key=lambda key: self._uses[key] / self.sizes[key])
 
 
-class Potluck(SimilarityCache):
-    """A hit is the nearest stored key up to ``reach`` away, the threshold, but for a share of ``dropout``: misses.
+class AdaptiveThresholdCache(SimilarityCache):
+    """A hit is the nearest stored key up to ``reach`` away, the threshold, except for a share of
+    ``dropout``: misses.
 
-    After a miss, as soon as ``warm`` requests are stored: two different answers within the threshold divide it by
-    ``tighten``; two equal ones beyond it draw it nearer to their distance, keeping a share of ``keep``.
+    After a miss, as soon as ``warm`` requests are stored: two different answers within the
+    threshold divide it by ``tighten``; two equal ones beyond it draw it nearer to their distance.
+
+    Parameters
+    ----------
+    capacity : Capacity or None
+        A limit in entries or bytes; ``None``: no limit.
+    rng : Generator
+        Draws which hits are dropped.
+    replay : {"camera", "world"}
+        Where the objects of a replayed answer are (see ``SimilarityCache``).
+    dropout : float
+        The share of hits that count as misses, 0 to 1.
+    warm : int
+        The number of stored requests from which on the threshold is learned.
+    tighten : float
+        What a wrong hit divides the threshold by, at least 1.
+    keep : float
+        The share of the old threshold in the new one when it grows, 0 to 1.
+    ttl_ns : int
+        How long an answer is kept [ns].
     """
 
     def __init__(
         self,
         capacity: Capacity | None,
         rng: np.random.Generator,
+        *,
         replay: Replay = "world",
         dropout: float = 0.1,
         warm: int = 100,
         tighten: float = 4.0,
         keep: float = 0.8,
-        ttl_ns: int = 10**10,
+        ttl_ns: int = 10 * NS_PER_S,
     ) -> None:
-        self._importance = Importance(ttl_ns)
+        self._importance = ImportanceEviction(ttl_ns)
         super().__init__(self._importance, capacity, replay)
         self.reach = 0.0
         self._rng = rng
-        self._dropout, self._warm, self._tighten, self._keep = dropout, warm, tighten, keep
+        self._dropout = dropout
+        self._warm = warm
+        self._tighten = tighten
+        self._keep = keep
 
-    def choose(self, key: Key, now_ns: int) -> Key | None:
-        return None if self._rng.random() < self._dropout else super().choose(key, now_ns)
+    def choose(self, key: FeatureKey, now_ns: int) -> FeatureKey | None:
+        if self._rng.random() < self._dropout:
+            return None
+        return super().choose(key, now_ns)
 
-    def learn(self, key: Key, answer: Answer, now_ns: int) -> None:
-        nearest = self.near(key, 1, now_ns) if len(self) >= self._warm else []
-        for distance, other in nearest:
-            agree = same(self.seen([answer], key.pose), self.held(other))
+    def learn(self, key: FeatureKey, answer: Answer, now_ns: int) -> None:
+        if len(self) < self._warm:
+            return
+        for distance, other in self.near(key, 1, now_ns):
+            agree = same(self.objects_of([answer], key.pose), self.stored_objects(other))
             if distance <= self.reach and not agree:
                 self.reach /= self._tighten
             elif distance > self.reach and agree:
@@ -81,8 +112,10 @@ class Potluck(SimilarityCache):
             self._importance.sizes.pop(key, None)
 
 
-class AdaptiveThreshold(Similarity):
-    """Potluck: the nearest picture within a threshold that each cache learns; some hits are dropped for that."""
+class Potluck(SimilarityCaching):
+    """Potluck: the nearest image within a threshold that each cache learns; some hits are dropped
+    for that.
+    """
 
     title = "Potluck"
 
@@ -90,20 +123,32 @@ class AdaptiveThreshold(Similarity):
         self,
         feature: str = "hsv",
         replay: Replay = "camera",
+        *,
         dropout: float = 0.1,
         warm: int = 100,
         tighten: float = 4.0,
         keep: float = 0.8,
         ttl_ns: int = 10 * NS_PER_S,
     ) -> None:
-        self.feature, self.replay = feature, replay
-        self._learning = (
-            share("dropout", dropout),
-            int(at_least("warm", warm, 1)),
-            at_least("tighten", tighten, 1.0),
-        )
-        self._keep, self._ttl_ns = share("keep", keep), int(at_least("ttl", ttl_ns, 1))
+        """Checks the settings, which are those of ``AdaptiveThresholdCache``; ``feature`` names the
+        images' vectors.
+        """
+        self.feature = feature
+        self.replay = replay
+        self._dropout = share("dropout", dropout)
+        self._warm = int(at_least("warm", warm, 1))
+        self._tighten = at_least("tighten", tighten, 1.0)
+        self._keep = share("keep", keep)
+        self._ttl_ns = int(at_least("ttl", ttl_ns, 1))
 
-    def cache(self, place: Place, capacity: Capacity | None) -> Potluck:
-        rng = place.stream("potluck")
-        return Potluck(capacity, rng, self.replay, *self._learning, self._keep, self._ttl_ns)
+    def cache(self, host: HostContext, capacity: Capacity | None) -> SimilarityCache:
+        return AdaptiveThresholdCache(
+            capacity,
+            host.stream("potluck"),
+            replay=self.replay,
+            dropout=self._dropout,
+            warm=self._warm,
+            tighten=self._tighten,
+            keep=self._keep,
+            ttl_ns=self._ttl_ns,
+        )

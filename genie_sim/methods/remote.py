@@ -1,6 +1,6 @@
 """Remote execution (R): the detector on the edge server answers every frame."""
 
-from genie_sim.sim.station import IMAGES, OBJECTS, Method, Place, Station, Uplink
+from genie_sim.sim.method import DIRECT_UPLINK, HostConfig, HostContext, Method
 
 
 class Remote(Method):
@@ -9,7 +9,7 @@ class Remote(Method):
     title = "remote (R)"
     baseline = True
 
-    def on_car(self, place: Place) -> Station | None:
-        if not place.sees:
+    def on_car(self, host: HostContext) -> HostConfig | None:
+        if not host.gets_images:
             return None
-        return Station(uplink=Uplink(IMAGES, OBJECTS) if place.joined else None)
+        return HostConfig(uplink=DIRECT_UPLINK if host.has_edge else None)

@@ -1,4 +1,4 @@
-"""What methods with similarity caches share: where the caches stand, and what they are told."""
+"""What methods with similarity caches share: where the caches run, and how they are set up."""
 
 import math
 from functools import partial
@@ -8,10 +8,15 @@ from genie_sim.core.caches.cache import Replay, SimilarityCache, cache_node
 from genie_sim.core.caches.nearest import Nearest, key_of
 from genie_sim.core.node import GenieNode
 from genie_sim.core.rules import Capacity
-from genie_sim.methods.genie import REMOTE, UPLINK
-from genie_sim.sim.station import Interceptor, Method, Place, Station
-
-LOCAL = "-local"
+from genie_sim.sim.method import (
+    LOCAL,
+    REMOTE,
+    REMOTE_UPLINK,
+    HostConfig,
+    HostContext,
+    Interceptor,
+    Method,
+)
 
 
 def share(name: str, value: float) -> float:
@@ -21,82 +26,94 @@ def share(name: str, value: float) -> float:
     return value
 
 
-def at_least(name: str, value: float, least: float) -> float:
-    """``value`` if it is a finite number, at least ``least``. Raises ``ValueError``."""
-    if not least <= value < math.inf:
-        raise ValueError(f"{name}: must be at least {least:g}, but is {value:g}")
+def at_least(name: str, value: float, minimum: float) -> float:
+    """``value`` if it is a finite number, at least ``minimum``. Raises ``ValueError``."""
+    if not minimum <= value < math.inf:
+        raise ValueError(f"{name}: must be at least {minimum:g}, but is {value:g}")
     return value
 
 
-class Similarity(Method):
-    """A cache before every detector, on cars and edges alike; cars upload what they miss, edges share nothing.
+class SimilarityCaching(Method):
+    """A cache before every detector, on cars and edges alike; cars upload what they miss, edges
+    share nothing.
 
-    ``feature`` names the pictures' vectors. The car computes it and sends it along with the picture. A subclass makes
-    the caches: ``cache``.
+    ``feature`` names the images' vectors. The car computes them and sends them along with the
+    image. A subclass makes the caches: ``cache``.
     """
 
     title = "similarity cache"
     feature = "hsv"
     replay: Replay = "camera"
 
-    def cache(self, place: Place, capacity: Capacity | None) -> SimilarityCache:
+    def cache(self, host: HostContext, capacity: Capacity | None) -> SimilarityCache:
+        """An empty cache for a host."""
         raise NotImplementedError
 
-    def on_car(self, place: Place) -> Station | None:
-        if not place.sees:
-            return None  # a car without cameras has no pictures to compare
-        if place.genie is None:
-            return Station(detector=True)
-        node = partial(self._node, place, on_edge=False, asks=place.joined)
-        return Station(
+    def on_car(self, host: HostContext) -> HostConfig | None:
+        if not host.gets_images:
+            return None  # there are no images to compare
+        if host.genie is None:
+            return HostConfig(detector=True)
+        return HostConfig(
             detector=True,
-            interceptor=node,
-            uplink=UPLINK if place.joined else None,
+            interceptor=partial(self._node, host, on_edge=False, forwards_misses=host.has_edge),
+            uplink=REMOTE_UPLINK if host.has_edge else None,
             key=self.feature,
         )
 
-    def on_edge(self, place: Place) -> Station:
-        if not place.sees:
-            return Station()
-        return Station(
-            detector=True, interceptor=partial(self._node, place, on_edge=True, asks=False)
-        )
+    def on_edge(self, host: HostContext) -> HostConfig:
+        if not host.gets_images:
+            return HostConfig()
+        node = partial(self._node, host, on_edge=True, forwards_misses=False)
+        return HostConfig(detector=True, interceptor=node)
 
     def _node(
         self,
-        place: Place,
+        host: HostContext,
         subscribed: tuple[str, ...],
         published: tuple[str, ...],
         *,
         on_edge: bool,
-        asks: bool,
+        forwards_misses: bool,
     ) -> GenieNode:
-        """``asks``: what it misses goes to ``-remote``, too."""
-        rules = place.genie
+        """A node with a new cache; ``forwards_misses``: they go to ``-remote``, too."""
+        rules = host.genie
         assert rules is not None
-        cache = self.cache(
-            place, rules.capacity if on_edge or rules.car_capacity is None else rules.car_capacity
-        )
+        own_capacity = not on_edge and rules.car_capacity is not None
+        cache = self.cache(host, rules.car_capacity if own_capacity else rules.capacity)
         return cache_node(
             rules,
-            f"{place.name}/cache",
+            f"{host.name}/cache",
             subscribed,
             published,
             key=key_of(self.feature),
             new_cache=lambda: cache,
             pending=lambda: Nearest(lambda: cache.reach),
-            share_requests=asks,
+            share_requests=forwards_misses,
         )
 
 
-class TwoWays(Interceptor):
-    """A car's pictures come here, and go to its own detector or up; answers come from both. ``known``: its state."""
+class LocalAndRemote(Interceptor):
+    """The base of a car's interceptor that sends images to the car's own detector or up to the
+    edge, and gets answers from both.
+
+    Parameters
+    ----------
+    name : str
+        Of the node, such as ``car1/router``.
+    state : object
+        What the subclass decides by.
+    subscribed, published : tuple of str
+        T_S and T_P of the car's detector: one topic each.
+    """
 
     def __init__(
-        self, name: str, known: Any, subscribed: tuple[str, ...], published: tuple[str, ...]
+        self, name: str, state: Any, subscribed: tuple[str, ...], published: tuple[str, ...]
     ) -> None:
-        self.name, self._known = name, known
-        (self._images,), (self._objects,) = subscribed, published
+        self.name = name
+        self._state = state
+        (self._images,) = subscribed
+        (self._objects,) = published
 
     def subscriptions(self) -> tuple[str, ...]:
         return self._images, self._objects + LOCAL, self._objects + REMOTE

@@ -1,4 +1,6 @@
-"""What other readings and other values of the open parameters give, on the same seeds as the evaluation itself."""
+"""What other readings and other values of the open parameters give, on the same seeds as the
+evaluation itself.
+"""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -8,13 +10,16 @@ from typing import Any, NamedTuple
 from genie_sim.paper.assumptions import Assumptions
 from genie_sim.paper.checks import ALL, BOTH_IMAGES, BOTH_OBJECTS, load_claims
 from genie_sim.paper.claims import holds_under
-from genie_sim.paper.evidence import Claim, Evidence, interval
-from genie_sim.paper.replicate import EVERY_METHOD, Job
-from genie_sim.paper.runs import Runs
+from genie_sim.paper.evaluation_run import EVERY_METHOD, GENIE_ALONE, EvaluationRun
+from genie_sim.paper.evidence import BASE, Claim, Evidence, interval
+from genie_sim.paper.facts import Fact
+from genie_sim.paper.runs import EvaluationRuns
 
 
 class Arm(NamedTuple):
-    """One other reading, or one value of one parameter; ``plausible``: ``yes``, ``arguable`` or ``no``."""
+    """One other reading, or one value of one parameter; ``plausible``: ``yes``, ``arguable`` or
+    ``no``.
+    """
 
     name: str
     settings: tuple[str, ...]
@@ -26,7 +31,8 @@ class Arm(NamedTuple):
 class Arms:
     """The evidence of each arm, whether each is plausible, and the sweeps as curves.
 
-    ``seeds``: how many each arm has. An arm that sets what the evaluation uses anyway is in the curves only.
+    ``seeds``: how many each arm has. An arm that sets what the evaluation uses anyway is in the
+    curves only.
     """
 
     evidence: Mapping[str, Evidence]
@@ -36,31 +42,33 @@ class Arms:
 
     def holding(self, claim: Claim) -> tuple[list[str], int]:
         """The arms under which a claim's test holds, and in how many it could be tried."""
-        found = self._found[claim.id]
+        outcomes = self._outcomes[claim.id]
         return [
-            f"{name} (plausible: {self.plausible[name]})" for name, holds in found.items() if holds
-        ], len(found)
+            f"{name} (plausible: {self.plausible[name]})"
+            for name, holds in outcomes.items()
+            if holds
+        ], len(outcomes)
 
     def as_json(self) -> dict[str, Any]:
         """For ``sensitivity.json``."""
         held = {
-            claim: [name for name, holds in of.items() if holds]
-            for claim, of in self._found.items()
+            claim: [name for name, holds in outcomes.items() if holds]
+            for claim, outcomes in self._outcomes.items()
         }
-        variants = {name: one for name, one in self.evidence.items() if "=" not in name}
+        variants = {name: evidence for name, evidence in self.evidence.items() if "=" not in name}
         return {
             "seeds": self.seeds,
             "sweeps": self.sweeps,
             "variants": {
-                name: _reuse(one) | {"plausible": self.plausible[name]}
-                for name, one in variants.items()
+                name: _reuse(evidence) | {"plausible": self.plausible[name]}
+                for name, evidence in variants.items()
             },
             "claims_that_hold_under": held,
-            "arms_that_try": {claim: len(of) for claim, of in self._found.items()},
+            "arms_that_try": {claim: len(outcomes) for claim, outcomes in self._outcomes.items()},
         }
 
     @cached_property
-    def _found(self) -> dict[str, dict[str, bool]]:
+    def _outcomes(self) -> dict[str, dict[str, bool]]:
         """Of each claim, whether its test holds under each arm that can try it."""
         return {claim.id: holds_under(claim, self.evidence) for claim in load_claims()}
 
@@ -73,33 +81,32 @@ def arms_of(assumptions: Assumptions) -> Iterator[Arm]:
         low, high = sweep.plausible
         for value in sweep.values:
             name = f"{sweep.parameter}={value:g}"
-            yield Arm(name, (name,), ("genie",), "yes" if low <= value <= high else "no")
+            plausible = "yes" if low <= value <= high else "no"
+            yield Arm(name, (name,), GENIE_ALONE, plausible)
 
 
 def run_arms(
-    assumptions: Assumptions, settings: tuple[str, ...], seeds: Sequence[int], runs: Runs
+    assumptions: Assumptions, settings: tuple[str, ...], seeds: Sequence[int], runs: EvaluationRuns
 ) -> Arms:
     """Runs every arm, Genie alone where the evaluation's baselines do what they did."""
     places = [(scenario, seed) for scenario in ALL for seed in seeds]
-    ours = runs([Job(scenario, seed, settings) for scenario, seed in places], "other readings")
-    arms, jobs = list(arms_of(assumptions)), []
+    ours = runs(
+        [EvaluationRun(scenario, seed, settings) for scenario, seed in places], "other readings"
+    )
+    arms, wanted = list(arms_of(assumptions)), []
     for arm in arms:
-        mine = (*settings, *arm.settings)
-        whole = [
-            Job(scenario, seed, mine, arm.methods, redefined=False) for scenario, seed in places
-        ]
-        jobs += [
-            replace(job, methods=("genie",)) if runs.has_baselines(job) else job for job in whole
-        ]
-    outcomes = runs(jobs, "other readings")
+        for scenario, seed in places:
+            run = EvaluationRun(scenario, seed, (*settings, *arm.settings), arm.methods)
+            wanted.append(replace(run, methods=GENIE_ALONE) if runs.has_baselines(run) else run)
+    outcomes = runs(wanted, "other readings")
     evidence, others = {}, {}
     for number, arm in enumerate(arms):
-        made = outcomes[number * len(places) : (number + 1) * len(places)]
-        facts = {place: outcome.facts for place, outcome in zip(places, made, strict=True)}
+        of_arm = outcomes[number * len(places) : (number + 1) * len(places)]
+        facts = {place: outcome.facts for place, outcome in zip(places, of_arm, strict=True)}
         evidence[arm.name] = Evidence(
-            {("base", one): [facts[one, seed] for seed in seeds] for one in ALL}
+            {(BASE, scenario): [facts[scenario, seed] for seed in seeds] for scenario in ALL}
         )
-        if any(one is not other for one, other in zip(made, ours, strict=True)):
+        if any(outcome is not other for outcome, other in zip(of_arm, ours, strict=True)):
             others[arm.name] = evidence[arm.name]
     return Arms(
         others,
@@ -134,7 +141,7 @@ def _curves(
 
 def _reuse(evidence: Evidence) -> dict[str, tuple[float, float, float]]:
     times = {
-        f"{answer}_answer_ms": [f"{answer}_answer_mean:genie"] for answer in ("first", "fresh")
+        f"{answer}_answer_ms": [Fact(f"{answer}_answer_mean")] for answer in ("first", "fresh")
     }
     facts = {"object_reuse": BOTH_OBJECTS, "image_reuse": BOTH_IMAGES, **times}
-    return {name: interval(evidence.mean_of(ALL, of)) for name, of in facts.items()}
+    return {name: interval(evidence.mean_of(ALL, averaged)) for name, averaged in facts.items()}

@@ -1,29 +1,33 @@
-"""Reads ``assumptions.yaml``: everything the paper leaves open, decided beforehand, and what is calibrated."""
+"""Reads ``assumptions.yaml``: everything the paper leaves open, decided beforehand, and what is
+calibrated.
+"""
 
+from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
-
-from pydantic import BaseModel, ConfigDict, Field
+from typing import Annotated, Any
 
 from genie_sim.scenario.yaml_input import read_mapping
+from genie_sim.settings import Key, read
 
 
-class _Part(BaseModel):
-    model_config = ConfigDict(frozen=True)
-
-
-class Variant(_Part):
-    """Another reading or machine. ``plausible``: ``yes``, ``arguable`` or ``no``, whatever comes out."""
+@dataclass(frozen=True)
+class Variant:
+    """Another reading or machine. ``plausible``: ``yes``, ``arguable`` or ``no``, whatever comes
+    out.
+    """
 
     name: str
-    settings: tuple[str, ...] = Field(alias="set")
+    settings: Annotated[tuple[str, ...], Key("set")]
     plausible: str
     why: str
 
 
-class Sweep(_Part):
-    """One open parameter, the values it is tried at and their plausible range; ``paper``: what the paper gives."""
+@dataclass(frozen=True)
+class Sweep:
+    """One open parameter, the values it is tried at and their plausible range; ``paper``: what the
+    paper gives.
+    """
 
     parameter: str
     unit: str
@@ -32,7 +36,8 @@ class Sweep(_Part):
     paper: str
 
 
-class Fitted(_Part):
+@dataclass(frozen=True)
+class Fitted:
     """A calibrated parameter's physically plausible range."""
 
     name: str
@@ -40,10 +45,14 @@ class Fitted(_Part):
     why: str
 
 
-class Assumptions(_Part):
+@dataclass(frozen=True)
+class Assumptions:
+    """All that the file says, with the defaults of the evaluation beside it."""
+
     scenarios: tuple[str, ...]
     seeds: tuple[int, ...]
     calibration_seeds: tuple[int, ...]
+    route: str
     fixed: tuple[dict[str, Any], ...]
     fitted: tuple[Fitted, ...]
     targets: dict[str, float]
@@ -53,10 +62,12 @@ class Assumptions(_Part):
 
 @lru_cache(maxsize=1)
 def load_assumptions() -> Assumptions:
-    data = read_mapping(Path(__file__).with_name("assumptions.yaml"))
-    calibrated = data["calibrated"]
-    fitted = [{"name": name, **one} for name, one in calibrated["parameters"].items()]
+    """What stands in ``assumptions.yaml``."""
+    path = Path(__file__).with_name("assumptions.yaml")
+    data = read_mapping(path)
+    calibrated = data.pop("calibrated")
+    fitted = [{"name": name, **parameter} for name, parameter in calibrated["parameters"].items()]
     targets = {name: target["value"] for name, target in calibrated["targets"].items()}
-    return Assumptions.model_validate(
-        {**data, **data["evaluation"], "fitted": fitted, "targets": targets}
-    )
+    evaluation = data.pop("evaluation")
+    parts = {**data, **evaluation, "fitted": fitted, "targets": targets}
+    return read(Assumptions, parts, lambda _: str(path))

@@ -1,4 +1,4 @@
-"""What we say of the paper's claims, and whether other seeds would have us say otherwise."""
+"""Verdicts on the paper's claims, and how far they depend on the choice of seeds."""
 
 from collections import Counter
 from collections.abc import Mapping
@@ -24,7 +24,8 @@ VERDICTS = (
 class Verdict:
     """A claim, what was found, and what we say of it.
 
-    ``marginal``: another set of seeds could say otherwise, as always where there is one seed and so no interval.
+    ``marginal``: another set of seeds could say otherwise, as always where there is one seed and so
+    no interval.
     """
 
     claim: Claim
@@ -41,7 +42,9 @@ def judge(evidence: Evidence, fitted: bool = True) -> list[Verdict]:
 
 
 def judge_one(claim: Claim, evidence: Evidence) -> Verdict:
-    """Tests one claim, and once more on resampled seeds to see whether the verdict depends on which ones were drawn."""
+    """Tests one claim, and once more on resampled seeds to see whether the verdict depends on which
+    ones were drawn.
+    """
     finding = _look(claim, evidence)
     verdict = verdict_of(claim, finding)
     if finding is None:
@@ -50,15 +53,16 @@ def judge_one(claim: Claim, evidence: Evidence) -> Verdict:
     seeds = evidence.seeds
     drawn = (tuple(sorted(random.integers(seeds, size=seeds).tolist())) for _ in range(RESAMPLES))
     others = 0
-    for places, times in Counter(
-        drawn if finding.n > 1 else ()
-    ).items():  # few seeds often give the same
+    # few seeds often give the same
+    for places, times in Counter(drawn if finding.n > 1 else ()).items():
         others += times * (verdict_of(claim, _look(claim, evidence.resampled(places))) != verdict)
     return Verdict(claim, finding, verdict, finding.one_seed or others > MARGINAL * RESAMPLES)
 
 
 def verdict_of(claim: Claim, finding: Finding | None) -> str:
-    """One of ``VERDICTS``. What was fitted is never called reproduced: it is ``calibrated`` where the fit succeeded."""
+    """One of ``VERDICTS``. What was fitted is never called reproduced: it is ``calibrated`` where
+    the fit succeeded.
+    """
     if finding is None or not finding.known:
         return VERDICTS[3]
     if finding.holds:
@@ -74,6 +78,12 @@ def _look(claim: Claim, evidence: Evidence) -> Finding | None:
 
 
 def holds_under(claim: Claim, evidence: Mapping[str, Evidence]) -> dict[str, bool]:
-    """Of each evidence by name, whether the claim's test holds there; where it cannot be tried, nothing."""
-    found = {name: _look(claim, one) for name, one in evidence.items()}
-    return {name: one.holds for name, one in found.items() if one is not None and one.known}
+    """Of each evidence by name, whether the claim's test holds there; where it cannot be tried,
+    nothing.
+    """
+    findings = {name: _look(claim, of_runs) for name, of_runs in evidence.items()}
+    return {
+        name: finding.holds
+        for name, finding in findings.items()
+        if finding is not None and finding.known
+    }

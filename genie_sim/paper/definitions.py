@@ -1,40 +1,37 @@
-"""Which numbers the paper may mean by its metrics: what a fact is called under each definition of its metric."""
+"""What the paper may mean by its metrics: an argument of everything that computes them."""
 
-import re
-from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from typing import Literal, get_args, get_type_hints
 
-_TIMED = (
-    r"(?:first|fresh)_answer_(?:mean|p\d+)|improvement_(?:first|fresh)_answer"
-    r"|(?:fresh_)?under_deadline_share(?:_of_answered)?"
-)
 
-# Metric -> definition -> of the default's facts that are others under it: how their name is found.
-DEFINITIONS: dict[str, dict[str, tuple[tuple[str, str], ...]]] = {
-    "time": {
-        "received": (),
-        "stamp": ((rf"^({_TIMED})(?=:)", r"\1_from_stamp"),),
-    },
-    "image_reuse": {
-        "own_requests": (),
-        "all_requests": ((r"^image_reuse(?=(?:_high)?:)", "image_reuse_with_neighbours"),),
-    },
-    "error_bars": {
-        "windows": (),
-        "running": (
-            (r"^((?:object|image)_reuse(?:_with_neighbours)?)_high(?=:)", r"\1_highest_running"),
-            (r"^image_peak_at", "image_running_peak_at"),
-        ),
-    },
-    "boost": {
-        "per_update": (),
-        "per_object": ((r"^confidence_boost(?=:)", "boost_per_object"),),
-    },
+@dataclass(frozen=True, slots=True)
+class Definitions:
+    """One meaning of each metric that the paper leaves open.
+
+    Parameters
+    ----------
+    time : str
+        From when the time to an answer counts: since the frame was ``received`` by its consumer's
+        host, or since the camera's ``stamp``.
+    image_reuse : str
+        Hits over requests of a Genie's clients (``own_requests``), or over those of its neighbours
+        too (``all_requests``).
+    error_bars : str
+        The highest reuse in ``windows`` of equally many requests, or the highest value of the
+        ``running`` ratio of any Genie.
+    boost : str
+        Confidence added by an update (``per_update``), or by the end of the run over the objects
+        then stored (``per_object``).
+    """
+
+    time: Literal["received", "stamp"] = "received"
+    image_reuse: Literal["own_requests", "all_requests"] = "own_requests"
+    error_bars: Literal["windows", "running"] = "windows"
+    boost: Literal["per_update", "per_object"] = "per_update"
+
+
+USUAL = Definitions()  # as in ``analysis.metrics``
+# metric -> its definitions, the usual one first
+CHOICES: dict[str, tuple[str, ...]] = {
+    field.name: get_args(get_type_hints(Definitions)[field.name]) for field in fields(Definitions)
 }
-
-
-def fact(name: str, definitions: Mapping[str, str]) -> str:
-    """What the fact is called that a test means by ``name``; metrics without a definition are the default's."""
-    for metric, definition in definitions.items():
-        for pattern, other in DEFINITIONS[metric][definition]:
-            name = re.sub(pattern, other, name)
-    return name

@@ -1,7 +1,8 @@
-"""What replicated runs say: means with 95 % intervals over seeds, and whether they match, exceed or order as claimed.
+"""What replicated runs say: means with 95 % intervals over seeds, and whether they match, exceed or
+order as claimed.
 
-The unit of replication is drive x seed. Arms that are compared ran on the same drive and seed, so differences and
-ratios are taken seed by seed.
+The unit of replication is drive x seed. Arms that are compared ran on the same drive and seed, so
+differences and ratios are taken seed by seed.
 """
 
 import math
@@ -12,8 +13,8 @@ from typing import Any
 import numpy as np
 
 from genie_sim.analysis.statistics import over_seeds
-from genie_sim.paper.definitions import fact
-from genie_sim.paper.facts import Facts
+from genie_sim.paper.definitions import USUAL, Definitions
+from genie_sim.paper.facts import Fact, Facts
 
 Values = np.ndarray[Any, np.dtype[np.float64]]  # one per seed
 BASE = "base"  # the variant that is meant where none is named
@@ -36,9 +37,11 @@ class Claim:
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """One claim looked at. ``holds``: as claimed, in size. ``direction``: at least the way it was claimed.
+    """One claim looked at. ``holds``: as claimed, in size. ``direction``: at least the way it was
+    claimed.
 
-    ``value`` is the number that the claim's test names, ``low`` and ``high`` its 95 % interval over ``n`` seeds.
+    ``value`` is the number that the claim's test names, ``low`` and ``high`` its 95 % interval over
+    ``n`` seeds.
     """
 
     value: float | None
@@ -52,7 +55,9 @@ class Finding:
 
     @property
     def one_seed(self) -> bool:
-        """Whether the interval is a point because nothing was replicated; arithmetic needs no seeds."""
+        """Whether the interval is a point because nothing was replicated; arithmetic needs no
+        seeds.
+        """
         return self.n == 1 and self.low is not None
 
     @property
@@ -62,61 +67,61 @@ class Finding:
 
 
 class Evidence:
-    """Facts of runs by (variant, scenario), one for each seed, in the same order everywhere. ``definitions``: of each
-    metric, which one is meant by it, where it is not the default's."""
+    """Facts of runs by (variant, scenario), one for each seed, in the same order everywhere.
+    ``definitions``: those that the facts were computed with.
+    """
 
     def __init__(
         self,
         runs: Mapping[tuple[str, str], Sequence[Facts]],
-        definitions: Mapping[str, str] | None = None,
+        definitions: Definitions = USUAL,
     ) -> None:
+        self.definitions = definitions
         self._runs = runs
-        self._definitions = definitions or {}
-        self._values: dict[tuple[str, str, str], Values] = {}
-        self._means: dict[tuple[str, ...], Values] = {}
-        self._places: Values | None = None  # of the seeds that are meant; None: each once
+        self._values: dict[tuple[str, str, Fact], Values] = {}
+        self._means: dict[tuple[object, ...], Values] = {}
+        # Bootstrap indices; None for the original sample.
+        self._places: Values | None = None
 
-    def of(self, scenario: str, name: str, variant: str = BASE) -> Values:
+    def of(self, scenario: str, fact: Fact, variant: str = BASE) -> Values:
         """A fact's values over seeds. Raises ``KeyError`` where such a run was not made."""
-        return self._drawn(self._every(scenario, name, variant))
+        return self._drawn(self._every(scenario, fact, variant))
 
-    def _every(self, scenario: str, name: str, variant: str) -> Values:
+    def _every(self, scenario: str, fact: Fact, variant: str) -> Values:
         """A fact's values, each seed once."""
-        key = variant, scenario, name
+        key = variant, scenario, fact
         if key not in self._values:
-            runs, meant = self._runs[variant, scenario], self.meant(name)
-            self._values[key] = np.array([run.get(meant, math.nan) for run in runs], dtype=float)
+            runs = self._runs[variant, scenario]
+            self._values[key] = np.array([run.get(fact, math.nan) for run in runs], dtype=float)
         return self._values[key]
 
     def _drawn(self, values: Values) -> Values:
         return values if self._places is None else values[self._places[self._places < len(values)]]
 
-    def meant(self, name: str) -> str:
-        """The fact that the reading means by a name."""
-        return fact(name, self._definitions)
-
-    def names(self, scenario: str) -> list[str]:
+    def facts(self, scenario: str) -> list[Fact]:
         """The facts that any run of a scenario has, sorted."""
-        return sorted({name for facts in self._runs[BASE, scenario] for name in facts})
+        return sorted({fact for facts in self._runs[BASE, scenario] for fact in facts})
 
     def mean_of(
-        self, scenarios: Sequence[str], names: Sequence[str], variant: str = BASE
+        self, scenarios: Sequence[str], facts: Sequence[Fact], variant: str = BASE
     ) -> Values:
         """Mean over scenarios and facts, seed by seed; what is not defined is left out."""
-        key = variant, *scenarios, *names
+        key = variant, *scenarios, *facts
         if key not in self._means:
             table = np.array(
-                [self._every(scenario, name, variant) for scenario in scenarios for name in names]
+                [self._every(scenario, fact, variant) for scenario in scenarios for fact in facts]
             )
-            known = ~np.isnan(table)
-            counts = known.sum(axis=0)
-            sums = np.where(known, table, 0.0).sum(axis=0)
+            defined = ~np.isnan(table)
+            counts = defined.sum(axis=0)
+            sums = np.where(defined, table, 0.0).sum(axis=0)
             self._means[key] = np.where(counts > 0, sums / np.maximum(counts, 1), math.nan)
         return self._drawn(self._means[key])
 
     def resampled(self, places: Sequence[int]) -> "Evidence":
-        """The evidence that other seeds could have given: the seeds at these places, some more than once."""
-        other = Evidence(self._runs, self._definitions)
+        """The evidence that other seeds could have given: the seeds at these places, some more than
+        once.
+        """
+        other = Evidence(self._runs, self.definitions)
         other._values, other._means, other._places = self._values, self._means, np.asarray(places)
         return other
 
@@ -133,7 +138,9 @@ def rounded(value: float) -> float:
 
 
 def interval(values: Values) -> tuple[float, float, float]:
-    """Mean and 95 % t interval over seeds; with one seed it is a point, which says nothing of other seeds."""
+    """Mean and 95 % t interval over seeds; with one seed it is a point, which says nothing of other
+    seeds.
+    """
     mean, half = over_seeds(values)
     return mean, mean - half, mean + half
 
@@ -141,55 +148,83 @@ def interval(values: Values) -> tuple[float, float, float]:
 def matches(claim: Claim, values: Values, unit: str = "1", note: str = "") -> Finding:
     """Equivalence: the whole interval lies within the tolerance of what is expected."""
     low, high = claim.expect - claim.tolerance, claim.expect + claim.tolerance
-    return _within(claim, values, low, high, unit, note)
+    return _within(claim, values, (low, high), unit=unit, note=note)
 
 
 def below(claim: Claim, values: Values, unit: str = "1", note: str = "") -> Finding:
     """The whole interval lies at most at what is expected."""
-    return _within(claim, values, -math.inf, claim.expect, unit, note)
+    return _within(claim, values, (-math.inf, claim.expect), unit=unit, note=note)
 
 
 def above(claim: Claim, values: Values, unit: str = "1", note: str = "") -> Finding:
     """The whole interval lies at least at what is expected."""
-    return _within(claim, values, claim.expect, math.inf, unit, note)
+    return _within(claim, values, (claim.expect, math.inf), unit=unit, note=note)
 
 
 def _within(
-    claim: Claim, values: Values, least: float, most: float, unit: str, note: str
+    claim: Claim, values: Values, bounds: tuple[float, float], *, unit: str, note: str
 ) -> Finding:
-    """The direction is shown where the whole interval lies on the claimed side of ``near``."""
+    """The claim holds where the whole interval lies within the bounds; the direction is shown where
+    it lies on the claimed side of ``near``.
+    """
     mean, low, high = interval(values)
-    holds, near = least <= low and high <= most, claim.near
+    smallest, largest = bounds
+    holds, near = smallest <= low and high <= largest, claim.near
     direction = near is not None and (low > near if claim.expect > near else high < near)
-    return Finding(mean, low, high, len(values), unit, holds, direction, note)
+    return Finding(
+        mean, low, high, n=len(values), unit=unit, holds=holds, direction=direction, note=note
+    )
 
 
 def all_positive(parts: Mapping[str, Values], unit: str = "1", note: str = "") -> Finding:
     """Several effects that are all claimed to be positive: each one's interval must exclude zero.
 
-    The value is their average; the note names those that are not shown, and says of which the opposite is. The
-    direction is shown where none of them is opposite, and the average's interval excludes zero or most are shown.
+    The value is the effect that decides, the one whose interval begins lowest. The note names it
+    and those that are not shown, and says of which the opposite is. The direction is shown where
+    none of them is opposite, and the average's interval excludes zero or most are shown.
     """
-    ends = {name: interval(values) for name, values in parts.items()}
-    missed = {name: one for name, one in ends.items() if not one[1] > 0}
-    against = [name for name, (_, _, high) in missed.items() if high < 0]
-    said = [
-        f"{name} {mean:+.3g}{' (opposite)' if name in against else ''}"
-        for name, (mean, _, _) in missed.items()
-    ]
-    shown = f"{len(parts) - len(missed)} of {len(parts)} shown" + (
-        f"; not: {', '.join(said)}" if said else ""
-    )
+    intervals = {name: interval(values) for name, values in parts.items()}
+    missing, opposite = [], []
+    for name, (mean, low, high) in intervals.items():
+        if low > 0:
+            continue
+        if high < 0:
+            opposite.append(name)
+        missing.append(f"{name} {mean:+.3g}{' (opposite)' if high < 0 else ''}")
+    summary = f"{len(parts) - len(missing)} of {len(parts)} shown"
+    if missing:
+        summary += f"; not: {', '.join(missing)}"
     average = np.mean(list(parts.values()), axis=0)
-    mean, low, high = interval(average)
-    direction = not against and (low > 0 or 2 * len(missed) < len(parts))
+    mean, low, _ = interval(average)
+    direction = not opposite and (low > 0 or 2 * len(missing) < len(parts))
+    decisive = min(intervals, key=lambda name: intervals[name][1])
+    if len(parts) > 1:
+        summary += f"; decided by {decisive}; average {mean:.3g}"
     return Finding(
-        mean,
+        *intervals[decisive],
+        n=len(average),
+        unit=unit,
+        holds=not missing,
+        direction=direction,
+        note=f"{note}; {summary}" if note else summary,
+    )
+
+
+def in_every_run(
+    claim: Claim, values: Values, *, at_most: bool = False, unit: str = "1", note: str = ""
+) -> Finding:
+    """An invariant: what is expected is a bound that no run may miss. The value is that of the
+    worst run, the interval the range of all runs.
+    """
+    low, high = float(np.min(values)), float(np.max(values))
+    holds = high <= claim.expect if at_most else low >= claim.expect
+    return Finding(
+        high if at_most else low,
         low,
         high,
-        len(average),
-        unit,
-        not missed,
-        direction,
-        f"{note}; {shown}" if note else shown,
+        n=len(values),
+        unit=unit,
+        holds=holds,
+        direction=False,
+        note=f"{note}; the worst run decides" if note else "the worst run decides",
     )

@@ -1,118 +1,161 @@
-"""The numbers of one run that claims, calibration and sweeps use: ``metric:method`` of
-frames, ``metric:car`` and ``metric:edge`` of Genies -> value, NaN where not defined."""
+"""The numbers of one run that claims, calibration and comparisons use, each under a typed key."""
 
 import math
 from collections.abc import Iterable, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from genie_sim.analysis import metrics
-from genie_sim.paper.definitions import fact
+from genie_sim.paper.definitions import USUAL, Definitions
 from genie_sim.recording.columns import Columns
 from genie_sim.recording.results import MethodInfo, Metric
 from genie_sim.units import NS_PER_MS, NS_PER_S
-
-Facts = dict[str, float]
 
 METHODS = (  # of the paper's evaluation
     MethodInfo("local", "local (L)", baseline=True),
     MethodInfo("remote", "remote (R)", baseline=True),
     MethodInfo("genie", "Genie (DG)", baseline=False),
 )
-
 BASELINES = tuple(method.name for method in METHODS if method.baseline)
 
 FOR_EVER_NS = 2**62
 EARLY_PERCENTILES = (10, 20, 30, 40, 50)
 
 
+class Fact(NamedTuple):
+    """Which number of a run, by the same four names as in ``metrics.json``.
+
+    ``component`` is a baseline, a car, an edge, a Genie or a lap; else it is empty.
+    """
+
+    metric: str
+    method: str = "genie"
+    placement: str = "all"
+    component: str = ""
+
+    def __str__(self) -> str:
+        """For column heads and tables."""
+        place = self.method if self.placement == "all" else self.placement
+        return ":".join(filter(None, (self.metric, place, self.component)))
+
+
+Facts = dict[Fact, float]  # NaN where not defined
+
+
+def placed(metric: str, placement: str) -> Fact:
+    """A metric of the Genies on ``car`` or ``edge``."""
+    return Fact(metric, placement=placement)
+
+
 def facts_of(
-    frames: Columns, lookups: Columns, resources: Columns, redefined: bool = True
+    frames: Columns, lookups: Columns, resources: Columns, definitions: Definitions = USUAL
 ) -> Facts:
-    """All facts of a run from its tables, as the default defines its metrics, and with ``redefined`` under every other
-    definition, too (``definitions.fact``)."""
+    """All facts of a run from its tables, with its metrics as ``definitions`` say."""
+    if definitions.time == "stamp":
+        frames = frames.assign(received_ns=frames["stamp_ns"])
+    maps = lookups.rows(lookups["kind"] != "image")
     facts = _of_metrics(
         metrics.compute(METHODS, {"frames": frames, "lookups": lookups}, intervals=False)
     )
-    facts.update(_of_early_and_late(frames))
-    both = frames.where(method="remote")
-    both = both.rows((both["bytes_up"] > 0) & (both["bytes_down"] > 0))
-    if len(both):
-        facts["image_to_objects_bytes:remote"] = ratio(
-            both["bytes_up"].sum(), both["bytes_down"].sum()
-        )
-    maps = lookups.rows(lookups["kind"] != "image")
+    facts |= _of_answers(frames) | _of_bytes(frames)
+    for genie, reused in metrics.reuse(maps).items():
+        facts[Fact("object_reuse", component=genie)] = reused
     for placement in metrics.PLACEMENTS:
-        facts[f"boost_per_object:{placement}"] = _boost_per_object(maps.where(placement=placement))
-    of_cars = lookups.where(kind="image", requester="client", placement="car")
-    facts["image_peak_at:car"] = _peak_at(metrics.windowed_reuse(of_cars), frames)
-    facts.update({f"object_reuse:{genie}": reused for genie, reused in metrics.reuse(maps).items()})
-    if redefined:
-        facts.update(_from_stamp(frames, lookups, resources))
-        facts.update(of_running_ratios(lookups))
-        facts["image_running_peak_at:car"] = _peak_at(metrics.running_reuse(of_cars), frames)
-    facts.update(
-        _of_resources(resources, frames["stamp_ns"][frames["lap"] == 1].min(initial=FOR_EVER_NS))
-    )
-    return facts
+        facts[placed("boost_per_object", placement)] = _boost_per_object(
+            maps.where(placement=placement)
+        )
+    if definitions.error_bars == "running":
+        facts |= highest_running_ratios(lookups)
+    facts |= _renamed(facts, _synonyms(definitions))
+    ratios_of = {"windows": metrics.windowed_reuse, "running": metrics.running_reuse}
+    requests_of_cars = lookups.where(kind="image", requester="client", placement="car")
+    ratios = ratios_of[definitions.error_bars](requests_of_cars)
+    facts[placed("image_peak_at", "car")] = _peak_at(ratios, frames)
+    first_lap = frames["lap"] == 1
+    lap_ns = frames["stamp_ns"][first_lap].min(initial=FOR_EVER_NS)
+    return facts | _of_resources(resources, lap_ns)
 
 
-def _from_stamp(frames: Columns, lookups: Columns, resources: Columns) -> Facts:
-    """Times from the camera's stamp, and what follows from them, by names of their own."""
-    stamped = frames.assign(received_ns=frames["stamp_ns"])
-    found = _of_metrics(metrics.compute(METHODS, {"frames": stamped}, intervals=False))
-    found |= _of_early_and_late(stamped)
+def _synonyms(definitions: Definitions) -> dict[str, str]:
+    """Metrics that are another metric under these definitions."""
+    synonyms = {}
+    if definitions.image_reuse == "all_requests":
+        for end in ("", "_high"):
+            synonyms[f"image_reuse{end}"] = f"image_reuse_with_neighbours{end}"
+    if definitions.boost == "per_object":
+        synonyms["confidence_boost"] = "boost_per_object"
+    return synonyms
+
+
+def _renamed(facts: Facts, synonyms: dict[str, str]) -> Facts:
+    """The facts of all placements that have another meaning."""
     return {
-        renamed: found[name] for name in found if (renamed := fact(name, {"time": "stamp"})) != name
+        placed(metric, placement): facts[placed(synonym, placement)]
+        for metric, synonym in synonyms.items()
+        for placement in metrics.PLACEMENTS
+        if placed(synonym, placement) in facts
     }
 
 
-def _of_metrics(found: Iterable[Metric]) -> Facts:
+def _of_metrics(rows: Iterable[Metric]) -> Facts:
     """Each metric's value; of reuse the highest window, too."""
     facts: Facts = {}
-    for one in found:
-        key = one.component or (one.method if one.placement == "all" else one.placement)
-        facts[f"{one.metric}:{key}"] = math.nan if one.value is None else one.value
-        if "reuse" in one.metric:
-            facts[f"{one.metric}_high:{key}"] = math.nan if one.high is None else one.high
+    for row in rows:
+        fact = Fact(row.metric, row.method, row.placement, row.component)
+        facts[fact] = math.nan if row.value is None else row.value
+        if "reuse" in row.metric:
+            highest = fact._replace(metric=f"{row.metric}_high")
+            facts[highest] = math.nan if row.high is None else row.high
     return facts
 
 
-def _of_early_and_late(frames: Columns) -> Facts:
-    """Of each method the early percentiles, the answers to the last third of the frames, and each car's times."""
+def _of_answers(frames: Columns) -> Facts:
+    """Of each method the early percentiles, the answers to the last third of the frames, and each
+    car's times.
+    """
     facts: Facts = {}
     for method in (method.name for method in METHODS):
-        mine = frames.where(method=method)
-        if not len(mine):
+        of_method = frames.where(method=method)
+        if not len(of_method):
             continue
-        times_ms, stamp_ns = metrics.response_ms(mine, "first"), mine["stamp_ns"]
-        for percent, value in zip(
-            EARLY_PERCENTILES, _percentiles(times_ms, EARLY_PERCENTILES), strict=True
-        ):
-            facts[f"first_answer_p{percent}:{method}"] = value
+        times_ms, stamp_ns = metrics.response_ms(of_method, "first"), of_method["stamp_ns"]
+        early_ms = _percentiles(times_ms, EARLY_PERCENTILES)
+        for percent, value in zip(EARLY_PERCENTILES, early_ms, strict=True):
+            facts[Fact(f"first_answer_p{percent}", method)] = value
         late = stamp_ns > stamp_ns.min() + 2 / 3 * (stamp_ns.max() - stamp_ns.min())
-        for answer, name in (("fresh", "late_fresh_share"), ("first", "late_answered_share")):
-            facts[f"{name}:{method}"] = float(
-                (~np.isnan(mine.floats(f"{answer}_answer_ns")))[late].mean()
-            )
+        for answer, metric in (("fresh", "late_fresh_share"), ("first", "late_answered_share")):
+            answered = ~np.isnan(of_method.floats(f"{answer}_answer_ns"))
+            facts[Fact(metric, method)] = float(answered[late].mean())
         for car in frames["car"].unique():
-            of_car = times_ms[mine["car"] == car]
-            known = of_car[~np.isnan(of_car)]
-            facts[f"first_answer_mean:{method}:{car}"] = (
-                float(known.mean()) if len(known) else math.nan
+            of_car = times_ms[of_method["car"] == car]
+            answered_ms = of_car[~np.isnan(of_car)]
+            facts[Fact("first_answer_mean", method, component=car)] = (
+                float(answered_ms.mean()) if len(answered_ms) else math.nan
             )
-            facts[f"first_answer_p99:{method}:{car}"] = _percentiles(of_car, [99])[0]
+            facts[Fact("first_answer_p99", method, component=car)] = _percentiles(of_car, [99])[0]
     return facts
+
+
+def _of_bytes(frames: Columns) -> Facts:
+    """How much larger an image is than the answers sent down for it."""
+    remote = frames.where(method="remote")
+    remote = remote.rows((remote["bytes_up"] > 0) & (remote["bytes_down"] > 0))
+    if not len(remote):
+        return {}
+    share = ratio(remote["bytes_up"].sum(), remote["bytes_down"].sum())
+    return {Fact("image_to_objects_bytes", "remote"): share}
 
 
 def of_baselines(facts: Facts) -> Facts:
-    """Of a run's facts those that no Genie had a part in."""
-    plain = {name: value for name, value in facts.items() if not name.startswith("improvement_")}
-    return {name: value for name, value in plain.items() if set(name.split(":")) & {*BASELINES}}
+    """The facts of the baselines."""
+    return {fact: value for fact, value in facts.items() if fact.method in BASELINES}
 
 
-def of_running_ratios(lookups: Columns) -> Facts:
-    """The highest running ratio that any Genie of a role had, for each of the reuse metrics with error bars."""
+def highest_running_ratios(lookups: Columns) -> Facts:
+    """The highest running ratio that any Genie of a role had, for each of the reuse metrics with
+    error bars.
+    """
     of_image = lookups["kind"] == "image"
     images, objects = lookups.rows(of_image), lookups.rows(~of_image)
     facts: Facts = {}
@@ -123,42 +166,39 @@ def of_running_ratios(lookups: Columns) -> Facts:
     ):
         for placement in metrics.PLACEMENTS:
             ratios = metrics.running_reuse(events.where(placement=placement))["ratio"]
-            facts[f"{metric}_highest_running:{placement}"] = (
-                float(ratios.max()) if len(ratios) else math.nan
-            )
+            highest = float(ratios.max()) if len(ratios) else math.nan
+            facts[placed(f"{metric}_high", placement)] = highest
     return facts
 
 
 def _of_resources(resources: Columns, lap_ns: int) -> Facts:
     """What devices had done at the end, and detectors when the second lap began."""
-    facts: Facts = {}
     resources = resources.by("t_ns")
-    cpus = [
-        of_one.rows([-1])
-        for _, of_one in resources.where(method="genie", kind="cpu").groups("resource")
-    ]
-    busy_ns, completed = (
-        sum(int(one[name][0]) for one in cpus) for name in ("busy_ns", "completed")
-    )
-    facts["handling_ms"] = ratio(busy_ns / NS_PER_MS, completed)
-    runs = lap1 = 0
+    busy_ns = handled = 0
+    for _, samples in resources.where(method="genie", kind="cpu").groups("resource"):
+        busy_ns += int(samples["busy_ns"][-1])
+        handled += int(samples["completed"][-1])
+    facts = {Fact("handling_ms"): ratio(busy_ns / NS_PER_MS, handled)}
+    runs = in_lap1 = 0
     for method, of_method in resources.where(kind="accelerator").groups("method"):
         for resource, samples in of_method.groups("resource"):
             host, completed = resource.removesuffix(".accelerator"), samples["completed"]
-            facts[f"accelerator_rate:{method}:{host}"] = ratio(
-                completed[-1], samples["busy_ns"][-1] / NS_PER_S
-            )
+            rate = ratio(completed[-1], samples["busy_ns"][-1] / NS_PER_S)
+            facts[Fact("accelerator_rate", method, component=host)] = rate
             if method == "genie":
                 runs += int(completed[-1])
-                lap1 += int(completed[samples["t_ns"] <= lap_ns].max(initial=0))
-    of_laps = {":lap1": lap1, ":lap2": runs - lap1} if lap_ns < FOR_EVER_NS else {}
-    return facts | {
-        f"detector_runs{lap}": float(count) for lap, count in {"": runs, **of_laps}.items()
-    }
+                in_lap1 += int(completed[samples["t_ns"] <= lap_ns].max(initial=0))
+    facts[Fact("detector_runs")] = float(runs)
+    if lap_ns < FOR_EVER_NS:
+        facts[Fact("detector_runs", component="lap1")] = float(in_lap1)
+        facts[Fact("detector_runs", component="lap2")] = float(runs - in_lap1)
+    return facts
 
 
 def _boost_per_object(maps: Columns) -> float:
-    """All confidence added by the end of the run, over the objects then stored: another reading of Section V-E."""
+    """All confidence added by the end of the run, over the objects then stored: another reading of
+    Section V-E.
+    """
     return ratio(maps["boost_sum"].sum(), sum(metrics.last_of_genies(maps)))
 
 
@@ -172,8 +212,8 @@ def _peak_at(ratios: Columns, frames: Columns) -> float:
 
 
 def _percentiles(values: np.ndarray, percents: Sequence[float]) -> list[float]:
-    known = values[~np.isnan(values)]
-    return np.percentile(known, percents).tolist() if len(known) else [math.nan] * len(percents)
+    defined = values[~np.isnan(values)]
+    return np.percentile(defined, percents).tolist() if len(defined) else [math.nan] * len(percents)
 
 
 def ratio(above: float, below: float) -> float:

@@ -1,4 +1,6 @@
-"""The page of an evaluation: verdicts with their evidence, the paper's figures, and what the open parameters do."""
+"""The page of an evaluation: verdicts with their evidence, the paper's figures, and what the open
+parameters do.
+"""
 
 import base64
 from collections.abc import Iterator, Mapping, Sequence
@@ -7,14 +9,19 @@ from pathlib import Path
 from typing import Any
 
 from genie_sim import report
-from genie_sim.analysis.metrics import DEADLINE_MS
+from genie_sim.analysis.registry import DEADLINE_MS, ZERO_DELAY, component_title
+from genie_sim.analysis.style import method_looks
 from genie_sim.errors import UserError
 from genie_sim.paper import verdict_table
 from genie_sim.paper.checks import AT_LEAST, AT_MOST
 from genie_sim.paper.claims import VERDICTS
-from genie_sim.paper.facts import METHODS
+from genie_sim.paper.facts import METHODS, Fact
 from genie_sim.recording import provenance
-from genie_sim.report.data import rounded
+from genie_sim.report.data import metric_info
+from genie_sim.text import finite
+
+# rows of metrics.json by scenario and fact
+Measured = Mapping[tuple[str, Fact], Mapping[str, Any]]
 
 TITLE = "The paper's evaluation, simulated"
 MOST_FIGURE_BYTES = 4_000_000  # of all figures together; as text in the page they take a third more
@@ -28,90 +35,132 @@ FIGURES = {  # in the paper's order, then ours
     "case_study": "Vision-assisted driving: a car without cameras",
     "calibration": "Calibration",
     "sensitivity": "Sensitivity",
-    "worth": "What the answers are worth",
+    "worth": "How accurate the answers are",
 }
-CLAIMED = (
-    "id",
-    "where",
-    "claim",
-    "test",
-    "expect",
-    "tolerance",
-    "kind",
-)  # kind: that of the first reading
+# the files with the numbers, and those that not every evaluation has
+NUMBERS = ("verdicts", "readings", "metrics", "quality")
+OPTIONAL_NUMBERS = ("calibration", "sensitivity", "drives")
+# kind: that of the first reading
+CLAIMED = ("id", "where", "claim", "test", "expect", "tolerance", "kind")
 COMPARED = [method.name for method in METHODS]
 BASELINES = [method.name for method in METHODS if method.baseline]
-ANSWERS: tuple[tuple[str, str, str, str, list[str]], ...] = (  # title, unit, first, fresh, the methods they are of
+# title, unit, first, fresh, the methods they are of
+ANSWERS: tuple[tuple[str, str, str, str, list[str]], ...] = (
     ("Mean", "ms", "first_answer_mean", "fresh_answer_mean", COMPARED),
     ("95th percentile", "ms", "first_answer_p95", "fresh_answer_p95", COMPARED),
     (
-        f"Share of published frames answered in {DEADLINE_MS} ms", "1",
-        "under_deadline_share", "fresh_under_deadline_share", COMPARED,
+        f"Share of published frames answered in {DEADLINE_MS} ms",
+        "1",
+        "under_deadline_share",
+        "fresh_under_deadline_share",
+        COMPARED,
     ),
-    ("Share of published frames answered at all", "1", "answered_share", "fresh_answered_share", COMPARED),
     (
-        "Improvement of Genie's mean over local and remote", "1",
-        "improvement_first_answer", "improvement_fresh_answer", BASELINES,
+        "Share of published frames answered at all",
+        "1",
+        "answered_share",
+        "fresh_answered_share",
+        COMPARED,
     ),
-)  # fmt: skip
+    (
+        "Improvement of Genie's mean over local and remote",
+        "1",
+        "improvement_first_answer",
+        "improvement_fresh_answer",
+        BASELINES,
+    ),
+)
 
 
-def page(folder: Path) -> str:
-    """The page about the evaluation in ``folder``. Raises ``UserError`` for a folder that is not whole."""
+def files_of(folder: Path) -> list[str]:
+    """The files of an evaluation that its page is made of, besides ``run.json``."""
+    names = [f"{name}.json" for name in (*NUMBERS, *OPTIONAL_NUMBERS)]
+    names += [f"figures/{name}.svg" for name in FIGURES]
+    return [name for name in names if (folder / name).exists()]
+
+
+def page(folder: Path, allow_changed: bool = False) -> str:
+    """The page about the evaluation in ``folder``. Raises ``UserError`` for a folder that is not
+    whole, and, unless they are allowed, for files that were changed since they were written.
+    """
     with provenance.of_this_version(folder):
         elsewhere = "The verdicts are also in verdicts.md beside it, and the figures in figures/."
-        scripts, data = ("many.js", "evaluation.js"), page_data(folder)
-        return report.assemble("evaluation.html", scripts, TITLE, data, elsewhere, pictures=True)
+        scripts, data = ("many.js", "evaluation.js"), page_data(folder, allow_changed)
+        return report.assemble(
+            "evaluation.html", scripts, TITLE, data, elsewhere=elsewhere, pictures="data:"
+        )
 
 
-def page_data(folder: Path) -> dict[str, Any]:
-    """Everything on the page, as plain JSON values; nothing of when, where and how fast it was made."""
+def page_data(folder: Path, allow_changed: bool = False) -> dict[str, Any]:
+    """Everything on the page, as plain JSON values; nothing of when, where and how fast it was
+    made.
+    """
     rows = verdict_table.read_rows(folder)
     notes = list(filter(None, [verdict_table.few_seeds(rows)]))
-    about, readings, every = (
+    about, readings, measured = (
         _read(folder / name) for name in ("run.json", "readings.json", "metrics.json")
     )
+    changed = provenance.changed_files(folder, about.get("digests"), files_of(folder))
+    provenance.refuse_changed(folder, changed, allow_changed)
     metrics = {
-        (one["scenario"], one["name"]): one
-        for one in every
-        if one["reading"] == readings[0]["name"]
+        (row["scenario"], _fact(row)): row
+        for row in measured
+        if row["reading"] == readings[0]["name"]
     }
     names = ("genie_sim", "quick", "seeds", "calibration", "trace")
+    worth = _read(folder / "quality.json")
     return {
-        "about": {"name": TITLE, "description": "", **{name: about[name] for name in names}},
-        "methods": [asdict(method) for method in METHODS],
+        "about": {
+            "name": TITLE,
+            "description": "",
+            "warning": provenance.warning(changed),
+            **{name: about[name] for name in names},
+        },
+        "methods": [
+            asdict(method) | {"look": look}
+            for look, method in zip(
+                method_looks([method.name for method in METHODS]), METHODS, strict=True
+            )
+        ],
         "verdicts": VERDICTS,
         "readings": readings,
         "claims": list(_claims(rows)),
         "improvement": [
-            _of(metrics, "all", f"improvement_{answer}") for answer in ("first", "fresh")
+            _of(metrics, "all", Fact(f"improvement_{answer}_answer"))
+            for answer in ("first", "fresh")
         ],
         "answers": list(_answers(metrics)),
         "metrics": [
-            [*(one[name] for name in ("reading", "scenario", "name")), *_interval(one), one["n"]]
-            for one in every
+            [row["reading"], row["scenario"], str(_fact(row)), *_interval(row), row["n"]]
+            for row in measured
         ],
         "figures": list(_figures(folder / "figures", notes)),
         "calibration": _calibration(_read(folder / "calibration.json", may_be_missing=True)),
         "sensitivity": _sensitivity(_read(folder / "sensitivity.json", may_be_missing=True)),
-        "worth": _read(folder / "quality.json"),
+        "worth": worth,
+        "metric_info": metric_info(row["name"] for row in worth),
+        "zero_delay": {"component": ZERO_DELAY, "title": component_title(ZERO_DELAY)},
         "drives": _read(folder / "drives.json", may_be_missing=True),
         "notes": notes,
     }
 
 
 def _claims(rows: Sequence[Mapping[str, Any]]) -> Iterator[dict[str, Any]]:
-    """Each claim with what came out under each reading, the sentences of Section V that make it, and their figure."""
+    """Each claim with what came out under each reading, the sentences of Section V that make it,
+    and their figure.
+    """
     sentences = verdict_table.sentences()
-    for claim, found in verdict_table.by_claim(rows).items():
-        mine = [one for one in sentences if claim in one["claims"]]
-        first = next(iter(found.values()))
+    for claim, by_reading in verdict_table.by_claim(rows).items():
+        making_it = [sentence for sentence in sentences if claim in sentence["claims"]]
+        first = next(iter(by_reading.values()))
         yield {
             **{name: first[name] for name in CLAIMED},
             "bound": _bound(first),
-            "says": [[one["part"], one["says"]] for one in mine],
-            "figures": list(dict.fromkeys(one["figure"] for one in mine if one["figure"])),
-            "found": {name: _finding(one) for name, one in found.items()},
+            "says": [[sentence["part"], sentence["says"]] for sentence in making_it],
+            "figures": list(
+                dict.fromkeys(sentence["figure"] for sentence in making_it if sentence["figure"])
+            ),
+            "found": {name: _finding(row) for name, row in by_reading.items()},
         }
 
 
@@ -129,19 +178,33 @@ def _finding(row: Mapping[str, Any]) -> dict[str, Any]:
     return shown | {"found": _interval(row), "by_default_metrics": by}
 
 
-def _answers(metrics: Mapping[tuple[str, str], Mapping[str, Any]]) -> Iterator[dict[str, Any]]:
+def _fact(row: Mapping[str, Any]) -> Fact:
+    return Fact(*(row[name] for name in Fact._fields))
+
+
+def _answers(metrics: Measured) -> Iterator[dict[str, Any]]:
     """The same measure of the first and of the fresh answer, scenario by scenario."""
     scenarios = list(dict.fromkeys(scenario for scenario, _ in metrics if scenario != "all"))
     for title, unit, first, fresh, methods in ANSWERS:
-        found = {
-            answer: {of: [_of(metrics, one, f"{name}:{of}") for one in scenarios] for of in methods}
-            for answer, name in (("first", first), ("fresh", fresh))
+        intervals = {
+            answer: {
+                of: [_of(metrics, scenario, _answer(metric, of)) for scenario in scenarios]
+                for of in methods
+            }
+            for answer, metric in (("first", first), ("fresh", fresh))
         }
-        yield {"title": title, "unit": unit, "scenarios": scenarios, "methods": methods} | found
+        yield {"title": title, "unit": unit, "scenarios": scenarios, "methods": methods} | intervals
+
+
+def _answer(metric: str, of: str) -> Fact:
+    """An improvement is Genie's over a baseline; everything else is of a method."""
+    return Fact(metric, component=of) if metric.startswith("improvement") else Fact(metric, of)
 
 
 def _figures(folder: Path, notes: list[str]) -> Iterator[dict[str, str]]:
-    """The figures there are, as text for the source of a picture, where scripts in them would not run."""
+    """The figures there are, as text for the source of a picture, where scripts in them would not
+    run.
+    """
     room = MOST_FIGURE_BYTES
     for name, title in FIGURES.items():
         path = folder / f"{name}.svg"
@@ -158,58 +221,57 @@ def _figures(folder: Path, notes: list[str]) -> Iterator[dict[str, str]]:
         yield {"name": name, "title": title, "source": source}
 
 
-def _calibration(found: Mapping[str, Any] | None) -> dict[str, Any] | None:
-    if found is None:
+def _calibration(calibration: Mapping[str, Any] | None) -> dict[str, Any] | None:
+    if calibration is None:
         return None
     names = ("overlap", "gate_m", "object_reuse", "image_reuse", "ratio")
-    best = dict(found["best"])
+    best = dict(calibration["best"])
     best["ratio"] = best["object_reuse"] / best["image_reuse"] if best["image_reuse"] else None
     return {
-        "reached": found["reached"],
-        "targets": found["targets"],
-        "best": {name: rounded(best[name]) for name in names},
-        "tried": [[rounded(point[name]) for name in names] for point in found["tried"]],
+        "reached": calibration["reached"],
+        "targets": calibration["targets"],
+        "best": {name: finite(best[name]) for name in names},
+        "tried": [[finite(point[name]) for name in names] for point in calibration["tried"]],
     }
 
 
-def _sensitivity(found: Mapping[str, Any] | None) -> dict[str, Any] | None:
+def _sensitivity(sensitivity: Mapping[str, Any] | None) -> dict[str, Any] | None:
     """The sweeps, and each variant with how many of the claims' tests hold under it."""
-    if found is None:
+    if sensitivity is None:
         return None
     measures = ("object_reuse", "image_reuse", "first_answer_ms", "fresh_answer_ms")
     sweeps = [
         {name: row[name] for name in ("parameter", "title", "unit", "paper", "used")}
         | {"values": [point["value"] for point in row["points"]]}
         | {
-            name: [[rounded(end) for end in point[name]] for point in row["points"]]
+            name: [[finite(end) for end in point[name]] for point in row["points"]]
             for name in measures
         }
-        for row in found["sweeps"]
+        for row in sensitivity["sweeps"]
     ]
+    # C2 before C10
     ordered = sorted(
-        found["claims_that_hold_under"].items(), key=lambda one: (len(one[0]), one[0])
-    )  # C2 before C10
+        sensitivity["claims_that_hold_under"].items(), key=lambda item: (len(item[0]), item[0])
+    )
     variants = [
         {
             "name": name,
-            "plausible": one["plausible"],
+            "plausible": variant["plausible"],
             "holds": [claim for claim, under in ordered if name in under],
         }
-        | {measure: [rounded(end) for end in one[measure]] for measure in measures}
-        for name, one in found["variants"].items()
+        | {measure: [finite(end) for end in variant[measure]] for measure in measures}
+        for name, variant in sensitivity["variants"].items()
     ]
     return {"sweeps": sweeps, "variants": variants}
 
 
-def _of(
-    metrics: Mapping[tuple[str, str], Mapping[str, Any]], *key: str
-) -> list[float | None] | None:
-    metric = metrics.get((key[0], key[1]))
+def _of(metrics: Measured, scenario: str, fact: Fact) -> list[float | None] | None:
+    metric = metrics.get((scenario, fact))
     return None if metric is None else _interval(metric)
 
 
 def _interval(metric: Mapping[str, Any]) -> list[float | None]:
-    return [rounded(metric[name]) for name in ("value", "low", "high")]
+    return [finite(metric[name]) for name in ("value", "low", "high")]
 
 
 def _read(path: Path, may_be_missing: bool = False) -> Any:

@@ -1,5 +1,7 @@
-"""The figures of the evaluation: those of the paper's Section V over all seeds, in the paper's arrangement, homogeneous
-above heterogeneous; and what the open parameters and the calibration do, in the same style."""
+"""The figures of the evaluation: those of the paper's Section V over all seeds, in the paper's
+arrangement, homogeneous above heterogeneous; and what the open parameters and the calibration do,
+in the same style.
+"""
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
@@ -12,12 +14,14 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, NullLocator
 
 from genie_sim.analysis import figures, metrics, style
-from genie_sim.analysis.drawing import in_style
+from genie_sim.analysis.drawing import in_style, letter_panels
+from genie_sim.analysis.latency_cdf import latency_cdf
 from genie_sim.analysis.style import PAGE_IN
 from genie_sim.paper.calibrate import Calibration
 from genie_sim.paper.checks import ALL, CASE, HE, HO
 from genie_sim.paper.facts import METHODS
-from genie_sim.paper.replicate import Outcome, in_parallel
+from genie_sim.paper.runs import Outcome
+from genie_sim.parallel import in_parallel
 from genie_sim.recording.columns import Columns, Text, concat
 
 TITLES = {
@@ -27,18 +31,23 @@ TITLES = {
 WRAPPED = {name: title.replace(", ", "\n") for name, title in TITLES.items()}
 OBJECTS_LINE: dict[str, Any] = {"color": "0.1", "marker": "o", "markersize": 3.5, "linewidth": 1.6}
 IMAGES_LINE: dict[str, Any] = {
-    "color": "0.55", "marker": "s", "markersize": 3.5, "linewidth": 1.6, "linestyle": (0, (4, 1.2)),
-}  # fmt: skip
+    "color": "0.55",
+    "marker": "s",
+    "markersize": 3.5,
+    "linewidth": 1.6,
+    "linestyle": (0, (4, 1.2)),
+}
 PAPER_LINE: dict[str, Any] = {"linewidth": 0.9, "linestyle": (0, (1, 1.5))}
-LOGARITHMIC_FROM = (
-    10.0  # a sweep whose largest value is this many times its smallest gets a logarithmic axis
-)
+# a sweep whose largest value is this many times its smallest gets a logarithmic axis
+LOGARITHMIC_FROM = 10.0
+FORMATS = ("svg", "png", "pdf")
 
 Row = Mapping[str, Any]
 
 
 def draw(
     folder: Path,
+    *,
     tables: Mapping[str, Sequence[Outcome]],
     fitted: Calibration | None,
     sweeps: Sequence[Row],
@@ -47,13 +56,38 @@ def draw(
     footer: str,
     workers: int,
 ) -> None:
-    """Every figure that there is something for, as SVG and PNG, on so many processes. Raises OSError."""
+    """Draws every figure that there is something for, as SVG, PNG and PDF.
+
+    Parameters
+    ----------
+    folder : Path
+        Where they go.
+    tables : mapping of str to sequence of Outcome
+        By scenario the runs of all seeds, which kept their tables.
+    fitted : Calibration or None
+        The search, if there was one.
+    sweeps : sequence of mapping
+        Rows as ``Arms.sweeps``; may be empty.
+    worth : sequence of mapping
+        Rows as ``quality.summarise`` makes them.
+    targets : mapping of str to float
+        The published numbers by name.
+    footer : str
+        Says below each figure what it was made of.
+    workers : int
+        How many processes draw.
+
+    Raises
+    ------
+    OSError
+        If a file cannot be written.
+    """
     frames = {TITLES[name]: _pooled(tables[name], "frames") for name in (*HO, *HE)}
     lookups = {WRAPPED[name]: _pooled(tables[name], "lookups") for name in (*HO, *HE)}
-    one_seed = {TITLES[name]: _table(tables[name][0], "lookups") for name in (*HO, *HE)}
-    made = {
-        "latency_cdf": partial(figures.latency_cdf, frames, METHODS, footer, of="answered"),
-        "latency_cdf_of_published": partial(figures.latency_cdf, frames, METHODS, footer),
+    one_seed = {TITLES[name]: tables[name][0].table("lookups") for name in (*HO, *HE)}
+    figure_makers = {
+        "latency_cdf": partial(latency_cdf, frames, METHODS, footer, of="answered"),
+        "latency_cdf_of_published": partial(latency_cdf, frames, METHODS, footer),
         "image_reuse": partial(figures.image_reuse, lookups, METHODS, footer),
         "object_reuse": partial(figures.object_reuse, lookups, METHODS, footer),
         "confidence_boost": partial(
@@ -63,22 +97,25 @@ def draw(
         "worth": partial(_worth, worth, footer),
     }
     if fitted is not None:
-        found = fitted.as_json()
-        made["calibration"] = partial(_calibration, found["tried"], found["best"], targets, footer)
+        search = fitted.as_json()
+        figure_makers["calibration"] = partial(
+            _calibration, search["tried"], best=search["best"], targets=targets, footer=footer
+        )
     if sweeps:
-        made["sensitivity"] = partial(_sweeps, sweeps, targets, footer)
-    in_parallel(_save, [(folder, name, make) for name, make in made.items()], workers)
+        figure_makers["sensitivity"] = partial(_sweeps, sweeps, targets, footer)
+    in_parallel(_save, [(folder, name, make) for name, make in figure_makers.items()], workers)
 
 
-def _save(asked: tuple[Path, str, Callable[[], Figure]]) -> None:
-    folder, name, make = asked
-    figures.save(make(), folder, name)
+def _save(job: tuple[Path, str, Callable[[], Figure]]) -> None:
+    folder, name, make = job
+    figures.save(make(), folder, name, FORMATS)
 
 
 @in_style()
 def _case_study(outcomes: Sequence[Outcome], footer: str) -> Figure:
-    """Vision-assisted driving (paper: Fig. "bs"): response times of both cars, and reuse over events: the running ratio
-    hits / requests."""
+    """Vision-assisted driving (paper: Fig. "bs"): response times of both cars, and reuse over
+    events: the running ratio hits / requests.
+    """
     figure = Figure(figsize=(PAGE_IN, 2.8), layout="constrained")
     figure.set_label(
         f"Vision-assisted driving: car2 has no cameras\n{footer}; reuse: the first seed"
@@ -96,13 +133,13 @@ def _case_study(outcomes: Sequence[Outcome], footer: str) -> Figure:
     left.axvline(41.0, color="black", linewidth=0.9, linestyle="--", label="41 ms (24 frames/s)")
     left.set_xlabel("response time, first answer [ms]")
     left.set_ylabel("share of frames")
-    lookups = _table(outcomes[0], "lookups")
+    lookups = outcomes[0].table("lookups")
     of_image = lookups["kind"] == "image"
-    for mine, label, look in (
+    for events, label, look in (
         (lookups.rows(~of_image).where(genie="car2/genie"), "objects, car2 (no cameras)", objects),
         (lookups.rows(of_image).where(genie="car1/genie"), "images, car1 (cameras)", images),
     ):
-        ratios = metrics.running_reuse(mine)["ratio"]
+        ratios = metrics.running_reuse(events)["ratio"]
         right.plot(np.arange(1, len(ratios) + 1), ratios, label=label, **look)
     right.set_xlabel("events (messages looked up)")
     right.set_ylabel("running hits / requests")
@@ -110,15 +147,17 @@ def _case_study(outcomes: Sequence[Outcome], footer: str) -> Figure:
     right.yaxis.set_major_formatter(FuncFormatter(style.percent_tick))
     for axis in (left, right):
         axis.legend(loc="upper center", bbox_to_anchor=(0.5, -0.24), ncols=1)
+    letter_panels(figure)
     return figure
 
 
 @in_style()
 def _sweeps(rows: Sequence[Row], targets: Mapping[str, float], footer: str) -> Figure:
-    """Object and image reuse, means of the twelve bars with 95 % intervals over seeds, against each open parameter.
+    """Object and image reuse, means of the twelve bars with 95 % intervals over seeds, against each
+    open parameter.
 
-    ``rows``: ``parameter``, ``unit``, ``used`` (the evaluation's own value, or ``None``), and ``points``: a list of
-    ``value``, ``object_reuse`` and ``image_reuse`` as (mean, low, high).
+    ``rows``: ``parameter``, ``unit``, ``used`` (the evaluation's own value, or ``None``), and
+    ``points``: a list of ``value``, ``object_reuse`` and ``image_reuse`` as (mean, low, high).
     """
     figure = Figure(figsize=(PAGE_IN, 0.9 + 1.75 * -(-len(rows) // 3)), layout="constrained")
     figure.set_label(
@@ -134,6 +173,7 @@ def _sweeps(rows: Sequence[Row], targets: Mapping[str, float], footer: str) -> F
         line[0].set_ylabel("mean of 12 bars")
     handles, labels = axes[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=4)
+    letter_panels(figure)
     return figure
 
 
@@ -141,7 +181,9 @@ def _sweeps(rows: Sequence[Row], targets: Mapping[str, float], footer: str) -> F
 def _calibration(
     points: Sequence[Row], best: Row, targets: Mapping[str, float], footer: str
 ) -> Figure:
-    """Both calibrated numbers over the two fitted parameters, with the paper's level as a line where it is reached."""
+    """Both calibrated numbers over the two fitted parameters, with the paper's level as a line
+    where it is reached.
+    """
     figure = Figure(figsize=(PAGE_IN, 3.0), layout="constrained")
     figure.set_label(
         f"Calibration: the two published numbers over the two fitted parameters\n{footer}"
@@ -191,27 +233,36 @@ def _calibration(
         axis.set_ylim(gate_m.min() - 0.25, gate_m.max() + 0.3)
         figure.colorbar(shades, ax=axis)
     left.set_ylabel("gate of the object map [m]")
+    letter_panels(figure)
     return figure
 
 
 @in_style()
 def _worth(rows: Sequence[Row], footer: str) -> Figure:
-    """Precision, recall and ghosts of what the consumer holds, for L, R and DG; ``rows`` as ``quality`` makes them."""
+    """Precision, recall and ghosts of what the consumer holds, for L, R and DG; ``rows`` as
+    ``quality`` makes them.
+    """
     figure = Figure(figsize=(PAGE_IN, 2.6), layout="constrained")
     figure.set_label(
         f"What the consumer holds at each instant, against KITTI's labels (drive 0005)\n{footer}"
     )
-    names = {"object_precision": "precision", "object_recall_static": "recall, static",
-             "object_recall_moving": "recall, moving", "ghost_share": "ghosts"}  # fmt: skip
+    names = {
+        "object_precision": "precision",
+        "object_recall_static": "recall, static",
+        "object_recall_moving": "recall, moving",
+        "ghost_share": "ghosts",
+    }
+    by_method = {(row["method"], row["name"]): row for row in rows}
     axis = figure.subplots()
+    looks = style.method_looks([method.name for method in METHODS])
     for place, method in enumerate(METHODS):
         for x, name in enumerate(names):
-            found = [row for row in rows if row["method"] == method.name and row["name"] == name]
-            if found:
-                mean, low, high = (found[0][key] for key in ("value", "low", "high"))
+            row = by_method.get((method.name, name))
+            if row is not None:
+                mean, low, high = (row[key] for key in ("value", "low", "high"))
                 label = method.title if x == 0 else None
                 at = x + 0.27 * (place - 1)
-                look = style.method_bar(place) | {"label": label}
+                look = style.method_bar(looks[place]) | {"label": label}
                 axis.bar(at, mean, 0.25, edgecolor="black", linewidth=0.7, **look)
                 axis.errorbar(
                     at,
@@ -256,10 +307,12 @@ def _sweep(axis: Axes, row: Row, targets: Mapping[str, float]) -> None:
 
 
 def _pooled(outcomes: Sequence[Outcome], table: str) -> Columns:
-    """All seeds in one table; each seed's Genies are Genies of their own, so bars are means over Genies and seeds."""
+    """All seeds in one table; each seed's Genies are Genies of their own, so bars are means over
+    Genies and seeds.
+    """
     parts = []
     for number, outcome in enumerate(outcomes):
-        part = _table(outcome, table)
+        part = outcome.table(table)
         if "genie" in part.names:
             genies = part["genie"]
             part = part.assign(
@@ -267,9 +320,3 @@ def _pooled(outcomes: Sequence[Outcome], table: str) -> Columns:
             )
         parts.append(part)
     return concat(parts)
-
-
-def _table(outcome: Outcome, name: str) -> Columns:
-    found: Columns | None = getattr(outcome, name)
-    assert found is not None, "base runs keep their tables"
-    return found

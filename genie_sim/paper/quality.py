@@ -1,8 +1,9 @@
-"""What the answers are worth: the objects that consumers hold at each instant, against what is really in view then.
+"""Answer quality: the objects that consumers hold at each instant, against what is really in view
+then.
 
-The paper does not measure it. Here every run on a labelled trace does (``recording.held``): KITTI's annotators did not
-label everything, so precision is a lower bound and ghosts an upper one, the same for all methods. ``floor`` is the
-detector's own answer without any delay.
+The paper does not measure it. Here every run on a labelled trace does (``recording.map_accuracy``):
+KITTI's annotators did not label everything, so precision is a lower bound and ghosts an upper one,
+the same for all methods. ``zero_delay`` is the detector's own answer without any delay.
 """
 
 import math
@@ -12,41 +13,47 @@ from typing import Any
 import numpy as np
 
 from genie_sim.analysis import correctness
+from genie_sim.analysis.registry import ZERO_DELAY
 from genie_sim.paper.evidence import Evidence, interval
-from genie_sim.paper.facts import METHODS, Facts
+from genie_sim.paper.facts import METHODS, Fact, Facts
 from genie_sim.recording.columns import Columns
 
-JUDGED = (*(method.name for method in METHODS), correctness.FLOOR)
+JUDGED = (*(method.name for method in METHODS), ZERO_DELAY)
 SHARES = (
-    "object_precision", "object_recall_static", "object_recall_moving", "streaming_f1", "ghost_share",
+    "object_precision",
+    "object_recall_static",
+    "object_recall_moving",
+    "streaming_f1",
+    "ghost_share",
     *(f"ghost_share_{cause}" for cause in correctness.CAUSES),
-)  # fmt: skip
+)
 UNITS = dict.fromkeys(SHARES, "1") | {"gospa": "m", "held_age": "s", "place_error": "m"}
 
 
 def facts_of(held: Columns) -> Facts:
-    """``number:method`` of one run, and ``number:floor``; NaN where not defined, nothing without a truth table."""
-    found = (
-        correctness.of_held(held, [method.name for method in METHODS], intervals=False)
-        if len(held)
-        else ()
-    )
+    """The numbers in ``UNITS`` of one run, by method; the detector without delay is one of the
+    methods. Empty without a truth table.
+    """
+    if not len(held):
+        return {}
+    rows = correctness.of_held(held, [method.name for method in METHODS], intervals=False)
     return {
-        f"{one.metric}:{one.component or one.method}": math.nan if one.value is None else one.value
-        for one in found
-        if one.metric in UNITS
+        Fact(row.metric, row.component or row.method): math.nan if row.value is None else row.value
+        for row in rows
+        if row.metric in UNITS
     }
 
 
 def summarise(evidence: Evidence, scenarios: Sequence[str]) -> list[dict[str, Any]]:
-    """Means over scenarios of each number, by method, with 95 % intervals over seeds; none where nothing was judged."""
+    """Means over scenarios of each number, by method, with 95 % intervals over seeds; none where
+    nothing was judged.
+    """
     rows: list[dict[str, Any]] = []
     for method in JUDGED:
         for name, unit in UNITS.items():
-            values = evidence.mean_of(scenarios, [f"{name}:{method}"])
+            values = evidence.mean_of(scenarios, [Fact(name, method)])
             if not np.isnan(values).any():
-                found = dict(zip(("value", "low", "high"), interval(values), strict=True))
-                rows.append(
-                    {"method": method, "name": name, "unit": unit, **found, "n": len(values)}
-                )
+                mean, low, high = interval(values)
+                row = {"method": method, "name": name, "unit": unit, "value": mean}
+                rows.append(row | {"low": low, "high": high, "n": len(values)})
     return rows

@@ -1,35 +1,37 @@
-"""Ways to read the paper where it leaves something open: what each sets, means by its metrics, and why."""
+"""Ways to read the paper where it leaves something open: what each sets, means by its metrics, and
+why.
+"""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, model_validator
-
 from genie_sim.errors import UserError, unknown
-from genie_sim.paper.definitions import DEFINITIONS
-from genie_sim.scenario.fields import Listed, Model, problem, validate
+from genie_sim.paper.definitions import CHOICES, USUAL, Definitions
 from genie_sim.scenario.yaml_input import read_mapping
+from genie_sim.settings import Key, SettingError, Text, plain_data, read
 
 FOLDER = Path(__file__).with_name("readings")
 DEFAULT = "default"
 NAMES = (DEFAULT, "two_passes", "bench")  # in the order in which they are shown
 
-Text = Annotated[str, Field(min_length=1)]
-Texts = Annotated[tuple[Text, ...], Listed]
 
-
-class Choice(Model):
+@dataclass(frozen=True)
+class SettingChoice:
     """Settings that a reading changes, what the paper says of them, and why they follow from it."""
 
-    settings: Texts = Field(alias="set")
+    settings: Annotated[tuple[Text, ...], Key("set")]
     quote: Text
     why: Text
 
 
-class Definition(Model):
-    """What a reading means by a metric: a name in ``DEFINITIONS``, in words, what the paper says, and why."""
+@dataclass(frozen=True)
+class Definition:
+    """What a reading means by a metric: a name in ``CHOICES``, in words, what the paper says,
+    and why.
+    """
 
     definition: Text
     says: Text
@@ -37,7 +39,8 @@ class Definition(Model):
     why: Text
 
 
-class Metrics(Model):
+@dataclass(frozen=True)
+class Metrics:
     """What a reading means by each metric; ``None``: what the default reading means."""
 
     time: Definition | None = None
@@ -45,42 +48,47 @@ class Metrics(Model):
     error_bars: Definition | None = None
     boost: Definition | None = None
 
+    @property
+    def defined(self) -> Mapping[str, Definition]:
+        """The definition of each metric that the reading defines."""
+        definitions = {metric: getattr(self, metric) for metric in CHOICES}
+        return {
+            metric: definition
+            for metric, definition in definitions.items()
+            if definition is not None
+        }
 
-class Reading(Model):
-    """One file of ``readings/``. ``known``: of its outcomes, when it was written. ``fitted``: what it takes from the
-    calibration."""
+
+@dataclass(frozen=True)
+class Reading:
+    """One file of ``readings/``. ``known``: of its outcomes, when it was written. ``fitted``: what
+    it takes from the calibration.
+    """
 
     name: str
-    path: Path
     title: Text
     why: Text
     known: Text
-    fitted: Annotated[tuple[Literal["overlap", "gate_m"], ...], Listed]
-    choices: Annotated[tuple[Choice, ...], Listed]
+    fitted: tuple[Literal["overlap", "gate_m"], ...]
+    choices: tuple[SettingChoice, ...]
     metrics: Metrics = Metrics()
+    path: Path = field(default=Path(), metadata={"setting": False})
 
-    @model_validator(mode="after")
-    def _definitions_exist(self) -> "Reading":
-        for metric, definition in self.definitions.items():
-            if definition not in DEFINITIONS[metric]:
-                problem(
+    def __post_init__(self) -> None:
+        for metric, defined in self.metrics.defined.items():
+            if defined.definition not in CHOICES[metric]:
+                raise SettingError(
                     f"metrics.{metric}.definition",
-                    unknown("definition", definition, DEFINITIONS[metric]),
+                    unknown("definition", defined.definition, CHOICES[metric]),
                 )
-        return self
 
     @cached_property
-    def definitions(self) -> dict[str, str]:
-        """The definition of each metric that is not the default's."""
-        given = ((metric, getattr(self.metrics, metric)) for metric in DEFINITIONS)
-        return {metric: one.definition for metric, one in given if one is not None}
-
-    @property
-    def means_others(self) -> bool:
-        """Whether some metric is not what the default means by it."""
-        return any(
-            DEFINITIONS[metric][definition] for metric, definition in self.definitions.items()
-        )
+    def definitions(self) -> Definitions:
+        """What it means by the metrics."""
+        chosen: dict[str, Any] = {
+            metric: defined.definition for metric, defined in self.metrics.defined.items()
+        }
+        return replace(USUAL, **chosen)
 
     def settings(self, calibrated: Iterable[str]) -> tuple[str, ...]:
         """Settings of its runs: what it takes of those that were fitted, and what it sets."""
@@ -89,15 +97,14 @@ class Reading(Model):
 
     def as_json(self) -> dict[str, Any]:
         """For ``readings.json``: each metric as the reading means it."""
-        said = load_reading(DEFAULT).metrics.model_dump() | self.metrics.model_dump(
-            exclude_none=True
-        )
-        return {**self.model_dump(by_alias=True, exclude={"path"}), "metrics": said}
+        metrics = {**load_reading(DEFAULT).metrics.defined, **self.metrics.defined}
+        as_data = {metric: plain_data(definition) for metric, definition in metrics.items()}
+        return {**plain_data(self), "metrics": as_data}
 
 
 def load_readings(name: str | None = None) -> list[Reading]:
     """All readings that come with the project, or the named one. Raises ``UserError``."""
-    return [load_reading(one) for one in (NAMES if name is None else [name])]
+    return [load_reading(path_or_name) for path_or_name in (NAMES if name is None else [name])]
 
 
 def load_reading(name: str) -> Reading:
@@ -105,6 +112,5 @@ def load_reading(name: str) -> Reading:
     path = Path(name) if name.endswith(".yaml") else FOLDER / f"{name}.yaml"
     if path.parent == FOLDER and name not in NAMES:
         raise UserError(f"{unknown('reading', name, NAMES)}, or the path of a .yaml file")
-    return validate(
-        Reading, read_mapping(path) | {"name": path.stem, "path": path}, lambda _: str(path)
-    )
+    data = read_mapping(path) | {"name": path.stem}
+    return replace(read(Reading, data, lambda _: str(path)), path=path)

@@ -1,120 +1,180 @@
-"""The runs of an evaluation: each is simulated once, whichever readings, variants and sweeps ask for it."""
+"""The runs of an evaluation: each is simulated once, whichever readings and variants ask for it."""
 
-import hashlib
-from collections.abc import Sequence
+import math
+import time
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cache
-from typing import NamedTuple
+from pathlib import Path
+from typing import Protocol
 
-from genie_sim.core.object_map import RANGE_60
-from genie_sim.core.rules import GenieRules
-from genie_sim.paper.facts import of_baselines
-from genie_sim.paper.replicate import (
-    EVERY_METHOD,
-    Job,
-    Outcome,
-    Progress,
-    in_parallel,
-    prepare_job,
-    run_job,
-)
+from genie_sim.paper.definitions import USUAL, Definitions
+from genie_sim.paper.evaluation_run import EVERY_METHOD, KEPT_TABLES, EvaluationRun, SetupKey
+from genie_sim.paper.facts import Fact, Facts, of_baselines
+from genie_sim.recording import tables
+from genie_sim.recording.columns import Columns
+from genie_sim.study.parts import Parts, Progress
+from genie_sim.study.tasks import LocalWorkers, StudyRun
+
+Key = tuple[SetupKey, int]  # and the seed
 
 
-class _Setup(NamedTuple):
-    """What a run comes from besides its seed: the world as every method finds it, and how Genie works in it."""
+@dataclass(frozen=True)
+class Outcome:
+    """What came out of a run: facts under each of its definitions, and where its tables lie by
+    name, if they were kept.
+    """
 
-    world: str
-    genie: str
+    judged: Mapping[Definitions, Facts]
+    paths: Mapping[str, Path] = field(default_factory=dict)
+
+    @property
+    def facts(self) -> Facts:
+        """With the usual definitions."""
+        return self.judged[USUAL]
+
+    def table(self, name: str) -> Columns:
+        """A table that was kept. Raises ``UserError`` for one that cannot be read."""
+        return tables.read(self.paths[name], KEPT_TABLES[name])
 
 
-Key = tuple[_Setup, int]  # and the seed
-MORE = ("keep_tables", "judged", "redefined")  # what a job may want besides
+class Simulate(Protocol):
+    """Simulates runs; ``what`` they are for is shown beside the progress bar."""
+
+    def __call__(self, runs: Sequence[EvaluationRun], what: str) -> list[Outcome]: ...
+
+
+def simulate(
+    runs: Sequence[EvaluationRun], parts: Parts, workers: int, progress: Progress | None = None
+) -> list[Outcome]:
+    """What came out of each run, in their order; what is in ``parts`` already is not run again.
+
+    ``progress`` is told how many are done, of how many.
+    """
+    run_parts(runs, parts, workers, progress)
+    keys = [run.judgement_id(definitions) for run in runs for definitions in run.definitions]
+    facts = facts_in(parts, keys)
+    return [
+        Outcome(
+            {definitions: facts[run.judgement_id(definitions)] for definitions in run.definitions},
+            {name: run.table_path(parts.parts, name) for name in KEPT_TABLES if run.keep_tables},
+        )
+        for run in runs
+    ]
+
+
+def run_parts(
+    runs: Sequence[StudyRun], parts: Parts, workers: int, progress: Progress | None = None
+) -> None:
+    """Runs what is missing in a folder, in processes on this machine. Raises ``UserError``."""
+    parts.parts.mkdir(parents=True, exist_ok=True)
+    parts.run(runs, LocalWorkers(workers), progress=progress)
+
+
+def facts_in(parts: Parts, keys: Collection[str]) -> dict[str, Facts]:
+    """The facts that are kept under each of the keys."""
+    if not keys:
+        return {}
+    rows = parts.read(keys)
+    facts: dict[str, Facts] = {key: {} for key in keys}
+    shared: dict[Fact, Fact] = {}  # one key for the same fact of all runs
+    names = (rows[name] for name in ("metric", "method", "placement", "component"))
+    for key, value, *parts_of_name in zip(rows["run_id"], rows["value"], *names, strict=True):
+        fact = Fact(*parts_of_name)
+        facts[key][shared.setdefault(fact, fact)] = math.nan if value is None else float(value)
+    return facts
 
 
 @dataclass
-class Runs:
-    """Simulates jobs on ``workers`` processes, and remembers what came out.
+class EvaluationRuns:
+    """Simulates runs on ``workers`` processes, and remembers what came out.
 
-    Jobs that other settings bring to the same scenario are one run. Of a job that wants Genie alone in a world where
-    the baselines have run, their facts are there, too. ``progress`` counts the jobs that were asked for.
+    Runs that other settings bring to the same scenario are one. Of a run that wants Genie alone in
+    a world where the baselines have run, their facts are there, too. ``progress`` counts the runs
+    that were asked for.
     """
 
+    parts: Parts
     workers: int
     progress: Progress | None = None
-    _known: dict[Key, tuple[Job, Outcome]] = field(default_factory=dict)
+    _outcomes: dict[Key, tuple[EvaluationRun, Outcome]] = field(default_factory=dict)
     _baselines: dict[tuple[str, int], Outcome] = field(default_factory=dict)  # by world and seed
 
-    def __call__(self, jobs: Sequence[Job], what: str) -> list[Outcome]:
-        """What came out of each job."""
-        missing: dict[Key, Job] = {}
-        for job in jobs:
-            key = _key(job)
-            if key not in self._known or not _covers(self._known[key][0], job):
-                missing[key] = _both(missing[key], job) if key in missing else job
-        before = len(jobs) - len(missing)
+    def __call__(self, runs: Sequence[EvaluationRun], what: str) -> list[Outcome]:
+        """What came out of each run."""
+        missing: dict[Key, EvaluationRun] = {}
+        for run in runs:
+            key = _key(run)
+            if key not in self._outcomes or not _covers(self._outcomes[key][0], run):
+                missing[key] = _merged(missing[key], run) if key in missing else run
+        known = len(runs) - len(missing)
 
-        def tell(done: float, _: float, what: str) -> None:
+        def tell(done: float, _: float, failed: str) -> None:
             if self.progress is not None:
-                self.progress(before + done, len(jobs), what)
+                self.progress(known + done, len(runs), f"{what} {failed}".rstrip())
 
-        outcomes = in_parallel(run_job, list(missing.values()), self.workers, tell, what)
-        for (key, job), outcome in zip(missing.items(), outcomes, strict=True):
-            self._learn(key, job, outcome)
+        outcomes = simulate(list(missing.values()), self.parts, self.workers, tell)
+        for (key, run), outcome in zip(missing.items(), outcomes, strict=True):
+            self._remember(key, run, outcome)
         if not missing:
-            tell(0, 0, what)
-        return [self._known[_key(job)][1] for job in jobs]
+            tell(0, 0, "")
+        return [self._outcomes[_key(run)][1] for run in runs]
 
-    def has_baselines(self, job: Job) -> bool:
-        """Whether the baselines have run in the job's world."""
-        setup, seed = _key(job)
+    def has_baselines(self, run: EvaluationRun) -> bool:
+        """Whether the baselines have run in the run's world."""
+        setup, seed = _key(run)
         return (setup.world, seed) in self._baselines
 
-    def _learn(self, key: Key, job: Job, outcome: Outcome) -> None:
-        place = key[0].world, key[1]
-        if job.methods == EVERY_METHOD:
+    def _remember(self, key: Key, run: EvaluationRun, outcome: Outcome) -> None:
+        setup, seed = key
+        place = setup.world, seed
+        if run.methods == EVERY_METHOD:
             self._baselines[place] = outcome
         elif place in self._baselines:
-            outcome = replace(
-                outcome, facts=of_baselines(self._baselines[place].facts) | outcome.facts
-            )
-        self._known[key] = job, outcome
+            baselines = self._baselines[place].judged
+            judged = {
+                definitions: of_baselines(baselines.get(definitions, {})) | facts
+                for definitions, facts in outcome.judged.items()
+            }
+            outcome = replace(outcome, judged=judged)
+        self._outcomes[key] = run, outcome
 
 
-def _covers(done: Job, job: Job) -> bool:
-    """Whether a job gave all that another of the same setup and seed asks for."""
-    return {*job.methods} <= {*done.methods} and all(
-        getattr(done, name) >= getattr(job, name) for name in MORE
+class BatchProgress:
+    """Progress over several batches of runs, in runs; forwards to a progress bar."""
+
+    def __init__(self, total: int, progress: Progress | None) -> None:
+        self._total = total
+        self._before = 0
+        self._progress = progress
+        self.began_s = time.perf_counter()
+
+    def __call__(self, done: float, of: float, what: str) -> None:
+        if self._progress is not None:
+            self._progress(self._before + done, max(self._total, self._before + of), what)
+        if done == of:
+            self._before += int(of)
+
+
+def _covers(finished: EvaluationRun, run: EvaluationRun) -> bool:
+    """Whether a run gave all that another of the same set-up and seed asks for."""
+    return (
+        {*run.methods} <= {*finished.methods}
+        and {*run.definitions} <= {*finished.definitions}
+        and finished.keep_tables >= run.keep_tables
+        and finished.judged >= run.judged
     )
 
 
-def _both(one: Job, other: Job) -> Job:
-    """One run for two jobs of the same setup and seed."""
-    methods = max(one.methods, other.methods, key=len)
+def _merged(first: EvaluationRun, second: EvaluationRun) -> EvaluationRun:
+    """One run for two of the same set-up and seed."""
     return replace(
-        one, methods=methods, **{name: getattr(one, name) or getattr(other, name) for name in MORE}
+        first,
+        methods=max(first.methods, second.methods, key=len),
+        keep_tables=first.keep_tables or second.keep_tables,
+        judged=first.judged or second.judged,
+        definitions=tuple(dict.fromkeys((*first.definitions, *second.definitions))),
     )
 
 
-def _key(job: Job) -> Key:
-    return _setup(job.scenario, job.settings), job.seed
-
-
-@cache
-def _setup(scenario: str, settings: tuple[str, ...]) -> _Setup:
-    """What a scenario is under these settings, in whatever words. What makes one scenario with one seed makes one with
-    every seed: all that a seed decides is where on the street the cars begin, and what is random."""
-    prepared = prepare_job(Job(scenario, 1, settings))
-    world = prepared.scenario.model_dump_json(exclude={"genie", "methods"})
-    seen = prepared.frames.digests()
-    digests = [seen[car] for car in prepared.drives]
-    return _Setup(
-        hashlib.sha256(f"{world} {digests}".encode()).hexdigest(),
-        str(_in_numbers(prepared.scenario.genie)),
-    )
-
-
-def _in_numbers(rules: GenieRules) -> GenieRules:
-    """The same rules, C_T as the number that a word stands for."""
-    if rules.object_map.threshold != "range_60":
-        return rules
-    return replace(rules, object_map=replace(rules.object_map, threshold=RANGE_60))
+def _key(run: EvaluationRun) -> Key:
+    return run.setup_key, run.seed

@@ -27,8 +27,10 @@ ROUNDING = 0.0051  # two decimals
 
 
 @dataclass(frozen=True, slots=True)
-class Cell:
-    """One model on one device: printed and our milliseconds (``None``: out of memory), printed and right speed-up."""
+class TableCell:
+    """One model on one device: printed and our milliseconds (``None``: out of memory), printed and
+    right speed-up.
+    """
 
     model: str
     device: str
@@ -51,9 +53,11 @@ class Cell:
         return f"{self.printed_ms:.2f} / {self.printed_speedup:.2f}x{right}"
 
 
-def cells() -> list[Cell]:
-    """All 24 cells; the speed-up is over the slowest device that can run the model, as the caption says."""
-    found = []
+def cells() -> list[TableCell]:
+    """All 24 cells; the speed-up is over the slowest device that can run the model, as the caption
+    says.
+    """
+    table = []
     profiles = {column: load_profile(name) for column, name in DEVICES.items()}
     for model, printed in PRINTED.items():
         slowest = max(cell[0] for cell in printed if cell is not None)
@@ -61,8 +65,8 @@ def cells() -> list[Cell]:
             median_ns = profile.models[MODELS[model]].median_ns
             ms, speedup = cell or (None, None)
             right = None if ms is None else slowest / ms
-            found.append(
-                Cell(
+            table.append(
+                TableCell(
                     model,
                     column,
                     ms,
@@ -71,14 +75,17 @@ def cells() -> list[Cell]:
                     right,
                 )
             )
-    return found
+    return table
 
 
 def markdown() -> str:
     """The table with its printed speed-ups."""
-    found = cells()
+    table_cells = cells()
     table = text_table.markdown(
         ["model", *DEVICES],
-        ([model, *(str(one) for one in found if one.model == model)] for model in MODELS),
+        ([model, *(str(cell) for cell in table_cells if cell.model == model)] for model in MODELS),
     )
-    return f"{table}\n\nMilliseconds / speed-up over the slowest device. Bold: what the printed one should be."
+    legend = (
+        "Milliseconds / speed-up over the slowest device. Bold: what the printed one should be."
+    )
+    return f"{table}\n\n{legend}"

@@ -1,4 +1,6 @@
-"""The verdicts as Markdown: the tables in the README and the docs, and the document beside the results."""
+"""The verdicts as Markdown: the tables in the README and the docs, and the document beside the
+results.
+"""
 
 import textwrap
 from collections import Counter
@@ -7,18 +9,23 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from genie_sim.analysis import latex, text_table
+from genie_sim.analysis.registry import component_title, title_of
 from genie_sim.analysis.text_table import markdown
 from genie_sim.paper import table1
 from genie_sim.paper.arms import Arms
 from genie_sim.paper.claims import VERDICTS, Verdict
 from genie_sim.paper.evidence import Finding, rounded
+from genie_sim.paper.facts import METHODS
 from genie_sim.paper.readings import DEFAULT
 from genie_sim.recording import provenance
 from genie_sim.scenario.yaml_input import parse
 
 ENOUGH_SEEDS = 10
-MOST_NAMED = 4  # variants named beside a claim
-MARKS = dict(zip(VERDICTS, "+~-?=", strict=True))  # where there is little room
+MAX_NAMED = 8  # variants named beside a claim
+MARKS = dict(zip(VERDICTS, "+~-?=", strict=True))  # one-character codes for narrow tables
+
+REPRODUCED = VERDICTS[0]
 
 Row = Mapping[str, Any]
 
@@ -26,8 +33,9 @@ Row = Mapping[str, Any]
 def row(
     verdict: Verdict, arms: Arms | None = None, reading: str = DEFAULT, plain: Verdict | None = None
 ) -> dict[str, Any]:
-    """A verdict as plain data. ``arms``: the other values, told of where the claim is not reproduced. ``plain``: the
-    verdict by the default's metrics, where the reading means others."""
+    """A verdict as plain data. ``arms``: the other values, told of where the claim is not
+    reproduced. ``plain``: the verdict by the default's metrics, where the reading means others.
+    """
     finding = verdict.finding or Finding(None, None, None, 0, "1", False, False)
     names, tried = (
         arms.holding(verdict.claim) if arms and verdict.verdict in VERDICTS[1:3] else (None, None)
@@ -49,44 +57,83 @@ def row(
 
 def by_claim(rows: Sequence[Row]) -> dict[str, dict[str, Row]]:
     """The rows of each claim by reading."""
-    found: dict[str, dict[str, Row]] = {}
-    for one in rows:
-        found.setdefault(one["id"], {})[one["reading"]] = one
-    return found
+    grouped: dict[str, dict[str, Row]] = {}
+    for row in rows:
+        grouped.setdefault(row["id"], {})[row["reading"]] = row
+    return grouped
 
 
 def table(rows: Sequence[Row]) -> str:
-    """The claims, one line each, with what was found and the verdict under each reading; the counts below."""
+    """The claims, one line each, with what was found and the verdict under each reading; the counts
+    below.
+    """
     readings = _readings(rows)
     lines = []
-    for claim, found in by_claim(rows).items():
-        cells = [f"{_verdict(found[one])}: {_found(found[one])}" for one in readings]
-        lines.append(
-            [claim, found[readings[0]]["claim"], _words(found[readings[0]]["kind"]), *cells]
-        )
+    for claim, by_reading in by_claim(rows).items():
+        cells = [
+            f"{_verdict(by_reading[name])}: {_interval_text(by_reading[name])}" for name in readings
+        ]
+        first = by_reading[readings[0]]
+        lines.append([claim, first["claim"], _words(first["kind"]), *cells])
     return "\n".join(
         [markdown(["", "the paper says", "kind", *readings], lines), "", *counts(rows)]
     )
 
 
+def printed(rows: Sequence[Row], format: str) -> str:
+    """The claims for a paper: each with its verdict and number under each reading, and what the
+    marks mean; in ``csv`` with all digits.
+    """
+    if format == "csv":
+        names = ("reading", "id", "kind", "verdict", "marginal", "value", "low", "high", "unit")
+        return text_table.exact(names, ([row[name] for name in names] for row in rows))
+    if format == "markdown":
+        return table(rows) + "\n"
+    readings = _readings(rows)
+    lines = [
+        [
+            claim,
+            _words(by_reading[readings[0]]["kind"]),
+            *(" ".join(_short_text(by_reading[name]).split()) for name in readings),
+        ]
+        for claim, by_reading in by_claim(rows).items()
+    ]
+    headings = ["claim", "kind", *readings]
+    tabular = text_table.rounded("latex", headings, lines, "l" * len(headings))
+    return latex.floating(
+        tabular, caption="Claims of the paper", label="tab:claims", notes=[_legend()], wide=False
+    )
+
+
 def text(rows: Sequence[Row], width: int) -> str:
-    """Each claim with its verdict and number under each reading, for a terminal of ``width`` columns."""
+    """Each claim with its verdict and number under each reading, for a terminal of ``width``
+    columns.
+    """
     readings = _readings(rows)
     lines = [f"{'':4} {' '.join(f'{name:18}' for name in readings)}"]
-    for claim, found in by_claim(rows).items():
-        mine = [found[name] for name in readings]
-        cells = " ".join(
-            f"{MARKS[one['verdict']]}{'* '[not one['marginal']]} {_number(one):15}" for one in mine
-        )
-        line = f"{claim:4} {cells} {mine[0]['claim']}"
+    for claim, by_reading in by_claim(rows).items():
+        cells = " ".join(_short_text(by_reading[name]) for name in readings)
+        line = f"{claim:4} {cells} {by_reading[readings[0]]['claim']}"
         lines.append(line if len(line) <= width else f"{line[: max(width - 3, 0)]}...")
+    return "\n".join([*lines, "", *textwrap.wrap(_legend(), width), "", *counts(rows)])
+
+
+def _legend() -> str:
+    """What the marks mean."""
     marks = ", ".join(f"{mark} {verdict}" for verdict, mark in MARKS.items())
-    legend = f"{marks}; * marginal, another set of seeds could say otherwise"
-    return "\n".join([*lines, "", *textwrap.wrap(legend, width), "", *counts(rows)])
+    return f"{marks}; * marginal, another set of seeds could say otherwise"
 
 
-def document(rows: Sequence[Row], readings: Sequence[Row], worth: Sequence[Row]) -> str:
-    """The whole account beside the results: the table, the readings, each claim's test, what the answers are worth."""
+def _short_text(row: Row) -> str:
+    """Mark and number, 18 columns wide."""
+    marginal = "*" if row["marginal"] else " "
+    return f"{MARKS[row['verdict']]}{marginal} {_number(row):15}"
+
+
+def document(rows: Sequence[Row], readings: Sequence[Row], quality: Sequence[Row]) -> str:
+    """The whole account beside the results: the table, the readings, each claim's test, the quality
+    of the answers.
+    """
     parts = [
         "# What of the paper holds here",
         "",
@@ -98,81 +145,90 @@ def document(rows: Sequence[Row], readings: Sequence[Row], worth: Sequence[Row])
         "",
     ]
     parts += ["## Each claim", ""]
-    for claim, found in by_claim(rows).items():
-        first = next(iter(found.values()))
-        parts.append(
-            f"**{claim}** ({first['where']}): {first['claim']}. Kind: {_words(first['kind'])}."
-        )
+    for claim, by_reading in by_claim(rows).items():
+        first = next(iter(by_reading.values()))
+        kind = _words(first["kind"])
+        parts.append(f"**{claim}** ({first['where']}): {first['claim']}. Kind: {kind}.")
         parts.append(f"Test: {first['test']}.")
-        for name, one in found.items():
-            note = f"; {one['note']}" if one["note"] else ""
-            plain = one["by_default_metrics"]
-            by = (
-                f"; by the default's metrics {plain['verdict']}: {_found(one | plain)}"
-                if plain
-                else ""
-            )
-            parts.append(f"- {name}: *{_verdict(one)}*: {_found(one)}{note}{by}.")
-        parts += [_elsewhere(one) for one in found.values() if one["holds_under"] is not None]
+        parts += [f"- {name}: {_finding_text(row)}." for name, row in by_reading.items()]
+        parts += [_elsewhere(row) for row in by_reading.values() if row["holds_under"] is not None]
         parts.append("")
     parts += [
         "## Table I",
         "",
         table1.markdown(),
         "",
-        "## What the answers are worth",
+        "## How accurate the answers are",
         "",
-        worth_table(worth),
+        map_quality_table(quality),
     ]
     return "\n".join(parts) + "\n"
 
 
+def _finding_text(row: Row) -> str:
+    """Verdict, number and note; where the reading means other metrics, by the default's too."""
+    text = f"*{_verdict(row)}*: {_interval_text(row)}"
+    if row["note"]:
+        text += f"; {row['note']}"
+    plain = row["by_default_metrics"]
+    if plain:
+        text += f"; by the default's metrics {plain['verdict']}: {_interval_text({**row, **plain})}"
+    return text
+
+
 def readings_text(readings: Sequence[Row]) -> str:
-    """What each reading sets, why, and what was known of its outcomes; below, what each means by the metrics."""
+    """What each reading sets, why, and what was known of its outcomes; below, what each means by
+    the metrics.
+    """
     parts = []
-    for one in readings:
-        parts += [f"**{one['name']}**: {one['title']}. {one['why']}", ""]
-        parts += [f"*Known when it was written.* {one['known']}", ""]
-        for choice in one["choices"]:
+    for reading in readings:
+        parts += [f"**{reading['name']}**: {reading['title']}. {reading['why']}", ""]
+        parts += [f"*Known when it was written.* {reading['known']}", ""]
+        for choice in reading["choices"]:
             parts.append(f'- `{", ".join(choice["set"])}`: "{choice["quote"]}". {choice["why"]}')
-        parts += [""] if one["choices"] else []
-    said = [
-        [_words(name), *(one["metrics"][name]["says"] for one in readings)]
-        for name in readings[0]["metrics"]
+        parts += [""] if reading["choices"] else []
+    meanings = [
+        [_words(metric), *(reading["metrics"][metric]["says"] for reading in readings)]
+        for metric in readings[0]["metrics"]
     ]
-    return "\n".join(
-        [*parts, markdown(["what is meant by", *(one["name"] for one in readings)], said)]
-    )
+    headings = ["what is meant by", *(reading["name"] for reading in readings)]
+    return "\n".join([*parts, markdown(headings, meanings)])
 
 
-def _elsewhere(one: Row) -> str:
-    """Whether a claim would hold under another reading; that it does not, and that nobody tried, are two answers."""
-    named, tried = one["holds_under"], one["tried_under"]
-    if not tried:
+def _elsewhere(row: Row) -> str:
+    """Whether a claim would hold under another reading; that it does not, and that nobody tried,
+    are two answers.
+    """
+    names, count = row["holds_under"], row["tried_under"]
+    if not count:
         return "Not tried under any other reading or value: their runs lack what the test needs."
-    where = f"of the {tried} other readings and values that were tried, {one['n']} seeds each"
-    if not named:
+    where = f"of the {count} other readings and values that were tried, {row['n']} seeds each"
+    if not names:
         return f"Holds under none {where}."
-    more = f", and {len(named) - 2 * MOST_NAMED} more" if len(named) > 2 * MOST_NAMED else ""
-    return f"Holds under {len(named)} {where}: {', '.join(named[: 2 * MOST_NAMED])}{more}."
+    more = f", and {len(names) - MAX_NAMED} more" if len(names) > MAX_NAMED else ""
+    return f"Holds under {len(names)} {where}: {', '.join(names[:MAX_NAMED])}{more}."
 
 
-def worth_table(rows: Sequence[Row]) -> str:
-    """Precision, recall, ghosts and age by method."""
-    methods = list(dict.fromkeys(one["method"] for one in rows))
-    found = {(one["method"], one["name"]): one for one in rows}
+def map_quality_table(rows: Sequence[Row]) -> str:
+    """Precision, recall, ghosts and age of what consumers hold, by method; ``rows`` as
+    ``quality.summarise`` makes them.
+    """
+    methods = list(dict.fromkeys(row["method"] for row in rows))
+    by_name: dict[str, dict[str, Row]] = {}
+    for row in rows:
+        by_name.setdefault(row["name"], {})[row["method"]] = row
     lines = []
-    for name in dict.fromkeys(one["name"] for one in rows):
-        mine = [found.get((one, name)) for one in methods]
+    for name, by_method in by_name.items():
+        unit = next(iter(by_method.values()))["unit"]
+        heading = title_of(name) + ("" if unit == "1" else f" [{unit}]")
         cells = [
-            "-" if one is None else "{value:.2f} ({low:.2f} to {high:.2f})".format_map(one)
-            for one in mine
+            "{value:.2f} ({low:.2f} to {high:.2f})".format_map(by_method[method])
+            if method in by_method
+            else "-"
+            for method in methods
         ]
-        unit = next(
-            (f" [{one['unit']}]" for one in mine if one and one.get("unit", "1") != "1"), ""
-        )
-        lines.append([_words(name) + unit, *cells])
-    return markdown(["", *methods], lines)
+        lines.append([heading, *cells])
+    return markdown(["", *(component_title(method, METHODS) for method in methods)], lines)
 
 
 def read_rows(folder: Path) -> list[dict[str, Any]]:
@@ -182,41 +238,44 @@ def read_rows(folder: Path) -> list[dict[str, Any]]:
 
 
 def sentences() -> list[dict[str, Any]]:
-    """What Section V says, in its order, each with the claims that it makes and the figure that shows it."""
+    """What Section V says, in its order, each with the claims that it makes and the figure that
+    shows it.
+    """
     path = Path(__file__).with_name("section_v.yaml")
-    found: list[dict[str, Any]] = parse(path.read_text(encoding="utf-8"), str(path))
-    return found
+    sentences_of_section: list[dict[str, Any]] = parse(path.read_text(encoding="utf-8"), str(path))
+    return sentences_of_section
 
 
 def counts(rows: Sequence[Row]) -> list[str]:
-    """For each reading how many claims have each verdict, and of what kinds those are that are reproduced."""
-    said = []
-    for name in _readings(rows):
-        mine = [one for one in rows if one["reading"] == name]
-        verdicts = Counter(one["verdict"] for one in mine)
-        kinds = Counter(one["kind"] for one in mine if one["verdict"] == VERDICTS[0])
+    """For each reading how many claims have each verdict, and of what kinds those are that are
+    reproduced.
+    """
+    lines = []
+    for reading in _readings(rows):
+        claims = [row for row in rows if row["reading"] == reading]
+        verdicts = Counter(row["verdict"] for row in claims)
+        kinds = Counter(row["kind"] for row in claims if row["verdict"] == REPRODUCED)
         of_kinds = ", ".join(f"{count} {_words(kind)}" for kind, count in kinds.items())
-        others = "".join(
-            f"; {verdicts[verdict]} {verdict}" for verdict in VERDICTS[1:] if verdicts[verdict]
-        )
-        plain = [
-            one["by_default_metrics"]["verdict"] == VERDICTS[0]
-            for one in mine
-            if one["by_default_metrics"]
-        ]
-        by = f" By the default's metrics {sum(plain)} are." if plain else ""
-        marginal = sum(one["marginal"] for one in mine)
-        reproduced = f"of {len(mine)} claims {verdicts[VERDICTS[0]]} reproduced ({of_kinds})"
-        said.append(f"- {name}: {reproduced}{others}; {marginal} marginal.{by}")
-    return [*said, *filter(None, ["", few_seeds(rows)])]
+        text = f"of {len(claims)} claims {verdicts[REPRODUCED]} reproduced ({of_kinds})"
+        for verdict in VERDICTS[1:]:
+            if verdicts[verdict]:
+                text += f"; {verdicts[verdict]} {verdict}"
+        text += f"; {sum(row['marginal'] for row in claims)} marginal."
+        plain = [row["by_default_metrics"] for row in claims if row["by_default_metrics"]]
+        if plain:
+            count = sum(verdict["verdict"] == REPRODUCED for verdict in plain)
+            text += f" Measured with the default's metrics, {count} are reproduced."
+        lines.append(f"- {reading}: {text}")
+    warning = few_seeds(rows)
+    return [*lines, "", warning] if warning else lines
 
 
 def _readings(rows: Sequence[Row]) -> list[str]:
-    return list(dict.fromkeys(one["reading"] for one in rows))
+    return list(dict.fromkeys(row["reading"] for row in rows))
 
 
-def _verdict(one: Row) -> str:
-    return f"{one['verdict']}{' (marginal)' if one['marginal'] else ''}"
+def _verdict(row: Row) -> str:
+    return f"{row['verdict']} (marginal)" if row["marginal"] else str(row["verdict"])
 
 
 def _numbers(finding: Finding | None) -> dict[str, float | None]:
@@ -230,28 +289,29 @@ def _words(name: str) -> str:
     return name.replace("_", " ")
 
 
-def _number(one: Row) -> str:
-    return (
-        "-"
-        if one["value"] is None
-        else f"{one['value']:.3g}{'' if one['unit'] == '1' else ' ' + one['unit']}"
-    )
+def _number(row: Row) -> str:
+    if row["value"] is None:
+        return "-"
+    number = f"{row['value']:.3g}"
+    return number if row["unit"] == "1" else f"{number} {row['unit']}"
 
 
 def few_seeds(rows: Sequence[Row]) -> str:
     """What so few seeds cannot decide; nothing where there are enough."""
-    n = max(one["n"] for one in rows)
+    n = max(row["n"] for row in rows)
     if n == 1:
         return "One seed has no interval: every verdict on a simulated number is marginal."
     if n < ENOUGH_SEEDS:
-        said = f"{n} seeds do not decide what lies near a threshold"
-        return f"{said}: of such a claim another {n} say otherwise in one case of three."
+        return (
+            f"{n} seeds do not decide what lies near a threshold: of such a claim another {n} "
+            "say otherwise in one case of three."
+        )
     return ""
 
 
-def _found(one: Row) -> str:
-    if one["n"] == 1 and one["low"] is not None:
-        return f"{_number(one)} (one seed)"
-    if one["low"] is None or one["low"] == one["high"]:
-        return _number(one)
-    return f"{_number(one)} ({one['low']:.3g} to {one['high']:.3g})"
+def _interval_text(row: Row) -> str:
+    if row["n"] == 1 and row["low"] is not None:
+        return f"{_number(row)} (one seed)"
+    if row["low"] is None or row["low"] == row["high"]:
+        return _number(row)
+    return f"{_number(row)} ({row['low']:.3g} to {row['high']:.3g})"

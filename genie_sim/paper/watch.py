@@ -1,26 +1,27 @@
-"""What no table tells of a run: what Genies shared and stored, and whether detectors were left as they are."""
+"""Run-time probes for facts that no table records: what Genies share and store, and whether
+detectors are left as they are.
+"""
 
 import math
 from typing import TYPE_CHECKING
 
 from genie_sim.core.node import GenieNode
-from genie_sim.core.object_map import RANGE_60
+from genie_sim.core.thresholds import RANGE_60
 from genie_sim.messages import Detections, Message
-from genie_sim.methods.genie import REMOTE
-from genie_sim.paper.facts import Facts
-from genie_sim.sim.nodes import Detector, InterceptorNode
-from genie_sim.sim.station import OBJECTS
+from genie_sim.paper.facts import Fact, Facts, placed
+from genie_sim.sim.method import OBJECTS, REMOTE
+from genie_sim.sim.nodes import DetectorNode, InterceptorNode
 
 if TYPE_CHECKING:
     from genie_sim.core.rules import GenieRules
     from genie_sim.sim.world import World
 
 
-class Watch:
+class WorldObserver:
     """Watches the worlds of one run, method by method; takes no simulated time.
 
-    Counts the objects that Genies share under C_T, those below it apart. Where a scenario says so, C_T is not for what
-    edges send each other, and not for what a car's own node finds.
+    Counts the objects that Genies share under C_T, those below it apart. Where a scenario says so,
+    C_T is not for what edges send each other, and not for what a car's own node finds.
     """
 
     def __init__(self, rules: "GenieRules") -> None:
@@ -29,9 +30,8 @@ class Watch:
         threshold = (
             RANGE_60 if rules.object_map.threshold == "range_60" else rules.object_map.threshold
         )
-        self._threshold = (
-            threshold if isinstance(threshold, float) else 0.0
-        )  # others move: told by the Genie's tests
+        # None: a threshold that moves, below which nothing can be counted from outside
+        self._threshold = threshold if isinstance(threshold, float) else None
         self._shared = self._unconfident = 0
         self._stored: dict[str, list[float]] = {"car": [], "edge": []}
         self._detectors: dict[str, set[tuple[object, ...]]] = {}
@@ -39,8 +39,8 @@ class Watch:
 
     def before(self, method: str, world: "World") -> None:
         """Looks at the nodes of a world that is about to run, and listens to its Genies."""
-        for node in world.resources:
-            if isinstance(node, Detector):
+        for node in world.network.resources:
+            if isinstance(node, DetectorNode):
                 self._detectors.setdefault(node.name, set()).add(_fingerprint(node))
                 if method == "genie":
                     self._behind_genie &= node.graph.topics_of(node.name) != (
@@ -57,30 +57,37 @@ class Watch:
         """Of the graph: what a Genie published."""
         assert isinstance(message, Detections)
         self._shared += len(message.objects)
-        threshold = self._threshold
-        self._unconfident += len([1 for one in message.objects if one.confidence < threshold])
+        if self._threshold is not None:
+            for detection in message.objects:
+                self._unconfident += detection.confidence < self._threshold
 
     def after(self, world: "World") -> None:
         """Looks at the maps of a world that has run."""
-        for node in world.resources:
+        for node in world.network.resources:
             if isinstance(node, InterceptorNode) and isinstance(node.pure, GenieNode):
                 placement = "edge" if node.host.name in world.edges else "car"
-                self._stored[placement] += [one.confidence for one in node.pure.object_map]
+                self._stored[placement] += [stored.confidence for stored in node.pure.object_map]
 
     def facts(self) -> Facts:
         """Of all worlds together."""
-        same = all(len(seen) == 1 for seen in self._detectors.values())
-        means = {place: sum(of) / len(of) if of else math.nan for place, of in self._stored.items()}
-        return {
-            **{f"stored_confidence:{place}": mean for place, mean in means.items()},
-            "detector_untouched": float(same and self._behind_genie),
-            "objects_shared": self._shared,
-            "unconfident_objects_shared": self._unconfident,
+        same = all(len(fingerprints) == 1 for fingerprints in self._detectors.values())
+        facts = {
+            Fact("detector_untouched"): float(same and self._behind_genie),
+            Fact("objects_shared"): float(self._shared),
+            Fact("unconfident_objects_shared"): (
+                math.nan if self._threshold is None else float(self._unconfident)
+            ),
         }
+        for placement, confidences in self._stored.items():
+            mean = sum(confidences) / len(confidences) if confidences else math.nan
+            facts[placed("stored_confidence", placement)] = mean
+        return facts
 
 
-def _fingerprint(node: Detector) -> tuple[object, ...]:
-    """The node itself, whatever the master calls its topics: its class, what it has, and what of that is plain."""
+def _fingerprint(node: DetectorNode) -> tuple[object, ...]:
+    """The node itself, whatever the master calls its topics: its class, what it has, and what of
+    that is plain.
+    """
     has = vars(node)
     plain = {
         name: value for name, value in has.items() if isinstance(value, str | int | tuple | None)

@@ -1,35 +1,47 @@
 """Object detectors by name: a picture in, labelled boxes out.
 
-To add a network, write a class like these and name it ``package.module:Class``, or put it into ``DETECTORS``.
+To add a network, write a class like these and name it ``package.module:Class``, or put it into
+``DETECTORS``.
 """
 
 import ast
 import os
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import ClassVar, Protocol
+from typing import Any, ClassVar, Protocol
 
 import cv2
 import numpy as np
 
 from genie_sim import plugins
 from genie_sim.errors import UserError
+from genie_sim.messages import Encoding
 from genie_sim.paths import expanded
 from genie_sim.perception.onnx_detector import (
     COCO_LABELS,
     CPU,
     MIN_SCORE,
-    Found,
+    DetectedBox,
     OnnxDetector,
     Scored,
     letterbox,
 )
 
-__all__ = ["DETECTORS", "Found", "ImageDetector", "find_weights", "make_detector"]
+__all__ = [
+    "DETECTORS",
+    "DetectedBox",
+    "DetectorSettings",
+    "ImageDetector",
+    "find_weights",
+    "make_detector",
+]
 
 
 class ImageDetector(Protocol):
-    """What ``perceive`` needs of a detector. One that runs a network is best derived from ``OnnxDetector``."""
+    """What ``perceive`` needs of a detector. One that runs a network is best derived from
+    ``OnnxDetector``.
+    """
 
     name: ClassVar[str]
     file_name: ClassVar[str]
@@ -40,7 +52,7 @@ class ImageDetector(Protocol):
         self, weights: Path, size: tuple[int, int] | None = None, min_score: float = MIN_SCORE
     ) -> None: ...
 
-    def detect(self, image_bgr: np.ndarray) -> list[Found]:
+    def detect(self, image_bgr: np.ndarray) -> list[DetectedBox]:
         """Road users and furniture in a picture (height, width, 3), best score first."""
         ...
 
@@ -48,8 +60,9 @@ class ImageDetector(Protocol):
 class YoloxNano(OnnxDetector):
     """YOLOX-nano trained on COCO (Ge et al., 2021, https://arxiv.org/abs/2107.08430; Apache-2.0).
 
-    The published networks have a square input; they are made rectangular when they are loaded, because KITTI's
-    pictures are more than three times as wide as high. ``size`` is (width, height), multiples of 32.
+    The published networks have a square input; they are made rectangular when they are loaded,
+    because KITTI's pictures are more than three times as wide as high. ``size`` is (width, height),
+    multiples of 32.
     """
 
     name: ClassVar[str] = "yolox_nano"
@@ -72,7 +85,8 @@ class YoloxNano(OnnxDetector):
     def decode(self, outputs: Sequence[np.ndarray]) -> Scored:
         """Centre = (p + cell) * stride, extent = exp(p) * stride, score = objectness * class.
 
-        Cells whose objectness alone is too low for ``min_score`` are left out; they are all but a few.
+        Cells whose objectness alone is too low for ``min_score`` are left out; they are all but a
+        few.
         """
         likely = np.flatnonzero(outputs[0][:, 4] >= 0.99 * self.min_score)
         output, strides = outputs[0][likely].astype(np.float64), self.cell_strides[likely]
@@ -97,10 +111,11 @@ class YoloxS(YoloxNano):
 
 
 class NanodetM(OnnxDetector):
-    """NanoDet-m trained on COCO (https://github.com/RangiLyu/nanodet; Apache-2.0), exported for 416 x 416.
+    """NanoDet-m trained on COCO (https://github.com/RangiLyu/nanodet; Apache-2.0), exported for 416
+    x 416.
 
-    Its head is that of generalized focal loss (Li et al., 2020, https://arxiv.org/abs/2006.04388): each side's
-    distance from the cell's centre is the mean of a distribution over 0 to 7 strides.
+    Its head is that of generalized focal loss (Li et al., 2020, https://arxiv.org/abs/2006.04388):
+    each side's distance from the cell's centre is the mean of a distribution over 0 to 7 strides.
     """
 
     name = "nanodet_m"
@@ -133,10 +148,11 @@ class NanodetM(OnnxDetector):
 
 
 class Yolov8(OnnxDetector):
-    """Any detection network exported as Ultralytics' YOLOv8 is: one output (4 + classes, boxes), no suppression.
+    """Any detection network exported as Ultralytics' YOLOv8 is: one output (4 + classes, boxes), no
+    suppression.
 
-    Classes are those in the file's metadata (``names``), else COCO's. The input has the size it was exported with,
-    unless that is left open in the file.
+    Classes are those in the file's metadata (``names``), else COCO's. The input has the size it was
+    exported with, unless that is left open in the file.
     """
 
     name = "yolov8"
@@ -179,35 +195,83 @@ _KINDS: tuple[type[ImageDetector], ...] = (YoloxNano, YoloxTiny, YoloxS, Nanodet
 DETECTORS = {kind.name: kind for kind in _KINDS}
 
 
+@dataclass(frozen=True)
+class DetectorSettings:
+    """Which detector looks at frames, and how.
+
+    Parameters
+    ----------
+    name : a detector, or ``package.module:Class``
+    weights : the network's file or its folder; ``None``: the folder GENIE_SIM_WEIGHTS
+    size : width and height of the network's input [pixels]; ``None``: the detector's usual one
+    min_score : the lowest score kept, in [0, 1]
+    place_from : detections with a lower score are kept without a location
+    providers : ONNX Runtime's execution providers, best first
+    threads : of the network; ``None``: what is fastest here
+    batch : pictures that the network gets at a time; ``None``: what is fastest here
+    encoding : of the pictures before the detector sees them
+    """
+
+    name: str = "yolox_nano"
+    weights: str | Path | None = None
+    size: tuple[int, int] | None = None
+    min_score: float = MIN_SCORE
+    place_from: float = 0.0
+    providers: Sequence[str] = (CPU,)
+    threads: int | None = 1
+    batch: int | None = 1
+    encoding: Encoding = "raw"
+
+    def opened(self, threads: int = 1, batch: int = 1) -> ImageDetector:
+        """The detector with so many threads and pictures at a time. Raises UserError."""
+        return make_detector(
+            self.name,
+            self.weights,
+            self.size,
+            self.min_score,
+            providers=self.providers,
+            threads=threads,
+            batch=batch,
+        )
+
+
 def make_detector(
     name: str,
     weights: str | Path | None = None,
     size: tuple[int, int] | None = None,
     min_score: float = MIN_SCORE,
+    *,
     providers: Sequence[str] = (CPU,),
     threads: int = 1,
     batch: int = 1,
 ) -> ImageDetector:
-    """The detector of that name, or of a class of your own, ``package.module:Class``.
+    """The detector of that name, or of a class of your own. Raises UserError.
 
-    ``weights`` is its file or a folder, by default the folder GENIE_SIM_WEIGHTS; ``providers`` are ONNX Runtime's
-    execution providers, best first; ``threads`` are the network's, ``batch`` is how many pictures it gets at a time.
-    Detectors that are no ``OnnxDetector`` have none of these. Raises UserError.
+    Parameters
+    ----------
+    name, weights, size, min_score : as in ``DetectorSettings``
+    providers, threads, batch : as there; only an ``OnnxDetector`` has them
     """
     kind = plugins.resolve("detector", name, DETECTORS, ("detect", "file_name"))
     path = find_weights(kind.file_name, weights)
-    network = isinstance(kind, type) and issubclass(kind, OnnxDetector)
-    if not network and (threads, batch) != (1, 1):
+    network: dict[str, Any] = {}
+    if isinstance(kind, type) and issubclass(kind, OnnxDetector):
+        network = {"providers": providers, "threads": threads, "batch": batch}
+    elif (threads, batch) != (1, 1):
         raise UserError(
-            f"{name}: is no OnnxDetector, which alone can have several threads, or pictures at a time"
+            f"{name}: is no OnnxDetector, which alone can have several threads, "
+            "or pictures at a time"
         )
-    more = (providers, threads, batch) if network else ()
-    made: ImageDetector = plugins.call("detector", name, kind, path, size, min_score, *more)
-    return made
+    detector: ImageDetector = plugins.call(
+        "detector", name, kind, path, size=size, min_score=min_score, **network
+    )
+    return detector
 
 
 def find_weights(file_name: str, weights: str | Path | None = None) -> Path:
-    """Path of a weights file, from an explicit file or folder or from the environment's GENIE_SIM_WEIGHTS."""
+    """Path of a weights file, from an explicit file or folder or from the environment's
+    GENIE_SIM_WEIGHTS.
+    """
     place = weights or os.environ.get("GENIE_SIM_WEIGHTS")
     if not place:
         raise UserError(

@@ -21,8 +21,9 @@ def sent(image_bgr: np.ndarray, encoding: Encoding) -> tuple[np.ndarray, int]:
 
 
 def difference_hash(image_bgr: np.ndarray) -> int:
-    """64-bit dHash of a picture (height, width, 3), blue, green, red: of its grey picture shrunk to 9x8 by area, one
-    bit for each pixel brighter than its left one."""
+    """64-bit dHash of a picture (height, width, 3), blue, green, red: of its grey picture shrunk to
+    9x8 by area, one bit for each pixel brighter than its left one.
+    """
     small = cv2.resize(
         cv2.cvtColor(image_bgr, cv2.COLOR_BGR2GRAY), (9, 8), interpolation=cv2.INTER_AREA
     )
@@ -32,4 +33,6 @@ def difference_hash(image_bgr: np.ndarray) -> int:
 def hue_saturation(image_bgr: np.ndarray) -> np.ndarray:
     """Histogram (16, 8) of hue and saturation of every fourth pixel of every fourth row."""
     few = cv2.cvtColor(np.ascontiguousarray(image_bgr[::4, ::4]), cv2.COLOR_BGR2HSV)
-    return cv2.calcHist([few], [0, 1], None, [16, 8], [0, 180, 0, 256])
+    return cv2.calcHist(
+        [few], channels=[0, 1], mask=None, histSize=[16, 8], ranges=[0, 180, 0, 256]
+    )

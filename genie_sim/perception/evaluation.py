@@ -1,24 +1,26 @@
-"""How good a trace is, against KITTI's labels: what was found, what scores are worth, where objects were placed.
+"""How good a trace is, against KITTI's labels: average precision, calibration of scores, and errors
+of locations.
 
-Matching is that of PASCAL VOC: detections of all pictures in falling order of their score; each takes the free label
-that it overlaps best, by ``MIN_IOU`` at least, and is wrong without one. Left out, neither right nor wrong, are
-detections on an ignored label (``truth``), mostly inside a ``DontCare`` area, or lower than ``MIN_HEIGHT_PX``.
+Matching is that of PASCAL VOC: detections of all pictures in falling order of their score; each
+takes the free label that it overlaps best, by ``MIN_IOU`` at least, and is wrong without one. Left
+out, neither right nor wrong, are detections on an ignored label (``truth``), mostly inside a
+``DontCare`` area, or lower than ``MIN_HEIGHT_PX``.
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
+from genie_sim.classes import GROUPS
 from genie_sim.core.geometry import Array
-from genie_sim.messages import Box, Detection
+from genie_sim.messages import Box, Detection, Location
 from genie_sim.perception.trace import MIN_HEIGHT_PX, Trace
-from genie_sim.perception.truth import Labelled, PictureLabels
+from genie_sim.perception.truth import ObjectLabel, PictureLabels
 
-LABELS = {"vehicles": ("car", "truck", "bus"), "persons": ("person",)}
 MIN_IOU = {"vehicles": 0.5, "persons": 0.4}
 SCORE_BINS = np.linspace(0.0, 1.0, 11)
 RANGES_M = ((0.0, 15.0), (15.0, 30.0), (30.0, 50.0), (50.0, math.inf))
@@ -28,11 +30,13 @@ STABLE_SHARE = 0.9
 MIN_SIGHTINGS = 5
 
 
-class Judged(NamedTuple):
-    """A detection, the label it belongs to (``None``: it is wrong), and its camera's distance from that label [m]."""
+class JudgedDetection(NamedTuple):
+    """A detection, the label it belongs to (``None``: it is wrong), and its camera's distance from
+    that label [m].
+    """
 
     detection: Detection
-    label: Labelled | None
+    label: ObjectLabel | None
     range_m: float | None
 
     @property
@@ -45,64 +49,67 @@ class Judged(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Group:
-    """All judged detections of one group of classes, best score first, and how many labels count."""
+    """All judged detections of one group of classes, best score first, and how many labels
+    count.
+    """
 
     name: str
-    judged: tuple[Judged, ...]
+    judged: tuple[JudgedDetection, ...]
     labels: int
 
     def average_precision(self) -> float:
-        """Area under the precision-recall curve, precision made monotonic (VOC 2010 and later); nan without labels."""
+        """Area under the precision-recall curve, precision made monotonic (VOC 2010 and later); nan
+        without labels.
+        """
         if not self.labels:
             return math.nan
-        right = np.array([found.label is not None for found in self.judged], dtype=float)
+        right = np.array([item.label is not None for item in self.judged], dtype=float)
         precision = np.cumsum(right) / np.arange(1, len(right) + 1)
         best_from_here = np.maximum.accumulate(precision[::-1])[::-1]
         return float((best_from_here * right).sum() / self.labels)
 
     def precision_recall(self, min_score: float) -> tuple[float, float]:
-        """Precision (nan: nothing was found) and recall (nan: there are no labels) of detections from a score on."""
+        """Precision (nan: nothing was found) and recall (nan: there are no labels) of detections
+        from a score on.
+        """
         right = [
-            found.label is not None for found in self.judged if found.detection.score >= min_score
+            item.label is not None for item in self.judged if item.detection.score >= min_score
         ]
-        return float(np.mean(right)) if right else math.nan, sum(
-            right
-        ) / self.labels if self.labels else math.nan
+        precision = float(np.mean(right)) if right else math.nan
+        recall = sum(right) / self.labels if self.labels else math.nan
+        return precision, recall
 
     def reliability(self, min_score: float = 0.0) -> list[tuple[float, float, int, float, float]]:
-        """Of each bin of scores: its ends, how many detections, their mean score, and the share that are right."""
-        kept = [found for found in self.judged if found.detection.score >= min_score]
-        scores = np.array([found.detection.score for found in kept])
-        right = np.array([found.label is not None for found in kept])
+        """Of each bin of scores: its ends, how many detections, their mean score, and the share
+        that are right.
+        """
+        confident = [item for item in self.judged if item.detection.score >= min_score]
+        scores = np.array([item.detection.score for item in confident])
+        right = np.array([item.label is not None for item in confident])
         rows = []
         for low, high in pairwise(SCORE_BINS):
-            here = (scores >= low) & ((scores < high) | (high == 1.0))
-            if here.any():
-                rows.append(
-                    (
-                        low,
-                        high,
-                        int(here.sum()),
-                        float(scores[here].mean()),
-                        float(right[here].mean()),
-                    )
-                )
+            in_bin = (scores >= low) & ((scores < high) | (high == 1.0))
+            if in_bin.any():
+                means = float(scores[in_bin].mean()), float(right[in_bin].mean())
+                rows.append((low, high, int(in_bin.sum()), *means))
         return rows
 
     def calibration_error(self, min_score: float = 0.0) -> float:
-        """Expected calibration error: the mean gap between score and share of right ones, over bins of 0.1."""
+        """Expected calibration error: the mean gap between score and share of right ones, over bins
+        of 0.1.
+        """
         rows = self.reliability(min_score)
+        if not rows:
+            return math.nan
         total = sum(count for _, _, count, _, _ in rows)
-        return (
-            sum(count * abs(score - right) for _, _, count, score, right in rows) / total
-            if total
-            else math.nan
-        )
+        return sum(count * abs(score - right) for _, _, count, score, right in rows) / total
 
 
 class Steadiness(NamedTuple):
-    """One parked vehicle: how often it was placed, and the radius [m] around the median of its locations that holds
-    ``STABLE_SHARE`` of them; the same radius of its labelled centres, which wander as well."""
+    """One parked vehicle: how often it was placed, and the radius [m] around the median of its
+    locations that holds ``STABLE_SHARE`` of them; the same radius of its labelled centres, which
+    wander as well.
+    """
 
     track: int
     sightings: int
@@ -112,51 +119,51 @@ class Steadiness(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Evaluation:
-    """A trace judged. ``min_score`` is that of the trace as it is used: average precision looks below it."""
+    """A trace judged. ``min_score`` is that of the trace as it is used: average precision looks
+    below it.
+    """
 
     truth: PictureLabels
     groups: Mapping[str, Group]
     min_score: float
 
-    def kept(self, group: str | None = None, parked: bool = False) -> list[Judged]:
-        """Right detections from ``min_score`` on; with ``parked`` only those of parked vehicles."""
-        chosen = self.groups.values() if group is None else [self.groups[group]]
-        kept = [
-            j
-            for g in chosen
-            for j in g.judged
-            if j.label is not None and j.detection.score >= self.min_score
-        ]
-        return [
-            j
-            for j in kept
-            if not parked or (j.label is not None and j.label.track not in self.truth.moving)
-        ]
+    def right(self, group: str | None = None, parked: bool = False) -> list[JudgedDetection]:
+        """Right detections from ``min_score`` on, or only those of what does not move."""
+        groups = self.groups.values() if group is None else [self.groups[group]]
+        right = []
+        for item in (item for each_group in groups for item in each_group.judged):
+            if item.label is None or item.detection.score < self.min_score:
+                continue
+            if not parked or item.label.track not in self.truth.moving:
+                right.append(item)
+        return right
 
     def steadiness(self) -> list[Steadiness]:
-        """Parked vehicles that were placed at least ``MIN_SIGHTINGS`` times from within ``STABLE_RANGE_M``."""
-        sightings: dict[int, list[Judged]] = {}
-        for judged in self.kept("vehicles", parked=True):
-            if (
-                judged.error_m is not None
-                and judged.range_m is not None
-                and judged.range_m <= STABLE_RANGE_M
-            ):
-                assert judged.label is not None
-                sightings.setdefault(judged.label.track, []).append(judged)
+        """Parked vehicles that were placed at least ``MIN_SIGHTINGS`` times from within
+        ``STABLE_RANGE_M``.
+        """
+        sightings: dict[int, list[tuple[Location, Location]]] = {}
+        for item in self.right("vehicles", parked=True):
+            label, location = item.label, item.detection.location
+            if label is None or label.centre is None or location is None:
+                continue
+            if item.range_m is not None and item.range_m <= STABLE_RANGE_M:
+                sightings.setdefault(label.track, []).append((location, label.centre))
         rows = []
-        for track, seen in sorted(sightings.items()):
-            if len(seen) >= MIN_SIGHTINGS:
-                placed = np.array([j.detection.location for j in seen])
-                labelled = np.array([j.label.centre for j in seen if j.label is not None])
-                rows.append(Steadiness(track, len(seen), _radius_m(placed), _radius_m(labelled)))
+        for track, places in sorted(sightings.items()):
+            if len(places) >= MIN_SIGHTINGS:
+                locations, centres = (np.array(column) for column in zip(*places, strict=True))
+                rows.append(
+                    Steadiness(track, len(places), _radius_m(locations), _radius_m(centres))
+                )
         return rows
 
 
 def evaluate(trace: Trace, truth: PictureLabels, min_score: float) -> Evaluation:
-    """Judge a trace, in the pictures that have labels. Average precision means most where the trace has weak detections
-    too (``perceive.LOWEST_SCORE``)."""
-    return Evaluation(truth, {name: _judge(name, trace, truth) for name in LABELS}, min_score)
+    """Judge a trace, in the pictures that have labels. Average precision means most where the trace
+    has weak detections too (``perceive.LOWEST_SCORE``).
+    """
+    return Evaluation(truth, {name: _judge(name, trace, truth) for name in GROUPS}, min_score)
 
 
 def iou(box: Box, boxes: Array) -> Array:
@@ -167,48 +174,50 @@ def iou(box: Box, boxes: Array) -> Array:
 
 
 def _judge(group: str, trace: Trace, truth: PictureLabels) -> Group:
-    found = [
+    detections = [
         (detection, detection.box, (camera, frame.index), frame.pose)
         for camera, frames in trace.frames.items()
         for frame in frames
         for detection in frame.detections
-        if detection.label in LABELS[group]
+        if detection.label in GROUPS[group]
         and detection.box is not None
         and (camera, frame.index) in truth.pictures
     ]
-    found.sort(key=lambda item: -item[0].score)
-    taken: set[tuple[tuple[str, int], int]] = set()
+    detections.sort(key=lambda item: -item[0].score)
+    matched: set[tuple[tuple[str, int], int]] = set()
     judged = []
-    for detection, box, picture, pose in found:
+    for detection, box, picture, pose in detections:
         labels = [label for label in truth.pictures[picture] if label.group in (group, "anything")]
         boxes = np.array([label.box for label in labels]).reshape(-1, 4)
         overlaps = iou(box, boxes)
-        free = [i for i, label in enumerate(labels) if label.counts and (picture, i) not in taken]
+        free = [i for i, label in enumerate(labels) if label.counts and (picture, i) not in matched]
         best = max(free, key=lambda i: overlaps[i], default=None)
         if best is not None and overlaps[best] >= MIN_IOU[group]:
-            taken.add((picture, best))
+            matched.add((picture, best))
             centre = labels[best].centre
             range_m = None if centre is None else math.dist((pose.east_m, pose.north_m), centre[:2])
-            judged.append(Judged(detection, labels[best], range_m))
-        elif not _left_out(box, labels, boxes, overlaps, MIN_IOU[group]):
-            judged.append(Judged(detection, None, None))
+            judged.append(JudgedDetection(detection, labels[best], range_m))
+        elif not _is_ignored(box, [label for label in labels if not label.counts], MIN_IOU[group]):
+            judged.append(JudgedDetection(detection, None, None))
     counted = sum(
-        label.counts and label.group == group for here in truth.pictures.values() for label in here
+        label.counts and label.group == group
+        for labels in truth.pictures.values()
+        for label in labels
     )
     return Group(group, tuple(judged), counted)
 
 
-def _left_out(
-    box: Box, labels: list[Labelled], boxes: Array, overlaps: Array, min_iou: float
-) -> bool:
+def _is_ignored(box: Box, ignored: Sequence[ObjectLabel], min_iou: float) -> bool:
+    """Whether a detection is neither right nor wrong: it is too low, on an ignored label, or mostly
+    inside an ignored area.
+    """
     if box[3] - box[1] < MIN_HEIGHT_PX:
         return True
+    boxes = np.array([label.box for label in ignored]).reshape(-1, 4)
     inside = _shared(box, boxes) / max(float(_area(np.array([box]))[0]), 1e-9)
-    return any(
-        inside[i] >= 0.5 if label.centre is None else overlaps[i] >= min_iou
-        for i, label in enumerate(labels)
-        if not label.counts
-    )
+    on_label = iou(box, boxes)
+    is_area = np.array([label.centre is None for label in ignored], dtype=bool)
+    return bool(np.where(is_area, inside >= 0.5, on_label >= min_iou).any())
 
 
 def _shared(box: Box, boxes: Array) -> Array:
@@ -231,10 +240,9 @@ def table(evaluation: Evaluation) -> str:
     """The evaluation as Markdown tables."""
     e = evaluation
     text = [
-        f"Labels: {e.truth.source}. Scores from {e.min_score:g} on, average precision from all scores.",
+        f"Labels: {e.truth.source}. Scores from {e.min_score:g} on, "
+        "average precision from all scores.",
         "",
-    ]
-    text += [
         "| found | labels | average precision | precision | recall | calibration error |",
         "|---|---|---|---|---|---|",
     ]
@@ -250,7 +258,8 @@ def table(evaluation: Evaluation) -> str:
     if unlabelled:
         text += [
             "",
-            f"No labels of {' or '.join(unlabelled)} count in these pictures: what was missed is unknown.",
+            f"No labels of {' or '.join(unlabelled)} count in these pictures: "
+            "what was missed is unknown.",
         ]
     text += ["", "| score | vehicles: number, right | persons: number, right |", "|---|---|---|"]
     bins = {name: {row[0]: row for row in group.reliability()} for name, group in e.groups.items()}
@@ -258,45 +267,47 @@ def table(evaluation: Evaluation) -> str:
         cells = [f"{b[low][2]}, {b[low][4]:.2f}" if low in b else "-" for b in bins.values()]
         text.append(f"| {low:.1f} to {high:.1f} | {' | '.join(cells)} |")
     text += ["", "| location error of | placed | median | 90 % below |", "|---|---|---|---|"]
-    for what, rows in _places(e):
-        errors = [judged.error_m for judged in rows if judged.error_m is not None]
+    for name, rows in _places(e):
+        errors = [item.error_m for item in rows if item.error_m is not None]
         if rows:
-            cells = (
-                [f"{value:.2f} m" for value in np.percentile(errors, [50, 90])]
-                if errors
-                else ["-", "-"]
-            )
-            text.append(f"| {what} | {len(errors)} of {len(rows)} | {' | '.join(cells)} |")
+            cells = ["-", "-"]
+            if errors:
+                cells = [f"{value:.2f} m" for value in np.percentile(errors, [50, 90])]
+            text.append(f"| {name} | {len(errors)} of {len(rows)} | {' | '.join(cells)} |")
     steady = e.steadiness()
     if steady:
         stay = sum(row.radius_m <= STABLE_M for row in steady)
-        radius_m, label_radius_m = (
-            float(np.median(column)) for column in list(zip(*steady, strict=True))[2:]
-        )
+        radius_m = float(np.median([row.radius_m for row in steady]))
+        label_radius_m = float(np.median([row.label_radius_m for row in steady]))
         text += [
             "",
-            f"Of {len(steady)} parked vehicles seen {MIN_SIGHTINGS} times or more within {STABLE_RANGE_M:g} m, "
-            f"{stay} stay within {STABLE_M:g} m of their median place, in {STABLE_SHARE:.0%} of sightings; "
-            f"median radius {radius_m:.2f} m, that of the labels themselves {label_radius_m:.2f} m.",
+            f"Of {len(steady)} parked vehicles seen {MIN_SIGHTINGS} times or more within "
+            f"{STABLE_RANGE_M:g} m, {stay} stay within {STABLE_M:g} m of their median place, in "
+            f"{STABLE_SHARE:.0%} of sightings; median radius {radius_m:.2f} m, that of the labels "
+            f"themselves {label_radius_m:.2f} m.",
         ]
     return "\n".join(text) + "\n"
 
 
-def _places(e: Evaluation) -> list[tuple[str, list[Judged]]]:
-    parked = e.kept("vehicles", parked=True)
+def _places(e: Evaluation) -> list[tuple[str, list[JudgedDetection]]]:
+    """Right detections by what is compared: groups, ranges and methods of placement."""
+    right = e.right()
+    parked = e.right("vehicles", parked=True)
     rows = [
-        ("vehicles", e.kept("vehicles")),
-        ("persons", e.kept("persons")),
+        ("vehicles", e.right("vehicles")),
+        ("persons", e.right("persons")),
         (
             "parked vehicles within 30 m",
-            [j for j in parked if j.range_m is not None and j.range_m <= 30.0],
+            [item for item in parked if item.range_m is not None and item.range_m <= 30.0],
         ),
     ]
     for low, high in RANGES_M:
         name = f"all from {low:g} to {high:g} m" if high < math.inf else f"all beyond {low:g} m"
-        rows.append(
-            (name, [j for j in e.kept() if j.range_m is not None and low <= j.range_m < high])
-        )
-    for method, how in (("scan", "by the scan"), ("ground", "by the ground")):
-        rows.append((f"all placed {how}", [j for j in e.kept() if j.detection.method == method]))
+        in_range = [
+            item for item in right if item.range_m is not None and low <= item.range_m < high
+        ]
+        rows.append((name, in_range))
+    for method in ("scan", "ground"):
+        by_method = [item for item in right if item.detection.method == method]
+        rows.append((f"all placed by the {method}", by_method))
     return rows

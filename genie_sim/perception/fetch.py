@@ -1,13 +1,16 @@
-"""The official files of detectors and drives, from the network into a folder: checked, resumable, unpacked with care.
+"""The official files of detectors and drives, from the network into a folder: checked, resumable,
+unpacked with care.
 
 The only module that touches the network.
 """
 
 import hashlib
 import logging
+import lzma
 import re
 import shutil
 import stat
+import struct
 import zipfile
 import zlib
 from collections.abc import Callable
@@ -17,16 +20,16 @@ from urllib.error import HTTPError, URLError
 from urllib.request import Request, urlopen
 
 from genie_sim.errors import UserError, as_user_error, unknown
-from genie_sim.paths import usable
+from genie_sim.paths import replace_durably, usable
 
 log = logging.getLogger(__name__)
 
 TIMEOUT_S = 30.0  # without a byte
 CHUNK_BYTES = 1 << 18
 TRIES = 3
-MOST_UNPACKED_BYTES = 20 * 10**9  # KITTI's longest raw drives unpack to about 8 GB
-MOST_ENTRIES = 200_000  # KITTI's longest raw drive has about 31,000 files
-MOST_RATIO = 100  # of an archive; scans and pictures shrink by a fifth at most, text to a tenth
+MAX_UNPACKED_BYTES = 20 * 10**9  # KITTI's longest raw drives unpack to about 8 GB
+MAX_ENTRIES = 200_000  # KITTI's longest raw drive has about 31,000 files
+MAX_RATIO = 100  # of an archive; scans and pictures shrink by a fifth at most, text to a tenth
 
 Progress = Callable[[int, int], None]
 
@@ -39,7 +42,8 @@ MODELS = {
     "yolox-s": (35_858_002, "c5c2d13e59ae883e6af3b45daea64af4833a4951c92d116ec270d9ddbe998063"),
 }
 
-# KITTI publishes no hashes of its archives; the name of a drive is checked, and what is in the archive.
+# KITTI publishes no hashes of its archives; the name of a drive is checked, and what is in the
+# archive.
 KITTI = "https://s3.eu-central-1.amazonaws.com/avg-kitti/raw_data"
 DRIVE = re.compile(r"(\d{4}_\d{2}_\d{2})_drive_(\d{4})")
 
@@ -51,19 +55,20 @@ def fetch_model(name: str, folder: Path, progress: Progress, base: str = YOLOX) 
         raise UserError(unknown("model", name, MODELS))
     path = folder / f"{name.replace('-', '_')}.onnx"
     size_bytes, sha256 = MODELS[name]
-    download(f"{base}/{path.name}", path, progress, sha256, size_bytes)
+    download(f"{base}/{path.name}", path, progress, sha256=sha256, size_bytes=size_bytes)
     return path
 
 
 def fetch_drive(drive: str, folder: Path, progress: Progress, base: str = KITTI) -> Path:
-    """A raw drive such as ``2011_09_26_drive_0005`` with its calibration and, where there are any, its tracklets.
+    """A raw drive such as ``2011_09_26_drive_0005`` with its calibration and, where there are any,
+    its tracklets.
 
     Returns KITTI's root folder, for ``--kitti``. The archives are removed once they are unpacked.
     """
-    found = DRIVE.fullmatch(drive.removesuffix("_sync"))
-    if found is None:
+    match = DRIVE.fullmatch(drive.removesuffix("_sync"))
+    if match is None:
         raise UserError(f"drive {drive!r}: expected a name like 2011_09_26_drive_0005")
-    date, name = found[1], found[0]
+    date, name = match[1], match[0]
     for file, needed in (
         (f"{date}_calib.zip", True),
         (f"{name}/{name}_tracklets.zip", False),
@@ -90,13 +95,23 @@ def download(
     url: str,
     path: Path,
     progress: Progress,
+    *,
     sha256: str | None = None,
     size_bytes: int | None = None,
 ) -> None:
-    """One file, written as ``.part`` and renamed once it is complete; a later call goes on where an earlier
-    one stopped. A file that is there already, with the right hash, is left alone.
+    """One file, written as ``.part`` and renamed once it is complete; a later call goes on where an
+    earlier one stopped. A file that is there already, with the right hash, is left alone.
 
-    Raises UserError, with what to do by hand, when there is no network, the server is too slow or the file is wrong.
+    Raises UserError, with what to do by hand, when there is no network, the server is too slow or
+    the file is wrong.
+
+    Parameters
+    ----------
+    url : where the file is
+    path : where it is written
+    progress : is called with the bytes received and all bytes
+    sha256 : that the file must have, if it is known
+    size_bytes : that the file must have, if it is known
     """
     by_hand = f"to do it by hand, put {url} at {path}"
     if path.is_file() and sha256 is not None and _sha256(path) == sha256:
@@ -123,14 +138,17 @@ def download(
         if sha256 is not None and (actual := _sha256(part)) != sha256:
             part.unlink()
             raise UserError(
-                f"{url}: sha256 {actual[:12]}... instead of {sha256[:12]}...: corrupted or another file; {by_hand}"
+                f"{url}: sha256 {actual[:12]}... instead of {sha256[:12]}...: "
+                f"corrupted or another file; {by_hand}"
             )
-        part.replace(path)
+        replace_durably(part, path)
 
 
-def unpack(archive: Path, folder: Path, most_bytes: int = MOST_UNPACKED_BYTES) -> list[Path]:
-    """Files of a ZIP archive into a folder. Nothing is written if an entry has no name, would leave the folder, is a
-    link, is encrypted or appears twice, or if all of them are too many or unpack to too much; UserError says which."""
+def unpack(archive: Path, folder: Path, max_bytes: int = MAX_UNPACKED_BYTES) -> list[Path]:
+    """Files of a ZIP archive into a folder. Nothing is written if an entry has no name, would leave
+    the folder, is a link, is encrypted or appears twice, or if all of them are too many or unpack
+    to too much; UserError says which.
+    """
     root = folder.resolve()
     broken = (
         zipfile.BadZipFile,
@@ -138,6 +156,8 @@ def unpack(archive: Path, folder: Path, most_bytes: int = MOST_UNPACKED_BYTES) -
         NotImplementedError,
         RuntimeError,
         ValueError,
+        lzma.LZMAError,
+        struct.error,
         zlib.error,
     )
     with (
@@ -146,7 +166,7 @@ def unpack(archive: Path, folder: Path, most_bytes: int = MOST_UNPACKED_BYTES) -
         zipfile.ZipFile(archive) as packed,
     ):
         entries = [entry for entry in packed.infolist() if not entry.filename.endswith("/")]
-        _check(archive, entries, root, most_bytes)
+        _check(archive, entries, root, max_bytes)
         for entry in entries:
             target = root / entry.filename
             target.parent.mkdir(parents=True, exist_ok=True)
@@ -158,17 +178,18 @@ def unpack(archive: Path, folder: Path, most_bytes: int = MOST_UNPACKED_BYTES) -
         return [root / entry.filename for entry in entries]
 
 
-def _check(archive: Path, entries: list[zipfile.ZipInfo], root: Path, most_bytes: int) -> None:
+def _check(archive: Path, entries: list[zipfile.ZipInfo], root: Path, max_bytes: int) -> None:
     total, packed = sum(entry.file_size for entry in entries), archive.stat().st_size
-    if len(entries) > MOST_ENTRIES:
-        raise UserError(f"{archive}: has {len(entries):,} files, more than {MOST_ENTRIES:,}")
-    if total > most_bytes:
-        raise UserError(f"{archive}: unpacks to {total:,} bytes, more than {most_bytes:,}")
-    if total > max(MOST_RATIO * packed, CHUNK_BYTES):
+    if len(entries) > MAX_ENTRIES:
+        raise UserError(f"{archive}: has {len(entries):,} files, more than {MAX_ENTRIES:,}")
+    if total > max_bytes:
+        raise UserError(f"{archive}: unpacks to {total:,} bytes, more than {max_bytes:,}")
+    if total > max(MAX_RATIO * packed, CHUNK_BYTES):
         raise UserError(
-            f"{archive}: unpacks to {total:,} bytes from {packed:,}, more than {MOST_RATIO} times as many"
+            f"{archive}: unpacks to {total:,} bytes from {packed:,}, "
+            f"more than {MAX_RATIO} times as many"
         )
-    seen: set[str] = set()
+    names: set[str] = set()
     for entry in entries:
         name = PurePosixPath(entry.filename)
         outside = (
@@ -190,22 +211,24 @@ def _check(archive: Path, entries: list[zipfile.ZipInfo], root: Path, most_bytes
                 "is a link or a device, not a file",
             ),
             (entry.flag_bits & 1, "is encrypted"),
-            (str(name).lower() in seen, "is in the archive twice"),
+            (str(name).lower() in names, "is in the archive twice"),
         ):
             if wrong:
                 raise UserError(f"{archive}: {entry.filename!r} {why}")
-        seen.add(str(name).lower())
+        names.add(str(name).lower())
 
 
 def _receive(url: str, part: Path, progress: Progress, size_bytes: int | None) -> None:
-    here = part.stat().st_size if part.is_file() else 0
-    request = Request(
-        url, headers={"User-Agent": "genie-sim", **({"Range": f"bytes={here}-"} if here else {})}
-    )
+    size_here = part.stat().st_size if part.is_file() else 0
+    headers = {"User-Agent": "genie-sim"}
+    if size_here:
+        headers["Range"] = f"bytes={size_here}-"
+    request = Request(url, headers=headers)
     with urlopen(request, timeout=TIMEOUT_S) as answer:
         range_ = answer.headers.get("Content-Range") or ""
-        goes_on = here > 0 and answer.status == 206 and range_.startswith(f"bytes {here}-")
-        done = here if goes_on else 0
+        is_rest = answer.status == 206 and range_.startswith(f"bytes {size_here}-")
+        goes_on = size_here > 0 and is_rest
+        done = size_here if goes_on else 0
         length = answer.headers.get("Content-Length")
         total = done + int(length) if length and re.fullmatch("[0-9]{1,18}", length) else size_bytes
         if size_bytes is not None and total is not None and total > size_bytes:

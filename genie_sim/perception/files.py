@@ -1,6 +1,8 @@
-"""Reads input files as rows of numbers and as matrices. Every error names the file, and the line or the matrix."""
+"""Reads input files as rows of numbers and as matrices. Every error names the file, and the line or
+the matrix.
+"""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -10,12 +12,14 @@ from genie_sim.core.geometry import Array
 from genie_sim.errors import UserError, as_user_error
 from genie_sim.paths import read_text
 
-MOST = 1e9  # no number in KITTI's files is larger
+MAX = 1e9  # no number in KITTI's files is larger
 
 
 def within(values: npt.ArrayLike) -> bool:
-    """Whether all values are numbers below ``MOST``: neither infinite nor nan, and their products are finite."""
-    return bool((np.abs(np.asarray(values, dtype=np.float64)) < MOST).all())
+    """Whether all values are numbers below ``MAX``: neither infinite nor nan, and their products
+    are finite.
+    """
+    return bool((np.abs(np.asarray(values, dtype=np.float64)) < MAX).all())
 
 
 def lines(path: Path) -> Iterator[tuple[int, list[str]]]:
@@ -26,7 +30,9 @@ def lines(path: Path) -> Iterator[tuple[int, list[str]]]:
 
 
 def numbers(path: Path, columns: int) -> Array:
-    """A table (n, columns) of numbers ``within`` bounds. Raises UserError for a line that holds anything else."""
+    """A table (n, columns) of numbers ``within`` bounds. Raises UserError for a line that holds
+    anything else.
+    """
     rows: list[list[float]] = []
     for number, fields in lines(path):
         with as_user_error(f"{path}: line {number}", ValueError):
@@ -39,15 +45,23 @@ def numbers(path: Path, columns: int) -> Array:
     return np.array(rows).reshape(-1, columns)
 
 
-def matrices(path: Path, wanted: Sequence[tuple[Sequence[str], int]]) -> list[Array]:
-    """Matrices (3, columns) of a calibration file, whose lines are ``NAME: numbers``.
+def named_rows(path: Path) -> dict[str, list[str]]:
+    """The rows of a calibration file whose lines are ``NAME: numbers`` or ``NAME numbers``."""
+    return {fields[0].rstrip(":"): fields[1:] for _, fields in lines(path)}
 
-    ``wanted``: the names that each may have, and its columns. Raises UserError for one that is missing, or whose first
-    three columns cannot be inverted.
+
+def matrices(
+    path: Path,
+    rows: Mapping[str, Iterable[str | float]],
+    names_and_columns: Sequence[tuple[Sequence[str], int]],
+) -> list[Array]:
+    """Matrices (3, columns) out of the ``rows`` of a calibration file.
+
+    ``names_and_columns``: the names that each may have, and its columns. Raises UserError for one
+    that is missing, or whose first three columns cannot be inverted.
     """
-    rows = {fields[0].rstrip(":"): fields[1:] for _, fields in lines(path)}
-    found = []
-    for names, columns in wanted:
+    table: list[Array] = []
+    for names, columns in names_and_columns:
         values = next((rows[name] for name in names if name in rows), [])
         try:
             matrix = np.array([float(value) for value in values]).reshape(3, columns)
@@ -59,5 +73,5 @@ def matrices(path: Path, wanted: Sequence[tuple[Sequence[str], int]]) -> list[Ar
             singular = columns >= 3 and abs(np.linalg.det(matrix[:, :3])) < 1e-9
         if singular or not within(matrix):
             raise UserError(f"{path}: {names[0]} is not a matrix that can be inverted")
-        found.append(matrix)
-    return found
+        table.append(matrix)
+    return table

@@ -1,4 +1,6 @@
-"""A trace to look at: boxes in the pictures, a bird's-eye view of what was placed, and the object map it makes."""
+"""A trace to look at: boxes in the pictures, a bird's-eye view of what was placed, and the object
+map it makes.
+"""
 
 import math
 from collections.abc import Callable, Iterator, Mapping
@@ -7,6 +9,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from genie_sim.classes import class_of
 from genie_sim.core.object_map import ObjectMap
 from genie_sim.core.rules import ObjectMapRules
 from genie_sim.errors import UserError
@@ -20,12 +23,7 @@ VIEW_M = 60.0  # how far ahead the bird's-eye view reaches
 VIDEO_FPS = 10.0
 PAPER, INK, GRID = (250, 250, 250), (40, 40, 40), (215, 215, 215)  # blue, green, red
 # Colours that people who see red and green alike can tell apart: Okabe and Ito's.
-COLOURS = {
-    "car": (178, 114, 0),
-    "truck": (178, 114, 0),
-    "bus": (178, 114, 0),
-    "person": (0, 94, 213),
-}
+COLOURS = {"car": (178, 114, 0), "person": (0, 94, 213)}
 OTHER = (115, 158, 0)
 
 Images = Mapping[tuple[str, int], Path]  # by camera and frame number
@@ -69,14 +67,14 @@ def drawn(trace: Trace, images: Images) -> Iterator[tuple[TraceFrame, np.ndarray
     The object map is that of one Genie with the default rules that saw every frame up to this one.
     """
     for camera in sorted(trace.frames):
-        seen = ObjectMap(ObjectMapRules())
+        object_map = ObjectMap(ObjectMapRules())
         for frame in trace.frames[camera]:
             for detection in frame.detections:
                 if detection.location is not None:
-                    seen.sight(detection)
+                    object_map.sight(detection)
             image = _camera(frame, images.get((camera, frame.index)))
             width = max(image.shape[1] // 2, PANEL_PX)
-            below = np.hstack([_birds_eye(frame, width), _map(frame, seen, width)])
+            below = np.hstack([_birds_eye(frame, width), _map(frame, object_map, width)])
             above = np.full((image.shape[0], below.shape[1], 3), PAPER, np.uint8)
             above[:, : image.shape[1]] = image
             yield frame, np.vstack([above, below])
@@ -90,8 +88,8 @@ def _camera(frame: TraceFrame, path: Path | None) -> np.ndarray:
         if detection.box is None:
             continue
         left, top, right, bottom = (round(value) for value in detection.box)
-        colour = COLOURS.get(detection.label, OTHER)
-        cv2.rectangle(image, (left, top), (right, bottom), colour, 2)
+        colour = COLOURS.get(class_of(detection.label), OTHER)
+        cv2.rectangle(image, (left, top), (right, bottom), color=colour, thickness=2)
         _text(
             image,
             f"{detection.label} {detection.score:.2f}",
@@ -108,65 +106,70 @@ def _camera(frame: TraceFrame, path: Path | None) -> np.ndarray:
 
 
 def _birds_eye(frame: TraceFrame, width: int) -> np.ndarray:
-    """What was placed in this frame, from above: the camera at the bottom, ahead is up, rings every 10 m."""
+    """What was placed in this frame, from above: the camera at the bottom, ahead is up, rings every
+    10 m.
+    """
     panel = np.full((PANEL_PX, width, 3), PAPER, np.uint8)
     pixels_per_m = (PANEL_PX - 40) / VIEW_M
     foot = (width // 2, PANEL_PX - 20)
     for range_m in range(10, int(VIEW_M) + 1, 10):
-        cv2.circle(panel, foot, round(range_m * pixels_per_m), GRID, 1)
-        _text(
-            panel, f"{range_m} m", (foot[0] + 4, foot[1] - round(range_m * pixels_per_m) + 12), INK
-        )
+        radius = round(range_m * pixels_per_m)
+        cv2.circle(panel, foot, radius, color=GRID, thickness=1)
+        _text(panel, f"{range_m} m", (foot[0] + 4, foot[1] - radius + 12), INK)
     for side in (-1, 1):
         angle = side * frame.horizontal_fov_rad / 2
         end = (
             foot[0] + round(2 * PANEL_PX * math.sin(angle)),
             foot[1] - round(2 * PANEL_PX * math.cos(angle)),
         )
-        cv2.line(panel, foot, end, GRID, 1)
+        cv2.line(panel, foot, end, color=GRID, thickness=1)
     for detection in frame.detections:
         if detection.location is None:
             continue
         right_m, ahead_m = _from_camera(frame.pose, detection.location)
         place = (foot[0] + round(right_m * pixels_per_m), foot[1] - round(ahead_m * pixels_per_m))
-        colour, thickness = (
-            COLOURS.get(detection.label, OTHER),
-            -1 if detection.method == "scan" else 2,
+        cv2.circle(
+            panel,
+            place,
+            radius=5,
+            color=COLOURS.get(class_of(detection.label), OTHER),
+            thickness=-1 if detection.method == "scan" else 2,
+            lineType=cv2.LINE_AA,
         )
-        cv2.circle(panel, place, 5, colour, thickness, cv2.LINE_AA)
     _text(panel, "placed in this frame (filled: by the scan, ring: by the ground)", (8, 16), INK)
     return panel
 
 
-def _map(frame: TraceFrame, seen: ObjectMap, width: int) -> np.ndarray:
+def _map(frame: TraceFrame, object_map: ObjectMap, width: int) -> np.ndarray:
     """The object map around the car, north up; the larger a dot, the more confident."""
     panel = np.full((PANEL_PX, width, 3), PAPER, np.uint8)
     pixels_per_m = PANEL_PX / (2 * VIEW_M)
     centre = (width // 2, PANEL_PX // 2)
     confident = 0
-    for stored in seen:
-        east_m, north_m = (
-            stored.location[0] - frame.pose.east_m,
-            stored.location[1] - frame.pose.north_m,
-        )
-        place = (
-            centre[0] + round(east_m * pixels_per_m),
-            centre[1] - round(north_m * pixels_per_m),
-        )
-        sure = stored.confidence >= seen.threshold
-        confident += sure
-        colour = COLOURS.get(stored.label, OTHER)
+    for stored in object_map:
+        right_px = round((stored.location[0] - frame.pose.east_m) * pixels_per_m)
+        up_px = round((stored.location[1] - frame.pose.north_m) * pixels_per_m)
+        is_confident = stored.confidence >= object_map.threshold
+        confident += is_confident
         cv2.circle(
-            panel, place, 2 + round(4 * stored.confidence), colour, -1 if sure else 1, cv2.LINE_AA
+            panel,
+            (centre[0] + right_px, centre[1] - up_px),
+            radius=2 + round(4 * stored.confidence),
+            color=COLOURS.get(class_of(stored.label), OTHER),
+            thickness=-1 if is_confident else 1,
+            lineType=cv2.LINE_AA,
         )
     tip = (
         centre[0] + round(14 * math.cos(frame.pose.heading_rad)),
         centre[1] - round(14 * math.sin(frame.pose.heading_rad)),
     )
-    cv2.arrowedLine(panel, centre, tip, INK, 2, cv2.LINE_AA, tipLength=0.5)
+    cv2.arrowedLine(
+        panel, centre, tip, color=INK, thickness=2, line_type=cv2.LINE_AA, tipLength=0.5
+    )
     _text(
         panel,
-        f"object map: {len(seen)} objects, {confident} with C >= {seen.threshold:g} (filled)",
+        f"object map: {len(object_map)} objects, {confident} with C >= {object_map.threshold:g}"
+        " (filled)",
         (8, 16),
         INK,
     )
@@ -183,7 +186,16 @@ def _from_camera(pose: CameraPose, location: Location) -> tuple[float, float]:
 def _text(
     image: np.ndarray, text: str, place: tuple[int, int], colour: tuple[int, int, int]
 ) -> None:
-    cv2.putText(image, text, place, cv2.FONT_HERSHEY_SIMPLEX, 0.42, colour, 1, cv2.LINE_AA)
+    cv2.putText(
+        image,
+        text,
+        place,
+        fontFace=cv2.FONT_HERSHEY_SIMPLEX,
+        fontScale=0.42,
+        color=colour,
+        thickness=1,
+        lineType=cv2.LINE_AA,
+    )
 
 
 def _frames(trace: Trace) -> int:

@@ -1,14 +1,16 @@
-"""Frames through a detector in concurrent stages: reading ahead, the network, placing what was found."""
+"""Frames through a detector in concurrent stages: reading ahead, the network, placing what was
+found.
+"""
 
 import hashlib
 import os
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import lru_cache, partial
-from itertools import islice, starmap
+from itertools import islice
 from typing import Any, NamedTuple, TypeVar
 
 import cv2
@@ -19,7 +21,7 @@ from genie_sim.core.geometry import Array, transform
 from genie_sim.messages import Encoding
 from genie_sim.paths import read_bytes
 from genie_sim.perception import placement
-from genie_sim.perception.detector import Found, ImageDetector
+from genie_sim.perception.detector import DetectedBox, ImageDetector
 from genie_sim.perception.encoding import difference_hash, hue_saturation, sent
 from genie_sim.perception.kitti import CameraFrame, KittiDrive, decode_image
 from genie_sim.perception.onnx_detector import OnnxDetector
@@ -27,13 +29,15 @@ from genie_sim.perception.placement import Placement, Plane
 from genie_sim.perception.trace import TraceFrame, detection, trace_frame
 
 READ_AHEAD = 4  # frames read while the network runs, and frames placed after it
-MOST_WORKERS = 3  # read and place; more than the fastest networks here can use
+MAX_WORKERS = 3  # read and place; more than the fastest networks here can use
 
 Result = TypeVar("Result")
 
 
 class _Picture(NamedTuple):
-    """A frame that has been read, without what is found in it: what the network gets, and how much that was scaled."""
+    """A frame that has been read, without what is found in it: what the network gets, and how much
+    that was scaled.
+    """
 
     world_SE3_camera: Array
     frame: TraceFrame
@@ -43,20 +47,22 @@ class _Picture(NamedTuple):
 
 
 class _InOneStep:
-    """A detector that runs no network of its own: a whole picture goes in, and what comes out is found."""
+    """A detector that runs no network of its own: a whole picture goes in, and what comes out is
+    found.
+    """
 
     threads = batch = 1
 
     def __init__(self, detector: ImageDetector) -> None:
         self._detect = detector.detect
 
-    def infer_many(self, images: Sequence[np.ndarray]) -> list[list[Found]]:
+    def infer_many(self, images: Sequence[np.ndarray]) -> list[list[DetectedBox]]:
         return [self._detect(image) for image in images]
 
     def prepare(self, image_bgr: np.ndarray) -> tuple[np.ndarray, float]:
         return image_bgr, 1.0
 
-    def found(self, outputs: Any, scale: float, image_size: tuple[int, int]) -> list[Found]:
+    def found(self, outputs: Any, scale: float, image_size: tuple[int, int]) -> list[DetectedBox]:
         return list(outputs)
 
     def features(self, outputs: Any) -> dict[str, bytes]:
@@ -67,29 +73,100 @@ def trace_frames(
     drive: KittiDrive,
     frames: Iterable[CameraFrame],
     detector: ImageDetector,
+    *,
     place_from: float = 0.0,
     encoding: Encoding = "raw",
 ) -> Iterator[TraceFrame]:
-    """The frames as a trace keeps them, in order. The network has this thread for itself: the processors it leaves
-    free read the frames that come, and place what was found in those that went."""
-    steps = detector if isinstance(detector, OnnxDetector) else _InOneStep(detector)
-    free = (os.cpu_count() or 1) - steps.threads
-    scanned = lru_cache(2 * READ_AHEAD)(partial(_scanned, drive))
-    with _one_thread_of_opencv(), ThreadPoolExecutor(min(max(free, 1), MOST_WORKERS)) as workers:
-        read = partial(workers.submit, partial(_read, drive, steps, scanned, encoding))
-        place = partial(workers.submit, partial(_placed, steps, place_from))
-        pictures = _in_order(map(read, frames), READ_AHEAD + steps.batch)
-        yield from _in_order(starmap(place, _inferred(steps, pictures)), READ_AHEAD)
+    """The frames as a trace keeps them, in order.
+
+    The network has this thread for itself: the processors it leaves free read the frames that come,
+    and place what was found in those that went.
+
+    Parameters
+    ----------
+    drive : of the frames
+    frames : what to look at
+    detector : what looks
+    place_from : detections with a lower score are kept without a location
+    encoding : of the pictures before the detector sees them
+    """
+    stages = _Stages(drive, detector, place_from, encoding)
+    free = (os.cpu_count() or 1) - stages.detector.threads
+    with _one_thread_of_opencv(), ThreadPoolExecutor(min(max(free, 1), MAX_WORKERS)) as workers:
+        reading = (workers.submit(stages.read, frame) for frame in frames)
+        pictures = _in_order(reading, READ_AHEAD + stages.detector.batch)
+        inferred = stages.infer(pictures)
+        placing = (workers.submit(stages.place, *picture) for picture in inferred)
+        yield from _in_order(placing, READ_AHEAD)
 
 
-def _inferred(
-    steps: OnnxDetector | _InOneStep, pictures: Iterator[_Picture]
-) -> Iterator[tuple[_Picture, Any]]:
-    """Each picture with the network's outputs for it."""
-    while together := list(islice(pictures, steps.batch)):
-        yield from zip(
-            together, steps.infer_many([picture.blob for picture in together]), strict=True
+class _Stages:
+    """What is done with each frame, one after the other: read, infer, place."""
+
+    def __init__(
+        self, drive: KittiDrive, detector: ImageDetector, place_from: float, encoding: Encoding
+    ) -> None:
+        self.detector = detector if isinstance(detector, OnnxDetector) else _InOneStep(detector)
+        self._drive, self._place_from, self._encoding = drive, place_from, encoding
+        # The cameras of a car share a scan.
+        self._scanned = lru_cache(2 * READ_AHEAD)(partial(_scanned, drive))
+
+    def read(self, frame: CameraFrame) -> _Picture:
+        """A frame from the disk, as the network gets it."""
+        data = read_bytes(frame.image_path)
+        image = decode_image(frame.image_path, data)
+        height, width = image.shape[:2]
+        dhash, size_bytes = difference_hash(image), None
+        if self._encoding != "raw":
+            image, size_bytes = sent(image, self._encoding)
+        scan, ground = self._scanned(frame.index)
+        camera_SE3_velo = self._drive.camera_SE3_velo(frame.camera)
+        blob, scale = self.detector.prepare(image)
+        return _Picture(
+            world_SE3_camera=frame.world_SE3_camera,
+            frame=trace_frame(
+                camera=frame.camera,
+                index=frame.index,
+                stamp_ns=frame.stamp_ns - self._drive.first_stamp_ns,
+                size=(width, height),
+                digest=hashlib.sha256(data).hexdigest(),
+                dhash=dhash,
+                world_SE3_camera=frame.world_SE3_camera,
+                intrinsics=frame.intrinsics,
+                features={"hsv": packed(hue_saturation(image))},
+                size_bytes=size_bytes,
+            ),
+            placement=Placement(
+                frame.intrinsics, (width, height), camera_SE3_velo, scan, ground=ground
+            ),
+            blob=blob,
+            scale=scale,
         )
+
+    def infer(self, pictures: Iterator[_Picture]) -> Iterator[tuple[_Picture, Any]]:
+        """Each picture with the network's outputs for it."""
+        while batch := list(islice(pictures, self.detector.batch)):
+            outputs = self.detector.infer_many([picture.blob for picture in batch])
+            yield from zip(batch, outputs, strict=True)
+
+    def place(self, picture: _Picture, outputs: Any) -> TraceFrame:
+        """The frame with what was found in it, each object at its place in the world."""
+        frame, detections = picture.frame, []
+        boxes = self.detector.found(outputs, picture.scale, (frame.width, frame.height))
+        for label, score, box in boxes:
+            point, method = None, "none"
+            if score >= self._place_from:
+                point, method = picture.placement.place(label, box)
+            location = None if point is None else transform(picture.world_SE3_camera, point)
+            detections.append(detection(label, score, box, location, method=method))
+        features = {**frame.features, **self.detector.features(outputs)}
+        return replace(frame, detections=tuple(detections), features=features)
+
+
+def _scanned(drive: KittiDrive, index: int) -> tuple[Array | None, Plane]:
+    """The laser scan of a frame, if there is one, and the ground in it."""
+    scan = drive.scan(index)
+    return scan, placement.TYPICAL_GROUND if scan is None else placement.fit_ground(scan)
 
 
 @contextmanager
@@ -112,54 +189,3 @@ def _in_order(futures: Iterable[Future[Result]], ahead: int) -> Iterator[Result]
             yield pending.popleft().result()
     while pending:
         yield pending.popleft().result()
-
-
-def _scanned(drive: KittiDrive, index: int) -> tuple[Array | None, Plane]:
-    scan = drive.scan(index)
-    return scan, placement.TYPICAL_GROUND if scan is None else placement.fit_ground(scan)
-
-
-def _read(
-    drive: KittiDrive,
-    steps: OnnxDetector | _InOneStep,
-    scanned: Callable[[int], tuple[Array | None, Plane]],
-    encoding: Encoding,
-    frame: CameraFrame,
-) -> _Picture:
-    data = read_bytes(frame.image_path)
-    image = decode_image(frame.image_path, data)
-    size, size_bytes = (image.shape[1], image.shape[0]), None
-    fingerprints = (hashlib.sha256(data).hexdigest(), difference_hash(image))
-    if encoding != "raw":
-        image, size_bytes = sent(image, encoding)
-    here = Placement(
-        frame.intrinsics, size, drive.camera_SE3_velo(frame.camera), *scanned(frame.index)
-    )
-    stamp_ns, pose = frame.stamp_ns - drive.first_stamp_ns, frame.world_SE3_camera
-    seen = (
-        size,
-        fingerprints,
-        pose,
-        frame.intrinsics,
-        (),
-        {"hsv": packed(hue_saturation(image))},
-        size_bytes,
-    )
-    return _Picture(
-        pose, trace_frame(frame.camera, frame.index, stamp_ns, *seen), here, *steps.prepare(image)
-    )
-
-
-def _placed(
-    steps: OnnxDetector | _InOneStep, place_from: float, picture: _Picture, outputs: Any
-) -> TraceFrame:
-    frame, detections = picture.frame, []
-    for label, score, box in steps.found(outputs, picture.scale, (frame.width, frame.height)):
-        point, method = (
-            picture.placement.place(label, box) if score >= place_from else (None, "none")
-        )
-        place = None if point is None else transform(picture.world_SE3_camera, point)
-        detections.append(detection(label, score, box, place, method))
-    return replace(
-        frame, detections=tuple(detections), features={**frame.features, **steps.features(outputs)}
-    )

@@ -1,14 +1,16 @@
-"""Where is the middle of a vehicle of which the laser saw one or two sides? Fit a rectangle of its usual size.
+"""Where is the middle of a vehicle of which the laser saw one or two sides? Fit a rectangle of its
+usual size.
 
-The turn of the rectangle is found as in X. Zhang et al., 'Efficient L-Shape Fitting for Vehicle Detection Using Laser
-Scanners', IV 2017 (closeness criterion): of all turns, the one in which the points lie closest to the sides.
+The turn of the rectangle is found as in X. Zhang et al., 'Efficient L-Shape Fitting for Vehicle
+Detection Using Laser Scanners', IV 2017 (closeness criterion): of all turns, the one in which the
+points lie closest to the sides.
 """
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
+from genie_sim.classes import Size
 from genie_sim.core.geometry import Array
 
 TURNS_RAD = np.deg2rad(np.arange(0, 90, 3))
@@ -16,24 +18,18 @@ TURNED_AXES = np.column_stack([np.cos(TURNS_RAD), np.sin(TURNS_RAD)])
 NEAR_M = 0.05  # points closer to a side than this lie on it
 STRAY_PERCENT = 2  # this share of the points may lie outside, on either side
 SLACK_M = 0.3  # a side that is longer than a vehicle is wide, by this much, is its long one
-MOST_POINTS = 400  # more say nothing new
-
-
-class Size(NamedTuple):
-    """The usual extent of a class of vehicles, seen from above."""
-
-    length_m: float
-    width_m: float
+MAX_POINTS = 400  # more say nothing new
 
 
 def centre(points: Array, size: Size, cut: str | None = None) -> tuple[float, float] | None:
-    """The middle (x, z) of a vehicle from points (n, 2) on its near sides; the laser is at (0, 0), z is ahead.
+    """The middle (x, z) of a vehicle from points (n, 2) on its near sides; the laser is at (0, 0),
+    z is ahead.
 
-    ``None`` where only an end is seen, whole: then the middle of its box says more about where it is than the points.
-    Where less is seen than ``size``, the rest lies behind what is seen, or, if the picture cuts the vehicle off at its
-    ``left`` or ``right`` border, beyond that border.
+    ``None`` where only an end is seen, whole: then the middle of its box says more about where it
+    is than the points. Where less is seen than ``size``, the rest lies behind what is seen, or, if
+    the picture cuts the vehicle off at its ``left`` or ``right`` border, beyond that border.
     """
-    points = points[:: math.ceil(len(points) / MOST_POINTS)]
+    points = points[:: math.ceil(len(points) / MAX_POINTS)]
     turn = _turn(points)
     axes = np.array([[math.cos(turn), math.sin(turn)], [-math.sin(turn), math.cos(turn)]])
     ordered = np.sort(points @ axes.T, axis=0)
@@ -48,14 +44,16 @@ def centre(points: Array, size: Size, cut: str | None = None) -> tuple[float, fl
     for axis in (0, 1):
         usual_m = size.length_m if axis == along else size.width_m
         if extents[axis] < usual_m:
-            seen_low = _low_end_is_seen(axis, low, high, axes, cut)
+            seen_low = _low_end_is_seen(axis, (low, high), axes, cut)
             middle[axis] = low[axis] + usual_m / 2 if seen_low else high[axis] - usual_m / 2
     x, z = (middle @ axes).tolist()
     return x, z
 
 
 def percentile(ordered: Array, percent: float) -> Array:
-    """Of values in ascending order along the first axis; as ``numpy.percentile``, which takes ten times as long."""
+    """Of values in ascending order along the first axis; as ``numpy.percentile``, which takes ten
+    times as long.
+    """
     place = percent / 100 * (len(ordered) - 1)
     before = int(place)
     low, high = ordered[before], ordered[min(before + 1, len(ordered) - 1)]
@@ -63,8 +61,11 @@ def percentile(ordered: Array, percent: float) -> Array:
     return between
 
 
-def _low_end_is_seen(axis: int, low: Array, high: Array, axes: Array, cut: str | None) -> bool:
-    """Whether the vehicle ends where the points of an axis begin, and goes on where they end; or the other way."""
+def _low_end_is_seen(axis: int, ends: tuple[Array, Array], axes: Array, cut: str | None) -> bool:
+    """Whether the vehicle ends where the points of an axis begin, and goes on where they end; or
+    the other way.
+    """
+    low, high = ends
     middle = (low + high) / 2
     if cut is None:
         return bool(middle[axis] > 0)
@@ -76,9 +77,8 @@ def _low_end_is_seen(axis: int, low: Array, high: Array, axes: Array, cut: str |
 
 
 def _turn(points: Array) -> float:
-    turned = (
-        np.concatenate([TURNED_AXES, TURNED_AXES[:, ::-1] * [-1, 1]]) @ points.T
-    )  # (2 turns, n)
+    # (2 turns, n)
+    turned = np.concatenate([TURNED_AXES, TURNED_AXES[:, ::-1] * [-1, 1]]) @ points.T
     stray = int(len(points) * STRAY_PERCENT / 100)
     ordered = np.sort(turned, axis=1)
     off = np.minimum(

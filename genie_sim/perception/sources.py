@@ -1,7 +1,8 @@
-"""Frame sources: where the frames of a scenario come from. The ``perception:`` section names one and its arguments.
+"""Frame sources: where the frames of a scenario come from. The ``perception:`` section names one
+and its arguments.
 
-To add one, write a class with the method of ``FrameSource`` and name it in ``SOURCES`` (or in a scenario as
-``source: package.module:Class``). Its arguments are its settings in YAML.
+To add one, write a class with the method of ``FrameSource`` and name it in ``SOURCES`` (or in a
+scenario as ``source: package.module:Class``). Its arguments are its settings in YAML.
 """
 
 import os
@@ -24,12 +25,16 @@ SOURCES: dict[str, str] = {
     "recorded": "genie_sim.perception.sources:Recorded",
     "live": "genie_sim.perception.sources:Live",
     "town": "genie_sim.town.source:InTown",
+    "traffic": "genie_sim.traffic.source:RecordedTraffic",
 }
 Progress = Callable[[float, float, str], None]
+Extent = tuple[float, float, float, float]  # west, south, east and north border of a map [m]
 
 
 class Drive(Protocol):
-    """What one car's cameras see: frames by recording, in order of time, in the scenario's east-north-up frame."""
+    """What one car's cameras see: frames by recording, in order of time, in the scenario's
+    east-north-up frame.
+    """
 
     @property
     def name(self) -> str: ...
@@ -44,10 +49,12 @@ class Frames(Protocol):
     seeded: bool
 
     def truth_of(self, drive: Any) -> Any:
-        """What is really there on a drive from here (``recording.held.DriveTruth``); ``None`` where nobody knows."""
+        """What is really there on a drive from here (``recording.held.DriveTruth``); ``None`` where
+        nobody knows.
+        """
 
     def drive(self, car: str, trace: str | None, start_ns: int) -> Drive:
-        """What a car sees that starts at this time; ``trace`` is its route's. Raises ``UserError``."""
+        """What a car sees that starts at a time; ``trace`` is its route's. Raises ``UserError``."""
 
     def digests(self) -> Mapping[str, str]:
         """What decides the frames handed out so far, for the run's id: digests by name."""
@@ -56,11 +63,35 @@ class Frames(Protocol):
         """Where they come from, by name, for ``run.json``."""
 
 
+class MapDrive(Drive, Protocol):
+    """What one car sees on a map, where it can be anywhere at any time."""
+
+    @property
+    def duration_ns(self) -> int: ...
+
+    def position(self, t_ns: int) -> tuple[float, float]:
+        """East and north of the car [m], ``t_ns`` after it starts."""
+
+
+class MapFrames(Frames, Protocol):
+    """An open source that fleets can drive in. A source that has cars of its own, such as recorded
+    traffic, has a method ``starts_ns`` too: when each car starts [ns], by name.
+    """
+
+    @property
+    def extent_m(self) -> Extent: ...
+
+    def drive(self, car: str, trace: str | None, start_ns: int) -> MapDrive: ...
+
+
 class FrameSource(Protocol):
-    """The settings of a source."""
+    """The settings of a source. ``is_one_world`` says of its class that cars meet, ``is_map`` that
+    they drive on a map and replay no recording, ``has_cars`` that a fleet has no number of cars;
+    all are ``False`` where they are missing.
+    """
 
     def open(self, seed: int, origin: Geodetic | None, progress: Progress | None = None) -> Frames:
-        """The frames, placed around ``origin`` (``None``: the source's own). Raises ``UserError``."""
+        """The frames, placed around ``origin`` (``None``: the source's own). Raises UserError."""
 
 
 @dataclass(frozen=True)
@@ -68,6 +99,7 @@ class Recorded:
     """What the cameras show comes from a perception trace: a name or a path."""
 
     trace: str = "kitti_0005"
+    """A trace by name or path. The shipped one is KITTI's drive 2011_09_26/0005."""
 
     def open(
         self, seed: int, origin: Geodetic | None, progress: Progress | None = None
@@ -86,16 +118,25 @@ class Live:
     """
 
     kitti: str = "$GENIE_SIM_KITTI"
+    """KITTI's root folder; variables such as `$GENIE_SIM_KITTI` are filled in."""
+
     drive: str = "2011_09_26/0005"
+    """The drive, as date and number."""
+
     cameras: tuple[str, ...] = ("02", "03")
+    """KITTI's numbers of the recorded cameras."""
+
     detector: str = "yolox_nano"
+    """A detector's name, or an ONNX file."""
+
     min_score: float = 0.3
+    """Detections with a lower score are left out."""
 
     def __post_init__(self) -> None:
         if not re.fullmatch(r"\d{4}_\d{2}_\d{2}/\d{4}", self.drive, re.ASCII):
-            given = short_repr(self.drive)
             raise ValueError(
-                f"drive: must be a date and a number such as '2011_09_26/0005', not {given}"
+                "drive: must be a date and a number such as '2011_09_26/0005', "
+                f"not {short_repr(self.drive)}"
             )
         if not self.cameras:
             raise ValueError("cameras: must not be empty")
@@ -105,28 +146,31 @@ class Live:
     def open(
         self, seed: int, origin: Geodetic | None, progress: Progress | None = None
     ) -> "Recordings":
-        from genie_sim.perception.perceive import perceive
+        from genie_sim.perception.detector import DetectorSettings
+        from genie_sim.perception.perceive import DriveFrames, perceive
 
         root = os.path.expandvars(self.kitti)
         if root.startswith("$"):
             raise UserError(
-                f"perception.kitti: {self.kitti}: the environment variable is not set; set it to KITTI's folder"
+                f"perception.kitti: {self.kitti}: the environment variable is not set; "
+                "set it to KITTI's folder"
             )
 
         def tell(done: int, total: int) -> None:
             if progress is not None:
                 progress(done, total, "perceive")
 
-        made = perceive(
-            root, self.drive, self.cameras, self.detector, min_score=self.min_score, progress=tell
-        )
-        return Recordings(made, origin)
+        frames = DriveFrames(self.drive, self.cameras)
+        detector = DetectorSettings(self.detector, min_score=self.min_score)
+        return Recordings(perceive(root, frames, detector, progress=tell), origin)
 
 
 @dataclass
 class Recordings:
-    """Traces around one origin: the scenario's, and those that single routes name. Beside the file of a trace (``path``
-    is the main one's) there may be a truth table; ``truth`` is the main one's if it has no file."""
+    """Traces around one origin: the scenario's, and those that single routes name. Beside the file
+    of a trace (``path`` is the main one's) there may be a truth table; ``truth`` is the main one's
+    if it has no file.
+    """
 
     main: "Trace"
     origin: Geodetic | None = None
@@ -144,16 +188,12 @@ class Recordings:
 
         if trace not in self._read:
             path = self.path if trace is None else files.find(files.TRACE, trace)
-            made = self.main if trace is None or path is None else read_trace(path)
+            recording = self.main if trace is None or path is None else read_trace(path)
             origin = self.main.origin if self.origin is None else self.origin
-            self._read[trace] = made.rebased(origin)
-            truth = (
-                truth_beside(path, made)
-                if path is not None
-                else self.truth
-                if trace is None
-                else None
-            )
+            self._read[trace] = recording.rebased(origin)
+            truth = self.truth if trace is None else None
+            if path is not None:
+                truth = truth_beside(path, recording)
             if truth is not None:
                 self._truths[self._read[trace].digest] = truth.rebased(origin)
         self._of_cars[car] = trace
@@ -166,7 +206,7 @@ class Recordings:
         return None if table is None else RecordedTruth(table)
 
     def encoded(self, car: str, encoding: Encoding) -> "Trace":
-        """A car's drive as its pictures are after being encoded and decoded. Raises ``UserError``."""
+        """A car's drive with its pictures encoded and decoded. Raises ``UserError``."""
         trace = self._of_cars[car]
         if (trace, encoding) not in self._encoded:
             path = self.path if trace is None else files.find(files.TRACE, trace)
@@ -174,25 +214,27 @@ class Recordings:
         return self._encoded[trace, encoding]
 
     def digests(self) -> Mapping[str, str]:
-        found = {car: self._read[trace].digest for car, trace in self._of_cars.items()}
-        known = {
-            car: self._truths[digest] for car, digest in found.items() if digest in self._truths
+        digests = {car: self._read[trace].digest for car, trace in self._of_cars.items()}
+        truths = {
+            f"truth of {car}": self._truths[digest].digest
+            for car, digest in digests.items()
+            if digest in self._truths
         }
-        return found | {f"truth of {car}": table.digest for car, table in known.items()}
+        return digests | truths
 
     def provenance(self) -> Mapping[str, Mapping[str, Any]]:
-        traces = {
-            one.name: dict(one.provenance)
-            for one in map(self._read.__getitem__, self._of_cars.values())
-        }
-        tables = self._truths.values()
-        return traces | {
-            f"truth of {table.provenance['trace']}": dict(table.provenance) for table in tables
-        }
+        about = {}
+        for name in self._of_cars.values():
+            trace = self._read[name]
+            about[trace.name] = dict(trace.provenance)
+        for table in self._truths.values():
+            about[f"truth of {table.provenance['trace']}"] = dict(table.provenance)
+        return about
 
 
 def encoded_beside(path: Path | None, trace: "Trace", encoding: Encoding) -> "Trace":
-    """The trace of the same pictures, encoded: the file ``NAME.jpeg80.parquet`` beside ``NAME.parquet``.
+    """The trace of the same pictures, encoded: the file ``NAME.jpeg80.parquet`` beside
+    ``NAME.parquet``.
 
     Raises UserError where there is none, or where it is of other pictures.
     """
@@ -200,25 +242,25 @@ def encoded_beside(path: Path | None, trace: "Trace", encoding: Encoding) -> "Tr
         raise UserError(f"image_encoding: {encoding} needs a trace in a file, {trace.name} is none")
     beside = path.with_suffix(f".{encoding}{path.suffix}")
     if not beside.is_file():
-        made = f"'genie-sim perceive --encoding {encoding} --out {beside}' makes it"
         raise UserError(
-            f"image_encoding: {encoding}: {path.name} has no {beside.name} beside it; {made}"
+            f"image_encoding: {encoding}: {path.name} has no {beside.name} beside it; "
+            f"'genie-sim perceive --encoding {encoding} --out {beside}' makes it"
         )
     from genie_sim.perception.trace import read_trace
 
-    found = read_trace(beside)
-    if found.provenance.get("parameters", {}).get("encoding") != encoding:
+    encoded = read_trace(beside)
+    if encoded.provenance.get("parameters", {}).get("encoding") != encoding:
         raise UserError(f"{beside}: is not of pictures encoded as {encoding}")
-    if _pictures(found) != _pictures(trace):
+    if _pictures(encoded) != _pictures(trace):
         raise UserError(
             f"{beside}: is not of the pictures of {path.name}; make it again, or take it away"
         )
-    return found.rebased(trace.origin)
+    return encoded.rebased(trace.origin)
 
 
 def _pictures(trace: "Trace") -> list[tuple[str, int, str]]:
     return [
-        (one.camera, one.stamp_ns, one.digest)
+        (frame.camera, frame.stamp_ns, frame.digest)
         for camera in sorted(trace.frames)
-        for one in trace.frames[camera]
+        for frame in trace.frames[camera]
     ]

@@ -1,65 +1,64 @@
 """The perception trace: what each frame of a drive showed, and where its camera stood.
 
-A trace is all that a run needs of the real world: neither frames nor a GPU. One Parquet file holds one drive with all
-its cameras, one row per frame, and its provenance in the schema's metadata under ``genie_sim``.
+A trace is all that a run needs of the real world: neither frames nor a GPU. One Parquet file holds
+one drive with all its cameras, one row per frame, and its provenance in the schema's metadata under
+``genie_sim``.
 """
 
 import hashlib
-import json
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 from genie_sim import parquet
 from genie_sim.core.geometry import Array, Geodetic, heading_of, horizontal_fov_rad, transform
-from genie_sim.errors import UserError, as_user_error
+from genie_sim.errors import UserError, as_user_error, unknown
 from genie_sim.messages import Box, CameraPose, Detection
+from genie_sim.paths import remembered
+from genie_sim.perception import world_table
+from genie_sim.perception.world_table import in_range
 
 if TYPE_CHECKING:
     import pyarrow
 
-FORMAT_VERSION = 1
+SensorKind = Literal["camera", "lidar"]
+KINDS: tuple[SensorKind, ...] = get_args(SensorKind)
 FEATURE = "feature_"  # how the columns of features begin; a trace need not have any
-PLAIN = (
-    "camera",
-    "index",
-    "stamp_ns",
-    "width",
-    "height",
-    "size_bytes",
-    "digest",
-    "dhash",
-)  # columns, and fields
+# columns, and fields
+PLAIN = ("camera", "index", "stamp_ns", "width", "height", "size_bytes", "digest", "dhash")
 BOX, PLACE = ("x1", "y1", "x2", "y2"), ("east_m", "north_m", "up_m")
 
-# sensor_msgs/Image in ROS 1, without the pixels: sequence number, stamp, frame_id, height, width, encoding, endianness,
-# step and length of the data.
+# sensor_msgs/Image in ROS 1, without the pixels: sequence number, stamp, frame_id, height, width,
+# encoding, endianness, step and length of the data.
 IMAGE_HEADER_BYTES = 4 + 8 + (4 + len("camera")) + 4 + 4 + (4 + len("bgr8")) + 1 + 4 + 4
 
-# Decimals kept in a trace, far below the detector's and the laser's own errors: the last bits of a float differ
-# between processors, and without them the same frames give the same trace on most machines.
+# Decimals kept in a trace, far below the detector's and the laser's own errors: the last bits of a
+# float differ between processors, and without them the same frames give the same trace on most
+# machines.
 POSITION_DECIMALS = 3
 SCORE_DECIMALS = 4
 PIXEL_DECIMALS = 2
 ANGLE_DECIMALS = 6
 
-# Nothing real is farther away than around the Earth, and squares of such numbers are still finite.
-MOST_M, MOST_HEADING_RAD, MOST_ORIGIN = 4e7, 2 * math.pi, (90.0, 180.0, 1e5)
+MAX_HEADING_RAD = 2 * math.pi
 
 MIN_HEIGHT_PX = 25  # KITTI's benchmark judges no object that is lower in the picture
 
 
 @dataclass(frozen=True, slots=True)
 class TraceFrame:
-    """One camera frame: when it was taken and from where, the fingerprints of its image, and what was found in it.
+    """One frame of a camera or a lidar: when it was taken and from where, the fingerprints of its
+    image, and what was found in it.
 
-    ``stamp_ns`` counts from the drive's first frame, ``size_bytes`` is that of a ``sensor_msgs/Image``, or of the
-    encoded picture in which things were found, ``digest`` the sha256 of the image file, ``dhash`` the unsigned 64-bit
-    difference hash of the grey image. ``pose`` is the camera's centre in the trace's east-north-up frame with the
-    heading of its optical axis. ``features`` are short vectors by name, as ``core.caches.features`` packs them; a trace
-    may have none.
+    ``stamp_ns`` counts from the drive's first frame, ``size_bytes`` is that of a
+    ``sensor_msgs/Image``, or of the encoded picture in which things were found, ``digest`` the
+    sha256 of the image file, ``dhash`` the unsigned 64-bit difference hash of the grey image.
+    ``pose`` is the camera's centre in the trace's east-north-up frame with the heading of its
+    optical axis. ``features`` are short vectors by name, as ``core.caches.features`` packs them; a
+    trace may have none. A frame of ``kind`` ``lidar`` has no picture: width and height are 0,
+    ``size_bytes`` is that of its scan, and its field of view may be a whole turn.
     """
 
     camera: str
@@ -74,29 +73,34 @@ class TraceFrame:
     horizontal_fov_rad: float
     detections: tuple[Detection, ...]
     features: Mapping[str, bytes] = field(default_factory=dict, hash=False)
+    kind: SensorKind = "camera"
 
 
 @dataclass(frozen=True, slots=True)
 class Trace:
     """All frames of one drive, by camera and in order of time, placed around one geodetic origin.
 
-    ``origin`` is latitude [deg], longitude [deg], altitude [m]. ``digest`` is the sha256 of origin and frames: it does
-    not change with the name, the provenance or the Parquet version, nor with the features, whose own digests are in the
-    provenance.
+    ``origin`` is latitude [deg], longitude [deg], altitude [m]. ``sequence`` names the drive of
+    several cars that this recording is a part of: the stamps of all its recordings are on one
+    clock; ``None`` for a car that drove alone. ``digest`` is the sha256 of origin, frames and
+    sequence: it does not change with the name, the provenance or the Parquet version, nor with
+    the features, whose own digests are in the provenance.
     """
 
     name: str
     origin: Geodetic
     frames: Mapping[str, tuple[TraceFrame, ...]]
     provenance: Mapping[str, Any]
+    sequence: str | None = None
     digest: str = field(init=False)
 
     def __post_init__(self) -> None:
         rows = [_row(frame) for camera in sorted(self.frames) for frame in self.frames[camera]]
-        text = json.dumps(
-            [[float(x) for x in self.origin], rows], sort_keys=True, separators=(",", ":")
-        )
-        object.__setattr__(self, "digest", hashlib.sha256(text.encode()).hexdigest())
+        content = [[float(x) for x in self.origin], rows]
+        if self.sequence is not None:
+            content.append([self.sequence])
+        digest = world_table.content_digest(content)
+        object.__setattr__(self, "digest", digest)
 
     def rebased(self, origin: Geodetic) -> "Trace":
         """The same trace around another geodetic origin; drives with one origin share one world."""
@@ -127,7 +131,7 @@ class Trace:
             )
 
         frames = {camera: tuple(map(moved, sequence)) for camera, sequence in self.frames.items()}
-        return Trace(self.name, origin, frames, self.provenance)
+        return Trace(self.name, origin, frames, self.provenance, self.sequence)
 
     def at_least(self, min_score: float) -> "Trace":
         """The same trace without the detections below a score."""
@@ -139,41 +143,82 @@ class Trace:
 
         frames = {camera: tuple(map(kept, sequence)) for camera, sequence in self.frames.items()}
         parameters = self.provenance.get("parameters", {}) | {"min_score": min_score}
-        return Trace(self.name, self.origin, frames, {**self.provenance, "parameters": parameters})
+        provenance = {**self.provenance, "parameters": parameters}
+        return Trace(self.name, self.origin, frames, provenance, self.sequence)
 
 
-def detection(label: str, score: float, box: Box, location: Array | None, method: str) -> Detection:
-    """A detection as a trace keeps it; ``location`` is in the world."""
-    kept = round(float(score), SCORE_DECIMALS)
-    place = None if location is None else _rounded(location, POSITION_DECIMALS)
-    return Detection(label, kept, _rounded(box, PIXEL_DECIMALS), place, kept, method)
+def detection(
+    label: str, score: float, box: Box | None, location: Array | None, *, method: str
+) -> Detection:
+    """A detection as a trace keeps it.
+
+    Parameters
+    ----------
+    label : its class
+    score : in [0, 1]
+    box : left, top, right and bottom [pixels]; ``None`` where there is no picture
+    location : of the object's centre in the world, (3,) [m]
+    method : how it was placed
+    """
+    rounded_score = round(float(score), SCORE_DECIMALS)
+    return Detection(
+        label,
+        rounded_score,
+        box=None if box is None else _rounded(box, PIXEL_DECIMALS),
+        location=None if location is None else _rounded(location, POSITION_DECIMALS),
+        confidence=rounded_score,
+        method=method,
+    )
 
 
 def trace_frame(
+    *,
     camera: str,
     index: int,
     stamp_ns: int,
     size: tuple[int, int],
-    fingerprints: tuple[str, int],
+    digest: str,
+    dhash: int,
     world_SE3_camera: Array,
     intrinsics: Array,
-    detections: Iterable[Detection],
+    detections: Iterable[Detection] = (),
     features: Mapping[str, bytes] | None = None,
     size_bytes: int | None = None,
 ) -> TraceFrame:
-    """A frame as a trace keeps it; ``size`` is (width, height), ``fingerprints`` are its digest and dhash, and
-    ``size_bytes`` of ``None`` is that of the raw pixels."""
+    """A frame as a trace keeps it: ``TraceFrame``, with numbers rounded.
+
+    Parameters
+    ----------
+    size : width and height [pixels]
+    world_SE3_camera : where the camera is, (4, 4)
+    intrinsics : of the camera, (3, 3)
+    size_bytes : of the picture without its header; ``None``: of the raw pixels
+    camera, index, stamp_ns, digest, dhash, detections, features : as in ``TraceFrame``
+    """
+    width, height = size
     east_m, north_m, up_m = _rounded(world_SE3_camera[:3, 3], POSITION_DECIMALS)
-    optical_axis = world_SE3_camera[:3, 2]
-    pose = CameraPose(east_m, north_m, up_m, round(heading_of(optical_axis), ANGLE_DECIMALS))
-    fov_rad = round(horizontal_fov_rad(intrinsics, size[0]), ANGLE_DECIMALS)
-    bytes_ = (size[0] * size[1] * 3 if size_bytes is None else size_bytes) + IMAGE_HEADER_BYTES
-    seen = tuple(detections), features or {}
-    return TraceFrame(camera, index, stamp_ns, *size, bytes_, *fingerprints, pose, fov_rad, *seen)
+    heading_rad = round(heading_of(world_SE3_camera[:3, 2]), ANGLE_DECIMALS)
+    picture_bytes = width * height * 3 if size_bytes is None else size_bytes
+    return TraceFrame(
+        camera=camera,
+        index=index,
+        stamp_ns=stamp_ns,
+        width=width,
+        height=height,
+        size_bytes=picture_bytes + IMAGE_HEADER_BYTES,
+        digest=digest,
+        dhash=dhash,
+        pose=CameraPose(east_m, north_m, up_m, heading_rad),
+        horizontal_fov_rad=round(horizontal_fov_rad(intrinsics, width), ANGLE_DECIMALS),
+        detections=tuple(detections),
+        features=features or {},
+    )
 
 
 def feature_facts(frames: Mapping[str, Sequence[TraceFrame]]) -> dict[str, dict[str, Any]]:
-    """Of each feature that every frame has: its dimension, and the sha256 of all of them, camera by camera."""
+    """Of each feature that every frame has: its dimension, and the sha256 of all of them, camera by
+    camera.
+    """
     ordered = [frame for camera in sorted(frames) for frame in frames[camera]]
     names = set.intersection(*(set(frame.features) for frame in ordered)) if ordered else set()
     return {
@@ -192,8 +237,9 @@ def _rounded(numbers: Sequence[float] | Array, decimals: int) -> tuple[Any, ...]
 
 
 def write_trace(path: str | Path, trace: Trace) -> None:
-    """Writes a trace, whole or not at all; the same one gives the same bytes with the same pyarrow. Raises UserError
-    where the folder cannot be written."""
+    """Writes a trace, whole or not at all; the same one gives the same bytes with the same pyarrow.
+    Raises UserError where the folder cannot be written.
+    """
     import pyarrow as pa
 
     frames = [frame for camera in sorted(trace.frames) for frame in trace.frames[camera]]
@@ -201,41 +247,43 @@ def write_trace(path: str | Path, trace: Trace) -> None:
     schema = _schema()
     for name in features:
         schema = schema.append(pa.field(FEATURE + name, pa.binary(len(frames[0].features[name]))))
-    about = {
-        "format_version": FORMAT_VERSION,
-        "name": trace.name,
-        "origin": list(trace.origin),
-        "digest": trace.digest,
-        "provenance": trace.provenance,
-    }
+    if any(frame.kind != KINDS[0] for frame in frames):
+        schema = schema.append(pa.field("kind", pa.string()))
     rows = (
-        _row(frame) | {FEATURE + name: frame.features[name] for name in features}
+        {"kind": KINDS[0]}
+        | _row(frame)
+        | {FEATURE + name: frame.features[name] for name in features}
         for frame in frames
     )
-    parquet.write(Path(path), schema, rows, about)
+    world_table.write(
+        Path(path),
+        schema,
+        rows,
+        origin=trace.origin,
+        digest=trace.digest,
+        provenance=trace.provenance,
+        name=trace.name,
+        **({} if trace.sequence is None else {"sequence": trace.sequence}),
+    )
 
 
-def read_trace(path: str | Path) -> Trace:
+@remembered
+def read_trace(path: Path) -> Trace:
     """Read a trace and check all of it.
 
-    Raises UserError, naming file and field, for a missing, truncated, altered or foreign file, another format version,
-    a missing column, time stamps out of order and poses that are not numbers.
+    Raises UserError, naming file and field, for a missing, truncated, altered or foreign file,
+    another format version, a missing column, time stamps out of order and poses that are not
+    numbers.
     """
-    path = Path(path)
-    table, about = parquet.read(path, "trace")
-    _check_about(path, about)
-    parquet.check_columns(path, table, _schema())
-    for name in _schema().names:
-        if table.column(name).null_count:
-            raise UserError(f"{path}: column {name!r} has empty values")
+    table, about = world_table.read(path, "trace", _schema(), "name")
     with as_user_error(f"{path}: a row cannot be read", TypeError, ValueError):
         frames = [_frame(row) for row in table.to_pylist()]
     by_camera = checked(path, frames)
-    trace = Trace(about["name"], tuple(about["origin"]), by_camera, about["provenance"])
-    if trace.digest != about["digest"]:
-        raise UserError(
-            f"{path}: content does not match its own digest {about['digest'][:12]}: file was altered"
-        )
+    if not isinstance(about["provenance"].get("parameters", {}), dict):
+        raise UserError(f"{path}: metadata: provenance: 'parameters' is not a mapping")
+    sequence = _sequence(path, about)
+    trace = Trace(about["name"], about["origin"], by_camera, about["provenance"], sequence)
+    world_table.check_digest(path, trace.digest, about)
     if "features" in trace.provenance and trace.provenance["features"] != feature_facts(by_camera):
         raise UserError(
             f"{path}: features do not match the digests in its own provenance: file was altered"
@@ -243,24 +291,22 @@ def read_trace(path: str | Path) -> Trace:
     return trace
 
 
-def _check_about(path: Path, about: Mapping[str, Any]) -> None:
-    version = about.get("format_version")
-    if version != FORMAT_VERSION:
-        raise UserError(
-            f"{path}: format_version: trace has version {version!r}, this genie-sim reads {FORMAT_VERSION}"
-        )
-    for name, kind in {"name": str, "origin": list, "digest": str, "provenance": dict}.items():
-        if not isinstance(about.get(name), kind):
-            raise UserError(f"{path}: metadata: {name!r} is missing or not a {kind.__name__}")
-    origin = about["origin"]
-    if len(origin) != 3 or not all(
-        within([x], most) for x, most in zip(origin, MOST_ORIGIN, strict=True)
-    ):
-        raise UserError(f"{path}: metadata: origin {origin!r} is not latitude, longitude, altitude")
+def sequence_of(path: Path) -> str | None:
+    """The sequence that the trace in a file is of, read without its frames. Raises UserError."""
+    return _sequence(path, parquet.about(path, "trace"))
+
+
+def _sequence(path: Path, about: Mapping[str, Any]) -> str | None:
+    sequence = about.get("sequence")
+    if sequence is None or (isinstance(sequence, str) and sequence):
+        return sequence
+    raise UserError(f"{path}: metadata: sequence {sequence!r} is no name")
 
 
 def checked(path: Path, frames: Iterable[TraceFrame]) -> dict[str, tuple[TraceFrame, ...]]:
-    """The frames by camera. Raises UserError, naming ``path``, where they are in no order or hold what nothing is."""
+    """The frames by camera. Raises UserError, naming ``path``, if frames are out of order or have
+    impossible values.
+    """
     by_camera: dict[str, list[TraceFrame]] = {}
     for frame in frames:
         where = f"{path}: camera {frame.camera!r}, frame {frame.index}"
@@ -269,23 +315,30 @@ def checked(path: Path, frames: Iterable[TraceFrame]) -> dict[str, tuple[TraceFr
             raise UserError(
                 f"{where}: stamp_ns {frame.stamp_ns} does not follow {earlier[-1].stamp_ns}"
             )
-        if frame.stamp_ns < 0 or min(frame.width, frame.height, frame.size_bytes) <= 0:
-            raise UserError(
-                f"{where}: stamp_ns, width, height and size_bytes must not be negative or zero"
-            )
-        if not (within(frame.pose[:3], MOST_M) and within(frame.pose[3:], MOST_HEADING_RAD)):
+        if frame.kind not in KINDS:
+            raise UserError(f"{where}: {unknown('kind of sensor', frame.kind, KINDS)}")
+        if frame.stamp_ns < 0 or frame.size_bytes <= 0:
+            raise UserError(f"{where}: stamp_ns and size_bytes must not be negative or zero")
+        pictured = frame.kind == "camera"
+        if pictured and min(frame.width, frame.height) <= 0:
+            raise UserError(f"{where}: width and height must not be negative or zero")
+        if not pictured and (frame.width, frame.height) != (0, 0):
+            raise UserError(f"{where}: a {frame.kind} has no picture: width and height must be 0")
+        if not (in_range(frame.pose[:3]) and in_range(frame.pose[3:], MAX_HEADING_RAD)):
             raise UserError(
                 f"{where}: pose {tuple(frame.pose)} is no place on Earth [m] and a heading [rad]"
             )
-        if not 0 < frame.horizontal_fov_rad < math.pi:
-            raise UserError(
-                f"{where}: horizontal_fov_rad {frame.horizontal_fov_rad} is not between 0 and pi"
-            )
+        fov_rad = frame.horizontal_fov_rad
+        if pictured and not 0 < fov_rad < math.pi:
+            raise UserError(f"{where}: horizontal_fov_rad {fov_rad} is not between 0 and pi")
+        if not pictured and not 0 < fov_rad <= 2 * math.pi:
+            raise UserError(f"{where}: horizontal_fov_rad {fov_rad} is not between 0 and 2 pi")
         for detection in frame.detections:
             numbers = (detection.score, *(detection.box or ()), *(detection.location or ()))
-            if not (within(numbers, MOST_M) and 0 <= detection.score <= 1):
+            if not (in_range(numbers) and 0 <= detection.score <= 1):
                 raise UserError(
-                    f"{where}: a {detection.label} whose score, box or location is not a number in range"
+                    f"{where}: a {detection.label} whose score, box or location is not a number "
+                    "in range"
                 )
             if not (isinstance(detection.label, str) and isinstance(detection.method, str)):
                 raise UserError(f"{where}: a detection without a label or a method")
@@ -293,11 +346,6 @@ def checked(path: Path, frames: Iterable[TraceFrame]) -> dict[str, tuple[TraceFr
     if not by_camera:
         raise UserError(f"{path}: the trace has no frames")
     return {camera: tuple(sequence) for camera, sequence in by_camera.items()}
-
-
-def within(numbers: Sequence[Any], most: float) -> bool:
-    """Whether all are numbers, neither infinite nor larger than ``most``."""
-    return all(isinstance(x, int | float) and abs(x) <= most for x in numbers)
 
 
 def _schema() -> "pyarrow.Schema":
@@ -319,7 +367,10 @@ def _schema() -> "pyarrow.Schema":
 
 
 def _row(frame: TraceFrame) -> dict[str, Any]:
-    """One row of the file; a detection's confidence is not stored, it starts as its score."""
+    """One row of the file, without what is as usual: features, and a camera's kind.
+
+    A detection's confidence is not stored, it starts as its score.
+    """
     detections = [
         {"label": d.label, "score": d.score, "method": d.method}
         | dict(zip(BOX, d.box or (None,) * 4, strict=True))
@@ -327,7 +378,8 @@ def _row(frame: TraceFrame) -> dict[str, Any]:
         for d in frame.detections
     ]
     plain = {name: getattr(frame, name) for name in (*PLAIN, "horizontal_fov_rad")}
-    return plain | frame.pose._asdict() | {"detections": detections}
+    kind = {} if frame.kind == KINDS[0] else {"kind": frame.kind}
+    return plain | frame.pose._asdict() | {"detections": detections} | kind
 
 
 def _frame(row: Mapping[str, Any]) -> TraceFrame:
@@ -336,7 +388,12 @@ def _frame(row: Mapping[str, Any]) -> TraceFrame:
 
     detections = tuple(
         Detection(
-            d["label"], d["score"], several(d, BOX), several(d, PLACE), d["score"], d["method"]
+            d["label"],
+            d["score"],
+            box=several(d, BOX),
+            location=several(d, PLACE),
+            confidence=d["score"],
+            method=d["method"],
         )
         for d in row["detections"]
     )
@@ -347,4 +404,5 @@ def _frame(row: Mapping[str, Any]) -> TraceFrame:
         pose=CameraPose(*(row[name] for name in CameraPose._fields)),
         detections=detections,
         features=features,
+        kind=row.get("kind", KINDS[0]),
     )

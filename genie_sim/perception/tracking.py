@@ -1,7 +1,9 @@
-"""KITTI's tracking benchmark: sequences of labels, positions and published detections become traces, without pictures.
+"""KITTI's tracking benchmark: sequences of labels, positions and published detections become
+traces, without pictures.
 
-A published detector saw the pictures or scans; its boxes and scores are read here. PointRCNN gives boxes in space, so
-its objects stand where the laser saw them; RRC gives boxes in the picture, placed by where they meet flat ground.
+A published detector saw the pictures or scans; its boxes and scores are read here. PointRCNN gives
+boxes in space, so its objects stand where the laser saw them; RRC gives boxes in the picture,
+placed by where they meet flat ground.
 """
 
 import hashlib
@@ -16,21 +18,24 @@ from genie_sim.core.geometry import Array, Geodetic, inverse, rigid, transform
 from genie_sim.errors import UserError, unknown
 from genie_sim.messages import Box, Detection, Location
 from genie_sim.paths import read_bytes
-from genie_sim.perception.files import matrices, numbers
+from genie_sim.perception.files import matrices, named_rows, numbers
 from genie_sim.perception.geodesy import read_oxts, world_SE3_imu
 from genie_sim.perception.placement import Placement
 from genie_sim.perception.trace import Trace, detection, trace_frame
 
+TRACKING = "tracking/"  # so the name of a drive begins that is a sequence of the benchmark
 CAMERA = "02"  # the benchmark's labels and detections are those of the left colour camera
 FRAME_NS = 100_000_000  # KITTI records at 10 Hz; tracking sequences carry no time stamps
-# Matrices, as KITTI spells them (the benchmark's files do it in two ways), and how many columns they have.
+# Matrices, as KITTI spells them (the benchmark's files do it in two ways), and how many columns
+# they have.
 CALIBRATION = (
     (("P2",), 4),
     (("R0_rect", "R_rect"), 3),
     (("Tr_velo_to_cam", "Tr_velo_cam"), 4),
     (("Tr_imu_to_velo", "Tr_imu_velo"), 4),
 )
-# The pictures are not needed, only how large they were: (width, height) of each of KITTI's five days, by focal length.
+# The pictures are not needed, only how large they were: (width, height) of each of KITTI's five
+# days, by focal length.
 PICTURE_SIZES = {
     721.5377: (1242, 375),  # 2011_09_26
     707.0493: (1224, 370),  # 2011_09_28
@@ -40,15 +45,17 @@ PICTURE_SIZES = {
 }
 SAME_FOCAL_PX = 0.02  # two of the days differ by 0.04
 ATTRIBUTION = (
-    "KITTI Vision Benchmark Suite, tracking: A. Geiger, P. Lenz, R. Urtasun, 'Are we ready for Autonomous Driving?', "
-    "CVPR 2012, https://www.cvlibs.net/datasets/kitti/, CC BY-NC-SA 3.0; detections as published with AB3DMOT and "
-    "DeepFusionMOT"
+    "KITTI Vision Benchmark Suite, tracking: A. Geiger, P. Lenz, R. Urtasun, "
+    "'Are we ready for Autonomous Driving?', CVPR 2012, "
+    "https://www.cvlibs.net/datasets/kitti/, CC BY-NC-SA 3.0; detections as published with "
+    "AB3DMOT and DeepFusionMOT"
 )
 
-# PointRCNN's scores are logits from -0.85 to 15.6. A detection is right with probability 1 / (1 + exp(-(a logit + b))):
-# (a, b) by logistic regression on the labels of 15 sequences (benchmarks/pointrcnn_scores.py). On sequences left out of
-# the fit the mean gap between score and share of right ones is 0.01 to 0.02 for cars, 0.08 to 0.09 for persons; that of
-# the plain sigmoid is 0.18 to 0.37.
+# PointRCNN's scores are logits from -0.85 to 15.6. A detection is right with probability 1 / (1 +
+# exp(-(a logit + b))): (a, b) by logistic regression on the labels of 15 sequences
+# (benchmarks/pointrcnn_scores.py). On sequences left out of the fit the mean gap between score and
+# share of right ones is 0.01 to 0.02 for cars, 0.08 to 0.09 for persons; that of the plain sigmoid
+# is 0.18 to 0.37.
 POINTRCNN_SCORES = {"car": (1.05, -3.15), "person": (1.21, -2.54)}
 LABELS_OF = {"Car": "car", "Pedestrian": "person"}
 
@@ -57,8 +64,8 @@ LABELS_OF = {"Car": "car", "Pedestrian": "person"}
 class TrackingDrive:
     """One sequence: where the rectified camera 0, whose frame the labels are in, was at each frame.
 
-    ``intrinsics`` are those of camera 2 and ``camera2_SE3_camera0`` where it looks from; ``size`` is that of its
-    pictures (width, height).
+    ``intrinsics`` are those of camera 2 and ``camera2_SE3_camera0`` where it looks from; ``size``
+    is that of its pictures (width, height).
     """
 
     name: str
@@ -81,14 +88,16 @@ def sequences(training: Path) -> list[str]:
 def open_sequence(
     training: str | Path, sequence: str, origin: Geodetic | None = None
 ) -> TrackingDrive:
-    """A sequence such as ``0005``; ``training`` holds ``oxts`` and ``calib``. UserError for files that are broken."""
+    """A sequence such as ``0005``; ``training`` holds ``oxts`` and ``calib``. UserError for files
+    that are broken.
+    """
     training = Path(training)
-    known = sequences(training)
-    if sequence not in known:
-        raise UserError(f"{training}: {unknown('tracking sequence', sequence, known)}")
+    choices = sequences(training)
+    if sequence not in choices:
+        raise UserError(f"{training}: {unknown('tracking sequence', sequence, choices)}")
     oxts = read_oxts(training / "oxts" / f"{sequence}.txt")
     path = training / "calib" / f"{sequence}.txt"
-    projection, rectification, velo, imu = matrices(path, CALIBRATION)
+    projection, rectification, velo, imu = matrices(path, named_rows(path), CALIBRATION)
     intrinsics, shift = projection[:, :3], projection[:, 3]
     camera0_SE3_velo = rigid(rectification, (0, 0, 0)) @ rigid(velo[:, :3], velo[:, 3])
     imu_SE3_camera0 = np.linalg.inv(camera0_SE3_velo @ rigid(imu[:, :3], imu[:, 3]))
@@ -111,13 +120,23 @@ def tracking_trace(
     root: str | Path,
     sequence: str,
     detections: str = "pointrcnn",
+    *,
     min_score: float = 0.3,
     origin: Geodetic | None = None,
 ) -> Trace:
-    """The trace of a tracking sequence such as ``0005``, with the detections that a detector's authors published.
+    """The trace of a tracking sequence such as ``0005``, with the detections that a detector's
+    authors published.
 
-    ``root`` holds ``training`` and ``detections``. There are no pictures: a frame's digest and dhash stand for
-    its detections, so that two frames are never the same picture. Raises UserError.
+    There are no pictures: a frame's digest and dhash stand for its detections, so that two frames
+    are never the same picture. Raises UserError.
+
+    Parameters
+    ----------
+    root : the folder that holds ``training`` and ``detections``
+    sequence : its number
+    detections : the name of the published detector
+    min_score : the lowest score kept
+    origin : of the world; ``None``: the sequence's first fix
     """
     if detections not in PUBLISHED:
         raise UserError(f"{root}: {unknown('published detector', detections, PUBLISHED)}")
@@ -128,27 +147,26 @@ def tracking_trace(
     for kind, label in LABELS_OF.items():
         path = root / "detections" / f"{detections}_{kind}" / f"{sequence}.txt"
         total.update(read_bytes(path))
-        for index, found in _published(path, detections, label, drive):
-            by_frame[index].append(found)
+        for index, published in _published(path, detections, label, drive):
+            by_frame[index].append(published)
     frames = []
-    for index, here in enumerate(by_frame):
-        kept = sorted(
-            (d for d in here if d.score >= min_score),
+    for index, detected in enumerate(by_frame):
+        likely = sorted(
+            (d for d in detected if d.score >= min_score),
             key=lambda d: (-d.score, d.label, d.box or ()),
         )
         digest = hashlib.sha256(f"tracking/{sequence}/{detections}/{index}".encode()).hexdigest()
-        fingerprints = (digest, int(digest[:16], 16))
-        pose = drive.world_SE3_camera2(index)
         frames.append(
             trace_frame(
-                CAMERA,
-                index,
-                index * FRAME_NS,
-                drive.size,
-                fingerprints,
-                pose,
-                drive.intrinsics,
-                kept,
+                camera=CAMERA,
+                index=index,
+                stamp_ns=index * FRAME_NS,
+                size=drive.size,
+                digest=digest,
+                dhash=int(digest[:16], 16),
+                world_SE3_camera=drive.world_SE3_camera2(index),
+                intrinsics=drive.intrinsics,
+                detections=likely,
             )
         )
     provenance = {
@@ -189,11 +207,13 @@ def _published(
             place = None if point is None else transform(drive.world_SE3_camera2(index), point)
         else:
             place, method = transform(drive.world_SE3_camera0[index], centre), "scan"
-        yield index, detection(label, score, box, place, method)
+        yield index, detection(label, score, box, place, method=method)
 
 
 def _pointrcnn(row: list[float], label: str) -> tuple[float, Box, Location | None]:
-    """Of ``frame,type,x1,y1,x2,y2,score,h,w,l,x,y,z,ry,alpha``; x, y, z is the middle of the bottom."""
+    """Of ``frame,type,x1,y1,x2,y2,score,h,w,l,x,y,z,ry,alpha``; x, y, z is the middle of the
+    bottom.
+    """
     a, b = POINTRCNN_SCORES[label]
     score = 1.0 / (1.0 + math.exp(-(a * min(max(row[6], -50.0), 50.0) + b)))
     return score, (row[2], row[3], row[4], row[5]), (row[10], row[11] - row[7] / 2, row[12])
@@ -204,13 +224,16 @@ def _rrc(row: list[float], label: str) -> tuple[float, Box, Location | None]:
     return row[5], (row[1], row[2], row[3], row[4]), None
 
 
-# How many columns a file of a published detector has; score, box and, in the frame of the rectified camera 0, centre.
+# How many columns a file of a published detector has; score, box and, in the frame of the rectified
+# camera 0, centre.
 PUBLISHED = {"pointrcnn": (15, _pointrcnn), "rrc": (6, _rrc)}
 
 
 def _picture_size(calibration: Path, pictures: Path, focal_px: float) -> tuple[int, int]:
-    """Width and height of a sequence's pictures: by the day that has this focal length, else those of a picture."""
-    nearest = min(PICTURE_SIZES, key=lambda known: abs(known - focal_px))
+    """Width and height of a sequence's pictures: by the day that has this focal length, else those
+    of a picture.
+    """
+    nearest = min(PICTURE_SIZES, key=lambda focal: abs(focal - focal_px))
     if abs(nearest - focal_px) <= SAME_FOCAL_PX:
         return PICTURE_SIZES[nearest]
     picture = next(
@@ -218,8 +241,8 @@ def _picture_size(calibration: Path, pictures: Path, focal_px: float) -> tuple[i
     )
     if picture is None:
         raise UserError(
-            f"{calibration}: P2: how large are the pictures? None of KITTI's days has a focal length of {focal_px:g} "
-            f"pixels: put one picture into {pictures}"
+            f"{calibration}: P2: how large are the pictures? None of KITTI's days has a focal "
+            f"length of {focal_px:g} pixels: put one picture into {pictures}"
         )
     from genie_sim.perception.kitti import read_image
 

@@ -1,42 +1,40 @@
-"""Truth tables: what really stood in view of each frame of a trace, computed from KITTI's labels.
+"""Truth tables: what really stood in view of each frame of a trace, computed from labels.
 
-One Parquet file beside the trace, ``NAME.truth.parquet`` beside ``NAME.parquet``: one row per frame and object, with
-the digests of the trace and of the labels in the schema's metadata. Labels themselves are not in it.
+One Parquet file beside the trace, ``NAME.truth.parquet`` beside ``NAME.parquet``: one row per frame
+and object, with the digests of the trace and of the labels in the schema's metadata. Labels
+themselves are not in it.
 """
 
 import hashlib
-import json
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from genie_sim import parquet
+from genie_sim.classes import CANONICAL, GROUPS
 from genie_sim.core.geometry import Geodetic, transform
-from genie_sim.errors import UserError, as_user_error
+from genie_sim.core.matching import SAME_M
+from genie_sim.errors import UserError
 from genie_sim.messages import Frame, Location
+from genie_sim.paths import remembered
+from genie_sim.perception import world_table
 from genie_sim.perception.trace import POSITION_DECIMALS, Trace
 
 if TYPE_CHECKING:
     import pyarrow
 
-FORMAT_VERSION = 1
 SUFFIX = ".truth.parquet"
-REACH_M = (
-    2.0  # an object is a labelled one within this distance: half of what separates parked cars
-)
 RANGE_M = 40.0  # where KITTI's labels end
-LABELS = {
-    "vehicles": "car",
-    "persons": "person",
-}  # groups of labels, and the classes under which they are compared
-KNOWN = ("car", "truck", "bus", "person")  # what a detector may call them; nothing else is labelled
+RULER = {"reach_m": SAME_M, "range_m": RANGE_M}  # of tables that do not say
+MAX_RULER_M = 1000.0  # no sensor of a car sees farther
 
 
 class TruthRow(NamedTuple):
-    """One object in view of one frame. ``visible``: it counts in KITTI's benchmark (at least 25 pixels high, mostly in
-    the picture, and how hidden it is was judged)."""
+    """One object in view of one frame. ``visible``: whoever is in that frame's place is expected to
+    know of it. With KITTI it counts in the benchmark (at least 25 pixels high, mostly in the
+    picture, and how hidden it is was judged).
+    """
 
     camera: str
     frame: int
@@ -56,20 +54,27 @@ class TruthRow(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class TruthTable:
-    """The rows of one trace, placed around one geodetic origin. ``trace`` is the digest of the trace they belong to;
-    ``digest`` is the sha256 of trace, origin and rows."""
+    """The rows of one trace, placed around one geodetic origin. ``trace`` is the digest of the
+    trace they belong to; ``digest`` is the sha256 of trace, origin, rows, reach and range.
+
+    An object that is held is right within ``reach_m`` of one in the rows; objects up to
+    ``range_m`` away from the sensor count, as far as the labels reach.
+    """
 
     trace: str
     origin: Geodetic
     rows: tuple[TruthRow, ...]
     provenance: Mapping[str, Any]
+    reach_m: float = SAME_M
+    range_m: float = RANGE_M
     digest: str = field(init=False)
 
     def __post_init__(self) -> None:
-        text = json.dumps(
-            [self.trace, [float(x) for x in self.origin], self.rows], separators=(",", ":")
-        )
-        object.__setattr__(self, "digest", hashlib.sha256(text.encode()).hexdigest())
+        content = [self.trace, [float(x) for x in self.origin], self.rows]
+        if (self.reach_m, self.range_m) != (SAME_M, RANGE_M):
+            content.append([self.reach_m, self.range_m])
+        digest = world_table.content_digest(content)
+        object.__setattr__(self, "digest", digest)
 
     def rebased(self, origin: Geodetic) -> "TruthTable":
         """The same around another origin, as ``Trace.rebased``."""
@@ -78,19 +83,18 @@ class TruthTable:
         from genie_sim.perception.geodesy import enu_SE3_enu
 
         new_SE3_old = enu_SE3_enu(origin, self.origin)
-        moved = []
+        rows = []
         for row in self.rows:
             east_m, north_m, up_m = transform(new_SE3_old, row.location).tolist()
-            moved.append(row._replace(east_m=east_m, north_m=north_m, up_m=up_m))
-        return TruthTable(self.trace, origin, tuple(moved), self.provenance)
+            rows.append(row._replace(east_m=east_m, north_m=north_m, up_m=up_m))
+        return replace(self, origin=origin, rows=tuple(rows))
 
 
 class RecordedTruth:
     """What is there on a recorded drive, for whoever judges."""
 
-    reach_m, range_m = REACH_M, RANGE_M
-
     def __init__(self, table: TruthTable) -> None:
+        self.reach_m, self.range_m = table.reach_m, table.range_m
         self._visible: dict[tuple[str, int], list[TruthRow]] = {}
         self._hidden: dict[tuple[str, int], list[TruthRow]] = {}
         for row in table.rows:
@@ -99,7 +103,7 @@ class RecordedTruth:
             ).append(row)
 
     def knows(self, label: str) -> bool:
-        return label in KNOWN
+        return label in CANONICAL
 
     def visible(self, frame: Frame) -> Sequence[TruthRow]:
         return self._visible.get(_key(frame), ())
@@ -107,7 +111,8 @@ class RecordedTruth:
     def is_there(self, frame: Frame, label: str, east_m: float, north_m: float) -> bool:
         rows = (*self._hidden.get(_key(frame), ()), *self._visible.get(_key(frame), ()))
         return any(
-            row.label == label and math.hypot(row.east_m - east_m, row.north_m - north_m) <= REACH_M
+            row.label == label
+            and math.hypot(row.east_m - east_m, row.north_m - north_m) <= self.reach_m
             for row in rows
         )
 
@@ -117,54 +122,61 @@ def _key(frame: Any) -> tuple[str, int]:
 
 
 def make_truth(root: str | Path, drive: str, trace: Trace) -> TruthTable:
-    """The truth table of a trace from the labels of its drive, ``2011_09_26/0005`` or ``tracking/0000``.
+    """The truth table of a trace from the labels of its drive, ``2011_09_26/0005`` or
+    ``tracking/0000``.
 
     Raises UserError for labels that are missing or broken, and where they are not of this drive.
     """
+    from genie_sim.perception.labels import label_file
     from genie_sim.perception.truth import read_truth
 
     truth = read_truth(root, drive, trace)
     stamps_ns = {
-        (camera, one.index): one.stamp_ns for camera in trace.frames for one in trace.frames[camera]
+        (camera, frame.index): frame.stamp_ns
+        for camera in trace.frames
+        for frame in trace.frames[camera]
     }
     rows = []
     for (camera, index), labels in sorted(truth.pictures.items()):
         for label in sorted(labels):
-            if label.centre is not None and label.group in LABELS:
-                what = LABELS[label.group], label.track in truth.moving, label.counts
-                place = (round(x, POSITION_DECIMALS) for x in label.centre)
+            if label.centre is not None and label.group in GROUPS:
+                east_m, north_m, up_m = (round(x, POSITION_DECIMALS) for x in label.centre)
                 rows.append(
-                    TruthRow(camera, index, stamps_ns[camera, index], label.track, *what, *place)
+                    TruthRow(
+                        camera=camera,
+                        frame=index,
+                        stamp_ns=stamps_ns[camera, index],
+                        object=label.track,
+                        label=GROUPS[label.group][0],
+                        moving=label.track in truth.moving,
+                        visible=label.counts,
+                        east_m=east_m,
+                        north_m=north_m,
+                        up_m=up_m,
+                    )
                 )
     if not rows:
         raise UserError(f"{root}: no object of {drive} is in view of the trace {trace.name}")
     provenance = {
         "drive": drive,
         "labels": truth.source,
-        "labels_sha256": _digest_of_labels(Path(root), drive),
+        "labels_sha256": hashlib.sha256(label_file(Path(root), drive).read_bytes()).hexdigest(),
     }
     return TruthTable(trace.digest, trace.origin, tuple(rows), {**provenance, "trace": trace.name})
 
 
-def _digest_of_labels(root: Path, drive: str) -> str:
-    date, number = drive.split("/")
-    if date == "tracking":
-        path = root / date / "training" / "label_02" / f"{number}.txt"
-    else:
-        path = root / date / f"{date}_drive_{number}_sync" / "tracklet_labels.xml"
-    return hashlib.sha256(path.read_bytes()).hexdigest()
-
-
 def write_truth(path: Path, table: TruthTable) -> None:
     """Writes a table; the same one gives the same bytes with the same pyarrow."""
-    about = {
-        "format_version": FORMAT_VERSION,
-        "trace": table.trace,
-        "origin": list(table.origin),
-        "digest": table.digest,
-        "provenance": table.provenance,
-    }
-    parquet.write(path, _schema(), (row._asdict() for row in table.rows), about)
+    world_table.write(
+        path,
+        _schema(),
+        (row._asdict() for row in table.rows),
+        origin=table.origin,
+        digest=table.digest,
+        provenance=table.provenance,
+        trace=table.trace,
+        **{name: getattr(table, name) for name in RULER},
+    )
 
 
 def path_beside(path: Path) -> Path:
@@ -183,29 +195,33 @@ def truth_beside(path: Path, trace: Trace) -> TruthTable | None:
     table = read_truth_table(beside)
     if table.trace != trace.digest:
         raise UserError(
-            f"{beside}: belongs to the trace {table.trace[:12]}, {path.name} is {trace.digest[:12]}: make it again "
-            "with 'genie-sim truth', or take it away"
+            f"{beside}: belongs to the trace {table.trace[:12]!r}, {path.name} is "
+            f"{trace.digest[:12]}: make it again with 'genie-sim truth', or take it away"
         )
     return table
 
 
+@remembered
 def read_truth_table(path: Path) -> TruthTable:
     """Reads a truth table and checks all of it. Raises UserError."""
-    read, about = parquet.read(path, "truth table")
-    if about.get("format_version") != FORMAT_VERSION:
-        version = about.get("format_version")
-        raise UserError(
-            f"{path}: format_version: {version!r}, this genie-sim reads {FORMAT_VERSION}"
-        )
-    parquet.check_columns(path, read, _schema())
-    with as_user_error(f"{path}: not a truth table", ValueError, KeyError, TypeError):
-        rows = tuple(TruthRow(**row) for row in read.select(_schema().names).to_pylist())
-        table = TruthTable(about["trace"], tuple(about["origin"]), rows, about["provenance"])
-        digest = about["digest"]
-    if table.digest != digest:
-        raise UserError(
-            f"{path}: content does not match its own digest {str(digest)[:12]}: file was altered"
-        )
+    columns, about = world_table.read(path, "truth table", _schema(), "trace")
+    if not isinstance(about["provenance"].get("trace"), str):
+        raise UserError(f"{path}: metadata: provenance: 'trace' is missing or not a str")
+    rows = tuple(TruthRow(**row) for row in columns.select(_schema().names).to_pylist())
+    for row in rows:
+        if not world_table.in_range(row.location):
+            raise UserError(
+                f"{path}: camera {row.camera!r}, frame {row.frame}: object {row.object} at "
+                f"{row.location} is at no place on Earth [m]"
+            )
+    ruler = {name: about.get(name, default) for name, default in RULER.items()}
+    for name, value in ruler.items():
+        if not (world_table.in_range([value], MAX_RULER_M) and value > 0):
+            raise UserError(
+                f"{path}: metadata: {name} {value!r} is no length up to {MAX_RULER_M:g} [m]"
+            )
+    table = TruthTable(about["trace"], about["origin"], rows, about["provenance"], **ruler)
+    world_table.check_digest(path, table.digest, about)
     return table
 
 

@@ -1,7 +1,9 @@
-"""How many threads a network gets, and how many pictures at a time: what is fastest here, by measurement.
+"""How many threads a network gets, and how many pictures at a time: what is fastest here, by
+measurement.
 
-What is measured is what counts, frames a second from file to placed detections: a thread of the network's is one less
-for reading and placing. Of settings that differ by less than ``NOT_WORTH_IT`` the simplest is taken.
+What is measured is what counts, frames a second from file to placed detections: a thread of the
+network's is one less for reading and placing. Of settings that differ by less than ``NOT_WORTH_IT``
+the simplest is taken.
 """
 
 import os
@@ -25,30 +27,35 @@ Setting = tuple[int, int]  # threads, pictures at a time
 def fastest(
     drive: KittiDrive,
     frames: Sequence[CameraFrame],
-    make: Callable[[int, int], ImageDetector],
+    open_detector: Callable[[int, int], ImageDetector],
+    *,
     threads: int | None,
     batch: int | None,
-    say: Callable[[str], None],
+    report: Callable[[str], None],
 ) -> Setting:
-    """The fastest setting; ``say`` is told it, and the frames a second that each of the others reached.
+    """The fastest setting, of 1, 2, 4 ... to all processors and a few batches, with which the first
+    frames are tried. Raises UserError where the detector can be opened with none.
 
-    Tries the first frames with 1, 2, 4 ... to all processors and a few batches; what is given is not tried. ``make``
-    opens the detector with so many threads and so large a batch. Raises UserError where none can be opened.
+    Parameters
+    ----------
+    drive, frames : what a detector looks at
+    open_detector : opens the detector with so many threads and so large a batch
+    threads, batch : are not varied where they are given
+    report : gets a line with the setting, and the frames a second that each of the others reached
     """
     counts = thread_counts(os.cpu_count() or 1) if threads is None else [threads]
     detectors: dict[Setting, ImageDetector] = {}
-    refused: list[str] = []
-    for setting in [
-        (count, size) for size in (BATCHES if batch is None else [batch]) for count in counts
-    ]:
+    problems: list[str] = []
+    batches = BATCHES if batch is None else [batch]
+    for setting in [(count, size) for size in batches for count in counts]:
         try:
-            detectors[setting] = make(*setting)
+            detectors[setting] = open_detector(*setting)
         except UserError as error:
             if setting[1] == 1:
                 raise
-            refused.append(str(error))
+            problems.append(str(error))
     if not detectors:
-        raise UserError(refused[0])
+        raise UserError(problems[0])
     first = list(frames[:FRAMES])
     seconds: dict[Setting, list[float]] = {setting: [] for setting in detectors}
     for _ in range(ROUNDS):  # in turns: the machine may be faster now than then
@@ -58,23 +65,30 @@ def fastest(
                 pass
             seconds[setting].append(time.perf_counter() - begin)
     rates_fps = {
-        setting: len(first) / statistics.median(taken) for setting, taken in seconds.items()
+        setting: len(first) / statistics.median(rounds) for setting, rounds in seconds.items()
     }
-    chosen = simplest(rates_fps)
-    rates = ", ".join(f"{one[0]} x {one[1]}: {rate:.0f}" for one, rate in rates_fps.items())
-    text = f"auto: --threads {chosen[0]} --batch {chosen[1]}, the simplest within {NOT_WORTH_IT:.0%} of the fastest; "
-    say("\n".join([f"{text}frames/s of threads x batch: {rates}", *dict.fromkeys(refused)]))
-    return chosen
+    threads, batch = simplest(rates_fps)
+    rates = ", ".join(f"{count} x {size}: {rate:.0f}" for (count, size), rate in rates_fps.items())
+    text = (
+        f"auto: --threads {threads} --batch {batch}, "
+        f"the simplest within {NOT_WORTH_IT:.0%} of the fastest; "
+    )
+    report("\n".join([f"{text}frames/s of threads x batch: {rates}", *dict.fromkeys(problems)]))
+    return threads, batch
 
 
 def thread_counts(processors: int) -> list[int]:
-    """1, 2, 4 ... and as many as there are: each count would take long on a large machine, and say little more."""
+    """1, 2, 4 ... and as many as there are: each count would take long on a large machine, and say
+    little more.
+    """
     powers = (2**power for power in range(processors.bit_length()))
     return sorted({*powers, processors})
 
 
 def simplest(rates_fps: Mapping[Setting, float]) -> Setting:
-    """Of the settings that are nearly as fast as the fastest, the one with the smallest batch, then fewest threads."""
+    """Of the settings that are nearly as fast as the fastest, the one with the smallest batch, then
+    fewest threads.
+    """
     enough = (1 - NOT_WORTH_IT) * max(rates_fps.values())
     return min(
         (setting for setting, rate in rates_fps.items() if rate >= enough),

@@ -1,4 +1,8 @@
-"""A table's columns as numpy arrays: what numbers, figures and pages are computed from. pandas is for users only."""
+"""A table's columns as numpy arrays, from which metrics, figures and pages are computed.
+
+Numpy and not ``pyarrow.compute``, whose import takes a tenth of the time of a run; pandas is only
+used in the public API.
+"""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
@@ -10,11 +14,12 @@ if TYPE_CHECKING:
 
 Array = np.ndarray[Any, Any]
 Floats = np.ndarray[Any, np.dtype[np.float64]]
-NO_TEXT = -1
+NO_TEXT = -1  # the code of a row without a text
 
 
 class Text:
-    """A column of text: ``names``, sorted, and of each row the place of its name there, ``NO_TEXT`` for none.
+    """A column of text, as a code for each row: the position of its text in the sorted ``names``,
+    or ``NO_TEXT``.
 
     Compared with a text it gives a mask, like an array; its codes sort as the texts do.
     """
@@ -25,12 +30,9 @@ class Text:
 
     @classmethod
     def of(cls, codes: Array, names: Sequence[str]) -> "Text":
-        """The same for names in any order, each of which may occur more than once."""
-        ordered = sorted(set(names))
-        place = {name: index for index, name in enumerate(ordered)}
-        return cls(
-            np.array([*(place[name] for name in names), NO_TEXT], dtype=np.int32)[codes], ordered
-        )
+        """Returns the column for names in any order, each of which may occur more than once."""
+        sorted_names = sorted(set(names))
+        return cls(_translated(codes, names, sorted_names).astype(np.int32), sorted_names)
 
     def __len__(self) -> int:
         return len(self.codes)
@@ -44,141 +46,148 @@ class Text:
     def __ne__(self, name: object) -> Any:
         return ~self.isin([name])
 
-    __hash__ = None  # type: ignore[assignment]  # it is a column, and equal to nothing
+    __hash__ = None  # type: ignore[assignment]  # compares like an array
 
     def isin(self, names: Iterable[Any]) -> Array:
-        """Which rows have one of these names."""
-        wanted = [self.names.index(name) for name in names if name in self.names]
-        if len(wanted) == 1:
-            return np.asarray(self.codes == wanted[0])
-        return np.isin(self.codes, wanted)
+        """Returns which rows have one of these names."""
+        codes = [self.names.index(name) for name in names if name in self.names]
+        if len(codes) == 1:
+            return np.asarray(self.codes == codes[0])
+        return np.isin(self.codes, codes)
 
     @property
-    def known(self) -> Array:
+    def has_text(self) -> Array:
         """Which rows have a text."""
         return np.asarray(self.codes != NO_TEXT)
 
     def unique(self) -> list[str]:
-        """The names that occur, sorted."""
+        """Returns the names that occur, sorted."""
         return [self.names[code] for code in np.unique(self.codes) if code != NO_TEXT]
 
     def tolist(self) -> list[str | None]:
-        """The text of each row."""
-        names = [*self.names, None]
+        """Returns the text of each row."""
+        names = [*self.names, None]  # NO_TEXT is the last
         return [names[code] for code in self.codes.tolist()]
 
     def codes_in(self, names: Sequence[str]) -> Array:
-        """The place of each row's text among other names, ``NO_TEXT`` where it is not there."""
-        place = {name: index for index, name in enumerate(names)}
-        return np.array(
-            [*(place.get(name, NO_TEXT) for name in self.names), NO_TEXT], dtype=np.int64
-        )[self.codes]
+        """Returns the position of each row's text among other names, ``NO_TEXT`` where it is not
+        there.
+        """
+        return _translated(self.codes, self.names, names)
 
 
 class Columns:
-    """Columns of equal length by name: numpy arrays, and ``Text``. An unknown number is NaN, an unknown flag None.
+    """Columns of equal length by name: numpy arrays, and ``Text``. An unknown number is NaN, an
+    unknown flag None.
 
-    ``places``: of the rows that are meant, all of them if ``None``; a column is only copied when it is asked for.
+    ``rows`` are the indices of the rows of this view; ``None`` for all rows. A column is copied
+    when it is first asked for.
     """
 
-    def __init__(self, columns: Mapping[str, Any], places: Array | None = None) -> None:
-        self._whole = columns
-        self._places = places
-        self._chosen: dict[str, Any] = {}
+    def __init__(self, columns: Mapping[str, Any], rows: Array | None = None) -> None:
+        self._columns = columns
+        self._rows = rows
+        self._copies: dict[str, Any] = {}
 
     @classmethod
     def of(cls, table: "Columns | pd.DataFrame") -> "Columns":
-        """The same for a pandas table, whose categories and texts become ``Text``."""
-        return (
-            table
-            if isinstance(table, Columns)
-            else cls({str(name): _column(table[name]) for name in table})
-        )
+        """Returns the same table as columns; categories and texts of pandas become ``Text``."""
+        if isinstance(table, Columns):
+            return table
+        return cls({str(name): _column(table[name]) for name in table})
 
     def __getitem__(self, name: str) -> Any:
-        if self._places is None:
-            return self._whole[name]
-        if name not in self._chosen:
-            self._chosen[name] = self._whole[name][self._places]
-        return self._chosen[name]
+        if self._rows is None:
+            return self._columns[name]
+        if name not in self._copies:
+            self._copies[name] = self._columns[name][self._rows]
+        return self._copies[name]
 
     def __len__(self) -> int:
-        return (
-            len(next(iter(self._whole.values()), ())) if self._places is None else len(self._places)
-        )
+        if self._rows is not None:
+            return len(self._rows)
+        return len(next(iter(self._columns.values()), ()))
 
     @property
     def names(self) -> list[str]:
-        """Of the columns, in order."""
-        return list(self._whole)
+        """The names of the columns, in order."""
+        return list(self._columns)
 
     def floats(self, name: str) -> Floats:
-        """A column of numbers, NaN where unknown."""
+        """Returns a column of numbers, NaN where unknown."""
         values: Floats = self[name].astype(np.float64)
         return values
 
-    def rows(self, chosen: Any) -> "Columns":
-        """These rows: a mask, places or a slice."""
-        places = np.arange(len(self)) if self._places is None else self._places
-        return Columns(self._whole, places[chosen])
+    def rows(self, selection: Any) -> "Columns":
+        """Returns these rows: a mask, indices or a slice."""
+        rows = np.arange(len(self)) if self._rows is None else self._rows
+        return Columns(self._columns, rows[selection])
 
     def where(self, **texts: str) -> "Columns":
-        """The rows with these texts."""
-        chosen = np.ones(len(self), dtype=bool)
+        """Returns the rows with these texts."""
+        mask = np.ones(len(self), dtype=bool)
         for name, text in texts.items():
-            chosen &= self[name] == text
-        return self.rows(chosen)
+            mask &= self[name] == text
+        return self.rows(mask)
 
     def assign(self, **columns: Any) -> "Columns":
-        """With these columns; a text is meant for every row."""
-        whole = {name: self[name] for name in self.names}
-        for name, one in columns.items():
-            whole[name] = (
-                Text(np.zeros(len(self), dtype=np.int32), [one]) if isinstance(one, str) else one
-            )
-        return Columns(whole)
+        """Returns the table with these columns; a text stands in every row."""
+        result = {name: self[name] for name in self.names}
+        for name, column in columns.items():
+            if isinstance(column, str):
+                column = Text(np.zeros(len(self), dtype=np.int32), [column])
+            result[name] = column
+        return Columns(result)
 
     def groups(self, name: str) -> "Iterator[tuple[str, Columns]]":
-        """The rows of each text of a column, sorted by it; they keep their order."""
+        """Yields the rows of each text of a column, sorted by it; they keep their order."""
         column: Text = self[name]
         order = np.argsort(column.codes, kind="stable")
         codes, begins = np.unique(column.codes[order], return_index=True)
-        for code, places in zip(
-            codes.tolist(), np.split(order, begins[1:]), strict=False
-        ):  # no codes: one empty part
+        # np.split of no rows gives one empty part, which no code goes with.
+        for code, rows in zip(codes.tolist(), np.split(order, begins[1:]), strict=False):
             if code != NO_TEXT:
-                yield column.names[code], self.rows(places)
+                yield column.names[code], self.rows(rows)
 
     def by(self, name: str) -> "Columns":
-        """The rows in the order of a column of numbers, ties as they are."""
+        """Returns the rows in the order of a column of numbers, ties as they are."""
         return self.rows(np.argsort(self[name], kind="stable"))
 
     def to_frame(self) -> "pd.DataFrame":
-        """As a pandas table: text is categorical."""
+        """Returns a pandas table; text is categorical."""
         import pandas as pd
 
-        frame: dict[str, Any] = {}
+        columns: dict[str, Any] = {}
         for name in self.names:
-            one = self[name]
-            if isinstance(one, Text):
-                one = pd.Categorical.from_codes(one.codes, pd.Index(one.names, dtype="str"))
-            frame[name] = one
-        return pd.DataFrame(frame)
+            column = self[name]
+            if isinstance(column, Text):
+                categories = pd.Index(column.names, dtype="str")
+                column = pd.Categorical.from_codes(column.codes, categories)
+            columns[name] = column
+        return pd.DataFrame(columns)
 
 
 def concat(parts: Sequence[Columns]) -> Columns:
-    """The rows of several tables with the same columns."""
-    made: dict[str, Any] = {}
+    """Returns the rows of several tables with the same columns."""
+    result: dict[str, Any] = {}
     for name in parts[0].names:
         columns = [part[name] for part in parts]
-        made[name] = joined(columns) if isinstance(columns[0], Text) else np.concatenate(columns)
-    return Columns(made)
+        is_text = isinstance(columns[0], Text)
+        result[name] = joined(columns) if is_text else np.concatenate(columns)
+    return Columns(result)
 
 
 def joined(columns: Sequence[Text]) -> Text:
-    """The rows of several columns of text."""
+    """Returns the rows of several columns of text."""
     names = sorted({name for column in columns for name in column.names})
     return Text(np.concatenate([column.codes_in(names) for column in columns]), names)
+
+
+def _translated(codes: Array, names: Sequence[str], other_names: Sequence[str]) -> Array:
+    """Returns codes for ``names`` as codes for ``other_names``."""
+    positions = {name: position for position, name in enumerate(other_names)}
+    table = [positions.get(name, NO_TEXT) for name in names]
+    return np.array([*table, NO_TEXT], dtype=np.int64)[codes]  # NO_TEXT is the last
 
 
 def _column(values: "pd.Series[Any]") -> Any:

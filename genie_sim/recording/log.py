@@ -1,35 +1,73 @@
 """What happens in a run, written down row by row."""
 
+from collections import Counter
 from collections.abc import Collection, Iterable, Sequence
 from itertools import takewhile
 
+from genie_sim.core.matching import SAME_M, near, pairs, placed
 from genie_sim.messages import (
     Detections,
+    Expired,
     Forgotten,
     Header,
     Image,
     ImageLookup,
-    Location,
+    LookEvent,
+    MapChange,
     Message,
+    NewestLook,
     ObjectLookups,
     Observation,
 )
-from genie_sim.monitor import Placement, Resource, Samples, Step
-from genie_sim.recording.held import Held, agreement
-from genie_sim.recording.records import Frame, Tables
+from genie_sim.monitor import FaultSpan, Forgery, HostUsage, Placement, Resource, Samples, Span
+from genie_sim.recording.map_accuracy import MapAccuracy
+from genie_sim.recording.records import (
+    AnswerRow,
+    AttackRow,
+    FaultRow,
+    FrameRow,
+    HostRow,
+    LookRow,
+    LookupRow,
+    ObjectRow,
+    PoseRow,
+    ResourceRow,
+    StepRow,
+    Tables,
+)
 from genie_sim.recording.tables import Value
 
+# What an answer is called in the table of steps, by whether it is the first and the fresh one.
+_WHICH = {
+    (True, True): "both",
+    (True, False): "first",
+    (False, True): "fresh",
+    (False, False): "result",
+}
 SETTLED_NS = 6_000_000_000  # a frame this old has nearly always seen its last answer
 
 
 class Log:
-    """The rows of one method's run. A frame's row is found by its header and completed as the frame moves on. Then it
-    goes into the table, which is compact; in the rare case that more becomes known, it is taken out again.
+    """Writes the rows of one method's run; a ``monitor.Monitor``.
 
-    ``record`` names what is written besides frames and resources: ``lookups``, ``answers``, ``steps``, and what a
-    replay needs, ``poses`` and ``objects``. ``samples`` are the resources that are sampled: ``all``, those of
-    ``edges``, ``processors``, or ``none``. ``held`` judges what the consumers hold, where the truth is known. The poses
-    of the cars in ``posed`` are known already.
+    A frame's row is found by its header and completed as the frame moves on. Then it goes into the
+    table, which is compact; if more becomes known after all, it is taken out again.
+
+    Parameters
+    ----------
+    method : str
+        The name under which rows are written.
+    tables : dict of str to Table
+        All tables of the run, by name: ``records.new_tables``.
+    record : collection of str
+        The tables that are written besides ``frames`` and ``resources``: ``lookups``, ``looks``,
+        ``answers``, ``steps``, and what a replay needs, ``poses`` and ``objects``.
+    samples : str
+        The resources that are sampled: ``all``, those of ``edges``, ``processors``, or ``none``.
+    accuracy : MapAccuracy, optional
+        Judges what the consumers hold, where the truth is known.
+    posed : collection of str
+        Cars whose poses are written already.
     """
 
     def __init__(
@@ -37,39 +75,66 @@ class Log:
         method: str,
         tables: Tables,
         record: Collection[str] = ("lookups",),
+        *,
         samples: Samples = "all",
-        held: Held | None = None,
+        accuracy: MapAccuracy | None = None,
         posed: Collection[str] = (),
     ) -> None:
         self.method = method
         self.samples: Samples = samples
-        self._held = held
+        self._accuracy = accuracy
         self._posed = frozenset(posed)
-        self._frames = tables.frames
-        self._resources = tables.resources
-        self._lookups = tables.lookups if "lookups" in record else None
-        self._poses = tables.poses if "poses" in record else None
-        self._objects = tables.objects if "objects" in record else None
-        self._answers = tables.answers if "answers" in record else None
-        self._steps = tables.steps if "steps" in record else None
+        self._frames = tables["frames"]
+        self._resources = tables["resources"]
+        self._hosts = tables["hosts"]
+        self._faults = tables["faults"]
+        self._attacks = tables["attacks"]
+        self._lookups = tables["lookups"] if "lookups" in record else None
+        self._looks = tables["looks"] if "looks" in record else None
+        self._poses = tables["poses"] if "poses" in record else None
+        self._objects = tables["objects"] if "objects" in record else None
+        self._answers = tables["answers"] if "answers" in record else None
+        self._steps = tables["steps"] if "steps" in record else None
         self.wants_changes = self._objects is not None  # of object maps
-        self.wants_steps = self._steps is not None
-        self._open: dict[Header, Frame] = {}  # in order of their stamps
+        self.wants_paths = self._steps is not None
+        self._open: dict[Header, FrameRow] = {}  # in order of their stamps
+        self._open_objects: dict[tuple[str, int], int] = {}  # by Genie and number in its map
+        self._object_counts: Counter[str] = Counter()  # by Genie
         self.published_frames = 0
 
     def published(self, image: Image, number: int, lap: int) -> None:
+        """A camera took a frame. See ``monitor.Monitor`` for this and what follows."""
         header = image.header
         stamp_ns, stream, car = header
-        self._open[header] = frame = Frame(self.method, car, stream, number, lap, stamp_ns)
+        self._open[header] = frame = FrameRow(self.method, car, stream, number, lap, stamp_ns)
         self.published_frames += 1
-        if self._held is not None:
-            self._held.published(image)
+        if self._accuracy is not None:
+            self._accuracy.published(image)
         if self._answers is not None:
             frame.image = image
         if self._poses is not None and car not in self._posed:
-            at = image.pose
-            where = at.east_m, at.north_m, at.heading_rad, image.horizontal_fov_rad
-            self._poses.append((self.method, car, stream, number, stamp_ns, *where))
+            row = PoseRow(
+                method=self.method,
+                car=car,
+                stream=stream,
+                frame=number,
+                stamp_ns=stamp_ns,
+                east_m=image.pose.east_m,
+                north_m=image.pose.north_m,
+                heading_rad=image.pose.heading_rad,
+                horizontal_fov_rad=image.horizontal_fov_rad,
+            )
+            self._poses.append(row)
+
+    def failed(self, spans: Sequence[FaultSpan]) -> None:
+        """Writes the faults that there were."""
+        for span in spans:
+            self._faults.append(FaultRow(self.method, *span))
+
+    def attacked(self, forgeries: Iterable[Forgery]) -> None:
+        """Writes what attackers added and left out."""
+        for forgery in forgeries:
+            self._attacks.append(AttackRow(self.method, *forgery))
 
     def close(self, before_ns: int | None = None) -> None:
         """Frames taken before this go into the table; ``None``: all do."""
@@ -77,137 +142,276 @@ class Log:
         if before_ns is not None:
             settled = takewhile(lambda header: header.stamp_ns < before_ns, self._open)
         for header in list(settled):
-            self._frames.append(self._open.pop(header).row())
-        if before_ns is None and self._held is not None:
-            self._held.close()
+            self._frames.append(self._open.pop(header).values())
+        if before_ns is None and self._accuracy is not None:
+            self._accuracy.close()
 
-    def _frame(self, header: Header) -> Frame | None:
+    def _frame(self, header: Header) -> FrameRow | None:
+        """The row of a frame, taken out of the table if it is there already."""
+        header = header.original
         frame = self._open.get(header)
         if frame is None:
             stamp_ns, stream, car = header
             row = self._frames.take(method=self.method, car=car, stream=stream, stamp_ns=stamp_ns)
             if row is not None:
-                frame = self._open[header] = Frame(*row)  # type: ignore[arg-type]  # in the order of the columns
+                frame = self._open[header] = FrameRow(**row)
         return frame
 
     def received(self, header: Header, now_ns: int) -> None:
         """The frame is in the queue of the first node that handles it."""
-        frame = self._open.get(header) or self._frame(header)
+        frame = self._frame(header)
         assert frame is not None, "every frame is published first"
         frame.received_ns = now_ns
 
     def carried(self, column: str, message: Message) -> None:
-        """A message about a frame was on the wire of the car's link; ``column`` is ``bytes_up`` or ``bytes_down``."""
-        frame = self._open.get(message.header) or self._frame(message.header)
+        """A message about a frame was on the wire of the car's link; ``column`` is ``bytes_up`` or
+        ``bytes_down``.
+        """
+        frame = self._frame(message.header)
         if frame is not None:
             setattr(frame, column, getattr(frame, column) + message.size_bytes)
 
     def answered(
-        self, answer: Detections, source: str, now_ns: int, way: Step | None = None
+        self, answer: Detections, source: str, now_ns: int, path: Span | None = None
     ) -> None:
-        """An answer is in the consumer's hands. One under a stale stamp is no answer to this frame."""
-        if self._held is not None:
-            self._held.answered(answer, now_ns)
-        frame = self._open.get(answer.header) or self._frame(answer.header)
+        """An answer is in the consumer's hands. One under a stale stamp is no answer to this
+        frame.
+        """
+        if self._accuracy is not None:
+            self._accuracy.answered(answer, now_ns)
+        frame = self._frame(answer.header)
         if frame is None:
             return
-        first, fresh = (
-            frame.first_answer_ns is None,
-            answer.source != "map" and frame.fresh_answer_ns is None,
-        )
-        if self._answers is not None and frame.image is not None and (first or fresh):
-            counts = agreement(answer, frame.image)
-            for which, is_this in (("first", first), ("fresh", fresh)):
-                if is_this:
-                    self._answers.append(
-                        (
-                            self.method,
-                            frame.car,
-                            frame.stream,
-                            frame.stamp_ns,
-                            which,
-                            source,
-                            *counts,
-                        )
-                    )
-        if (
-            self._steps is not None
-            and way is not None
-            and frame.received_ns is not None
-            and (first or fresh)
-        ):
-            which = "both" if first and fresh else "first" if first else "fresh"
-            for step in reversed(list(way.since(frame.received_ns))):
-                self._steps.append(
-                    (self.method, frame.car, frame.stream, frame.stamp_ns, which, *step)
-                )
-        if first:
+        is_first = frame.first_answer_ns is None
+        is_fresh = answer.is_fresh and frame.fresh_answer_ns is None
+        is_result = answer.source != "map" and frame.result_answer_ns is None
+        looked_ns = answer.looked_ns
+        if looked_ns is not None and (frame.looked_ns is None or frame.looked_ns < looked_ns):
+            frame.looked_ns = looked_ns
+        if is_first or is_result:
+            self._compare(answer, source, frame, is_first, is_result)
+        if is_first or is_result or is_fresh:
+            self._note_steps(path, frame, is_first, is_fresh)
+        if is_first:
             frame.first_answer_ns = now_ns
+            frame.first_looked_ns = looked_ns
             frame.source = source
             frame.served_by = answer.served_by
             frame.objects_served = len(answer.objects)
-        if fresh:
+        if is_result:
             frame.drop = frame.image = None
+            frame.result_answer_ns = now_ns
+            frame.objects_result = len(answer.objects)
+        if is_fresh:
             frame.fresh_answer_ns = now_ns
             frame.objects_fresh = len(answer.objects)
 
+    def _compare(
+        self, answer: Detections, source: str, frame: FrameRow, is_first: bool, is_result: bool
+    ) -> None:
+        """Compares an answer with what the detector finds in the frame itself."""
+        if self._answers is None or frame.image is None:
+            return
+        served, detected, matched = agreement(answer, frame.image)
+        for which, applies in (("first", is_first), ("result", is_result)):
+            if applies:
+                row = AnswerRow(
+                    method=self.method,
+                    car=frame.car,
+                    stream=frame.stream,
+                    stamp_ns=frame.stamp_ns,
+                    which=which,
+                    source=source,
+                    served=served,
+                    detected=detected,
+                    matched=matched,
+                )
+                self._answers.append(row)
+
+    def _note_steps(
+        self, path: Span | None, frame: FrameRow, is_first: bool, is_fresh: bool
+    ) -> None:
+        """Writes the steps from when the frame was received until the answer was there."""
+        if self._steps is None or path is None or frame.received_ns is None:
+            return
+        which = _WHICH[is_first, is_fresh]
+        for part, place, begin_ns, end_ns in reversed(list(path.since(frame.received_ns))):
+            row = StepRow(
+                method=self.method,
+                car=frame.car,
+                stream=frame.stream,
+                stamp_ns=frame.stamp_ns,
+                which=which,
+                part=part,
+                place=place,
+                begin_ns=begin_ns,
+                end_ns=end_ns,
+            )
+            self._steps.append(row)
+
     def dropped(self, message: Message, where: str) -> None:
-        """A copy of a frame, or an answer to it, was lost. It counts as long as the frame has no fresh answer."""
+        """A copy of a frame, or an answer to it, was lost. It counts as long as the frame has no
+        result.
+        """
         frame = self._frame(message.header)
-        if frame is not None and frame.fresh_answer_ns is None:
+        if frame is not None and frame.result_answer_ns is None:
             frame.drop = where
 
-    def observe(self, placement: Placement, genie: str, event: Observation, now_ns: int) -> None:
-        """What a Genie tells of its cache or map."""
-        if isinstance(event, ImageLookup):
-            requester, outcome = event.requester, event.outcome
-            hit = outcome == "hit"
-            if self._lookups is not None:
-                stamp_ns, stream, car = event.header
-                self._lookups.append((
-                    self.method, now_ns, genie, placement, "image", requester, car, stream, stamp_ns, outcome,
-                    1, int(hit), 0, 0.0, event.entries,
-                ))  # fmt: skip
-            if placement == "car" and requester == "client":
-                frame = self._open.get(event.header) or self._frame(event.header)
-                assert frame is not None, "every frame is published first"
-                frame.image_hit = hit
-                frame.coalesced = outcome == "coalesced"
-        elif isinstance(event, ObjectLookups):
-            if self._lookups is not None:
-                stamp_ns, stream, car = event.header
-                self._lookups.append((
-                    self.method, now_ns, genie, placement, event.kind, None, car, stream, stamp_ns, None,
-                    event.requests, event.hits, event.updates, event.boost_sum, event.objects,
-                ))  # fmt: skip
-            if event.changes:
-                self._changed(genie, event.changes, now_ns)
-        elif isinstance(event, Forgotten):
-            self._changed(
-                genie, [(label, location, None) for label, location, _ in event.objects], now_ns
-            )
+    def observe(self, placement: Placement, node: str, record: Observation, now_ns: int) -> None:
+        """Writes what a Genie tells of its cache or map."""
+        if isinstance(record, ImageLookup):
+            self._note_image_lookup(placement, node, record, now_ns)
+        elif isinstance(record, ObjectLookups):
+            self._note_object_lookups(placement, node, record, now_ns)
+            self._note_changes(node, record.changes, now_ns)
+            self._note_changes(node, record.forgotten, now_ns, forgotten=True)
+        elif isinstance(record, Forgotten):
+            self._note_changes(node, record.objects, now_ns, forgotten=True)
+        elif isinstance(record, LookEvent):
+            self._note_look(node, record, now_ns)
+        elif isinstance(record, NewestLook):
+            event = LookEvent(record.header, "map", "answered")
+            self._note_look(node, event, now_ns, record.stamp_ns)
         else:
-            lost = self._frame(event.header)
-            if lost is not None and lost.drop is None and lost.fresh_answer_ns is None:
-                lost.drop = f"{genie}:expired"
+            self._note_expired(node, record)
 
-    def _changed(
-        self, genie: str, changes: Iterable[tuple[str, Location, float | None]], now_ns: int
+    def _note_look(
+        self, genie: str, event: LookEvent, now_ns: int, looked_ns: int | None = None
+    ) -> None:
+        if self._looks is not None:
+            stamp_ns, stream, car = event.header.original
+            row = LookRow(
+                method=self.method,
+                t_ns=now_ns,
+                genie=genie,
+                car=car,
+                stream=stream,
+                stamp_ns=stamp_ns,
+                way=event.way,
+                outcome=event.outcome,
+                looked_ns=looked_ns,
+            )
+            self._looks.append(row)
+
+    def _note_image_lookup(
+        self, placement: Placement, genie: str, lookup: ImageLookup, now_ns: int
+    ) -> None:
+        hit = lookup.outcome == "hit"
+        if self._lookups is not None:
+            stamp_ns, stream, car = lookup.header.original
+            row = LookupRow(
+                method=self.method,
+                t_ns=now_ns,
+                genie=genie,
+                placement=placement,
+                kind="image",
+                requester=lookup.requester,
+                car=car,
+                stream=stream,
+                stamp_ns=stamp_ns,
+                outcome=lookup.outcome,
+                requests=1,
+                hits=int(hit),
+                updates=0,
+                boost_sum=0.0,
+                entries=lookup.entries,
+            )
+            self._lookups.append(row)
+        if placement == "car" and lookup.requester == "client":
+            frame = self._frame(lookup.header)
+            assert frame is not None, "every frame is published first"
+            frame.image_hit = hit
+            frame.coalesced = lookup.outcome == "coalesced"
+
+    def _note_object_lookups(
+        self, placement: Placement, genie: str, lookups: ObjectLookups, now_ns: int
+    ) -> None:
+        if self._lookups is None:
+            return
+        stamp_ns, stream, car = lookups.header.original
+        row = LookupRow(
+            method=self.method,
+            t_ns=now_ns,
+            genie=genie,
+            placement=placement,
+            kind=lookups.kind,
+            requester=None,
+            car=car,
+            stream=stream,
+            stamp_ns=stamp_ns,
+            outcome=None,
+            requests=lookups.requests,
+            hits=lookups.hits,
+            updates=lookups.updates,
+            boost_sum=lookups.boost_sum,
+            entries=lookups.objects,
+        )
+        self._lookups.append(row)
+
+    def _note_changes(
+        self, genie: str, changes: Iterable[MapChange], now_ns: int, forgotten: bool = False
     ) -> None:
         """Objects of a Genie's map are new, have another confidence, or none any more."""
-        if self._objects is not None:
-            values: list[Value] = []
-            for label, (east_m, north_m, _), confidence in changes:
-                values += (self.method, now_ns, genie, label, east_m, north_m, confidence)
-            self._objects.append(values)
+        if self._objects is None:
+            return
+        for change in changes:
+            # A Genie that lost its state counts its objects from 0 again; the table goes on.
+            key = genie, change.number
+            if key not in self._open_objects:
+                self._open_objects[key] = self._object_counts[genie]
+                self._object_counts[genie] += 1
+            row = ObjectRow(
+                method=self.method,
+                t_ns=now_ns,
+                genie=genie,
+                object=self._open_objects[key],
+                label=change.label,
+                east_m=change.location[0],
+                north_m=change.location[1],
+                confidence=None if forgotten else change.confidence,
+            )
+            self._objects.append(row)
+            if forgotten:
+                del self._open_objects[key]
+
+    def _note_expired(self, genie: str, request: Expired) -> None:
+        """A client's request was forgotten before anybody answered it."""
+        frame = self._frame(request.header)
+        if frame is not None and frame.drop is None and frame.result_answer_ns is None:
+            frame.drop = f"{genie}:expired"
+
+    def used(self, usage: Iterable[HostUsage]) -> None:
+        """Writes what each host has used until the end of the run."""
+        for host in usage:
+            self._hosts.append(HostRow(self.method, **host._asdict()))
 
     def sample(self, resources: Sequence[Resource], now_ns: int) -> None:
-        """The state of every device, link and queue at this instant."""
+        """Writes the state of every device, link and queue at this instant."""
         self.close(now_ns - SETTLED_NS)
-        values: list[Value] = []
-        for one in resources:
-            values += (
-                self.method, now_ns, one.name, one.kind, one.capacity, one.busy_ns,
-                one.queued, one.completed, one.drops, one.sent_bytes,
-            )  # fmt: skip
+        values: list[Value] = []  # all rows at once: a fleet has thousands of resources
+        for resource in resources:
+            values += ResourceRow(
+                method=self.method,
+                t_ns=now_ns,
+                resource=resource.name,
+                kind=resource.kind,
+                capacity=resource.capacity,
+                busy_ns=resource.busy_ns,
+                queue=resource.queued,
+                completed=resource.completed,
+                dropped=resource.drops,
+                bytes=resource.sent_bytes,
+            )
         self._resources.append(values)
+
+
+def agreement(answer: Detections, image: Image) -> tuple[int, int, int]:
+    """Returns how many objects an answer has, how many the detector finds in the frame itself, and
+    how many pairs they make: a proxy of correctness that needs no labels.
+    """
+    detections = image.content.detections
+    detected = placed(detections)
+    if answer.objects is detections or answer.objects == detections:
+        return len(detected), len(detected), len(detected)
+    served = placed(answer.objects)
+    return len(served), len(detected), len(pairs(near(served, detected, SAME_M)))

@@ -1,6 +1,6 @@
-"""Tables in compact column buffers, streamed to Parquet files whose bytes depend on their rows alone.
+"""Tables in compact column buffers, written to Parquet files.
 
-(And on the pyarrow that wrote them, which signs its files with its version.)
+The bytes of a file depend on its rows and on the version of pyarrow, which signs its files.
 """
 
 import json
@@ -10,7 +10,8 @@ from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, BinaryIO
+from types import NoneType
+from typing import TYPE_CHECKING, Annotated, Any, BinaryIO, get_args, get_origin, get_type_hints
 
 import numpy as np
 
@@ -23,9 +24,9 @@ if TYPE_CHECKING:
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-FORMAT_VERSION = 2
+FORMAT_VERSION = 3
 ROWS_PER_GROUP = 65_536
-FORMULA = ("=", "+", "-", "@", "\t", "\r")  # how a formula of a spreadsheet begins
+FORMULA_STARTS = ("=", "+", "-", "@", "\t", "\r")  # of formulas in spreadsheets
 
 Value = int | float | str | bool | None
 
@@ -37,9 +38,12 @@ _BUFFERS: dict[str, tuple[str, int | float]] = {
     "bool": ("b", -1),
     "text": ("i", -1),
 }
-_BUFFERED = (
-    4096  # rows that go into the columns at once, which is several times faster than one by one
-)
+_NO_CODE = -2  # of a text that no row has
+_ROWS_AT_ONCE = 4096  # go into the buffers: several times faster than one by one
+
+
+Int32 = Annotated[int, "int32"]  # a count that 32 bits hold
+_KINDS = {int: "int64", float: "float64", bool: "bool", str: "text"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,13 +59,25 @@ class Column:
 
 @dataclass(frozen=True, slots=True)
 class Schema:
-    """A table's name, what one row of it is, its columns, and by which of them it is sorted (none: rows keep the order
-    in which they were added)."""
+    """A table's name, what one row of it is, its columns, and by which of them it is sorted (none:
+    rows keep the order in which they were added).
+    """
 
     name: str
     description: str
     columns: tuple[Column, ...]
     sorted_by: tuple[str, ...] = ()
+
+    @classmethod
+    def of_rows(cls, name: str, row: type, sorted_by: tuple[str, ...] = ()) -> "Schema":
+        """Returns the schema of a class whose instances are rows: its docstring tells what a row
+        is, and a field ``Annotated[type, unit, description]`` is a column.
+        """
+        hints = get_type_hints(row, include_extras=True)
+        columns = [
+            _column(field, hint) for field, hint in hints.items() if get_origin(hint) is Annotated
+        ]
+        return cls(name, " ".join((row.__doc__ or "").split()), tuple(columns), sorted_by)
 
     def arrow(self) -> "pa.Schema":
         """Types, with unit and description beside each column."""
@@ -76,16 +92,28 @@ class Schema:
         text = pa.dictionary(pa.int32(), pa.string())
         fields = []
         for column in self.columns:
-            about = {"unit": column.unit, "description": column.description}
-            fields.append(
-                pa.field(column.name, types.get(column.kind, text), column.nullable, about)
-            )
-        told = json.dumps({"format_version": FORMAT_VERSION, "table": self.name}, sort_keys=True)
-        return pa.schema(fields, metadata={parquet.METADATA_KEY: told.encode()})
+            kind = types.get(column.kind, text)
+            metadata = {"unit": column.unit, "description": column.description}
+            fields.append(pa.field(column.name, kind, column.nullable, metadata))
+        about = json.dumps({"format_version": FORMAT_VERSION, "table": self.name}, sort_keys=True)
+        return pa.schema(fields, metadata={parquet.METADATA_KEY: about.encode()})
+
+
+def _column(name: str, hint: Any) -> Column:
+    """Returns the column that an annotated field describes."""
+    *_, unit, description = hint.__metadata__
+    alternatives = get_args(hint.__origin__)  # of a union
+    value_types = [kind for kind in alternatives if kind is not NoneType] or [hint]
+    (value_type,) = value_types
+    if "int32" in getattr(value_type, "__metadata__", ()):
+        kind = "int32"
+    else:
+        kind = _KINDS[getattr(value_type, "__origin__", value_type)]
+    return Column(name, kind, unit, description, nullable=NoneType in alternatives)
 
 
 class _Codes(dict[str, int]):
-    """Text -> the small integer that stands for it, counted up as new ones come."""
+    """A code for each text; a new text gets the next one."""
 
     def __missing__(self, text: str) -> int:
         if text is None:
@@ -98,29 +126,32 @@ class _Buffer:
     """The values of one column; text is kept as small integers."""
 
     def __init__(self, column: Column) -> None:
-        code, self._none = _BUFFERS[column.kind]
+        typecode, self._none = _BUFFERS[column.kind]
         self.about = column
-        self.values = array(code)
+        self.values = array(typecode)
         self.codes = _Codes()
         self._is_text = column.kind == "text"
 
     def extend(self, values: Sequence[Any]) -> None:
-        """Raises TypeError for a None in a column that is never empty."""
+        """Adds values at the end. Raises TypeError for a None in a column that is never empty."""
         none, codes = self._none, self.codes
         try:
             if not self.about.nullable:
-                kept = list(map(codes.__getitem__, values) if self._is_text else values)
+                encoded = list(map(codes.__getitem__, values) if self._is_text else values)
             elif self._is_text:
-                kept = [none if value is None else codes[value] for value in values]
+                encoded = [none if value is None else codes[value] for value in values]
             else:
-                kept = [none if value is None else value for value in values]
-            self.values.frombytes(
-                struct.pack(f"{len(kept)}{self.values.typecode}", *kept)
-            )  # the fastest way of them
+                encoded = [none if value is None else value for value in values]
+            # Packing first is several times faster than array.extend.
+            self.values.frombytes(struct.pack(f"{len(encoded)}{self.values.typecode}", *encoded))
         except (TypeError, struct.error) as error:
             raise TypeError(
                 f"column {self.about.name!r} is never empty" if None in values else str(error)
             ) from None
+
+    def encode(self, value: Any) -> Any:
+        """What stands for a value in the buffer; a text that is not there has a code of its own."""
+        return self.codes.get(value, _NO_CODE) if self._is_text else value
 
     def decode(self, value: Any) -> Any:
         """What ``extend`` was given for it."""
@@ -134,7 +165,7 @@ class _Buffer:
         return np.frombuffer(self.values, dtype=self.values.typecode, count=rows)
 
     def column(self, values: Array) -> Any:
-        """These values as ``read`` finds them in a file."""
+        """Returns values of this column as ``read`` finds them in a file."""
         if self._is_text:
             return Text.of(values, list(self.codes))
         if self.about.kind == "float64":
@@ -149,14 +180,17 @@ class _Buffer:
         return values
 
     def arrow(self, values: Array) -> "pa.Array":
-        """These values for a file. From buffers: of an array or a list, pyarrow looks whether it is one of pandas',
-        and imports that, which takes as long as to simulate."""
+        """Returns values of this column for a file.
+
+        Made from buffers: given an array or a list, pyarrow imports pandas to see whether it is one
+        of pandas', and that import takes as long as a short run.
+        """
         import pyarrow as pa
 
         validity = None
         if self.about.nullable:
-            known = ~np.isnan(values) if self.about.kind == "float64" else values != self._none
-            validity = pa.py_buffer(np.packbits(known, bitorder="little"))
+            valid = ~np.isnan(values) if self.about.kind == "float64" else values != self._none
+            validity = pa.py_buffer(np.packbits(valid, bitorder="little"))
         if self._is_text:
             text = Text.of(values, list(self.codes))
             encoded = [name.encode() for name in text.names]
@@ -178,15 +212,20 @@ class _Buffer:
 
 
 class Table:
-    """Rows of one ``schema``: in memory first, in a Parquet file afterwards.
+    """Rows of one schema: in memory first, in a Parquet file afterwards.
 
-    With ``spill``, a path, rows go to a file there as they come, 65,536 at a time, and few are in memory at any time.
-    ``write`` gives the file its name. That is for tables that keep the order in which rows were added.
+    Parameters
+    ----------
+    schema : Schema
+        The columns.
+    spill : Path, optional
+        A file to which rows go as they come, 65,536 at a time, so that few are in memory at any
+        time; ``write`` gives it its name. Only for tables that keep the order of their rows.
     """
 
     def __init__(self, schema: Schema, spill: Path | None = None) -> None:
         if spill is not None and schema.sorted_by:
-            raise ValueError(f"{schema.name}: rows that are to be sorted have to stay in memory")
+            raise ValueError(f"{schema.name}: rows that will be sorted stay in memory")
         self.schema, self.name = schema, schema.name
         self._buffers = {column.name: _Buffer(column) for column in schema.columns}
         self._new: list[Value] = []  # of rows that are not in the columns yet, row by row
@@ -202,41 +241,42 @@ class Table:
         return self._spilled + self._rows + len(self._new) // self._width
 
     def append(self, values: Sequence[Value]) -> None:
-        """Adds a row, or several one after the other; their values are in the order of the columns."""
+        """Adds a row, or several one after the other; their values are in the order of the
+        columns.
+        """
         self._new += values
-        room = _BUFFERED * self._width
+        room = _ROWS_AT_ONCE * self._width
         while len(self._new) >= room:
             self._store(room)
 
-    def _store(self, most: int | None = None) -> None:
-        """Moves the new rows into the columns, at most so many values."""
-        new = self._new[:most]
-        del self._new[:most]
+    def _store(self, max_values: int | None = None) -> None:
+        """Moves the new rows into the buffers, at most so many values."""
+        new = self._new[:max_values]
+        del self._new[:max_values]
         for place, buffer in enumerate(self._buffers.values()):
             buffer.extend(new[place :: self._width])
         self._rows += len(new) // self._width
         if self._spill is not None and self._rows >= ROWS_PER_GROUP:
             self._spill_rows(self._spill)
 
-    def take(self, **known: Value) -> tuple[Value, ...] | None:
-        """Takes the row with these values out again, ``None`` if there is none; slow. The last row takes its place."""
+    def take(self, **cells: Value) -> dict[str, Any] | None:
+        """Takes the row with these cells out again, by column; ``None`` if there is none. Slow. The
+        last row takes its place.
+        """
         self._store()
-        found = np.ones(self._rows, dtype=bool)
-        for name, value in known.items():
+        matches = np.ones(self._rows, dtype=bool)
+        for name, value in cells.items():
             buffer = self._buffers[name]
-            is_text = buffer.about.kind == "text"
-            found &= buffer.numpy(self._rows) == (
-                buffer.codes.get(str(value), -1) if is_text else value
-            )
-        if not found.any():
+            matches &= buffer.numpy(self._rows) == buffer.encode(value)
+        if not matches.any():
             return None
-        row, values = int(found.argmax()), []
-        for buffer in self._buffers.values():
-            values.append(buffer.decode(buffer.values[row]))
-            buffer.values[row] = buffer.values[-1]
+        place, row = int(matches.argmax()), {}
+        for name, buffer in self._buffers.items():
+            row[name] = buffer.decode(buffer.values[place])
+            buffer.values[place] = buffer.values[-1]
             buffer.values.pop()
         self._rows -= 1
-        return tuple(values)
+        return row
 
     @property
     def size_bytes(self) -> int:
@@ -245,10 +285,11 @@ class Table:
         return sum(len(buffer.values) * buffer.values.itemsize for buffer in self._buffers.values())
 
     def write(self, path: Path) -> None:
-        """Writes the table: zstd, groups of 65,536 rows, no time, no host. A table that spilled is complete then.
+        """Writes the table: zstd, groups of 65,536 rows, no time, no host. No row can be added
+        afterwards to a table that spilled.
 
-        Raises OSError where the file cannot be written. What shall be there whole or not at all is written within
-        ``paths.atomic_write`` or ``provenance.result_folder``.
+        Raises OSError where the file cannot be written. Use it within ``paths.atomic_write`` or
+        ``provenance.result_folder``, so that no half table is left.
         """
         self._store()
         if self._writer is not None and self._spill is not None:
@@ -260,22 +301,23 @@ class Table:
             self._write_rows(writer)
 
     def columns(self) -> Columns:
-        """The same columns that ``read`` finds in the file."""
+        """Returns the columns as ``read`` finds them in the file."""
         if self._spilled:
-            assert self._written is not None, "what went to a file is read when all of it is there"
+            assert self._written is not None, "a table that spilled is written before it is read"
             return read(self._written, self.schema)
         self._store()
-        order, buffers = self._order(), self._buffers.items()
-        return Columns(
-            {name: buffer.column(buffer.numpy(self._rows)[order]) for name, buffer in buffers}
-        )
+        order = self._order()
+        columns = {}
+        for name, buffer in self._buffers.items():
+            columns[name] = buffer.column(buffer.numpy(self._rows)[order])
+        return Columns(columns)
 
     def to_frame(self) -> "pd.DataFrame":
-        """The same as a pandas table. Text is categorical, an unknown number NaN."""
+        """Returns a pandas table. Text is categorical, an unknown number NaN."""
         return self.columns().to_frame()
 
     def _parquet(self, file: BinaryIO) -> "pq.ParquetWriter":
-        """A writer into an open file: of a path pyarrow makes a URI, and of a leading "~" a home."""
+        """Returns a writer into an open file; a path would be taken for a URI by pyarrow."""
         import pyarrow.parquet as pq
 
         texts = [column.name for column in self.schema.columns if column.kind == "text"]
@@ -299,7 +341,7 @@ class Table:
         self._rows = 0
 
     def _order(self) -> Array:
-        """The places of the rows, sorted if the schema wants it."""
+        """Returns the indices of the rows, sorted if the schema says so."""
         keys = []
         for name in reversed(self.schema.sorted_by):
             key = self._buffers[name].column(self._buffers[name].numpy(self._rows))
@@ -311,24 +353,49 @@ class Table:
 
         schema, order = self.schema.arrow(), self._order()
         for start in range(0, self._rows, ROWS_PER_GROUP):
-            part = order[start : start + ROWS_PER_GROUP]
+            rows = order[start : start + ROWS_PER_GROUP]
             arrays = [
-                buffer.arrow(buffer.numpy(self._rows)[part]) for buffer in self._buffers.values()
+                buffer.arrow(buffer.numpy(self._rows)[rows]) for buffer in self._buffers.values()
             ]
             yield pa.RecordBatch.from_arrays(arrays, schema=schema)
 
 
-def other_format(path: Path, found: object, reads: int) -> str:
-    """What is wrong with results of another format, and what to do."""
-    if isinstance(found, int) and found < reads:
-        return f"{path}: made by an older genie-sim: format {found}, this one reads {reads}; run it again"
-    return f"{path}: format {short_repr(found)}, this genie-sim reads {reads}"
+def other_format(path: Path, version: object, expected: int) -> str:
+    """Returns what is wrong with results of another format, and what to do."""
+    if isinstance(version, int) and version < expected:
+        return (
+            f"{path}: made by an older genie-sim: format {version}, this one reads {expected}; "
+            "run it again"
+        )
+    return f"{path}: format {short_repr(version)}, this genie-sim reads {expected}"
+
+
+def write(path: Path, schema: Schema, columns: Columns) -> None:
+    """Writes columns as ``Table.write`` writes the same rows. Raises OSError."""
+    table = Table(schema)
+    cells = [_cells(columns[column.name], column) for column in schema.columns]
+    for row in zip(*cells, strict=True):
+        table.append(row)
+    table.write(path)
+
+
+def _cells(values: Any, column: Column) -> list[Value]:
+    """The values of a column, None where unknown."""
+    cells: list[Any] = values.tolist()
+    if column.kind in ("text", "bool"):
+        return cells
+    if column.nullable:
+        cells = [None if cell is None or cell != cell else cell for cell in cells]
+    if column.kind != "float64":
+        cells = [None if cell is None else int(cell) for cell in cells]
+    return cells
 
 
 def read(path: Path, schema: Schema) -> Columns:
-    """The rows of a file that a table of this schema wrote.
+    """Returns the rows of a file that a table of this schema wrote.
 
-    Raises UserError for a missing, truncated or foreign file, another table or another format version.
+    Raises UserError for a missing, truncated or foreign file, another table or another format
+    version.
     """
     table, about = parquet.read(path, "file")
     if about.get("table") != schema.name:
@@ -340,8 +407,10 @@ def read(path: Path, schema: Schema) -> Columns:
 
 
 def harmless(cell: Any) -> Any:
-    """A cell for CSV: a text that a spreadsheet would take for a formula gets an apostrophe in front."""
-    return f"'{cell}" if isinstance(cell, str) and cell.startswith(FORMULA) else cell
+    """Returns a cell for CSV: a text that a spreadsheet would take for a formula gets an apostrophe
+    in front.
+    """
+    return f"'{cell}" if isinstance(cell, str) and cell.startswith(FORMULA_STARTS) else cell
 
 
 def _read_column(column: "pa.ChunkedArray") -> Any:
@@ -349,8 +418,7 @@ def _read_column(column: "pa.ChunkedArray") -> Any:
 
     if not pa.types.is_dictionary(column.type):
         return column.to_numpy()
-    whole = (
-        column.unify_dictionaries().combine_chunks()
-    )  # the groups of a file may know different names
-    codes = whole.indices.to_numpy(zero_copy_only=False)
-    return Text.of(np.nan_to_num(codes, nan=NO_TEXT).astype(np.int32), whole.dictionary.to_pylist())
+    # The row groups of a file may have different dictionaries.
+    combined = column.unify_dictionaries().combine_chunks()
+    codes = np.nan_to_num(combined.indices.to_numpy(zero_copy_only=False), nan=NO_TEXT)
+    return Text.of(codes.astype(np.int32), combined.dictionary.to_pylist())

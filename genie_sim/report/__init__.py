@@ -1,7 +1,9 @@
-"""``report.html``: one page about a run, an evaluation or a sweep, for a browser. It needs no network, no other file.
+"""``report.html``: one page about a run, an evaluation or a sweep, for a browser. It needs no
+network, no other file.
 
-The same results give the same bytes. Everything that the page shows is in it as JSON; nothing of it is ever taken for
-HTML or for a script, and the page's own security policy forbids it to load or to send anything.
+The same results give the same bytes. Everything that the page shows is in it as JSON; nothing of it
+is ever taken for HTML or for a script, and the page's own security policy forbids it to load or to
+send anything.
 """
 
 import base64
@@ -21,21 +23,33 @@ from genie_sim.report.data import page_data
 
 if TYPE_CHECKING:
     from genie_sim.recording.results import Run
+    from genie_sim.report.replay_pictures import Pictures
 
 NAME = "report.html"
 REPLAY = (
-    "replay_model.js", "replay_canvas.js", "replay_street.js", "replay_strips.js", "story.js", "replay_controls.js"
-)  # fmt: skip
+    "replay_model.js",
+    "replay_canvas.js",
+    "replay_street.js",
+    "replay_camera.js",
+    "replay_hosts.js",
+    "replay_difference.js",
+    "replay_strips.js",
+    "story.js",
+    "replay_tables.js",
+    "replay_address.js",
+    "replay_controls.js",
+)
 DASH_PX = 3  # a unit of the figures' dashes
-LINES = 32  # that differ in colour or dashes
+LINES = 48  # that differ in colour or dashes
 
 
-def write(path: Path, run: "Run", start_ns: int = 0) -> None:
-    """Writes the page about ``run``. A long run is replayed from ``start_ns`` on, as far as the page's size allows.
+def write(path: Path, run: "Run", start_ns: int = 0, pictures: "Pictures | None" = None) -> None:
+    """Writes the page about ``run``. A long run is replayed from ``start_ns`` on, as far as the
+    page's size allows. ``pictures`` are shown under what cars hold.
 
     Raises ``UserError`` if ``path`` cannot be written.
     """
-    write_text(path, page(run, start_ns))
+    write_text(path, page(run, start_ns, pictures))
 
 
 def write_text(path: Path, text: str) -> None:
@@ -44,15 +58,19 @@ def write_text(path: Path, text: str) -> None:
         beside.write_text(text, encoding="utf-8")
 
 
-def page(run: "Run", start_ns: int = 0) -> str:
-    """The text of the page about ``run``. Raises ``UserError`` for one from a folder that this version did not write."""
+def page(run: "Run", start_ns: int = 0, pictures: "Pictures | None" = None) -> str:
+    """The text of the page about ``run``. Raises ``UserError`` for one from a folder that this
+    version did not write.
+    """
     with provenance.of_this_version(run.folder):
         elsewhere = "The numbers are also in metrics.json and summary.md beside it."
         title, scripts = (
-            f"{run.name}, run {run.run_id}",
+            f"{run.title}, run {run.run_id}",
             ("parts.js", *REPLAY, "many.js", "fleet.js", "run.js"),
         )
-        return assemble("run.html", scripts, title, page_data(run, start_ns), elsewhere)
+        data = page_data(run, start_ns, pictures)
+        source = None if pictures is None else "data:" if pictures.copied else "file:"
+        return assemble("run.html", scripts, title, data, elsewhere=elsewhere, pictures=source)
 
 
 def assemble(
@@ -60,39 +78,51 @@ def assemble(
     scripts: Sequence[str],
     title: str,
     data: Mapping[str, Any],
+    *,
     elsewhere: str,
-    pictures: bool = False,
+    pictures: str | None = None,
 ) -> str:
-    """A page from its parts. ``elsewhere`` says where a reader without JavaScript finds the same. The page's policy
-    allows its own script and style, and ``pictures`` that are in its data."""
+    """A page from its parts. Its security policy allows its own script and style alone.
+
+    Parameters
+    ----------
+    content, scripts : str, sequence of str
+        Names of files of this folder: the page's HTML, and its scripts in their order.
+    title : str
+        Of the page.
+    data : mapping
+        What the scripts show, as plain JSON values.
+    elsewhere : str
+        Tells a reader without JavaScript where the same numbers are.
+    pictures : str, optional
+        Where the page's pictures are, if it shows any: ``data:``, in the page, or ``file:``.
+    """
     look = _palette() + _part("page.css")
     script = '"use strict";\n' + "\n".join(map(_part, ("base.js", "charts.js", *scripts)))
-    allowed = f"script-src {_source(script)}; style-src {_source(look)}{'; img-src data:' if pictures else ''}"
+    allowed = f"script-src {_source(script)}; style-src {_source(look)}"
+    if pictures is not None:
+        allowed += f"; img-src {pictures}"
+    sizes = {"palette": len(style.COLOURS), "hosts": len(style.HOSTS), "lines": LINES}
     parts = {
         "policy": f"default-src 'none'; {allowed}; base-uri 'none'",
         "title": escape(title),
         "style": look,
         "elsewhere": escape(elsewhere),
         "content": _part(content),
-        "data": as_json({"palette": len(style.COLOURS), "lines": LINES, **data}),
+        "data": as_json({**sizes, **data}),
         "script": script,
     }
     return re.sub("%([a-z]+)%", lambda mark: parts[mark[1]], _part("shell.html"))
 
 
 def _palette() -> str:
-    """The colours of methods as variables ``--method-0`` and so on, of hosts as ``--host-0``; methods' lines as classes
-    ``m0`` and so on, those of hosts ``h0``, and parts of the time ``part-0``."""
+    """The colours of methods as variables ``--method-0`` and so on, of hosts as ``--host-0``;
+    methods' lines as classes ``m0`` and so on, those of hosts ``h0``, and parts of the time
+    ``part-0``.
+    """
     colours = len(style.COLOURS)
-    light, dark = (
-        ":root{"
-        + "".join(f"--{of}-{i}:{one};" for of, all in named.items() for i, one in enumerate(all))
-        + "}"
-        for named in (
-            {"method": style.COLOURS, "host": style.HOSTS},
-            {"method": style.DARK_COLOURS, "host": style.DARK_HOSTS},
-        )
-    )
+    light = _variables(style.COLOURS, style.HOSTS)
+    dark = _variables(style.DARK_COLOURS, style.DARK_HOSTS)
     lines = (
         f".m{i}{{--c:var(--method-{i % colours});stroke-dasharray:{_dashes(i)}}}"
         for i in range(LINES)
@@ -106,15 +136,24 @@ def _palette() -> str:
     )
 
 
-def _dashes(position: int) -> str:
-    dashes = style.method_line(position)["linestyle"]
+def _variables(methods: Sequence[str], hosts: Sequence[str]) -> str:
+    """The rule of CSS that names the colours of methods and of hosts."""
+    variables = [f"--method-{place}:{colour};" for place, colour in enumerate(methods)]
+    variables += [f"--host-{place}:{colour};" for place, colour in enumerate(hosts)]
+    return f":root{{{''.join(variables)}}}"
+
+
+def _dashes(look: int) -> str:
+    dashes = style.method_line(look)["linestyle"]
     return (
         "none" if dashes == style.SOLID else " ".join(f"{DASH_PX * part:g}" for part in dashes[1])
     )
 
 
 def as_json(value: Any) -> str:
-    """JSON that may stand inside a ``<script>`` element: no text in it can end the element or begin a comment."""
+    """JSON that may stand inside a ``<script>`` element: no text in it can end the element or begin
+    a comment.
+    """
     text = json.dumps(value, separators=(",", ":"), allow_nan=False)
     return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
 

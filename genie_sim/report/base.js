@@ -17,19 +17,26 @@ const byId = (id) => document.getElementById(id);
 const option = (value, text) => make("option", { value }, text);
 const strong = (text) => make("b", {}, text);
 const words = (name) => name.replaceAll("_", " ");
+const sentence = (text) => text[0].toUpperCase() + text.slice(1);
 const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
 
 const DATA = JSON.parse(byId("data").textContent);
 const ABOUT = DATA.about;
 
-// Methods are in the order in which they were given; their colours, lines and markers go by their position.
+// Methods are in the order in which they were given; each has the number of its colour, line and marker, as in figures.
 const METHODS = DATA.methods;
 const placeOf = (method) => METHODS.findIndex((one) => one.name === method);
 const methodTitle = (method) => METHODS[placeOf(method)]?.title ?? method;
-const methodClass = (method) => `m${Math.max(placeOf(method), 0) % DATA.lines}`;
+const lookOf = (method) => METHODS[placeOf(method)]?.look ?? 0;
+const methodClass = (method) => `m${lookOf(method) % DATA.lines}`;
 const methodKey = (method) => make("span", { class: "key" }, draw("svg", { width: 22, height: 8, class: methodClass(method), "aria-hidden": "true" },
   draw("path", { d: "M0 4H22" })), methodTitle(method));
 const placementText = (placement) => ({ car: "on cars", edge: "on edges" })[placement] || placement;
+
+// What is said of a metric, the same on every page; of one that is not registered, its name.
+const infoOf = (metric) => DATA.metric_info?.[metric] ?? { title: words(metric), unit: "", better: "", meaning: "" };
+const metricTitle = (metric) => sentence(infoOf(metric).title);
+const isShare = (metric) => infoOf(metric).unit === "%";
 
 function digits(value, count = 3) {
   if (value === 0) return "0";
@@ -41,7 +48,7 @@ function asText(value, unit) {
   if (unit === "1") return percent(value);
   if (unit === "B") return bytes(value);
   if (unit === "ms" && Math.abs(value) >= 10000) return `${digits(value / 1000)} s`;
-  return unit ? `${digits(value)} ${unit}` : digits(value);
+  return unit ? `${digits(value)} ${value === 1 ? unit.replace(/^([a-z]{4,})s$/, "$1") : unit}` : digits(value);
 }
 const percent = (share) => `${digits(100 * share)} %`;
 function bytes(value) {
@@ -72,7 +79,7 @@ function table(node, caption, head, rows) {
 function filteredTable(name, head, rows, columns) {
   const render = () => {
     const asked = byId(`${name}-filter`).value.toLowerCase().split(/\s+/).filter(Boolean);
-    const kept = rows.filter((row) => { const text = row.slice(0, columns).join(" ").toLowerCase(); return asked.every((word) => text.includes(word)); });
+    const kept = rows.filter((row) => { const text = row.slice(0, columns).map((cell) => cell.textContent ?? cell).join(" ").toLowerCase(); return asked.every((word) => text.includes(word)); });
     byId(`${name}-count`).textContent = `${kept.length} of ${rows.length}`;
     table(byId(`${name}-table`), null, head, kept);
   };
@@ -85,6 +92,8 @@ function showFrame(what, facts, origin) {
   byId("kicker").textContent = `genie-sim ${ABOUT.genie_sim}, ${what}`;
   byId("name").textContent = ABOUT.name;
   byId("description").textContent = ABOUT.description;
+  byId("warning").textContent = ABOUT.warning ?? "";
+  byId("warning").hidden = !ABOUT.warning;
   byId("about").replaceChildren(...Object.entries(facts).map(([name, value]) => make("div", {}, make("dt", {}, name), make("dd", {}, String(value)))));
   byId("notes").replaceChildren(...[...DATA.notes, `Made by genie-sim ${ABOUT.genie_sim} from ${origin}`].map((note) => make("li", {}, note)));
   const shown = [...document.querySelectorAll("main section")].filter((section) => !section.hidden);

@@ -65,15 +65,18 @@ function axes({ low, high, up, format }, left, right, label, base) {
 }
 const markLine = (at, foot, label, y) => [draw("line", { class: "mark", x1: at, x2: at, y1: 10, y2: foot }), draw("text", { x: at + 5, y }, label)];
 
-// The marks that tell lines apart without colour: disc, square, triangle and diamond, filled and then hollow. With its
-// colour, no method's mark is that of another.
-const MARKERS = ["M-3.2 0a3.2 3.2 0 1 0 6.4 0a3.2 3.2 0 1 0 -6.4 0Z", "M-3 -3H3V3H-3Z", "M0 -3.8L3.8 3H-3.8Z", "M0 -4L4 0L0 4L-4 0Z"];
-const methodMarker = (method) => placeOf(method) + Math.floor(placeOf(method) / DATA.palette);
+// The marks that tell lines apart without colour, as in figures: disc, square, triangle, diamond, triangle on its tip, plus,
+// cross and star. With its colour, no method's mark is that of another.
+const MARKERS = ["M-3.2 0a3.2 3.2 0 1 0 6.4 0a3.2 3.2 0 1 0 -6.4 0Z", "M-3 -3H3V3H-3Z", "M0 -3.8L3.8 3H-3.8Z", "M0 -4L4 0L0 4L-4 0Z",
+  "M0 3.8L3.8 -3H-3.8Z", "M-1.3 -4H1.3V-1.3H4V1.3H1.3V4H-1.3V1.3H-4V-1.3H-1.3Z",
+  "M-1.9 -3.8L0 -1.9L1.9 -3.8L3.8 -1.9L1.9 0L3.8 1.9L1.9 3.8L0 1.9L-1.9 3.8L-3.8 1.9L-1.9 0L-3.8 -1.9Z",
+  "M0 -4.4L1.1 -1.4H4.2L1.7 .5L2.6 3.6L0 1.8L-2.6 3.6L-1.7 .5L-4.2 -1.4H-1.1Z"];
+const methodMarker = (method) => lookOf(method) + Math.floor(lookOf(method) / DATA.palette);
 const MARKER_PX = 90; // between two on a line
-const markerAt = ({ color, marker }, x, y) => draw("path", { class: `${color} ${marker % 8 < 4 ? "solid" : "hollow"}`, d: MARKERS[marker % 4], transform: `translate(${x} ${y})` });
+const markerAt = ({ color, marker, hollow }, x, y) => draw("path", { class: `${color} ${hollow ? "hollow" : "solid"}`, d: MARKERS[marker % 8], transform: `translate(${x} ${y})` });
 
 // series: {name, color (a CSS class), dash, marker (its number), x, y, steps}; the value at x is the last one up to x.
-function lineChart(host, { title, series, x, y, marks = [], height = 240 }) {
+function lineChart(host, { title, series, x, y, marks = [], spans = [], height = 240 }) {
   const low = x.log ? Math.log(x.min) : x.min, high = x.log ? Math.log(x.max) : x.max;
   const left = 52, right = 12, top = 10, foot = height - 38;
   let width = 0;
@@ -101,8 +104,10 @@ function lineChart(host, { title, series, x, y, marks = [], height = 240 }) {
     sample: (one) => [draw("path", { d: "M0 5H22", "stroke-dasharray": one.dash }), ...(one.marker === undefined ? [] : [markerAt(one, 11, 5)])],
     parts: (now, visible) => {
       width = now;
-      const xs = x.log ? logTicks(x.min, x.max, width < 420) : linearTicks(x.min, x.max, Math.max(3, Math.min(8, width / 90)));
-      return [...axes({ low: y.min, high: y.max, up, format: y.format }, left, width - right, x.label, height - 4),
+      const few = x.log ? logTicks(x.min, x.max, width < 420) : [];
+      const xs = x.log ? (few.length > 1 ? few : logTicks(x.min, x.max, false)) : linearTicks(x.min, x.max, Math.max(3, Math.min(8, width / 90)));
+      return [...spans.map(({ from, to, text }) => draw("rect", { class: "span", x: across(from), y: top, width: Math.max(across(Math.min(to ?? x.max, x.max)) - across(from), 1), height: foot - top }, draw("title", {}, text))),
+        ...axes({ low: y.min, high: y.max, up, format: y.format }, left, width - right, x.label, height - 4),
         ...xs.map((tick) => draw("text", { x: across(tick), y: foot + 17, "text-anchor": "middle" }, digits(tick, 6))),
         ...marks.flatMap((mark) => markLine(across(mark.x), foot, mark.label, top + 24)),
         ...visible.filter((one) => one.x.length).flatMap((one) => [draw("path", { class: one.color, d: path(one), "stroke-dasharray": one.dash }), ...markers(one)])];

@@ -1,23 +1,28 @@
 """A comparison as a table of text, and as one page for a browser."""
 
 import base64
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-import genie_sim
 from genie_sim import report
-from genie_sim.analysis import text_table
-from genie_sim.analysis.compare import BLOCKS, COMPARED, Comparison, Difference, as_metrics
+from genie_sim.analysis import latex, summary, text_table
+from genie_sim.analysis.compare import BLOCKS, ComparedRuns, Difference, as_metrics, compared
+from genie_sim.analysis.registry import METRICS, UNKNOWN
+from genie_sim.analysis.seed_runs import SeedRuns, load, seeds_text
+from genie_sim.analysis.style import COLUMN_IN
+from genie_sim.analysis.verdict import verdicts
 from genie_sim.paths import atomic_write
-from genie_sim.recording.columns import concat
+from genie_sim.recording import provenance
+from genie_sim.recording.columns import Columns, concat
+from genie_sim.text import number_text
+from genie_sim.version import VERSION
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 PAGE = "compare.html"
 HEADINGS = ("metric", "of", "value", "against", "difference", "95 % interval", "paired by", "pairs")
-ONE_RUN = "Blocks of one second tell how sure a difference is inside these runs; other seeds and drives may differ by more."
 PAGE_HEADINGS = (
     "metric",
     "of",
@@ -28,83 +33,160 @@ PAGE_HEADINGS = (
     "95 % interval",
     "pairs",
 )
+ONE_RUN = (
+    "Blocks of one second tell how sure a difference is inside these runs; other seeds and drives "
+    "may differ by more."
+)
 
 
-def text(comparison: Comparison, format: str = "markdown") -> str:
-    """The table of metrics; markdown and LaTeX round, csv does not. Raises UserError for another format."""
+def text(comparison: ComparedRuns, format: str = "markdown") -> str:
+    """The table of metrics; markdown and LaTeX round, csv does not. Raises UserError for another
+    format.
+    """
     if text_table.checked(format) == "csv":
+        if comparison.warning:
+            rows = [(*row, comparison.warning) for row in comparison.rows]
+            return text_table.exact([*Difference._fields, "changed"], rows)
         return text_table.exact(Difference._fields, comparison.rows)
-    return text_table.rounded(format, HEADINGS, map(_cells, comparison.rows), "llrlrrlr")
+    if format == "latex":
+        return latex.of_comparison(comparison)
+    titles = _titles(comparison)
+    cells = [_cells(row, titles) for row in comparison.rows]
+    table = text_table.rounded(format, HEADINGS, cells, "llrlrrlr")
+    return table + text_table.remark(format, comparison.warning)
 
 
-def figures(comparison: Comparison) -> "dict[str, Figure]":
-    """Overlaid distributions of first answers, and latency against accuracy where the arms have one in common."""
-    from genie_sim.analysis import figures as of_runs
+def figures(comparison: ComparedRuns, width_in: float | None = None) -> "dict[str, Figure]":
+    """The paired differences, overlaid distributions of first answers, and accuracy versus latency
+    where the arms have an accuracy in common; ``width_in`` wide, if that is given.
+    """
+    from genie_sim.analysis.difference_plot import differences
     from genie_sim.analysis.latency_accuracy import drawable, latency_accuracy
+    from genie_sim.analysis.latency_cdf import latency_cdf
 
-    measured, methods = as_metrics(comparison)
-    parts = [
-        run.tables["frames"].where(method=arm.method.name).assign(method=arm.label)
-        for arm in comparison.arms
-        for run in arm.runs.values()
-    ]
+    metrics, methods = as_metrics(comparison)
+    frames: dict[int, list[Columns]] = {}  # by seed
+    for arm in comparison.arms:
+        for seed, run in arm.runs.items():
+            of_method = run.tables["frames"].where(method=arm.method.name)
+            frames.setdefault(seed, []).append(of_method.assign(method=arm.label))
     title = " and ".join(comparison.names)
-    made = {"latency_cdf": of_runs.latency_cdf({title: concat(parts)}, methods)}
-    if drawable({title: measured}):
-        made["latency_accuracy"] = latency_accuracy({title: measured}, methods)
-    return made
+    seeds = [concat(of_seed) for of_seed in frames.values()]
+    footer = comparison.by
+    drawn = {"latency_cdf": latency_cdf({title: seeds}, methods, footer, width_in)}
+    if any(row.difference is not None for row in comparison.rows):
+        drawn = {"differences": differences(comparison, footer, width_in), **drawn}
+    if drawable({title: metrics}):
+        drawn["latency_accuracy"] = latency_accuracy({title: metrics}, methods, footer, width_in)
+    return drawn
 
 
-def page(comparison: Comparison) -> str:
+def page(comparison: ComparedRuns) -> str:
     """The text of the page; the figures are in it."""
     name = " and ".join(comparison.names)
-    data = {
+    data = _page_data(comparison, figures(comparison)) | {
+        "origin": "the result folders that were given. "
+        "All numbers are in table.csv beside this page."
+    }
+    return report.assemble(
+        "compare.html",
+        ("compare.js",),
+        f"{name}, compared",
+        data,
+        elsewhere="The numbers are also in table.md and table.csv beside it.",
+        pictures="data:",
+    )
+
+
+def seeds_page(runs: SeedRuns) -> str:
+    """The text of the page about runs with several seeds: their means, the differences between
+    their methods, their figures, and the way to the page of each run. Raises ``UserError``.
+    """
+    from genie_sim.analysis.figures import of_run
+
+    with provenance.of_this_version(runs.folder):
+        comparison = compared([runs])
+        drawn = figures(comparison) | of_run(runs)
+        headings, rows = summary.cells(runs)
+        data = _page_data(comparison, drawn)
+        seeds = seeds_text(runs.seeds)
+        about = data["about"] | {
+            "name": runs.title,
+            "description": runs.runs[0].facts["scenario"]["description"],
+            "seeds": seeds,
+        }
+        data |= {
+            "about": about,
+            "means": {"headings": headings, "rows": rows, "note": summary.about_seeds(runs)},
+            "runs": [
+                [f"seed {run.seed}", run.run_id, f"runs/{run.folder.name}/{report.NAME}"]
+                for run in runs.runs
+                if run.folder is not None and (run.folder / report.NAME).is_file()
+            ],
+            "origin": "the runs in the folder 'runs' beside this page.",
+        }
+        return report.assemble(
+            "compare.html",
+            ("compare.js",),
+            f"{runs.title}, {seeds}",
+            data,
+            elsewhere="The numbers are also in summary.md and table.csv beside it.",
+            pictures="data:",
+        )
+
+
+def seeds_page_of(folder: Path, allow_changed: bool = False) -> str:
+    """The same of a study's folder. Raises ``UserError``."""
+    runs = load(folder, allow_changed=allow_changed)
+    assert isinstance(runs, SeedRuns)
+    return seeds_page(runs)
+
+
+def _page_data(comparison: ComparedRuns, drawn: "Mapping[str, Figure]") -> dict[str, Any]:
+    name = " and ".join(comparison.names)
+    pictures = [
+        {
+            "name": file,
+            "title": str(figure.get_label()).partition("\n")[0],
+            "wide": bool(figure.get_figwidth() > COLUMN_IN),
+            "source": _picture(figure),
+        }
+        for file, figure in drawn.items()
+    ]
+    return {
         "about": {
-            "genie_sim": genie_sim.__version__,
+            "genie_sim": VERSION,
             "name": name,
             "description": "Runs that saw the same frames, side by side.",
             "names": list(comparison.names),
-            "arms": [arm.label for arm in comparison.arms],
+            "arms": [arm.title for arm in comparison.arms],
+            "warning": comparison.warning,
         },
         "methods": [],
+        "verdicts": verdicts(comparison),
         "about_rows": note(comparison),
         "headings": PAGE_HEADINGS,
         "rows": list(_rows(comparison)),
         "settings": [[path, *values] for path, values in comparison.settings.items()],
-        "figures": [
-            {
-                "name": name,
-                "title": str(figure.get_label()).partition("\n")[0],
-                "source": _picture(figure),
-            }
-            for name, figure in figures(comparison).items()
-        ],
+        "figures": pictures,
+        "means": None,
+        "runs": [],
         "notes": [],
     }
-    elsewhere = "The numbers are also in table.md and table.csv beside it."
-    return report.assemble(
-        "compare.html", ("compare.js",), f"{name}, compared", data, elsewhere, pictures=True
-    )
 
 
-def _rows(comparison: Comparison) -> Iterator[list[str]]:
-    """Of the page: each arm that is compared, with the value of what it is compared with."""
-    cells = {(row.metric, row.arm): _cells(row) for row in comparison.rows}
-    for row in comparison.rows:
-        if row.against:
-            metric, arm, value, against, gap, ends, _, pairs = cells[row.metric, row.arm]
-            theirs = cells.get((metric, against))
-            yield [metric, arm, value, against, theirs[2] if theirs else "-", gap, ends, pairs]
-
-
-def note(comparison: Comparison) -> str:
+def note(comparison: ComparedRuns) -> str:
     """What the intervals are over."""
-    said = comparison.by[0].upper() + comparison.by[1:] + "."
-    return f"{said} {ONE_RUN}" if any(row.by == BLOCKS for row in comparison.rows) else said
+    sentence = comparison.by[0].upper() + comparison.by[1:] + "."
+    if any(row.by == BLOCKS for row in comparison.rows):
+        return f"{sentence} {ONE_RUN}"
+    return sentence
 
 
-def write(comparison: Comparison, folder: Path) -> Path:
-    """Writes the page, the table in all formats and the figures into a folder; returns the page's path."""
+def write(comparison: ComparedRuns, folder: Path) -> Path:
+    """Writes the page, the table in all formats and the figures into a folder; returns the page's
+    path.
+    """
     from genie_sim.analysis.figures import save
 
     (folder / "figures").mkdir(parents=True, exist_ok=True)
@@ -117,26 +199,49 @@ def write(comparison: Comparison, folder: Path) -> Path:
     return folder / PAGE
 
 
-def _cells(row: Difference) -> list[str]:
-    share = COMPARED[row.metric][0] == "1"
-    factor, unit = (100, "%") if share else (1, row.unit)
-    difference = "percentage points" if share else row.unit
+def _titles(comparison: ComparedRuns) -> dict[str, str]:
+    """What people read for the label of an arm."""
+    return {arm.label: arm.title for arm in comparison.arms}
 
-    def number(value: float | None, sign: str = "") -> str:
-        return "-" if value is None else f"{factor * value:{sign}.3g}"
 
-    ends = "-" if row.low is None else f"{number(row.low, '+')} to {number(row.high, '+')}"
-    gap = "-" if row.difference is None else f"{number(row.difference, '+')} {difference}"
-    value = "-" if row.value is None else f"{number(row.value)} {unit}"
+def page_rows(comparison: ComparedRuns) -> tuple[Sequence[str], list[list[str]]]:
+    """The headings and rows of the table of differences."""
+    return PAGE_HEADINGS, list(_rows(comparison))
+
+
+def _rows(comparison: ComparedRuns) -> Iterator[list[str]]:
+    """Of the page: each arm that is compared, with the value of what it is compared with."""
+    titles = _titles(comparison)
+    cells = {(row.metric, row.arm): _cells(row, titles) for row in comparison.rows}
+    for row in comparison.rows:
+        if row.against:
+            metric, arm, value, against, gap, ends, _, pairs = cells[row.metric, row.arm]
+            reference = cells.get((row.metric, row.against))
+            its_value = reference[2] if reference else UNKNOWN
+            yield [metric, arm, value, against, its_value, gap, ends, pairs]
+
+
+def _cells(row: Difference, titles: dict[str, str]) -> list[str]:
+    info = METRICS[row.metric]
+    points = "percentage points" if info.unit == "%" else info.unit
+
+    def number(value: float | None, unit: str, sign: str = "") -> str:
+        if value is None:
+            return UNKNOWN
+        return f"{number_text(info.factor * value, sign=sign)} {unit}".rstrip()
+
+    ends = UNKNOWN
+    if row.low is not None:
+        ends = f"{number(row.low, '', '+')} to {number(row.high, '', '+')}"
     return [
-        row.metric,
-        row.arm,
-        value,
-        row.against or "-",
-        gap,
+        info.title,
+        titles[row.arm],
+        number(row.value, info.unit),
+        titles.get(row.against, UNKNOWN),
+        number(row.difference, points, "+"),
         ends,
-        row.by or "-",
-        str(row.n or "-"),
+        row.by or UNKNOWN,
+        str(row.n or UNKNOWN),
     ]
 
 

@@ -1,25 +1,35 @@
-"""What the report's page shows, as plain JSON values: what was run, metrics, curves, use of resources."""
+"""What the report's page shows, as plain JSON values: what was run, metrics, curves, use of
+resources.
+"""
 
-import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, astuple
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from genie_sim import units
+from genie_sim.analysis.correctness import HELD
 from genie_sim.analysis.metrics import (
-    DEADLINE_MS,
     PART,
-    WINDOW_REQUESTS,
     response_ms,
     running_boost,
     running_use,
     windowed_reuse,
 )
-from genie_sim.analysis.style import PARTS, PLACEMENTS, by_number, thinned
+from genie_sim.analysis.registry import (
+    DEADLINE_MS,
+    METRICS,
+    WINDOW_REQUESTS,
+    ZERO_DELAY,
+    component_title,
+)
+from genie_sim.analysis.style import PARTS, PLACEMENTS, method_looks, thinned
+from genie_sim.analysis.summary import energy_note
 from genie_sim.report.fleet_map import fleet_data
 from genie_sim.report.replay import last_instant_ns, replay_data
+from genie_sim.report.replay_pictures import Pictures
+from genie_sim.text import finite, natural_key
 from genie_sim.units import NS_PER_S
 
 if TYPE_CHECKING:
@@ -30,15 +40,19 @@ if TYPE_CHECKING:
 
 POINTS_PER_CURVE = 500
 BINS = 240
-LEAST_BIN_NS, SAMPLE_NS = 500_000_000, 100_000_000
-LEAST_USE = 0.01
+MIN_BIN_NS, SAMPLE_NS = 500_000_000, 100_000_000
+MIN_USE = 0.01
 GENIES_PER_PLACEMENT = 8
 RESOURCES_PER_KIND = 8
 RESOURCES_ON_PAGE = 300
+# the beginnings of metrics whose component is no device, link or queue
+NO_RESOURCES = ("improvement", *PART.values(), *HELD)
 
 
-def page_data(run: "Run", start_ns: int = 0) -> dict[str, Any]:
-    """Everything on the page. ``start_ns`` is where the replay begins, if the run is too long to be shown whole."""
+def page_data(run: "Run", start_ns: int = 0, pictures: Pictures | None = None) -> dict[str, Any]:
+    """Everything on the page. ``start_ns`` is where the replay begins, if the run is too long to be
+    shown whole; ``pictures`` are those of its cameras.
+    """
     notes: list[str] = []
     lookups = run.tables["lookups"]
     of_maps = lookups["kind"] != "image"
@@ -46,10 +60,12 @@ def page_data(run: "Run", start_ns: int = 0) -> dict[str, Any]:
         "about": _about(run),
         "methods": list(_methods(run)),
         "metrics": [
-            [rounded(value) if isinstance(value, float) else value for value in astuple(one)]
-            for one in _shown(run.measured, notes)
+            [finite(value) if isinstance(value, float) else value for value in astuple(metric)]
+            for metric in _shown(run.measured, notes)
         ],
         "parts": [{"name": name, "title": title} for name, (title, _) in PARTS.items()],
+        "metric_info": metric_info(metric.metric for metric in run.measured),
+        "zero_delay": zero_delay(),
         "deadline_ms": DEADLINE_MS,
         "cdf": list(_cdfs(run)),
         "over_time": {
@@ -61,19 +77,58 @@ def page_data(run: "Run", start_ns: int = 0) -> dict[str, Any]:
         },
         "window_requests": WINDOW_REQUESTS,
         "use": list(_use(run, notes)),
-        "replay": replay_data(run, start_ns, notes),
+        "faults": list(_faults(run, notes)),
+        "replay": replay_data(run, start_ns, notes, pictures),
         "fleet": fleet_data(run, notes),
+        "energy_note": energy_note(
+            [run.tables], {method.name: method.title for method in run.methods}
+        ),
         "notes": list(dict.fromkeys(notes)),
     }
 
 
+SHADED = (
+    "Shaded spans in the charts over time are faults; the table of all metrics has values before, "
+    "during and after the first one."
+)
+
+
+def _faults(run: "Run", notes: list[str]) -> Iterator[dict[str, Any]]:
+    """When faults that are no hand-overs lasted [s]; ``None`` for what had not ended."""
+    faults = run.tables["faults"]
+    ends_s = faults.floats("end_ns") / NS_PER_S
+    rows = zip(
+        faults["method"].tolist(), faults["fault"].tolist(), faults["target"].tolist(), strict=True
+    )
+    for number, (method, fault, target) in enumerate(rows):
+        if fault != "hand_over":
+            notes.append(SHADED)
+            begin_s = float(faults["begin_ns"][number]) / NS_PER_S
+            end_s = None if np.isnan(ends_s[number]) else float(ends_s[number])
+            yield {"method": method, "fault": fault, "target": target, "from": begin_s, "to": end_s}
+
+
+def zero_delay() -> dict[str, str]:
+    """The name and the title of the detector without any delay, beside the methods."""
+    return {"component": ZERO_DELAY, "title": component_title(ZERO_DELAY)}
+
+
+def metric_info(metrics: Iterable[str]) -> dict[str, dict[str, str]]:
+    """What pages say of these metrics: title, unit, which is better, and meaning."""
+    names = sorted(set(metrics) & METRICS.keys())
+    return {name: METRICS[name]._asdict() for name in names}
+
+
 def _methods(run: "Run") -> Iterator[dict[str, Any]]:
-    """The methods in their order, with their frames, and of their first answers the share from the object map."""
-    for method in run.methods:
-        mine = run.tables["frames"].where(method=method.name)
-        answered = mine.rows(~np.isnan(mine.floats("first_answer_ns")))
-        from_map = rounded(float((answered["source"] == "map").mean())) if len(answered) else None
-        yield {**asdict(method), "frames": len(mine), "from_map": from_map}
+    """The methods in their order, with their frames, and of their first answers the share from the
+    object map.
+    """
+    looks = method_looks([method.name for method in run.methods])
+    for look, method in zip(looks, run.methods, strict=True):
+        frames = run.tables["frames"].where(method=method.name)
+        answered = frames.rows(~np.isnan(frames.floats("first_answer_ns")))
+        from_map = finite(float((answered["source"] == "map").mean())) if len(answered) else None
+        yield {**asdict(method), "look": look, "frames": len(frames), "from_map": from_map}
 
 
 def _about(run: "Run") -> dict[str, Any]:
@@ -82,10 +137,11 @@ def _about(run: "Run") -> dict[str, Any]:
     devices = {name: device["title"] for name, device in run.facts["devices"].items()}
     genie = scenario["genie"]
     similarity = genie["similarity"]
-    cars, edges = _who(scenario, devices)
+    cars, edges = _who(scenario, devices, _how_many(run)["cars"])
     return {
-        "name": run.name,
+        "name": run.title,
         "description": scenario["description"],
+        "warning": run.warning,
         "run_id": run.run_id,
         "genie_sim": run.facts["genie_sim"],
         "seed": scenario["seed"],
@@ -102,8 +158,12 @@ def _about(run: "Run") -> dict[str, Any]:
     }
 
 
-def _who(scenario: Mapping[str, Any], devices: Mapping[str, str]) -> tuple[list[Any], list[Any]]:
-    """Cars and edges, one by one; of a fleet the cars of each device and all edges together."""
+def _who(
+    scenario: Mapping[str, Any], devices: Mapping[str, str], count: int | None
+) -> tuple[list[Any], list[Any]]:
+    """Cars and edges, one by one; of a fleet of ``count`` cars those of each device, and all edges
+    together.
+    """
     fleet = scenario.get("fleet")
     if fleet is None:
         cars = [
@@ -112,7 +172,9 @@ def _who(scenario: Mapping[str, Any], devices: Mapping[str, str]) -> tuple[list[
         return cars, [
             {"name": edge["name"], "device": devices[edge["device"]]} for edge in scenario["edges"]
         ]
-    way = f"{scenario['perception']['duration']} of commuting through the town"
+    way = "a way of its own on the map"
+    if "town" in scenario["perception"]:
+        way = f"{scenario['perception']['duration']} of commuting through the town"
     of_all = {
         "edge": "the nearest",
         "link": _link(fleet["link"]),
@@ -121,7 +183,7 @@ def _who(scenario: Mapping[str, Any], devices: Mapping[str, str]) -> tuple[list[
         "genie": True,
     }
     cars = [
-        {"name": f"{share:.4g} of {fleet['cars']:,} cars", "device": devices[name], **of_all}
+        {"name": f"{100 * share:.4g} % of {count:,} cars", "device": devices[name], **of_all}
         for name, share in fleet["devices"].items()
         if name in devices  # of a small fleet, a small share may be no car at all
     ]
@@ -131,13 +193,17 @@ def _who(scenario: Mapping[str, Any], devices: Mapping[str, str]) -> tuple[list[
 
 
 def _how_many(run: "Run") -> dict[str, int | None]:
-    """Cars and edges. A fleet's resources are those of its edges; without them nobody counted the edges."""
+    """Cars and edges. A fleet's resources are those of its edges; without them nobody counted the
+    edges.
+    """
     scenario = run.facts["scenario"]
     fleet = scenario.get("fleet")
     if fleet is None:
         return {"cars": len(scenario["cars"]), "edges": len(scenario["edges"])}
     accelerators = run.tables["resources"].where(kind="accelerator")["resource"].unique()
-    return {"cars": fleet["cars"], "edges": len(accelerators) or None}
+    # Traffic brings its own cars.
+    cars = fleet["cars"] or len(run.tables["frames"]["car"].unique())
+    return {"cars": cars, "edges": len(accelerators) or None}
 
 
 def _car(car: Mapping[str, Any], device: str) -> dict[str, Any]:
@@ -151,22 +217,20 @@ def _link(link: object) -> str | None:
 
 def _shown(measured: "Sequence[Metric]", notes: list[str]) -> "list[Metric]":
     """All metrics but those of the less busy of very many resources."""
-    others = ("improvement", *PART.values())
-    of_resources = [one for one in measured if one.component and not one.metric.startswith(others)]
-    use = {(one.method, one.component): 0.0 for one in of_resources}
-    use |= {
-        (one.method, one.component): one.value or 0.0
-        for one in of_resources
-        if one.metric == "utilization"
-    }
+    use: dict[tuple[str, str], float] = {}
+    for metric in measured:
+        if metric.component and not metric.metric.startswith(NO_RESOURCES):
+            resource = metric.method, metric.component
+            value = metric.value if metric.metric == "utilization" else None
+            use[resource] = max(use.get(resource, 0.0), value or 0.0)
     if len(use) <= RESOURCES_ON_PAGE:
         return list(measured)
     notes.append(
-        f"The table of metrics shows the {RESOURCES_ON_PAGE} busiest of {len(use):,} devices, links and "
-        "queues; all are in metrics.json."
+        f"The table of metrics shows the {RESOURCES_ON_PAGE} busiest of {len(use):,} devices, "
+        "links and queues; all are in metrics.json."
     )
-    left_out = set(sorted(use, key=lambda which: (-use[which], which))[RESOURCES_ON_PAGE:])
-    return [one for one in measured if (one.method, one.component) not in left_out]
+    left_out = set(sorted(use, key=lambda resource: (-use[resource], resource))[RESOURCES_ON_PAGE:])
+    return [metric for metric in measured if (metric.method, metric.component) not in left_out]
 
 
 def _route(route: Mapping[str, Any]) -> str:
@@ -183,21 +247,23 @@ def _route(route: Mapping[str, Any]) -> str:
 
 
 def _cdfs(run: "Run") -> Iterator[dict[str, Any]]:
-    """Response times of each method. ``rank[i]`` of ``published`` frames were answered within ``ms[i]``."""
+    """Response times of each method. ``rank[i]`` of ``published`` frames were answered within
+    ``ms[i]``.
+    """
     for method in run.methods:
-        mine = run.tables["frames"].where(method=method.name)
+        frames = run.tables["frames"].where(method=method.name)
         for answer in ("first", "fresh"):
-            times = response_ms(mine, answer)
-            known = np.sort(times[~np.isnan(times)])
-            kept = thinned(len(known), POINTS_PER_CURVE)
-            if len(mine):
+            times = response_ms(frames, answer)
+            in_order = np.sort(times[~np.isnan(times)])
+            places = thinned(len(in_order), POINTS_PER_CURVE)
+            if len(frames):
                 yield {
                     "method": method.name,
                     "answer": answer,
-                    "published": len(mine),
-                    "answered": len(known),
-                    "ms": _list(known[kept], 3),
-                    "rank": (kept + 1).tolist(),
+                    "published": len(frames),
+                    "answered": len(in_order),
+                    "ms": _list(in_order[places], 3),
+                    "rank": (places + 1).tolist(),
                 }
 
 
@@ -213,19 +279,19 @@ def _reuse(run: "Run", lookups: "Columns", notes: list[str]) -> Iterator[dict[st
     """hits / requests over the last 50 requests of each Genie."""
     for where, placed in _placed(run, lookups):
         windows = windowed_reuse(placed)
-        genies = sorted(windows["genie"].unique(), key=by_number)
+        genies = sorted(windows["genie"].unique(), key=natural_key)
         if len(genies) > GENIES_PER_PLACEMENT:
             shown = (
                 f"{GENIES_PER_PLACEMENT} of {len(genies)} Genies {PLACEMENTS[where['placement']]}"
             )
             notes.append(f"Reuse over time shows {shown}; the metrics count all.")
         for genie in genies[:GENIES_PER_PLACEMENT]:
-            mine = windows.where(genie=genie)
-            yield {**where, "name": genie, **_curve(mine["t_ns"], mine["ratio"], 3)}
+            of_genie = windows.where(genie=genie)
+            yield {**where, "name": genie, **_curve(of_genie["t_ns"], of_genie["ratio"], 3)}
 
 
 def _boost(run: "Run") -> Iterator[dict[str, Any]]:
-    """The running mean of C_new - C_old over the updates of all object maps on cars, and on edges."""
+    """The running mean of C_new - C_old over the updates of the maps on cars, and on edges."""
     for where, placed in _placed(run, run.tables["lookups"]):
         running = running_boost(placed)
         if len(running):
@@ -233,19 +299,21 @@ def _boost(run: "Run") -> Iterator[dict[str, Any]]:
 
 
 def _curve(t_ns: "Floats", values: "Floats", digits: int) -> dict[str, list[float]]:
-    kept = thinned(len(values), POINTS_PER_CURVE)
-    return {"x": _list(t_ns[kept] / NS_PER_S, 2), "y": _list(values[kept], digits)}
+    places = thinned(len(values), POINTS_PER_CURVE)
+    return {"x": _list(t_ns[places] / NS_PER_S, 2), "y": _list(values[places], digits)}
 
 
 def _use(run: "Run", notes: list[str]) -> Iterator[dict[str, Any]]:
-    """Share of time spent serving, or mean length of a queue, in equal parts of the time while frames were taken."""
+    """Share of time spent serving, or mean length of a queue, in equal parts of the time while
+    frames were taken.
+    """
     resources, stamps_ns = run.tables["resources"], run.tables["frames"]["stamp_ns"]
     end_ns = int(stamps_ns.max()) if len(stamps_ns) else 0
     if not len(resources) or not end_ns:
         return
     if run.facts["scenario"].get("fleet"):
         notes.append("Of a fleet, devices, links and queues of the edges alone are recorded.")
-    width_ns = max(LEAST_BIN_NS, -(-end_ns // (BINS * SAMPLE_NS)) * SAMPLE_NS)
+    width_ns = max(MIN_BIN_NS, -(-end_ns // (BINS * SAMPLE_NS)) * SAMPLE_NS)
     edges_ns = np.arange(0, end_ns + width_ns, width_ns, dtype=np.float64)
     middles = _list((edges_ns[1:] + edges_ns[:-1]) / 2 / NS_PER_S, 2)
     groups = (
@@ -256,11 +324,11 @@ def _use(run: "Run", notes: list[str]) -> Iterator[dict[str, Any]]:
     for method, kind, group in groups:
         curves = {name: _mean_use(samples, edges_ns) for name, samples in group.groups("resource")}
         busiest = sorted(curves, key=lambda name: (-float(curves[name].sum()), name))
-        used = [name for name in busiest if curves[name].max() >= LEAST_USE]
+        used = [name for name in busiest if curves[name].max() >= MIN_USE]
         if len(used[:RESOURCES_PER_KIND]) < len(curves):
             notes.append(
-                f"Use over time shows at most the {RESOURCES_PER_KIND} busiest of each kind, and none that never "
-                f"reached {LEAST_USE:.0%}; all are in the table of metrics."
+                f"Use over time shows at most the {RESOURCES_PER_KIND} busiest of each kind, and "
+                f"none that never reached {MIN_USE:.0%}; all are in the table of metrics."
             )
         for name in sorted(used[:RESOURCES_PER_KIND]):
             yield {
@@ -280,10 +348,5 @@ def _mean_use(samples: "Columns", edges_ns: "Floats") -> "Floats":
 
 
 def _list(values: "Floats", digits: int) -> list[float]:
-    rounded: list[float] = np.round(values, digits).tolist()
-    return rounded
-
-
-def rounded(value: float | None, digits: int = 6) -> float | None:
-    """So many significant digits; what is not finite is ``None``."""
-    return None if value is None or not math.isfinite(value) else float(f"{value:.{digits}g}")
+    numbers: list[float] = np.round(values, digits).tolist()
+    return numbers

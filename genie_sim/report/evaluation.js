@@ -13,7 +13,7 @@ const scenarioText = (name) => ({ case_study: "case study", all: "all" })[name] 
 
 function picture(name) {
   const found = FIGURES.get(name);
-  return found ? make("figure", {}, make("img", { src: found.source, alt: found.title }), make("figcaption", {}, `${found.title}: figures/${name}.svg`)) : null;
+  return found ? make("figure", { class: "wide" }, make("div", { class: "scroll", role: "group", "aria-label": found.title }, make("img", { src: found.source, alt: found.title })), make("figcaption", {}, `${found.title}: figures/${name}.svg`)) : null;
 }
 
 function showAbout() {
@@ -162,7 +162,7 @@ function showAnswers() {
     const all = answers.flatMap((answer) => methods.flatMap((method) => found[answer][method])).filter((one) => one && isNumber(one[0]));
     const most = Math.max(...all.map((one) => one[2] ?? one[0]), 0) * 1.02;
     for (const answer of answers) {
-      const series = methods.map((method, i) => ({ name: over + methodTitle(method), color: methodClass(method), hollow: i % 2 === 1, line: false,
+      const series = methods.map((method) => ({ name: over + methodTitle(method), color: methodClass(method), marker: methodMarker(method), line: false,
         points: found[answer][method].map((one, place) => ({ x: place, found: one })) }));
       intervalChart(byId("answer-charts").appendChild(make("div")), { title: `${title}: ${named[answer]}`, series,
         x: { names, label: "scenario", read: (place) => names[place] }, y: { label: title, format, read: text, most: unit === "1" ? 1 : most } });
@@ -177,9 +177,9 @@ function showAnswers() {
 
 function showWorth() {
   const methods = [...new Set(DATA.worth.map((one) => one.method))], names = [...new Set(DATA.worth.map((one) => one.name))];
-  table(byId("worth-table"), null, ["", ...methods.map((method) => methodTitle(method))], names.map((name) => {
+  table(byId("worth-table"), null, ["", ...methods.map((method) => (method === DATA.zero_delay.component ? DATA.zero_delay.title : methodTitle(method)))], names.map((name) => {
     const { unit } = DATA.worth.find((row) => row.name === name), text = (value) => asText(value, unit);
-    return [words(name), ...methods.map((method) => {
+    return [metricTitle(name), ...methods.map((method) => {
       const one = DATA.worth.find((row) => row.method === method && row.name === name);
       return intervalCell(one && [one.value, one.low, one.high], text);
     })];
@@ -202,7 +202,7 @@ function showDrives() {
   const c18 = directions.find((one) => one.claim === "C18");
   byId("drives-lead").replaceChildren("Stated before these runs: C18's number falls with the share of successive frames of a drive that fall into one image cell. ",
     strong(hypothesis.supported ? "Supported" : "Not supported"), `: slope ${withInterval([hypothesis.slope, hypothesis.low, hypothesis.high], text)}, r = ${text(hypothesis.r)}, ${hypothesis.n} drives.`);
-  intervalChart(byId("drives-chart"), { title: "C18 by drive", x: { label: "share of successive frames in one image cell", read: (value) => `share ${digits(value)}` },
+  intervalChart(byId("drives-chart").appendChild(make("div")), { title: "C18 by drive", x: { label: "share of successive frames in one image cell", read: (value) => `share ${digits(value)}` },
     series: [{ name: c18.says, color: "m2", line: false, points: Object.entries(hypothesis.points).map(([drive, [x]]) => ({ x, found: c18.numbers[drive] })) }],
     y: { label: c18.says, format: text, read: text, levels: [{ y: 0, label: "" }] } });
 }

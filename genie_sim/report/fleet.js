@@ -1,36 +1,41 @@
-// The map of a fleet over time: streets, cells with load or reuse as a heat map, cars; and distributions over its cars.
+// The map of a fleet over time: streets, cells as a heat map of what is asked for, cars with what became of their frames.
 
 const FLEET_STEP_MS = 250; // of the wall clock, between two instants while it plays
 const MARGIN_PX = 14;
+const LAYER_TONES = { load: "miss", air: "miss", reuse: "hit", hits: "hit", shared: "coalesced", ghosts: "ghost", age: "car" };
+const FRAME_OUTCOMES = { h: "hit", m: "miss", c: "coalesced", a: "hit", n: "none" }; // as fleet_cells.py writes them
 
 function showFleet() {
   const fleet = DATA.fleet;
-  if (!fleet) { byId("town").remove(); return; }
-  byId("town").hidden = false;
-  const slider = byId("fleet-time"), size = [fleet.blocks[0] * fleet.block_m, fleet.blocks[1] * fleet.block_m];
-  const columns = 1 + Math.max(0, ...fleet.cells.map(([column]) => column)), rows = 1 + Math.max(0, ...fleet.cells.map(([, row]) => row));
-  const methods = METHODS.filter((one) => fleet.load.some((cell) => cell.method === one.name));
+  if (!fleet) { byId("fleet").remove(); return; }
+  byId("fleet").hidden = false;
+  const slider = byId("fleet-time"), [west, south, eastEnd, northEnd] = fleet.extent_m, size = [eastEnd - west, northEnd - south];
+  const { columns, rows } = fleet;
+  const layers = fleet.layers.filter(({ name }) => fleet[name].length);
+  const methods = METHODS.filter((method) => layers.some(({ name }) => fleet[name].some((cell) => cell.method === method.name)));
   let now = Math.floor(fleet.instants_s.length * 0.4), timer = null;
   slider.max = fleet.instants_s.length - 1;
   byId("fleet-method").replaceChildren(...methods.map((one) => option(one.name, one.title)));
   if (methods.length) byId("fleet-method").value = (methods.findLast((one) => !one.baseline) ?? methods.at(-1)).name;
 
-  const shown = () => fleet[byId("fleet-shows").value].filter((cell) => cell.method === byId("fleet-method").value);
+  byId("fleet-shows").replaceChildren(...layers.map(({ name, title }) => option(name, title)));
+  const layer = () => layers.find(({ name }) => name === byId("fleet-shows").value);
+  const shown = () => (layer() ? fleet[layer().name].filter((cell) => cell.method === byId("fleet-method").value) : []);
   const scaleOf = (width, height) => Math.min((width - 2 * MARGIN_PX) / size[0], (height - 2 * MARGIN_PX) / size[1]);
-  // Metres to pixels, north upwards.
+  // Metres from the south-western corner to pixels, north upwards.
   const placed = (width, height) => {
     const scale = scaleOf(width, height), left = (width - scale * size[0]) / 2, foot = (height + scale * size[1]) / 2;
     return (east, north) => [left + scale * east, foot - scale * north];
   };
 
   function render() {
-    const { pen, width, height } = prepareCanvas(byId("fleet-map")), look = looks(), at = placed(width, height);
+    const { pen, width, height } = prepareCanvas(byId("fleet-map")), look = looks(), at = placed(width, height), most = highestOf(fleet, layer());
     pen.clearRect(0, 0, width, height);
     for (const { cell: [column, row], values } of shown()) {
       if (values[now] === null) continue;
       const [x, y] = at(column * size[0] / columns, (row + 1) * size[1] / rows), [right, foot] = at((column + 1) * size[0] / columns, row * size[1] / rows);
-      pen.globalAlpha = 0.08 + 0.72 * Math.min(values[now], 1);
-      pen.fillStyle = look.miss;
+      pen.globalAlpha = shade(values[now] / most);
+      pen.fillStyle = look[LAYER_TONES[layer().name]];
       pen.fillRect(x, y, right - x, foot - y);
       pen.globalAlpha = 1;
     }
@@ -42,36 +47,41 @@ function showFleet() {
       pen.font = "12px system-ui, sans-serif";
       pen.fillStyle = look.ink;
       pen.fillRect(x - 3, y - 3, 6, 6);
-      if (values[now] !== null && scaleOf(width, height) * size[0] / columns > 40) label(pen, look, `${Math.round(100 * values[now])} %`, x, y - 8, look.ink);
+      if (values[now] !== null && scaleOf(width, height) * size[0] / columns > 40) label(pen, look, cellText(layer(), values[now]), x, y - 8, look.ink);
     }
     for (const car of fleet.cars) {
-      const [x, y] = at(car.east[now], car.north[now]);
-      pen.fillStyle = look.car;
+      const [x, y] = at(car.east[now] - west, car.north[now] - south);
+      const outcome = FRAME_OUTCOMES[car.outcomes[byId("fleet-method").value]?.[now]], size = fleet.cars.length > 100 ? 2.2 : 3.4;
+      pen.fillStyle = look.bg;
       pen.beginPath();
-      pen.arc(x, y, fleet.cars.length > 100 ? 2.2 : 3.4, 0, 2 * Math.PI);
+      pen.arc(x, y, size + 1.5, 0, 2 * Math.PI);
       pen.fill();
+      if (outcome) mark(pen, look, outcome, x, y, size);
+      else mark(pen, { ...look, none: look.muted }, "none", x, y, 1);
     }
     tell();
   }
 
   function streets(pen, look, at) {
-    for (const axis of [0, 1]) {
-      for (let street = 0; street <= fleet.blocks[axis]; street += 1) {
-        const place = street * fleet.block_m, main = street % fleet.main_every === 0;
-        const ends = axis === 0 ? [at(place, 0), at(place, size[1])] : [at(0, place), at(size[0], place)];
-        line(pen, ...ends, look.road, main ? 5 : 2.5, 0.9);
+    for (const [ways, breadth] of [[fleet.streets, 2.5], [fleet.main_streets, 5]]) {
+      for (const way of ways) {
+        pen.beginPath();
+        for (let place = 0; place < way.length; place += 2) pen.lineTo(...at(way[place] - west, way[place + 1] - south));
+        Object.assign(pen, { globalAlpha: 0.9, strokeStyle: look.road, lineWidth: breadth });
+        pen.stroke();
       }
     }
+    pen.globalAlpha = 1;
   }
 
   function tell() {
-    const values = shown().map((cell) => cell.values[now]).filter((value) => value !== null), what = byId("fleet-shows").selectedOptions[0]?.textContent ?? "";
+    const values = shown().map((cell) => cell.values[now]).filter((value) => value !== null), what = layer()?.title ?? "";
     const mean = values.length ? values.reduce((sum, value) => sum + value, 0) / values.length : null;
     const changed = fleet.hand_overs.find((one) => one.method === byId("fleet-method").value)?.until[now];
     slider.value = now;
     byId("fleet-clock").textContent = `${fleet.instants_s[now].toFixed(1)} s`;
     byId("fleet-now").textContent = `At ${fleet.instants_s[now].toFixed(1)} s: ${what}, ${mean === null ? "not recorded" :
-      `mean ${percent(mean)}, highest ${percent(Math.max(...values))} over ${values.length} cells`}` +
+      `mean ${cellText(layer(), mean)}, highest ${cellText(layer(), Math.max(...values))} over ${values.length} cell${values.length === 1 ? "" : "s"}`}` +
       `${changed === undefined ? "" : `; ${changed} hand-overs until now`}. Left and right arrow move the time, space plays.`;
   }
 
@@ -79,13 +89,13 @@ function showFleet() {
     const box = byId("fleet-map").getBoundingClientRect(), at = placed(box.width, box.height);
     const [x, y] = [event.clientX - box.left, event.clientY - box.top], [left, top] = at(0, size[1]), [right, foot] = at(size[0], 0);
     const column = Math.floor((x - left) / (right - left) * columns), row = Math.floor((foot - y) / (foot - top) * rows), tip = byId("fleet-tip");
-    const read = (name, title) => {
-      const found = fleet[name].find((one) => one.method === byId("fleet-method").value && one.cell[0] === column && one.cell[1] === row)?.values[now];
-      return found === undefined || found === null ? [] : [`${title}: ${percent(found)}`];
+    const read = (entry) => {
+      const value = fleet[entry.name].find((cell) => cell.method === byId("fleet-method").value && cell.cell[0] === column && cell.cell[1] === row)?.values[now];
+      return value === undefined || value === null ? [] : [`${entry.title}: ${cellText(entry, value)}`];
     };
     tip.hidden = column < 0 || row < 0 || column >= columns || row >= rows;
-    tip.textContent = [`Cell ${column}, ${row}`, ...read("load", "load"), ...read("reuse", "image reuse so far")].join("\n");
-    tip.style.left = `${Math.min(x + 12, box.width - 150)}px`;
+    tip.textContent = [`Cell ${column}, ${row}`, ...layers.flatMap(read)].join("\n");
+    tip.style.left = `${Math.max(0, Math.min(x + 12, box.width - tip.offsetWidth))}px`;
     tip.style.top = `${y + 12}px`;
   }
 
@@ -97,7 +107,7 @@ function showFleet() {
   }
   byId("fleet-play").addEventListener("click", () => play(timer === null));
   slider.addEventListener("input", () => { play(false); moveTo(Number(slider.value)); });
-  for (const id of ["fleet-method", "fleet-shows"]) byId(id).addEventListener("change", render);
+  for (const id of ["fleet-method", "fleet-shows"]) byId(id).addEventListener("change", () => { showFleetLegend(fleet, layer()); render(); });
   byId("fleet-map").addEventListener("pointermove", hover);
   byId("fleet-map").addEventListener("pointerleave", () => { byId("fleet-tip").hidden = true; });
   byId("fleet-map").addEventListener("keydown", (event) => {
@@ -109,26 +119,43 @@ function showFleet() {
   });
   new ResizeObserver(render).observe(byId("fleet-map"));
   window.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", render);
-  showFleetLegend(fleet);
+  showFleetLegend(fleet, layer());
   showOverCars(fleet);
   render();
 }
 
-function showFleetLegend(fleet) {
+const shade = (share) => 0.08 + 0.72 * Math.min(share, 1);
+const cellText = (layer, value) => (layer.unit === "%" ? `${Math.round(100 * value)} %` : `${digits(value, 2)} ${layer.unit}`);
+// What the darkest cell stands for, under every method and at every time.
+function highestOf(fleet, layer) {
+  if (!layer || layer.unit === "%") return 1;
+  return Math.max(...fleet[layer.name].flatMap(({ values }) => values.map((value) => value ?? 0)), 1e-3);
+}
+
+function showFleetLegend(fleet, layer) {
   const sign = (text, ...shapes) => make("span", {}, draw("svg", { width: 26, height: 14, "aria-hidden": "true" }, ...shapes), text);
-  const swatch = (share, x) => draw("rect", { x, y: 2, width: 8, height: 10, fill: "var(--miss)", opacity: 0.08 + 0.72 * share });
+  const swatch = (share, x) => draw("rect", { x, y: 2, width: 8, height: 10, fill: `var(--${LAYER_TONES[layer.name]})`, opacity: shade(share) });
+  const outcomes = new Set(fleet.cars.flatMap((car) => [...(car.outcomes[byId("fleet-method").value] ?? "")])), most = highestOf(fleet, layer);
+  const frame = (letter, text, look) => (outcomes.has(letter) ? [sign(text, draw("circle", { cx: 13, cy: 7, r: 4, ...look }))] : []);
   byId("fleet-legend").replaceChildren(
-    sign("a cell's value, 0, 50 and 100 %", swatch(0, 0), swatch(0.5, 9), swatch(1, 18)),
+    ...(layer ? [sign(`a cell's value: 0, ${cellText(layer, most / 2)}, ${cellText(layer, most)}`, swatch(0, 0), swatch(0.5, 9), swatch(1, 18))] : []),
     sign("border of a cell", draw("path", { d: "M0 7H26", stroke: "var(--muted)" })),
     sign("edge server", draw("rect", { x: 10, y: 4, width: 6, height: 6, fill: "var(--ink)" })),
-    sign("street; broad: main street", draw("path", { d: "M0 7H26", stroke: "var(--road)", "stroke-width": 5 })),
-    ...(fleet.cars.length ? [sign("car", draw("circle", { cx: 13, cy: 7, r: 3.4, fill: "var(--car)" }))] : []));
+    sign(fleet.main_streets.length ? "street; broad: main street" : "where a car has driven", draw("path", { d: "M0 7H26", stroke: "var(--road)", "stroke-width": 5 })),
+    ...frame("h", "car, its last frame: hit", { fill: "var(--hit)" }), ...frame("a", "car, its last frame: answered", { fill: "var(--hit)" }),
+    ...frame("m", "miss", { fill: "none", stroke: "var(--miss)", "stroke-width": 1.5 }),
+    ...(outcomes.has("c") ? [sign("coalesced", draw("rect", { x: 9, y: 3, width: 8, height: 8, fill: "var(--coalesced)" }))] : []),
+    ...frame("n", "no answer", { fill: "none", stroke: "var(--none)", "stroke-width": 1.5 }),
+    ...(outcomes.has("-") ? [sign("no frame in this step", draw("circle", { cx: 13, cy: 7, r: 1.5, fill: "none", stroke: "var(--muted)" }))] : []));
+  const [begin, next] = fleet.instants_s;
+  byId("fleet-about").textContent = `${fleet.cars.length < fleet.all_cars ? `${fleet.cars.length} of ${fleet.all_cars.toLocaleString("en")} cars are drawn, evenly chosen; the cells count all` : "All cars are drawn"}. ` +
+    `One step: ${digits(next - begin)} s. A cell counts the cars in it; their frames go to its edge or, near its border, to that of a neighbouring cell.`;
 }
 
 function showOverCars(fleet) {
-  const charts = [["first_p95", "First answer, 95th percentile [ms]", "ms"], ["fresh_p95", "Fresh answer, 95th percentile [ms]", "ms"], ["image_reuse", "Image reuse", "1"]];
+  const charts = [["first_p95", `${metricTitle("first_answer_p95")} [ms]`, "ms"], ["fresh_p95", `${metricTitle("fresh_answer_p95")} [ms]`, "ms"], ["image_reuse", metricTitle("image_reuse"), "1"]];
   for (const [of, title, unit] of charts) {
-    const series = fleet.over_cars.filter((one) => one.of === of).map((one) => ({ ...one, name: methodTitle(one.method), color: methodClass(one.method), steps: true }));
+    const series = fleet.over_cars.filter((one) => one.of === of).map((one) => ({ ...one, name: methodTitle(one.method), color: methodClass(one.method), marker: methodMarker(one.method), steps: true }));
     if (!series.length) continue;
     const all = series.flatMap((one) => one.x), log = unit === "ms", read = (value) => `up to ${asText(value, unit)}`;
     lineChart(byId("over-cars").appendChild(make("div")), { title, series, height: 220,

@@ -39,7 +39,8 @@ function showParts() {
 // The steps of a frame to its fresh result, or to the first answer if no fresh one came.
 function stepsTo(run, { steps }, id) {
   const rows = steps?.of_frame.get(id) ?? [], kind = (row) => run.whichs[steps.which[row]];
-  const fresh = rows.filter((row) => kind(row) !== "first"), which = fresh.length ? fresh : rows;
+  const fresh = rows.filter((row) => ["fresh", "both"].includes(kind(row)));
+  const which = fresh.length ? fresh : rows.filter((row) => kind(row) === "first");
   let t = 0;
   return which.map((row) => {
     const took = steps.took_ns[row], from = t;

@@ -1,7 +1,9 @@
-"""The street of a run over time, and the story of each frame: columns of whole numbers that pack well as JSON.
+"""The street of a run over time, and the story of each frame: columns of whole numbers that pack
+well as JSON.
 
-A long run does not fit into one page. Then a stretch of it is kept, with every frame, step, look-up and change of the
-object maps in it, rather than a thinned whole that would show a hit here and hide the next; the page says which.
+A long run does not fit into one page. Then a stretch of it is kept, with every frame, step, look-up
+and change of the object maps in it, rather than a thinned whole that would show a hit here and hide
+the next; the page says which.
 """
 
 from collections.abc import Iterator
@@ -11,7 +13,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from genie_sim.analysis import style
+from genie_sim.classes import SIZES
 from genie_sim.recording.columns import NO_TEXT, Columns, Text
+from genie_sim.report.packing import UNKNOWN, US, deltas, integers, scaled
+from genie_sim.report.replay_hosts import hosts_over_time, shown_hosts
+from genie_sim.report.replay_pictures import Pictures, pictures_of
 from genie_sim.units import NS_PER_MS, NS_PER_S
 
 if TYPE_CHECKING:
@@ -19,15 +25,12 @@ if TYPE_CHECKING:
 
     Column = np.ndarray[Any, Any]
 
-MOST_ROWS = (
-    200_000  # of frames, look-ups, map changes, steps and held objects together: about 7 MB of JSON
-)
-US = 1_000
+# of frames, look-ups, map changes, steps and held objects together: about 7 MB of JSON
+MAX_ROWS = 200_000
 KINDS = ("image", "sighting", "boost")
 OUTCOMES = ("miss", "hit", "coalesced")
-WHICHS = ("first", "fresh", "both")
+WHICHS = ("first", "fresh", "both", "result")
 JUDGED = ("right", "missed", "moved_away", "never_there", "duplicate")
-UNKNOWN = -1
 
 
 class _Names:
@@ -49,12 +52,16 @@ class _Names:
         }
         numbers = np.full(len(column.names) + 1, UNKNOWN)
         numbers[list(places)] = list(places.values())
-        found: list[int] = numbers[column.codes].tolist()
-        return found
+        of_rows: list[int] = numbers[column.codes].tolist()
+        return of_rows
 
 
-def replay_data(run: "Run", start_ns: int, notes: list[str]) -> dict[str, Any] | None:
-    """The stretch of the run from ``start_ns`` on that fits into a page; ``None`` if no poses were written down."""
+def replay_data(
+    run: "Run", start_ns: int, notes: list[str], pictures: Pictures | None = None
+) -> dict[str, Any] | None:
+    """The stretch of the run from ``start_ns`` on that fits into a page, with the ``pictures`` of
+    its frames; ``None`` if no poses were written down.
+    """
     if run.facts["scenario"].get("fleet") is not None:
         return None  # it has a map
     poses = run.tables["poses"]
@@ -69,7 +76,8 @@ def replay_data(run: "Run", start_ns: int, notes: list[str]) -> dict[str, Any] |
             f"The replay and the stories cover every frame from {begin_ns / NS_PER_S:.1f} s to "
             f"{end_ns / NS_PER_S:.1f} s of {last_ns / NS_PER_S:.1f} s: "
             "the page would be too large otherwise. "
-            "Everything else covers the whole run. Another stretch: genie-sim report DIR --start '60 s'"
+            "Everything else covers the whole run. Another stretch: "
+            "genie-sim report DIR --start '60 s'"
         )
     names = _Names()
     poses = _between(poses, "stamp_ns", begin_ns, end_ns)
@@ -81,20 +89,7 @@ def replay_data(run: "Run", start_ns: int, notes: list[str]) -> dict[str, Any] |
         "methods": [
             {
                 "name": method.name,
-                "frames": _frames(run.tables["frames"].where(method=method.name), poses, names),
-                "lookups": _lookups(run.tables["lookups"].where(method=method.name), poses, names),
-                "objects": list(
-                    _objects(
-                        run.tables["objects"].where(method=method.name), begin_ns, end_ns, names
-                    )
-                ),
-                "held": dict(
-                    _held(run.tables["held"].where(method=method.name, what="consumer"), end_ns)
-                ),
-                "held_objects": _held_objects(
-                    run.tables["held_objects"].where(method=method.name), begin_ns, end_ns, names
-                ),
-                "steps": _steps(run.tables["steps"].where(method=method.name), poses, names),
+                **_of_method(run, method.name, poses, names, stretch_ns=(begin_ns, end_ns)),
             }
             for method in run.methods
         ],
@@ -103,35 +98,75 @@ def replay_data(run: "Run", start_ns: int, notes: list[str]) -> dict[str, Any] |
         "outcomes": OUTCOMES,
         "whichs": WHICHS,
         "judged": JUDGED,
+        "pictures": None if pictures is None else pictures_of(poses, pictures, notes),
+        "sizes": {
+            label: [round((size.length_m + size.width_m) / 2, 2), size.height_m]
+            for label, size in SIZES.items()
+        },
+    }
+
+
+def _of_method(
+    run: "Run", method: str, poses: Columns, names: _Names, stretch_ns: tuple[int, int]
+) -> dict[str, Any]:
+    """What the replay shows of one method.
+
+    Parameters
+    ----------
+    run : Run
+        The whole run.
+    method : str
+        The method's name.
+    poses : Columns
+        The frames that are shown; a frame's id is its place here.
+    names : _Names
+        Gets the texts of all rows.
+    stretch_ns : tuple of int
+        The first and the last instant that are shown.
+    """
+    tables = {name: table.where(method=method) for name, table in run.tables.items()}
+    begin_ns, end_ns = stretch_ns
+    samples = _between(tables["resources"], "t_ns", begin_ns, end_ns)
+    return {
+        "hosts": dict(hosts_over_time(samples, shown_hosts(run))),
+        "frames": _frames(tables["frames"], poses, names),
+        "lookups": _lookups(tables["lookups"], poses, names),
+        "objects": list(_objects(tables["objects"], begin_ns, end_ns, names)),
+        "held": dict(_held(tables["held"].where(what="consumer"), end_ns)),
+        "held_objects": _held_objects(tables["held_objects"], begin_ns, end_ns, names),
+        "steps": _steps(tables["steps"], poses, names),
     }
 
 
 def last_instant_ns(run: "Run") -> int:
-    """The last instant on record: of frames, answers, look-ups and object maps; 0 for an empty run."""
+    """The last instant of frames, answers, look-ups and object maps; 0 for an empty run."""
     instants = {
-        "frames": ["stamp_ns", "first_answer_ns", "fresh_answer_ns"],
+        "frames": ["stamp_ns", "first_answer_ns", "result_answer_ns", "fresh_answer_ns"],
         "lookups": ["t_ns"],
         "objects": ["t_ns"],
     }
-    found = (
-        run.tables[table].floats(column)
-        for table, columns in instants.items()
-        for column in columns
-    )
-    return max((int(np.nanmax(one)) for one in found if not np.isnan(one).all()), default=0)
+    last_ns = 0
+    for table, columns in instants.items():
+        for column in columns:
+            instants_ns = run.tables[table].floats(column)
+            if not np.isnan(instants_ns).all():
+                last_ns = max(last_ns, int(np.nanmax(instants_ns)))
+    return last_ns
 
 
 def _end_ns(run: "Run", begin_ns: int) -> int:
-    """The last instant that is shown: that of the run, else as many whole seconds as fit, at least one."""
+    """The last instant that is shown: that of the run, else as many whole seconds as fit, at least
+    one.
+    """
     tables = {"frames": "stamp_ns", "lookups": "stamp_ns", "objects": "t_ns", "steps": "stamp_ns"}
     tables["held_objects"] = "begin_ns"
     instants = np.sort(
         np.concatenate([run.tables[name][column] for name, column in tables.items()])
     )
     first = int(np.searchsorted(instants, begin_ns))
-    if len(instants) - first <= MOST_ROWS:
+    if len(instants) - first <= MAX_ROWS:
         return last_instant_ns(run)
-    return begin_ns + max((int(instants[first + MOST_ROWS]) - begin_ns) // NS_PER_S, 1) * NS_PER_S
+    return begin_ns + max((int(instants[first + MAX_ROWS]) - begin_ns) // NS_PER_S, 1) * NS_PER_S
 
 
 def _between(table: Columns, column: str, begin_ns: int, end_ns: int) -> Columns:
@@ -139,57 +174,64 @@ def _between(table: Columns, column: str, begin_ns: int, end_ns: int) -> Columns
 
 
 def _places(poses: Columns, table: Columns, column: str) -> "Column":
-    """The place in ``poses`` of the frame that each row is about, -1 where it is not there; a frame is told by its
-    camera and by ``column``, which is its number or its stamp."""
+    """The place in ``poses`` of the frame that each row is about, -1 where it is not there; a frame
+    is told by its camera and by ``column``, which is its number or its stamp.
+    """
     cars, streams = poses["car"].names, poses["stream"].names
-    least, most = int(poses[column].min()), int(poses[column].max())
-    keys, sought = (
-        (one["car"].codes_in(cars) * len(streams) + one["stream"].codes_in(streams))
-        * (most - least + 1)
-        + (one[column].astype(np.int64) - least)
-        for one in (poses, table)
-    )
-    there = (table["car"].isin(cars) & table["stream"].isin(streams)) & (table[column] >= least)
-    found = np.minimum(np.searchsorted(keys, sought), len(keys) - 1)
-    return np.where(there & (table[column] <= most) & (keys[found] == sought), found, UNKNOWN)
+    low, high = int(poses[column].min()), int(poses[column].max())
+
+    def keys_of(rows: Columns) -> "Column":
+        cameras = rows["car"].codes_in(cars) * len(streams) + rows["stream"].codes_in(streams)
+        return np.asarray(cameras * (high - low + 1) + (rows[column].astype(np.int64) - low))
+
+    keys, wanted_keys = keys_of(poses), keys_of(table)
+    has_camera = table["car"].isin(cars) & table["stream"].isin(streams)
+    in_range = (table[column] >= low) & (table[column] <= high)
+    places = np.minimum(np.searchsorted(keys, wanted_keys), len(keys) - 1)
+    return np.where(has_camera & in_range & (keys[places] == wanted_keys), places, UNKNOWN)
 
 
 def _streams(poses: Columns) -> Iterator[dict[str, Any]]:
-    """The frames of each camera in order: when and where they were taken. A frame's id is its place in ``poses``."""
+    """The frames of each camera in order: when and where they were taken. A frame's id is its place
+    in ``poses``.
+    """
     changed = (np.diff(poses["car"].codes) != 0) | (np.diff(poses["stream"].codes) != 0)
     begins = [0, *(np.flatnonzero(changed) + 1).tolist(), len(poses)]
     for begin, end in pairwise(begins):
-        mine = poses.rows(slice(begin, end))
+        frames = poses.rows(slice(begin, end))
         yield {
-            "car": mine["car"].tolist()[0],
-            "stream": mine["stream"].tolist()[0],
+            "car": frames["car"].tolist()[0],
+            "stream": frames["stream"].tolist()[0],
             "first_id": begin,
-            "first_frame": int(mine["frame"][0]),
-            "fov_mrad": round(1000 * float(mine["horizontal_fov_rad"][0])),
-            "stamp_us": _deltas(mine["stamp_ns"] // US),
-            "east_cm": _deltas(_scaled(mine["east_m"], 100)),
-            "north_cm": _deltas(_scaled(mine["north_m"], 100)),
-            "heading_mrad": _deltas(_scaled(mine["heading_rad"], 1000)),
+            "first_frame": int(frames["frame"][0]),
+            "fov_mrad": round(1000 * float(frames["horizontal_fov_rad"][0])),
+            "stamp_us": deltas(frames["stamp_ns"] // US),
+            "east_cm": deltas(scaled(frames["east_m"], 100)),
+            "north_cm": deltas(scaled(frames["north_m"], 100)),
+            "heading_mrad": deltas(scaled(frames["heading_rad"], 1000)),
         }
 
 
-def _frames(mine: Columns, poses: Columns, names: _Names) -> dict[str, Any]:
-    """What became of each frame under one method, by the frame's id. Instants are counted from the stamp."""
-    ids = _places(poses, mine, "frame")
-    here = np.flatnonzero(ids != UNKNOWN)
-    rows, ids = mine.rows(here), ids[here]
+def _frames(frames: Columns, poses: Columns, names: _Names) -> dict[str, Any]:
+    """What became of each frame under one method, by the frame's id. Instants are counted from the
+    stamp.
+    """
+    ids = _places(poses, frames, "frame")
+    with_pose = np.flatnonzero(ids != UNKNOWN)
+    rows, ids = frames.rows(with_pose), ids[with_pose]
 
     def by_id(values: "Column", unknown: Any = UNKNOWN) -> "Column":
-        found = np.full(len(poses), unknown, dtype=values.dtype)
-        found[ids] = values
-        return found
+        all_values = np.full(len(poses), unknown, dtype=values.dtype)
+        all_values[ids] = values
+        return all_values
 
     def numbers(values: "Column") -> list[int]:
-        found: list[int] = by_id(_integers(values)).tolist()
-        return found
+        whole_numbers: list[int] = by_id(integers(values)).tolist()
+        return whole_numbers
 
     instants = {
-        name: rows.floats(f"{name}_ns") for name in ("received", "first_answer", "fresh_answer")
+        name: rows.floats(f"{name}_ns")
+        for name in ("received", "first_answer", "result_answer", "fresh_answer")
     }
     flags = zip(rows["image_hit"].tolist(), rows["coalesced"].tolist(), strict=True)
     outcome = [UNKNOWN if hit is None else 2 if coalesced else int(hit) for hit, coalesced in flags]
@@ -206,60 +248,73 @@ def _frames(mine: Columns, poses: Columns, names: _Names) -> dict[str, Any]:
         },
         **{
             name: numbers(rows[name])
-            for name in ("objects_served", "objects_fresh", "bytes_up", "bytes_down")
+            for name in (
+                "objects_served",
+                "objects_result",
+                "objects_fresh",
+                "bytes_up",
+                "bytes_down",
+            )
         },
     }
 
 
-def _lookups(mine: Columns, poses: Columns, names: _Names) -> dict[str, Any]:
+def _lookups(lookups: Columns, poses: Columns, names: _Names) -> dict[str, Any]:
     """One method's look-ups about these frames, in order of time."""
-    ids = _places(poses, mine, "stamp_ns")
-    here = np.flatnonzero(ids != UNKNOWN)
-    here = here[np.argsort(mine["t_ns"][here], kind="stable")]
-    rows = mine.rows(here)
+    ids = _places(poses, lookups, "stamp_ns")
+    with_pose = np.flatnonzero(ids != UNKNOWN)
+    with_pose = with_pose[np.argsort(lookups["t_ns"][with_pose], kind="stable")]
+    rows = lookups.rows(with_pose)
     return {
-        "t_us": _deltas(rows["t_ns"] // US),
+        "t_us": deltas(rows["t_ns"] // US),
         "genie": names.codes(rows["genie"]),
         "edge": (rows["placement"] == "edge").astype(int).tolist(),
         "neighbour": (rows["requester"] == "neighbour").astype(int).tolist(),
         "kind": rows["kind"].codes_in(KINDS).tolist(),
         "outcome": rows["outcome"].codes_in(OUTCOMES).tolist(),
-        "boost_e4": _scaled(rows["boost_sum"], 10_000).tolist(),
-        "frame_id": ids[here].tolist(),
+        "boost_e4": scaled(rows["boost_sum"], 10_000).tolist(),
+        "frame_id": ids[with_pose].tolist(),
         **{name: rows[name].tolist() for name in ("requests", "hits", "updates", "entries")},
     }
 
 
-def _held(mine: Columns, end_ns: int) -> Iterator[tuple[str, dict[str, list[int]]]]:
-    """By car, where the truth is known: how many objects its consumer holds at each instant, and how many are there."""
-    for car, rows in mine.rows(mine["stamp_ns"] <= end_ns).groups("car"):
+def _held(held: Columns, end_ns: int) -> Iterator[tuple[str, dict[str, list[int]]]]:
+    """By car, where the truth is known: how many objects its consumer holds at each instant, and
+    how many are there.
+    """
+    for car, rows in held.rows(held["stamp_ns"] <= end_ns).groups("car"):
         counts = {name: rows[name].tolist() for name in ("held", "right")}
-        yield car, {"t_us": _deltas(rows["stamp_ns"] // US), **counts}
+        yield car, {"t_us": deltas(rows["stamp_ns"] // US), **counts}
 
 
-def _held_objects(mine: Columns, begin_ns: int, end_ns: int, names: _Names) -> dict[str, Any]:
-    """What consumers hold or miss under one method in a stretch of time: where, how it is judged, since when and for
-    how long, -1 where it does not end."""
-    ends_ns = mine.floats("end_ns")
-    rows = mine.rows((mine["begin_ns"] <= end_ns) & ~(ends_ns <= begin_ns)).by("begin_ns")
+def _held_objects(
+    held_objects: Columns, begin_ns: int, end_ns: int, names: _Names
+) -> dict[str, Any]:
+    """What consumers hold or miss under one method in a stretch of time: where, how it is judged,
+    since when and for how long, -1 where it does not end.
+    """
+    ends_ns = held_objects.floats("end_ns")
+    rows = held_objects.rows((held_objects["begin_ns"] <= end_ns) & ~(ends_ns <= begin_ns)).by(
+        "begin_ns"
+    )
     return {
-        "begin_us": _deltas(rows["begin_ns"] // US),
-        "took_us": _integers(rows.floats("end_ns") // US - rows["begin_ns"] // US).tolist(),
+        "begin_us": deltas(rows["begin_ns"] // US),
+        "took_us": integers(rows.floats("end_ns") // US - rows["begin_ns"] // US).tolist(),
         "car": names.codes(rows["car"]),
         "label": names.codes(rows["label"]),
         "judged": rows["judged"].codes_in(JUDGED).tolist(),
-        "east_cm": _scaled(rows["east_m"], 100).tolist(),
-        "north_cm": _scaled(rows["north_m"], 100).tolist(),
+        "east_cm": scaled(rows["east_m"], 100).tolist(),
+        "north_cm": scaled(rows["north_m"], 100).tolist(),
     }
 
 
-def _steps(mine: Columns, poses: Columns, names: _Names) -> dict[str, Any]:
+def _steps(steps: Columns, poses: Columns, names: _Names) -> dict[str, Any]:
     """The steps to the answers to these frames under one method, answer by answer."""
-    ids = _places(poses, mine, "stamp_ns")
-    here = np.flatnonzero(ids != UNKNOWN)
-    rows = mine.rows(here)
+    ids = _places(poses, steps, "stamp_ns")
+    with_pose = np.flatnonzero(ids != UNKNOWN)
+    rows = steps.rows(with_pose)
     return {
-        "frame_id": ids[here].tolist(),
+        "frame_id": ids[with_pose].tolist(),
         "which": rows["which"].codes_in(WHICHS).tolist(),
         "part": rows["part"].codes_in(tuple(style.PARTS)).tolist(),
         "place": names.codes(rows["place"]),
@@ -267,40 +322,35 @@ def _steps(mine: Columns, poses: Columns, names: _Names) -> dict[str, Any]:
     }
 
 
-def _objects(mine: Columns, begin_ns: int, end_ns: int, names: _Names) -> Iterator[list[Any]]:
-    """One method's map objects: where each is, and its confidence from each instant on, -1 where it is forgotten."""
-    mine = mine.rows(mine["t_ns"] <= end_ns)
-    keys = [mine["north_m"], mine["east_m"], mine["label"].codes, mine["genie"].codes]
-    mine = mine.rows(np.lexsort(keys))
-    places = [mine["genie"].codes, mine["label"].codes, mine["east_m"], mine["north_m"]]
-    begins = np.flatnonzero(np.any([np.diff(one, prepend=np.nan) != 0 for one in places], axis=0))
-    genies, labels, all_ns = mine["genie"].tolist(), mine["label"].tolist(), mine["t_ns"]
-    confidence = _scaled(np.nan_to_num(mine["confidence"], nan=UNKNOWN / 1000), 1000)
-    for begin, end in pairwise([*begins.tolist(), len(mine)]):
-        t_ns = all_ns[begin:end]
-        first = max(
-            int(np.searchsorted(t_ns, begin_ns, side="right")) - 1, 0
-        )  # the last before the replay begins
+def _objects(objects: Columns, begin_ns: int, end_ns: int, names: _Names) -> Iterator[list[Any]]:
+    """One method's map objects: for each place at which a map has an object, its confidence from
+    each instant on, -1 from when it is forgotten or somewhere else.
+    """
+    rows = objects.rows(objects["t_ns"] <= end_ns)
+    rows = rows.rows(np.lexsort((rows["object"], rows["genie"].codes)))
+    is_new_object = _changes(rows["genie"].codes, rows["object"])
+    is_new_place = is_new_object | _changes(rows["east_m"], rows["north_m"])
+    genies, labels = rows["genie"].tolist(), rows["label"].tolist()
+    confidence = scaled(np.nan_to_num(rows["confidence"], nan=UNKNOWN / 1000), 1000)
+    for begin, end in pairwise([*np.flatnonzero(is_new_place).tolist(), len(rows)]):
+        moves_on = end < len(rows) and not is_new_object[end]
+        t_ns = rows["t_ns"][begin : end + moves_on]
+        if moves_on and t_ns[-1] <= begin_ns:
+            continue
+        confidences = [*confidence[begin:end].tolist(), *[UNKNOWN] * moves_on]
+        # the last before the replay begins
+        first = max(int(np.searchsorted(t_ns, begin_ns, side="right")) - 1, 0)
         yield [
             names.code(genies[begin]),
             names.code(labels[begin]),
-            round(100 * mine["east_m"][begin]),
-            round(100 * mine["north_m"][begin]),
-            _deltas(np.maximum(t_ns[first:], begin_ns) // NS_PER_MS),
-            confidence[begin + first : end].tolist(),
+            round(100 * rows["east_m"][begin]),
+            round(100 * rows["north_m"][begin]),
+            deltas(np.maximum(t_ns[first:], begin_ns) // NS_PER_MS),
+            confidences[first:],
         ]
 
 
-def _scaled(values: "Column", scale: int) -> "Column":
-    return np.round(values * scale).astype(np.int64)
-
-
-def _deltas(values: "Column") -> list[int]:
-    """The first value, then the differences: short numbers."""
-    deltas: list[int] = np.diff(values, prepend=0).tolist()
-    return deltas
-
-
-def _integers(values: "Column") -> "Column":
-    """Whole numbers, -1 for unknown."""
-    return np.nan_to_num(values, nan=UNKNOWN).astype(np.int64)
+def _changes(*columns: "Column") -> "Column":
+    """Which rows differ from the row before in any of the columns; the first does."""
+    differs = [np.diff(column, prepend=np.nan) != 0 for column in columns]
+    return np.asarray(np.any(differs, axis=0))

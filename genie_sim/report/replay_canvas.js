@@ -9,7 +9,7 @@ function prepareCanvas(canvas) {
   return { pen, width, height };
 }
 
-const looks = () => Object.fromEntries(["ink", "muted", "line", "bg", "road", "hit", "miss", "coalesced", "none", "sure", "unsure", "car", "ghost"]
+const looks = () => Object.fromEntries(["ink", "muted", "line", "bg", "soft", "road", "hit", "miss", "coalesced", "none", "sure", "unsure", "car", "ghost"]
   .map((name) => [name, colour(name)]));
 
 function line(pen, from, to, tone, breadth, alpha) {

@@ -25,11 +25,15 @@ function decode(replay, about) {
     .filter((car) => car.streams.length);
   const run = { ...replay, about, frames, streams, cars };
   run.methods = replay.methods.map((one) => methodOf(run, one));
+  run.judges = run.methods.some(({ beliefs }) => beliefs.begin.length); // whether the truth is known
+  const judgedAt = run.methods.flatMap(({ judged }) => judged.flatMap((counts) => counts?.t.at(-1) ?? []));
+  run.compared_until_us = run.judges && judgedAt.length ? Math.min(Math.max(...judgedAt), run.end_us) : run.end_us;
+  for (const method of run.methods) method.samples = samplesOf(run, method);
   return run;
 }
 
 // What happened under one method. `rows` are the columns of its frames; `held` what each car holds from which instant on.
-function methodOf(run, { name, frames: rows, lookups: { t_us, ...columns }, objects, held, held_objects, steps }) {
+function methodOf(run, { name, frames: rows, lookups: { t_us, ...columns }, objects, held, held_objects, steps, hosts }) {
   const lookups = { ...columns, t: undelta(t_us) }, of_frame = byFrame(lookups.frame_id), places = new Map();
   const images = lookups.kind.flatMap((kind, row) => run.kinds[kind] === "image" ? [row] : []);
   for (const [genie, label, east, north, t, confidence] of objects) {
@@ -39,8 +43,26 @@ function methodOf(run, { name, frames: rows, lookups: { t_us, ...columns }, obje
   }
   return { name, title: methodTitle(name), rows, lookups, of_frame, steps: { ...steps, of_frame: byFrame(steps.frame_id) }, images, image_t: images.map((row) => lookups.t[row]),
     objects: [...places.values()], caches: rows.outcome.some((one) => one >= 0), held: run.cars.map((car) => answersOf(run, car, rows)),
+    messages: messagesOf(run, rows, steps), hosts: new Map(Object.entries(hosts).map(([host, samples]) =>
+      [host, { ...samples, t: undelta(samples.t_us), lost: undelta(samples.lost) }])),
     beliefs: { ...held_objects, begin: undelta(held_objects.begin_us) },
     judged: run.cars.map(({ name: car }) => held[car] && { ...held[car], t: undelta(held[car].t_us) }) };
+}
+
+// The messages on the way of the answers, in order of time: from where to where each went over a link, and when.
+function messagesOf(run, rows, steps) {
+  const messages = new Map();
+  let t = 0;
+  steps.frame_id.forEach((id, row) => {
+    const goesOn = row > 0 && steps.frame_id[row - 1] === id && steps.which[row - 1] === steps.which[row];
+    const begin = goesOn ? t : run.frames.stamp[id] + Math.max(rows.received_us[id], 0), place = run.names[steps.place[row]];
+    t = begin + steps.took_ns[row] / 1000;
+    const [from, to] = place.split("->");
+    // One message may be on the way of both answers to a frame.
+    if (to !== undefined && DATA.parts[steps.part[row]].name !== "queueing") messages.set(`${place} ${id} ${Math.round(begin)}`, { from, to, begin, end: t });
+  });
+  const inOrder = [...messages.values()].sort((a, b) => a.begin - b.begin);
+  return { all: inOrder, begin: inOrder.map((message) => message.begin), longest: Math.max(0, ...inOrder.map(({ begin, end }) => end - begin)) };
 }
 
 function byFrame(ids) {
@@ -69,19 +91,22 @@ function answersOf(run, car, rows) {
 function holding(run, method, place, t) {
   const { t: instants, ids } = method.held[place], i = lastUpTo(instants, t), { rows } = method;
   if (i < 0) return null;
-  const id = ids[i], since = t - run.frames.stamp[id], fresh = rows.fresh_answer_us[id] >= 0 && rows.fresh_answer_us[id] <= since;
-  return { id, age: since - Math.max(rows.received_us[id], 0), fresh, objects: fresh ? rows.objects_fresh[id] : rows.objects_served[id],
+  const id = ids[i], since = t - run.frames.stamp[id], came = (us) => us >= 0 && us <= since;
+  const fresh = came(rows.fresh_answer_us[id]), result = came(rows.result_answer_us[id]);
+  return { id, age: since - Math.max(rows.received_us[id], 0), fresh, objects: (fresh ? rows.objects_fresh : result ? rows.objects_result : rows.objects_served)[id],
     source: run.names[rows.source[id]] };
 }
 
 // What consumers hold or miss at `t`, judged by what is there: the rows of `beliefs` that are open then.
-function believed(run, { beliefs }, t) {
-  const open = [];
+function believed(run, method, t) {
+  if (method.open?.t === t) return method.open.objects;
+  const { beliefs } = method, open = [];
   for (let row = 0, last = lastUpTo(beliefs.begin, t); row <= last; row += 1) {
     if (beliefs.took_us[row] >= 0 && t >= beliefs.begin[row] + beliefs.took_us[row]) continue;
     open.push({ car: run.names[beliefs.car[row]], label: run.names[beliefs.label[row]], judged: run.judged[beliefs.judged[row]],
       since: beliefs.begin[row], east: beliefs.east_cm[row] / 100, north: beliefs.north_cm[row] / 100 });
   }
+  method.open = { t, objects: open };
   return open;
 }
 const GHOSTS = { moved_away: "it was there in the last 10 s", never_there: "it was not there in the last 10 s", duplicate: "what is there is held once more" };

@@ -1,8 +1,18 @@
 // The street from above at one instant of simulated time, under one method.
 
 const HOLD_US = 260000; // how long, of a watcher's time, a look-up flashes
+const LEAST_US = 150000; // how long, of a watcher's time, a message is under way at least
 const TRAIL_US = 12e6;  // how much of the past stays painted on the road
+const OUTERMOST = 0.01; // of what is held, on each side: it may lie outside
 const EDGE_BAND = 58;   // pixels above the street for the edges, which have no place on the map
+
+// From where to where the drive reaches along one axis, and all but the outermost of what is held or missed.
+function bounds(points, held, axis, margin) {
+  let low = Infinity, high = -Infinity;
+  for (const point of points) { low = Math.min(low, point[axis]); high = Math.max(high, point[axis]); }
+  const places = held.map((point) => point[axis]).sort((a, b) => a - b), at = (share) => places[Math.round(share * (places.length - 1))];
+  return places.length ? [Math.min(low - margin, at(OUTERMOST) - 2), Math.max(high + margin, at(1 - OUTERMOST) + 2)] : [low - margin, high + margin];
+}
 
 // Turns the street so that it uses the canvas well: along its longer side, the way the cars drive.
 function viewOf(run, width, height) {
@@ -19,20 +29,19 @@ function viewOf(run, width, height) {
   const turn = width >= height - EDGE_BAND ? -axis : Math.PI / 2 - axis;
   const cos = Math.cos(turn), sin = Math.sin(turn);
   const rotate = (e, n) => [(e - e0) * cos - (n - n0) * sin, (e - e0) * sin + (n - n0) * cos];
-  let x0 = Infinity, x1 = -Infinity, y0 = Infinity, y1 = -Infinity;
-  for (let i = 0; i < east.length; i += 1) {
-    const [x, y] = rotate(east[i], north[i]);
-    x0 = Math.min(x0, x); x1 = Math.max(x1, x); y0 = Math.min(y0, y); y1 = Math.max(y1, y);
-  }
-  const free = height - EDGE_BAND, wide = width >= free, along = 9, beside = 15; // metres around the drive
-  const scale = Math.min(width / (x1 - x0 + 2 * (wide ? along : beside)), free / (y1 - y0 + 2 * (wide ? beside : along)));
-  const cx = (x0 + x1) / 2, cy = (y0 + y1) / 2;
+  const free = height - EDGE_BAND, wide = width >= free, [marginX, marginY] = wide ? [9, 4] : [4, 9]; // metres around the drive
+  const points = east.map((value, i) => rotate(value, north[i]));
+  const held = run.methods.flatMap(({ beliefs }) => beliefs.begin.map((_, row) => rotate(beliefs.east_cm[row] / 100, beliefs.north_cm[row] / 100)));
+  const [x0, x1] = bounds(points, held, 0, marginX), [y0, y1] = bounds(points, held, 1, marginY);
+  const scale = Math.min(width / (x1 - x0), free / (y1 - y0)), cx = (x0 + x1) / 2, cy = (y0 + y1) / 2;
   const place = (e, n) => {
     const [x, y] = rotate(e, n);
     return [width / 2 + (x - cx) * scale, EDGE_BAND + free / 2 - (y - cy) * scale];
   };
   return { place, scale, turn };
 }
+
+const NO_MAP = -2; // no object map is drawn
 
 function streetView(run, canvas, tip, options) {
   let view = null, size = "", shown = [], places = {};
@@ -54,6 +63,7 @@ function streetView(run, canvas, tip, options) {
     for (const { car, at } of cars) places[car.name] = view.place(at.east, at.north);
     if (options.views()) for (const { car, at } of cars) if (car.cameras) wedge(pen, look, at);
     flashes(pen, look, t);
+    messages(pen, look, t);
     for (const { car, at } of cars) vehicle(pen, look, car, at);
     edges.forEach((edge) => server(pen, look, edge, width));
     scaleBar(pen, look, width, height);
@@ -90,7 +100,9 @@ function streetView(run, canvas, tip, options) {
 
   function objects(pen, look, t) {
     shown = [];
-    const chosen = options.genie(), threshold = typeof run.about.threshold === "number" ? run.about.threshold : null;
+    const chosen = options.genie();
+    if (chosen === NO_MAP) return;
+    const threshold = typeof run.about.threshold === "number" ? run.about.threshold : null;
     for (const object of options.method().objects) {
       const confidence = confidenceAt(object, t, chosen);
       if (confidence < 0) continue;
@@ -114,7 +126,7 @@ function streetView(run, canvas, tip, options) {
 
   // Ghosts come last: they lie on top.
   function beliefs(pen, look, t) {
-    for (const one of believed(run, options.method(), t).sort((a, b) => isGhost(a) - isGhost(b))) {
+    for (const one of [...believed(run, options.method(), t)].sort((a, b) => isGhost(a) - isGhost(b))) {
       const [x, y] = view.place(one.east, one.north);
       if (!inside(x, y)) continue;
       const means = isGhost(one) ? `a ghost that ${one.car} holds:\n${GHOSTS[one.judged]}` : one.judged === "missed" ? `visible, but not held by ${one.car}` : `held by ${one.car}, and there`;
@@ -198,6 +210,25 @@ function streetView(run, canvas, tip, options) {
       pen.strokeStyle = look.ink;
       pen.lineWidth = 1.5;
       pen.beginPath(); pen.arc(x, y, 9, 0, 2 * Math.PI); pen.stroke();
+    }
+  }
+
+  // A dot on its way along each link: large to an edge, with a picture; small with an answer.
+  function messages(pen, look, t) {
+    const { all, begin, longest } = options.method().messages, least = LEAST_US * options.speed();
+    for (let i = lastUpTo(begin, t - Math.max(longest, least)) + 1; i < all.length && begin[i] <= t; i += 1) {
+      const message = all[i], share = (t - message.begin) / Math.max(message.end - message.begin, least);
+      if (share > 1 || !places[message.from]) continue;
+      const goals = places[message.to] ? [message.to] : edges.map((edge) => edge.name).filter((name) => name !== message.from);
+      for (const goal of goals) {
+        const [[x, y], [toX, toY]] = [places[message.from], places[goal]], isUp = edges.some((edge) => edge.name === goal);
+        pen.fillStyle = look.ink;
+        pen.strokeStyle = look.bg;
+        pen.lineWidth = 1.5;
+        pen.beginPath();
+        pen.arc(x + share * (toX - x), y + share * (toY - y), isUp ? 5 : 3.5, 0, 2 * Math.PI);
+        pen.fill(); pen.stroke();
+      }
     }
   }
 

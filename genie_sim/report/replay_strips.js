@@ -39,7 +39,7 @@ function lanesView(run, canvas, axis, options) {
     pen.font = "11.5px system-ui, sans-serif";
     pen.textAlign = "left";
     run.methods.forEach((method, index) => {
-      const top = index * lane, tone = colour(`method-${placeOf(method.name) % DATA.palette}`);
+      const top = index * lane, tone = colour(`method-${lookOf(method.name) % DATA.palette}`);
       pen.fillStyle = tone;
       pen.fillRect(0, top + 5, 10, 10);
       pen.fillStyle = look.ink;

@@ -57,28 +57,49 @@ function cell(found, best) {
   return make("td", { class: best ? "number best" : "number" }, asText(found.value, found.unit), range);
 }
 
+// Whether a value is better than all others, with an interval that lies apart from theirs.
+function isBest(entry, metrics, better) {
+  const others = metrics.filter((other) => other && other !== entry && other.value !== null);
+  if (!entry || entry.value === null || !others.length) return false;
+  const [low, high] = ["low", "high"].map((end) => (of) => of[end] ?? of.value);
+  return others.every((other) => (better === "lower" ? high(entry) < low(other) : low(entry) > high(other)));
+}
+
+// A metric's title; what it means stands in its tip.
+const titleCell = (name) => make("span", { title: infoOf(name).meaning }, metricTitle(name));
+
+// Bytes, computing time and energy, of everything and of cars and edges apart.
+function showPrices() {
+  const names = ["bytes_up_per_frame", "bytes_down_per_frame", "accelerator_time", "cpu_time", "batch_size",
+    "energy_per_frame", "energy_active_per_frame", "energy_per_fresh", "energy_per_right"];
+  const rows = names.flatMap((name) => ["all", "car", "edge"].map((placement) => [name, placement]))
+    .filter(([name, placement]) => METHODS.some((method) => metric(name, method.name, placement)))
+    .map(([name, placement]) => [
+      make("span", { title: infoOf(name).meaning }, metricTitle(name), placement === "all" ? "" : ` ${placementText(placement)}`),
+      ...METHODS.map((method) => cell(metric(name, method.name, placement), false))]);
+  byId("prices").hidden = !rows.length;
+  if (!rows.length) return;
+  table(byId("by-price"), null, ["", ...METHODS.map((method) => methodKey(method.name))], rows);
+  byId("price-note").textContent = DATA.energy_note.replace("in brackets", "in small print");
+}
+
 function showResults() {
   byId("headline").replaceChildren(...headline());
-  const rows = [["First answer, mean", "first_answer_mean", Math.min], ["First answer, 95th percentile", "first_answer_p95", Math.min],
-    [`First answer within ${DATA.deadline_ms} ms`, "under_deadline_share", Math.max], ["Fresh result, mean", "fresh_answer_mean", Math.min],
-    ["Fresh result, 95th percentile", "fresh_answer_p95", Math.min], [`Fresh result within ${DATA.deadline_ms} ms`, "fresh_under_deadline_share", Math.max],
-    ["Frames answered at all", "answered_share", Math.max], ["Frames with a fresh result", "fresh_answered_share", Math.max], ["Frames dropped", "dropped_share", Math.min],
-    ["Ghosts among held objects", "ghost_share", Math.min], ["Incorrect cache hits", "wrong_hit_share", Math.min],
-    ["Recall of visible objects", "object_recall", Math.max]].filter(([, name]) => METHODS.some((one) => metric(name, one.name)));   // the truth is not always known
-  table(byId("by-method"), null, ["", ...METHODS.map((one) => methodKey(one.name))], rows.map(([text, name, better]) => {
-    const found = METHODS.map((method) => metric(name, method.name));
-    const known = found.filter((one) => one && one.value !== null).map((one) => one.value);
-    return [text, ...found.map((one) => cell(one, one && known.length > 1 && one.value === better(...known)))];
+  const names = ["first_answer_mean", "first_answer_p95", "under_deadline_share", "fresh_answer_mean", "fresh_answer_p95", "fresh_under_deadline_share",
+    "answered_share", "fresh_answered_share", "recent_share", "look_age_mean", "dropped_share", "streaming_f1", "object_recall", "ghost_share", "wrong_hit_share"]
+    .filter((name) => METHODS.some((method) => metric(name, method.name)));   // the truth is not always known
+  table(byId("by-method"), null, ["", ...METHODS.map((method) => methodKey(method.name))], names.map((name) => {
+    const metrics = METHODS.map((method) => metric(name, method.name));
+    return [titleCell(name), ...metrics.map((entry) => cell(entry, isBest(entry, metrics, infoOf(name).better)))];
   }));
   const placed = METHODS.flatMap(({ name }) => ["car", "edge"].map((placement) => [name, placement])).filter((key) => metric("image_reuse", ...key));
   if (!placed.length) return;   // no Genie, or no look-ups recorded
   const several = new Set(placed.map(([name]) => name)).size > 1;
-  const rowsOfGenies = [["Image reuse", "image_reuse"], ["Object reuse", "object_reuse"], ["Confidence boost per update", "confidence_boost"],
-    ["Coalesced requests", "coalesced_share"], ["Stored images per Genie", "stored_images"], ["Stored objects per Genie", "stored_objects"]];
+  const ofGenies = ["image_reuse", "object_reuse", "confidence_boost", "coalesced_share", "stored_images", "stored_objects"];
   table(byId("by-placement"), null, ["", ...placed.map(([name, placement]) => `${several ? `${methodTitle(name)}, ` : ""}Genies ${placementText(placement)}`)],
-    rowsOfGenies.map(([text, name]) => [text, ...placed.map((key) => {
-      const found = metric(name, ...key);
-      return cell(found && /^(stored|confidence)/.test(name) ? { ...found, unit: "" } : found, false);
+    ofGenies.map((name) => [titleCell(name), ...placed.map((key) => {
+      const entry = metric(name, ...key);
+      return cell(entry && !isShare(name) ? { ...entry, unit: infoOf(name).unit } : entry, false);
     })]));
   byId("placement-note").textContent = `Reuse: hits / requests, mean over Genies; in small print the lowest and the highest ratio in any ` +
     `${DATA.window_requests} requests of one Genie. A coalesced request is not a hit.`;
@@ -89,15 +110,14 @@ function showAccuracy() {
   const common = (name) => METHODS.every((one) => valueOf(name, one.name) !== null && valueOf("first_answer_mean", one.name) !== null);
   const name = ["streaming_f1", "first_proxy_f1"].find(common);
   if (!name) return;
-  const streaming = name === "streaming_f1", floor = METHODS.map((one) => valueOf(name, one.name, "all", "floor")).find((value) => value !== null);
+  const streaming = name === "streaming_f1", bound = METHODS.map((one) => valueOf(name, one.name, "all", DATA.zero_delay.component)).find((value) => value !== null);
   const series = METHODS.map((one) => {
     const { value, low, high } = metric(name, one.name);
     return { name: one.title, color: methodClass(one.name), marker: methodMarker(one.name), points: [{ x: valueOf("first_answer_mean", one.name), found: [value, low, high] }] };
   });
-  intervalChart(byId("accuracy"), { title: "Latency against accuracy", series, x: { log: true, label: "mean time to first answer [ms], logarithmic", read: (value) => asText(value, "ms") },
-    y: { label: "F1", most: 1, format: percent, read: percent, levels: floor ? [{ y: floor, label: "the detector without delay" }] : [] },
-    note: streaming ? "F1 of what consumers hold at each instant, against what is in view then. Up and to the left is better."
-      : "F1 of first answers against the detector's own answer to the frame, a proxy. 'genie-sim truth' adds the truth of a labelled drive. Up and to the left is better." });
+  intervalChart(byId("accuracy"), { title: "Accuracy versus latency", series, x: { log: true, label: `${metricTitle("first_answer_mean")} [ms], logarithmic`, read: (value) => asText(value, "ms") },
+    y: { label: metricTitle(name), most: 1, format: percent, read: percent, levels: bound ? [{ y: bound, label: DATA.zero_delay.title }] : [] },
+    note: `${infoOf(name).meaning}${streaming ? "" : " 'genie-sim truth' adds the truth of a labelled drive."} Up and to the left is better.` });
 }
 
 function showLatency() {
@@ -110,6 +130,7 @@ function showLatency() {
     const of = byId("cdf-of").value;
     const series = DATA.cdf.filter((curve) => curve.ms.length && !same(curve)).map((curve) => ({
       name: `${methodTitle(curve.method)}${curve.answer === "fresh" ? ", fresh" : ""}`, color: `${methodClass(curve.method)} ${curve.answer}`,
+      marker: methodMarker(curve.method), hollow: curve.answer === "fresh",
       x: curve.ms, y: curve.rank.map((rank) => rank / curve[of]), steps: true }));
     lineChart(byId("cdf"), { series, height: 320, x: { log: true, min: Math.max(0.8 * Math.min(...all), 0.1), max: 1.25 * Math.max(...all, DATA.deadline_ms),
       label: "response time since received [ms], logarithmic", read: (value) => `within ${read(value)}` },
@@ -120,6 +141,7 @@ function showLatency() {
 }
 
 const timeAxisOf = (series) => ({ min: 0, max: Math.max(...series.flatMap((one) => one.x), 1e-3), label: "simulated time [s]", read: (value) => `at ${value.toFixed(2)} s` });
+const faultSpans = (method) => DATA.faults.filter((fault) => fault.method === method).map(({ fault, target, from, to }) => ({ from, to, text: `${fault} of ${target}` }));
 const highest = (series, least) => Math.max(1.08 * Math.max(...series.flatMap((one) => one.y), 0), least);
 
 // Which method a section is about: the choice starts with the last one that is no baseline, and hides if it is the only one.
@@ -147,7 +169,7 @@ function showOverTime() {
         color: `p-${one.placement}`, ...lineOf(places[one.placement]++) }));
       if (!series.length) continue;
       const boost = name === "confidence_boost", low = Math.min(0, ...series.flatMap((one) => one.y));
-      lineChart(byId("over-time").appendChild(make("div")), { title, series, x: timeAxisOf(series),
+      lineChart(byId("over-time").appendChild(make("div")), { title, series, x: timeAxisOf(series), spans: faultSpans(byId("reuse-of").value),
         y: { min: boost ? low : 0, max: boost ? highest(series, 1e-4) : Math.min(1, highest(series, 0.05)), label: title, format: boost ? (value) => digits(value) : percent, read: boost ? (value) => value.toFixed(4) : percent } });
     }
   });
@@ -156,16 +178,16 @@ function showOverTime() {
 function showUse() {
   const hostOf = (name) => name.split(/[./]|->/)[0], dashes = [null, "7 3", "2 3"];
   const hosts = [...new Set(DATA.use.map((one) => hostOf(one.name)))].sort((one, other) => one.localeCompare(other, "en", { numeric: true }));
-  const kinds = { accelerator: "Utilization of accelerators", cpu: "Utilization of CPUs", link: "Utilization of links", queue: "Messages waiting" };
+  const kinds = { accelerator: "Utilization of accelerators", cpu: "Utilization of CPUs", link: "Utilization of links", cell: "Utilization of radio cells", queue: "Messages waiting" };
   chooseMethod("use-of", (method) => DATA.use.some((one) => one.method === method), () => {
     byId("use-charts").replaceChildren();
     for (const [kind, title] of Object.entries(kinds)) {
       const series = DATA.use.filter((one) => one.method === byId("use-of").value && one.kind === kind)
-        .map((one, i, all) => ({ ...one, name: one.name.replace(/\.(accelerator|cpu)$/, ""), color: `h${hosts.indexOf(hostOf(one.name)) % DATA.palette}`, marker: hosts.indexOf(hostOf(one.name)),
+        .map((one, i, all) => ({ ...one, name: one.name.replace(/\.(accelerator|cpu)$/, ""), color: `h${hosts.indexOf(hostOf(one.name)) % DATA.hosts}`, marker: hosts.indexOf(hostOf(one.name)),
           dash: dashes[Math.min(all.slice(0, i).filter((other) => hostOf(other.name) === hostOf(one.name)).length, 2)] }));
       if (!series.length) continue;
       const queue = kind === "queue";
-      lineChart(byId("use-charts").appendChild(make("div")), { title, series, height: 210, x: timeAxisOf(series),
+      lineChart(byId("use-charts").appendChild(make("div")), { title, series, height: 210, x: timeAxisOf(series), spans: faultSpans(byId("use-of").value),
         y: { min: 0, max: queue ? highest(series, 1) : Math.min(1, highest(series, 0.1)), label: title, format: queue ? (value) => digits(value) : percent, read: queue ? (value) => value.toFixed(2) : percent } });
     }
   });
@@ -173,12 +195,13 @@ function showUse() {
 
 function showMetrics() {
   const text = (value) => (value === null ? "" : digits(value, 4));
-  filteredTable("metric", ["metric", "method", "placement", "component", "value", "unit", "low", "high", "n"],
+  filteredTable("metric", ["title", "metric", "method", "placement", "component", "value", "unit", "low", "high", "n"],
     DATA.metrics.map(([name, method, placement, component, value, unit, low, high, n]) =>
-      [name, method, placement, component, text(value), unit, text(low), text(high), n.toLocaleString("en")]), 4);
+      [titleCell(name), name, method, placement, component, text(value), unit, text(low), text(high), n.toLocaleString("en")]), 5);
 }
 
 showResults();
+showPrices();
 showAccuracy();
 showLatency();
 showParts();

@@ -5,6 +5,7 @@ const SOURCES = {
   own_cache: "the message cache of its own Genie", own_detector: "its own detector", edge_cache: "its edge's message cache",
   edge_detector: "its edge's detector", peer_cache: "another edge's message cache", map: "the object map", none: "nobody",
 };
+const LETTER_PX = 7.2; // of a method's title
 const LAST = 1e15; // after everything that has an instant
 const receivedAt = (rows, id) => Math.max(rows.received_us[id], 0);
 
@@ -38,6 +39,10 @@ function stepsOf(run, method, id) {
     steps.push({ t: first, tone: "hit", text: `First answer: ${countOf(rows.objects_served[id])} from ${SOURCES[names[rows.source[id]]]}`,
       small: [rows.served_by[id] >= 0 ? `served by ${names[rows.served_by[id]]}` : null, after(first)].filter(Boolean).join(", ") });
   }
+  const result = rows.result_answer_us[id];
+  if (result >= 0 && result !== first && result !== fresh) {
+    steps.push({ t: result, tone: "hit", text: `Result of another frame: ${countOf(rows.objects_result[id])}`, small: after(result) });
+  }
   if (fresh >= 0 && fresh !== first) steps.push({ t: fresh, tone: "hit", text: `Fresh result: ${countOf(rows.objects_fresh[id])} of this very frame`, small: after(fresh) });
   if (first < 0) steps.push({ t: LAST, tone: "miss", text: drop ? `Never answered: dropped at ${drop}` : "Never answered" });
   else if (fresh < 0) steps.push({ t: LAST, tone: "none", text: "No fresh result ever came", small: drop ? `dropped at ${drop}` : null });
@@ -67,7 +72,9 @@ function lookupSteps(run, { lookups, of_frame }, id) {
 // The same frame under every method, on one axis of milliseconds since each one's first node received it.
 function comparison(run, id) {
   const { methods } = run, width = Math.max(300, Math.min(byId("story").clientWidth || 640, 830));
-  const narrow = width < 560, row = narrow ? 44 : 30, left = 92;
+  const narrow = width < 560, row = narrow ? 44 : 30;
+  const left = Math.min(12 + LETTER_PX * Math.max(...methods.map(({ title }) => title.length)), (narrow ? 0.45 : 0.3) * width);
+  const fitting = (title) => (LETTER_PX * title.length + 12 > left ? `${title.slice(0, Math.floor((left - 12) / LETTER_PX) - 1)}\u2026` : title);
   const since = ({ rows }) => ["first_answer_us", "fresh_answer_us"].map((name) => rows[name][id] < 0 ? -1 : rows[name][id] - receivedAt(rows, id));
   const span = 1.05 * Math.max(1000, ...methods.flatMap(since)), across = (us) => left + us / span * (width - left - 40);
   const svg = draw("svg", { width, height: row * methods.length + 29, role: "img",
@@ -75,7 +82,7 @@ function comparison(run, id) {
   const shown = new Set();
   methods.forEach((method, index) => {
     const y = index * row + 20, [first, fresh] = since(method), last = Math.max(first, fresh), told = inWords(run, method.rows, id);
-    svg.append(draw("text", { x: 0, y: y + 4 }, method.title));
+    svg.append(draw("text", { x: 0, y: y + 4 }, draw("title", {}, method.title), fitting(method.title)));
     if (narrow || last < 0) svg.append(draw("text", { class: "quiet", x: narrow ? 0 : left, y: narrow ? y + 20 : y + 4 }, told));
     if (last < 0) return;
     for (const { part, place, from, took } of stepsTo(run, method, id)) {

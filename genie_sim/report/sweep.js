@@ -8,16 +8,16 @@ function ofText(metric, i) {
   const several = new Set(of.map(([name]) => name)).size > 1;
   if (several || placement === "all") parts.push(methodTitle(method));
   if (placement !== "all") parts.push(placementText(placement));
-  if (component) parts.push(`${metric.startsWith("improvement") ? "over " : ""}${methodTitle(component)}`);
+  if (component) parts.push(`${metric.startsWith("improvement") ? "over " : ""}${component === DATA.zero_delay.component ? DATA.zero_delay.title : methodTitle(component)}`);
   return parts.join(metric.startsWith("improvement") ? " " : ", ");
 }
 // A placement's colour is no method's; with one method an improvement has the colour of what it is over.
 const colourOf = ([method, placement, component]) => (placement === "all" ? methodClass(placeOf(component) >= 0 ? component : method) : `p-${placement}`);
-const isShare = (metric) => METRICS.get(metric).unit === "1" && metric !== "confidence_boost";
+const markerOf = ([method, , component]) => methodMarker(placeOf(component) >= 0 ? component : method);
 const unitOf = (metric) => (METRICS.get(metric).unit === "1" ? "" : METRICS.get(metric).unit);
 const readAs = (metric) => (value) => (isShare(metric) ? percent(value) : `${digits(value)} ${unitOf(metric)}`.trim());
 const bare = (metric) => (value) => (isShare(metric) ? percent(value) : digits(value));
-const titleOf = (metric) => (unitOf(metric) ? `${words(metric)} [${unitOf(metric)}]` : words(metric));
+const titleOf = (metric) => (unitOf(metric) ? `${infoOf(metric).title} [${unitOf(metric)}]` : infoOf(metric).title);
 const levelText = (level) => (typeof level === "number" ? digits(level, 6) : level);
 const foundAt = (values, metric, of, i) => values[metric]?.[of]?.map((column) => column[i]) ?? null;
 
@@ -50,9 +50,9 @@ function showCurves() {
       const lines = curve.lines.filter((one) => (split ? one.by === split : one.by === null));
       if (!lines.length) continue;
       const points = (line, i) => curve.levels.map((level, place) => ({ x: curve.numeric ? level : place, found: foundAt(line.values, metric, i, place) }));
-      const look = (i) => ({ hollow: i % 2 === 1, line: curve.numeric && !curve.sampled });
-      const series = split ? lines.map((line, i) => ({ ...look(i), name: `${split} ${levelText(line.level)}`, color: `m${i % DATA.palette}`, points: points(line, byId("series").value) }))
-        : of.map((one, i) => ({ ...look(i), dash: one[1] === "edge" ? "7 3" : null, name: ofText(metric, i), color: colourOf(one), points: points(lines[0], i) }));
+      const line = curve.numeric && !curve.sampled;
+      const series = split ? lines.map((one, i) => ({ line, marker: i, name: `${split} ${levelText(one.level)}`, color: `h${i % DATA.hosts}`, points: points(one, byId("series").value) }))
+        : of.map((one, i) => ({ line, marker: markerOf(one), dash: one[1] === "edge" ? "7 3" : null, name: ofText(metric, i), color: colourOf(one), points: points(lines[0], i) }));
       const names = curve.numeric ? null : curve.levels;
       intervalChart(byId("curves").appendChild(make("div")), { title: `${titleOf(metric)} along ${curve.column}`, series,
         x: { names, log: curve.log, label: `${curve.column}${curve.log ? ", logarithmic" : ""}`, read: (value) => `${curve.column}: ${names ? names[value] : levelText(value)}` },

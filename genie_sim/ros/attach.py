@@ -1,7 +1,9 @@
-"""Puts a Genie in front of a running node, and takes it away again; the node's source is not touched.
+"""Puts a Genie in front of a running node, and takes it away again; the node's source is not
+touched.
 
-Names cannot be changed in a live node. So the node is stopped and started again with its topics renamed
-(``topic:=topic_local``), and the Genie takes over the original names. Whatever ends, the robot keeps its node:
+Names cannot be changed in a live node. So the node is stopped and started again with its topics
+renamed (``topic:=topic_local``), and the Genie takes over the original names. Whatever ends, the
+robot keeps its node:
 
 - the Genie ends, or is killed: ``attach``, which watches it, starts the node as it was;
 - ``attach`` is killed: the Genie notices and starts the node as it was;
@@ -24,15 +26,17 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
 from genie_sim.errors import UserError, unknown
+from genie_sim.paths import replace_durably
 from genie_sim.ros import ros1_graph, ros2_graph
 from genie_sim.ros.codec import Types, WireType
-from genie_sim.ros.plan import Plan, check
+from genie_sim.ros.plan import AttachPlan, check
 from genie_sim.ros.process import NodeProcess, boot, start_of
 
-Graph = ros1_graph.Graph | ros2_graph.Graph  # what is asked of the middleware
+RosGraph = ros1_graph.Ros1Graph | ros2_graph.Ros2Graph
+Say = Callable[[str], None]
 log = logging.getLogger(__name__)
 READY_S = 30.0
 RESTORE_S = 30.0
@@ -44,7 +48,8 @@ STATE = "GENIE_SIM_ATTACHED"  # environment of the Genie's process: the file wit
 class State:
     """The node as it was, and as it runs now behind its Genie (``None`` before it does).
 
-    ``watchdog`` is the process id of ``attach`` and when it began; all of it holds for one ``boot`` only.
+    ``watchdog`` is the process of ``attach``: its id and when it began. Process ids hold for one
+    ``boot`` only.
     """
 
     network: str
@@ -58,7 +63,7 @@ class State:
         beside = path.with_suffix(".new")
         beside.touch(mode=0o600)  # holds the node's environment: for nobody else to read
         beside.write_text(json.dumps(asdict(self)), encoding="utf-8")
-        beside.replace(path)
+        replace_durably(beside, path)
 
     @classmethod
     def read(cls, path: Path) -> "State":
@@ -70,98 +75,147 @@ class State:
 
     @classmethod
     def all(cls) -> "dict[Path, State]":
-        """The nodes that have a Genie. What was so before the machine was last switched on is forgotten."""
-        found = {path: cls.read(path) for path in sorted(_states().glob("*.json"))}
-        for path in [path for path, state in found.items() if state.boot != boot()]:
-            path.unlink()
-            del found[path]
-        return found
+        """The nodes that have a Genie, by their state files. Deletes files from before the machine
+        was last switched on.
+        """
+        states = {}
+        for path in sorted(_states().glob("*.json")):
+            state = cls.read(path)
+            if state.boot == boot():
+                states[path] = state
+            else:
+                path.unlink()
+        return states
 
 
 def attach(
-    node: str, *, name: str | None = None, role: str = "car", requests: Sequence[str] = (), leave: Sequence[str] = (),
-    pid: int | None = None, master_uri: str | None = None, say: Callable[[str], None] = lambda line: None,
-    **of_plan: Any,
-) -> None:  # fmt: skip
-    """Attaches a Genie to ``node`` and stays until interrupted (SIGINT, SIGTERM, SIGHUP) or until ``detach``.
+    node: str,
+    *,
+    name: str | None = None,
+    role: str = "car",
+    requests: Sequence[str] = (),
+    leave: Sequence[str] = (),
+    pid: int | None = None,
+    master_uri: str | None = None,
+    say: Say = lambda line: None,
+    **plan_fields: Any,
+) -> None:
+    """Attaches a Genie to ``node`` and stays until interrupted (SIGINT, SIGTERM, SIGHUP) or until
+    ``detach``.
 
-    ``requests`` names the subscribed topics that go through the Genie (default: the one with images, or the only one
-    whose messages have a header), ``leave`` topics to be left alone. ``pid`` is the process of a ROS 2 node, whose
-    graph knows none; without it the node is one of the ROS 1 master's. The other arguments are those of ``Plan``.
-    ``say`` gets a line when the Genie is attached and when everything is back. Raises UserError, with everything put
-    back, for a node that cannot be attached to, and when the node or the Genie ends by itself.
+    Raises UserError, with everything put back, for a node that cannot be attached to, and when the
+    node or the Genie ends by itself.
+
+    Parameters
+    ----------
+    node : str
+        The node's name in ROS.
+    name : str, optional
+        What other Genies call this one; by default the node's name.
+    role : str
+        ``car`` or ``edge``.
+    requests : sequence of str
+        Subscribed topics that go through the Genie. By default the one with images, or the only
+        one whose messages have a header.
+    leave : sequence of str
+        Topics to be left alone.
+    pid : int, optional
+        The process of a ROS 2 node, whose graph knows none; without it the node is one of the
+        ROS 1 master's.
+    master_uri : str, optional
+        The ROS 1 master, by default the environment's.
+    say : callable
+        Gets a line when the Genie is attached and when everything is back.
+    **plan_fields
+        Other fields of ``AttachPlan``.
     """
     node = "/" + node.strip("/")
     graph = _graph(pid, master_uri)
     inputs, answers, types = choose(graph, node, requests, leave)
-    for file in ("key_file", "record"):
-        if of_plan.get(file):
-            of_plan[file] = str(Path(of_plan[file]).absolute())
-    plan = Plan(
-        node,
-        name or node.strip("/").replace("/", "_"),
-        role,
-        tuple(inputs),
-        tuple(answers),
-        types,
-        **of_plan,
+    for file in ("key_file", "revoked_file", "record"):
+        if plan_fields.get(file):
+            plan_fields[file] = str(Path(plan_fields[file]).absolute())
+    plan = AttachPlan(
+        node=node,
+        name=name or node.strip("/").replace("/", "_"),
+        role=role,
+        requests=tuple(inputs),
+        answers=tuple(answers),
+        types=types,
+        **plan_fields,
     )
     check(plan)
     original = graph.process_of(node)
     path = _states() / (re.sub(r"[^\w.]+", "-", f"{graph.network}{node}") + ".json")
-    with _locked(path) as held:
-        if not held or path in State.all():
+    with _locked(path) as is_ours:
+        if not is_ours or path in State.all():
             raise UserError(f"{node}: already has a Genie; 'genie-sim detach {node}' puts it back")
         state = State(
-            graph.network, node, original, None, (os.getpid(), start_of(os.getpid())), boot()
+            network=graph.network,
+            node=node,
+            original=original,
+            behind=None,
+            watchdog=(os.getpid(), start_of(os.getpid())),
+            boot=boot(),
         )
         state.write(path)
         with _interrupts() as interrupted:
             try:
                 original.stop()
-                behind = original.start_again(
-                    graph.remapped(node, original.argv, (*inputs, *answers)), _log(path)
-                )
+                argv = graph.remapped(node, original.argv, (*inputs, *answers))
+                behind = original.start_again(argv, _log(path))
                 replace(state, behind=behind).write(path)
-                _watch(plan, graph, path, behind, interrupted, say)
+                with _genie_process(plan, graph, path) as genie:
+                    watch = _Watch(
+                        plan=plan, path=path, behind=behind, genie=genie, interrupted=interrupted
+                    )
+                    watch.until_ready()
+                    if not interrupted():
+                        topics = f"{', '.join(plan.requests)} -> {', '.join(plan.answers)}"
+                        say(f"{node}: Genie attached: {topics}")
+                    watch.until_interrupted()
             finally:
                 if restore(path):
                     say(f"{node}: back as it was")
 
 
 def detach(node: str, network: str | None = None) -> None:
-    """Takes a node's Genie away and returns when the node runs as it was. Raises UserError if it has none.
+    """Takes a node's Genie away and returns when the node runs as it was. Raises UserError if it
+    has none.
 
-    ``network`` tells nodes of one name apart: ``localhost:11311`` for the master there, ``domain-0`` in ROS 2.
+    ``network`` tells nodes of one name apart: ``localhost:11311`` for the master there,
+    ``domain-0`` in ROS 2.
     """
     node = "/" + node.strip("/")
-    found = {path: state for path, state in State.all().items() if state.node == node}
-    paths = {
-        path: state.network for path, state in found.items() if network in (None, state.network)
+    states = {
+        path: state
+        for path, state in State.all().items()
+        if state.node == node and network in (None, state.network)
     }
-    if not paths:
+    if not states:
         raise UserError(f"{node}: has no Genie")
-    if len(paths) > 1:
-        raise UserError(
-            f"{node}: has a Genie in each of {', '.join(paths.values())}; say in which network"
-        )
-    path = next(iter(paths))
-    pid, started = found[path].watchdog
+    if len(states) > 1:
+        networks = ", ".join(state.network for state in states.values())
+        raise UserError(f"{node}: has a Genie in each of {networks}; say in which network")
+    (path,) = states
+    pid, started = states[path].watchdog
     if start_of(pid) == started:
         os.kill(pid, signal.SIGTERM)
     deadline = time.monotonic() + RESTORE_S
     while path.exists():
-        with _locked(path) as held:
-            if held and path.exists():  # nobody watches any more
+        with _locked(path) as is_ours:
+            if is_ours and path.exists():  # nobody watches any more
                 restore(path)
                 return
         if time.monotonic() > deadline:
-            raise UserError(f"{node}: its Genie does not let go; see {_log(path)}")
+            raise UserError(f"{node}: its Genie did not stop; see {_log(path)}")
         time.sleep(WATCH_S)
 
 
 def restore(path: Path) -> bool:
-    """Starts the node as it was, if a state file says so. To be called with the lock held. ``False``: it is back."""
+    """Starts the node as it was, if there is a state file, and returns whether there was. To be
+    called with the lock held.
+    """
     if not path.exists():
         return False
     state = State.read(path)
@@ -180,86 +234,101 @@ def restore_orphan() -> None:
         restore(path)
 
 
-def _watch(
-    plan: Plan, graph: Graph, path: Path, behind: NodeProcess, interrupted: Callable[[], bool],
-    say: Callable[[str], None],
-) -> None:  # fmt: skip
-    """Runs the Genie's process until somebody wants it to end; leaves it ended."""
-    environment = {**os.environ, **graph.environment, STATE: str(path)}
-    command = [sys.executable, "-m", graph.module]
+@contextlib.contextmanager
+def _genie_process(
+    plan: AttachPlan, graph: RosGraph, path: Path
+) -> Iterator[subprocess.Popen[str]]:
+    """The Genie's process, which is told its plan; it has ended when this is left."""
     with (
         _log(path).open("ab") as errors,
         subprocess.Popen(
-            command,
+            [sys.executable, "-m", graph.module],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=errors,
-            env=environment,
+            env={**os.environ, **graph.environment, STATE: str(path)},
             text=True,
             start_new_session=True,
         ) as genie,
     ):
-        assert genie.stdin is not None and genie.stdout is not None
+        assert genie.stdin is not None
         try:
-            genie.stdin.write(plan.to_json() + "\n")
-            genie.stdin.flush()
-            _await_ready(plan, genie.stdout, path, behind, interrupted)
-            if not interrupted():
-                say(
-                    f"{plan.node}: Genie attached: {', '.join(plan.requests)} -> {', '.join(plan.answers)}"
-                )
-            while not interrupted():
-                if genie.poll() is not None:
-                    raise UserError(f"{plan.node}: its Genie ended ({_last_line(path)})")
-                if not behind.alive():
-                    path.unlink()  # somebody stopped the node: it must not come back
-                    raise UserError(
-                        f"{plan.node}: the node ended behind its Genie; it was not started again"
-                    )
-                time.sleep(WATCH_S)
+            with contextlib.suppress(BrokenPipeError):  # it has ended: its last line says why
+                genie.stdin.write(plan.to_json() + "\n")
+                genie.stdin.flush()
+            yield genie
         finally:
             if genie.poll() is None:
                 genie.terminate()
             with contextlib.suppress(subprocess.TimeoutExpired):
                 genie.wait(5)
             genie.kill()
+            with contextlib.suppress(BrokenPipeError):
+                genie.stdin.close()
 
 
-def _await_ready(
-    plan: Plan, output: IO[str], path: Path, behind: NodeProcess, interrupted: Callable[[], bool]
-) -> None:
-    deadline = time.monotonic() + READY_S
-    while not interrupted():
-        if select.select([output], [], [], WATCH_S)[0]:
-            if output.readline() == "ready\n":
-                return
-            raise UserError(f"{plan.node}: its Genie did not start ({_last_line(path)})")
-        if not behind.alive():
-            raise UserError(
-                f"{plan.node}: ended when started with other topics ({_last_line(path)})"
-            )
-        if time.monotonic() > deadline:
-            raise UserError(
-                f"{plan.node}: did not connect to its Genie within {READY_S:.0f} s; see {_log(path)}"
-            )
+@dataclass
+class _Watch:
+    """Watches the Genie and the node behind it. Raises UserError if one of them ends by itself."""
+
+    plan: AttachPlan
+    path: Path
+    behind: NodeProcess
+    genie: subprocess.Popen[str]
+    interrupted: Callable[[], bool]
+
+    def until_ready(self) -> None:
+        """Returns when the Genie says that it is connected to the node, or on an interrupt."""
+        node, output = self.plan.node, self.genie.stdout
+        assert output is not None
+        deadline = time.monotonic() + READY_S
+        while not self.interrupted():
+            if select.select([output], [], [], WATCH_S)[0]:
+                if output.readline() == "ready\n":
+                    return
+                raise UserError(f"{node}: its Genie did not start ({_last_line(self.path)})")
+            if not self.behind.alive():
+                last_line = _last_line(self.path)
+                raise UserError(f"{node}: ended when started with other topics ({last_line})")
+            if time.monotonic() > deadline:
+                raise UserError(
+                    f"{node}: did not connect to its Genie within {READY_S:.0f} s; "
+                    f"see {_log(self.path)}"
+                )
+
+    def until_interrupted(self) -> None:
+        """Returns on an interrupt."""
+        node = self.plan.node
+        while not self.interrupted():
+            if self.genie.poll() is not None:
+                raise UserError(f"{node}: its Genie ended ({_last_line(self.path)})")
+            if not self.behind.alive():
+                self.path.unlink()  # somebody stopped the node: it must not come back
+                raise UserError(
+                    f"{node}: the node ended behind its Genie; it was not started again"
+                )
+            time.sleep(WATCH_S)
 
 
 @contextlib.contextmanager
 def _interrupts() -> Iterator[Callable[[], bool]]:
     """Signals that ask for an end are noted, not obeyed at once: the node comes first."""
-    seen: list[int] = []
-    numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-    before = [signal.signal(number, lambda number, _: seen.append(number)) for number in numbers]
+    signals: list[int] = []
+    handlers = {}
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        handlers[number] = signal.signal(number, lambda number, _: signals.append(number))
     try:
-        yield lambda: bool(seen)
+        yield lambda: bool(signals)
     finally:
-        for number, handler in zip(numbers, before, strict=True):
+        for number, handler in handlers.items():
             signal.signal(number, handler)
 
 
 @contextlib.contextmanager
 def _locked(path: Path, wait: bool = False) -> Iterator[bool]:
-    """Holds the lock of a state file; yields ``False`` where somebody else does. The lock ends with the process."""
+    """Holds the lock of a state file; yields ``False`` where somebody else does. The lock ends with
+    the process.
+    """
     with path.with_suffix(".lock").open("a") as lock:
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
@@ -275,13 +344,13 @@ def _states() -> Path:
     return home
 
 
-def _graph(pid: int | None, master_uri: str | None) -> Graph:
+def _graph(pid: int | None, master_uri: str | None) -> RosGraph:
     """ROS 1 or ROS 2. Raises UserError where it is not installed."""
     try:
-        return ros1_graph.Graph(master_uri) if pid is None else ros2_graph.Graph(pid)
+        return ros1_graph.Ros1Graph(master_uri) if pid is None else ros2_graph.Ros2Graph(pid)
     except ImportError as error:
         raise UserError(
-            f"ROS is not there for {sys.executable}: {error}; see docs/ros.md"
+            f"ROS is not installed for {sys.executable}: {error}; see docs/ros.md"
         ) from error
 
 
@@ -292,48 +361,45 @@ def _log(path: Path) -> Path:
 
 def _last_line(path: Path) -> str:
     lines = _log(path).read_text(encoding="utf-8", errors="replace").splitlines()
-    return lines[-1] if lines else "it said nothing"
+    return lines[-1] if lines else "(no output)"
 
 
 def choose(
-    graph: Graph, node: str, asked_for: Sequence[str], leave: Sequence[str]
+    graph: RosGraph, node: str, requested: Sequence[str], leave: Sequence[str]
 ) -> tuple[list[str], list[str], dict[str, WireType]]:
-    """The topics that the Genie takes over: requests, answers, and the types of both as far as they are known.
+    """The topics that the Genie takes over: requests, answers, and the types of both as far as they
+    are known.
 
-    Requests are the topics ``asked_for``, else every one whose messages have a header. A node that joins several inputs
-    by stamp needs all of them or none, so that only one may go through the Genie; its other topics stay as they are.
-    Where it is not clear which, and it is not the only one with images, a UserError asks.
+    Requests are the ``requested`` topics, else every one whose messages have a header. A node that
+    joins several inputs by stamp needs all of them or none, so that only one may go through the
+    Genie; its other topics stay as they are. Where it is not clear which, and it is not the only
+    one with images, a UserError asks.
     """
     subscribed, published = graph.topics_of(node)
-    for topic in (*asked_for, *leave):
+    for topic in (*requested, *leave):
         if topic not in (*subscribed, *published):
             raise UserError(f"{node}: {unknown('topic', topic, [*subscribed, *published])}")
 
     def usable(topics: Types) -> list[str]:
         return [
             topic
-            for topic, kind in topics.items()
-            if topic not in leave and (not kind or graph.has_header(kind))
+            for topic, wire_type in topics.items()
+            if topic not in leave and (not wire_type or graph.has_header(wire_type))
         ]
 
-    requests, answers = list(asked_for) or usable(subscribed), usable(published)
-    if len(requests) > 1 and not asked_for:
-        images = [
-            topic
-            for topic in requests
-            if (kind := subscribed[topic]) and kind.name == graph.image_type
-        ]
-        if len(images) != 1:
-            raise UserError(
-                f"{node}: which topic carries the requests? It subscribes to {', '.join(requests)}"
-            )
-        requests = images
+    requests, answers = list(requested) or usable(subscribed), usable(published)
+    if len(requests) > 1 and not requested:
+        candidates, requests = requests, []
+        for topic in candidates:
+            wire_type = subscribed[topic]
+            if wire_type and wire_type.name == graph.image_type:
+                requests.append(topic)
+        if len(requests) != 1:
+            topics = ", ".join(candidates)
+            raise UserError(f"{node}: which topic carries the requests? It subscribes to {topics}")
     if not requests or not answers:
         verb = "publishes" if requests else "subscribes to"
         raise UserError(f"{node}: {verb} no topic whose messages have a header")
-    types = {**subscribed, **published}
-    return (
-        requests,
-        answers,
-        {topic: kind for topic in (*requests, *answers) if (kind := types[topic])},
-    )
+    all_types = {**subscribed, **published}
+    types = {topic: all_types[topic] for topic in (*requests, *answers)}
+    return requests, answers, {topic: kind for topic, kind in types.items() if kind}

@@ -1,7 +1,9 @@
-"""ROS messages as bytes, of either ROS. Only what a Genie needs is read, by rosbags; the rest stays as it came.
+"""Messages of ROS 1 and ROS 2 as bytes. Only what a Genie needs is read, by rosbags; the rest stays
+as it came.
 
-In both, a message with a header begins with it: four bytes (ROS 1: a number, ROS 2: the byte order), seconds and
-nanoseconds of 32 bits, and the frame as a string: uint32 length and that many bytes (ROS 2: with a closing zero).
+In both, a message with a header begins with it: four bytes (ROS 1: a number, ROS 2: the byte
+order), seconds and nanoseconds of 32 bits, and the frame as a string: uint32 length and that many
+bytes (ROS 2: with a closing zero).
 """
 
 import math
@@ -36,11 +38,14 @@ CHANNELS = {
     "8UC4": 4,
     "rgba8": 4,
 }
+MAX_COORDINATE_M = 4e7  # once around the Earth
 HEADER_BYTES = 16  # without the frame
 
 
 class WireType(NamedTuple):
-    """A message type. ``checksum`` is ROS 1's md5sum or ROS 2's type hash; ROS 2 states no ``definition``."""
+    """A message type. ``checksum`` is ROS 1's md5sum or ROS 2's type hash; ROS 2 states no
+    ``definition``.
+    """
 
     name: str
     checksum: str = ""
@@ -52,7 +57,7 @@ Types = dict[str, WireType | None]  # by topic; ``None`` where nobody knows
 
 @dataclass(slots=True, unsafe_hash=True)
 class RosObject(Detection):
-    """A detection that remembers the ROS object it was read from (``raw``), so that no field of it gets lost."""
+    """A detection with the ROS object that it was read from (``raw``): no field gets lost."""
 
     raw: Any = field(default=None, compare=False)
 
@@ -76,12 +81,12 @@ def codec_of(wire_type: WireType, ros: int) -> "Codec":
         raise UserError(
             f"{wire_type.name}: messages of this type have no header to find an answer by"
         )
-    made = {OBJECTS: ObjectsCodec, MARKERS: MarkersCodec}.get(_full(wire_type.name), Codec)(
-        wire_type, ros
-    )
-    if _full(wire_type.name) in (IMAGE, OBJECTS, MARKERS):
-        made.prepare()
-    return made
+    name = _full(wire_type.name)
+    codec_class = {OBJECTS: ObjectsCodec, MARKERS: MarkersCodec}.get(name, Codec)
+    codec = codec_class(wire_type, ros)
+    if name in (IMAGE, OBJECTS, MARKERS):
+        codec.prepare()
+    return codec
 
 
 class Codec:
@@ -92,6 +97,7 @@ class Codec:
     def __init__(self, wire_type: WireType, ros: int) -> None:
         self.type = wire_type
         self._ros = ros
+        self._stamp_format = "II" if ros == 1 else "iI"
         self._name = _full(wire_type.name)
 
     @cached_property
@@ -99,29 +105,34 @@ class Codec:
         return typestore(self._ros, self.type.definition if self.holds_objects else "", self._name)
 
     def prepare(self) -> None:
-        """Has rosbags make its reader now: a tenth of a second that the first message would have to wait."""
+        """Has rosbags make its reader now: it takes a tenth of a second, which the first message
+        would have to wait.
+        """
         self._store.get_msgdef(self._name)
 
     def stamp(self, payload: bytes) -> tuple[int, str]:
         """Stamp [ns] and frame of the message's header."""
         order, end = self._header(payload)
-        seconds, nanoseconds = struct.unpack_from(
-            order + ("II" if self._ros == 1 else "iI"), payload, 4
-        )
+        seconds, nanoseconds = struct.unpack_from(order + self._stamp_format, payload, 4)
         if nanoseconds >= NS_PER_S:
             raise ValueError(f"a stamp of {nanoseconds} ns beside the seconds")
-        frame = (
-            payload[HEADER_BYTES:end] if self._ros == 1 else payload[HEADER_BYTES:end].rstrip(b"\0")
-        )
+        frame = payload[HEADER_BYTES:end]
+        if self._ros == 2:
+            frame = frame.rstrip(b"\0")
         return seconds * NS_PER_S + nanoseconds, frame.decode("utf-8", "surrogateescape")
 
     def restamped(
         self, payload: bytes, stamp_ns: int, frame_id: str, seq: int | None = None
     ) -> bytes:
-        """The message under another header. ``seq`` numbers it in ROS 1; ROS 2 headers have no number."""
+        """The message under another header. ``seq`` numbers it in ROS 1; ROS 2 headers have no
+        number.
+        """
         order, end = self._header(payload)
         first = payload[:4] if seq is None else struct.pack("<I", seq & 0xFFFFFFFF)
-        stamp = struct.pack(order + ("II" if self._ros == 1 else "iI"), *divmod(stamp_ns, NS_PER_S))
+        try:
+            stamp = struct.pack(order + self._stamp_format, *divmod(stamp_ns, NS_PER_S))
+        except struct.error as error:
+            raise ValueError(f"a stamp of {stamp_ns} ns does not fit into a message") from error
         if self.stamp(payload)[1] == frame_id:
             return first + stamp + payload[12:]
         if self._ros == 1:
@@ -162,9 +173,12 @@ class Codec:
     def _time(self, stamp_ns: int) -> Any:
         return message(self._store, TIME, **time(stamp_ns))
 
-    def _written(self, made: Any) -> bytes:
+    def _serialized(self, message: Any) -> bytes:
         write = self._store.serialize_ros1 if self._ros == 1 else self._store.serialize_cdr
-        return bytes(write(made, self._name))
+        try:
+            return bytes(write(message, self._name))
+        except (struct.error, OverflowError) as error:
+            raise ValueError(f"no {self.type.name}: {error}") from error
 
     def _header(self, payload: bytes) -> tuple[str, int]:
         """The byte order, and where the header ends."""
@@ -178,44 +192,49 @@ class Codec:
 
 
 class ObjectsCodec(Codec):
-    """autoware_msgs/DetectedObjectArray, as the publisher on this machine defines it: no catkin workspace is needed.
+    """autoware_msgs/DetectedObjectArray, as the publisher on this machine defines it: no catkin
+    workspace is needed.
 
-    An object has a location if its pose is given in an absolute frame (``map``, ``world``); positions relative to a
-    sensor would need a transform that the message does not carry. ``score`` is the object's confidence: it is read as
-    the detector's score, and written with what the object map has made of it.
+    An object has a location if its pose is given in an absolute frame (``map``, ``world``);
+    positions relative to a sensor would need a transform that the message does not carry. ``score``
+    is the object's confidence: it is read as the detector's score, and written with what the object
+    map has made of it.
     """
 
     holds_objects = True
 
     def objects(self, payload: bytes) -> tuple[Detection, ...]:
         array = self.read(payload)
-        return tuple(_detected(one, array.header.frame_id) for one in array.objects)
+        return tuple(_detected(raw, array.header.frame_id) for raw in array.objects)
 
     def with_objects(self, payload: bytes, header: Header, objects: Sequence[Detection]) -> bytes:
         array = self.read(payload) if payload else message(self._store, self._name)
         array.header.stamp, array.header.frame_id = self._time(header.stamp_ns), header.frame_id
-        array.objects = [self._object(one, array.header) for one in objects]
-        return self._written(array)
+        array.objects = [self._object(detection, array.header) for detection in objects]
+        return self._serialized(array)
 
-    def _object(self, one: Detection, header: Any) -> Any:
-        if isinstance(one, RosObject):
-            return replace(one.raw, score=one.confidence)
-        fields = {
-            "label": one.label,
-            "valid": True,
-            "space_frame": ABSOLUTE_FRAMES[0],
-            "score": one.confidence,
-        }
+    def _object(self, detection: Detection, header: Any) -> Any:
+        if isinstance(detection, RosObject):
+            return replace(detection.raw, score=detection.confidence)
         return message(
-            self._store, OBJECTS.removesuffix("Array"), header=header, pose=_pose(one), **fields
+            self._store,
+            OBJECTS.removesuffix("Array"),
+            header=header,
+            pose=_pose(detection),
+            label=detection.label,
+            valid=True,
+            space_frame=ABSOLUTE_FRAMES[0],
+            score=detection.confidence,
         )
 
 
 class MarkersCodec(Codec):
-    """visualization_msgs/MarkerArray: each marker an object, its class in ``ns``, its confidence in ``color.a``.
+    """visualization_msgs/MarkerArray: each marker an object, its class in ``ns``, its confidence in
+    ``color.a``.
 
-    An array has no header of its own. It is the first marker's; a marker with the action DELETEALL stands for the
-    header of an array that may be empty. An array without any marker belongs to no request.
+    An array has no header of its own. It is the first marker's; a marker with the action DELETEALL
+    stands for the header of an array that may be empty. An array without any marker belongs to no
+    request.
     """
 
     holds_objects = True
@@ -234,70 +253,113 @@ class MarkersCodec(Codec):
 
     def objects(self, payload: bytes) -> tuple[Detection, ...]:
         return tuple(
-            _object(one.ns, one.color.a, None, _location(one.pose, one.header.frame_id), one)
-            for one in self.read(payload).markers
-            if one.action == ADD
+            _object(
+                marker,
+                label=marker.ns,
+                score=marker.color.a,
+                box=None,
+                location=_location(marker.pose, marker.header.frame_id),
+            )
+            for marker in self.read(payload).markers
+            if marker.action == ADD
         )
 
     def with_objects(self, payload: bytes, header: Header, objects: Sequence[Detection]) -> bytes:
         markers = [message(self._store, MARKER, action=DELETE_ALL)]
-        for number, one in enumerate(objects):
-            if isinstance(one, RosObject):
-                made = replace(one.raw, color=replace(one.raw.color, a=one.confidence))
-            else:  # from the object map
-                fields = {
-                    "ns": one.label,
-                    "id": number,
-                    "type": CUBE,
-                    "color": {"a": one.confidence},
-                }
-                made = message(self._store, MARKER, pose=_pose(one), **fields)
-            markers.append(made)
-        return self._stamped(
-            message(self._store, self._name, markers=markers), header.stamp_ns, header.frame_id
+        markers += [self._marker(number, detection) for number, detection in enumerate(objects)]
+        array = message(self._store, self._name, markers=markers)
+        return self._stamped(array, header.stamp_ns, header.frame_id)
+
+    def _marker(self, number: int, detection: Detection) -> Any:
+        if isinstance(detection, RosObject):
+            color = replace(detection.raw.color, a=detection.confidence)
+            return replace(detection.raw, color=color)
+        return message(  # from the object map
+            self._store,
+            MARKER,
+            ns=detection.label,
+            id=number,
+            type=CUBE,
+            pose=_pose(detection),
+            color={"a": detection.confidence},
         )
 
     def _stamped(self, array: Any, stamp_ns: int, frame_id: str) -> bytes:
-        for one in array.markers:
-            one.header = replace(one.header, stamp=self._time(stamp_ns), frame_id=frame_id)
-        return self._written(array)
+        for marker in array.markers:
+            stamp = self._time(stamp_ns)
+            marker.header = replace(marker.header, stamp=stamp, frame_id=frame_id)
+        return self._serialized(array)
 
 
-def _detected(one: Any, array_frame: str) -> RosObject:
-    frame = one.space_frame or one.header.frame_id or array_frame
-    at = _location(one.pose, frame)
-    box = (float(one.x), float(one.y), float(one.x + one.width), float(one.y + one.height))
-    return _object(one.label, one.score, box, at if at and any(at) else None, one)
+def _detected(raw: Any, array_frame: str) -> RosObject:
+    location = _location(raw.pose, raw.space_frame or raw.header.frame_id or array_frame)
+    return _object(
+        raw,
+        label=raw.label,
+        score=raw.score,
+        box=(float(raw.x), float(raw.y), float(raw.x + raw.width), float(raw.y + raw.height)),
+        location=location if location and any(location) else None,
+    )
 
 
 def _object(
-    label: str, score: float, box: Box | None, location: Location | None, raw: Any
+    raw: Any, *, label: str, score: float, box: Box | None, location: Location | None
 ) -> RosObject:
-    known = float(score) if math.isfinite(score) else 0.0
-    return RosObject(label, known, box, location, known, "ros", raw=raw)
+    """A detection from a ROS object.
+
+    Parameters
+    ----------
+    raw : object
+        The ROS object.
+    label : str
+        Its class.
+    score : float
+        Its confidence; one that is not finite counts as 0.
+    box : tuple, optional
+        Left, top, right and bottom [px].
+    location : tuple, optional
+        Its place in the map frame [m].
+    """
+    confidence = float(score) if math.isfinite(score) else 0.0
+    return RosObject(
+        label=label,
+        score=confidence,
+        box=box,
+        location=location,
+        confidence=confidence,
+        method="ros",
+        raw=raw,
+    )
 
 
 def _location(pose: Any, frame: str) -> Location | None:
-    at = (pose.position.x, pose.position.y, pose.position.z)
-    return at if frame.strip("/") in ABSOLUTE_FRAMES and all(map(math.isfinite, at)) else None
+    location = (pose.position.x, pose.position.y, pose.position.z)
+    is_absolute = frame.strip("/") in ABSOLUTE_FRAMES
+    return location if is_absolute and is_place(location) else None
 
 
-def _pose(one: Detection) -> dict[str, Any]:
-    place = dict(zip("xyz", one.location or (0.0, 0.0, 0.0), strict=True))
-    return {"position": place, "orientation": {"w": 1.0}}
+def is_place(coordinates_m: Sequence[float]) -> bool:
+    """Are these coordinates in the map frame finite, and on Earth?"""
+    return all(abs(coordinate_m) <= MAX_COORDINATE_M for coordinate_m in coordinates_m)
+
+
+def _pose(detection: Detection) -> dict[str, Any]:
+    position = dict(zip("xyz", detection.location or (0.0, 0.0, 0.0), strict=True))
+    return {"position": position, "orientation": {"w": 1.0}}
 
 
 def _restamped_by_rclpy(name: str, payload: bytes, stamp_ns: int, frame_id: str) -> bytes:
-    """A frame of another length moves all that follows. Any type may need it, so its own class does it."""
+    """A message of any ROS 2 type under another header, whose frame may have another length."""
     from rclpy.serialization import deserialize_message, serialize_message
 
     try:
-        made = deserialize_message(payload, class_of(name))
+        message = deserialize_message(payload, class_of(name))
     except Exception as error:  # rclpy raises its own C++ exceptions, which share no base
         raise ValueError(f"no {name}: {error}") from error
-    made.header.stamp.sec, made.header.stamp.nanosec = divmod(stamp_ns, NS_PER_S)
-    made.header.frame_id = frame_id
-    return bytes(serialize_message(made))
+    header = message.header
+    header.stamp.sec, header.stamp.nanosec = divmod(stamp_ns, NS_PER_S)
+    header.frame_id = frame_id
+    return bytes(serialize_message(message))
 
 
 def _full(name: str) -> str:
@@ -309,7 +371,8 @@ def _full(name: str) -> str:
 def picture(message: Any) -> np.ndarray:
     """An image message as (height, width, 3) bytes: blue, green, red.
 
-    Raises UserError for an encoding that has no plain colours, ValueError for data too short for the image.
+    Raises UserError for an encoding that has no plain colours, ValueError for data too short for
+    the image.
     """
     encoding, width, height, step = message.encoding, message.width, message.height, message.step
     if encoding not in CHANNELS:

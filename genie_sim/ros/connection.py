@@ -1,206 +1,325 @@
-"""One TLS connection to another Genie: one thread reads, one writes.
+"""One TLS connection to another Genie, as a protocol of asyncio.
 
-What two Genies say inside TLS are frames of a length (uint32, big-endian) and that many bytes. A frame holds the length
-of a JSON text, the text, and a message's bytes; a frame with an empty text says "still here". The text names the
-message's type and that type's checksum. A message counts only if its topic has this very type here: definitions do not
-travel.
+TLS works on memory here (``ssl.SSLObject``), so that what it has to tell the other side, such as
+the alert that refuses a certificate, is sent before the socket is closed. Bytes are read in pieces,
+and reading pauses while a frame is being delivered: a connection holds at most one frame.
 """
 
+import asyncio
 import contextlib
-import json
-import math
-import select
 import socket
 import ssl
-import struct
-import threading
 import time
-from collections.abc import Callable
-from functools import partial
-from typing import Any
+from collections import deque
+from typing import Protocol, cast
 
-from genie_sim.messages import CameraPose
-from genie_sim.ros.certificates import Refused, identity
-from genie_sim.ros.codec import Codec
-from genie_sim.ros.gateway import REMOTE, Peer
+from genie_sim.ros.certificates import Certificate, Credentials, Refused, reason
+from genie_sim.ros.frames import (
+    LENGTH,
+    MAX_FIRST_FRAME_BYTES,
+    MAX_FRAME_BYTES,
+    PING,
+    encode,
+    framed,
+    refusal,
+    refusal_reason,
+)
+from genie_sim.ros.gateway import Peer
 from genie_sim.ros.message import RosMessage
 
+HANDSHAKE_S = 2.0  # until the other side has shown its certificate
 PING_S = 1.0
 SILENCE_S = 5.0  # after which a link counts as cut
+FRAME_S = 30.0  # from the first byte of a frame to its last; a slow link brings 1 MB in 10 s
+LINGER_S = 1.0  # how long a refused peer has for reading why
 QUEUED_REQUESTS = 2  # of a topic: images that a slow link holds; the oldest goes first
 QUEUED_ANSWERS = 10
-LENGTH = struct.Struct(">I")
-MAX_FRAME_BYTES = 64 * 2**20
-MAX_TEXT = 256  # signs of a name or topic
-PING = LENGTH.pack(0)
-
-CodecOf = Callable[[str], Codec | None]
-OnMessage = Callable[[Peer, str, RosMessage], None]
+PIECE_BYTES = 2**16
 
 
-class Connection:
-    """A connection after its handshake; ``up`` from its first frame on. Raises Refused for a certificate that is no
-    Genie's. ``requests`` are the topics of images, ``warn`` gets log lines."""
+class ConnectionOwner(Protocol):
+    """What a connection needs of the links that it belongs to. The two checks raise Refused."""
+
+    def admit(self, connection: "Connection") -> None:
+        """The other side has shown its certificate."""
+
+    def take_up(self, connection: "Connection") -> None:
+        """The other side has sent its first frame."""
+
+    def deliver(self, connection: "Connection", frame: bytearray) -> None:
+        """A message has come. The next one is read after ``Connection.delivered``."""
+
+    def ended(self, connection: "Connection", error: Exception) -> None:
+        """The connection is over."""
+
+    def closed(self, connection: "Connection") -> None:
+        """Its socket is closed."""
+
+    def warn(self, text: str) -> None:
+        """Writes a line of the log."""
+
+
+class Connection(asyncio.Protocol):
+    """A connection from its first byte to its last. Used in the event loop's thread only.
+
+    Its three stages: in its handshake; with a ``certificate`` that is checked; ``up``, from the
+    other side's first frame on. A dialler is through with its handshake before the listener has
+    seen who it is, so only a frame shows that the listener has agreed.
+
+    Parameters
+    ----------
+    credentials : Credentials
+        The own key and certificate.
+    links : ConnectionOwner
+        Decide whether the other side is welcome, and get what it says.
+    requests : frozenset of str
+        Topics of images, of which a slow link holds fewer than of others.
+    where : str
+        The other side's address, for the log.
+    expected : str, optional
+        The name that a dialler expects; ``None`` for a connection that was accepted.
+    """
 
     def __init__(
-        self, sock: ssl.SSLSocket, requests: frozenset[str], warn: Callable[[str], None]
+        self,
+        credentials: Credentials,
+        links: ConnectionOwner,
+        requests: frozenset[str],
+        where: str,
+        expected: str | None = None,
     ) -> None:
-        fields = sock.getpeercert() or {}
-        self.peer = identity(fields)
-        self.certificate = sock.getpeercert(True)
+        self.credentials = credentials
+        self.where = where
+        self.expected = expected
+        self.certificate: Certificate | None = None
+        self.made_s = time.monotonic()
         self.up = False
-        self._ends_s = ssl.cert_time_to_seconds(str(fields["notAfter"]))
-        self._sock = sock
+        self.has_spoken = False
+        self.error: Exception | None = None  # why it ended
+        self.opened: asyncio.Future[None] = asyncio.get_running_loop().create_future()
+        self._links = links
         self._requests = requests
-        self._warn = warn
-        self._queue: list[tuple[str, RosMessage]] = []
-        self._changed = threading.Condition()
-        self._tls = threading.Lock()  # OpenSSL serves one thread at a time
-        self._closed = False
+        accepted = expected is None
+        self._incoming, self._outgoing = ssl.MemoryBIO(), ssl.MemoryBIO()
+        self._tls = (credentials.listening if accepted else credentials.dialling).wrap_bio(
+            self._incoming, self._outgoing, server_side=accepted
+        )
+        self._transport: asyncio.Transport | None = None
+        self._frame = bytearray()  # what has come of the length, then of the frame
+        self._length: int | None = None
+        self._delivering = False
+        self._queue: deque[tuple[str, RosMessage]] = deque()
+        self._unsent = memoryview(b"")  # the rest of the frame that is being sent
+        self._writable = True
+        self._unwritten_bytes = 0
+        self._heard_s = self._sent_s = self._moved_s = self.made_s
+        self._ended_s = 0.0
+        self._frame_begun_s: float | None = None
+
+    @property
+    def peer(self) -> Peer:
+        """Who the other side is, once its certificate is known."""
+        assert self.certificate is not None
+        return self.certificate.owner
+
+    # What asyncio calls
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        self._transport = cast("asyncio.Transport", transport)
+        self._transport.set_write_buffer_limits(high=0)  # the queue is here, not in the transport
+        # a small message behind another one would wait for an acknowledgement, 44 ms
+        sock = transport.get_extra_info("socket")
+        sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        self._proceed()
+
+    def data_received(self, data: bytes) -> None:
+        self.has_spoken = True
+        self._heard_s = time.monotonic()
+        if self.error is None:
+            self._incoming.write(data)
+            self._proceed()
+
+    def eof_received(self) -> None:
+        self.end(ConnectionResetError("closed by the other side"))
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        self.end(exc or ConnectionResetError("closed by the other side"))
+        self._links.closed(self)
+
+    def pause_writing(self) -> None:
+        self._writable = False
+
+    def resume_writing(self) -> None:
+        self._writable = True
+        self._write()
+
+    # What its links call
 
     def send(self, topic: str, message: RosMessage) -> None:
-        """Returns at once. What a slow link cannot take is dropped, the oldest first."""
+        """Sends without waiting. What a slow link cannot take is dropped, the oldest first."""
         limit = QUEUED_REQUESTS if topic in self._requests else QUEUED_ANSWERS
-        with self._changed:
-            same = [index for index, (its_topic, _) in enumerate(self._queue) if its_topic == topic]
-            if len(same) >= limit:
-                del self._queue[same[0]]
-            self._queue.append((topic, message))
-            self._changed.notify()
+        same_topic = [entry for entry in self._queue if entry[0] == topic]
+        if len(same_topic) >= limit:
+            self._queue.remove(same_topic[0])
+        self._queue.append((topic, message))
+        self._write()
 
-    def close(self) -> None:
-        """Wakes both threads; ``run`` ends."""
-        with self._changed:
-            self._closed = True
-            self._changed.notify()
-        # ``SSLSocket.shutdown`` would let a thread that uses the connection go on in plain text.
-        with contextlib.suppress(OSError):
-            socket.socket.shutdown(self._sock, socket.SHUT_RDWR)
+    def delivered(self) -> None:
+        """The last frame is dealt with: goes on reading."""
+        self._delivering = False
+        self._heard_s = time.monotonic()
+        if self.error is None and self._transport is not None:
+            self._transport.resume_reading()
+            self._proceed()
 
-    def run(
-        self, codec_of: CodecOf, on_message: OnMessage, on_up: "Callable[[Connection], None]"
-    ) -> None:
-        """Reads until the connection ends, which raises. ``on_up`` may refuse it at its first frame."""
-        self._sock.settimeout(0)
-        writer = threading.Thread(target=self._write, daemon=True)
-        writer.start()
+    def check(self, now_s: float) -> None:
+        """Ends the connection if a deadline has passed, and says "still here". To be called a few
+        times a second.
+        """
+        if self.error is not None:
+            if now_s > self._ended_s + LINGER_S:
+                self.abort()
+        elif self.certificate is None:
+            if now_s > self.made_s + HANDSHAKE_S:
+                self.end(TimeoutError(f"no certificate within {HANDSHAKE_S:.0f} s"))
+        elif now_s > self._heard_s + SILENCE_S and not self._delivering:
+            self.end(TimeoutError(f"silent for {SILENCE_S:.0f} s"))
+        elif self._frame_begun_s is not None and now_s > self._frame_begun_s + FRAME_S:
+            self.end(TimeoutError(f"a frame that takes more than {FRAME_S:.0f} s"))
+        elif time.time() > self.certificate.ends_s:
+            self.end(Refused("its certificate has expired"))
+        elif self._is_stuck(now_s):
+            self.end(TimeoutError(f"reads nothing for {SILENCE_S:.0f} s"))
+        elif now_s > self._sent_s + PING_S and not self._unsent:
+            self._unsent = memoryview(framed(PING))
+            self._write()
+
+    def end(self, error: Exception) -> None:
+        """Ends the connection, once, and tells the other side why it is refused."""
+        if self.error is not None:
+            return
+        self.error = error
+        self._ended_s = time.monotonic()
+        self._queue.clear()
+        if not self.opened.done():
+            self.opened.set_result(None)
+        self._links.ended(self, error)
+        is_accepted = self.expected is None
+        if isinstance(error, ssl.SSLError) or (isinstance(error, Refused) and is_accepted):
+            self._say_why(error)
+        else:
+            self.abort()
+
+    def _say_why(self, error: Exception) -> None:
+        """Sends TLS's alert, or the refusal, and lets the other side hang up: closing a socket
+        with unread bytes destroys what is on its way.
+        """
+        if self._transport is None or self._transport.is_closing():
+            return
+        is_between_frames = self._tls.version() is not None and not self._unsent
+        if isinstance(error, Refused) and is_between_frames:
+            with contextlib.suppress(ssl.SSLError):
+                self._tls.write(framed(refusal(reason(error))))
+                self._tls.unwrap()
+        self._flush()
+        self._transport.resume_reading()
+        self._transport.write_eof()
+
+    def abort(self) -> None:
+        """Closes the socket at once."""
+        if self._transport is None:
+            self._links.closed(self)
+        else:
+            self._transport.abort()
+
+    # Reading
+
+    def _proceed(self) -> None:
+        """The handshake, then frames, as far as the bytes that have come go."""
         try:
-            while True:
-                frame = self._frame()
-                if time.time() > self._ends_s:
-                    raise Refused("its certificate has expired")
-                if not self.up:
-                    on_up(self)
-                    self.up = True
-                try:
-                    found = decode(frame, codec_of)
-                    if found is not None:
-                        on_message(self.peer, *found)
-                except Exception as error:  # a peer's message must not end anything here
-                    self._warn(f"link: dropped a message of {self.peer.name}: {error}")
-        finally:
-            self.close()
-            writer.join()
+            if self.certificate is None:
+                self._tls.do_handshake()
+                self.certificate = Certificate.of(self._tls.getpeercert() or {})
+                self._links.admit(self)
+                self._unsent = memoryview(framed(PING))
+                self._write()
+            self._read()
+        except ssl.SSLWantReadError:
+            self._flush()
+        except ssl.SSLZeroReturnError:
+            self.end(ConnectionResetError("closed by the other side"))
+        except Exception as error:  # whatever it is, it ends this connection only
+            self.end(error)
+
+    def _read(self) -> None:
+        """Reads frames. Raises SSLWantReadError where more bytes have to come first."""
+        while not self._delivering and self.error is None:
+            if self._length is None:
+                self._fill(LENGTH.size)
+                self._length = int(LENGTH.unpack(self._frame)[0])
+                limit = MAX_FRAME_BYTES if self.up else MAX_FIRST_FRAME_BYTES
+                if self._length > limit:
+                    raise Refused(f"a frame of {self._length} bytes; the limit is {limit}")
+                self._frame.clear()
+            self._fill(self._length)
+            frame, self._frame, self._length = self._frame, bytearray(), None
+            self._frame_begun_s = None
+            self._receive(frame)
+
+    def _fill(self, length: int) -> None:
+        """Reads until ``length`` bytes are there. Only what has come takes memory."""
+        while len(self._frame) < length:
+            piece = self._tls.read(min(length - len(self._frame), PIECE_BYTES))
+            if not piece:
+                raise ConnectionResetError("closed by the other side")
+            if self._frame_begun_s is None:
+                self._frame_begun_s = time.monotonic()
+            self._frame += piece
+
+    def _receive(self, frame: bytearray) -> None:
+        if refusal_text := refusal_reason(frame):
+            raise Refused(f"it refuses: {refusal_text}")
+        if not self.up:
+            self._links.take_up(self)
+            self.up = True
+            self.opened.set_result(None)
+        if frame != PING:
+            assert self._transport is not None
+            self._delivering = True
+            self._transport.pause_reading()
+            self._links.deliver(self, frame)
+
+    # Writing
 
     def _write(self) -> None:
-        body: bytes | None = PING
-        with contextlib.suppress(OSError):
-            while body is not None:
-                view = memoryview(LENGTH.pack(len(body)) + body)
-                while view:
-                    view = view[self._when_ready(partial(self._sock.send, view)) :]
-                body = self._next()
-        self.close()
+        """Sends what is queued, as far as the socket takes it."""
+        while self._writable and self.error is None:
+            if not self._unsent:
+                if not self._queue:
+                    return
+                self._unsent = memoryview(self._next_frame())
+            piece, self._unsent = self._unsent[:PIECE_BYTES], self._unsent[PIECE_BYTES:]
+            self._tls.write(piece)
+            self._flush()
 
-    def _next(self) -> bytes | None:
-        """The next frame to be sent, in time; ``None`` at the end."""
-        with self._changed:
-            if not self._queue and not self._closed:
-                self._changed.wait(PING_S)
-            if self._closed:
-                return None
-            following = self._queue.pop(0) if self._queue else None
+    def _next_frame(self) -> bytes:
         try:
-            return PING if following is None else encode(*following)
-        except Exception as error:  # nothing that cannot be written ends the link
-            self._warn(f"link: a message to {self.peer.name} cannot be written: {error}")
-            return PING
+            return framed(encode(*self._queue.popleft()))
+        except Exception as error:  # what cannot be written does not end the link
+            self._links.warn(f"link: a message to {self.peer.name} cannot be written: {error}")
+            return framed(PING)
 
-    def _frame(self) -> bytes:
-        length = int(LENGTH.unpack(self._read(LENGTH.size))[0])
-        if length > MAX_FRAME_BYTES:
-            raise Refused(f"a frame of {length} bytes; the limit is {MAX_FRAME_BYTES}")
-        return self._read(length)
+    def _flush(self) -> None:
+        """Hands what TLS has written to the socket."""
+        data = self._outgoing.read()
+        if data and self._transport is not None:
+            self._sent_s = time.monotonic()
+            self._transport.write(data)
 
-    def _read(self, length: int) -> bytes:
-        buffer = bytearray(length)
-        view = memoryview(buffer)
-        while view:
-            count = self._when_ready(partial(self._sock.recv_into, view))
-            if count == 0:
-                raise ConnectionResetError("closed by the other side")
-            view = view[count:]
-        return bytes(buffer)
-
-    def _when_ready(self, operation: Callable[[], int]) -> int:
-        """What ``operation`` returns once the socket lets it. Raises OSError when it does not for too long."""
-        while True:
-            try:
-                with self._tls:
-                    return operation()
-            except ssl.SSLWantReadError:
-                event = select.POLLIN
-            except ssl.SSLWantWriteError:
-                event = select.POLLOUT
-            poll = select.poll()
-            poll.register(self._sock, event)
-            if not poll.poll(SILENCE_S * 1000):
-                raise TimeoutError(f"silent for {SILENCE_S:.0f} s")
-
-
-def encode(topic: str, message: RosMessage) -> bytes:
-    """The frame of a message, without the frame's length."""
-    said: dict[str, Any] = {
-        "topic": topic,
-        "type": message.codec.type[:2],
-        "origin": message.header.origin,
-    }
-    said |= {"source": message.source, "served_by": message.served_by}
-    if message.pose is not None:
-        said |= {"pose": message.pose, "fov_rad": message.horizontal_fov_rad}
-    text = json.dumps(said).encode()
-    return LENGTH.pack(len(text)) + text + message.encoded()
-
-
-def decode(frame: bytes, codec_of: CodecOf) -> tuple[str, RosMessage] | None:
-    """Topic and message; ``None`` for "still here". Raises ValueError for anything that is no message."""
-    if frame == PING:
-        return None
-    try:
-        end = LENGTH.size + int(LENGTH.unpack_from(frame)[0])
-        said = json.loads(frame[LENGTH.size : end])
-        topic, origin, source, served_by = (
-            _text(said, name) for name in ("topic", "origin", "source", "served_by")
-        )
-        codec = codec_of(topic.removesuffix(REMOTE))
-        if codec is None or list(codec.type[:2]) != said["type"]:
-            raise ValueError(
-                f"{topic}: a type that is not the one here: {str(said['type'])[:MAX_TEXT]!r}"
-            )
-        pose = None if said.get("pose") is None else CameraPose(*map(float, said["pose"]))
-        fov_rad = float(said.get("fov_rad", 0.0))
-    except (TypeError, KeyError, OverflowError, RecursionError, struct.error) as error:
-        raise ValueError(f"nothing that a Genie says: {error!r}") from error
-    if not all(map(math.isfinite, (*(pose or ()), fov_rad))):
-        raise ValueError(f"{topic}: a view that is not finite")
-    read = RosMessage.of(frame[end:], codec, origin, answer=codec.holds_objects)
-    return topic, RosMessage(
-        read.header, read.payload, codec, pose, fov_rad, read.objects, read.read, source, served_by
-    )
-
-
-def _text(said: Any, name: str) -> str:
-    value = said[name]
-    if not isinstance(value, str) or len(value) > MAX_TEXT or not (value.isprintable()):
-        raise ValueError(f"{name} is no printable text of at most {MAX_TEXT} signs")
-    return value
+    def _is_stuck(self, now_s: float) -> bool:
+        """Has the other side read nothing for too long?"""
+        assert self._transport is not None
+        unwritten_bytes = self._transport.get_write_buffer_size()
+        if not unwritten_bytes or unwritten_bytes != self._unwritten_bytes:
+            self._unwritten_bytes, self._moved_s = unwritten_bytes, now_s
+        return now_s > self._moved_s + SILENCE_S

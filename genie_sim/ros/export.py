@@ -1,15 +1,19 @@
 """A finished run as a bag for Foxglove or RViz: ROS 2 messages in one MCAP file, or a ROS 1 bag.
 
-=============================  ==================================================================================
-topic                          what
-=============================  ==================================================================================
-``/tf``                        every camera of every car (``car1/camera_02``) in the frame ``map``: ``poses``
-``/<genie>/object_map``        each change of a Genie's object map as a box, its confidence as colour: ``objects``
-``/lookups``                   each look-up for an image as a ball over the camera that took it: ``lookups``
-``/events``                    the same in words, and what was dropped: ``lookups``, ``frames``
-``/<car>/<method>/response``   time to the first answer [ms]: ``frames``
-``/cars``                      a box for each camera's car, which moves with its frame
-=============================  ==================================================================================
+============================  =================================================================
+topic                         what
+============================  =================================================================
+``/tf``                       every camera of every car (``car1/camera_02``) in the frame
+                              ``map``; from the table ``poses``
+``/<genie>/object_map``       each change of a Genie's object map as a box with its confidence as
+                              colour; from ``objects``
+``/lookups``                  each look-up for an image as a ball over the camera that took it;
+                              from ``lookups``
+``/events``                   the same in words, and what was dropped; from ``lookups`` and
+                              ``frames``
+``/<car>/<method>/response``  time to the first answer [ms]; from ``frames``
+``/cars``                     a box for each car, which moves with a frame of its camera
+============================  =================================================================
 
 The simulation begins at second ``START_S`` of ROS time, because ROS takes the time 0 for "unknown".
 """
@@ -23,6 +27,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from genie_sim.classes import SIZES, Size
 from genie_sim.errors import UserError, unknown
 from genie_sim.paths import atomic_write
 from genie_sim.recording import provenance
@@ -46,15 +51,13 @@ DELETE = 2
 MAP_FRAME = "map"
 # Outcomes differ in lightness as well: dark, middle, light.
 COLOURS = {"hit": (0.0, 0.45, 0.2), "miss": (0.85, 0.2, 0.1), "coalesced": (1.0, 0.85, 0.2)}
-SIZES_M = {  # length, width, height of a box; others are a metre of everything
-    "car": (3.9, 1.6, 1.5), "truck": (4.9, 1.9, 2.2), "bus": (4.9, 1.9, 2.5), "train": (15.0, 2.5, 3.5),
-    "person": (0.5, 0.5, 1.75), "bicycle": (1.8, 0.6, 1.7), "motorcycle": (2.0, 0.8, 1.5),
-}  # fmt: skip
+COLOUR_STOPS = (0.0, 0.5, 1.0)  # confidences of violet, green-blue and yellow
+OTHER_SIZE = Size(1.0, 1.0, 1.0)  # of objects whose class has no usual size
 CAR_BELOW_CAMERA_M = -0.8  # a KITTI car's camera is mounted 1.65 m above the ground
 LOOKUP_SHOWN_NS = NS_PER_S
 
 
-class Entry(NamedTuple):
+class BagMessage(NamedTuple):
     """One message of the bag: its simulated time, and the fields that are not empty."""
 
     t_ns: int
@@ -73,114 +76,161 @@ def export(run: "Run", out: Path, format: str) -> int:
         )
     ros = FORMATS[format]
     with provenance.of_this_version(run.folder):
-        made = (*_poses(run), *_cars(run), *_objects(run), *_lookups(run, ros), *_frames(run, ros))
-        entries = sorted(made, key=lambda entry: entry.t_ns)
+        entries = [
+            *_poses(run),
+            *_cars(run),
+            *_objects(run),
+            *_lookups(run, ros),
+            *_frames(run, ros),
+        ]
+    entries.sort(key=lambda entry: entry.t_ns)
     with atomic_write(out) as beside:
         out.parent.mkdir(parents=True, exist_ok=True)
         write(beside, ros, entries)
     return len(entries)
 
 
-def _poses(run: "Run") -> Iterator[Entry]:
+def _poses(run: "Run") -> Iterator[BagMessage]:
     for row in _rows(run.poses):
-        motion = {
-            "translation": {"x": row.east_m, "y": row.north_m},
-            "rotation": _heading(row.heading_rad),
+        transform = {
+            "header": _header(row.stamp_ns),
+            "child_frame_id": f"{row.car}/{row.stream}",
+            "transform": {
+                "translation": {"x": row.east_m, "y": row.north_m},
+                "rotation": _heading(row.heading_rad),
+            },
         }
-        child = f"{row.car}/{row.stream}"
-        one = {"header": _header(row.stamp_ns), "child_frame_id": child, "transform": motion}
-        yield Entry(row.stamp_ns, "/tf", TF, {"transforms": [one]})
+        yield BagMessage(row.stamp_ns, "/tf", TF, {"transforms": [transform]})
 
 
-def _cars(run: "Run") -> Iterator[Entry]:
-    first = run.poses.drop_duplicates(["car", "stream"])
-    for number, row in enumerate(_rows(first.drop_duplicates("car"))):
-        yield _marker(
-            "/cars", row.stamp_ns, row.car, number, CUBE, (-1.0, 0.0, CAR_BELOW_CAMERA_M), SIZES_M["car"],
-            (0.25, 0.4, 0.7, 0.8), row.car, frame=f"{row.car}/{row.stream}",
-        )  # fmt: skip
+def _cars(run: "Run") -> Iterator[BagMessage]:
+    first = run.poses.drop_duplicates(["car", "stream"]).drop_duplicates("car")
+    for number, row in enumerate(_rows(first)):
+        marker = _marker(
+            row.stamp_ns,
+            frame=f"{row.car}/{row.stream}",
+            ns=row.car,
+            id=number,
+            type=CUBE,
+            place=(-1.0, 0.0, CAR_BELOW_CAMERA_M),
+            size=SIZES["car"],
+            colour=(0.25, 0.4, 0.7, 0.8),
+            text=row.car,
+        )
+        yield BagMessage(row.stamp_ns, "/cars", MARKERS, marker)
 
 
-def _objects(run: "Run") -> Iterator[Entry]:
+def _objects(run: "Run") -> Iterator[BagMessage]:
     numbers: dict[tuple[object, ...], int] = {}
     for row in _rows(run.objects):
-        which = (row.genie, row.label, row.east_m, row.north_m)
-        number = numbers.setdefault(which, len(numbers))
-        size = SIZES_M.get(row.label, (1.0, 1.0, 1.0))
-        forgotten = math.isnan(row.confidence)
-        confidence = 0.0 if forgotten else row.confidence
-        place, text = (row.east_m, row.north_m, size[2] / 2), f"{row.label} {confidence:.2f}"
-        topic, colour = f"/{_topic(row.genie)}/object_map", (*confidence_colour(confidence), 0.9)
-        action = DELETE if forgotten else ADD
-        yield _marker(
-            topic, row.t_ns, row.label, number, CUBE, place, size, colour, text, action=action
+        size = SIZES.get(row.label, OTHER_SIZE)
+        is_forgotten = math.isnan(row.confidence)
+        confidence = 0.0 if is_forgotten else row.confidence
+        marker = _marker(
+            row.t_ns,
+            ns=row.label,
+            id=numbers.setdefault((row.method, row.genie, row.object), len(numbers)),
+            type=CUBE,
+            place=(row.east_m, row.north_m, size.height_m / 2),
+            size=size,
+            colour=(*confidence_colour(confidence), 0.9),
+            text=f"{row.label} {confidence:.2f}",
+            action=DELETE if is_forgotten else ADD,
         )
+        yield BagMessage(row.t_ns, f"/{_topic(row.genie)}/object_map", MARKERS, marker)
 
 
-def _lookups(run: "Run", ros: int) -> Iterator[Entry]:
-    at = {
+def _lookups(run: "Run", ros: int) -> Iterator[BagMessage]:
+    places = {
         (row.car, row.stream, row.stamp_ns): (row.east_m, row.north_m) for row in _rows(run.poses)
     }
     for number, row in enumerate(_rows(run.lookups[run.lookups["kind"] == "image"])):
-        asked = f"{row.outcome} at {row.genie} for {row.car}/{row.stream}, {row.stamp_ns / NS_PER_S:.3f} s"
-        yield _event(ros, row.t_ns, INFO, row.genie, asked)
-        place, colour = (*at[row.car, row.stream, row.stamp_ns], 3.0), (*COLOURS[row.outcome], 1.0)
-        lifetime = time(LOOKUP_SHOWN_NS)
-        yield _marker(
-            "/lookups",
+        stamp = f"{row.stamp_ns / NS_PER_S:.3f} s"
+        text = f"{row.outcome} at {row.genie} for {row.car}/{row.stream}, {stamp}"
+        yield _event(ros, row.t_ns, level=INFO, name=row.genie, text=text)
+        marker = _marker(
             row.t_ns,
-            row.genie,
-            number,
-            BALL,
-            place,
-            (0.5,) * 3,
-            colour,
-            asked,
-            lifetime=lifetime,
+            ns=row.genie,
+            id=number,
+            type=BALL,
+            place=(*places[row.car, row.stream, row.stamp_ns], 3.0),
+            size=(0.5, 0.5, 0.5),
+            colour=(*COLOURS[row.outcome], 1.0),
+            text=text,
+            lifetime=time(LOOKUP_SHOWN_NS),
         )
+        yield BagMessage(row.t_ns, "/lookups", MARKERS, marker)
 
 
-def _frames(run: "Run", ros: int) -> Iterator[Entry]:
+def _frames(run: "Run", ros: int) -> Iterator[BagMessage]:
     for row in _rows(run.frames):
         if isinstance(row.drop, str) and row.source == "none":
-            lost = f"{row.method}: {row.car}/{row.stream} frame {row.frame} dropped at {row.drop}"
-            yield _event(ros, row.stamp_ns, WARN, row.car, lost)
+            text = f"{row.method}: {row.car}/{row.stream} frame {row.frame} dropped at {row.drop}"
+            yield _event(ros, row.stamp_ns, level=WARN, name=row.car, text=text)
         first, received = row.first_answer_ns, row.received_ns
         if first == first and first is not None and received == received:  # not nan, not null
+            topic = f"/{_topic(row.car)}/{row.method}/response"
             response_ms = (int(first) - int(received)) / 1e6
-            yield Entry(
-                int(first),
-                f"/{_topic(row.car)}/{row.method}/response",
-                FLOAT,
-                {"data": response_ms},
-            )
+            yield BagMessage(int(first), topic, FLOAT, {"data": response_ms})
 
 
-def _event(ros: int, t_ns: int, level: dict[int, int], name: str, text: str) -> Entry:
+def _event(ros: int, t_ns: int, *, level: dict[int, int], name: str, text: str) -> BagMessage:
+    """A line of the log.
+
+    Parameters
+    ----------
+    ros : int
+        The ROS that reads it, 1 or 2.
+    t_ns : int
+        When it happens.
+    level : dict
+        How serious it is, by ROS.
+    name : str
+        To whom it happens.
+    text : str
+        What happens.
+    """
     when = {"header": _header(t_ns)} if ros == 1 else {"stamp": time(_ros_ns(t_ns))}
-    return Entry(
-        t_ns, "/events", LOGS[ros], {**when, "level": level[ros], "name": name, "msg": text}
-    )
+    fields = {**when, "level": level[ros], "name": name, "msg": text}
+    return BagMessage(t_ns, "/events", LOGS[ros], fields)
 
 
 def _marker(
-    topic: str, t_ns: int, ns: str, number: int, shape: int, place: tuple[float, ...], size: tuple[float, ...],
-    colour: tuple[float, ...], text: str, frame: str = MAP_FRAME, **more: Any,
-) -> Entry:  # fmt: skip
-    """Without a ``lifetime``: until the next one of this number. One in another frame than the map moves with it."""
+    t_ns: int,
+    *,
+    place: tuple[float, ...],
+    size: tuple[float, ...],
+    colour: tuple[float, ...],
+    frame: str = MAP_FRAME,
+    **fields: Any,
+) -> dict[str, Any]:
+    """The fields of an array with one marker. Without a ``lifetime`` it stays until the next one
+    with its ``id``. One in another frame than the map moves with it.
+
+    Parameters
+    ----------
+    t_ns : int
+        When it appears.
+    place : tuple of float
+        Its centre: x, y, z [m].
+    size : tuple of float
+        Its length, width and height [m].
+    colour : tuple of float
+        Red, green, blue and opacity, each from 0 to 1.
+    frame : str
+        The frame of ``place``.
+    **fields
+        Other fields of the marker.
+    """
     marker = {
         "header": _header(t_ns, frame),
-        "ns": ns,
-        "id": number,
-        "type": shape,
-        "text": text,
         "frame_locked": frame != MAP_FRAME,
         "pose": {"position": dict(zip("xyz", place, strict=True)), "orientation": _heading(0.0)},
         "scale": dict(zip("xyz", size, strict=True)),
         "color": dict(zip("rgba", colour, strict=True)),
-        **more,
+        **fields,
     }
-    return Entry(t_ns, topic, MARKERS, {"markers": [marker]})
+    return {"markers": [marker]}
 
 
 def _heading(heading_rad: float) -> dict[str, float]:
@@ -197,9 +247,12 @@ def _rows(table: "pd.DataFrame") -> Iterator[Any]:
 
 
 def confidence_colour(confidence: float) -> tuple[float, float, float]:
-    """From violet (0) over green-blue to yellow (1), ever lighter: viridis, which also survives greyscale."""
-    at, stops = (0.0, 0.5, 1.0), ((0.27, 0.13, 0.99), (0.0, 0.57, 0.91), (0.33, 0.55, 0.14))
-    red, green, blue = (float(np.interp(confidence, at, channel)) for channel in stops)
+    """A colour from violet (0) over green-blue to yellow (1), ever lighter: viridis, which can also
+    be read in shades of grey.
+    """
+    red = float(np.interp(confidence, COLOUR_STOPS, (0.27, 0.13, 0.99)))
+    green = float(np.interp(confidence, COLOUR_STOPS, (0.0, 0.57, 0.91)))
+    blue = float(np.interp(confidence, COLOUR_STOPS, (0.33, 0.55, 0.14)))
     return red, green, blue
 
 
@@ -208,11 +261,11 @@ def _ros_ns(t_ns: int) -> int:
 
 
 def _topic(name: str) -> str:
-    """A name of ours as part of a ROS topic."""
+    """A name as part of a ROS topic."""
     return re.sub(r"[^A-Za-z0-9_/]", "_", name)
 
 
-def write(path: Path, ros: int, entries: Iterable[Entry]) -> None:
+def write(path: Path, ros: int, entries: Iterable[BagMessage]) -> None:
     """A bag of ROS 1, or the one MCAP file that a bag of ROS 2 consists of."""
     store = typestore(ros)
     from rosbags import rosbag1, rosbag2

@@ -6,7 +6,8 @@ import sys
 import threading
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 
 from genie_sim.errors import UserError
@@ -14,21 +15,22 @@ from genie_sim.ros.codec import Codec, codec_of
 from genie_sim.ros.gateway import plain
 from genie_sim.ros.link import TlsLinks
 from genie_sim.ros.message import RosMessage
-from genie_sim.ros.plan import Plan, Recorder, make_gateway
+from genie_sim.ros.plan import AttachPlan, Recorder, make_gateway
 from genie_sim.ros.poses import Poses
-from genie_sim.terminal import one_line
+from genie_sim.text import one_line
 
 log = logging.getLogger(__name__)
 QUEUE_LENGTH = 10  # between a Genie and its own node; the node's own queue decides what is dropped
 TICK_S = 0.1
 POLL_S = 0.02
-FIRST_WORD_S = 5.0  # some nodes announce a topic when they first publish on it; those are not waited for any longer
+# some nodes announce a topic when they first publish on it; those are not waited for any longer
+ANNOUNCED_S = 5.0
 
 
 class GenieProcess(ABC):
-    """A Genie that runs until ``ended`` is set; ``failure`` says why, if it did not end as asked."""
+    """A Genie that runs until ``ended`` is set. ``failure`` says why, unless it was stopped."""
 
-    def __init__(self, plan: Plan, ros: int) -> None:
+    def __init__(self, plan: AttachPlan, ros: int) -> None:
         self.ended = threading.Event()
         self.failure: UserError | None = None
         self.plan = plan
@@ -37,9 +39,14 @@ class GenieProcess(ABC):
         }
         self._poses = None if plan.pose_topic is None else Poses(ros)
         self._links = TlsLinks(plan, self.codecs.get)
-        known = [self.codecs[topic] for topic in plan.answers if topic in self.codecs]
-        objects = next((codec for codec in known if codec.holds_objects), None)
-        self.gateway = make_gateway(plan, self.publish, Recorder(plan.record), self._links, objects)
+        answer_codecs = [self.codecs[topic] for topic in plan.answers if topic in self.codecs]
+        self.gateway = make_gateway(
+            plan,
+            publish=self.publish,
+            observe=Recorder(plan.record),
+            links=self._links,
+            object_codec=next((codec for codec in answer_codecs if codec.holds_objects), None),
+        )
 
     def start(self) -> None:
         """Publishers first, then subscribers, then the links; returns at once."""
@@ -52,50 +59,54 @@ class GenieProcess(ABC):
 
     @abstractmethod
     def connect(self) -> None:
-        """Makes everything that listens and speaks in ROS; returns at once."""
+        """Makes all publishers and subscribers; returns at once."""
 
     @abstractmethod
     def publish(self, topic: str, message: RosMessage) -> None:
         """Publishes a message, unless the topic's type is another one."""
 
     @abstractmethod
-    def heard(self) -> bool:
-        """Does the node hear the requests?"""
+    def requests_have_subscriber(self) -> bool:
+        """Does the node get the requests?"""
 
     @abstractmethod
-    def hears(self) -> bool:
-        """Are the node's answers heard?"""
+    def answers_have_publisher(self) -> bool:
+        """Does the Genie get the node's answers?"""
 
     @abstractmethod
     def stop(self) -> None:
-        """Takes leave of ROS."""
+        """Ends the node in ROS."""
 
     def from_ros(self, topic: str, payload: bytes, codec: Codec, sender: str) -> None:
-        """A message of the own network. One that cannot be read is dropped."""
-        answer = plain(topic) in self.plan.answers
-        try:
-            message = RosMessage.of(payload, codec, self.plan.name, answer)
-            if self._poses is not None and not answer:
-                pose, fov_rad = (
-                    self._poses.at(message.header.stamp_ns),
-                    self.plan.horizontal_fov_rad,
+        """A message of the own network. One that cannot be read is dropped: whatever is wrong with
+        it, the middleware's thread, which calls this, goes on.
+        """
+        with self._dropping(f"{topic}: dropped a message"):
+            is_answer = plain(topic) in self.plan.answers
+            message = RosMessage.of(payload, codec, self.plan.name, is_answer)
+            if self._poses is not None and not is_answer:
+                message = replace(
+                    message,
+                    pose=self._poses.at(message.header.stamp_ns),
+                    horizontal_fov_rad=self.plan.horizontal_fov_rad,
                 )
-                message = replace(message, pose=pose, horizontal_fov_rad=fov_rad)
             self.gateway.from_ros(topic, message, time.monotonic_ns(), sender)
-        except ValueError as error:
-            log.warning("%s: dropped a message: %s", topic, error)
-        except UserError as error:
-            self.fail(error)
 
     def from_pose_topic(self, type_name: str, payload: bytes) -> None:
-        """A message of the pose topic."""
-        assert self._poses is not None
+        """A message of the pose topic. One that cannot be read is dropped."""
+        with self._dropping(f"{self.plan.pose_topic}: dropped a pose"):
+            assert self._poses is not None
+            self._poses.receive(type_name, payload)
+
+    @contextmanager
+    def _dropping(self, what: str) -> Iterator[None]:
+        """Logs what goes wrong within it; a UserError ends the process."""
         try:
-            self._poses.heard(type_name, payload)
-        except ValueError as error:
-            log.warning("%s: dropped a pose: %s", self.plan.pose_topic, error)
+            yield
         except UserError as error:
             self.fail(error)
+        except Exception as error:
+            log.warning("%s: %s", what, str(error) or type(error).__name__)
 
     def fail(self, error: UserError) -> None:
         """Ends the process; ``attach`` says why."""
@@ -104,15 +115,18 @@ class GenieProcess(ABC):
 
     def _tick(self) -> None:
         while not self.ended.wait(TICK_S):
-            self.gateway.on_timer(time.monotonic_ns())
+            with self._dropping("timer"):
+                self.gateway.on_timer(time.monotonic_ns())
 
 
-def run(make: Callable[[Plan], GenieProcess]) -> None:
-    """The main program. The plan is the first line of standard input, which stays open as long as ``attach`` lives.
+def run(make: Callable[[AttachPlan], GenieProcess]) -> None:
+    """The main program. The plan is the first line of standard input, which stays open as long as
+    ``attach`` lives.
 
-    Writes ``ready`` when the node is connected. Exits with status 1 and a line on standard error for a UserError.
+    Writes ``ready`` when the node is connected. Exits with status 1 and a line on standard error
+    for a UserError.
     """
-    plan = Plan.from_json(sys.stdin.readline())
+    plan = AttachPlan.from_json(sys.stdin.readline())
     try:
         genie = make(plan)
     except UserError as error:
@@ -122,11 +136,12 @@ def run(make: Callable[[Plan], GenieProcess]) -> None:
         signal.signal(number, lambda *_: genie.ended.set())
     genie.start()
     threading.Thread(target=_until_orphaned, args=(genie.ended,), daemon=True).start()
-    while not genie.heard() and not genie.ended.wait(POLL_S):
+    while not genie.requests_have_subscriber() and not genie.ended.wait(POLL_S):
         pass
-    deadline = time.monotonic() + FIRST_WORD_S
-    while not genie.hears() and time.monotonic() < deadline and not genie.ended.wait(POLL_S):
-        pass
+    deadline = time.monotonic() + ANNOUNCED_S
+    while not genie.answers_have_publisher() and time.monotonic() < deadline:
+        if genie.ended.wait(POLL_S):
+            break
     sys.stdout.write("ready\n")
     sys.stdout.flush()
     genie.ended.wait()
@@ -135,7 +150,9 @@ def run(make: Callable[[Plan], GenieProcess]) -> None:
 
 
 def _until_orphaned(ended: threading.Event) -> None:
-    """The pipe from ``attach`` ends when ``attach`` does, however it dies; then the node gets its topics back."""
+    """The pipe from ``attach`` ends when ``attach`` does, however it dies; then the node gets its
+    topics back.
+    """
     sys.stdin.read()
     if not ended.is_set():
         from genie_sim.ros.attach import restore_orphan
@@ -153,8 +170,8 @@ class OneLine(logging.Formatter):
 
 def _log_to_stderr() -> None:
     """rospy takes the root logger for its own files."""
-    ours, handler = logging.getLogger("genie_sim"), logging.StreamHandler()
+    logger, handler = logging.getLogger("genie_sim"), logging.StreamHandler()
     handler.setFormatter(OneLine())
-    ours.addHandler(handler)
-    ours.setLevel(logging.INFO)
-    ours.propagate = False
+    logger.addHandler(handler)
+    logger.setLevel(logging.INFO)
+    logger.propagate = False

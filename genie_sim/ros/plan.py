@@ -1,37 +1,58 @@
-"""What an attached Genie is told: which topics it takes over and how. Passed to its process as JSON."""
+"""The plan of an attached Genie: which topics it takes over and how. Its process reads JSON."""
 
 import json
 from collections.abc import Callable, Hashable, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
-from pydantic import TypeAdapter
-
-from genie_sim import plugins
-from genie_sim.core.freshness import FRESHNESS, MUST_HAVE
-from genie_sim.core.genies import make_genie
-from genie_sim.core.rules import GenieRules
+from genie_sim.core.freshness import FRESHNESS
+from genie_sim.core.genies import make_genie, make_paced_genie
+from genie_sim.core.rules import FRESHNESS_POLICY, GenieRules, LookRules, ToldRules
 from genie_sim.core.similarity import SIMILARITIES
 from genie_sim.errors import UserError, unknown
 from genie_sim.messages import Forgotten, Observation
 from genie_sim.ros.codec import Codec, WireType
-from genie_sim.ros.gateway import LOCAL, REMOTE, Gateway, Links
+from genie_sim.ros.gateway import LOCAL, REMOTE, Gateway, Genie, PeerLinks
+from genie_sim.ros.looks import EdgeRelay
 from genie_sim.ros.message import RosMessage
-from genie_sim.scenario.genie import read_genie
+from genie_sim.settings import SettingError, from_plain
 
-# Where a robot is at stake: equal bytes only, and nothing that the node says is withheld. A scenario's settings win.
+# For the safety of the robot: equal bytes only, and nothing that the node says is withheld. The
+# user's settings come first.
 DEFAULTS: dict[str, Any] = {"similarity": "exact", "fresh_objects": "all"}
 ROLES = ("car", "edge")
 
 
 @dataclass(frozen=True)
-class Plan:
-    """``requests`` and ``answers`` are T_S and T_P as far as the Genie takes them over; ``types`` what is known.
+class AttachPlan:
+    """What an attached Genie needs to know.
 
-    ``settings`` are a scenario's ``genie:`` mapping. ``pose_topic`` (PoseStamped or Odometry) says where the camera
-    is, ``horizontal_fov_rad`` how wide it sees. Links: this Genie listens at ``host:port`` and connects to
-    ``name@host:port``; ``key_file`` proves who it is (``genie-sim keys``). ``record`` names a file for every look-up,
-    one JSON object a line.
+    Parameters
+    ----------
+    node : str
+        The node in front of which the Genie stands.
+    name, role : str
+        What other Genies call this one; ``car`` or ``edge``.
+    requests, answers : tuple of str
+        The topics of T_S and T_P that the Genie takes over.
+    types : dict
+        The types of these topics, as far as they are known.
+    settings : dict
+        A scenario's ``genie:`` mapping.
+    pose_topic : str, optional
+        Says where the camera is (PoseStamped or Odometry).
+    horizontal_fov_rad : float
+        How wide the camera sees.
+    listen : str, optional
+        ``host:port`` at which other Genies connect.
+    connect : tuple of str
+        ``name@host:port`` of the Genies to connect to.
+    key_file : str, optional
+        Proves who this Genie is (``genie-sim keys``).
+    revoked_file : str, optional
+        Lists the certificates that count no longer.
+    record : str, optional
+        A file for every look-up, one JSON object a line.
     """
 
     node: str
@@ -46,35 +67,66 @@ class Plan:
     listen: str | None = None
     connect: tuple[str, ...] = ()
     key_file: str | None = None
+    revoked_file: str | None = None
     record: str | None = None
 
     def to_json(self) -> str:
-        return TypeAdapter(Plan).dump_json(self).decode()
+        """What ``from_json`` reads."""
+        return json.dumps(asdict(self))
 
     @classmethod
-    def from_json(cls, text: str) -> "Plan":
-        return TypeAdapter(Plan).validate_json(text)
+    def from_json(cls, text: str) -> "AttachPlan":
+        """The plan that ``to_json`` wrote."""
+        data = json.loads(text)
+        data["types"] = {topic: WireType(*parts) for topic, parts in data["types"].items()}
+        for key in ("requests", "answers", "connect"):
+            data[key] = tuple(data[key])
+        return cls(**data)
 
 
 def checked_settings(settings: Mapping[str, Any], pose_topic: str | None) -> GenieRules:
     """The settings of a Genie in real ROS. Raises UserError naming the field."""
-    genie = read_genie({**DEFAULTS, **settings})
+    try:
+        genie = from_plain(GenieRules, {**DEFAULTS, **settings})
+    except SettingError as error:
+        raise UserError(str(error.below("genie"))) from error
     if genie.similarity.name == "pose_grid" and pose_topic is None:
         raise UserError(
             "genie: similarity: pose_grid needs to know where the camera is: name a pose topic"
         )
     freshness = genie.object_map.freshness.name
-    if plugins.resolve("freshness policy", freshness, FRESHNESS, MUST_HAVE).tracks:
-        known = ", ".join(name for name, policy in FRESHNESS.items() if not policy.tracks)
+    if genie.looks is not None:
+        return _with_looks(genie, genie.looks, pose_topic)
+    if FRESHNESS_POLICY.resolve(freshness).tracks:
+        choices = ", ".join(name for name, policy in FRESHNESS.items() if not policy.tracks)
         raise UserError(
-            f"genie: object_map.freshness: {freshness!r} tracks, which ROS messages cannot carry; {known}"
+            f"genie: object_map.freshness: {freshness!r} tracks, which ROS messages cannot carry; "
+            f"without 'looks' known: {choices}"
         )
     return genie
 
 
-def check(plan: Plan) -> None:
-    """Raises UserError for what can be known to be wrong before anything is touched."""
-    checked_settings(plan.settings, plan.pose_topic)
+def _with_looks(genie: GenieRules, looks: LookRules, pose_topic: str | None) -> GenieRules:
+    """The settings of a Genie that paces its looks. Raises UserError."""
+    if pose_topic is None:
+        raise UserError("genie: looks: need to know where the camera is: name a pose topic")
+    if isinstance(looks.told, ToldRules):
+        raise UserError("genie: looks.told: ROS messages cannot carry tracks; write null")
+    if looks.signed:
+        raise UserError("genie: looks.signed: ROS messages cannot carry signed looks; write false")
+    return replace(genie, looks=replace(looks, told=None))
+
+
+def check(plan: AttachPlan) -> None:
+    """Raises UserError for what is wrong with a plan, before anything is touched."""
+    genie = checked_settings(plan.settings, plan.pose_topic)
+    if genie.looks is not None:
+        for name, topics in (("inputs", plan.requests), ("answers", plan.answers)):
+            if len(topics) != 1:
+                raise UserError(
+                    f"genie: looks: {plan.node} has {len(topics)} {name} ({', '.join(topics)});"
+                    " choose one by --request and --leave"
+                )
     if plan.role not in ROLES:
         raise UserError(unknown("role", plan.role, ROLES))
     if (plan.listen or plan.connect) and plan.key_file is None:
@@ -86,10 +138,28 @@ def check(plan: Plan) -> None:
 
 
 def make_gateway(
-    plan: Plan, publish: Callable[[str, RosMessage], None], observe: Callable[[Observation, int], None], links: Links,
+    plan: AttachPlan,
+    *,
+    publish: Callable[[str, RosMessage], None],
+    observe: Callable[[Observation, int], None],
+    links: PeerLinks,
     object_codec: Codec | None,
-) -> Gateway:  # fmt: skip
-    """The Genie of a plan, in its gateway. ``object_codec`` makes answers out of map objects, if answers hold any."""
+) -> Gateway:
+    """The Genie of a plan, in its gateway.
+
+    Parameters
+    ----------
+    plan : AttachPlan
+        What the Genie needs to know.
+    publish : callable
+        Gets a topic and a message for the own ROS network.
+    observe : callable
+        Gets every record, and its time [ns].
+    links : PeerLinks
+        Other Genies.
+    object_codec : Codec, optional
+        Makes answers out of map objects; ``None`` if no answer holds objects.
+    """
     settings = checked_settings(plan.settings, plan.pose_topic)
     middleware: dict[str, Any] = {"suffixes": (LOCAL, REMOTE), "map_answer": None}
     if settings.similarity.name == "pose_grid":
@@ -97,6 +167,35 @@ def make_gateway(
     if object_codec is not None and plan.pose_topic is not None:
         middleware["map_answer"] = lambda header, objects: RosMessage(
             header, b"", object_codec, objects=tuple(objects), source="map"
+        )
+    return Gateway(
+        _genie_of(plan, settings, middleware),
+        rules=settings,
+        role=plan.role,
+        requests=plan.requests,
+        answers=plan.answers,
+        publish=publish,
+        observe=observe,
+        links=links,
+    )
+
+
+def _genie_of(plan: AttachPlan, settings: GenieRules, middleware: dict[str, Any]) -> Genie:
+    """The Genie of a plan. Raises UserError where its node gives no objects, which looks need."""
+    if settings.looks is not None:
+        suffixes: tuple[str, str] = middleware["suffixes"]
+        if plan.role == "edge":
+            return EdgeRelay(plan.name, plan.requests, plan.answers, suffixes=suffixes)
+        if middleware["map_answer"] is None:
+            raise UserError(f"genie: looks: {', '.join(plan.answers)} carries no objects")
+        parts = {"suffixes": suffixes, "map_answer": middleware["map_answer"]}
+        return make_paced_genie(
+            settings,
+            plan.name,
+            plan.requests,
+            plan.answers,
+            has_edge=bool(plan.connect),
+            **parts,
         )
     alone = not plan.connect and plan.role == "car"
     genie = make_genie(
@@ -109,10 +208,9 @@ def make_gateway(
         **middleware,
     )
     if middleware["map_answer"] is None and genie.rules.miss_policy == "immediate":
-        genie.rules = replace(
-            genie.rules, miss_policy="blocking"
-        )  # there is no map to answer from meanwhile
-    return Gateway(genie, plan.role, plan.requests, plan.answers, publish, observe, links)
+        # there is no map to answer from meanwhile
+        genie.rules = replace(genie.rules, miss_policy="blocking")
+    return genie
 
 
 class Recorder:

@@ -6,6 +6,7 @@ from collections import deque
 from genie_sim.errors import UserError
 from genie_sim.messages import CameraPose
 from genie_sim.ros.codec import WireType, codec_of
+from genie_sim.ros.message import checked_pose
 from genie_sim.ros.typestore import stamp_ns
 
 POSE_TYPES = (
@@ -14,26 +15,32 @@ POSE_TYPES = (
     "nav_msgs/Odometry",
 )
 MAX_AGE_NS = 500_000_000  # assumed: at 10 m/s a pose this old is 5 m off
-KEPT = 100
+MAX_POSES = 100
 
 
 class Poses:
-    """The last poses heard, by their stamps. The pose is taken for the camera's, its x axis for the optical axis."""
+    """The last poses received, by their stamps. The pose is taken for the camera's, its x axis for
+    the optical axis.
+    """
 
     def __init__(self, ros: int) -> None:
         self._codecs = {name: codec_of(WireType(name), ros) for name in POSE_TYPES}
         for codec in self._codecs.values():
             codec.prepare()
-        self._heard: deque[tuple[int, CameraPose]] = deque(maxlen=KEPT)
+        self._received: deque[tuple[int, CameraPose]] = deque(maxlen=MAX_POSES)
 
     def at(self, stamp_ns: int) -> CameraPose | None:
         """The pose nearest in time, ``None`` if there is none within half a second."""
-        heard = tuple(self._heard)  # another thread may add to it meanwhile
-        nearest = min(heard, key=lambda one: abs(one[0] - stamp_ns), default=None)
-        return None if nearest is None or abs(nearest[0] - stamp_ns) > MAX_AGE_NS else nearest[1]
+        received = tuple(self._received)  # another thread may add to it meanwhile
+        if not received:
+            return None
+        nearest_ns, pose = min(received, key=lambda entry: abs(entry[0] - stamp_ns))
+        return pose if abs(nearest_ns - stamp_ns) <= MAX_AGE_NS else None
 
-    def heard(self, type_name: str, payload: bytes) -> None:
-        """A message of the pose topic. Raises UserError for a type without a pose, ValueError for no pose."""
+    def receive(self, type_name: str, payload: bytes) -> None:
+        """A message of the pose topic. Raises UserError for a type without a pose, ValueError for
+        no pose.
+        """
         codec = self._codecs.get(type_name.replace("/msg/", "/"))
         if codec is None:
             raise UserError(f"pose topic: {type_name} has no pose; known: {', '.join(POSE_TYPES)}")
@@ -43,7 +50,5 @@ class Poses:
         heading_rad = math.atan2(
             2 * (turn.w * turn.z + turn.x * turn.y), 1 - 2 * (turn.y**2 + turn.z**2)
         )
-        found = CameraPose(at.x, at.y, at.z, heading_rad)
-        if not all(map(math.isfinite, found)):
-            raise ValueError("a pose that is not finite")
-        self._heard.append((stamp_ns(message.header), found))
+        pose = checked_pose(at.x, at.y, at.z, heading_rad)
+        self._received.append((stamp_ns(message.header), pose))

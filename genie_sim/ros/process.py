@@ -1,4 +1,6 @@
-"""A node as a process of this machine: read from /proc, stopped, started again with other arguments."""
+"""A node as a process of this machine: read from /proc, stopped, started again with other
+arguments.
+"""
 
 import contextlib
 import os
@@ -10,11 +12,8 @@ from pathlib import Path
 
 from genie_sim.errors import UserError
 
-STOP = (
-    (signal.SIGINT, 10.0),
-    (signal.SIGTERM, 3.0),
-    (signal.SIGKILL, 3.0),
-)  # roslaunch asks in this order, too
+# signals with the time that each of them has [s]; roslaunch sends the same
+STOP = ((signal.SIGINT, 10.0), (signal.SIGTERM, 3.0), (signal.SIGKILL, 3.0))
 
 
 def boot() -> str:
@@ -24,7 +23,9 @@ def boot() -> str:
 
 @dataclass(frozen=True)
 class NodeProcess:
-    """What it takes to start a node again exactly as it was. ``started`` tells a process from a later one of its id."""
+    """What is needed to start a node again exactly as it was. ``started`` tells a process from a
+    later one with the same id.
+    """
 
     pid: int
     started: int
@@ -34,7 +35,7 @@ class NodeProcess:
 
     @classmethod
     def of(cls, pid: int) -> "NodeProcess":
-        """Raises UserError where the process is not ours to see."""
+        """The process of an id. Raises UserError if this user may not see it."""
         folder = Path(f"/proc/{pid}")
         try:
             argv = _strings(folder / "cmdline")
@@ -48,13 +49,16 @@ class NodeProcess:
             ) from error
         if not argv or started is None:
             raise UserError(f"process {pid}: has ended")
-        return cls(pid, started, argv, env, cwd)
+        return cls(pid=pid, started=started, argv=argv, env=env, cwd=cwd)
 
     def alive(self) -> bool:
+        """Does this very process still run?"""
         return start_of(self.pid) == self.started
 
     def stop(self) -> None:
-        """Asks it to end, ever less politely. Raises UserError if it does not."""
+        """Stops the process and returns when it has ended: SIGINT, then SIGTERM, then SIGKILL.
+        Raises UserError if it does not end.
+        """
         for number, patience_s in STOP:
             deadline = time.monotonic() + patience_s
             with contextlib.suppress(ProcessLookupError):
@@ -67,9 +71,11 @@ class NodeProcess:
         raise UserError(f"process {self.pid}: does not end")
 
     def start_again(self, argv: tuple[str, ...], log_path: Path) -> "NodeProcess":
-        """The same program in the same folder and environment, in a session of its own, so that it outlives us."""
+        """Starts the same program in the same folder and environment, in a session of its own, so
+        that it outlives this process.
+        """
         with log_path.open("ab") as output:
-            started = subprocess.Popen(
+            process = subprocess.Popen(
                 argv,
                 env=self.env,
                 cwd=self.cwd,
@@ -78,11 +84,12 @@ class NodeProcess:
                 stderr=output,
                 start_new_session=True,
             )
-        return NodeProcess(started.pid, start_of(started.pid) or 0, argv, self.env, self.cwd)
+        started = start_of(process.pid) or 0
+        return NodeProcess(process.pid, started, argv=argv, env=self.env, cwd=self.cwd)
 
 
 def start_of(pid: int) -> int | None:
-    """When a process began, in clock ticks since boot; ``None`` if there is none, or only its remains."""
+    """When a process began, in clock ticks since boot; ``None`` if it has ended."""
     try:
         fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
     except (FileNotFoundError, ProcessLookupError):
@@ -91,7 +98,9 @@ def start_of(pid: int) -> int | None:
 
 
 def listens_on(pid: int, port: int) -> bool:
-    """Does this very process listen on a TCP port? Guards against process ids of another container."""
+    """Does this very process listen on a TCP port? A process id of another container may name
+    another process here.
+    """
     inodes = set()
     for table in ("tcp", "tcp6"):
         with contextlib.suppress(FileNotFoundError):

@@ -1,4 +1,5 @@
-"""The Genie's process in front of a ROS 1 node: ``python -m genie_sim.ros.ros1``, started by ``attach``.
+"""The Genie's process in front of a ROS 1 node: ``python -m genie_sim.ros.ros1``, started by
+``attach``.
 
 Types are taken from this network's publishers, so no catkin workspace is needed.
 """
@@ -13,16 +14,16 @@ from genie_sim.ros.codec import Codec, WireType, codec_of
 from genie_sim.ros.gateway import LOCAL, REMOTE, plain
 from genie_sim.ros.genie_process import QUEUE_LENGTH, GenieProcess, run
 from genie_sim.ros.message import RosMessage
-from genie_sim.ros.plan import Plan
+from genie_sim.ros.plan import AttachPlan
 
 BUFFER_BYTES = 2**24  # rospy's 64 kB would hold an old image back instead of dropping it
 CONNECT_S = 2.0  # how long the first message of a type that was unknown waits for its subscriber
 
 
 class Ros1Genie(GenieProcess):
-    """Subscribes to what the Genie listens to, and publishes what it says, byte for byte where nothing changed."""
+    """A Genie as a node of ROS 1. Messages keep their bytes where nothing has changed."""
 
-    def __init__(self, plan: Plan) -> None:
+    def __init__(self, plan: AttachPlan) -> None:
         rospy.init_node("genie_" + plan.node.strip("/").replace("/", "_"), disable_signals=True)
         self._publishers: dict[str, tuple[WireType, Any, Any]] = {}
         self._subscribers: list[Any] = []
@@ -39,10 +40,10 @@ class Ros1Genie(GenieProcess):
             subscriber = rospy.Subscriber(
                 topic,
                 rospy.AnyMsg,
-                self._on_message,
-                topic,
-                queue_length,
-                BUFFER_BYTES,
+                callback=self._on_message,
+                callback_args=topic,
+                queue_size=queue_length,
+                buff_size=BUFFER_BYTES,
                 tcp_nodelay=True,
             )
             self._subscribers.append(subscriber)
@@ -53,8 +54,8 @@ class Ros1Genie(GenieProcess):
 
     def publish(self, topic: str, message: RosMessage) -> None:
         wire_type = message.codec.type
-        known, publisher, message_class = self._publisher(topic, wire_type)
-        if known.checksum != wire_type.checksum:
+        topic_type, publisher, message_class = self._publisher(topic, wire_type)
+        if topic_type.checksum != wire_type.checksum:
             return  # map objects for a topic that holds none
         seq = None
         if topic in self.plan.answers:  # numbered like the messages of any ROS 1 publisher
@@ -63,7 +64,7 @@ class Ros1Genie(GenieProcess):
         raw._buff = message.encoded(seq)
         publisher.publish(raw)
 
-    def heard(self) -> bool:
+    def requests_have_subscriber(self) -> bool:
         to_node = [topic + LOCAL for topic in self.plan.requests]
         return all(
             self._publishers[topic][1].get_num_connections()
@@ -71,10 +72,12 @@ class Ros1Genie(GenieProcess):
             if topic in self._publishers
         )
 
-    def hears(self) -> bool:
+    def answers_have_publisher(self) -> bool:
         from_node = {topic + LOCAL for topic in self.plan.answers}
         return all(
-            one.get_num_connections() for one in self._subscribers if one.resolved_name in from_node
+            subscriber.get_num_connections()
+            for subscriber in self._subscribers
+            if subscriber.resolved_name in from_node
         )
 
     def stop(self) -> None:
@@ -83,7 +86,7 @@ class Ros1Genie(GenieProcess):
     def _on_message(self, raw: Any, topic: str) -> None:
         connection = raw._connection_header
         if connection["callerid"] == rospy.get_name():
-            return  # our own words on a -remote topic
+            return  # the Genie's own message on a _remote topic
         try:
             codec = self._codec(plain(topic), connection)
         except UserError as error:
@@ -96,13 +99,16 @@ class Ros1Genie(GenieProcess):
 
     def _codec(self, name: str, connection: dict[str, str]) -> Codec:
         if name not in self.codecs:
-            definition = connection.get("message_definition", "")
-            self.codecs[name] = codec_of(
-                WireType(connection["type"], connection["md5sum"], definition), 1
+            wire_type = WireType(
+                name=connection["type"],
+                checksum=connection["md5sum"],
+                definition=connection.get("message_definition", ""),
             )
+            self.codecs[name] = codec_of(wire_type, 1)
         return self.codecs[name]
 
     def _publisher(self, topic: str, wire_type: WireType) -> tuple[WireType, Any, Any]:
+        """The type, the publisher and the message class of a topic, made at its first use."""
         if topic not in self._publishers:
             fields = {
                 "_type": wire_type.name,

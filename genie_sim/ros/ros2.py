@@ -1,7 +1,9 @@
-"""The Genie's process in front of a ROS 2 node: ``python -m genie_sim.ros.ros2``, started by ``attach``.
+"""The Genie's process in front of a ROS 2 node: ``python -m genie_sim.ros.ros2``, started by
+``attach``.
 
-The same plan, gateway and links as in ROS 1. Messages stay serialised from subscription to publication. Genies speak
-to each other over links only: a node here cannot tell its own words on a ``_remote`` topic from another's.
+The same plan, gateway and links as in ROS 1. Messages stay serialised from subscription to
+publication. Genies speak to each other over links only: in ROS 2 a node cannot tell its own
+messages on a ``_remote`` topic from another node's.
 """
 
 import threading
@@ -17,7 +19,7 @@ from genie_sim.errors import UserError
 from genie_sim.ros.gateway import LOCAL, plain
 from genie_sim.ros.genie_process import QUEUE_LENGTH, GenieProcess, run
 from genie_sim.ros.message import RosMessage
-from genie_sim.ros.plan import Plan
+from genie_sim.ros.plan import AttachPlan
 from genie_sim.ros.ros2_graph import has_header
 from genie_sim.ros.typestore import class_of
 
@@ -25,9 +27,9 @@ POSE = "geometry_msgs/msg/PoseStamped"
 
 
 class Ros2Genie(GenieProcess):
-    """Subscribes to what the Genie listens to, and publishes what it says. One thread serves all subscriptions."""
+    """A Genie as a node of ROS 2. One thread serves all subscriptions."""
 
-    def __init__(self, plan: Plan) -> None:
+    def __init__(self, plan: AttachPlan) -> None:
         for wire_type in plan.types.values():
             if not has_header(wire_type.name):
                 raise UserError(
@@ -42,11 +44,13 @@ class Ros2Genie(GenieProcess):
         )
 
     def connect(self) -> None:
-        for topic in (*(topic + LOCAL for topic in self.plan.requests), *self.plan.answers):
+        local_requests = [topic + LOCAL for topic in self.plan.requests]
+        local_answers = [topic + LOCAL for topic in self.plan.answers]
+        for topic in (*local_requests, *self.plan.answers):
             self._publishers[topic] = self._node.create_publisher(
                 self._class(topic), topic, self._quality(topic)
             )
-        for topic in (*self.plan.requests, *(topic + LOCAL for topic in self.plan.answers)):
+        for topic in (*self.plan.requests, *local_answers):
             self._node.create_subscription(
                 self._class(topic),
                 topic,
@@ -65,17 +69,18 @@ class Ros2Genie(GenieProcess):
 
     def publish(self, topic: str, message: RosMessage) -> None:
         publisher = self._publishers.get(topic)
-        if publisher is not None and self.codecs[plain(topic)].type.name == message.codec.type.name:
-            publisher.publish(
-                message.encoded()
-            )  # else a -remote topic, or map objects for a topic that holds none
+        if publisher is None:
+            return  # a _remote topic
+        if self.codecs[plain(topic)].type.name != message.codec.type.name:
+            return  # map objects for a topic that holds none
+        publisher.publish(message.encoded())
 
-    def heard(self) -> bool:
+    def requests_have_subscriber(self) -> bool:
         return all(
             self._publishers[topic + LOCAL].get_subscription_count() for topic in self.plan.requests
         )
 
-    def hears(self) -> bool:
+    def answers_have_publisher(self) -> bool:
         return all(self._node.count_publishers(topic + LOCAL) for topic in self.plan.answers)
 
     def stop(self) -> None:
@@ -88,21 +93,19 @@ class Ros2Genie(GenieProcess):
         return class_of(self.codecs[plain(topic)].type.name)
 
     def _quality(self, topic: str) -> QoSProfile:
-        """Reliable, unless a publisher of the topic offers less, which then would not be heard at all."""
-        found = self._node.get_publishers_info_by_topic(topic)
-        best_effort = any(
-            one.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT for one in found
-        )
-        latched = bool(found) and all(
-            one.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL for one in found
-        )
-        return QoSProfile(
-            depth=QUEUE_LENGTH,
-            reliability=ReliabilityPolicy.BEST_EFFORT
-            if best_effort
-            else ReliabilityPolicy.RELIABLE,
-            durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE,
-        )
+        """Reliable, unless a publisher of the topic offers less: its messages would not come at
+        all.
+        """
+        profiles = [
+            publisher.qos_profile for publisher in self._node.get_publishers_info_by_topic(topic)
+        ]
+        reliability, durability = ReliabilityPolicy.RELIABLE, DurabilityPolicy.VOLATILE
+        if any(profile.reliability == ReliabilityPolicy.BEST_EFFORT for profile in profiles):
+            reliability = ReliabilityPolicy.BEST_EFFORT
+        latched = DurabilityPolicy.TRANSIENT_LOCAL
+        if profiles and all(profile.durability == latched for profile in profiles):
+            durability = latched
+        return QoSProfile(depth=QUEUE_LENGTH, reliability=reliability, durability=durability)
 
 
 if __name__ == "__main__":

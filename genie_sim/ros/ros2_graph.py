@@ -2,7 +2,7 @@
 
 import os
 import time
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -12,18 +12,13 @@ from genie_sim.ros.gateway import LOCAL
 from genie_sim.ros.process import NodeProcess
 from genie_sim.ros.typestore import class_of
 
-NEVER = ("/rosout", "/parameter_events", "/clock", "/tf", "/tf_static", "/diagnostics")
+INFRASTRUCTURE = ("/rosout", "/parameter_events", "/clock", "/tf", "/tf_static", "/diagnostics")
 DISCOVERY_S = 5.0
-MIDDLEWARE = (
-    "ROS_",
-    "RMW_",
-    "FASTRTPS_",
-    "FASTDDS_",
-    "CYCLONEDDS_",
-)  # what must be the same in every process
+# beginnings of the environment's variables that must be the same in every process
+MIDDLEWARE = ("ROS_", "RMW_", "FASTRTPS_", "FASTDDS_", "CYCLONEDDS_")
 
 
-class Graph:
+class Ros2Graph:
     """The graph of the domain that a process takes part in."""
 
     module = "genie_sim.ros.ros2"
@@ -44,17 +39,16 @@ class Graph:
         """T_S and T_P. Raises UserError where no such node is discovered within a few seconds."""
         namespace, _, name = node.rpartition("/")
         whole = (name, namespace or "/")
-        with _looking() as here:
-            _until(lambda: whole in here.get_node_names_and_namespaces())
-            if whole not in here.get_node_names_and_namespaces():
-                found = sorted(
-                    f"{space.rstrip('/')}/{name}"
-                    for name, space in here.get_node_names_and_namespaces()
-                )
-                raise UserError(unknown("node", node, found))
-            _until(lambda: _typed(here, here.get_publisher_names_and_types_by_node(*whole)))
-            subscribed = _typed(here, here.get_subscriber_names_and_types_by_node(*whole))
-            return subscribed, _typed(here, here.get_publisher_names_and_types_by_node(*whole))
+        with _observer() as observer:
+            _until(lambda: whole in observer.get_node_names_and_namespaces())
+            nodes = observer.get_node_names_and_namespaces()
+            if whole not in nodes:
+                names = [f"{space.rstrip('/')}/{name}" for name, space in nodes]
+                raise UserError(unknown("node", node, names))
+            _until(lambda: _typed(observer, observer.get_publisher_names_and_types_by_node(*whole)))
+            subscribed = observer.get_subscriber_names_and_types_by_node(*whole)
+            published = observer.get_publisher_names_and_types_by_node(*whole)
+            return _typed(observer, subscribed), _typed(observer, published)
 
     def has_header(self, wire_type: WireType) -> bool:
         return has_header(wire_type.name)
@@ -62,26 +56,25 @@ class Graph:
     def remapped(self, node: str, argv: Sequence[str], topics: Sequence[str]) -> tuple[str, ...]:
         """The command line under which ``topics`` get the local suffix and the node keeps its name.
 
-        The first rule that fits a name counts, and only it: one that leads to a topic already is changed in place.
+        The first rule that fits a name counts, and only it: one that leads to a topic already is
+        changed in place.
         """
-        made = list(argv)
+        remapped = list(argv)
         for index, option in enumerate(argv[:-1]):
-            source, found, target = argv[index + 1].partition(":=")
-            full = target if target.startswith("/") else f"{node.rpartition('/')[0]}/{target}"
-            if option in ("-r", "--remap") and found and full in topics:
-                made[index + 1] = f"{source}:={full}{LOCAL}"
-        made += ["--ros-args"]
-        for rule in (
-            *(f"{topic}:={topic}{LOCAL}" for topic in topics),
-            f"__node:={node.rpartition('/')[2]}",
-        ):
-            made += ["-r", rule]
-        return tuple(made)
+            source, sign, target = argv[index + 1].partition(":=")
+            topic = target if target.startswith("/") else f"{node.rpartition('/')[0]}/{target}"
+            if option in ("-r", "--remap") and sign and topic in topics:
+                remapped[index + 1] = f"{source}:={topic}{LOCAL}"
+        remapped.append("--ros-args")
+        for topic in topics:
+            remapped += ["-r", f"{topic}:={topic}{LOCAL}"]
+        remapped += ["-r", f"__node:={node.rpartition('/')[2]}"]
+        return tuple(remapped)
 
 
 @contextmanager
-def _looking() -> Iterator[Any]:
-    """A node that only looks around."""
+def _observer() -> Iterator[Any]:
+    """A node that only looks at the graph."""
     import rclpy
     from rclpy.context import Context
 
@@ -95,24 +88,30 @@ def _looking() -> Iterator[Any]:
         rclpy.shutdown(context=context)
 
 
-def _until(found: Any) -> None:
+def _until(condition: Callable[[], Any]) -> None:
+    """Waits for a condition, but no longer than discovery takes."""
     deadline = time.monotonic() + DISCOVERY_S
-    while not found() and time.monotonic() < deadline:
+    while not condition() and time.monotonic() < deadline:
         time.sleep(0.1)
 
 
-def _typed(here: Any, topics: Iterable[tuple[str, Sequence[str]]]) -> Types:
+def _typed(observer: Any, topics: Iterable[tuple[str, Sequence[str]]]) -> Types:
+    """Topics with their types, without those that every node has."""
     return {
-        topic: WireType(types[0], _hash(here, topic))
+        topic: WireType(types[0], _type_hash(observer, topic))
         for topic, types in sorted(topics)
-        if topic not in NEVER
+        if topic not in INFRASTRUCTURE
     }
 
 
-def _hash(here: Any, topic: str) -> str:
-    """The hash of a topic's type, as its nodes state it."""
-    ends = [*here.get_publishers_info_by_topic(topic), *here.get_subscriptions_info_by_topic(topic)]
-    return next((str(one.topic_type_hash) for one in ends if hasattr(one, "topic_type_hash")), "")
+def _type_hash(observer: Any, topic: str) -> str:
+    """The hash of a topic's type, as one of its nodes states it; empty if none does."""
+    publishers = observer.get_publishers_info_by_topic(topic)
+    subscribers = observer.get_subscriptions_info_by_topic(topic)
+    for endpoint in (*publishers, *subscribers):
+        if hasattr(endpoint, "topic_type_hash"):
+            return str(endpoint.topic_type_hash)
+    return ""
 
 
 def has_header(name: str) -> bool:

@@ -1,5 +1,6 @@
-"""The message types that rosbags knows of ROS 1 and ROS 2, and messages made of them; no ROS is needed, but for the
-classes of ROS 2 itself."""
+"""The message types that rosbags knows of ROS 1 and ROS 2, and messages of these types. ROS need
+not be installed, except for ``class_of``.
+"""
 
 import importlib
 from collections.abc import Mapping
@@ -21,8 +22,9 @@ _NUMPY = {"byte": "uint8", "char": "uint8", "octet": "uint8"}
 
 @lru_cache
 def typestore(ros: int, definition: str = "", name: str = "") -> "Typestore":
-    """The message types of ROS 1 or 2, and one more if its ``definition`` is given. Raises UserError without rosbags,
-    ValueError for a definition that cannot be read."""
+    """The message types of ROS 1 or 2, and one more if its ``definition`` is given. Raises
+    UserError without rosbags, ValueError for a definition that cannot be read.
+    """
     try:
         from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typestore
     except ImportError as error:
@@ -40,40 +42,39 @@ def typestore(ros: int, definition: str = "", name: str = "") -> "Typestore":
     return store
 
 
-def message(store: "Typestore", kind: str, /, **given: Any) -> Any:
-    """A message of type ``kind`` (``std_msgs/msg/Header``) with the fields ``given``, all others empty.
+def message(store: "Typestore", kind: str, /, **values: Any) -> Any:
+    """A message of type ``kind`` (``std_msgs/msg/Header``) with these ``values`` of its fields; all
+    other fields are empty.
 
     A message within it, or within a list of it, may be given by its own fields, as a mapping.
     """
+    fields: Any = store.fielddefs[kind][1]
+    return store.types[kind](
+        **{name: _value(store, node, values.get(name)) for name, node in fields}
+    )
+
+
+def _value(store: "Typestore", node: tuple[Any, Any], value: Any) -> Any:
+    """The value of a field of type ``node``, which is empty where ``value`` is ``None``."""
     import numpy as np
     from rosbags.interfaces import Nodetype
 
-    def made(node: Any, detail: Any, value: Any = None) -> Any:
-        if node == Nodetype.NAME:
-            return (
-                message(store, detail, **(value or {}))
-                if value is None or isinstance(value, Mapping)
-                else value
-            )
-        if node == Nodetype.BASE:
-            return _EMPTY.get(detail[0], 0) if value is None else value
-        element, length = detail
-        if value is not None:
-            return (
-                [made(element[0], element[1], one) for one in value]
-                if element[0] == Nodetype.NAME
-                else value
-            )
-        if element[0] == Nodetype.BASE and element[1][0] != "string":
-            return np.zeros(
-                length if node == Nodetype.ARRAY else 0, _NUMPY.get(element[1][0], element[1][0])
-            )
-        return []
-
-    fields: Any = store.fielddefs[kind][1]
-    return store.types[kind](
-        **{name: made(node, detail, given.get(name)) for name, (node, detail) in fields}
-    )
+    nodetype, detail = node
+    if nodetype == Nodetype.NAME:
+        if value is None or isinstance(value, Mapping):
+            return message(store, detail, **(value or {}))
+        return value
+    if nodetype == Nodetype.BASE:
+        return _EMPTY.get(detail[0], 0) if value is None else value
+    element, length = detail
+    element_type, element_detail = element
+    if value is not None:
+        is_message = element_type == Nodetype.NAME
+        return [_value(store, element, item) for item in value] if is_message else value
+    if element_type == Nodetype.BASE and element_detail[0] != "string":
+        kind = _NUMPY.get(element_detail[0], element_detail[0])
+        return np.zeros(length if nodetype == Nodetype.ARRAY else 0, kind)
+    return []
 
 
 def time(stamp_ns: int) -> dict[str, int]:
@@ -88,9 +89,11 @@ def stamp_ns(header: Any) -> int:
 
 
 def class_of(name: str) -> Any:
-    """``sensor_msgs/msg/Image``. Raises UserError where the package is not there."""
+    """The ROS 2 class of ``sensor_msgs/msg/Image`` or the like. Raises UserError if its package is
+    not installed.
+    """
     package, _, kind = name.partition("/msg/")
     try:
         return getattr(importlib.import_module(f"{package}.msg"), kind)
     except (ImportError, AttributeError) as error:
-        raise UserError(f"{name}: no such ROS 2 message here ({error})") from error
+        raise UserError(f"{name}: no such ROS 2 message is installed ({error})") from error

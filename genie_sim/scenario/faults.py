@@ -1,87 +1,77 @@
 """The ``faults:`` of a scenario: what goes wrong where, and when."""
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from typing import Annotated, Any, Self
+from dataclasses import dataclass, fields
+from typing import Annotated, Any
 
-from pydantic import BeforeValidator, Field, PlainSerializer, WithJsonSchema, model_validator
-
-from genie_sim import plugins
+from genie_sim.contracts import ITERABLE, METHOD, TEXT, WHOLE, Contract, optional, require
 from genie_sim.errors import short_repr
 from genie_sim.faults import FAULTS, MUST_HAVE
 from genie_sim.plugins import Choice
-from genie_sim.scenario.fields import Duration, Model, PositiveDuration, problem
-from genie_sim.scenario.plain import OWN_CLASS_SCHEMA, PlugIn
-from genie_sim.sim.fault import TimedFault
+from genie_sim.settings import PlugIn, SettingError, keys_of, plain_data
+from genie_sim.sim.fault import FaultTimes, TimedFault
+
+FAULT = PlugIn("fault", FAULTS, MUST_HAVE, key="fault", beside=tuple(keys_of(FaultTimes)))
+
+PROBLEM = Contract(
+    "tuples of an index, a field and a text",
+    lambda value: (
+        isinstance(value, tuple)
+        and len(value) == 3
+        and WHOLE.holds(value[0])
+        and all(map(TEXT.holds, value[1:]))
+    ),
+)
 
 
-class FaultEntry(Model):
-    """A fault and when it happens: once from ``begin_ns`` to ``end_ns`` (``None``: for as long as this kind of fault
-    takes, or to the run's end); or, from ``begin_ns`` on, again and again with exponential times of these means."""
+@dataclass(frozen=True, kw_only=True)
+class FaultEntry(FaultTimes):
+    """A fault and when it happens. In YAML its own settings stand beside the times."""
 
-    fault: Choice
-    begin_ns: Duration | None = Field(default=None, alias="begin")
-    end_ns: Duration | None = Field(default=None, alias="end")
-    mean_time_between_ns: PositiveDuration | None = Field(default=None, alias="mean_time_between")
-    mean_duration_ns: PositiveDuration | None = Field(default=None, alias="mean_duration")
+    fault: Annotated[Choice, FAULT]
+    """The kind of fault, or a class of your own."""
 
-    @model_validator(mode="after")
-    def _has_times(self) -> Self:
-        if (self.mean_time_between_ns is None) != (self.mean_duration_ns is None):
-            problem("mean_duration", "goes with 'mean_time_between', and that with it")
-        if self.mean_time_between_ns is None and self.begin_ns is None:
-            problem("begin", "missing; or give 'mean_time_between' and 'mean_duration'")
-        if self.mean_time_between_ns is not None and self.end_ns is not None:
-            problem("end", "a fault that happens again and again has a 'mean_duration' instead")
+    def __post_init__(self) -> None:
+        again = self.mean_time_between_ns is not None
+        if again != (self.mean_duration_ns is not None):
+            text = "'mean_time_between' and 'mean_duration' must be given together"
+            raise SettingError("mean_duration", text)
+        if not again and self.begin_ns is None:
+            text = "missing; or give 'mean_time_between' and 'mean_duration'"
+            raise SettingError("begin", text)
+        if again and self.end_ns is not None:
+            text = "a fault that happens again and again has a 'mean_duration' instead"
+            raise SettingError("end", text)
         if self.end_ns is not None and self.begin_ns is not None and self.end_ns <= self.begin_ns:
-            problem("end", "must be after 'begin'")
-        return self
+            raise SettingError("end", "must be after 'begin'")
+
+    @classmethod
+    def expand(cls, value: object) -> object:
+        """Takes the settings of the fault out of ``{fault: outage, target: car1, begin: 3 s}``."""
+        if not isinstance(value, Mapping):
+            example = "{fault: outage, target: car1, begin: 3 s}"
+            text = f"must be a mapping such as {example}, not {short_repr(value)}"
+            raise SettingError("", text)
+        if "fault" not in value:
+            raise SettingError("fault", "missing")
+        times = {key: item for key, item in value.items() if key in FAULT.beside}
+        others = {key: item for key, item in value.items() if key not in FAULT.beside}
+        return {"fault": FAULT.read(others), **times}
+
+    def shorten(self) -> object:
+        """The settings of the fault beside its times."""
+        times = FaultTimes(
+            **{field.name: getattr(self, field.name) for field in fields(FaultTimes)}
+        )
+        written = FAULT.write(self.fault)
+        assert isinstance(written, dict), "every fault has a target"
+        given = {key: item for key, item in plain_data(times).items() if item is not None}
+        return {**written, **given}
 
     @property
     def target(self) -> Any:
+        """What the fault befalls, as its settings say."""
         return self.fault.parameters.get("target")
-
-
-_TIMES = tuple(name for name in FaultEntry.yaml_names() if name != "fault")
-_PLUG_IN = PlugIn("fault", FAULTS, key="fault", beside=_TIMES)
-
-
-def _read(value: object) -> object:
-    """``{fault: outage, target: car1, begin: 3 s, end: 5 s}``: the times, and the arguments of the fault."""
-    if isinstance(value, FaultEntry):
-        return value
-    if not isinstance(value, Mapping):
-        problem(
-            "",
-            f"must be a mapping such as {{fault: outage, target: car1, begin: 3 s}}, not {short_repr(value)}",
-        )
-    if "fault" not in value:
-        problem("fault", "missing")
-    times = {key: item for key, item in value.items() if key in _TIMES}
-    return {
-        "fault": _PLUG_IN.read({key: item for key, item in value.items() if key not in _TIMES}),
-        **times,
-    }
-
-
-def _write(entry: FaultEntry) -> dict[str, Any]:
-    written = _PLUG_IN.write(entry.fault)
-    assert isinstance(written, dict), "every fault has a target"
-    times = entry.model_dump(mode="json", by_alias=True, exclude={"fault"}, exclude_none=True)
-    return {**written, **times}
-
-
-FaultField = Annotated[
-    FaultEntry,
-    BeforeValidator(_read),
-    PlainSerializer(_write, when_used="json"),
-    WithJsonSchema(
-        {
-            "type": "object",
-            "properties": {"fault": {"anyOf": [{"enum": list(FAULTS)}, OWN_CLASS_SCHEMA]}},
-            "required": ["fault"],
-        }
-    ),
-]
 
 
 def check_faults(
@@ -90,31 +80,51 @@ def check_faults(
     edges: Collection[str],
     own: bool = False,
 ) -> Iterator[tuple[str, str]]:
-    """What is wrong with the faults: (field, text). ``edge_of`` names every car with its edge.
+    """What is wrong with the faults: (field, text).
 
-    The faults of one kind are looked at together, by the ``check`` of their class if it has one. Code of the user's
-    ``own`` is not run to read a scenario, only to run it.
+    The faults of one kind are checked together, by the ``check`` of their class if it has one.
+
+    Parameters
+    ----------
+    faults : sequence of FaultEntry
+        All faults of a scenario.
+    edge_of : mapping
+        Every car with its edge.
+    edges : collection of str
+        The edges.
+    own : bool
+        Whether to check faults of the user's own, too: their code runs only where a scenario does.
     """
-    for kind in dict.fromkeys(
-        entry.fault.name for entry in faults if own or entry.fault.name in FAULTS
-    ):
-        check = getattr(plugins.resolve("fault", kind, FAULTS, MUST_HAVE), "check", None)
+    names = [entry.fault.name for entry in faults if own or entry.fault.name in FAULTS]
+    for kind in dict.fromkeys(names):
+        check = getattr(FAULT.resolve(kind), "check", None)
         places = [place for place, entry in enumerate(faults) if entry.fault.name == kind]
         if check is not None:
-            for place, field, text in check(
-                [timed(faults[place], place) for place in places], edge_of, edges
-            ):
+            owner = f"fault {kind!r}"
+            require(owner, "check", check, METHOD)
+            timed_faults = [timed(faults[place], place) for place in places]
+            problems = check(timed_faults, edge_of, edges)
+            for problem in require(owner, "check()", problems, ITERABLE):
+                place, field, text = require(owner, "check()", problem, PROBLEM)
                 yield f"faults[{places[place]}].{field}", text
 
 
 def timed(entry: FaultEntry, place: int) -> TimedFault:
-    """A fault with its times. ``place`` among the scenario's faults names its random stream. Raises ``UserError``."""
-    fault = plugins.make("fault", entry.fault, FAULTS, MUST_HAVE)
+    """A fault with its times. ``place`` among the scenario's faults names its random stream. Raises
+    ``UserError``.
+    """
+    fault = FAULT.make(entry.fault)
     begin_ns, end_ns = entry.begin_ns or 0, entry.end_ns
     duration_ns = getattr(fault, "duration_ns", None)
+    require(f"fault {entry.fault.name!r}", "duration_ns", duration_ns, optional(WHOLE))
     if end_ns is None and duration_ns is not None:
         end_ns = begin_ns + duration_ns
-    name = f"fault {place}"
     return TimedFault(
-        fault, name, begin_ns, end_ns, entry.mean_time_between_ns, entry.mean_duration_ns or 0
+        fault=fault,
+        name=f"fault {place}",
+        kind=entry.fault.name,
+        begin_ns=begin_ns,
+        end_ns=end_ns,
+        mean_time_between_ns=entry.mean_time_between_ns,
+        mean_duration_ns=entry.mean_duration_ns or 0,
     )

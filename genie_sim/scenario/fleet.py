@@ -1,64 +1,67 @@
-"""Many cars in a generated town: the ``fleet:`` section of a scenario."""
+"""Many cars in a generated town or on another map: the ``fleet:`` section of a scenario."""
 
+from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Annotated
 
-from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema
-
-from genie_sim.scenario.fields import Duration, Length, Model, PositiveLength
-from genie_sim.scenario.links import LINKS, Link
+from genie_sim.plugins import Choice
+from genie_sim.settings import Bounds, SettingError, Short
+from genie_sim.sim.link_models.presets import LINK, LINKS
 from genie_sim.units import NS_PER_MS
 
-# How long a car that changes its edge can send and receive nothing. Drive tests see 30 to 80 ms within LTE and 50 to
-# 150 ms within 5G [S: 5g6gacademy.com, 5G drive testing, lesson 12.3.5]: what both have in common.
-HAND_OVER_GAP_NS = 50 * NS_PER_MS
-
 SHARES_ERROR = 1e-6  # by which shares written in decimals may miss a sum of 1
-# Far beyond what anyone has simulated, see docs/explanation/million-cars.md; more is a slip of the pen, which would
-# fill the memory before anything is said.
-MOST_CARS, MOST_EDGES = 1_000_000, 100_000
+# Far beyond what anyone has simulated, see docs/explanation/million-cars.md; more is a typing error
+# that would exhaust the memory before any message appears.
+MAX_CARS, MAX_EDGES = 1_000_000, 100_000
 
 
-def _shares(value: object) -> object:
-    """A device's name, or the share of each."""
-    return {value: 1.0} if isinstance(value, str) else value
+@dataclass(frozen=True, kw_only=True)
+class Fleet:
+    """Cars that are alike but for their devices, and an edge server in the middle of each cell of
+    the map.
 
-
-def _sum_to_one(shares: dict[str, float]) -> dict[str, float]:
-    if abs(sum(shares.values()) - 1.0) > SHARES_ERROR:
-        raise ValueError(f"shares must add up to 1, not to {sum(shares.values()):g}")
-    return dict(
-        sorted(shares.items())
-    )  # the order decides which car gets which device, and is nobody's choice
-
-
-Share = Annotated[float, Field(gt=0, le=1)]
-_DEVICES_SCHEMA = WithJsonSchema(
-    {
-        "anyOf": [
-            {"type": "string"},
-            {
-                "type": "object",
-                "additionalProperties": {"type": "number", "exclusiveMinimum": 0, "maximum": 1},
-            },
-        ]
-    }
-)
-
-
-class Fleet(Model):
-    """Cars that are alike but for their devices, and an edge server in the middle of each cell of the town.
-
-    The cells are squares of about ``cell_m``: as many as fit the town best. A car is with the nearest edge; it changes
-    when another is nearer by ``hysteresis_m``, and can send and receive nothing for ``hand_over_gap_ns``. Edges share
-    with those of the cells that have a border with theirs.
+    The cells are squares of about ``cell_m``: as many as fit the map best. A car is with the
+    nearest edge; it changes when another is nearer by ``hysteresis_m``, and can send and receive
+    nothing for ``hand_over_gap_ns``. Edges share with those of the cells that have a border with
+    theirs.
     """
 
-    cars: Annotated[int, Field(ge=1, le=MOST_CARS)]
+    cars: Annotated[int, Bounds(minimum=1, maximum=MAX_CARS)] | None = None
+    """Number of cars; leave it out only where the source of frames brings its own."""
+
     devices: Annotated[
-        dict[str, Share], BeforeValidator(_shares), AfterValidator(_sum_to_one), _DEVICES_SCHEMA
+        Mapping[str, Annotated[float, Bounds(above=0, maximum=1)]], Short(("jetson_tx2",))
     ]
-    link: Link = LINKS["nr5g"]
+    """The device of all cars, or a mapping from devices to the shares of cars that have them:
+    `{jetson_tx2: 0.7, orin_nano: 0.3}`."""
+
+    link: Annotated[Choice, LINK] = LINKS["nr5g"]
+    """The link of every car, with the settings of `edge_network`."""
+
     edge_device: str
-    cell_m: PositiveLength = Field(default=300.0, alias="cell")
-    hysteresis_m: Length = Field(default=20.0, alias="hysteresis")
-    hand_over_gap_ns: Duration = Field(default=HAND_OVER_GAP_NS, alias="hand_over_gap")
+    """The device of every edge."""
+
+    cell_m: Annotated[float, Bounds(above=0)] = 300.0
+    """Approximate side of the square that an edge serves; the town gets as many squares as fit."""
+
+    hysteresis_m: float = 20.0
+    """A car is handed over when another edge is nearer than its own by more than this."""
+
+    # Drive tests see 30 to 80 ms within LTE and 50 to 150 ms within 5G [S: 5g6gacademy.com, 5G
+    # drive testing, lesson 12.3.5]: what both have in common.
+    hand_over_gap_ns: int = 50 * NS_PER_MS
+    """How long a car can send and receive nothing during a hand-over. Assumed."""
+
+    def __post_init__(self) -> None:
+        total = sum(self.devices.values())
+        if abs(total - 1.0) > SHARES_ERROR:
+            raise SettingError("devices", f"shares must add up to 1, not to {total:g}")
+        # the order decides which car gets which device, and is nobody's choice
+        object.__setattr__(self, "devices", dict(sorted(self.devices.items())))
+
+    @classmethod
+    def expand(cls, value: object) -> object:
+        """One device for all cars is a share of 1."""
+        if isinstance(value, Mapping) and isinstance(value.get("devices"), str):
+            return {**value, "devices": {value["devices"]: 1.0}}
+        return value

@@ -1,93 +1,72 @@
 """The ``methods:`` of a scenario: names, or mappings with settings of their own."""
 
 from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Annotated, Any
 
-from pydantic import BeforeValidator, Field, PlainSerializer, WithJsonSchema
-
-from genie_sim import plugins
 from genie_sim.errors import short_repr
 from genie_sim.methods import METHODS, MUST_HAVE
 from genie_sim.plugins import Choice
-from genie_sim.scenario.fields import Model, Name, problem, wrong
-from genie_sim.scenario.plain import OWN_CLASS_SCHEMA, PlugIn
+from genie_sim.settings import Beside, Name, PlugIn, SettingError, keys_of
+from genie_sim.sim.settings import MethodSettings
 
-# What ``scenario.Overridable`` holds.
-OVERRIDABLE = (
-    "genie",
-    "model",
-    "spread",
-    "queue_length",
-    "consumer",
-    "image_encoding",
-    "edge_network",
+METHOD = PlugIn(
+    "method", METHODS, MUST_HAVE, key="method", beside=("name", "title", *keys_of(MethodSettings))
 )
-_PLUG_IN = PlugIn("method", METHODS, key="method", beside=("name", "title", *OVERRIDABLE))
 
 
-class MethodEntry(Model):
-    """One method of a scenario.
-
-    ``title`` is what figures and pages call it (``None``: what the method calls itself). ``settings`` are those of the
-    scenario that this entry has otherwise, as in YAML.
+@dataclass(frozen=True, kw_only=True)
+class MethodEntry:
+    """One method of a scenario. In YAML, a name or a mapping in which the method's own settings and
+    those of the scenario stand side by side.
     """
 
     name: Name
-    method: Choice
+    """What tables call it; by default the name of the method."""
+
+    method: Annotated[Choice, METHOD]
+    """The method, or a class of your own."""
+
     title: str | None = None
-    settings: dict[str, Any] = Field(default_factory=dict)
+    """What figures and pages call it; by default what the method calls itself."""
 
+    settings: Annotated[Mapping[str, Any], Beside(MethodSettings)] = field(default_factory=dict)
+    """Settings of the scenario that this entry has otherwise, as they are written."""
 
-def read_method(value: object) -> MethodEntry:
-    """A name, or ``{name, method, title}`` with arguments of the method and settings of the scenario."""
-    if isinstance(value, MethodEntry):
-        return value
-    given: dict[str, Any] = dict(value) if isinstance(value, Mapping) else {"method": value}
-    method = given.pop("method", given.get("name"))
-    name = given.pop(
-        "name", method.rpartition(":")[2] if isinstance(method, str) else method
-    )  # MyMethod of m:MyMethod
-    title = given.pop("title", None)
-    if title is not None and (not isinstance(title, str) or not title.strip()):
-        problem("title", f"must be text, not {short_repr(title)}")
-    with wrong("method" if isinstance(value, Mapping) and "method" in value else ""):
-        plugins.checked_name("method", method, METHODS)
-    of_scenario = {key: item for key, item in given.items() if key in OVERRIDABLE}
-    arguments = {key: item for key, item in given.items() if key not in OVERRIDABLE}
-    choice = _PLUG_IN.read({"method": method, **arguments})
-    if not isinstance(name, str):
-        problem("name", f"must be text, not {short_repr(name)}")
-    return MethodEntry(name=name, method=choice, title=title, settings=of_scenario)
+    def __post_init__(self) -> None:
+        if self.title is not None and (not isinstance(self.title, str) or not self.title.strip()):
+            raise SettingError("title", f"must be text, not {short_repr(self.title)}")
 
+    @classmethod
+    def expand(cls, value: object) -> object:
+        """Takes the settings of the method and of the scenario out of ``genie`` or ``{name: wide,
+        method: genie, genie: {view_range: 80 m}}``.
+        """
+        arguments = dict(value) if isinstance(value, Mapping) else {"method": value}
+        method = arguments.setdefault("method", arguments.get("name"))
+        try:
+            METHOD.name(method)
+        except SettingError as error:
+            named = isinstance(value, Mapping) and "method" in value
+            raise error.below("method" if named else "") from error
+        # MyMethod of m:MyMethod
+        name = arguments.pop("name", str(method).rpartition(":")[2])
+        if not isinstance(name, str):
+            raise SettingError("name", f"must be text, not {short_repr(name)}")
+        entry = {"name": name, "title": arguments.pop("title", None)}
+        settings = {key: arguments.pop(key) for key in keys_of(MethodSettings) if key in arguments}
+        return {**entry, "method": METHOD.read(arguments), "settings": settings}
 
-def _write(entry: MethodEntry) -> object:
-    choice = _PLUG_IN.write(entry.method)
-    written: dict[str, Any] = {
-        "name": entry.name,
-        **(choice if isinstance(choice, dict) else {"method": choice}),
-    }
-    written |= ({} if entry.title is None else {"title": entry.title}) | entry.settings
-    return entry.name if written == {"name": entry.name, "method": entry.name} else written
-
-
-MethodField = Annotated[
-    MethodEntry,
-    BeforeValidator(read_method),
-    PlainSerializer(_write, when_used="json"),
-    WithJsonSchema({"anyOf": [{"enum": list(METHODS)}, OWN_CLASS_SCHEMA, {"type": "object"}]}),
-]
+    def shorten(self) -> object:
+        """The settings of the method and of the scenario side by side."""
+        choice = METHOD.write(self.method)
+        arguments = choice if isinstance(choice, dict) else {"method": choice}
+        if arguments == {"method": self.name} and self.title is None and not self.settings:
+            return self.name
+        title = {} if self.title is None else {"title": self.title}
+        return {"name": self.name, **arguments, **title, **self.settings}
 
 
 def method_class(entry: MethodEntry) -> Any:
     """The class of an entry's method. Raises ``UserError``."""
-    return plugins.resolve("method", entry.method.name, METHODS, MUST_HAVE)
-
-
-def overridden(settings: Mapping[str, Any], by: Mapping[str, Any]) -> dict[str, Any]:
-    """Settings as in YAML, with others over them: mappings are merged, a plug-in that is named anew brings its own."""
-    found = dict(settings)
-    for key, item in by.items():
-        held = found.get(key)
-        merge = isinstance(held, Mapping) and isinstance(item, Mapping) and "name" not in item
-        found[key] = overridden(held or {}, item) if merge else item
-    return found
+    return METHOD.resolve(entry.method.name)

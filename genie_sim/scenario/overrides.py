@@ -9,11 +9,8 @@ from genie_sim.scenario.yaml_input import parse
 
 _STEP = re.compile(r"([A-Za-z_]\w*)|\[(\d{1,6})\]")
 _PATH = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*|\[\d{1,6}\])*")
-_SHORT_FOR = {
-    "link": "like",
-    "edge_network": "like",
-    "similarity": "name",
-}  # settings that may be a mere name
+# settings that may be a mere name
+_SHORT_FOR = {"link": "like", "edge_network": "like", "similarity": "name"}
 
 
 class Override(NamedTuple):
@@ -24,7 +21,9 @@ class Override(NamedTuple):
 
 
 def apply_overrides(settings: dict[str, Any], overrides: Sequence[str]) -> list[Override]:
-    """Sets each ``path=value`` in ``settings``, the value read as YAML. Raises ``UserError`` naming the override."""
+    """Sets each ``path=value`` in ``settings``, the value read as YAML. Raises ``UserError`` naming
+    the override.
+    """
     applied = []
     for assignment in overrides:
         text = f"--set {assignment}"
@@ -45,35 +44,36 @@ def _steps(path: str, text: str) -> list[str | int]:
 
 
 def _assign(settings: dict[str, Any], steps: list[str | int], value: Any, text: str) -> None:
-    here: Any = settings
+    """Sets what is at the end of ``steps``, and makes the mappings that lead there."""
+    node: Any = settings
     path = ""
     for step, following in zip(steps, [*steps[1:], None], strict=True):
         if isinstance(step, int):
-            if not isinstance(here, list):
-                left_out = ", which leaves it out: set it as a whole" if here is None else ""
-                raise UserError(f"{text}: {path}: is not a list in the scenario{left_out}")
-            if step > len(here):
-                count = "1 entry" if len(here) == 1 else f"{len(here)} entries"
+            if not isinstance(node, list):
+                hint = ": it is null; set the whole list" if node is None else ""
+                raise UserError(f"{text}: {path}: is not a list in the scenario{hint}")
+            if step > len(node):
+                count = "1 entry" if len(node) == 1 else f"{len(node)} entries"
                 raise UserError(
-                    f"{text}: {path}: has {count}, counted from 0; the next is {path}[{len(here)}]"
+                    f"{text}: {path}: has {count}, counted from 0; the next is {path}[{len(node)}]"
                 )
-            if step == len(here):
-                here.append({} if isinstance(following, str) else [])
+            if step == len(node):
+                node.append({} if isinstance(following, str) else [])
             path += f"[{step}]"
         else:
-            if not isinstance(here, dict):
+            if not isinstance(node, dict):
                 raise UserError(
-                    f"{text}: {path}: is {short_repr(here)}, which has no setting {step!r}"
+                    f"{text}: {path}: is {short_repr(node)}, which has no setting {step!r}"
                 )
             path += f".{step}" if path else step
         if following is None:
-            here[step] = value
+            node[step] = value
         elif isinstance(step, int):
-            here = here[step]
+            node = node[step]
         else:
-            inner = here.get(step)
+            inner = node.get(step)
             if isinstance(following, str) and (
                 inner is None or (isinstance(inner, str) and step in _SHORT_FOR)
             ):
                 inner = {} if inner is None else {_SHORT_FOR[step]: inner}
-            here[step] = here = inner
+            node[step] = node = inner

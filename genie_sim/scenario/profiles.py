@@ -1,50 +1,62 @@
-"""How long things take on a device: read from ``device_profiles/*.yaml``, every number with its source.
+"""How long things take on a device: read from ``device_profiles/*.yaml``, every number with its
+source.
 
-Tags: [P] the paper says so; [S] a public source; [M] measured; [D] derived, formula given; [A] assumed, to be varied.
+Tags: [P] the paper says so; [S] a public source; [M] measured; [D] derived, formula given; [A]
+assumed, to be varied.
 """
 
 import functools
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Annotated, Generic, Literal, TypeVar
-
-from pydantic import Field, model_validator
+from typing import Annotated
 
 from genie_sim import files
 from genie_sim.errors import UserError, unknown
-from genie_sim.scenario.fields import (
-    Duration,
-    Listed,
-    Model,
-    Name,
-    PositiveDuration,
-    problem,
-    validate,
-)
+from genie_sim.scenario.power import DevicePower, Watts
+from genie_sim.scenario.sourced import Sourced
 from genie_sim.scenario.yaml_input import read_mapping, read_text
-
-Tag = Literal["P", "S", "M", "D", "A"]
-
-Value = TypeVar("Value")
+from genie_sim.settings import Bounds, Key, Name, SettingError, Share, read
 
 
-class Sourced(Model, Generic[Value]):
-    """A number and where it comes from."""
+@dataclass(frozen=True, kw_only=True)
+class Time(Sourced):
+    """A time."""
 
-    value: Value
-    tag: Tag
-    source: Annotated[str, Field(min_length=1)]
+    value_ns: int
 
 
-class Spread(Model):
+@dataclass(frozen=True, kw_only=True)
+class PositiveTime(Sourced):
+    """A time above zero."""
+
+    value_ns: Annotated[int, Bounds(above=0)]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cores(Sourced):
+    """The number of a computer's cores."""
+
+    value: Annotated[int, Bounds(minimum=1, maximum=1024)]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Factor(Sourced):
+    """How many times as long something takes as where it was measured."""
+
+    value: Annotated[float, Bounds(above=0, maximum=1000)]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Spread(Sourced):
     """How much service times vary about their median."""
 
-    loc: Annotated[float, Field(ge=0, le=1)]
-    sigma: Annotated[float, Field(ge=0, le=5)]
-    tag: Tag
-    source: Annotated[str, Field(min_length=1)]
+    loc: Share
+    sigma: Annotated[float, Bounds(minimum=0, maximum=5)]
 
 
-class Spreads(Model):
+@dataclass(frozen=True, kw_only=True)
+class Spreads:
     """The three conditions a device can be in: alone, as usual, with other work beside it."""
 
     isolated: Spread
@@ -52,63 +64,73 @@ class Spreads(Model):
     loaded: Spread
 
 
-class Hop(Model):
+@dataclass(frozen=True, kw_only=True)
+class Hop:
     """Handing a message to another process on the same host."""
 
-    small: Sourced[Duration]
-    per_megabyte: Sourced[Duration]
+    small: Time
+    per_megabyte: Time
 
 
-class GenieTime(Model):
+@dataclass(frozen=True, kw_only=True)
+class GenieTime:
     """Genie's own CPU time for one message."""
 
-    median: Sourced[PositiveDuration]
+    median: PositiveTime
     spread: Spread
 
 
-class ModelTime(Model):
-    """The median time of one detection, or ``oom``: the model does not fit into the device's memory.
-
-    ``quantiles``, evenly spaced from the shortest to the longest time, replace the law of the device's spreads by what
-    was measured.
+@dataclass(frozen=True, kw_only=True)
+class BatchTime(Sourced):
+    """What pictures gain from being detected at once: b of them take ``fixed + (1 - fixed) b``
+    times as long as one.
     """
 
-    median_ns: PositiveDuration | None = Field(default=None, alias="median")
-    quantiles_ns: Annotated[tuple[PositiveDuration, ...], Listed] = Field((), alias="quantiles")
-    oom: bool = False
-    tag: Tag
-    source: Annotated[str, Field(min_length=1)]
+    fixed: Share
 
-    @model_validator(mode="after")
-    def _fits_or_not(self) -> "ModelTime":
+
+@dataclass(frozen=True, kw_only=True)
+class ModelTime(Sourced):
+    """The median time of one detection, or ``oom``: the model does not fit into the device's
+    memory. ``batch``: how much longer several pictures at once take. ``power``: what the
+    accelerator takes beside the idle device, where this model makes a difference.
+
+    ``quantiles_ns``, evenly spaced from the shortest to the longest time, replace the law of the
+    device's spreads by what was measured.
+    """
+
+    median_ns: Annotated[int, Bounds(above=0)] | None = None
+    quantiles_ns: tuple[Annotated[int, Bounds(above=0)], ...] = ()
+    oom: bool = False
+    batch: BatchTime = BatchTime(fixed=0.0, tag="A", source="assumed: batches gain nothing")
+    power: Watts | None = None
+
+    def __post_init__(self) -> None:
         if (self.median_ns is None) != self.oom:
-            problem("median", "exactly one of 'median' and 'oom: true' must be given")
+            raise SettingError("median", "exactly one of 'median' and 'oom: true' must be given")
         if self.quantiles_ns and (
             len(self.quantiles_ns) < 2 or sorted(self.quantiles_ns) != list(self.quantiles_ns)
         ):
-            problem("quantiles", "must be at least two times, in ascending order")
-        return self
+            raise SettingError("quantiles", "must be at least two times, in ascending order")
 
 
-class KeyTime(Model):
-    """What a picture's key costs: CPU time (``median``), or accelerator time as a share of one detection's median."""
+@dataclass(frozen=True, kw_only=True)
+class KeyTime(Sourced):
+    """What a picture's key costs: CPU time (``median_ns``), or accelerator time as a share of one
+    detection's median.
+    """
 
-    median_ns: PositiveDuration | None = Field(default=None, alias="median")
-    of_detection: Annotated[float, Field(gt=0, le=1)] | None = None
-    tag: Tag
-    source: Annotated[str, Field(min_length=1)]
+    median_ns: Annotated[int, Bounds(above=0)] | None = None
+    of_detection: Annotated[float, Bounds(above=0, maximum=1)] | None = None
 
-    @model_validator(mode="after")
-    def _one_of_both(self) -> "KeyTime":
+    def __post_init__(self) -> None:
         if (self.median_ns is None) == (self.of_detection is None):
-            problem("median", "exactly one of 'median' and 'of_detection' must be given")
-        return self
+            text = "exactly one of 'median' and 'of_detection' must be given"
+            raise SettingError("median", text)
 
 
 KEYS = {  # by the name of the feature; a profile may say otherwise
-    "hsv": KeyTime.model_validate(
-        {"median": "1 ms", "tag": "A", "source": "assumed: a histogram of a picture"}
-    ),
+    "hsv": KeyTime(median_ns=1_000_000, tag="A", source="assumed: a histogram of a picture"),
     "yolox_gap": KeyTime(
         of_detection=0.455,
         tag="D",
@@ -116,30 +138,39 @@ KEYS = {  # by the name of the feature; a profile may say otherwise
     ),
 }
 
-_CODEC = Sourced(
-    value=1.0, tag="A", source="as fast as the processor that sim/encoding.py was measured on"
-)
 
-
-class DeviceProfile(Model):
+@dataclass(frozen=True, kw_only=True)
+class DeviceProfile:
     """One computer: a car's or an edge's.
 
-    ``keys``: what similarity keys cost, by the name of the feature. ``codec``: how many times as long as in
-    ``sim/encoding.py`` it takes to encode and decode pictures.
+    ``keys``: what similarity keys cost, by the name of the feature. ``codec``: how many times as
+    long as in ``sim/encoding.py`` it takes to encode and decode pictures. ``power``: what the
+    computer takes; without it, the energy of a run is not known.
     """
 
     name: Name
     title: str
-    cores: Sourced[Annotated[int, Field(ge=1, le=1024)]]
+    cores: Cores
     hop: Hop
-    genie_time: GenieTime = Field(alias="genie")
-    codec: Sourced[Annotated[float, Field(gt=0, le=1000)]] = _CODEC
+    genie_time: Annotated[GenieTime, Key("genie")]
+    codec: Factor = Factor(
+        value=1.0, tag="A", source="as fast as the processor that sim/encoding.py was measured on"
+    )
     spreads: Spreads
-    keys: dict[Name, KeyTime] = KEYS
-    models: dict[Name, ModelTime]
+    keys: Mapping[Name, KeyTime] = field(default_factory=lambda: KEYS)
+    models: Mapping[Name, ModelTime]
+    power: DevicePower | None = None
+
+    def power_with(self, model: str) -> DevicePower | None:
+        """What the computer takes with this model; ``None`` if nobody says."""
+        if self.power is None:
+            return None
+        return replace(self.power, accelerator=self.models[model].power or self.power.accelerator)
 
     def median_ns(self, model: str) -> int:
-        """Of one detection [ns]. Raises ``UserError`` where the model is unknown here or does not fit into memory."""
+        """Of one detection [ns]. Raises ``UserError`` where the model is unknown here or does not
+        fit into memory.
+        """
         if model not in self.models:
             raise UserError(f"{self.name}: {unknown('model', model, self.models)}")
         median_ns = self.models[model].median_ns
@@ -156,5 +187,7 @@ def load_profile(path_or_name: str | Path) -> DeviceProfile:
 
 @functools.lru_cache(maxsize=64)
 def _profile(path: Path, _: str) -> DeviceProfile:
-    """What stands in a file with this text, remembered: the runs of an evaluation have the same few devices."""
-    return validate(DeviceProfile, read_mapping(path), lambda field: str(path))
+    """What stands in a file with this text, remembered: the runs of an evaluation have the same few
+    devices.
+    """
+    return read(DeviceProfile, read_mapping(path), lambda _: str(path))

@@ -1,8 +1,8 @@
-"""Reads YAML that a stranger wrote: plain data only, one clear line for everything else.
+"""Reads untrusted YAML: plain data only, one clear line for everything else.
 
-Stricter than PyYAML's safe loader, and without its surprises: ``no`` and ``on`` are text, ``1e-3`` is a number, ``02``
-and ``2011_09_26`` stay text; duplicate keys, tags, and documents that explode when their aliases are written out are
-refused.
+Stricter than PyYAML's safe loader, and without its surprises: ``no`` and ``on`` are text, ``1e-3``
+is a number, ``02`` and ``2011_09_26`` stay text; duplicate keys, tags, and documents that explode
+when their aliases are written out are refused.
 """
 
 import copy
@@ -17,9 +17,9 @@ import yaml
 from genie_sim.errors import UserError, short_repr
 from genie_sim.paths import usable
 
-MOST_BYTES = 1_000_000
-MOST_NODES = 100_000
-DEEPEST = 40
+MAX_BYTES = 1_000_000
+MAX_NODES = 100_000
+MAX_DEPTH = 40
 _UNPRINTABLE = re.compile(r"[\x00-\x08\x0b-\x1f\x7f\ud800-\udfff]")
 
 _PLAIN = {
@@ -46,9 +46,9 @@ def read_mapping(path: Path) -> dict[str, Any]:
 def read_text(path: Path) -> str:
     """The text of a file of settings. Raises ``UserError``."""
     with usable(path, "cannot be read"):
-        if path.stat().st_size > MOST_BYTES:
+        if path.stat().st_size > MAX_BYTES:
             raise UserError(
-                f"{path}: is larger than {MOST_BYTES} bytes; a file of settings is smaller"
+                f"{path}: is larger than {MAX_BYTES} bytes; a file of settings is smaller"
             )
         data = path.read_bytes()
     try:
@@ -59,21 +59,21 @@ def read_text(path: Path) -> str:
 
 
 def parse(text: str, where: str) -> Any:
-    """The plain data in ``text``; errors are ``UserError`` that begin with ``where`` and the line."""
+    """The plain data in ``text``. Raises ``UserError`` that begins with ``where`` and the line."""
     return copy.deepcopy(_parsed(text, where))
 
 
 @functools.lru_cache(maxsize=64)
 def _parsed(text: str, where: str) -> Any:
-    """The same, remembered: the runs of an evaluation read the same few files thousands of times."""
+    """The same, cached: the runs of an evaluation read the same few files thousands of times."""
     try:
         loader = _Loader(text)
         node = loader.get_single_node()
         if node is None:
             return None
-        if sum(1 for _ in _expanded(node)) > MOST_NODES:
+        if sum(1 for _ in _expanded(node)) > MAX_NODES:
             raise UserError(
-                f"{where}: holds more than {MOST_NODES} values once its aliases are written out"
+                f"{where}: holds more than {MAX_NODES} values once its aliases are written out"
             )
         return loader.construct_document(node)
     except yaml.reader.ReaderError as error:
@@ -117,9 +117,9 @@ class _Loader(yaml.SafeLoader):
         if getattr(event, "tag", None) is not None:
             problem = f"tags such as {event.tag!r} are not allowed"
             raise yaml.MarkedYAMLError(problem=problem, problem_mark=event.start_mark)
-        if self._depth >= DEEPEST:
+        if self._depth >= MAX_DEPTH:
             raise yaml.MarkedYAMLError(
-                problem=f"nested more than {DEEPEST} deep", problem_mark=event.start_mark
+                problem=f"nested more than {MAX_DEPTH} deep", problem_mark=event.start_mark
             )
         self._depth += 1
         node = super().compose_node(parent, index)
@@ -166,13 +166,13 @@ _Dumper.add_representer(str, _represent_text)
 def _expanded(root: yaml.Node) -> Iterator[yaml.Node]:
     """Every node as often as it would be written without aliases; stops soon after too many."""
     seen, waiting = 0, [(root, 1)]
-    while waiting and seen <= MOST_NODES:
+    while waiting and seen <= MAX_NODES:
         node, depth = waiting.pop()
         seen += 1
         yield node
-        if depth > DEEPEST:
+        if depth > MAX_DEPTH:
             raise yaml.MarkedYAMLError(
-                problem=f"nested more than {DEEPEST} deep", problem_mark=node.start_mark
+                problem=f"nested more than {MAX_DEPTH} deep", problem_mark=node.start_mark
             )
         if isinstance(node, yaml.SequenceNode):
             waiting += [(child, depth + 1) for child in node.value]

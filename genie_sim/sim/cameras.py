@@ -1,79 +1,107 @@
 """Cameras: they replay what was recorded, at its own stamps."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 from genie_sim.messages import Frame, Header, Image
+from genie_sim.sim.bends import Sense
+from genie_sim.sim.method import IMAGES
 from genie_sim.sim.ros_graph import Graph, Node
-from genie_sim.sim.setup import CameraSetup, CarSetup
+from genie_sim.sim.settings import Camera, Car
 
 POSITION_BYTES = 81  # geometry_msgs/PoseStamped: 16 of header, 9 of frame_id, 7 doubles
-Published = Callable[[Image, int, int], None]
+Published = Callable[[Image, int, int], None]  # image, running number, lap
 
 
-class Camera(Node):
+class CameraNode(Node):
     """One camera stream of a car: a window of a recording, driven ``laps`` times.
 
-    ``published`` is told of each frame (image, running number, lap) before it is published. Two streams are two
-    cameras even where one recording stands for both: their images are never byte for byte the same. Of a car that does
-    not see, each frame is only its position (Section V-F), which is what its localisation knows.
+    ``frames`` are those of its recording; ``published`` is called with each before it is
+    published, and ``senses`` are what faults make of it, with what drops those that are lost. Two
+    streams are two cameras even if one recording stands for both: their images are never byte for
+    byte the same. Of a car without cameras, each frame is only its position (Section V-F), which
+    its localisation knows.
     """
 
     def __init__(
-        self, camera: CameraSetup, car: CarSetup, graph: Graph, topic: str, published: Published
+        self,
+        camera: Camera,
+        car: Car,
+        graph: Graph,
+        *,
+        frames: Sequence[Frame],
+        published: Published,
+        senses: Sequence[tuple[Sense, str]] = (),
     ) -> None:
-        super().__init__(f"{car.name}/{camera.name}", graph, subscribes=(), publishes=(topic,))
-        frames, window_ns = camera.frames, car.window_ns
+        super().__init__(f"{car.name}/{camera.name}", graph, subscribes=(), publishes=(IMAGES,))
         self._camera = camera
         self._car = car
-        self._topic = topic
-        begin_ns, end_ns = (
-            window_ns if window_ns is not None else (frames[0].stamp_ns, frames[-1].stamp_ns + 1)
-        )
-        self._first_ns = car.start_ns + camera.phase_ns - begin_ns
-        inside = (
-            frames
-            if window_ns is None
-            else [frame for frame in frames if begin_ns <= frame.stamp_ns < end_ns]
-        )
-        self._frames: Sequence[Frame] = inside
-        self._lap_ns = end_ns - begin_ns + car.pause_ns
+        self._route = route = car.route
         self._published = published
-        laps = (
-            (self._stamp_ns(lap, frame), lap, frame) for lap in range(car.laps) for frame in inside
-        )
-        self._coming = enumerate(laps)
+        self._senses = senses
+        self._frames = frames  # of a map they are computed on the way: a list would hold them all
+        if route.window_ns is None:
+            begin_ns, end_ns = frames[0].stamp_ns, frames[-1].stamp_ns + 1
+        else:
+            begin_ns, end_ns = route.window_ns
+            self._frames = [frame for frame in frames if begin_ns <= frame.stamp_ns < end_ns]
+        self._offset_ns = route.start_ns + camera.phase_ns - begin_ns
+        self._lap_ns = end_ns - begin_ns + route.pause_ns
+        self._schedule = enumerate(self._stamped_frames())
 
     @property
     def last_stamp_ns(self) -> int:
         """When the last frame is taken."""
-        return self._stamp_ns(self._car.laps - 1, self._frames[-1]) if self._frames else 0
-
-    def _stamp_ns(self, lap: int, frame: Frame) -> int:
-        return int(self._first_ns + lap * self._lap_ns + frame.stamp_ns)
+        return self._stamp_ns(self._route.laps - 1, self._frames[-1]) if self._frames else 0
 
     def wait(self) -> None:
-        """For the next frame."""
-        coming = next(self._coming, None)
-        if coming is not None:
-            number, (stamp_ns, lap, frame) = coming
-            self.env.after(stamp_ns - self.env.now, self._take, number, lap, stamp_ns, frame)
+        """Schedules the next frame, if there is one."""
+        following = next(self._schedule, None)
+        if following is not None:
+            number, (stamp_ns, lap, frame) = following
+            self.clock.after(stamp_ns - self.clock.now, self._take, (number, lap, stamp_ns, frame))
+
+    def _stamped_frames(self) -> Iterator[tuple[int, int, Frame]]:
+        """Each frame with its stamp [ns] and its lap."""
+        for lap in range(self._route.laps):
+            for frame in self._frames:
+                yield self._stamp_ns(lap, frame), lap, frame
+
+    def _stamp_ns(self, lap: int, frame: Frame) -> int:
+        return int(self._offset_ns + lap * self._lap_ns + frame.stamp_ns)
 
     def _take(self, number: int, lap: int, stamp_ns: int, frame: Frame) -> None:
         image = self._image(Header(stamp_ns, self._camera.name, self._car.name), frame)
-        self.env.begin(image.header)
+        self.clock.begin(image.header)
         self._published(image, number, lap)
-        self.publish(self._topic, image)
-        self.env.way = None  # what is done next, by whomever, is not about this frame
+        self._publish(image)
+        self.clock.path = None  # what follows has nothing to do with this frame
         self.wait()
 
+    def _publish(self, image: Image) -> None:
+        """Publishes what faults leave of an image."""
+        for sense, cause in self._senses:
+            sensed = sense(image)
+            if sensed is None:
+                self.drops += 1
+                self.graph.dropped(image, f"{self.name}:{cause}")
+                return
+            image = sensed
+        self.publish(IMAGES, image)
+
     def _image(self, header: Header, frame: Frame) -> Image:
-        if not self._car.sees:
-            unseen = f"{header.frame_id}/"
-            return Image(
-                header, POSITION_BYTES, unseen, 0, frame.pose, frame.horizontal_fov_rad, frame
-            )
-        recorded, size_bytes = f"{header.frame_id}/{frame.digest}", self._camera.size_bytes
-        size_bytes = frame.size_bytes if size_bytes is None else size_bytes
+        if self._car.cameras:
+            own_size = self._camera.size_bytes
+            size_bytes = frame.size_bytes if own_size is None else own_size
+            digest, dhash = f"{header.frame_id}/{frame.digest}", frame.dhash
+        else:
+            size_bytes = POSITION_BYTES
+            digest, dhash = f"{header.frame_id}/", 0
         return Image(
-            header, size_bytes, recorded, frame.dhash, frame.pose, frame.horizontal_fov_rad, frame
+            header=header,
+            size_bytes=size_bytes,
+            digest=digest,
+            dhash=dhash,
+            pose=frame.pose,
+            horizontal_fov_rad=frame.horizontal_fov_rad,
+            content=frame,
         )

@@ -1,32 +1,43 @@
-"""Pictures that are encoded before they go over a link: by a CPU of the car, and decoded by one of the edge.
+"""Image encoding: the car's CPU encodes an image before the uplink, the edge's CPU decodes it.
 
-What a detector finds in them then comes from a recording of the very pictures after encoding and decoding.
+What a detector finds in it then comes from a recording of the same images after encoding and
+decoding.
 """
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 from genie_sim.messages import Detection, Encoding, Frame, Image, Message
 from genie_sim.sim.device import Arguments, Done
 from genie_sim.sim.ros_graph import Graph, Node
 from genie_sim.sim.service import MEGABYTE
 
-# To encode and to decode a megabyte of pixels [ns], with OpenCV on one core of an AMD EPYC: medians over drive
-# 2011_09_26/0005 (benchmarks/encodings.py). Devices have a factor.
-TIMES_NS: dict[Encoding, tuple[int, int]] = {
-    "png": (14_410_000, 6_940_000),
-    "jpeg90": (1_330_000, 1_690_000),
-    "jpeg80": (1_160_000, 1_360_000),
+
+class CodecTimes(NamedTuple):
+    """Times per megabyte of pixels [ns]."""
+
+    encode: int
+    decode: int
+
+
+# With OpenCV on one core of an AMD EPYC: medians over drive 2011_09_26/0005
+# (benchmarks/encodings.py). Devices have a factor.
+TIMES_NS: dict[Encoding, CodecTimes] = {
+    "png": CodecTimes(14_410_000, 6_940_000),
+    "jpeg90": CodecTimes(1_330_000, 1_690_000),
+    "jpeg80": CodecTimes(1_160_000, 1_360_000),
 }
+CoderRole = Literal["encoder", "decoder"]
 Take = Callable[[str, Message, str], None]  # topic, message, sender
-Recorded = Mapping[
-    str, Mapping[tuple[str, int], Frame]
-]  # by car; by the picture's digest and stamp
+# by car; by the image's digest and stamp
+Recorded = Mapping[str, Mapping[tuple[str, int], Frame]]
 
 
-class Sent(NamedTuple):
-    """What is found in a picture that was sent, its size on the wire and in memory, and the raw picture's features."""
+class EncodedContent(NamedTuple):
+    """What is found in an encoded image, its size on the wire and in memory, and the raw image's
+    features.
+    """
 
     detections: tuple[Detection, ...]
     wire_bytes: int
@@ -35,11 +46,11 @@ class Sent(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Codec:
-    """How pictures are sent, and how they are recorded after that.
+class ImageCodec:
+    """How images are encoded, and how they are recorded after that.
 
-    A camera whose pictures have a smaller size than the recording's, such as a grey one, sends as many bytes as the
-    recorded picture, but never more than it has.
+    A camera whose images have a smaller size than the recording's, such as a grey one, sends as
+    many bytes as the recorded image, but never more than its own size.
     """
 
     encoding: Encoding
@@ -50,39 +61,66 @@ class Codec:
         if not isinstance(message, Image):
             return message
         content = message.content
-        if not isinstance(content, Sent):
+        if not isinstance(content, EncodedContent):
             frames = self.recorded.get(message.header.origin, {})
-            frame = frames.get((message.digest.rpartition("/")[2], content.stamp_ns))
+            _, _, digest = message.digest.rpartition("/")
+            frame = frames.get((digest, content.stamp_ns))
             if frame is None:  # a position
                 return message
-            wire_bytes, features = (
-                min(frame.size_bytes, message.size_bytes),
-                getattr(content, "features", {}),
+            change = getattr(content, "change", None)  # a fault of the camera
+            found = frame.detections
+            content = EncodedContent(
+                detections=found if change is None else change(found),
+                wire_bytes=min(frame.size_bytes, message.size_bytes),
+                raw_bytes=message.size_bytes,
+                features=getattr(content, "features", {}),
             )
-            content = Sent(frame.detections, wire_bytes, message.size_bytes, features)
-        return replace(message, size_bytes=content.wire_bytes, content=content)
+        size_bytes = content.wire_bytes + sum(look.size_bytes for look in message.looks)
+        return replace(message, size_bytes=size_bytes, content=content)
 
     def in_memory(self, message: Message) -> Message:
         """The message after it was decoded."""
-        if isinstance(message, Image) and isinstance(message.content, Sent):
+        if isinstance(message, Image) and isinstance(message.content, EncodedContent):
             return replace(message, size_bytes=message.content.raw_bytes)
         return message
 
 
 class Coder(Node):
-    """Encodes (``step`` 0) or decodes (1) pictures on the CPU of its host; then ``take`` gets them, and all else at
-    once. It keeps the newest pictures of each camera, as the node that it belongs to does."""
+    """Encodes or decodes images on the CPU of its host, then hands them to ``take``; all else it
+    hands over at once. It keeps the newest images of each camera, as the node that it belongs to
+    does.
+
+    Parameters
+    ----------
+    graph : Graph
+        The graph that it registers with.
+    codec : ImageCodec
+        How images are encoded.
+    role : {"encoder", "decoder"}
+        What it is, and the end of its name.
+    take : callable
+        Called with topic, message and sender.
+    """
 
     part = "encoding"
 
-    def __init__(self, name: str, graph: Graph, codec: Codec, step: int, take: Take) -> None:
-        super().__init__(name, graph, (), (), threads=graph.host.device.cores)
+    def __init__(
+        self,
+        graph: Graph,
+        codec: ImageCodec,
+        *,
+        role: CoderRole,
+        take: Take,
+    ) -> None:
+        super().__init__(f"{graph.name}/{role}", graph, (), (), threads=graph.host.device.cores)
         self._codec = codec
         self._take = take
-        self._per_megabyte = TIMES_NS[codec.encoding][step] * self.host.device.codec_factor
+        times = TIMES_NS[codec.encoding]
+        per_megabyte_ns = times.encode if role == "encoder" else times.decode
+        self._per_megabyte_ns = per_megabyte_ns * self.host.device.codec_factor
 
     def inject(self, topic: str, message: Message, sender: str) -> None:
-        """A message comes; its picture waits with those of its camera."""
+        """A message comes; its image waits with those of its camera."""
         if self._codec.on_wire(message) is message:
             self._take(topic, message, sender)
         else:
@@ -91,7 +129,8 @@ class Coder(Node):
 
     def work(self, message: Message, done: Done, arguments: Arguments) -> None:
         raw = self._codec.in_memory(message)
-        self.host.cpu.run(round(raw.size_bytes / MEGABYTE * self._per_megabyte), done, arguments)
+        service_ns = round(raw.size_bytes / MEGABYTE * self._per_megabyte_ns)
+        self.host.cpu.run(service_ns, done, arguments, self.work_label)
 
     def handle(self, topic: str, message: Message, sender: str) -> None:
         self._take(topic.partition(" ")[0], self._codec.in_memory(message), sender)

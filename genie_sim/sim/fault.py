@@ -1,17 +1,137 @@
-"""Faults: what goes wrong in a world, and when."""
+"""Faults: what goes wrong in a run, and when."""
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Annotated, Any, Literal, Protocol, runtime_checkable
 
-if TYPE_CHECKING:
-    from genie_sim.sim.world import World
+import numpy as np
+
+from genie_sim.errors import UserError
+from genie_sim.monitor import FaultSpan
+from genie_sim.settings import Bounds
+from genie_sim.sim.bends import Bend, Sense
+from genie_sim.sim.forgeries import Forgeries
+
+
+class FaultClock(Protocol):
+    """The run's clock, as a fault sees it."""
+
+    now: int  # [ns] since the start of the run
+
+    def after(
+        self, delay_ns: int, call: Callable[..., None], arguments: tuple[Any, ...] = ()
+    ) -> None:
+        """Schedules ``call(*arguments)`` in ``delay_ns``."""
+
+
+class AffectedLink(Protocol):
+    """A link, as a fault sees it: it carries nothing while ``down_by`` names a cause."""
+
+    name: str
+    down_by: list[str]
+
+
+class AffectedHost(Protocol):
+    """The ROS graph of a host, as a fault sees it."""
+
+    def void(self, where: str, keep: Literal["memory"] | None = None) -> None:
+        """What is queued and in service is lost, dropped by ``where``, and the nodes lose their
+        state, unless they ``keep`` what is in memory.
+        """
+
+
+class AffectedProcessor(Protocol):
+    """An accelerator or a CPU, as a fault sees it."""
+
+    def stall(self) -> None:
+        """Nothing is begun or finished from now on, until ``go_on``."""
+
+    def go_on(self) -> None:
+        """Ends a stall."""
+
+    def slow(self, factor: float) -> None:
+        """Jobs that come from now on take ``factor`` times as long."""
+
+    def speed_up(self, factor: float) -> None:
+        """Ends what ``slow`` has begun."""
+
+
+class EdgeConnection(Protocol):
+    """A car's connection to its ``edge``."""
+
+    edge: str
+
+    def leave(self, lost_by: str) -> None:
+        """Breaks it; ``lost_by`` names what drops the messages from now on."""
+
+    def join(self, edge: str) -> None:
+        """Connects the car to an edge."""
+
+
+class AffectedNetwork(Protocol):
+    """What a fault may act on: the run's links, hosts, and the cars' connections to their edges."""
+
+    @property
+    def clock(self) -> FaultClock: ...
+
+    @property
+    def links(self) -> Mapping[str, AffectedLink]:
+        """By name, such as ``car1->edge1``."""
+
+    @property
+    def graphs(self) -> Mapping[str, AffectedHost]:
+        """By car or edge; only the hosts on which the method runs something."""
+
+    @property
+    def uplinks(self) -> Mapping[str, EdgeConnection]:
+        """By car; only of cars whose frames the method sends to an edge."""
+
+    @property
+    def cars(self) -> tuple[str, ...]:
+        """All cars."""
+
+    @property
+    def forgeries(self) -> Forgeries:
+        """Gets the ground truth of attacks."""
+
+    def stream(self, *names: str) -> np.random.Generator:
+        """The random generator of these names: the same under every method."""
+
+    def take_down(self, target: str, cause: str) -> None:
+        """The links at ``target`` carry nothing from now on; they drop messages as
+        ``LINK:cause``.
+        """
+
+    def put_up(self, target: str, cause: str) -> None:
+        """Ends what ``take_down`` has begun."""
+
+    def void(self, host: str, where: str, keep: Literal["memory"] | None = None) -> None:
+        """What is queued and in service on a host is lost, dropped by ``where``, and its nodes lose
+        their state, unless they ``keep`` what is in memory. Raises ``UserError`` for an unknown
+        host.
+        """
+
+    def processors(self, host: str) -> Sequence[AffectedProcessor]:
+        """The accelerator and the CPU of a host; none if the method runs nothing there."""
+
+    def bend(self, host: str, bend: Bend) -> None:
+        """Changes from now on what crosses the border of a host. Messages that are lost are dropped
+        by ``LINK:cause``.
+        """
+
+    def unbend(self, host: str, bend: Bend) -> None:
+        """Ends what ``bend`` has begun."""
+
+    def senses(self, car: str) -> list[tuple[Sense, str]]:
+        """What faults make of the images of a car's cameras; see ``Network.senses``."""
 
 
 class Fault(Protocol):
-    """Something that begins to be wrong with a ``target``, and is right again later.
+    """A fault that starts and ends at a target.
 
-    ``dropped_by`` stands in the ``drop`` column of the frames that it loses; ``duration_ns`` is how long it takes where
-    nothing else says so, ``None`` or none at all for good. A class may have a static method ``check``, see ``Outage``.
+    ``dropped_by`` stands in the ``drop`` column of the frames that it loses; ``duration_ns`` is how
+    long it takes if nothing else says so, ``None`` or no such attribute for good. A class may have
+    a static method ``check``, see ``Outage``.
     """
 
     @property
@@ -23,54 +143,118 @@ class Fault(Protocol):
     @property
     def duration_ns(self) -> int | None: ...
 
-    def begin(self, world: "World") -> None:
-        """From now on it is wrong."""
+    def begin(self, network: AffectedNetwork) -> None:
+        """Starts the fault."""
 
-    def end(self, world: "World") -> None:
-        """It is right again."""
+    def end(self, network: AffectedNetwork) -> None:
+        """Ends the fault."""
 
 
-@dataclass(frozen=True, slots=True)
-class TimedFault:
-    """A fault and its times: once from ``begin_ns`` to ``end_ns``, or again and again with exponential times of the
-    mean ``mean_time_between_ns`` until the next begins and ``mean_duration_ns`` until it is over.
+@runtime_checkable
+class DrawnFault(Protocol):
+    """A fault whose targets may be drawn in the run."""
 
-    ``name`` names the random stream of those times.
+    def drawn_targets(self, network: AffectedNetwork) -> Sequence[str]:
+        """Its targets."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FaultTimes:
+    """When a fault happens: once, or again and again at random."""
+
+    begin_ns: int | None = None
+    """When it begins; of a fault that happens again and again, when it can at the earliest."""
+
+    end_ns: int | None = None
+    """When it is over; by default after as long as this kind of fault takes, or never."""
+
+    mean_time_between_ns: Annotated[int, Bounds(above=0)] | None = None
+    """Mean of the exponential times until the fault begins, and until it begins again after its
+    end."""
+
+    mean_duration_ns: Annotated[int, Bounds(above=0)] | None = None
+    """Mean of the exponential times that it takes, where it happens again and again."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TimedFault(FaultTimes):
+    """A fault and its times. ``name`` names the random stream of those that are drawn, ``kind`` is
+    the fault's name in the scenario.
     """
 
     fault: Fault
     name: str
+    kind: str = ""
     begin_ns: int = 0
-    end_ns: int | None = None
-    mean_time_between_ns: int | None = None
     mean_duration_ns: int = 0
 
 
-def start(world: "World", timed: TimedFault) -> None:
-    """Lets a fault happen at its times. The world's own end does not wait for a fault that goes on for ever."""
-    env, fault, between_ns = world.env, timed.fault, timed.mean_time_between_ns
-    if between_ns is None:
-        env.after(timed.begin_ns, _once, world, timed)
-        return
-    rng = world.stream(timed.name)
+class RecordedFault:
+    """A fault that notes when it begins and ends.
 
-    def next_time(mean_ns: int) -> int:
+    Parameters
+    ----------
+    timed : TimedFault
+        The fault.
+    spans : list of FaultSpan
+        Gets every time from a beginning to an end.
+    """
+
+    def __init__(self, timed: TimedFault, spans: list[FaultSpan]) -> None:
+        self._timed = timed
+        self._spans = spans
+        self._present = -1  # the place of the span that has begun
+
+    def begin(self, network: AffectedNetwork) -> None:
+        fault = self._timed.fault
+        hosts = fault.drawn_targets(network) if isinstance(fault, DrawnFault) else fault.target
+        text = hosts if isinstance(hosts, str) else ", ".join(hosts)
+        self._present = len(self._spans)
+        self._spans.append(FaultSpan(self._timed.kind, text, network.clock.now, None))
+        try:
+            self._timed.fault.begin(network)
+        except UserError as error:  # such as an unknown host
+            raise UserError(f"fault {self._timed.kind!r}: {error}") from None
+
+    def end(self, network: AffectedNetwork) -> None:
+        span = self._spans[self._present]
+        self._spans[self._present] = span._replace(end_ns=network.clock.now)
+        self._timed.fault.end(network)
+
+
+def recorded(timed: TimedFault, spans: list[FaultSpan]) -> TimedFault:
+    """The same fault, which notes when it begins and ends."""
+    fault: Any = RecordedFault(timed, spans)
+    return replace(timed, fault=fault)
+
+
+def start(timed: TimedFault, network: AffectedNetwork, last_frame_ns: int) -> None:
+    """Schedules a fault. A recurring one does not begin again after the last frame, so that the run
+    can end.
+    """
+    clock, fault, between_ns = network.clock, timed.fault, timed.mean_time_between_ns
+    if between_ns is None:
+        clock.after(timed.begin_ns, _begin_once, (timed, network))
+        return
+    rng = network.stream(timed.name)
+
+    def draw(mean_ns: int) -> int:
         return max(1, round(rng.exponential(mean_ns)))
 
     def begin() -> None:
-        if env.now <= world.end_ns:
-            fault.begin(world)
-            env.after(next_time(timed.mean_duration_ns), end)
+        if clock.now <= last_frame_ns:
+            fault.begin(network)
+            clock.after(draw(timed.mean_duration_ns), end)
 
     def end() -> None:
-        fault.end(world)
-        if env.now <= world.end_ns:
-            env.after(next_time(between_ns), begin)
+        fault.end(network)
+        if clock.now <= last_frame_ns:
+            clock.after(draw(between_ns), begin)
 
-    env.after(timed.begin_ns + next_time(between_ns), begin)
+    clock.after(timed.begin_ns + draw(between_ns), begin)
 
 
-def _once(world: "World", timed: TimedFault) -> None:
-    timed.fault.begin(world)
+def _begin_once(timed: TimedFault, network: AffectedNetwork) -> None:
+    timed.fault.begin(network)
     if timed.end_ns is not None:
-        world.env.after(timed.end_ns - timed.begin_ns, timed.fault.end, world)
+        network.clock.after(timed.end_ns - timed.begin_ns, timed.fault.end, (network,))

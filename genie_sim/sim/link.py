@@ -1,53 +1,87 @@
-"""Links: a sender with a queue, a channel that takes its time, and what gets lost on the way."""
+"""Links: a sender with a queue, a channel with a delay, and losses on the way."""
 
 from collections import Counter, deque
 from collections.abc import Callable, Hashable
+from dataclasses import dataclass
 
 from genie_sim.messages import Message
-from genie_sim.monitor import Step
+from genie_sim.monitor import Part, Span, SpanLabel
+from genie_sim.sim.bends import Border
 from genie_sim.sim.clock import Clock
 from genie_sim.sim.device import Arguments
-from genie_sim.sim.encoding import Codec, Coder
-from genie_sim.sim.link_models import Channel
-from genie_sim.sim.ros_graph import Dropped, Graph
+from genie_sim.sim.encoding import Coder, ImageCodec
+from genie_sim.sim.interface import InterfaceUse
+from genie_sim.sim.link_models import Sender
+from genie_sim.sim.ros_graph import Dropped, Graph, ignore_drop
 
 Deliver = Callable[..., None]
-Carried = Callable[[Message], None]
+OnMessage = Callable[[Message], None]
+
+
+@dataclass(slots=True, eq=False)
+class Transfer:
+    """A message on a link, and what to call when it arrives and when it was on the wire."""
+
+    flow: Hashable
+    message: Message
+    deliver: Deliver
+    arguments: Arguments
+    carried: OnMessage | None
+    path: Span | None
 
 
 class Link:
-    """One direction of a connection: a queue for the wire, then the channel of a link model.
+    """One direction of a connection: a queue for the wire, then the sender of a link model.
 
-    Messages wait in one queue; each flow keeps its ``queue_length`` newest waiting ones, as a ROS publisher does. The
-    order of messages stays as it is, as with TCP. A message is lost where the channel says so, or when a fault has
-    taken the link down at the moment its last bit leaves.
+    Messages wait in one queue; each flow keeps its ``queue_length`` newest waiting ones, as a ROS
+    publisher does. Messages stay in order, as with TCP. A message is lost where the sender says
+    so, or if a fault has taken the link down at the moment its last bit leaves.
+
+    Parameters
+    ----------
+    clock : Clock
+        The run's clock.
+    name : str
+        ``FROM->TO``.
+    sender : Sender
+        One direction of a link model.
+    part : {"uplink", "downlink", "edges"}
+        What the time on the link counts as.
+    queue_length : int
+        How many messages of each flow wait at most.
+    dropped : callable
+        Called with each message that is lost, and what lost it.
     """
 
     kind = "link"
     capacity = 1
-    part = "edges"  # what the time on it counts as: ``uplink``, ``downlink``, or that of the network between edges
 
     def __init__(
         self,
-        env: Clock,
+        clock: Clock,
         name: str,
-        channel: Channel,
+        sender: Sender,
+        *,
+        part: Part = "edges",
         queue_length: int = 1,
-        dropped: Dropped | None = None,
+        dropped: Dropped = ignore_drop,
     ) -> None:
-        self.env = env
+        self.clock = clock
         self.name = name
         self.completed = 0
         self.drops = 0
         self.sent_bytes = 0
-        self.down_by: list[str] = []  # the faults that it is down by now
-        self._channel = channel
+        self.down_by: list[str] = []  # the faults that keep it down now
+        self.interface: InterfaceUse | None = None  # of the car at one of its ends
+        self._is_connected = True
+        self._sender = sender
+        self._transport = SpanLabel(part, name)
+        self._queueing = SpanLabel("queueing", name)
         self._queue_length = queue_length
         self._dropped = dropped
-        self._waiting: deque[
-            tuple[Hashable, Message, Step | None, Carried | None, Deliver, Arguments]
-        ] = deque()
-        self._flows: Counter[Hashable] = Counter()
+        self._waiting: deque[Transfer] = deque()
+        self._flows: Counter[Hashable] = Counter()  # how many messages of each wait
+        self._on_wire: Transfer | None = None
         self._busy = False
         self._busy_since_ns = 0
         self._busy_ns = 0
@@ -60,7 +94,7 @@ class Link:
     @property
     def busy_ns(self) -> int:
         """How long the wire has been in use until now."""
-        return self._busy_ns + (self.env.now - self._busy_since_ns if self._busy else 0)
+        return self._busy_ns + (self.clock.now - self._busy_since_ns if self._busy else 0)
 
     def send(
         self,
@@ -68,112 +102,173 @@ class Link:
         message: Message,
         deliver: Deliver,
         arguments: Arguments = (),
-        carried: Carried | None = None,
+        *,
+        carried: OnMessage | None = None,
     ) -> None:
-        """Queues a message; ``deliver(*arguments)`` is called when it arrives at the other end, if it does.
+        """Queues a message.
 
-        ``carried`` is told when it has been on the wire, whether it arrives or is lost.
+        Parameters
+        ----------
+        flow : hashable
+            Messages of one flow push each other out of the queue.
+        message : Message
+            What is sent.
+        deliver : callable
+            Called with ``arguments`` when the message arrives at the other end, if it does.
+        arguments : tuple
+            See ``deliver``.
+        carried : callable or None
+            Called with the message when it was on the wire, whether it arrives or is lost.
         """
+        transfer = Transfer(
+            flow=flow,
+            message=message,
+            deliver=deliver,
+            arguments=arguments,
+            carried=carried,
+            path=self.clock.path,
+        )
         if not self._busy:
             self._busy = True
-            self._busy_since_ns = self.env.now
-            self._transmit(message, carried, deliver, arguments)
+            self._busy_since_ns = self.clock.now
+            if self.interface is not None:
+                self.interface.begin(self.clock.now)
+            self._transmit(transfer)
             return
         if self._flows[flow] >= self._queue_length:
             self._drop_oldest(flow)
-        self._waiting.append((flow, message, self.env.way, carried, deliver, arguments))
+        self._waiting.append(transfer)
         self._flows[flow] += 1
 
-    def _transmit(
-        self, message: Message, carried: Carried | None, deliver: Deliver, arguments: Arguments
-    ) -> None:
+    def _transmit(self, transfer: Transfer) -> None:
         """A message goes on the wire."""
-        size_bytes = message.size_bytes
-        occupied_ns = self._channel.occupied_ns(size_bytes, self.env.now)
-        self.env.after(
-            int(occupied_ns), self._transmitted, size_bytes, message, carried, deliver, arguments
-        )
+        self._on_wire = transfer
+        transfer.path = self.clock.path
+        self._sender.send(transfer.message.size_bytes, self._transmitted)
 
-    def _transmitted(
-        self,
-        size_bytes: int,
-        message: Message,
-        carried: Carried | None,
-        deliver: Deliver,
-        arguments: Arguments,
-    ) -> None:
-        """Its last bit is on the wire: it arrives after the delay, or is lost."""
-        now_ns = self.env.now
+    def _transmitted(self) -> None:
+        """The last bit of the message is on the wire: it arrives after the delay, or is lost.
+
+        What led to this call may be the message of another link, so the path is the message's own.
+        """
+        clock, transfer = self.clock, self._on_wire
+        assert transfer is not None, "a message is on the wire"
+        message = transfer.message
+        own_path = clock.path
+        clock.waited(transfer.path, self._transport)
+        now_ns, size_bytes = clock.now, message.size_bytes
         self.sent_bytes += size_bytes
-        if carried is not None:
-            carried(message)
+        if transfer.carried is not None:
+            transfer.carried(message)
         if self.down_by:
-            self._lose(message, f"{self.name}:{self.down_by[-1]}")
-        elif (delay_ns := self._channel.delay_ns(size_bytes, now_ns)) is None:
-            self._lose(message, self.name)
+            self.lose(message, f"{self.name}:{self.down_by[-1]}")
+        elif (delay_ns := self._sender.delay_ns(size_bytes, now_ns)) is None:
+            self.lose(message, self.name)
         else:
             self.completed += 1
             self._last_arrival_ns = max(now_ns + int(delay_ns), self._last_arrival_ns)
-            self.env.after(self._last_arrival_ns - now_ns, deliver, *arguments)
+            until_ns = self._last_arrival_ns - now_ns
+            clock.after(until_ns, transfer.deliver, transfer.arguments, self._transport)
         if self._waiting:
-            flow, message, way, carried, deliver, arguments = self._waiting.popleft()
-            self._flows[flow] -= 1
-            self.env.waited(way, "queueing", self.name)
-            self._transmit(message, carried, deliver, arguments)
+            following = self._waiting.popleft()
+            self._flows[following.flow] -= 1
+            clock.waited(following.path, self._queueing)
+            self._transmit(following)
         else:
+            self._on_wire = None
             self._busy = False
             self._busy_ns += now_ns - self._busy_since_ns
+            if self.interface is not None:
+                self.interface.end(now_ns)
+        clock.path = own_path
+
+    def take_down(self, cause: str) -> None:
+        """The link carries nothing from now on; it drops messages as ``NAME:cause``."""
+        self.down_by.append(cause)
+        self._sender.set_up(False)
+
+    def put_up(self, cause: str) -> None:
+        """Ends what ``take_down`` has begun."""
+        self.down_by.remove(cause)
+        self._sender.set_up(not self.down_by and self._is_connected)
+
+    def connect(self, is_connected: bool) -> None:
+        """A hand-over takes the link away, or makes it again."""
+        self._is_connected = is_connected
+        self._sender.set_up(not self.down_by and is_connected)
 
     def _drop_oldest(self, flow: Hashable) -> None:
-        oldest = next(i for i, entry in enumerate(self._waiting) if entry[0] == flow)
-        _, message, *_ = self._waiting[oldest]
-        del self._waiting[oldest]
+        oldest = next(transfer for transfer in self._waiting if transfer.flow == flow)
+        self._waiting.remove(oldest)
         self._flows[flow] -= 1
-        self._lose(message, self.name)
+        self.lose(oldest.message, self.name)
 
-    def _lose(self, message: Message, where: str) -> None:
+    def lose(self, message: Message, where: str) -> None:
+        """A message is lost, by what ``where`` names."""
         self.drops += 1
-        if self._dropped is not None:
-            self._dropped(message, where)
+        self._dropped(message, where)
 
 
 class Bridge:
     """Carries a topic of one graph over a link to a topic of another.
 
-    ``reaches`` is the address of the node at the far end, for messages meant for one receiver. ``carried`` is told of
-    each message that was on the wire. After ``take_down`` nothing gets across any more, neither what comes then nor
-    what was on its way; ``lost`` is told of each such message at the moment it would have begun or ended its way.
-    With a ``codec`` pictures go as it encodes them.
+    After ``take_down`` nothing gets across any more, neither what comes then nor what was on its
+    way.
+
+    Parameters
+    ----------
+    link : Link
+        What carries the messages.
+    target : Graph or Coder
+        What takes them at the far end.
+    topic : str
+        The topic at the far end.
+    address : str
+        The node at the far end, for messages meant for one receiver.
+    carried : callable or None
+        Called with each message that was on the wire.
+    lost : callable or None
+        Called with each message lost by ``take_down``, at the instant at which it would have begun
+        or ended its way.
+    codec : ImageCodec or None
+        How images are encoded; ``None``: not at all.
+    border : Border or None
+        What faults change of the messages at both ends.
     """
 
     def __init__(
         self,
         link: Link,
         target: Graph | Coder,
+        *,
         topic: str,
-        reaches: str,
-        carried: Carried | None = None,
-        lost: Carried | None = None,
-        codec: Codec | None = None,
+        address: str,
+        carried: OnMessage | None = None,
+        lost: OnMessage | None = None,
+        codec: ImageCodec | None = None,
+        border: Border | None = None,
     ) -> None:
-        self.address = reaches
-        self._codec = codec
+        self.address = address
         self.link = link
+        self._codec = codec
         self._target = target
         self._topic = topic
         self._carried = carried
         self._lost = lost
+        self._border = border
         self._is_up = True
         self._times_up = 1
 
     def take_down(self) -> None:
         """The connection breaks."""
         self._is_up = False
+        self.link.connect(False)
 
     def put_up(self) -> None:
         """The connection is there again; what was on its way before stays lost."""
         self._is_up = True
         self._times_up += 1
+        self.link.connect(True)
 
     def deliver(self, topic: str, message: Message, sender: str) -> None:
         if not self._is_up:
@@ -181,16 +276,27 @@ class Bridge:
             return
         if self._codec is not None:
             message = self._codec.on_wire(message)
+        if self._border is not None and self._border.at_source:
+            bent = self._border.leave(message)
+            if isinstance(bent, str):
+                self.link.lose(message, f"{self.link.name}:{bent}")
+                return
+            message = bent
         flow = (self.address, self._topic, message.header.frame_id)
-        self.link.send(
-            flow, message, self._arrive, (message, sender, self._times_up), self._carried
-        )
+        arguments = (message, sender, self._times_up)
+        self.link.send(flow, message, self._arrive, arguments, carried=self._carried)
 
     def _arrive(self, message: Message, sender: str, times_up: int) -> None:
-        if self._is_up and times_up == self._times_up:
-            self._target.inject(self._topic, message, sender)
-        else:
+        if not self._is_up or times_up != self._times_up:
             self._lose(message)
+            return
+        if self._border is not None and self._border.at_destination:
+            bent = self._border.enter(message)
+            if isinstance(bent, str):
+                self.link.lose(message, f"{self.link.name}:{bent}")
+                return
+            message = bent
+        self._target.inject(self._topic, message, sender)
 
     def _lose(self, message: Message) -> None:
         if self._lost is not None:

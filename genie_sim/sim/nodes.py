@@ -1,4 +1,6 @@
-"""The nodes of the simulated graph: detector and interceptor (a Genie); and how one is attached to a node."""
+"""The nodes of the simulated graph: detector and interceptor (a Genie), and how one is attached to
+a node.
+"""
 
 from collections import OrderedDict
 from collections.abc import Callable
@@ -13,42 +15,55 @@ from genie_sim.messages import (
     Observation,
     Publish,
 )
-from genie_sim.monitor import Step
+from genie_sim.monitor import Span, SpanLabel
 from genie_sim.sim.device import Arguments, Done
+from genie_sim.sim.method import LOCAL, OBJECTS, HostConfig, Interceptor, MakeInterceptor
 from genie_sim.sim.ros_graph import Graph, Node
-from genie_sim.sim.station import OBJECTS, Interceptor, MakeInterceptor, Station
 
 TIMER_LATE_NS = 500_000_000
-MOST_WAYS = 20_000  # that a node remembers
-PLAIN = Station()
-Observer = Callable[[str, Observation, int], None]  # the node's name, what it observed, and when
+MAX_TRACKED_FRAMES = 20_000  # whose paths a node remembers
+DEFAULT_CONFIG = HostConfig()
+Observer = Callable[[str, Observation, int], None]  # the node's name, its observation, and when
 
 
-class Detector(Node):
-    """The Autoware Vision Detector: one image at a time on the host's accelerator, its answer under the same header.
+class DetectorNode(Node):
+    """The Autoware Vision Detector: one image at a time on the host's accelerator, its answer under
+    the same header.
 
-    What it finds is what the recording's detector found in the frame; how long it takes is the device's business.
+    Its answer is what the recording's detector found in the frame; how long it takes depends on the
+    device.
     """
 
     part = "inference"
 
     def work(self, message: Message, done: Done, arguments: Arguments) -> None:
-        self.host.infer(done, arguments)
+        self.host.infer(done, arguments, self.work_label)
 
     def handle(self, topic: str, message: Message, sender: str) -> None:
         assert isinstance(message, Image)
-        self.publish(
-            self.publishes[0],
-            Detections(message.header, message.content.detections, "detector", self.name),
-        )
+        answer = Detections(message.header, message.content.detections, "detector", self.name)
+        self.publish(self.publishes[0], answer)
 
 
 class InterceptorNode(Node):
-    """A pure node in the simulated graph: every message costs CPU time, every effect becomes a publication.
+    """A pure node in the simulated graph: every message costs CPU time, every effect becomes a
+    publication.
 
-    ``make`` makes the pure node, and a fresh one whenever a fault takes its state away. ``station`` says what it does
-    with a picture that takes time besides. With two ``passes`` an answer of its own making costs CPU time, too, before
-    it leaves on the original topic; what the detector or another node answers has paid when it came.
+    With two ``passes`` an answer of its own making costs CPU time, too, before it leaves on the
+    original topic; an answer of the detector or another node has paid on arrival.
+
+    Parameters
+    ----------
+    make : callable
+        Makes the pure node, and a fresh one whenever a fault takes its state away.
+    graph : Graph
+        The graph that it registers with.
+    observe : callable
+        Called with the node's name, each observation, and the time [ns].
+    config : HostConfig
+        What the pure node's look-ups cost.
+    passes : {1, 2}
+        How often an answer costs CPU time.
     """
 
     def __init__(
@@ -56,48 +71,53 @@ class InterceptorNode(Node):
         make: Callable[[], Interceptor],
         graph: Graph,
         observe: Observer,
-        station: Station = PLAIN,
+        config: HostConfig = DEFAULT_CONFIG,
         passes: int = 1,
-    ):
+    ) -> None:
         pure = make()
-        topics = pure.subscriptions(), pure.publications()
-        super().__init__(pure.name, graph, *topics, threads=graph.host.device.cores)
+        threads = graph.host.device.cores
+        super().__init__(
+            pure.name, graph, pure.subscriptions(), pure.publications(), threads=threads
+        )
         self.pure = pure
         self._make = make
-        self._key, self._free, self._per_entry_ns = station.key, station.free, station.per_entry_ns
+        self._key = config.key
+        self._costs_nothing = config.costs_nothing
+        self._per_entry_ns = config.per_entry_ns
         self._observe = observe
         self._timer_set = False
-        self._two_passes = passes == 2 and not station.free
-        self._ways: OrderedDict[Header, Step] = (
-            OrderedDict()
-        )  # of the frames that it was asked about
+        self._pass_time_ns = config.pass_time_ns
+        charges_answers = passes == 2 or config.pass_time_ns is not None
+        self._charges_answers = charges_answers and not config.costs_nothing
+        self._pending = SpanLabel("pending", pure.name)
+        self._paths: OrderedDict[Header, Span] = OrderedDict()  # of the requested frames
 
     def work(self, message: Message, done: Done, arguments: Arguments) -> None:
-        if self._free:
+        if self._costs_nothing:
             done(*arguments)
         elif self._key is not None and isinstance(message, Image):
-            self.host.compute_key(self._key, self._look_up, (done, arguments))
+            self.host.compute_key(self._key, self._look_up, (done, arguments), self.work_label)
+        elif self._pass_time_ns is not None:
+            self.host.cpu.run(self._pass_time_ns, done, arguments, self.work_label)
         else:
-            self.host.serve_message(done, arguments)
+            self.host.serve_message(done, arguments, self.work_label)
 
     def _look_up(self, done: Done, arguments: Arguments) -> None:
+        """The key is known: searches the cache, then handles the message."""
+        label = self.work_label
         if self._per_entry_ns:
             search_ns = self._per_entry_ns * self.pure.cache_entries()
-            self.host.cpu.run(search_ns, self._decide, (done, arguments))
+            self.host.cpu.run(search_ns, self.host.serve_message, (done, arguments, label), label)
         else:
-            self._decide(done, arguments)
-
-    def _decide(self, done: Done, arguments: Arguments) -> None:
-        """The node's own, not the host's: the clock counts the time until it as a step of this node."""
-        self.host.serve_message(done, arguments)
+            self.host.serve_message(done, arguments, label)
 
     def handle(self, topic: str, message: Message, sender: str) -> None:
-        effects = self.pure.on_message(topic, message, self.env.now, sender)
-        way = self.env.way
-        if way is not None and isinstance(message, Image):
-            self._ways[message.header] = way
-            if len(self._ways) > MOST_WAYS:
-                self._ways.popitem(last=False)
+        effects = self.pure.on_message(topic, message, self.clock.now, sender)
+        path = self.clock.path
+        if path is not None and isinstance(message, Image):
+            self._paths[message.header] = path
+            if len(self._paths) > MAX_TRACKED_FRAMES:
+                self._paths.popitem(last=False)
         self._carry_out(effects)
         if not self._timer_set:
             self._set_timer()
@@ -105,32 +125,34 @@ class InterceptorNode(Node):
     def void(self, where: str) -> None:
         super().void(where)
         for record in self.pure.on_void():
-            if not isinstance(record, Expired):
-                self._observe(self.name, record, self.env.now)
-            else:
+            if isinstance(record, Expired):
                 self.graph.dropped(Detections(record.header, ()), where)
+            else:
+                self._observe(self.name, record, self.clock.now)
         self.pure = self._make()
 
-    def _carry_out(self, effects: list[Effect]) -> None:
-        publish, way = self.graph.publish, self.env.way
-        for effect in effects:
-            if isinstance(effect, Publish):
-                header = effect.message.header
-                if (
-                    way is not None and header != way.header and header in self._ways
-                ):  # it had waited for this
-                    self.env.waited(self._ways[header], "pending", self.name)
-                if self._two_passes and self._made(effect):
-                    self._in_service.append(effect.message)
-                    self.host.serve_message(self._leave, (effect,))
-                else:
-                    publish(self, effect.topic, effect.message, effect.to)
-                self.env.way = way
-            else:
-                self._observe(self.name, effect, self.env.now)
+    def void_work(self, where: str) -> None:
+        super().void(where)
 
-    def _made(self, effect: Publish) -> bool:
-        """Whether this is an answer of the node's own making that leaves on the original topic."""
+    def _carry_out(self, effects: list[Effect]) -> None:
+        path = self.clock.path
+        for effect in effects:
+            if not isinstance(effect, Publish):
+                self._observe(self.name, effect, self.clock.now)
+                continue
+            header = effect.message.header
+            if path is not None and header != path.header and header in self._paths:
+                # another frame, which has waited here for this one
+                self.clock.waited(self._paths[header], self._pending)
+            if self._charges_answers and self._is_own_answer(effect):
+                self._in_service.append(effect.message)
+                self.host.serve_message(self._publish_own_answer, (effect,), self.work_label)
+            else:
+                self.graph.publish(self, effect.topic, effect.message, effect.to)
+            self.clock.path = path
+
+    def _is_own_answer(self, effect: Publish) -> bool:
+        """Whether this is an answer of the node's own making on the original topic."""
         message = effect.message
         return (
             effect.topic == OBJECTS
@@ -138,20 +160,23 @@ class InterceptorNode(Node):
             and message.served_by == self.name
         )
 
-    def _leave(self, effect: Publish) -> None:
+    def _publish_own_answer(self, effect: Publish) -> None:
         self._in_service.remove(effect.message)
         self.graph.publish(self, effect.topic, effect.message, effect.to)
 
     def _set_timer(self) -> None:
-        """Any message that comes tells the node the time. The timer is for when none does, so it may be late."""
+        """Any message that comes tells the node the time. The timer is for when none does, so it
+        may be late.
+        """
         deadline_ns = self.pure.next_deadline_ns()
         if deadline_ns is not None:
             self._timer_set = True
-            self.env.after(max(int(deadline_ns) - self.env.now, 0) + TIMER_LATE_NS, self._on_timer)
+            delay_ns = max(int(deadline_ns) - self.clock.now, 0) + TIMER_LATE_NS
+            self.clock.after(delay_ns, self._on_timer, (), self._pending)
 
     def _on_timer(self) -> None:
         self._timer_set = False
-        self._carry_out(self.pure.on_deadline(self.env.now))
+        self._carry_out(self.pure.on_deadline(self.clock.now))
         self._set_timer()
 
 
@@ -160,15 +185,35 @@ def attach(
     node_name: str,
     make: MakeInterceptor,
     observe: Observer,
-    station: Station = PLAIN,
+    *,
+    config: HostConfig = DEFAULT_CONFIG,
     passes: int = 1,
-    suffix: str = "-local",
+    suffix: str = LOCAL,
 ) -> InterceptorNode:
-    """Encapsulates a running node (Section III-B): the node itself is not touched.
+    """Encapsulates a running node (Section III-B), which itself is not changed.
 
-    Reads T_S and T_P from the master, renames the node's topics with ``suffix`` so that it talks to its interceptor
-    alone, and starts that, which takes over the original names. ``make`` gets T_S and T_P.
+    Reads T_S and T_P from the master, renames the node's topics with ``suffix`` so that it talks to
+    its interceptor alone, and starts that, which takes over the original names.
+
+    Parameters
+    ----------
+    graph : Graph
+        The graph of the node.
+    node_name : str
+        The node to encapsulate.
+    make : callable
+        Makes the interceptor from T_S and T_P.
+    observe : callable
+        See ``InterceptorNode``.
+    config : HostConfig
+        See ``InterceptorNode``.
+    passes : {1, 2}
+        See ``InterceptorNode``.
+    suffix : str
+        What is appended to the node's topics.
     """
     subscribed, published = graph.topics_of(node_name)
     graph.remap(node_name, {topic: topic + suffix for topic in (*subscribed, *published)})
-    return InterceptorNode(lambda: make(subscribed, published), graph, observe, station, passes)
+    return InterceptorNode(
+        lambda: make(subscribed, published), graph, observe, config=config, passes=passes
+    )

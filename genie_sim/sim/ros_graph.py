@@ -1,14 +1,16 @@
-"""A ROS graph: who subscribes to and publishes which topic, with the master's names and remappings."""
+"""A ROS graph: which node subscribes to and publishes which topic, with the master's names and
+remappings.
+"""
 
 from collections import deque
 from collections.abc import Callable, Iterable
-from typing import Any, Protocol
+from typing import Literal, Protocol
 
 from genie_sim.messages import Message
-from genie_sim.monitor import Step
-from genie_sim.sim.device import Host
+from genie_sim.monitor import Part, Span, SpanLabel
+from genie_sim.sim.device import Arguments, Done, Host
 
-Dropped = Callable[[Message, str], None]  # a message, and the name of what dropped it
+Dropped = Callable[[Message, str], None]  # a message that is lost, and the name of what lost it
 
 
 class Subscriber(Protocol):
@@ -20,22 +22,27 @@ class Subscriber(Protocol):
     def deliver(self, topic: str, message: Message, sender: str) -> None: ...
 
 
+def ignore_drop(message: Message, where: str) -> None:
+    """Where nobody wants to know of lost messages."""
+
+
 class Graph:
     """The topics known to the ROS master of a host, and the nodes that use them.
 
-    Every queue of a node keeps its ``queue_length`` newest messages; ``dropped`` is told of each that is lost. Nodes
-    name their topics; the graph maps the names of a remapped node, as ``topic:=other`` does in ROS. A message reaches
-    the subscribers of its topic after the host's hop time.
+    Every queue of a node keeps its ``queue_length`` newest messages; ``dropped`` is called with
+    each that is lost. Nodes name their topics; the graph maps the names of a remapped node, as
+    ``topic:=other`` does in ROS. A message reaches the subscribers of its topic after the host's
+    hop time. ``entry`` is the address of the node that takes what comes over links.
     """
 
-    def __init__(
-        self, host: Host, queue_length: int = 1, dropped: Dropped = lambda message, where: None
-    ) -> None:
+    def __init__(self, host: Host, queue_length: int = 1, dropped: Dropped = ignore_drop) -> None:
         self.host = host
-        self.env = host.env
+        self.clock = host.clock
         self.name = host.name
+        self.entry = f"{host.name}/consumer"
         self.queue_length = queue_length
         self.dropped = dropped
+        self._hop = SpanLabel("hop", host.name)
         self._subscribers: dict[str, list[Subscriber]] = {}
         self._bridges: dict[str, list[Subscriber]] = {}
         self._nodes: dict[str, Node] = {}
@@ -52,7 +59,9 @@ class Graph:
         return self._nodes[name]
 
     def topics_of(self, name: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
-        """T_S and T_P of a node, under their current names, as the master's system state tells them."""
+        """T_S and T_P of a node, under their current names, as the master's system state has
+        them.
+        """
         node, names = self._nodes[name], self._remapped[name]
         return (
             tuple(names.get(topic, topic) for topic in node.subscribes),
@@ -65,55 +74,74 @@ class Graph:
         return tuple(self._nodes.values())
 
     def remap(self, name: str, topics: dict[str, str]) -> None:
-        """From now on the node ``name`` talks on other topics; its own code keeps the old names."""
+        """From now on the node ``name`` uses other topics; its own code keeps the old names."""
         node, names = self._nodes[name], self._remapped[name]
         for old, new in topics.items():
             if old in node.subscribes:
                 self._subscribers[names.get(old, old)].remove(node)
                 self.subscribe(new, node)
             names[old] = new
-        self._rejoined()
+        self._clear_routes()
 
     def subscribe(self, topic: str, subscriber: Subscriber) -> None:
         self._subscribers.setdefault(topic, []).append(subscriber)
-        self._rejoined()
+        self._clear_routes()
 
     def bridge(self, topic: str, bridge: Subscriber) -> None:
-        """What is published here on the topic goes to another graph too; what came from another graph does not."""
+        """What is published here on the topic goes to another graph too; what came from another
+        graph does not.
+        """
         self._bridges.setdefault(topic, []).append(bridge)
-        self._rejoined()
+        self._clear_routes()
+
+    def void(self, where: str, keep: Literal["memory"] | None = None) -> None:
+        """A fault: what is queued and in service on the host is lost, dropped by ``where``, and its
+        nodes start anew, unless they ``keep`` what is in memory.
+        """
+        for node in self.nodes:
+            if keep == "memory":
+                node.void_work(where)
+            else:
+                node.void(where)
+        self.host.accelerator.void()
+        self.host.cpu.void()
 
     def clear(self) -> None:
-        """Nobody is here any more."""
-        self._rejoined()
-        for known in (self._subscribers, self._bridges, self._nodes):
-            known.clear()
-
-    def _rejoined(self) -> None:
-        for node in self._nodes.values():
-            node.routes.clear()
+        """Removes all nodes, subscribers and bridges."""
+        self._clear_routes()
+        self._subscribers.clear()
+        self._bridges.clear()
+        self._nodes.clear()
 
     def publish(self, node: "Node", topic: str, message: Message, to: str | None = None) -> None:
-        """Delivers to every other node that subscribes to the topic, or only to the one whose address is ``to``."""
+        """Delivers to every other node that subscribes to the topic, or only to the one whose
+        address is ``to``.
+        """
         route = node.routes.get(topic)
         if route is None:
             route = node.routes[topic] = self._route(node, topic)
         current, receivers = route
         if to is not None:
-            receivers = [one for one in receivers if one.address == to]
+            receivers = [receiver for receiver in receivers if receiver.address == to]
         if receivers:
             hop_ns = self.host.hop_ns(message.size_bytes)
-            self.env.after(hop_ns, self._arrive, receivers, current, message, node.name)
-
-    def _route(self, node: "Node", topic: str) -> tuple[str, list[Subscriber]]:
-        """The current name of a node's topic, and who gets what the node publishes on it."""
-        current = self._remapped[node.name].get(topic, topic)
-        listeners = (*self._subscribers.get(current, ()), *self._bridges.get(current, ()))
-        return current, [one for one in listeners if one is not node]
+            self.clock.after(
+                hop_ns, self._arrive, (receivers, current, message, node.name), self._hop
+            )
 
     def inject(self, topic: str, message: Message, sender: str) -> None:
         """A message comes in from another graph: the link has already taken its time."""
         self._arrive(self._subscribers.get(topic, ()), topic, message, sender)
+
+    def _clear_routes(self) -> None:
+        for node in self._nodes.values():
+            node.routes.clear()
+
+    def _route(self, node: "Node", topic: str) -> tuple[str, list[Subscriber]]:
+        """The current name of a node's topic, and who gets what the node publishes on it."""
+        current = self._remapped[node.name].get(topic, topic)
+        receivers = (*self._subscribers.get(current, ()), *self._bridges.get(current, ()))
+        return current, [receiver for receiver in receivers if receiver is not node]
 
     def _arrive(
         self, receivers: Iterable[Subscriber], topic: str, message: Message, sender: str
@@ -123,16 +151,29 @@ class Graph:
 
 
 class Node:
-    """A ROS node: a queue a topic that keeps the newest messages, and callback threads that serve them.
+    """A ROS node: a queue for each topic that keeps the newest messages, and callback threads that
+    serve them.
 
-    Subclasses say how long a message takes (``work``, which waits for a device) and what follows (``handle``).
+    Subclasses say how long a message takes (``work``, which waits for a device) and what follows
+    (``handle``).
+
+    Parameters
+    ----------
+    name : str
+        Such as ``car1/genie``; also its address.
+    graph : Graph
+        The graph that it registers with.
+    subscribes, publishes : iterable of str
+        Its topics.
+    threads : int
+        How many messages it handles at the same time.
     """
 
     kind = "queue"
     capacity = None  # nothing is served here: the host's processors do that
     busy_ns = 0
     sent_bytes = None
-    part = "genie"  # what its work counts as, on the way of a frame
+    part: Part = "genie"  # what its work counts as, on the path of a frame
 
     def __init__(
         self,
@@ -140,31 +181,35 @@ class Node:
         graph: Graph,
         subscribes: Iterable[str],
         publishes: Iterable[str],
+        *,
         threads: int = 1,
     ) -> None:
         self.name = name
         self.host = graph.host
         self.graph = graph
-        self.env = graph.env
+        self.clock = graph.clock
         self.subscribes = tuple(subscribes)
         self.publishes = tuple(publishes)
         self.address = name
         self.drops = 0
         self.completed = 0
         self.queued = 0  # how many messages wait, over all topics
-        self.routes: dict[
-            str, tuple[str, list[Subscriber]]
-        ] = {}  # of what it publishes, kept by the graph
+        # of what it publishes, kept by the graph
+        self.routes: dict[str, tuple[str, list[Subscriber]]] = {}
+        self.work_label = SpanLabel(self.part, name)
+        self._queueing = SpanLabel("queueing", name)
         self._idle_threads = threads
         self._threads = threads
-        self._queues: dict[str, deque[tuple[int, Message, str, Step | None]]] = {}
+        self._queues: dict[str, deque[tuple[int, Message, str, Span | None]]] = {}
         self._in_service: list[Message] = []
         self._generation = 0  # counts how often everything here was voided
         self._arrivals = 0
         graph.register(self)
 
     def deliver(self, topic: str, message: Message, sender: str) -> None:
-        """An idle thread takes the message, or it joins its topic's queue; the oldest makes room in a full one."""
+        """An idle thread takes the message, or it joins its topic's queue; the oldest makes room in
+        a full one.
+        """
         if self._idle_threads:
             self._idle_threads -= 1
             self._serve(topic, message, sender)
@@ -178,14 +223,16 @@ class Node:
             self.queued -= 1
             self.drops += 1
             self.graph.dropped(oldest, f"{self.name}:{topic}")
-        queue.append((self._arrivals, message, sender, self.env.way))
+        queue.append((self._arrivals, message, sender, self.clock.path))
         self._arrivals += 1
 
     def publish(self, topic: str, message: Message, to: str | None = None) -> None:
         self.graph.publish(self, topic, message, to)
 
     def void(self, where: str) -> None:
-        """A fault: what is queued and in service here is lost, dropped by ``where``, and the node starts anew."""
+        """A fault: what is queued and in service here is lost, dropped by ``where``, and the node
+        starts anew.
+        """
         queued = [message for queue in self._queues.values() for _, message, *_ in queue]
         for message in (*self._in_service, *queued):
             self.drops += 1
@@ -196,7 +243,11 @@ class Node:
         self._idle_threads = self._threads
         self._generation += 1
 
-    def work(self, message: Message, done: Callable[..., None], arguments: tuple[Any, ...]) -> None:
+    def void_work(self, where: str) -> None:
+        """As ``void``, but what the node has in memory stays."""
+        self.void(where)
+
+    def work(self, message: Message, done: Done, arguments: Arguments) -> None:
         """Handling a message takes until ``done(*arguments)`` is called."""
         raise NotImplementedError
 
@@ -209,7 +260,7 @@ class Node:
         self.work(message, self._served, (topic, message, sender, self._generation))
 
     def _served(self, topic: str, message: Message, sender: str, generation: int) -> None:
-        """The thread goes on with what waits, first come first served, or is idle."""
+        """The thread goes on with the message that arrived first, or is idle."""
         if generation != self._generation:
             return
         self._in_service.remove(message)
@@ -219,8 +270,8 @@ class Node:
             self._idle_threads += 1
             return
         self.queued -= 1
-        waiting = [one for one, queue in self._queues.items() if queue]
-        topic = min(waiting, key=lambda one: self._queues[one][0][0])
-        _, message, sender, way = self._queues[topic].popleft()
-        self.env.waited(way, "queueing", self.name)
+        waiting = [name for name, queue in self._queues.items() if queue]
+        topic = min(waiting, key=lambda name: self._queues[name][0][0])
+        _, message, sender, path = self._queues[topic].popleft()
+        self.clock.waited(path, self._queueing)
         self._serve(topic, message, sender)

@@ -1,4 +1,6 @@
-"""How long things take: the law of a service time, and of a message's hop from one process to another."""
+"""How long things take: the law of a service time, and of a message's hop from one process to
+another.
+"""
 
 import math
 from collections.abc import Iterator, Mapping
@@ -14,7 +16,8 @@ MEGABYTE = 10**6
 class ServiceTime:
     """The shifted log-normal law ``X = median (loc + (1 - loc) exp(sigma Z))``, Z standard normal.
 
-    With ``quantiles_ns``, evenly spaced from the shortest to the longest time measured, X is the quantile of Z instead.
+    With ``quantiles_ns``, evenly spaced from the shortest to the longest time measured, X is the
+    quantile of Z instead.
     """
 
     median_ns: int
@@ -45,15 +48,16 @@ class ServiceTime:
 
     def draws(self, rng: np.random.Generator) -> Iterator[int]:
         """Endless service times [ns]."""
-        while (
-            True
-        ):  # several normal numbers at once are the same ones, and cost little more than one
+        # several normal numbers at once are the same ones, and cost little more than one
+        while True:
             yield from map(self.at, rng.standard_normal(16).tolist())
 
 
 @dataclass(frozen=True, slots=True)
 class HopTime:
-    """Handing a message to another process on the same host: a fixed part, and one that grows with the message."""
+    """Handing a message to another process on the same host: a fixed part, and one that grows with
+    the message.
+    """
 
     fixed_ns: int
     per_megabyte_ns: int
@@ -65,10 +69,12 @@ class HopTime:
 
 @dataclass(frozen=True, slots=True)
 class Device:
-    """One kind of computer: its cores, and how long a hop, a Genie's message and a detection take on it.
+    """One kind of computer: its cores, and how long a hop, a Genie's message and a detection take
+    on it.
 
-    ``keys``: how long [ns] a picture's key of some name takes, on the CPU or on the accelerator. ``codec_factor``: how
-    many times as long as in ``encoding.TIMES_NS`` encoding and decoding take.
+    ``keys``: how long [ns] a picture's key of some name takes, on the CPU or on the accelerator.
+    ``codec_factor``: how many times as long as in ``encoding.TIMES_NS`` encoding and decoding take.
+    ``batch_fixed``: the share of a detection's time that does not grow with the size of a batch.
     """
 
     name: str
@@ -78,3 +84,8 @@ class Device:
     detector_time: ServiceTime
     keys: Mapping[str, tuple[Literal["cpu", "accelerator"], int]] = field(default_factory=dict)
     codec_factor: float = 1.0
+    batch_fixed: float = 0.0
+
+    def batch_factor(self, pictures: int) -> float:
+        """How many times as long as one picture a batch of so many takes."""
+        return self.batch_fixed + (1.0 - self.batch_fixed) * pictures if pictures > 1 else 1.0

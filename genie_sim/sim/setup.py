@@ -1,78 +1,71 @@
-"""Everything that a world is built from, as plain values: names, times in nanoseconds, sizes in bytes."""
+"""What a world is built from: the settings of a scenario under one method, and what they name."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-from genie_sim.core.consumer import ConsumerName
 from genie_sim.core.freshness.laws import ASSUMED, DetectorLaws
-from genie_sim.core.rules import GenieRules
 from genie_sim.messages import Frame
-from genie_sim.sim.encoding import Codec
+from genie_sim.sim.encoding import ImageCodec
 from genie_sim.sim.fault import TimedFault
-from genie_sim.sim.link_models import LinkModel
+from genie_sim.sim.interface import Interface
+from genie_sim.sim.link_models import LinkModel, Medium
+from genie_sim.sim.places import Place
 from genie_sim.sim.service import Device
+from genie_sim.sim.settings import Camera, Car, Edge, MethodSettings
 
 
-@dataclass(frozen=True, slots=True)
-class CameraSetup:
-    """One stream of a car: its frames, its phase, and the size of its images (``None``: as recorded)."""
-
-    name: str
-    frames: Sequence[Frame]
-    phase_ns: int = 0
-    size_bytes: int | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class EdgeSetup:
-    """An edge server; ``neighbours`` of ``None`` are all other edges."""
-
-    name: str
-    device: Device
-    neighbours: tuple[str, ...] | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class CarSetup:
-    """A car: its computer, its edge and the link to it (``None``: on its own), its cameras and its way.
-
-    ``sees``: its cameras deliver pictures, not only positions. ``window_ns`` is the part of the recordings that it
-    drives (``None``: all), from ``start_ns`` on, ``laps`` times with ``pause_ns`` between them.
-    """
-
-    name: str
-    device: Device
-    edge: str | None
-    link: LinkModel | None
-    cameras: Sequence[CameraSetup]
-    sees: bool = True
-    genie: bool = True
-    window_ns: tuple[int, int] | None = None
-    start_ns: int = 0
-    laps: int = 1
-    pause_ns: int = 0
-
-
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Setup:
-    """One scenario under one method's settings. Random streams are named by car, edge and link below ``seed``.
+    """One scenario under one method's settings.
 
-    ``laws`` are those of the detectors, as maps and consumers that weigh evidence take them to be. ``codec`` of
-    ``None`` sends pictures as they are.
+    Parameters
+    ----------
+    seed : int
+        Random streams are named by car, edge and link below it.
+    settings : MethodSettings
+        Those of the method.
+    cars : sequence of Car
+        Each starts at its route's ``start_ns``, the random part included.
+    edges : sequence of Edge
+        The edge servers.
+    cameras : sequence of Camera
+        The streams of cars that have none of their own.
+    frames : mapping
+        What the cameras take, by car and recording.
+    devices : mapping
+        The computers, by the names that cars and edges give them.
+    links : mapping
+        The link model of each car with an edge, by car.
+    edge_network : LinkModel or Medium
+        That of the network between edges.
+    laws : DetectorLaws
+        The detectors' laws, as maps and consumers that weigh evidence take them to be.
+    faults : sequence of TimedFault
+        What goes wrong.
+    codec : ImageCodec, optional
+        How pictures are sent; without one, as they are.
+    places : mapping
+        Where each car is at a time [ns]: east and north [m].
+    interfaces : mapping
+        The network interface of each car that has one of a known kind.
     """
 
     seed: int
-    cars: Sequence[CarSetup]
-    edges: Sequence[EdgeSetup]
-    edge_network: LinkModel
-    genie: GenieRules = field(default_factory=GenieRules)
-    queue_length: int = 1
-    consumer: ConsumerName = "newest"
+    settings: MethodSettings
+    cars: Sequence[Car]
+    edges: Sequence[Edge]
+    cameras: Sequence[Camera]
+    frames: Mapping[str, Mapping[str, Sequence[Frame]]]
+    devices: Mapping[str, Device]
+    links: Mapping[str, LinkModel | Medium]
+    edge_network: LinkModel | Medium
     laws: DetectorLaws = ASSUMED
     faults: Sequence[TimedFault] = ()
-    codec: Codec | None = None
+    codec: ImageCodec | None = None
+    places: Mapping[str, Place] = field(default_factory=dict)
+    interfaces: Mapping[str, Interface] = field(default_factory=dict)
 
     @property
     def blind_edges(self) -> set[str | None]:
         """Edges that serve cars without cameras: no picture ever comes there."""
-        return {car.edge for car in self.cars if not car.sees}
+        return {car.edge for car in self.cars if not car.cameras}

@@ -1,31 +1,30 @@
-"""Which edges are neighbours, and the ports through which they share."""
+"""Edge servers, which of them are neighbours, and the ports through which they share."""
 
-from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Mapping, Sequence
 
 from genie_sim.messages import Message
+from genie_sim.sim.encoding import Coder
 from genie_sim.sim.link import Bridge
-from genie_sim.sim.station import OBJECTS, Station
-
-if TYPE_CHECKING:
-    from genie_sim.sim.encoding import Coder
-    from genie_sim.sim.ros_graph import Graph
-    from genie_sim.sim.setup import EdgeSetup
-    from genie_sim.sim.world import World
+from genie_sim.sim.link_models import LinkEnds, LinkModel, Medium
+from genie_sim.sim.method import OBJECTS, HostConfig
+from genie_sim.sim.network import Network
+from genie_sim.sim.ros_graph import Graph
+from genie_sim.sim.settings import Edge
 
 EDGES = "edges"  # the network between edges, in the names of links
 
 
-class Edge:
-    """An edge server: its ROS graph, what stands there, and the way down to the cars that it has served: an answer goes
-    down the bridge to the car whose picture it is about. A look-up by the header's origin, however many cars there are.
+class EdgeServer:
+    """An edge server: its ROS graph, what the method runs there, and the bridges down to the cars
+    that it has served. An answer goes down the bridge to the car whose image it is about, found by
+    the header's origin, however many cars there are.
     """
 
-    def __init__(self, graph: "Graph", station: Station) -> None:
+    def __init__(self, graph: Graph, config: HostConfig) -> None:
         self.name = graph.name
         self.graph = graph
-        self.station = station
-        self.target: Graph | Coder = graph  # what takes what comes over links
+        self.config = config
+        self.target: Graph | Coder = graph  # takes what comes over links
         self.address = f"{self.name}/cars"
         self.bridge_to: dict[str, Bridge] = {}  # by the car
         graph.bridge(OBJECTS, self)
@@ -36,30 +35,45 @@ class Edge:
             bridge.deliver(topic, message, sender)
 
 
-def neighbours(edges: "Sequence[EdgeSetup]") -> Iterator[tuple[str, list[str]]]:
-    """Each edge with its neighbours. Two edges are neighbours unless one names its own and leaves the other out."""
-    named = {edge.name: edge.neighbours for edge in edges}
-    order = {edge.name: place for place, edge in enumerate(edges)}
-    for name, chosen in named.items():
-        candidates: Sequence[str] = (
-            list(named) if chosen is None else sorted(chosen, key=order.__getitem__)
-        )
-        others = [other for other in candidates if other != name]
-        yield (
-            name,
-            [other for other in others if (theirs := named[other]) is None or name in theirs],
-        )
+def neighbours(edges: Sequence[Edge]) -> dict[str, list[str]]:
+    """The neighbours of each edge, in the scenario's order. Two edges are neighbours unless one
+    names its own and leaves the other out.
+    """
+    return {
+        edge.name: [other.name for other in edges if other is not edge and _accept(edge, other)]
+        for edge in edges
+    }
 
 
-def join_edges(world: "World", edges: Mapping[str, Edge]) -> None:
-    """What an edge publishes on the topics that its neighbours hear reaches them through its port to the network."""
-    if not any(edge.station.hears for edge in edges.values()):
+def _accept(edge: Edge, other: Edge) -> bool:
+    return all(
+        first.neighbours is None or second.name in first.neighbours
+        for first, second in ((edge, other), (other, edge))
+    )
+
+
+def join_edges(
+    network: Network,
+    edges: Mapping[str, EdgeServer],
+    neighbours_of: Mapping[str, Sequence[str]],
+    model: LinkModel | Medium,
+) -> None:
+    """Connects neighbouring edges: what an edge publishes on the ``neighbour_topics`` of another
+    reaches it through the edge's port to the network, a link of this ``model``.
+    """
+    if not any(edge.config.neighbour_topics for edge in edges.values()):
         return
-    codec = world.setup.codec
-    for name, others in neighbours(world.setup.edges):
-        port = world.link(f"{name}->{EDGES}", world.setup.edge_network, up=True)
-        for other in (edges[one] for one in others):
-            for topic in other.station.hears:
-                edges[name].graph.bridge(
-                    topic, Bridge(port, other.target, topic, world.front(other.name), codec=codec)
+    for name, neighbour_names in neighbours_of.items():
+        ends = LinkEnds(f"{name}->{EDGES}", None, name, up=True)
+        port = network.add_link(ends, model, part="edges")
+        for neighbour in (edges[neighbour_name] for neighbour_name in neighbour_names):
+            for topic in neighbour.config.neighbour_topics:
+                bridge = Bridge(
+                    port,
+                    neighbour.target,
+                    topic=topic,
+                    address=neighbour.graph.entry,
+                    codec=network.codec,
+                    border=network.border(name, neighbour.graph.name),
                 )
+                edges[name].graph.bridge(topic, bridge)

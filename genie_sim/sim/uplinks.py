@@ -1,39 +1,64 @@
-"""A car's way to its edge and back."""
+"""A car's connection to its edge and back."""
 
+from collections.abc import Mapping
 from functools import partial
-from typing import TYPE_CHECKING
 
 from genie_sim.messages import Message
+from genie_sim.sim.interface import InterfaceUse
 from genie_sim.sim.link import Bridge
-from genie_sim.sim.station import DETECTOR, IMAGES, Uplink
-
-if TYPE_CHECKING:
-    from genie_sim.sim.ros_graph import Graph
-    from genie_sim.sim.setup import CarSetup
-    from genie_sim.sim.topology import Edge
-    from genie_sim.sim.world import World
+from genie_sim.sim.link_models import LinkEnds, LinkModel, Medium
+from genie_sim.sim.method import DETECTOR, IMAGES, Uplink
+from genie_sim.sim.network import Network
+from genie_sim.sim.ros_graph import Graph
+from genie_sim.sim.topology import EdgeServer
 
 
 class CarUplink:
-    """The car and its edge are one virtual network: frames go up, the answers to them come down.
+    """Connects a car and its edge to one virtual network: frames go up, the answers to them come
+    down.
 
-    The car may ``leave`` its edge and ``join`` another. What it sends in between is lost, and so is what waits for the
-    old link or is on it, and what the old edge answers while the car is away. Each edge has its own link to the car,
-    which is there again when the car comes back.
+    The car may ``leave`` its edge and ``join`` another. What it sends in between is lost, and so is
+    what waits for the old link or is on it, and what the old edge answers while the car is away.
+    Each edge has its own link to the car, which is there again when the car comes back.
+
+    Parameters
+    ----------
+    network : Network
+        Where the links are made.
+    graph : Graph
+        The car's graph.
+    topics : Uplink
+        What goes up and what comes down.
+    model : LinkModel or Medium
+        The car's link.
+    edges : mapping
+        All edge servers, by name.
+    tail_time_ns : int
+        How long the car's network interface stays awake after a transfer.
     """
 
-    def __init__(self, world: "World", car: "CarSetup", graph: "Graph", topics: Uplink) -> None:
-        assert car.edge is not None
-        self.address = f"{car.name}/uplink"
-        self.edge = car.edge
-        self._world = world
-        self._car = car
+    def __init__(
+        self,
+        network: Network,
+        graph: Graph,
+        topics: Uplink,
+        *,
+        model: LinkModel | Medium,
+        edges: Mapping[str, EdgeServer],
+        tail_time_ns: int = 0,
+    ) -> None:
+        self.interface = InterfaceUse(tail_time_ns)
+        self.address = f"{graph.name}/uplink"
+        self.car = graph.name
+        self.edge = ""
+        self._network = network
         self._graph = graph
         self._topics = topics
+        self._model = model
+        self._edges = edges
         self._lost_by = ""  # what made the car leave
         self._bridges: dict[str, tuple[Bridge, Bridge]] = {}  # up and down, by the edge
-        self._encoder = world.coder(car.name, "encoder", 0, self._send)
-        self.join(car.edge)
+        self._encoder = network.add_coder(graph, "encoder", self._send)
         graph.bridge(topics.up, self)
 
     def deliver(self, topic: str, message: Message, sender: str) -> None:
@@ -42,53 +67,64 @@ class CarUplink:
         else:
             self._encoder.inject(topic, message, sender)
 
-    def _send(self, topic: str, message: Message, sender: str) -> None:
-        self._bridges[self.edge][0].deliver(topic, message, sender)
-
     def leave(self, lost_by: str) -> None:
         """The connection to the edge breaks; ``lost_by`` names what drops the messages."""
         self._lost_by = lost_by
         for bridge in self._bridges[self.edge]:
             bridge.take_down()
 
-    def join(self, name: str) -> None:
-        """There is a connection to this edge."""
-        if name in self._bridges:
-            for bridge in self._bridges[name]:
+    def join(self, edge: str) -> None:
+        """There is a connection to this edge from now on."""
+        if edge in self._bridges:
+            for bridge in self._bridges[edge]:
                 bridge.put_up()
         else:
-            self._bridges[name] = self._bridges_to(self._world.edges[name])
-        self.edge = name
+            self._bridges[edge] = self._connect(self._edges[edge])
+        self.edge = edge
 
     def clear(self) -> None:
-        """No connection is left."""
+        """Removes all links."""
         self._bridges.clear()
+        self._encoder = None
 
-    def _bridges_to(self, edge: "Edge") -> tuple[Bridge, Bridge]:
+    def bytes_carried(self) -> tuple[int, int]:
+        """How much went up and came down, over the links to all edges."""
+        links = [(up.link, down.link) for up, down in self._bridges.values()]
+        return sum(up.sent_bytes for up, _ in links), sum(down.sent_bytes for _, down in links)
+
+    def _send(self, topic: str, message: Message, sender: str) -> None:
+        upwards, _ = self._bridges[self.edge]
+        upwards.deliver(topic, message, sender)
+
+    def _connect(self, edge: EdgeServer) -> tuple[Bridge, Bridge]:
         """What carries the car's frames up to an edge, and the answers to them down."""
-        car, monitor = self._car, self._world.monitor
-        assert car.link is not None, "a car with an edge has a link"
-        up = self._world.link(f"{car.name}->{edge.name}", car.link, up=True)
-        down = self._world.link(f"{edge.name}->{car.name}", car.link, up=False)
-        up.part, down.part = "uplink", "downlink"
-        sent, received = (
-            partial(monitor.carried, "bytes_up"),
-            partial(monitor.carried, "bytes_down"),
-        )
+        network, car = self._network, self._graph.name
+        upwards_ends = LinkEnds(f"{car}->{edge.name}", car, edge.name, up=True)
+        downwards_ends = LinkEnds(f"{edge.name}->{car}", car, edge.name, up=False)
+        up = network.add_link(upwards_ends, self._model, part="uplink")
+        down = network.add_link(downwards_ends, self._model, part="downlink")
+        up.interface = down.interface = self.interface
         upwards = Bridge(
             up,
             edge.target,
-            IMAGES,
-            f"{edge.name}/{DETECTOR}",
-            sent,
-            self._lost,
-            self._world.setup.codec,
+            topic=IMAGES,
+            address=f"{edge.name}/{DETECTOR}",
+            carried=partial(network.monitor.carried, "bytes_up"),
+            lost=self._lost,
+            codec=network.codec,
+            border=network.border(car, edge.name),
         )
         downwards = Bridge(
-            down, self._graph, self._topics.down, self._world.front(car.name), received, self._lost
+            down,
+            self._graph,
+            topic=self._topics.down,
+            address=self._graph.entry,
+            carried=partial(network.monitor.carried, "bytes_down"),
+            lost=self._lost,
+            border=network.border(edge.name, car),
         )
-        edge.bridge_to[car.name] = downwards
+        edge.bridge_to[car] = downwards
         return upwards, downwards
 
     def _lost(self, message: Message) -> None:
-        self._world.monitor.dropped(message, self._lost_by)
+        self._network.monitor.dropped(message, self._lost_by)

@@ -4,233 +4,254 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
 
-import numpy as np
-
-from genie_sim import seeds
-from genie_sim.errors import UserError, unknown
-from genie_sim.monitor import Monitor, Placement, Resource
-from genie_sim.sim import fault
-from genie_sim.sim.cameras import Camera
+from genie_sim.errors import UserError, as_user_error
+from genie_sim.monitor import FaultSpan, HostUsage, Monitor, Placement, Resource
+from genie_sim.sim import fault, wiring
+from genie_sim.sim.cameras import CameraNode
 from genie_sim.sim.clock import Clock
-from genie_sim.sim.device import Host
-from genie_sim.sim.encoding import Coder, Take
-from genie_sim.sim.link import Link
-from genie_sim.sim.link_models import LinkModel
 from genie_sim.sim.listener import CarListener
-from genie_sim.sim.nodes import Detector, InterceptorNode, attach
+from genie_sim.sim.method import DETECTOR, IMAGES, OBJECTS, HostConfig, HostContext, Method
+from genie_sim.sim.network import Network
+from genie_sim.sim.nodes import DetectorNode, InterceptorNode, attach
 from genie_sim.sim.ros_graph import Graph
-from genie_sim.sim.service import Device
-from genie_sim.sim.setup import CarSetup, Setup
-from genie_sim.sim.station import DETECTOR, IMAGES, OBJECTS, Method, Place, Station
-from genie_sim.sim.steps import StepClock
-from genie_sim.sim.topology import Edge, join_edges, neighbours
+from genie_sim.sim.serving import BatchingDetectorNode
+from genie_sim.sim.settings import Car, Serving
+from genie_sim.sim.setup import Setup
+from genie_sim.sim.topology import EdgeServer, join_edges, neighbours
+from genie_sim.sim.tracing import TracingClock
 from genie_sim.sim.uplinks import CarUplink
+from genie_sim.units import NS_PER_S
 
-SAMPLE_NS = 100_000_000
-DRAIN_NS = 5_000_000_000  # after the last frame, and as often again as something is still in flight
-MOST_DRAIN_NS = 600_000_000_000
+SAMPLE_NS = NS_PER_S // 10
+DRAIN_NS = 5 * NS_PER_S  # after the last frame, and as often again as something is in flight
+MAX_DRAIN_NS = 600 * NS_PER_S
+ONE_BY_ONE = Serving()
+Progress = Callable[[int, int], None]  # the time now and at the end [ns]
 
 
 class World:
-    """All hosts, graphs and links of one scenario under one method, on one clock of integer nanoseconds.
+    """All hosts, graphs and links of one scenario under one method, on one clock of integer
+    nanoseconds.
 
-    What stands on each host the ``method`` says; the ``monitor`` is told what happens. Random numbers come from streams
-    named after car, device and link, so every method sees the same ones.
+    The ``method`` says what runs on each host; the ``monitor`` observes the run.
     """
 
     def __init__(self, setup: Setup, method: Method, monitor: Monitor) -> None:
-        self.env = StepClock() if monitor.wants_steps else Clock()
         self.setup = setup
         self.monitor = monitor
-        self.resources: list[Resource] = []
-        self.edges: dict[str, Edge] = {}
-        self.uplinks: dict[str, CarUplink] = {}
-        self.hosts: dict[str, tuple[Host, Graph]] = {}
-        self.links: dict[str, Link] = {}
-        self.end_ns = 0  # when the last frame is taken
-        self.outages: list[
-            tuple[str, str]
-        ] = []  # the targets of links that are down now, and by which fault
+        self.clock = TracingClock() if monitor.wants_paths else Clock()
+        self.network = Network(
+            self.clock,
+            monitor,
+            seed=setup.seed,
+            host_names=[car.name for car in setup.cars] + [edge.name for edge in setup.edges],
+            queue_length=setup.settings.queue_length,
+            codec=setup.codec,
+            places=setup.places,
+            sites={edge.name: edge.at_m for edge in setup.edges},
+        )
+        self.edges: dict[str, EdgeServer] = {}
+        self.last_frame_ns = 0  # when the last frame is taken
         self._method = method
         self._edge_names = tuple(edge.name for edge in setup.edges)
-        self._cameras: list[Camera] = []
-        self._fronts: dict[str, str] = {}  # of each host, the node that takes what comes over links
+        self._cameras: list[CameraNode] = []
+        self._faults: list[FaultSpan] = []
+        self._uplinks: list[CarUplink] = []
         self._build_edges()
-        of_edges = len(self.resources)
+        edge_resources = list(self.network.resources)
         for car in setup.cars:
             self._build_car(car)
-        processors = [one for one in self.resources if one.kind in ("accelerator", "cpu")]
-        sampled = {
-            "all": self.resources,
-            "edges": self.resources[:of_edges],
-            "processors": processors,
-            "none": [],
-        }
-        self._sampled: list[Resource] = sampled[monitor.samples]
+        self._sampled = self._choose_sampled(edge_resources)
         for timed in setup.faults:
-            fault.start(self, timed)
+            timed = fault.recorded(timed, self._faults)
+            fault.start(timed, self.network, self.last_frame_ns)
         for camera in self._cameras:
             camera.wait()
 
-    def run(self, progress: Callable[[int, int], None] | None = None) -> None:
-        """Runs until nothing is in flight any more, at most ten minutes after the last frame. ``progress`` gets the
-        time now and at the end [ns]."""
-
+    def run(self, progress: Progress | None = None) -> None:
+        """Runs until nothing is in flight any more, at most ten minutes after the last frame."""
         self._sample(progress)
-        for waited_ns in range(DRAIN_NS, MOST_DRAIN_NS + 1, DRAIN_NS):
-            self.env.run(until=self.end_ns + waited_ns)
-            if self.env.waits_only_for(self._sample):
+        for drained_ns in range(DRAIN_NS, MAX_DRAIN_NS + 1, DRAIN_NS):
+            self.clock.run(until=self.last_frame_ns + drained_ns)
+            if self.clock.waits_only_for(self._sample):
                 break
-        self.monitor.sample(self._sampled, self.env.now)
+        self.monitor.sample(self._sampled, self.clock.now)
+        self.monitor.used(self._usage())
+        self.monitor.failed(self._faults)
+        self.monitor.attacked(self.network.forgeries)
         self.monitor.close()
 
-    def _sample(self, progress: Callable[[int, int], None] | None) -> None:
-        self.monitor.sample(self._sampled, self.env.now)
-        if progress is not None:
-            progress(min(self.env.now, self.end_ns), self.end_ns)
-        self.env.after(SAMPLE_NS, self._sample, progress)
-
     def dismantle(self) -> None:
-        """After the run: takes everything apart, so that it is freed at once and not by Python's collector."""
-        for _, graph in self.hosts.values():
-            graph.clear()
-        for uplink in self.uplinks.values():
-            uplink.clear()
-        for parts in (
-            self.hosts,
-            self.edges,
-            self.uplinks,
-            self.links,
-            self.resources,
-            self._sampled,
-            self._cameras,
-        ):
-            parts.clear()
-        self.env.clear()
-
-    def stream(self, *names: str) -> np.random.Generator:
-        """The random generator of these names: the same under every method."""
-        return seeds.stream(self.setup.seed, *names)
-
-    def link(self, name: str, model: LinkModel, up: bool) -> Link:
-        """A new link called ``FROM->TO``."""
-        channel = model.channel(up, self.stream(name))
-        link = Link(self.env, name, channel, self.setup.queue_length, self.monitor.dropped)
-        link.down_by += [by for target, by in self.outages if is_at(link, target)]
-        self.links[name] = link
-        self.resources.append(link)
-        return link
-
-    def links_at(self, target: str) -> Iterator[Link]:
-        """The links called ``target``, or those with an end there: a car, an edge, or ``edges`` for their network."""
-        return (link for link in self.links.values() if is_at(link, target))
-
-    def coder(self, place: str, name: str, step: int, take: Take) -> Coder | None:
-        """A new encoder (step 0) or decoder (1) on a host; ``None`` where pictures are sent as they are."""
-        if self.setup.codec is None:
-            return None
-        made = Coder(f"{place}/{name}", self.hosts[place][1], self.setup.codec, step, take)
-        self.resources.append(made)
-        return made
-
-    def void(self, host: str, where: str) -> None:
-        """What is queued and in service on a host is lost, dropped by ``where``, and its nodes forget what they know.
-
-        Nothing happens where the method has put nothing. Raises ``UserError`` for a host that is not there.
+        """Takes everything apart after the run, so that it is freed at once and not by Python's
+        garbage collector.
         """
-        known = [*(car.name for car in self.setup.cars), *(edge.name for edge in self.setup.edges)]
-        if host not in known:
-            raise UserError(unknown("host", host, known))
-        if host in self.hosts:
-            computer, graph = self.hosts[host]
-            for node in graph.nodes:
-                node.void(where)
-            computer.accelerator.void()
-            computer.cpu.void()
+        for uplink in self._uplinks:
+            uplink.clear()
+        self.network.clear()
+        self.edges.clear()
+        self._uplinks.clear()
+        self._sampled.clear()
+        self._cameras.clear()
 
-    def front(self, host: str) -> str:
-        """The address of the node on a host that takes what comes over links."""
-        return self._fronts.get(host, f"{host}/consumer")
+    def _usage(self) -> Iterator[HostUsage]:
+        """What every host has used until now."""
+        setup = self.setup
+        cars, uplinks = {car.name for car in setup.cars}, {}
+        for uplink in self._uplinks:
+            bytes_up, bytes_down = uplink.bytes_carried()
+            use = uplink.interface
+            transfer_ns = use.transfer_ns(self.clock.now)
+            uplinks[uplink.car] = {
+                "bytes_up": bytes_up,
+                "bytes_down": bytes_down,
+                "transfer_ns": transfer_ns,
+                "tail_ns": use.tail_ns,
+            }
+        for name, graph in self.network.graphs.items():
+            host, interface = graph.host, setup.interfaces.get(name)
+            yield HostUsage(
+                host=name,
+                placement="car" if name in cars else "edge",
+                device=host.device.name,
+                interface=None if interface is None else interface.name,
+                accelerator_ns=host.accelerator.busy_ns,
+                cpu_ns=host.cpu.busy_ns,
+                pictures=host.accelerator.completed,
+                batches=host.accelerator.jobs,
+                **uplinks.get(name, {}),
+            )
+
+    def _choose_sampled(self, edge_resources: list[Resource]) -> list[Resource]:
+        """The resources that the monitor wants to sample."""
+        resources = self.network.resources
+        samples = self.monitor.samples
+        if samples == "all":
+            return resources  # the list itself: a hand-over adds links while time runs
+        if samples == "edges":
+            cells = [resource for resource in resources if resource.kind == "cell"]
+            return edge_resources + cells
+        if samples == "processors":
+            return [resource for resource in resources if resource.kind in ("accelerator", "cpu")]
+        return []
+
+    def _sample(self, progress: Progress | None) -> None:
+        now_ns = self.clock.now
+        self.monitor.sample(self._sampled, now_ns)
+        if progress is not None:
+            progress(min(now_ns, self.last_frame_ns), self.last_frame_ns)
+        self.clock.after(SAMPLE_NS, self._sample, (progress,))
 
     def _build_edges(self) -> None:
-        blind, joined = self.setup.blind_edges, dict(neighbours(self.setup.edges))
-        for edge in self.setup.edges:
+        setup, network = self.setup, self.network
+        blind_edges, neighbours_of = setup.blind_edges, neighbours(setup.edges)
+        for edge in setup.edges:
             name = edge.name
-            place = replace(
-                self._place(name, name not in blind, True, True), neighbours=joined[name]
-            )
-            station = self._method.on_edge(place)
-            self.edges[name] = Edge(self._add_host(name, edge.device), station)
-            if station.detector:
-                self._add_detector(name)
-        for name, built in self.edges.items():
-            self._add_interceptor(name, built.station, "edge")
-            built.target = self.coder(name, "decoder", 1, built.graph.inject) or built.graph
-        join_edges(self, self.edges)
+            context = self._context(name, name not in blind_edges, has_edge=True, genie=True)
+            config = self._method.on_edge(replace(context, neighbours=neighbours_of[name]))
+            graph = network.add_host(name, setup.devices[edge.device])
+            self.edges[name] = EdgeServer(graph, config)
+            if config.detector:
+                self._add_detector(graph, edge.serving or setup.settings.serving)
+        for server in self.edges.values():
+            graph = server.graph
+            self._add_interceptor(graph, server.config, "edge")
+            server.target = network.add_coder(graph, "decoder", graph.inject) or graph
+        join_edges(network, self.edges, neighbours_of, setup.edge_network)
 
-    def _build_car(self, car: CarSetup) -> None:
-        station = self._method.on_car(
-            self._place(car.name, car.sees, car.edge is not None, car.genie)
+    def _build_car(self, car: Car) -> None:
+        setup = self.setup
+        context = self._context(
+            car.name, bool(car.cameras), has_edge=car.edge is not None, genie=car.genie
         )
-        if station is None:
+        config = self._method.on_car(context)
+        if config is None:
             return
-        graph = self._add_host(car.name, car.device)
-        if station.detector:
-            self._add_detector(car.name)
-        self._add_interceptor(car.name, station, "car")
-        uplink = None
-        if station.uplink is not None:
-            uplink = self.uplinks[car.name] = CarUplink(self, car, graph, station.uplink)
-        CarListener(
-            self, car.name, graph, uplink, no_server=uplink is None and car.name not in self._fronts
-        )
-        for camera in car.cameras:
-            node = Camera(camera, car, graph, IMAGES, self.monitor.published)
+        graph = self.network.add_host(car.name, setup.devices[car.device])
+        if config.detector:
+            self._add_detector(graph)
+        self._add_interceptor(graph, config, "car")
+        uplink = self._add_uplink(car, graph, config)
+        has_server = config.detector or config.interceptor is not None or uplink is not None
+        if has_server or car.edge is not None:
+            self._check_wiring(car, graph, config)
+        CarListener(graph, self.monitor, uplink=uplink, has_server=has_server)
+        for camera in car.streams(setup.cameras):
+            frames = setup.frames[car.name][camera.recording]
+            node = CameraNode(
+                camera,
+                car,
+                graph,
+                frames=frames,
+                published=self.monitor.published,
+                senses=self.network.senses(car.name),
+            )
             self._cameras.append(node)
-            self.end_ns = max(self.end_ns, node.last_stamp_ns)
+            self.last_frame_ns = max(self.last_frame_ns, node.last_stamp_ns)
 
-    def _place(self, name: str, sees: bool, joined: bool, genie: bool) -> Place:
-        setup, stream = self.setup, partial(self.stream, name)
-        rules = setup.genie if genie else None
-        return Place(
-            name,
-            sees,
-            joined,
-            rules,
-            stream,
-            self.monitor.wants_changes,
-            setup.laws,
-            self._edge_names,
+    def _check_wiring(self, car: Car, graph: Graph, config: HostConfig) -> None:
+        """Raises ``UserError`` if the car's frames, or the answers to them, would reach nobody."""
+        with as_user_error(self._method.title, UserError):
+            wiring.check_car(graph, config)
+            if config.uplink is not None and car.edge is not None:
+                edge = self.edges[car.edge]
+                wiring.check_edge(edge.graph, edge.config, car.name)
+
+    def _context(self, name: str, gets_images: bool, *, has_edge: bool, genie: bool) -> HostContext:
+        """What the method is told about a host; ``genie``: whether one may run there."""
+        return HostContext(
+            name=name,
+            gets_images=gets_images,
+            has_edge=has_edge,
+            genie=self.setup.settings.genie if genie else None,
+            stream=partial(self.network.stream, name),
+            records_changes=self.monitor.wants_changes,
+            laws=self.setup.laws,
+            edges=self._edge_names,
         )
 
-    def _add_host(self, name: str, device: Device) -> Graph:
-        host = Host(
-            self.env, name, device, self.stream(name, "accelerator"), self.stream(name, "cpu")
-        )
-        self.resources += [host.accelerator, host.cpu]
-        graph = Graph(host, self.setup.queue_length, self.monitor.dropped)
-        self.hosts[name] = host, graph
-        return graph
+    def _add_detector(self, graph: Graph, serving: Serving = ONE_BY_ONE) -> None:
+        name, topics = f"{graph.name}/{DETECTOR}", ((IMAGES,), (OBJECTS,))
+        if serving == ONE_BY_ONE:
+            detector = DetectorNode(name, graph, *topics)
+        else:
+            detector = BatchingDetectorNode(name, graph, *topics, serving=serving)
+        self.network.resources.append(detector)
+        graph.entry = detector.name
 
-    def _add_detector(self, place: str) -> None:
-        _, graph = self.hosts[place]
-        name = self._fronts[place] = f"{place}/{DETECTOR}"
-        self.resources.append(Detector(name, graph, (IMAGES,), (OBJECTS,)))
-
-    def _add_interceptor(self, place: str, station: Station, placement: Placement) -> None:
-        make = station.interceptor
+    def _add_interceptor(self, graph: Graph, config: HostConfig, placement: Placement) -> None:
+        make = config.interceptor
         if make is None:
             return
-        _, graph = self.hosts[place]
-        told = partial(self.monitor.observe, placement), station, self.setup.genie.passes
-        if station.detector:
-            node = attach(graph, f"{place}/{DETECTOR}", make, *told)
+        observe = partial(self.monitor.observe, placement)
+        passes = self.setup.settings.genie.passes
+        if config.detector and not config.is_beside:
+            detector = f"{graph.name}/{DETECTOR}"
+            node = attach(graph, detector, make, observe, config=config, passes=passes)
         else:
-            node = InterceptorNode(lambda: make((IMAGES,), (OBJECTS,)), graph, *told)
-        self.resources.append(node)
-        self._fronts[place] = node.name
+            node = InterceptorNode(
+                lambda: make((IMAGES,), (OBJECTS,)), graph, observe, config=config, passes=passes
+            )
+        self.network.resources.append(node)
+        if not config.is_beside:
+            graph.entry = node.name
 
-
-def is_at(link: Link, target: str) -> bool:
-    """Whether a link is called ``target`` or has an end there."""
-    return target == link.name or target in link.name.split("->")
+    def _add_uplink(self, car: Car, graph: Graph, config: HostConfig) -> CarUplink | None:
+        """The car's connection to its edge, if the method wants one."""
+        if config.uplink is None:
+            return None
+        if car.edge is None:
+            raise UserError(f"{self._method.title}: {car.name} has an uplink, but no edge")
+        model = self.setup.links[car.name]
+        interface = self.setup.interfaces.get(car.name)
+        uplink = CarUplink(
+            self.network,
+            graph,
+            config.uplink,
+            model=model,
+            edges=self.edges,
+            tail_time_ns=0 if interface is None else interface.tail_time_ns,
+        )
+        uplink.join(car.edge)
+        self._uplinks.append(uplink)
+        self.network.uplinks[car.name] = uplink
+        return uplink

@@ -1,10 +1,13 @@
-"""The frame source of a generated town: every car drives its own way, and what is really there is known."""
+"""The frame source of a generated town: every car drives its own way, and what is really there is
+known.
+"""
 
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
+from genie_sim.classes import VEHICLES
 from genie_sim.core.geometry import Geodetic
 from genie_sim.messages import Frame
 from genie_sim.town.objects import TownObject
@@ -12,30 +15,41 @@ from genie_sim.town.rules import TownRules
 from genie_sim.units import NS_PER_MS, NS_PER_S, duration_text, length_text
 
 if TYPE_CHECKING:
-    from genie_sim.perception.sources import Progress
-    from genie_sim.town.town import Drive, Town
+    from genie_sim.perception.sources import Extent, Progress
+    from genie_sim.town.town import Town, TownDrive
 
-# Far beyond what anyone has simulated, see docs/explanation/million-cars.md; more is a slip of the pen, which would
-# fill the memory before anything is said.
-MOST_FRAMES, MOST_BLOCK_M = 100_000_000, 10_000.0
-VEHICLES = ("car", "truck")  # one class for whoever judges
+# Far beyond what anyone has simulated, see docs/explanation/million-cars.md; more is a slip of the
+# pen, which would fill the memory before anything is said.
+MAX_FRAMES, MAX_BLOCK_M = 100_000_000, 10_000.0
 
 
 @dataclass(frozen=True)
 class InTown:
     """Every car drives its own way through a generated town.
 
-    Each drives for ``duration_ns`` and takes a frame every ``interval_ns``; recordings are "02" and "03". An object
-    that a car's consumer holds is right if one of its class really is within ``tolerance_m`` of it; objects up to
-    ``range_m`` away count. Both are a ruler, the same whatever a Genie is told. The town is made from ``town`` and the
-    scenario's seed.
+    Each drives for ``duration_ns`` and takes a frame every ``interval_ns``; recordings are "02" and
+    "03". An object that a car's consumer holds is right if one of its class really is within
+    ``tolerance_m`` of it; objects up to ``range_m`` away count. Both are a ruler, the same whatever
+    a Genie is told. The town is made from ``town`` and the scenario's seed.
     """
 
+    is_one_world: ClassVar[bool] = True  # cars meet: what one sees is there for the others
+    is_map: ClassVar[bool] = True  # cars drive in it, alone or as a fleet
+
     duration_ns: int = 60 * NS_PER_S
+    """How long every car drives."""
+
     interval_ns: int = 100 * NS_PER_MS
+    """Time between two frames of a camera."""
+
     tolerance_m: float = 2.0
+    """How far an answer may be from the truth and still count as right."""
+
     range_m: float = 50.0
+    """Objects up to this distance are judged."""
+
     town: TownRules = field(default_factory=TownRules)
+    """How the town is built. Densities are assumed; they give frames as many objects as KITTI's."""
 
     def __post_init__(self) -> None:
         for name, value, text in (
@@ -45,13 +59,15 @@ class InTown:
         ):
             if value <= 0:
                 raise ValueError(f"{name}: must be more than zero, but is {text}")
-        if self.duration_ns / self.interval_ns > MOST_FRAMES:
+        if self.duration_ns / self.interval_ns > MAX_FRAMES:
             raise ValueError(
-                f"interval: makes more than {MOST_FRAMES:,} frames of {duration_text(self.duration_ns)}"
+                f"interval: makes more than {MAX_FRAMES:,} frames of "
+                f"{duration_text(self.duration_ns)}"
             )
-        if self.town.block_m > MOST_BLOCK_M:
+        if self.town.block_m > MAX_BLOCK_M:
             raise ValueError(
-                f"town.block: must be at most {MOST_BLOCK_M / 1000:g} km, but is {self.town.block_m:g} m"
+                f"town.block: must be at most {MAX_BLOCK_M / 1000:g} km, "
+                f"but is {self.town.block_m:g} m"
             )
 
     def cells(self, cell_m: float) -> float:
@@ -70,17 +86,22 @@ class InTown:
 
 @dataclass(frozen=True)
 class TownDrives:
-    """A town with the drives through it. A car sees the town at the time that the simulation has then, but for the
-    phases of its cameras."""
+    """A town with the drives through it. A car sees the town at the time that the simulation has
+    then, but for the phases of its cameras.
+    """
 
     town: "Town"
     settings: InTown
     seeded: bool = True
 
-    def drive(self, car: str, trace: str | None, start_ns: int) -> "Drive":
+    @property
+    def extent_m(self) -> "Extent":
+        return 0.0, 0.0, *self.town.size_m
+
+    def drive(self, car: str, trace: str | None, start_ns: int) -> "TownDrive":
         return self.town.drive(car, self.settings.duration_ns, self.settings.interval_ns, start_ns)
 
-    def truth_of(self, drive: "Drive") -> "TownTruth":
+    def truth_of(self, drive: "TownDrive") -> "TownTruth":
         return TownTruth(
             self.town, drive.start_ns, self.settings.tolerance_m, self.settings.range_m
         )
@@ -94,7 +115,7 @@ class TownDrives:
 
 @dataclass(frozen=True)
 class TownTruth:
-    """What is really there on the drive of a car that starts at ``start_ns`` of the town's clock."""
+    """What is there on the drive of a car that starts at ``start_ns`` of the town's clock."""
 
     town: "Town"
     start_ns: int
@@ -105,10 +126,10 @@ class TownTruth:
         return True
 
     def visible(self, frame: Any) -> Sequence[TownObject]:
-        seen: Sequence[TownObject] = frame.truth()
-        return seen
+        truth: Sequence[TownObject] = frame.truth()
+        return truth
 
     def is_there(self, frame: Frame, label: str, east_m: float, north_m: float) -> bool:
         t_ns = self.start_ns + frame.stamp_ns
         labels = VEHICLES if label in VEHICLES else (label,)
-        return self.town.is_there(labels, east_m, north_m, self.reach_m, t_ns)
+        return self.town.is_there(labels, (east_m, north_m), self.reach_m, t_ns)

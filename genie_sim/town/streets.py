@@ -1,11 +1,12 @@
-"""What stands and moves along the streets, found again by place and time.
+"""Static and moving objects of every street, indexed by place and time.
 
-Everything belongs to one street and is kept in the order of its place along it, so what a camera may see is a few
-slices: of the streets that it stands on, and of those that cross them. Houses fill the blocks and hide the rest.
+Everything belongs to one street and is kept in the order of its place along it, so what a camera
+may see is a few slices: of the streets that it stands on, and of those that cross them. Houses fill
+the blocks and hide the rest.
 
-Traffic flows evenly: of each kind and direction a street carries a stream whose members keep their speed and their
-distances, stop for nobody, and leave at one end of the town as others enter at its other end. So where they are at any
-time is one sum.
+Traffic flows evenly: of each kind and direction a street carries a stream whose members keep their
+speed and their distances, stop for nobody, and leave at one end of the town as others enter at its
+other end. So where they are at any time is one sum.
 """
 
 from __future__ import annotations
@@ -20,26 +21,23 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from genie_sim.core.geometry import Array
-from genie_sim.town.laws import DetectorLaws
+from genie_sim.town.laws import FittedLaws
 from genie_sim.town.objects import TownObject, town_object
 from genie_sim.town.rules import CLEAR_M, GHOST_BESIDE_M, JUNCTION_M, LANE_M, SLOT_M, TownRules
 
 PARKED_M, PAVEMENT_M, BIKE_M = 5.0, 7.5, 3.2  # from the middle of the street
-WALK_MPS, CYCLE_MPS, FLOW = (
-    1.4,
-    4.5,
-    0.9,
-)  # assumed; FLOW is the share of the speed limit that traffic drives
+# assumed; FLOW is the share of the speed limit that traffic drives
+WALK_MPS, CYCLE_MPS, FLOW = 1.4, 4.5, 0.9
 FURNITURE = (("fire hydrant", 0.4), ("bench", 0.5))
 STREAM_BITS = 32
 ROUNDING_M = 1e-6
 
 
-class Stream(NamedTuple):
+class VehicleStream(NamedTuple):
     """One kind of traffic in one direction of one street: places along it at time 0, in order.
 
-    ``movers`` are those who begin at each place: one, or for a cyclist a bicycle and a person; ``labels`` says which.
-    ``speed_mps`` is negative for those who come back along the street.
+    ``movers`` are those who begin at each place: one, or for a cyclist a bicycle and a person;
+    ``labels`` says which. ``speed_mps`` is negative for those who come back along the street.
     """
 
     labels: frozenset[str]
@@ -60,27 +58,45 @@ class Stream(NamedTuple):
         lap, begin_m = divmod(low_m - gone_m, length_m)
         end_m = begin_m + high_m - low_m
         k = bisect_left(starts_m, begin_m)
-        found: list[TownObject] = []
+        objects: list[TownObject] = []
         while True:
             if k == len(starts_m):
                 if end_m < length_m:
-                    return found
+                    return objects
                 k, end_m, lap = 0, end_m - length_m, lap + 1
             if starts_m[k] > end_m:
-                return found
+                return objects
             along_m = starts_m[k] + (gone_m + lap * length_m)
             east_m, north_m = (
                 (self.beside_m, along_m) if self.northbound else (along_m, self.beside_m)
             )
             for mover in self.movers[k]:
                 number = mover.number - int(lap) * len(starts_m)
-                found.append(mover.at(number, east_m, north_m))
+                objects.append(mover.at(number, east_m, north_m))
             k += 1
 
 
 Ints = np.ndarray[Any, np.dtype[np.int64]]
-# What may be seen: of which look, which thing of the town, how much its number is less by, and its east and north [m].
-Part = tuple[Ints, Ints, Ints, Array, Array]
+
+
+class StreetObjects(NamedTuple):
+    """Objects of a street that may be seen: the row of the pose that they are seen from, the row of
+    the object among the town's, how much its number is lower because it has begun anew, and its
+    east and north [m].
+    """
+
+    pose: Ints
+    row: Ints
+    number_offset: Ints
+    east_m: Array
+    north_m: Array
+
+    def of_poses(self, poses: Ints) -> StreetObjects:
+        """The same, where the poses are some of a longer list: those at the rows ``poses``."""
+        return self._replace(pose=poses[self.pose])
+
+
+NO_OBJECTS = StreetObjects._make([np.zeros(0, np.int64)] * 3 + [np.zeros(0)] * 2)
 
 
 class _Movers(NamedTuple):
@@ -90,13 +106,13 @@ class _Movers(NamedTuple):
     start_m: Array
     speed_mps: Array
     beside_m: Array
-    many: Ints  # how many its stream has
+    stream_size: Ints  # how many places its stream has
 
 
 class Street:
     """One street: what stands on it in the order of its place along it, and what moves along it.
 
-    ``first`` is the number of the first of its things among those of the town.
+    ``first`` is the row of the first of its objects among those of the town.
     """
 
     def __init__(
@@ -105,7 +121,7 @@ class Street:
         middle_m: float,
         length_m: float,
         standing: list[TownObject],
-        streams: list[Stream],
+        streams: list[VehicleStream],
     ) -> None:
         self.northbound, self.middle_m, self.length_m = northbound, middle_m, length_m
         self.streams = [stream for stream in streams if stream.starts_m]
@@ -116,12 +132,10 @@ class Street:
         self.first = 0
 
     @functools.cached_property
-    def things(self) -> list[TownObject]:
+    def objects(self) -> list[TownObject]:
         """All that stands and then all that moves, in the order of the columns."""
-        return [
-            *self.standing,
-            *(one for stream in self.streams for movers in stream.movers for one in movers),
-        ]
+        moving = (mover for stream in self.streams for movers in stream.movers for mover in movers)
+        return [*self.standing, *moving]
 
     @functools.cached_property
     def _columns(self) -> tuple[Array, Array, _Movers]:
@@ -136,12 +150,16 @@ class Street:
         columns = np.array(rows).reshape(-1, 5).T
         stream, start_m, speed_mps, mover_beside_m, count = columns
         movers = _Movers(
-            stream.astype(np.int64), start_m, speed_mps, mover_beside_m, count.astype(np.int64)
+            stream=stream.astype(np.int64),
+            start_m=start_m,
+            speed_mps=speed_mps,
+            beside_m=mover_beside_m,
+            stream_size=count.astype(np.int64),
         )
         return np.array(self.places_m), beside_m, movers
 
-    def seen(self, low_m: Array, high_m: Array, t_s: Array) -> Part:
-        """All that is between two places along the street at a time, for each of some looks."""
+    def seen(self, low_m: Array, high_m: Array, t_s: Array) -> StreetObjects:
+        """All that is between two places along the street at a time, for each of some poses."""
         places_m, beside_m, movers = self._columns
         low_m, high_m = np.maximum(low_m, 0.0), np.minimum(high_m, self.length_m)
         least_m, most_m = float(low_m.min()), float(high_m.max())
@@ -149,11 +167,13 @@ class Street:
         gone_m = np.multiply.outer((float(t_s.min()), float(t_s.max())), movers.speed_mps)
         lap = np.ceil((least_m - ROUNDING_M - gone_m.max(axis=0) - movers.start_m) / self.length_m)
         farthest_m = most_m + ROUNDING_M - gone_m.min(axis=0) - movers.start_m
-        picked = [(move := np.flatnonzero(lap * self.length_m <= farthest_m), lap[move])]
-        while len(picked[-1][0]):
+        moves, laps = [], []
+        while len(move := np.flatnonzero(lap * self.length_m <= farthest_m)):
+            moves.append(move)
+            laps.append(lap[move])
             lap += 1.0
-            picked.append((move := np.flatnonzero(lap * self.length_m <= farthest_m), lap[move]))
-        move, lap = (np.concatenate(column) for column in zip(*picked, strict=True))
+        move = np.concatenate([*moves, np.zeros(0, np.int64)])
+        lap = np.concatenate([*laps, np.zeros(0)])
         order = np.lexsort((movers.start_m[move] + lap * self.length_m, movers.stream[move]))
         move, lap = move[order], lap[order]
         moved_m = movers.start_m[move] + (
@@ -162,49 +182,58 @@ class Street:
         along_m = np.concatenate(
             [np.broadcast_to(places_m[stand], (len(t_s), len(stand))), moved_m], axis=1
         )
-        look, column = np.nonzero((low_m[:, None] <= along_m) & (along_m <= high_m[:, None]))
-        there_m = along_m[look, column]
+        pose, column = np.nonzero((low_m[:, None] <= along_m) & (along_m <= high_m[:, None]))
+        there_m = along_m[pose, column]
         aside_m = np.concatenate([beside_m[stand], movers.beside_m[move]])[column]
-        thing = np.concatenate([stand, move + len(places_m)])[column] + self.first
-        less = np.concatenate(
-            [np.zeros(len(stand), np.int64), lap.astype(np.int64) * movers.many[move]]
+        row = np.concatenate([stand, move + len(places_m)])[column] + self.first
+        number_offset = np.concatenate(
+            [np.zeros(len(stand), np.int64), lap.astype(np.int64) * movers.stream_size[move]]
         )[column]
-        return (look, thing, less, *((aside_m, there_m) if self.northbound else (there_m, aside_m)))
+        east_m, north_m = (aside_m, there_m) if self.northbound else (there_m, aside_m)
+        return StreetObjects(
+            pose=pose, row=row, number_offset=number_offset, east_m=east_m, north_m=north_m
+        )
 
     def between(
         self, low_m: float, high_m: float, t_s: float, labels: Collection[str] = ()
     ) -> list[TownObject]:
-        """All that is between two places along the street at a time, or only what may be of some classes."""
+        """All that is between two places along the street at a time, or only what may be of some
+        classes.
+        """
         places_m = self.places_m
-        found = self.standing[bisect_left(places_m, low_m) : bisect_left(places_m, high_m)]
+        objects = self.standing[bisect_left(places_m, low_m) : bisect_left(places_m, high_m)]
         low_m, high_m = max(low_m, 0.0), min(high_m, self.length_m)
         if low_m >= high_m:
-            return found
+            return objects
         for stream in self.streams:
             if not labels or not stream.labels.isdisjoint(labels):
-                found += stream.between(low_m, high_m, t_s)
-        return found
+                objects += stream.between(low_m, high_m, t_s)
+        return objects
 
 
-def lay_out(
-    rules: TownRules,
-    laws: DetectorLaws,
-    northbound: bool,
-    index: int,
-    seed_key: int,
-    random: np.random.Generator,
-) -> Street:
-    """One street with all that is on it, and the places where the detector sees what is not there."""
+class Layout(NamedTuple):
+    """What all streets of a town are made from; ``seed_key`` are 64 bits of the town's seed."""
+
+    rules: TownRules
+    laws: FittedLaws
+    seed_key: int
+
+
+def lay_out(layout: Layout, northbound: bool, index: int, random: np.random.Generator) -> Street:
+    """The ``index``-th street of a direction with all that is on it, and the places where the
+    detector sees what is not there.
+    """
+    rules, laws, seed_key = layout
     crossings = rules.blocks[1] if northbound else rules.blocks[0]
     length_m, middle_m = crossings * rules.block_m, index * rules.block_m
-    base = (index * 2 + northbound) << (STREAM_BITS + 4)
+    base = _first_number(northbound, index)
     standing: list[TownObject] = []
 
     def stand(label: str, along_m: float, beside_m: float, real: bool = True) -> None:
         place = (middle_m + beside_m, along_m) if northbound else (along_m, middle_m + beside_m)
         number = base + len(standing)
         standing.append(
-            town_object(laws.of(label, real), seed_key, number, label, *place, False, real)
+            town_object(laws.of(label, real), seed_key, number, label, place=place, real=real)
         )
 
     for side in (-1, 1):
@@ -235,26 +264,27 @@ def lay_out(
                 # On the right of those who come along: right of the heading east is south.
                 stand(sign, along_m, direction * PAVEMENT_M * (1 if northbound else -1))
     return Street(
-        northbound,
-        middle_m,
-        length_m,
-        standing,
-        _streams(rules, laws, northbound, index, base, seed_key, random),
+        northbound=northbound,
+        middle_m=middle_m,
+        length_m=length_m,
+        standing=standing,
+        streams=_streams(layout, northbound, index, random),
     )
 
 
+def _first_number(northbound: bool, index: int) -> int:
+    """The lowest number of an object of a street; no two streets share a number."""
+    return (index * 2 + northbound) << (STREAM_BITS + 4)
+
+
 def _streams(
-    rules: TownRules,
-    laws: DetectorLaws,
-    northbound: bool,
-    index: int,
-    base: int,
-    seed_key: int,
-    random: np.random.Generator,
-) -> list[Stream]:
-    """Traffic in both directions."""
+    layout: Layout, northbound: bool, index: int, random: np.random.Generator
+) -> list[VehicleStream]:
+    """Traffic in both directions of a street."""
+    rules, laws, seed_key = layout
+    base = _first_number(northbound, index)
     length_m = (rules.blocks[1] if northbound else rules.blocks[0]) * rules.block_m
-    streams: list[Stream] = []
+    streams: list[VehicleStream] = []
     for labels, density, off_m, speed_mps in (
         (("car",), rules.moving_cars_per_100m, LANE_M, FLOW * rules.limit_mps(index)),
         (("bicycle", "person"), rules.cyclists_per_100m, BIKE_M, CYCLE_MPS),
@@ -264,46 +294,48 @@ def _streams(
             starts_m = array(
                 "d", np.sort(random.random(random.poisson(density / 2 * length_m / 100)) * length_m)
             )
-            beside_m = index * rules.block_m + direction * off_m * (
-                1 if northbound else -1
-            )  # on their right
+            # on their right
+            beside_m = index * rules.block_m + direction * off_m * (1 if northbound else -1)
             number = base + ((2 * len(streams) + 1) << STREAM_BITS) + (1 << STREAM_BITS - 1)
-            movers = [
-                tuple(
-                    town_object(
-                        laws.of(label),
-                        seed_key,
-                        number + k + (kind << STREAM_BITS),
-                        label,
-                        0.0,
-                        0.0,
-                        True,
+            movers = []
+            for k in range(len(starts_m)):
+                numbers = (number + k + (kind << STREAM_BITS) for kind in range(len(labels)))
+                movers.append(
+                    tuple(
+                        town_object(laws.of(label), seed_key, own_number, label, moving=True)
+                        for label, own_number in zip(labels, numbers, strict=True)
                     )
-                    for kind, label in enumerate(labels)
                 )
-                for k in range(len(starts_m))
-            ]
-            flow = northbound, beside_m, direction * speed_mps, length_m, starts_m
-            streams.append(Stream(frozenset(labels), movers, *flow))
+            streams.append(
+                VehicleStream(
+                    labels=frozenset(labels),
+                    movers=movers,
+                    northbound=northbound,
+                    beside_m=beside_m,
+                    speed_mps=direction * speed_mps,
+                    length_m=length_m,
+                    starts_m=starts_m,
+                )
+            )
     return streams
 
 
 def _parked(
     rules: TownRules, crossings: int, random: np.random.Generator
 ) -> Iterator[tuple[float, bool]]:
-    """Place along one side of a street, and whether it is a truck, of each parked car; some blocks have none."""
+    """Place along one side of a street, and whether it is a truck, of each parked car; some blocks
+    have none.
+    """
     slots = rules.parking_slots
     busy = rules.parked_cars_per_100m / 200 * rules.block_m / slots
     for block in range(crossings):
         share = random.beta(2 * busy, 2 * (1 - busy)) if 0 < busy < 1 else busy
-        taken = np.flatnonzero(random.random(slots) < share)
+        slot = np.flatnonzero(random.random(slots) < share)
         places_m = (
-            block * rules.block_m
-            + CLEAR_M
-            + (taken + 0.4 + 0.2 * random.random(len(taken))) * SLOT_M
+            block * rules.block_m + CLEAR_M + (slot + 0.4 + 0.2 * random.random(len(slot))) * SLOT_M
         )
         yield from zip(
-            places_m.tolist(), (random.random(len(taken)) < rules.truck_share).tolist(), strict=True
+            places_m.tolist(), (random.random(len(slot)) < rules.truck_share).tolist(), strict=True
         )
 
 
@@ -327,7 +359,7 @@ class Streets:
         count = 0
         for street in (*east, *north):
             street.first = count
-            count += len(street.things)
+            count += len(street.objects)
 
     def near(
         self,
@@ -335,19 +367,24 @@ class Streets:
         north_m: float,
         range_m: float,
         t_s: float,
+        *,
         labels: Collection[str] = (),
     ) -> Iterator[TownObject]:
-        """All that is within a distance, seen or not, or only what is of some classes."""
+        """All that is within a distance of a place at a time, seen or not, or only what is of some
+        classes.
+        """
         for streets, across_m, along_m in (
             (self.east, north_m, east_m),
             (self.north, east_m, north_m),
         ):
             reach_m = range_m + self.half_m
             for k in self._crossed(across_m - reach_m, across_m + reach_m, len(streets)):
-                for s in streets[k].between(along_m - range_m, along_m + range_m, t_s, labels):
-                    is_one = not labels or s.label in labels
-                    if is_one and math.hypot(s.east_m - east_m, s.north_m - north_m) <= range_m:
-                        yield s
+                near = streets[k].between(along_m - range_m, along_m + range_m, t_s, labels)
+                for item in near:
+                    if labels and item.label not in labels:
+                        continue
+                    if math.hypot(item.east_m - east_m, item.north_m - north_m) <= range_m:
+                        yield item
 
     def _crossed(self, low_m: float, high_m: float, count: int) -> range:
         block_m = self.block_m

@@ -1,9 +1,11 @@
-"""Surrogate features: a town has no pictures, so its frames get vectors that are as far apart as those of real ones.
+"""Surrogate features: a town has no pictures, so its frames get vectors that are as far apart as
+those of real ones.
 
-For a camera that moves s metres, the distance between the features of drive 2011_09_26/0005 is sqrt(n^2 + 2 a^2 (1 -
-k(s))), k being exp(-s / L) for ``yolox_gap`` and exp(-(s / L)^2 / 2) for ``hsv``; n, a and L are fitted to the medians
-over 0.45 to 29 m. A surrogate has random Fourier features of that kernel (A. Rahimi, B. Recht, NIPS 2007) in place and
-heading, and a random part of its own for each frame. Of what moves in the picture it knows nothing.
+For a camera that moves s metres, the distance between the features of drive 2011_09_26/0005 is
+sqrt(n^2 + 2 a^2 (1 - k(s))), k being exp(-s / L) for ``yolox_gap`` and exp(-(s / L)^2 / 2) for
+``hsv``; n, a and L are fitted to the medians over 0.45 to 29 m. A surrogate has random Fourier
+features of that kernel (A. Rahimi, B. Recht, NIPS 2007) in place and heading, and a random part of
+its own for each frame. Of what moves in the picture it knows nothing.
 """
 
 import functools
@@ -17,11 +19,14 @@ from genie_sim.messages import CameraPose
 from genie_sim.seeds import stream
 from genie_sim.town.noise import NORMAL_MASK, normals
 
-TURN_M = 20.0  # assumed: how far a place must be for its picture to differ as much as one turned by a radian
+# assumed: how far a place must be for its picture to differ as much as one turned by a radian
+TURN_M = 20.0
 
 
 class Law(NamedTuple):
-    """Of a feature's distances: the part of each frame, the part of the place, its length [m], and its kernel."""
+    """Of a feature's distances: the part of each frame, the part of the place, its length [m], and
+    its kernel.
+    """
 
     noise: float
     of_place: float

@@ -7,6 +7,7 @@ class TestMine(FaultConformance):
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, ClassVar
 
 import pandas as pd
@@ -17,21 +18,23 @@ from tests.conformance import small
 
 S = 1_000_000_000
 BEGIN_NS, END_NS = round(0.5 * S), round(1.1 * S)
-WORK_NS = (
-    2 * S
-)  # a frame that comes so long after the end has nothing to do with the fault any more
+# a frame that comes so long after the end has nothing to do with the fault any more
+WORK_NS = 2 * S
 
 
 class FaultConformance:
-    """A fault, as in YAML without its times. ``drops`` is in the ``drop`` of frames that it loses under some method."""
+    """A fault, as in YAML without its times. ``drops`` is in the ``drop`` of frames that it loses
+    under some method.
+    """
 
     drops: ClassVar[str | None] = None
     times: ClassVar[dict[str, str]] = {"begin": "0.5 s", "end": "1.1 s"}
     methods: ClassVar[tuple[str, ...]] = small.ALL
 
-    def setting(self, *faults: dict[str, Any]) -> Scenario:
+    def setting(self, *faults: dict[str, Any], methods: Sequence[Any] | None = None) -> Scenario:
         street = {"source": "tests.conformance.own:Street", "seconds": 2.0}
-        return small.scenario(self.methods, perception=street, faults=list(faults))
+        chosen = self.methods if methods is None else methods
+        return small.scenario(chosen, perception=street, faults=list(faults))
 
     def test_every_frame_is_answered_or_dropped(self, fault: dict[str, Any]):
         rows = small.frames(self.setting({**fault, **self.times}))
@@ -43,12 +46,18 @@ class FaultConformance:
         setting = self.setting({**fault, **self.times})
         small.same(small.tables(setting), small.tables(setting))
 
+    def test_no_state_goes_from_one_method_to_the_next(self, fault: dict[str, Any]):
+        timed = {**fault, **self.times}
+        small.check_order_is_irrelevant(
+            lambda methods: self.setting(timed, methods=methods), self.methods
+        )
+
     def test_what_was_before_is_as_if_it_never_happened(self, fault: dict[str, Any]):
         """Up to the moment it begins: afterwards even an old frame may be lost."""
         with_fault, without = (
             small.frames(self.setting(*one)) for one in ([{**fault, **self.times}], [])
         )
-        for name in ("first_answer_ns", "fresh_answer_ns"):
+        for name in ("first_answer_ns", "fresh_answer_ns", "result_answer_ns"):
             one, other = (
                 (rows[name].where(rows[name] < BEGIN_NS)) for rows in (with_fault, without)
             )
@@ -66,7 +75,9 @@ class FaultConformance:
         for place, _ in enumerate(self.methods):
             world, _ = small.world(self.setting({**fault, **self.times}), place)
             world.run()
-            assert not world.outages and not any(link.down_by for link in world.links.values())
+            assert not world.network.outages and not any(
+                link.down_by for link in world.network.links.values()
+            )
 
 
 class RandomFaultConformance:
@@ -122,8 +133,8 @@ def spy(monkeypatch: pytest.MonkeyPatch, setting: Scenario) -> list[list[tuple[s
 
 
 def _noting(done, what: str, noted: list[tuple[str, int]]):
-    def note(self, world):
-        noted.append((what, world.env.now))
-        done(self, world)
+    def note(self, network):
+        noted.append((what, network.clock.now))
+        done(self, network)
 
     return note

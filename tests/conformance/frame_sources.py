@@ -22,6 +22,7 @@ class FrameSourceConformance:
     route: ClassVar[dict[str, Any]] = {}
 
     def setting(self, source: dict[str, Any], **more: Any) -> Scenario:
+        """``more``: further settings of the scenario, as in YAML."""
         cars = [small.car(i, route=self.route) for i in (1, 2)]
         return small.scenario(perception=source, cameras=self.cameras, cars=cars, **more)
 
@@ -42,6 +43,9 @@ class FrameSourceConformance:
         assert dict(one.frames.digests()) == dict(other.frames.digests())
         small.same(small.tables(one.scenario), small.tables(other.scenario))
 
+    def test_no_state_goes_from_one_method_to_the_next(self, source: dict[str, Any]):
+        small.check_order_is_irrelevant(lambda methods: self.setting(source, methods=methods))
+
     def test_it_says_whether_a_seed_matters(self, source: dict[str, Any]):
         one, other = (runner.prepare(self.setting(source, seed=seed)).frames for seed in (1, 2))
         assert (dict(one.digests()) != dict(other.digests())) == one.seeded
@@ -53,7 +57,7 @@ class FrameSourceConformance:
 
     def test_every_frame_that_a_camera_takes_is_published_once(self, source: dict[str, Any]):
         prepared = runner.prepare(self.setting(source))
-        found = {one.name: one.to_frame() for one in runner.simulate(prepared)}["frames"]
+        found = runner.simulate(prepared)["frames"].to_frame()
         for car, drive in prepared.drives.items():
             begin_ns, end_ns = prepared.scenario.cars[0].route.window_ns or (0, 10**15)
             for camera in self.cameras:

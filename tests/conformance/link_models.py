@@ -1,4 +1,5 @@
-"""What every link model has to keep. One of your own is tested by
+"""What every link model has to keep, and every medium (``MediumConformance``). One of your own is
+tested by
 
 @pytest.mark.parametrize("link", [{"model": "my_module:MyRadio", "rate": 3.0}])
 class TestMine(LinkModelConformance):
@@ -7,30 +8,59 @@ class TestMine(LinkModelConformance):
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from genie_sim import build
 from genie_sim.scenario.scenario import Scenario
+from genie_sim.settings import from_plain, plain_data
 from genie_sim.sim.link_models import LinkModel
 from tests.conformance import small
 
 SIZES = (0, 1, 426, 1_448, 1_449, 40_000, 1_397_297)
 
 
-class LinkModelConformance:
-    """A link, as a scenario writes it."""
+class MediumConformance:
+    """A link of a model of either kind, as a scenario writes it."""
 
-    def setting(self, link: Any) -> Scenario:
-        return small.scenario(
-            cars=[small.car(1, link=link), small.car(2, link=link)], edge_network=link
-        )
+    edges = ({}, {})  # further settings of the two edges
+
+    def setting(self, link: Any, methods: Sequence[Any] = small.ALL) -> Scenario:
+        cars = [small.car(1, link=link), small.car(2, link=link, edge="edge1")]
+        edges = [
+            {"name": f"edge{place}", "device": "agx_xavier", **settings}
+            for place, settings in enumerate(self.edges, 1)
+        ]
+        return small.scenario(methods, cars=cars, edges=edges)
+
+    def test_every_frame_is_answered_or_dropped_and_twice_the_same(self, link: Any):
+        tables = small.tables(self.setting(link))
+        small.check_conserved(tables["frames"], small.ALL)
+        small.same(tables, small.tables(self.setting(link)))
+
+    def test_no_state_goes_from_one_method_to_the_next(self, link: Any):
+        small.check_order_is_irrelevant(lambda methods: self.setting(link, methods))
+
+    def test_it_is_written_down_as_it_was_read(self, link: Any):
+        setting = self.setting(link)
+        assert from_plain(type(setting), plain_data(setting)) == setting
+
+
+class LinkModelConformance(MediumConformance):
+    """A link of a model whose links do not affect each other."""
+
+    def setting(self, link: Any, methods: Sequence[Any] = small.ALL) -> Scenario:
+        cars = [small.car(1, link=link), small.car(2, link=link)]
+        return small.scenario(methods, cars=cars, edge_network=link)
 
     def model(self, link: Any) -> LinkModel:
         choice = self.setting(link).cars[0].link
         assert choice is not None
-        return build.link_model(choice)
+        model = build.link_model(choice)
+        assert hasattr(model, "channel")
+        return model
 
     def test_times_are_whole_nanoseconds_that_never_run_backwards(self, link: Any):
         for up in (True, False):
@@ -63,13 +93,3 @@ class LinkModelConformance:
             for size in SIZES
         ]
         assert occupied == sorted(occupied)
-
-    def test_every_frame_is_answered_or_dropped_and_twice_the_same(self, link: Any):
-        found = small.tables(self.setting(link))
-        small.check_conserved(found["frames"], small.ALL)
-        small.same(found, small.tables(self.setting(link)))
-
-    def test_it_is_written_down_as_it_was_read(self, link: Any):
-        setting = self.setting(link)
-        written = setting.model_dump(mode="json", by_alias=True)
-        assert type(setting).model_validate(written) == setting

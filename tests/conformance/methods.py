@@ -12,7 +12,8 @@ from typing import Any, ClassVar
 import pytest
 
 from genie_sim import build
-from genie_sim.scenario.methods import read_method
+from genie_sim.scenario.methods import MethodEntry
+from genie_sim.settings import from_plain
 from tests.conformance import small
 
 SETTINGS: dict[str, dict[str, Any]] = {
@@ -33,7 +34,7 @@ class MethodConformance:
 
     @pytest.mark.parametrize("setting", SETTINGS)
     def test_every_frame_is_answered_or_dropped(self, method: str, setting: str):
-        name = read_method(method).name
+        name = from_plain(MethodEntry, method).name
         rows = small.frames(small.scenario([method], **SETTINGS[setting]))
         small.check_conserved(rows, [name])
         assert rows["first_answer_ns"].notna().any(), "it never answers"
@@ -49,7 +50,7 @@ class MethodConformance:
 
     def test_alone_or_beside_others_in_any_order(self, method: str):
         """It takes no random number of another method, leaves nothing behind, and finds nothing."""
-        name, lossy = read_method(method).name, SETTINGS["lossy"]
+        name, lossy = from_plain(MethodEntry, method).name, SETTINGS["lossy"]
         others = [one for one in self.beside if one != method]
         alone = small.tables(small.scenario([method], **lossy))
         without = small.tables(small.scenario(others, **lossy))
@@ -60,7 +61,7 @@ class MethodConformance:
                 small.same(small.of(other, without), small.of(other, found))
 
     def test_settings_of_an_entry_hold_for_that_entry_only(self, method: str):
-        name = read_method(method).name
+        name = from_plain(MethodEntry, method).name
         slower = {"name": "slower", "method": method, "model": "yolov8m", "queue_length": 4}
         alone = small.tables(small.scenario([method]))
         both = small.tables(small.scenario([slower, method]))
@@ -79,9 +80,9 @@ class MethodConformance:
 
     def test_it_says_what_it_is(self, method: str):
         (fact,) = build.method_facts(small.scenario([method]))
-        made = build.method(read_method(method))
+        made = build.method(from_plain(MethodEntry, method))
         assert fact == {
-            "name": read_method(method).name,
+            "name": from_plain(MethodEntry, method).name,
             "title": made.title,
             "baseline": made.baseline,
         }

@@ -1,14 +1,23 @@
-"""Plug-ins of a user's own, for the tests: a street to drive, a cache, a crash, a radio. None is registered."""
+"""Plug-ins of a user's own, for the tests: a street to drive, a cache, a crash, a radio. None is
+registered.
+"""
 
 from __future__ import annotations
 
+import itertools
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from typing import ClassVar
 
+from genie_sim.core.defences import Defence
+from genie_sim.core.eviction import LRU
+from genie_sim.core.freshness.never import Never
+from genie_sim.core.similarity import PoseGrid
+from genie_sim.faults.attack import Attack
 from genie_sim.faults.outage import Outage
 from genie_sim.messages import CameraPose, Detection, Publish
 from genie_sim.messages import ImageLookup as Lookup
-from genie_sim.sim.station import IMAGES, OBJECTS, Interceptor, Station, Uplink
+from genie_sim.sim.method import IMAGES, OBJECTS, HostConfig, Interceptor, Uplink
 
 
 @dataclass(frozen=True)
@@ -27,7 +36,9 @@ class StreetFrame:
 
 @dataclass(frozen=True)
 class Street:
-    """A frame source: a straight street with a parked car every 8 m, two cameras ten times a second."""
+    """A frame source: a straight street with a parked car every 8 m, two cameras ten times a
+    second.
+    """
 
     seconds: float = 2.0
     speed_mps: float = 5.0
@@ -72,7 +83,9 @@ class StreetDrive:
 
 
 class Again:
-    """A method: the car sends every picture to its edge, and gives the latest answer of each camera at once."""
+    """A method: the car sends every picture to its edge, and gives the latest answer of each camera
+    at once.
+    """
 
     title = "again and again"
     baseline = False
@@ -80,22 +93,38 @@ class Again:
     def __init__(self, every: int = 1):
         self.every = every
 
-    def on_car(self, place):
-        return Station(
-            interceptor=lambda *_: Latest(place, self.every),
+    def on_car(self, host):
+        return HostConfig(
+            interceptor=lambda *_: Latest(host, self.every),
             uplink=Uplink(IMAGES + "-up", OBJECTS + "-up"),
         )
 
-    def on_edge(self, place):
-        return Station(detector=True)
+    def on_edge(self, host):
+        return HostConfig(detector=True)
+
+
+class Wired(Again):
+    """A method whose parts a test chooses."""
+
+    title = "wired"
+    car = HostConfig()
+    edge = HostConfig(detector=True)
+
+    def on_car(self, host):
+        return self.car
+
+    def on_edge(self, host):
+        return self.edge
 
 
 class Latest(Interceptor):
-    """Keeps the newest answer of each camera; a coin of its own says which pictures are given it."""
+    """Keeps the newest answer of each camera; a coin of its own says which pictures are given
+    it.
+    """
 
-    def __init__(self, place, every):
-        self.name = f"{place.name}/again"
-        self.rng = place.stream("again")
+    def __init__(self, host, every):
+        self.name = f"{host.name}/again"
+        self.rng = host.stream("again")
         self.every = every
         self.newest = {}
 
@@ -122,19 +151,21 @@ class Latest(Interceptor):
 
 @dataclass(frozen=True)
 class Crash(Outage):
-    """A fault: an edge server restarts; its links are down until then, and all that it knew is gone."""
+    """A fault: an edge server restarts; its links are down until then, and all that it knew is
+    gone.
+    """
 
     @property
     def dropped_by(self):
         return "crash"
 
-    def begin(self, world):
-        super().begin(world)
-        world.void(self.target, f"{self.target}:{self.dropped_by}")
+    def begin(self, network):
+        super().begin(network)
+        network.void(self.target, f"{self.target}:{self.dropped_by}")
 
-    def end(self, world):
-        world.void(self.target, f"{self.target}:{self.dropped_by}")
-        super().end(world)
+    def end(self, network):
+        network.void(self.target, f"{self.target}:{self.dropped_by}")
+        super().end(network)
 
 
 @dataclass(frozen=True)
@@ -145,21 +176,33 @@ class Blackout:
 
     dropped_by = "blackout"
 
-    def begin(self, world):
-        if self.target in world.hosts:
-            host, graph = world.hosts[self.target]
+    def begin(self, network):
+        graph = network.graphs.get(self.target)
+        if graph is not None:
             for node in graph.nodes:
                 node.void(f"{self.target}:blackout")
-            host.accelerator.void()
-            host.cpu.void()
+            graph.host.accelerator.void()
+            graph.host.cpu.void()
 
-    def end(self, world):
+    def end(self, network):
         pass
+
+
+@dataclass(kw_only=True)
+class Whisper(Attack):
+    """An attack: every object becomes a ``word``."""
+
+    word: str = "truck"
+
+    def forge(self, objects, scene):
+        return tuple(replace(item, label=self.word) for item in objects)
 
 
 @dataclass(frozen=True)
 class Radio:
-    """A link model: a slot every ``slot_ms``, ``slot_bytes`` in each, every ``fails``-th message is lost (0: none)."""
+    """A link model: a slot every ``slot_ms``, ``slot_bytes`` in each, every ``fails``-th message is
+    lost (0: none).
+    """
 
     slot_ms: float
     slot_bytes: int = 20_000
@@ -187,3 +230,203 @@ class RadioChannel:
         if self.radio.fails and self.sent % self.radio.fails == 0:
             return None
         return int(self.rng.integers(1_000_000))
+
+
+@dataclass(frozen=True)
+class OneAtATime:
+    """A medium: of all its links one sends at a time, first come, first served."""
+
+    rate_bps: int
+
+    def radio(self, air):
+        return Turns(self.rate_bps, air)
+
+
+class Turns:
+    """Who waits for the medium. Whoever ends a transmission begins the next, of another link."""
+
+    def __init__(self, rate_bps, air):
+        self.rate_bps, self.air = rate_bps, air
+        self.waiting = []
+
+    def sender(self, ends):
+        return Turn(self)
+
+    def take(self):
+        size_bytes, _ = self.waiting[0]
+        self.air.clock.after(-(-size_bytes * 8 * 10**9 // self.rate_bps), self.release)
+
+    def release(self):
+        _, carried = self.waiting.pop(0)
+        if self.waiting:
+            self.take()
+        carried()
+
+
+class Turn:
+    """One link of the medium."""
+
+    def __init__(self, turns):
+        self.turns = turns
+
+    def send(self, size_bytes, carried):
+        self.turns.waiting.append((size_bytes, carried))
+        if len(self.turns.waiting) == 1:
+            self.turns.take()
+
+    def delay_ns(self, size_bytes, now_ns):
+        return 1_000_000
+
+    def set_up(self, is_up):
+        pass
+
+
+class LeakyMedium(OneAtATime):
+    """Its state outlives the run: the longer it is used the slower it is."""
+
+    used: ClassVar = itertools.count(1)
+
+    def radio(self, air):
+        return Turns(self.rate_bps // next(self.used), air)
+
+
+class CountingRadio(Radio):
+    """A link model with state: every ``fails``-th message over any of its links is lost."""
+
+    def channel(self, up, rng):
+        if not hasattr(self, "shared"):
+            object.__setattr__(self, "shared", {"sent": 0})
+        return CountingChannel(self, rng)
+
+
+class CountingChannel(RadioChannel):
+    def delay_ns(self, size_bytes, now_ns):
+        shared = self.radio.shared
+        shared["sent"] += 1
+        if self.radio.fails and shared["sent"] % self.radio.fails == 0:
+            return None
+        return int(self.rng.integers(1_000_000))
+
+
+# State that outlives a method: what the conformance tests have to catch.
+
+
+class LeakyMethod(Again):
+    """Its answers stay in the class."""
+
+    answers: ClassVar[dict] = {}
+
+    def on_car(self, host):
+        def make(*_):
+            node = Latest(host, self.every)
+            node.newest = self.answers
+            return node
+
+        return HostConfig(interceptor=make, uplink=Uplink(IMAGES + "-up", OBJECTS + "-up"))
+
+
+class LeakyFault(Blackout):
+    """Only every second one happens."""
+
+    begun: ClassVar = itertools.count()
+
+    def begin(self, network):
+        if next(self.begun) % 2:
+            super().begin(network)
+
+
+class LeakyRadio(Radio):
+    """All channels of the process count together."""
+
+    shared: ClassVar[dict] = {"sent": 0}
+
+    def channel(self, up, rng):
+        return CountingChannel(self, rng)
+
+
+class LeakyStreet(Street):
+    """A detector that finds nothing after the first pictures that it is shown."""
+
+    def _frame(self, camera, number):
+        return LeakyFrame(super()._frame(camera, number))
+
+
+class LeakyFrame:
+    shown: ClassVar = itertools.count()
+
+    def __init__(self, frame):
+        self.frame = frame
+
+    def __getattr__(self, name):
+        return getattr(self.frame, name)
+
+    @property
+    def detections(self):
+        return self.frame.detections if next(self.shown) < 400 else ()
+
+
+class LeakySimilarity(PoseGrid):
+    """After some pictures, all others are the same one."""
+
+    keys: ClassVar = itertools.count()
+
+    def key(self, image):
+        return super().key(image) if next(self.keys) < 50 else "the same"
+
+
+class LeakyEviction(LRU):
+    """After some answers, all others are too old at once."""
+
+    asked: ClassVar = itertools.count()
+
+    def expires_ns(self, key):
+        return 0 if next(self.asked) > 20 else None
+
+
+class LeakyPolicy(Never):
+    """After some objects, no other lasts."""
+
+    objects: ClassVar = itertools.count()
+
+    def expires_ns(self, one):
+        return one.seen_ns + (10**10 if next(self.objects) < 20 else 50_000_000)
+
+
+class OwnSimilarity(PoseGrid):
+    """As the package's."""
+
+
+class OwnEviction(LRU):
+    """As the package's."""
+
+
+class Suspicious(Defence):
+    """A defence: believes only what is sure, and forgets nothing of a run."""
+
+    def __init__(self, at_least: float = 0.7):
+        self.at_least, self.asked = at_least, 0
+
+    def believes(self, told, own, now_ns):
+        self.asked += 1
+        return told.score >= self.at_least
+
+    def admits(self, detection, own, now_ns):
+        self.asked += 1
+        return detection.score >= self.at_least
+
+
+class LeakyDefence(Suspicious):
+    """All of the process count together, and after a while they believe nothing."""
+
+    shared: ClassVar[dict] = {"asked": 0}
+
+    def admits(self, detection, own, now_ns):
+        self.shared["asked"] += 1
+        return self.shared["asked"] < 200
+
+
+class OwnPolicy(Never):
+    """As the package's, but that it is asked whether an object is served."""
+
+    def serves(self, stored, to, now_ns):
+        return True

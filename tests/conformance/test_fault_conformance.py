@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
@@ -10,9 +11,10 @@ from genie_sim import runner
 from genie_sim.errors import UserError
 from genie_sim.faults import FAULTS
 from genie_sim.messages import Expired, Header
-from genie_sim.scenario.methods import read_method
+from genie_sim.scenario.methods import MethodEntry
+from genie_sim.settings import from_plain
+from genie_sim.sim.method import DETECTOR
 from genie_sim.sim.nodes import InterceptorNode
-from genie_sim.sim.station import DETECTOR
 from tests.conformance import small
 from tests.conformance.faults import FaultConformance, RandomFaultConformance, S
 
@@ -25,8 +27,38 @@ HAND_OVER = {"fault": "hand_over", "target": "car1", "edge": "edge2", "gap": "60
 CRASHES = [{"fault": f"{OWN}:Crash", "target": target} for target in ("edge1", "car1")]
 
 
+SHIPPED_CRASHES = [
+    {"fault": "crash", "target": target, "memory": memory}
+    for target in ("edge1", "car1")
+    for memory in ("cold", "warm")
+]
+WITHOUT_LOSSES = [
+    {"fault": "stall", "target": "edge1"},
+    {"fault": "stall", "target": "car1"},
+    {"fault": "slow", "target": "edge1", "factor": 5.0},
+    {"fault": "gnss", "target": "car1", "bias": "3 m", "noise": "1 m"},
+    {"fault": "clock", "target": "car1", "offset": "-120 ms", "drift": "50 ppm"},
+    {"fault": "clock", "target": "edge1", "offset": "120 ms"},
+    {"fault": "camera", "target": "car1"},
+]
+ATTACKS = [
+    {"fault": "spoof", "target": ["car1", "edge2"]},
+    {"fault": "spoof", "share": 0.5, "moves": True},
+    {"fault": "remove", "target": "edge1"},
+    {"fault": "shift", "target": "car1", "by": "2 m"},
+    {"fault": "replay", "target": ["car1", "edge1"], "delay": "300 ms"},
+    {"fault": "inflate", "target": "edge1"},
+    {"fault": f"{OWN}:Whisper", "target": "edge1", "word": "truck"},
+]
+LOSING = [
+    {"fault": "partition", "target": ["car1", "edge2"]},
+    {"fault": "camera", "target": "car1", "shows": "nothing"},
+]
+
+
 def test_every_shipped_fault_is_tested_here():
-    assert {one["fault"] for one in (*OUTAGES, HAND_OVER)} == set(FAULTS)
+    tested = (*OUTAGES, HAND_OVER, *SHIPPED_CRASHES, *WITHOUT_LOSSES, *LOSING, *ATTACKS)
+    assert {fault["fault"] for fault in tested} == {*FAULTS, f"{OWN}:Whisper"}
 
 
 @pytest.mark.parametrize("fault", OUTAGES)
@@ -50,6 +82,31 @@ class TestHandOver(FaultConformance):
     drops = "car1:hand_over"
 
 
+@pytest.mark.parametrize("fault", SHIPPED_CRASHES)
+class TestShippedCrash(FaultConformance):
+    drops = ":crash"
+
+
+@pytest.mark.parametrize("fault", [*WITHOUT_LOSSES, *ATTACKS])
+class TestFaultThatDropsNothingItself(FaultConformance):
+    drops = None
+
+
+@pytest.mark.parametrize("fault", LOSING[:1])
+class TestPartition(FaultConformance):
+    drops = ":partition"
+
+
+@pytest.mark.parametrize("fault", LOSING[1:])
+class TestCamerasThatShowNothing(FaultConformance):
+    drops = ":camera"
+
+
+@pytest.mark.parametrize("fault", [SHIPPED_CRASHES[0], *WITHOUT_LOSSES, *LOSING, ATTACKS[0]])
+class TestShippedFaultsAtRandomTimes(RandomFaultConformance):
+    pass
+
+
 @pytest.mark.parametrize("fault", CRASHES)
 class TestCrash(FaultConformance):
     drops = ":crash"
@@ -68,13 +125,16 @@ class TestBlackout(FaultConformance):
 
 
 def working(target: str, method: str, since_s: float):
-    """The world of a method at the first moment from ``since_s`` on in which a host has something to lose, the tables,
-    and the frames that it has: in service, in queues, and those that a Genie owes an answer."""
+    """The world of a method at the first moment from ``since_s`` on in which a host has something
+    to lose, the tables, and the frames that it has: in service, in queues, and those that a Genie
+    owes an answer.
+    """
     world, tables = small.world(small.scenario([method]))
-    host, graph = world.hosts[target]
+    graph = world.network.graphs[target]
+    host = graph.host
     here: list[Header] = []
     while not here:
-        world.env.run(until=max(world.env.now + 1_000_000, round(since_s * S)))
+        world.clock.run(until=max(world.clock.now + 1_000_000, round(since_s * S)))
         here = [message.header for node in graph.nodes for message in node._in_service]
         here += [
             one[1].header
@@ -100,9 +160,9 @@ VOIDED = [
 def test_what_is_voided_says_who_did_it(target: str, method: str):
     world, tables, host, graph, here = working(target, method, 0.9)
     served = host.accelerator.completed
-    world.void(target, "test:crash")
+    world.network.void(target, "test:crash")
     world.monitor.close()
-    rows = tables.frames.to_frame()
+    rows = tables["frames"].to_frame()
     mine = rows[
         [
             header in here
@@ -110,7 +170,7 @@ def test_what_is_voided_says_who_did_it(target: str, method: str):
         ]
     ]
     assert len(mine) == len(here)
-    lost = mine[mine["fresh_answer_ns"].isna()]
+    lost = mine[mine["result_answer_ns"].isna()]
     assert len(lost) and (lost["drop"] == "test:crash").all(), lost
     assert not (rows["drop"] == "test:crash")[rows.index.difference(lost.index)].any(), (
         "and nothing else was lost"
@@ -119,11 +179,11 @@ def test_what_is_voided_says_who_did_it(target: str, method: str):
     assert host.accelerator.queued == host.cpu.queued == 0
     assert all(node.queued == 0 and not node._in_service for node in graph.nodes)
     busy_ns = host.accelerator.busy_ns, host.cpu.busy_ns
-    world.env.run(until=world.env.now + 1000)
+    world.clock.run(until=world.clock.now + 1000)
     assert (host.accelerator.busy_ns, host.cpu.busy_ns) == busy_ns, "nobody works on what is gone"
     world.run()
-    rows = tables.frames.to_frame()
-    small.check_conserved(rows, [read_method(method).name])
+    rows = tables["frames"].to_frame()
+    small.check_conserved(rows, [from_plain(MethodEntry, method).name])
     if method in ("local", "remote"):
         assert (rows["drop"] == "test:crash").sum() == len(lost), "there is no other copy"
         assert host.accelerator.completed > served, "it goes on with what comes next"
@@ -133,18 +193,18 @@ def test_what_is_voided_says_who_did_it(target: str, method: str):
 @pytest.mark.parametrize("what", ["accelerator", "cpu"])
 def test_a_processor_that_was_voided_is_idle_and_never_done_with_what_it_had(what: str):
     world, _ = small.world(small.scenario(["local"]))
-    processor, done = getattr(world.hosts["edge1"][0], what), []
+    processor, done = getattr(world.network.graphs["edge1"].host, what), []
     for job in range(processor.capacity + 2):
         processor.run(100, lambda job=job: done.append(job))
-    world.env.run(until=40)
+    world.clock.run(until=40)
     assert processor.busy_ns == 40 * processor.capacity and processor.queued == 2
     processor.void()
     assert processor.queued == 0
-    world.env.run(until=70)
+    world.clock.run(until=70)
     processor.run(100, lambda: done.append("next"))
-    world.env.run(until=169)
+    world.clock.run(until=169)
     assert done == [], "the old jobs would have been done by now"
-    world.env.run(until=171)
+    world.clock.run(until=171)
     assert done == ["next"] and processor.completed == 1
     assert processor.busy_ns == 40 * processor.capacity + 100, "while it was idle it did not work"
 
@@ -157,7 +217,7 @@ def test_a_node_alone_can_be_voided():
     first, completed = detector._in_service[0].header, detector.completed
     detector.void("test:node")
     world.run()
-    rows = tables.frames.to_frame()
+    rows = tables["frames"].to_frame()
     small.check_conserved(rows, ["local"])
     mine = rows[
         [
@@ -175,16 +235,16 @@ def test_a_host_forgets_what_it_knew():
     genie = next(node for node in graph.nodes if isinstance(node, InterceptorNode))
     before = genie.pure
     assert len(before.object_map) and before.cache_entries()
-    resources = list(world.resources)
-    world.void("edge1", "test:crash")
+    resources = list(world.network.resources)
+    world.network.void("edge1", "test:crash")
     assert (
         genie.pure is not before
         and not len(genie.pure.object_map)
         and not genie.pure.cache_entries()
     )
-    assert world.resources == resources, "it is the same node, with a fresh state"
-    changes = tables.objects.to_frame().query("genie == 'edge1/genie'")
-    last = changes.groupby(["label", "east_m", "north_m"], observed=True).tail(1)
+    assert world.network.resources == resources, "it is the same node, with a fresh state"
+    changes = tables["objects"].to_frame().query("genie == 'edge1/genie'")
+    last = changes.groupby("object").tail(1)
     assert last["confidence"].isna().all(), "every object of its map is told to be gone"
 
 
@@ -194,11 +254,11 @@ def test_a_host_that_is_not_there_is_one_line():
         UserError,
         match=r"^unknown host 'edge3' \(did you mean 'edge2'\?\); known: car1, car2, edge1",
     ):
-        world.void("edge3", "test")
+        world.network.void("edge3", "test")
     blind = small.scenario(["local"], cars=[small.car(1, cameras=False), small.car(2)])
     world, _ = small.world(blind)
-    assert "car1" not in world.hosts
-    world.void("car1", "test")  # local execution has nothing there
+    assert "car1" not in world.network.graphs
+    world.network.void("car1", "test")  # local execution has nothing there
 
 
 CRASH = '''
@@ -213,9 +273,9 @@ class Crash(Outage):
 
     dropped_by = "crash"
 
-    def begin(self, world):
-        super().begin(world)
-        world.void(self.target, f"{self.target}:crash")
+    def begin(self, network):
+        super().begin(network)
+        network.void(self.target, f"{self.target}:crash")
 '''
 
 
@@ -238,6 +298,19 @@ def test_a_crash_in_a_file_of_ones_own(run_cli, tmp_path: Path):
     assert wrong.returncode == 1 and "faults[0].target: unknown target 'edge7'" in wrong.stderr
 
 
+@dataclass(frozen=True)
+class Halt:
+    """A fault that does not check its target before the run."""
+
+    target: str
+
+    def begin(self, network):
+        network.void(self.target, "halt")
+
+    def end(self, network):
+        pass
+
+
 @pytest.mark.parametrize(
     ("fault", "message"),
     [
@@ -246,11 +319,15 @@ def test_a_crash_in_a_file_of_ones_own(run_cli, tmp_path: Path):
             r"faults\[0\]\.?\w*: unknown fault 'outag' \(did you mean 'outage'\?\)",
         ),
         ({"fault": f"{OWN}:Nobody", "target": "car1"}, "has no attribute 'Nobody'"),
-        ({"fault": f"{OWN}:Radio", "slot_ms": 1.0}, "has no method begin, end"),
-        ({"fault": f"{OWN}:Crash"}, "missing 1 required positional argument: 'target'"),
+        ({"fault": f"{OWN}:Radio", "slot_ms": 1.0}, "has no begin, end"),
+        ({"fault": f"{OWN}:Crash"}, r"faults\[0\].target: missing"),
         (
             {"fault": f"{OWN}:Blackout", "target": "car1", "how": "hard"},
-            "unexpected keyword argument 'how'",
+            r"faults\[0\].how: unknown parameter of .*:Blackout 'how'; known: target",
+        ),
+        (
+            {"fault": f"{__name__}:Halt", "target": "edge7"},
+            r"^fault '.*:Halt': unknown host 'edge7'",
         ),
     ],
 )

@@ -7,11 +7,11 @@ import pytest
 
 from genie_sim import build, runner
 from genie_sim.errors import UserError
-from genie_sim.scenario.links import LINKS
 from genie_sim.sim.link_models import LINK_MODELS
+from genie_sim.sim.link_models.presets import LINKS
 from genie_sim.sim.link_models.wire import Wire
 from tests.conformance import small
-from tests.conformance.link_models import LinkModelConformance
+from tests.conformance.link_models import LinkModelConformance, MediumConformance
 
 RADIO = "tests.conformance.own:Radio"
 FULL = {
@@ -23,25 +23,41 @@ FULL = {
     "loss": 0.1,
 }
 
+BURSTS = {"like": "ethernet_100m", "loss": {"mean": 0.01, "burst": 50, "repair": "20 ms"}}
+
 
 def test_every_shipped_model_is_tested_here():
-    assert set(LINK_MODELS) == {"wire"}
+    assert set(LINK_MODELS) == {"wire", "trace", "cell"}
 
 
-@pytest.mark.parametrize("link", [*LINKS, FULL, {"like": "lte", "loss": 0.5}])
+@pytest.mark.parametrize("link", [*LINKS, FULL, {"like": "lte", "loss": 0.5}, BURSTS])
 class TestWire(LinkModelConformance):
     pass
 
 
 @pytest.mark.parametrize(
-    "link", [{"model": RADIO, "slot_ms": 1.0}, {"model": RADIO, "slot_ms": 0.5, "fails": 3}]
+    "link", [{"model": "tests.conformance.own:OneAtATime", "rate": "1 Gbit/s"}]
+)
+class TestOneAtATime(MediumConformance):
+    pass
+
+
+@pytest.mark.parametrize(
+    "link",
+    [
+        {"model": RADIO, "slot_ms": 1.0},
+        {"model": RADIO, "slot_ms": 0.5, "fails": 3},
+        {"model": "tests.conformance.own:CountingRadio", "slot_ms": 0.5, "fails": 3},
+    ],
 )
 class TestRadio(LinkModelConformance):
     pass
 
 
 def test_the_formula_of_the_wire():
-    """Bits with the headers of every segment, over the rate, rounded up; then the delay, and up to the jitter more."""
+    """Bits with the headers of every segment, over the rate, rounded up; then the delay, and up to
+    the jitter more.
+    """
     wire = Wire(1_000_000_000, None, 200_000, jitter_ns=5)
     assert wire.wire_bits(1_397_297) == (1_397_297 + 965 * 90) * 8 == 11_873_176
     up, down = (wire.channel(one, np.random.default_rng(1)) for one in (True, False))
@@ -74,9 +90,9 @@ def test_a_link_that_loses_everything_answers_nobody():
 
 def test_a_radio_of_ones_own_carries_the_frames():
     """A slot each millisecond: what arrives left at the end of a slot."""
-    radio = {"model": RADIO, "slot_ms": 1.0, "slot_bytes": 200_000}
+    radio = {"model": RADIO, "slot_ms": 1.0, "slot": "200 kB"}
     setting = small.scenario(["remote"], cars=[small.car(1, link=radio), small.car(2)])
-    assert build.link_model(setting.cars[0].link) == build.plugins.call(
+    assert build.link_model(setting.cars[0].link).own == build.plugins.call(
         "", "", _radio(), 1.0, 200_000
     )
     rows = small.frames(setting).query("car == 'car1'")
@@ -103,13 +119,13 @@ def _radio():
             {"model": "wire", "rate_up": "1 Mbit/s", "dely": "1 ms"},
             r"cars\[0\].link.dely: unknown parameter of wire",
         ),
-        ({"like": "lte", "loss": 1.5}, r"cars\[0\].link.*loss: must be from 0 to 1, but is 1.5"),
+        ({"like": "lte", "loss": 1.5}, r"cars\[0\].link.*loss: must be from 0 to 1, not 1.5"),
         (
             {"model": RADIO, "slot_ms": -1.0},
             f"link model '{RADIO}': slot_ms: must be more than zero",
         ),
-        ({"model": RADIO}, r"missing 1 required positional argument: 'slot_ms'"),
-        ({"model": "tests.conformance.own:Again"}, "has no method channel"),
+        ({"model": RADIO}, r"cars\[0\].link.slot_ms: missing"),
+        ({"model": "tests.conformance.own:Again"}, "has no channel or radio"),
         ({"model": "tests.conformance.own:Nobody"}, "has no attribute 'Nobody'"),
     ],
 )

@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from genie_sim import build, runner
 from genie_sim.errors import UserError
+from genie_sim.messages import Publish
 from genie_sim.methods import METHODS
 from genie_sim.plugins import Choice
 from genie_sim.recording.log import Log
-from genie_sim.recording.records import Tables
+from genie_sim.recording.records import new_tables
 from genie_sim.scenario.methods import MethodEntry
+from genie_sim.settings import plain_data
 from genie_sim.sim.world import World
 from tests.conformance import small
 from tests.conformance.methods import MethodConformance
+from tests.conformance.own import Again, Latest
 
 AGAIN = "tests.conformance.own:Again"
 
@@ -43,9 +48,9 @@ def test_a_method_of_a_name_that_nobody_knows_never_runs():
         UserError,
         match=r"^unknown method 'gene' \(did you mean 'genie'\?\); known: .*, genie, local",
     ):
-        World(build.setup(prepared, entry), build.method(entry), Log("gene", Tables()))
+        World(build.setup(prepared, entry), build.method(entry), Log("gene", new_tables()))
     with pytest.raises(UserError, match="unknown method 'gene'"):
-        runner.run_in_memory(small.scenario().model_copy(update={"methods": (entry,)}))
+        runner.run_in_memory(replace(small.scenario(), methods=(entry,)))
 
 
 @pytest.mark.parametrize(
@@ -53,8 +58,11 @@ def test_a_method_of_a_name_that_nobody_knows_never_runs():
     [
         ("tests.conformance.own:Nobody", "has no attribute 'Nobody'"),
         ("tests.conformance.nowhere:Again", "No module named"),
-        ("tests.conformance.own:Radio", "has no method title, baseline, on_car, on_edge"),
-        ({"method": AGAIN, "evry": 3}, "unexpected keyword argument 'evry'"),
+        ("tests.conformance.own:Radio", "has no title, baseline, on_car, on_edge"),
+        (
+            {"method": AGAIN, "evry": 3},
+            r"unknown parameter of .*:Again 'evry' \(did you mean 'every'",
+        ),
     ],
 )
 def test_a_method_of_ones_own_that_does_not_work_is_one_line(method, message: str):
@@ -63,8 +71,31 @@ def test_a_method_of_ones_own_that_does_not_work_is_one_line(method, message: st
     assert "\n" not in str(error.value)
 
 
+class Astray(Again):
+    """Its answers go to a topic that it has not named."""
+
+    def on_car(self, host):
+        return replace(super().on_car(host), interceptor=lambda *_: Lost(host, 1))
+
+
+class Lost(Latest):
+    def on_message(self, *arguments):
+        effects = super().on_message(*arguments)
+        return [
+            Publish("/objcts", effect.message) if isinstance(effect, Publish) else effect
+            for effect in effects
+        ]
+
+
+def test_a_topic_that_an_own_interceptor_has_not_named_is_one_line():
+    with pytest.raises(UserError, match=r"on_message\(\) publishes on an unknown topic '/objcts'"):
+        runner.run_in_memory(small.scenario([f"{__name__}:Astray"]))
+
+
 def test_one_method_several_times_with_other_settings():
-    """Three Genies beside a plain method: each has its own rules, its own name, and its own rows."""
+    """Three Genies beside a plain method: each has its own rules, its own name, and its own
+    rows.
+    """
     entries = [
         "genie",
         {"name": "tiny", "method": "genie", "genie": {"eviction": "lru", "capacity": "2 entries"}},
@@ -103,10 +134,7 @@ def test_one_method_several_times_with_other_settings():
         small.same(
             small.of(name, {"frames": run.frames}), small.of(name, {"frames": same_again.frames})
         )
-    assert (
-        runner.read_scenario(setting.model_dump(mode="json", by_alias=True)).methods
-        == setting.methods
-    )
+    assert runner.read_scenario(plain_data(setting)).methods == setting.methods
 
 
 def test_each_method_that_is_no_baseline_is_compared_with_each_that_is():

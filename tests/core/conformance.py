@@ -1,4 +1,5 @@
-"""What every plug-in has to keep. A new one inherits the class of its extension point and is tested:
+"""What every plug-in has to keep. A new one inherits the class of its extension point and is
+tested:
 
 class TestMine(SimilarityConformance):
     make = Mine
@@ -119,7 +120,9 @@ class EvictionConformance:
     make: ClassVar[Callable[..., Eviction]]
 
     def told(self, accesses: list[tuple[str, int]]) -> tuple[Eviction, set[int]]:
-        """The policy after ``accesses``, each a nanosecond after the other, and the keys that are held then."""
+        """The policy after ``accesses``, each a nanosecond after the other, and the keys that are
+        held then.
+        """
         eviction, held = type(self).make(), set()
         for now_ns, (what, key) in enumerate(accesses):
             if what == "store":

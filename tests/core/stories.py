@@ -1,4 +1,6 @@
-"""Random stories told to a Genie: requests of its client and of neighbours, answers from anywhere, and time."""
+"""Random stories told to a Genie: requests of its client and of neighbours, answers from anywhere,
+and time.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,8 @@ from tests.core.worlds import BRIDGE, CROSSING, IMAGES, OBJECTS, S, answer, fram
 NEIGHBOURS = ("edge2/genie", "edge3/genie")
 UNHEARD_OF = Header(999 * S, "02", "car9")
 
-# Some of these are within a metre of each other, across cells too; no two distances between them are equal.
+# Some of these are within a metre of each other, across cells too; no two distances between them
+# are equal.
 PLACES = (
     None,
     (20.0, 0.0),
@@ -54,7 +57,8 @@ def stories(shared_stamps: bool = False) -> st.SearchStrategy[list[Step]]:
 
 
 def story(seed: int, shared_stamps: bool) -> list[Step]:
-    """No client sends a frame twice; a neighbour's request may come over two ways. Most answers belong to a request.
+    """No client sends a frame twice; a neighbour's request may come over two ways. Most answers
+    belong to a request.
 
     ``shared_stamps``: two cameras and two cars take their frames at the same instants.
     """
@@ -107,7 +111,9 @@ class Told(NamedTuple):
 
 
 def tell(genie: GenieNode, story: Sequence[Step], timer: bool = True) -> Iterator[Told]:
-    """Tells the story. With ``timer`` the Genie is woken at its deadlines too; the end of time comes in any case."""
+    """Tells the story. With ``timer`` the Genie is woken at its deadlines too; the end of time
+    comes in any case.
+    """
     for step in (*story, Step(10_000 * S, "", answer(UNHEARD_OF), "")):
         while (
             timer

@@ -10,7 +10,15 @@ from genie_sim.core.eviction import LRU
 from genie_sim.core.freshness.ttl import Ttl
 from genie_sim.core.rules import Capacity
 from genie_sim.core.similarity import Exact
-from genie_sim.messages import Detections, Expired, Forgotten, ImageLookup, ObjectLookups, Publish
+from genie_sim.messages import (
+    Detections,
+    Expired,
+    Forgotten,
+    ImageLookup,
+    MapChange,
+    ObjectLookups,
+    Publish,
+)
 from tests.core.worlds import (
     BRIDGE,
     CROSSING,
@@ -39,6 +47,14 @@ FAINT_BUS = seen("bus", 0.3, at=(30.0, 5.0))
 
 def lookup(request, outcome, requester="client", entries=0):
     return ImageLookup(request.header, outcome, requester, entries)
+
+
+def changes_of(*detections):
+    """Of the first objects that a map gets."""
+    return tuple(
+        MapChange(number, one.label, one.location, one.score)
+        for number, one in enumerate(detections)
+    )
 
 
 # Misses: lines 12 to 15
@@ -72,10 +88,10 @@ def test_another_spot_another_camera_and_another_heading_are_misses():
 
 @pytest.mark.parametrize("tells", [True, False])
 def test_a_genie_tells_what_its_map_forgets_before_anything_else(tells):
-    asked = genie(object_map(freshness=Ttl(S)), tells_changes=tells)
+    asked = genie(object_map(freshness=Ttl(S)), names_changes=tells)
     asked.on_message(IMAGES, frame(0), 0)
     asked.on_message(FROM_NODE, answer(frame(0), CAR, FAINT_BUS), 1)
-    forgotten = Forgotten(tuple((one.label, one.location, one.score) for one in (CAR, FAINT_BUS)))
+    forgotten = Forgotten(changes_of(CAR, FAINT_BUS))
     later = asked.on_message(IMAGES, frame(1, at=BRIDGE), 3 * S)
     assert len(asked.object_map) == 0
     assert facts(later, Forgotten) == ([forgotten] if tells else [])
@@ -84,7 +100,7 @@ def test_a_genie_tells_what_its_map_forgets_before_anything_else(tells):
 
 
 def test_a_genie_that_does_not_tell_changes_does_all_else_as_one_that_does():
-    telling, silent = genie(), genie(tells_changes=False)
+    telling, silent = genie(), genie(names_changes=False)
     for frames in (frame(0), frame(1)):
         for asked in (telling, silent):
             asked.on_message(IMAGES, frames, 0)
@@ -103,7 +119,7 @@ def test_the_nodes_answer_is_delivered_once_and_shared():
     first = frame(0)
     asked = genie(miss_policy="blocking")
     asked.on_message(IMAGES, first, 0)
-    stored = tuple((one.label, one.location, one.score) for one in (CAR, FAINT_BUS))
+    stored = changes_of(CAR, FAINT_BUS)
     assert asked.on_message(FROM_NODE, answer(first, CAR, FAINT_BUS), S // 10) == [
         ObjectLookups(
             first.header, "sighting", 2, hits=0, updates=0, boost_sum=0, objects=2, changes=stored
@@ -114,7 +130,9 @@ def test_the_nodes_answer_is_delivered_once_and_shared():
 
 
 def test_the_later_of_two_answers_is_knowledge_but_not_delivered_again():
-    """The edge's answer comes after the own detector's: a second sighting, C = 0.9 + 0.1 * 0.9 * (1 - 0.9)."""
+    """The edge's answer comes after the own detector's: a second sighting, C = 0.9 + 0.1 * 0.9 * (1
+    - 0.9).
+    """
     first = frame(0)
     asked = genie(share_answers="on_request", miss_policy="blocking")
     asked.on_message(IMAGES, first, 0)
@@ -162,7 +180,9 @@ def test_an_answer_from_another_genie_is_not_passed_on_to_the_others():
 
 
 def test_a_hit_is_replayed_under_the_new_header_with_what_the_map_knows():
-    """The bus has been confirmed since, 0.58 + 0.1 * 0.9 * (1 - 0.58) = 0.6178, and a person stands beside the car."""
+    """The bus has been confirmed since, 0.58 + 0.1 * 0.9 * (1 - 0.58) = 0.6178, and a person stands
+    beside the car.
+    """
     bus, person = seen("bus", 0.58, at=(30.0, 5.0)), seen("person", 0.8, at=(20.5, 0.0))
     asked = genie(miss_policy="blocking")
     asked.on_message(IMAGES, frame(0), 0)
@@ -194,7 +214,9 @@ def test_a_hit_is_replayed_under_the_new_header_with_what_the_map_knows():
 
 
 def test_replaying_does_not_change_the_stored_answer():
-    """Line 13 adds to the list that line 10 iterates; ours is a copy, so a third car does not see anything twice."""
+    """Line 13 adds to the list that line 10 iterates; ours is a copy, so a third car does not see
+    anything twice.
+    """
     asked = genie(miss_policy="blocking")
     asked.on_message(IMAGES, frame(0), 0)
     asked.on_message(FROM_NODE, answer(frame(0), CAR), 1)
@@ -265,9 +287,8 @@ def test_equal_requests_may_both_be_run():
 
 
 def test_after_the_answer_there_is_nothing_left_to_join():
-    asked = genie(
-        capacity=Capacity(bytes=100), miss_policy="blocking"
-    )  # no answer with an object fits
+    # no answer with an object fits
+    asked = genie(capacity=Capacity(bytes=100), miss_policy="blocking")
     asked.on_message(IMAGES, frame(0), 0)
     asked.on_message(FROM_NODE, answer(frame(0), CAR), 1)
     assert lookup(frame(1), "miss") in asked.on_message(IMAGES, frame(1), 2)
@@ -303,6 +324,26 @@ def test_merging_the_same_answer_twice_adds_nothing():
     for topic in (FROM_NODE, FROM_OTHERS):
         asked.on_message(topic, answer(frame(0), CAR), 1)
     assert labels(answers(asked.on_message(IMAGES, frame(9), 9 * S))[0]) == ["car"]
+
+
+@pytest.mark.parametrize(("second_answer", "uses"), [("first_wins", 2), ("merge", 3)])
+def test_a_second_answer_is_no_use_of_the_first(second_answer, uses):
+    """Each stored answer counts once; so does the replay at the end. ``first_wins`` stores one,
+    ``merge`` two.
+    """
+    counted = []
+
+    class Counting(LRU):
+        def used(self, key, now_ns):
+            counted.append(key)
+            super().used(key, now_ns)
+
+    asked = genie(miss_policy="blocking", second_answer=second_answer, new_eviction=Counting)
+    asked.on_message(IMAGES, frame(0), 0)
+    asked.on_message(FROM_NODE, answer(frame(0), CAR), 1)
+    asked.on_message(FROM_OTHERS, answer(frame(0), CAR), 2)
+    asked.on_message(IMAGES, frame(9), 9 * S)
+    assert len(counted) == uses
 
 
 # Neighbours on the edge network
@@ -481,7 +522,9 @@ def test_with_hits_only_a_miss_is_never_answered():
 def test_all_fresh_objects_may_reach_the_clients_on_the_nodes_own_host_but_nobody_else(
     name, delivered
 ):
-    """The transparent answer: who asks over a link gets what is above C_T, whatever the scenario says."""
+    """The transparent answer: who asks over a link gets what is above C_T, whatever the scenario
+    says.
+    """
     asked = genie(name=name, miss_policy="blocking", fresh_objects="all")
     asked.on_message(IMAGES, frame(0), 0)
     to_client, shared = publications(
@@ -489,9 +532,8 @@ def test_all_fresh_objects_may_reach_the_clients_on_the_nodes_own_host_but_nobod
     )
     assert (to_client.topic, labels(to_client.message)) == (OBJECTS, delivered)
     assert (shared.topic, labels(shared.message)) == (FROM_OTHERS, ["car"])
-    assert labels(answers(asked.on_message(IMAGES, frame(1), S))[0]) == [
-        "car"
-    ]  # a replay is not fresh
+    # a replay is not fresh
+    assert labels(answers(asked.on_message(IMAGES, frame(1), S))[0]) == ["car"]
 
 
 def test_what_another_genie_says_is_not_the_own_nodes_fresh_answer():
@@ -586,7 +628,9 @@ def test_by_the_stamp_alone_a_second_camera_of_the_same_instant_is_lost():
 
 
 def test_the_literal_index_can_never_hit():
-    """An answer comes on another topic than its request, so it is taken for a request and sent on to nobody."""
+    """An answer comes on another topic than its request, so it is taken for a request and sent on
+    to nobody.
+    """
     asked = genie(miss_policy="blocking", pending_index="per_topic")
     outcomes = []
     for stamp in (0, 10, 20):
@@ -725,8 +769,7 @@ def test_a_car_that_learns_from_its_own_node_only_passes_the_edges_answer_on():
     again = asked.on_message(IMAGES, frame(1), S)
     assert lookup(frame(1), "miss") in again
     assert labels(answers(again)[0]) == []
-    assert (
-        answers(asked.on_message(FROM_NODE, answer(frame(0), CAR, FAINT_BUS), S + 1)) == []
-    )  # too late, but learned
+    # too late, but learned
+    assert answers(asked.on_message(FROM_NODE, answer(frame(0), CAR, FAINT_BUS), S + 1)) == []
     assert (asked.cache_entries(), len(asked.object_map)) == (1, 2)
     assert lookup(frame(2), "hit", entries=1) in asked.on_message(IMAGES, frame(2), 2 * S)

@@ -1,4 +1,6 @@
-"""Algorithm 2 by hand: what the object map makes of sightings, and what it knows about a place or a view."""
+"""Algorithm 2 by hand: what the object map makes of sightings, and what it knows about a place or a
+view.
+"""
 
 from __future__ import annotations
 
@@ -73,7 +75,9 @@ def test_a_second_sighting_changes_the_confidence_and_nothing_else(rule, after):
 
 
 def test_many_faint_sightings_pass_the_threshold():
-    """0.3 instead of 0.65 in the paper's example: each car that sees it adds 0.1 * 0.3 of what is missing to 1."""
+    """0.3 instead of 0.65 in the paper's example: each car that sees it adds 0.1 * 0.3 of what is
+    missing to 1.
+    """
     objects, repeats = told(object_map(), seen("traffic light", 0.3)), 0
     while object_at(objects).confidence < objects.threshold:
         objects.sight(seen("traffic light", 0.3))
@@ -181,18 +185,19 @@ def test_range_60_is_60_percent_up_the_range_of_reported_scores():
     ],
 )
 def test_the_empirical_threshold_is_the_60th_percentile_of_first_scores(scores, percentile):
-    """Nearest rank: of five scores the third, of ten the sixth. Before there is any, nothing is confident."""
+    """Nearest rank: of five scores the third, of ten the sixth. Before there is any, nothing is
+    confident.
+    """
     objects = object_map(threshold="empirical")
     for number, score in enumerate(scores):
-        told(
-            objects, *[seen("car", score, at=(5.0 * number, 0.0))] * 2
-        )  # the second sighting is no first score
+        # the second sighting is no first score
+        told(objects, *[seen("car", score, at=(5.0 * number, 0.0))] * 2)
     assert objects.threshold == percentile
 
 
 @pytest.mark.parametrize("percent", [1.0, 40.0, 60.0, 100.0])
 def test_c_t_may_be_a_percentile_of_all_that_is_stored(percent):
-    """Nearest rank: the lowest confidence that at least this share of the objects does not exceed."""
+    """Nearest rank: the lowest confidence that at least this share does not exceed."""
     rng = random.Random(5)
     objects = object_map(threshold=Percentile(percent), freshness=Ttl(4 * S))
     assert objects.threshold == 1.0, "nothing is confident before there is anything"
@@ -367,7 +372,9 @@ def test_nothing_is_forgotten_unless_it_is_said():
 
 @given(st.lists(st.tuples(sightings, st.integers(0, 30)), max_size=8), st.sampled_from([0.3, 2.5]))
 def test_a_map_that_forgets_holds_what_was_seen_lately(rounds, gate_m):
-    """Whatever cells it lies in, an object is there for as long as it was sighted within the time, and not longer."""
+    """Whatever cells it lies in, an object is there for as long as it was sighted within the time,
+    and not longer.
+    """
     objects, now_ns, last_ns = object_map(gate_m=gate_m, freshness=Ttl(20)), 0, {}
     for many, later_ns in rounds:
         now_ns += later_ns
@@ -381,3 +388,14 @@ def test_a_map_that_forgets_holds_what_was_seen_lately(rounds, gate_m):
         for stored, _ in last_ns.values():
             there = {id(one) for one in objects.at(stored.location)}
             assert there <= held and (id(stored) in there) is (id(stored) in held)
+
+
+def test_every_object_has_a_number_that_no_other_object_of_the_map_ever_gets():
+    objects = object_map(freshness=Ttl(S))
+    _, car = objects.sight(seen("car", 0.9, at=(0.0, 0.0)))
+    objects.sight(seen("car", 0.9, at=(0.2, 0.0)))
+    _, person = objects.sight(seen("person", 0.9, at=(0.0, 0.0)))
+    assert (car.number, person.number) == (0, 1)
+    objects.forget(S)
+    _, later_car = objects.sight(seen("car", 0.9, at=(0.0, 0.0)), 2 * S)
+    assert later_car.number == 2

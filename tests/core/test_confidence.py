@@ -1,4 +1,6 @@
-"""Algorithm 2, line 5, under four readings: what one more sighting does to the confidence of a stored object."""
+"""Algorithm 2, line 5, under four readings: what one more sighting does to the confidence of a
+stored object.
+"""
 
 from __future__ import annotations
 
@@ -46,7 +48,9 @@ def test_a_sighting_of_an_object_stored_with_one_half(rule, weaker, stronger):
 
 
 def test_as_printed_the_confidence_of_a_traffic_light_that_many_cars_see_runs_off():
-    """Section III-D: "even with an initial low score, many cars will see and recognize it". Here 0.3, then 0.5 each."""
+    """Section III-D: "even with an initial low score, many cars will see and recognize it". Here
+    0.3, then 0.5 each.
+    """
     confidences = dict.fromkeys(CONFIDENCE_RULES, 0.3)
     for _ in range(100):
         confidences = {name: CONFIDENCE_RULES[name](c, 0.5, 0.1) for name, c in confidences.items()}

@@ -1,4 +1,6 @@
-"""What goes when the cache is full: every policy keeps the conformance tests, and each its own promise."""
+"""What goes when the cache is full: every policy keeps the conformance tests, and each its own
+promise.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +9,7 @@ import functools
 import pytest
 from hypothesis import given
 
+from genie_sim.core import eviction
 from genie_sim.core.eviction import EVICTIONS, LFU, LRU, TTL, Eviction
 from tests.core.conformance import EvictionConformance, accesses
 
@@ -86,3 +89,18 @@ def test_a_time_to_live_counts_from_the_last_store_and_not_from_use():
 def test_a_time_to_live_must_be_positive():
     with pytest.raises(ValueError, match="positive"):
         TTL(0)
+
+
+def test_lfu_rebuilds_its_heap_seldom(monkeypatch: pytest.MonkeyPatch):
+    """Stale ranks may outnumber the answers eight times, or every use would cost as many steps as
+    there are answers.
+    """
+    rebuilt: list[int] = []
+    monkeypatch.setattr(
+        eviction.heapq, "heapify", lambda heap: (rebuilt.append(len(heap)), heap.sort())
+    )
+    lfu = LFU()
+    for number in range(2_000):
+        lfu.used(number % 100, number)
+    assert rebuilt == [100, 100]
+    assert lfu.victim() == 0

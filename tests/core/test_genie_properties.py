@@ -71,8 +71,10 @@ whatever = settings(max_examples=60)
 @whatever
 @given(genies(), any_story)
 def test_only_confident_objects_ever_leave(make_genie, story):
-    """C >= C_T (Section III-D), but for what a scenario says to pass on whole: the node's fresh answers to clients on
-    its host, an edge's to other edges, and answers that a car does not learn from."""
+    """C >= C_T (Section III-D), but for what a scenario says to pass on whole: the node's fresh
+    answers to clients on its host, an edge's to other edges, and answers that a car does not learn
+    from.
+    """
     telling = make_genie()
     rules, on_car = telling.rules, telling.name == "car1/genie"
     for step, effects in tell(telling, story):

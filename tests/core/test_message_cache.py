@@ -37,7 +37,9 @@ def replay(cache, trace, objects_of=lambda key: 0):
 @pytest.mark.parametrize("capacity", [1, 10, 50, 200, 499, 500])
 @pytest.mark.parametrize(("eviction", "theirs"), [(LRU, "LRU"), (Eviction, "FIFO")])
 def test_hits_are_those_of_libcachesim(eviction, theirs, capacity):
-    """The same policy of an independent simulator (libCacheSim) on the same Zipf trace, request by request."""
+    """The same policy of an independent simulator (libCacheSim) on the same Zipf trace, request by
+    request.
+    """
     libcachesim = pytest.importorskip(
         "libcachesim", reason="needs libcachesim: pip install 'genie-sim[test]'"
     )
@@ -53,7 +55,9 @@ def test_hits_are_those_of_libcachesim(eviction, theirs, capacity):
 
 @pytest.mark.parametrize("capacity_bytes", [2_000, 20_000, 200_000])
 def test_hits_in_bytes_are_those_of_libcachesim(capacity_bytes):
-    """Answers of different sizes: a large one may push out several, one larger than the cache is not stored."""
+    """Answers of different sizes: a large one may push out several, one larger than the cache is
+    not stored.
+    """
     libcachesim = pytest.importorskip(
         "libcachesim", reason="needs libcachesim: pip install 'genie-sim[test]'"
     )
@@ -75,7 +79,9 @@ def test_hits_in_bytes_are_those_of_libcachesim(capacity_bytes):
 
 @pytest.mark.parametrize("capacity", [1, 10, 50])
 def test_hits_under_lfu_are_those_of_a_naive_list(capacity):
-    """Of the least used, the least recently used goes; before the new one comes, however hot the others are."""
+    """Of the least used, the least recently used goes; before the new one comes, however hot the
+    others are.
+    """
     uses, expected, trace = {}, [], zipf(requests=3_000, pictures=100)
     for now_ns, key in enumerate(trace):
         expected.append(key in uses)
@@ -156,7 +162,9 @@ def test_an_expired_answer_does_not_live_on_beside_a_new_one_of_another_topic():
 
 
 def test_an_expired_answer_does_not_hide_a_live_one_a_little_farther_away():
-    """The picture differs in one bit from one whose time is over, and in two from one that is fresh."""
+    """The picture differs in one bit from one whose time is over, and in two from one that is
+    fresh.
+    """
     cache = MessageCache(DHash(radius=2).index(), TTL(10))
     cache.put(0b001, OBJECTS, answer(HEADER), 0)
     cache.put(0b110, OBJECTS, answer(HEADER, seen("car", 0.9)), 8)

@@ -1,4 +1,6 @@
-"""When are two pictures the same: the bytes, the spot and the heading, or nearly the same grey values."""
+"""When are two pictures the same: the bytes, the spot and the heading, or nearly the same grey
+values.
+"""
 
 from __future__ import annotations
 

@@ -12,7 +12,9 @@ from tests.core.worlds import genie
 @settings(max_examples=150)
 @given(stories())
 def test_the_genie_does_what_its_twin_does(story):
-    """Message by message and deadline by deadline; in which order one message's effects come is left open."""
+    """Message by message and deadline by deadline; in which order one message's effects come is
+    left open.
+    """
     real, twin = genie(), Twin("edge1/genie")
     for step, effects in tell(real, story):
         hears = (step.topic, step.message, step.sender)

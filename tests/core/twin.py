@@ -1,9 +1,11 @@
-"""A second Genie, as simple and as slow as can be: Algorithms 1 and 2 under the default readings of the paper.
+"""A second Genie, as simple and as slow as can be: Algorithms 1 and 2 under the default readings of
+the paper.
 
-It was written from the readings, not from ``genie_sim.core``: lists instead of indices, every object looked at. What
-it does is told in plain words, so that both can be compared:
+It was written from the readings, not from ``genie_sim.core``: lists instead of indices, every
+object looked at. What it does is told in plain words, so that both can be compared:
 
-    ("asks node", header)  ("asks others", header)  ("looks up", header, outcome, who asked)  ("expires", header)
+    ("asks node", header)  ("asks others", header)  ("expires", header)
+    ("looks up", header, outcome, who asked)
     ("tells clients" | "tells others" | "tells" neighbour, header, source, served by, objects)
     ("sights", requests, hits, updates, boost)  ("boosts", requests, hits)
 """
@@ -48,7 +50,9 @@ class Twin:
         return deeds + self.is_told(message, own=topic == f"{OBJECTS}-local")
 
     def forgets(self, now_ns: int) -> list[Deed]:
-        """A request that the detector dropped expires, and everyone of ours who waited for it knows."""
+        """A request that the detector dropped expires, and everyone of ours who waited for it
+        knows.
+        """
         late = [one for one in self.waiting if now_ns >= one["since_ns"] + EXPIRY_NS]
         self.waiting = [one for one in self.waiting if one not in late]
         return [
@@ -93,7 +97,9 @@ class Twin:
         )
 
     def is_told(self, answer: Detections, own: bool) -> list[Deed]:
-        """The first answer is delivered to all who wait for it, a later one only overwrites what is stored."""
+        """The first answer is delivered to all who wait for it, a later one only overwrites what is
+        stored.
+        """
         answer, sights = self.sights(answer)
         deeds = [sights]
         for one in self.waiting:
@@ -110,7 +116,9 @@ class Twin:
         return deeds
 
     def replays(self, picture: Any, header: Header, requester: str) -> list[Deed]:
-        """The stored answer under the request's header, and what else the map knows about its places, once."""
+        """The stored answer under the request's header, and what else the map knows about its
+        places, once.
+        """
         requests = hits = 0
         objects, others, included = [], [], []
         for one in self.cache[picture].objects:

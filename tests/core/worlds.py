@@ -1,4 +1,6 @@
-"""A small world for tests of the pure Genie: frames of known places, what was seen there, Genies to tell it to."""
+"""A small world for tests of the pure Genie: frames of known places, what was seen there, Genies to
+tell it to.
+"""
 
 from __future__ import annotations
 
@@ -9,9 +11,11 @@ from typing import Any
 
 from genie_sim.core.eviction import Eviction
 from genie_sim.core.freshness.never import Never
-from genie_sim.core.message_cache import MessageCache, PendingIndex
+from genie_sim.core.message_cache import MessageCache
 from genie_sim.core.node import GenieNode
 from genie_sim.core.object_map import ObjectMap
+from genie_sim.core.per_topic import PerTopicGenie
+from genie_sim.core.readings import pending_index, readings_of
 from genie_sim.core.rules import Capacity, GenieRules, ObjectMapRules
 from genie_sim.core.similarity import PoseGrid, Similarity
 from genie_sim.messages import CameraPose, Detection, Detections, Effect, Header, Image, Publish
@@ -19,7 +23,8 @@ from genie_sim.messages import CameraPose, Detection, Detections, Effect, Header
 S = 1_000_000_000
 IMAGES, OBJECTS = "/image_raw", "/objects"
 
-# Where frames are taken, all looking east; each its own cell of the pose grid, out of sight of the others.
+# Where frames are taken, all looking east; each its own cell of the pose grid, out of sight of the
+# others.
 CROSSING, BRIDGE, STATION = (0.5, 0.5), (500.5, 0.5), (1000.5, 0.5)
 
 
@@ -90,27 +95,25 @@ def genie(
     capacity: Capacity | None = None,
     published: tuple[str, ...] = (OBJECTS,),
     name: str = "edge1/genie",
-    tells_changes: bool = True,
+    names_changes: bool = True,
     **rules: Any,
 ) -> GenieNode:
     """A Genie before an object detector; ``rules`` are those of ``GenieRules``."""
     chosen = GenieRules(**rules)
     same = similarity if similarity is not None else PoseGrid()
-
-    def identity(header: Header) -> Any:
-        return header.stamp_ns if chosen.header_identity == "stamp" else header
-
-    return GenieNode(
+    node_class = PerTopicGenie if chosen.pending_index == "per_topic" else GenieNode
+    return node_class(
         name,
         (IMAGES,),
         published,
         chosen,
         key=same.key,
         new_cache=lambda: MessageCache(same.index(), new_eviction(), capacity),
-        pending=PendingIndex(identity, same.index),
+        pending=pending_index(chosen, same.index),
         object_map=objects if objects is not None else object_map(),
         map_answer=Detections,
-        tells_changes=tells_changes,
+        readings=readings_of(chosen),
+        names_changes=names_changes,
     )
 
 

@@ -12,18 +12,18 @@ from genie_sim.errors import UserError
 from genie_sim.perception import fetch
 from genie_sim.perception.detector import make_detector
 from genie_sim.perception.kitti import open_drive, read_image
+from genie_sim.perception.labels import label_file, tracking_labels, tracklets
 from genie_sim.perception.trace import read_trace, write_trace
-from genie_sim.perception.tracking import tracking_trace
-from genie_sim.perception.truth import tracking_labels, tracklets
+from genie_sim.perception.tracking import open_sequence, tracking_trace
 from genie_sim.scenario.profiles import load_profile
 from tests.conftest import REPOSITORY
 from tests.fuzz.harness import Case, Target
 from tests.fuzz.mutation import broken, changed
 from tests.kitti_folder import DATE, make_drive, make_network
 from tests.made_up_networks import make_nanodet, make_yolov8
-from tests.test_fetch import archive
-from tests.test_perception_tracking import CALIBRATION, CAR, OXTS
-from tests.test_trace import trace
+from tests.perception.test_fetch import archive
+from tests.perception.test_trace import trace
+from tests.perception.test_tracking_labels import CALIBRATION, CAR, OXTS
 
 
 def with_one_broken(folder: Path, read: Callable[[], object], patterns: str = "*") -> Case:
@@ -68,7 +68,7 @@ def drive(folder: Path) -> Case:
         for frame in opened.frames["02"]:
             opened.scan(frame.index)
             read_image(frame.image_path)
-        tracklets(opened.tracklets)
+        tracklets(label_file(folder, f"{DATE}/0005"))
 
     return with_one_broken(folder, read)
 
@@ -77,8 +77,9 @@ def tracking(folder: Path) -> Case:
     files = {
         "training/oxts/0003.txt": (OXTS + "\n") * 3,
         "training/calib/0003.txt": CALIBRATION,
-        "training/label_02/0003.txt": "0 7 Car 0 0 -1.5 500 170 600 230 1.5 1.6 3.9 -2.0 1.6 20.0 -1.6\n"
-        * 3,
+        "training/label_02/0003.txt": (
+            "0 7 Car 0 0 -1.5 500 170 600 230 1.5 1.6 3.9 -2.0 1.6 20.0 -1.6\n" * 3
+        ),
         "detections/pointrcnn_Car/0003.txt": CAR.format(frame=0, logit=5.0) * 3,
         "detections/pointrcnn_Pedestrian/0003.txt": "",
         "detections/rrc_Car/0003.txt": "1,500.0,170.0,600.0,230.0,0.9\n" * 3,
@@ -88,12 +89,17 @@ def tracking(folder: Path) -> Case:
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         (folder / name).write_text(content)
 
+    def labels() -> None:
+        drive = open_sequence(folder / "training", "0003")
+        tracking_labels(folder / "training" / "label_02" / "0003.txt", drive)
+
     def read() -> None:
         refused = None
         reads = (
-            partial(tracking_trace, folder, "0003"), partial(tracking_trace, folder, "0003", "rrc"),
-            partial(tracking_labels, folder / "training" / "label_02" / "0003.txt", 3),
-        )  # fmt: skip
+            partial(tracking_trace, folder, "0003"),
+            partial(tracking_trace, folder, "0003", "rrc"),
+            labels,
+        )
         for each in reads:
             try:
                 each()
@@ -137,7 +143,9 @@ NAMES = (
 
 
 def archives(folder: Path) -> Case:
-    """Broken ones, and whole ones with names that nobody should unpack. Nothing may come to lie outside."""
+    """Broken ones, and whole ones with names that nobody should unpack. Nothing may come to lie
+    outside.
+    """
     whole = archive([("a/b.txt", "text" * 100), ("c.bin", bytes(range(256)) * 8)])
     path, inside = folder / "in" / "broken.zip", folder / "in" / "unpacked"
     path.parent.mkdir()

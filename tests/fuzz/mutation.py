@@ -8,15 +8,81 @@ import random
 from typing import Any
 
 WORDS = (
-    b"", b"\0", b"nan", b"-inf", b"1e400", b"9" * 400, b"\xff\xfe", b"\n", b" ", b"-1", b"2.5", b"x", b"<",
-    b"\r\n\r\n", b"\xff\xff\xff\xff", b"\x7f\xff\xff\xff", b"\0" * 8, b"\xff" * 8, b"../../x", b"{", b"]", b"&a *a",
-)  # fmt: skip
+    b"",
+    b"\0",
+    b"nan",
+    b"-inf",
+    b"1e400",
+    b"9" * 400,
+    b"\xff\xfe",
+    b"\n",
+    b" ",
+    b"-1",
+    b"2.5",
+    b"x",
+    b"<",
+    b"\r\n\r\n",
+    b"\xff\xff\xff\xff",
+    b"\x7f\xff\xff\xff",
+    b"\0" * 8,
+    b"\xff" * 8,
+    b"../../x",
+    b"{",
+    b"]",
+    b"&a *a",
+)
 VALUES: tuple[Any, ...] = (
-    None, True, False, 0, -1, 1, 2**31, 2**63, 2**64, -(2**70), 10**400, 0.5, -0.0, 1e-300, 1e308, math.nan, math.inf,
-    "", " ", "x", "nan", "1e400 s", "-1 s", "1 s", "10 MB", "0 Mbit/s", "9" * 400, "\0", "\n", "é\u202e", "=1+1",
-    "/dev/null", "/dev/zero", "nowhere:Class", "os:system", "genie", "car1", "edge1", [], {}, [[]], [None], {"": None},
-    {"name": "x"}, [1, "a"], "2011-11-11", "[x", "a: b", {"x": {"y": [{}]}}, "car" * 1000,
-)  # fmt: skip
+    None,
+    True,
+    False,
+    0,
+    -1,
+    1,
+    2**31,
+    2**63,
+    2**64,
+    -(2**70),
+    10**400,
+    0.5,
+    -0.0,
+    1e-300,
+    1e308,
+    math.nan,
+    math.inf,
+    "",
+    " ",
+    "x",
+    "nan",
+    "1e400 s",
+    "-1 s",
+    "1 s",
+    "10 MB",
+    "0 Mbit/s",
+    "9" * 400,
+    "\0",
+    "\n",
+    "é\u202e",
+    "=1+1",
+    "/dev/null",
+    "/dev/zero",
+    "nowhere:Class",
+    "os:system",
+    "genie",
+    "car1",
+    "edge1",
+    [],
+    {},
+    [[]],
+    [None],
+    {"": None},
+    {"name": "x"},
+    [1, "a"],
+    "2011-11-11",
+    "[x",
+    "a: b",
+    {"x": {"y": [{}]}},
+    "car" * 1000,
+)
 
 
 def broken(content: bytes, rng: random.Random) -> bytes:
@@ -43,7 +109,9 @@ def broken(content: bytes, rng: random.Random) -> bytes:
 
 
 def changed(tree: Any, rng: random.Random) -> Any:
-    """The same nested lists and mappings with one to three values replaced, moved, doubled, renamed or left out."""
+    """The same nested lists and mappings with one to three values replaced, moved, doubled, renamed
+    or left out.
+    """
     made = copy.deepcopy(tree)
     for _ in range(rng.randint(1, 3)):
         places = list(_places(made))

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import random
+import struct
+from dataclasses import dataclass, replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -13,11 +17,13 @@ from genie_sim.core.geometry import rigid
 from genie_sim.errors import UserError
 from genie_sim.messages import Header
 from genie_sim.perception.trace import read_trace, write_trace
-from genie_sim.ros import connection
+from genie_sim.ros import frames as wire
 from genie_sim.ros.bags import perceive_bag
 from genie_sim.ros.certificates import Credentials, make_authority, make_peer
 from genie_sim.ros.codec import CHANNELS, IMAGE, MARKER, MARKERS, OBJECTS, Codec, WireType, codec_of
-from genie_sim.ros.message import RosMessage
+from genie_sim.ros.gateway import Gateway, Peer, plain
+from genie_sim.ros.message import RosMessage, checked_pose
+from genie_sim.ros.plan import ROLES, AttachPlan, make_gateway
 from genie_sim.ros.poses import POSE_TYPES, Poses
 from genie_sim.ros.typestore import message, time, typestore
 from tests.fuzz.files import one_file
@@ -68,8 +74,8 @@ def bags(folder: Path) -> Case:
         serialize = "serialize_ros1" if kind == "bag" else "serialize_cdr"
         original = getattr(bag.store, serialize)
 
-        def written(one: Any, name: str) -> bytes:
-            whole = bytes(original(one, name))
+        def written(message: Any, name: str) -> bytes:
+            whole = bytes(original(message, name))
             return broken(whole, rng) if next(count) == at else whole
 
         made = BagWriter(path)
@@ -111,12 +117,18 @@ def _payloads(ros: int) -> list[tuple[Codec, bytes]]:
     """A good message of each type that a Genie reads."""
     store = typestore(1, DEFINITION, OBJECTS) if ros == 1 else typestore(2)
     at, pixels = {"stamp": time(10**9 + 7), "frame_id": "camera"}, np.arange(360).astype(np.uint8)
-    made = {
-        IMAGE: message(store, IMAGE, header=at, width=12, height=10, step=36, encoding="bgr8", data=pixels),
-        MARKERS: message(store, MARKERS, markers=[message(store, MARKER, header=at, ns="car", id=n) for n in range(2)]),
-    }  # fmt: skip
+    good = {
+        IMAGE: message(
+            store, IMAGE, header=at, width=12, height=10, step=36, encoding="bgr8", data=pixels
+        ),
+        MARKERS: message(
+            store,
+            MARKERS,
+            markers=[message(store, MARKER, header=at, ns="car", id=n) for n in range(2)],
+        ),
+    }
     if ros == 1:  # no ROS 2 has it
-        one = message(
+        detected = message(
             store,
             "autoware_msgs/msg/DetectedObject",
             header=at,
@@ -124,7 +136,7 @@ def _payloads(ros: int) -> list[tuple[Codec, bytes]]:
             score=0.5,
             space_frame="map",
         )
-        made[OBJECTS] = message(store, OBJECTS, header=at, objects=[one, one])
+        good[OBJECTS] = message(store, OBJECTS, header=at, objects=[detected] * 2)
     write = store.serialize_ros1 if ros == 1 else store.serialize_cdr
 
     def codec(kind: str) -> Codec:
@@ -133,23 +145,23 @@ def _payloads(ros: int) -> list[tuple[Codec, bytes]]:
             ros,
         )
 
-    return [(codec(kind), bytes(write(one, kind))) for kind, one in made.items()]
+    return [(codec(kind), bytes(write(whole, kind))) for kind, whole in good.items()]
 
 
 def messages(folder: Path) -> Case:
     """What a node of the own network says: read, hashed, given another header and other objects."""
     good = [*_payloads(1), *_payloads(2)]
-    poses = [(ros, kind, Poses(ros)) for ros in (1, 2) for kind in POSE_TYPES]
+    readers = [(ros, kind, Poses(ros)) for ros in (1, 2) for kind in POSE_TYPES]
     store = {ros: typestore(ros) for ros in (1, 2)}
     encodings = [name.encode() for name in CHANNELS]
 
     def case(rng: random.Random) -> None:
         if rng.random() < 0.15:
-            ros, kind, heard = rng.choice(poses)
+            ros, kind, poses = rng.choice(readers)
             full = kind.replace("/", "/msg/")
             whole = message(store[ros], full, header={"stamp": time(10**9), "frame_id": "map"})
             write = store[ros].serialize_ros1 if ros == 1 else store[ros].serialize_cdr
-            heard.heard(kind, broken(bytes(write(whole, full)), rng))
+            poses.receive(kind, broken(bytes(write(whole, full)), rng))
             return
         codec, payload = rng.choice(good)
         made = broken(payload, rng)
@@ -173,7 +185,7 @@ def frames(folder: Path) -> Case:
     codecs = {f"/{number}": codec for number, (codec, _) in enumerate(_payloads(1))}
     good = []
     for number, (codec, payload) in enumerate(_payloads(1)):
-        frame = connection.encode(
+        frame = wire.encode(
             f"/{number}", RosMessage.of(payload, codec, "car1", codec.holds_objects)
         )
         end = 4 + int.from_bytes(frame[:4], "big")
@@ -184,14 +196,105 @@ def frames(folder: Path) -> Case:
         if rng.random() < 0.6:
             said = changed({**said, "pose": [1.0, 2.0, 3.0, 4.0], "fov_rad": 1.4}, rng)
             text = json.dumps(rng.choice(VALUES) if rng.random() < 0.05 else said).encode()
-            frame = connection.LENGTH.pack(len(text)) + text + payload
+            frame = wire.LENGTH.pack(len(text)) + text + payload
         if rng.random() < 0.5:
             frame = broken(frame, rng)
-        found = connection.decode(frame, codecs.get)
-        if found is not None:
-            connection.encode(*found)
+        wire.refusal_reason(frame)
+        wire.encode(*wire.decode(frame, codecs.get))
 
     return case
+
+
+def gateways(folder: Path) -> Case:
+    """A car's and an edge's Genie that get twenty messages each, some of them broken, from their
+    nodes, their robots and each other. A case is refused if its last message is dropped.
+    """
+    sides = [_gateway_side(ros, role) for ros in (1, 2) for role in ("car", "edge")]
+
+    def case(rng: random.Random) -> None:
+        side = rng.choice(sides)
+        gateway, now_ns = side.gateway(rng), 0
+        dropped: ValueError | None = None
+        for _ in range(20):
+            now_ns += rng.choice((0, 10**6, 10**9, 20 * 10**9))
+            try:
+                if rng.random() < 0.1:
+                    gateway.on_timer(now_ns)
+                elif rng.random() < 0.6:
+                    topic = rng.choice(sorted(gateway.genie.subscriptions()))
+                    gateway.from_ros(topic, side.message(topic, rng), now_ns, "/somebody")
+                else:
+                    topic = rng.choice(("/0_remote", "/1", "/1_remote", "/0"))
+                    peer = Peer(rng.choice(("car1", "car2", "edge1")), rng.choice(ROLES))
+                    gateway.from_link(peer, topic, side.message(topic, rng), now_ns)
+                dropped = None
+            except ValueError as error:
+                dropped = error
+        if dropped is not None:
+            raise dropped
+
+    return case
+
+
+@dataclass
+class _Side:
+    """What a case needs of one ROS and one role: ``payloads`` by topic, with their codecs."""
+
+    role: str
+    payloads: dict[str, tuple[Codec, bytes]]
+
+    def gateway(self, rng: random.Random) -> Gateway:
+        """A new Genie with settings of its own."""
+        settings: dict[str, Any] = {
+            "similarity": rng.choice(("exact", "pose_grid", "dhash")),
+            "miss_policy": rng.choice(("blocking", "immediate")),
+            "fresh_objects": rng.choice(("all", "confident")),
+        }
+        plan = AttachPlan(
+            node="/node",
+            name="car1" if self.role == "car" else "edge1",
+            role=self.role,
+            requests=("/0",),
+            answers=("/1",),
+            settings=settings,
+            pose_topic="/pose",
+            horizontal_fov_rad=1.4,
+            connect=("edge1@127.0.0.1:1",),
+        )
+        links = SimpleNamespace(
+            peers=lambda: [Peer("edge2", "edge"), Peer("car1", "car")],
+            send=lambda peer, topic, message: wire.encode(topic, message),
+        )
+        return make_gateway(
+            plan,
+            publish=lambda topic, message: message.encoded(rng.choice((None, 7))),
+            observe=lambda record, now_ns: None,
+            links=links,
+            object_codec=self.payloads["/1"][0],
+        )
+
+    def message(self, topic: str, rng: random.Random) -> RosMessage:
+        """A message of a topic, now and then broken, seen from anywhere."""
+        codec, payload = self.payloads[plain(topic)]
+        if rng.random() < 0.7:  # mostly other stamps, up to those that no message can hold
+            stamp_ns = rng.choice((0, 1, 10**9, 10**9 + 1, 2**31 * 10**9 - 1, 2**31 * 10**9))
+            with contextlib.suppress(struct.error):
+                payload = codec.restamped(payload, stamp_ns, "camera")
+        if rng.random() < 0.05:
+            payload = broken(payload, rng)
+        origin = rng.choice(("car1", "edge1", "car2"))
+        message = RosMessage.of(payload, codec, origin, answer=codec.holds_objects)
+        if rng.random() < 0.8:
+            numbers = rng.choices((0.0, -3.5, 1e7, -4e7, 1e308), (8, 8, 2, 2, 0.1), k=3)
+            message = replace(
+                message, pose=checked_pose(*numbers, rng.uniform(-9, 9)), horizontal_fov_rad=1.4
+            )
+        return message
+
+
+def _gateway_side(ros: int, role: str) -> _Side:
+    image, *_, objects = _payloads(ros)
+    return _Side(role, {"/0": image, "/1": objects})
 
 
 def keys(folder: Path) -> Case:
@@ -207,7 +310,8 @@ def keys(folder: Path) -> Case:
 
 TARGETS = (
     Target("bags", 60, bags),
-    Target("messages", 170, messages, (UserError, ValueError)),
-    Target("link frames", 120, frames, (ValueError,)),
+    Target("messages", 120, messages, (UserError, ValueError)),
+    Target("link frames", 90, frames, (ValueError,)),
+    Target("gateway sequences", 80, gateways, (UserError, ValueError)),
     Target("key files", 30, keys),
 )

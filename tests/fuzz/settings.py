@@ -24,10 +24,10 @@ from genie_sim.recording.records import SCHEMAS
 from genie_sim.recording.tables import Schema, read
 from genie_sim.report import NAME, comparison, write
 from genie_sim.scenario.scenario import load_scenario
-from genie_sim.sweeps import page as sweep_page
-from genie_sim.sweeps.plan import plan
-from genie_sim.sweeps.sweep import Sweep, load_design
-from genie_sim.sweeps.tasks import Local
+from genie_sim.study import page as sweep_page
+from genie_sim.study.plan import plan
+from genie_sim.study.study import Study, load_design
+from genie_sim.study.tasks import LocalWorkers
 from tests.conftest import REPOSITORY
 from tests.fuzz.files import one_file
 from tests.fuzz.harness import Case, Target
@@ -97,25 +97,94 @@ def sweeps(folder: Path) -> Case:
 
 
 WORDS = (
-    "", "x", "-1", "0", "1", "9" * 5000, "1e400", "nan", "inf", "\u0663", "1_0", "\u0663x\u0663", "832x256",
-    "999999999x1", "1/2", "2/1", "49.0,8.4,112", "91,0,0", "nan,nan,nan", "49,8", "a,b,c", "cars[0].device=orin_nano",
-    "cars[9].device=x", "=", "a=b", "genie.eviction=lru", "genie.eviction=nowhere:X", "cars=", "cars[0]",
-    "cars[-1].name=x", "[[]]=1", "cars[\u0663].name=x", "genie.capacity=9e99 MB", "methods=[local]", "local",
-    "local,local", "genie,", "tiny", "a\0b", "a\nb", "\udcff", "/dev/null", "/dev/zero", "/", "~", "~nobody", ".",
-    "..", "x" * 5000, "nowhere", "edge1@h:1", "h:99999", "h:\u0663", "--help",
-)  # fmt: skip
+    "",
+    "x",
+    "-1",
+    "0",
+    "1",
+    "9" * 5000,
+    "1e400",
+    "nan",
+    "inf",
+    "\u0663",
+    "1_0",
+    "\u0663x\u0663",
+    "832x256",
+    "999999999x1",
+    "1/2",
+    "2/1",
+    "49.0,8.4,112",
+    "91,0,0",
+    "nan,nan,nan",
+    "49,8",
+    "a,b,c",
+    "cars[0].device=orin_nano",
+    "cars[9].device=x",
+    "=",
+    "a=b",
+    "genie.eviction=lru",
+    "genie.eviction=nowhere:X",
+    "cars=",
+    "cars[0]",
+    "cars[-1].name=x",
+    "[[]]=1",
+    "cars[\u0663].name=x",
+    "genie.capacity=9e99 MB",
+    "methods=[local]",
+    "local",
+    "local,local",
+    "genie,",
+    "tiny",
+    "a\0b",
+    "a\nb",
+    "\udcff",
+    "/dev/null",
+    "/dev/zero",
+    "/",
+    "~",
+    "~nobody",
+    ".",
+    "..",
+    "x" * 5000,
+    "nowhere",
+    "edge1@h:1",
+    "h:99999",
+    "h:\u0663",
+    "--help",
+)
 COMMANDS: dict[str, tuple[str, ...]] = {
-    "run tiny.yaml": ("--set", "--seed", "--methods", "--out"),
-    "report": ("--start", "--out"), "export": ("--format", "--out"), "rerun": (), "compare": ("--method", "--format"),
-    "reproduce": ("--seeds", "--jobs", "--out"), "perceive": (
-        "--drive", "--bag", "--size", "--origin", "--threads", "--batch", "--min-score", "--cameras", "--detector",
-        "--weights", "--out", "--providers",
+    "run tiny.yaml": ("--set", "--seed", "--seeds", "--label", "--methods", "--out"),
+    "report": ("--start", "--out"),
+    "export": ("--format", "--out"),
+    "rerun": (),
+    "compare": ("--methods", "--labels", "--format"),
+    "reproduce": ("--seeds", "--jobs", "--out"),
+    "perceive": (
+        "--drive",
+        "--bag",
+        "--size",
+        "--origin",
+        "--threads",
+        "--batch",
+        "--min-score",
+        "--cameras",
+        "--detector",
+        "--weights",
+        "--out",
+        "--providers",
     ),
-    "truth": (), "profile": ("--csv", "--model", "--runs", "--out", "--detector"), "fetch model": ("--out",),
-    "fetch drive": ("--out",), "sweep": ("--jobs", "--shard", "--backend", "--scheduler", "--out"),
+    "truth": (),
+    "profile": ("--csv", "--model", "--runs", "--out", "--detector"),
+    "fetch model": ("--out",),
+    "fetch drive": ("--out",),
+    "sweep": ("--jobs", "--shard", "--backend", "--scheduler", "--out"),
     "attach /x": ("--role", "--fov", "--set", "--listen", "--connect", "--key", "--pid", "--name"),
-    "detach": ("--network",), "keys peer": ("--role", "--ca", "--days"), "list": (), "schema": (), "": ("--version",),
-}  # fmt: skip
+    "detach": ("--network",),
+    "keys peer": ("--role", "--ca", "--days"),
+    "list": (),
+    "schema": (),
+    "": ("--version",),
+}
 
 
 def options(folder: Path) -> Case:
@@ -132,13 +201,17 @@ def options(folder: Path) -> Case:
             line += [option, rng.choice(WORDS)]
         if rng.random() < 0.2:
             line[rng.randrange(len(line)) if line else 0 :] = [rng.choice(WORDS)]
-        _status(line)
+        run_command(line)
 
     def guarded(rng: random.Random) -> None:
         stopped = (
-            "runner.run_to_folder", "paper.reproduce.reproduce", "perception.fetch.urlopen", "device_fit.measure",
-            "sweeps.sweep.Sweep.run", "ros.attach._graph",
-        )  # fmt: skip
+            "runner.run_to_folder",
+            "paper.reproduce.reproduce",
+            "perception.fetch.urlopen",
+            "device_fit.measure",
+            "study.study.Study.run",
+            "ros.attach._graph",
+        )
         with contextlib.ExitStack() as stack:
             for name in stopped:
                 stack.enter_context(mock.patch(f"genie_sim.{name}", stop))
@@ -149,7 +222,7 @@ def options(folder: Path) -> Case:
     return guarded
 
 
-def _status(line: list[str]) -> None:
+def run_command(line: list[str]) -> None:
     """Runs a command line: it works, or raises the one line that it says."""
     said, wrong = io.StringIO(), io.StringIO()
     with contextlib.redirect_stdout(said), contextlib.redirect_stderr(wrong):
@@ -163,7 +236,9 @@ def _status(line: list[str]) -> None:
 
 
 def result_folders(folder: Path) -> Case:
-    """A file of a run's or a sweep's folder broken, or ``run.json`` with other values; then every command on it."""
+    """A file of a run's or a sweep's folder broken, or ``run.json`` with other values; then every
+    command on it.
+    """
     (folder / "tiny.yaml").write_text(TINY)
     made = folder / "made"
     with mock.patch("genie_sim.analysis.figures.save"):
@@ -178,8 +253,8 @@ def result_folders(folder: Path) -> Case:
             "seeds": 1,
         }
         (folder / "s.yaml").write_text(yaml.safe_dump(sweep))
-        work = Sweep.load(folder / "s.yaml", folder)
-        work.run(Local(1))
+        work = Study.load(folder / "s.yaml", folder)
+        work.run(LocalWorkers(1))
         swept = work.finish().folder
     whole = {
         path: path.read_bytes() for path in [*run.iterdir(), *swept.iterdir()] if path.is_file()
@@ -188,9 +263,9 @@ def result_folders(folder: Path) -> Case:
     def use(rng: random.Random, path: Path) -> None:
         if path.is_relative_to(swept):
             if rng.random() < 0.5:
-                sweep_page.page(swept)
+                sweep_page.page(swept, allow_changed=rng.random() < 0.9)
             else:
-                Sweep.load(folder / "s.yaml", folder).finish()
+                Study.load(folder / "s.yaml", folder).finish()
             return
         what = rng.randrange(4)
         if what == 0:
@@ -198,13 +273,13 @@ def result_folders(folder: Path) -> Case:
                 plugins.own_code(False),
                 mock.patch("genie_sim.runner._fill", side_effect=UserError("stopped")),
             ):
-                runner.rerun(run)
+                runner.rerun(run, allow_changed=True)
         elif what == 1:
-            write(folder / NAME, results.load(run))
+            write(folder / NAME, results.load(run, allow_changed=True))
         elif what == 2:
-            comparison.text(compare([results.load(run)], ()), "csv")
+            comparison.text(compare([results.load(run, allow_changed=True)], ()), "csv")
         else:
-            _status(["export", str(run), "--out", str(folder / "run.mcap")])
+            run_command(["export", str(run), "--allow-changed", "--out", str(folder / "run.mcap")])
 
     def case(rng: random.Random) -> None:
         path = rng.choice(list(whole))
@@ -231,7 +306,7 @@ def result_tables(folder: Path) -> Case:
             (run / f"{schema.name}.parquet").read_bytes(),
             partial(_read, schema),
         )
-        for schema in SCHEMAS
+        for schema in SCHEMAS.values()
     ]
     return lambda rng: rng.choice(cases)(rng)
 

@@ -1,8 +1,10 @@
-"""Publishes images of given places at a steady pace and prints every answer: one JSON object a line.
+"""Publishes images of given places at a steady pace and prints every answer: one JSON object a
+line.
 
-Arguments: the places in order, as in ``1,2,3,1`` (``-`` to listen only; ``1@9`` puts the camera 9 m east, 5 m north,
-looking east); seconds between images; seconds to go on listening; optionally a topic of images on which the
-answers come instead of objects. Image ``i`` has stamp ``i + 1`` s, 7 ns.
+Arguments: the places in order, as in ``1,2,3,1`` (``-`` to listen only; ``1@9`` puts the camera 9 m
+east, 5 m north, looking east); seconds between images; seconds to go on listening; optionally a
+topic of images on which the answers come instead of objects. Image ``i`` has stamp ``i + 1`` s, 7
+ns.
 """
 
 import json

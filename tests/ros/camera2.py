@@ -1,4 +1,6 @@
-"""Publishes images of given places in ROS 2 and prints every answer: one JSON object a line. See ``camera.py``."""
+"""Publishes images of given places in ROS 2 and prints every answer: one JSON object a line. See
+``camera.py``.
+"""
 
 import json
 import sys

@@ -1,4 +1,6 @@
-"""Real ROS for the tests: a master of their own, processes that are nodes. Skipped, with the reason, without ROS."""
+"""Real ROS for the tests: a master of their own, processes that are nodes. Skipped, with the
+reason, without ROS.
+"""
 
 from __future__ import annotations
 
@@ -40,12 +42,11 @@ DETACH = "import sys; from genie_sim.ros.attach import detach; detach(sys.argv[1
 
 
 def until(condition: Callable[[], Any], what: str, patience_s: float = PATIENCE_S) -> Any:
-    """What ``condition`` returns as soon as it is true. Fails with ``what`` when patience runs out."""
+    """What ``condition`` returns as soon as it is true. Fails with ``what`` after the patience."""
     deadline = time.monotonic() + patience_s
     while time.monotonic() < deadline:
-        found = condition()
-        if found:
-            return found
+        if value := condition():
+            return value
         time.sleep(0.05)
     raise AssertionError(f"not within {patience_s:.0f} s: {what}")
 
@@ -57,7 +58,9 @@ def free_port() -> int:
 
 
 class Keys:
-    """Key files of ``genie-sim keys`` in a folder: ``keys("car1", "car")``, made when they are asked for."""
+    """Key files of ``genie-sim keys`` in a folder: ``keys("car1", "car")``, made when they are
+    asked for.
+    """
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
@@ -77,7 +80,9 @@ class Keys:
         return str(path if path.exists() else make_peer(path.parent, name, role))
 
     def certificate(self, pem: str, names: str, days: int) -> str:
-        """Another certificate of our authority for the key of ``pem``, with ``names`` and so many days to go."""
+        """Another certificate of our authority for the key of ``pem``, with ``names`` and so many
+        days to go.
+        """
         request, made = (
             self._folder / "request",
             self._folder / f"certificate{len(list(self._folder.iterdir()))}",
@@ -121,7 +126,9 @@ def keys(tmp_path_factory: pytest.TempPathFactory) -> Keys:
 
 @pytest.fixture(scope="session")
 def ros1_python(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A Python that has this environment's packages first and then Debian's, as ``--system-site-packages`` gives."""
+    """A Python that has this environment's packages first and then Debian's, as
+    ``--system-site-packages`` gives.
+    """
     if not (DEBIAN_PACKAGES / "rospy").is_dir():
         pytest.skip(f"needs Debian's ROS 1: no rospy in {DEBIAN_PACKAGES} (.ci/install-ros)")
     folder = tmp_path_factory.mktemp("ros1") / "venv"
@@ -131,9 +138,8 @@ def ros1_python(tmp_path_factory: pytest.TempPathFactory) -> Path:
     python = folder / "bin" / "python"
     tried = subprocess.run([python, "-c", "import rospy, rosbag"], capture_output=True, text=True)
     if tried.returncode:
-        pytest.skip(
-            f"Debian's ROS 1 is not for Python {sys.version.split()[0]}: {tried.stderr.splitlines()[-1]}"
-        )
+        last_line = tried.stderr.splitlines()[-1]
+        pytest.skip(f"Debian's ROS 1 is not for Python {sys.version.split()[0]}: {last_line}")
     return python
 
 
@@ -158,7 +164,7 @@ class Master:
         until(self._up, "roscore is up")
 
     def run(self, command: list[str | Path], log: str) -> subprocess.Popen[str]:
-        """A process of this network; what it prints comes through a pipe, its errors go to a file."""
+        """A process of this network. Its output comes through a pipe, its errors go to a file."""
         with (self.folder / f"{log}.err").open("a") as errors:
             process = subprocess.Popen(
                 command,
@@ -292,7 +298,9 @@ def end(process: subprocess.Popen[str]) -> None:
 
 
 def end_all(ros_home: str, but: int | None = None) -> None:
-    """Kills every process whose ``ROS_HOME`` is the test's own: also nodes that a watchdog has started again."""
+    """Kills every process whose ``ROS_HOME`` is the test's own: also nodes that a watchdog has
+    started again.
+    """
     for environment in Path("/proc").glob("[0-9]*/environ"):
         with contextlib.suppress(OSError):
             if (
@@ -319,11 +327,3 @@ def new_master(ros1_python: Path, tmp_path: Path) -> Iterator[Callable[[str], Ma
 @pytest.fixture
 def master(new_master: Callable[[str], Master]) -> Master:
     return new_master("car1")
-
-
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Real nodes find each other over the network, now and then too late for a test, the more so beside other tests; a
-    fault fails every time."""
-    for item in items:
-        if item.path.is_relative_to(HERE) and item.get_closest_marker("slow"):
-            item.add_marker(pytest.mark.flaky(reruns=2))

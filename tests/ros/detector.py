@@ -1,4 +1,5 @@
-"""An ordinary ROS 1 detector that has never heard of Genie: an image in, the objects "seen" in it out, 50 ms later.
+"""An ordinary ROS 1 detector that has never heard of Genie: an image in, the objects "seen" in it
+out, 50 ms later.
 
 Its message classes come from the definitions beside it, because Debian packages no autoware_msgs.
 """

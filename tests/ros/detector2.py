@@ -1,6 +1,8 @@
-"""An ordinary ROS 2 detector that has never heard of Genie: an image in, the objects "seen" in it out, 50 ms later.
+"""An ordinary ROS 2 detector that has never heard of Genie: an image in, the objects "seen" in it
+out, 50 ms later.
 
-Objects are markers, because the wheels hold no vision_msgs. ``DETECTOR_SECONDS`` says how long it takes.
+Objects are markers, because the wheels hold no vision_msgs. ``DETECTOR_SECONDS`` says how long it
+takes.
 """
 
 import contextlib

@@ -1,7 +1,7 @@
 """One end of a link in a process of its own: ``link_peer.py PLAN [PER_S]``, PLAN in JSON.
 
-Prints ``ready``, ``up`` and ``down`` with the peer's name, and the second of each image that arrives. With PER_S it
-sends so many images a second to everybody, numbered from 1.
+Prints ``ready``, ``up`` and ``down`` with the peer's name, and the second of each image that
+arrives. With PER_S it sends so many images a second to everybody, numbered from 1.
 """
 
 from __future__ import annotations
@@ -11,18 +11,20 @@ import sys
 import time
 
 from genie_sim.ros.link import TlsLinks
-from genie_sim.ros.plan import Plan
+from genie_sim.ros.plan import AttachPlan
 from tests.ros.test_link import CODECS, image
 
 logging.basicConfig(level=logging.INFO, format="%(message)s")
 
 
 def say(*words: object) -> None:
-    print(*words, flush=True)
+    # in one piece: two threads tell, and print() writes each word by itself
+    sys.stdout.write(" ".join(map(str, words)) + "\n")
+    sys.stdout.flush()
 
 
 def main() -> None:
-    links = TlsLinks(Plan.from_json(sys.argv[1]), CODECS.get)
+    links = TlsLinks(AttachPlan.from_json(sys.argv[1]), CODECS.get)
     links.start(lambda peer, topic, message: say("got", message.header.stamp_ns // 10**9))
     pause_s = 1 / float(sys.argv[2]) if len(sys.argv) > 2 else 0.0
     say("ready")

@@ -1,7 +1,8 @@
-"""The same drive through real ROS and through the simulator, and a real link beside the simulated one.
+"""The same drive through real ROS and through the simulator, and a real link beside the simulated
+one.
 
-``python -m tests.ros.reality`` writes ``docs/reality.md`` and its figures. It needs Debian's ROS 1 in its Python (see
-``docs/ros.md``) and, for the link, root.
+``python -m tests.ros.reality`` writes ``docs/reality.md`` and its figures. It needs Debian's ROS 1
+in its Python (see ``docs/ros.md``) and, for the link, root.
 """
 
 from __future__ import annotations
@@ -33,21 +34,21 @@ TRACE = REPOSITORY / "scenarios/traces/kitti_0005.parquet"
 WINDOW_NS = (0, 9 * NS)
 GENIE = {"similarity": "pose_grid", "miss_policy": "blocking", "fresh_objects": "all"}
 FOV_RAD = 1.4
-SMALL_BYTES, LARGE_BYTES, ANSWER_BYTES = (
-    3_000,
-    1_000_000,
-    800,
-)  # messages of the calibration; the drive's: 1,397,297
+# messages of the calibration; the drive's: 1,397,297
+SMALL_BYTES, LARGE_BYTES, ANSWER_BYTES = 3_000, 1_000_000, 800
 CALIBRATION_SLEEP_NS = 30 * MS
 SLEEPS_SEED = 1  # of the first forty, the one with the largest margin (see margin_ms)
-BUSY_LIMIT = 0.25  # other work may keep the processors this busy; beyond that, times say nothing about the model
+# other work may keep the processors this busy; beyond that, times say nothing about the model
+BUSY_LIMIT = 0.25
 
 
 @dataclass(frozen=True)
 class Parts:
-    """What the parts of the real system take on this machine [ns], measured on other messages than the drive's.
+    """What the parts of the real system take on this machine [ns], measured on other messages than
+    the drive's.
 
-    The detector's overhead is what is left of a miss without all the others: below zero where those came out too long.
+    The detector's overhead is what is left of a miss without all the others: below zero where those
+    came out too long.
     """
 
     hop_small_ns: int
@@ -61,8 +62,9 @@ class Parts:
 
 @dataclass(frozen=True)
 class Drive:
-    """What came of one drive: the outcome of every look-up, the object map's look-ups, and the response times [ms]
-    (``nan``: no answer)."""
+    """What came of one drive: the outcome of every look-up, the object map's look-ups, and the
+    response times [ms] (``nan``: no answer).
+    """
 
     outcomes: list[str]
     map_lookups: list[tuple[str, int, int, int]]
@@ -113,7 +115,9 @@ def plan_of(shown: Sequence[TraceFrame], sleeps: Sequence[int]) -> dict[str, Any
 
 
 def measure(master: Master) -> Parts:
-    """Hops by messages between two plain nodes; Genie and detector by small images of places in a row, shown twice."""
+    """Hops by messages between two plain nodes; Genie and detector by small images of places in a
+    row, shown twice.
+    """
     hops = measure_hops(master)
     small_ns = statistics.median(hops[SMALL_BYTES])
     per_megabyte_ns = (
@@ -165,7 +169,9 @@ def measure_hops(master: Master, count: int = 60) -> dict[int, list[int]]:
 
 
 def drive(master: Master, plan: dict[str, Any]) -> Drive:
-    """One drive through a Genie that ``genie-sim attach`` has put in front of the sleeping detector."""
+    """One drive through a Genie that ``genie-sim attach`` has put in front of the sleeping
+    detector.
+    """
     path, record = (
         master.folder / f"plan-{time.monotonic_ns()}.json",
         master.folder / f"{time.monotonic_ns()}.jsonl",
@@ -196,13 +202,18 @@ def drive(master: Master, plan: dict[str, Any]) -> Drive:
 
 
 def _lookups(records: list[dict[str, Any]]) -> tuple[list[str], list[tuple[str, int, int, int]]]:
-    images = [one["outcome"] for one in records if one["record"] == "ImageLookup"]
-    objects = [one for one in records if one["record"] == "ObjectLookups"]
-    return images, [(one["kind"], one["requests"], one["hits"], one["updates"]) for one in objects]
+    outcomes, map_lookups = [], []
+    for record in records:
+        if record["record"] == "ImageLookup":
+            outcomes.append(record["outcome"])
+        elif record["record"] == "ObjectLookups":
+            counts = (record["requests"], record["hits"], record["updates"])
+            map_lookups.append((record["kind"], *counts))
+    return outcomes, map_lookups
 
 
 def busy_elsewhere(during_s: float = 2.0) -> float:
-    """The share of this machine's processors that was busy while we sat still: other people's work."""
+    """The share of this machine's processors that was busy while this process slept: other work."""
 
     def read() -> tuple[int, int]:
         ticks = [int(text) for text in Path("/proc/stat").read_text().splitlines()[0].split()[1:9]]
@@ -266,7 +277,7 @@ def simulate(parts: Parts, sleeps: Sequence[int], folder: Path) -> Drive:
     known = KnownTimes([sleep + overhead_ns for sleep in sleeps])
     with mock.patch.object(build, "detector_time", lambda *profile: known):
         tables = runner.simulate(prepared)
-    seen, lookups = tables.frames.to_frame(), tables.lookups.to_frame()
+    seen, lookups = tables["frames"].to_frame(), tables["lookups"].to_frame()
     images, objects = lookups[lookups["kind"] == "image"], lookups[lookups["kind"] != "image"]
     counts = objects[["kind", "requests", "hits", "updates"]].itertuples(index=False)
     response_ms = (seen["first_answer_ns"] - seen["stamp_ns"]).to_numpy(float) / MS
@@ -300,7 +311,9 @@ def scenario_on(device: Path) -> Scenario:
 
 
 def margin_ms(simulated: Drive, shown: Sequence[TraceFrame]) -> float:
-    """By how much an answer would have to be early or late to turn a hit into a coalesced request, or the reverse."""
+    """By how much an answer would have to be early or late to turn a hit into a coalesced request,
+    or the reverse.
+    """
     key, answered_ms, margins = PoseGrid().key, {}, []
     for frame, response_ms in zip(shown, simulated.response_ms, strict=True):
         place, at_ms = key(_Posed(frame)), frame.stamp_ns / MS

@@ -1,4 +1,5 @@
-"""A real link beside the simulated one: TCP between two network namespaces, shaped by tbf (needs root).
+"""A real link beside the simulated one: TCP between two network namespaces, shaped by tbf (needs
+root).
 
 ``python reality_link.py receive PORT COUNT`` and ``send HOST PORT SIZE COUNT`` are its two ends.
 """
@@ -18,7 +19,8 @@ from pathlib import Path
 PORT = 7412
 REPEATED = 5  # transfers of a kind; their median counts, and their range is the machine's noise
 NS_PER_MS = 10**6
-# tbf counts Ethernet, IP and TCP headers with time stamps; it knows nothing of preamble, gap and check sequence.
+# tbf counts Ethernet, IP and TCP headers with time stamps; it knows nothing of preamble, gap and
+# check sequence.
 TBF_OVERHEAD_BYTES = 14 + 20 + 32
 BURST_BYTES = 1600  # one packet: what the token bucket lets through at once
 Netns = tuple[str, str]
@@ -36,7 +38,9 @@ def why_not() -> str | None:
 
 @contextlib.contextmanager
 def namespaces(rate_bps: int) -> Iterator[Netns]:
-    """Two network namespaces joined by a veth pair; what the first one sends is shaped to ``rate_bps``."""
+    """Two network namespaces joined by a veth pair; what the first one sends is shaped to
+    ``rate_bps``.
+    """
     car, edge = f"genie-car-{os.getpid()}", f"genie-edge-{os.getpid()}"
 
     def ip(*words: str) -> None:
@@ -62,7 +66,8 @@ def namespaces(rate_bps: int) -> Iterator[Netns]:
         for name, address in ((car, "10.99.0.1/24"), (edge, "10.99.0.2/24")):
             ip("-n", name, "address", "add", address, "dev", "veth0")
             ip("-n", name, "link", "set", "veth0", "up")
-        shape = f"qdisc add dev veth0 root tbf rate {rate_bps}bit burst {BURST_BYTES} limit 10000000".split()
+        filter_ = f"tbf rate {rate_bps}bit burst {BURST_BYTES} limit 10000000"
+        shape = f"qdisc add dev veth0 root {filter_}".split()
         subprocess.run(["tc", "-n", car, *shape], check=True, capture_output=True, text=True)
         yield car, edge
     finally:
@@ -71,7 +76,9 @@ def namespaces(rate_bps: int) -> Iterator[Netns]:
 
 
 def measured_ms(rate_bps: int, size_bytes: int, count: int) -> list[float]:
-    """When each of ``count`` messages, sent at once, has arrived as a whole [ms since the first was sent]."""
+    """When each of ``count`` messages, sent at once, has arrived as a whole [ms since the first was
+    sent].
+    """
     with namespaces(rate_bps) as (car, edge):
         python = [sys.executable, str(Path(__file__).resolve())]
         receive = subprocess.Popen(
@@ -115,7 +122,9 @@ def _counted_bytes(car: str) -> int:
 
 
 def held_rate(rate_bps: int) -> float:
-    """Which share of the rate that it was told the host's shaper keeps up, by its own count of bytes."""
+    """Which share of the rate that it was told the host's shaper keeps up, by its own count of
+    bytes.
+    """
     (took_ms,) = measured_ms(rate_bps, rate_bps // 40, 1)  # of a fifth of a second
     return _sent_bytes[rate_bps] * 8 * 1000 / took_ms / rate_bps
 
@@ -127,6 +136,7 @@ def simulated_ms(rate_bps: int, size_bytes: int, count: int) -> list[float]:
     from genie_sim.messages import Detections, Header
     from genie_sim.sim.clock import Clock
     from genie_sim.sim.link import Link
+    from genie_sim.sim.link_models import ChannelSender
     from genie_sim.sim.link_models.wire import Wire
 
     class Message(Detections):
@@ -134,7 +144,8 @@ def simulated_ms(rate_bps: int, size_bytes: int, count: int) -> list[float]:
 
     wire = Wire(rate_bps, rate_bps, 0, overhead_bytes=TBF_OVERHEAD_BYTES)
     env = Clock()
-    link = Link(env, "veth", wire.channel(True, np.random.default_rng(0)), queue_length=count)
+    sender = ChannelSender(env, wire.channel(True, np.random.default_rng(0)))
+    link = Link(env, "veth", sender, queue_length=count)
     arrived_ms: list[float] = []
     for number in range(count):
         link.send(

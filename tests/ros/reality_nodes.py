@@ -1,11 +1,14 @@
-"""Ordinary ROS 1 nodes with known times, for the comparison of simulation and reality. None has heard of Genie.
+"""Ordinary ROS 1 nodes with known times, for the comparison of simulation and reality. None has
+heard of Genie.
 
-``camera PLAN``: shows the frames of a plan and prints when each was published and answered [ns, the machine's clock].
-``detector PLAN``: sleeps for the next time of the plan, then says what the plan found under this stamp.
-``sender SIZES COUNT`` and ``receiver COUNT``: how long messages take from one process to another.
+``camera PLAN``: shows the frames of a plan and prints when each was published and answered [ns, the
+machine's clock]. ``detector PLAN``: sleeps for the next time of the plan, then says what the plan
+found under this stamp. ``sender SIZES COUNT`` and ``receiver COUNT``: how long messages take from
+one process to another.
 
-A plan is a JSON file: ``frames``, each with ``at_ns``, ``size_bytes``, ``pose`` (east, north, up, heading) and
-``objects`` (label, score, east, north, up); and ``sleeps_ns``, the detector's times in order.
+A plan is a JSON file: ``frames``, each with ``at_ns``, ``size_bytes``, ``pose`` (east, north, up,
+heading) and ``objects`` (label, score, east, north, up); and ``sleeps_ns``, the detector's times in
+order.
 """
 
 import json
@@ -35,7 +38,9 @@ def stamp_of(at_ns):
 
 
 def image_of(frame, data):
-    """An image message of exactly ``size_bytes``: KITTI's pictures cannot be shipped, and nobody here looks at them."""
+    """An image message of exactly ``size_bytes``: KITTI's pictures cannot be shipped, and nobody
+    here looks at them.
+    """
     image = Image(height=1, encoding="bgr8")
     image.header.stamp, image.header.frame_id = stamp_of(frame["at_ns"]), "camera_02"
     image.width = image.step = frame["size_bytes"] - 50

@@ -1,7 +1,8 @@
 """Strangers at a port of this machine: ``strangers.py PORT SECONDS``.
 
-400 sit there in silence, and up to 100 a second of them come back when they are sent away; 200 more a second throw
-random bytes and leave. Prints ``busy`` when all have come, at the end how many connections each kind has made.
+400 sit there in silence, and up to 100 a second of them come back when they are sent away; 200 more
+a second throw random bytes and leave. Prints ``busy`` when all have come, at the end how many
+connections each kind has made.
 """
 
 from __future__ import annotations

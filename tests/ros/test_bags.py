@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -19,7 +20,7 @@ pytest.importorskip("rosbags", reason="needs rosbags: pip install 'genie-sim[ros
 
 from rosbags.typesys import get_types_from_msg
 
-from genie_sim.ros.bags import IMAGES, POINTS, Surroundings, _places, perceive_bag
+from genie_sim.ros.bags import IMAGES, POINTS, Surroundings, _picture, _places, perceive_bag
 from genie_sim.ros.typestore import TF, message, time, typestore
 
 CAMERA, IMAGE, SCAN = (
@@ -57,11 +58,11 @@ class BagWriter:
         serialize = self.store.serialize_ros1 if self.ros == 1 else self.store.serialize_cdr
         ordered = sorted(self.messages, key=lambda one: one[0])
         if self.path.suffix == ".mcap":
-            from genie_sim.ros.export import START_S, Entry, write
+            from genie_sim.ros.export import START_S, BagMessage, write
 
             began_ns = START_S * 10**9
             entries = [
-                Entry(at_ns - began_ns, topic, kind, vars(one))
+                BagMessage(at_ns - began_ns, topic, kind, vars(one))
                 for at_ns, topic, kind, one in ordered
             ]
             write(self.path, 2, entries)
@@ -96,9 +97,12 @@ class BagWriter:
             ),
         )
         one = message(
-            self.store, "geometry_msgs/msg/TransformStamped",
-            header=self.header(at_ns, parent), child_frame_id=child, transform=motion,
-        )  # fmt: skip
+            self.store,
+            "geometry_msgs/msg/TransformStamped",
+            header=self.header(at_ns, parent),
+            child_frame_id=child,
+            transform=motion,
+        )
         self.add(at_ns, "/tf_static" if static else "/tf", TF, transforms=[one])
 
     def camera_info(self, at_ns: int, intrinsics: Any, size: tuple[int, int]) -> None:
@@ -118,9 +122,16 @@ class BagWriter:
     def image(self, stamp_ns: int, picture: np.ndarray, encoding: str = "bgr8") -> None:
         height, width = picture.shape[:2]
         self.add(
-            stamp_ns, IMAGE, IMAGES[0], header=self.header(stamp_ns, CAMERA), height=height, width=width,
-            encoding=encoding, step=picture[0].size, data=picture.ravel(),
-        )  # fmt: skip
+            stamp_ns,
+            IMAGE,
+            IMAGES[0],
+            header=self.header(stamp_ns, CAMERA),
+            height=height,
+            width=width,
+            encoding=encoding,
+            step=picture[0].size,
+            data=picture.ravel(),
+        )
 
     def scan(self, stamp_ns: int, points: np.ndarray, late_ns: int = 0) -> None:
         """``late_ns``: recorded so much after the image of this stamp."""
@@ -136,10 +147,18 @@ class BagWriter:
             for at, name in enumerate("xyz")
         ]
         self.add(
-            stamp_ns + late_ns, SCAN, POINTS, header=self.header(stamp_ns, "velo_link"), height=1, width=len(points),
-            fields=fields, point_step=12, row_step=12 * len(points), is_dense=True,
+            stamp_ns + late_ns,
+            SCAN,
+            POINTS,
+            header=self.header(stamp_ns, "velo_link"),
+            height=1,
+            width=len(points),
+            fields=fields,
+            point_step=12,
+            row_step=12 * len(points),
+            is_dense=True,
             data=np.frombuffer(points.astype("<f4").tobytes(), np.uint8),
-        )  # fmt: skip
+        )
 
     def position(
         self, stamp_ns: int, fix: tuple[float, float, float], rpy: tuple[float, float, float]
@@ -155,9 +174,14 @@ class BagWriter:
         latitude, longitude, altitude = fix
         at = self.header(stamp_ns, "imu_link")
         self.add(
-            stamp_ns, "/kitti/oxts/gps/fix", "sensor_msgs/msg/NavSatFix",
-            header=at, latitude=latitude, longitude=longitude, altitude=altitude,
-        )  # fmt: skip
+            stamp_ns,
+            "/kitti/oxts/gps/fix",
+            "sensor_msgs/msg/NavSatFix",
+            header=at,
+            latitude=latitude,
+            longitude=longitude,
+            altitude=altitude,
+        )
         self.add(stamp_ns, "/kitti/oxts/imu", "sensor_msgs/msg/Imu", header=at, orientation=turn)
 
     def objects(self, stamp_ns: int, *found: dict[str, Any]) -> None:
@@ -200,16 +224,26 @@ def street(path: Path) -> BagWriter:
         bag.objects(
             stamp_ns,
             {"label": "car", "score": 0.75, "x": 280, "y": 150, "width": 80, "height": 60},
-            {"label": "person", "score": 0.5, "x": 10, "y": 10, "width": 5, "height": 9, "space_frame": "map",
-             "at": (7.0, 8.0)},
+            {
+                "label": "person",
+                "score": 0.5,
+                "x": 10,
+                "y": 10,
+                "width": 5,
+                "height": 9,
+                "space_frame": "map",
+                "at": (7.0, 8.0),
+            },
             {"label": "car", "score": 0.2, "x": 280, "y": 150, "width": 80, "height": 60},
-        )  # fmt: skip
+        )
     return bag
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_bag_of_every_kind_becomes_a_trace(kind: str, tmp_path: Path):
-    """Stamps, poses along the street, the bag's own detections: one placed by the scan, one where the bag says."""
+    """Stamps, poses along the street, the bag's own detections: one placed by the scan, one where
+    the bag says.
+    """
     trace = perceive_bag(street(tmp_path / f"street.{kind}").write(), detections=OBJECTS)
     frames = trace.frames[CAMERA]
     assert [frame.stamp_ns for frame in frames] == [0, STEP_NS, 2 * STEP_NS]
@@ -270,7 +304,7 @@ def test_the_command_line_wants_a_drive_or_a_bag(capsys: pytest.CaptureFixture[s
 
     assert main(["perceive", "--out", "x.parquet"]) == 1
     assert main(["perceive", "--drive", "a", "--bag", "b", "--out", "x.parquet"]) == 1
-    assert capsys.readouterr().err.count("give either --drive or --bag") == 2
+    assert capsys.readouterr().err.count("give either --drive, --bag or --format") == 2
 
 
 def test_without_gps_the_transforms_say_where_the_car_is(tmp_path: Path):
@@ -294,9 +328,9 @@ def test_without_gps_the_transforms_say_where_the_car_is(tmp_path: Path):
 
 
 def test_a_fix_is_the_antenna_s_place_and_not_the_imu_s():
-    """The antenna is 2 m before the IMU, and the car looks north: the IMU is 2 m south of the fix."""
+    """The antenna is 2 m before the IMU; the car looks north: the IMU is 2 m south of the fix."""
     around = Surroundings()
-    around.frames.heard("imu_link", "gps", 0, rigid(np.eye(3), (2.0, 0.0, 0.0)), static=True)
+    around.frames.add_static("imu_link", "gps", rigid(np.eye(3), (2.0, 0.0, 0.0)))
     around.fixes.append((0, ORIGIN, "gps"))
     around.turns.append((0, rotation_from_rpy(0.0, 0.0, math.pi / 2), "imu_link"))
     origin, place_of = _places(Path("a.bag"), around, None)
@@ -362,9 +396,26 @@ def test_a_picture_in_another_encoding_is_the_same_picture(tmp_path: Path):
         bag = street(tmp_path / f"{encoding}.bag")
         bag.messages = [one for one in bag.messages if one[1] != IMAGE]
         bag.image(START_NS, stored, encoding)
-        perceive_bag(bag.write(), Eye())
+        perceive_bag(bag.write(), detector=Eye())
     assert len(seen) == 2
     assert all((one == picture).all() for one in seen)
+
+
+@pytest.mark.parametrize("format_", ["png", "jpeg"])
+def test_a_compressed_image_is_read(tmp_path: Path, format_: str):
+    import cv2
+
+    picture = np.zeros((36, 64, 3), np.uint8)
+    picture[:, :32] = (200, 100, 50)  # blue, green, red
+    suffix = {"png": ".png", "jpeg": ".jpg"}[format_]
+    data = cv2.imencode(suffix, picture)[1]
+    compressed = SimpleNamespace(format=format_, data=data)
+    decoded = _picture(tmp_path / "a.bag", "/camera", compressed)
+    assert decoded.shape == (36, 64, 3)
+    assert np.abs(decoded.astype(int) - picture)[:, :24].max() <= (0 if format_ == "png" else 6)
+    broken = SimpleNamespace(format=format_, data=np.zeros(9, np.uint8))
+    with pytest.raises(UserError, match=f"/camera: a compressed image .*{format_}"):
+        _picture(tmp_path / "a.bag", "/camera", broken)
 
 
 @pytest.mark.real_data
@@ -373,12 +424,16 @@ def test_a_picture_in_another_encoding_is_the_same_picture(tmp_path: Path):
 def test_kitti_in_a_bag_is_perceived_as_from_its_folder(
     kind: str, kitti_root: Path, weights_dir: Path, tmp_path: Path
 ):
-    from genie_sim.perception.detector import make_detector
+    from genie_sim.perception.detector import DetectorSettings, make_detector
     from genie_sim.perception.kitti import open_drive, read_image
-    from genie_sim.perception.perceive import perceive
+    from genie_sim.perception.perceive import DriveFrames, perceive
 
     numbers = range(0, 50, 10)
-    expected = perceive(kitti_root, "2011_09_26/0005", ("02",), weights=weights_dir, frames=numbers)
+    expected = perceive(
+        kitti_root,
+        DriveFrames("2011_09_26/0005", ("02",), numbers),
+        DetectorSettings(weights=weights_dir),
+    )
     drive = open_drive(kitti_root, "2011_09_26/0005", ("02",))
     shown = [frame for frame in drive.frames["02"] if frame.index in numbers]
     bag = BagWriter(tmp_path / f"kitti.{kind}")
@@ -401,8 +456,8 @@ def test_kitti_in_a_bag_is_perceived_as_from_its_folder(
         bag.scan(frame.stamp_ns + 5_000_000, drive.scan(frame.index))
     found: Trace = perceive_bag(
         bag.write(),
-        make_detector("yolox_nano", weights_dir),
-        (f"02={IMAGE}",),
+        detector=make_detector("yolox_nano", weights_dir),
+        cameras=(f"02={IMAGE}",),
         origin=expected.origin,
     )
 

@@ -14,7 +14,7 @@ from genie_sim.messages import CameraPose, Detection, Header
 from genie_sim.ros.codec import WireType, begins_with_header, codec_of
 from genie_sim.ros.gateway import Peer
 from genie_sim.ros.message import RosMessage
-from genie_sim.ros.plan import Plan, make_gateway
+from genie_sim.ros.plan import AttachPlan, make_gateway
 from genie_sim.ros.poses import Poses
 
 NS_PER_S = 10**9
@@ -32,17 +32,29 @@ def message(
 
 
 class Site:
-    """A Genie for an opaque node /scan -> /result, its links to three others, and all that it has said."""
+    """A Genie for an opaque node /scan -> /result, its links to three others, and all that it has
+    said.
+    """
 
     def __init__(self, name: str, role: str, **settings: object) -> None:
-        plan = Plan(
-            "/node", name, role, ("/scan",), ("/result",), settings=settings, connect=("edge:1",)
+        plan = AttachPlan(
+            node="/node",
+            name=name,
+            role=role,
+            requests=("/scan",),
+            answers=("/result",),
+            settings=settings,
+            connect=("edge:1",),
         )
         self.said: list[tuple[str, Header, bytes]] = []
         self.sent: list[tuple[str, str, Header]] = []
         self.outcomes: list[str] = []
         self.gateway = make_gateway(
-            plan, self._publish, lambda record, _: self._observe(record), self, None
+            plan,
+            publish=self._publish,
+            observe=lambda record, _: self._observe(record),
+            links=self,
+            object_codec=None,
         )
 
     def peers(self) -> list[Peer]:
@@ -92,7 +104,9 @@ def test_a_car_may_learn_from_its_own_node_only(learns: str, outcomes: list[str]
 
 
 def test_stamps_that_go_back_are_stamps_like_others():
-    """A bag that begins again, or a clock that has been set: a request is known by its stamp, not by its order."""
+    """A bag that begins again, or a clock that has been set: a request is known by its stamp, not
+    by its order.
+    """
     car = Site("car1", "car")
     for stamp_ns in (9, 5, 7, 1):
         car.hear("/scan", message(stamp_ns, b"%d" % stamp_ns))
@@ -116,7 +130,9 @@ def test_what_the_node_says_unasked_or_late_still_reaches_the_robot():
 
 
 def test_cars_with_equal_stamps_are_not_taken_for_each_other():
-    """Two cars that replay one bag: the node knows nothing of cars, so the second request is a nanosecond later."""
+    """Two cars that replay one bag: the node knows nothing of cars, so the second request is a
+    nanosecond later.
+    """
     edge = Site("edge1", "edge")
     edge.gateway.from_link(CAR1, "/scan_remote", message(5, b"one", "car1"), 0)
     edge.gateway.from_link(CAR2, "/scan_remote", message(5, b"two", "car2"), 0)
@@ -149,22 +165,22 @@ def test_a_genie_says_only_what_it_has_a_right_to(role: str, peer: Peer, topic: 
 
 
 def test_pose_grid_without_a_pose_never_hits():
-    plan = Plan(
-        "/n",
-        "car1",
-        "car",
-        ("/scan",),
-        ("/result",),
+    plan = AttachPlan(
+        node="/n",
+        name="car1",
+        role="car",
+        requests=("/scan",),
+        answers=("/result",),
         settings={"similarity": "pose_grid"},
         pose_topic="/pose",
     )
     outcomes: list[str] = []
     gateway = make_gateway(
         plan,
-        lambda *_: None,
-        lambda record, _: outcomes.append(record.outcome),
-        Site("car1", "car"),
-        None,
+        publish=lambda *_: None,
+        observe=lambda record, _: outcomes.append(record.outcome),
+        links=Site("car1", "car"),
+        object_codec=None,
     )
     here = CameraPose(10.2, 5.0, 0.0, 0.1)
     for stamp_ns, pose in ((1, None), (2, None), (3, here), (4, None), (5, here)):
@@ -180,7 +196,7 @@ def test_the_pose_nearest_in_time_counts():
     poses = Poses(1)
     for second, x in ((1, 10.0), (2, 20.0)):
         content = struct.pack("<7d", x, 0.0, 0.0, 0.0, 0.0, 0.5**0.5, 0.5**0.5)
-        poses.heard("geometry_msgs/PoseStamped", message(second * NS_PER_S, content).payload)
+        poses.receive("geometry_msgs/PoseStamped", message(second * NS_PER_S, content).payload)
     found = poses.at(2 * NS_PER_S - 1)
     assert (
         found is not None
@@ -190,14 +206,30 @@ def test_the_pose_nearest_in_time_counts():
     assert poses.at(3 * NS_PER_S) is None, "too old"
     for wrong in (math.nan, math.inf):
         with pytest.raises(ValueError, match="not finite"):
-            poses.heard(
+            poses.receive(
                 "geometry_msgs/PoseStamped",
                 message(9, struct.pack("<7d", wrong, *[0.0] * 6)).payload,
             )
     with pytest.raises(ValueError, match="no geometry_msgs/PoseStamped"):
-        poses.heard("geometry_msgs/PoseStamped", message(9, b"short").payload)
+        poses.receive("geometry_msgs/PoseStamped", message(9, b"short").payload)
     with pytest.raises(UserError, match="sensor_msgs/Imu has no pose"):
-        poses.heard("sensor_msgs/Imu", b"")
+        poses.receive("sensor_msgs/Imu", b"")
+
+
+def test_the_last_hundred_poses_are_kept():
+    poses = Poses(1)
+    for second in range(101):
+        content = struct.pack("<7d", float(second), *[0.0] * 5, 1.0)
+        poses.receive("geometry_msgs/PoseStamped", message(second * NS_PER_S, content).payload)
+    assert poses.at(0) is None, "the first one made room"
+    second = poses.at(NS_PER_S)
+    assert second is not None and second.east_m == 1.0
+
+
+def test_a_plan_without_a_field_of_view_sees_nothing_of_a_map():
+    plan = AttachPlan(node="/n", name="car1", role="car", requests=(), answers=())
+    assert AttachPlan.from_json(plan.to_json()) == plan
+    assert plan.horizontal_fov_rad == 0.0 and plan.listen is None
 
 
 @pytest.mark.parametrize(
@@ -250,7 +282,9 @@ def test_an_image_cut_short_has_no_hash():
 
 @pytest.mark.parametrize("ros", [1, 2])
 def test_objects_survive_the_object_map(ros: int):
-    """Read, given another confidence, written, read again: in both ROS, with a place in the map's frame only."""
+    """Read, given another confidence, written, read again: in both ROS, with a place in the map's
+    frame only.
+    """
     if ros == 1:
         definition = (Path(__file__).parent / "objects.txt").read_text()
         codec = codec_of(WireType("autoware_msgs/DetectedObjectArray", "2" * 32, definition), 1)
@@ -269,6 +303,10 @@ def test_objects_survive_the_object_map(ros: int):
     (read,) = codec.objects(again)
     assert (read.label, read.confidence, read.location) == ("car", 0.75, (1.0, 2.0, 3.0))
     assert codec.content(codec.restamped(again, 99, "map")) == codec.content(again)
+    whole = RosMessage.of(again, codec, "car1", answer=True)
+    assert whole.encoded() is again, "what nobody has changed keeps its bytes"
+    image = RosMessage(whole.header, again, codec)
+    assert image.encoded() is again, "and what has no objects, too"
     nowhere = codec.with_objects(
         b"", Header(1, "map", ""), [replace(from_map, location=(math.nan,) * 3)]
     )

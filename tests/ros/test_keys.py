@@ -5,11 +5,21 @@ from __future__ import annotations
 import contextlib
 import ssl
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from genie_sim.cli import main
-from genie_sim.ros.certificates import Credentials, identity, make_authority, make_peer
+from genie_sim.errors import UserError
+from genie_sim.ros.certificates import (
+    Certificate,
+    Credentials,
+    RevocationList,
+    identity,
+    make_authority,
+    make_peer,
+    read_serials,
+)
 from genie_sim.ros.gateway import Peer
 
 
@@ -67,8 +77,43 @@ def test_no_openssl(
     assert "no program 'openssl' here" in refused(capsys, "ca", str(tmp_path / "keys"))
 
 
+def test_a_revoked_certificate_stands_in_the_list(
+    folder: Path, capsys: pytest.CaptureFixture[str], tmp_path: Path
+):
+    ca = ("--ca", str(folder))
+    files = [make_peer(folder, name, "car") for name in ("car1", "car2")]
+    for count, file in enumerate(files, start=1):
+        assert main(["keys", "revoke", str(file), *ca]) == 0
+        assert capsys.readouterr().out == f"{folder}/revoked.txt\n"
+        assert len(read_serials(str(folder / "revoked.txt"))) == count
+    revoked = RevocationList(str(folder / "revoked.txt"))
+    certificates = [certificate_of(file) for file in files]
+    assert all(certificate in revoked for certificate in certificates)
+    assert certificate_of(make_peer(folder, "car3", "car")) not in revoked
+    again = refused(capsys, "revoke", str(files[0]), *ca)
+    assert again.endswith(f"revoked.txt: the certificate of {files[0]} is revoked already")
+    assert "nowhere.pem: no such file" in refused(
+        capsys, "revoke", str(tmp_path / "nowhere.pem"), *ca
+    )
+    (tmp_path / "text").write_text("no certificate")
+    assert "keys: openssl: " in refused(capsys, "revoke", str(tmp_path / "text"), *ca)
+    assert "make it: genie-sim keys ca" in refused(
+        capsys, "revoke", str(files[0]), "--ca", str(tmp_path / "nowhere")
+    )
+
+
+@pytest.mark.parametrize("line", ["0x12", "-1", "12 34", "serial=12", "1" * 41, "é"])
+def test_what_is_no_serial_number_is_named_with_its_line(tmp_path: Path, line: str):
+    path = tmp_path / "revoked.txt"
+    path.write_text(f"# comment\n\n0Ab1 # car1.pem\n{line}\n")
+    with pytest.raises(UserError, match=r"revoked.txt: line 4: '.*' is no serial number"):
+        RevocationList(str(path))
+
+
 def test_keys_are_revoked_by_a_new_authority(tmp_path: Path):
-    """As ``docs/explanation/security.md`` tells: a new authority, new files for all others, attached again."""
+    """As ``docs/explanation/security.md`` tells: a new authority, new files for all others,
+    attached again.
+    """
     old, new = tmp_path / "old", tmp_path / "new"
     for folder in (old, new):
         make_authority(folder)
@@ -94,12 +139,27 @@ def test_an_old_and_a_renewed_certificate_are_both_good(tmp_path: Path):
     assert older.read_bytes() != renewed.read_bytes()
 
 
+def certificate_of(file: Path) -> Certificate:
+    """What the other side of a connection learns."""
+    (certificate, _) = shake_hands(file, file)
+    return Certificate.of(certificate)
+
+
 def meet(dials: Path, listens: Path) -> tuple[Peer, Peer]:
-    """Whom the listener and the dialler have seen after a handshake in memory. Raises ssl.SSLError."""
-    there, back = ssl.MemoryBIO(), ssl.MemoryBIO()
-    dialler = Credentials(str(dials)).dialling.wrap_bio(back, there)
-    listener = Credentials(str(listens)).listening.wrap_bio(there, back, server_side=True)
+    """Whom listener and dialler have met. Raises ssl.SSLError."""
+    to_listener, to_dialler = shake_hands(dials, listens)
+    return identity(to_listener), identity(to_dialler)
+
+
+def shake_hands(dials: Path, listens: Path) -> tuple[dict[str, Any], dict[str, Any]]:
+    """The certificates that the listener and the dialler see, after a handshake in memory. Raises
+    ssl.SSLError.
+    """
+    to_listener, to_dialler = ssl.MemoryBIO(), ssl.MemoryBIO()
+    dialler = Credentials(str(dials)).dialling.wrap_bio(to_dialler, to_listener)
+    listening = Credentials(str(listens)).listening
+    listener = listening.wrap_bio(to_listener, to_dialler, server_side=True)
     for side in (dialler, listener, dialler, listener):
         with contextlib.suppress(ssl.SSLWantReadError):
             side.do_handshake()
-    return identity(listener.getpeercert() or {}), identity(dialler.getpeercert() or {})
+    return listener.getpeercert() or {}, dialler.getpeercert() or {}

@@ -1,7 +1,8 @@
 """Simulation against reality: the same Genie, the same drive, once in real ROS and once simulated.
 
-What follows what is compared strictly, times with their tolerance. Times that disagree while others keep the machine
-busy (``busy_elsewhere``) say nothing, and the test skips; ``docs/reality.md`` is the report of a whole series.
+What follows what is compared strictly, times with their tolerance. Times that disagree while others
+keep the machine busy (``busy_elsewhere``) say nothing, and the test skips; ``docs/reality.md`` is
+the report of a whole series.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ def within(real: float, simulated: float, tolerance: float) -> bool:
     return abs(simulated - real) <= tolerance * real
 
 
+@pytest.mark.nightly
 def test_the_same_drive_has_the_same_outcomes_and_the_same_response_times(
     master: Master, tmp_path: Path
 ):
@@ -52,13 +54,16 @@ def test_the_same_drive_has_the_same_outcomes_and_the_same_response_times(
     told = f"median and 95th percentile [ms]: real {times[0]}, simulated {times[1]}"
     if not all(agree) and max(busy) > reality.BUSY_LIMIT:
         pytest.skip(
-            f"outcomes agree, times say nothing: others kept the processors {max(busy):.0%} busy; {told}"
+            f"outcomes agree, times say nothing: others kept the processors {max(busy):.0%} busy; "
+            f"{told}"
         )
     assert all(agree), told
 
 
 def test_another_detector_would_be_noticed(tmp_path: Path):
-    """The comparison can fail: with a detector of twice the time, hits turn into coalesced requests."""
+    """The comparison can fail: with a detector of twice the time, hits turn into coalesced
+    requests.
+    """
     sleeps = reality.sleeps_ns(len(reality.frames()))
     parts = reality.Parts(300_000, 1_500_000, 300_000, 200_000)
     as_it_is, slower = (
@@ -67,7 +72,8 @@ def test_another_detector_would_be_noticed(tmp_path: Path):
     assert as_it_is.outcomes != slower.outcomes
 
 
-SHAPER_HOLDS = 0.97  # below it is not the simulated link that is off: the real one has another rate than it was given
+# below it is not the simulated link that is off: the real one has another rate than it was given
+SHAPER_HOLDS = 0.97
 
 
 @pytest.mark.parametrize(
@@ -76,14 +82,16 @@ SHAPER_HOLDS = 0.97  # below it is not the simulated link that is off: the real 
         (20_000_000, 1_397_297, 1),
         (100_000_000, 465_800, 3),
         *(
-            pytest.param(*one, marks=pytest.mark.by_hand)
+            pytest.param(*one, marks=pytest.mark.nightly)
             for one in (
-                (20_000_000, 100_000, 1), (20_000_000, 465_800, 3),
-                (100_000_000, 100_000, 1), (100_000_000, 1_397_297, 1),
+                (20_000_000, 100_000, 1),
+                (20_000_000, 465_800, 3),
+                (100_000_000, 100_000, 1),
+                (100_000_000, 1_397_297, 1),
             )
         ),
     ],
-)  # fmt: skip
+)
 @pytest.mark.skipif(sys.platform != "linux", reason="network namespaces are Linux's")
 def test_a_shaped_link_takes_as_long_as_the_simulated_one(
     rate_bps: int, size_bytes: int, count: int
@@ -106,7 +114,8 @@ def test_a_shaped_link_takes_as_long_as_the_simulated_one(
     held = 1.0 if all(agree) else reality_link.held_rate(rate_bps)
     if held < SHAPER_HOLDS:
         pytest.skip(
-            f"{real} ms, simulated {simulated} ms; this host's shaper keeps up {held:.1%} of its rate only"
+            f"{real} ms, simulated {simulated} ms; "
+            f"this host's shaper keeps up {held:.1%} of its rate only"
         )
     assert all(agree), (
         f"{real} ms, simulated {simulated} ms; the shaper keeps up {held:.1%} of its rate"

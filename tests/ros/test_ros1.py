@@ -34,7 +34,9 @@ def back_as_it_was(master: Master, original: bytes) -> bool:
 
 
 def test_the_second_time_at_a_place_is_a_hit(master: Master):
-    """Three places, twice: three runs of the detector, three answers out of the cache, each under its own header."""
+    """Three places, twice: three runs of the detector, three answers out of the cache, each under
+    its own header.
+    """
     detector = master.start_node(DETECTOR, "detector.py", "_seconds:=0.2")
     original = command_line(detector.pid)
     attached = master.attach()
@@ -73,7 +75,9 @@ def test_the_same_image_while_the_first_is_under_way_waits_for_its_answer(master
 
 
 def test_where_a_pose_is_known_the_object_map_answers_at_once(master: Master):
-    """Seen once, the car at (10, 5) m is known: a camera two metres on is told so before its own detector is done."""
+    """Seen once, the car at (10, 5) m is known: a camera two metres on is told so before its own
+    detector is done.
+    """
     master.start_node(DETECTOR, "detector.py", "_seconds:=0.4")
     settings = {"similarity": {"name": "pose_grid", "cell": "1 m"}}
     master.attach(settings=settings, pose_topic="/current_pose", horizontal_fov_rad=1.4)

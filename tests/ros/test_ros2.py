@@ -34,7 +34,8 @@ rclpy.init()
 node = rclpy.create_node("observer")
 time.sleep(1.5)
 def topics(get):
-    return [topic for topic, _ in get("detector", "/") if topic not in ("/rosout", "/parameter_events")]
+    infrastructure = ("/rosout", "/parameter_events")
+    return [topic for topic, _ in get("detector", "/") if topic not in infrastructure]
 try:
     subscribes = topics(node.get_subscriber_names_and_types_by_node)
     publishes = topics(node.get_publisher_names_and_types_by_node)
@@ -193,7 +194,7 @@ def test_a_killed_genie_leaves_the_robot_with_its_node(new_domain: Callable[[str
 
 
 def test_two_domains_are_two_virtual_networks(new_domain: Callable[[str, int], Domain], keys: Keys):
-    """The car's detector takes a second, the edge's 50; nothing but the link joins their domains."""
+    """The car's detector takes a second, the edge's 50 ms; only the link joins their domains."""
     car, edge = new_domain("car1", 73), new_domain("edge1", 74)
     address = f"127.0.0.1:{free_port()}"
     edge_key, car_key = keys("edge1", "edge"), keys("car1", "car")

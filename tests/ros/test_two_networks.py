@@ -12,7 +12,7 @@ import pytest
 from genie_sim.ros.codec import WireType, codec_of
 from genie_sim.ros.link import TlsLinks
 from genie_sim.ros.message import RosMessage
-from genie_sim.ros.plan import Plan
+from genie_sim.ros.plan import AttachPlan
 from tests.ros.conftest import DETECTOR, Keys, Master, free_port, until
 
 pytestmark = pytest.mark.slow
@@ -33,7 +33,9 @@ def lookups(master: Master) -> list[tuple[str, str, str]]:
 def test_the_edge_answers_what_the_car_is_slow_to_see(
     new_master: Callable[[str], Master], keys: Keys
 ):
-    """The car's detector takes a second, the edge's 50: answers come over the link, and come but once."""
+    """The car's detector takes a second, the edge's 50: answers come over the link, and come but
+    once.
+    """
     car, edge = new_master("car1"), new_master("edge1")
     car.start_node(DETECTOR, "detector.py", "_seconds:=1.0")
     edge.start_node(DETECTOR, "detector.py")
@@ -87,7 +89,9 @@ def test_what_one_edge_has_seen_is_a_hit_at_the_other(
 
 
 def test_nobody_poisons_the_map(new_master: Callable[[str], Master], keys: Keys):
-    """Neither with a certificate of another authority, nor, with one of ours, in the name of another car."""
+    """Neither with a certificate of another authority, nor, with one of ours, in the name of
+    another car.
+    """
     edge = new_master("edge1")
     edge.start_node(DETECTOR, "detector.py")
     address = f"127.0.0.1:{free_port()}"
@@ -97,10 +101,17 @@ def test_nobody_poisons_the_map(new_master: Callable[[str], Master], keys: Keys)
         "/detection/image_detector/objects_remote",
     )
 
-    def say(name: str, role: str, key: str, topic: str, origin: str) -> None:
-        links = TlsLinks(
-            Plan("/n", name, role, (), (), connect=(f"edge1@{address}",), key_file=key), {}.get
+    def say(name: str, role: str, *, key: str, topic: str, origin: str) -> None:
+        plan = AttachPlan(
+            node="/n",
+            name=name,
+            role=role,
+            requests=(),
+            answers=(),
+            connect=(f"edge1@{address}",),
+            key_file=key,
         )
+        links = TlsLinks(plan, {}.get)
         links.start(lambda *_: None)
         time.sleep(1.0)
         image = struct.pack("<IIII", 0, 1, 0, 6) + b"camera" + bytes(100)
@@ -110,14 +121,16 @@ def test_nobody_poisons_the_map(new_master: Callable[[str], Master], keys: Keys)
         time.sleep(0.5)
         links.close()
 
-    say("mallory", "car", keys.other("mallory", "car"), "/image_raw_remote", "mallory")
-    say("mallory2", "edge", keys.other("mallory2", "edge"), objects, "car1")
-    say("car2", "car", keys("car2", "car"), "/image_raw_remote", "car1")  # is car2, and not car1
-    say("car2", "car", keys("car2", "car"), objects, "car2")  # images are no objects
+    images, key = "/image_raw_remote", keys("car2", "car")
+    unknown_car, unknown_edge = keys.other("mallory", "car"), keys.other("mallory2", "edge")
+    say("mallory", "car", key=unknown_car, topic=images, origin="mallory")
+    say("mallory2", "edge", key=unknown_edge, topic=objects, origin="car1")
+    say("car2", "car", key=key, topic=images, origin="car1")  # is car2, and not car1
+    say("car2", "car", key=key, topic=objects, origin="car2")  # images are no objects
     assert not (edge.folder / "record.jsonl").read_text()
     assert "refused 127.0.0.1" in edge.log_of_genie()
     assert edge.log_of_genie().count("car car2 may not send") == 1
     assert edge.log_of_genie().count("a type that is not the one here") == 1
 
-    say("car2", "car", keys("car2", "car"), "/image_raw_remote", "car2")
+    say("car2", "car", key=key, topic=images, origin="car2")
     assert lookups(edge) == [("car2", "miss", "client")], "an honest car is heard"

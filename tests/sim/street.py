@@ -1,6 +1,7 @@
 """A straight street with parked cars, driven at constant speed: a trace without any real data.
 
-With it comes what turns it into a run: scenarios, devices whose service times are fixed, and the tables of a method.
+With it comes what turns it into a run: scenarios, devices whose service times are fixed, and the
+tables of a method.
 """
 
 from __future__ import annotations
@@ -16,10 +17,11 @@ from genie_sim.messages import CameraPose, Detection
 from genie_sim.perception.sources import Recordings
 from genie_sim.perception.trace import Trace, TraceFrame
 from genie_sim.recording.log import Log
-from genie_sim.recording.records import Tables
+from genie_sim.recording.records import Tables, new_tables
 from genie_sim.runner import on_frames
 from genie_sim.scenario.profiles import DeviceProfile
 from genie_sim.scenario.scenario import Scenario, read_scenario
+from genie_sim.settings import from_plain
 from genie_sim.sim.world import World
 
 FOV_RAD = math.radians(81.4)
@@ -31,7 +33,9 @@ def street(
     rate_hz: int = 10,
     recordings: tuple[str, ...] = ("02", "03"),
 ) -> Trace:
-    """Drives east along y = 0; a car is parked every 8 m at y = 4 m, seen with a score that falls with distance."""
+    """Drives east along y = 0; a car is parked every 8 m at y = 4 m, seen with a score that falls
+    with distance.
+    """
     frames = {}
     for number, recording in enumerate(recordings):
         frames[recording] = tuple(
@@ -67,7 +71,9 @@ def _frame(recording: str, index: int, east_m: float, north_m: float, rate_hz: i
 
 
 def scenario(cars: int | Sequence[Mapping[str, Any]] = 1, **settings: Any) -> Scenario:
-    """Cars as in YAML, or so many TX2 cars with an edge each; edges are AGX Xaviers unless ``settings`` say so."""
+    """Cars as in YAML, or so many TX2 cars with an edge each; edges are AGX Xaviers unless
+    ``settings`` say so.
+    """
     if isinstance(cars, int):
         cars = [
             {"name": f"car{i}", "device": "jetson_tx2", "edge": f"edge{i}"}
@@ -95,7 +101,8 @@ def fixed_device(
         return {"value": value, "tag": "A", "source": "test"}
 
     always = {"loc": 1.0, "sigma": 0.0, "tag": "A", "source": "test"}
-    return DeviceProfile.model_validate(
+    return from_plain(
+        DeviceProfile,
         {
             "name": name,
             "title": name,
@@ -106,7 +113,7 @@ def fixed_device(
             "models": {
                 "autoware_vision_detector": {"median": detector, "tag": "A", "source": "test"}
             },
-        }
+        },
     )
 
 
@@ -118,7 +125,8 @@ def build(
     tables: Tables | None = None,
     sent: Trace | None = None,
 ) -> tuple[World, Tables]:
-    """The world of one method, by the name of its entry, ready to run, and the tables that it will fill.
+    """The world of one method, by the name of its entry, ready to run, and the tables that it will
+    fill.
 
     ``sent`` is the trace as its pictures are after being encoded as the scenario says.
     """
@@ -127,7 +135,7 @@ def build(
         recordings._encoded[None, setting.image_encoding] = sent
     prepared = on_frames(setting, recordings, devices)
     entry = next(entry for entry in setting.methods if entry.name == method)
-    tables = tables if tables is not None else Tables()
+    tables = tables if tables is not None else new_tables()
     return World(
         construction.setup(prepared, entry), construction.method(entry), Log(method, tables)
     ), tables
@@ -140,9 +148,7 @@ def drive(
     sent: Trace | None = None,
 ) -> dict[str, pd.DataFrame]:
     """Runs every method of the scenario. The tables by name: frames, lookups, resources."""
-    tables = Tables()
+    tables = new_tables()
     for method in setting.methods:
         build(setting, method.name, trace, devices, tables, sent)[0].run()
-    return {
-        table.name: table.to_frame() for table in (tables.frames, tables.lookups, tables.resources)
-    }
+    return {name: tables[name].to_frame() for name in ("frames", "lookups", "resources")}

@@ -1,4 +1,6 @@
-"""What cars, edges and Genies do together: without a link, with a shared edge, on the second lap, among neighbours."""
+"""What cars, edges and Genies do together: without a link, with a shared edge, on the second lap,
+among neighbours.
+"""
 
 from __future__ import annotations
 
@@ -24,8 +26,8 @@ STEADY = {
     "jetson_tx2": fixed_device("jetson_tx2", detector="310 ms", genie="9 ms"),
     "agx_xavier": fixed_device("agx_xavier", detector="65 ms", genie="9 ms"),
 }
-# What a Genie adds to the way of an image and its answer: twice its own time, and one more hop for each (the answer's
-# depends on its size).
+# What a Genie adds to the way of an image and its answer: twice its own time, and one more hop for
+# each (the answer's depends on its size).
 THROUGH_GENIE_NS = 9 * MS + 3_094_594 + 9 * MS
 
 
@@ -72,8 +74,9 @@ WAYS_TO_BE_ALONE = [
 def test_a_car_alone_goes_on_exactly_as_with_its_own_nodes(
     lonely: dict[str, Any], faults: list[dict[str, str]], since_ns: int
 ):
-    """Every image is new (similarity exact): the Genie answers the frames that the detector alone would have
-    answered, each later by the Genie's own time and not a nanosecond more."""
+    """Every image is new (similarity exact): the Genie answers the frames that the detector alone
+    would have answered, each later by the Genie's own time and not a nanosecond more.
+    """
     rules = {"miss_policy": "blocking", "similarity": "exact"}
     setting = scenario([lonely], cameras=TWO_CAMERAS, genie=rules, faults=faults)
     methods = of_methods(setting, devices=STEADY)
@@ -93,7 +96,9 @@ def test_a_car_alone_goes_on_exactly_as_with_its_own_nodes(
 def test_a_car_alone_has_an_answer_to_every_frame_at_once(
     lonely: dict[str, Any], faults: list[dict[str, str]], since_ns: int
 ):
-    """By default a miss is answered from the map, and no frame is dropped because the edge is gone."""
+    """By default a miss is answered from the map, and no frame is dropped because the edge is
+    gone.
+    """
     methods = of_methods(scenario([lonely], faults=faults))
     genie = methods["genie"][methods["genie"]["stamp_ns"] >= since_ns]
     assert genie["first_answer_ns"].notna().all()
@@ -101,7 +106,7 @@ def test_a_car_alone_has_an_answer_to_every_frame_at_once(
     response_ms = (genie["first_answer_ns"] - genie["received_ns"]) / MS
     assert response_ms.max() < 50
     local = methods["local"][methods["local"]["stamp_ns"] >= since_ns]
-    assert genie["fresh_answer_ns"].notna().sum() >= answered(local).shape[0]
+    assert genie["result_answer_ns"].notna().sum() >= answered(local).shape[0]
 
 
 def test_the_edge_helps_until_the_link_is_cut_and_again_when_it_is_back():
@@ -121,7 +126,9 @@ def test_remote_frames_of_a_car_without_an_edge_are_lost_and_not_on_their_way():
 
 
 def test_a_run_waits_for_whatever_is_still_on_a_slow_link():
-    """1.4 MB at 400 kbit/s take 28 s, the one that waits behind it another 28 s; two cameras share the queue of one."""
+    """1.4 MB at 400 kbit/s take 28 s, the one that waits behind it another 28 s; two cameras share
+    the queue of one.
+    """
     slow = {"like": "ethernet_1g", "rate_up": "400 kbit/s"}
     frames = of_methods(
         scenario([car("car1", "edge1", slow)], cameras=TWO_CAMERAS), devices=STEADY
@@ -178,9 +185,8 @@ def test_on_its_second_lap_a_car_finds_what_it_has_seen_and_computes_less():
     genie = tables["frames"][tables["frames"]["method"] == "genie"]
     hits = genie.groupby("lap")["image_hit"].apply(lambda one: one.astype(float).mean())
     assert hits[1] > hits[0] + 0.3
-    ends_ns = (
-        genie[genie["lap"] == 0]["stamp_ns"].max() + 900 * MS
-    )  # in the pause, when all work is done
+    # in the pause, when all work is done
+    ends_ns = genie[genie["lap"] == 0]["stamp_ns"].max() + 900 * MS
     runs = tables["resources"]
     runs = runs[(runs["method"] == "genie") & (runs["resource"].str.endswith("accelerator"))]
     total = runs.groupby("resource", observed=True)["completed"].max()
@@ -198,7 +204,9 @@ def test_on_a_grid_of_1_mm_nothing_is_the_same_place_before_the_second_lap():
 
 
 def test_two_cameras_that_one_recording_stands_for_never_take_the_same_image():
-    """camera_00 (grey) replays the recording of camera_02 (colour) 50 ms later; byte for byte they differ."""
+    """camera_00 (grey) replays the recording of camera_02 (colour) 50 ms later; byte for byte they
+    differ.
+    """
     genie = of_methods(scenario([car("car1", "edge1")], genie={"similarity": "exact"}))["genie"]
     assert genie["image_hit"].notna().all()
     assert not genie["image_hit"].any() and not genie["coalesced"].any()
@@ -292,12 +300,13 @@ from pathlib import Path
 from sim.street import build, scenario
 
 lossy = {"like": "wifi", "loss": 0.05}
-setting = scenario([{"name": f"car{i}", "device": "jetson_tx2", "edge": f"edge{i}", "link": lossy} for i in (1, 2)])
+device = {"device": "jetson_tx2", "link": lossy}
+setting = scenario([{"name": f"car{i}", "edge": f"edge{i}", **device} for i in (1, 2)])
 tables = None
 for method in setting.methods:
     world, tables = build(setting, method.name, tables=tables)
     world.run()
-for table in (tables.frames, tables.lookups, tables.resources):
+for table in (tables["frames"], tables["lookups"], tables["resources"]):
     path = Path(f"{table.name}.parquet")
     table.write(path)
     print(table.name, len(table), hashlib.sha256(path.read_bytes()).hexdigest())
@@ -305,7 +314,9 @@ for table in (tables.frames, tables.lookups, tables.resources):
 
 
 def test_tables_have_the_same_bytes_under_any_hash_seed(tmp_path: Path):
-    """Processes of their own, as PYTHONHASHSEED is read at the start; the order of no set or dict may show."""
+    """Processes of their own, as PYTHONHASHSEED is read at the start; the order of no set or dict
+    may show.
+    """
     tests = Path(__file__).resolve().parent.parent
     written = set()
     for hash_seed in ("0", "4242"):

@@ -1,4 +1,6 @@
-"""The clock of a run is SimPy's environment: what happens at one instant happens in SimPy's order."""
+"""The clock of a run is SimPy's environment: what happens at one instant happens in SimPy's
+order.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,9 @@ from tests.conformance import small
 
 
 def course(env: Any, seed: int) -> list[tuple[Any, ...]]:
-    """What a few processes do that wait, start others, interrupt them and wait for several things at once."""
+    """What a few processes do that wait, start others, interrupt them and wait for several things
+    at once.
+    """
     rng, noted = random.Random(seed), []
 
     def worker(name: str, depth: int):
@@ -48,9 +52,9 @@ def test_processes_run_as_in_simpy(seed: int):
 
 def test_calls_and_events_of_one_instant_come_in_the_order_in_which_they_were_scheduled():
     env, noted = Clock(), []
-    env.after(5, noted.append, "first")
+    env.after(5, noted.append, ("first",))
     env.timeout(5).callbacks.append(lambda _: noted.append("second"))
-    env.after(5, noted.append, "third")
+    env.after(5, noted.append, ("third",))
     env.run(until=5)
     assert noted == [] and env.now == 5 and env.peek() == 5
     env.run(until=6)

@@ -1,4 +1,6 @@
-"""What is published is answered, dropped or in flight; nothing appears from nowhere, whatever the scenario says."""
+"""What is published is answered, dropped or in flight; nothing appears from nowhere, whatever the
+scenario says.
+"""
 
 from __future__ import annotations
 
@@ -17,9 +19,9 @@ from genie_sim.scenario.scenario import Scenario
 from genie_sim.sim.clock import Clock
 from genie_sim.sim.encoding import Coder
 from genie_sim.sim.link import Link
-from genie_sim.sim.nodes import Detector, InterceptorNode
+from genie_sim.sim.method import DETECTOR
+from genie_sim.sim.nodes import DetectorNode, InterceptorNode
 from genie_sim.sim.ros_graph import Node
-from genie_sim.sim.station import DETECTOR
 from genie_sim.sim.world import DRAIN_NS, World
 
 TRACE = street(seconds=2.0)
@@ -38,8 +40,7 @@ BUSY = {  # one core and a slow Genie: its own queue overflows too
     "agx_xavier": fixed_device("agx_xavier", detector="60 ms", genie="15 ms", cores=2),
 }
 SLOW_CODEC = {  # encoders drop pictures
-    name: one.model_copy(update={"codec": one.codec.model_copy(update={"value": 8.0})})
-    for name, one in BUSY.items()
+    name: replace(one, codec=replace(one.codec, value=8.0)) for name, one in BUSY.items()
 }
 ALL_AT_ONCE = [{"name": f"camera_{i}", "recording": f"0{2 + i % 2}"} for i in range(4)]
 LONGEST_WORK_NS = 15_000_000_000  # nothing takes longer: an image at 1 Mbit/s
@@ -54,26 +55,28 @@ LINKS = (
 
 
 class Run:
-    """One method, run to its planned end (``frames``) and then until nothing moves any more (``settled``)."""
+    """One method, run to its planned end (``frames``) and then until nothing moves any more
+    (``settled``).
+    """
 
     def __init__(self, setting: Scenario, method: str, devices) -> None:
         self.setting, self.method = setting, method
         self.world, tables = build(setting, method, TRACE, devices, sent=SENT)
         self.world.run()
-        self.frames = tables.frames.to_frame()
-        self.resources = tables.resources.to_frame()
+        self.frames = tables["frames"].to_frame()
+        self.resources = tables["resources"].to_frame()
         self._settle()
-        self.settled = tables.frames.to_frame()
-        self.lookups = tables.lookups.to_frame()
+        self.settled = tables["frames"].to_frame()
+        self.lookups = tables["lookups"].to_frame()
 
     def _settle(self) -> None:
         before: list[int] = []
-        while before != (now := [one.completed for one in self.world.resources]):
+        while before != (now := [one.completed for one in self.world.network.resources]):
             before = now
-            self.world.env.run(until=self.world.env.now + LONGEST_WORK_NS)
+            self.world.clock.run(until=self.world.clock.now + LONGEST_WORK_NS)
 
     def of(self, kind: type) -> dict[str, Any]:
-        return {one.name: one for one in self.world.resources if isinstance(one, kind)}
+        return {one.name: one for one in self.world.network.resources if isinstance(one, kind)}
 
     def arrived(self, *links: str) -> int:
         return sum(self.of(Link)[name].completed for name in links)
@@ -116,22 +119,33 @@ def check_frames(frames: pd.DataFrame, setting: Scenario) -> None:
             assert mine["stamp_ns"].is_monotonic_increasing and mine["stamp_ns"].is_unique
     assert len(frames) == sum(len(group) for _, group in streams)
 
-    received, first, fresh = (
-        frames[name] for name in ("received_ns", "first_answer_ns", "fresh_answer_ns")
+    received, first, fresh, result = (
+        frames[name]
+        for name in ("received_ns", "first_answer_ns", "fresh_answer_ns", "result_answer_ns")
     )
     answered = first.notna()
-    assert not (fresh.notna() & frames["drop"].notna()).any(), "a fresh answer or dropped, not both"
+    assert not (result.notna() & frames["drop"].notna()).any(), "a result or dropped, not both"
     assert (received.isna() | (received >= frames["stamp_ns"])).all()
     assert (received[answered] <= first[answered]).all(), "nothing is answered before it is there"
-    assert (first[fresh.notna()] <= fresh[fresh.notna()]).all()
+    assert (first[result.notna()] <= result[result.notna()]).all()
+    assert (result[fresh.notna()] <= fresh[fresh.notna()]).all()
     assert ((frames["source"] != "none") == answered).all()
     for column in ("served_by", "objects_served"):
         assert (frames[column].notna() == answered).all()
     assert (frames["objects_fresh"].notna() == fresh.notna()).all()
+    assert (frames["objects_result"].notna() == result.notna()).all()
     not_map = answered & (frames["source"] != "map")
-    assert (first[not_map] == fresh[not_map]).all(), (
-        "what does not come from the map is about this very frame"
-    )
+    assert (first[not_map] == result[not_map]).all(), "what does not come from the map is a result"
+    looked, first_looked = frames["looked_ns"], frames["first_looked_ns"]
+    assert (looked[fresh.notna()] >= frames["stamp_ns"][fresh.notna()]).all()
+    assert first_looked[not_map].notna().all() and looked[result.notna()].notna().all()
+    assert (looked[first_looked.notna()] >= first_looked[first_looked.notna()]).all()
+    is_first_and_fresh = fresh.notna() & (first == fresh)
+    assert (
+        not frames["source"][is_first_and_fresh]
+        .isin(["map", "own_cache", "edge_cache", "peer_cache"])
+        .any()
+    ), "what comes out of a map or a cache is never fresh"
 
 
 def check_resources(run: Run) -> None:
@@ -159,7 +173,7 @@ def check_local(run: Run, cars: Iterable[str]) -> None:
     """Cars with plain nodes: what the detector did not drop is answered by it."""
     for car in cars:
         mine = run.settled[run.settled["car"] == car]
-        detector = run.of(Detector)[f"{car}/{DETECTOR}"]
+        detector = run.of(DetectorNode)[f"{car}/{DETECTOR}"]
         assert taken(detector) == len(mine)
         assert detector.completed == mine["first_answer_ns"].notna().sum()
         assert (mine["drop"] == f"{detector.name}:/image_raw").sum() == detector.drops
@@ -167,8 +181,10 @@ def check_local(run: Run, cars: Iterable[str]) -> None:
 
 
 def check_remote(run: Run) -> None:
-    """Up the link, through the edge's detector, down the link: what leaves one part comes to the next."""
-    links, detectors = run.of(Link), run.of(Detector)
+    """Up the link, through the edge's detector, down the link: what leaves one part comes to the
+    next.
+    """
+    links, detectors = run.of(Link), run.of(DetectorNode)
     for edge in run.setting.edges:
         cars = [car.name for car in run.setting.cars if car.edge == edge.name]
         detector = detectors[f"{edge.name}/{DETECTOR}"]
@@ -191,7 +207,7 @@ def check_remote(run: Run) -> None:
 
 
 def check_genie(run: Run) -> None:
-    links, detectors, genies = run.of(Link), run.of(Detector), run.of(InterceptorNode)
+    links, detectors, genies = run.of(Link), run.of(DetectorNode), run.of(InterceptorNode)
     encapsulated = [car for car in run.setting.cars if car.genie]
     check_local(run, (car.name for car in run.setting.cars if not car.genie))
     for car in encapsulated:
@@ -223,7 +239,7 @@ def check_genie(run: Run) -> None:
 
 
 def check_everything_ends(run: Run) -> None:
-    """In the end no frame is in flight: it has a fresh answer, or something says that it dropped it."""
+    """In the end no frame is in flight: it has a result, or something says that it dropped it."""
     rules = run.setting.genie
     if run.method == "genie" and (
         rules.algorithm == "literal"
@@ -232,7 +248,7 @@ def check_everything_ends(run: Run) -> None:
         or rules.header_identity == "stamp"
     ):
         return  # these readings leave frames without an answer, and nobody knows
-    assert (run.settled["fresh_answer_ns"].notna() ^ run.settled["drop"].notna()).all()
+    assert (run.settled["result_answer_ns"].notna() ^ run.settled["drop"].notna()).all()
 
 
 def check(setting: Scenario, devices=None) -> None:
@@ -331,8 +347,10 @@ def test_pictures_that_wait_too_long_for_a_slow_encoder_are_dropped():
 
 
 def test_what_is_in_flight_at_the_end_of_a_run_is_inside_the_world(monkeypatch: pytest.MonkeyPatch):
-    """An LTE link is far too slow for four cameras: some frames are still on their way where nobody waits for them."""
-    monkeypatch.setattr("genie_sim.sim.world.MOST_DRAIN_NS", DRAIN_NS)
+    """An LTE link is far too slow for four cameras: some frames are still on their way where nobody
+    waits for them.
+    """
+    monkeypatch.setattr("genie_sim.sim.world.MAX_DRAIN_NS", DRAIN_NS)
     slow = {
         "name": "car1",
         "device": "jetson_tx2",

@@ -1,4 +1,6 @@
-"""A car changes its edge: by hand, nanosecond by nanosecond, and that nothing is lost without a word."""
+"""A car changes its edge: by hand, nanosecond by nanosecond, and that nothing is lost without a
+word.
+"""
 
 from __future__ import annotations
 
@@ -62,7 +64,9 @@ def moving(*hand_overs: tuple[int, str], gap_ns: int = GAP, **more: Any) -> Scen
 
 
 def answers(setting: Scenario, *stamps_ns: int) -> list[tuple[int | None, str | None, str | None]]:
-    """Of each frame taken at these instants: its response since the stamp, who served it, and what dropped it."""
+    """Of each frame taken at these instants: its response since the stamp, who served it, and what
+    dropped it.
+    """
     views = trace(
         *(view(index, stamp_ns, float(index)) for index, stamp_ns in enumerate(stamps_ns))
     )
@@ -100,7 +104,9 @@ def test_what_is_between_car_and_old_edge_is_lost_and_says_so(at_ns: int, where:
 
 
 def test_a_frame_that_reaches_the_link_after_the_gap_goes_to_the_new_edge():
-    """The hop inside the car takes 3.1 ms: what the camera took just before the new connection was there still goes."""
+    """The hop inside the car takes 3.1 ms: what the camera took just before the new connection was
+    there still goes.
+    """
     hop = UP - LINK_IMAGE
     back = 5 * MS + GAP  # when the car is connected again
     found = answers(moving((5 * MS, "edge2")), 0, back - hop - 1, back - hop + 1)
@@ -115,8 +121,9 @@ def test_a_gap_of_no_time_loses_only_what_was_under_way():
 
 
 def test_a_car_that_comes_back_has_its_old_link_and_gets_what_the_edge_has_finished_since():
-    """Away while the edge's detector works, not when it has the answer; but the second frame is on the link meanwhile
-    and lost, although the car is back before it would have arrived."""
+    """Away while the edge's detector works, not when it has the answer; but the second frame is on
+    the link meanwhile and lost, although the car is back before it would have arrived.
+    """
     away = moving(
         (30 * MS, "edge2"),
         (35 * MS, "edge1"),
@@ -136,14 +143,16 @@ def test_a_car_that_comes_back_has_its_old_link_and_gets_what_the_edge_has_finis
     world.run()
     links = {
         one.name: one.completed
-        for one in world.resources
+        for one in world.network.resources
         if isinstance(one, Link) and "car1" in one.name
     }
     assert links == {"car1->edge1": 3, "edge1->car1": 2, "car1->edge2": 0, "edge2->car1": 0}
 
 
 def test_the_second_of_two_edges_is_the_cars_own_after_the_hand_over():
-    """With Genie: an answer of edge2's detector is its edge's, not a peer's; the car's own detector is slower."""
+    """With Genie: an answer of edge2's detector is its edge's, not a peer's; the car's own detector
+    is slower.
+    """
     rules = {"miss_policy": "blocking", "similarity": "exact"}
     setting = moving((500 * MS, "edge2"), methods=["genie"], genie=rules)
     frames = drive(setting, STREET, DEVICES)["frames"]
@@ -155,7 +164,9 @@ def test_the_second_of_two_edges_is_the_cars_own_after_the_hand_over():
 
 
 def test_other_cars_notice_a_hand_over_only_through_the_edges():
-    """A car alone at its edge, which shares with nobody, has exactly the answers that it has without the mover."""
+    """A car alone at its edge, which shares with nobody, has exactly the answers that it has
+    without the mover.
+    """
     lonely = {"name": "car2", "device": "jetson_tx2", "edge": "edge3"}
     edges = [*TWO_EDGES, {"name": "edge3", "device": "agx_xavier", "neighbours": []}]
     both = scenario([MOVER, lonely], edges=edges, faults=[hand_over(500 * MS, "edge2")])
@@ -181,7 +192,9 @@ def test_other_cars_notice_a_hand_over_only_through_the_edges():
 def test_every_frame_is_answered_dropped_or_in_flight_whatever_the_car_does(
     moves: list[tuple[int, int]], gap_ms: int, method: str
 ):
-    """published = with a fresh answer + dropped + in flight at any time, and nothing is in flight in the end."""
+    """published = with a result + dropped + in flight at any time, and nothing is in flight
+    in the end.
+    """
     at_ms, edge, hand_overs = 0, 1, []
     for wait_ms, step in moves:
         at_ms, edge = at_ms + wait_ms, (edge + step - 1) % 3 + 1
@@ -191,12 +204,12 @@ def test_every_frame_is_answered_dropped_or_in_flight_whatever_the_car_does(
     setting = moving(*hand_overs, gap_ns=gap_ms * MS, edges=edges, methods=[method])
     world, tables = build(setting, method, STREET, DEVICES)
     world.run()
-    frames = tables.frames.to_frame()
-    answered, dropped = frames["fresh_answer_ns"].notna(), frames["drop"].notna()
+    frames = tables["frames"].to_frame()
+    answered, dropped = frames["result_answer_ns"].notna(), frames["drop"].notna()
     assert len(frames) == 30 and not (answered & dropped).any()
-    world.env.run(until=world.env.now + 60_000 * MS)
-    settled = tables.frames.to_frame()
-    assert (settled["fresh_answer_ns"].notna() ^ settled["drop"].notna()).all()
+    world.clock.run(until=world.clock.now + 60_000 * MS)
+    settled = tables["frames"].to_frame()
+    assert (settled["result_answer_ns"].notna() ^ settled["drop"].notna()).all()
     check_bytes(world, settled)
     if method == "remote":
         check_remote(world, settled)
@@ -204,7 +217,7 @@ def test_every_frame_is_answered_dropped_or_in_flight_whatever_the_car_does(
 
 def check_bytes(world: World, frames: pd.DataFrame) -> None:
     """What each frame cost is what its car's links carried, whichever edge they led to."""
-    links = [one for one in world.resources if isinstance(one, Link)]
+    links = [one for one in world.network.resources if isinstance(one, Link)]
     assert frames["bytes_up"].sum() == sum(
         one.sent_bytes for one in links if one.name.startswith("car1->")
     )
@@ -214,10 +227,12 @@ def check_bytes(world: World, frames: pd.DataFrame) -> None:
 
 
 def check_remote(world: World, frames: pd.DataFrame) -> None:
-    """Every answer on record came down a link; what came down and is not on record was cut off by a hand-over."""
+    """Every answer on record came down a link; what came down and is not on record was cut off by a
+    hand-over.
+    """
     down = sum(
         one.completed
-        for one in world.resources
+        for one in world.network.resources
         if isinstance(one, Link) and one.name.endswith("->car1")
     )
     answered = int(frames["first_answer_ns"].notna().sum())
@@ -229,7 +244,8 @@ def check_remote(world: World, frames: pd.DataFrame) -> None:
     [
         (
             [(5, "edge9")],
-            r"faults\[0\].edge: unknown edge 'edge9' \(did you mean 'edge2'\?\); known: edge1, edge2",
+            r"faults\[0\].edge: unknown edge 'edge9' \(did you mean 'edge2'\?\); "
+            r"known: edge1, edge2",
         ),
         ([(5, "edge1")], r"faults\[0\].edge: car1 is with edge1 already"),
         (

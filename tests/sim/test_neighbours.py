@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -9,6 +10,7 @@ from sim.street import build, drive, scenario
 
 from genie_sim.errors import UserError
 from genie_sim.scenario.scenario import Scenario
+from genie_sim.sim import topology
 
 NAMES = ("edge1", "edge2", "edge3")
 
@@ -91,3 +93,13 @@ def test_neighbours_that_cannot_be_are_told_in_one_line(
 ):
     with pytest.raises(UserError, match=message):
         three(**neighbours)
+
+
+def test_an_edge_without_a_list_is_no_neighbour_of_who_leaves_it_out():
+    lists = {"edge1": None, "edge2": ("edge3",), "edge3": None}
+    edges: list[Any] = [SimpleNamespace(name=name, neighbours=lists[name]) for name in lists]
+    assert topology.neighbours(edges) == {
+        "edge1": ["edge3"],
+        "edge2": ["edge3"],
+        "edge3": ["edge1", "edge2"],
+    }

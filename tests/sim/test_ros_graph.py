@@ -15,11 +15,12 @@ from genie_sim.messages import Header, Publish
 from genie_sim.sim.clock import Clock
 from genie_sim.sim.device import Host
 from genie_sim.sim.link import Bridge, Link
+from genie_sim.sim.link_models import ChannelSender
 from genie_sim.sim.link_models.wire import Wire
-from genie_sim.sim.nodes import Detector, InterceptorNode, attach
+from genie_sim.sim.method import DETECTOR, IMAGES, OBJECTS, HostConfig
+from genie_sim.sim.nodes import DetectorNode, InterceptorNode, attach
 from genie_sim.sim.ros_graph import Graph, Node
-from genie_sim.sim.station import DETECTOR, IMAGES, OBJECTS, Station
-from genie_sim.sim.topology import Edge
+from genie_sim.sim.topology import EdgeServer
 
 WORK_NS = 1000
 HOP_NS = 10
@@ -35,17 +36,19 @@ class Note:
 
 
 class Clerk(Node):
-    """A node that needs ``WORK_NS`` for a note and writes down when it was done with which, and on which topic."""
+    """A node that needs ``WORK_NS`` for a note and writes down when it was done with which, and on
+    which topic.
+    """
 
     def __init__(self, *arguments, **settings) -> None:
         super().__init__(*arguments, **settings)
         self.done: list[tuple[int, int, str]] = []
 
     def work(self, message, done: Callable[..., None], arguments) -> None:
-        self.env.after(WORK_NS, done, *arguments)
+        self.clock.after(WORK_NS, done, arguments)
 
     def handle(self, topic: str, message, sender: str) -> None:
-        self.done.append((self.env.now, message.header.stamp_ns, topic))
+        self.done.append((self.clock.now, message.header.stamp_ns, topic))
 
 
 class Listener:
@@ -59,26 +62,33 @@ class Listener:
         self.heard.append((topic, message.header.stamp_ns, sender))
 
 
-def office(name: str = "car1", env: Clock | None = None, **settings) -> Graph:
+def office(name: str = "car1", clock: Clock | None = None, **settings) -> Graph:
     """An empty graph of a host on which each message takes ``HOP_NS`` to the next node."""
-    env = env if env is not None else Clock()
+    clock = clock if clock is not None else Clock()
     device = fixed_device(name, detector="1 ms", hop=f"{HOP_NS} ns", per_megabyte="0 ms")
     rng = np.random.default_rng(1)
     return Graph(
-        Host(env, name, built_device(device, "autoware_vision_detector"), rng, rng), **settings
+        Host(
+            clock,
+            name,
+            built_device(device, "autoware_vision_detector"),
+            accelerator_rng=rng,
+            cpu_rng=rng,
+        ),
+        **settings,
     )
 
 
-def link(env: Clock, name: str, up: bool = True) -> Link:
+def link(clock: Clock, name: str, up: bool = True) -> Link:
     """One direction of a gigabit Ethernet."""
     wire = Wire(1_000_000_000, 1_000_000_000, delay_ns=200_000)
-    return Link(env, name, wire.channel(up, np.random.default_rng(1)))
+    return Link(clock, name, ChannelSender(clock, wire.channel(up, np.random.default_rng(1))))
 
 
 def clerk(
     name: str = "clerk", topics: tuple[str, ...] = ("/notes",), threads: int = 1, **settings
 ) -> Clerk:
-    return Clerk(name, office(**settings), topics, (), threads)
+    return Clerk(name, office(**settings), topics, (), threads=threads)
 
 
 # Queues
@@ -89,7 +99,7 @@ def test_the_newest_notes_are_kept_and_the_others_counted():
     node = clerk(dropped=lambda note, where: dropped.append((note.header.stamp_ns, where)))
     for number in range(5):
         node.graph.inject("/notes", Note(number), "sender")
-    node.env.run()
+    node.clock.run()
     assert [number for _, number, _ in node.done] == [0, 4], "the first was at work already"
     assert dropped == [(1, "clerk:/notes"), (2, "clerk:/notes"), (3, "clerk:/notes")]
     assert (node.completed, node.drops, node.queued) == (2, 3, 0)
@@ -99,7 +109,7 @@ def test_of_a_longer_queue_the_oldest_goes_first():
     node = clerk(queue_length=2)
     for number in range(5):
         node.graph.inject("/notes", Note(number), "sender")
-    node.env.run()
+    node.clock.run()
     assert [number for _, number, _ in node.done] == [0, 3, 4]
 
 
@@ -107,7 +117,7 @@ def test_topics_do_not_push_each_other_out_and_are_served_in_order_of_arrival():
     node = clerk(topics=("/a", "/b"))
     for number, topic in enumerate(("/a", "/b", "/a", "/b", "/a")):
         node.graph.inject(topic, Note(number), "sender")
-    node.env.run()
+    node.clock.run()
     assert node.done == [(WORK_NS, 0, "/a"), (2 * WORK_NS, 3, "/b"), (3 * WORK_NS, 4, "/a")]
     assert node.drops == 2
 
@@ -116,7 +126,7 @@ def test_threads_work_at_the_same_time():
     node = clerk(threads=3)
     for number in range(4):
         node.graph.inject("/notes", Note(number), "sender")
-    node.env.run()
+    node.clock.run()
     assert [at_ns for at_ns, *_ in node.done] == [WORK_NS] * 3 + [2 * WORK_NS]
     assert node.drops == 0
 
@@ -145,9 +155,9 @@ def test_every_note_is_done_or_dropped_and_no_queue_grows_beyond_its_length(
         def arrive(_, number=number, topic=topic) -> None:
             node.graph.inject(topic, Note(number), "sender")
 
-        node.env.timeout(at_ns).callbacks.append(arrive)
-    while node.env.peek() != float("inf"):
-        node.env.step()
+        node.clock.timeout(at_ns).callbacks.append(arrive)
+    while node.clock.peek() != float("inf"):
+        node.clock.step()
         assert node.queued <= 2 * queue_length
     done = [number for _, number, _ in node.done]
     assert sorted(done + dropped) == list(range(len(notes)))
@@ -166,7 +176,7 @@ def test_a_message_reaches_all_other_subscribers_after_one_hop():
     publisher = Clerk("publisher", graph, ("/notes",), ("/notes",))
     others = [Clerk(name, graph, ("/notes",), ()) for name in ("first", "second")]
     publisher.publish("/notes", Note(7))
-    graph.env.run()
+    graph.clock.run()
     assert [one.done for one in others] == [[(HOP_NS + WORK_NS, 7, "/notes")]] * 2
     assert publisher.done == []
 
@@ -178,7 +188,7 @@ def test_a_reply_reaches_the_one_it_is_meant_for():
     for listener in listeners:
         graph.subscribe("/notes", listener)
     publisher.publish("/notes", Note(7), to="second")
-    graph.env.run()
+    graph.clock.run()
     assert [listener.heard for listener in listeners] == [[], [("/notes", 7, "publisher")]]
 
 
@@ -202,27 +212,29 @@ def test_a_remapped_node_talks_on_other_topics_under_its_old_names():
     graph.inject("/in", Note(1), "sender")
     graph.inject("/in-local", Note(2), "sender")
     node.publish("/out", Note(3))
-    graph.env.run()
+    graph.clock.run()
     assert [number for _, number, _ in node.done] == [2]
     assert (old.heard, new.heard) == ([], [("/out-local", 3, "node")])
     assert (node.subscribes, node.publishes) == (("/in",), ("/out",))
     assert graph.topics_of("node") == (("/in-local",), ("/out-local",))
 
 
-def detector_of(method: str, place: str) -> Detector:
+def detector_of(method: str, place: str) -> DetectorNode:
     world, _ = build(scenario(2), method)
     return next(
         one
-        for one in world.resources
-        if isinstance(one, Detector) and one.name == f"{place}/{DETECTOR}"
+        for one in world.network.resources
+        if isinstance(one, DetectorNode) and one.name == f"{place}/{DETECTOR}"
     )
 
 
 @pytest.mark.parametrize("place", ["car1", "edge2"])
 def test_encapsulating_a_detector_leaves_the_detector_itself_alone(place: str):
-    """The node's class, code and topics are the same with Genie and without; only the master knows better."""
+    """The node's class, code and topics are the same with Genie and without; only the master knows
+    better.
+    """
     plain, encapsulated = detector_of("local", place), detector_of("genie", place)
-    assert type(plain) is type(encapsulated) is Detector
+    assert type(plain) is type(encapsulated) is DetectorNode
     own = ("subscribes", "publishes", "name")
     assert {name: getattr(plain, name) for name in own} == {
         name: getattr(encapsulated, name) for name in own
@@ -240,7 +252,7 @@ def test_the_genie_takes_over_the_topics_that_the_master_names(place: str):
     world, _ = build(scenario(2), "genie")
     genie = next(
         one
-        for one in world.resources
+        for one in world.network.resources
         if isinstance(one, InterceptorNode) and one.name == f"{place}/genie"
     )
     assert set(genie.subscribes) == {
@@ -290,29 +302,34 @@ class Offices:
     """Three graphs, each bridged to the two others on ``/notes``, all over one port a graph."""
 
     def __init__(self) -> None:
-        self.env = Clock()
+        self.clock = Clock()
         self.graphs, self.ports, self.listeners, self.nodes = {}, {}, {}, {}
         names = ("edge1", "edge2", "edge3")
         for name in names:
-            self.graphs[name] = office(name, self.env)
+            self.graphs[name] = office(name, self.clock)
             self.nodes[name] = Clerk(f"{name}/genie", self.graphs[name], ("/notes",), ("/notes",))
             self.listeners[name] = Listener(f"{name}/listener")
             self.graphs[name].subscribe("/notes", self.listeners[name])
-            self.ports[name] = link(self.env, f"{name}->edges")
+            self.ports[name] = link(self.clock, f"{name}->edges")
         for name in names:
             for other in names:
                 if other != name:
                     bridge = Bridge(
-                        self.ports[name], self.graphs[other], "/notes", f"{other}/genie"
+                        self.ports[name],
+                        self.graphs[other],
+                        topic="/notes",
+                        address=f"{other}/genie",
                     )
                     self.graphs[name].bridge("/notes", bridge)
 
 
 def test_what_came_over_a_bridge_is_not_bridged_on():
-    """No storms: a note published on one edge crosses the network once to each other edge, and no further."""
+    """No storms: a note published on one edge crosses the network once to each other edge, and no
+    further.
+    """
     three = Offices()
     three.nodes["edge1"].publish("/notes", Note(7))
-    three.env.run()
+    three.clock.run()
     assert {
         name: len(listener.heard) for name, listener in three.listeners.items()
     } == dict.fromkeys(three.graphs, 1)
@@ -326,29 +343,29 @@ def test_what_came_over_a_bridge_is_not_bridged_on():
 def test_a_note_for_one_neighbour_crosses_only_the_bridge_to_it():
     three = Offices()
     three.nodes["edge1"].publish("/notes", Note(7), to="edge3/genie")
-    three.env.run()
+    three.clock.run()
     assert [name for name, node in three.nodes.items() if node.done] == ["edge3"]
     assert three.ports["edge1"].completed == 1
 
 
 def test_an_answer_goes_down_to_the_car_that_it_is_about():
-    env = Clock()
-    edge = office("edge1", env)
-    server = Edge(edge, Station())
+    clock = Clock()
+    edge = office("edge1", clock)
+    server = EdgeServer(edge, HostConfig())
     edge.bridge("/objects", server)
     heard = {}
     for name in ("car1", "car2"):
-        car = office(name, env)
+        car = office(name, clock)
         heard[name] = Listener()
         car.subscribe("/objects", heard[name])
-        down = link(env, f"edge1->{name}", up=False)
-        server.bridge_to[name] = Bridge(down, car, "/objects", f"{name}/genie")
+        down = link(clock, f"edge1->{name}", up=False)
+        server.bridge_to[name] = Bridge(down, car, topic="/objects", address=f"{name}/genie")
     node = Clerk("node", edge, (), ("/objects",))
     for number, about in enumerate(("car1", "car2", "car3", "car1"), 1):
         note = Note(number)
         note.header = Header(number, "camera_02", about)
         node.publish("/objects", note)
-        env.run()
+        clock.run()
     numbers = {
         name: [number for _, number, _ in listener.heard] for name, listener in heard.items()
     }
@@ -356,26 +373,29 @@ def test_an_answer_goes_down_to_the_car_that_it_is_about():
 
 
 def test_a_bridge_that_was_taken_down_loses_what_comes_and_what_was_on_its_way():
-    """0.2 ms of delay: the first note arrives, the second is on its way, the third comes in between, the last after."""
-    env = Clock()
-    here, there = office("here", env), office("there", env)
+    """0.2 ms of delay: the first note arrives, the second is on its way, the third comes in
+    between, the last after.
+    """
+    clock = Clock()
+    here, there = office("here", clock), office("there", clock)
     heard, lost = Listener(), []
     there.subscribe("/notes", heard)
     wire = Wire(1_000_000_000, 1_000_000_000, delay_ns=200_000)
-    up = Link(env, "link", wire.channel(True, np.random.default_rng(1)))
+    channel = wire.channel(True, np.random.default_rng(1))
+    up = Link(clock, "link", ChannelSender(clock, channel))
     bridge = Bridge(
         up,
         there,
-        "/notes",
-        "there/node",
-        lost=lambda note: lost.append((env.now, note.header.stamp_ns)),
+        topic="/notes",
+        address="there/node",
+        lost=lambda note: lost.append((clock.now, note.header.stamp_ns)),
     )
     here.bridge("/notes", bridge)
     events = [(0, Note(1)), (300_000, Note(2)), (310_000, bridge.take_down), (320_000, Note(3))]
     for at_ns, what in [*events, (330_000, bridge.put_up), (600_000, Note(4))]:
-        env.run(until=max(at_ns, 1))
+        clock.run(until=max(at_ns, 1))
         what() if callable(what) else bridge.deliver("/notes", what, "here/node")
-    env.run()
+    clock.run()
     arrival_ns = (
         300_000
         + wire.channel(True, np.random.default_rng(1)).occupied_ns(Note(2).size_bytes, 0)
@@ -386,7 +406,9 @@ def test_a_bridge_that_was_taken_down_loses_what_comes_and_what_was_on_its_way()
 
 
 def test_requests_of_one_edge_are_not_passed_on_by_the_others():
-    """In a whole run: an edge broadcasts the requests of its own car, and never those of a neighbour."""
+    """In a whole run: an edge broadcasts the requests of its own car, and never those of a
+    neighbour.
+    """
     world, _ = build(scenario(3), "genie")
     published: list[tuple[str, str]] = []
     for edge in world.edges.values():
@@ -402,7 +424,9 @@ def test_requests_of_one_edge_are_not_passed_on_by_the_others():
 
 
 def test_even_literal_neighbours_pass_a_request_on_only_once():
-    """``neighbour_miss: process``, the paper's words: every Genie runs and broadcasts it, but none does so twice."""
+    """``neighbour_miss: process``, the paper's words: every Genie runs and broadcasts it, but none
+    does so twice.
+    """
     world, _ = build(
         scenario(3, genie={"neighbour_miss": "process", "same_key_pending": "forward"}), "genie"
     )

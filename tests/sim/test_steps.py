@@ -1,4 +1,6 @@
-"""Where the time of a frame goes: every step of an answer's way, by hand and for every method that there is."""
+"""Where the time of a frame goes: every step of an answer's way, by hand and for every method that
+there is.
+"""
 
 from __future__ import annotations
 
@@ -37,16 +39,16 @@ from sim.test_way_of_one_frame import (
 from genie_sim.build import device
 from genie_sim.messages import CameraPose, Detections, Header, Image, Publish
 from genie_sim.methods import METHODS
-from genie_sim.monitor import Step
+from genie_sim.monitor import Span, SpanLabel
 from genie_sim.recording.log import Log
-from genie_sim.recording.records import Tables
+from genie_sim.recording.records import Tables, new_tables
 from genie_sim.runner import run_in_memory
 from genie_sim.scenario.scenario import RECORDS, load_scenario
 from genie_sim.sim.device import Host, Processor
+from genie_sim.sim.method import IMAGES, OBJECTS, Interceptor
 from genie_sim.sim.nodes import InterceptorNode
 from genie_sim.sim.ros_graph import Graph
-from genie_sim.sim.station import IMAGES, OBJECTS, Interceptor
-from genie_sim.sim.steps import StepClock
+from genie_sim.sim.tracing import TracingClock
 
 S = 1000 * MS
 
@@ -62,7 +64,7 @@ LAST = [("genie", CAR_GENIE), ("hop", CAR_HOP_ANSWER)]
 
 
 def tables(method: str, of: Any, setting: Any, record: Any = RECORDS, **options: Any) -> Tables:
-    written = Tables()
+    written = new_tables()
     world, _ = build(setting, method, of, options.get("devices"), written, options.get("sent"))
     world = type(world)(world.setup, world._method, Log(method, written, record))
     world.run()
@@ -74,18 +76,19 @@ def way(
     of: Any = ONE_FRAME,
     fleet: Any = None,
     number: int = 0,
-    which: str = "fresh",
+    which: str = "last",
     **more: Any,
 ) -> Any:
-    """Part and length of each step to the fresh (or first) answer to one frame."""
+    """Part and length of each step to the last (or first) answer to one frame."""
     options = {name: more.pop(name) for name in ("sent",) if name in more}
     setting = scenario(
         fleet or [car("car1", "edge1")], **({"cameras": ONE_CAMERA, "start_jitter": "0 s"} | more)
     )
-    found = tables(method, of, setting, devices=fixed(), **options).steps.to_frame()
-    mine = found[found["which"].isin([which, "both"])]
-    stamp_ns = sorted(mine["stamp_ns"].unique())[number]
-    rows = mine[mine["stamp_ns"] == stamp_ns]
+    found = tables(method, of, setting, devices=fixed(), **options)["steps"].to_frame()
+    stamp_ns = sorted(found["stamp_ns"].unique())[number]
+    rows = found[found["stamp_ns"] == stamp_ns]
+    answers = rows["which"].unique().tolist()  # in order of time
+    rows = rows[rows["which"] == answers[-1 if which == "last" else 0]]
     return list(zip(rows["part"], rows["end_ns"] - rows["begin_ns"], strict=True))
 
 
@@ -147,8 +150,12 @@ def test_a_frame_that_waits_for_an_equal_one_and_one_that_waits_for_the_wire_and
     on_wire = LINK_IMAGE - 200_000
     waits = EDGE_DETECTOR - on_wire  # while the first is looked at
     assert way("remote", later, number=1) == [
-        ("queueing", on_wire - 2 * MS), ("uplink", LINK_IMAGE), ("queueing", waits), ("inference", EDGE_DETECTOR), *DOWN
-    ]  # fmt: skip
+        ("queueing", on_wire - 2 * MS),
+        ("uplink", LINK_IMAGE),
+        ("queueing", waits),
+        ("inference", EDGE_DETECTOR),
+        *DOWN,
+    ]
 
 
 @pytest.mark.parametrize("passes", [1, 2])
@@ -158,8 +165,14 @@ def test_a_peer_answers(passes):
     there = [("hop", EDGE_HOP_IMAGE), ("edges", LINK_IMAGE), ("genie", EDGE_GENIE)]
     back = [("hop", EDGE_HOP_ANSWER), ("edges", LINK_ANSWER), ("genie", EDGE_GENIE)]
     assert way("genie", fleet=cars, number=1, genie=rules) == [
-        ("genie", CAR_GENIE), *UP, ("genie", EDGE_GENIE), *there, *back, *DOWN, *LAST
-    ]  # fmt: skip
+        ("genie", CAR_GENIE),
+        *UP,
+        ("genie", EDGE_GENIE),
+        *there,
+        *back,
+        *DOWN,
+        *LAST,
+    ]
 
 
 @pytest.mark.parametrize(
@@ -180,7 +193,8 @@ def test_a_peer_answers(passes):
 )
 def test_the_steps_of_every_answer_of_every_method_add_up_to_the_nanosecond(settings):
     windows = [f"cars[{i}].route.window=[{3 * i} s, {3 * i + 2} s]" for i in range(3)]
-    run = run_in_memory(load_scenario("baselines", [*windows, *settings]))
+    others = ["methods[11]=paced_remote"]
+    run = run_in_memory(load_scenario("baselines", [*others, *windows, *settings]))
     assert {one.name for one in run.methods} == set(METHODS)
     key = ["method", "car", "stream", "stamp_ns"]
     for which in ("first", "fresh"):
@@ -227,17 +241,18 @@ def test_nothing_else_changes_because_of_it():
     with_steps, without = (
         tables("genie", street(3.0), setting, record) for record in (RECORDS, others)
     )
-    for one, other in zip(with_steps, without, strict=True):
-        if one.name != "steps":
-            pd.testing.assert_frame_equal(one.to_frame(), other.to_frame())
-    assert len(with_steps.steps) and not len(without.steps)
+    for name, table in with_steps.items():
+        if name != "steps":
+            pd.testing.assert_frame_equal(table.to_frame(), without[name].to_frame())
+    assert len(with_steps["steps"]) and not len(without["steps"])
 
 
 def test_steps_in_a_row_at_one_place_are_one():
     header: Any = None
-    begun = Step("", "", 0, None, header)
-    hop = Step("hop", "car1", 10, begun, header)
-    up = Step("uplink", "car1->edge1", 25, Step("uplink", "car1->edge1", 20, hop, header), header)
+    uplink = SpanLabel("uplink", "car1->edge1")
+    taken = Span(None, 0, before=None, header=header)
+    hop = Span(SpanLabel("hop", "car1"), 10, before=taken, header=header)
+    up = Span(uplink, 25, before=Span(uplink, 20, before=hop, header=header), header=header)
     assert list(up.since(10)) == [("uplink", "car1->edge1", 10, 25)]
     assert list(up.since(0)) == [("uplink", "car1->edge1", 10, 25), ("hop", "car1", 0, 10)]
     assert list(up.since(12)) == [("uplink", "car1->edge1", 12, 25)]
@@ -247,28 +262,28 @@ def test_steps_in_a_row_at_one_place_are_one():
 class Job:
     """What a processor does, for one frame after the other."""
 
-    part, name = "inference", "detector"
+    label = SpanLabel("inference", "detector")
 
-    def __init__(self, clock: StepClock) -> None:
-        self.clock, self.ways = clock, []
+    def __init__(self, clock: TracingClock) -> None:
+        self.clock, self.paths = clock, []
 
     def done(self) -> None:
-        self.ways.append(self.clock.way)
+        self.paths.append(self.clock.path)
 
 
 def test_what_waits_for_a_processor_keeps_its_own_way():
-    clock = StepClock()
+    clock = TracingClock()
     processor, job = Processor(clock, "car1.accelerator", "accelerator"), Job(clock)
     for number in range(2):
         clock.begin(Header(number, "camera", "car1"))
-        processor.run(10, job.done)
-    clock.way = None
+        processor.run(10, job.done, (), job.label)
+    clock.path = None
     clock.run(until=100)
-    assert [list(one.since(-1))[::-1] for one in job.ways] == [
+    assert [list(one.since(-1))[::-1] for one in job.paths] == [
         [("inference", "detector", 0, 10)],
         [("queueing", "car1.accelerator", 0, 10), ("inference", "detector", 10, 20)],
     ]
-    assert [one.header.stamp_ns for one in job.ways] == [0, 1]
+    assert [one.header.stamp_ns for one in job.paths] == [0, 1]
 
 
 class InTwos(Interceptor):
@@ -295,18 +310,19 @@ class InTwos(Interceptor):
 
 
 def test_an_answer_to_an_older_frame_does_not_take_over_the_way_of_the_others():
-    clock, ways = StepClock(), {}
+    clock, ways = TracingClock(), {}
     host = Host(
         clock,
         "car1",
         device(fixed()["jetson_tx2"], "autoware_vision_detector"),
-        *[default_rng(1)] * 2,
+        accelerator_rng=default_rng(1),
+        cpu_rng=default_rng(1),
     )
     graph = Graph(host)
     node = InterceptorNode(InTwos, graph, lambda *_: None)
     consumer = SimpleNamespace(address="consumer")
     consumer.deliver = lambda topic, answer, sender: ways.setdefault(
-        answer.header.stamp_ns, clock.way
+        answer.header.stamp_ns, clock.path
     )
     graph.subscribe(OBJECTS, consumer)
     for stamp_ns in (MS, 5 * MS):
@@ -314,14 +330,16 @@ def test_an_answer_to_an_older_frame_does_not_take_over_the_way_of_the_others():
         header = Header(stamp_ns, "camera", "car1")
         clock.begin(header)
         node.deliver(IMAGES, Image(header, 0, "", 0, CameraPose(0.0, 0.0, 0.0, 0.0), 1.0), "camera")
-        clock.way = None
+        clock.path = None
     clock.run(until=100 * MS)
     parts = {stamp_ns: [step[0] for step in one.since(-1)][::-1] for stamp_ns, one in ways.items()}
     assert parts == {MS: ["genie", "pending", "hop"], 5 * MS: ["genie", "hop"]}
 
 
 def test_who_samples_right_behind_a_camera_follows_no_frame():
-    """With seed 7 a sample of the resources comes right behind a first frame. Taken for a part of its way, it would
-    keep the run going until all patience is over, ten minutes after the last frame."""
+    """With seed 7 a sample of the resources comes right behind a first frame. Taken for a part of
+    its way, it would keep the run going until all patience is over, ten minutes after the last
+    frame.
+    """
     run = run_in_memory(load_scenario("3car_homo", ["seed=7", "methods=[local]"]))
     assert run.resources["t_ns"].max() < 20_000 * MS

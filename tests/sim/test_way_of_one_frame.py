@@ -1,4 +1,6 @@
-"""The way of one frame, added up by hand: with fixed service times every answer comes at a known nanosecond."""
+"""The way of one frame, added up by hand: with fixed service times every answer comes at a known
+nanosecond.
+"""
 
 from __future__ import annotations
 
@@ -34,9 +36,8 @@ LINK_ANSWER = 4_128 + DELAY
 
 UP = CAR_HOP_IMAGE + LINK_IMAGE  # from a node of the car to the edge's
 DOWN = EDGE_HOP_ANSWER + LINK_ANSWER
-FIRST_LOOK = (
-    CAR_HOP_IMAGE + CAR_GENIE
-)  # from the camera until the car's Genie has looked the frame up
+# from the camera until the car's Genie has looked the frame up
+FIRST_LOOK = CAR_HOP_IMAGE + CAR_GENIE
 LAST_STEP = CAR_GENIE + CAR_HOP_ANSWER  # an answer's way through the car's Genie to the consumer
 OWN_DETECTOR = CAR_HOP_IMAGE + CAR_DETECTOR + CAR_HOP_ANSWER
 EDGE_DETECTION = EDGE_HOP_IMAGE + EDGE_DETECTOR + EDGE_HOP_ANSWER + EDGE_GENIE
@@ -81,12 +82,12 @@ def frames(
 ) -> dict[str, pd.DataFrame]:
     """The frames of each method, with the times counted from their stamps."""
     devices = fixed(detector, cores)
-    slow = devices["jetson_tx2"].codec.model_copy(update={"value": codec})
-    devices["jetson_tx2"] = devices["jetson_tx2"].model_copy(update={"codec": slow})
+    slow = replace(devices["jetson_tx2"].codec, value=codec)
+    devices["jetson_tx2"] = replace(devices["jetson_tx2"], codec=slow)
     fleet = fleet if fleet is not None else [car("car1", "edge1")]
     setting = scenario(fleet, **({"cameras": ONE_CAMERA, "start_jitter": "0 s"} | settings))
     table = drive(setting, of, devices, sent)["frames"]
-    for column in ("received", "first_answer", "fresh_answer"):
+    for column in ("received", "first_answer", "result_answer"):
         table[column] = table[f"{column}_ns"] - table["stamp_ns"]
     return {
         str(method): rows.reset_index(drop=True)
@@ -95,7 +96,7 @@ def frames(
 
 
 def answers(frame: pd.Series) -> tuple[int, int, str]:
-    return int(frame["first_answer"]), int(frame["fresh_answer"]), str(frame["source"])
+    return int(frame["first_answer"]), int(frame["result_answer"]), str(frame["source"])
 
 
 def car(name: str, edge: str, **route: Any) -> dict[str, Any]:
@@ -204,7 +205,7 @@ def test_a_coalesced_frame_gets_the_answer_to_the_frame_it_waits_for():
     """The second frame is taken 50 ms later at the same spot, while the first is pending."""
     rows = frames(trace(view(0, 0, 0.5), view(1, 50 * MS, 0.7)))["genie"]
     assert rows["coalesced"].tolist() == [False, True]
-    assert rows.loc[0, "fresh_answer_ns"] == rows.loc[1, "fresh_answer_ns"]
+    assert rows.loc[0, "result_answer_ns"] == rows.loc[1, "result_answer_ns"]
     assert answers(rows.loc[1]) == (
         FIRST_LOOK + CAR_HOP_EMPTY,
         answers(rows.loc[0])[1] - 50 * MS,
@@ -270,7 +271,7 @@ def test_what_an_edge_has_detected_is_on_the_other_edges_when_the_next_car_asks_
 def test_frames_taken_together_follow_each_other_on_the_wire_and_through_the_detector():
     both = [{"name": name, "recording": "02"} for name in ("camera_02", "camera_03")]
     rows = frames(ONE_FRAME, cameras=both)["remote"]
-    first, second = rows["fresh_answer"]
+    first, second = rows["result_answer"]
     assert first == UP + EDGE_DETECTOR + DOWN
     assert second == first + EDGE_DETECTOR, (
         "it waits on the wire, and then for the rest of the first detection"

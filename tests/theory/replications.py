@@ -20,7 +20,8 @@ def replicate(
 
 
 def equivalent(results: Sequence[float], *, expected: float, margin: float) -> bool:
-    """Whether the whole 99 % confidence interval of the mean lies within ``margin`` (relative) of ``expected``.
+    """Whether the whole 99 % confidence interval of the mean lies within ``margin`` (relative) of
+    ``expected``.
 
     So few or noisy replications make the test fail, not pass. Prints what it compares.
     """

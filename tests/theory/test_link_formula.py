@@ -14,9 +14,10 @@ from hypothesis import strategies as st
 
 from genie_sim import build
 from genie_sim.messages import Detections, Header
-from genie_sim.scenario.links import LINKS
 from genie_sim.sim.clock import Clock
 from genie_sim.sim.link import Link
+from genie_sim.sim.link_models import ChannelSender
+from genie_sim.sim.link_models.presets import LINKS
 from genie_sim.sim.link_models.wire import Wire
 
 IMAGE_BYTES = 1_397_297  # sensor_msgs/Image, bgr8, 1242 x 375
@@ -41,21 +42,23 @@ class Sized:
 
 
 class Line:
-    """A link, and what happened on it: arrivals as (message's number, when), what was lost, what was carried."""
+    """A link, and what happened on it: arrivals as (message's number, when), what was lost, what
+    was carried.
+    """
 
     def __init__(
         self, model: Wire, up: bool = True, queue_length: int = 10**9, seed: int = 1
     ) -> None:
-        self.env = Clock()
+        self.clock = Clock()
         self.arrived: list[tuple[int, int]] = []
         self.lost: list[int] = []
         self.carried: list[int] = []
         self.link = Link(
-            self.env,
+            self.clock,
             "car1->edge1",
-            model.channel(up, np.random.default_rng(seed)),
-            queue_length,
-            lambda message, where: self.lost.append(message.header.stamp_ns),
+            ChannelSender(self.clock, model.channel(up, np.random.default_rng(seed))),
+            queue_length=queue_length,
+            dropped=lambda message, where: self.lost.append(message.header.stamp_ns),
         )
 
     def send(
@@ -67,14 +70,14 @@ class Line:
             self.link.send(
                 channel,
                 message,
-                lambda: self.arrived.append((number, self.env.now)),
+                lambda: self.arrived.append((number, self.clock.now)),
                 carried=lambda one: self.carried.append(one.header.stamp_ns),
             )
 
-        self.env.timeout(at_ns).callbacks.append(lambda _: now())
+        self.clock.timeout(at_ns).callbacks.append(lambda _: now())
 
     def run(self) -> Line:
-        self.env.run()
+        self.clock.run()
         return self
 
 
@@ -97,7 +100,8 @@ def test_an_image_takes_11_87_ms_at_1_gbit_per_s():
 
 
 def test_the_formula_agrees_with_measured_times():
-    """Token-bucket filters that count 66 B of headers a segment: 11.77 ms at 1 Gbit/s, 115.7 ms at 100 Mbit/s.
+    """Token-bucket filters that count 66 B of headers a segment: 11.77 ms at 1 Gbit/s, 115.7 ms at
+    100 Mbit/s.
 
     Measured over a veth pair; the formula is within 1.1 %.
     """
@@ -191,7 +195,9 @@ def test_jitter_is_uniform_from_zero_to_its_limit():
 
 @pytest.mark.parametrize("loss", [0.01, 0.3])
 def test_messages_are_lost_with_the_profile_s_probability(loss: float):
-    """The share lost is binomial (4000 messages, seed 3; the 99.9 % interval around the probability)."""
+    """The share lost is binomial (4000 messages, seed 3; the 99.9 % interval around the
+    probability).
+    """
     from scipy.stats import binom
 
     count = 4000
@@ -223,8 +229,8 @@ def test_during_an_outage_nothing_gets_through_and_afterwards_everything():
     wire_ns = LAN.wire_bits(IMAGE_BYTES)
     begin_ns, end_ns = 100_000_000, 200_000_000
     line = Line(LAN)
-    line.env.after(begin_ns, line.link.down_by.append, "outage")
-    line.env.after(end_ns, line.link.down_by.remove, "outage")
+    line.clock.after(begin_ns, line.link.down_by.append, ("outage",))
+    line.clock.after(end_ns, line.link.down_by.remove, ("outage",))
     last_bit_ns = (begin_ns - 1, begin_ns, 150_000_000, end_ns - 1 + wire_ns // 2, end_ns + wire_ns)
     for number, leaves_ns in enumerate(last_bit_ns):
         line.send(leaves_ns - wire_ns, number)
@@ -234,7 +240,9 @@ def test_during_an_outage_nothing_gets_through_and_afterwards_everything():
 
 
 def test_every_channel_keeps_its_newest_waiting_message_and_counts_the_others():
-    """As a ROS publisher with queue length 1 does; 0 is on the wire already when the others come."""
+    """As a ROS publisher with queue length 1 does; 0 is on the wire already when the others
+    come.
+    """
     line = Line(LAN, queue_length=1)
     for number, channel in enumerate(
         ("camera_02", "camera_02", "camera_03", "camera_02", "camera_03", "camera_02")
@@ -263,8 +271,8 @@ def test_published_is_arrived_or_dropped_and_at_most_the_queue_waits(
     line = Line(LAN, queue_length=length)
     for number, (at_ns, channel) in enumerate(messages):
         line.send(at_ns, number, channel=channel)
-    while line.env.peek() != float("inf"):
-        line.env.step()
+    while line.clock.peek() != float("inf"):
+        line.clock.step()
         assert line.link.queued <= 2 * length, "one queue for each of two channels"
     numbers = [number for number, _ in line.arrived]
     assert sorted(numbers + line.lost) == list(range(len(messages)))
@@ -288,7 +296,7 @@ def test_bytes_are_those_on_the_wire_lost_ones_too_but_not_those_dropped_before_
 def test_the_use_of_the_wire_is_known_while_a_message_is_on_it():
     line = Line(LAN)
     line.send(1000, 1)
-    line.env.run(until=1000 + 500)
+    line.clock.run(until=1000 + 500)
     assert line.link.busy_ns == 500
     line.run()
     assert line.link.busy_ns == LAN.wire_bits(IMAGE_BYTES)

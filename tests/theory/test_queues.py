@@ -1,7 +1,8 @@
 """Accelerators, CPUs, detectors and links against queueing theory.
 
-Mean waits: M/M/1 and M/D/1 (Pollaczek-Khinchine), M/M/c (Erlang C), M/D/c (Crommelin 1932); losses of a detector that
-keeps one waiting image: M/D/1/2. Every test states its replications, seed and margin, and prints what it found (-s).
+Mean waits: M/M/1 and M/D/1 (Pollaczek-Khinchine), M/M/c (Erlang C), M/D/c (Crommelin 1932); losses
+of a detector that keeps one waiting image: M/D/1/2. Every test states its replications, seed and
+margin, and prints what it found (-s).
 """
 
 from __future__ import annotations
@@ -19,12 +20,15 @@ from theory.replications import equivalent, replicate
 from genie_sim import build
 from genie_sim.messages import CameraPose, Detections, Header, Image
 from genie_sim.perception.trace import TraceFrame
-from genie_sim.scenario.links import LINKS
 from genie_sim.sim.clock import Clock
 from genie_sim.sim.device import Host, Processor
 from genie_sim.sim.link import Link
-from genie_sim.sim.nodes import Detector
+from genie_sim.sim.link_models import ChannelSender
+from genie_sim.sim.link_models.presets import LINKS
+from genie_sim.sim.nodes import DetectorNode
 from genie_sim.sim.ros_graph import Graph
+from genie_sim.sim.serving import BatchingDetectorNode
+from genie_sim.sim.settings import Serving
 
 pytestmark = pytest.mark.no_cover  # long runs of what the tests of sim run already
 
@@ -50,7 +54,9 @@ def arrivals(env: Clock, rng: np.random.Generator, rho: float, servers: int, cus
 
 
 def pollaczek_khinchine(rho: float, squared_variation: float) -> float:
-    """Mean wait of M/G/1 in service times; the squared coefficient of variation is 0 for M/D/1, 1 for M/M/1."""
+    """Mean wait of M/G/1 in service times; the squared coefficient of variation is 0 for M/D/1, 1
+    for M/M/1.
+    """
     return rho * (1 + squared_variation) / (2 * (1 - rho))
 
 
@@ -63,7 +69,9 @@ def erlang_c(rho: float, servers: int) -> float:
 
 
 def crommelin(rho: float, servers: int) -> float:
-    """Mean wait of M/D/c in service times: the sum over i of P(N >= i c) - P(N > i c) / rho, N Poisson(i c rho)."""
+    """Mean wait of M/D/c in service times: the sum over i of P(N >= i c) - P(N > i c) / rho, N
+    Poisson(i c rho).
+    """
     from scipy.stats import poisson
 
     i = np.arange(1, 2000)
@@ -134,7 +142,9 @@ def test_a_wrong_service_law_would_be_noticed():
 
 
 def test_little_s_law_and_utilization():
-    """What a run samples every 100 ms (queue, time used) agrees with what happened: L = lambda W, U = rho."""
+    """What a run samples every 100 ms (queue, time used) agrees with what happened: L = lambda W, U
+    = rho.
+    """
     rho, customers = 0.7, 3000
 
     def experiment(rng: np.random.Generator) -> tuple[float, float]:
@@ -188,10 +198,18 @@ def image(number: int, stamp_ns: int) -> Image:
 
 
 def detector_run(rng: np.random.Generator, rho: float, queue_length: int, images: int):
-    """Images come to a detector at random: stamps of those answered, of those dropped, and the waits [ns]."""
+    """Images come to a detector at random: stamps of those answered, of those dropped, and the
+    waits [ns].
+    """
     env = Clock()
     device = fixed_device("edge1", detector=f"{SERVICE_NS} ns", hop="0 ms", per_megabyte="0 ms")
-    host = Host(env, "edge1", build.device(device, "autoware_vision_detector"), rng, rng)
+    host = Host(
+        env,
+        "edge1",
+        build.device(device, "autoware_vision_detector"),
+        accelerator_rng=rng,
+        cpu_rng=rng,
+    )
     answered: list[int] = []
     waits: list[int] = []
     dropped: list[int] = []
@@ -206,7 +224,7 @@ def detector_run(rng: np.random.Generator, rho: float, queue_length: int, images
     graph = Graph(
         host, queue_length, lambda message, where: dropped.append(message.header.stamp_ns)
     )
-    detector = Detector("detector", graph, ("/image_raw",), ("/objects",))
+    detector = DetectorNode("detector", graph, ("/image_raw",), ("/objects",))
     graph.subscribe("/objects", Consumer())
 
     def come(number: int) -> None:
@@ -270,7 +288,7 @@ def test_a_link_with_poisson_messages_matches_m_d_1():
     def experiment(rng: np.random.Generator) -> float:
         env = Clock()
         channel = replace(build.link_model(LINKS["ethernet_1g"]), delay_ns=0).channel(True, rng)
-        link = Link(env, "car1->edge1", channel, queue_length=10**9)
+        link = Link(env, "car1->edge1", ChannelSender(env, channel), queue_length=10**9)
         wire_ns = channel.occupied_ns(1_397_297, 0)
         came_ns: deque[int] = deque()
         waits: list[int] = []
@@ -292,3 +310,113 @@ def test_a_link_with_poisson_messages_matches_m_d_1():
 
     waits = replicate(experiment, replications=30, seed=10)
     assert equivalent(waits, expected=pollaczek_khinchine(rho, 0.0), margin=0.07)
+
+
+def bulk_wait(rate_per_ns: float, batch: int, fixed: float) -> float:
+    """Mean wait [ns] of a queue whose server takes all that wait, at most ``batch``, for a time
+    that is linear in their number.
+
+    How many wait when a batch ends is a Markov chain (Neuts 1967, the general bulk service rule
+    with at least one): from n, the batch takes min(n, batch), or the next that comes where n is 0,
+    and Poisson arrivals join meanwhile. Little's law turns the time average of the waiting ones
+    into their mean wait.
+    """
+    from scipy.stats import poisson
+
+    most = 400
+    starts = np.maximum(np.arange(most), 1)  # how many wait when the batch begins
+    taken = np.minimum(starts, batch)
+    times_ns = SERVICE_NS * (fixed + (1 - fixed) * taken)
+    chain = np.zeros((most, most))
+    for n in range(most):
+        left = starts[n] - taken[n]
+        chain[n, left:] = poisson.pmf(np.arange(most - left), rate_per_ns * times_ns[n])
+    chain /= chain.sum(axis=1, keepdims=True)
+    shares = np.linalg.solve(
+        (chain - np.eye(most)).T + np.ones((most, most)), np.ones(most)
+    )  # the stationary distribution: shares @ chain == shares, with a sum of 1
+    waiting = (starts - taken) * times_ns + rate_per_ns * times_ns**2 / 2
+    idle_ns = np.where(np.arange(most) == 0, 1 / rate_per_ns, 0.0)
+    mean_waiting = float(shares @ waiting) / float(shares @ (times_ns + idle_ns))
+    return mean_waiting / rate_per_ns
+
+
+def batching_detector(rng: np.random.Generator, **serving: object):
+    """A detector with batches and an unbounded queue, on its own clock; and the graph that feeds
+    it.
+    """
+    env = Clock()
+    profile = fixed_device("edge1", detector=f"{SERVICE_NS} ns", hop="0 ms", per_megabyte="0 ms")
+    device = replace(build.device(profile, "autoware_vision_detector"), batch_fixed=0.573)
+    host = Host(env, "edge1", device, accelerator_rng=rng, cpu_rng=rng)
+    graph = Graph(host, 10**9)
+    topics = ("/image_raw",), ("/objects",)
+    return BatchingDetectorNode("detector", graph, *topics, serving=Serving(**serving)), graph
+
+
+@pytest.mark.parametrize(
+    ("load", "batch"),
+    [
+        (0.7, 1),
+        (1.2, 4),
+        pytest.param(0.8, 4, marks=pytest.mark.nightly),
+        pytest.param(1.5, 8, marks=pytest.mark.nightly),
+    ],
+)
+def test_batches_match_the_queue_with_bulk_service(load: float, batch: int):
+    """Mean wait in service times of one picture, by numbers of the embedded Markov chain. A load
+    above 1 is more than the detector could serve one by one.
+    """
+    rate_per_ns = load / SERVICE_NS
+    if batch == 1:
+        expected = pollaczek_khinchine(load, 0.0) * SERVICE_NS
+        assert bulk_wait(rate_per_ns, 1, 0.573) == pytest.approx(expected, rel=1e-6)
+
+    def experiment(rng: np.random.Generator) -> float:
+        detector, graph = batching_detector(rng, batch=batch)
+        env, taken = detector.clock, 0
+        integral, last_ns, waiting = 0.0, 0, 0
+
+        def note() -> None:
+            nonlocal integral, last_ns, waiting
+            integral += waiting * (env.now - last_ns)
+            last_ns, waiting = env.now, detector.queued
+
+        class Consumer:
+            address = "consumer"
+
+            def deliver(self, topic: str, answer: Detections, sender: str) -> None:
+                nonlocal taken
+                taken += 1
+                note()
+
+        graph.subscribe("/objects", Consumer())
+
+        def come(number: int) -> None:
+            note()
+            graph.inject("/image_raw", image(number, env.now), "camera")
+            note()
+
+        env.process(arrivals(env, rng, load, 1, 4000, come))
+        env.run()
+        assert taken == detector.completed == 4000
+        return integral / 4000 / SERVICE_NS
+
+    waits = replicate(experiment, replications=16, seed=11)
+    expected = bulk_wait(rate_per_ns, batch, 0.573) / SERVICE_NS
+    assert equivalent(waits, expected=expected, margin=0.08)
+
+
+@pytest.mark.parametrize("batch", [1, 3, 8])
+def test_a_saturated_detector_serves_a_full_batch_after_the_other(batch: int):
+    """Throughput b / t(b), to 1 %."""
+    detector, graph = batching_detector(np.random.default_rng(12), batch=batch)
+    env = detector.clock
+    for number in range(12_000):
+        env.after(
+            number * SERVICE_NS // 10, graph.inject, ("/image_raw", image(number, number), "camera")
+        )
+    until_ns = 1000 * SERVICE_NS
+    env.run(until=until_ns)
+    rate = detector.completed / (until_ns / SERVICE_NS)
+    assert rate == pytest.approx(batch / (0.573 + 0.427 * batch), rel=0.01)

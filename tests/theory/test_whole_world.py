@@ -1,8 +1,9 @@
 """Theory against everything at once: cars in a world, their tables read as a user reads them.
 
-Frames come at random (Poisson), detections take what the shipped law of a device says, a shifted log-normal one. So a
-detector under ``local`` is M/G/1: Pollaczek-Khinchine gives the mean response. Little's law and the utilization law
-join what is sampled every 100 ms with what each frame and each law says: none of them is true by construction.
+Frames come at random (Poisson), detections take what the shipped law of a device says, a shifted
+log-normal one. So a detector under ``local`` is M/G/1: Pollaczek-Khinchine gives the mean response.
+Little's law and the utilization law join what is sampled every 100 ms with what each frame and each
+law says: none of them is true by construction.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from theory.replications import equivalent, replicate
 from genie_sim import build
 from genie_sim.perception.trace import Trace
 from genie_sim.scenario.profiles import DeviceProfile, load_profile
+from genie_sim.settings import from_plain, plain_data
 from genie_sim.sim.clock import Clock
 from genie_sim.sim.device import Host
 from genie_sim.sim.service import Device, ServiceTime
@@ -44,10 +46,10 @@ def squared_variation(law: ServiceTime) -> float:
 @functools.cache
 def without_hops() -> DeviceProfile:
     """The shipped device on which messages between processes take no time."""
-    written = load_profile(DEVICE).model_dump(mode="json", by_alias=True)
+    written = plain_data(load_profile(DEVICE))
     for hop in written["hop"].values():
         hop["value"] = "0 ms"
-    return DeviceProfile.model_validate(written)
+    return from_plain(DeviceProfile, written)
 
 
 def device() -> Device:
@@ -72,7 +74,7 @@ def test_detections_on_a_host_match_m_g_1():
 
     def experiment(rng: np.random.Generator) -> float:
         env = Clock()
-        host = Host(env, "car1", made, rng, rng)
+        host = Host(env, "car1", made, accelerator_rng=rng, cpu_rng=rng)
         took: list[int] = []
 
         def come(_: int) -> None:
@@ -106,16 +108,22 @@ def at_random(rng: np.random.Generator, rate_per_s: float) -> Trace:
 
 @functools.cache
 def worlds(method: str, replications: int) -> tuple[dict[str, float], ...]:
-    """What a whole world gives, in each replication: rates, responses, queues and use of what bears the load."""
+    """What a whole world gives, in each replication: rates, responses, queues and use of what bears
+    the load.
+    """
     law, found = device().detector_time, []
     rate_per_s = RHO * NS_PER_S / law.mean_ns
 
     def experiment(rng: np.random.Generator) -> float:
         car = {"name": "car1", "device": DEVICE, "edge": "edge1", "link": "ethernet_1g"}
         setting = scenario(
-            [car], methods=[method], seed=int(rng.integers(2**31)), queue_length=10**6, spread=SPREAD,
+            [car],
+            methods=[method],
+            seed=int(rng.integers(2**31)),
+            queue_length=10**6,
+            spread=SPREAD,
             cameras=[{"name": "front", "recording": "02"}],
-        )  # fmt: skip
+        )
         devices = {DEVICE: without_hops()}
         tables = drive(setting, at_random(rng, rate_per_s), devices)
         frames, samples = tables["frames"], tables["resources"]
@@ -163,7 +171,9 @@ def test_little_s_law_holds_in_a_world():
 
 @pytest.mark.parametrize(("method", "replications"), [("local", 24), ("remote", 8)])
 def test_the_utilization_law_holds_in_a_world(method: str, replications: int):
-    """Of the accelerator that detects: its use, sampled, against the frames' rate times the mean of its law."""
+    """Of the accelerator that detects: its use, sampled, against the frames' rate times the mean of
+    its law.
+    """
     service_ns = device().detector_time.mean_ns
     ratios = [
         one["utilization"] / (one["rate_per_ns"] * service_ns)
@@ -173,7 +183,9 @@ def test_the_utilization_law_holds_in_a_world(method: str, replications: int):
 
 
 def test_the_utilization_law_holds_for_a_link():
-    """Of 1 Gbit/s Ethernet: the bits of an image, with 90 bytes more a segment of 1,448, times the frames' rate."""
+    """Of 1 Gbit/s Ethernet: the bits of an image, with 90 bytes more a segment of 1,448, times the
+    frames' rate.
+    """
     image_ns = 8 * (1_397_297 + 90 * math.ceil(1_397_297 / 1448))
     ratios = [one["link"] / (one["rate_per_ns"] * image_ns) for one in worlds("remote", 8)]
     assert equivalent(ratios, expected=1.0, margin=0.02)

@@ -1,1 +1,3 @@
-"""What the similarity caches of the literature share, as pure logic: features, keys that are vectors, and the node."""
+"""What the similarity caches of the literature share, as pure logic: features, keys that are
+vectors, and the node.
+"""

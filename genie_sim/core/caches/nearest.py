@@ -1,4 +1,6 @@
-"""Keys that are vectors, and the nearest of them. Distances are exact: they are computed in whole numbers."""
+"""Keys that are vectors, and the nearest of them. Distances are exact: they are computed in whole
+numbers.
+"""
 
 from collections.abc import Callable, Hashable
 
@@ -10,11 +12,13 @@ from genie_sim.messages import CameraPose, Image
 
 Slots = npt.NDArray[np.intp]
 NONE = -1.0  # as a radius: no other key is near enough
-MOST = 1e9  # more than any squared distance
+MAX_SQUARE = 1e9  # more than any squared distance
 
 
-class Key:
-    """Of one picture: its feature, the camera that took it, and from where. No two pictures have equal keys."""
+class FeatureKey:
+    """Of one picture: its feature, the camera that took it, and from where. No two pictures have
+    equal keys.
+    """
 
     __slots__ = ("pose", "square", "stream", "vector")
 
@@ -23,23 +27,27 @@ class Key:
         self.square = float(vector @ vector)
 
 
-def key_of(feature: str) -> Callable[[Image], Key]:
-    """What makes keys out of a feature. Pictures of different cameras of a car are never alike, as under Genie."""
+def key_of(feature: str) -> Callable[[Image], FeatureKey]:
+    """What makes keys out of a feature. Pictures of different cameras of a car are never alike, as
+    under Genie.
+    """
 
-    def key(image: Image) -> Key:
+    def key(image: Image) -> FeatureKey:
         packed = feature_of(image.content, feature)
         assert packed is not None, "checked before the run"
-        return Key(unpacked(packed), image.header.frame_id, image.pose)
+        return FeatureKey(unpacked(packed), image.header.frame_id, image.pose)
 
     return key
 
 
 class Nearest:
-    """A set of keys. ``find`` gives the key itself, else the nearest other one within ``radius``, if any may be."""
+    """A set of keys. ``find`` gives the key itself, else the nearest other one within ``radius``,
+    if any may be.
+    """
 
     def __init__(self, radius: Callable[[], float] = lambda: NONE) -> None:
         self._radius = radius
-        self._keys: list[Key | None] = []  # by slot
+        self._keys: list[FeatureKey | None] = []  # by slot
         self._slots: dict[Hashable, int] = {}
         self._free: list[int] = []
         self._vectors = np.zeros((64, DIMENSION), np.float32)
@@ -53,7 +61,7 @@ class Nearest:
         return len(self._slots)
 
     def add(self, key: Hashable) -> None:
-        assert isinstance(key, Key)
+        assert isinstance(key, FeatureKey)
         if key in self._slots:
             return
         slot = self._free.pop() if self._free else len(self._keys)
@@ -79,13 +87,16 @@ class Nearest:
         radius = self._radius() if self._slots else NONE
         if radius < 0:
             return None
-        assert isinstance(key, Key)
+        assert isinstance(key, FeatureKey)
         nearest = self.near(key, 1, radius)
         return nearest[0][1] if nearest else None
 
-    def near(self, key: Key, count: int, radius: float = np.inf) -> list[tuple[float, Key]]:
-        """Up to ``count`` other keys of the same camera with their distances, at most ``radius``: nearest first, of
-        equally near ones the older."""
+    def near(
+        self, key: FeatureKey, count: int, radius: float = np.inf
+    ) -> list[tuple[float, FeatureKey]]:
+        """Up to ``count`` other keys of the same camera with their distances, at most ``radius``:
+        nearest first, of equally near ones the older.
+        """
         stream = self._stream_numbers.get(key.stream)
         used = len(self._keys)
         if stream is None or not used:
@@ -93,32 +104,31 @@ class Nearest:
         dots = self._vectors[:used] @ key.vector
         squares: Vector = self._squares[:used] - 2 * dots + np.float32(key.square)
         squares[self._streams[:used] != stream] = np.inf
-        mine = self._slots.get(key)
-        if mine is not None:
-            squares[mine] = np.inf
+        own_slot = self._slots.get(key)
+        if own_slot is not None:
+            squares[own_slot] = np.inf
         return self._first(np.arange(used), squares, count, radius)
 
     def _first(
         self, slots: Slots, squares: Vector, count: int, radius: float
-    ) -> list[tuple[float, Key]]:
-        """Of the keys in these slots, so far away each (squared), the ``count`` nearest; infinity is none."""
-        most = min((radius * UNIT) ** 2, MOST)
-        if count < len(slots):
-            most = min(
-                most,
-                float(squares.min() if count == 1 else np.partition(squares, count - 1)[count - 1]),
-            )
-        near = np.flatnonzero(squares <= most)
-        ordered = (
-            near
-            if len(near) < 2
-            else near[np.lexsort((self._born[slots[near]], squares[near]))][:count]
-        )
-        held = [
-            (float(np.sqrt(squares[one])) / UNIT, self._keys[slots[one]])
-            for one in ordered.tolist()
-        ]
-        return [(distance, one) for distance, one in held if one is not None]
+    ) -> list[tuple[float, FeatureKey]]:
+        """Of the keys in these slots, so far away each (squared), the ``count`` nearest; infinity
+        is none.
+        """
+        max_square = min((radius * UNIT) ** 2, MAX_SQUARE)
+        if count == 1:
+            max_square = min(max_square, float(squares.min()))
+        elif count < len(slots):
+            max_square = min(max_square, float(np.partition(squares, count - 1)[count - 1]))
+        near = np.flatnonzero(squares <= max_square)
+        if len(near) > 1:
+            near = near[np.lexsort((self._born[slots[near]], squares[near]))][:count]
+        neighbours = []
+        for index in near.tolist():
+            key = self._keys[slots[index]]
+            if key is not None:
+                neighbours.append((float(np.sqrt(squares[index])) / UNIT, key))
+        return neighbours
 
     def _grow(self) -> None:
         for name in ("_vectors", "_squares", "_streams", "_born"):

@@ -1,4 +1,6 @@
-"""The laws of a detector that existence needs: how often it finds what is there, and what its scores are worth."""
+"""The laws of a detector that existence needs: how often it finds what is there, and what its
+scores are worth.
+"""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -10,9 +12,10 @@ FALSE_SHARE = 0.2  # Autoware: how often a detector finds something again where 
 class DetectorLaws(NamedTuple):
     """Tables with straight lines between their entries.
 
-    ``vehicles`` and ``others``: the share of looks at an object that find it, at 0, 10, 20 ... m. ``ratios``: how much
-    likelier it is to find an object with a score if it is there than if it is not, and ``firsts``: how likely something
-    found for the first time exists; both for scores of 0, 0.1 ... 1.
+    ``vehicles`` and ``others``: the share of looks at an object that find it, at 0, 10, 20 ... m.
+    ``ratios``: how much likelier it is to find an object with a score if it is there than if it is
+    not, and ``firsts``: how likely something found for the first time exists; both for scores of 0,
+    0.1 ... 1.
     """
 
     vehicles: Sequence[float]
@@ -25,7 +28,7 @@ class DetectorLaws(NamedTuple):
         return _between(self.vehicles if vehicle else self.others, range_m / RANGE_STEP_M)
 
     def ratio(self, score: float) -> float:
-        """Likelihood of a detection with this score if the object exists over that if it does not."""
+        """Likelihood ratio of a detection with this score: the object exists, or does not."""
         return _between(self.ratios, score / SCORE_STEP)
 
     def first(self, score: float) -> float:

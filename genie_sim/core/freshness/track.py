@@ -1,4 +1,6 @@
-"""``track``: objects move with a constant velocity (``core.tracking``) and are served where they are predicted."""
+"""``track``: objects move with a constant velocity (``core.tracking``) and are served where they
+are predicted.
+"""
 
 from typing import Any
 
@@ -7,7 +9,14 @@ from genie_sim.core.tracking import COAST_NS
 
 
 class Tracks(Never):
-    """A moving object is predicted for ``coast_ns`` after it was last seen, then forgotten; others stay."""
+    """A moving object is predicted for ``coast_ns`` after it was last seen, then forgotten; others
+    stay.
+
+    Parameters
+    ----------
+    coast_ns : int
+        How long a track is predicted without a sighting.
+    """
 
     tracks = True
 
@@ -15,6 +24,6 @@ class Tracks(Never):
         positive(coast_ns=coast_ns)
         self._coast_ns = coast_ns
 
-    def expires_ns(self, one: Any) -> int | None:
-        seen_ns: int = one.seen_ns
-        return seen_ns + self._coast_ns if one.moving else None
+    def expires_ns(self, track: Any) -> int | None:
+        seen_ns: int = track.seen_ns
+        return seen_ns + self._coast_ns if track.moving else None

@@ -1,14 +1,27 @@
-"""Link models: how long a message occupies a link, when it arrives, and whether it is lost. One file each.
+"""Link models: how long a message occupies a link, when it arrives, and whether it is lost. One
+file each.
 
-To add one, write a frozen dataclass with the method of ``LinkModel`` and name it here (or in a scenario as
+A model whose links do not affect each other is a ``LinkModel``: it says how long each message
+takes. A model whose links share something, or that must know where a car is, is a ``Medium``. To
+add one, write a frozen dataclass with the method of either and name it here (or in a scenario as
 ``package.module:Class``). Its arguments are its settings in YAML.
 """
 
-from typing import Protocol
+from collections.abc import Callable
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
 
-LINK_MODELS: dict[str, str] = {"wire": "genie_sim.sim.link_models.wire:Wire"}
+from genie_sim.monitor import Resource
+
+if TYPE_CHECKING:
+    from genie_sim.sim.clock import Clock
+
+LINK_MODELS: dict[str, str] = {
+    "wire": "genie_sim.sim.link_models.wire:Wire",
+    "trace": "genie_sim.sim.link_models.trace:RecordedLink",
+    "cell": "genie_sim.sim.link_models.cell:Cell",
+}
 
 
 class Channel(Protocol):
@@ -18,11 +31,118 @@ class Channel(Protocol):
         """How long a message that begins its way now keeps the sender busy."""
 
     def delay_ns(self, size_bytes: int, now_ns: int) -> int | None:
-        """How long it takes from now, when its last bit has left, until it arrives; ``None`` if it is lost."""
+        """How long it takes from now, when its last bit has left, until it arrives; ``None`` if it
+        is lost.
+        """
 
 
 class LinkModel(Protocol):
-    """What a scenario says about a link. ``up`` leads from a car to its edge, or from an edge into the edge network."""
+    """What a scenario says about a link. ``up`` leads from a car to its edge, or from an edge into
+    the edge network.
+    """
 
     def channel(self, up: bool, rng: np.random.Generator) -> Channel:
         """One direction, with the link's own random numbers."""
+
+
+class LinkEnds(NamedTuple):
+    """One direction of a link: its ``name``, ``FROM->TO``, and whose it is. ``car`` is ``None`` in
+    the network between edges.
+    """
+
+    name: str
+    car: str | None
+    edge: str
+    up: bool
+
+
+class Air(Protocol):
+    """What a medium knows of the world."""
+
+    @property
+    def clock(self) -> "Clock":
+        """The run's clock."""
+
+    @property
+    def edges(self) -> tuple[str, ...]:
+        """Every edge by name."""
+
+    def stream(self, *names: str | int) -> np.random.Generator:
+        """The random generator of these names: the same under every method."""
+
+    def place(self, car: str) -> tuple[float, float]:
+        """Where a car is now: east and north [m]."""
+
+    def site(self, edge: str) -> tuple[float, float] | None:
+        """Where an edge is: east and north [m]; ``None`` if the scenario does not say."""
+
+    def add_resource(self, resource: Resource) -> None:
+        """Adds something whose use is sampled."""
+
+
+class Sender(Protocol):
+    """What carries the messages of one direction of a link, one after the other."""
+
+    def send(self, size_bytes: int, carried: Callable[[], None]) -> None:
+        """Sends a message, and calls ``carried`` once, later, when its last bit has left."""
+
+    def delay_ns(self, size_bytes: int, now_ns: int) -> int | None:
+        """How long the message takes from now, when its last bit has left, until it arrives;
+        ``None`` if it is lost.
+        """
+
+    def set_up(self, is_up: bool) -> None:
+        """The link goes down or comes back, by a fault or a hand-over."""
+
+
+class Radio(Protocol):
+    """A medium in one run of one method: all of its state."""
+
+    def sender(self, ends: LinkEnds) -> Sender:
+        """What carries one direction of a link."""
+
+
+class Medium(Protocol):
+    """What a scenario says about links that share something.
+
+    ``needs_sites = True``: every edge must say where it is; ``needs_cars = True``: it cannot be the
+    network between edges. With a method ``check``, which raises ``UserError``, it looks at its
+    files before anything runs; ``digests`` gives what of them decides the outcome, by name.
+    """
+
+    def radio(self, air: Air) -> Radio:
+        """A radio for one run of one method."""
+
+
+class ChannelSender:
+    """Sends by the times of a channel."""
+
+    def __init__(self, clock: "Clock", channel: Channel) -> None:
+        self._clock = clock
+        self._occupied_ns = channel.occupied_ns
+        self.delay_ns = channel.delay_ns
+
+    def send(self, size_bytes: int, carried: Callable[[], None]) -> None:
+        clock = self._clock
+        clock.after(int(self._occupied_ns(size_bytes, clock.now)), carried)
+
+    def set_up(self, is_up: bool) -> None:
+        """A message that is on its way when the link goes down still takes its time."""
+
+
+class ChannelRadio:
+    """The links of a ``LinkModel``, which do not affect each other."""
+
+    def __init__(self, model: LinkModel, air: Air) -> None:
+        self._model = model
+        self._air = air
+
+    def sender(self, ends: LinkEnds) -> Sender:
+        channel = self._model.channel(ends.up, self._air.stream(ends.name))
+        return ChannelSender(self._air.clock, channel)
+
+
+def make_radio(model: LinkModel | Medium, air: Air) -> Radio:
+    """The radio of a link model of either kind."""
+    make = getattr(model, "radio", None)
+    return ChannelRadio(model, air) if make is None else make(air)  # type: ignore[arg-type]

@@ -1,4 +1,4 @@
-"""FoggyCache: its hashing finds neighbours in bounded time, and its vote trades reuse for accuracy."""
+"""FoggyCache: its hashing finds neighbours in bounded time, its vote trades reuse for accuracy."""
 
 from __future__ import annotations
 
@@ -6,14 +6,16 @@ import numpy as np
 import pytest
 
 from genie_sim.core.caches.nearest import Nearest
-from genie_sim.methods.foggycache import FoggyCache, Hashed
+from genie_sim.methods.foggycache import HashIndex, VotingCache
 from tests.core.caches.vectors import TOPIC, answer, at, key
 
 
 def reuse_and_accuracy(theta: float, seed: int) -> tuple[float, float]:
-    """Over requests on a line, whose answer changes every 0.2, and where one stored answer of eight is another one."""
+    """Over requests on a line, whose answer changes every 0.2, and where one stored answer of eight
+    is another one.
+    """
     rng = np.random.default_rng(seed)
-    cache = FoggyCache(None, np.random.default_rng(seed), theta=theta, radius=0.15)
+    cache = VotingCache(None, np.random.default_rng(seed), theta=theta, radius=0.15)
     hits = right = 0
     for now, place in enumerate(rng.uniform(0.0, 2.0, 700)):
         true = 100.0 * (place // 0.2)
@@ -43,7 +45,7 @@ def test_with_theta_accuracy_rises_and_reuse_falls():
 
 
 def test_a_vote_needs_two_and_the_largest_cluster_wins():
-    cache = FoggyCache(None, np.random.default_rng(2), theta=0.7, radius=0.5)
+    cache = VotingCache(None, np.random.default_rng(2), theta=0.7, radius=0.5)
     cache.put(at(0.0), TOPIC, answer(1.0), 0)
     assert cache.get(at(0.0), 1) is None, "one alone is no vote"
     cache.put(at(0.01), TOPIC, answer(1.5), 1)
@@ -61,7 +63,7 @@ def test_a_vote_needs_two_and_the_largest_cluster_wins():
 @pytest.mark.parametrize("width", [0.1, 20.0])
 def test_hashing_finds_most_neighbours_and_looks_at_few(width: float):
     rng = np.random.default_rng(4)
-    hashed, plain = Hashed(np.random.default_rng(5), width, 10, 40), Nearest()
+    hashed, plain = HashIndex(np.random.default_rng(5), width, 10, 40), Nearest()
     keys = [key(*rng.integers(-60, 60, 8)) for _ in range(800)]
     for one in keys:
         hashed.add(one)

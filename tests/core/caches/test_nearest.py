@@ -12,7 +12,7 @@ from genie_sim.core.caches.features import UNIT
 from genie_sim.core.caches.nearest import Nearest
 from genie_sim.core.rules import Capacity
 from genie_sim.messages import CameraPose
-from genie_sim.methods.sim_lru import RndLRU, SimLRU
+from genie_sim.methods.sim_lru import NearestCache, RandomNearestCache
 from tests.core.caches.vectors import HERE, TOPIC, answer, at, key
 
 
@@ -31,10 +31,13 @@ def test_near_keys_are_those_of_the_definition_through_growth_and_removal():
             8 / UNIT,
         )
         expected = sorted(
-            ((float(np.linalg.norm(one.vector - asked.vector)) / UNIT, born, one) for born, one in enumerate(held)
-             if one.stream == "left"),
+            (
+                (float(np.linalg.norm(one.vector - asked.vector)) / UNIT, born, one)
+                for born, one in enumerate(held)
+                if one.stream == "left"
+            ),
             key=lambda found: found[:2],
-        )  # fmt: skip
+        )
         expected = [(distance, one) for distance, _, one in expected if distance <= radius][:count]
         found = store.near(asked, count, radius)
         assert [one for _, one in found] == [one for _, one in expected]
@@ -61,7 +64,7 @@ def test_a_key_finds_itself_and_with_a_radius_its_neighbour():
 
 
 def test_sim_lru_serves_near_ones_and_does_not_store_them():
-    cache = SimLRU(Capacity(entries=2), radius=0.1)
+    cache = NearestCache(Capacity(entries=2), radius=0.1)
     first, second, third = at(0.0), at(1.0), at(2.0)
     cache.put(first, TOPIC, answer(1.0), 0)
     cache.put(second, TOPIC, answer(2.0), 1)
@@ -74,7 +77,7 @@ def test_sim_lru_serves_near_ones_and_does_not_store_them():
 
 
 def test_rnd_lru_hits_in_proportion_to_nearness():
-    cache = RndLRU(None, 0.4, np.random.default_rng(3))
+    cache = RandomNearestCache(None, 0.4, np.random.default_rng(3))
     cache.put(at(0.0), TOPIC, answer(), 0)
     for distance, expected in ((0.0, 1.0), (0.1, 0.75), (0.3, 0.25), (0.41, 0.0)):
         hits = sum(cache.get(at(distance), 1) is not None for _ in range(2000))
@@ -85,13 +88,12 @@ def test_an_answer_moves_with_its_camera():
     here = CameraPose(100.0, 50.0, 1.6, math.pi / 2)
     (one,) = moved(answer(10.0), HERE, here).objects
     assert one.location == pytest.approx((100.0, 60.0, 0.8))
-    aside = CameraPose(
-        0.0, -3.0, 1.6, 0.0
-    )  # 3 m to the right of where it was: the car is 3 m to its left
+    # 3 m to the right of where it was: the car is 3 m to its left
+    aside = CameraPose(0.0, -3.0, 1.6, 0.0)
     (one,) = moved(answer(10.0), aside, here).objects
     assert one.location == pytest.approx((97.0, 60.0, 0.8))
     assert moved(answer(10.0), HERE, HERE) == answer(10.0)
-    cache = SimLRU(None, 0.1, replay="camera")
+    cache = NearestCache(None, 0.1, replay="camera")
     cache.put(key(0), TOPIC, answer(10.0), 0)
     (seen,) = cache.get(key(1, pose=here), 1)[TOPIC].objects
     assert seen.location == pytest.approx((100.0, 60.0, 0.8))

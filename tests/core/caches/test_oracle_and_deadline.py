@@ -7,8 +7,8 @@ import pytest
 
 from genie_sim.core.matching import f1, placed
 from genie_sim.messages import Header
-from genie_sim.methods.deadline import Line, Scheduler
-from genie_sim.methods.oracle import KnownAnswers
+from genie_sim.methods.deadline import LinearEstimate, Scheduler
+from genie_sim.methods.oracle import AnswerHistory
 from tests.core.caches.vectors import answer
 
 MS = 10**6
@@ -16,7 +16,7 @@ MS = 10**6
 
 def test_the_oracle_finds_the_newest_right_answer_as_looking_at_all_of_them_would():
     rng = np.random.default_rng(3)
-    known, answers = KnownAnswers(), []
+    known, answers = AnswerHistory(), []
     hits = 0
     for _ in range(400):
         asked = answer(*rng.uniform(0.0, 60.0, rng.integers(0, 4)))
@@ -30,12 +30,12 @@ def test_the_oracle_finds_the_newest_right_answer_as_looking_at_all_of_them_woul
 
 
 def test_time_is_a_line_in_bytes():
-    line = Line()
+    line = LinearEstimate()
     assert line.at(1000) is None
-    line.seen(1000, 10 * MS)
+    line.add(1000, 10 * MS)
     assert line.at(500) == pytest.approx(5 * MS), "of one size: it is all the link"
     for size in (1000, 2000, 500) * 20:
-        line.seen(size, 3 * MS + 4000 * size)
+        line.add(size, 3 * MS + 4000 * size)
     assert line.at(4000) == pytest.approx(3 * MS + 4000 * 4000, rel=0.01)
 
 
@@ -104,4 +104,4 @@ def test_an_answer_tells_that_earlier_frames_were_dropped_and_later_ones_still_w
         ]
     scheduler.answered("local", header(2), 350 * MS)
     scheduler.answered("local", header(1), 360 * MS)  # nobody waits for it any more
-    assert scheduler._sent["local"].keys() == {header(3)}
+    assert scheduler._pending["local"].keys() == {header(3)}

@@ -6,18 +6,21 @@ import numpy as np
 import pytest
 
 from genie_sim.core.rules import Capacity
-from genie_sim.methods.potluck import Potluck
+from genie_sim.methods.potluck import AdaptiveThresholdCache
 from tests.core.caches.vectors import TOPIC, answer, at
 
 BOUNDARY = 0.2
 
 
 def learned(boundary: float, seed: int, **settings: float) -> list[float]:
-    """The threshold after each miss: requests on a line whose answer changes at every multiple of the boundary, so two
-    that are farther apart never agree."""
+    """The threshold after each miss: requests on a line whose answer changes at every multiple of
+    the boundary, so two that are farther apart never agree.
+    """
     rng = np.random.default_rng(seed)
     cache, found = (
-        Potluck(None, np.random.default_rng(seed + 100), warm=20, ttl_ns=10**15, **settings),
+        AdaptiveThresholdCache(
+            None, np.random.default_rng(seed + 100), warm=20, ttl_ns=10**15, **settings
+        ),
         [],
     )
     for now, place in enumerate(rng.uniform(0.0, 6.0, 1500)):
@@ -43,7 +46,9 @@ def test_a_wider_boundary_gives_a_wider_threshold():
 
 
 def test_different_answers_within_the_threshold_tighten_it_and_equal_ones_beyond_loosen_it():
-    cache = Potluck(None, np.random.default_rng(1), dropout=0.0, warm=1, tighten=4.0, keep=0.8)
+    cache = AdaptiveThresholdCache(
+        None, np.random.default_rng(1), dropout=0.0, warm=1, tighten=4.0, keep=0.8
+    )
     cache.put(at(0.0), TOPIC, answer(1.0), 0)
     cache.put(at(0.5), TOPIC, answer(1.0), 1)
     assert cache.reach == pytest.approx(0.1, abs=1e-3)
@@ -55,18 +60,17 @@ def test_different_answers_within_the_threshold_tighten_it_and_equal_ones_beyond
 
 
 def test_dropped_hits_are_misses():
-    cache = Potluck(None, np.random.default_rng(1), dropout=0.25)
+    cache = AdaptiveThresholdCache(None, np.random.default_rng(1), dropout=0.25)
     cache.put(at(0.0), TOPIC, answer(1.0), 0)
     misses = sum(cache.get(at(0.0), 1) is None for _ in range(2000))
     assert misses / 2000 == pytest.approx(0.25, abs=0.03)
 
 
 def test_what_saves_least_per_byte_goes_first():
-    cache = Potluck(Capacity(entries=2), np.random.default_rng(1), dropout=0.0)
+    cache = AdaptiveThresholdCache(Capacity(entries=2), np.random.default_rng(1), dropout=0.0)
     cache.put(at(0.0), TOPIC, answer(1.0), 0)
     cache.put(at(1.0), TOPIC, answer(1.0, 9.0, 20.0), 1)
     cache.get(at(1.0), 2)
-    cache.put(
-        at(2.0), TOPIC, answer(), 3
-    )  # two uses of the large one are less per byte than one of the small one
+    # two uses of the large one are less per byte than one of the small one
+    cache.put(at(2.0), TOPIC, answer(), 3)
     assert [cache.get(at(x), 4) is not None for x in (0.0, 1.0, 2.0)] == [True, False, True]

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from genie_sim.core.rules import Capacity
-from genie_sim.methods.sim_lru import SimLRU
-from tests.core.caches.vectors import TOPIC, answer, key
+from genie_sim.methods.sim_lru import NearestCache
+from tests.core.caches.vectors import TOPIC, answer, at, key
 
 
 def requests(items: int, count: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
@@ -18,7 +18,7 @@ def requests(items: int, count: int, seed: int) -> tuple[np.ndarray, np.ndarray]
 
 
 def hit_ratio(places: np.ndarray, asked: np.ndarray, capacity: int, radius: float) -> float:
-    cache, hits, nothing = SimLRU(Capacity(entries=capacity), radius), 0, answer()
+    cache, hits, nothing = NearestCache(Capacity(entries=capacity), radius), 0, answer()
     for now, item in enumerate(asked):
         one = key(places[item])
         if cache.get(one, now) is not None:
@@ -31,19 +31,22 @@ def hit_ratio(places: np.ndarray, asked: np.ndarray, capacity: int, radius: floa
 def ttl_approximation(places: np.ndarray, rates: np.ndarray, capacity: int, reach: float) -> float:
     """The hit ratio of SIM-LRU for items on a line, in rising order, under independent requests.
 
-    As Che's approximation of LRU, in the manner of Y. Ben Mazziane, S. Alouf, G. Neglia, D. S. Menasche (arXiv
-    2209.03174): an item's stay ends when nobody has refreshed it for one characteristic time. What is within reach of
-    an item excludes it from the cache; all else is taken to be independent.
+    As Che's approximation of LRU, in the manner of Y. Ben Mazziane, S. Alouf, G. Neglia, D. S.
+    Menasche (arXiv 2209.03174): an item's stay ends when nobody has refreshed it for one
+    characteristic time. What is within reach of an item excludes it from the cache; all else is
+    taken to be independent.
     """
     apart = np.abs(places[:, None] - places[None, :])
     inside = (apart <= reach) & ~np.eye(len(places), dtype=bool)
     left, right = np.tril(inside), np.triu(inside)
     # Who takes the requests for j from i, although i holds: nearer to j, and not excluded by i.
     takes = [
-        [(j, np.flatnonzero((apart[j] <= reach) & (apart[j] < apart[j, i]) & (apart[i] > reach)))
-         for j in np.flatnonzero(inside[i])]
+        [
+            (j, np.flatnonzero((apart[j] <= reach) & (apart[j] < apart[j, i]) & (apart[i] > reach)))
+            for j in np.flatnonzero(inside[i])
+        ]
         for i in range(len(places))
-    ]  # fmt: skip
+    ]
 
     def nobody_else(held: np.ndarray) -> np.ndarray:
         """Nothing within reach is held, given that the item itself is not."""
@@ -93,10 +96,20 @@ def test_at_radius_nought_it_is_lru_to_the_hit(capacity: int):
     _, asked = requests(80, 3_000, seed=capacity)
     reference = libcachesim.LRU(cache_size=capacity, hashpower=12)
     expected = [reference.get(libcachesim.Request(obj_id=int(item), obj_size=1)) for item in asked]
-    cache = SimLRU(Capacity(entries=capacity), radius=0.0)
+    cache = NearestCache(Capacity(entries=capacity), radius=0.0)
     found = []
     for now, item in enumerate(asked):
         found.append(cache.get(key(item), now) is not None)
         if not found[-1]:
             cache.put(key(item), TOPIC, answer(), now)
     assert found == expected
+
+
+def test_objects_of_a_stored_answer_are_those_of_the_latest_one():
+    """What is compared is the answer that would be replayed, not one that it has replaced."""
+    cache, stored = NearestCache(Capacity(entries=3), radius=0.1), at(0.0)
+    cache.put(stored, TOPIC, answer(1.0), 0)
+    before = cache.stored_objects(stored)
+    assert cache.stored_objects(stored) is before, "worked out once"
+    cache.put(stored, TOPIC, answer(50.0), 1)
+    assert cache.stored_objects(stored).placed != before.placed

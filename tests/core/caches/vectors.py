@@ -5,21 +5,21 @@ from __future__ import annotations
 import numpy as np
 
 from genie_sim.core.caches.features import DIMENSION, UNIT
-from genie_sim.core.caches.nearest import Key
+from genie_sim.core.caches.nearest import FeatureKey
 from genie_sim.messages import CameraPose, Detection, Detections, Header
 
 HERE = CameraPose(0.0, 0.0, 1.6, 0.0)
 TOPIC = "/objects"
 
 
-def key(*place: float, stream: str = "front", pose: CameraPose = HERE) -> Key:
+def key(*place: float, stream: str = "front", pose: CameraPose = HERE) -> FeatureKey:
     """A key at whole numbers, 254 of which are a distance of 1."""
     vector = np.zeros(DIMENSION, np.float32)
     vector[: len(place)] = place
-    return Key(vector, stream, pose)
+    return FeatureKey(vector, stream, pose)
 
 
-def at(distance: float) -> Key:
+def at(distance: float) -> FeatureKey:
     """A key on a line, so far from nought."""
     return key(round(distance * UNIT))
 

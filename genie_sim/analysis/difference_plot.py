@@ -1,0 +1,98 @@
+"""One figure: the paired differences of a comparison, with their intervals and a line at zero."""
+
+from collections.abc import Sequence
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from genie_sim.analysis import style
+from genie_sim.analysis.compare import ComparedRuns, Difference
+from genie_sim.analysis.drawing import finish, in_style, is_narrow
+from genie_sim.analysis.registry import METRICS
+from genie_sim.analysis.style import CHARACTER_IN, PAGE_IN
+
+DRAWN = (
+    "first_answer_mean",
+    "fresh_answer_mean",
+    "under_deadline_share",
+    "streaming_f1",
+    "ghost_share",
+    "object_recall",
+)
+WITHOUT_TRUTH = (*DRAWN[:3], "first_proxy_f1", "result_proxy_f1")
+MAX_COLUMNS = 3
+ROW_IN, MIN_PANEL_IN = 0.2, 0.76
+
+
+@in_style()
+def differences(
+    comparison: ComparedRuns, footer: str = "", width_in: float | None = None
+) -> Figure:
+    """A panel for each main metric: of each arm its difference from the one it is compared with, as
+    a point with its 95 % interval. An interval off the line at zero is a difference that the data
+    show; the label of an axis says which side is better.
+    """
+    rows = [row for row in comparison.rows if row.difference is not None]
+    judged = any(row.metric == "streaming_f1" for row in rows)
+    metrics = [
+        name
+        for name in (DRAWN if judged else WITHOUT_TRUTH)
+        if any(row.metric == name for row in rows)
+    ]
+    arms = [arm for arm in comparison.arms if any(row.arm == arm.label for row in rows)]
+    labels = [arm.label for arm in comparison.arms]
+    looks = dict(zip(labels, style.method_looks(labels), strict=True))
+    titles = {arm.label: arm.title for arm in comparison.arms}
+    width_in = width_in or PAGE_IN
+    columns = min(max(len(metrics), 1), 1 if is_narrow(width_in) else MAX_COLUMNS)
+    lines = -(-max(len(metrics), 1) // columns)
+    height_in = lines * (MIN_PANEL_IN + ROW_IN * len(arms))
+    figure = Figure(figsize=(width_in, height_in + 0.2))
+    grid = figure.subplots(lines, columns, squeeze=False)
+    for number, axis in enumerate(grid.flat):
+        if number >= len(metrics):
+            axis.remove()
+            continue
+        of_metric = {row.arm: row for row in rows if row.metric == metrics[number]}
+        drawn = [of_metric.get(arm.label) for arm in arms]
+        _draw(axis, metrics[number], drawn, [looks[arm.label] for arm in arms])
+        names = [arm.title for arm in arms] if number % columns == 0 else [""] * len(arms)
+        axis.set_yticks(range(len(arms)), names)
+    references = list(dict.fromkeys(titles[row.against] for row in rows))
+    against = references[0] if len(references) == 1 else "the first setting"
+    by = " and ".join(sorted({row.by for row in rows if row.by}))
+    room = int(width_in / CHARACTER_IN)
+    note = f"difference from {against}, 95 % intervals paired by {by}"[:room]
+    finish(figure, "Paired differences with 95 % intervals", footer, note=note)
+    return figure
+
+
+def _draw(axis: Axes, metric: str, rows: Sequence[Difference | None], looks: Sequence[int]) -> None:
+    """One metric: a point and an interval for each arm, the first at the top."""
+    info = METRICS[metric]
+    axis.axvline(0, color="black", linewidth=0.9)
+    for place, (row, look) in enumerate(zip(rows, looks, strict=True)):
+        if row is None or row.difference is None:
+            continue
+        x = info.factor * row.difference
+        ends = None
+        if row.low is not None and row.high is not None:
+            ends = [[x - info.factor * row.low], [info.factor * row.high - x]]
+        axis.errorbar(
+            x,
+            place,
+            xerr=ends,
+            color=style.method_colour(look),
+            marker=style.method_marker(look),
+            markersize=4,
+            capsize=2.5,
+            linestyle="",
+        )
+    axis.set_ylim(len(rows) - 0.5, -0.5)
+    axis.margins(x=0.12)
+    axis.grid(axis="y", visible=False)
+    axis.locator_params(axis="x", nbins=3)
+    unit = "percentage points" if info.unit == "%" else info.unit
+    better = f"\n{info.better} is better" if info.better else ""
+    axis.set_title(info.title)
+    axis.set_xlabel(f"[{unit}]{better}" if unit else f"difference{better}")

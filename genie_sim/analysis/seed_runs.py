@@ -1,0 +1,163 @@
+"""Runs of one setting under several seeds, in hand as one run is: their numbers are means over the
+seeds, with 95 % t intervals.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from genie_sim.analysis.statistics import across_seeds
+from genie_sim.errors import UserError
+from genie_sim.paths import expanded
+from genie_sim.recording import provenance, results
+from genie_sim.recording.columns import Columns
+from genie_sim.recording.results import MethodInfo, Metric, Run
+
+ABOUT = "sweep.json"  # what a study says of itself
+RUNS = "runs"  # the folder of whole results
+
+
+@dataclass(frozen=True, eq=False)
+class SeedRuns:
+    """Finished runs that differ in nothing but the seed.
+
+    ``folder`` is that of the study that ran them, ``None`` for runs that were not written down;
+    ``label`` is what the user calls them, or empty.
+    """
+
+    runs: Sequence[Run]
+    folder: Path | None = None
+    label: str = ""
+
+    def __repr__(self) -> str:
+        where = self.folder if self.folder is not None else "not written to a folder"
+        return f"<{type(self).__name__} {self.name}: {len(self.runs)} seeds, {where}>"
+
+    @cached_property
+    def measured(self) -> list[Metric]:
+        """Each metric's mean over the seeds, the ends of its 95 % t interval, of a share Wilson's,
+        and in ``n`` the number of runs that define it.
+        """
+        import pandas as pd
+
+        rows = [
+            {**asdict(metric), "seed": run.seed} for run in self.runs for metric in run.measured
+        ]
+        means = across_seeds(pd.DataFrame(rows).astype({"value": float}), [])
+        return [
+            Metric(
+                metric=row["metric"],
+                method=row["method"],
+                placement=row["placement"],
+                component=row["component"],
+                value=_defined(row["value"]),
+                unit=row["unit"],
+                low=_defined(row["low"]),
+                high=_defined(row["high"]),
+                n=int(row["runs"]),
+            )
+            for row in means.to_dict("records")
+        ]
+
+    @property
+    def name(self) -> str:
+        """The scenario's name."""
+        return self.runs[0].name
+
+    @property
+    def title(self) -> str:
+        """What people read for them: their label, else the scenario's name."""
+        return self.label or self.name
+
+    @property
+    def seeds(self) -> list[int]:
+        """Of each run its seed."""
+        return [run.seed for run in self.runs]
+
+    @property
+    def methods(self) -> Sequence[MethodInfo]:
+        """The methods that ran, in the order of the scenario."""
+        return self.runs[0].methods
+
+    @property
+    def changed(self) -> list[str]:
+        """Files that were changed since the runs wrote them."""
+        return list(dict.fromkeys(name for run in self.runs for name in run.changed))
+
+    @property
+    def warning(self) -> str:
+        """Says which files were changed; empty if none was."""
+        return " ".join(dict.fromkeys(run.warning for run in self.runs if run.warning))
+
+    @property
+    def footer(self) -> str:
+        """Which runs they are, below a figure."""
+        which = f"{self.name}, {seeds_text(self.seeds)}"
+        return ", ".join(filter(None, [self.label, which, self.warning]))
+
+
+def tables_of_runs(run: Run | SeedRuns) -> list[Mapping[str, Columns]]:
+    """The tables of a run, or of each run of several seeds."""
+    return [of_seed.tables for of_seed in run.runs]
+
+
+def seeds_text(seeds: Sequence[int]) -> str:
+    """``seed 7``, ``seeds 1, 4``, ``seeds 1 to 5``: seeds as they are read."""
+    if len(seeds) == 1:
+        return f"seed {seeds[0]}"
+    if len(seeds) > 2 and list(seeds) == list(range(seeds[0], seeds[0] + len(seeds))):
+        return f"seeds {seeds[0]} to {seeds[-1]}"
+    return f"seeds {', '.join(map(str, seeds))}"
+
+
+def _defined(value: float) -> float | None:
+    return None if math.isnan(value) else float(value)
+
+
+def is_seeds_folder(folder: Path) -> bool:
+    """Whether a folder is that of a study without axes, as far as that can be read."""
+    try:
+        about = _about(folder)
+    except UserError:
+        return False
+    return about is not None and not about["sweep"].get("axes")
+
+
+def load(folder: str | Path, *, allow_changed: bool = False) -> Run | SeedRuns:
+    """The run in a result folder, or the runs of a study without axes. Raises ``UserError``."""
+    folder = expanded(folder)
+    if not is_seeds_folder(folder):
+        return results.load(folder, allow_changed=allow_changed)
+    about = _about(folder) or {}
+    where = folder / ABOUT
+    label = results.checked_label(about.get("label", ""), f"{where}: label")
+    seeds = about["sweep"].get("seeds")
+    if not isinstance(seeds, list) or not seeds or not all(type(seed) is int for seed in seeds):
+        raise UserError(f"{where}: seeds: missing, or not a list of whole numbers")
+    runs = []
+    for seed in seeds:
+        path = provenance.contained(folder, f"{RUNS}/{folder_name(seed)}")
+        if not path.is_dir():
+            raise UserError(f"{path}: missing; the study is not finished, run it again")
+        run = results.load(path, allow_changed=allow_changed)
+        runs.append(replace(run, label=label))
+    return SeedRuns(runs, folder, label)
+
+
+def folder_name(seed: int) -> str:
+    """What the result folder of a run is called in a study without axes."""
+    return f"seed-{seed}"
+
+
+def _about(folder: Path) -> dict[str, Any] | None:
+    """What a study says of itself; ``None`` for another folder. Raises ``UserError``."""
+    path = provenance.contained(folder, ABOUT)
+    if not path.is_file():
+        return None
+    about = provenance.read_json(path)
+    if not isinstance(about, dict) or not isinstance(about.get("sweep"), dict):
+        raise UserError(f"{path}: cannot be read: not what a sweep says of itself")
+    return about

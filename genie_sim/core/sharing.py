@@ -1,0 +1,179 @@
+"""A Genie beside an edge's detector, not in its way: it counts what cameras saw and tells cars of
+what they did not see themselves.
+
+The detector answers the cars directly. This node reads the frames that come up (for their poses),
+the detector's answers, and the looks that neighbouring edges broadcast. After each answer it tells
+the car that asked the tracks of other cars around it.
+"""
+
+from collections import OrderedDict
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from genie_sim.core.defences import Defence
+from genie_sim.core.maps import Viewer, as_change, object_lookups
+from genie_sim.core.node import Request
+from genie_sim.core.paced_genie import REMEMBERED_NS
+from genie_sim.core.rules import ToldRules
+from genie_sim.core.told import tracks_to_tell
+from genie_sim.core.track_map import TrackMap
+from genie_sim.messages import (
+    SHARED,
+    Answer,
+    Detection,
+    Effect,
+    Forgotten,
+    Header,
+    Observation,
+    Publish,
+)
+
+
+class SharingGenie:
+    """The Genie of an edge server whose cars look for themselves.
+
+    Parameters
+    ----------
+    name : str
+        Of the node.
+    subscribed, published : Sequence[str]
+        The detector's own topics: one of images, one of objects.
+    object_map : TrackMap
+        Counts the looks of all cars of this edge and of its neighbours.
+    told : ToldRules
+        What cars are told.
+    defence : Defence, optional
+        Has a say in what cars are told.
+    signed : bool
+        Whether only looks count that their cars have signed; they ride along with frames.
+    make_answer : Callable
+        Makes an answer out of a header and objects.
+    remote : str
+        What is affixed to the topic of objects between edges.
+    names_changes : bool
+        Whether observations name the objects of the map that changed.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        subscribed: Sequence[str],
+        published: Sequence[str],
+        *,
+        object_map: TrackMap,
+        told: ToldRules,
+        make_answer: Callable[[Header, tuple[Detection, ...]], Answer],
+        defence: Defence | None = None,
+        signed: bool = False,
+        remote: str = "-remote",
+        names_changes: bool = True,
+    ) -> None:
+        self.name = name
+        self.object_map = object_map
+        self._told = told
+        self._make_answer = make_answer
+        self._defence = defence
+        self._signed = signed
+        self._names_changes = names_changes
+        (self._images,), (self._objects,) = subscribed, published
+        self._between_edges = self._objects + remote
+        self._viewers: OrderedDict[Header, Viewer] = OrderedDict()
+
+    def subscriptions(self) -> tuple[str, ...]:
+        """Every topic that this Genie listens to."""
+        return (self._images, self._objects, self._between_edges)
+
+    def publications(self) -> tuple[str, ...]:
+        """Every topic that this Genie may publish on."""
+        return (self._objects, self._between_edges)
+
+    def on_message(
+        self, topic: str, message: Any, now_ns: int, sender: str | None = None
+    ) -> list[Effect]:
+        """A frame that came up, an answer of the detector, or a look of a neighbour's."""
+        if topic == self._images:
+            self._remember(message)
+            return self._on_signed_looks(message, now_ns) if self._signed else []
+        answer: Answer = message
+        if answer.source == SHARED:  # its own words
+            return []
+        effects: list[Effect] = []
+        forgotten = tuple(map(as_change, self.object_map.forget(now_ns)))
+        if forgotten and self._names_changes:
+            effects.append(Forgotten(forgotten))
+        own = topic == self._objects
+        viewer = self._viewers.pop(answer.header, None) if own else None
+        if self._signed and (own or answer.look is None or not answer.look.signed):
+            return effects if viewer is None else [*effects, self._words(answer, viewer, now_ns)]
+        learned = self.object_map.enhanced_cache_new_data(
+            answer, viewer, now_ns, own=own, names_changes=self._names_changes, leaves=own
+        )
+        if learned.lookups is not None:
+            effects.append(
+                object_lookups(answer.header, "sighting", learned.lookups, len(self.object_map))
+            )
+        if not own or viewer is None:
+            return effects
+        look = learned.answer.with_objects(())  # the look itself travels; tracks are each map's own
+        effects.append(Publish(self._between_edges, look))
+        effects.append(self._words(answer, viewer, now_ns))
+        return effects
+
+    def _words(self, answer: Answer, viewer: Viewer, now_ns: int) -> Publish:
+        """What the car that asked is told."""
+        tracks = tuple(
+            tracks_to_tell(
+                self.object_map,
+                self.object_map.existence,
+                car=answer.header.origin,
+                pose=viewer.pose,
+                now_ns=now_ns,
+                rules=self._told,
+                defence=self._defence,
+                signed=self._signed,
+            )
+        )
+        words = self._make_answer(answer.header, tracks).with_look(None, now_ns)
+        return Publish(self._objects, words.served(SHARED, self.name))
+
+    def _on_signed_looks(self, frame: Any, now_ns: int) -> list[Effect]:
+        """Counts the looks that ride along with a frame, and passes them on."""
+        effects: list[Effect] = []
+        for look in frame.looks:
+            answer = self._make_answer(look.header, ()).with_look(look, None)
+            learned = self.object_map.enhanced_cache_new_data(
+                answer, None, now_ns, own=True, names_changes=self._names_changes
+            )
+            if learned.lookups is not None:
+                counts = learned.lookups
+                effects.append(
+                    object_lookups(look.header, "sighting", counts, len(self.object_map))
+                )
+            effects.append(Publish(self._between_edges, answer))
+        return effects
+
+    def next_deadline_ns(self) -> int | None:
+        """It waits for nothing."""
+        return None
+
+    def on_deadline(self, now_ns: int) -> list[Effect]:
+        """It waits for nothing."""
+        return []
+
+    def cache_entries(self) -> int:
+        """It has no message cache."""
+        return 0
+
+    def on_void(self) -> list[Observation]:
+        """Records of what is lost when a fault wipes this Genie's state: the objects of its map."""
+        objects = tuple(map(as_change, self.object_map))
+        return [Forgotten(objects)] if self._names_changes and objects else []
+
+    def _remember(self, frame: Request) -> None:
+        if frame.pose is None:
+            return
+        viewer = Viewer(frame.header, frame.pose, frame.horizontal_fov_rad)
+        self._viewers[frame.header] = viewer
+        oldest_ns = frame.header.stamp_ns - REMEMBERED_NS
+        while next(iter(self._viewers)).stamp_ns < oldest_ns:
+            self._viewers.popitem(last=False)

@@ -1,0 +1,49 @@
+"""A crash: a host is away, and may forget everything."""
+
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from genie_sim.faults.targets import check_targets
+from genie_sim.sim.fault import AffectedNetwork, TimedFault
+
+
+@dataclass(frozen=True)
+class Crash:
+    """The host ``target`` crashes, and is back at the end. Meanwhile its links are down. What is
+    queued and in service there is lost.
+    """
+
+    target: str
+    """A car or an edge."""
+
+    memory: Literal["cold", "warm"] = "cold"
+    """Whether caches, maps and pending requests are lost (`cold`), or are there again after the
+    restart (`warm`)."""
+
+    duration_ns = None  # for good, if nothing says when it ends
+
+    @property
+    def dropped_by(self) -> str:
+        return "crash"
+
+    def begin(self, network: AffectedNetwork) -> None:
+        network.take_down(self.target, self.dropped_by)
+        where = f"{self.target}:{self.dropped_by}"
+        network.void(self.target, where, keep="memory" if self.memory == "warm" else None)
+        for processor in network.processors(self.target):
+            processor.stall()
+
+    def end(self, network: AffectedNetwork) -> None:
+        # what came meanwhile, from cameras and links, reached nobody
+        network.void(self.target, f"{self.target}:{self.dropped_by}", keep="memory")
+        for processor in network.processors(self.target):
+            processor.go_on()
+        network.put_up(self.target, self.dropped_by)
+
+    @staticmethod
+    def check(
+        faults: Sequence[TimedFault], edge_of: Mapping[str, str | None], edges: Collection[str]
+    ) -> Iterator[tuple[int, str, str]]:
+        """Yields each problem of the scenario's faults of this kind."""
+        yield from check_targets(faults, "car or edge", [*edge_of, *edges])

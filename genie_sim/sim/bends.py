@@ -1,0 +1,172 @@
+"""What a fault changes of the messages that hosts exchange, and of what their cameras take.
+
+A host is bent where its messages cross its border: what leaves it over links passes the outward
+functions, what comes the inward ones. So every method meets the same fault, and the nodes on the
+host itself go on in a world of their own.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
+from typing import Any, NamedTuple
+
+from genie_sim.messages import CameraPose, Detection, Detections, Header, Image, Look, Message
+
+# Gives a message as it goes on to, or comes from, a host of this name; ``None``: it is lost.
+Change = Callable[[Message, str], Message | None]
+Sense = Callable[[Image], Image | None]
+Objects = tuple[Detection, ...]
+
+
+@dataclass(frozen=True)
+class Bend:
+    """A change at the border of a host.
+
+    ``inward`` gives what arrives there, from a message and the host that it comes from; ``outward``
+    what leaves it, from a message and the host that it goes to. ``None``: it is lost; ``cause``
+    names what drops it.
+    """
+
+    inward: Change
+    outward: Change
+    cause: str
+
+
+class Border(NamedTuple):
+    """The two ends of a link as its messages see them: what is changed at each."""
+
+    source: str
+    destination: str
+    at_source: list[Bend]
+    at_destination: list[Bend]
+
+    def leave(self, message: Message) -> Message | str:
+        """The message as it leaves, or what it is lost by."""
+        changed: Message | None = message
+        for bend in self.at_source:
+            assert changed is not None
+            changed = bend.outward(changed, self.destination)
+            if changed is None:
+                return bend.cause
+        assert changed is not None
+        return changed
+
+    def enter(self, message: Message) -> Message | str:
+        """The message as it arrives, or what it is lost by."""
+        changed: Message | None = message
+        for bend in self.at_destination:
+            assert changed is not None
+            changed = bend.inward(changed, self.source)
+            if changed is None:
+                return bend.cause
+        assert changed is not None
+        return changed
+
+
+class BentFrame:
+    """A frame in which a detector finds something else: what ``change`` makes of its detections."""
+
+    def __init__(self, frame: Any, change: Callable[[Objects], Objects]) -> None:
+        self._frame = frame
+        self.change = change
+
+    @cached_property
+    def detections(self) -> Objects:
+        return self.change(self._frame.detections)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._frame, name)
+
+
+def shifted(message: Message, east_m: float, north_m: float) -> Message:
+    """A message with all of its places elsewhere: poses, and objects in the world."""
+    if isinstance(message, Image):
+        pose = _shifted_pose(message.pose, east_m, north_m)
+        change = partial(_shifted_all, east_m=east_m, north_m=north_m)
+        looks = tuple(_shifted_look(look, east_m, north_m) for look in message.looks)
+        return replace(message, pose=pose, content=bent(message.content, change), looks=looks)
+    if isinstance(message, Detections):
+        look = message.look
+        if look is not None:
+            look = _shifted_look(look, east_m, north_m)
+        objects = _shifted_all(message.objects, east_m, north_m)
+        return replace(message, objects=objects, look=look)
+    return message
+
+
+class Restamped(Header):
+    """A header with another stamp, as it is on the other side of the border of ``host``. ``before``
+    is the header that it replaces.
+    """
+
+    before: Header
+    host: str
+
+    def __new__(cls, before: Header, stamp_ns: int, host: str) -> "Restamped":
+        header = super().__new__(cls, stamp_ns, before.frame_id, before.origin)
+        header.before, header.host = before, host
+        return header
+
+    @property
+    def original(self) -> Header:
+        return self.before.original
+
+
+def restamped(
+    message: Message, header: Callable[[Header], Header], time_ns: Callable[[int], int]
+) -> Message:
+    """A message with all of its headers and times changed."""
+    if isinstance(message, Image):
+        looks = tuple(look._replace(header=header(look.header)) for look in message.looks)
+        return replace(message, header=header(message.header), looks=looks)
+    if isinstance(message, Detections):
+        look, seen_in, valid_ns = message.look, message.seen_in, message.valid_ns
+        return replace(
+            message,
+            header=header(message.header),
+            objects=tuple(_restamped_object(item, header) for item in message.objects),
+            look=None if look is None else look._replace(header=header(look.header)),
+            valid_ns=None if valid_ns is None else time_ns(valid_ns),
+            seen_in=None if seen_in is None else header(seen_in),
+        )
+    return message
+
+
+def _restamped_object(item: Detection, header: Callable[[Header], Header]) -> Detection:
+    motion, seen_in = item.motion, item.seen_in
+    if motion is None and seen_in is None:
+        return item
+    return replace(
+        item,
+        motion=None if motion is None else motion._replace(seen=header(motion.seen)),
+        seen_in=None if seen_in is None else header(seen_in),
+    )
+
+
+def bent(content: Any, change: Callable[[Objects], Objects]) -> Any:
+    """A picture in which a detector finds something else."""
+    if hasattr(content, "_replace"):  # an encoded picture
+        return content._replace(detections=change(content.detections))
+    return BentFrame(content, change)
+
+
+def _shifted_look(look: Look, east_m: float, north_m: float) -> Look:
+    return look._replace(
+        pose=_shifted_pose(look.pose, east_m, north_m),
+        detections=_shifted_all(look.detections, east_m, north_m),
+    )
+
+
+def _shifted_all(objects: Objects, east_m: float, north_m: float) -> Objects:
+    return tuple(_shifted_object(item, east_m, north_m) for item in objects)
+
+
+def _shifted_object(item: Detection, east_m: float, north_m: float) -> Detection:
+    if item.location is None:
+        return item
+    east, north, up = item.location
+    return item.with_location((east + east_m, north + north_m, up))
+
+
+def _shifted_pose(pose: CameraPose, east_m: float, north_m: float) -> CameraPose:
+    return pose._replace(east_m=pose.east_m + east_m, north_m=pose.north_m + north_m)

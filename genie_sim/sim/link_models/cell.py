@@ -1,0 +1,332 @@
+"""A radio cell: one antenna at each edge, whose capacity is shared by the cars that send."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+from genie_sim.settings import Bounds, Count
+from genie_sim.sim.link_models import Air, LinkEnds
+from genie_sim.sim.link_models.path_loss import StreetCanyon
+from genie_sim.units import NS_PER_MS, NS_PER_S
+
+PLACES_NS = 100 * NS_PER_MS  # how often the rates follow the cars' places
+# A message whose car has no coverage for so long is lost: 3GPP's T310, after which a radio link has
+# failed, at its usual 1 s (TS 38.331).
+FAILURE_NS = NS_PER_S
+THERMAL_NOISE_DBM = -174.0  # of 1 Hz at room temperature
+# 3GPP TR 36.942, annex A.2: a link reaches the share ``alpha`` of Shannon's bound, at most so many
+# bit/s/Hz in each layer, and nothing below this ratio of signal to interference and noise.
+ALPHA_UP, MOST_UP = 0.4, 2.0
+ALPHA_DOWN, MOST_DOWN = 0.6, 4.4
+LEAST_SINR_DB = -10.0
+MHZ = 10**6
+
+
+@dataclass(frozen=True)
+class Band:
+    """One direction of a cell."""
+
+    bandwidth_hz: Annotated[int, Bounds(above=0)]
+    """Its bandwidth."""
+
+    layers: Count = 2
+    """Spatial layers that a car sends or receives at once."""
+
+
+@dataclass(frozen=True)
+class NoiseFigure:
+    """How much noise a receiver adds."""
+
+    up_db: float = 5.0
+    """That of the antenna's receiver. Assumed."""
+
+    down_db: float = 9.0
+    """That of a car's receiver. Assumed."""
+
+
+@dataclass(frozen=True)
+class Power:
+    """With how much power is sent."""
+
+    up_dbm: float = 23.0
+    """By a car: power class 3 of 3GPP TS 38.101."""
+
+    down_dbm: float = 44.0
+    """By the antenna: that of a micro cell in 3GPP TR 38.901, table 7.8-1."""
+
+
+@dataclass(frozen=True)
+class Cell:
+    """A radio cell at every edge. Its cars share each direction: of n that send now, each has the
+    n-th part of the time (proportional fairness with full buffers).
+
+    The rate of a car alone follows from its path loss to the edge's antenna, and is bounded by that
+    of the best modulation. Links with equal settings share the cells.
+    """
+
+    up: Band = Band(25 * MHZ)
+    """From the cars to the edge."""
+
+    down: Band = Band(75 * MHZ)
+    """From the edge to the cars."""
+
+    carrier_hz: Annotated[int, Bounds(above=0)] = 3500 * MHZ
+    """The carrier's frequency."""
+
+    path_loss: Literal["umi", "none"] = "umi"
+    """`umi` is the street canyon of 3GPP TR 38.901, and needs the edges' places (`edges[].at`);
+    with `none` every car has the rate of the best modulation, wherever it is."""
+
+    shadowing: bool = True
+    """Whether some places are shadowed more than others: a field over the ground that is the same
+    for all cars."""
+
+    noise_figure: NoiseFigure = NoiseFigure()
+    """How much noise the receivers add."""
+
+    power: Power = Power()
+    """With how much power is sent."""
+
+    interference_margin_db: Annotated[float, Bounds(minimum=0)] = 3.0
+    """How much other cells raise the noise. Assumed."""
+
+    delay_ns: int = 10 * NS_PER_MS
+    """From the last bit sent until the message arrives. Assumed."""
+
+    @property
+    def needs_sites(self) -> bool:
+        """Whether every edge must have a place."""
+        return self.path_loss != "none"
+
+    needs_cars = True  # it cannot be the network between edges
+
+    def radio(self, air: Air) -> "CellRadio":
+        return CellRadio(self, air)
+
+    def sinr_db(self, up: bool, loss_db: float) -> float:
+        """Signal to interference and noise, at a path loss."""
+        band = self.up if up else self.down
+        sent_dbm = self.power.up_dbm if up else self.power.down_dbm
+        figure_db = self.noise_figure.up_db if up else self.noise_figure.down_db
+        noise_dbm = THERMAL_NOISE_DBM + 10 * math.log10(band.bandwidth_hz) + figure_db
+        return sent_dbm - loss_db - noise_dbm - self.interference_margin_db
+
+    def rate_bps(self, up: bool, loss_db: float | None = None) -> int:
+        """The rate of a car that sends alone, at a path loss; without one that of the best
+        modulation.
+        """
+        band = self.up if up else self.down
+        alpha, most = (ALPHA_UP, MOST_UP) if up else (ALPHA_DOWN, MOST_DOWN)
+        efficiency = most
+        if loss_db is not None:
+            sinr_db = self.sinr_db(up, loss_db)
+            if sinr_db < LEAST_SINR_DB:
+                return 0
+            efficiency = min(alpha * math.log2(1 + 10 ** (sinr_db / 10)), most)
+        return int(band.bandwidth_hz * band.layers * efficiency)
+
+
+class CellRadio:
+    """The cells of one run: at each edge one direction up and one down."""
+
+    def __init__(self, cell: Cell, air: Air) -> None:
+        self._cell = cell
+        self._air = air
+        self._losses: dict[str, StreetCanyon] = {}
+        self._directions: dict[tuple[str, bool], CellDirection] = {}
+        for edge in air.edges:
+            site = air.site(edge) if cell.needs_sites else None
+            if site is not None:
+                self._losses[edge] = StreetCanyon(
+                    air, edge, site, carrier_hz=cell.carrier_hz, shadowing=cell.shadowing
+                )
+            for up in (True, False):
+                direction = CellDirection(air, f"{edge}.cell_{'up' if up else 'down'}", cell)
+                self._directions[edge, up] = direction
+                air.add_resource(direction)
+
+    def sender(self, ends: LinkEnds) -> "CellSender":
+        assert ends.car is not None, "a cell has cars"
+        car, cell, air = ends.car, self._cell, self._air
+        loss = self._losses.get(ends.edge)
+
+        def rate_bps() -> int:
+            if loss is None:
+                return cell.rate_bps(ends.up)
+            return cell.rate_bps(ends.up, loss.db(*air.place(car)))
+
+        return CellSender(self._directions[ends.edge, ends.up], rate_bps, cell.delay_ns)
+
+
+class CellSender:
+    """One direction of one car's link.
+
+    Parameters
+    ----------
+    direction : CellDirection
+        The direction of the cell that it shares.
+    rate_bps : callable
+        The rate that it would have alone, where its car is now.
+    delay_ns : int
+        From the last bit until a message arrives.
+    """
+
+    def __init__(
+        self, direction: "CellDirection", rate_bps: Callable[[], int], delay_ns: int
+    ) -> None:
+        self.alone_bps = rate_bps
+        self._direction = direction
+        self._delay_ns = delay_ns
+        self._carried: Callable[[], None] | None = None
+        self._is_up = True
+        self._is_lost = False
+
+    def send(self, size_bytes: int, carried: Callable[[], None]) -> None:
+        self._is_lost = False
+        if not self._is_up:  # lost by what took the link down
+            self._direction.clock.after(0, carried)
+            return
+        self._carried = carried
+        self._direction.begin(self, size_bytes)
+
+    def delay_ns(self, size_bytes: int, now_ns: int) -> int | None:
+        return None if self._is_lost else self._delay_ns
+
+    def set_up(self, is_up: bool) -> None:
+        """Bits that were still to be sent when the link goes down take nothing of the cell."""
+        self._is_up = is_up
+        if not is_up and self._carried is not None:
+            self._direction.give_up(self)
+            self.end()
+
+    def end(self, is_lost: bool = False) -> None:
+        """The transmission is over."""
+        carried, self._carried = self._carried, None
+        self._is_lost = is_lost
+        assert carried is not None, "a message is being sent"
+        carried()
+
+
+@dataclass(slots=True, eq=False)
+class Transmission:
+    """A message that is being sent: the bits left, in 10^-9 bit, and the rate that it would have
+    alone.
+    """
+
+    sender: CellSender
+    size_bytes: int
+    left: int
+    rate_bps: int
+    uncovered_ns: int | None = None  # since when it has no coverage
+
+
+class CellDirection:
+    """One direction of a cell. Everything is counted in whole numbers, so that a car alone takes
+    exactly as long as on a wire of its rate.
+    """
+
+    kind = "cell"
+    capacity = 1
+
+    def __init__(self, air: Air, name: str, cell: Cell) -> None:
+        self.clock = air.clock
+        self.name = name
+        self.completed = 0
+        self.drops = 0  # by lack of coverage
+        self.sent_bytes = 0
+        self._follows_places = cell.needs_sites
+        self._sent_by: list[Transmission] = []
+        self._served = 0  # how many of them have a rate
+        self._since_ns = 0  # until when what was sent is subtracted
+        self._busy_ns = 0
+        self._plan = 0  # its number: an earlier one is void
+        self._is_following = False
+
+    @property
+    def queued(self) -> int:
+        """How many cars send now."""
+        return len(self._sent_by)
+
+    @property
+    def busy_ns(self) -> int:
+        """How long somebody has been sending until now."""
+        return self._busy_ns + (self.clock.now - self._since_ns if self._served else 0)
+
+    def begin(self, sender: CellSender, size_bytes: int) -> None:
+        """A sender has a message."""
+        self._advance()
+        rate_bps = sender.alone_bps()
+        uncovered_ns = None if rate_bps else self.clock.now
+        self._sent_by.append(
+            Transmission(sender, size_bytes, size_bytes * 8 * NS_PER_S, rate_bps, uncovered_ns)
+        )
+        self._replan()
+        if self._follows_places and not self._is_following:
+            self._is_following = True
+            self.clock.after(PLACES_NS, self._follow)
+
+    def give_up(self, sender: CellSender) -> None:
+        """A sender's link goes down."""
+        self._advance()
+        self._sent_by = [sent for sent in self._sent_by if sent.sender is not sender]
+        self._replan()
+
+    def _advance(self) -> None:
+        """Subtracts what was sent since the last time."""
+        elapsed_ns = self.clock.now - self._since_ns
+        self._since_ns = self.clock.now
+        if not self._served or not elapsed_ns:
+            return
+        self._busy_ns += elapsed_ns
+        for sent in self._sent_by:
+            sent.left -= sent.rate_bps * elapsed_ns // self._served
+
+    def _replan(self) -> None:
+        """Schedules the next end of a transmission."""
+        self._plan += 1
+        served = [sent for sent in self._sent_by if sent.rate_bps]
+        self._served = count = len(served)
+        if served:
+            next_ns = min(-(-max(sent.left, 0) * count // sent.rate_bps) for sent in served)
+            self.clock.after(next_ns, self._end_next, (self._plan,))
+
+    def _end_next(self, plan: int) -> None:
+        if plan != self._plan:
+            return
+        self._advance()
+        ended = [sent for sent in self._sent_by if sent.left <= 0]
+        self._sent_by = [sent for sent in self._sent_by if sent.left > 0]
+        self._replan()
+        for sent in ended:
+            self.completed += 1
+            self.sent_bytes += sent.size_bytes
+            sent.sender.end()
+
+    def _follow(self) -> None:
+        """The rates follow the places of the cars, as long as somebody sends."""
+        if not self._sent_by:
+            self._is_following = False
+            return
+        self.clock.after(PLACES_NS, self._follow)
+        now_ns = self.clock.now
+        rates_bps = [sent.sender.alone_bps() for sent in self._sent_by]
+        if rates_bps != [sent.rate_bps for sent in self._sent_by]:
+            self._advance()
+            for sent, rate_bps in zip(self._sent_by, rates_bps, strict=True):
+                sent.rate_bps = rate_bps
+                if rate_bps:
+                    sent.uncovered_ns = None
+                elif sent.uncovered_ns is None:
+                    sent.uncovered_ns = now_ns
+            self._replan()
+        failed = [sent for sent in self._sent_by if _has_failed(sent, now_ns)]
+        for sent in failed:
+            self._sent_by.remove(sent)
+            self.drops += 1
+        for sent in failed:
+            sent.sender.end(is_lost=True)
+
+
+def _has_failed(sent: Transmission, now_ns: int) -> bool:
+    return sent.uncovered_ns is not None and now_ns - sent.uncovered_ns >= FAILURE_NS

@@ -1,0 +1,167 @@
+"""Recorded links: rates and round trips over time, in a Parquet file."""
+
+import functools
+import hashlib
+from bisect import bisect_left, bisect_right
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import accumulate, pairwise
+from pathlib import Path
+from typing import Any
+
+from genie_sim import files, parquet
+from genie_sim.errors import UserError
+from genie_sim.units import NS_PER_S
+
+WHOLE_COLUMNS = ("up_bps", "down_bps", "rtt_ns")
+PLACE_COLUMNS = ("east_m", "north_m")
+
+
+@dataclass(frozen=True)
+class Steps:
+    """A quantity that keeps its value from one row to the next.
+
+    ``t_ns`` begins at 0. The last value lasts as long as the one before; after that the recording
+    begins again if ``loops``, or else the last value stays.
+    """
+
+    t_ns: Sequence[int]
+    values: Sequence[int]
+    loops: bool
+
+    @functools.cached_property
+    def period_ns(self) -> int:
+        """How long the recording lasts."""
+        if len(self.t_ns) == 1:
+            return NS_PER_S
+        return 2 * self.t_ns[-1] - self.t_ns[-2]
+
+    @functools.cached_property
+    def _sums(self) -> list[int]:
+        """The integral of the values until each row, and until the end."""
+        lengths = (end - begin for begin, end in pairwise([*self.t_ns, self.period_ns]))
+        parts = (value * length for value, length in zip(self.values, lengths, strict=True))
+        return list(accumulate(parts, initial=0))
+
+    def at(self, t_ns: int) -> int:
+        """The value at a time."""
+        t_ns = t_ns % self.period_ns if self.loops else t_ns
+        return self.values[bisect_right(self.t_ns, t_ns) - 1]
+
+    def time_ns(self, begin_ns: int, amount: int) -> int:
+        """How long it takes from ``begin_ns`` until the integral of the values is ``amount``."""
+        if amount == 0:
+            return 0
+        laps, begin_ns = divmod(begin_ns, self.period_ns) if self.loops else (0, begin_ns)
+        row = bisect_right(self.t_ns, begin_ns) - 1
+        target = self._sums[row] + self.values[row] * (begin_ns - self.t_ns[row]) + amount
+        if not self.loops and target > self._sums[-2]:
+            row = len(self.t_ns) - 1
+            return self.t_ns[row] - begin_ns - (self._sums[row] - target) // self.values[row]
+        laps, target = divmod(target - 1, self._sums[-1])
+        target += 1
+        row = bisect_left(self._sums, target) - 1
+        end_ns = self.t_ns[row] - (self._sums[row] - target) // self.values[row]
+        return laps * self.period_ns + end_ns - begin_ns
+
+
+@dataclass(frozen=True)
+class LinkRecording:
+    """A recorded link: its columns by name, of equal length. ``t_ns`` begins at 0."""
+
+    path: Path
+    columns: Mapping[str, Sequence[Any]]
+    digest: str
+    about: Mapping[str, Any] = field(compare=False)
+
+    def steps(self, column: str, loops: bool) -> Steps:
+        """A column over time. Raises ``UserError`` if there is none."""
+        self.check(column)
+        values = self.columns[column]
+        if column != "rtt_ns" and not loops and values[-1] == 0:
+            text = "ends with a rate of 0, so that nothing would ever get through; use 'loop: true'"
+            raise UserError(f"{self.path}: column {column}: {text}")
+        return Steps(self.columns["t_ns"], values, loops)
+
+    def check(self, *columns: str) -> None:
+        """Raises ``UserError`` unless there are these columns."""
+        for column in columns:
+            if column not in self.columns:
+                names = ", ".join(self.columns)
+                raise UserError(f"{self.path}: column {column}: missing; it has {names}")
+
+
+def find(name: str) -> Path:
+    """The file of a recording, by name or path. Raises ``UserError``."""
+    return files.find(files.LINK_RECORDING, name)
+
+
+def read(name: str) -> LinkRecording:
+    """A recording by name or path. Raises ``UserError``."""
+    path = find(name)
+    stat = path.stat()
+    return _read(path, stat.st_mtime_ns, stat.st_size)
+
+
+@functools.lru_cache(maxsize=16)
+def _read(path: Path, mtime_ns: int, size_bytes: int) -> LinkRecording:
+    table, about = parquet.read(path, "recorded link")
+    columns = {}
+    for name in table.column_names:
+        if name not in ("t_ns", *WHOLE_COLUMNS, *PLACE_COLUMNS):
+            raise UserError(f"{path}: column {name}: unknown; known: {', '.join(_types())}")
+        if str(table.schema.field(name).type) != _types()[name]:
+            raise UserError(f"{path}: column {name}: must be of type {_types()[name]}")
+        columns[name] = table.column(name).to_pylist()
+    check(str(path), columns)
+    digest = hashlib.sha256(path.read_bytes()).hexdigest()
+    begin_ns = columns["t_ns"][0]
+    columns["t_ns"] = [t_ns - begin_ns for t_ns in columns["t_ns"]]
+    return LinkRecording(path, columns, digest, about)
+
+
+def check(where: str, columns: Mapping[str, Sequence[Any]]) -> None:
+    """Raises ``UserError`` unless the columns are those of a recorded link."""
+    if "t_ns" not in columns:
+        raise UserError(f"{where}: column t_ns: missing")
+    if not any(name in columns for name in WHOLE_COLUMNS):
+        raise UserError(f"{where}: needs a column of {', '.join(WHOLE_COLUMNS)}")
+    if ("east_m" in columns) != ("north_m" in columns):
+        raise UserError(f"{where}: columns east_m and north_m go together")
+    if not columns["t_ns"]:
+        raise UserError(f"{where}: has no rows")
+    for name, values in columns.items():
+        for row, value in enumerate(values):
+            if value is None or value != value or (name in WHOLE_COLUMNS and value < 0):
+                text = "is unknown" if value is None or value != value else f"is {value}"
+                raise UserError(f"{where}: column {name}: row {row} {text}; must be 0 or more")
+        if name.endswith("_bps") and not any(values):
+            raise UserError(
+                f"{where}: column {name}: no rate is above 0: nothing would get through"
+            )
+    for row, (before, t_ns) in enumerate(pairwise(columns["t_ns"]), 1):
+        if t_ns <= before:
+            text = f"row {row} ({t_ns} ns) is not after the row before ({before} ns)"
+            raise UserError(f"{where}: column t_ns: {text}")
+
+
+def write(path: Path, columns: Mapping[str, Sequence[Any]], about: Mapping[str, Any]) -> None:
+    """Writes a recording. Raises ``UserError``."""
+    import pyarrow as pa
+
+    check(str(path), columns)
+    types = {
+        name: getattr(pa, "float64" if kind == "double" else kind)()
+        for name, kind in _types().items()
+    }
+    schema = pa.schema([pa.field(name, types[name], nullable=False) for name in columns])
+    rows: Iterable[tuple[Any, ...]] = zip(*columns.values(), strict=True)
+    parquet.write(path, schema, (dict(zip(columns, row, strict=True)) for row in rows), about)
+
+
+def _types() -> dict[str, str]:
+    """The Arrow types of all columns that there may be."""
+    return {
+        **dict.fromkeys(("t_ns", *WHOLE_COLUMNS), "int64"),
+        **dict.fromkeys(PLACE_COLUMNS, "double"),
+    }

@@ -1,0 +1,173 @@
+"""What a method puts on a host: the seam between the world and the schemes that are compared in it.
+
+A method says, for every car and every edge, whether a detector runs there, which interceptor stands
+before it, and which topics reach whom. The world builds that, in the same way for every method.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from genie_sim.core.freshness.laws import DetectorLaws
+from genie_sim.core.rules import GenieRules
+from genie_sim.messages import Effect, Message, Observation
+
+IMAGES = "/image_raw"
+OBJECTS = "/detection/image_detector/objects"
+LOCAL = "-local"  # suffix of the topics between an interceptor and the detector behind it
+REMOTE = "-remote"  # suffix of the topics between a car and its edge, and between edges
+DETECTOR = "vision_darknet_detect"
+
+
+class Interceptor(Protocol):
+    """A pure node, such as a Genie: messages in, effects out. It has no clock and no middleware of
+    its own.
+
+    A class that inherits from this one has no deadlines and no state to lose, unless it says so.
+    """
+
+    name: str
+
+    def subscriptions(self) -> tuple[str, ...]: ...
+
+    def publications(self) -> tuple[str, ...]: ...
+
+    def on_message(
+        self, topic: str, message: Message, now_ns: int, sender: str | None = None
+    ) -> list[Effect]: ...
+
+    def next_deadline_ns(self) -> int | None:
+        """When ``on_deadline`` wants to be called if no message arrives before."""
+        return None
+
+    def on_deadline(self, now_ns: int) -> list[Effect]:
+        """Called at or after the instant that ``next_deadline_ns`` returned."""
+        return []
+
+    def cache_entries(self) -> int:
+        """The number of entries that a look-up searches, if ``HostConfig.per_entry_ns`` charges for
+        each.
+        """
+        return 0
+
+    def on_void(self) -> Sequence[Observation]:
+        """A fault takes its state: each request that it owes an answer is ``Expired``, its objects
+        ``Forgotten``.
+        """
+        return ()
+
+
+# Makes an interceptor from T_S and T_P, the topics of the node behind it.
+MakeInterceptor = Callable[[tuple[str, ...], tuple[str, ...]], Interceptor]
+
+
+@dataclass(frozen=True)
+class HostContext:
+    """What a method is told about a host: a car or an edge.
+
+    Parameters
+    ----------
+    name : str
+        The car's or edge's name in the scenario.
+    gets_images : bool
+        Whether images arrive here, from the host's own cameras or from cars; if not, only positions
+        do.
+    has_edge : bool
+        Whether the car is connected to an edge; true of every edge.
+    genie : GenieRules or None
+        The rules of Genies on this host; ``None`` where the scenario wants none.
+    stream : callable
+        Returns a random generator by names, the same for this host under every method.
+    records_changes : bool
+        Whether observations are to name the objects of a map that changed.
+    laws : DetectorLaws
+        The detectors' laws, as maps that weigh evidence take them to be.
+    edges : tuple of str
+        All edges, in the scenario's order.
+    neighbours : sequence of str
+        The edges that this edge is connected to; empty for a car.
+    """
+
+    name: str
+    gets_images: bool
+    has_edge: bool
+    genie: GenieRules | None
+    stream: Callable[..., np.random.Generator]
+    records_changes: bool
+    laws: DetectorLaws
+    edges: tuple[str, ...]
+    neighbours: Sequence[str] = ()
+
+
+class Uplink(NamedTuple):
+    """What goes up from a car to the images of its edge, and the topic on which the edge's answers
+    come down.
+    """
+
+    up: str
+    down: str
+
+
+DIRECT_UPLINK = Uplink(IMAGES, OBJECTS)
+REMOTE_UPLINK = Uplink(IMAGES + REMOTE, OBJECTS + REMOTE)
+
+
+@dataclass(frozen=True)
+class HostConfig:
+    """What a method puts on a host.
+
+    Parameters
+    ----------
+    detector : bool
+        Whether a detector runs here.
+    interceptor : callable or None
+        Makes the interceptor that takes over the topics of the detector, or their names where none
+        runs.
+    uplink : Uplink or None
+        Connects a car to its edge.
+    neighbour_topics : tuple of str
+        What neighbouring edges publish on these topics reaches this edge.
+    key : str or None
+        The feature that the interceptor computes of every image, which takes its time here. Whoever
+        gets the image from it gets the feature, too.
+    costs_nothing : bool
+        Whether the interceptor takes no CPU time, as that of a bound.
+    per_entry_ns : int
+        CPU time [ns] that a look-up takes for each entry of the cache.
+    pass_time_ns : int or None
+        CPU time of each message that comes to the interceptor, where only answers of its own making
+        cost the Genie time of the device; ``None`` where every message costs that [ns].
+    is_beside : bool
+        Whether the interceptor leaves the detector its topics, and only listens and speaks there.
+    """
+
+    detector: bool = False
+    interceptor: MakeInterceptor | None = None
+    uplink: Uplink | None = None
+    neighbour_topics: tuple[str, ...] = ()
+    key: str | None = None
+    costs_nothing: bool = False
+    per_entry_ns: int = 0
+    pass_time_ns: int | None = None
+    is_beside: bool = False
+
+
+class Method:
+    """A scheme that answers the cars' frames. Other methods are compared with a ``baseline``.
+
+    A class that inherits from this one is no baseline and puts a detector on every edge that gets
+    images, unless it says so.
+    """
+
+    title: str
+    baseline = False
+
+    def on_car(self, host: HostContext) -> HostConfig | None:
+        """What runs on a car; ``None`` if nothing would answer it: it is then left out."""
+        raise NotImplementedError
+
+    def on_edge(self, host: HostContext) -> HostConfig:
+        """What runs on an edge server."""
+        return HostConfig(detector=host.gets_images)

@@ -1,0 +1,242 @@
+"""The hosts and links of a run: what is built for a scenario under one method, and what its faults
+act on.
+"""
+
+from collections import defaultdict
+from collections.abc import Collection, Iterator, Mapping
+from types import MappingProxyType
+from typing import Literal
+
+import numpy as np
+
+from genie_sim import seeds
+from genie_sim.errors import UserError, unknown
+from genie_sim.monitor import Monitor, Part, Resource
+from genie_sim.sim.bends import Bend, Border, Sense
+from genie_sim.sim.clock import Clock
+from genie_sim.sim.device import Host, Processor
+from genie_sim.sim.encoding import Coder, CoderRole, ImageCodec, Take
+from genie_sim.sim.fault import EdgeConnection
+from genie_sim.sim.forgeries import Forgeries
+from genie_sim.sim.link import Link
+from genie_sim.sim.link_models import LinkEnds, LinkModel, Medium, Radio, make_radio
+from genie_sim.sim.places import Place, Point
+from genie_sim.sim.ros_graph import Graph
+from genie_sim.sim.service import Device
+
+
+class Network:
+    """The hosts of a run with their ROS graphs, the links between them, and the cars' connections
+    to their edges.
+
+    Random numbers come from streams named after car, device and link, so every method sees the same
+    ones.
+
+    Parameters
+    ----------
+    clock : Clock
+        The run's clock.
+    monitor : Monitor
+        Observes the run.
+    seed : int
+        The root of all random streams.
+    host_names : collection of str
+        All cars and edges, also those on which the method runs nothing.
+    queue_length : int
+        How many messages wait in each queue of nodes and links.
+    codec : ImageCodec or None
+        How images are encoded; ``None``: not at all.
+    places : mapping
+        Where each car is at a time [ns]: east and north [m].
+    sites : mapping
+        Where each edge is: east and north [m], or ``None``.
+    """
+
+    def __init__(
+        self,
+        clock: Clock,
+        monitor: Monitor,
+        *,
+        seed: int,
+        host_names: Collection[str],
+        queue_length: int,
+        codec: ImageCodec | None = None,
+        places: Mapping[str, Place] = MappingProxyType({}),
+        sites: Mapping[str, Point | None] = MappingProxyType({}),
+    ) -> None:
+        self.clock = clock
+        self.monitor = monitor
+        self.codec = codec
+        self.resources: list[Resource] = []  # what is sampled
+        self.graphs: dict[str, Graph] = {}  # by the host
+        self.links: dict[str, Link] = {}
+        self.uplinks: dict[str, EdgeConnection] = {}  # by the car
+        self._seed = seed
+        self._host_names = host_names
+        self._queue_length = queue_length
+        self._places = places
+        self._sites = sites
+        self._radios: dict[int, Radio] = {}  # by the identity of the model
+        self._bends: dict[str, list[Bend]] = defaultdict(list)  # by the host
+        self._senses: dict[str, list[tuple[Sense, str]]] = defaultdict(list)  # by the car
+        self.forgeries = Forgeries()
+        self.outages: list[tuple[str, str]] = []  # targets that are down now, and by what
+
+    def stream(self, *names: str | int) -> np.random.Generator:
+        """The random generator of these names: the same under every method."""
+        return seeds.stream(self._seed, *names)
+
+    def add_host(self, name: str, device: Device) -> Graph:
+        """A new host with an empty graph."""
+        host = Host(
+            self.clock,
+            name,
+            device,
+            accelerator_rng=self.stream(name, "accelerator"),
+            cpu_rng=self.stream(name, "cpu"),
+        )
+        graph = Graph(host, self._queue_length, self.monitor.dropped)
+        self.resources += [host.accelerator, host.cpu]
+        self.graphs[name] = graph
+        return graph
+
+    @property
+    def cars(self) -> tuple[str, ...]:
+        """All cars."""
+        return tuple(self._places)
+
+    @property
+    def edges(self) -> tuple[str, ...]:
+        """The edges, for radios."""
+        return tuple(self._sites)
+
+    def place(self, car: str) -> Point:
+        """Where a car is now: east and north [m]."""
+        return self._places[car](self.clock.now)
+
+    def site(self, edge: str) -> Point | None:
+        """Where an edge is: east and north [m]; ``None`` if the scenario does not say."""
+        return self._sites.get(edge)
+
+    def add_resource(self, resource: Resource) -> None:
+        """Adds something whose use is sampled."""
+        self.resources.append(resource)
+
+    def add_link(self, ends: LinkEnds, model: LinkModel | Medium, *, part: Part) -> Link:
+        """A new link.
+
+        Parameters
+        ----------
+        ends : LinkEnds
+            Its name, also that of its random stream, and what it connects.
+        model : LinkModel or Medium
+            Its rates and delays. All links of one model have one radio.
+        part : {"uplink", "downlink", "edges"}
+            What the time on it counts as.
+        """
+        radio = self._radios.get(id(model))
+        if radio is None:
+            radio = self._radios[id(model)] = make_radio(model, self)
+        link = Link(
+            self.clock,
+            ends.name,
+            radio.sender(ends),
+            part=part,
+            queue_length=self._queue_length,
+            dropped=self.monitor.dropped,
+        )
+        for target, cause in self.outages:
+            if is_at(link, target):
+                link.take_down(cause)
+        self.links[ends.name] = link
+        self.resources.append(link)
+        return link
+
+    def border(self, source: str, destination: str) -> Border:
+        """The two ends of a link between hosts, for its messages."""
+        bends = self._bends
+        return Border(source, destination, bends[source], bends[destination])
+
+    def bend(self, host: str, bend: Bend) -> None:
+        """Changes from now on what crosses the border of a host, of any method. Messages that are
+        lost are dropped by ``LINK:cause``.
+        """
+        self._bends[host].append(bend)
+
+    def unbend(self, host: str, bend: Bend) -> None:
+        """Ends what ``bend`` has begun."""
+        self._bends[host].remove(bend)
+
+    def senses(self, car: str) -> list[tuple[Sense, str]]:
+        """What faults make of the images of a car's cameras, each with what drops those that it
+        loses. A fault adds to the list, and takes away what it has added.
+        """
+        return self._senses[car]
+
+    def add_coder(self, graph: Graph, role: CoderRole, take: Take) -> Coder | None:
+        """A new encoder or decoder on a host; ``None`` if images are not encoded."""
+        if self.codec is None:
+            return None
+        coder = Coder(graph, self.codec, role=role, take=take)
+        self.resources.append(coder)
+        return coder
+
+    def links_at(self, target: str) -> Iterator[Link]:
+        """The links called ``target``, or those with an end there: a car, an edge, or ``edges`` for
+        their network.
+        """
+        return (link for link in self.links.values() if is_at(link, target))
+
+    def take_down(self, target: str, cause: str) -> None:
+        """The links at ``target`` carry nothing from now on, those that are made later included;
+        they drop messages as ``LINK:cause``.
+        """
+        self.outages.append((target, cause))
+        for link in self.links_at(target):
+            link.take_down(cause)
+
+    def put_up(self, target: str, cause: str) -> None:
+        """Ends what ``take_down`` has begun."""
+        self.outages.remove((target, cause))
+        for link in self.links_at(target):
+            link.put_up(cause)
+
+    def void(self, host: str, where: str, keep: Literal["memory"] | None = None) -> None:
+        """What is queued and in service on a host is lost, dropped by ``where``, and its nodes lose
+        their state, unless they ``keep`` what is in memory.
+
+        Nothing happens if the method runs nothing there. Raises ``UserError`` for an unknown host.
+        """
+        self._check_host(host)
+        if host in self.graphs:
+            self.graphs[host].void(where, keep)
+
+    def processors(self, host: str) -> tuple[Processor, ...]:
+        """The accelerator and the CPU of a host; none if the method runs nothing there. Raises
+        ``UserError`` for an unknown host.
+        """
+        self._check_host(host)
+        graph = self.graphs.get(host)
+        return () if graph is None else (graph.host.accelerator, graph.host.cpu)
+
+    def _check_host(self, host: str) -> None:
+        if host not in self._host_names:
+            raise UserError(unknown("host", host, self._host_names))
+
+    def clear(self) -> None:
+        """Takes everything apart after a run, so that it is freed at once and not by Python's
+        garbage collector.
+        """
+        for graph in self.graphs.values():
+            graph.clear()
+        self.graphs.clear()
+        self.uplinks.clear()
+        self.links.clear()
+        self.resources.clear()
+        self._radios.clear()
+        self.clock.clear()
+
+
+def is_at(link: Link, target: str) -> bool:
+    """Whether a link is called ``target`` or has an end there."""
+    return target == link.name or target in link.name.split("->")

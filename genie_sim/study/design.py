@@ -1,0 +1,436 @@
+"""What a sweep varies, read from a small YAML file, and the points that follow from it.
+
+Every combination of the ``grid`` and ``list`` axes is made; each combination is made once for every
+joint sample of the ``random`` and ``latin_hypercube`` axes; and each point is run with every seed.
+"""
+
+import itertools
+import json
+import math
+import re
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Annotated, Any, Literal, TypeVar
+
+from genie_sim import files, settings, units
+from genie_sim.errors import short_repr
+from genie_sim.scenario.yaml_input import read_mapping
+from genie_sim.seeds import stream
+from genie_sim.settings import Bounds, Key, Name, NotEmpty, SettingError
+
+# the one path of an axis that is no setting of a scenario but names another one
+SCENARIO = "scenario"
+MAX_RUNS = 1_000_000
+COLUMNS = (  # of the tables
+    "point",
+    "seed",
+    "run_id",
+    "metric",
+    "method",
+    "placement",
+    "component",
+    "value",
+    "unit",
+    "low",
+    "high",
+    "n",
+    "runs",
+)
+PANELS = (  # the main metrics, each with a panel in figures
+    "image_reuse",
+    "object_reuse",
+    "confidence_boost",
+    "first_answer_mean",
+    "fresh_answer_mean",
+    "under_deadline_share",
+    "fresh_answered_share",
+    "streaming_f1",
+    "ghost_share",
+    "object_recall",
+)
+LOGARITHMIC_FROM = 20.0  # a list that spans so much, largest to smallest
+UNITS = {*units.DURATIONS, *units.SIZES, *units.RATES, *units.LENGTHS, *units.ANGLES, "entries"}
+_QUANTITY = re.compile(
+    r"([+-]?\d{1,15}(?:\.\d{1,15})?(?:[eE][+-]?\d{1,2})?)(?:\s*([^\s\d]\S*))?", re.ASCII
+)
+
+Value = TypeVar("Value")
+Level = float | str  # the value of an axis at a point, as the tables show it
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A number with any unit that settings have, or none: ``0.5 m``, ``3``."""
+
+    number: float
+    unit: str = ""
+
+    @classmethod
+    def expand(cls, value: object) -> "Quantity":
+        """``"0.5 m"``, or a number alone. Raises ``SettingError``."""
+        quantity = cls.in_value(value)
+        if quantity is None:
+            text = f"must be a number, or one with a unit such as '0.5 m', not {short_repr(value)}"
+            raise SettingError("", text)
+        return quantity
+
+    @classmethod
+    def in_value(cls, value: object) -> "Quantity | None":
+        """The number in a value of a list; None where it is something else."""
+        if isinstance(value, Quantity):
+            return value
+        if isinstance(value, int | float) and not isinstance(value, bool):
+            return cls(float(value)) if math.isfinite(value) else None
+        match = _QUANTITY.fullmatch(value) if isinstance(value, str) else None
+        if match is None or (match[2] is not None and match[2] not in UNITS):
+            return None
+        return cls(float(match[1]), match[2] or "")
+
+    def shorten(self) -> float | str:
+        """As it is written in a file."""
+        return f"{self.number:.15g} {self.unit}" if self.unit else self.number
+
+
+@dataclass(frozen=True, kw_only=True)
+class NumberRange:
+    """Numbers from ``from`` to ``to``, both included, evenly spread on a linear or logarithmic
+    scale.
+    """
+
+    low: Annotated[Quantity, Key("from")]
+    """The smallest."""
+    high: Annotated[Quantity, Key("to")]
+    """The largest, in the same unit."""
+    scale: Literal["linear", "log"] = "linear"
+    """Whether equal steps are equal differences or equal ratios."""
+    whole: bool = False
+    """Whether the numbers are whole."""
+
+    def __post_init__(self) -> None:
+        if self.low.unit != self.high.unit:
+            units_text = f"{self.low.unit or 'none'}, not {self.high.unit or 'none'}"
+            raise SettingError("to", f"must have the unit of 'from', {units_text}")
+        if not self.low.number < self.high.number:
+            raise SettingError("to", "must be more than 'from'")
+        if self.scale == "log" and self.low.number <= 0:
+            raise SettingError("from", "must be more than zero on a logarithmic scale")
+        if self.whole and not (self.low.number.is_integer() and self.high.number.is_integer()):
+            raise SettingError("whole", "needs whole numbers in 'from' and 'to'")
+
+    @property
+    def unit(self) -> str:
+        """Of both ends, and so of every value; may be empty."""
+        return self.low.unit
+
+    def at(self, share: float) -> float:
+        """The value at a share of the way, to six digits; whole numbers have equal shares of it."""
+        low, high = self.low.number, self.high.number + self.whole
+        value = low * (high / low) ** share if self.scale == "log" else low + (high - low) * share
+        if self.whole:
+            return float(min(int(value), self.high.number))
+        return float(f"{value:.6g}")
+
+
+@dataclass(frozen=True, kw_only=True)
+class NumberGrid(NumberRange):
+    """So many ``points``, both ends among them."""
+
+    points: Annotated[int, Bounds(minimum=2, maximum=MAX_RUNS)]
+    """How many numbers, both ends among them."""
+
+    def values(self) -> list[float]:
+        """Evenly spaced, rising."""
+        exact = replace(self, whole=False)
+        values = [exact.at(index / (self.points - 1)) for index in range(self.points)]
+        return [float(round(value)) for value in values] if self.whole else values
+
+
+def listed(data: object, *keys: str) -> object:
+    """Data in which these fields may be one text for short, where a list of texts is meant."""
+    if not isinstance(data, Mapping):
+        return data
+    short = {key: (data[key],) for key in keys if isinstance(data.get(key), str)}
+    return {**data, **short}
+
+
+Cases = dict[str, dict[str, Any]]  # settings of each case, by its name
+
+
+@dataclass(frozen=True, kw_only=True)
+class Axis:
+    """One thing that is varied: the settings it sets, and one of the four ways to vary it.
+
+    Several settings get the same value. A ``list`` without ``set`` names cases, each with settings
+    of its own.
+    """
+
+    paths: Annotated[tuple[str, ...], Key("set")] = ()
+    """Paths of the settings that it sets."""
+    grid: NumberGrid | None = None
+    """Evenly spaced numbers."""
+    cases: Annotated[tuple[Any, ...] | Cases | None, Key("list")] = None
+    """Values, or named cases."""
+    random: NumberRange | None = None
+    """Numbers drawn independently of each other."""
+    latin_hypercube: NumberRange | None = None
+    """Numbers drawn one from each of equal parts of the span."""
+
+    @classmethod
+    def expand(cls, data: object) -> object:
+        """One path for short."""
+        return listed(data, "set")
+
+    def __post_init__(self) -> None:
+        ways = {
+            "grid": self.grid,
+            "list": self.cases,
+            "random": self.random,
+            "latin_hypercube": self.latin_hypercube,
+        }
+        given = [name for name, way in ways.items() if way is not None]
+        if len(given) != 1:
+            has = " and ".join(given) or "none"
+            raise SettingError("", f"must have exactly one of {', '.join(ways)}, has {has}")
+        check_paths(self.paths, self.cases, "missing; say which setting is varied")
+        if self.cases is not None and not self.cases:
+            raise SettingError("list", "must not be empty")
+        if self.span is None or self.span is self.grid:
+            twice = _twice(level for level, _ in self.levels())
+            if twice is not None:
+                raise SettingError(given[0], f"the value {short_repr(twice)} comes twice")
+
+    @property
+    def span(self) -> NumberRange | None:
+        """Of numbers; None for a list."""
+        return self.grid or self.random or self.latin_hypercube
+
+    @property
+    def sampled(self) -> bool:
+        """Drawn, not crossed."""
+        return self.random is not None or self.latin_hypercube is not None
+
+    @property
+    def unit(self) -> str:
+        """Of its values, if they are numbers with one."""
+        if self.span is not None:
+            return self.span.unit
+        quantities = self._quantities()
+        return quantities[0].unit if quantities else ""
+
+    @property
+    def settings_paths(self) -> set[str]:
+        """Every path that it sets."""
+        named = self.cases.values() if isinstance(self.cases, dict) else ()
+        return {*self.paths, *(path for settings in named for path in settings)}
+
+    def levels(self) -> list[tuple[Level, dict[str, Any]]]:
+        """The values of a crossed axis and the settings of each."""
+        if self.grid is not None:
+            return [self.numeric(self.grid, value) for value in self.grid.values()]
+        if isinstance(self.cases, dict):
+            return list(self.cases.items())
+        values = self.cases or ()
+        quantities = self._quantities()
+        texts = [value if isinstance(value, str) else _text(value) for value in values]
+        numbers = [quantity.number for quantity in quantities or ()]
+        names: Sequence[Level] = numbers or texts
+        return [
+            (name, dict.fromkeys(self.paths, value))
+            for name, value in zip(names, values, strict=True)
+        ]
+
+    def samples(self, name: str, count: int, seed: int) -> list[tuple[Level, dict[str, Any]]]:
+        """``count`` values of a sampled axis, drawn from the random stream of the axis' name.
+
+        ``random``: independent, so more samples keep the earlier ones. ``latin_hypercube``: one in
+        each of ``count`` equal parts of the span.
+        """
+        rng = stream(seed, "sweep", name)
+        span = self.random or self.latin_hypercube
+        assert span is not None
+        shares = (
+            rng.random(count)
+            if self.random is not None
+            else (rng.permutation(count) + rng.random(count)) / count
+        )
+        return [self.numeric(span, span.at(float(share))) for share in shares]
+
+    def numeric(self, span: NumberRange, value: float) -> tuple[Level, dict[str, Any]]:
+        """A number of a span, and the settings that follow from it."""
+        number = int(value) if value.is_integer() else value
+        text = str(number) if span.whole else f"{number:g}"
+        return value, dict.fromkeys(self.paths, f"{text} {span.unit}" if span.unit else number)
+
+    def _quantities(self) -> list[Quantity] | None:
+        """A list's numbers, all of one unit; None for a list of other things."""
+        if self.cases is None or isinstance(self.cases, dict):
+            return None
+        values = [Quantity.in_value(value) for value in self.cases]
+        quantities = [quantity for quantity in values if quantity is not None]
+        same = len(quantities) == len(values) and len({item.unit for item in quantities}) == 1
+        return quantities if same else None
+
+
+def check_paths(paths: Sequence[str], cases: Sequence[Any] | Cases | None, if_missing: str) -> None:
+    """Named cases bring settings of their own; all others need ``paths``. Raises
+    ``SettingError``.
+    """
+    if isinstance(cases, dict) == bool(paths):
+        raise SettingError("set", "is not for named cases" if paths else if_missing)
+
+
+def _twice(values: Iterable[Value]) -> Value | None:
+    return next((value for value, times in Counter(values).items() if times > 1), None)
+
+
+def _text(value: object) -> str:
+    """JSON is YAML, and says of a text that it is one."""
+    return json.dumps(value, ensure_ascii=False)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Design:
+    """A sweep: a scenario with fixed settings, axes and seeds. Without axes it is a run with
+    several seeds.
+    """
+
+    name: Name
+    """Of its folder of results; by default that of its file."""
+    description: str = ""
+    """What it is for."""
+    scenario: str
+    """The scenario that is varied, by name or path."""
+    settings: Annotated[dict[str, Any], Key("set")] = field(default_factory=dict)
+    """Settings that are the same at all points, by path."""
+    seeds: Annotated[tuple[Annotated[int, Bounds(minimum=0)], ...], NotEmpty()] = (1, 2, 3, 4, 5)
+    """Each point is run with every one of them; ``5`` for short: the seeds 1 to 5."""
+    samples: Annotated[int, Bounds(minimum=1, maximum=MAX_RUNS)] | None = None
+    """How many values sampled axes draw."""
+    sample_seed: Annotated[int, Bounds(minimum=0)] = 1
+    """The seed by which they draw."""
+    axes: dict[Name, Axis] = field(default_factory=dict)
+    """What is varied, by name."""
+
+    @classmethod
+    def expand(cls, data: object) -> object:
+        """A number of seeds for short. Raises ``SettingError``."""
+        count = data.get("seeds") if isinstance(data, Mapping) else None
+        if not isinstance(data, Mapping) or not isinstance(count, int) or isinstance(count, bool):
+            return data
+        if not 1 <= count <= MAX_RUNS:
+            text = f"must be a list, or how many: at least 1, not {count}"
+            raise SettingError("seeds", text)
+        return {**data, "seeds": range_of(count)}
+
+    def __post_init__(self) -> None:
+        twice = _twice(self.seeds)
+        if twice is not None:
+            raise SettingError("seeds", f"the seed {twice} comes twice")
+        sampled = [name for name, axis in self.axes.items() if axis.sampled]
+        if sampled and self.samples is None:
+            raise SettingError("samples", f"missing; axis {sampled[0]!r} needs to know how many")
+        if not sampled and self.samples is not None:
+            text = "has no effect without an axis that is 'random' or 'latin_hypercube'"
+            raise SettingError("samples", text)
+        self._check_axes()
+        if self.runs > MAX_RUNS:
+            raise SettingError("axes", f"make {self.runs:,} runs; at most {MAX_RUNS:,}")
+
+    def _check_axes(self) -> None:
+        """No axis is called like a column, and none undoes what another sets."""
+        set_by = dict.fromkeys(self.settings, "'set'")
+        for name, axis in self.axes.items():
+            if name in COLUMNS:
+                text = "is a column of the table already; call the axis otherwise"
+                raise SettingError(f"axes.{name}", text)
+            for path in sorted(axis.settings_paths):
+                for earlier, who in set_by.items():
+                    if who != f"axis {name!r}" and (
+                        earlier == path or earlier.startswith((f"{path}.", f"{path}["))
+                    ):
+                        text = f"{path} would undo {earlier}, set by {who}"
+                        raise SettingError(f"axes.{name}.set", text)
+                set_by[path] = f"axis {name!r}"
+        if "seed" in set_by:
+            raise SettingError("seeds", f"say which seeds are run; {set_by['seed']} must not")
+
+    @property
+    def runs(self) -> int:
+        """How many runs the points and seeds make."""
+        return (
+            math.prod(len(self.axes[name].levels()) for name in self.crossed)
+            * (self.samples or 1)
+            * len(self.seeds)
+        )
+
+    @property
+    def crossed(self) -> list[str]:
+        """The axes of which every combination is made."""
+        return [name for name, axis in self.axes.items() if not axis.sampled]
+
+    @property
+    def columns(self) -> dict[str, str]:
+        """The column of each axis in the tables: its name, and its unit in brackets."""
+        return {
+            name: f"{name} [{axis.unit}]" if axis.unit else name for name, axis in self.axes.items()
+        }
+
+    def points(self) -> "Iterator[Point]":
+        """All points, the last crossed axis and the samples changing fastest."""
+        fixed = dict(self.settings)
+        crossed = {name: axis.levels() for name, axis in self.axes.items() if not axis.sampled}
+        sampled = {name: axis for name, axis in self.axes.items() if axis.sampled}
+        drawn = {
+            name: axis.samples(name, self.samples or 0, self.sample_seed)
+            for name, axis in sampled.items()
+        }
+        for combination in itertools.product(*crossed.values()):
+            for sample in zip(*drawn.values(), strict=True) if drawn else [()]:
+                chosen = dict(zip((*crossed, *drawn), (*combination, *sample), strict=True))
+                settings = fixed | {
+                    path: value for name in self.axes for path, value in chosen[name][1].items()
+                }
+                scenario = settings.pop(SCENARIO, self.scenario)
+                overrides = tuple(f"{path}={_text(value)}" for path, value in settings.items())
+                yield Point(tuple(chosen[name][0] for name in self.axes), str(scenario), overrides)
+
+
+@dataclass(frozen=True, slots=True)
+class Point:
+    """One combination: the values of the axes, in their order, and the scenario and overrides that
+    follow, which are as on the command line.
+    """
+
+    levels: tuple[Level, ...]
+    scenario: str
+    overrides: tuple[str, ...]
+
+
+def range_of(count: int, first: int = 1) -> tuple[int, ...]:
+    """So many seeds from the first on."""
+    return tuple(range(first, first + count))
+
+
+def spans_much(numbers: Sequence[float]) -> bool:
+    """Whether a list of values is better drawn on a logarithmic axis."""
+    return min(numbers) > 0 and max(numbers) / min(numbers) >= LOGARITHMIC_FROM
+
+
+def load_design(path_or_name: str | Path, seeds: int | Sequence[int] | None = None) -> Design:
+    """A sweep file, by path or by name, with its own seeds or with ``seeds``. Raises
+    ``UserError``.
+    """
+    path = files.find(files.SWEEP, path_or_name)
+    data = {"name": path.stem, **read_mapping(path)}
+    if seeds is not None:
+        data["seeds"] = seeds if isinstance(seeds, int) else list(seeds)
+    return read_design(data, str(path))
+
+
+def read_design(data: Mapping[str, Any], where: str) -> Design:
+    """A sweep as in YAML; ``where`` it comes from is in front of what is wrong with it. Raises
+    ``UserError``.
+    """
+    return settings.read(Design, data, lambda field: where)

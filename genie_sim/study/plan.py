@@ -1,0 +1,185 @@
+"""From the points of a design to runs with ids."""
+
+import json
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+
+from genie_sim import runner
+from genie_sim.build import Prepared
+from genie_sim.errors import UserError
+from genie_sim.perception.sources import Frames, Progress
+from genie_sim.recording import provenance
+from genie_sim.scenario.scenario import (
+    Scenario,
+    load_scenario,
+    read_scenario,
+    with_methods,
+)
+from genie_sim.settings import plain_data
+from genie_sim.study.design import Design, Level, Point
+from genie_sim.study.tasks import PointRun, Shared
+
+# Settings that say nothing about which profiles and traces are needed.
+_SAME_FILES = {
+    "name",
+    "description",
+    "seed",
+    "methods",
+    "model",
+    "spread",
+    "start_jitter",
+    "queue_length",
+    "edge_network",
+    "genie",
+    "faults",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """One run's place in the sweep. Two points may share a run, where they say the same in two
+    ways.
+    """
+
+    point: int
+    seed: int
+    run_id: str
+    levels: tuple[Level, ...]
+
+
+@dataclass
+class Plan:
+    """Every place of the sweep, every run by its id, and what the runs need."""
+
+    entries: list[Entry] = field(default_factory=list)
+    runs: dict[str, PointRun] = field(default_factory=dict)
+    shared: Shared = field(default_factory=dict)
+
+
+def plan(
+    design: Design,
+    where: str,
+    progress: Progress | None = None,
+    *,
+    base: Scenario | None = None,
+    methods: Sequence[str] = (),
+    reports: bool = True,
+) -> Plan:
+    """Checks every point and gives every run its id.
+
+    Parameters
+    ----------
+    design : Design
+        The sweep.
+    where : str
+        Where it comes from, to begin errors with.
+    progress : callable, optional
+        Told how many points are checked, of how many.
+    base : Scenario, optional
+        The scenario that the design names, where that is no file.
+    methods : sequence of str
+        Only these, at every point; none: those of the scenario.
+    reports : bool
+        Whether runs whose results are kept have a page.
+
+    Raises
+    ------
+    UserError
+        Naming the setting that is wrong.
+    """
+    planned = Plan()
+    world = SharedFrames()
+    total = design.runs // len(design.seeds)
+    for number, point in enumerate(design.points()):
+        levels = ", ".join(
+            f"{name} = {level}" for name, level in zip(design.axes, point.levels, strict=True)
+        )
+        try:
+            scenario = _scenario(point, base if point.scenario == design.scenario else None)
+            if methods:
+                scenario = with_methods(scenario, methods, f"--methods {','.join(methods)}")
+            name = f"point {number} ({levels})" if levels else ""
+            for run in runs_of(world.prepare(scenario), design.seeds, name):
+                run = replace(run, keep=not design.axes, with_report=reports)
+                planned.entries.append(Entry(number, run.scenario.seed, run.run_id, point.levels))
+                planned.runs.setdefault(run.run_id, run)
+        except UserError as error:
+            which = f"{point.scenario}: " if point.scenario != design.scenario else ""
+            raise UserError(f"{where}: {which}{str(error).removeprefix('--set ')}") from error
+        if progress is not None:
+            progress(number + 1, total, "checking points")
+    planned.shared = world.frames
+    return planned
+
+
+def _scenario(point: Point, base: Scenario | None) -> Scenario:
+    """The scenario at a point. Raises ``UserError``."""
+    if base is None:
+        return load_scenario(point.scenario, point.overrides)
+    return read_scenario(plain_data(base), point.overrides) if point.overrides else base
+
+
+def runs_of(prepared: Prepared, seeds: Sequence[int], point: str) -> Iterator[PointRun]:
+    """A point's run with each seed; ``point`` names it where a run fails."""
+    key = None if prepared.frames.seeded else _key(prepared)
+    frames = _frames(prepared)
+    for seed in seeds:
+        seeded = replace(prepared, scenario=replace(prepared.scenario, seed=seed))
+        if prepared.frames.seeded:
+            seeded = replace(
+                seeded,
+                frames=runner.frame_source(seeded.scenario).open(seed, seeded.scenario.origin),
+            )
+        run_id = provenance.run_id(runner.facts(seeded))
+        yield PointRun(
+            run_id,
+            seeded.scenario,
+            source=key,
+            frames=frames,
+            place=", ".join(filter(None, [point, f"seed {seed}"])),
+        )
+
+
+class SharedFrames:
+    """Traces, read once for all points that need the same ones; ``frames`` is what their runs
+    share.
+    """
+
+    def __init__(self) -> None:
+        self.frames: dict[str, Frames] = {}
+        self._known: dict[str, Frames] = {}
+
+    def prepare(self, scenario: Scenario) -> Prepared:
+        """As ``runner.prepare``."""
+        needs = json.dumps(
+            {key: item for key, item in plain_data(scenario).items() if key not in _SAME_FILES}
+        )
+        known = self._known.get(needs)
+        prepared = runner.prepare(scenario) if known is None else runner.on_frames(scenario, known)
+        if not prepared.frames.seeded:
+            self._known[needs] = self.frames.setdefault(_key(prepared), prepared.frames)
+        return prepared
+
+
+def _key(prepared: Prepared) -> str:
+    """Names the frames that a scenario needs."""
+    scenario = plain_data(prepared.scenario)
+    source = json.dumps({key: scenario[key] for key in ("perception", "origin")})
+    return f"{source} {sorted(prepared.frames.digests().items())}"
+
+
+def _frames(prepared: Prepared) -> float:
+    """About how many frames the cameras take, under all methods."""
+    frames = 0.0
+    for car in prepared.expanded.cars:
+        for camera in prepared.expanded.cameras_of(car):
+            recorded = prepared.drives[car.name].frames[camera.recording]
+            length_ns = recorded[-1].stamp_ns - recorded[0].stamp_ns
+            window_ns = car.route.window_ns
+            driven = (
+                1.0
+                if window_ns is None or not length_ns
+                else min((window_ns[1] - window_ns[0]) / length_ns, 1.0)
+            )
+            frames += driven * len(recorded) * car.route.laps
+    return frames * len(prepared.scenario.methods)

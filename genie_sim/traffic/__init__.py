@@ -1,0 +1,1 @@
+"""Recorded traffic, such as SUMO's, as a source of frames."""

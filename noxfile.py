@@ -1,0 +1,174 @@
+"""The project's tasks: ``nox --list`` shows them, ``nox -s NAME`` runs one in an environment of its
+own.
+
+``nox --no-venv -s NAME`` runs it in the environment that is active, as ``.ci/run`` does. Options
+after ``--`` go to pytest: ``nox -s test -- -x tests/core``.
+"""
+
+import os
+import re
+import sys
+import tomllib
+from pathlib import Path
+
+import nox
+
+nox.options.sessions = ["lint", "types", "test"]
+nox.options.reuse_existing_virtualenvs = True
+
+# Whole files go to one process; files that take long come first (tests/conftest.py).
+PARALLEL = ("-n", os.environ.get("GENIE_SIM_TEST_PROCESSES", "3"), "--dist", "loadfile")
+
+# The simulator, and its own tests.
+SIMULATOR = ("core", "sim", "methods", "faults")
+MEASURED = ("tests/core", "tests/sim", "tests/methods", "tests/conformance", "tests/scenario")
+
+
+def install(session: nox.Session, *requirements: str) -> None:
+    """Installs into the session's own environment; the active one (``--no-venv``) has it all."""
+    if not isinstance(session.virtualenv, nox.virtualenv.PassthroughEnv):
+        session.install(*requirements)
+
+
+def pytest(session: nox.Session, *options: str) -> None:
+    """Runs tests in parallel, files in the order that tests/conftest.py gives them."""
+    order = ("--no-loadscope-reorder", "--durations=15")
+    session.run("python", "-m", "pytest", *PARALLEL, *order, *options, *session.posargs)
+
+
+@nox.session
+def lint(session: nox.Session) -> None:
+    """The hooks of pre-commit over all files: layout, ruff's rules, ends of files, large files."""
+    install(session, ".[dev]")
+    session.run("pre-commit", "run", "--all-files", "--show-diff-on-failure")
+
+
+@nox.session
+def types(session: nox.Session) -> None:
+    """``mypy --strict`` over the package."""
+    install(session, ".[dev]")
+    session.run("mypy")
+
+
+@nox.session
+def test(session: nox.Session) -> None:
+    """Every test, in parallel. What is missing on this machine is skipped, with the reason."""
+    install(session, ".[test]")
+    pytest(session)
+
+
+def gate(session: nox.Session, *options: str) -> None:
+    """Runs tests, and fails where they ran too little of a room of the package."""
+    report = Path(session.create_tmp()) / "coverage.json"
+    pytest(session, *options, "--cov-report=", f"--cov-report=json:{report}")
+    session.run("python", "tests/coverage_gate.py", str(report))
+
+
+@nox.session
+def coverage(session: nox.Session) -> None:
+    """The simulator's own tests, and whether they run 95 % of its lines and branches."""
+    install(session, ".[test]")
+    gate(session, *MEASURED, *(f"--cov=genie_sim/{room}" for room in SIMULATOR))
+
+
+@nox.session
+def rest(session: nox.Session) -> None:
+    """All other tests. Coverage makes simulation 2.5 times slower, so it is not measured here."""
+    install(session, ".[test]")
+    pytest(session, *(f"--ignore={folder}" for folder in MEASURED))
+
+
+@nox.session
+def coverage_all(session: nox.Session) -> None:
+    """All tests, and whether they run enough of every room of the package: at night."""
+    install(session, ".[test]")
+    gate(session, "--nightly", "--cov")
+
+
+@nox.session
+def docs(session: nox.Session) -> None:
+    """Builds the documentation into ``site/``; a broken link is an error."""
+    install(session, ".[docs]")
+    session.run("mkdocs", "build", "--strict")
+
+
+@nox.session
+def bench(session: nox.Session) -> None:
+    """Times the main job, fleets and peers; prints the tables of docs/speed.md."""
+    install(session, ".[test]")
+    session.run("python", "-m", "benchmarks.speed_page", *session.posargs)
+
+
+@nox.session
+def mutate(session: nox.Session) -> None:
+    """Puts single errors into the package and lists those that no test notices."""
+    install(session, ".[test]")
+    session.run("python", "-m", "tests.mutate", *session.posargs)
+
+
+@nox.session
+def lower_bounds(session: nox.Session) -> None:
+    """The fast tests with the oldest versions that pyproject.toml allows."""
+    session.install("uv")
+    session.run("uv", "pip", "install", "--resolution", "lowest-direct", ".[test]")
+    session.run("uv", "pip", "list")
+    session.run("python", "-m", "pytest", "-m", "not slow", *session.posargs)
+
+
+@nox.session
+def lock(session: nox.Session) -> None:
+    """Writes requirements.lock anew: the newest versions allowed, with the digests of their
+    files.
+    """
+    install(session, "uv")
+    path = Path("requirements.lock")
+    fresh = Path(session.create_tmp()) / path.name
+    session.run(
+        "uv",
+        "pip",
+        "compile",
+        "pyproject.toml",
+        "--universal",
+        "--python-version",
+        "3.11",
+        "--all-extras",
+        "--generate-hashes",
+        "--no-header",
+        "--no-annotate",
+        "--quiet",
+        "--output-file",
+        str(fresh),
+        silent=True,
+    )
+    path.write_text(
+        "# Versions known to work together, for Python 3.11 and later: genie-sim, all its extras.\n"
+        "# Use:   python -m pip install -r requirements.lock && python -m pip install --no-deps .\n"
+        "# Made:  nox -s lock\n" + fresh.read_text(encoding="utf-8"),
+        encoding="utf-8",
+    )
+
+
+@nox.session
+def release(session: nox.Session) -> None:
+    """Builds and checks the sdist and the wheel of a tag: ``nox -s release -- v1.2.3``."""
+    version = release_version(session.posargs[0] if session.posargs else "")
+    install(session, "--require-hashes", "-r", "requirements.lock")
+    session.run("python", "-m", "build", "--no-isolation")
+    session.run("python", "-m", "twine", "check", "--strict", *map(str, Path("dist").iterdir()))
+    session.log(f"genie-sim {version}: see dist/")
+
+
+def release_version(tag: str) -> str:
+    """The version that a tag stands for; ends the task unless code, changelog and citation
+    agree.
+    """
+    project = tomllib.loads(Path("pyproject.toml").read_text(encoding="utf-8"))
+    source = Path(project["tool"]["hatch"]["version"]["path"]).read_text(encoding="utf-8")
+    version = re.search(r'^(?:__version__|VERSION) = "(.*)"$', source, re.MULTILINE).group(1)
+    if tag != f"v{version}":
+        sys.exit(f"release: the tag is {tag or 'missing'}, the package is {version}")
+    if f"\n## [{version}]" not in Path("CHANGELOG.md").read_text(encoding="utf-8"):
+        sys.exit(f"release: CHANGELOG.md has no section [{version}]")
+    if f"\nversion: {version}\n" not in Path("CITATION.cff").read_text(encoding="utf-8"):
+        sys.exit("release: CITATION.cff has another version")
+    return version

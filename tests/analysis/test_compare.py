@@ -1,0 +1,243 @@
+"""Runs compared: by seeds, by blocks of one second, what is refused, and what is written."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import genie_sim as gs
+from genie_sim import cli, runner
+from genie_sim.analysis import latex
+from genie_sim.analysis.compare import BLOCKS, COMPARED, SEEDS, Difference, compare
+from genie_sim.errors import UserError
+from genie_sim.recording.columns import Columns
+from genie_sim.recording.results import Run
+from genie_sim.report import comparison
+from genie_sim.scenario.scenario import load_scenario
+
+WINDOW = "cars[0].route.window=[2 s, 5 s]"
+SLOWER = "edges[0].device=jetson_tx2"
+
+
+def ran(*settings: str, seed: int = 1, window: str = WINDOW) -> Run:
+    return runner.run_in_memory(
+        load_scenario("1car_hetero", [window, "record=[answers, held]", *settings], seed)
+    )
+
+
+@pytest.fixture(scope="module")
+def usual() -> list[Run]:
+    return [ran(seed=seed) for seed in (1, 2, 3)]
+
+
+@pytest.fixture(scope="module")
+def slower() -> list[Run]:
+    return [ran(SLOWER, seed=seed) for seed in (1, 2, 3)]
+
+
+def row(rows: list[Difference], metric: str, arm: str) -> Difference:
+    (found,) = (
+        one
+        for one in rows
+        if (one.metric, one.arm.rpartition(": ")[2]) == (metric, arm) and one.against
+    )
+    return found
+
+
+def measured(run: Run, metric: str, method: str) -> float:
+    (found,) = (
+        one.value
+        for one in run.measured
+        if (one.metric, one.method, one.placement, one.component) == (metric, method, "all", "")
+    )
+    assert found is not None
+    return found
+
+
+def test_its_numbers_are_those_of_the_run(usual: list[Run]):
+    made = compare(usual[:1])
+    assert {one.metric for one in made.rows} == set(COMPARED)
+    for one in made.rows:
+        assert one.value == pytest.approx(measured(usual[0], one.metric, one.arm))
+
+
+def test_methods_of_one_run_are_compared_by_blocks_with_the_first(usual: list[Run]):
+    made = compare(usual[:1], ["remote", "genie"])
+    assert [arm.label for arm in made.arms] == ["remote", "genie"] and not made.settings
+    found = row(list(made.rows), "first_answer_mean", "genie")
+    assert (found.by, found.against, found.n) == (BLOCKS, "remote", 4), (
+        "three seconds, begun within one"
+    )
+    gap = measured(usual[0], "first_answer_mean", "genie") - measured(
+        usual[0], "first_answer_mean", "remote"
+    )
+    assert found.difference == pytest.approx(gap)
+    assert found.low is not None and found.high is not None and found.low < gap < found.high < 0
+    assert "blocks" in comparison.note(made) and "other seeds" in comparison.note(made)
+
+
+def test_a_block_interval_by_hand(usual: list[Run]):
+    """Three seconds of one car, as many frames in each: the t interval of the three paired
+    differences of means.
+    """
+    frames = usual[0].frames.copy()
+    frames["received_ns"] = frames["stamp_ns"]
+    seconds = frames["stamp_ns"] // 10**9 - frames["stamp_ns"].min() // 10**9
+    frames = (
+        frames[seconds < 3]
+        .groupby(["method", frames["stamp_ns"] // 10**9], observed=True)
+        .head(4)
+        .copy()
+    )
+    seconds = (frames["stamp_ns"] // 10**9 - frames["stamp_ns"].min() // 10**9).to_numpy()
+    late_ms = np.where(frames["method"] == "genie", 10.0, 20.0 + np.array([1.0, 4.0, 7.0])[seconds])
+    frames["first_answer_ns"] = frames["stamp_ns"] + (late_ms * 1e6).astype(int)
+    made = compare(
+        [replace(usual[0], tables={**usual[0].tables, "frames": Columns.of(frames)})],
+        ["remote", "genie"],
+    )
+    found = row(list(made.rows), "first_answer_mean", "genie")
+    half = 4.302653 * 3.0 / np.sqrt(3)
+    assert (found.difference, found.low, found.high) == pytest.approx(
+        (-14.0, -14.0 - half, -14.0 + half), rel=1e-6
+    )
+
+
+def test_settings_are_compared_seed_by_seed(usual: list[Run], slower: list[Run]):
+    """Each seed with the same seed of the reference, whatever the order in which runs are given."""
+    made = compare([*usual, *slower[::-1]], ["remote"])
+    values = [measured(run, "first_answer_mean", "remote") for run in slower]
+    gaps = [
+        value - measured(reference, "first_answer_mean", "remote")
+        for value, reference in zip(values, usual, strict=True)
+    ]
+    assert len(set(values)) == len(set(gaps)) == 3, "all seeds differ, or nothing is tested"
+    found = row(list(made.rows), "first_answer_mean", "remote")
+    half = 4.302653 * np.std(gaps, ddof=1) / np.sqrt(3)
+    assert (found.by, found.n) == (SEEDS, 3)
+    assert found.value == pytest.approx(np.mean(values))
+    assert (found.difference, found.low, found.high) == pytest.approx(
+        (np.mean(gaps), np.mean(gaps) - half, np.mean(gaps) + half), rel=1e-6
+    )
+    found = row(list(made.rows), "streaming_f1", "remote")
+    assert found.high is not None and found.high < 0, "a slower edge is less right"
+    assert made.settings["scenario.edges[0].device"] == ["'quadro_rtx_4000'", "'jetson_tx2'"]
+    assert not any("seed" in path for path in made.settings)
+
+
+def test_each_method_is_compared_with_itself_under_the_first_setting(
+    usual: list[Run], slower: list[Run]
+):
+    made = compare([usual[0], slower[0]], ["remote", "genie"])
+    pairs = {(one.arm, one.against) for one in made.rows if one.against}
+    first, second = made.names
+    assert pairs == {(f"{second}: {name}", f"{first}: {name}") for name in ("remote", "genie")}
+    titles = [arm.title for arm in made.arms]
+    assert titles == [
+        f"{name}: {title}" for name in made.names for title in ("remote (R)", "Genie (DG)")
+    ]
+
+
+def test_settings_are_called_by_what_differs_where_that_is_short(
+    usual: list[Run], slower: list[Run]
+):
+    made = compare([*usual, *slower], ["remote"])
+    assert list(made.names) == ["device quadro_rtx_4000", "device jetson_tx2"]
+    text = comparison.page(made)
+    told = json.loads(re.search(r'id="data">(.*?)</script>', text, re.DOTALL)[1])
+    rows = {(metric, arm): cells for metric, arm, *cells in told["rows"]}
+    assert {arm for _, arm in rows} == {"device jetson_tx2: remote (R)"}, (
+        "the first has nothing to be compared with"
+    )
+    mean = rows["first answer, mean", "device jetson_tx2: remote (R)"]
+    gap = row(list(made.rows), "first_answer_mean", "remote")
+    theirs = next(one for one in made.rows if one.metric == "first_answer_mean" and not one.against)
+    assert mean[:4] == [
+        f"{gap.value:.3g} ms",
+        theirs.arm.replace("remote", "remote (R)"),
+        f"{theirs.value:.3g} ms",
+        f"{gap.difference:+.3g} ms",
+    ]
+
+
+def test_with_one_common_seed_its_blocks_are_paired_and_it_says_so(
+    usual: list[Run], slower: list[Run]
+):
+    made = compare([*usual[:2], slower[1]], ["remote"])
+    found = row(list(made.rows), "ghost_share", "remote")
+    gap = measured(slower[1], "ghost_share", "remote") - measured(usual[1], "ghost_share", "remote")
+    assert (found.by, found.difference) == (BLOCKS, pytest.approx(gap))
+
+
+def test_what_cannot_be_compared_is_refused_in_one_line(usual: list[Run]):
+    shorter = ran(window="cars[0].route.window=[2 s, 4 s]")
+    with pytest.raises(UserError, match=r"cannot be compared: other frames \(116 and 76\)"):
+        compare([usual[0], shorter])
+    two = runner.run_in_memory(load_scenario("2car_hetero", ["record=[answers, held]"]))
+    with pytest.raises(UserError, match=r"cannot be compared: other drives \(car2"):
+        compare([usual[0], two])
+    with pytest.raises(UserError, match="no seed in common: 1 and 2"):
+        compare([usual[0], ran(SLOWER, seed=2)])
+    with pytest.raises(UserError, match="nothing to compare"):
+        compare(usual[:1], ["genie"])
+    with pytest.raises(UserError, match=r"unknown method 'gneie' \(did you mean 'genie'\?\)"):
+        compare(usual[:1], ["gneie"])
+    with pytest.raises(UserError, match="given twice"):
+        compare([usual[0], usual[0]])
+    with pytest.raises(UserError, match="unknown format 'md'"):
+        comparison.text(compare(usual[:1]), "md")
+
+
+def test_tables_in_three_formats_hold_the_same_rows(usual: list[Run]):
+    made = compare(usual[:1])
+    rows = list(csv.DictReader(io.StringIO(comparison.text(made, "csv"))))
+    assert [one["metric"] for one in rows] == [one.metric for one in made.rows]
+    assert float(rows[0]["value"]) == pytest.approx(made.rows[0].value, rel=1e-9)
+    assert comparison.text(made).count("\n") == len(rows) + 2
+    values, differences = comparison.text(made, "latex").split("% needs")[1:]
+    assert r"first answer, mean [ms] & " in values and r"\caption" in differences
+    gap = next(row for row in made.rows if row.metric == "first_answer_mean" and row.against)
+    assert f"& {latex.printed(gap.difference, '+')}" in differences
+
+
+def test_the_page_has_figures_and_the_same_runs_give_the_same_bytes(
+    usual: list[Run], tmp_path: Path
+):
+    folders = [tmp_path / "a", tmp_path / "b"]
+    for folder in folders:
+        page = comparison.write(compare(usual[:1]), folder)
+        text = page.read_text(encoding="utf-8")
+        assert (
+            text.count("data:image/svg+xml") == 3
+            and "default-src 'none'" in text
+            and "img-src data:" in text
+        )
+    names = sorted(path.relative_to(folders[0]) for path in folders[0].rglob("*") if path.is_file())
+    assert len(names) == 10
+    for name in names:
+        assert (folders[0] / name).read_bytes() == (folders[1] / name).read_bytes(), name
+
+
+def test_the_command_and_the_library_say_the_same(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    made = runner.run_to_folder(load_scenario("1car_hetero", [WINDOW]), tmp_path, with_report=False)
+    assert (
+        cli.main(["compare", str(made.folder), "--format", "csv", "--out", str(tmp_path / "page")])
+        == 0
+    )
+    printed = capsys.readouterr().out
+    in_hand = gs.compare(made.folder, methods=["local", "remote", "genie"])
+    assert printed == in_hand.text("csv")
+    assert len(in_hand.table) == printed.count("\n") - 1 and in_hand.settings.empty
+    assert (tmp_path / "page" / "compare.html").is_file()
+    assert cli.main(["compare", str(made.folder), "--format", "html"]) == 1
+    assert "--format: unknown format 'html'" in capsys.readouterr().err
+    assert cli.main(["compare", str(tmp_path)]) == 1

@@ -1,0 +1,476 @@
+"""Figures: they show the numbers of the tables, say so in words, and come out the same byte for
+byte.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import asdict, replace
+from pathlib import Path
+
+import matplotlib as mpl
+import pandas as pd
+import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+from genie_sim.analysis import figures, metrics, style
+from genie_sim.analysis.breakdown import parts_of, time_parts
+from genie_sim.cli import main
+from genie_sim.methods import METHODS as METHOD_CLASSES
+from genie_sim.recording.columns import Columns
+from genie_sim.recording.records import FRAMES, LOOKUPS, RESOURCES
+from genie_sim.recording.results import MethodInfo, Metric, Run
+from genie_sim.recording.tables import Table
+from tests import made_up_run
+from tests.made_up_run import METHODS
+
+FOOTER = "3car_hetero, run 0123456789ab, seed 1"
+
+
+@pytest.fixture(scope="module")
+def tables() -> tuple[pd.DataFrame, pd.DataFrame, pd.DataFrame]:
+    made = made_up_run.frames(2, 3), made_up_run.lookups(2, 120), made_up_run.resources(2, 30)
+    frames, lookups, resources = (table.to_frame() for table in made)
+    return frames, lookups, resources
+
+
+def run_of(frames, lookups, resources, methods=METHODS) -> Run:
+    facts = {
+        "scenario": {"name": "3car_hetero", "seed": 1},
+        "methods": [asdict(method) for method in methods],
+    }
+    tables = {"frames": frames, "lookups": lookups, "resources": resources}
+    return Run(
+        "0123456789ab", facts, "", {name: Columns.of(table) for name, table in tables.items()}, ()
+    )
+
+
+def words(path: Path) -> str:
+    """All text of an SVG."""
+    return " | ".join(re.findall(r">([^<>]+)</(?:text|tspan)>", path.read_text()))
+
+
+def curves(figure, panel: int = 0) -> dict[str, tuple]:
+    """By the label, without the share behind it."""
+    return {
+        re.sub(r", [\d.]+ %$", "", line.get_label()): line.get_data()
+        for line in figure.axes[panel].lines
+    }
+
+
+def test_every_figure_of_a_run_names_the_run_its_units_and_what_is_drawn(tables, tmp_path):
+    expected = {
+        "latency_cdf": [
+            "local (L)",
+            "remote (R)",
+            "Genie (DG)",
+            "fresh results",
+            "33 ms deadline",
+        ],
+        "latency_cdf_of_answered": [
+            "share of answered frames",
+            "response time [ms]",
+            "Genie\u00a0(DG)\u00a0100\u00a0%",
+            "fresh: Genie",
+        ],
+        "image_reuse": [
+            "Genies on cars",
+            "Genies on edges",
+            "image reuse",
+            "lowest and highest 50 requests of a Genie",
+        ],
+        "object_reuse": ["object reuse", "Genies on cars", "Genies on edges"],
+        "confidence_boost": ["Genies on cars", "Genies on edges", "updates so far"],
+        "resources": [
+            "accelerators busy",
+            "links busy",
+            "messages waiting",
+            "simulated time [s]",
+            "car1",
+            "edge2",
+        ],
+    }
+    run_id, drawn = "0123456789ab", figures.of_run(run_of(*tables))
+    assert set(drawn) == set(expected)
+    for name, figure in drawn.items():
+        svg, png = figures.save(figure, tmp_path, name)
+        assert png.read_bytes().startswith(b"\x89PNG")
+        text = words(svg)
+        for label in expected[name]:
+            assert label in text, (name, label, text)
+        title, footer = figure.get_label().split("\n")
+        told = [f"<dc:title>{title}</dc:title>", f"<dc:description>{FOOTER}</dc:description>"]
+        assert footer == FOOTER and all(one in svg.read_text() for one in told)
+        assert title not in text and run_id not in text, "a paper has a caption"
+
+
+def test_the_same_tables_give_the_same_bytes_whatever_the_user_s_settings(tables, tmp_path):
+    folders = [tmp_path / "one", tmp_path / "two"]
+    for folder, font_size in zip(folders, (10, 33), strict=True):
+        folder.mkdir()
+        with mpl.rc_context({"font.size": font_size, "axes.grid": False, "svg.hashsalt": None}):
+            for name, figure in figures.of_run(run_of(*tables)).items():
+                figures.save(figure, folder, name)
+    for path in sorted(folders[0].iterdir()):
+        assert path.read_bytes() == (folders[1] / path.name).read_bytes(), path.name
+
+
+def test_text_is_at_least_8_points_in_a_figure_of_a_column_s_width(tables):
+    for figure in figures.of_run(run_of(*tables)).values():
+        assert figure.get_figwidth() in (figures.COLUMN_IN, figures.PAGE_IN)
+        for text in figure.findobj(mpl.text.Text):
+            assert text.get_fontsize() >= 8
+
+
+def test_methods_and_placements_differ_without_colour():
+    assert len({str(style.method_line(look)["linestyle"]) for look in range(4)}) == 4
+    assert len({str(style.method_line(look)) for look in range(48)}) == 48
+    assert len({style.method_bar(look)["hatch"] for look in range(8)}) == 8
+    assert len({str(style.method_bar(look)) for look in range(96)}) == 96
+    assert len({(style.method_colour(look), style.method_marker(look)) for look in range(96)}) == 96
+    assert len(style.COLOURS) == len(style.DARK_COLOURS) == len({*style.COLOURS})
+    assert len({str(style.PLACEMENT_LINES[where]["linestyle"]) for where in style.PLACEMENTS}) == 2
+    assert len({style.PLACEMENT_BARS[where]["hatch"] for where in style.PLACEMENTS}) == 2
+
+
+def test_a_method_looks_the_same_whatever_ran_beside_it():
+    """Every registered method has a look of its own; others go by their order; under another
+    setting a method keeps its colour.
+    """
+    assert {*METHOD_CLASSES} <= {*style.METHOD_LOOKS}
+    registered = style.method_looks(list(METHOD_CLASSES))
+    assert len({*registered}) == len(METHOD_CLASSES)
+    assert style.method_looks(["genie"]) == style.method_looks(["local", "genie"])[1:]
+    assert style.method_looks(["mine", "genie", "theirs"]) == [4, 2, 5]
+    assert not {*registered} & {*style.method_looks(["a", "b", "c"])}
+    before, after, other = style.method_looks(["old: genie", "new: genie", "new: remote"])
+    assert before == 2 != after and other == 1
+    assert style.method_colour(before) == style.method_colour(after)
+    many = style.method_looks([f"{setting}: genie" for setting in range(60)])
+    assert len({*many}) == 60
+
+
+def test_equal_curves_are_told_apart_and_a_legend_takes_a_fifth_at_most(tables):
+    frames = tables[0]
+    genie = frames[frames["method"] == "genie"]
+    methods = [MethodInfo(f"genie{place}", f"cache {place}", baseline=False) for place in range(9)]
+    same = pd.concat([genie.assign(method=method.name) for method in methods], ignore_index=True)
+    figure = figures.latency_cdf({"run": same}, methods, FOOTER, style.COLUMN_IN)
+    titles = {method.title for method in methods}
+    firsts = [line for line in figure.axes[0].lines if line.get_label() in titles]
+    assert len({line.get_markevery() for line in firsts}) == len(methods)
+    figure.draw_without_rendering()
+    (legend,) = figure.legends
+    height = legend.get_window_extent(FigureCanvasAgg(figure).get_renderer()).height
+    assert 0.1 < height / figure.bbox.height < 0.21
+
+
+def test_panels_have_letters_if_there_are_several(tables):
+    drawn = figures.of_run(run_of(*tables))
+    titles = [axis.get_title() or axis.get_title(loc="left") for axis in drawn["resources"].axes]
+    assert titles[0] == "(a) local (L)" and titles[-1].startswith("(")
+    assert len({title[:4] for title in titles}) == len(titles) > 2
+    assert not drawn["latency_cdf"].axes[0].get_title(loc="left")
+
+
+def test_a_placement_is_never_in_a_method_s_colour():
+    tones = [style.PLACEMENT_BARS[where]["facecolor"] for where in style.PLACEMENTS]
+    tones += [style.PLACEMENT_LINES[where]["color"] for where in style.PLACEMENTS]
+    assert not {mpl.colors.to_hex(tone).upper() for tone in tones} & set(style.COLOURS)
+
+
+def test_methods_of_any_name_and_number_are_drawn_in_their_order(tables, tmp_path):
+    """Two of them run Genies: bars, boosts and the legends tell whose they are."""
+    frames, lookups, resources = tables
+    methods = [
+        MethodInfo(name, name.title(), baseline=False) for name in ("swift", "genie", "remote")
+    ]
+    both = pd.concat([lookups, lookups.assign(method="swift")], ignore_index=True)
+    swift = frames[frames["method"] == "genie"].assign(method="swift")
+    drawn = figures.of_run(run_of(pd.concat([swift, frames]), both, resources, methods))
+    told = {name: words(figures.save(figure, tmp_path, name)[0]) for name, figure in drawn.items()}
+    assert "Swift" in told["latency_cdf"] and "fresh results" in told["latency_cdf"]
+    assert "local" not in told["latency_cdf"].lower()
+    assert curves(drawn["latency_cdf"])["Swift"][1][-1] == 1.0
+    colours = {line.get_label(): line.get_color() for line in drawn["latency_cdf"].axes[0].lines}
+    assert colours["Genie"] == style.COLOURS[2] and colours["Remote"] == style.COLOURS[1]
+    assert colours["Swift"] == style.COLOURS[style.FIRST_OWN_LOOKS[0]]
+    assert (
+        "Swift, on cars" in told["confidence_boost"]
+        and "Genie, on edges" in told["confidence_boost"]
+    )
+    assert len(drawn["image_reuse"].axes[0].get_xticklabels()) == 2
+
+
+def test_frames_that_were_never_answered_keep_the_curve_below_one(tables):
+    frames = tables[0]
+    measured = metrics.compute(
+        METHODS, dict(zip(("frames", "lookups", "resources"), tables, strict=True))
+    )
+    answered = {one.method: one.value for one in measured if one.metric == "answered_share"}
+    published = curves(figures.latency_cdf({"run": frames}, METHODS, FOOTER))
+    of_answered = curves(figures.latency_cdf({"run": frames}, METHODS, FOOTER, of="answered"))
+    for method in METHODS:
+        assert published[method.title][1][-1] == pytest.approx(answered[method.name])
+        assert of_answered[method.title][1][-1] == 1.0
+    assert answered["local"] < 0.5 < answered["genie"]  # else this shows nothing
+
+
+def test_the_curve_passes_the_median_at_one_half(tables):
+    genie = curves(figures.latency_cdf({"run": tables[0]}, METHODS, FOOTER, of="answered"))[
+        "Genie (DG)"
+    ]
+    median = next(x for x, y in zip(*genie, strict=True) if y >= 0.5)
+    found = metrics.compute(
+        METHODS, dict(zip(("frames", "lookups", "resources"), tables, strict=True))
+    )
+    (expected,) = [m.value for m in found if (m.metric, m.method) == ("first_answer_p50", "genie")]
+    assert median == pytest.approx(expected, rel=0.02)
+
+
+def test_bars_are_the_metrics_and_error_bars_their_windows(tables):
+    figure = figures.image_reuse({"run": tables[1]}, METHODS, FOOTER)
+    found = metrics.compute(
+        METHODS, dict(zip(("frames", "lookups", "resources"), tables, strict=True))
+    )
+    reuse = {metric.placement: metric for metric in found if metric.metric == "image_reuse"}
+    bars = [bar.get_height() for bar in figure.axes[0].patches]
+    assert bars == pytest.approx([reuse["car"].value, reuse["edge"].value])
+    whiskers = [lines.get_segments() for lines in figure.axes[0].collections]
+    tops = [segments[0][:, 1].max() for segments in whiskers if segments]
+    assert tops == pytest.approx([reuse["car"].high, reuse["edge"].high])
+
+
+def test_the_paper_s_six_configurations_are_two_rows_of_three(tables):
+    labels = [
+        f"{cars} cars\n{kind}" for kind in ("homogeneous", "heterogeneous") for cars in (1, 2, 3)
+    ]
+    figure = figures.latency_cdf(dict.fromkeys(labels, tables[0]), METHODS, FOOTER)
+    grid = [axis.get_subplotspec() for axis in figure.axes]
+    assert len(grid) == 6 and grid[0].get_gridspec().get_geometry() == (2, 3)
+    bars = figures.object_reuse(dict.fromkeys(labels, tables[1]), METHODS, FOOTER)
+    assert [tick.get_text() for tick in bars.axes[0].get_xticklabels()] == labels
+
+
+def test_a_fleet_s_resources_are_a_range_and_a_median_not_a_hundred_lines(tmp_path):
+    resources = made_up_run.resources(cars=20, samples=12).to_frame()
+    svg, _ = figures.save(figures.resource_use(resources, METHODS, FOOTER), tmp_path, "resources")
+    assert "range" in words(svg) and "median" in words(svg)
+    assert "car17" not in words(svg)
+
+
+def test_a_method_of_which_nothing_was_used_says_so_instead_of_empty_panels(tmp_path):
+    table = Table(RESOURCES)
+    for tenth in range(1, 31):
+        t_ns = tenth * 100_000_000
+        table.append(("local", t_ns, "edge1.accelerator", "accelerator", 1, 0, 0, 0, 0, None))
+        table.append(
+            ("remote", t_ns, "edge1.accelerator", "accelerator", 1, t_ns, 0, tenth, 0, None)
+        )
+    local, remote = figures.resource_use(table.to_frame(), METHODS).axes
+    assert [text.get_text() for text in local.texts] == ["not used"] and not remote.texts
+
+
+def test_a_kind_of_which_nothing_is_used_has_no_panel_and_a_colour_is_one_host():
+    frames, resources = made_up_run.frames().to_frame(), made_up_run.resources().to_frame()
+    idle = resources.assign(busy_ns=0, queue=0)
+    assert len(figures.resource_use(idle, METHODS).axes) == len(METHODS)
+    colours: dict[str, set[str]] = {}
+    for axis in figures.resource_use(resources, METHODS).axes:
+        for line in axis.lines:
+            colours.setdefault(line.get_color(), set()).add(line.get_label())
+    assert all(
+        len({name for name in names if not name.startswith("_")}) <= 1 for names in colours.values()
+    )
+    assert not set(colours) & set(style.COLOURS), "a host is no method"
+    marked = {
+        (line.get_color(), line.get_marker())
+        for axis in figures.resource_use(resources, METHODS).axes
+        for line in axis.lines
+    }
+    assert len(marked) == len(colours) == len({marker for _, marker in marked}), (
+        "without colour, too, hosts are told apart"
+    )
+    assert "resources" not in figures.of_run(
+        run_of(frames, Table(LOOKUPS).to_frame(), resources.iloc[:0])
+    )
+
+
+def test_a_paper_s_widths(tables):
+    for name, width_in in style.WIDTHS.items():
+        drawn = figures.of_run(run_of(*tables), width_in)
+        assert {figure.get_figwidth() for key, figure in drawn.items() if key != "resources"} == {
+            width_in
+        }, name
+
+
+def test_no_legend_lies_on_data_and_all_of_it_is_on_the_figure(tables):
+    for name, figure in figures.of_run(run_of(*tables)).items():
+        figure.draw_without_rendering()
+        renderer = FigureCanvasAgg(figure).get_renderer()
+        for legend in figure.legends:
+            box = legend.get_window_extent(renderer)
+            panels = [axis.get_tightbbox(renderer) for axis in figure.axes]
+            assert not any(box.overlaps(panel) for panel in panels), name
+            assert box.x0 >= 0 and box.x1 <= figure.bbox.width, name
+
+
+@pytest.mark.parametrize("width_in", [figures.COLUMN_IN, figures.PAGE_IN])
+def test_the_names_and_numbers_of_many_methods_do_not_overlap(tables, width_in):
+    _, lookups, resources = tables
+    methods = [
+        MethodInfo(f"method{place}", f"another cache {place}", baseline=False) for place in range(8)
+    ]
+    looked_up, used = (
+        pd.concat(
+            [rows[rows["method"] == "genie"].assign(method=one.name) for one in methods],
+            ignore_index=True,
+        )
+        for rows in (lookups, resources)
+    )
+    bars = figures.image_reuse({"run": looked_up}, methods, FOOTER, width_in)
+    use = figures.resource_use(used, methods, FOOTER)
+    for figure in (bars, use):
+        FigureCanvasAgg(figure).draw()
+    names = bars.axes[0].get_xticklabels()
+    numbers = [text for text in bars.axes[0].texts if text.get_text()]
+    for texts in (names, numbers, [axis.title for axis in use.axes if axis.get_title()]):
+        boxes = [text.get_window_extent() for text in texts]
+        assert len(boxes) >= len(methods)
+        assert not any(
+            one.overlaps(other) for place, one in enumerate(boxes) for other in boxes[:place]
+        )
+
+
+def test_the_first_updates_do_not_flatten_the_curve_of_the_confidence_boost(tables):
+    lookups = tables[1].copy()
+    first = lookups.index[lookups["updates"] > 0][0]
+    lookups.loc[first, "boost_sum"] = 1000.0 * lookups["boost_sum"].max()
+    axis = figures.confidence_boost({"run": lookups}, METHODS).axes[0]
+    assert axis.get_ylim()[1] < 0.2 * max(line.get_ydata().max() for line in axis.lines)
+
+
+def test_the_parts_of_the_time_are_stacked_up_to_the_mean():
+    parts = {"queueing": 10.0, "uplink": 5.5, "inference": 20.0}
+    measured = [
+        Metric("first_answer_part", "remote", "all", part, value, "ms")
+        for part, value in parts.items()
+    ]
+    both = [*measured, *(replace(one, metric="fresh_answer_part") for one in measured)]
+    later = [
+        replace(one, metric="fresh_answer_part", method="genie", value=2 * one.value)
+        for one in measured
+    ]
+    assert parts_of([*both, *later], METHODS) == {
+        "remote (R)": parts,
+        "Genie (DG), fresh": {part: 2 * value for part, value in parts.items()},
+    }
+    of_genie = [replace(one, method="genie") for one in measured]
+    assert list(parts_of([*of_genie, *later], METHODS)) == [
+        "Genie (DG), first",
+        "Genie (DG), fresh",
+    ]
+    axis = time_parts([*both, *later], METHODS, FOOTER).axes[0]
+    ends = [
+        max(bar.get_x() + bar.get_width() for bar in axis.patches if round(bar.get_y()) == y)
+        for y in (0, 1)
+    ]
+    assert ends == [35.5, 71.0] and [text.get_text() for text in axis.texts] == ["35.5", "71"]
+
+
+def test_bars_that_are_short_beside_the_longest_are_drawn_again_on_their_own_scale():
+    means = {"local": 349.0, "remote": 52.5, "genie": 88.0}
+    measured = [
+        Metric(f"{answer}_part", method, "all", "inference", value, "ms")
+        for method, value in means.items()
+        for answer in ("first_answer", "fresh_answer")
+    ]
+    every, short = time_parts(measured, METHODS, FOOTER).axes
+    assert [text.get_text() for text in every.texts] == ["349", "52.5", "88"]
+    assert [tick.get_text() for tick in short.get_yticklabels()] == ["remote (R)"]
+    assert short.get_xlim()[1] < 100 < 349 < every.get_xlim()[1]
+
+
+def test_utilization_is_that_of_the_last_second():
+    table = Table(RESOURCES)
+    for tenth in range(1, 31):  # idle for 2 s, then busy
+        t_ns = tenth * 100_000_000
+        busy_ns = max(t_ns - 2 * 10**9, 0)
+        table.append(
+            ("genie", t_ns, "edge1.accelerator", "accelerator", 1, busy_ns, 0, tenth, 0, None)
+        )
+    t_s, busy = curves(figures.resource_use(table.to_frame(), METHODS))["edge1"]
+    at = dict(zip(t_s.round(1).tolist(), busy.tolist(), strict=True))
+    assert (at[2.0], at[3.0]) == (0.0, 1.0)
+    assert at[2.5] == pytest.approx(0.5)
+
+
+def test_a_run_in_which_nothing_happened_has_figures_too(tmp_path):
+    drawn = figures.of_run(
+        run_of(*(Table(schema).to_frame() for schema in (FRAMES, LOOKUPS, RESOURCES)))
+    )
+    assert "image_reuse" not in drawn  # no Genie was simulated
+    for name, figure in drawn.items():
+        figures.save(figure, tmp_path, name)
+    lookups = Table(LOOKUPS)
+    lookups.append(
+        (
+            "genie",
+            0,
+            "car1/genie",
+            "car",
+            "image",
+            "client",
+            "car1",
+            "c",
+            0,
+            "miss",
+            1,
+            0,
+            0,
+            0.0,
+            1,
+        )
+    )
+    figures.save(figures.image_reuse({"run": lookups.to_frame()}, METHODS), tmp_path, "image_reuse")
+    assert "none" in words(tmp_path / "image_reuse.svg")  # no Genie on an edge
+
+
+def test_figures_of_a_result_are_drawn_when_asked_for(capsys, tmp_path):
+    """Every format, the same bytes twice; another format or folder is refused in one line."""
+    few = [
+        "--set",
+        "cars[0].route.window=[0 s, 1 s]",
+        "--set",
+        "methods=[local]",
+        "--out",
+        str(tmp_path),
+    ]
+    assert main(["run", "1car_homo", "--no-report", *few]) == 0
+    (folder,) = tmp_path.glob("1car_homo-*")
+    capsys.readouterr()
+    for out in ("a", "b"):
+        assert (
+            main(["figures", str(folder), "--format", "svg,pdf,png", "--out", str(tmp_path / out)])
+            == 0
+        )
+    names = sorted(path.name for path in (tmp_path / "a").iterdir())
+    assert {"latency_cdf.svg", "latency_cdf.pdf", "latency_cdf.png"} <= set(names)
+    assert all(
+        (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
+        for name in names
+    )
+    assert b"/FontFile2" in (tmp_path / "a" / "latency_cdf.pdf").read_bytes(), "its fonts are in it"
+    assert b"/Type3" not in (tmp_path / "a" / "latency_cdf.pdf").read_bytes()
+    assert main(["figures", str(folder)]) == 0 and (folder / "figures" / "resources.svg").is_file()
+    assert (
+        main(["rerun", str(folder)]) == 0
+        and "figures/resources.svg: identical" in capsys.readouterr().out
+    )
+    for wrong in (
+        [str(folder), "--format", "svg,jpg"],
+        [str(folder), "--width", "broad"],
+        [str(tmp_path)],
+    ):
+        assert main(["figures", *wrong]) == 1
+        assert len(capsys.readouterr().err.splitlines()) == 1

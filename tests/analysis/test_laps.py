@@ -1,0 +1,73 @@
+"""What consumers hold, lap by lap."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+
+from genie_sim import runner
+from genie_sim.analysis import summary
+from genie_sim.analysis.correctness import of_laps
+from genie_sim.recording.columns import Columns
+from genie_sim.scenario.scenario import load_scenario
+
+S = 1_000_000_000
+
+
+def published(car: str, first_s: float, laps: int, length_s: int) -> pd.DataFrame:
+    """A frame a second, no pause between laps."""
+    stamps_ns = (np.arange(laps * length_s) * S + first_s * S).astype(np.int64)
+    laps_of_frames = np.repeat(np.arange(laps), length_s)
+    return pd.DataFrame(
+        {"method": "genie", "car": car, "stamp_ns": stamps_ns, "lap": laps_of_frames}
+    )
+
+
+def held(car: str, *counts: tuple[float, int, int, int]) -> pd.DataFrame:
+    """At these times [s], so many objects held, right, and visible."""
+    rows = [
+        {
+            "method": "genie",
+            "what": "consumer",
+            "car": car,
+            "stamp_ns": round(t_s * S),
+            "held": held_count,
+            "right": right,
+            "visible_static": visible,
+            "visible_moving": 0,
+        }
+        for t_s, held_count, right, visible in counts
+    ]
+    return pd.DataFrame(rows)
+
+
+def laps_of(frames: list[pd.DataFrame], judged: list[pd.DataFrame]) -> dict[tuple[str, str], float]:
+    tables = (Columns.of(pd.concat(tables, ignore_index=True)) for tables in (judged, frames))
+    return {
+        (metric.metric, metric.component): metric.value for metric in of_laps(*tables, ["genie"])
+    }
+
+
+def test_each_lap_is_judged_by_itself_and_each_car_has_its_own():
+    """Car 2 begins 2 s later, so that at 4 s car 1 is in its second lap and car 2 in its first."""
+    frames = [published("car1", 0, 2, 4), published("car2", 2, 2, 4)]
+    judged = [
+        held("car1", (0, 2, 2, 4), (3, 2, 1, 4), (4, 5, 1, 8)),
+        held("car2", (4, 10, 9, 10), (6, 1, 0, 2)),
+    ]
+    assert laps_of(frames, judged) == {
+        ("lap_recall", "lap 1"): (2 + 1 + 9) / (4 + 4 + 10),
+        ("lap_f1", "lap 1"): 2 * (2 + 1 + 9) / (2 + 2 + 10 + 4 + 4 + 10),
+        ("lap_recall", "lap 2"): (1 + 0) / (8 + 2),
+        ("lap_f1", "lap 2"): 2 * (1 + 0) / (5 + 1 + 8 + 2),
+    }
+
+
+def test_one_lap_is_the_whole_run_and_not_judged_twice():
+    assert laps_of([published("car1", 0, 1, 4)], [held("car1", (0, 2, 2, 4))]) == {}
+
+
+def test_laps_stand_in_the_summary():
+    settings = ["methods=[local]", "cars[0].route={window: [2 s, 3 s], laps: 2}"]
+    text = summary.markdown(runner.run_in_memory(load_scenario("1car_hetero", settings)))
+    assert "## Laps" in text and "recall in a lap, lap 2 [%]" in text

@@ -1,0 +1,71 @@
+"""The distribution of response times over several seeds: its mean, and the band around it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from genie_sim.analysis.latency_cdf import latency_cdf
+from genie_sim.analysis.statistics import mean_bands
+from genie_sim.recording.columns import Columns
+from genie_sim.recording.results import MethodInfo
+
+METHOD = [MethodInfo("genie", "Genie (DG)", baseline=False)]
+MS = 1_000_000
+
+
+def frames(*answers_ms: float | None) -> Columns:
+    """One frame for each time to its first answer, which is no fresh one."""
+    nan = float("nan")
+    first = np.array([nan if ms is None else ms * MS for ms in answers_ms])
+    n = len(first)
+    columns = {"received_ns": np.zeros(n), "first_answer_ns": first}
+    return Columns({**columns, "fresh_answer_ns": np.full(n, nan)}).assign(method="genie")
+
+
+SEEDS = [frames(10, 20, 30, 40), frames(10, 15, 35, None), frames(12, 20, 25, 30)]
+
+
+def test_the_curve_is_the_mean_over_seeds_and_the_band_its_interval():
+    """At 20 ms two, two and two of four frames are answered; at 30 ms three, two and four."""
+    (axis,) = latency_cdf({"town": SEEDS}, METHOD).axes
+    line = axis.lines[0]
+    x, y = map(np.asarray, line.get_data())
+    at = dict(zip(x.tolist(), y.tolist(), strict=True))
+    assert at[20.0] == pytest.approx(2 / 4)
+    assert at[30.0] == pytest.approx(9 / 12)
+    assert y[-1] == pytest.approx((1 + 3 / 4 + 1) / 3), "a curve ends at what was answered"
+    of_answered = latency_cdf({"town": SEEDS}, METHOD, of="answered").axes[0]
+    assert "92\u00a0%" in of_answered.get_title()
+    (band,) = axis.collections
+    edges = band.get_paths()[0].vertices
+    at_30 = edges[np.isclose(edges[:, 0], 30.0)][:, 1]
+    low, _, high = (float(ends[0]) for ends in _wilson([3 / 4, 2 / 4, 1.0]))
+    assert at_30.min() <= low + 1e-9 and at_30.max() >= high - 1e-9
+    assert edges[:, 1].min() >= 0 and edges[:, 1].max() <= 1
+
+
+def _wilson(values: list[float]):
+    mean, low, high = mean_bands(np.array([[value] for value in values]), shares=True)
+    return low, mean, high
+
+
+def test_a_band_of_numbers_is_students_t():
+    seeds = np.array([[1.0, 5.0], [2.0, 5.0], [6.0, 5.0]])
+    mean, low, high = mean_bands(seeds)
+    expected = stats.t.interval(0.95, 2, loc=3.0, scale=stats.sem(seeds[:, 0]))
+    assert (low[0], high[0]) == pytest.approx(expected)
+    assert (mean[1], low[1], high[1]) == (5.0, 5.0, 5.0)
+
+
+def test_one_seed_has_no_band_and_a_users_own_panel_is_drawn_into():
+    import matplotlib.pyplot as plt
+
+    figure, (left, right) = plt.subplots(1, 2)
+    assert latency_cdf({"town": SEEDS[:1]}, METHOD, ax=right) is figure
+    assert not left.lines and len(right.lines) == 2 and not right.collections
+    assert right.get_legend() is not None
+    with pytest.raises(ValueError, match="several panels"):
+        latency_cdf({"a": SEEDS, "b": SEEDS}, METHOD, ax=left)
+    plt.close(figure)

@@ -1,0 +1,72 @@
+"""Tables in LaTeX: numbers that siunitx reads, intervals below them, a note for every sign."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import asdict
+
+from genie_sim.analysis import latex
+from genie_sim.analysis.latex import Number, NumberRow
+from genie_sim.recording.results import MethodInfo, Metric, Run
+from tests import made_up_run
+
+METHODS = [
+    MethodInfo("local", "local (L)", baseline=True),
+    MethodInfo("mine", "my_50% & $x$", baseline=False),
+]
+
+
+def run_of(*metrics: Metric) -> Run:
+    facts = {
+        "scenario": {"name": "two_cars", "seed": 3, "cars": [{}, {}], "edges": [{}]},
+        "methods": [asdict(method) for method in METHODS],
+    }
+    return Run("0123456789ab", facts, "", {"frames": made_up_run.frames(2, 3).columns()}, metrics)
+
+
+def test_numbers_are_printed_as_siunitx_reads_them():
+    assert [latex.printed(value) for value in (0, 9.124, 342.4, 931548.2, 0.01234, -1.5)] == [
+        "0",
+        "9.12",
+        "342",
+        "931548",
+        "0.0123",
+        "-1.5",
+    ]
+    assert latex.printed(2.0, "+") == "+2"
+
+
+def test_a_column_has_room_for_its_longest_number_on_both_sides_of_the_point():
+    rows = [NumberRow("a", [Number("342"), None]), NumberRow("b", [Number("9.12"), Number("+1.5")])]
+    text = latex.table(["x", "y"], rows, caption="c", label="tab:c", notes=[])
+    assert re.findall(r"S\[(.*)\]", text) == [
+        "table-format=3.2",
+        "table-format=+1.1, retain-explicit-plus",
+    ]
+    assert "a & 342 & {--}" in text and "--: not defined." in text
+    assert r"\begin{table}" in text and r"\label{tab:c}" in text and r"\caption{c}" in text
+
+
+def test_more_columns_than_fit_one_of_two_span_the_page():
+    row = NumberRow("a", [Number("1")] * 4)
+    text = latex.table(list("wxyz"), [row], caption="c", label="tab:c", notes=["n"])
+    assert r"\begin{table*}" in text and r"\end{table*}" in text and "n}" in text
+
+
+def test_a_run_s_table_says_what_its_brackets_are_and_marks_those_of_another_kind():
+    run = run_of(
+        Metric("frames_published", "local", "all", "", 5, "frames"),
+        Metric("frames_published", "mine", "all", "", 5, "frames"),
+        Metric("first_answer_mean", "local", "all", "", 342.0, "ms", 328.0, 356.0),
+        Metric("first_answer_mean", "mine", "all", "", 9.12, "ms", 9.12, 9.12),
+        Metric("image_reuse", "mine", "car", "", 0.25, "1", 0.1, 0.4),
+    )
+    text = latex.tables(run)
+    assert "first answer, mean [ms] & 342 & 9.12" in text
+    assert r"{\scriptsize [328, 356]}" in text
+    assert "[9.12, 9.12]" not in text, "an interval without width is none"
+    assert r"image reuse on cars [\%]\textsuperscript{a} & {--} & 25" in text
+    assert r"\textsuperscript{a} lowest and highest ratio of any 50 requests" in text
+    assert "95 \\% intervals inside the run" in text
+    assert r"\shortstack{my\_50\% \& \$x\$}" in text
+    assert "differences" not in text, "one seed has no paired differences over seeds"

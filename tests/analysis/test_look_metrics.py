@@ -1,0 +1,96 @@
+"""What became of looks, counted by hand."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pandas as pd
+import pytest
+
+from genie_sim.analysis.looks import of_looks
+from genie_sim.recording.columns import Columns
+from genie_sim.recording.results import Metric
+
+MS = 1_000_000
+# frame by stamp [ms]: what became of it, and when [ms]; None: nothing yet
+FATES = {
+    0: ("answered", 80),
+    100: ("overtaken", 330),
+    200: ("stale", 810),
+    300: ("timed_out", 1500),
+    400: ("timed_out", 1500),
+    500: None,
+    600: None,
+    700: None,
+}
+
+
+def looks() -> pd.DataFrame:
+    """Eight frames of a stream go up 10 ms after their stamps, and one of another stream. Ten are
+    answered out of the map; their view was looked at 100, 200, 200 and 700 ms before four of them.
+    """
+    rows: list[tuple[int, str, int, str, str]] = []
+    for stamp_ms, fate in FATES.items():
+        rows.append((stamp_ms + 10, "02", stamp_ms, "edge", "sent"))
+        if fate is not None:
+            rows.append((fate[1], "02", stamp_ms, "edge", fate[0]))
+    rows += [(40, "03", 30, "edge", "sent"), (70, "03", 30, "edge", "answered")]
+    rows += [(1600, "02", 300, "edge", "late"), (400, "02", 100, "own", "answered")]
+    rows += [(100 * number, "02", 100 * number, "map", "answered") for number in range(10)]
+    table = pd.DataFrame(sorted(rows), columns=["t_ns", "stream", "stamp_ns", "way", "outcome"])
+    looked_ms = dict(zip(range(600, 1000, 100), (500, 500, 600, 200), strict=True))
+    of_map = table["stamp_ns"].where(table["way"] == "map")
+    table["looked_ns"] = of_map.map(looked_ms)
+    table[["t_ns", "stamp_ns", "looked_ns"]] *= MS
+    return table.assign(method="genie", car="car1", genie="car1/genie")
+
+
+def frames() -> pd.DataFrame:
+    table = pd.DataFrame({"stamp_ns": [100 * MS * number for number in range(10)]})
+    return table.assign(method="genie", car="car1")
+
+
+def held(shared: int, shared_right: int) -> pd.DataFrame:
+    judged = {"method": "genie", "what": "consumer", "held": 8}
+    sees = {"shared": shared, "shared_right": shared_right}
+    without_delay = judged | {"what": "zero_delay", "shared": 0, "shared_right": 0}
+    return pd.DataFrame([judged | sees, judged | {"shared": 1, "shared_right": 0}, without_delay])
+
+
+def measured(**tables: pd.DataFrame) -> dict[str, Metric]:
+    parts: dict[str, Any] = {"looks": looks(), "frames": frames(), **tables}
+    columns = {name: Columns.of(table) for name, table in parts.items()}
+    return {metric.metric: metric for metric in of_looks(columns, ["other", "genie"])}
+
+
+def test_each_frame_that_went_up_has_one_end():
+    values = {name: metric.value for name, metric in measured().items()}
+    assert values["looks_own_share"] == 1 / 10
+    assert values["looks_sent_share"] == 9 / 10
+    shares = {"answered": 2, "stale": 1, "overtaken": 1, "timed_out": 2, "in_flight": 3}
+    for end, count in shares.items():
+        assert values[f"looks_{end}_share"] == count / 9, end
+
+
+def test_the_round_trip_is_that_of_the_frames_that_were_answered():
+    """70 ms, 30 ms of the other stream, and 600 ms of the one that was stale; not the late one."""
+    round_trip = measured()["look_round_trip_mean"]
+    assert (round_trip.value, round_trip.n) == (pytest.approx((70 + 30 + 600) / 3), 3)
+
+
+def test_the_age_of_a_view_is_that_of_its_newest_look_when_a_frame_comes():
+    """Frames before the first look have none: 100, 200, 200 and 700 ms."""
+    metrics = measured()
+    mean, median = metrics["view_age_mean"], metrics["view_age_p50"]
+    assert (mean.value, mean.n, median.value) == (300, 4, 200)
+
+
+def test_what_another_car_saw_counts_by_itself():
+    metrics = measured(held=held(5, 2))
+    assert (metrics["shared_share"].value, metrics["shared_share"].n) == (6 / 16, 16)
+    assert (metrics["shared_right_share"].value, metrics["shared_right_share"].n) == (2 / 6, 6)
+
+
+def test_where_nothing_was_shared_nobody_knows_how_right_it_is():
+    table = held(0, 0).assign(shared=0)
+    assert measured(held=table)["shared_right_share"].value is None

@@ -1,0 +1,523 @@
+"""Metrics are arithmetic on the tables: worked by hand where that is possible, against known truths
+elsewhere.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy import stats
+
+from genie_sim.analysis import metrics
+from genie_sim.analysis.statistics import Blocks, across_seeds, wilson
+from genie_sim.recording.columns import Columns
+from genie_sim.recording.records import FRAMES, LOOKUPS, RESOURCES, FrameRow
+from genie_sim.recording.results import MethodInfo, Metric
+from genie_sim.recording.tables import Table
+from tests import made_up_run
+from tests.made_up_run import METHODS
+
+MS = 1_000_000
+S = 1_000_000_000
+
+
+def six_frames() -> pd.DataFrame:
+    """Three frames seen by local and by genie, one a second, each received 2 ms after its stamp.
+
+    Local takes 300 and 200 ms and drops the second frame. Genie answers the first two at once (10
+    and 30 ms; the second with nothing, its detection follows after 80 ms) and has not got to the
+    third when the run ends.
+    """
+    table = Table(FRAMES)
+    took = {
+        "local": [(300, 300, 4), None, (200, 200, 5)],
+        "genie": [(10, 10, 4), (30, 80, 0), None],
+    }
+    for method, answers in took.items():
+        for frame, answer in enumerate(answers):
+            received_ns = frame * S + 2 * MS
+            row = FrameRow(method, "car1", "camera_02", frame, 0, frame * S, received_ns)
+            if answer is not None:
+                first_ms, fresh_ms, row.objects_served = answer
+                row.first_answer_ns = received_ns + first_ms * MS
+                row.fresh_answer_ns = received_ns + fresh_ms * MS
+            elif method == "local":
+                row.drop = "car1/detector:/image_raw"
+            table.append(row.values())
+    return table.to_frame()
+
+
+def events(
+    genie: str,
+    kind: str,
+    hits: list[int],
+    requests: int = 1,
+    requester: str = "client",
+    method: str = "genie",
+):
+    """One look-up a second of a Genie on a car or an edge, as rows of ``lookups``."""
+    on, who = "edge" if genie.startswith("edge") else "car", requester if kind == "image" else None
+    return [
+        (
+            method,
+            i * S,
+            genie,
+            on,
+            kind,
+            who,
+            "car1",
+            "c",
+            i * S,
+            None,
+            requests,
+            hit,
+            hit,
+            0.1 * hit,
+            i + 1,
+        )
+        for i, hit in enumerate(hits)
+    ]
+
+
+def lookup_table(*rows: tuple) -> pd.DataFrame:
+    table = Table(LOOKUPS)
+    for row in rows:
+        table.append(row)
+    return table.to_frame()
+
+
+def of_tables(
+    frames=None, lookups=None, resources=None, methods=METHODS
+) -> dict[tuple[str, str], Metric]:
+    """By name, and by resource or baseline, or where Genies run, or method."""
+    given = {"frames": frames, "lookups": lookups, "resources": resources}
+    known = {name: table for name, table in given.items() if table is not None}
+    made = metrics.compute(methods, {"frames": Table(FRAMES).to_frame(), **known})
+    assert len({(one.metric, one.method, one.placement, one.component) for one in made}) == len(
+        made
+    )
+    where = [
+        one.component or (one.method if one.placement == "all" else one.placement) for one in made
+    ]
+    return {(one.metric, place): one for one, place in zip(made, where, strict=True)}
+
+
+def test_six_frames_worked_by_hand():
+    result = of_tables(frames=six_frames())
+    value = {key: metric.value for key, metric in result.items()}
+    assert value["first_answer_mean", "local"] == 250.0
+    assert value["first_answer_p50", "genie"] == 20.0
+    assert value["first_answer_p99", "genie"] == pytest.approx(29.8)
+    assert value["fresh_answer_mean", "genie"] == 45.0
+    assert value["improvement_first_answer", "local"] == pytest.approx(1 - 20 / 250)
+    assert value["improvement_fresh_answer", "local"] == pytest.approx(1 - 45 / 250)
+    assert (
+        value["answered_share", "local"] == value["answered_share", "genie"] == pytest.approx(2 / 3)
+    )
+    assert value["dropped_share", "local"] == pytest.approx(1 / 3)
+    assert value["dropped_share", "genie"] == 0.0
+    assert value["under_deadline_share", "genie"] == pytest.approx(2 / 3)  # of the published frames
+    assert value["under_deadline_share_of_answered", "genie"] == 1.0
+    assert value["fresh_under_deadline_share", "genie"] == pytest.approx(1 / 3)
+    assert value["empty_answer_share", "genie"] == pytest.approx(1 / 3)
+    # local: two fresh answers between the first stamp and the last answer at 2.202 s
+    assert value["fresh_answer_throughput", "local"] == pytest.approx(2 / 2.202)
+    assert ("improvement_first_answer", "remote") not in value  # remote was not simulated
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_every_published_frame_is_answered_or_dropped_or_in_flight(seed):
+    frames = made_up_run.frames(cars=2, seconds=4, seed=seed).to_frame()
+    for table in (six_frames(), frames):
+        value = {key: metric.value for key, metric in of_tables(frames=table).items()}
+        for method in set(table["method"]):
+            parts = [
+                value[f"frames_{part}", method] for part in ("answered", "dropped", "in_flight")
+            ]
+            assert (
+                sum(parts) == value["frames_published", method] == (table["method"] == method).sum()
+            )
+
+
+def test_a_frame_that_is_dropped_after_a_first_answer_is_not_a_dropped_frame():
+    """Genie answers from the map, then the detector's queue drops the frame: the car did get an
+    answer.
+    """
+    table = Table(FRAMES)
+    dropped = {"received_ns": 0, "first_answer_ns": 9 * MS, "drop": "car1/detector:/image_raw"}
+    table.append(FrameRow("genie", "car1", "camera_02", 0, 0, 0, **dropped).values())
+    result = of_tables(frames=table.to_frame())
+    assert result["frames_answered", "genie"].value == 1
+    assert result["frames_dropped", "genie"].value == 0
+
+
+def test_what_is_not_defined_is_none():
+    """No frame was ever answered, and the run was over within one second: no latency, and no
+    interval.
+    """
+    table = Table(FRAMES)
+    table.append(FrameRow("local", "car1", "camera_02", 0, 0, 0).values())
+    result = of_tables(frames=table.to_frame())
+    assert result["first_answer_mean", "local"] == Metric(
+        "first_answer_mean", "local", "all", "", None, "ms"
+    )
+    assert result["under_deadline_share_of_answered", "local"].value is None
+    share = result["answered_share", "local"]
+    assert (share.value, share.low, share.high) == (0.0, None, None)
+    assert of_tables() == {}
+
+
+def autocorrelated_run(rng: np.random.Generator, mean_ms: float) -> pd.DataFrame:
+    """Two cars, 20 frames a second for 40 s; latencies of neighbouring frames are correlated by
+    0.8.
+    """
+    table = Table(FRAMES)
+    for car in ("car1", "car2"):
+        deviation = 0.0
+        for frame in range(800):
+            deviation = 0.8 * deviation + rng.standard_normal()
+            answer_ns = int((mean_ms + deviation) * MS)
+            table.append(
+                FrameRow(
+                    "genie", car, "camera_02", frame, 0, frame * 50 * MS, 0, answer_ns
+                ).values()
+            )
+    return table.to_frame()
+
+
+def test_the_interval_inside_a_run_covers_the_true_mean_and_median():
+    """Nominal 95 %, 200 runs, seed 5. Taking the frames for independent would cover half of the
+    times only.
+    """
+    rng = np.random.default_rng(5)
+    covered, median_covered, naive = 0, 0, 0
+    for _ in range(200):
+        frames = autocorrelated_run(rng, mean_ms=30.0)
+        result = of_tables(frames=frames)
+        mean, median = result["first_answer_mean", "genie"], result["first_answer_p50", "genie"]
+        covered += mean.low < 30.0 < mean.high
+        median_covered += median.low < 30.0 < median.high
+        error = 1.96 * (frames["first_answer_ns"] / MS).std() / np.sqrt(len(frames))
+        naive += abs(mean.value - 30.0) < error
+    print(
+        f"covered: mean {covered}/200, median {median_covered}/200, frames taken for independent"
+        f" {naive}/200"
+    )
+    assert 0.88 <= covered / 200 <= 0.99
+    assert 0.88 <= median_covered / 200 <= 0.99
+    assert naive / 200 < 0.75
+
+
+def test_the_interval_of_an_improvement_narrows_when_both_arms_share_their_ups_and_downs():
+    """Genie takes a tenth of what local takes, second by second: so the improvement is exact, the
+    means are not.
+    """
+    table = Table(FRAMES)
+    for method, factor in (("local", 1.0), ("genie", 0.1)):
+        for frame in range(100):
+            answer_ns = int(factor * (200 + 10 * (frame // 10)) * MS)
+            table.append(
+                FrameRow(
+                    method, "car1", "camera_02", frame, 0, frame * 100 * MS, 0, answer_ns
+                ).values()
+            )
+    result = of_tables(frames=table.to_frame())
+    improvement, mean = (
+        result["improvement_first_answer", "local"],
+        result["first_answer_mean", "local"],
+    )
+    assert improvement.value == pytest.approx(0.9)
+    assert mean.high - mean.low > 20
+    assert improvement.high - improvement.low < 1e-9
+
+
+@pytest.mark.parametrize(
+    ("hits", "n"), [(0, 40), (1, 40), (13, 40), (39, 40), (40, 40), (5, 100_000)]
+)
+def test_the_interval_of_a_share_is_wilson_s(hits, n):
+    """Source: SciPy, for rows that are independent."""
+    p = hits / n
+    half = 1.959963984540054 * np.sqrt(p * (1 - p) / n)
+    expected = stats.binomtest(hits, n).proportion_ci(0.95, method="wilson")
+    assert wilson(p, half, n) == pytest.approx((expected.low, expected.high), abs=1e-12)
+
+
+def test_no_interval_of_a_share_leaves_0_to_1_over_seeds_either():
+    shares = pd.DataFrame(
+        {
+            "metric": "answered_share",
+            "method": "genie",
+            "placement": "all",
+            "component": "",
+            "unit": "1",
+            "seed": [1, 2, 3],
+            "value": [0.99, 1.0, 0.9],
+            "point": 0,
+        }
+    )
+    row = across_seeds(shares, ["point"]).iloc[0]
+    assert 0 < row["low"] < row["value"] < row["high"] < 1
+    plain = across_seeds(shares, ["point"], differences=True).iloc[0]
+    assert plain["high"] > 1 and plain["high"] - plain["value"] == pytest.approx(
+        plain["value"] - plain["low"]
+    )
+    boost = across_seeds(shares.assign(metric="confidence_boost"), ["point"]).iloc[0]
+    assert boost["high"] == plain["high"]
+
+
+def test_reuse_is_the_mean_over_the_genies_on_cars_or_edges():
+    """Car 1 hits 10 of 20, car 2 1 of 4: the mean of the ratios is 0.375; pooled it is 11 of 24."""
+    table = lookup_table(
+        *events("car1/genie", "image", [0, 1] * 10),
+        *events("car2/genie", "image", [1, 0, 0, 0]),
+        *events("edge1/genie", "image", [1] * 5),
+    )
+    result = of_tables(lookups=table)
+    assert result["image_reuse", "car"].value == 0.375
+    assert result["image_reuse", "edge"].value == 1.0
+    assert result["image_reuse_pooled", "car"].value == pytest.approx(11 / 24)
+    assert result["image_reuse", "car"].n == 24
+    assert result["image_reuse", "car"].low is None  # nobody made 50 requests
+    assert result["stored_images", "car"].value == (20 + 4) / 2
+
+
+def test_neighbours_requests_count_apart():
+    own = events("edge1/genie", "image", [1, 0, 0, 0])
+    neighbours = events("edge1/genie", "image", [1, 1, 1, 1], requester="neighbour")
+    result = of_tables(lookups=lookup_table(*own, *neighbours))
+    assert result["image_reuse", "edge"].value == 0.25
+    assert result["image_reuse_with_neighbours", "edge"].value == 5 / 8
+
+
+def test_object_reuse_counts_look_ups_not_messages_and_tells_its_kinds_apart():
+    sightings = events("car1/genie", "sighting", [3, 0], requests=4)
+    boosts = events("car1/genie", "boost", [2, 2], requests=2)
+    result = of_tables(lookups=lookup_table(*sightings, *boosts))
+    assert result["object_reuse", "car"].value == pytest.approx(7 / 12)
+    assert result["object_reuse_sighting", "car"].value == 3 / 8
+    assert result["object_reuse_boost", "car"].value == 1.0
+    assert result["image_reuse", "car"].value is None
+    assert result["confidence_boost", "car"].value == pytest.approx(0.1)
+    assert result["confidence_boost", "car"].n == 7
+
+
+def test_error_bars_are_the_extreme_windows_of_50_requests():
+    """100 misses, 40 hits, 60 misses: the best 50 requests in a row hold all 40 hits, the worst
+    none.
+    """
+    table = lookup_table(*events("car1/genie", "image", [0] * 100 + [1] * 40 + [0] * 60))
+    metric = of_tables(lookups=table)["image_reuse", "car"]
+    assert (metric.value, metric.low, metric.high) == (0.2, 0.0, 0.8)
+
+
+def test_windows_of_objects_hold_whole_messages():
+    """20 requests a message: a window needs three messages, 60 requests, to hold 50."""
+    table = lookup_table(*events("car1/genie", "sighting", [20, 0, 10, 20], requests=20))
+    windows = metrics.windowed_reuse(Columns.of(table))
+    assert list(windows["t_ns"]) == [2 * S, 3 * S]
+    assert list(windows["ratio"]) == [30 / 60, 30 / 60]
+
+
+def test_no_window_holds_requests_of_two_genies():
+    table = lookup_table(
+        *events("car1/genie", "image", [1] * 52), *events("car2/genie", "image", [0] * 51)
+    )
+    windows = metrics.windowed_reuse(Columns.of(table))
+    assert windows["genie"].tolist() == ["car1/genie"] * 3 + ["car2/genie"] * 2
+    assert windows["ratio"].tolist() == [1, 1, 1, 0, 0]
+
+
+def test_the_running_boost_weighs_updates_not_events():
+    table = lookup_table(
+        ("genie", 0, "g", "car", "boost", None, "car1", "c", 0, None, 1, 1, 1, 0.10, 1),
+        ("genie", 1, "g", "car", "boost", None, "car1", "c", 0, None, 1, 0, 0, 0.00, 1),
+        ("genie", 2, "g", "car", "boost", None, "car1", "c", 0, None, 3, 3, 3, 0.06, 1),
+    )
+    curve = metrics.running_boost(Columns.of(table))
+    assert list(curve["updates"]) == [1, 4]
+    assert list(curve["boost"]) == pytest.approx([0.10, 0.04])
+
+
+def test_resources_tell_utilization_queue_and_throughput():
+    """An accelerator of 2 slots, busy for 3 of 2 x 2 slot-seconds; a queue of 0 and 4 messages."""
+    table = Table(RESOURCES)
+    table.append(("genie", 1 * S, "edge1.accelerator", "accelerator", 2, 1 * S, 0, 10, 0, None))
+    table.append(("genie", 2 * S, "edge1.accelerator", "accelerator", 2, 3 * S, 4, 30, 1, None))
+    table.append(("genie", 2 * S, "edge1:/image_raw", "queue", None, 0, 1, 5, 7, None))
+    table.append(("genie", 2 * S, "car1->edge1", "link", 1, 1 * S, 0, 3, 0, 4_000))
+    result = of_tables(resources=table.to_frame())
+    accelerator = "edge1.accelerator"
+    assert result["utilization", accelerator].value == 0.75
+    assert result["queue_mean", accelerator].value == 2.0
+    assert result["queue_max", accelerator].value == 4
+    assert result["throughput", accelerator].value == 15.0
+    assert result["dropped", "edge1:/image_raw"].value == 7
+    assert ("utilization", "edge1:/image_raw") not in result
+    assert result["bytes", "car1->edge1"].value == 4_000
+    assert ("bytes", accelerator) not in result
+
+
+def test_utilization_is_not_diluted_by_the_wait_for_the_last_answers():
+    """Busy all the time until the last frame at 2 s; the run goes on for 8 s to see what still
+    comes.
+    """
+    frames, resources = Table(FRAMES), Table(RESOURCES)
+    frames.append(FrameRow("local", "car1", "camera_02", 0, 0, 0).values())
+    frames.append(FrameRow("local", "car1", "camera_02", 1, 0, 2 * S).values())
+    for second in range(11):
+        busy_ns, done = min(second, 2) * S, min(3 * second, 7)
+        resources.append(
+            ("local", second * S, "car1.accelerator", "accelerator", 1, busy_ns, 0, done, 0, None)
+        )
+    result = of_tables(frames=frames.to_frame(), resources=resources.to_frame())
+    assert result["utilization", "car1.accelerator"].value == 1.0
+    assert result["throughput", "car1.accelerator"].value == 3.0
+    assert result["completed", "car1.accelerator"].value == 7
+
+
+def test_the_order_of_frames_in_memory_does_not_matter():
+    tables = made_up_run.frames(1, 3), made_up_run.lookups(1, 100), made_up_run.resources(1, 10)
+    given = {table.name: table.to_frame() for table in tables}
+    shuffled = given["frames"].sample(frac=1, random_state=3)
+    made = (
+        metrics.compute(METHODS, {**given, "frames": rows}) for rows in (given["frames"], shuffled)
+    )
+    for one, other in zip(*made, strict=True):
+        assert replace(one, value=None, low=None, high=None) == replace(
+            other, value=None, low=None, high=None
+        )
+        assert one.value == pytest.approx(other.value)
+
+
+def test_what_is_stored_is_what_the_last_look_up_found():
+    lookups = Table(LOOKUPS)
+    for second, entries in enumerate((3, 9, 4)):
+        at = second * S
+        asked = "image", "client", "car1", "c", at, "miss", 1, 0, 0, 0.0, entries
+        lookups.append(("genie", at, "car1/genie", "car", *asked))
+    assert of_tables(lookups=lookups.to_frame())["stored_images", "car"].value == 4.0
+
+
+def test_any_methods_are_measured_in_their_order_and_each_is_compared_with_every_baseline():
+    """Two that run Genies, of which one is the better; and two baselines, one of which did not
+    run.
+    """
+    methods = [
+        MethodInfo("swift", "Swift", baseline=False),
+        MethodInfo("plain", "Plain", baseline=True),
+        MethodInfo("slow", "Slow", baseline=False),
+        MethodInfo("absent", "Absent", baseline=True),
+    ]
+    table = Table(FRAMES)
+    for method, answer_ms in (("plain", 100), ("slow", 80), ("swift", 10)):
+        for frame in range(20):
+            table.append(
+                FrameRow(
+                    method, "car1", "c", frame, 0, frame * 100 * MS, 0, answer_ms * MS
+                ).values()
+            )
+    lookups = lookup_table(
+        *events("car1/genie", "image", [0, 0], method="slow"),
+        *events("car1/genie", "image", [1, 1], method="swift"),
+    )
+    made = metrics.compute(methods, {"frames": table.to_frame(), "lookups": lookups})
+    assert list(dict.fromkeys(one.method for one in made)) == ["swift", "plain", "slow"]
+    compared = {
+        one.method: (one.component, one.value)
+        for one in made
+        if one.metric == "improvement_first_answer"
+    }
+    assert compared == {
+        "swift": ("plain", pytest.approx(0.9)),
+        "slow": ("plain", pytest.approx(0.2)),
+    }
+    reuse = {one.method: (one.placement, one.value) for one in made if one.metric == "image_reuse"}
+    assert reuse == {"swift": ("car", 1.0), "slow": ("car", 0.0)}
+
+
+def test_a_resource_is_placed_where_it_is():
+    frames, resources = Table(FRAMES), Table(RESOURCES)
+    frames.append(FrameRow("local", "car.one", "c", 0, 0, 0).values())
+    names = {
+        "car.one.accelerator": "car",
+        "car.one/genie:/image_raw": "car",
+        "edge1.cpu": "edge",
+        "car.one->edge1": "all",
+    }
+    for name in names:
+        resources.append(("local", S, name, "cpu", 1, 0, 0, 0, 0, None))
+    made = metrics.compute(
+        METHODS, {"frames": frames.to_frame(), "resources": resources.to_frame()}
+    )
+    assert {one.component: one.placement for one in made if one.metric == "completed"} == names
+
+
+def test_a_deadline_is_met_before_it_and_not_at_it():
+    frames = six_frames()
+    late_ms = {"local": ([33, 33, 33], [33, 32, 33]), "genie": ([33, 33, 32], [33, 33, 33])}
+    for method, (first_ms, fresh_ms) in late_ms.items():
+        rows = (frames["method"] == method).to_numpy()
+        received_ns = frames.loc[rows, "received_ns"].to_numpy()
+        frames.loc[rows, "first_answer_ns"] = received_ns + np.array(first_ms) * MS
+        frames.loc[rows, "fresh_answer_ns"] = received_ns + np.array(fresh_ms) * MS
+    result = of_tables(frames=frames)
+    third = pytest.approx(1 / 3)
+    assert result["under_deadline_share", "local"].value == 0.0
+    assert result["under_deadline_share", "genie"].value == third
+    assert result["under_deadline_share_of_answered", "genie"].value == third
+    assert result["fresh_under_deadline_share", "local"].value == third
+    assert result["fresh_under_deadline_share", "genie"].value == 0.0
+
+
+def test_requests_of_neighbours_are_not_coalesced_requests():
+    """Two of the client's four requests wait for an equal one; three of a neighbour's do not
+    count.
+    """
+    rows = events("edge1", "image", [0] * 4)
+    rows += events("edge1", "image", [0] * 4, requester="neighbour")
+    table = lookup_table(*rows)
+    table["outcome"] = ["coalesced"] * 2 + ["miss"] * 2 + ["coalesced"] * 3 + ["miss"]
+    coalesced = of_tables(lookups=table)["coalesced_share", "edge"]
+    assert (coalesced.value, coalesced.n) == (0.5, 4)
+
+
+def test_the_running_use_of_a_cpu_is_that_of_each_of_its_cores():
+    """Four cores that work 6 s in 2 s: each is busy for 1.5 s."""
+    table = Table(RESOURCES)
+    for second, busy_s in ((1, 2), (2, 6)):
+        table.append(("genie", second * S, "edge1.cpu", "cpu", 4, busy_s * S, 0, 0, 0, None))
+    t_ns, worked_ns = metrics.running_use(Columns.of(table.to_frame()))
+    assert t_ns.tolist() == [0, 1 * S, 2 * S]
+    assert worked_ns.tolist() == [0, 0.5 * S, 1.5 * S]
+    assert of_tables(resources=table.to_frame())["utilization", "edge1.cpu"].value == 0.75
+
+
+def test_an_interval_over_blocks_of_two_cars_by_hand():
+    """Two cars, four blocks each: t with 2 x (4 - 1) degrees of freedom, not with 8 - 1."""
+    stamps_ns = np.tile(np.arange(4) * S, 2)
+    cars = Columns.of(pd.DataFrame({"car": ["car1"] * 4 + ["car2"] * 4}))["car"]
+    values = np.array([1.0, 2.0, 4.0, 5.0, 20.0, 24.0, 22.0, 26.0])
+    blocks = Blocks(cars, stamps_ns)
+    half = blocks.half_width(blocks.influence(values, np.ones(8)))
+    moves = (values - values.mean()) / 8
+    variance = sum(4 * np.var(part, ddof=1) for part in (moves[:4], moves[4:]))
+    assert half == pytest.approx(stats.t.ppf(0.975, 6) * np.sqrt(variance), rel=1e-9)
+
+
+def test_frames_without_an_answer_do_not_change_the_interval_of_the_mean():
+    """Each second has answered frames, so leaving the others out changes no block."""
+    frames = made_up_run.frames(cars=2, seconds=8).to_frame()
+    local = frames[frames["method"] == "local"]
+    dropped = local["first_answer_ns"].isna()
+    assert dropped.any() and len(local[~dropped]) >= 2 * 8, "a second has answered frames"
+
+    def mean(rows: pd.DataFrame) -> Metric:
+        metrics_of_rows = metrics.compute(METHODS[:1], {"frames": rows})
+        return next(row for row in metrics_of_rows if row.metric == "first_answer_mean")
+
+    whole, answered = mean(local), mean(local[~dropped])
+    assert whole.value == answered.value and whole.n == answered.n
+    assert (whole.low, whole.high) == pytest.approx((answered.low, answered.high), rel=1e-9)

@@ -1,0 +1,47 @@
+"""What is said of metrics: all of them, with the units of the numbers."""
+
+from __future__ import annotations
+
+import pytest
+
+from genie_sim import runner
+from genie_sim.analysis.registry import HIGHER, LOWER, METRICS, value_text
+from genie_sim.recording.results import Metric, Run
+from genie_sim.scenario.scenario import load_scenario
+
+IN_FILES = {"%": ("1",), "": ("1", "entries/Genie")}  # units there, by the unit that is shown
+
+
+@pytest.fixture(scope="module")
+def run() -> Run:
+    window = "cars[0].route={window: [2 s, 4 s], laps: 2}"
+    looks = "methods=[local, remote, genie, {name: looks, method: genie, genie: recommended}]"
+    outage = "{fault: outage, target: car1, begin: 3 s, end: 3500 ms}"
+    spoof = "{fault: spoof, target: edge1, begin: 1 s, end: 2 s}"
+    remove = "{fault: remove, target: edge1, begin: 2 s, end: 3 s}"
+    faults = f"faults=[{outage}, {spoof}, {remove}]"
+    return runner.run_in_memory(load_scenario("1car_hetero", [window, looks, faults]))
+
+
+def test_every_number_of_a_run_is_registered_with_its_unit(run: Run):
+    for metric in run.measured:
+        shown = METRICS[metric.metric].unit
+        assert metric.unit in IN_FILES.get(shown, (shown,)), metric
+    never = METRICS.keys() - {metric.metric for metric in run.measured}
+    assert not never, "registered, but no number of a run with everything recorded"
+
+
+def test_a_title_stands_for_one_metric_and_a_meaning_is_a_sentence():
+    counts = ("frames_in_flight",)  # beside the share of the same title
+    titles = [info.title for name, info in METRICS.items() if name not in counts]
+    assert len(set(titles)) == len(titles)
+    for info in METRICS.values():
+        assert info.meaning.endswith(".") and info.better in {LOWER, HIGHER, ""}
+
+
+def test_a_value_has_three_digits_its_unit_and_its_interval():
+    share = Metric("image_reuse", "genie", "car", "", 0.30612, "1", 0.1, 0.52)
+    assert value_text(share, interval=True) == "30.6 % (10 to 52)"
+    assert value_text(Metric("first_answer_mean", "a", "all", "", 1234.5678, "ms")) == "1,235 ms"
+    assert value_text(Metric("confidence_boost", "a", "car", "", 0.012345, "1")) == "0.0123"
+    assert value_text(None) == "-"

@@ -1,0 +1,62 @@
+"""What a terminal shows of a run: its header, and a table of any number of methods."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+
+import pytest
+
+from genie_sim.analysis import screen
+from genie_sim.analysis.seed_runs import SeedRuns
+from genie_sim.recording.results import MethodInfo, Metric, Run
+from tests import made_up_run
+
+TEN = [MethodInfo(f"m{i}", f"Method number {i}", baseline=False) for i in range(10)]
+
+
+def run_of(methods: list[MethodInfo], seed: int = 7, label: str = "", shift: float = 0.0) -> Run:
+    facts = {
+        "scenario": {"name": "town", "seed": seed, "cars": [{}] * 3, "edges": [{}]},
+        "methods": [asdict(method) for method in methods],
+    }
+    measured = [
+        Metric("first_answer_mean", method.name, "all", "", 10.0 + i + shift, "ms")
+        for i, method in enumerate(methods)
+    ]
+    frames = made_up_run.frames(3, 2).columns().assign(method="m0")
+    return Run("0123456789ab", facts, "", {"frames": frames}, measured, label=label)
+
+
+def test_the_header_says_what_was_run():
+    """Two seconds of frames at 10 Hz on four streams of three cars, under each of three methods;
+    the last stamp is 1.9 s and 75 ms.
+    """
+    header = screen.header(run_of(TEN[:2], label="two edges"))
+    assert header == (
+        "two edges (town): 3 cars, 1 edge, 1.98 s, 720 frames under each of 2 methods, seed 7"
+    )
+
+
+@pytest.mark.parametrize("width", [60, 80, 100])
+def test_ten_methods_stand_in_blocks_with_legible_labels(width):
+    lines = screen.text(run_of(TEN), width).splitlines()
+    assert max(map(len, lines)) <= width
+    rows = [line for line in lines if line.startswith("first answer, mean [ms]")]
+    assert len(rows) > 1, "ten columns do not fit side by side"
+    numbers = " ".join(row.removeprefix("first answer, mean [ms]") for row in rows).split()
+    assert numbers == [str(10 + i) for i in range(10)]
+    assert all(f" {i}" in " ".join(lines) for i in range(10))
+
+
+def test_methods_that_fit_stand_in_one_block():
+    lines = screen.text(run_of(TEN[:3]), 80).splitlines()
+    assert sum(line.startswith("first answer") for line in lines) == 1
+
+
+def test_several_seeds_show_their_mean_and_interval():
+    """10 and 12 have the mean 11 and, by Student's t of one degree of freedom, 11 +- 12.706."""
+    both = SeedRuns([run_of(TEN[:1], seed=3), run_of(TEN[:1], seed=4, shift=2.0)])
+    text = screen.text(both, 80)
+    assert "11 (-1.71 to 23.7)" in text
+    assert "seeds 3, 4" in text.splitlines()[0]
+    assert "720 frames" in text.splitlines()[0]

@@ -1,0 +1,232 @@
+"""The tables that a run prints and writes: complete, in any window, and the same each time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict
+
+import pytest
+
+from genie_sim.analysis import metrics, screen, summary, text_table
+from genie_sim.analysis.registry import METRICS
+from genie_sim.recording.results import MethodInfo, Metric, Run
+from tests import made_up_run
+
+
+@pytest.fixture(scope="module")
+def found() -> list[Metric]:
+    tables = made_up_run.frames(2, 3), made_up_run.lookups(2, 120), made_up_run.resources(2, 30)
+    return metrics.compute(made_up_run.METHODS, {table.name: table.to_frame() for table in tables})
+
+
+def run_of(
+    metrics: Sequence[Metric], methods: Sequence[MethodInfo] = made_up_run.METHODS, seed: int = 1
+) -> Run:
+    facts = {
+        "scenario": {"name": "3car_hetero", "seed": seed, "cars": [{}, {}], "edges": [{}]},
+        "methods": [asdict(method) for method in methods],
+    }
+    tables = {"frames": made_up_run.frames(2, 3).columns()}
+    return Run("0123456789ab", facts, "", tables, metrics)
+
+
+def plain(*names: str) -> list[MethodInfo]:
+    """Methods whose titles are their names."""
+    return [MethodInfo(name, name, baseline=False) for name in names]
+
+
+def row(text: str, label: str) -> list[str]:
+    (line,) = [line for line in text.splitlines() if line.startswith(label)]
+    return line.removeprefix(label).split()
+
+
+def test_a_terminal_sees_every_method_and_the_busiest_device_of_each_kind(found):
+    text = screen.text(run_of(found))
+    known = {(metric.metric, metric.method): metric.value for metric in found}
+    methods = ("local", "remote", "genie")
+    assert text.splitlines()[2].split() == ["local", "(L)", "remote", "(R)", "Genie", "(DG)"]
+    for label, metric in (
+        ("first answer, mean [ms]", "first_answer_mean"),
+        ("fresh result, mean [ms]", "fresh_answer_mean"),
+    ):
+        assert row(text, label)[-3:] == [f"{known[metric, method]:.3g}" for method in methods]
+    assert text.count("\nbusiest") == 3 and len(text.splitlines()) <= 28
+    assert text.index("first answer") < text.index("image reuse on cars") < text.index("busiest")
+    assert "Times: from when a frame reaches the queue of its first ROS node." in " ".join(
+        text.split()
+    )
+
+
+def test_a_table_for_a_paper_has_the_same_numbers_with_intervals_in_every_format(found):
+    one = next(
+        metric
+        for metric in found
+        if (metric.metric, metric.method) == ("first_answer_mean", "remote")
+    )
+    headings, rows = summary.cells(run_of(found))
+    assert headings == ["", "local (L)", "remote (R)", "Genie (DG)"]
+    shown = f"{one.value:.3g} ({one.low:.3g} to {one.high:.3g})"
+    assert rows[0][2] == shown
+    assert [row[0] for row in rows] == [
+        line[: len(row[0])]
+        for line, row in zip(screen.text(run_of(found), 200).splitlines()[3:], rows, strict=False)
+    ]
+    markdown = text_table.rounded("markdown", headings, rows, "lrrr").splitlines()
+    assert markdown[1] == "|---|---:|---:|---:|" and shown in markdown[2].split(" | ")
+    latex = text_table.rounded("latex", headings, rows, "lrrr").splitlines()
+    assert latex[0] == r"\begin{tabular}{lrrr}" and latex[-1] == r"\end{tabular}"
+    assert latex[1] == r"\toprule" and latex[-2] == r"\bottomrule"
+    assert latex[2] == r" & local (L) & remote (R) & Genie (DG) \\" and r"[\%]" in latex[6]
+    assert len([line for line in latex if line.endswith(r"\\")]) == len(rows) + 1
+
+
+def test_csv_has_all_digits_and_no_formula():
+    text = text_table.exact(["a", "b"], [["=1+1", 1 / 3], ["-", None], ["plain", -2.0]])
+    assert text == "a,b\n'=1+1,0.3333333333\n'-,\nplain,-2.0\n"
+
+
+def test_every_latency_of_every_method_has_its_row(found):
+    text = markdown(found)
+    known = {(metric.metric, metric.method): metric.value for metric in found}
+    for metric in ("first_answer_mean", "fresh_answer_mean", "fresh_answer_p95"):
+        cells = [cell.split()[0] for cell in row_of(text, METRICS[metric].label)]
+        assert cells == [f"{known[metric, role]:.3g}" for role in ("local", "remote", "genie")]
+
+
+@pytest.mark.parametrize("width", [40, 60, 80, 200])
+def test_the_tables_fit_the_window(found, width):
+    text = screen.text(run_of(found), width)
+    assert max(map(len, text.splitlines())) <= width
+    for words in ("within 33 ms", "dropped", "image reuse", "object reuse", "genie"):
+        assert words in " ".join(text.lower().split()), words
+
+
+def markdown(found: list[Metric]) -> str:
+    return summary.markdown(run_of(found))
+
+
+def row_of(text: str, label: str) -> list[str]:
+    (line,) = [line for line in text.splitlines() if line.startswith(f"| {label} |")]
+    return [cell.strip() for cell in line.split("|")[2:-1]]
+
+
+def test_the_tables_are_plain_text(found):
+    for text in (screen.text(run_of(found)), markdown(found)):
+        assert text.isascii() and "\x1b" not in text
+
+
+def test_unknown_is_a_dash_and_never_a_number():
+    unanswered = [
+        Metric("frames_published", "local", "all", "", 7, "frames", n=7),
+        Metric("first_answer_mean", "local", "all", "", None, "ms"),
+        Metric("answered_share", "local", "all", "", 0.0, "1", n=7),
+    ]
+    text = screen.text(run_of(unanswered))
+    assert row(text, "first answer, mean [ms]") == ["-"]
+    assert row_of(markdown(unanswered), "frames answered [%]") == ["0"]
+    for said in (text, markdown(unanswered)):
+        assert "nan" not in said.lower() and "None" not in said
+
+
+def test_methods_and_roles_that_were_not_simulated_have_no_column():
+    local_only = [Metric("frames_published", "local", "all", "", 7, "frames", n=7)]
+    text = screen.text(run_of(local_only)) + markdown(local_only).partition("## ")[2]
+    assert "Genie (DG)" not in text and "Improvement" not in text and "image reuse" not in text
+
+
+def test_numbers_have_three_digits_and_a_unit():
+    run = [Metric("frames_published", "remote", "all", "", 1, "frames")]
+    run += [Metric("image_reuse", "genie", "edge", "", 0.30612, "1", 0.1, 0.52)]
+    run += [Metric("first_answer_mean", "remote", "all", "", 1234.5678, "ms")]
+    run += [Metric("confidence_boost", "genie", "edge", "", 0.012345, "1")]
+    text = markdown(run)
+    assert row_of(text, "image reuse [%]") == ["30.6 (10 to 52)"]
+    assert row_of(text, "confidence boost") == ["0.0123"]
+    assert row_of(text, "first answer, mean [ms]") == ["1,235", "-"]
+
+
+def test_the_markdown_names_the_run_and_says_what_the_intervals_mean(found):
+    text = summary.markdown(run_of(found, seed=4))
+    assert text.startswith("# 3car_hetero\n\nRun `0123456789ab`, seed 4.\n")
+    assert "95 % interval inside this run" in text
+    assert "50 requests in a row" in text
+    mean = next(
+        metric
+        for metric in found
+        if (metric.metric, metric.method) == ("first_answer_mean", "genie")
+    )
+    assert f"{mean.value:.3g} ({mean.low:.3g} to {mean.high:.3g})" in text
+    for line in text.splitlines():
+        if line.startswith("|"):
+            assert line.count("|") in (4, 5, 6)
+    assert text == summary.markdown(run_of(list(found), seed=4))
+
+
+def test_a_fleet_shows_its_busiest_devices_and_counts_the_others():
+    run = [Metric("frames_published", "genie", "all", "", 1, "frames")]
+    run += [
+        Metric("utilization", "genie", "edge", f"edge{i:02}.accelerator", i / 100, "1")
+        for i in range(60)
+    ]
+    run.append(Metric("utilization", "genie", "all", "edge1->edge2", 0.75, "1"))
+    label = "busiest accelerator on edges [%]"
+    assert row(screen.text(run_of(run)), label) == ["59"]
+    assert row(screen.text(run_of(run)), "busiest link [%]") == ["75"]
+    text = markdown(run)
+    assert "edge59.accelerator" in text and "edge10.accelerator" not in text
+    # 61, without 12 shown and one that idles
+    assert "48 less busy ones are in metrics.json." in text
+
+
+def test_improvements_and_genies_have_a_table_of_each_method():
+    run = []
+    for method in ("swift", "plain", "slow"):
+        run.append(Metric("frames_published", method, "all", "", 1, "frames"))
+        run.append(Metric("first_answer_mean", method, "all", "", 10.0, "ms"))
+    run.append(Metric("improvement_first_answer", "swift", "all", "plain", 0.5, "1"))
+    run += [Metric("image_reuse", method, "car", "", 0.5, "1") for method in ("swift", "slow")]
+    text = summary.markdown(run_of(run, plain("swift", "plain", "slow")))
+    assert row_of(text, "first answer, mean [ms]") == ["10", "10", "10"]
+    for title in ("Improvement by swift", "Genies under swift", "Genies under slow"):
+        assert f"## {title}\n" in text
+
+
+def test_titles_of_somebody_else_cannot_steer_a_terminal_or_run_latex():
+    run = [
+        Metric("frames_published", "bad", "all", "", 1, "frames"),
+        Metric("first_answer_mean", "bad", "all", "", 10.0, "ms"),
+    ]
+    bad = run_of(run, [MethodInfo("bad", "\x1b[2Ja|b\\input{/etc/passwd}^^41", baseline=False)])
+    for text in (screen.text(bad), summary.markdown(bad)):
+        assert "\x1b" not in text and "\\x1b[2Ja" in text
+    headings, rows = summary.cells(bad)
+    latex = text_table.rounded("latex", headings, rows, "lr")
+    assert r"\input" not in latex and "^^" not in latex and "\x1b" not in latex
+    assert r"\textbackslash{}input\{" in latex
+    assert r"a\|b" in text_table.rounded("markdown", headings, rows, "lr")
+    assert "\x1b" not in text_table.exact(["title"], [["\x1b[2J"]])
+
+
+def test_every_placement_method_and_component_has_its_own_number():
+    run = [
+        Metric("frames_published", method, "all", "", 1, "frames") for method in ("local", "genie")
+    ]
+    run += [
+        Metric("image_reuse", "genie", "car", "", 0.11, "1"),
+        Metric("image_reuse", "genie", "edge", "", 0.22, "1"),
+        Metric("object_reuse", "genie", "car", "", 0.33, "1"),
+        Metric("object_reuse", "genie", "edge", "", 0.44, "1"),
+        Metric("streaming_f1", "local", "all", "", 0.55, "1"),
+        Metric("streaming_f1", "genie", "all", "", 0.66, "1"),
+        Metric("streaming_f1", "local", "all", "zero_delay", 0.77, "1"),
+        Metric("held_age", "genie", "all", "", 0.88, "s"),
+    ]
+    text = screen.text(run_of(run))
+    assert row(text, "image reuse on cars [%]") == ["-", "11", "-"]
+    assert row(text, "image reuse on edges [%]") == ["-", "22", "-"]
+    assert row(text, "object reuse on cars [%]") == ["-", "33", "-"]
+    assert row(text, "object reuse on edges [%]") == ["-", "44", "-"]
+    assert row(text, "streaming F1 [%]") == ["55", "66", "77"]
+    assert row(text, "age of held objects [s]") == ["-", "0.88", "-"]
+    assert row_of(markdown(run), "object reuse [%]") == ["33", "44"]
+    assert row_of(markdown(run), "streaming F1 [%]") == ["55", "66", "77"]

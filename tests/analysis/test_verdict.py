@@ -1,0 +1,93 @@
+"""Who is better in a comparison, in words and as a figure."""
+
+from __future__ import annotations
+
+import pytest
+
+from genie_sim.analysis.compare import BLOCKS, SEEDS, ComparedMethod, ComparedRuns, Difference
+from genie_sim.analysis.difference_plot import differences
+from genie_sim.analysis.verdict import is_better, verdicts
+from genie_sim.recording.results import MethodInfo
+
+
+def row(metric: str, difference: float, low: float | None, high: float | None) -> Difference:
+    unit = "ms" if metric == "first_answer_mean" else "1"
+    by = SEEDS if low is not None else ""
+    return Difference(metric, "b", 1.0, unit, "a", difference, low, high, by=by, n=5)
+
+
+def comparison(*rows: Difference) -> ComparedRuns:
+    arms = [
+        ComparedMethod(name, name.upper(), MethodInfo(name, name.upper(), False), {})
+        for name in "ab"
+    ]
+    return ComparedRuns(arms, list(rows), ["town"], {})
+
+
+@pytest.mark.parametrize(
+    "metric, low, high, better",
+    [
+        ("first_answer_mean", -3.0, -1.0, True),
+        ("first_answer_mean", 1.0, 3.0, False),
+        ("first_answer_mean", -1.0, 3.0, None),
+        ("streaming_f1", 0.01, 0.03, True),
+        ("streaming_f1", -0.03, -0.01, False),
+        ("ghost_share", -0.03, -0.01, True),
+        ("streaming_f1", None, None, None),
+        ("streaming_f1", 0.0, 0.02, None),
+    ],
+)
+def test_better_is_an_interval_on_the_right_side_of_zero(metric, low, high, better):
+    assert is_better(row(metric, 0.02, low, high)) is better
+
+
+def test_a_sentence_says_in_what_by_how_much_and_how_sure():
+    rows = [
+        row("first_answer_mean", -340.0, -342.0, -338.0),
+        row("streaming_f1", -0.02, -0.03, -0.01),
+        row("ghost_share", 0.004, -0.01, 0.018),
+        row("gospa", 1.0, 0.5, 1.5),
+    ]
+    assert verdicts(comparison(*rows)) == [
+        "B is better than A in first answer, mean (-340 ms, -342 to -338); worse in streaming F1 "
+        "(-2 percentage points, -3 to -1); not clearly different in false objects held (ghosts) "
+        "(+0.4 percentage points, -1 to +1.8); 95 % intervals of paired differences, over 5 seeds."
+    ]
+
+
+def test_what_does_not_differ_at_all_is_called_the_same():
+    same = [row(metric, 0.0, 0.0, 0.0) for metric in ("first_answer_mean", "streaming_f1")]
+    assert verdicts(comparison(*same)) == [
+        "B is the same as A in first answer, mean and streaming F1."
+    ]
+    (sentence,) = verdicts(comparison(same[0], row("streaming_f1", -0.02, -0.03, -0.01)))
+    assert sentence == (
+        "B is worse than A in streaming F1 (-2 percentage points, -3 to -1); the "
+        "same in first answer, mean; 95 % intervals of paired differences, over 5 seeds."
+    )
+
+
+def test_without_truth_the_proxy_speaks_and_blocks_are_named():
+    proxy = row("first_proxy_f1", 0.1, 0.05, 0.15)._replace(by=BLOCKS, n=12)
+    (sentence,) = verdicts(comparison(proxy))
+    assert sentence == (
+        "B is better than A in proxy F1, first answer (+10 percentage points, +5 to +15); "
+        "95 % intervals of paired differences, over 12 blocks of 1 s of one seed."
+    )
+
+
+def test_the_figure_has_a_panel_a_metric_with_a_point_an_interval_and_zero():
+    rows = [
+        row("first_answer_mean", -340.0, -342.0, -330.0),
+        row("streaming_f1", 0.02, -0.01, 0.05),
+    ]
+    figure = differences(comparison(*rows))
+    first, f1 = figure.axes
+    titles = [panel.get_title() for panel in figure.axes]
+    assert titles == ["(a) first answer, mean", "(b) streaming F1"]
+    for panel, (low, middle, high) in ((first, (-342, -340, -330)), (f1, (-1, 2, 5))):
+        zero, point, *caps = panel.lines
+        assert list(zero.get_xdata()) == [0, 0]
+        assert point.get_xdata()[0] == pytest.approx(middle)
+        assert [cap.get_xdata()[0] for cap in caps] == pytest.approx([low, high])
+    assert "lower is better" in first.get_xlabel() and "higher is better" in f1.get_xlabel()

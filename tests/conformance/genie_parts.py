@@ -1,0 +1,40 @@
+"""What every part of a Genie has to keep: similarity, eviction, confidence rule and freshness
+policy in a whole run. One of your own is tested by
+
+@pytest.mark.parametrize("genie", [{"eviction": "my_module:MyEviction", "capacity": "5 entries"}])
+class TestMine(GeniePartConformance):
+    pass
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from genie_sim.scenario.scenario import Scenario
+from genie_sim.settings import from_plain, plain_data
+from tests.conformance import small
+
+
+class GeniePartConformance:
+    """``genie``: the settings that name the part, as in YAML."""
+
+    def setting(self, genie: dict[str, Any], methods: Sequence[Any] = ("genie",)) -> Scenario:
+        """Cars so slow that caches have hits."""
+        street = {"source": "tests.conformance.own:Street", "speed_mps": 1.0}
+        return small.scenario(methods, genie=genie, perception=street)
+
+    def test_every_frame_is_answered_or_dropped_and_twice_the_same(self, genie: dict[str, Any]):
+        tables = small.tables(self.setting(genie))
+        small.check_conserved(tables["frames"], ["genie"])
+        small.same(tables, small.tables(self.setting(genie)))
+
+    def test_no_state_goes_from_one_genie_to_the_next(self, genie: dict[str, Any]):
+        slower = {"name": "slower", "method": "genie", "model": "yolov8m"}
+        small.check_order_is_irrelevant(
+            lambda methods: self.setting(genie, methods), ["genie", slower, "remote"]
+        )
+
+    def test_it_is_written_down_as_it_was_read(self, genie: dict[str, Any]):
+        setting = self.setting(genie)
+        assert from_plain(type(setting), plain_data(setting)) == setting

@@ -1,0 +1,87 @@
+"""A Genie beside an edge's detector: what it counts, what it broadcasts, what it tells cars."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from genie_sim.core.freshness.existence import MeasuredExistence
+from genie_sim.core.paced_genie import SHARED
+from genie_sim.core.rules import ObjectMapRules, ToldRules
+from genie_sim.core.sharing import SharingGenie
+from genie_sim.core.track_map import TrackMap
+from genie_sim.messages import Detections, Effect, Forgotten, Look, Publish
+from tests.core.worlds import IMAGES, OBJECTS, S, answer, frame, seen
+
+REMOTE = OBJECTS + "-remote"
+PARKED = seen("car", 0.9, at=(30.0, 2.0))
+
+
+def sharing_genie() -> SharingGenie:
+    return SharingGenie(
+        "edge1/genie",
+        (IMAGES,),
+        (OBJECTS,),
+        object_map=TrackMap(ObjectMapRules(), MeasuredExistence(p_min=0.5), shares="look"),
+        told=ToldRules(),
+        make_answer=Detections,
+    )
+
+
+def published(effects: list[Effect]) -> dict[str, Detections]:
+    """The messages of these effects, by topic."""
+    return {
+        effect.topic: effect.message
+        for effect in effects
+        if isinstance(effect, Publish) and isinstance(effect.message, Detections)
+    }
+
+
+def answered(genie: SharingGenie, stamp_s: float, car: str, *objects) -> dict[str, Detections]:
+    """A car's frame comes up, and the detector answers it 50 ms later."""
+    image = frame(stamp_s, car=car)
+    assert genie.on_message(IMAGES, image, image.header.stamp_ns) == []
+    now_ns = image.header.stamp_ns + S // 20
+    return published(genie.on_message(OBJECTS, answer(image, *objects), now_ns))
+
+
+def test_a_look_is_broadcast_and_the_car_is_told_nothing_of_its_own():
+    messages = answered(sharing_genie(), 0.0, "car1", PARKED)
+    assert messages.keys() == {REMOTE, OBJECTS}
+    look = messages[REMOTE].look
+    assert look is not None and look.detections == (PARKED,)
+    words = messages[OBJECTS]
+    assert words.source == SHARED and words.objects == ()
+
+
+def test_another_car_is_told_what_the_first_one_saw():
+    genie = sharing_genie()
+    answered(genie, 0.0, "car1", PARKED)
+    words = answered(genie, 0.5, "car2")[OBJECTS]
+    (told,) = words.objects
+    assert told.location is not None and abs(told.location[0] - 30.0) < 0.5
+    assert words.header.origin == "car2" and words.valid_ns == words.header.stamp_ns + S // 20
+
+
+def test_a_neighbours_look_counts_as_one_of_its_car():
+    genie = sharing_genie()
+    image = frame(0.0, car="car9")
+    look = Look(image.header, image.pose, image.horizontal_fov_rad, (PARKED,))
+    message = replace(Detections(image.header, ()), look=look)
+    effects = genie.on_message(REMOTE, message, S // 20)
+    assert published(effects) == {}, "what neighbours broadcast is not broadcast again"
+    assert len(answered(genie, 0.5, "car2")[OBJECTS].objects) == 1
+    assert answered(genie, 0.6, "car9")[OBJECTS].objects == ()
+
+
+def test_its_own_words_are_no_look():
+    genie = sharing_genie()
+    words = Detections(frame(0.0).header, (PARKED,), SHARED, "edge1/genie")
+    assert genie.on_message(OBJECTS, words, S) == [] and len(genie.object_map) == 0
+
+
+def test_a_fault_takes_the_map():
+    genie = sharing_genie()
+    assert genie.on_void() == []
+    answered(genie, 0.0, "car1", PARKED)
+    (lost,) = genie.on_void()
+    assert isinstance(lost, Forgotten) and len(lost.objects) == 1

@@ -1,0 +1,84 @@
+"""Evidence of looks at near instants, and how wide answers out of the map look."""
+
+from __future__ import annotations
+
+import math
+from types import SimpleNamespace
+
+import pytest
+
+from genie_sim.core.freshness.existence import MeasuredExistence
+from genie_sim.core.freshness.laws import ASSUMED
+from genie_sim.core.maps import Viewer
+from genie_sim.core.rules import ObjectMapRules
+from genie_sim.core.track_map import TrackMap
+from genie_sim.core.tracking import VEHICLE
+from genie_sim.messages import Header, Look
+from tests.core.worlds import S, frame, seen
+
+MS = S // 1000
+
+
+def track(existence: float) -> SimpleNamespace:
+    """A parked vehicle that was checked at 0 and whose existence does not decay."""
+    return SimpleNamespace(
+        existence=existence,
+        checked_ns=0,
+        log_survival=0.0,
+        sightings=2,
+        kind=VEHICLE,
+        moving=False,
+        parked=True,
+    )
+
+
+def policy(tau_ms: int) -> MeasuredExistence:
+    made = MeasuredExistence(tau_ns=tau_ms * MS)
+    # a detector that finds nine of ten, and whose every score is worth a ratio of 4
+    made.laws = ASSUMED._replace(vehicles=(0.9,) * 7, ratios=(4.0,) * 11)
+    made._log_survival = lambda _: 0.0  # type: ignore[method-assign]
+    return made
+
+
+@pytest.mark.parametrize(("tau_ms", "probability"), [(0, 256 / 257), (100, 0.8)])
+def test_four_looks_in_a_tenth_of_a_second_say_what_one_says(tau_ms: int, probability: float):
+    existing = track(0.5)
+    rule = policy(tau_ms)
+    for number in range(1, 5):
+        rule.seen(existing, 0.9, Header(25 * MS * number, "02", "car1"))
+    assert existing.existence == pytest.approx(probability)
+
+
+def test_a_look_that_misses_counts_by_its_distance_in_time():
+    existing = track(0.5)
+    policy(100).unseen(existing, 10.0, Header(25 * MS, "02", "car1"))
+    odds = 0.1**0.25
+    assert odds == pytest.approx(0.562, abs=1e-3)
+    assert existing.existence == pytest.approx(odds / (1 + odds))
+
+
+def test_a_look_after_tau_counts_whole():
+    existing, other = track(0.5), track(0.5)
+    policy(100).unseen(existing, 10.0, Header(150 * MS, "02", "car1"))
+    policy(0).unseen(other, 10.0, Header(150 * MS, "02", "car1"))
+    assert existing.existence == other.existence == pytest.approx(0.1 / 1.1)
+
+
+@pytest.mark.parametrize(
+    ("bearing_deg", "margin_deg", "shown"), [(44, 0, 1), (50, 0, 0), (50, 10, 1), (60, 10, 0)]
+)
+def test_answers_out_of_the_map_look_wider_by_the_margin(bearing_deg, margin_deg, shown):
+    object_map = TrackMap(
+        ObjectMapRules(),
+        MeasuredExistence(p_min=0.1),
+        view_margin_rad=math.radians(margin_deg),
+    )
+    image = frame(0.0)  # 90 degrees wide
+    angle = math.radians(bearing_deg)
+    at = (0.5 + 20 * math.cos(angle), 0.5 + 20 * math.sin(angle))
+    wide = Look(image.header, image.pose, math.radians(170), (seen("car", 0.9, at=at),))
+    object_map.look(wide, 0)
+    viewer = Viewer(image.header, image.pose, image.horizontal_fov_rad)
+    objects, _ = object_map.visible(viewer, 50.0, 0)
+    assert len(objects) == shown
+    assert object_map.shows(viewer, seen("car", 0.9, at=at), 50.0) == bool(shown)

@@ -1,0 +1,247 @@
+"""The documentation is true: every page is followed from top to bottom, links lead somewhere, and
+the site builds.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.run_page import Reader, accepted, blocks
+from tests.test_imports import MAY_IMPORT
+
+REPOSITORY = Path(__file__).resolve().parents[2]
+DOCS = REPOSITORY / "docs"
+PAGES = {path.relative_to(DOCS).as_posix(): path for path in sorted(DOCS.rglob("*.md"))}
+# they need real ROS, the whole evaluation, KITTI
+WITH_TESTS_OF_THEIR_OWN = {"ros.md", "paper.md", "perception.md"}
+FOLLOWED = [
+    name
+    for name, path in PAGES.items()
+    if name not in WITH_TESTS_OF_THEIR_OWN
+    and any(not one.not_run for one in blocks(path.read_text(encoding="utf-8")))
+]
+LONGEST_PAGE_S = 600
+
+
+@pytest.fixture
+def as_a_reader(tmp_path: Path) -> dict[str, str]:
+    """The environment of somebody who installed genie-sim and sits in a folder of their own."""
+    path = tmp_path / "bin"
+    path.mkdir()
+    for name, arguments in (("python", ""), ("genie-sim", " -m genie_sim")):
+        (path / name).write_text(f'#!/bin/sh\nexec {shlex.quote(sys.executable)}{arguments} "$@"\n')
+        (path / name).chmod(0o755)
+    return {
+        **os.environ,
+        "PATH": f"{path}{os.pathsep}{os.environ['PATH']}",
+        "PYTHONPATH": str(REPOSITORY),
+    }
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", FOLLOWED)
+def test_a_page_does_what_it_shows(name: str, tmp_path: Path, as_a_reader: dict[str, str]):
+    """Look at the differences; if the page should show them: run it again by hand with --accept,
+    read, commit.
+    """
+    work = tmp_path / "work"
+    work.mkdir()
+    followed = subprocess.run(
+        [sys.executable, str(REPOSITORY / "tests" / "run_page.py"), str(PAGES[name])],
+        cwd=work,
+        env=as_a_reader,
+        capture_output=True,
+        text=True,
+        timeout=LONGEST_PAGE_S,
+    )
+    assert followed.returncode == 0, followed.stdout + followed.stderr
+
+
+@pytest.mark.slow
+def test_the_site_builds_without_a_warning(tmp_path: Path):
+    pytest.importorskip("material", reason="mkdocs-material comes with '.[docs]'")
+    pytest.importorskip("mkdocstrings", reason="mkdocstrings comes with '.[docs]'")
+    built = subprocess.run(
+        [
+            sys.executable,
+            "-m",
+            "mkdocs",
+            "build",
+            "--strict",
+            "--quiet",
+            "--site-dir",
+            str(tmp_path / "site"),
+        ],
+        cwd=REPOSITORY,
+        env={**os.environ, "NO_MKDOCS_2_WARNING": "1", "PYTHONDONTWRITEBYTECODE": "1"},
+        capture_output=True,
+        text=True,
+        timeout=300,
+    )
+    assert built.returncode == 0, built.stderr
+    assert (tmp_path / "site" / "index.html").is_file()
+    reference = (tmp_path / "site" / "reference" / "core" / "index.html").read_text(
+        encoding="utf-8"
+    )
+    assert "Expires requests that were not answered in time" in reference, (
+        "docstrings reach the reference"
+    )
+    columns = (tmp_path / "site" / "reference" / "tables" / "index.html").read_text(
+        encoding="utf-8"
+    )
+    assert "fresh_answer_ns" in columns, "tables are filled in from the program"
+    detectors = (tmp_path / "site" / "extend" / "detector" / "index.html").read_text(
+        encoding="utf-8"
+    )
+    assert "yolox_nano" in detectors
+
+
+def test_every_name_of_the_registries_is_explained():
+    """What ``genie-sim list`` knows of similarities, evictions, rules and links stands in the
+    documentation.
+    """
+    from genie_sim import catalogue
+
+    text = "".join(path.read_text(encoding="utf-8") for path in PAGES.values())
+    for kind in ("similarities", "evictions", "rules", "links"):
+        for name, _ in catalogue.KINDS[kind]():
+            assert f"`{name}`" in text, f"{kind}: {name} is in no page"
+
+
+def test_every_setting_is_explained(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.syspath_prepend(str(DOCS))
+    import settings
+
+    assert settings.unexplained() == []
+    assert set(settings.SEE) <= set(settings.paths())
+    page = "\n".join(settings.settings())
+    assert page.startswith("## The run\n\n### `name` {#name}\n\ntext\n\nThe name of the results;")
+    for path in settings.paths():
+        assert page.count(f"### `{path}` {{#") == 1, path
+    assert "{#genie.request_expiry}\n\nduration such as `30 ms` or `null`; default `2 s`\n" in page
+    assert "{#genie.eviction}\n\n`unlimited` · `lru` · `lfu` · `ttl` or" in page
+
+
+def test_every_reading_of_the_paper_is_explained():
+    """Each setting under ``genie:`` and each of its choices stands in the page on how the paper is
+    read.
+    """
+    from genie_sim.scenario.schema import json_schema
+
+    page = PAGES["explanation/paper-readings.md"].read_text(encoding="utf-8")
+    classes = json_schema("scenario")["$defs"]
+    for settings in (classes[name]["properties"] for name in ("GenieRules", "ObjectMapRules")):
+        for name, field in settings.items():
+            assert f"`{name}`" in page or f"`object_map.{name}`" in page, (
+                f"genie.{name} is not explained"
+            )
+            for choice in field.get("enum", []):
+                assert f"`{choice}`" in page, f"genie.{name}: {choice} is not explained"
+
+
+def test_a_class_in_the_current_folder_is_found_by_the_installed_command(tmp_path: Path):
+    """``-P``: Python does not look into the current folder by itself, as with an installed
+    ``genie-sim``.
+    """
+    (tmp_path / "same.py").write_text("# nobody here\n")
+    ran = subprocess.run(
+        [
+            sys.executable,
+            "-P",
+            "-m",
+            "genie_sim",
+            "run",
+            "1car_homo",
+            "--set",
+            "genie.similarity=same:Nobody",
+        ],
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": str(REPOSITORY)},
+        capture_output=True,
+        text=True,
+        timeout=120,
+    )
+    assert "module 'same' has no attribute 'Nobody'" in ran.stderr
+
+
+def test_files_that_pages_speak_of_exist():
+    """``tests/theory/test_queues.py`` and the like, in the repository."""
+    for name, path in PAGES.items():
+        text = path.read_text(encoding="utf-8")
+        for file in re.findall(r"`((?:tests|genie_sim|notebooks|scenarios)/[\w./-]+\.\w+)`", text):
+            assert (REPOSITORY / file).exists(), f"docs/{name}: {file} is not there"
+
+
+def test_the_drawing_of_the_packages_is_the_rule_that_tests_check():
+    """It has every arrow that no longer way replaces, and no other."""
+    reachable: dict[str, set[str]] = {}
+
+    def below(package: str) -> set[str]:
+        if package not in reachable:
+            direct = MAY_IMPORT.get(package, ())
+            reachable[package] = set(direct).union(*map(below, direct))
+        return reachable[package]
+
+    expected = {
+        (package, allowed)
+        for package, direct in MAY_IMPORT.items()
+        for allowed in direct
+        if not any(allowed in below(other) for other in direct)
+    }
+    page = (DOCS / "explanation" / "architecture.md").read_text(encoding="utf-8")
+    drawing = next(block for block in blocks(page) if block.language == "mermaid")
+    arrows = re.findall(r"^ +(\w+) --> (\w+)$", drawing.text, re.MULTILINE)
+    assert len(arrows) == len(drawing.lines) - 1, "each line after the first is one arrow"
+    assert sorted(arrows) == sorted(expected)
+
+
+EXAMPLE = """
+```python title="nearest.py"
+LIMIT = 3
+```
+```python
+from nearest import LIMIT
+print("at most", LIMIT)
+```
+```text
+at most 2
+```
+<!-- not run: needs a GPU -->
+```bash
+false
+```
+1. in a list
+
+   ```console
+   $ echo one
+   two
+   ```
+"""
+
+
+def test_a_page_that_shows_something_else_is_noticed_and_can_be_put_right(
+    monkeypatch: pytest.MonkeyPatch,
+):
+    monkeypatch.syspath_prepend("")
+    reader = Reader("page.md")
+    reader.read(EXAMPLE)
+    numbers, echo = reader.problems
+    assert numbers.startswith("page.md:10: text block prints:\nat most 3")
+    assert echo.startswith("page.md:19: console block prints:\n$ echo one")
+    right = accepted(EXAMPLE, reader)
+    assert "at most 3" in right and "at most 2" not in right
+    assert "   $ echo one\n   one\n   ```" in right
+
+
+def test_a_block_that_fails_is_noticed():
+    reader = Reader("page.md")
+    reader.read("```python\nanswer = 1 / 0\n```\n```bash\ntouch after\n```\n")
+    assert "ZeroDivisionError" in reader.problems[0] and "line 2" in reader.problems[0]
+    assert not Path("after").exists(), "nothing that builds on it is run"

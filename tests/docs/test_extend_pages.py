@@ -1,0 +1,122 @@
+"""What the guides to extensions promise: one file of at most 60 lines makes a method that is
+everywhere, and the way of a frame leads through functions that exist.
+"""
+
+from __future__ import annotations
+
+import ast
+import json
+import re
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from tests.run_page import blocks
+
+REPOSITORY = Path(__file__).resolve().parents[2]
+DOCS = REPOSITORY / "docs"
+LONGEST_METHOD_LINES = 60
+
+
+def files_of(page: str) -> dict[str, str]:
+    return {
+        one.title: one.text
+        for one in blocks((DOCS / page).read_text(encoding="utf-8"))
+        if one.title is not None
+    }
+
+
+@pytest.fixture
+def skip(tmp_path: Path) -> Path:
+    """The folder with the files of the guide."""
+    files = files_of("extend/method.md")
+    assert len(files["skip.py"].splitlines()) <= LONGEST_METHOD_LINES
+    for name, text in files.items():
+        (tmp_path / name).write_text(text)
+    return tmp_path
+
+
+def test_the_method_of_the_guide_is_in_everything_that_a_run_makes(skip: Path, run_cli):
+    window = "cars[0].route.window=[0 s, 3 s]"
+    ran = run_cli("run", "1car_hetero", "--methods", "local,genie,skip:Skip", "--set", window)
+    assert ran.returncode == 0, ran.stderr
+    first, table = ran.stdout.splitlines()[0], ran.stdout
+    assert first == "1car_hetero runs code of its own: method skip:Skip"
+    headings = table.split("first answer")[0]  # on one line or two, as they fit
+    for word in ("local", "Genie", "(DG)", "skip", "frames", "zero-delay"):
+        assert word in headings.split(), table
+    (folder,) = (skip / "results").iterdir()
+    assert "Improvement by skip frames" in (folder / "summary.md").read_text()
+    assert run_cli("figures", str(folder)).returncode == 0
+    for name in ("frames", "lookups", "resources"):
+        rows = pd.read_parquet(folder / f"{name}.parquet")
+        assert "Skip" in set(rows["method"]), name
+    metrics = pd.DataFrame(json.loads((folder / "metrics.json").read_text()))
+    found = metrics[metrics["method"] == "Skip"].set_index("metric")["value"]
+    assert found["answered_share"] > 0.5 and found["image_reuse"] > 0.5
+    assert set(metrics[metrics["metric"] == "improvement_first_answer"]["component"]) == {"local"}
+    assert re.search(r"Skip|skip frames", (folder / "summary.md").read_text())
+    assert re.search(r"Skip|skip frames", (folder / "report.html").read_text())
+    for name in ("latency_cdf", "image_reuse"):
+        assert re.search(r"Skip|skip frames", (folder / "figures" / f"{name}.svg").read_text()), (
+            name
+        )
+
+
+def test_the_method_of_the_guide_is_in_everything_that_a_sweep_makes(skip: Path, run_cli):
+    ran = run_cli("sweep", "skips.yaml")
+    assert ran.returncode == 0, ran.stderr
+    folder = skip / "results" / "skips"
+    table = pd.read_csv(folder / "table.csv")
+    for name in ("genie", "tenth", "thirtieth"):
+        assert name in set(table[table["metric"] == "image_reuse"]["method"]), name
+        assert name in (folder / "report.html").read_text(), name
+    figures = "".join(path.read_text() for path in (folder / "figures").glob("*.svg"))
+    assert "thirtieth" in figures and "tenth" in figures
+
+
+def test_the_way_of_a_frame_leads_through_functions_that_exist():
+    page = (DOCS / "explanation" / "way-of-a-frame.md").read_text(encoding="utf-8")
+    hops = re.findall(r"^\| (\d) \|.*\|(.*)\|$", page, re.MULTILINE)
+    assert [int(number) for number, _ in hops] == list(range(1, len(hops) + 1)) and 1 < len(
+        hops
+    ) <= 9
+    named = [
+        one
+        for _, where in hops
+        for one in re.findall(r"`(genie_sim/[\w/.]+)`: ((?:`[\w.]+`(?:, )?)+)", where)
+    ]
+    named += re.findall(r"`(genie_sim/[\w/.]+)`\s\((`\w+`)\)", page)
+    assert len(named) >= len(hops) + 3
+    for file, functions in named:
+        known = _defined(REPOSITORY / file)
+        for function in re.findall(r"`([\w.]+)`", functions):
+            assert function in known, f"{file}: no {function}"
+
+
+def _defined(path: Path) -> set[str]:
+    """``function`` and ``Class.method`` of a file."""
+    found = set()
+    for node in ast.parse(path.read_text(encoding="utf-8")).body:
+        if isinstance(node, ast.ClassDef | ast.FunctionDef):
+            found.add(node.name)
+        if isinstance(node, ast.ClassDef):
+            found |= {
+                f"{node.name}.{inner.name}"
+                for inner in node.body
+                if isinstance(inner, ast.FunctionDef)
+            }
+    return found
+
+
+def test_the_registries_stand_where_the_page_says():
+    page = (DOCS / "explanation" / "way-of-a-frame.md").read_text(encoding="utf-8")
+    for file in re.findall(r"^\| an? [\w ]+ \|.*?\| `(genie_sim/[\w/.]+)` \|", page, re.MULTILINE):
+        assert re.search(r"^[A-Z_]+: dict\[str, ", (REPOSITORY / file).read_text(), re.MULTILINE), (
+            file
+        )
+    guides = re.findall(r"\(\.\./(extend/[\w-]+\.md)\)", page)
+    assert len(guides) == 5 and all((DOCS / one).is_file() for one in guides)
+    navigation = (REPOSITORY / "mkdocs.yml").read_text(encoding="utf-8")
+    assert all(one in navigation for one in (*guides, "explanation/way-of-a-frame.md"))

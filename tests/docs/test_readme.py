@@ -1,0 +1,274 @@
+"""The README does what it says: its commands are run, and what it shows of their output is what
+they print.
+
+A ``bash`` block is run as one script. In a ``console`` block each ``$ command`` (continued after a
+backslash) is run, and the lines below it are compared with its output: a line ``...`` stands for
+any number of lines, ``...`` within a line for any text, such as a time. A comment ``<!-- not run:
+reason -->`` above a block leaves it out, and so does a variable such as ``$GENIE_SIM_KITTI`` that
+is not set. Blocks share one folder and are run from top to bottom.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+REPOSITORY = Path(__file__).resolve().parents[2]
+README = REPOSITORY / "README.md"
+FOLDERS = ("scenarios", "device_profiles")  # what a command of the README may read of the checkout
+LONGEST_BLOCK_S = 300
+
+# Done by whoever runs this test: getting the project, installing it, and the tests themselves.
+SET_UP = re.compile(
+    r"^(git clone|cd genie-sim|python3? -m (venv|pip|pytest)|pip |source |\. |(\S*/)?\.ci/run)"
+)
+
+
+@dataclass(frozen=True)
+class Block:
+    """One fenced block: its language, the number of its first line, its lines, and why it is not
+    run (or None).
+    """
+
+    language: str
+    line: int
+    lines: tuple[str, ...]
+    not_run: str | None
+
+    def __str__(self) -> str:
+        return f"line {self.line}"
+
+
+def blocks(text: str) -> list[Block]:
+    """The ``bash`` and ``console`` blocks of a Markdown text."""
+    found = []
+    lines = iter(enumerate(text.splitlines(), start=1))
+    not_run = None
+    for number, line in lines:
+        if comment := re.fullmatch(r"<!-- not run: (.+) -->", line.strip()):
+            not_run = comment[1]
+        elif fence := re.fullmatch(r"```(\w*)", line.strip()):
+            inside = []
+            for _, content in lines:
+                if content.strip() == "```":
+                    break
+                inside.append(content)
+            if fence[1] in ("bash", "console"):
+                found.append(Block(fence[1], number + 1, tuple(inside), not_run))
+            not_run = None
+        elif line.strip():
+            not_run = None
+    return found
+
+
+def without_set_up(command: str) -> str:
+    """What is left of ``python -m venv .venv && . .venv/bin/activate && genie-sim run town``: the
+    last part.
+    """
+    return " && ".join(part for part in command.split(" && ") if not SET_UP.match(part.strip()))
+
+
+def script(lines: tuple[str, ...]) -> str:
+    """The commands of a ``bash`` block, without those that set the project up."""
+    commands = "\n".join(lines).replace("\\\n", " ").splitlines()
+    return "\n".join(filter(None, map(without_set_up, commands)))
+
+
+def session(lines: tuple[str, ...]) -> list[tuple[str, list[str]]]:
+    """The commands of a ``console`` block, each with the output shown below it."""
+    shown: list[tuple[str, list[str]]] = []
+    for line in lines:
+        if shown and shown[-1][0].endswith("\\") and not shown[-1][1]:
+            shown[-1] = (shown[-1][0][:-1] + line.strip().removeprefix("> "), [])
+        elif line.startswith("$ "):
+            shown.append((line[2:], []))
+        else:
+            assert shown, f"a console block begins with '$ command', not {line!r}"
+            shown[-1][1].append(line)
+    return [
+        (without_set_up(command), output) for command, output in shown if without_set_up(command)
+    ]
+
+
+def matches(shown: list[str], printed: str) -> bool:
+    """Whether ``printed`` is what is shown, ``...`` being anything; spaces at the ends of lines do
+    not count.
+    """
+    pattern = ""
+    for line in "\n".join(shown).strip().splitlines():
+        if line.strip() == "...":
+            pattern += r"(?:.*\n)*"
+        else:
+            pattern += ".*".join(re.escape(part) for part in line.rstrip().split("...")) + "\n"
+    text = "".join(f"{line.rstrip()}\n" for line in printed.strip().splitlines())
+    return re.fullmatch(pattern, text) is not None
+
+
+BLOCKS = blocks(README.read_text(encoding="utf-8")) if README.exists() else []
+
+
+@pytest.fixture(scope="module")
+def reader(tmp_path_factory: pytest.TempPathFactory):
+    """Runs a command as a reader would: ``genie-sim`` and ``python`` on the path, in a folder of
+    its own.
+    """
+    root = tmp_path_factory.mktemp("readme")
+    work, path = root / "work", root / "bin"
+    for folder in FOLDERS:
+        shutil.copytree(REPOSITORY / folder, work / folder)
+    path.mkdir()
+    for name, arguments in (("python", ""), ("genie-sim", " -m genie_sim")):
+        (path / name).write_text(f'#!/bin/sh\nexec {shlex.quote(sys.executable)}{arguments} "$@"\n')
+        (path / name).chmod(0o755)
+    env = {
+        **os.environ,
+        "PATH": f"{path}{os.pathsep}{os.environ['PATH']}",
+        "PYTHONPATH": str(REPOSITORY),
+        "COLUMNS": "100",
+        "NO_COLOR": "1",
+        "TERM": "dumb",
+    }
+
+    def run(commands: str) -> subprocess.CompletedProcess[str]:
+        return subprocess.run(
+            ["bash", "-euo", "pipefail", "-c", commands],
+            cwd=work,
+            env=env,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            timeout=LONGEST_BLOCK_S,
+        )
+
+    return run
+
+
+@pytest.mark.slow
+@pytest.mark.xdist_group("readme")
+@pytest.mark.parametrize("block", BLOCKS, ids=str)
+def test_a_block_does_what_it_shows(block: Block, reader):
+    if block.not_run:
+        pytest.skip(f"README.md:{block.line}: {block.not_run}")
+    for variable in re.findall(r"\$\{?(GENIE_SIM_\w+)", "\n".join(block.lines)):
+        if not os.environ.get(variable):
+            pytest.skip(f"README.md:{block.line}: {variable} is not set")
+    if block.language == "bash":
+        ran = reader(script(block.lines))
+        assert ran.returncode == 0, f"README.md:{block.line}:\n{ran.stdout}"
+        return
+    for command, shown in session(block.lines):
+        ran = reader(command)
+        an_error_is_shown = any(line.startswith("genie-sim: ") for line in shown)
+        assert ran.returncode == (1 if an_error_is_shown else 0), (
+            f"README.md:{block.line}: {command}:\n{ran.stdout}"
+        )
+        assert matches(shown, ran.stdout), (
+            f"README.md:{block.line}: {command} prints:\n{ran.stdout}"
+        )
+
+
+def test_the_readme_shows_commands_and_what_they_print():
+    assert README.exists(), "README.md is missing"
+    runnable = [block for block in BLOCKS if not block.not_run]
+    assert any(
+        "genie-sim run" in "\n".join(block.lines)
+        for block in runnable
+        if block.language == "console"
+    )
+
+
+def test_continuous_integration_runs_the_tests_as_the_readme_says():
+    """The README's first command word for word; its tests in two tasks that leave none out."""
+    said = README.read_text(encoding="utf-8")
+    done = (REPOSITORY / ".ci" / "run").read_text(encoding="utf-8")
+    assert "python -m pip install '.[test]'" in said
+    assert "python -m pip install --quiet '.[test]'" in done
+    assert "python -m pytest" in said
+    assert re.findall(r"^task (coverage|rest)\b", done, re.MULTILINE) == ["coverage", "rest"]
+    tasks = (REPOSITORY / "noxfile.py").read_text(encoding="utf-8")
+    assert 'session.run("python", "-m", "pytest", ' in tasks
+    assert "gate(session, *MEASURED, " in tasks, "'coverage' runs some folders"
+    assert 'f"--ignore={folder}" for folder in MEASURED' in tasks, "'rest' runs all others"
+
+
+@pytest.mark.parametrize("page", ["README.md", "CONTRIBUTING.md", "CHANGELOG.md"])
+def test_links_lead_somewhere(page: str):
+    text = (REPOSITORY / page).read_text(encoding="utf-8")
+    targets = [target.partition("#")[0] for target in re.findall(r"\]\(([^)\s]+)\)", text)]
+    broken = [
+        target
+        for target in targets
+        if target and "://" not in target and not (REPOSITORY / target).exists()
+    ]
+    assert not broken
+
+
+EXAMPLE = """
+```console
+$ genie-sim run town \\
+    --seed 7
+method  answered
+genie   ...  of 617
+
+...
+Results: out
+$ genie-sim list towns
+```
+<!-- not run: downloads 40 MB -->
+
+```bash
+genie-sim fetch model yolox_nano
+```
+```python
+print("not a command")
+```
+```bash
+python -m pip install \\
+    '.[test]' && genie-sim list links
+genie-sim list devices
+```
+"""
+
+
+def test_blocks_are_found_with_the_reason_not_to_run_them():
+    console, download, install = blocks(EXAMPLE)
+    assert (console.language, console.line, console.not_run) == ("console", 3, None)
+    assert download.not_run == "downloads 40 MB"
+    assert install.not_run is None
+    assert script(install.lines) == "genie-sim list links\ngenie-sim list devices"
+
+
+def test_a_console_block_is_commands_and_their_output():
+    (run, shown), (listing, nothing) = session(blocks(EXAMPLE)[0].lines)
+    assert run.split() == ["genie-sim", "run", "town", "--seed", "7"]
+    assert shown[0] == "method  answered"
+    assert (listing, nothing) == ("genie-sim list towns", [])
+
+
+@pytest.mark.parametrize(
+    ("printed", "same"),
+    [
+        ("method  answered\ngenie   98.7 %  of 617\n\nResults: out\n", True),
+        ("method  answered  \ngenie   1  of 617\n\nany\nlines\nResults: out", True),
+        ("method  answered\ngenie   98.7 %  of 616\n\nResults: out\n", False),
+        ("method  answered\ngenie   98.7 %  of 617\n\nResults: out\nWarning: more\n", False),
+        ("", False),
+    ],
+)
+def test_output_is_compared_line_by_line(printed: str, same: bool):
+    (_, shown), _ = session(blocks(EXAMPLE)[0].lines)
+    assert matches(shown, printed) is same
+
+
+def test_a_command_shown_without_output_prints_nothing():
+    assert matches([], "\n")
+    assert not matches([], "surprise\n")

@@ -1,0 +1,61 @@
+"""Choices that the paper leaves open, in whole runs: what is shared, what is learned, what a
+Genie's work costs.
+"""
+
+from __future__ import annotations
+
+import pytest
+
+from genie_sim.paper.evaluation_run import EvaluationRun
+from genie_sim.paper.facts import Fact, placed
+
+WINDOW = ("cars[0].route.window=[0 s, 3 s]", "cars[1].route.window=[0 s, 3 s]")
+
+
+def facts(*settings, scenario="2car_hetero", methods=("genie",)):
+    window = WINDOW if scenario.startswith("2") else ()
+    return EvaluationRun(scenario, 1, (*window, *settings), methods).facts()
+
+
+@pytest.mark.parametrize("setting", ["genie.fresh_objects=confident", "genie.fresh_objects=all"])
+def test_only_confident_objects_leave_a_host(setting):
+    found = facts(setting)
+    assert found[Fact("objects_shared")] > 500
+    assert found[Fact("unconfident_objects_shared")] == 0
+
+
+def test_edges_may_exchange_all_objects_while_cars_get_confident_ones():
+    found, usual = facts("genie.share_filter=all"), facts()
+    assert (
+        found[Fact("unconfident_objects_shared")]
+        == 0
+        < found[Fact("objects_shared")]
+        < usual[Fact("objects_shared")]
+    )
+    assert found[placed("boost_per_object", "edge")] != usual[placed("boost_per_object", "edge")], (
+        "faint objects come from other edges"
+    )
+
+
+@pytest.mark.parametrize("freshness", ["never", "ttl, ttl: 2 s", "track", "recommended"])
+@pytest.mark.parametrize("method", ["genie", "{method: central, name: genie}"])
+def test_a_car_that_learns_from_its_own_node_only_holds_fewer_answers(method, freshness):
+    freshness = f"genie.object_map.freshness={{name: {freshness}}}"
+    usual, own = (
+        facts(freshness, f"genie.car_learns={learns}", methods=(method,))
+        for learns in ("all", "own")
+    )
+    key = placed("stored_images", "car")
+    # no Genie on cars there
+    assert own.get(key) == usual.get(key) if "central" in method else own[key] < usual[key]
+    assert own[placed("stored_images", "edge")] >= usual[placed("stored_images", "edge")], (
+        "edges learn from each other as ever"
+    )
+
+
+def test_a_car_without_a_detector_learns_from_its_edge_anyway():
+    usual, own = (
+        facts(f"genie.car_learns={learns}", scenario="case_study") for learns in ("all", "own")
+    )
+    key = Fact("object_reuse", component="car2/genie")
+    assert own[key] > 0 and own[key] != usual[key]

@@ -1,0 +1,80 @@
+"""A small version of the evaluation gives the committed numbers: a change of any of them is a
+commit with its reason.
+
+When a change is meant: ``python tests/paper/test_regression.py "reason"`` writes the new numbers;
+the reason goes, word for word, into CHANGELOG.md. Then ``genie-sim reproduce --out results/paper``
+and ``python tests/paper/test_reproduce.py``.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+from pathlib import Path
+
+from genie_sim.analysis.metrics import PLACEMENTS
+from genie_sim.paper.checks import ALL, CASE
+from genie_sim.paper.evaluation_run import EvaluationRun
+from genie_sim.paper.reproduce import last_calibration
+from tests.paper.notation import fact
+
+REPOSITORY = Path(__file__).resolve().parents[2]
+COMMITTED = Path(__file__).with_name("regression.json")
+RELATIVE = 1e-6  # sums of floats may end differently on another machine
+SMALL = (
+    *(
+        f"{answer}_answer_mean:{method}"
+        for answer in ("first", "fresh")
+        for method in ("local", "remote", "genie")
+    ),
+    *(f"fresh_answered_share:{method}" for method in ("local", "remote", "genie")),
+    *(
+        f"{name}:{where}"
+        for name in ("image_reuse", "object_reuse", "confidence_boost")
+        for where in PLACEMENTS
+    ),
+    *(f"{name}:{where}" for name in ("stored_images", "stored_objects") for where in PLACEMENTS),
+    "detector_runs",
+    "objects_shared",
+)
+
+
+def small_version() -> dict[str, float]:
+    """A few numbers of every scenario with one seed, in seconds: what the regression test
+    compares.
+    """
+    numbers = {}
+    for scenario in (*ALL, CASE):
+        facts = EvaluationRun(scenario, 1, last_calibration()).facts()
+        for name in SMALL:
+            if fact(name) in facts:
+                numbers[f"{scenario} {name}"] = float(f"{facts[fact(name)]:.9g}")
+    return numbers
+
+
+def test_the_small_evaluation_gives_the_committed_numbers():
+    committed = json.loads(COMMITTED.read_text())["numbers"]
+    found = small_version()
+    assert found.keys() == committed.keys()
+    changed = [
+        f"{name}: {committed[name]:g} is now {found[name]:g}"
+        for name in committed
+        if not math.isclose(committed[name], found[name], rel_tol=RELATIVE, abs_tol=1e-12)
+    ]
+    assert not changed, "\n".join(
+        [f"{len(changed)} of {len(committed)} changed; {__file__} says what to do", *changed]
+    )
+
+
+def test_the_reason_of_the_last_change_stands_in_the_changelog():
+    reason = json.loads(COMMITTED.read_text())["reason"]
+    text = " ".join((REPOSITORY / "CHANGELOG.md").read_text(encoding="utf-8").split())
+    assert " ".join(reason.split()) in text, f"CHANGELOG.md does not say: {reason}"
+
+
+if __name__ == "__main__":
+    numbers = small_version()
+    COMMITTED.write_text(
+        json.dumps({"reason": sys.argv[1], "numbers": numbers}, indent=1, sort_keys=True) + "\n"
+    )

@@ -1,0 +1,336 @@
+"""What a run writes down comes back as it was, byte for byte the same each time, in little
+memory.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+from genie_sim.errors import UserError
+from genie_sim.recording import tables
+from genie_sim.recording.records import (
+    FRAMES,
+    LOOKUPS,
+    OBJECTS,
+    POSES,
+    RESOURCES,
+    SCHEMAS,
+    FrameRow,
+)
+from genie_sim.recording.tables import Table
+
+MS = 1_000_000
+
+
+def a_short_drive(frames: int = 3) -> Table:
+    """Car 1 is answered from its cache, car 2 waits for its detector, and the last frame of each is
+    dropped.
+    """
+    table = Table(FRAMES)
+    for frame in range(frames):
+        for car in ("car2", "car1"):
+            stamp_ns = frame * 100 * MS
+            row = FrameRow(
+                "genie", car, "camera_02", frame, 0, stamp_ns, received_ns=stamp_ns + 3 * MS
+            )
+            if frame == frames - 1:
+                row.drop = f"{car}/detector:/image_raw"
+            else:
+                row.first_answer_ns = stamp_ns + 12 * MS
+                row.source = "own_cache" if car == "car1" else "map"
+                row.image_hit = car == "car1"
+                row.bytes_up += 1_397_297
+            table.append(row.values())
+    return table
+
+
+def one_of_each() -> list[Table]:
+    lookups = Table(LOOKUPS)
+    lookups.append(
+        (
+            "genie",
+            5,
+            "car1/genie",
+            "car",
+            "image",
+            "client",
+            "car1",
+            "camera",
+            0,
+            "miss",
+            1,
+            0,
+            0,
+            0.0,
+            1,
+        )
+    )
+    lookups.append(
+        (
+            "genie",
+            9,
+            "car1/genie",
+            "car",
+            "boost",
+            None,
+            "car1",
+            "camera_02",
+            0,
+            None,
+            4,
+            2,
+            3,
+            0.12,
+            7,
+        )
+    )
+    resources = Table(RESOURCES)
+    resources.append(
+        ("genie", 100 * MS, "car1.accelerator", "accelerator", 1, 62 * MS, 1, 2, 5, None)
+    )
+    resources.append(("genie", 100 * MS, "car1->edge1", "link", 1, 24 * MS, 0, 2, 0, 2_794_594))
+    poses = Table(POSES)
+    poses.append(("genie", "car1", "camera_02", 0, 0, 12.5, -3.0, 0.25, 1.4))
+    objects = Table(OBJECTS)
+    objects.append(("genie", 9, "car1/genie", 7, "car", 30.0, -1.0, 0.66))
+    return [a_short_drive(), lookups, resources, poses, objects]
+
+
+def test_a_frame_tells_what_happened_to_it():
+    frames = a_short_drive().to_frame()
+    answered = frames[(frames.car == "car1") & (frames.frame == 0)].iloc[0]
+    dropped = frames[(frames.car == "car2") & (frames.frame == 2)].iloc[0]
+    assert answered.first_answer_ns - answered.received_ns == 9 * MS
+    assert (answered.source, answered.image_hit, answered.bytes_up) == (
+        "own_cache",
+        True,
+        1_397_297,
+    )
+    assert (dropped.source, dropped["drop"]) == ("none", "car2/detector:/image_raw")
+    assert np.isnan(dropped.first_answer_ns) and dropped.image_hit is None  # unknown is not False
+
+
+def test_frames_are_sorted_by_method_car_stream_and_frame_whatever_the_order_of_events():
+    frames = a_short_drive().to_frame()
+    keys = list(zip(frames.method, frames.car, frames.stream, frames.frame, strict=True))
+    assert keys == sorted(keys) and keys[0][1] == "car1"
+
+
+def test_events_keep_their_order():
+    lookups = Table(LOOKUPS)
+    for t_ns, genie in ((3, "c"), (7, "b"), (7, "a"), (7, "d")):
+        lookups.append(
+            (
+                "genie",
+                t_ns,
+                genie,
+                "car",
+                "image",
+                "client",
+                "car1",
+                "camera_02",
+                0,
+                "hit",
+                1,
+                1,
+                0,
+                0.0,
+                1,
+            )
+        )
+    assert list(lookups.to_frame().genie) == ["c", "b", "a", "d"]
+
+
+def some_objects(table: Table, at_once: int = 1) -> Table:
+    rows = []
+    for t_ns in range(150_000):
+        label = "car" if t_ns % 3 else "bus"
+        rows += ("genie", t_ns, f"car{9 - t_ns // 20_000}/genie", 7, label, float(t_ns), -1.0, 0.5)
+        if t_ns % at_once == at_once - 1:
+            table.append(rows)
+            rows = []
+    return table
+
+
+def test_rows_that_went_to_the_file_at_once_are_the_same_rows(tmp_path):
+    """And few of them are in memory: that is what it is for."""
+    here, spilled = (
+        some_objects(Table(OBJECTS)),
+        some_objects(Table(OBJECTS, tmp_path / "objects.partial")),
+    )
+    assert len(spilled) == len(here) == 150_000
+    assert spilled.size_bytes < here.size_bytes / 5
+    spilled.write(tmp_path / "objects.parquet")
+    pd.testing.assert_frame_equal(spilled.to_frame(), here.to_frame())
+    assert [path.name for path in tmp_path.iterdir()] == ["objects.parquet"]
+    told = pq.ParquetFile(tmp_path / "objects.parquet").metadata
+    assert [told.row_group(place).num_rows for place in range(told.num_row_groups)] == [
+        65_536,
+        65_536,
+        18_928,
+    ]
+    assert list(spilled.to_frame().genie.cat.categories) == sorted(here.to_frame().genie.unique())
+    some_objects(Table(OBJECTS, tmp_path / "partial"), at_once=30).write(tmp_path / "in_thirties")
+    assert (tmp_path / "in_thirties").read_bytes() == (tmp_path / "objects.parquet").read_bytes()
+
+
+def test_a_table_that_is_sorted_stays_in_memory(tmp_path):
+    with pytest.raises(ValueError, match="frames"):
+        Table(FRAMES, tmp_path / "frames.partial")
+
+
+def test_more_that_becomes_known_of_a_frame_after_all_is_entered():
+    table = a_short_drive()
+    late = FrameRow(**table.take(method="genie", car="car2", stream="camera_02", stamp_ns=200 * MS))
+    assert late.drop == "car2/detector:/image_raw" and late.image_hit is None and len(table) == 5
+    late.bytes_up = 7
+    table.append(late.values())
+    frames = table.to_frame()
+    assert list(frames.bytes_up) == [1_397_297, 1_397_297, 0, 1_397_297, 1_397_297, 7]
+    assert (
+        table.take(method="genie", car="car3", stream="camera_02", stamp_ns=0) is None
+        and len(table) == 6
+    )
+
+
+@pytest.mark.parametrize("table", one_of_each(), ids=lambda table: table.name)
+def test_the_file_holds_the_table_with_units_and_descriptions(table, tmp_path):
+    path = tmp_path / "table.parquet"
+    table.write(path)
+    assert tables.read(path, table.schema).to_frame().equals(table.to_frame())
+    schema = pq.read_schema(path)
+    for column in table.schema.columns:
+        field = schema.field(column.name)
+        assert field.nullable == column.nullable
+        assert field.metadata[b"unit"].decode() == column.unit
+        assert field.metadata[b"description"].decode() == column.description != ""
+        if column.name.endswith("_ns"):
+            assert column.unit == "ns"
+
+
+@pytest.mark.parametrize("schema", SCHEMAS.values(), ids=lambda schema: schema.name)
+def test_a_table_without_rows_is_a_table(schema, tmp_path):
+    Table(schema).write(tmp_path / "empty.parquet")
+    empty = tables.read(tmp_path / "empty.parquet", schema)
+    assert len(empty) == 0 and empty.names == [column.name for column in schema.columns]
+    assert empty.names[0] == "method"
+
+
+def test_two_processes_with_other_hash_seeds_write_the_same_bytes(tmp_path):
+    script = (
+        "import sys; from pathlib import Path; from tests.recording.test_records import"
+        " a_short_drive as drive; "
+    )
+    script += "drive(5).write(Path(sys.argv[1]))"
+    paths = [tmp_path / "a.parquet", tmp_path / "b.parquet"]
+    for path, hash_seed in zip(paths, ("0", "4711"), strict=True):
+        environment = os.environ | {
+            "PYTHONHASHSEED": hash_seed,
+            "PYTHONPATH": os.pathsep.join(sys.path),
+        }
+        here = str(Path(__file__).parents[2])
+        subprocess.run(
+            [sys.executable, "-c", script, str(path)], env=environment, cwd=here, check=True
+        )
+    assert paths[0].read_bytes() == paths[1].read_bytes()
+
+
+def test_many_rows_go_to_several_row_groups_in_order(tmp_path, monkeypatch):
+    monkeypatch.setattr(tables, "ROWS_PER_GROUP", 4)
+    table = a_short_drive(frames=5)
+    table.write(tmp_path / "frames.parquet")
+    file = pq.ParquetFile(tmp_path / "frames.parquet")
+    assert [file.metadata.row_group(i).num_rows for i in range(file.num_row_groups)] == [4, 4, 2]
+    assert list(file.read().to_pandas().frame) == [*range(5), *range(5)]
+
+
+def test_a_logged_frame_takes_less_than_120_bytes():
+    """Against 360 for a dict a row."""
+    table = Table(FRAMES)
+    for frame in range(20_000):
+        table.append(
+            FrameRow("genie", "car1", "camera_02", frame, 0, frame, received_ns=frame).values()
+        )
+    assert table.size_bytes / len(table) < 120
+
+
+def test_a_column_that_is_never_empty_refuses_none():
+    for frame in (
+        FrameRow("genie", "car1", "camera_02", 0, 0, None),
+        FrameRow("genie", None, "camera_02", 0, 0, 0),
+    ):
+        table = Table(FRAMES)
+        table.append(frame.values())
+        with pytest.raises(TypeError, match="is never empty"):
+            table.to_frame()
+
+
+def test_a_table_of_an_older_genie_sim_is_named_with_what_to_do(tmp_path, monkeypatch):
+    monkeypatch.setattr(tables, "FORMAT_VERSION", 1)
+    a_short_drive().write(tmp_path / "frames.parquet")
+    monkeypatch.undo()
+    with pytest.raises(
+        UserError, match=r"made by an older genie-sim: format 1, this one reads 3; run it again"
+    ):
+        tables.read(tmp_path / "frames.parquet", FRAMES)
+
+
+def test_a_wrong_file_is_named_in_one_line(tmp_path):
+    missing, broken, other = (
+        tmp_path / "missing.parquet",
+        tmp_path / "broken.parquet",
+        tmp_path / "other.parquet",
+    )
+    broken.write_bytes(b"PAR1 not really")
+    Table(RESOURCES).write(other)
+    for path, problem in (
+        (missing, "no such file"),
+        (broken, "not a readable"),
+        (other, "'resources', expected"),
+    ):
+        with pytest.raises(UserError, match=problem) as caught:
+            tables.read(path, FRAMES)
+        assert str(path) in str(caught.value) and "\n" not in str(caught.value)
+
+
+def test_a_small_file_with_very_many_rows_is_refused_before_it_is_read(tmp_path, monkeypatch):
+    """60 million equal rows are 1.7 MB on the disk and 4 GB in memory."""
+    path = tmp_path / "objects.parquet"
+    schema = OBJECTS.arrow()
+    columns = {
+        field.name: np.zeros(1_000_000, field.type.to_pandas_dtype())
+        for field in schema
+        if field.type in (pa.int64(), pa.int32(), pa.float64())
+    }
+    texts = {
+        name: pa.DictionaryArray.from_arrays(np.zeros(1_000_000, np.int32), [name])
+        for name in ("method", "genie", "label")
+    }
+    batch = pa.table({name: {**columns, **texts}[name] for name in schema.names}).cast(schema)
+    with pq.ParquetWriter(path, schema, compression="zstd") as writer:
+        for _ in range(20):
+            writer.write_table(batch)
+    assert path.stat().st_size < 1_000_000
+    monkeypatch.setattr(pq.ParquetFile, "read", lambda *_, **__: pytest.fail("it was read"))
+    with pytest.raises(
+        UserError, match=r"objects\.parquet: 20,000,000 rows in [\d,]+ bytes"
+    ) as caught:
+        tables.read(path, OBJECTS)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_large_table_of_a_run_is_read(tmp_path, monkeypatch):
+    """However large it is: what it takes grows with the file."""
+    monkeypatch.setattr("genie_sim.parquet.MAX_SMALL_BYTES", 0)
+    path = tmp_path / "objects.parquet"
+    some_objects(Table(OBJECTS), at_once=30).write(path)
+    assert len(tables.read(path, OBJECTS)) == 150_000

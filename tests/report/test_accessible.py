@@ -1,0 +1,95 @@
+"""Every page passes axe-core in a browser, light and dark: no finding that is serious or
+critical.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+from importlib import resources
+from pathlib import Path
+
+import pytest
+
+import genie_sim as gs
+from genie_sim.cli import main
+from genie_sim.paper import page as evaluation
+from genie_sim.scenario.yaml_input import dump
+from tests.browser import Browser
+from tests.report.test_sweep_page import swept
+from tests.tuning.test_page import TWO
+
+PAPER = Path(__file__).resolve().parents[2] / "results" / "paper"
+AXE = resources.files("axe_core_python").joinpath("axe.min.js")
+SWEEP = """
+scenario: 1car_homo
+set: {methods: [genie], "cars[0].route.window": [0 s, 1 s]}
+seeds: 1
+axes:
+  rule: {set: genie.object_map.rule, list: [noisy_or, ema]}
+"""
+CHECK = """(async (only) => {
+  for (const one of document.querySelectorAll('details')) one.open = true;
+  for (const one of document.querySelectorAll('#metric-filter')) {
+    one.value = 'first mean genie'; // a few rows of a long table stand for all
+    one.dispatchEvent(new Event('input'));
+  }
+  const rules = only ? { runOnly: only } : {};
+  const { violations } = await axe.run(document, { resultTypes: ['violations'], ...rules });
+  return violations.filter(({ impact }) => impact === 'serious' || impact === 'critical')
+    .map(({ id, nodes }) => [id, nodes.map((node) => node.html.slice(0, 200)).slice(0, 5)]);
+})"""
+
+
+@pytest.fixture(scope="module")
+def run() -> gs.Run:
+    windows = {f"cars[{place}].route.window": ["0 s", "1 s"] for place in range(2)}
+    return gs.run("2car_homo", windows)
+
+
+def page_of(what: str, run: gs.Run, folder: Path) -> Path:
+    """Writes one of the kinds of pages."""
+    if what == "run":
+        return run.report(folder / "report.html")
+    if what == "fleet":
+        return gs.run("fleet_30", {"fleet.cars": 3, "perception.duration": "2 s"}).report(
+            folder / "report.html"
+        )
+    if what == "sweep":
+        return swept(SWEEP, folder, "sweep") / "report.html"
+    if what == "seeds":
+        short = {"cars[0].route.window": ["0 s", "1 s"]}
+        seeds = gs.run("1car_homo", short, seeds=2, jobs=1, out=folder)
+        return Path(str(seeds.folder)) / "report.html"
+    if what == "search":
+        (folder / "two.yaml").write_text(dump(TWO))
+        searched = ["search", str(folder / "two.yaml"), "--out", str(folder), "--jobs", "1"]
+        assert main(searched) == 0
+        return folder / "two" / "report.html"
+    if what == "comparison":
+        return gs.compare(run).report(folder)
+    few = Path(shutil.copytree(PAPER, folder / "evaluation"))
+    rows, numbers = (
+        json.loads((few / f"{name}.json").read_text()) for name in ("verdicts", "metrics")
+    )
+    (few / "verdicts.json").write_text(
+        json.dumps([row for row in rows if row["id"] in ("C1", "C2", "C21")])
+    )
+    (few / "metrics.json").write_text(json.dumps(numbers[::100]))
+    (folder / "report.html").write_text(evaluation.page(few, allow_changed=True), encoding="utf-8")
+    return folder / "report.html"
+
+
+@pytest.mark.parametrize(
+    "what", ["run", "seeds", "fleet", "sweep", "search", "comparison", "evaluation"]
+)
+def test_a_page_has_no_serious_finding(browser: Browser, run: gs.Run, tmp_path: Path, what: str):
+    page = page_of(what, run, tmp_path)
+    # in the dark, only colours are others
+    for dark, rules in ((False, None), (True, ["color-contrast"])):
+        browser.size(1200, 900, dark=dark)
+        browser.open(page)
+        assert browser.errors == []
+        browser.evaluate(AXE.read_text(encoding="utf-8") + "; 0")
+        found = browser.evaluate(f"{CHECK}({json.dumps(rules)})")
+        assert not found, json.dumps(found, indent=1)

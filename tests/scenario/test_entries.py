@@ -1,0 +1,314 @@
+"""Methods with settings of their own, faults, and the cameras of single cars: read, written,
+refused in one line.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import pytest
+from sim.street import drive, street
+
+from genie_sim import build, methods, runner
+from genie_sim.errors import UserError
+from genie_sim.scenario.scenario import Scenario, read_scenario
+from genie_sim.scenario.yaml_input import parse
+
+CARS: dict[str, Any] = {
+    "name": "x",
+    "edges": [{"name": "edge1", "device": "agx_xavier"}, {"name": "edge2", "device": "agx_xavier"}],
+    "cars": [
+        {"name": "car1", "device": "jetson_tx2", "edge": "edge1"},
+        {"name": "car2", "device": "jetson_tx2"},
+    ],
+}
+SMALL = {
+    "name": "small",
+    "method": "genie",
+    "title": "Genie with 10 entries",
+    "genie": {"eviction": "lru", "capacity": "10 entries"},
+}
+OUTAGE = {"fault": "outage", "target": "car1", "begin": "5 s", "end": "8 s"}
+AGAIN = {"fault": "outage", "target": "edges", "mean_time_between": "60 s", "mean_duration": "2 s"}
+HAND_OVER = {
+    "fault": "hand_over",
+    "target": "car1",
+    "begin": "5 s",
+    "edge": "edge2",
+    "gap": "80 ms",
+}
+FRONT = {"name": "front", "recording": "02", "phase": "5 ms", "size": "1 MB"}
+
+
+def scenario(**settings: Any) -> Scenario:
+    return read_scenario({**CARS, **settings})
+
+
+def with_cameras(cameras: object) -> Scenario:
+    return scenario(cars=[{**CARS["cars"][0], "cameras": cameras}])
+
+
+def refusal(**settings: Any) -> str:
+    with pytest.raises(UserError) as error:
+        scenario(**settings)
+    assert "\n" not in str(error.value)
+    return str(error.value)
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        {"methods": ["genie", SMALL]},
+        {"methods": [{"name": "paper", "method": "genie", "genie": {"algorithm": "literal"}}]},
+        {
+            "methods": [
+                {
+                    "method": "my.code:Own",
+                    "depth": 3,
+                    "model": "yolov8s",
+                    "edge_network": {"delay": "5 ms"},
+                }
+            ]
+        },
+        {"faults": [OUTAGE, AGAIN, HAND_OVER]},
+        {"faults": [{"fault": "my.code:Fog", "target": "car1", "begin": "1 s", "density": 0.5}]},
+        {"cars": [{**CARS["cars"][0], "cameras": [FRONT]}]},
+        {"cars": [{**CARS["cars"][0], "link": {"model": "my.code:Tunnel", "length_m": 300}}]},
+        {"perception": {"source": "my.code:Frames", "rate_hz": 30}},
+    ],
+    ids=lambda settings: next(iter(settings)),
+)
+def test_the_resolved_scenario_reads_back(settings: dict[str, Any]) -> None:
+    original = scenario(**settings)
+    assert read_scenario(parse(original.to_yaml(), "resolved")) == original
+
+
+def test_an_entry_has_its_own_settings_and_everything_else_from_the_scenario() -> None:
+    setting = scenario(methods=["genie", SMALL], genie={"view_range": "30 m"}, queue_length=2)
+    usual, small = (setting.under(entry) for entry in setting.methods)
+    assert (usual.genie.eviction, small.genie.eviction) == ("unlimited", "lru")
+    assert (usual.genie.view_range_m, small.genie.view_range_m) == (30.0, 30.0)
+    assert small.queue_length == 2
+    assert build.method_facts(setting) == [
+        {"name": "genie", "title": "Genie (DG)", "baseline": False},
+        {"name": "small", "title": "Genie with 10 entries", "baseline": False},
+    ]
+
+
+def test_the_literal_preset_of_one_entry_leaves_the_others_alone() -> None:
+    setting = scenario(
+        methods=["genie", {"name": "paper", "method": "genie", "genie": {"algorithm": "literal"}}]
+    )
+    usual, paper = (setting.under(entry).genie for entry in setting.methods)
+    assert (usual.pending_index, paper.pending_index) == ("across_topics", "per_topic")
+    assert (usual.object_map.rule, paper.object_map.rule) == ("noisy_or", "literal")
+
+
+def test_the_same_method_twice_sees_the_same_frames_and_differs_by_its_settings() -> None:
+    again = {"name": "again", "method": "genie"}
+    waits = {"name": "waits", "method": "genie", "genie": {"miss_policy": "blocking"}}
+    frames = drive(scenario(methods=["genie", again, waits]), street(seconds=4.0))["frames"]
+    first, second, other = (
+        rows.drop(columns="method").reset_index(drop=True)
+        for _, rows in frames.groupby("method", observed=True, sort=False)
+    )
+    assert first.equals(second)
+    published = ["car", "stream", "frame", "stamp_ns"]
+    assert other[published].equals(first[published]) and not other.equals(first)
+
+
+def test_a_car_may_have_cameras_of_its_own() -> None:
+    setting = with_cameras([FRONT])
+    frames = drive(replace(setting, methods=setting.methods[:1]), street(seconds=1.0))["frames"]
+    assert set(frames["stream"].astype(str)) == {"front"} and len(frames) == 10
+
+
+def test_hand_overs_may_be_written_in_any_order() -> None:
+    back = {**HAND_OVER, "begin": "7 s", "edge": "edge1"}
+    assert len(scenario(faults=[back, HAND_OVER]).faults) == 2
+
+
+METHODS = f"{', '.join(sorted(methods.METHODS))}, or package.module:Class"
+FAULTS = "hand_over, outage, or package.module:Class"
+
+
+@pytest.mark.parametrize(
+    ("entry", "message"),
+    [
+        ("fast", f"methods[0]: unknown method 'fast'; known: {METHODS}"),
+        (
+            {"name": "a", "method": "gene"},
+            "methods[0].method: unknown method 'gene' (did you mean 'genie'?); known: ",
+        ),
+        (
+            {"method": "genie", "models": "x"},
+            (
+                "methods[0].models: unknown parameter of genie 'models' (did you mean 'model'?);"
+                " known: consumer, "
+            ),
+        ),
+        (
+            {"method": "genie", "seed": 3},
+            "methods[0].seed: unknown parameter of genie 'seed' (did you mean ",
+        ),
+        ({"method": "genie", "title": ""}, "methods[0].title: must be text, not ''"),
+        ({"method": "genie", "name": 5}, "methods[0].name: must be text, not 5"),
+        ({"method": "genie", "name": "a b"}, "methods[0].name: must be letters, digits, "),
+        (
+            {"method": "my.code:Own", "x": [3]},
+            "methods[0].x: must be a number, true or false, or text, not [3]",
+        ),
+        (
+            {"method": "genie", "genie": {"evictoin": "lru"}},
+            "methods[0].genie.evictoin: unknown field; did you mean 'eviction'?",
+        ),
+        (
+            {"method": "genie", "genie": {"object_map": {"algorithm": "literal"}}},
+            "methods[0].genie.object_map.algorithm: unknown field; did you mean 'genie.algorithm'?",
+        ),
+        (
+            {"method": "genie", "queue_length": 0},
+            "methods[0].queue_length: must be at least 1, not 0",
+        ),
+        (
+            {"method": "genie", "model": "yolov9s"},
+            "methods[0].model: jetson_tx2: unknown model 'yolov9s'",
+        ),
+        (
+            {"method": "genie", "genie": {"request_expiry": "10 ms"}},
+            (
+                "methods[0].genie.request_expiry: 10 ms is over before autoware_vision_detector"
+                " answers on jetson_tx2"
+            ),
+        ),
+    ],
+)
+def test_mistakes_in_a_method(entry: object, message: str) -> None:
+    assert refusal(methods=[entry]).startswith(f"scenario: {message}")
+
+
+def test_two_entries_of_one_name_are_refused() -> None:
+    assert (
+        refusal(methods=["genie", {"method": "genie"}])
+        == "scenario: methods[1].name: duplicate name 'genie'"
+    )
+
+
+@pytest.mark.parametrize(
+    ("entry", "message"),
+    [
+        (
+            "outage",
+            (
+                "faults[0]: must be a mapping such as {fault: outage, target: car1, begin: 3 s},"
+                " not 'outage'"
+            ),
+        ),
+        ({"target": "car1"}, "faults[0].fault: missing"),
+        (
+            {**OUTAGE, "fault": "outtage"},
+            "faults[0].fault: unknown fault 'outtage' (did you mean 'outage'?); known: ",
+        ),
+        (
+            {**OUTAGE, "begn": "1 s"},
+            "faults[0].begn: unknown parameter of outage 'begn' (did you mean 'begin'?)",
+        ),
+        (
+            {**OUTAGE, "target": "car9"},
+            "faults[0].target: unknown target 'car9' (did you mean 'car2'?); known: car1, ",
+        ),
+        (
+            {**OUTAGE, "target": "car1->edge9"},
+            "faults[0].target: unknown target 'car1->edge9'; known: car1, car2, ",
+        ),
+        (
+            {**OUTAGE, "begin": 5},
+            "faults[0].begin: duration 5 has no unit; write for example '30 ms'",
+        ),
+        ({**OUTAGE, "end": "5 s"}, "faults[0].end: must be after 'begin'"),
+        ({"fault": "outage", "begin": "1 s"}, "faults[0].target: missing"),
+        (
+            {"fault": "outage", "target": "car1"},
+            "faults[0].begin: missing; or give 'mean_time_between' and 'mean_duration'",
+        ),
+        (
+            {**OUTAGE, "mean_duration": "2 s"},
+            (
+                "faults[0].mean_duration: 'mean_time_between' and 'mean_duration' must be given"
+                " together"
+            ),
+        ),
+        (
+            {**AGAIN, "end": "9 s"},
+            "faults[0].end: a fault that happens again and again has a 'mean_duration' instead",
+        ),
+        (
+            {**AGAIN, "mean_duration": "0 s"},
+            "faults[0].mean_duration: must be more than zero, but is '0 s'",
+        ),
+        ({**HAND_OVER, "target": "edge1"}, "faults[0].target: unknown car 'edge1'"),
+        ({**HAND_OVER, "gap": "-1 ms"}, "faults[0].gap: must not be negative, but is '-1 ms'"),
+        (
+            {**HAND_OVER, "end": "9 s"},
+            "faults[0].end: a hand-over is over after its 'gap'; leave it out",
+        ),
+        (
+            {**AGAIN, "fault": "hand_over", "target": "car1", "edge": "edge2"},
+            "faults[0].mean_time_between: a car changes to an edge once; give 'begin'",
+        ),
+    ],
+)
+def test_mistakes_in_a_fault(entry: object, message: str) -> None:
+    assert refusal(faults=[entry]).startswith(f"scenario: {message}")
+
+
+@pytest.mark.parametrize(
+    ("cameras", "message"),
+    [
+        ([], "must not be empty"),
+        (5, "must be true, false or a list of cameras, not 5"),
+        ("no", "must be true, false or a list of cameras, not 'no'"),
+        ([{"name": "a"}], "[0].recording: missing"),
+        ([FRONT, FRONT], "[1].name: duplicate name 'front'"),
+        (
+            [{**FRONT, "phase": "soon"}],
+            "[0].phase: duration 'soon' is not a number with a unit; write for example '30",
+        ),
+    ],
+)
+def test_mistakes_in_the_cameras_of_a_car(cameras: object, message: str) -> None:
+    place = "" if message.startswith("[") else ": "
+    with pytest.raises(UserError) as error:
+        with_cameras(cameras)
+    assert str(error.value).startswith(f"scenario: cars[0].cameras{place}{message}")
+
+
+def test_a_recording_that_a_car_s_own_camera_names_must_be_there() -> None:
+    with pytest.raises(
+        UserError, match=r"^x: cars\[0\].cameras\[0\].recording: unknown recording '09'"
+    ):
+        drive(with_cameras([{**FRONT, "recording": "09"}]), street(seconds=1.0))
+
+
+def test_pictures_are_encoded_where_there_are_such_pictures():
+    setting = scenario(
+        methods=["remote", {"name": "jpeg", "method": "remote", "image_encoding": "jpeg80"}]
+    )
+    prepared = runner.prepare(setting)
+    assert set(prepared.encoded) == {("jpeg80", "car1")}  # car2 sends nothing
+    assert (
+        runner.facts(prepared)["traces"]["jpeg80 of car1"]
+        == prepared.encoded["jpeg80", "car1"].digest
+    )
+    with pytest.raises(
+        UserError,
+        match=r"image_encoding: unknown image encoding 'jpeg79'.*: jpeg80, jpeg90, png, raw",
+    ):
+        scenario(image_encoding="jpeg79")
+    town = scenario(perception={"source": "town", "duration": "1 s"}, image_encoding="jpeg80")
+    with pytest.raises(
+        UserError,
+        match=r"^x: image_encoding: source 'town' has no pictures to encode: leave it 'raw'",
+    ):
+        runner.prepare(town)

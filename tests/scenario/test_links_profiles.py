@@ -1,0 +1,157 @@
+"""Link profiles: what a message takes on the wire, and links of a scenario's own."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Annotated
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from genie_sim import build, settings
+from genie_sim.errors import UserError
+from genie_sim.plugins import Choice
+from genie_sim.settings import plain_data
+from genie_sim.sim.link_models.presets import LINK, LINKS
+from genie_sim.sim.link_models.wire import Wire
+
+IMAGE_BYTES = 1_397_297
+WIRE_FIELDS = "delay, jitter, loss, mtu_payload, overhead, rate_down, rate_up"
+
+
+@dataclass(frozen=True)
+class Network:
+    link: Annotated[Choice, LINK]
+
+
+def read(value: object) -> Choice:
+    return settings.read(Network, {"link": value}, lambda _: "x.yaml").link
+
+
+def link(value: object) -> Wire:
+    """The wire that is written so."""
+    made = build.link_model(read(value))
+    assert isinstance(made, Wire)
+    return made
+
+
+def test_an_image_takes_11_87_ms_on_gigabit_ethernet() -> None:
+    gigabit = link("ethernet_1g")
+    assert gigabit.rate_up_bps is not None
+    assert gigabit.wire_bits(IMAGE_BYTES) / gigabit.rate_up_bps == pytest.approx(11.87e-3, abs=5e-6)
+
+
+@given(st.integers(1, 10**9))
+def test_every_segment_has_its_overhead(size: int) -> None:
+    bits = link("ethernet_1g").wire_bits(size)
+    segments = (bits // 8 - size) // 90
+    assert bits == (size + 90 * segments) * 8
+    assert (segments - 1) * 1448 < size <= segments * 1448
+
+
+def test_an_empty_message_takes_nothing() -> None:
+    assert link("ethernet_1g").wire_bits(0) == 0
+
+
+def test_the_ideal_link_is_no_link() -> None:
+    ideal = link("ideal")
+    assert (
+        ideal.rate_up_bps,
+        ideal.rate_down_bps,
+        ideal.delay_ns,
+        ideal.jitter_ns,
+        ideal.loss,
+    ) == (
+        None,
+        None,
+        0,
+        0,
+        0,
+    )
+
+
+def test_only_a_wire_carries_the_four_cameras_of_a_car() -> None:
+    """Two colour and two grey cameras at 10 Hz: 298 Mbit/s."""
+    cameras_bps = (2 * IMAGE_BYTES + 2 * 465_800) * 8 * 10
+    rates = {name: link(name).rate_up_bps for name in LINKS}
+    enough = {
+        name for name, rate_bps in rates.items() if rate_bps is None or rate_bps > cameras_bps
+    }
+    assert enough == {"ideal", "ethernet_1g", "wifi"}
+
+
+@pytest.mark.parametrize("name", LINKS)
+def test_a_link_by_name_is_written_as_its_name(name: str) -> None:
+    assert read(name) == LINKS[name]
+    assert plain_data(Network(link=LINKS[name])) == {"link": name}
+
+
+def test_an_own_link_is_like_another_but_for_what_it_says() -> None:
+    worse = read({"like": "wifi", "loss": 0.01})
+    assert build.link_model(worse) == replace(link("wifi"), loss=0.01)
+    assert link({"delay": "5 ms"}).rate_up_bps == link("ethernet_1g").rate_up_bps
+    assert link({"rate_up": None}).rate_up_bps is None
+    written = plain_data(Network(link=worse))["link"]
+    assert read(written) == worse
+
+
+def test_a_link_may_have_a_model_of_the_users_own() -> None:
+    own = read({"model": "my.code:Tunnel", "length_m": 300})
+    assert own == Choice("my.code:Tunnel", {"length_m": 300})
+    written = plain_data(Network(link=own))["link"]
+    assert read(written) == own
+    assert read({"model": "wire", "like": "wifi"}) == read({"like": "wifi"}) == LINKS["wifi"]
+
+
+@pytest.mark.parametrize(
+    ("value", "message"),
+    [
+        (
+            "wfi",
+            "x.yaml: link: unknown link 'wfi' (did you mean 'wifi'?); known: "
+            + ", ".join(sorted(LINKS)),
+        ),
+        (
+            {"like": "5g"},
+            "x.yaml: link.like: unknown link '5g' (did you mean 'nr5g'?); known: "
+            + ", ".join(sorted(LINKS)),
+        ),
+        ({"like": [1]}, "x.yaml: link.like: unknown link [1]; known: " + ", ".join(sorted(LINKS))),
+        (
+            {"losss": 0.1},
+            (
+                "x.yaml: link.losss: unknown parameter of wire 'losss' (did you mean 'loss'?);"
+                f" known: {WIRE_FIELDS}"
+            ),
+        ),
+        ({"loss": 1.5}, "x.yaml: link.loss: must be from 0 to 1, not 1.5"),
+        ({"loss": "1 %"}, "x.yaml: link.loss: must be a number, not '1 %'"),
+        ({"rate_up": "0 bit/s"}, "x.yaml: link.rate_up: must be more than zero, but is '0 bit/s'"),
+        (
+            {"rate_down": "-1 Gbit/s"},
+            "x.yaml: link.rate_down: must be more than zero, but is '-1 Gbit/s'",
+        ),
+        (
+            {"rate_up": "1 GB/s"},
+            (
+                "x.yaml: link.rate_up: rate '1 GB/s' has an unknown unit 'GB/s'; known: bit/s,"
+                " kbit/s, Mbit/s, Gbit/s"
+            ),
+        ),
+        ({"delay": "-1 ms"}, "x.yaml: link.delay: must not be negative, but is '-1 ms'"),
+        ({"mtu_payload": "0 B"}, "x.yaml: link.mtu_payload: must be more than zero, but is '0 B'"),
+        (
+            {"model": "wir"},
+            (
+                "x.yaml: link.model: unknown link model 'wir' (did you mean 'wire'?); known: cell,"
+                " trace, wire, or package.module:Class"
+            ),
+        ),
+        (5, "x.yaml: link: must be a name or a mapping, not 5"),
+    ],
+)
+def test_mistakes_in_a_link(value: object, message: str) -> None:
+    with pytest.raises(UserError) as error:
+        link(value)
+    assert str(error.value) == message

@@ -1,0 +1,40 @@
+"""What a reader of a run's results is told beforehand."""
+
+from __future__ import annotations
+
+import pytest
+
+from genie_sim.build import notes
+from genie_sim.errors import UserError
+from genie_sim.scenario.scenario import load_scenario
+
+RECOMMENDED = "methods=[{name: mine, method: genie, genie: recommended}]"
+OTHER_TIMES = "cars replay recordings at different times, so what one sees is not there for others"
+
+
+def test_a_run_says_where_cars_cannot_share_what_they_see():
+    assert notes(load_scenario("3car_hetero", [RECOMMENDED])) == [
+        f"mine: edges tell cars nothing, because {OTHER_TIMES}."
+    ]
+
+
+@pytest.mark.parametrize(
+    ("scenario", "genie"),
+    [
+        ("fleet_30", "recommended"),
+        ("3car_hetero", "{algorithm: recommended, looks: {told: null}}"),
+        ("3car_hetero", "{}"),
+    ],
+    ids=["one world", "as the user wants it", "a Genie that looks at misses"],
+)
+def test_and_says_nothing_elsewhere(scenario: str, genie: str):
+    method = f"methods=[{{name: mine, method: genie, genie: {genie}}}]"
+    assert notes(load_scenario(scenario, [method])) == []
+
+
+def test_what_edges_tell_is_refused_there_in_one_line():
+    told = "{algorithm: recommended, looks: {told: {p_min: 0.9}}}"
+    with pytest.raises(UserError) as error:
+        load_scenario("3car_hetero", [f"methods=[{{name: mine, method: genie, genie: {told}}}]"])
+    assert f"methods[0].genie.looks.told: {OTHER_TIMES}; leave it out" in str(error.value)
+    assert "\n" not in str(error.value)

@@ -1,0 +1,160 @@
+"""Classes of the user's own take settings with units; a wrong one is told with file and field."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from genie_sim import build
+from genie_sim.errors import UserError
+from genie_sim.scenario.methods import METHOD
+from genie_sim.scenario.scenario import Scenario, load_scenario
+from genie_sim.settings import plain_data
+from genie_sim.sim.link_models.presets import LINK
+
+OWN = """\
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+from genie_sim.methods.local import Local
+from genie_sim.settings import Bounds
+
+
+class Mine(Local):
+    def __init__(self, ttl_ns: int, share: Annotated[float, Bounds(above=0, maximum=1)] = 0.5,
+                 mode: Literal["fast", "slow"] = "fast", limit_bytes=None):
+        self.settings = ttl_ns, share, mode, limit_bytes
+
+
+class Anything(Local):
+    def __init__(self, **settings):
+        self.settings = settings
+
+
+@dataclass(frozen=True)
+class Fog:
+    target: str
+    range_m: float = 10.0
+
+    def begin(self, network): ...
+
+    def end(self, network): ...
+
+
+@dataclass(frozen=True)
+class Tunnel:
+    delay_ns: int
+    rate_bps: int = 10**6
+
+    def channel(self, up, rng): ...
+"""
+SCENARIO = """\
+edges: [{{name: edge1, device: agx_xavier}}]
+cars: [{{name: car1, device: jetson_tx2, edge: edge1, link: {link}}}]
+methods: [{method}]
+faults: [{fault}]
+"""
+
+
+@pytest.fixture(autouse=True)
+def module(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "own_settings_module.py").write_text(OWN)
+    (tmp_path / "scenarios/traces").mkdir(parents=True)
+    (tmp_path / "scenarios/traces/kitti_0005.parquet").touch()
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(tmp_path)
+
+
+def scenario(link: str = "wifi", method: str = "local", fault: str = "") -> Scenario:
+    def own(text: str) -> str:
+        return text.replace("MODULE", "own_settings_module")
+
+    text = SCENARIO.format(link=own(link), method=own(method), fault=own(fault))
+    Path("x.yaml").write_text(text)
+    return load_scenario("x.yaml")
+
+
+def test_a_method_takes_quantities_with_units() -> None:
+    entry = '{method: "MODULE:Mine", ttl: 300 ms, share: 1, limit: 1.4 MB}'
+    setting = scenario(method=entry)
+    build.check_own_plugins(setting)
+    method = METHOD.make(setting.methods[0].method)
+    assert method.settings == (300_000_000, 1.0, "fast", 1_400_000)
+    assert plain_data(setting.methods[0])["ttl"] == "300 ms"
+
+
+def test_a_link_and_a_fault_take_quantities_with_units() -> None:
+    setting = scenario(
+        link='{model: "MODULE:Tunnel", delay: 5 ms}',
+        fault='{fault: "MODULE:Fog", target: car1, begin: 1 s, range: 50 cm}',
+    )
+    build.check_own_plugins(setting)
+    assert setting.cars[0].link is not None
+    link = LINK.make(setting.cars[0].link)
+    assert (link.delay_ns, link.rate_bps) == (5_000_000, 10**6)
+
+
+def test_a_class_that_takes_any_setting_gets_it_as_it_is_written() -> None:
+    setting = scenario(method='{method: "MODULE:Anything", ttl: 300 ms, n: 3}')
+    build.check_own_plugins(setting)
+    method = METHOD.make(setting.methods[0].method)
+    assert method.settings == {"ttl": "300 ms", "n": 3}
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        (
+            {"method": '{method: "MODULE:Mine", ttl_ms: 300 ms}'},
+            "methods[0].ttl_ms: unknown parameter of own_settings_module:Mine 'ttl_ms' "
+            "(did you mean 'ttl'?); known: limit, mode, share, ttl",
+        ),
+        (
+            {"method": '{method: "MODULE:Mine", ttl: 300}'},
+            "methods[0].ttl: duration 300 has no unit; write for example '30 ms'",
+        ),
+        (
+            {"method": '{method: "MODULE:Mine", ttl: 5 m}'},
+            "methods[0].ttl: duration '5 m' has an unknown unit 'm'; known: ns, ",
+        ),
+        ({"method": '"MODULE:Mine"'}, "methods[0].ttl: missing"),
+        (
+            {"method": '{method: "MODULE:Mine", ttl: 1 s, share: 2}'},
+            "methods[0].share: must be more than 0 and at most 1, not 2",
+        ),
+        (
+            {"method": '{method: "MODULE:Mine", ttl: 1 s, mode: quick}'},
+            "methods[0].mode: unknown mode 'quick'; known: fast, slow",
+        ),
+        (
+            {"link": '{model: "MODULE:Tunnel", delay: 5 ms, rate: 1 MB/s}'},
+            "cars[0].link.rate: rate '1 MB/s' has an unknown unit 'MB/s'; known: bit/s, ",
+        ),
+        (
+            {"fault": '{fault: "MODULE:Fog", target: car1, begin: 1 s, range_m: 5}'},
+            "faults[0].range_m: unknown parameter of own_settings_module:Fog 'range_m' "
+            "(did you mean 'range'?); known: range, target",
+        ),
+        (
+            {"fault": '{fault: "MODULE:Fog", target: 3, begin: 1 s}'},
+            "faults[0].target: must be text, not 3",
+        ),
+    ],
+)
+def test_a_wrong_setting_is_told_with_file_and_field(
+    settings: dict[str, str], message: str
+) -> None:
+    setting = scenario(**settings)
+    with pytest.raises(UserError) as error:
+        build.check_own_plugins(setting)
+    assert str(error.value).startswith(f"x.yaml: {message}")
+    assert "\n" not in str(error.value)
+
+
+def test_an_override_is_told_as_it_was_written() -> None:
+    scenario(method='"MODULE:Mine"')
+    text = 'methods[0]={method: "own_settings_module:Mine", ttl: 3}'
+    with pytest.raises(UserError) as error:
+        build.check_own_plugins(load_scenario("x.yaml", [text]))
+    assert str(error.value).startswith(f"--set {text}: methods[0].ttl: duration 3 has no unit")

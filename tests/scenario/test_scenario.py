@@ -1,0 +1,732 @@
+"""Scenarios: what is written is what is simulated, and a mistake is told in one line before
+anything runs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import FrozenInstanceError, replace
+from itertools import chain
+from pathlib import Path
+from typing import Any, Literal, get_args, get_origin
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from genie_sim import build, files
+from genie_sim.core.confidence import CONFIDENCE_RULES
+from genie_sim.core.eviction import EVICTIONS
+from genie_sim.core.rules import LITERAL, Capacity
+from genie_sim.core.similarity import SIMILARITIES
+from genie_sim.errors import UserError
+from genie_sim.faults import FAULTS
+from genie_sim.methods import METHODS
+from genie_sim.perception.sources import SOURCES, Live, Recorded
+from genie_sim.plugins import Choice, resolve
+from genie_sim.scenario.faults import FaultEntry
+from genie_sim.scenario.fleet import Fleet
+from genie_sim.scenario.methods import METHOD
+from genie_sim.scenario.scenario import Scenario, load_scenario, read_scenario
+from genie_sim.scenario.schema import json_schema
+from genie_sim.scenario.yaml_input import parse, read_mapping
+from genie_sim.settings import PlugIn, is_settings_class, keys_of, mark_in, settings_of
+from genie_sim.sim.link_models import LINK_MODELS
+from genie_sim.sim.link_models.presets import LINKS
+from genie_sim.sim.link_models.wire import Wire
+
+ROOT = Path(__file__).parents[2]
+PAPER = [f"{cars}car_{kind}" for cars in (1, 2, 3) for kind in ("homo", "hetero")]
+TWO_CARS = """\
+edges:
+  - {name: edge1, device: agx_xavier}
+cars:
+  - {name: car1, device: jetson_tx2, edge: edge1}
+  - {name: car2, device: jetson_tx2, edge: edge1}
+"""
+
+
+@pytest.fixture(autouse=True)
+def a_folder_of_the_users(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """An own folder with a trace in it; whether a trace can be read is not the scenario's
+    business.
+    """
+    (tmp_path / "scenarios/traces").mkdir(parents=True)
+    (tmp_path / "scenarios/traces/kitti_0005.parquet").touch()
+    monkeypatch.chdir(tmp_path)
+
+
+def scenario(text: str = TWO_CARS, *overrides: str) -> Scenario:
+    Path("x.yaml").write_text(text)
+    return load_scenario("x.yaml", overrides)
+
+
+def refusal(text: str, *overrides: str) -> str:
+    with pytest.raises(UserError) as error:
+        scenario(text, *overrides)
+    assert "\n" not in str(error.value)
+    return str(error.value)
+
+
+def reread(original: Scenario) -> Scenario:
+    Path("scenario.resolved.yaml").write_text(original.to_yaml())
+    return load_scenario("scenario.resolved.yaml")
+
+
+@pytest.mark.parametrize("name", PAPER)
+def test_the_papers_six_scenarios(name: str) -> None:
+    paper = load_scenario(name)
+    cars = int(name[0])
+    assert (paper.name, len(paper.cars), len(paper.edges)) == (name, cars, cars)
+    assert [car.device for car in paper.cars] == ["jetson_tx2"] * cars
+    first_edge = "quadro_rtx_4000" if name.endswith("hetero") else "agx_xavier"
+    assert [edge.device for edge in paper.edges] == [first_edge] + ["agx_xavier"] * (cars - 1)
+    assert [car.edge for car in paper.cars] == [edge.name for edge in paper.edges]
+    windows_s = [
+        [instant_ns / 1e9 for instant_ns in car.route.window_ns or ()] for car in paper.cars
+    ]
+    assert windows_s == [[0, 9.2], [3.1, 12.3], [6.2, 15.4]][:cars]
+    hint_for_editors, *lines = (ROOT / f"scenarios/{name}.yaml").read_text().splitlines()
+    assert hint_for_editors.startswith("# yaml-language-server") and len(lines) <= 12
+
+
+def test_defaults_are_those_of_the_semantics() -> None:
+    small = scenario()
+    assert small.name == "x"
+    assert [entry.name for entry in small.methods] == ["local", "remote", "genie"]
+    assert small.source == Recorded(trace="kitti_0005")
+    assert [camera.phase_ns for camera in small.cameras] == [0, 25_000_000, 50_000_000, 75_000_000]
+    assert [camera.recording for camera in small.cameras] == ["02", "03", "02", "03"]
+    assert small.start_jitter_ns == 100_000_000
+    assert small.cars[0].link == LINKS["ethernet_1g"]
+    assert small.genie.similarity.name == "pose_grid"
+    assert small.genie.similarity.parameters["cell_m"] == 1.0
+    assert small.genie.request_expiry_ns == 2_000_000_000
+    assert small.genie.object_map.threshold == 0.60
+
+
+def test_the_file_of_all_settings_shows_every_setting_at_its_default() -> None:
+    shown = load_scenario("all_settings")
+    small = scenario()
+    for field in {setting.name for setting in settings_of(Scenario)} - {"name", "edges", "cars"}:
+        assert getattr(shown, field) == getattr(small, field), field
+    assert shown.cars[0] == replace(small.cars[0], name="car1")
+    assert shown.cars[1] == small.cars[1]
+
+    written = read_mapping(ROOT / "scenarios/all_settings.yaml")
+    assert written["cars"][1]["link"].keys() == {"like", "model", *keys_of(Wire)}
+    assert unwritten(Scenario, written) == []
+
+
+def unwritten(cls: Any, written: dict[str, Any], path: str = "") -> list[str]:
+    """The settings of a class and of those in it that ``written`` leaves out; of lists the first
+    counts.
+    """
+    found = []
+    for setting in settings_of(cls):
+        if setting.key not in written:
+            found.append(f"{path}{setting.key}")
+            continue
+        value = written[setting.key]
+        value = value[0] if isinstance(value, list) and value else value
+        if isinstance(value, dict):
+            for inner in inner_classes(setting.kind, value):
+                found += unwritten(inner, value, f"{path}{setting.key}.")
+    return found
+
+
+def inner_classes(kind: Any, value: dict[str, Any] | None = None) -> Iterator[Any]:
+    """The settings classes in a type; of a plug-in, the class that ``value`` names."""
+    mark = mark_in(kind, PlugIn)
+    if mark is not None and value is not None and "like" not in value:
+        yield resolve(mark.what, str(value[mark.key]), mark.registry)
+    if is_settings_class(kind):
+        yield kind
+    for argument in get_args(kind) if get_origin(kind) is not Literal else ():
+        yield from inner_classes(argument)
+
+
+def test_the_file_of_all_settings_names_every_choice() -> None:
+    text = (ROOT / "scenarios/all_settings.yaml").read_text()
+    literals = {choice for line in literal_choices(Scenario) for choice in line}
+    of_sections = (
+        *keys_of(Fleet),
+        *keys_of(FaultEntry),
+        *METHOD.beside,
+    )
+    registries = (
+        SIMILARITIES,
+        EVICTIONS,
+        CONFIDENCE_RULES,
+        LINKS,
+        LINK_MODELS,
+        METHODS,
+        FAULTS,
+        SOURCES,
+    )
+    of_plug_ins = (
+        setting
+        for what, registry in (("fault", FAULTS), ("frame source", SOURCES))
+        for name in registry
+        for setting in keys_of(resolve(what, name, registry))
+    )
+    for choice in (*literals, *chain(*registries), *of_sections, *of_plug_ins):
+        assert choice in text, choice
+    for device in files.available(files.DEVICE):
+        assert device in text, device
+
+
+def literal_choices(kind: Any) -> Iterator[tuple[str, ...]]:
+    """The choices of every setting in a type, at any depth."""
+    if get_origin(kind) is Literal:
+        yield get_args(kind)
+    elif is_settings_class(kind):
+        for setting in settings_of(kind):
+            yield from literal_choices(setting.kind)
+    else:
+        for argument in get_args(kind):
+            yield from literal_choices(argument)
+
+
+def test_an_override_says_the_same_as_the_file() -> None:
+    text = (
+        TWO_CARS.replace("edge: edge1}", "edge: edge1, route: {laps: 2}}", 1)
+        + "genie: {eviction: lru}\n"
+    )
+    assert scenario(TWO_CARS, "cars[0].route.laps=2", "genie.eviction=lru") == scenario(text)
+
+
+def wire(link: Choice | None) -> Wire:
+    assert link is not None
+    made = build.link_model(link)
+    assert isinstance(made, Wire)
+    return made
+
+
+def test_overrides_reach_into_names_and_defaults() -> None:
+    lossy = scenario(
+        TWO_CARS.replace("edge: edge1}", "edge: edge1, link: wifi}", 1), "cars[0].link.loss=0.1"
+    )
+    assert wire(lossy.cars[0].link) == replace(wire(LINKS["wifi"]), loss=0.1)
+    assert wire(scenario(TWO_CARS, "edge_network.delay=5 ms").edge_network).rate_up_bps == 10**9
+    wide = scenario(TWO_CARS, "genie.similarity.cell=2 m").genie.similarity
+    assert (wide.name, wide.parameters["cell_m"]) == ("pose_grid", 2.0)
+    assert scenario(TWO_CARS, "seed=3", "seed=4").seed == 4
+    assert load_scenario("x.yaml", ["seed=3"], seed=5).seed == 5
+    assert scenario(TWO_CARS, "cars[1].edge=null").cars[1].link is None
+
+
+def test_the_literal_algorithm_is_a_preset() -> None:
+    literal = scenario(TWO_CARS, "genie.algorithm=literal").genie
+    assert literal.request_expiry_ns is None
+    assert (literal.object_map.rule, literal.object_map.one_per_location) == ("literal", True)
+    plain = set(LITERAL) - {"similarity", "request_expiry", "object_map"}
+    assert {key: getattr(literal, key) for key in plain} == {key: LITERAL[key] for key in plain}
+    mixed = scenario(
+        TWO_CARS,
+        "genie.algorithm=literal",
+        "genie.miss_policy=blocking",
+        "genie.object_map.rule=ema",
+    ).genie
+    assert (mixed.miss_policy, mixed.neighbour_miss) == ("blocking", "process")
+    assert (mixed.object_map.rule, mixed.object_map.one_per_location) == ("ema", True)
+
+
+def test_similarities_take_the_parameters_of_their_class() -> None:
+    assert scenario(TWO_CARS, "genie.similarity=exact").genie.similarity.parameters == {}
+    dhash = scenario(TWO_CARS, "genie.similarity={name: dhash, radius: 4}").genie.similarity
+    assert dhash.parameters == {"radius": 4}
+    assert scenario(TWO_CARS, "genie.similarity=dhash").genie.similarity.parameters == {"radius": 8}
+    own = scenario(TWO_CARS, "genie.similarity={name: my.code:Same, cell_m: 2}").genie.similarity
+    assert (own.name, own.parameters) == ("my.code:Same", {"cell_m": 2})
+
+
+def test_capacities() -> None:
+    assert scenario(TWO_CARS, "genie.capacity=1000 entries").genie.capacity == Capacity(
+        entries=1000
+    )
+    assert scenario(TWO_CARS, "genie.capacity=10 MB").genie.capacity == Capacity(bytes=10**7)
+    both = scenario(TWO_CARS, "genie.capacity={entries: 5, bytes: 1 MiB}").genie.capacity
+    assert both == Capacity(entries=5, bytes=2**20)
+
+
+def test_frames_may_be_looked_at_live() -> None:
+    assert scenario(TWO_CARS, "perception=live").source == Live()
+    live = scenario(
+        TWO_CARS, "perception={source: live, drive: 2011_09_26/0005, detector: nanodet_m_416}"
+    ).source
+    assert live == Live(drive="2011_09_26/0005", detector="nanodet_m_416")
+
+
+def test_a_users_own_device(tmp_path: Path) -> None:
+    own = (
+        (ROOT / "device_profiles/jetson_tx2.yaml")
+        .read_text()
+        .replace("name: jetson_tx2", "name: mine")
+    )
+    Path("mine.yaml").write_text(own)
+    assert scenario(TWO_CARS, "cars[0].device=./mine.yaml").cars[0].device == "./mine.yaml"
+
+
+def test_nothing_can_be_changed_afterwards() -> None:
+    with pytest.raises(FrozenInstanceError):
+        scenario().seed = 2
+
+
+@pytest.mark.parametrize("name", [*PAPER, "all_settings"])
+def test_the_resolved_scenario_reads_back(name: str) -> None:
+    assert reread(load_scenario(name)) == load_scenario(name)
+
+
+durations = st.integers(0, 10**12).map(lambda ns: f"{ns} ns")
+choices = st.fixed_dictionaries(
+    {},
+    optional={
+        "algorithm": st.sampled_from(["default", "literal"]),
+        "similarity": (
+            st.sampled_from(["exact", "dhash", "my.code:Same"])
+            | st.floats(1e-3, 1e3).map(
+                lambda cell: {
+                    "name": "pose_grid",
+                    "cell": f"{cell} m",
+                    "heading": f"{cell / 3} deg",
+                }
+            )
+        ),
+        "eviction": st.sampled_from(["unlimited", "lru", "lfu"]),
+        "capacity": st.sampled_from([None, "7 entries", "1.5 kB"]),
+        "miss_policy": st.sampled_from(["immediate", "blocking", "hits_only"]),
+        "request_expiry": st.none() | st.integers(10**9, 10**12).map(lambda ns: f"{ns} ns"),
+        "view_range": st.floats(1e-3, 1e3).map(lambda metres: f"{metres} m"),
+        "object_map": st.fixed_dictionaries(
+            {
+                "rate": st.floats(0, 1),
+                "threshold": (
+                    st.floats(0, 1)
+                    | st.sampled_from(["range_60", "empirical", {"percentile": 60.0}])
+                ),
+            }
+        ),
+    },
+)
+links = st.sampled_from(sorted(LINKS)) | st.fixed_dictionaries(
+    {
+        "loss": st.floats(0, 1),
+        "rate_up": st.integers(1, 10**10).map(lambda bps: f"{bps} bit/s"),
+        "delay": durations,
+    }
+)
+names = st.from_regex(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,10}", fullmatch=True)
+
+
+@settings(max_examples=40, deadline=None)  # each reads the devices' profiles twice
+@given(
+    names,
+    st.text(st.characters(codec="utf-8", exclude_categories=("Cc", "Cs"))),
+    choices,
+    links,
+    durations,
+    names,
+)
+def test_whatever_is_resolved_reads_back(
+    name: str, text: str, genie: Any, link: Any, start: str, camera: str
+) -> None:
+    original = read_scenario(
+        {
+            "name": name,
+            "description": text,
+            "perception": {"source": "live"},
+            "cameras": [{"name": camera, "recording": camera}],
+            "edges": [{"name": "an_edge", "device": "agx_xavier"}],
+            "cars": [
+                {
+                    "name": "a_car",
+                    "device": "jetson_tx2",
+                    "edge": "an_edge",
+                    "link": link,
+                    "route": {"start": start},
+                }
+            ],
+            "genie": genie,
+        }
+    )
+    assert read_scenario(parse(original.to_yaml(), "resolved")) == original
+
+
+def with_car(**settings: str) -> str:
+    """A scenario whose second car has these settings."""
+    car = {"name": "car2", "device": "jetson_tx2", "edge": "edge1", **settings}
+    return (
+        TWO_CARS.rsplit("  - ", 1)[0]
+        + "  - {"
+        + ", ".join(f"{key}: {value}" for key, value in car.items())
+        + "}\n"
+    )
+
+
+LINK_NAMES = ", ".join(sorted(LINKS))
+MISTAKES = [
+    # unknown and misspelt fields
+    (
+        TWO_CARS + "genie: {evictoin: lru}\n",
+        "genie.evictoin: unknown field; did you mean 'eviction'?",
+    ),
+    (with_car(genei="true"), "cars[1].genei: unknown field; did you mean 'genie'?"),
+    (
+        with_car(genie="{eviction: lru}"),
+        "cars[1].genie: must be true or false, not {'eviction': 'lru'}",
+    ),
+    (
+        with_car(x="1"),
+        "cars[1].x: unknown field; known: name, device, edge, link, route, cameras, genie",
+    ),
+    (with_car(genie="no"), "cars[1].genie: must be true or false, not 'no'"),
+    ("edge: []\n" + TWO_CARS, "edge: unknown field; did you mean 'edges'?"),
+    ("scenario: 1car_homo\naxes: {}\n", "axes: belongs to a sweep, which 'genie-sim sweep' runs"),
+    # what does not exist
+    (
+        with_car(edge="edge9"),
+        "cars[1].edge: unknown edge 'edge9' (did you mean 'edge1'?); known: edge1",
+    ),
+    (
+        "cars: [{name: a, device: jetson_tx2, edge: b}]\n",
+        "cars[0].edge: unknown edge 'b'; there are no edges",
+    ),
+    (
+        "cars: [{name: a, device: jetson_tx2, link: wifi}]\n",
+        "cars[0].link: leads nowhere: the car has no 'edge'",
+    ),
+    (
+        with_car(link="wfi"),
+        f"cars[1].link: unknown link 'wfi' (did you mean 'wifi'?); known: {LINK_NAMES}",
+    ),
+    (
+        with_car(device="jetson"),
+        (
+            "cars[1].device: unknown device 'jetson' (did you mean 'jetson_tx2'?); known: agx_orin,"
+            " agx_xavier, jetson_tx2, orin_nano, quadro_rtx_4000, quadro_rtx_4000_q31, rtx_a4500"
+        ),
+    ),
+    (with_car(device="./mine.yaml"), "cars[1].device: ./mine.yaml: no such file"),
+    (
+        TWO_CARS + "genie: {eviction: lruu}\n",
+        (
+            "genie.eviction: unknown eviction 'lruu' (did you mean 'lru'?); known: lfu, lru, ttl,"
+            " unlimited, or package.module:Class"
+        ),
+    ),
+    (
+        TWO_CARS + "genie: {similarity: posegrid}\n",
+        (
+            "genie.similarity: unknown similarity 'posegrid' (did you mean 'pose_grid'?); known:"
+            " dhash, exact, pose_grid, or package.module:Class"
+        ),
+    ),
+    (
+        TWO_CARS + "genie: {object_map: {rule: nor}}\n",
+        (
+            "genie.object_map.rule: unknown confidence rule 'nor'; known: ema, literal, noisy_or,"
+            " positive_part, or package.module:Class"
+        ),
+    ),
+    (
+        TWO_CARS + "genie: {miss_policy: block}\n",
+        (
+            "genie.miss_policy: unknown miss policy 'block' (did you mean 'blocking'?); known:"
+            " blocking, hits_only, imm"
+        ),
+    ),
+    (
+        TWO_CARS + "perception: {trace: kitti_0006}\n",
+        (
+            "perception.trace: unknown trace 'kitti_0006' (did you mean 'kitti_0005'?); known:"
+            " kitti_0005"
+        ),
+    ),
+    (
+        with_car(route="{trace: ./gone.parquet}"),
+        "cars[1].route.trace: ./gone.parquet: no such file",
+    ),
+    (
+        TWO_CARS + "perception: {source: alive}\n",
+        (
+            "perception.source: unknown frame source 'alive' (did you mean 'live'?); known: live,"
+            " recorded, town, traffic, or pack"
+        ),
+    ),
+    (
+        TWO_CARS + "perception: {source: live, drive: 0005}\n",
+        "perception.drive: must be a date and a number such as '2011_09_26/0005', not '0005'",
+    ),
+    (
+        TWO_CARS + "methods: [genie, lokal]\n",
+        "methods[1]: unknown method 'lokal' (did you mean 'local'?); known: ",
+    ),
+    (
+        TWO_CARS + "model: yolov9s\n",
+        "model: jetson_tx2: unknown model 'yolov9s' (did you mean 'yolov8s'?); known: auto",
+    ),
+    (
+        "model: detr_resnet_101_dc5\ncars: [{name: car1, device: orin_nano}]\n",
+        "model: orin_nano: model 'detr_resnet_101_dc5' runs out of memory",
+    ),
+    # quantities
+    (
+        with_car(route="{start: 3}"),
+        "cars[1].route.start: duration 3 has no unit; write for example '30 ms'",
+    ),
+    (
+        with_car(route="{start: soon}"),
+        "cars[1].route.start: duration 'soon' is not a number with a unit; write for example",
+    ),
+    (with_car(route="{start: -3 s}"), "cars[1].route.start: must not be negative, but is '-3 s'"),
+    (
+        with_car(route="{start: 3 days}"),
+        (
+            "cars[1].route.start: duration '3 days' has an unknown unit 'days'; known: ns, us, µs,"
+            " ms, s, min, h"
+        ),
+    ),
+    (
+        with_car(link="{rate_up: -1 Mbit/s}"),
+        "cars[1].link.rate_up: must be more than zero, but is '-1 Mbit/s'",
+    ),
+    (with_car(link="{rate_up: 0}"), "cars[1].link.rate_up: must be more than zero, but is 0"),
+    (with_car(link="{loss: 1.5}"), "cars[1].link.loss: must be from 0 to 1, not 1.5"),
+    (
+        with_car(link="{delay: }"),
+        "cars[1].link.delay: duration None is not a number with a unit; write for example '30 ms'",
+    ),
+    (with_car(route="{laps: 0}"), "cars[1].route.laps: must be at least 1, not 0"),
+    (with_car(route="{laps: 1.5}"), "cars[1].route.laps: must be a whole number, not 1.5"),
+    (
+        with_car(route="{window: [5 s, 3 s]}"),
+        "cars[1].route.window: must be [begin, end] with begin before end",
+    ),
+    (with_car(route="{window: [5 s]}"), "cars[1].route.window: must hold 2 values, not 1"),
+    (TWO_CARS + "seed: -1\n", "seed: must be at least 0, not -1"),
+    (TWO_CARS + "queue_length: 0\n", "queue_length: must be at least 1, not 0"),
+    (
+        TWO_CARS + "origin: [490, 8, 100]\n",
+        "origin: must be [latitude, longitude, altitude] in degrees, degrees and metres",
+    ),
+    (
+        TWO_CARS + "genie: {ttl: 10 s}\n",
+        "genie.ttl: has no effect with eviction 'unlimited'; write 'eviction: ttl'",
+    ),
+    (
+        TWO_CARS + "genie: {eviction: ttl}\n",
+        "genie.ttl: missing; eviction 'ttl' needs it, for example 'ttl: 10 s'",
+    ),
+    (
+        TWO_CARS + "genie: {capacity: 10}\n",
+        "genie.capacity: must be such as '1000 entries' or '10 MB', not 10",
+    ),
+    (
+        TWO_CARS + "genie: {capacity: ten}\n",
+        "genie.capacity: must be such as '1000 entries' or '10 MB', not 'ten'",
+    ),
+    (TWO_CARS + "genie: {capacity: {}}\n", "genie.capacity: must name 'entries', 'bytes' or both"),
+    (
+        TWO_CARS + "genie: {similarity: {name: pose_grid, cell: 0 m}}\n",
+        "genie.similarity: pose_grid: cell and heading must be positive",
+    ),
+    (
+        TWO_CARS + "genie: {similarity: {name: dhash, radius: 1.5}}\n",
+        "genie.similarity.radius: must be a whole number, not 1.5",
+    ),
+    (
+        TWO_CARS + "genie: {similarity: {name: dhash, cell: 1 m}}\n",
+        "genie.similarity.cell: unknown parameter of dhash 'cell'; known: radius",
+    ),
+    (
+        TWO_CARS + "genie: {object_map: {threshold: 60}}\n",
+        "genie.object_map.threshold: must be from 0 to 1, not 60",
+    ),
+    (
+        TWO_CARS + "genie: {object_map: {threshold: range60}}\n",
+        (
+            "genie.object_map.threshold: unknown threshold 'range60' (did you mean 'range_60'?); "
+            "known: empirical, range_60, a number from 0 to 1, {percentile: N}"
+        ),
+    ),
+    (
+        TWO_CARS + "genie: {object_map: {threshold: {percentile: 101}}}\n",
+        "genie.object_map.threshold.percentile: must be more than 0 and at most 100, not 101",
+    ),
+    (TWO_CARS + "genie: {passes: 3}\n", "genie.passes: must be from 1 to 2, not 3"),
+    (
+        TWO_CARS + "genie: {car_learns: edge}\n",
+        "genie.car_learns: unknown car learns 'edge'; known: all, own",
+    ),
+    # cars, names, shapes
+    ("edges: []\n", "cars: missing"),
+    ("cars: []\n", "cars: must not be empty"),
+    ("cars: 3\n", "cars: must be a list, not 3"),
+    ("cars: [car1]\n", "cars[0]: must be a mapping, not 'car1'"),
+    ("cars: [{name: a}]\n", "cars[0].device: missing"),
+    (with_car(name="car1"), "cars[1].name: duplicate name 'car1'"),
+    (
+        with_car(name="edges"),
+        "cars[1].name: 'edges' is what the network between the edges is called",
+    ),
+    (with_car(name="edge1"), "cars[1].name: duplicate name 'edge1'"),
+    (
+        with_car(name="'my car'"),
+        (
+            "cars[1].name: must be letters, digits, '_', '-' and '.', the first a letter or digit,"
+            " not 'm"
+        ),
+    ),
+    (
+        TWO_CARS + "cameras: [{name: a, recording: 2}]\n",
+        "cameras[0].recording: must be text, not 2",
+    ),
+    (
+        TWO_CARS + "cameras: [{name: a, recording: 02}, {name: a, recording: 03}]\n",
+        "cameras[1].name: duplicate name 'a'",
+    ),
+    (TWO_CARS + "methods: [genie, genie]\n", "methods[1].name: duplicate name 'genie'"),
+    (
+        TWO_CARS + "name: ../up\n",
+        "name: must be letters, digits, '_', '-' and '.', the first a letter or digit, not '../up'",
+    ),
+    # YAML itself
+    ("- a\n", "is a list; expected a mapping such as 'name: value'"),
+    ("cars: [\n", "line 2: expected the node content, but found '<stream end>'"),
+    (TWO_CARS + "cars: []\n", "line 6: duplicate key 'cars'"),
+    (
+        "cars: !!python/object/apply:os.system [ls]\n",
+        "line 1: tags such as 'tag:yaml.org,2002:python/object/apply:os.system",
+    ),
+]
+
+
+@pytest.mark.parametrize(
+    ("text", "message"), MISTAKES, ids=[message[:40] for _, message in MISTAKES]
+)
+def test_a_mistake_is_told_in_one_line(text: str, message: str) -> None:
+    told = refusal(text)
+    assert told.startswith(f"x.yaml: {message}")
+    assert len(told) < 300
+
+
+def test_of_several_mistakes_the_first_is_told_and_the_others_counted() -> None:
+    told = refusal(
+        TWO_CARS.replace("edge: edge1}", "edge: edge1, route: {laps: 0, start: 3}}") + "seed: x\n"
+    )
+    assert told == "x.yaml: seed: must be a whole number, not 'x' (and 4 more)"
+
+
+@pytest.mark.parametrize(
+    ("override", "message"),
+    [
+        ("genie.evictoin=lru", "genie.evictoin: unknown field; did you mean 'eviction'?"),
+        (
+            "cars[0].device=tx3",
+            (
+                "cars[0].device: unknown device 'tx3'; known: agx_orin, agx_xavier, jetson_tx2,"
+                " orin_nano, "
+            ),
+        ),
+        ("cars[0].route={laps: 0}", "cars[0].route.laps: must be at least 1, not 0"),
+        ("cars[3].device=tx2", "cars: has 2 entries, counted from 0; the next is cars[2]"),
+        (
+            "cars.device=tx2",
+            (
+                "cars: is [{'name': 'car1', 'device': 'jetson_tx2', 'edge': 'edge1'..., which has"
+                " no setting"
+            ),
+        ),
+        ("seed[0]=1", "seed: is not a list in the scenario"),
+        (
+            "cameras[0].size=1 kB",
+            "cameras: is not a list in the scenario: it is null; set the whole list",
+        ),
+        ("perception=5", "perception: must be a name or a mapping, not 5"),
+        (
+            "genie.similarity={name: exact, cell: 1 m}",
+            "genie.similarity.cell: unknown parameter of exact 'cell'; there are none",
+        ),
+        ("seed", "must be path=value, such as cars[0].device=orin_nano"),
+        ("=1", "must be path=value, such as cars[0].device=orin_nano"),
+        ("genie..x=1", "cannot read the path 'genie..x'; write it like cars[0].device"),
+        (
+            "cars[-1].device=x",
+            "cannot read the path 'cars[-1].device'; write it like cars[0].device",
+        ),
+        ("cars[0]device=x", "cannot read the path 'cars[0]device'; write it like cars[0].device"),
+        ("genie={", "line 1: expected the node content, but found '<stream end>'"),
+    ],
+)
+def test_a_mistaken_override_is_named(override: str, message: str) -> None:
+    assert refusal(TWO_CARS, override).startswith(f"--set {override}: {message}")
+
+
+def test_a_mistake_in_the_file_is_not_blamed_on_an_override() -> None:
+    assert refusal(TWO_CARS + "spread: busy\n", "seed=2").startswith(
+        "x.yaml: spread: unknown spread 'busy'; known: "
+    )
+
+
+def test_unknown_scenarios() -> None:
+    with pytest.raises(
+        UserError,
+        match=r"^unknown scenario '3cars_hetero' \(did you mean '3car_hetero'\?\); known: 1car",
+    ):
+        load_scenario("3cars_hetero")
+    with pytest.raises(UserError, match=r"^./gone.yaml: no such file$"):
+        load_scenario("./gone.yaml")
+
+
+def test_a_schema_for_editors_comes_for_free() -> None:
+    schema = json_schema("scenario")
+    assert "required" not in schema, "the file's name stands for the scenario's"
+    assert schema["anyOf"] == [{"required": [who]} for who in ("cars", "convoy", "fleet")]
+    assert schema["properties"]["start_jitter"]["examples"] == ["30 ms"]
+
+
+@given(
+    st.recursive(
+        st.none() | st.booleans() | st.integers() | st.text(),
+        lambda x: (
+            st.lists(x)
+            | st.dictionaries(
+                st.text()
+                | st.sampled_from(
+                    [
+                        "cars",
+                        "edges",
+                        "genie",
+                        "name",
+                        "device",
+                        "edge",
+                        "link",
+                        "route",
+                        "like",
+                        "source",
+                    ]
+                ),
+                x,
+            )
+        ),
+    )
+)
+def test_whatever_is_given_ends_in_a_scenario_or_in_one_line(data: Any) -> None:
+    try:
+        read_scenario({"name": "x", "cars": data, "edges": data, "genie": data, "perception": data})
+    except UserError as error:
+        assert str(error).startswith("scenario: ") and "\n" not in str(error)
+
+
+def test_requests_that_expire_before_their_detector_answers() -> None:
+    slow = refusal(TWO_CARS, "model=detr_resnet_101_dc5")
+    assert (
+        "genie.request_expiry: 2 s is over before detr_resnet_101_dc5 answers on jetson_tx2"
+        " (2.496 s)" in slow
+    )
+    assert (
+        scenario(TWO_CARS, "model=detr_resnet_101_dc5", "genie.request_expiry=5 s").model
+        == "detr_resnet_101_dc5"
+    )
+    assert scenario(TWO_CARS, "model=detr_resnet_101_dc5", "methods=[local, remote]")

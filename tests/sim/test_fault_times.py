@@ -1,0 +1,81 @@
+"""When faults happen: once at their times, or again and again with the times' own means."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from genie_sim.sim.clock import Clock
+from genie_sim.sim.fault import TimedFault, start
+
+MS = 1_000_000
+BEGIN_NS = 700 * MS
+BETWEEN_NS, DURATION_NS = 400 * MS, 50 * MS
+
+
+class Noted:
+    """A fault that notes when it begins and ends."""
+
+    target, dropped_by, duration_ns = "car1", "noted", None
+
+    def __init__(self) -> None:
+        self.begins_ns: list[int] = []
+        self.ends_ns: list[int] = []
+
+    def begin(self, network) -> None:
+        self.begins_ns.append(network.clock.now)
+
+    def end(self, network) -> None:
+        self.ends_ns.append(network.clock.now)
+
+
+def course(until_ns: int, seed: int = 1, **times: int) -> Noted:
+    """A fault with these ``times``, after ``until_ns`` of a run whose last frame is taken then."""
+    clock, fault = Clock(), Noted()
+    network = SimpleNamespace(clock=clock, stream=lambda *names: np.random.default_rng(seed))
+    start(TimedFault(fault=fault, name="fault 0", **times), network, last_frame_ns=until_ns)
+    clock.run(until=10 * until_ns)
+    return fault
+
+
+def recurring(until_ns: int, seed: int = 1) -> Noted:
+    return course(
+        until_ns,
+        seed,
+        begin_ns=BEGIN_NS,
+        mean_time_between_ns=BETWEEN_NS,
+        mean_duration_ns=DURATION_NS,
+    )
+
+
+def test_once():
+    fault = course(2000 * MS, begin_ns=BEGIN_NS, end_ns=BEGIN_NS + 5)
+    assert (fault.begins_ns, fault.ends_ns) == ([BEGIN_NS], [BEGIN_NS + 5])
+    assert course(2000 * MS, begin_ns=BEGIN_NS).ends_ns == [], "for good"
+
+
+def test_gaps_and_durations_have_their_own_means():
+    """Exponential means over about 1,000 faults (seed 1, margin 4 standard errors)."""
+    fault = recurring(until_ns=1000 * (BETWEEN_NS + DURATION_NS))
+    begins_ns, ends_ns = np.array(fault.begins_ns), np.array(fault.ends_ns)
+    assert len(begins_ns) == len(ends_ns) > 900
+    durations_ns, gaps_ns = ends_ns - begins_ns, begins_ns[1:] - ends_ns[:-1]
+    margin = 4 / np.sqrt(len(gaps_ns))
+    assert durations_ns.mean() == pytest.approx(DURATION_NS, rel=margin)
+    assert gaps_ns.mean() == pytest.approx(BETWEEN_NS, rel=margin)
+
+
+def test_the_first_comes_a_gap_after_the_begin():
+    """The mean over 400 seeds (margin 4 standard errors)."""
+    firsts_ns = [recurring(40 * BETWEEN_NS, seed).begins_ns[0] for seed in range(400)]
+    assert min(firsts_ns) > BEGIN_NS
+    waits_ns = np.array(firsts_ns) - BEGIN_NS
+    assert waits_ns.mean() == pytest.approx(BETWEEN_NS, rel=4 / np.sqrt(400))
+
+
+def test_none_begins_after_the_last_frame_and_each_ends():
+    fault = recurring(until_ns=5000 * MS)
+    assert max(fault.begins_ns) <= 5000 * MS
+    assert len(fault.begins_ns) == len(fault.ends_ns) > 3

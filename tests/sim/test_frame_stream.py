@@ -1,0 +1,58 @@
+"""Frames of a map are computed while cars drive: a run of any length holds a few at a time."""
+
+from __future__ import annotations
+
+import weakref
+
+import pytest
+
+from genie_sim import runner
+from genie_sim.scenario.scenario import Scenario, read_scenario
+from genie_sim.town.frames import BATCH_FRAMES, FrameBatch
+
+
+def in_town(record: list[str]) -> Scenario:
+    return read_scenario(
+        {
+            "name": "street",
+            "methods": ["remote"],
+            "perception": {"source": "town", "duration": "20 s", "town": {"blocks": [1, 2]}},
+            "cameras": [{"name": "front", "recording": "02", "size": "1 kB"}],
+            "cars": [{"name": "car1", "device": "jetson_tx2", "edge": "edge1"}],
+            "edges": [{"name": "edge1", "device": "rtx_a4500"}],
+            "record": record,
+        }
+    )
+
+
+def test_few_frames_of_a_drive_are_in_memory_at_any_time(monkeypatch):
+    batches: weakref.WeakSet[FrameBatch] = weakref.WeakSet()
+    alive: list[int] = []
+    init = FrameBatch.__init__
+
+    def counted(self, drive, camera, indices):
+        init(self, drive, camera, indices)
+        batches.add(self)
+        alive.append(len(batches))
+
+    monkeypatch.setattr(FrameBatch, "__init__", counted)
+    tables = runner.simulate(runner.prepare(in_town(["lookups", "held"])))
+    assert len(tables["frames"]) == 200
+    assert len(alive) > 200 // BATCH_FRAMES and max(alive) <= 3
+
+
+@pytest.mark.parametrize("record", [["held"], []], ids=["judged", "not judged"])
+def test_what_is_in_view_is_computed_once_for_each_batch(record, monkeypatch):
+    prepared = runner.prepare(in_town(record))
+    visibility = prepared.drives["car1"].scene.visibility
+    views: list[int] = []
+    visible = type(visibility).visible
+
+    def counted(self, poses):
+        views.append(len(poses.t_s))
+        return visible(self, poses)
+
+    monkeypatch.setattr(type(visibility), "visible", counted)
+    runner.simulate(prepared)
+    whole_batches = [count for count in views if count == BATCH_FRAMES]
+    assert len(whole_batches) == 201 // BATCH_FRAMES, "12 whole batches, and the rest of 9 frames"

@@ -1,0 +1,273 @@
+"""Recorded links: rates and round trips over time, against results by hand."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from benchmarks import urban_n78
+from genie_sim import build, runner
+from genie_sim.errors import UserError
+from genie_sim.seeds import stream
+from genie_sim.sim.link_models import LinkEnds, recording
+from genie_sim.sim.link_models.importers import IMPORTERS
+from genie_sim.sim.link_models.recording import Steps
+from genie_sim.sim.link_models.trace import RecordedLink, TraceRadio
+from genie_sim.sim.link_models.wire import Wire
+from tests.conformance import small
+
+S, MBIT, MS = 1_000_000_000, 1_000_000, 1_000_000
+UP = LinkEnds("car1->edge1", "car1", "edge1", up=True)
+DOWN = LinkEnds("edge1->car1", "car1", "edge1", up=False)
+
+
+def write(path: Path, **columns) -> str:
+    recording.write(path, columns, {"source": "tests"})
+    return str(path)
+
+
+def sender(trace: RecordedLink, ends: LinkEnds = UP, seed: int = 1, place=(0.0, 0.0)):
+    air = SimpleNamespace(
+        clock=None, stream=lambda *names: stream(seed, *names), place=lambda car: place
+    )
+    return TraceRadio(trace, air).sender(ends)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("size_bytes", [0, 1, 426, 90_000, 1_397_297, 10**9])
+@pytest.mark.parametrize("rows", [1, 4])
+def test_a_constant_recording_is_a_wire_to_the_nanosecond(tmp_path, size_bytes: int, rows: int):
+    """At an odd rate, anywhere in the recording and over its end."""
+    rate_bps, rtt_ns = 7_654_321, 31_000_001
+    columns = {"t_ns": [0, 7, 333_333_333, S][:rows], "up_bps": [rate_bps] * rows}
+    path = write(tmp_path / "constant.parquet", **columns, rtt_ns=[rtt_ns] * rows)
+    wire = Wire(rate_bps, None, rtt_ns // 2, overhead_bytes=0).channel(True, stream(1))
+    replayed = sender(RecordedLink(rate=path, rtt=path))
+    for now_ns in (0, 1, 5 * S // 7, 123_456_789_012):
+        assert replayed._occupied_ns(size_bytes, now_ns) == wire.occupied_ns(size_bytes, now_ns)
+        assert replayed.delay_ns(size_bytes, now_ns) == wire.delay_ns(size_bytes, now_ns)
+
+
+@pytest.mark.parametrize(
+    ("begin_s", "megabits", "seconds"),
+    [
+        (0.0, 4, 0.4),  # within the first row, of 10 Mbit/s
+        (0.5, 5, 0.5),  # exactly until its end
+        (0.5, 7, 2.5 - 0.5 + 0.1),  # over the outage until 2.5 s, and 2 Mbit of 20 Mbit/s
+        (1.2, 2, 2.5 - 1.2 + 0.1),  # begun in the outage: the rest of it, then the message
+        (2.5, 30, 1.5),  # the last row lasts as long as the one before
+        (2.5, 31, 1.6),  # and the recording begins again: its period is 4 s
+        (3.9, 2 + 10 + 3, 0.1 + 1 + 1.5 + 0.15),
+        (0.0, 2 * 40 + 5, 8.5),  # two whole periods of 40 Mbit
+    ],
+)
+def test_bits_carry_over_rows_and_the_end_by_hand(begin_s, megabits, seconds):
+    steps = Steps([0, S, 5 * S // 2], [10 * MBIT, 0, 20 * MBIT], loops=True)
+    assert steps.period_ns == 4 * S
+    took_ns = steps.time_ns(round(begin_s * S), megabits * MBIT * S)
+    assert took_ns == pytest.approx(seconds * S, abs=1)
+
+
+def test_without_a_loop_the_last_row_stays():
+    steps = Steps([0, S], [10 * MBIT, 40 * MBIT], loops=False)
+    assert steps.time_ns(0, 50 * MBIT * S) == 2 * S
+    assert steps.time_ns(99 * S, 20 * MBIT * S) == S // 2
+    assert (steps.at(0), steps.at(S), steps.at(99 * S)) == (10 * MBIT, 40 * MBIT, 40 * MBIT)
+    assert Steps([0, S], [1, 2], loops=True).at(3 * S) == 2
+
+
+def test_the_time_is_that_of_the_integral():
+    """On random recordings: just enough is sent by then, and not a nanosecond before."""
+    rng = np.random.default_rng(3)
+    for _ in range(200):
+        t_ns = [0, *np.cumsum(rng.integers(1, 1000, 5)).tolist()]
+        steps = Steps(t_ns, [*rng.integers(0, 4, 5).tolist(), 2], loops=bool(rng.integers(2)))
+        begin_ns, amount = int(rng.integers(0, 5000)), int(rng.integers(1, 20_000))
+        took_ns = steps.time_ns(begin_ns, amount)
+        sent = np.cumsum([steps.at(begin_ns + t) for t in range(took_ns)])
+        assert sent[-1] >= amount and (took_ns == 1 or sent[-2] < amount)
+
+
+def test_the_round_trip_is_that_of_the_time():
+    path = "urban_n78_generated"
+    rtts = recording.read(path).columns["rtt_ns"]
+    at_begin = sender(RecordedLink(offset="begin", begin_ns=150 * MS))
+    delays = [at_begin.delay_ns(1, row * 50 * MS) for row in range(20)]
+    assert delays == [rtt // 2 for rtt in rtts[3:23]]
+
+
+def test_a_car_begins_at_a_place_of_its_own_in_step_for_all_of_its_links():
+    of_car1, down, at_edge2, of_car2, other_seed = (
+        [
+            sender(RecordedLink(rtt="urban_n78_generated"), ends, seed).delay_ns(1, t * S)
+            for t in range(20)
+        ]
+        for ends, seed in (
+            (UP, 1),
+            (DOWN, 1),
+            (LinkEnds("car1->edge2", "car1", "edge2", up=True), 1),
+            (LinkEnds("car2->edge1", "car2", "edge1", up=True), 1),
+            (UP, 2),
+        )
+    )
+    assert of_car1 == down == at_edge2
+    assert of_car1 != of_car2 and of_car1 != other_seed
+
+
+def test_a_car_has_the_link_of_the_row_that_is_nearest(tmp_path):
+    path = write(
+        tmp_path / "places.parquet",
+        t_ns=[0, S, 2 * S],
+        up_bps=[MBIT, 2 * MBIT, 4 * MBIT],
+        rtt_ns=[10 * MS, 20 * MS, 40 * MS],
+        east_m=[0.0, 50.0, 50.0],
+        north_m=[0.0, 0.0, 90.0],
+    )
+    trace = RecordedLink(rate=path, rtt=path, offset="position")
+    for place, rate_bps, delay_ms in (
+        ((3.0, -9.0), 1, 5),
+        ((40.0, 20.0), 2, 10),
+        ((40.0, 70.0), 4, 20),
+    ):
+        there = sender(trace, place=place)
+        assert there._occupied_ns(12_500, 77 * S) == S // 10 // rate_bps
+        assert there.delay_ns(1, 77 * S) == delay_ms * MS
+
+
+def test_constant_rates_stand_in_for_what_was_not_recorded(tmp_path):
+    path = write(tmp_path / "up.parquet", t_ns=[0], up_bps=[8 * MBIT])
+    trace = RecordedLink(rate=path, rtt=None, down_bps=80 * MBIT, delay_ns=3)
+    assert sender(trace)._occupied_ns(10**6, 5) == S and sender(trace).delay_ns(1, 5) == 3
+    assert sender(trace, DOWN)._occupied_ns(10**6, 5) == S // 10
+    assert sender(RecordedLink(rtt=None, up_bps=4 * MBIT))._occupied_ns(10**6, 5) == 2 * S
+
+
+def test_the_shipped_recording_is_the_generated_one():
+    shipped = recording.read("urban_n78_generated")
+    assert shipped.columns == urban_n78.columns()
+    assert "not a measurement" in shipped.about["source"]
+    quantiles_ms = np.quantile(np.array(shipped.columns["rtt_ns"]) / MS, [0.5, 0.95, 0.99])
+    assert quantiles_ms == pytest.approx([16, 24, 29], rel=0.05)
+
+
+def test_a_recording_decides_the_id_of_a_run(tmp_path):
+    def digests(rate_bps: int) -> dict[str, str]:
+        path = write(tmp_path / f"rate{rate_bps}.parquet", t_ns=[0], up_bps=[rate_bps])
+        link = {"model": "trace", "rate": path}
+        setting = small.scenario(["remote"], cars=[small.car(1, link=link), small.car(2)])
+        found = runner.facts(runner.prepare(setting))["traces"]
+        return {name: text for name, text in found.items() if name.startswith("link ")}
+
+    first, second = digests(1000), digests(2000)
+    assert set(first) == {"link rate1000", "link urban_n78_generated"}
+    assert first["link rate1000"] != second["link rate2000"]
+    assert build.link_digests(small.scenario(["local"])) == {}
+
+
+CSV = "time_s,up_mbps,down_mbps,rtt_ms\n10,1.5,50,20\n11,0,50,30.5\n12.5,20,40,25\n"
+CICV5G = (
+    "pub_time(ms)\tsub_time(ms)\tdelay(ms)\tutmX(m)\tutmY(m)\n"
+    "1000 \t1017 \t17\t500.25\t70.5\n1000 \t1018 \t18\t500.25\t70.5\n1054 \t1077\t23\t501.5\t70\n"
+)
+MTU = (
+    "Time,rsrp(dBm),RATE(MBit/s)\nThu Aug 11 13:42:06 UTC 2022,-96,99.0\n"
+    "Thu Aug 11 13:42:09 UTC 2022,-95,15.2\nThu Aug 11 13:42:13 UTC 2022,-95,13.4\n"
+)
+IRISH = (
+    "Timestamp,DL_bitrate,UL_bitrate,State\n2020.01.16_10.43.34,1000,9,D\n"
+    "2020.01.16_10.43.35,0,9,I\n2020.01.16_10.43.37,2500,9,D\n"
+)
+
+
+@pytest.mark.parametrize(
+    ("format", "text", "columns"),
+    [
+        (
+            "csv",
+            CSV,
+            {
+                "t_ns": [10 * S, 11 * S, 12_500_000_000],
+                "up_bps": [1_500_000, 0, 20_000_000],
+                "down_bps": [50_000_000, 50_000_000, 40_000_000],
+                "rtt_ns": [20 * MS, 30_500_000, 25 * MS],
+            },
+        ),
+        (
+            "cicv5g",
+            CICV5G,
+            {
+                "t_ns": [0, 54 * MS],
+                "rtt_ns": [17 * MS, 23 * MS],
+                "east_m": [0.0, 1.25],
+                "north_m": [0.0, -0.5],
+            },
+        ),
+        ("mtu", MTU, {"t_ns": [0, 3 * S], "up_bps": [15_200_000, 13_400_000]}),
+        ("irish", IRISH, {"t_ns": [0, 3 * S], "down_bps": [1_000_000, 2_500_000]}),
+        ("mahimahi", "5\n100\n101\n350\n", {"t_ns": [0, 100 * MS, 200 * MS, 300 * MS]}),
+    ],
+)
+def test_formats(format: str, text: str, columns: dict):
+    imported = IMPORTERS[format]("file", text, "down" if format == "irish" else "up")
+    if format == "mahimahi":
+        columns["up_bps"] = [240_000, 120_000, 0, 120_000]
+    assert imported == columns
+
+
+@pytest.mark.parametrize(
+    ("format", "text", "message"),
+    [
+        ("csv", "time,up_mbps\n0,1\n", "column time_s: missing; it has 'time, up_mbps'"),
+        ("csv", "time_s\n0\n", "needs a column of up_mbps, down_mbps, rtt_ms"),
+        ("csv", "time_s,up_mbps\n0,fast\n", "line 2: column up_mbps: must be a number, not 'fast'"),
+        ("csv", "time_s,up_mbps\n0\n", "line 2: column up_mbps: missing"),
+        ("csv", "time_s,up_mbps\n0,-1\n", "line 2: column up_mbps: must be at least 0, not -1"),
+        ("csv", "time_s,up_mbps\n0,0\n1,0\n", "column up_bps: no rate is above 0"),
+        ("csv", "time_s,up_mbps\n1,5\n0.5,7\n", "line 3: column time_s: must be more than 1 of"),
+        ("csv", "time_s,up_mbps\n", "has no rows"),
+        ("csv", "", "column time_s: missing; it has 'none'"),
+        ("mtu", "Time,RATE(MBit/s)\nnoon,1\n", "column Time: must be a time such as 'Thu Aug 11"),
+        ("mahimahi", "7\n3\n", "line 2: 3 ms is before 7 ms"),
+        ("mahimahi", "x\n", "line 1: must be a number, not 'x'"),
+        ("cicv5g", "pub_time(ms)\n0\n", "column delay(ms): missing"),
+    ],
+)
+def test_what_cannot_be_imported_is_one_line(run_cli, tmp_path, format, text, message):
+    (tmp_path / "drive.txt").write_text(text)
+    ran = run_cli("links", "import", "drive.txt", "--format", format, "--out", "drive.parquet")
+    assert ran.returncode == 1 and message in ran.stderr and "drive.txt" in ran.stderr
+    assert len(ran.stderr.splitlines()) == 1 and not (tmp_path / "drive.parquet").exists()
+
+
+def test_an_imported_drive_is_replayed(run_cli, tmp_path):
+    (tmp_path / "drive.csv").write_text(CSV)
+    ran = run_cli("links", "import", "drive.csv", "--out", "drive.parquet", "--licence", "CC0")
+    assert ran.returncode == 0, ran.stderr
+    assert ran.stdout == "drive.parquet: 3 rows, 2.5 s: up_bps, down_bps, rtt_ns\n"
+    drive = recording.read(str(tmp_path / "drive.parquet"))
+    assert drive.about["licence"] == "CC0" and len(drive.about["sha256"]) == 64
+    assert drive.columns["t_ns"][0] == 0
+    replayed = "{model: trace, rate: drive.parquet, rtt: drive.parquet}"
+    run = ("run", "1car_homo", "--set", "methods=[remote]", "--no-report")
+    ran = run_cli(*run, "--set", f"cars[0].link={replayed}")
+    assert ran.returncode == 0, ran.stderr
+
+
+@pytest.mark.parametrize(
+    ("columns", "settings", "message"),
+    [
+        ({"up_bps": [5, 0]}, {"loop": False}, "up_bps: ends with a rate of 0"),
+        ({"rtt_ns": [5, 5]}, {}, "column up_bps: missing; it has t_ns, rtt_ns"),
+        ({"up_bps": [5, 5]}, {"offset": "position"}, "column east_m: missing"),
+        ({"up_bps": [5, 5]}, {"rtt": "nowhere"}, "unknown recorded link 'nowhere'; known: urban"),
+    ],
+)
+def test_a_recording_that_does_not_fit_is_one_line(tmp_path, columns, settings, message):
+    path = write(tmp_path / "drive.parquet", t_ns=[0, S], **columns)
+    link = {"model": "trace", "rate": path, **settings}
+    with pytest.raises(UserError) as error:
+        small.scenario(["remote"], cars=[small.car(1, link=link), small.car(2)])
+    text = str(error.value)
+    assert message in text and "cars[0].link: " in text and "\n" not in text

@@ -1,0 +1,973 @@
+"""Sweeps as their user meets them: what is varied, what comes out, what a kill costs, and where
+runs are done.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy import stats
+
+import genie_sim
+from genie_sim import files, runner
+from genie_sim.analysis import metrics
+from genie_sim.analysis.statistics import wilson
+from genie_sim.build import Prepared
+from genie_sim.cli import main
+from genie_sim.core.similarity import Exact
+from genie_sim.errors import UserError
+from genie_sim.recording import provenance
+from genie_sim.recording.results import Metric
+from genie_sim.recording.tables import Table
+from genie_sim.scenario.scenario import load_scenario
+from genie_sim.study import figures, tables, tasks
+from genie_sim.study.design import load_design
+from genie_sim.study.parts import Parts
+from genie_sim.study.plan import plan
+from genie_sim.study.study import Study
+from genie_sim.study.tasks import LocalWorkers
+from genie_sim.town import town
+from tests.conftest import REPOSITORY
+from tests.made_up_run import METHODS
+
+
+@pytest.fixture(autouse=True)
+def _draws_only_where_figures_matter(
+    request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Drawing takes most of a small sweep's time; only tests marked ``drawn`` have figures."""
+    if request.node.get_closest_marker("drawn") is None:
+        monkeypatch.setattr(figures, "of_sweep", lambda *_: iter(()))
+
+
+SMALL = """
+scenario: 1car_homo
+set: {"cars[0].route.window": [0 s, 1 s], methods: [genie]}
+seeds: 3
+axes:
+  rate: {set: genie.object_map.rate, list: [0.1, 0.5]}
+  gate: {set: [genie.object_map.gate, genie.view_range], grid: {from: 1 m, to: 3 m, points: 2}}
+"""
+TABLES = ("table.parquet", "table.csv", "runs.parquet", "differences.parquet", "differences.csv")
+FIGURES = ("figures/rate.svg", "figures/gate.svg", "figures/gate.png", "figures/rate-gate.svg")
+
+
+def write(text: str, name: str = "s.yaml") -> str:
+    Path(name).write_text(text)
+    return name
+
+
+def points(text: str) -> pd.DataFrame:
+    """The values of the axes at each point."""
+    design = load_design(Path(write(text)))
+    return pd.DataFrame(
+        [point.levels for point in design.points()], columns=list(design.columns.values())
+    )
+
+
+def sampled(axes: str, samples: int = 20, more: str = "") -> pd.DataFrame:
+    return points(f"scenario: 1car_homo\nsamples: {samples}\n{more}\naxes:\n{axes}")
+
+
+SHARE = {
+    "method": "genie",
+    "metric": "fresh_answered_share",
+    "placement": "all",
+    "component": "",
+    "unit": "1",
+    "n": 100,
+}
+RATE = "  rate: {set: genie.object_map.rate, random: {from: 0, to: 1}}\n"
+VIEW = "  view: {set: genie.view_range, latin_hypercube: {from: 10 m, to: 90 m}}\n"
+
+
+# What is varied
+
+
+def test_crossed_axes_make_every_combination():
+    table = points(SMALL)
+    assert list(table.columns) == ["rate", "gate [m]"]
+    assert sorted(map(tuple, table.to_numpy())) == [(0.1, 1.0), (0.1, 3.0), (0.5, 1.0), (0.5, 3.0)]
+
+
+def test_every_setting_of_an_axis_gets_the_value_with_its_unit():
+    first, *_ = load_design(Path(write(SMALL))).points()
+    assert first.overrides[2:] == (
+        "genie.object_map.rate=0.1",
+        'genie.object_map.gate="1 m"',
+        'genie.view_range="1 m"',
+    )
+
+
+def test_a_logarithmic_grid_has_equal_ratios():
+    grid = "{from: 1 m, to: 100 m, points: 5, scale: log}"
+    gates = points(SMALL.replace("{from: 1 m, to: 3 m, points: 2}", grid))["gate [m]"].unique()
+    assert gates[[0, -1]] == pytest.approx([1, 100])
+    assert gates[1:] / gates[:-1] == pytest.approx(math.sqrt(10), rel=1e-4)  # six digits
+
+
+def test_cases_have_settings_of_their_own_and_a_scenario_can_be_one():
+    design = load_design(
+        Path(
+            write("""
+scenario: 1car_homo
+axes:
+  cars: {set: scenario, list: [1car_homo, 2car_homo]}
+  load: {list: {quiet: {}, busy: {"cars[0].route.laps": 2, "spread": loaded}}}
+""")
+        )
+    )
+    found = [(point.levels, point.scenario, point.overrides) for point in design.points()]
+    assert found[0] == (("1car_homo", "quiet"), "1car_homo", ())
+    assert found[3] == (
+        ("2car_homo", "busy"),
+        "2car_homo",
+        ("cars[0].route.laps=2", 'spread="loaded"'),
+    )
+
+
+def test_a_latin_hypercube_has_one_value_in_each_part_of_the_span():
+    views = np.sort(sampled(VIEW)["view [m]"])
+    assert ((views - 10) // 4 == np.arange(20)).all(), "80 m in 20 parts"
+
+
+def test_a_grid_whose_steps_are_whole_fits_settings_that_must_be():
+    cars = (
+        "scenario: fleet_30\naxes:\n  cars: {set: fleet.cars, grid: {from: 1, to: 10, points: 4}}"
+    )
+    design = load_design(Path(write(cars)))
+    assert [point.overrides for point in design.points()] == [
+        (f"fleet.cars={n}",) for n in (1, 4, 7, 10)
+    ]
+
+
+def test_samples_on_a_logarithmic_scale_have_even_decades():
+    text = RATE.replace("from: 0, to: 1", "from: 0.001, to: 1, scale: log")
+    rates = sampled(text.replace("random", "latin_hypercube"), 30)["rate"]
+    assert [((rates >= low) & (rates < 10 * low)).sum() for low in (0.001, 0.01, 0.1)] == [
+        10,
+        10,
+        10,
+    ]
+
+
+def test_whole_numbers_are_drawn_equally_often():
+    laps = sampled(
+        '  laps: {set: "cars[0].route.laps", latin_hypercube: {from: 1, to: 4, whole: true}}', 40
+    )["laps"]
+    assert laps.value_counts().sort_index().to_dict() == {1: 10, 2: 10, 3: 10, 4: 10}
+
+
+def test_samples_come_from_streams_of_the_axes_names():
+    """Another axis, or another order of the axes, changes nobody's samples; another sample_seed
+    changes all.
+    """
+    alone = sampled(VIEW)["view [m]"]
+    assert sampled(RATE + VIEW)["view [m]"].equals(alone)
+    assert sampled(VIEW + RATE)["view [m]"].equals(alone)
+    assert not sampled(VIEW, more="sample_seed: 2")["view [m]"].equals(alone)
+    assert not sampled(VIEW.replace("view:", "sight:"))["sight [m]"].equals(alone)
+
+
+def test_more_random_samples_keep_the_earlier_ones():
+    assert sampled(RATE, 30)["rate"][:20].equals(sampled(RATE, 20)["rate"])
+
+
+def test_sampled_axes_are_drawn_together_and_crossed_with_the_others():
+    table = sampled(
+        RATE + VIEW + "  rule: {set: genie.object_map.rule, list: [ema, noisy_or]}\n", 7
+    )
+    assert len(table) == 14
+    both = [
+        table[table["rule"] == rule][["rate", "view [m]"]].to_numpy()
+        for rule in ("ema", "noisy_or")
+    ]
+    assert (both[0] == both[1]).all()
+
+
+RATES = "genie.object_map.rate, list: [0.1, 0.5]"
+MISTAKES = {
+    "an unknown field": ("seeds:", "sedes:", "s.yaml: sedes: unknown field; did you mean 'seeds'?"),
+    "an axis without a way": (
+        "list: [0.1, 0.5]",
+        "",
+        "s.yaml: axes.rate: must have exactly one of grid, list, random",
+    ),
+    "two ways": ("list: [0.1, 0.5]", "list: [1], random: {from: 0, to: 1}", "has list and random"),
+    "no setting": (
+        "set: genie.object_map.rate, ",
+        "",
+        "s.yaml: axes.rate.set: missing; say which setting is varied",
+    ),
+    "an unknown setting": (
+        "object_map.rate",
+        "object_map.rat",
+        "s.yaml: genie.object_map.rat=0.1: ",
+    ),
+    "a value out of range": ("[0.1, 0.5]", "[0.1, 5]", "s.yaml: genie.object_map.rate=5: genie."),
+    "a value twice": (
+        "[0.1, 0.5]",
+        "[0.1, 0.1]",
+        "s.yaml: axes.rate.list: the value 0.1 comes twice",
+    ),
+    "an empty list": ("[0.1, 0.5]", "[]", "s.yaml: axes.rate.list: must not be empty"),
+    "units that differ": (
+        "to: 3 m",
+        "to: 3 s",
+        "s.yaml: axes.gate.grid.to: must have the unit of 'from', m, not s",
+    ),
+    "a span the wrong way": (
+        "to: 3 m",
+        "to: 1 m",
+        "s.yaml: axes.gate.grid.to: must be more than 'from'",
+    ),
+    "a logarithm of zero": (
+        "{from: 1 m,",
+        "{scale: log, from: 0 m,",
+        "s.yaml: axes.gate.grid.from: must be more than",
+    ),
+    "no number": (
+        "from: 1 m",
+        "from: near",
+        "s.yaml: axes.gate.grid.from: must be a number, or one with a unit",
+    ),
+    "one point": (
+        "points: 2",
+        "points: 1",
+        "s.yaml: axes.gate.grid.points: must be from 2 to 1,000,000, not 1",
+    ),
+    "a number in quotes": (
+        "points: 2",
+        "points: '2'",
+        "s.yaml: axes.gate.grid.points: must be a whole number",
+    ),
+    "no seeds": (
+        "seeds: 3",
+        "seeds: 0",
+        "s.yaml: seeds: must be a list, or how many: at least 1, not 0",
+    ),
+    "a seed twice": ("seeds: 3", "seeds: [1, 2, 1]", "s.yaml: seeds: the seed 1 comes twice"),
+    "samples of nothing": (
+        "seeds: 3",
+        "samples: 3",
+        "s.yaml: samples: has no effect without an axis",
+    ),
+    "no samples": (
+        "list: [0.1, 0.5]",
+        "random: {from: 0, to: 1}",
+        "s.yaml: samples: missing; axis 'rate' needs",
+    ),
+    "one setting in two axes": (
+        "gate, genie.view_range]",
+        "rate]",
+        "would undo genie.object_map.rate, set by",
+    ),
+    "seeds by an axis": (
+        "set: genie.object_map.rate",
+        "set: seed",
+        "s.yaml: seeds: say which seeds are run; axis",
+    ),
+    "a column of the table": (
+        "rate: {",
+        "metric: {",
+        "s.yaml: axes.metric: is a column of the table already",
+    ),
+    "too many runs": (
+        "seeds: 3",
+        "seeds: 1000000",
+        "s.yaml: axes: make 4,000,000 runs; at most 1,000,000",
+    ),
+    "an unknown scenario": (
+        "1car_homo",
+        "1car_hom",
+        "s.yaml: unknown scenario '1car_hom' (did you mean '1car_homo'?)",
+    ),
+    "no code of that name": (
+        RATES,
+        "genie.similarity, list: ['json:no']",
+        "s.yaml: similarity 'json:no'",
+    ),
+    "a setting that a scenario lacks": (
+        RATES,
+        "scenario, list: [fleet_30]",
+        "s.yaml: fleet_30: cars[0]",
+    ),
+    "a route past the end": (
+        "[0 s, 1 s]",
+        "[90 s, 91 s]",
+        "cars[0].route.window: begins at 90 s, after the last",
+    ),
+}
+
+
+@pytest.mark.parametrize("mistake", MISTAKES)
+def test_a_mistake_in_a_sweep_gets_one_line_and_status_1(mistake, capsys):
+    right, wrong, message = MISTAKES[mistake]
+    assert right in SMALL
+    assert main(["sweep", write(SMALL.replace(right, wrong, 1))]) == 1
+    one_line(capsys, message)
+    assert not Path("results").exists(), "nothing is run before all points are checked"
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["--shard", "3/2"],
+        ["--shard", "0/2"],
+        ["--shard", "one"],
+        ["--backend", "ray"],
+        ["--backend", "dask"],
+        ["--scheduler", "tcp://here:1"],
+        ["--jobs", "0"],
+    ],
+)
+def test_usage_errors_have_status_2(arguments, capsys):
+    assert main(["sweep", write(SMALL), *arguments]) == 2
+    assert "Traceback" not in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("name", files.available(files.SWEEP))
+def test_the_shipped_sweeps_are_right(name):
+    """Every point of them can be run; not that anybody has the time to do so here."""
+    planned = plan(load_design(name), name)
+    assert len(planned.runs) == load_design(name).runs > 10
+
+
+# What comes out
+
+
+@pytest.fixture(scope="module")
+def uninterrupted(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of the small sweep, run by one process without a break."""
+    folder = tmp_path_factory.mktemp("uninterrupted")
+    path = folder / "s.yaml"
+    path.write_text(SMALL)
+    assert main(["sweep", str(path), "--out", str(folder), "--jobs", "1"]) == 0
+    return folder / "s"
+
+
+def test_the_table_holds_mean_and_interval_of_separate_runs(uninterrupted):
+    """Source: the same runs, one by one, and SciPy's t intervals over seeds 1 to 3."""
+    overrides = ["cars[0].route.window=[0 s, 1 s]", "methods=[genie]", "genie.object_map.rate=0.5"]
+    overrides += ["genie.object_map.gate=3 m", "genie.view_range=3 m"]
+    measured: dict[tuple[str, ...], list[float]] = {}
+    for seed in (1, 2, 3):
+        made = runner.simulate(runner.prepare(load_scenario("1car_homo", overrides, seed)))
+        tables = {name: made[name].to_frame() for name in tasks.MEASURED}
+        for one in metrics.compute(METHODS, tables):
+            values = measured.setdefault((one.metric, one.method, one.placement, one.component), [])
+            values += [] if one.value is None else [one.value]
+    table = pd.read_parquet(uninterrupted / "table.parquet")
+    table = table[(table["rate"] == 0.5) & (table["gate [m]"] == 3.0)]
+    assert len(table) == len(measured)
+    for row in table.itertuples():
+        values = measured[row.metric, row.method, row.placement, row.component]
+        assert row.runs == len(values)
+        assert row.value == pytest.approx(np.mean(values) if values else math.nan, nan_ok=True), row
+        ends = (math.nan, math.nan) if len(values) < 2 else (values[0], values[0])
+        if len(set(values)) > 1:
+            ends = stats.t.interval(0.95, len(values) - 1, np.mean(values), stats.sem(values))
+            if row.unit == "1" and not row.metric.startswith(("confidence_boost", "improvement")):
+                ends = wilson(np.mean(values), (ends[1] - ends[0]) / 2)
+        assert (row.low, row.high) == pytest.approx(ends, nan_ok=True), row
+
+
+def test_the_csv_says_the_same_as_the_parquet_file(uninterrupted):
+    parquet = pd.read_parquet(uninterrupted / "table.parquet")
+    csv = (
+        pd.read_csv(uninterrupted / "table.csv")
+        .astype({"component": object})
+        .fillna({"component": ""})
+    )
+    pd.testing.assert_frame_equal(csv, parquet, check_dtype=False, check_exact=True)
+
+
+def test_each_axis_has_a_figure_and_the_folder_says_what_it_is(uninterrupted):
+    assert {path.stem for path in (uninterrupted / "figures").iterdir()} == {
+        "rate",
+        "gate",
+        "rate-gate",
+    }
+    about = json.loads((uninterrupted / "sweep.json").read_text())
+    assert (about["points"], about["runs"], about["sweep"]["scenario"]) == (4, 12, "1car_homo")
+
+
+@pytest.mark.drawn
+def test_a_figure_along_an_axis_shows_every_value_of_the_other_one_and_no_mean_over_it(
+    uninterrupted,
+):
+    runs = pd.read_parquet(uninterrupted / "runs.parquet")
+    design = load_design(write(SMALL))
+    drawn = dict(figures.of_sweep(design, runs, {"genie": "Genie"}, "made up"))
+    titles = [panel.get_title() for panel in drawn["rate"].axes if panel.get_title()]
+    assert titles == ["(a) gate [m] = 1", "(b) gate [m] = 3"]
+    mean = runs[runs["metric"] == "first_answer_mean"].groupby(["gate [m]", "rate"])["value"].mean()
+    panels = [panel for panel in drawn["rate"].axes if "first answer" in panel.get_ylabel()]
+    shown = panels[0].get_lines()[0].get_xydata()
+    assert shown == pytest.approx(np.array([[0.1, mean[1.0, 0.1]], [0.5, mean[1.0, 0.5]]]))
+    cells = [text.get_text() for text in drawn["rate-gate"].axes[0].texts]
+    assert cells == [f"{mean[gate, rate]:.3g}" for rate in (0.1, 0.5) for gate in (1.0, 3.0)]
+
+
+@pytest.mark.drawn
+def test_a_third_axis_has_figures_of_its_own_that_say_where_they_are(uninterrupted):
+    runs = pd.read_parquet(uninterrupted / "runs.parquet")
+    both = pd.concat([runs.assign(rule="ema"), runs.assign(rule="noisy_or")])
+    text = SMALL + "  rule: {set: genie.object_map.rule, list: [ema, noisy_or]}\n"
+    drawn = dict(figures.of_sweep(load_design(write(text)), both, {"genie": "Genie"}, "made up"))
+    assert list(drawn) == [
+        "rate-1",
+        "rate-2",
+        "gate-1",
+        "gate-2",
+        "rule-1",
+        "rule-2",
+        "rate-gate-1",
+        "rate-gate-2",
+    ]
+    assert drawn["rate-2"].get_suptitle() == "at rule = noisy_or"
+
+
+def test_differences_are_paired_by_seed(uninterrupted):
+    """Source: SciPy's paired t interval over seeds 1 to 3."""
+    runs = pd.read_parquet(uninterrupted / "runs.parquet")
+    mine = runs[(runs["metric"] == "first_answer_mean") & (runs["gate [m]"] == 3.0)]
+    low, high = (mine[mine["rate"] == rate].set_index("seed")["value"] for rate in (0.1, 0.5))
+    found = genie_sim.differences(runs, "rate", to=0.1)
+    row = found[(found["metric"] == "first_answer_mean") & (found["gate [m]"] == 3.0)].iloc[0]
+    gaps = high - low
+    assert (row["rate"], row["value"], row["runs"]) == (0.5, pytest.approx(gaps.mean()), 3)
+    expected = (
+        stats.t.interval(0.95, 2, gaps.mean(), stats.sem(gaps))
+        if gaps.std()
+        else (gaps.mean(), gaps.mean())
+    )
+    assert (row["low"], row["high"]) == pytest.approx(expected)
+    written = pd.read_csv(uninterrupted / "differences.csv")
+    assert set(zip(written["along"], written["against"], strict=True)) == {
+        ("rate", 0.1),
+        ("gate [m]", 1.0),
+    }
+    same = written[
+        (written["along"] == "rate")
+        & (written["metric"] == row["metric"])
+        & (written["gate [m]"] == 3.0)
+    ]
+    assert same["value"].tolist() == [pytest.approx(row["value"])]
+
+
+def test_differences_name_columns_and_values_that_are_not_there(uninterrupted):
+    runs = pd.read_parquet(uninterrupted / "runs.parquet")
+    with pytest.raises(UserError, match=r"unknown column 'speed'; known: gate \[m\], method, rate"):
+        genie_sim.differences(runs, "speed", to=1)
+    with pytest.raises(UserError, match=r"method: unknown value 'local'; known: genie"):
+        genie_sim.differences(runs, "method", to="local")
+
+
+def test_a_sweep_from_python_is_that_of_the_file_and_draws_what_is_kept_only(
+    uninterrupted, monkeypatch
+):
+    drawn: list[str] = []
+    monkeypatch.setattr(
+        figures, "of_sweep", lambda design, *_: iter(drawn.append(design.name) or ())
+    )
+    settings = {"cars[0].route.window": ["0 s", "1 s"], "methods": ["genie"]}
+    axes = {"genie.object_map.rate": [0.1, 0.5]}
+    axes["gate"] = {"set": ["genie.object_map.gate", "genie.view_range"], "list": ["1 m", "3 m"]}
+    made = genie_sim.sweep("1car_homo", axes, settings, seeds=3, jobs=1)
+    pd.testing.assert_frame_equal(made, pd.read_parquet(uninterrupted / "table.parquet"))
+    assert drawn == []
+    genie_sim.sweep(
+        "1car_homo", {"genie.object_map.rate": [0.1]}, settings, seeds=1, jobs=1, out="kept"
+    )
+    assert drawn == ["sweep"]
+    with pytest.raises(UserError, match=r"^sweep: speed=1: speed: unknown field"):
+        genie_sim.sweep("1car_homo", {"speed": [1, 2]}, settings, seeds=1)
+
+
+def test_what_a_spreadsheet_would_take_for_a_formula_is_made_harmless_and_numbers_stay_numbers(
+    tmp_path,
+):
+    cases = ["=1+1", "+x", "-y", "@z", "plain", "\tq"]
+    table = pd.DataFrame(
+        {"point": range(6), "@case": cases, "value": [-1.5, math.nan, 2.0, -3.0, 0.0, 1.0]}
+    )
+    tables.write_csv(table, tmp_path / "table.csv")
+    text = (tmp_path / "table.csv").read_text()
+    assert text.splitlines()[:5] == [
+        "point,'@case,value",
+        "0,'=1+1,-1.5",
+        "1,'+x,",
+        "2,'-y,2.0",
+        "3,'@z,-3.0",
+    ]
+    assert "4,plain,0.0" in text and "'\tq" in text
+
+
+def test_a_sweep_of_an_older_genie_sim_is_named_with_what_to_do(capsys):
+    write(SMALL)
+    Path("results/s").mkdir(parents=True)
+    Path("results/s/sweep.json").write_text('{"format": 1, "sweep": {}}')
+    assert main(["sweep", "s.yaml"]) == 1
+    said = (
+        "results/s: made by an older genie-sim: format 1, this one reads 2; run it again; choose"
+        " another --out"
+    )
+    one_line(capsys, said)
+
+
+def test_an_axis_may_be_called_as_the_setting_it_varies():
+    axes = (
+        "{spread: {set: spread, list: [isolated, loaded]}, order: {set: genie.object_map.rate,"
+        " list: [0.1, 0.5]}}"
+    )
+    window = '"cars[0].route.window": [0 s, 1 s]'
+    write(f"scenario: 1car_homo\nset: {{{window}, methods: [genie]}}\nseeds: 2\naxes: {axes}\n")
+    assert main(["sweep", "s.yaml", "--jobs", "1"]) == 0
+    table = pd.read_csv("results/s/table.csv")
+    assert set(table["spread"]) == {"isolated", "loaded"} and set(table["order"]) == {0.1, 0.5}
+    assert Path("results/s/report.html").is_file()
+
+
+@pytest.mark.drawn
+def test_figures_of_an_axis_that_is_gone_go_though_nothing_is_run_again(uninterrupted, monkeypatch):
+    finished(uninterrupted)
+    simulated = count_runs(monkeypatch)
+    gate = SMALL.index("  gate:")
+    more = "methods: [genie], genie.object_map.gate: 1 m, genie.view_range: 1 m"
+    write(SMALL[:gate].replace("methods: [genie]", more))
+    assert main(["sweep", "s.yaml", "--jobs", "1"]) == 0
+    assert not simulated
+    assert {path.stem for path in Path("results/s/figures").iterdir()} == {"rate"}
+
+
+def test_the_folder_says_what_its_tables_are_though_another_sweep_of_its_name_has_begun(
+    uninterrupted,
+):
+    finished(uninterrupted)
+    first = Study.load("s.yaml", Path("results"))
+    first.run(LocalWorkers(1))
+    Study.load(write(SMALL.replace("seeds: 3", "seeds: 1")), Path("results")).run(LocalWorkers(1))
+    first.finish()
+    assert json.loads(Path("results/s/sweep.json").read_text())["runs"] == 12
+    assert len(pd.read_parquet("results/s/runs.parquet")["run_id"].unique()) == 12
+
+
+def test_one_seed_gives_no_interval():
+    assert main(["sweep", write(SMALL.replace("seeds: 3", "seeds: 1")), "--jobs", "1"]) == 0
+    table = pd.read_csv("results/s/table.csv")
+    assert table["low"].isna().all() and table["value"].notna().any() and table["runs"].max() == 1
+
+
+@pytest.mark.drawn
+def test_two_processes_make_the_same_bytes_as_one(uninterrupted):
+    assert main(["sweep", write(SMALL), "--jobs", "2"]) == 0
+    same_bytes(uninterrupted, TABLES + FIGURES)
+
+
+# Nothing is run twice, nothing is lost
+
+
+@pytest.mark.unix
+def test_a_killed_sweep_goes_on_to_the_same_bytes(uninterrupted):
+    """kill -9 of the sweep and its processes in the middle, then the same command."""
+    write(SMALL)
+    with in_the_middle("--jobs", "2") as run:
+        os.killpg(run.pid, signal.SIGKILL)
+    kept = runs_in_parts()
+    assert 0 < len(kept) < 12
+    assert not Path("results/s/table.csv").exists()
+    assert main(["sweep", "s.yaml", "--jobs", "1"]) == 0
+    same_bytes(uninterrupted)
+    ids = [
+        run_id
+        for path in Path("results/s/parts").iterdir()
+        for run_id in pd.read_parquet(path)["run_id"].unique()
+    ]
+    assert len(ids) == len(set(ids)) == 12, "no run was made twice, and no half part is left"
+
+
+@pytest.mark.unix
+def test_a_sweep_whose_main_process_alone_is_killed_ends_its_workers():
+    write(SMALL)
+    with in_the_middle("--jobs", "2") as run:
+        os.kill(run.pid, signal.SIGKILL)
+        run.wait()
+        deadline = time.monotonic() + 60
+        while processes_of(run.pid) and time.monotonic() < deadline:
+            time.sleep(0.1)
+        assert not processes_of(run.pid)
+
+
+@pytest.mark.unix
+@pytest.mark.parametrize("asked", [signal.SIGINT, signal.SIGTERM])
+def test_ctrl_c_or_the_end_of_a_batch_job_ends_with_130_and_one_line_and_keeps_what_is_done(
+    asked, uninterrupted
+):
+    write(SMALL)
+    with in_the_middle("--jobs", "2") as run:
+        os.killpg(run.pid, asked)  # as a terminal and Slurm do
+        _, error = run.communicate(timeout=60)
+    assert run.returncode == 130
+    assert error == f"genie-sim: interrupted; finished runs are kept in {Path('results/s')}\n"
+    assert main(["sweep", "s.yaml", "--jobs", "1"]) == 0
+    same_bytes(uninterrupted)
+
+
+@pytest.mark.skipif(
+    not Path("/proc").is_dir(),
+    reason="only /proc tells when a process has begun to listen to Ctrl-C",
+)
+def test_ctrl_c_while_workers_begin_is_one_line_too():
+    write(SMALL)
+    with begun("--jobs", "2") as run:
+        while not any(is_importing(process) for process in processes_of(run.pid)):
+            assert run.poll() is None, run.communicate()
+            time.sleep(0.002)
+        os.killpg(run.pid, signal.SIGINT)
+        _, error = run.communicate(timeout=60)
+    assert run.returncode == 130
+    assert error == f"genie-sim: interrupted; finished runs are kept in {Path('results/s')}\n"
+
+
+@pytest.mark.drawn
+def test_what_is_done_is_not_run_again_even_along_other_axes(uninterrupted, monkeypatch):
+    finished(uninterrupted)
+    simulated = count_runs(monkeypatch)
+    assert main(["sweep", "s.yaml", "--jobs", "1"]) == 0
+    assert not simulated
+    write(
+        SMALL.replace(
+            "rate: {set: genie.object_map.rate, list: [0.1, 0.5]}",
+            "weight: {set: genie.object_map.rate, list: [0.2, 0.5]}",
+        )
+    )
+    assert main(["sweep", "s.yaml", "--jobs", "1"]) == 0
+    assert len(simulated) == 6, "half of the points were there"
+    assert set(pd.read_csv("results/s/table.csv")["weight"]) == {0.2, 0.5}
+    drawn = {path.stem for path in Path("results/s/figures").iterdir()}
+    assert drawn == {"weight", "gate", "weight-gate"}, "not those of before"
+
+
+class Broken(Exact):
+    """An image similarity that fails on the first image."""
+
+    def key(self, request: object) -> object:
+        raise RuntimeError("the lens is dirty")
+
+
+@pytest.mark.parametrize("jobs", ["1", "2"])
+def test_runs_that_fail_are_told_and_the_others_are_done(jobs, monkeypatch, capsys):
+    write(
+        SMALL.replace(
+            "object_map.rate, list: [0.1, 0.5]",
+            "similarity, list: ['tests.study.test_study:Broken', exact]",
+        )
+    )
+    assert main(["sweep", "s.yaml", "--jobs", jobs]) == 1
+    line = capsys.readouterr().err
+    first = r"point 0 \(rate = tests.study.test_study:Broken, gate = 1.0\), seed 1"
+    why = "RuntimeError: the lens is dirty"
+    told = re.fullmatch(
+        rf"genie-sim: results/s: 6 of 12 runs failed, the others are done; {first}: {why}; see"
+        r" (\S+)\n",
+        line,
+    )
+    assert told, line
+    text = Path(told[1]).read_text()
+    assert re.match(first, text) and "Traceback" in text and text.endswith(f"{why}\n")
+    assert len(list(Path("results/s/failures").iterdir())) == 6
+    assert not Path("results/s/table.csv").exists(), "a table would lack points"
+
+    simulated = count_runs(monkeypatch)
+    write(SMALL.replace("object_map.rate, list: [0.1, 0.5]", "similarity, list: [exact]"))
+    assert main(["sweep", "s.yaml", "--jobs", "1"]) == 0
+    assert not simulated and not Path("results/s/failures").exists()
+
+
+class MadeUp:
+    """A run of a study that has one metric, or none and fails."""
+
+    frames, place = 1.0, "here"
+
+    def __init__(self, run_id: str, fails: bool) -> None:
+        self.run_id, self.fails = run_id, fails
+
+    def measure(self, shared, folder):
+        if self.fails:
+            raise RuntimeError("the lens is dirty")
+        return {self.run_id: [Metric("streaming_f1", "local", "all", "", 0.5, "1")]}
+
+
+def test_progress_counts_what_is_done_and_what_failed(tmp_path):
+    parts, told = Parts(tmp_path), []
+    runs = [MadeUp("a", fails=False), MadeUp("b", fails=True)]
+    with pytest.raises(UserError, match="1 of 2 runs failed"):
+        parts.run(runs, LocalWorkers(1), progress=lambda *progress: told.append(progress))
+    assert told[0] == (0, 2, "") and told[-1] == (1, 2, "1 failed")
+    told.clear()
+    parts.run(runs[:1], LocalWorkers(1), progress=lambda *progress: told.append(progress))
+    assert told == [(1, 1, "")], "it is done"
+
+
+def test_a_run_that_lies_in_two_parts_counts_once(tmp_path):
+    parts = Parts(tmp_path)
+    parts.parts.mkdir()
+    for run_ids in (["first"], ["first", "second"]):
+        table = Table(tasks.PART)
+        for run_id in run_ids:
+            table.append((run_id, "image_reuse", "genie", "car", "", 0.5, "1", None, None, 10))
+        table.write(parts.parts / f"{len(run_ids)}.parquet")
+    assert sorted(parts.read(["first", "second"])["run_id"]) == ["first", "second"]
+    assert list(parts.read(["second"])["run_id"]) == ["second"]
+
+
+def test_a_difference_of_shares_has_an_interval_around_it_and_may_be_negative():
+    """Two arms with shares around .2 and .5: no interval of a share, which would begin at zero."""
+    noise = (-0.01, 0.0, 0.01)
+    rows = [
+        {"arm": arm, "seed": seed, "value": share + sign * noise[seed], **SHARE}
+        for arm, share, sign in (("first", 0.5, 1), ("second", 0.2, -1))
+        for seed in range(3)
+    ]
+    (row,) = tables.differences(pd.DataFrame(rows), ["arm"], "arm", "first").to_dict("records")
+    half = stats.t.ppf(0.975, 2) * 0.02 / math.sqrt(3)
+    assert row["value"] == pytest.approx(-0.3)
+    assert (row["low"], row["high"]) == pytest.approx((-0.3 - half, -0.3 + half), rel=1e-4)
+
+
+def test_points_that_say_the_same_share_their_runs(monkeypatch):
+    simulated = count_runs(monkeypatch)
+    same = "list: {plain: {}, said: {genie.eviction: unlimited}}"
+    write(SMALL.replace("set: genie.object_map.rate, list: [0.1, 0.5]", same))
+    assert main(["sweep", "s.yaml", "--jobs", "1"]) == 0
+    assert len(simulated) == 6
+    table = pd.read_csv("results/s/table.csv").drop(columns="point").set_index("rate")
+    assert (
+        table.loc["plain"].reset_index(drop=True).equals(table.loc["said"].reset_index(drop=True))
+    )
+
+
+def test_shards_share_the_runs_and_the_last_one_makes_the_table(uninterrupted, monkeypatch, capsys):
+    simulated = count_runs(monkeypatch)
+    write(SMALL)
+    for shard in ("3/3", "1/3"):
+        assert main(["sweep", "s.yaml", "--jobs", "1", "--shard", shard]) == 0
+    assert capsys.readouterr().out.endswith(
+        "8 of 12 runs are in results/s; the last shard makes the table\n"
+    )
+    assert not Path("results/s/table.csv").exists()
+    assert main(["sweep", "s.yaml", "--jobs", "1", "--shard", "2/3"]) == 0
+    assert len(simulated) == 12
+    same_bytes(uninterrupted)
+
+
+def test_profiles_and_traces_are_read_once(monkeypatch):
+    prepared, packed = [], []
+    prepare, unpack = runner.prepare, tasks.pickle.loads
+    monkeypatch.setattr(runner, "prepare", lambda *a: prepared.append(1) or prepare(*a))
+    monkeypatch.setattr(tasks.pickle, "loads", lambda data: packed.append(1) or unpack(data))
+    assert main(["sweep", write(SMALL.replace("seeds: 3", "seeds: 4")), "--jobs", "1"]) == 0
+    assert len(prepared) == 1
+    assert len(packed) <= 1
+    assert len(list(Path("results/s/parts").iterdir())) > 1
+
+
+# Folders that are not as they should be
+
+
+def test_a_town_is_laid_out_once_a_point_and_every_seed_has_the_id_of_its_own(monkeypatch):
+    settings = "scenario: fleet_30\nset: {perception.duration: 1 s}\nseeds: 5"
+    design = load_design(
+        Path(write(f"{settings}\naxes:\n  cars: {{set: fleet.cars, list: [2, 3]}}\n"))
+    )
+    laid_out, lay_out = [], town.Streets
+    monkeypatch.setattr(town, "Streets", lambda *ways: laid_out.append(1) or lay_out(*ways))
+    planned = plan(design, "s.yaml")
+    assert len(laid_out) <= 2
+    for entry, seed in zip(planned.entries[5:], range(1, 6), strict=True):
+        scenario = load_scenario("fleet_30", ["perception.duration=1 s", "fleet.cars=3"], seed)
+        assert entry.run_id == provenance.run_id(runner.facts(runner.prepare(scenario)))
+
+
+def test_a_folder_of_something_else_is_left_alone(capsys):
+    Path("results/s").mkdir(parents=True)
+    Path("results/s/thesis.tex").write_text("mine")
+    assert main(["sweep", write(SMALL)]) == 1
+    one_line(capsys, "results/s: holds something else than a sweep; choose another --out")
+    assert [path.name for path in Path("results/s").iterdir()] == ["thesis.tex"]
+
+
+def test_an_out_folder_that_cannot_be_written_is_found_before_simulating(capsys):
+    Path("results").write_text("a file, not a folder")
+    assert main(["sweep", write(SMALL)]) == 1
+    one_line(capsys, "results/s: no results can be written there")
+
+
+@pytest.mark.parametrize("content", [b"", b"PAR1 and then nothing"])
+def test_a_broken_part_is_named(content, uninterrupted, capsys):
+    finished(uninterrupted)
+    part = min(Path("results/s/parts").iterdir())
+    part.write_bytes(content)
+    capsys.readouterr()
+    assert main(["sweep", "s.yaml", "--jobs", "1"]) == 1
+    one_line(capsys, f"{part}: not a readable Parquet file")
+    part.unlink()
+    assert main(["sweep", "s.yaml", "--jobs", "1"]) == 0
+
+
+def test_a_worker_with_another_version_is_refused():
+    with pytest.raises(
+        UserError, match=r"a worker has genie-sim .*, the sweep 0\.0\.1: install the same"
+    ):
+        tasks.run_task(tasks.Task((), "parts", "0.0.1"), b"")
+
+
+# On Dask
+
+
+@pytest.mark.slow
+@pytest.mark.unix
+def test_a_dask_worker_that_is_killed_loses_nothing(uninterrupted):
+    distributed = pytest.importorskip("distributed", reason="Dask comes with '.[dask]'")
+    write(SMALL)
+    with distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, host="127.0.0.1"
+    ) as cluster:
+        victim = next(iter(cluster.workers.values())).process.pid
+        with in_the_middle("--backend", "dask", "--scheduler", cluster.scheduler_address) as run:
+            os.kill(victim, signal.SIGKILL)
+            assert len(runs_in_parts()) < 12
+            _, error = run.communicate(timeout=120)
+    assert run.returncode == 0, error
+    same_bytes(uninterrupted)
+
+
+def test_a_scheduler_that_is_not_there_gets_one_line(capsys, monkeypatch):
+    pytest.importorskip("distributed", reason="Dask comes with '.[dask]'")
+    monkeypatch.setattr("genie_sim.study.tasks.SCHEDULER_TIMEOUT_S", 1)
+    assert (
+        main(["sweep", write(SMALL), "--backend", "dask", "--scheduler", "tcp://127.0.0.1:1"]) == 1
+    )
+    one_line(capsys, "--scheduler tcp://127.0.0.1:1: no Dask scheduler answers there")
+
+
+# The tests' own words
+
+
+@contextmanager
+def in_the_middle(*arguments: str) -> Iterator[subprocess.Popen[str]]:
+    """A sweep of ``s.yaml`` in a process group of its own, of which some parts are done and some
+    are not.
+    """
+    with begun(*arguments) as run:
+        while not list(Path("results/s/parts").glob("*.parquet")):
+            assert run.poll() is None, run.communicate()
+            time.sleep(0.005)
+        yield run
+
+
+@contextmanager
+def begun(*arguments: str) -> Iterator[subprocess.Popen[str]]:
+    """A sweep of ``s.yaml`` in a process group of its own."""
+    run = subprocess.Popen(
+        [sys.executable, "-m", "genie_sim", "sweep", "s.yaml", *arguments],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+        env={**os.environ, "PYTHONPATH": str(REPOSITORY)},
+        # a background job ignores it
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+    )
+    try:
+        yield run
+    finally:
+        if run.poll() is None or processes_of(run.pid):
+            os.killpg(run.pid, signal.SIGKILL)
+        run.wait()
+
+
+def processes_of(group: int) -> list[int]:
+    """The processes of a group that are still doing something."""
+    found = []
+    for path in Path("/proc").glob("[0-9]*/stat"):
+        try:
+            state, _, of_group = path.read_text().rpartition(")")[2].split()[:3]
+        except OSError:
+            continue
+        if int(of_group) == group and state != "Z":
+            found.append(int(path.parent.name))
+    return found
+
+
+def is_importing(process: int) -> bool:
+    """Whether the process is a worker whose Python has begun, and would show where an interrupt
+    struck it.
+    """
+    folder = Path(f"/proc/{process}")
+    try:
+        caught = re.search(r"SigCgt:\s+(\w+)", (folder / "status").read_text())
+        worker = b"popen_loky" in (folder / "cmdline").read_bytes()
+    except OSError:
+        return False
+    return worker and caught is not None and bool(int(caught[1], 16) & 1 << signal.SIGINT - 1)
+
+
+def count_runs(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """What is simulated in this process from now on."""
+    simulated: list[str] = []
+    measured = tasks.measured
+
+    def counted(prepared: Prepared) -> object:
+        simulated.append(prepared.scenario.name)
+        return measured(prepared)
+
+    monkeypatch.setattr(tasks, "measured", counted)
+    return simulated
+
+
+def runs_in_parts() -> set[str]:
+    paths = Path("results/s/parts").glob("*.parquet")
+    return {run_id for path in paths for run_id in pd.read_parquet(path)["run_id"]}
+
+
+def finished(uninterrupted: Path) -> None:
+    """The small sweep as if it had been run here."""
+    write(SMALL)
+    shutil.copytree(uninterrupted, "results/s")
+
+
+def same_bytes(uninterrupted: Path, names: tuple[str, ...] = TABLES) -> None:
+    for name in names:
+        assert (Path("results/s") / name).read_bytes() == (uninterrupted / name).read_bytes(), name
+
+
+def one_line(capsys: pytest.CaptureFixture[str], message: str) -> None:
+    said = capsys.readouterr().err
+    assert message in said
+    assert said.count("\n") == 1, said
+    assert "Traceback" not in said
+
+
+def test_values_within_one_step_of_a_heat_map_have_one_colour():
+    """The greatest value, too: intervals are as wide as the whole range."""
+    cells = pd.DataFrame({"value": [0.85, 0.87, 0.89], "low": [0.8] * 3, "high": [0.9] * 3})
+    scale = figures._scale(cells)
+    assert len({figures.HEAT_COLOURS(scale(value)) for value in cells["value"]}) == 1
+    narrow = figures._scale(cells.assign(low=0.85, high=0.86))
+    assert len({figures.HEAT_COLOURS(narrow(value)) for value in cells["value"]}) == 3

@@ -1,0 +1,249 @@
+"""Results that somebody changed: refused in one line, or marked wherever they are shown."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+
+import genie_sim as gs
+from genie_sim import runner
+from genie_sim.cli import main
+from genie_sim.errors import UserError
+from genie_sim.paper import page as evaluation
+from genie_sim.recording import provenance, results
+from genie_sim.scenario.scenario import load_scenario
+from tests.conftest import REPOSITORY
+
+SHORT = ["cars[0].route.window=[0 s, 1 s]", "methods=[local, genie]"]
+READERS = (
+    ("report",),
+    ("rerun",),
+    ("compare",),
+    ("figures", "--format", "svg"),
+    ("table",),
+    ("table", "--format", "csv"),
+    ("export",),
+)
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("results")
+    folder = runner.run_to_folder(load_scenario("1car_homo", SHORT), out).folder
+    assert folder is not None
+    return folder
+
+
+@pytest.fixture
+def folder(finished: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A copy of a result folder, ``result`` in the current folder."""
+    monkeypatch.chdir(tmp_path)
+    return Path(shutil.copytree(finished, "result"))
+
+
+def change_a_metric(folder: Path) -> None:
+    path = folder / "metrics.json"
+    metrics = json.loads(path.read_text())
+    metrics[0]["value"] = 1.0
+    provenance.write_json(path, metrics)
+
+
+def change_a_table(folder: Path) -> None:
+    import pyarrow as pa
+    import pyarrow.compute as pc
+    import pyarrow.parquet as pq
+
+    path = folder / "frames.parquet"
+    table = pq.ParquetFile(path).read()
+    place = table.schema.get_field_index("first_answer_ns")
+    early = pc.if_else(pc.is_null(table.column(place)), None, pa.scalar(1, pa.int64()))
+    pq.write_table(table.set_column(place, table.schema.field(place), early), path)
+
+
+def change_the_scenario(folder: Path) -> None:
+    path = folder / "scenario.resolved.yaml"
+    path.write_text(path.read_text() + "# faster\n")
+
+
+def change_a_fact(folder: Path) -> None:
+    path = folder / "run.json"
+    about = json.loads(path.read_text())
+    about["facts"]["scenario"]["description"] = "better"
+    provenance.write_json(path, about)
+
+
+def drop_a_digest(folder: Path) -> None:
+    path = folder / "run.json"
+    about = json.loads(path.read_text())
+    del about["digests"]["poses.parquet"]
+    provenance.write_json(path, about)
+
+
+CHANGES = {
+    "metrics.json": change_a_metric,
+    "frames.parquet": change_a_table,
+    "scenario.resolved.yaml": change_the_scenario,
+    "run.json": change_a_fact,
+    "poses.parquet": drop_a_digest,
+}
+
+
+@pytest.mark.parametrize("command", READERS, ids=" ".join)
+@pytest.mark.parametrize("name", CHANGES)
+def test_every_command_that_reads_results_names_the_file_that_was_changed(
+    command, name, folder, capsys
+):
+    CHANGES[name](folder)
+    before = sorted(path.name for path in folder.iterdir())
+    assert main([command[0], str(folder), *command[1:]]) == 1
+    printed = capsys.readouterr()
+    assert printed.err == (
+        f"genie-sim: result: changed since the results were written: {name}; "
+        "--allow-changed reads them all the same\n"
+    )
+    assert not printed.out and sorted(path.name for path in folder.iterdir()) == before
+    with pytest.raises(UserError, match=f"written: {name};"):
+        gs.load(folder)
+
+
+def test_what_is_made_of_changed_files_says_so(folder, capsys):
+    change_a_metric(folder)
+    change_the_scenario(folder)
+    warning = "CHANGED since the results were written: metrics.json, scenario.resolved.yaml"
+    assert main(["report", str(folder), "--allow-changed"]) == 0
+    page = (folder / "report.html").read_text(encoding="utf-8")
+    assert json.dumps(warning)[1:-1] in page
+    for format in ("markdown", "latex"):
+        capsys.readouterr()
+        assert main(["table", str(folder), "--format", format, "--allow-changed"]) == 0
+        assert warning in capsys.readouterr().out
+        assert main(["compare", str(folder), "--format", format, "--allow-changed"]) == 0
+        assert warning in capsys.readouterr().out
+    for command in ("table", "compare"):
+        assert main([command, str(folder), "--format", "csv", "--allow-changed"]) == 0
+        head, *rows = capsys.readouterr().out.splitlines()
+        assert head.endswith(",changed") and all("metrics.json" in row for row in rows)
+    assert main(["compare", str(folder), "--out", "compared", "--allow-changed"]) == 0
+    assert warning in Path("compared/compare.html").read_text(encoding="utf-8")
+    assert main(["figures", str(folder), "--format", "svg", "--allow-changed"]) == 0
+    assert warning in (folder / "figures" / "latency_cdf.svg").read_text(encoding="utf-8")
+    run = gs.load(folder, allow_changed=True)
+    assert list(run.changed) == ["metrics.json", "scenario.resolved.yaml"]
+    assert warning in gs.compare(run).text() and warning in run.footer
+
+
+@pytest.mark.parametrize("name", ["genie_sim", "plugins", "traces"])
+def test_a_folder_that_lacks_a_fact_is_told_in_one_line(name, folder, capsys):
+    path = folder / "run.json"
+    about = json.loads(path.read_text())
+    del about["facts"][name]
+    about["run_id"] = provenance.run_id(about["facts"])
+    provenance.write_json(path, about)
+    assert main(["compare", str(folder)]) == 1
+    printed = capsys.readouterr().err
+    assert printed.startswith("genie-sim: result") and printed.count("\n") == 1
+
+
+def test_a_table_with_a_number_that_no_run_writes_is_told_in_one_line(folder, capsys):
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    path = folder / "frames.parquet"
+    table = pq.ParquetFile(path).read()
+    place = table.schema.get_field_index("stamp_ns")
+    stamps = pa.array([None] * len(table), pa.int64())
+    field = table.schema.field(place).with_nullable(True)
+    pq.write_table(table.set_column(place, field, stamps), path)
+    assert main(["compare", str(folder), "--allow-changed"]) == 1
+    printed = capsys.readouterr().err
+    assert printed.startswith("genie-sim: ") and printed.count("\n") == 1
+
+
+def test_what_nobody_changed_carries_no_warning(folder, capsys):
+    assert main(["table", str(folder)]) == 0 and "CHANGED" not in capsys.readouterr().out
+    assert main(["table", str(folder), "--format", "csv"]) == 0
+    assert "changed" not in capsys.readouterr().out
+    assert gs.load(folder).changed == () and not gs.load(folder).warning
+
+
+def test_a_rerun_tells_which_changed_file_differs_and_looks_at_no_foreign_one(folder, capsys):
+    (folder / "figures").mkdir()
+    (folder / "figures" / "notes.txt").touch()
+    (folder / "figures" / "photo.png").touch()
+    assert main(["rerun", str(folder)]) == 0
+    assert "DIFFERENT" not in capsys.readouterr().out
+    change_a_metric(folder)
+    assert main(["rerun", str(folder), "--allow-changed"]) == 1
+    different = [line for line in capsys.readouterr().out.splitlines() if "DIFFERENT" in line]
+    assert different == ["metrics.json: DIFFERENT"]
+
+
+@pytest.mark.parametrize("name", ["scenario.resolved.yaml", "metrics.json", "frames.parquet"])
+def test_nothing_outside_the_folder_is_read_through_its_names(name, folder, capsys):
+    Path(folder / name).rename("outside")
+    (folder / name).symlink_to(Path("outside").resolve())
+    for command in READERS:
+        assert main([command[0], str(folder), *command[1:], "--allow-changed"]) == 1
+        printed = capsys.readouterr().err
+        assert f"result/{name}: a link out of the result folder" in printed
+        assert printed.count("\n") == 1
+
+
+def test_nothing_is_written_through_a_link_out_of_the_folder(folder, capsys):
+    victim = Path("victim.svg").resolve()
+    victim.write_text("mine")
+    (folder / "figures").mkdir()
+    (folder / "figures" / "latency_cdf.svg").symlink_to(victim)
+    (folder / "report.html").unlink()
+    (folder / "report.html").symlink_to(victim)
+    assert main(["figures", str(folder)]) == 0 and main(["report", str(folder)]) == 0
+    assert victim.read_text() == "mine"
+    assert not (folder / "figures" / "latency_cdf.svg").is_symlink()
+    shutil.rmtree(folder / "figures")
+    elsewhere = Path("elsewhere").resolve()
+    elsewhere.mkdir()
+    (folder / "figures").symlink_to(elsewhere)
+    capsys.readouterr()
+    assert main(["figures", str(folder)]) == 1
+    assert "result/figures: a link out of the result folder" in capsys.readouterr().err
+    assert not list(elsewhere.iterdir())
+
+
+def test_a_run_of_every_kind_of_fact_is_of_its_id(finished):
+    assert provenance.is_of_its_id(provenance.read_run_json(finished))
+    assert set(results.FILES) == provenance.read_run_json(finished)["digests"].keys()
+
+
+def test_the_committed_evaluation_is_what_was_written():
+    """After a change by hand, which needs a reason: ``provenance.digests`` of ``files_of``."""
+    folder = REPOSITORY / "results" / "paper"
+    known = provenance.read_json(folder / "run.json")["digests"]
+    assert provenance.changed_files(folder, known, evaluation.files_of(folder)) == ()
+
+
+def test_a_changed_evaluation_and_a_changed_sweep_are_refused(tmp_path, capsys):
+    folder = Path(shutil.copytree(REPOSITORY / "results" / "paper", tmp_path / "paper"))
+    page = tmp_path / "page.html"
+    assert main(["report", str(folder), "--out", str(page)]) == 0
+    (folder / "quality.json").write_text((folder / "quality.json").read_text() + "\n")
+    assert main(["report", str(folder), "--out", str(page)]) == 1
+    assert "changed since the results were written: quality.json" in capsys.readouterr().err
+    assert main(["report", str(folder), "--out", str(page), "--allow-changed"]) == 0
+    assert "CHANGED since the results were written: quality.json" in page.read_text()
+
+    gs.sweep(
+        "1car_homo",
+        {"seed_of_links": {"set": "cars[0].link", "list": ["wifi", "lte"]}},
+        {"cars[0].route.window": ["0 s", "1 s"], "methods": ["local"]},
+        seeds=[1],
+        jobs=1,
+        out=tmp_path,
+    )
+    folder = tmp_path / "sweep"
+    assert main(["report", str(folder)]) == 0
+    (folder / "table.parquet").write_bytes((folder / "table.parquet").read_bytes() + b" ")
+    assert main(["report", str(folder)]) == 1
+    assert "table.parquet" in capsys.readouterr().err

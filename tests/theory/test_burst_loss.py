@@ -1,0 +1,95 @@
+"""Losses in bursts against the model of Gilbert and Elliott. With p the probability that a loss
+follows what was not lost and r that it ends, a share p / (p + r) is lost, 1 / r at a time.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from genie_sim.errors import UserError
+from genie_sim.seeds import stream
+from genie_sim.sim.link_models.loss import BurstLoss, LossProcess
+from genie_sim.sim.link_models.wire import Wire
+from tests.conformance import small
+
+SEED, SEGMENTS = 11, 200_000
+
+
+def lost(loss: BurstLoss, count: int, size: int = 1) -> np.ndarray:
+    """Of so many messages of ``size`` segments, whether each is hit."""
+    losses = LossProcess(loss, stream(SEED, "losses"))
+    return np.array([losses.hits(size) for _ in range(count)])
+
+
+@pytest.mark.parametrize(("mean", "burst"), [(0.01, 20), (0.1, 5), (0.3, 1), (0.02, 100)])
+def test_share_and_length_of_bursts(mean: float, burst: float):
+    """Both within 3 standard errors. Runs of losses and of none alternate, independent and
+    geometric, so the error of the share follows from the number of bursts.
+    """
+    hits = lost(BurstLoss(mean=mean, burst=burst), SEGMENTS)
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], hits, [False]]).astype(int)))
+    bursts = edges[1::2] - edges[::2]
+    correlation = 1 - 1 / burst - mean / ((1 - mean) * burst)
+    error = math.sqrt(mean * (1 - mean) * (1 + correlation) / (1 - correlation) / SEGMENTS)
+    assert hits.mean() == pytest.approx(mean, abs=3 * error)
+    spread = math.sqrt(burst * (burst - 1))
+    assert bursts.mean() == pytest.approx(burst, abs=3 * spread / math.sqrt(len(bursts)) + 1e-9)
+
+
+@pytest.mark.parametrize("size", [1, 10, 60])
+def test_independent_segments(size: int):
+    """A burst of 1 / (1 - m) makes segments independent: 1 - (1 - m)^n of messages are hit."""
+    mean, count = 0.01, 20_000
+    hits = lost(BurstLoss(mean=mean, burst=1 / (1 - mean)), count, size)
+    expected = 1 - (1 - mean) ** size
+    assert hits.mean() == pytest.approx(
+        expected, abs=3 * math.sqrt(expected * (1 - expected) / count)
+    )
+
+
+def test_a_link_counts_segments_or_messages_and_repairs():
+    loss = BurstLoss(mean=0.02, burst=1 / 0.98)
+    wire = Wire(None, None, 7, loss=loss, mtu_payload_bytes=1000)
+    channel = wire.channel(True, stream(SEED, "link"))
+    arrived = np.array([channel.delay_ns(10_000, 0) is not None for _ in range(4000)])
+    assert arrived.mean() == pytest.approx(0.98**10, abs=3 * 0.0061)
+    of_messages = replace(wire, loss=replace(loss, per="message"))
+    channel = of_messages.channel(True, stream(SEED, "link"))
+    arrived = np.array([channel.delay_ns(10_000, 0) is not None for _ in range(4000)])
+    assert arrived.mean() == pytest.approx(0.98, abs=3 * 0.0022)
+    repaired = replace(wire, loss=replace(loss, repair_ns=50))
+    channel = repaired.channel(True, stream(SEED, "link"))
+    delays_ns = [channel.delay_ns(10_000, 0) for _ in range(4000)]
+    assert set(delays_ns) == {7, 57}
+    assert np.mean(np.array(delays_ns) == 7) == pytest.approx(0.98**10, abs=3 * 0.0061)
+
+
+def test_the_delay_does_not_depend_on_the_losses():
+    wire = Wire(None, None, 7, jitter_ns=1000, loss=BurstLoss(mean=0.5, burst=4, repair_ns=10**6))
+    without = replace(wire, loss=0.0)
+    losses = wire.channel(True, stream(SEED, "link"))
+    delays_ns = [losses.delay_ns(1, 0) for _ in range(300)]
+    assert {delay_ns // 10**6 for delay_ns in delays_ns} == {0, 1}
+    assert max(delay_ns % 10**6 for delay_ns in delays_ns) <= 1007
+    assert without.channel(True, stream(SEED, "link")).delay_ns(1, 0) <= 1007
+
+
+@pytest.mark.parametrize(
+    ("loss", "message"),
+    [
+        ({"mean": 0.99, "burst": 20}, "loss.mean: must be at most 0.952381 with a burst of 20"),
+        ({"mean": 0.1, "burst": 0.5}, "loss.burst: must be at least 1, not 0.5"),
+        ({"burst": 5}, "loss.mean: missing"),
+        ({"mean": 0.1, "per": "bit"}, "loss.per: unknown per 'bit'"),
+        ({"mean": 0.1, "repair": 50}, "loss.repair: duration 50 has no unit"),
+    ],
+)
+def test_a_wrong_loss_is_one_line(loss: dict, message: str):
+    link = {"like": "nr5g", "loss": loss}
+    with pytest.raises(UserError) as error:
+        small.scenario(["remote"], cars=[small.car(1, link=link)])
+    assert f"cars[0].link.{message}" in str(error.value) and "\n" not in str(error.value)
