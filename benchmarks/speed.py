@@ -225,7 +225,7 @@ def race(
             gc.collect()
             found.setdefault(name, []).append(engine(station))
         for name in peers.PEERS:
-            if name not in skipped and cars <= peers.MOST_CARS.get(name, cars):
+            if name not in skipped and cars <= peers.MAX_CARS.get(name, cars):
                 _run_peer(
                     name, station, peers_python, found=found, skipped=skipped, versions=versions
                 )

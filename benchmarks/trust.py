@@ -40,7 +40,7 @@ DEFENCES = {
     "guarded": "{defence: guarded, signed: true}",
     "strict": "{defence: {name: guarded, misses: 1}, signed: true}",
 }
-MOST_POISON, MOST_RECALL = 1.2, 0.03  # the target: times the clean value, and share
+MAX_POISON, MAX_RECALL = 1.2, 0.03  # the target: times the clean value, and share
 USUAL = {
     "object_recall": "recall",
     "ghost_share": "ghosts",
@@ -201,7 +201,7 @@ def price_table(rows: Sequence[dict[str, str]]) -> Iterator[list[str]]:
         where = {"attacker": "nobody", "defence": name}
         columns = ("recall", "ghosts", "bytes_up", "bytes_down")
         recall, ghosts, up, down = (means(rows, column, **where) or 0.0 for column in columns)
-        cell = bold(f"{100 * recall:.2f}", within=before - recall <= MOST_RECALL)
+        cell = bold(f"{100 * recall:.2f}", within=before - recall <= MAX_RECALL)
         yield [name, cell, f"{100 * ghosts:.2f}", f"{up:,.0f}", f"{down:,.0f}"]
 
 
@@ -217,7 +217,7 @@ def attack_table(rows: Sequence[dict[str, str]], column: str) -> Iterator[list[s
             continue
         who = EDGE if share is None else f"{share:.3g} of the cars"
         cells = [
-            "-" if value is None else bold(f"{value:.4f}", within=value <= MOST_POISON * clean)
+            "-" if value is None else bold(f"{value:.4f}", within=value <= MAX_POISON * clean)
             for value in values
         ]
         yield [f"{kind}, {who}", f"{clean:.4f}", *cells]

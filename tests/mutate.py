@@ -54,8 +54,8 @@ COPIED = (
     "CHANGELOG.md",
 )
 MAX_SURVIVORS = 0.05
-MOST_CPU_S = 20  # of one process that runs tests
-MOST_ADDRESSES = 8 * 2**30
+MAX_CPU_S = 20  # of one process that runs tests
+MAX_ADDRESSES = 8 * 2**30
 LONGEST_S, LONGEST_TEST_S = 900, 100
 NOT_RUN = ("tests/docs", "tests/fuzz", "tests/test_mutate")
 FAST = (
@@ -321,7 +321,7 @@ def noticed_by(mutation: Mutation, copy: Path, cover: Cover) -> str | None:
 
 
 def failing_test(copy: Path, tests: list[str]) -> str | None:
-    """The first of these tests that fails in a copied checkout within ``MOST_CPU_S``."""
+    """The first of these tests that fails in a copied checkout within ``MAX_CPU_S``."""
     if not tests:
         return None
     (copy / "tests.txt").write_text("\n".join(tests) + "\n", encoding="utf-8")
@@ -340,8 +340,8 @@ def failing_test(copy: Path, tests: list[str]) -> str | None:
 
 def run_tests(copy: Path) -> None:
     """In a process of its own: pytest in a copied checkout, up to the first failure."""
-    resource.setrlimit(resource.RLIMIT_CPU, (MOST_CPU_S, MOST_CPU_S + 5))
-    resource.setrlimit(resource.RLIMIT_AS, (MOST_ADDRESSES, MOST_ADDRESSES))
+    resource.setrlimit(resource.RLIMIT_CPU, (MAX_CPU_S, MAX_CPU_S + 5))
+    resource.setrlimit(resource.RLIMIT_AS, (MAX_ADDRESSES, MAX_ADDRESSES))
     for name in [name for name in sys.modules if name.partition(".")[0] in (PACKAGE, "tests")]:
         del sys.modules[name]
     sys.path[:0] = [str(copy)]

@@ -32,8 +32,7 @@ def _of_ghosts(cause: str) -> Parts:
     return lambda rows: (rows[cause], rows["held"])
 
 
-# What the objects that somebody holds are worth: unit, and the ratio over the rows of table
-# ``held``.
+# Accuracy metrics of held objects: unit, and the ratio over the rows of table ``held``.
 HELD: dict[str, tuple[str, Parts]] = {
     "object_precision": ("1", lambda rows: (rows["right"], rows["held"])),
     "object_recall": ("1", lambda rows: (rows["right"], _visible(rows))),

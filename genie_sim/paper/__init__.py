@@ -1,3 +1,1 @@
-"""The paper's evaluation: what it leaves open, its claims and their tests, the runs behind them,
-verdicts, figures.
-"""
+"""Reproduction of the paper's evaluation: assumptions, claims, runs, verdicts and figures."""

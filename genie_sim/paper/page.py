@@ -24,7 +24,7 @@ from genie_sim.text import finite
 Measured = Mapping[tuple[str, Fact], Mapping[str, Any]]
 
 TITLE = "The paper's evaluation, simulated"
-MOST_FIGURE_BYTES = 4_000_000  # of all figures together; as text in the page they take a third more
+MAX_FIGURE_BYTES = 4_000_000  # of all figures together; as text in the page they take a third more
 
 FIGURES = {  # in the paper's order, then ours
     "latency_cdf": "Response times of answered frames",
@@ -205,7 +205,7 @@ def _figures(folder: Path, notes: list[str]) -> Iterator[dict[str, str]]:
     """The figures there are, as text for the source of a picture, where scripts in them would not
     run.
     """
-    room = MOST_FIGURE_BYTES
+    room = MAX_FIGURE_BYTES
     for name, title in FIGURES.items():
         path = folder / f"{name}.svg"
         if not path.is_file():

@@ -16,7 +16,7 @@ from genie_sim.core.geometry import Array
 
 FRAME_S = 0.1  # between two frames
 INLIER_M = 0.4  # an object this near to where it was seen before has not moved
-LEAST_INLIERS = 3  # of a pose that is believed
+MIN_INLIERS = 3  # of a pose that is believed
 APART_M = 2.0  # two objects nearer than this say little about a direction
 # How far the car may be from where its speed takes it: a frame at 54 km/h.
 JUMP_M = 1.5
@@ -28,7 +28,7 @@ FIT_STEPS, ROBUST_M, FAR_M = 10, 0.2, 30.0  # of the fit to what stands
 # are those that the scatter was first measured with; the heading's are assumed.
 PLACE_SIGMA_M, ACCELERATION_MPS2 = 0.10, 2.0
 HEADING_SIGMA_RAD, TURN_RADPS2 = math.radians(0.2), math.radians(20.0)
-MAX_SPEED, MAX_SCATTER_M, LEAST_STANDING = 20.0, 0.35, 5
+MAX_SPEED, MAX_SCATTER_M, MIN_STANDING = 20.0, 0.35, 5
 
 Objects = Mapping[int, tuple[float, float]]  # x and y [m] in the car's frame, by number
 
@@ -53,8 +53,8 @@ class EgoMotion(NamedTuple):
             )
         if self.bridged:
             doubts.append(f"{self.bridged} frames could not be placed (none may be)")
-        if self.standing < LEAST_STANDING:
-            doubts.append(f"{self.standing} objects stand (at least {LEAST_STANDING})")
+        if self.standing < MIN_STANDING:
+            doubts.append(f"{self.standing} objects stand (at least {MIN_STANDING})")
         return doubts
 
 
@@ -144,7 +144,7 @@ def _consensus(seen: Array, earlier: Array, expected: Array) -> Array | None:
     inliers = distance2_m2 < INLIER_M**2
     cost = np.minimum(distance2_m2, INLIER_M**2).sum(axis=1)
     best = inliers[int(np.lexsort((cost, -inliers.sum(axis=1)))[0])]
-    if best.sum() < min(LEAST_INLIERS, len(seen)):
+    if best.sum() < min(MIN_INLIERS, len(seen)):
         return None
     return _fit(seen[best], earlier[best], np.ones(int(best.sum())))
 

@@ -1,4 +1,4 @@
-"""Where a result comes from: its run id, its ``run.json``, and a result folder that is written
+"""The origin of a result (run id and ``run.json``), and result folders that are written
 atomically.
 """
 

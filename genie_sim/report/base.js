@@ -87,7 +87,7 @@ function filteredTable(name, head, rows, columns) {
   render();
 }
 
-// The head and the foot of the page, the way to every section that is not hidden, and by key into what scrolls: call it last.
+// The head and the foot of the page, links to every section that is not hidden; makes scrollable boxes focusable. Call it last.
 function showFrame(what, facts, origin) {
   byId("kicker").textContent = `genie-sim ${ABOUT.genie_sim}, ${what}`;
   byId("name").textContent = ABOUT.name;

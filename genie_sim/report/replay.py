@@ -1,5 +1,5 @@
-"""The street of a run over time, and the story of each frame: columns of whole numbers that pack
-well as JSON.
+"""The street of a run over time, and the events of each frame: integer columns that compress well
+as JSON.
 
 A long run does not fit into one page. Then a stretch of it is kept, with every frame, step, look-up
 and change of the object maps in it, rather than a thinned whole that would show a hit here and hide

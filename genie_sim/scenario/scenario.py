@@ -69,8 +69,8 @@ USUAL_METHODS = tuple(from_plain(MethodEntry, name) for name in methods.USUAL)
 
 EDGES = "edges"  # the network between edges, in the names of links
 
-# How much time a scenario may simulate. One car's frames of so long fill a computer's memory; more
-# is almost certainly a unit error and would be noticed only after hours.
+# The longest time that a scenario may simulate. The frames of one car over that time fill a
+# computer's memory; more is almost certainly a unit error and would be noticed only after hours.
 MAX_DAYS = 30
 DAY_NS = 24 * units.DURATIONS["h"]
 

@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from genie_sim.perception.sources import Extent, Progress
     from genie_sim.town.town import Town, TownDrive
 
-# Far beyond what anyone has simulated, see docs/explanation/million-cars.md; more is a slip of the
-# pen, which would fill the memory before anything is said.
+# Far beyond what anyone has simulated, see docs/explanation/million-cars.md; more is a typing
+# error that would exhaust the memory before any message appears.
 MAX_FRAMES, MAX_BLOCK_M = 100_000_000, 10_000.0
 
 

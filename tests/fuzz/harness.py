@@ -17,8 +17,8 @@ from genie_sim.errors import UserError
 
 SEED = 20_240_901
 PATIENCE_S = 20.0
-MOST_BYTES = 2 * 2**30  # of memory, at any moment of a case
-MOST_ADDRESSES = 8 * 2**30  # what asks for more than this is told that there is none
+MAX_BYTES = 2 * 2**30  # of memory, at any moment of a case
+MAX_ADDRESSES = 8 * 2**30  # what asks for more than this is told that there is none
 LONGEST_LINE = 12_000  # it may quote two words of 5,000 letters that somebody has typed
 
 Case = Callable[[random.Random], object]
@@ -66,7 +66,7 @@ def run(
     tally = Tally()
     case = target.prepare(folder)
     limit = resource.getrlimit(resource.RLIMIT_AS)
-    resource.setrlimit(resource.RLIMIT_AS, (MOST_ADDRESSES, limit[1]))
+    resource.setrlimit(resource.RLIMIT_AS, (MAX_ADDRESSES, limit[1]))
     try:
         _run(target, case, numbers, seed, tally, most_bugs)
     finally:
@@ -99,7 +99,7 @@ def _run(
             tally.bugs.append(f"{target.name} {number}:\n{traceback.format_exc()}")
         peak_bytes = _peak_bytes()
         tally.peak_bytes = max(tally.peak_bytes, peak_bytes)
-        if peak_bytes > MOST_BYTES:
+        if peak_bytes > MAX_BYTES:
             tally.large += 1
             tally.bugs.append(f"{target.name} {number}: took {peak_bytes / 2**20:,.0f} MB")
         if len(tally.bugs) >= most_bugs:

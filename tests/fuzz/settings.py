@@ -42,7 +42,7 @@ faults: [{fault: outage, target: car1, begin: 100 ms, end: 200 ms}]
 genie: {similarity: {name: pose_grid, cell: 2 m}, object_map: {freshness: {name: ttl, ttl: 1 s}}}
 """
 LONG_NS = 10**9  # what is simulated is shorter
-MOST_RUNS = 20  # of a sweep whose points are all checked
+MAX_RUNS = 20  # of a sweep whose points are all checked
 
 
 def settings_case(folder: Path, files: list[Path], read: Callable[[Path], object]) -> Case:
@@ -90,7 +90,7 @@ def sweeps(folder: Path) -> Case:
 
     def use(path: Path) -> None:
         design = load_design(path)
-        if design.runs <= MOST_RUNS and "fleet" not in design.scenario:
+        if design.runs <= MAX_RUNS and "fleet" not in design.scenario:
             plan(design, str(path))
 
     return settings_case(folder, sorted((REPOSITORY / "scenarios" / "sweeps").glob("*.yaml")), use)

@@ -1,4 +1,4 @@
-"""Feature vectors as they are stored: 64 whole numbers from -127 to 127, quantised so that length 1
+"""Feature vectors as they are stored: 64 integers from -127 to 127, quantised so that length 1
 is 254.
 
 Whole numbers because their distances are exact, in any order of adding up: every machine finds the

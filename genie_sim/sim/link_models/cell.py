@@ -17,9 +17,9 @@ FAILURE_NS = NS_PER_S
 THERMAL_NOISE_DBM = -174.0  # of 1 Hz at room temperature
 # 3GPP TR 36.942, annex A.2: a link reaches the share ``alpha`` of Shannon's bound, at most so many
 # bit/s/Hz in each layer, and nothing below this ratio of signal to interference and noise.
-ALPHA_UP, MOST_UP = 0.4, 2.0
-ALPHA_DOWN, MOST_DOWN = 0.6, 4.4
-LEAST_SINR_DB = -10.0
+ALPHA_UP, MAX_UP = 0.4, 2.0
+ALPHA_DOWN, MAX_DOWN = 0.6, 4.4
+MIN_SINR_DB = -10.0
 MHZ = 10**6
 
 
@@ -117,11 +117,11 @@ class Cell:
         modulation.
         """
         band = self.up if up else self.down
-        alpha, most = (ALPHA_UP, MOST_UP) if up else (ALPHA_DOWN, MOST_DOWN)
+        alpha, most = (ALPHA_UP, MAX_UP) if up else (ALPHA_DOWN, MAX_DOWN)
         efficiency = most
         if loss_db is not None:
             sinr_db = self.sinr_db(up, loss_db)
-            if sinr_db < LEAST_SINR_DB:
+            if sinr_db < MIN_SINR_DB:
                 return 0
             efficiency = min(alpha * math.log2(1 + 10 ** (sinr_db / 10)), most)
         return int(band.bandwidth_hz * band.layers * efficiency)
