@@ -19,10 +19,6 @@ nox.options.reuse_existing_virtualenvs = True
 # Whole files go to one process; files that take long come first (tests/conftest.py).
 PARALLEL = ("-n", os.environ.get("GENIE_SIM_TEST_PROCESSES", "3"), "--dist", "loadfile")
 
-# The simulator, and its own tests.
-SIMULATOR = ("core", "sim", "methods", "faults")
-MEASURED = ("tests/core", "tests/sim", "tests/methods", "tests/conformance", "tests/scenario")
-
 
 def install(session: nox.Session, *requirements: str) -> None:
     """Installs into the session's own environment; the active one (``--no-venv``) has it all."""
@@ -57,32 +53,15 @@ def test(session: nox.Session) -> None:
     pytest(session)
 
 
-def gate(session: nox.Session, *options: str) -> None:
-    """Runs tests, and fails where they ran too little of a room of the package."""
-    report = Path(session.create_tmp()) / "coverage.json"
-    pytest(session, *options, "--cov-report=", f"--cov-report=json:{report}")
-    session.run("python", "tests/coverage_gate.py", str(report))
-
-
 @nox.session
 def coverage(session: nox.Session) -> None:
-    """The simulator's own tests, and whether they run 95 % of its lines and branches."""
+    """All tests, those of the night too, and whether they run enough of every room of the
+    package.
+    """
     install(session, ".[test]")
-    gate(session, *MEASURED, *(f"--cov=genie_sim/{room}" for room in SIMULATOR))
-
-
-@nox.session
-def rest(session: nox.Session) -> None:
-    """All other tests. Coverage makes simulation 2.5 times slower, so it is not measured here."""
-    install(session, ".[test]")
-    pytest(session, *(f"--ignore={folder}" for folder in MEASURED))
-
-
-@nox.session
-def coverage_all(session: nox.Session) -> None:
-    """All tests, and whether they run enough of every room of the package: at night."""
-    install(session, ".[test]")
-    gate(session, "--nightly", "--cov")
+    report = Path(session.create_tmp()) / "coverage.json"
+    pytest(session, "--nightly", "--cov", "--cov-report=", f"--cov-report=json:{report}")
+    session.run("python", "tests/coverage_gate.py", str(report))
 
 
 @nox.session

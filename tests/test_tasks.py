@@ -19,8 +19,6 @@ TASKS = (
     "types",
     "test",
     "coverage",
-    "rest",
-    "coverage_all",
     "docs",
     "bench",
     "mutate",
