@@ -1,0 +1,181 @@
+"""Figures of made-up numbers look as they did: every mark, label and limit."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, replace
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from genie_sim.analysis import figures, style, tornado
+from genie_sim.analysis.breakdown import time_parts
+from genie_sim.analysis.compare import SEEDS, ComparedMethod, ComparedRuns, Difference
+from genie_sim.analysis.difference_plot import differences
+from genie_sim.analysis.latency_accuracy import latency_accuracy
+from genie_sim.analysis.registry import ZERO_DELAY
+from genie_sim.recording.columns import Columns
+from genie_sim.recording.records import HOSTS, POWER, HostRow, PowerRow
+from genie_sim.recording.results import MethodInfo, Metric, Run
+from genie_sim.recording.tables import Table
+from tests import made_up_run, outline
+from tests.made_up_run import METHODS, MS
+
+FOOTER = "3car_hetero, run 0123456789ab, seed 1"
+
+
+@pytest.fixture(scope="module")
+def tables() -> dict[str, pd.DataFrame]:
+    made = {
+        "frames": made_up_run.frames(2, 3),
+        "lookups": made_up_run.lookups(2, 120),
+        "resources": made_up_run.resources(2, 30),
+    }
+    return {name: table.to_frame() for name, table in made.items()}
+
+
+def run_of(tables: dict[str, pd.DataFrame]) -> Run:
+    facts = {
+        "scenario": {"name": "3car_hetero", "seed": 1},
+        "methods": [asdict(method) for method in METHODS],
+    }
+    columns = {name: Columns.of(table) for name, table in tables.items()}
+    return Run("0123456789ab", facts, "", columns, ())
+
+
+@pytest.mark.parametrize("width", [None, "page"])
+def test_figures_of_a_run(tables, width: str | None):
+    width_in = None if width is None else style.WIDTHS[width]
+    outline.check(f"run {width or 'usual'}", figures.of_run(run_of(tables), width_in))
+
+
+def test_several_seeds_have_bands(tables):
+    """Curves and bars of three seeds, of which one has other numbers."""
+    seeds = [tables, tables, {"frames": made_up_run.frames(2, 3, seed=2).to_frame()}]
+    seeds[2]["lookups"] = made_up_run.lookups(2, 120, seed=2, lift=2.0).to_frame()
+    frames, lookups = ([seed[name] for seed in seeds] for name in ("frames", "lookups"))
+    drawn = {
+        "latency_cdf": figures.latency_cdf({"run": frames}, METHODS, FOOTER),
+        "image_reuse": figures.image_reuse({"run": lookups}, METHODS, FOOTER),
+        "object_reuse": figures.object_reuse({"a": lookups, "b": lookups[:1]}, METHODS, FOOTER),
+        "confidence_boost": figures.confidence_boost({"run": lookups}, METHODS, FOOTER),
+    }
+    outline.check("seeds", drawn)
+
+
+def test_the_six_configurations_of_the_paper_and_a_fleet(tables):
+    labels = [f"{cars} cars\n{kind}" for kind in ("homo", "hetero") for cars in (1, 2, 3)]
+    frames = dict.fromkeys(labels, tables["frames"])
+    resources = made_up_run.resources(cars=20, samples=12).to_frame()
+    drawn = {
+        "latency_cdf": figures.latency_cdf(frames, METHODS, FOOTER),
+        "answered": figures.latency_cdf(frames, METHODS, FOOTER, of="answered"),
+        "image_reuse": figures.image_reuse(
+            dict.fromkeys(labels, tables["lookups"]), METHODS, FOOTER
+        ),
+        "resources": figures.resource_use(resources, METHODS, FOOTER),
+    }
+    outline.check("many panels", drawn)
+
+
+def accuracy(method: str, first_ms: float, f1: float) -> list[Metric]:
+    return [
+        Metric(
+            "first_answer_mean", method, "all", "", first_ms, "ms", 0.9 * first_ms, first_ms + 3
+        ),
+        Metric("streaming_f1", method, "all", "", f1, "1", f1 - 0.05, f1 + 0.02),
+        Metric("streaming_f1", method, "all", ZERO_DELAY, 0.7, "1", 0.6, 0.8),
+    ]
+
+
+def test_accuracy_versus_latency():
+    one = [
+        metric
+        for i, method in enumerate(METHODS)
+        for metric in accuracy(method.name, 9 + 150 * i, 0.3 + 0.1 * i)
+    ]
+    other = [replace(metric, value=1.1 * (metric.value or 0)) for metric in one]
+    drawn = {
+        "one run": latency_accuracy({"run": one}, METHODS, FOOTER),
+        "two runs": latency_accuracy({"wifi": one, "lte": other}, METHODS, FOOTER),
+    }
+    outline.check("latency accuracy", drawn)
+
+
+def test_parts_of_the_time():
+    parts = {"queueing": 10.0, "uplink": 5.5, "inference": 20.0, "genie": 1.5, "pending": 4.0}
+    measured = [
+        Metric(f"{answer}_answer_part", method.name, "all", part, (1 + 4 * i) * value, "ms")
+        for i, method in enumerate(METHODS)
+        for answer, scale in (("first", 1), ("fresh", 1 + i))
+        for part, value in parts.items()
+        if scale == 1 or part != "genie"
+    ]
+    outline.check("time parts", {"time_parts": time_parts(measured, METHODS, FOOTER)})
+
+
+def test_differences():
+    def row(metric: str, arm: str, difference: float, reach: float | None) -> Difference:
+        low, high = (None, None) if reach is None else (difference - reach, difference + reach)
+        unit = "ms" if metric == "first_answer_mean" else "1"
+        return Difference(metric, arm, 1.0, unit, "a", difference, low, high, by=SEEDS, n=5)
+
+    arms = [
+        ComparedMethod(name, name.upper(), MethodInfo(name, name.upper(), False), {})
+        for name in "abc"
+    ]
+    rows = [
+        row("first_answer_mean", "b", -340.0, 6.0),
+        row("first_answer_mean", "c", 12.5, 30.0),
+        row("streaming_f1", "b", 0.02, 0.03),
+        row("streaming_f1", "c", -0.04, None),
+        row("ghost_share", "b", 0.1, 0.01),
+    ]
+    outline.check("differences", {"of two": differences(ComparedRuns(arms, rows, ["town"], {}))})
+
+
+def test_energy_and_how_much_it_depends_on_each_power():
+    frames = Table(made_up_run.FRAMES)
+    for number in range(20):
+        for method in METHODS:
+            row = made_up_run.FrameRow(method.name, "car1", "camera", number, 0, 100 * number * MS)
+            row.first_answer_ns = row.fresh_answer_ns = row.stamp_ns + 40 * MS
+            row.objects_fresh = 2
+            frames.append(row.values())
+    hosts, power = Table(HOSTS), Table(POWER)
+    for place, method in enumerate(METHODS):
+        for placement, work in (("car", 1 + place), ("edge", 3 - place)):
+            device, sent = f"{placement} computer", work * 10_000 * (placement == "car")
+            hosts.append(
+                HostRow(
+                    method.name,
+                    f"{placement}1",
+                    placement,
+                    device,
+                    interface="wifi" if placement == "car" else None,
+                    accelerator_ns=work * 500 * MS,
+                    cpu_ns=work * 300 * MS,
+                    pictures=20,
+                    batches=20,
+                    bytes_up=sent,
+                    bytes_down=sent // 100,
+                    transfer_ns=40 * MS * (placement == "car"),
+                    tail_ns=9 * MS * (placement == "car"),
+                )
+            )
+            for number, part in enumerate(("idle", "accelerator", "core")):
+                watts = 3.0 + 7 * number + 20 * (placement == "edge")
+                row = (watts, 0.8 * watts, 1.5 * watts)
+                power.append(PowerRow(method.name, "device", device, part, *row))
+        for number, part in enumerate(("port", "transfer", "tail", "up", "down")):
+            watts = 0.5 + 0.1 * number
+            row = (watts, 0.5 * watts, 1.1 * watts)
+            power.append(PowerRow(method.name, "interface", "wifi", part, *row))
+    tables = {
+        "frames": Columns.of(frames.to_frame()),
+        "hosts": Columns.of(hosts.to_frame()),
+        "power": Columns.of(power.to_frame()),
+    }
+    drawn = {"energy": tornado.tornado([tables], METHODS, FOOTER)}
+    assert np.array_equal(*[axis.get_xlim() for axis in drawn["energy"].axes[:2]])
+    outline.check("energy", drawn)
