@@ -27,7 +27,7 @@ from genie_sim.analysis import seed_runs
 from genie_sim.analysis.plots import Plots
 from genie_sim.analysis.seed_runs import SeedRuns
 from genie_sim.analysis.verdict import verdicts
-from genie_sim.errors import UserError
+from genie_sim.errors import UserError, short_repr
 from genie_sim.paths import expanded
 from genie_sim.perception.sources import Progress
 from genie_sim.recording import results
@@ -193,6 +193,7 @@ def run(
     label: str = "",
     out: str | Path | None = None,
     jobs: int | None = None,
+    workers: int = 1,
     progress: Progress | None = None,
 ) -> Run: ...
 
@@ -222,6 +223,7 @@ def run(
     label: str = "",
     out: str | Path | None = None,
     jobs: int | None = None,
+    workers: int = 1,
     progress: Progress | None = None,
 ) -> Run | Runs:
     """Simulates a scenario under each of its methods. Raises ``UserError`` before it simulates.
@@ -246,6 +248,8 @@ def run(
         runs that are in it are not run again.
     jobs : int, optional
         Processes for ``seeds``; by default one per core.
+    workers : int
+        Processes for one run, at most one a method. The results do not depend on it.
     progress : callable, optional
         Called with the seconds simulated, those to simulate, and the method; of ``seeds`` with how
         many runs are done, how many there are, and how many failed.
@@ -254,13 +258,19 @@ def run(
     if methods:
         setting = with_methods(setting, methods)
     label = results.checked_label(label)
+    if not isinstance(workers, int) or isinstance(workers, bool) or workers < 1:
+        raise UserError(f"workers: {short_repr(workers)}: expected a whole number from 1 on")
     if seeds is not None:
         if seed is not None:
             raise UserError("seed and seeds: give one of them")
+        if workers != 1:
+            raise UserError("workers: is for one run; with seeds give jobs")
         return _run_seeds(setting, seeds, label, out=out, jobs=jobs, progress=progress)
     if out is None:
-        return _one_in_hand(runner.run_in_memory(setting, progress, label=label))
-    return _one_in_hand(runner.run_to_folder(setting, expanded(out), progress, label=label))
+        run = runner.run_in_memory(setting, progress, label=label, workers=workers)
+    else:
+        run = runner.run_to_folder(setting, expanded(out), progress, label=label, workers=workers)
+    return _one_in_hand(run)
 
 
 def _run_seeds(

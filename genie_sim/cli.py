@@ -96,6 +96,11 @@ def app(context: click.Context) -> None:
 )
 @seeds_option
 @click.option("--jobs", type=COUNT, help="With --seeds: processes; default: one a core.")
+@click.option(
+    "--workers",
+    type=COUNT,
+    help="Processes for one run, at most one a method; results are the same. Default: 1.",
+)
 @label_option
 @click.option("--out", type=PATH, default="results", help="The folder that gets the result folder.")
 @click.option("--no-report", is_flag=True, help="Leave out report.html.")
@@ -108,6 +113,7 @@ def run(
     methods: str | None,
     seeds: str | None,
     jobs: int | None,
+    workers: int | None,
     label: str,
     out: Path,
     no_report: bool,
@@ -130,7 +136,9 @@ def run(
     if seed is not None and several is not None:
         raise UserError("--seed and --seeds: give one of them")
     if jobs is not None and several is None:
-        raise UserError("--jobs: goes with --seeds; one run is one process")
+        raise UserError("--jobs: goes with --seeds; for one run give --workers")
+    if workers is not None and several is not None:
+        raise UserError("--workers: is for one run; with --seeds give --jobs")
 
     files.find(files.SCENARIO, scenario)  # a wrong name is reported before the heavy imports
     from genie_sim.scenario.scenario import load_scenario, with_methods
@@ -154,7 +162,13 @@ def run(
         )
     with Progress() as progress:
         result = runner.run_to_folder(
-            setting, out, progress, with_report=not no_report, figures=formats, label=label
+            setting,
+            out,
+            progress,
+            with_report=not no_report,
+            figures=formats,
+            label=label,
+            workers=workers or 1,
         )
     _show(result, figures=figures, report=not no_report)
 

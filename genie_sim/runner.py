@@ -24,6 +24,7 @@ from genie_sim.recording.records import SCHEMAS, PowerRow, Tables, new_tables
 from genie_sim.recording.results import FILES, MethodInfo, Run, changed_files, checked_label
 from genie_sim.recording.tables import Table
 from genie_sim.recording.tables import write as write_columns
+from genie_sim.scenario.methods import MethodEntry
 from genie_sim.scenario.power import INTERFACES, DevicePower, InterfacePower, parts
 from genie_sim.scenario.profiles import DeviceProfile
 from genie_sim.scenario.scenario import FRAME_SOURCE, Scenario, read_scenario
@@ -47,9 +48,11 @@ def run_to_folder(
     figures: Sequence[str] = (),
     *,
     label: str = "",
+    workers: int = 1,
 ) -> Run:
     """Simulates a scenario and writes ``out/<scenario>-<run id>``, with ``figures`` in these
-    formats, such as ``svg``; ``label`` is what the user calls the run.
+    formats, such as ``svg``; ``label`` is what the user calls the run. With several ``workers``,
+    its methods run side by side in so many processes; results do not depend on it.
 
     Raises ``UserError`` before it simulates.
     """
@@ -65,6 +68,7 @@ def run_to_folder(
         with_report=with_report,
         figures=figures,
         label=label,
+        workers=workers,
     )
 
 
@@ -77,6 +81,7 @@ def write(
     with_report: bool = True,
     figures: Sequence[str] = (),
     label: str = "",
+    workers: int = 1,
 ) -> Run:
     """Simulates a run and writes its results into ``folder``, which takes the place of earlier
     results of that name. Raises ``UserError``.
@@ -90,15 +95,19 @@ def write(
             with_report=with_report,
             figure_formats=figures,
             label=label,
+            workers=workers,
         )
     return replace(run, folder=folder)
 
 
-def run_in_memory(scenario: Scenario, progress: Progress | None = None, *, label: str = "") -> Run:
+def run_in_memory(
+    scenario: Scenario, progress: Progress | None = None, *, label: str = "", workers: int = 1
+) -> Run:
     """Simulates a scenario and writes nothing. Raises ``UserError`` before it simulates."""
     prepared = prepare(scenario, progress)
     run_id = provenance.run_id(facts(prepared))
-    return replace(finished(prepared, run_id, simulate(prepared, progress)), label=label)
+    tables = simulate_with(prepared, workers, progress)
+    return replace(finished(prepared, run_id, tables), label=label)
 
 
 def rerun(
@@ -232,6 +241,7 @@ def _fill(
     with_report: bool,
     figure_formats: Sequence[str],
     label: str = "",
+    workers: int = 1,
 ) -> Run:
     """Simulates and writes the files of a result folder.
 
@@ -251,9 +261,11 @@ def _fill(
         Such as ``svg``; none: no figures.
     label : str
         What the user calls the run; may be empty.
+    workers : int
+        How many processes simulate its methods.
     """
     began_s = time.perf_counter()
-    tables = simulate(prepared, progress, spill=folder)
+    tables = simulate_with(prepared, workers, progress, spill=folder)
     for name, table in tables.items():
         table.write(folder / f"{name}.parquet")
     made = replace(finished(prepared, run_id, tables), label=label)
@@ -415,6 +427,18 @@ def _encoded(scenario: Scenario, frames: Any, car: str, encoding: Encoding) -> A
     return frames.encoded(car, encoding)
 
 
+def simulate_with(
+    prepared: Prepared, workers: int, progress: Progress | None = None, spill: Path | None = None
+) -> Tables:
+    """``simulate`` in so many processes, at most one a method."""
+    workers = min(workers, len(prepared.scenario.methods))
+    if workers <= 1:
+        return simulate(prepared, progress, spill)
+    from genie_sim.method_processes import side_by_side  # which imports this module
+
+    return side_by_side(prepared, workers, progress, spill)
+
+
 def simulate(
     prepared: Prepared, progress: Progress | None = None, spill: Path | None = None
 ) -> Tables:
@@ -423,29 +447,58 @@ def simulate(
     With ``spill``, a folder, the rows of long tables wait there and not in memory; ``write``
     completes their files.
     """
-    scenario, tables = prepared.expanded, new_tables(spill)
+    methods, tables = prepared.expanded.methods, new_tables(spill)
+    driven: set[str] = set()
+    for number, entry in enumerate(methods):
+        report = _of_all(progress, number, len(methods))
+        driven |= simulate_method(prepared, entry, tables, driven=driven, progress=report)
+    return tables
+
+
+def _of_all(progress: Progress | None, number: int, methods: int) -> Progress:
+    """Returns what takes the seconds of one method, the ``number``-th, and tells those of all."""
+
+    def report(now_s: float, end_s: float, text: str) -> None:
+        if progress is not None:
+            progress(number * end_s + now_s, methods * end_s, text)
+
+    return report
+
+
+def simulate_method(
+    prepared: Prepared,
+    entry: MethodEntry,
+    tables: Tables,
+    *,
+    driven: Collection[str],
+    progress: Progress,
+) -> set[str]:
+    """Adds the rows of one method to the tables; returns the hosts on which it runs something.
+
+    ``driven`` are the hosts on which methods before it do: rows that are the same under every
+    method are written once. ``progress`` is called with the time now and at the end [s].
+    """
+    scenario = prepared.expanded
     samples: Samples = "all" if scenario.fleet is None else "edges"
     if "resources" not in scenario.record:
         samples = "none"
-    driven: set[str] = set()
-    for number, entry in enumerate(scenario.methods):
-        setup = build.setup(prepared, entry)
-        accuracy = accuracy_of(prepared, entry.name, setup, tables, driven=driven)
-        log = Log(
-            entry.name,
-            tables,
-            record=scenario.record,
-            samples=samples,
-            accuracy=accuracy,
-            posed=driven,
-        )
-        note_power(tables["power"], entry.name, prepared, setup)
-        with gc_disabled():
-            world = World(setup, build.method(entry), log)
-            world.run(_progress_of(log, progress, number, len(scenario.methods)))
-            driven.update(world.network.graphs)
-            world.dismantle()
-    return tables
+    setup = build.setup(prepared, entry)
+    accuracy = accuracy_of(prepared, entry.name, setup, tables, driven=driven)
+    log = Log(
+        entry.name,
+        tables,
+        record=scenario.record,
+        samples=samples,
+        accuracy=accuracy,
+        posed=driven,
+    )
+    note_power(tables["power"], entry.name, prepared, setup)
+    with gc_disabled():
+        world = World(setup, build.method(entry), log)
+        world.run(_progress_of(log, progress))
+        hosts = set(world.network.graphs)
+        world.dismantle()
+    return hosts
 
 
 def note_power(table: Table, method: str, prepared: Prepared, setup: Setup) -> None:
@@ -463,20 +516,15 @@ def note_power(table: Table, method: str, prepared: Prepared, setup: Setup) -> N
             table.append(row)
 
 
-def _progress_of(
-    log: Log, progress: Progress | None, number: int, methods: int
-) -> Callable[[int, int], None]:
-    """Returns what reports the simulated time of one method, and the frames simulated per second.
-
-    ``number`` is the method's place among so many ``methods``.
+def _progress_of(log: Log, progress: Progress) -> Callable[[int, int], None]:
+    """Returns what reports the simulated time of one method, and the frames simulated per
+    second.
     """
     began_s = time.perf_counter()
 
     def report(now_ns: int, end_ns: int) -> None:
-        if progress is not None:
-            rate = log.published_frames / max(time.perf_counter() - began_s, 1e-9)
-            text = f"{log.method}, {rate:,.0f} frames/s"
-            progress((number * end_ns + now_ns) / NS_PER_S, methods * end_ns / NS_PER_S, text)
+        rate = log.published_frames / max(time.perf_counter() - began_s, 1e-9)
+        progress(now_ns / NS_PER_S, end_ns / NS_PER_S, f"{log.method}, {rate:,.0f} frames/s")
 
     return report
 

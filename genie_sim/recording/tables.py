@@ -149,6 +149,20 @@ class _Buffer:
                 f"column {self.about.name!r} is never empty" if None in values else str(error)
             ) from None
 
+    def extend_column(self, values: Any) -> None:
+        """Adds values at the end, as ``column`` returns them."""
+        if self._is_text:
+            # Names that no row has would go into the file.
+            names = values.unique()
+            codes = np.array([*(self.codes[name] for name in names), self._none])
+            encoded = codes[values.codes_in(names)]  # NO_TEXT is the last
+        elif not self.about.nullable or self.about.kind == "float64":
+            encoded = values
+        else:
+            is_known = [value is not None and value == value for value in values.tolist()]
+            encoded = np.where(is_known, values, self._none)
+        self.values.frombytes(encoded.astype(self.values.typecode).tobytes())
+
     def encode(self, value: Any) -> Any:
         """What stands for a value in the buffer; a text that is not there has a code of its own."""
         return self.codes.get(value, _NO_CODE) if self._is_text else value
@@ -249,6 +263,18 @@ class Table:
         while len(self._new) >= room:
             self._store(room)
 
+    def extend(self, columns: Columns) -> None:
+        """Adds the rows of a table with the same columns, as ``read`` or ``columns`` gives them."""
+        self._store()
+        begin, count = 0, len(columns)
+        while begin < count:
+            end = min(begin + ROWS_PER_GROUP - self._rows % ROWS_PER_GROUP, count)
+            for name, buffer in self._buffers.items():
+                buffer.extend_column(columns[name][begin:end])
+            self._rows += end - begin
+            self._spill_full_group()
+            begin = end
+
     def _store(self, max_values: int | None = None) -> None:
         """Moves the new rows into the buffers, at most so many values."""
         new = self._new[:max_values]
@@ -256,6 +282,9 @@ class Table:
         for place, buffer in enumerate(self._buffers.values()):
             buffer.extend(new[place :: self._width])
         self._rows += len(new) // self._width
+        self._spill_full_group()
+
+    def _spill_full_group(self) -> None:
         if self._spill is not None and self._rows >= ROWS_PER_GROUP:
             self._spill_rows(self._spill)
 
@@ -373,22 +402,8 @@ def other_format(path: Path, version: object, expected: int) -> str:
 def write(path: Path, schema: Schema, columns: Columns) -> None:
     """Writes columns as ``Table.write`` writes the same rows. Raises OSError."""
     table = Table(schema)
-    cells = [_cells(columns[column.name], column) for column in schema.columns]
-    for row in zip(*cells, strict=True):
-        table.append(row)
+    table.extend(columns)
     table.write(path)
-
-
-def _cells(values: Any, column: Column) -> list[Value]:
-    """The values of a column, None where unknown."""
-    cells: list[Any] = values.tolist()
-    if column.kind in ("text", "bool"):
-        return cells
-    if column.nullable:
-        cells = [None if cell is None or cell != cell else cell for cell in cells]
-    if column.kind != "float64":
-        cells = [None if cell is None else int(cell) for cell in cells]
-    return cells
 
 
 def read(path: Path, schema: Schema) -> Columns:

@@ -183,6 +183,31 @@ def test_rows_that_went_to_the_file_at_once_are_the_same_rows(tmp_path):
     assert (tmp_path / "in_thirties").read_bytes() == (tmp_path / "objects.parquet").read_bytes()
 
 
+def test_rows_of_other_tables_can_follow_and_leave_the_same_bytes(tmp_path):
+    """Wherever the rows of one end and those of the next begin, in memory or in a file."""
+    whole = some_objects(Table(OBJECTS, tmp_path / "whole.partial"))
+    whole.write(tmp_path / "whole")
+    columns = tables.read(tmp_path / "whole", OBJECTS)
+    for name, spill in (("here", None), ("spilled", tmp_path / "spilled.partial")):
+        joined = Table(OBJECTS, spill)
+        for rows in (slice(0, 70_001), slice(70_001, 70_001), slice(70_001, None)):
+            joined.extend(columns.rows(rows))
+        assert len(joined) == 150_000
+        joined.write(tmp_path / name)
+    some_objects(Table(OBJECTS)).write(tmp_path / "in memory")
+    assert (tmp_path / "here").read_bytes() == (tmp_path / "in memory").read_bytes()
+    assert (tmp_path / "spilled").read_bytes() == (tmp_path / "whole").read_bytes()
+
+
+@pytest.mark.parametrize("table", one_of_each(), ids=lambda table: table.name)
+def test_what_is_unknown_stays_unknown_where_rows_follow(table, tmp_path):
+    table.write(tmp_path / "first")
+    joined = Table(table.schema)
+    joined.extend(tables.read(tmp_path / "first", table.schema))
+    joined.write(tmp_path / "second")
+    assert (tmp_path / "second").read_bytes() == (tmp_path / "first").read_bytes()
+
+
 def test_a_table_that_is_sorted_stays_in_memory(tmp_path):
     with pytest.raises(ValueError, match="frames"):
         Table(FRAMES, tmp_path / "frames.partial")
