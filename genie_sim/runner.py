@@ -1,12 +1,13 @@
 """Runs a scenario: prepares what it needs, simulates each method, and writes the result folder."""
 
 import gc
+import pickle
 import tempfile
 import time
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, replace
-from functools import partial
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
@@ -15,6 +16,7 @@ from genie_sim.build import Prepared, check_faults_of, method_facts, plugin_dige
 from genie_sim.errors import UserError, short_repr, unknown
 from genie_sim.fleet import expanded
 from genie_sim.messages import Encoding
+from genie_sim.method_processes import side_by_side
 from genie_sim.monitor import Samples
 from genie_sim.perception.sources import Drive, Frames, Progress
 from genie_sim.recording import provenance
@@ -430,13 +432,37 @@ def _encoded(scenario: Scenario, frames: Any, car: str, encoding: Encoding) -> A
 def simulate_with(
     prepared: Prepared, workers: int, progress: Progress | None = None, spill: Path | None = None
 ) -> Tables:
-    """``simulate`` in so many processes, at most one a method."""
-    workers = min(workers, len(prepared.scenario.methods))
-    if workers <= 1:
+    """``simulate`` in so many processes, at most one a method; each prepares the scenario anew."""
+    methods = len(prepared.scenario.methods)
+    if min(workers, methods) <= 1:
         return simulate(prepared, progress, spill)
-    from genie_sim.method_processes import side_by_side  # which imports this module
+    apart = partial(_simulate_apart, pickle.dumps((prepared.scenario, prepared.devices)))
+    return side_by_side(apart, methods, workers, progress=progress, spill=spill)
 
-    return side_by_side(prepared, workers, progress, spill)
+
+def _simulate_apart(packed: bytes, number: int, tables: Tables, progress: Progress) -> None:
+    """``simulate_method`` of the ``number``-th method, in a process that knows nothing yet."""
+    prepared = _prepared(packed)
+    *earlier, entry = prepared.expanded.methods[: number + 1]
+    driven = set().union(*(_hosts(prepared, other) for other in earlier))
+    simulate_method(prepared, entry, tables, driven=driven, progress=progress)
+
+
+@lru_cache(maxsize=1)
+def _prepared(packed: bytes) -> Prepared:
+    """What all methods of a run begin with, once a process."""
+    scenario, devices = pickle.loads(packed)
+    return prepare(scenario, devices=devices)
+
+
+def _hosts(prepared: Prepared, entry: MethodEntry) -> set[str]:
+    """The hosts on which a method runs something."""
+    with gc_disabled():
+        log = Log(entry.name, new_tables(), samples="none")
+        world = World(build.setup(prepared, entry), build.method(entry), log)
+        hosts = set(world.network.graphs)
+        world.dismantle()
+    return hosts
 
 
 def simulate(

@@ -40,7 +40,8 @@ BASE = (
 )
 _SIMULATED = ("core", "sim", "methods", "faults")
 _READ = (*_SIMULATED, "perception", "town", "traffic", "scenario")
-_RUN = (*_READ, "recording", "analysis", "report", "fleet", "own_classes", "build", "runner")
+_RESULTS = ("recording", "analysis", "report", "method_processes")
+_RUN = (*_READ, *_RESULTS, "fleet", "own_classes", "build", "runner")
 # Each package, or module beside them, and what it may import besides itself and the base.
 MAY_IMPORT: dict[str, tuple[str, ...]] = {
     "core": (),
@@ -58,7 +59,8 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     "fleet": ("core", "sim", "perception", "town", "scenario"),
     "own_classes": _SIMULATED,
     "build": (*_READ, "own_classes"),
-    "runner": (*_READ, "recording", "analysis", "report", "fleet", "own_classes", "build"),
+    "method_processes": ("recording",),
+    "runner": (*_READ, *_RESULTS, "fleet", "own_classes", "build"),
     "run_pictures": ("perception", "recording", "report"),
     "device_fit": ("perception", "scenario"),
     "ros": ("core", "scenario", "recording", "perception"),

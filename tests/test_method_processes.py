@@ -8,8 +8,9 @@ from pathlib import Path
 import pytest
 
 import genie_sim as gs
+from genie_sim import runner
 from genie_sim.cli import main
-from genie_sim.method_processes import MethodJob, _Reporter, _watched, side_by_side
+from genie_sim.method_processes import MethodJob, Reporter, _watched
 from genie_sim.runner import prepare, simulate
 from genie_sim.scenario.scenario import RECORDS, read_scenario
 
@@ -34,17 +35,25 @@ def written(tables, folder: Path) -> dict[str, bytes]:
     return {path.name: path.read_bytes() for path in folder.iterdir()}
 
 
-def test_methods_side_by_side_write_the_tables_of_methods_one_after_the_other(tmp_path):
+def test_methods_side_by_side_write_the_tables_of_methods_one_after_the_other(
+    tmp_path, monkeypatch
+):
     """Poses and the detector without delay are those of the first method that drives a car."""
     prepared = prepare(read_scenario(EVERY_TABLE))
     tables = simulate(prepared)
     assert len(tables["poses"]) and len(tables["held"]) and len(tables["steps"])
     one_by_one = written(tables, tmp_path / "one by one")
-    assert written(side_by_side(prepared, 1), tmp_path / "side by side") == one_by_one
+    monkeypatch.setattr(
+        "genie_sim.method_processes.in_processes", lambda run, jobs, _: map(run, jobs)
+    )
     spill = tmp_path / "spill"
     spill.mkdir()
-    spilled = written(side_by_side(prepared, 1, spill=spill), tmp_path / "spilled")
-    assert spilled == one_by_one and not list(spill.iterdir())
+    for folder in (None, spill):
+        apart = written(
+            runner.simulate_with(prepared, 3, spill=folder), tmp_path / f"to {bool(folder)}"
+        )
+        assert apart == one_by_one
+    assert not list(spill.iterdir())
 
 
 @pytest.mark.nightly
@@ -61,8 +70,8 @@ def test_progress_is_that_of_all_methods_together(tmp_path):
     jobs = [MethodJob(number, tmp_path / str(number)) for number in range(3)]
     for job in jobs:
         job.folder.mkdir()
-    _Reporter(jobs[0])(4.0, 4.0, "local, 9 frames/s")
-    _Reporter(jobs[1])(1.0, 4.0, "remote, 8 frames/s")
+    Reporter(jobs[0])(4.0, 4.0, "local, 9 frames/s")
+    Reporter(jobs[1])(1.0, 4.0, "remote, 8 frames/s")
     assert json.loads(jobs[1].progress.read_text()) == [1.0, 4.0, "remote, 8 frames/s"]
     told = []
     with _watched(jobs, lambda *now: told.append(now)):
