@@ -1,0 +1,87 @@
+"""Figures by name: what each draws when nothing more is said."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+
+import pytest
+from matplotlib.figure import Figure
+
+from genie_sim.analysis.plots import Plots
+from genie_sim.errors import UserError
+from genie_sim.recording.columns import Columns
+from genie_sim.recording.results import Run
+from tests import made_up_run
+from tests.made_up_run import METHODS
+
+
+@pytest.fixture(scope="module")
+def run() -> Run:
+    facts = {
+        "scenario": {"name": "made up", "seed": 1},
+        "methods": [asdict(method) for method in METHODS],
+    }
+    made = {
+        "frames": made_up_run.frames(1, 2),
+        "lookups": made_up_run.lookups(1, 60),
+        "resources": made_up_run.resources(1, 20),
+    }
+    tables = {name: Columns.of(table.to_frame()) for name, table in made.items()}
+    of_local = tables["resources"]["method"] == "local"
+    busy_ns = tables["resources"].floats("busy_ns") * (1 - 0.5 * of_local)  # methods differ
+    tables["resources"] = tables["resources"].assign(busy_ns=busy_ns)
+    return Run("0123456789ab", facts, "", tables, ())
+
+
+def test_into_a_panel_goes_the_use_under_the_last_method_or_the_one_that_is_named(run: Run):
+    def drawn(**chosen: str) -> list[list[float]]:
+        panel = Figure().subplots()
+        figure = Plots(run).resource_use(ax=panel, **chosen)
+        assert figure is panel.get_figure()
+        return [list(line.get_ydata()) for line in panel.lines]
+
+    assert drawn() == drawn(method="genie") != drawn(method="local")
+    assert drawn() == drawn(kind="accelerator") != drawn(kind="link")
+
+
+@pytest.mark.parametrize("name", ["image_reuse", "object_reuse", "confidence_boost", "latency_cdf"])
+def test_a_figure_in_a_panel_of_ones_own_is_that_figure(run: Run, name: str):
+    figure = Figure()
+    panel, other = figure.subplots(2)
+    assert getattr(Plots(run), name)(ax=panel) is figure
+    alone = getattr(Plots(run), name)().axes[0]
+    for marks in ("lines", "patches", "collections"):
+        assert len(getattr(panel, marks)) == len(getattr(alone, marks))
+    assert panel.has_data() and not other.has_data()
+    assert panel.get_ylabel() == alone.get_ylabel() != ""
+
+
+def test_the_curve_is_of_published_frames_unless_of_answered_ones(run: Run):
+    def end(**of: str) -> float:
+        (local,) = (
+            line
+            for line in Plots(run).latency_cdf(**of).axes[0].lines
+            if str(line.get_label()).startswith("local")
+        )
+        return float(local.get_ydata()[-1])
+
+    assert end() == end(of="published") < end(of="answered") == 1.0
+
+
+@pytest.mark.parametrize(
+    ("chosen", "message"),
+    [
+        ({"method": "genei"}, r"^resource_use: unknown method 'genei' \(did you mean 'genie'\?\)"),
+        ({"kind": "disk"}, "^resource_use: unknown kind 'disk'"),
+    ],
+)
+def test_what_a_run_has_not_is_one_line(run: Run, chosen: dict[str, str], message: str):
+    with pytest.raises(UserError, match=message):
+        Plots(run).resource_use(ax=Figure().subplots(), **chosen)
+    for name, lacks in (
+        ("latency_accuracy", "no accuracy"),
+        ("time_parts", "no steps"),
+        ("energy", "not known"),
+    ):
+        with pytest.raises(UserError, match=f"^{name}: .*{lacks}"):
+            getattr(Plots(run), name)()

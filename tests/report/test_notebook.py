@@ -1,0 +1,43 @@
+"""What a notebook shows of a run: its header, its table and the notes that go with it."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, replace
+
+from genie_sim.analysis import summary
+from genie_sim.analysis.seed_runs import SeedRuns
+from genie_sim.recording.columns import Columns
+from genie_sim.recording.results import Metric, Run
+from genie_sim.report import notebook
+from tests import made_up_run
+from tests.made_up_run import METHODS
+
+
+def made(seed: int, shift: float = 0.0) -> Run:
+    facts = {
+        "scenario": {"name": "<town>", "seed": seed, "cars": [{}], "edges": []},
+        "methods": [asdict(method) for method in METHODS],
+    }
+    measured = [
+        Metric("first_answer_mean", method.name, "all", "", 10.0 + shift, "ms")
+        for method in METHODS
+    ]
+    frames = Columns.of(made_up_run.frames(1, 1).to_frame())
+    return Run("0123456789ab", facts, "", {"frames": frames}, measured)
+
+
+def test_one_run_is_a_table_with_a_note_on_its_intervals():
+    html = notebook.run_html(made(1))
+    assert html.startswith("<p><b>&lt;town&gt;: 1 car, ")
+    assert html.count("<th>") == 1 + len(METHODS) + 1 and html.count("<td>10</td>") == 3
+    assert f"<p><small>{summary.ABOUT_INTERVALS}</small></p>" in html
+    assert html.count("<small>") == 1, "nothing else is to be said"
+
+
+def test_several_seeds_have_their_own_note_and_a_warning_is_shown():
+    seeds = SeedRuns([made(1), made(2, shift=2.0)])
+    html = notebook.run_html(seeds)
+    assert f"<p><small>{summary.about_seeds(seeds)}</small></p>" in html
+    assert summary.ABOUT_INTERVALS not in html and "11 (-1.71 to 23.7)" in html
+    changed = replace(made(1), changed=("frames.parquet",))
+    assert changed.warning and changed.warning in notebook.run_html(changed)

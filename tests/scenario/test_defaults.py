@@ -1,0 +1,83 @@
+"""The defaults and bounds of every plug-in's settings: another default changes the results of
+everybody who relied on it, so that it is changed here, too.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from genie_sim.core.defences import DEFENCES
+from genie_sim.core.eviction import EVICTIONS
+from genie_sim.core.freshness import FRESHNESS
+from genie_sim.core.rules import LITERAL, RECOMMENDED, WITHOUT_CACHE
+from genie_sim.core.similarity import SIMILARITIES
+from genie_sim.faults import FAULTS
+from genie_sim.methods import METHODS
+from genie_sim.perception.sources import SOURCES
+from genie_sim.plugins import resolve
+from genie_sim.scenario.class_schema import class_schema
+from genie_sim.settings import keys_of
+from genie_sim.sim.link_models import LINK_MODELS
+from genie_sim.sim.link_models.presets import LINKS
+
+REGISTRIES: dict[str, Mapping[str, Any]] = {
+    "defence": DEFENCES,
+    "eviction": EVICTIONS,
+    "fault": FAULTS,
+    "freshness": FRESHNESS,
+    "link": LINK_MODELS,
+    "method": METHODS,
+    "similarity": SIMILARITIES,
+    "source": SOURCES,
+}
+TOLD = ("default", "minimum", "maximum", "exclusiveMinimum", "exclusiveMaximum", "enum")
+EXPECTED = Path(__file__).parent / "defaults.txt"
+
+
+def settings(kind: str) -> Iterator[str]:
+    """``fault.spoof.score: default 0.95, minimum 0, maximum 1``."""
+    for name, entry in sorted(REGISTRIES[kind].items()):
+        schema = class_schema(resolve(kind, name, {name: entry}), {})
+        required = schema.get("required", ())
+        for setting, about in sorted(schema.get("properties", {}).items()):
+            told = [f"{word} {json.dumps(about[word])}" for word in TOLD if word in about]
+            told += ["required"] * (setting in required)
+            yield f"{kind}.{name}.{setting}: {', '.join(told) or 'nothing'}"
+
+
+def presets() -> Iterator[str]:
+    for name, link in LINKS.items():
+        yield f"preset link {name}: {link.name} {json.dumps(link.parameters, default=str)}"
+    for name, rules in (
+        ("literal", LITERAL),
+        ("recommended", RECOMMENDED),
+        ("without_cache", WITHOUT_CACHE),
+    ):
+        yield f"preset genie {name}: {json.dumps(rules, default=str)}"
+
+
+def listed() -> list[str]:
+    return [*(line for kind in REGISTRIES for line in settings(kind)), *presets()]
+
+
+def test_defaults_and_bounds_are_those_that_are_written_down():
+    """If one is meant to change: delete the file and run this again."""
+    if not EXPECTED.exists():
+        EXPECTED.write_text("\n".join(listed()) + "\n", encoding="utf-8")
+        raise AssertionError(f"{EXPECTED.name} is new: look at it")
+    assert listed() == EXPECTED.read_text(encoding="utf-8").splitlines()
+
+
+@pytest.mark.parametrize("kind", REGISTRIES)
+def test_every_plug_in_has_its_settings_there(kind: str):
+    written = {
+        tuple(line.partition(":")[0].split(".")) for line in EXPECTED.read_text().splitlines()
+    }
+    for name, entry in REGISTRIES[kind].items():
+        for key in keys_of(resolve(kind, name, {name: entry})):
+            assert (kind, name, key) in written
