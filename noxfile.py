@@ -19,6 +19,10 @@ nox.options.reuse_existing_virtualenvs = True
 # Whole files go to one process; files that take long come first (tests/conftest.py).
 PARALLEL = ("-n", os.environ.get("GENIE_SIM_TEST_PROCESSES", "3"), "--dist", "loadfile")
 
+# What tells a compiled simulator from plain Python, and what compiles it.
+COMPILED = ("tests/test_engine.py", "tests/core", "tests/sim", "tests/conformance")
+COMPILER = ("cython>=3.1", "setuptools>=70")
+
 
 def install(session: nox.Session, *requirements: str) -> None:
     """Installs into the session's own environment; the active one (``--no-venv``) has it all."""
@@ -62,6 +66,16 @@ def coverage(session: nox.Session) -> None:
     report = Path(session.create_tmp()) / "coverage.json"
     pytest(session, "--nightly", "--cov", "--cov-report=", f"--cov-report=json:{report}")
     session.run("python", "tests/coverage_gate.py", str(report))
+
+
+@nox.session
+def compiled(session: nox.Session) -> None:
+    """Compiles the simulator in place, and runs its tests with the compiled engine."""
+    install(session, ".[test]", *COMPILER)
+    session.run("python", "compile_engine.py")
+    check = "from genie_sim.engine import ENGINE; assert ENGINE.is_compiled, ENGINE.title"
+    session.run("python", "-c", check)
+    pytest(session, *COMPILED)
 
 
 @nox.session

@@ -29,6 +29,7 @@ from genie_sim.cli_links import links
 from genie_sim.cli_perceive import perceive, truth
 from genie_sim.cli_ros import attach, detach, keys
 from genie_sim.cli_search import search
+from genie_sim.engine import ENGINE
 from genie_sim.errors import UserError, unknown
 from genie_sim.paths import expanded
 from genie_sim.terminal import Commands, Progress
@@ -57,7 +58,11 @@ Simulates Genie, the smart ROS cache for connected vehicles and edge servers.
     invoke_without_command=True,
     context_settings={"show_default": True},
 )
-@click.version_option(VERSION, message="genie-sim %(version)s", help="Print the version and exit.")
+@click.version_option(
+    f"{VERSION}\nengine: {ENGINE.title}",
+    message="genie-sim %(version)s",
+    help="Print the version and the engine, compiled or plain Python, and exit.",
+)
 @click.option(
     "--debug/--no-debug", expose_value=False, help="Show where a class of your own failed."
 )

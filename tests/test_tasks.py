@@ -19,6 +19,7 @@ TASKS = (
     "types",
     "test",
     "coverage",
+    "compiled",
     "docs",
     "bench",
     "mutate",

@@ -1,13 +1,11 @@
 """``OBJECT_MAP[location]``: which stored objects count as being at a location."""
 
 from collections.abc import Iterable
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
+from genie_sim.core.stored_object import StoredObject
 from genie_sim.grid import Cell, Grid
 from genie_sim.messages import Location
-
-if TYPE_CHECKING:
-    from genie_sim.core.object_map import StoredObject
 
 CELL_GATES = 2.0  # side of a cell
 REACH_GATES = 1.01  # how far around an object the cells list it: a gate, and room for rounding
@@ -16,14 +14,14 @@ REACH_GATES = 1.01  # how far around an object the cells list it: a gate, and ro
 class Locations(Protocol):
     """The objects of a map by location. ``label`` is ``None`` where every class will do."""
 
-    def add(self, stored: "StoredObject") -> None: ...
+    def add(self, stored: StoredObject) -> None: ...
 
-    def remove(self, stored: "StoredObject") -> None: ...
+    def remove(self, stored: StoredObject) -> None: ...
 
-    def nearest(self, label: str | None, location: Location) -> "StoredObject | None":
+    def nearest(self, label: str | None, location: Location) -> StoredObject | None:
         """The nearest object of a class at a location, of equally near ones the older."""
 
-    def at(self, location: Location) -> "list[StoredObject]":
+    def at(self, location: Location) -> list[StoredObject]:
         """Every object, of any class, at a location."""
 
 
@@ -40,15 +38,15 @@ class WithinGate:
         self._reach_m = REACH_GATES * gate_m
         self._gate2_m2 = gate_m**2
 
-    def add(self, stored: "StoredObject") -> None:
+    def add(self, stored: StoredObject) -> None:
         for cell in self._cells(stored):
             self._grid.add(cell, stored)
 
-    def remove(self, stored: "StoredObject") -> None:
+    def remove(self, stored: StoredObject) -> None:
         for cell in self._cells(stored):
             self._grid.remove(cell, stored)
 
-    def nearest(self, label: str | None, location: Location) -> "StoredObject | None":
+    def nearest(self, label: str | None, location: Location) -> StoredObject | None:
         east_m, north_m, _ = location
         nearest, nearest2_m2 = None, self._gate2_m2
         for stored in self._in_cell(east_m, north_m):
@@ -59,7 +57,7 @@ class WithinGate:
                     nearest, nearest2_m2 = stored, distance2_m2
         return nearest
 
-    def at(self, location: Location) -> "list[StoredObject]":
+    def at(self, location: Location) -> list[StoredObject]:
         east_m, north_m, _ = location
         objects = []
         for stored in self._in_cell(east_m, north_m):
@@ -68,7 +66,7 @@ class WithinGate:
                 objects.append(stored)
         return objects
 
-    def _cells(self, stored: "StoredObject") -> Iterable[Cell]:
+    def _cells(self, stored: StoredObject) -> Iterable[Cell]:
         reach_m = self._reach_m
         return self._grid.cells(
             stored.east_m - reach_m,
@@ -84,17 +82,17 @@ class SameLocation:
     def __init__(self) -> None:
         self._objects: dict[Location, list[StoredObject]] = {}
 
-    def add(self, stored: "StoredObject") -> None:
+    def add(self, stored: StoredObject) -> None:
         self._objects.setdefault(stored.location, []).append(stored)
 
-    def remove(self, stored: "StoredObject") -> None:
+    def remove(self, stored: StoredObject) -> None:
         self._objects[stored.location].remove(stored)
 
-    def nearest(self, label: str | None, location: Location) -> "StoredObject | None":
+    def nearest(self, label: str | None, location: Location) -> StoredObject | None:
         for stored in self._objects.get(location, ()):
             if label is None or stored.label == label:
                 return stored
         return None
 
-    def at(self, location: Location) -> "list[StoredObject]":
+    def at(self, location: Location) -> list[StoredObject]:
         return list(self._objects.get(location, ()))

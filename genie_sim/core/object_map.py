@@ -13,8 +13,8 @@ from genie_sim.core.freshness.never import Never
 from genie_sim.core.locations import Locations, SameLocation, WithinGate
 from genie_sim.core.maps import EnhancedAnswer, LookupCounts, Map, Viewer, counts_again
 from genie_sim.core.rules import ObjectMapRules
+from genie_sim.core.stored_object import StoredObject
 from genie_sim.core.thresholds import threshold_of
-from genie_sim.core.tracking import PARKED_NS
 from genie_sim.core.view import ViewSector
 from genie_sim.grid import Grid
 from genie_sim.messages import Answer, CameraPose, Detection, Header, Location, MapChange
@@ -22,86 +22,6 @@ from genie_sim.messages import Answer, CameraPose, Detection, Header, Location, 
 # What an object notes of the cars that saw it where no setting asks for it, as for most objects of
 # a fleet's maps.
 NO_NOTES: Any = MappingProxyType({})
-
-
-class StoredObject:
-    """An object of the map. The location is that of the first sighting.
-
-    ``number`` counts the objects of this map from 0 and is never given twice. ``origins`` belongs
-    to the freshness policy; ``counted_ns`` has the stamp of the last sighting that counted, by car.
-    ``seen_in`` is the newest frame in which a detector saw it, ``None`` where that is unknown.
-    """
-
-    __slots__ = (
-        "_detection",
-        "confidence",
-        "counted_ns",
-        "east_m",
-        "first_ns",
-        "label",
-        "location",
-        "north_m",
-        "number",
-        "origins",
-        "score",
-        "seen_in",
-        "seen_ns",
-        "sightings",
-    )
-
-    def __init__(
-        self,
-        number: int,
-        seen: Detection,
-        location: Location,
-        now_ns: int,
-        *,
-        origins: dict[str, int],
-        counted_ns: dict[str, int],
-    ) -> None:
-        self.number = number
-        self.label = seen.label
-        self.score = seen.score
-        self.confidence = seen.confidence
-        self.location = location
-        self.east_m, self.north_m, _ = location
-        self.first_ns = self.seen_ns = now_ns
-        self.sightings = 1
-        self.origins = origins
-        self.counted_ns = counted_ns
-        self.seen_in: Header | None = None
-        self._detection: Detection | None = None  # as it was asked for last
-
-    @property
-    def parked(self) -> bool:
-        """Whether it has been seen at its place for a second."""
-        return self.seen_ns - self.first_ns >= PARKED_NS
-
-    def as_detection(self) -> Detection:
-        """The object as others get it."""
-        detection = self._detection
-        if (
-            detection is None
-            or detection.confidence != self.confidence
-            or detection.seen_in is not self.seen_in
-        ):
-            detection = self._detection = Detection(
-                self.label,
-                self.score,
-                box=None,
-                location=self.location,
-                confidence=self.confidence,
-                method="map",
-                seen_in=self.seen_in,
-            )
-        return detection
-
-    def look(self, header: Header | None) -> None:
-        """A detector saw it in a frame; ``None``: in one that nobody knows."""
-        if header is not None and (
-            self.seen_in is None or self.seen_in.stamp_ns <= header.stamp_ns
-        ):
-            self.seen_in = header
 
 
 class ObjectMap(Map):
@@ -350,12 +270,11 @@ class ObjectMap(Map):
         """
         threshold = self.threshold
         sector = ViewSector(pose, horizontal_fov_rad, range_m)
-        distance_m = sector.distance_m
         return [
             stored
             for stored in self._view_grid.inside(*sector.box())
             if stored.confidence >= threshold
-            and distance_m(stored.east_m, stored.north_m) is not None
+            and sector.distance_m(stored.east_m, stored.north_m) is not None
         ]
 
     def _add(

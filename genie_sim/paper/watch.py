@@ -88,8 +88,10 @@ def _fingerprint(node: DetectorNode) -> tuple[object, ...]:
     """The node itself, whatever the master calls its topics: its class, what it has, and what of
     that is plain.
     """
-    has = vars(node)
+    has = [name for name in dir(node) if not name.startswith("__")]
     plain = {
-        name: value for name, value in has.items() if isinstance(value, str | int | tuple | None)
+        name: value
+        for name in has
+        if isinstance(value := getattr(node, name), str | int | tuple | None)
     }
     return (type(node), tuple(has), tuple(sorted(plain.items())))

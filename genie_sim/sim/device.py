@@ -72,7 +72,6 @@ class Processor:
         done: Done,
         arguments: Arguments = (),
         label: SpanLabel | None = None,
-        *,
         pictures: int = 1,
     ) -> None:
         """Adds a job, which waits for a free server and occupies it.

@@ -2,7 +2,6 @@
 
 from collections import Counter, deque
 from collections.abc import Callable, Hashable
-from dataclasses import dataclass
 
 from genie_sim.messages import Message
 from genie_sim.monitor import Part, Span, SpanLabel
@@ -18,16 +17,27 @@ Deliver = Callable[..., None]
 OnMessage = Callable[[Message], None]
 
 
-@dataclass(slots=True, eq=False)
 class Transfer:
     """A message on a link, and what to call when it arrives and when it was on the wire."""
 
-    flow: Hashable
-    message: Message
-    deliver: Deliver
-    arguments: Arguments
-    carried: OnMessage | None
-    path: Span | None
+    __slots__ = ("arguments", "carried", "deliver", "flow", "message", "path")
+
+    def __init__(
+        self,
+        flow: Hashable,
+        message: Message,
+        deliver: Deliver,
+        arguments: Arguments,
+        *,
+        carried: OnMessage | None,
+        path: Span | None,
+    ) -> None:
+        self.flow = flow
+        self.message = message
+        self.deliver = deliver
+        self.arguments = arguments
+        self.carried = carried
+        self.path = path
 
 
 class Link:
@@ -102,7 +112,6 @@ class Link:
         message: Message,
         deliver: Deliver,
         arguments: Arguments = (),
-        *,
         carried: OnMessage | None = None,
     ) -> None:
         """Queues a message.
@@ -121,12 +130,7 @@ class Link:
             Called with the message when it was on the wire, whether it arrives or is lost.
         """
         transfer = Transfer(
-            flow=flow,
-            message=message,
-            deliver=deliver,
-            arguments=arguments,
-            carried=carried,
-            path=self.clock.path,
+            flow, message, deliver, arguments, carried=carried, path=self.clock.path
         )
         if not self._busy:
             self._busy = True
@@ -284,7 +288,7 @@ class Bridge:
             message = bent
         flow = (self.address, self._topic, message.header.frame_id)
         arguments = (message, sender, self._times_up)
-        self.link.send(flow, message, self._arrive, arguments, carried=self._carried)
+        self.link.send(flow, message, self._arrive, arguments, self._carried)
 
     def _arrive(self, message: Message, sender: str, times_up: int) -> None:
         if not self._is_up or times_up != self._times_up:

@@ -104,12 +104,14 @@ class InterceptorNode(Node):
 
     def _look_up(self, done: Done, arguments: Arguments) -> None:
         """The key is known: searches the cache, then handles the message."""
-        label = self.work_label
         if self._per_entry_ns:
             search_ns = self._per_entry_ns * self.pure.cache_entries()
-            self.host.cpu.run(search_ns, self.host.serve_message, (done, arguments, label), label)
+            self.host.cpu.run(search_ns, self._searched, (done, arguments), self.work_label)
         else:
-            self.host.serve_message(done, arguments, label)
+            self._searched(done, arguments)
+
+    def _searched(self, done: Done, arguments: Arguments) -> None:
+        self.host.serve_message(done, arguments, self.work_label)
 
     def handle(self, topic: str, message: Message, sender: str) -> None:
         effects = self.pure.on_message(topic, message, self.clock.now, sender)

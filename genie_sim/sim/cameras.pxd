@@ -1,0 +1,17 @@
+from genie_sim.sim.ros_graph cimport Node
+cimport cython
+
+cdef class CameraNode(Node):
+    cdef object _camera
+    cdef object _car
+    cdef object _route
+    cdef object _published
+    cdef object _senses
+    cdef object _frames
+    cdef object _offset_ns
+    cdef object _lap_ns
+    cdef object _schedule
+    cpdef wait(self)
+    cpdef _stamp_ns(self, lap, frame)
+    cpdef _publish(self, image)
+    cpdef _image(self, header, frame)

@@ -1,0 +1,44 @@
+from genie_sim.sim.device cimport Host
+from genie_sim.sim.timeline cimport Timeline
+cimport cython
+
+cdef class Graph:
+    cdef public Host host
+    cdef public Timeline clock
+    cdef public object name
+    cdef public object entry
+    cdef public object queue_length
+    cdef public object dropped
+    cdef public object _hop
+    cdef public dict _subscribers
+    cdef public dict _bridges
+    cdef public dict _nodes
+    cdef public dict _remapped
+    cpdef publish(self, Node node, topic, message, to=*)
+    cpdef inject(self, topic, message, sender)
+
+cdef class Node:
+    cdef public object name
+    cdef public Host host
+    cdef public Graph graph
+    cdef public Timeline clock
+    cdef public tuple subscribes
+    cdef public tuple publishes
+    cdef public object address
+    cdef public object drops
+    cdef public object completed
+    cdef public object queued
+    cdef public dict routes
+    cdef public object work_label
+    cdef public object _queueing
+    cdef public object _idle_threads
+    cdef public object _threads
+    cdef public dict _queues
+    cdef public list _in_service
+    cdef public object _generation
+    cdef public object _arrivals
+    cpdef deliver(self, topic, message, sender)
+    cpdef publish(self, topic, message, to=*)
+    cpdef work(self, message, done, tuple arguments)
+    cpdef handle(self, topic, message, sender)
+    cpdef _serve(self, topic, message, sender)
