@@ -1,5 +1,6 @@
-"""The defaults and bounds of every plug-in's settings: another default changes the results of
-everybody who relied on it, so that it is changed here, too.
+"""The defaults and bounds of every plug-in's settings, the presets, the powers of interfaces and
+what metrics are called: another one changes the results or the tables of everybody who relied on
+it, so that it is changed here, too.
 """
 
 from __future__ import annotations
@@ -11,9 +12,11 @@ from typing import Any
 
 import pytest
 
+from genie_sim.analysis.registry import METRICS
 from genie_sim.core.defences import DEFENCES
 from genie_sim.core.eviction import EVICTIONS
 from genie_sim.core.freshness import FRESHNESS
+from genie_sim.core.freshness.laws import ASSUMED
 from genie_sim.core.rules import LITERAL, RECOMMENDED, WITHOUT_CACHE
 from genie_sim.core.similarity import SIMILARITIES
 from genie_sim.faults import FAULTS
@@ -21,6 +24,7 @@ from genie_sim.methods import METHODS
 from genie_sim.perception.sources import SOURCES
 from genie_sim.plugins import resolve
 from genie_sim.scenario.class_schema import class_schema
+from genie_sim.scenario.power import INTERFACES, OF_LINKS, OF_MODELS, parts
 from genie_sim.settings import keys_of
 from genie_sim.sim.link_models import LINK_MODELS
 from genie_sim.sim.link_models.presets import LINKS
@@ -61,8 +65,19 @@ def presets() -> Iterator[str]:
         yield f"preset genie {name}: {json.dumps(rules, default=str)}"
 
 
+def known_numbers() -> Iterator[str]:
+    for name, power in INTERFACES.items():
+        ranges = {part: tuple(watts) for part, watts in parts(power) if any(watts)}
+        yield f"interface {name}: {ranges}, tail {power.tail_time_ns} ns, {power.tag}"
+    yield f"interfaces of links: {OF_LINKS} {OF_MODELS}"
+    for law, values in ASSUMED._asdict().items():
+        yield f"assumed detector law {law}: {json.dumps(values)}"
+    for name, metric in METRICS.items():
+        yield f"metric {name}: {json.dumps(metric[:-1])}"
+
+
 def listed() -> list[str]:
-    return [*(line for kind in REGISTRIES for line in settings(kind)), *presets()]
+    return [*(line for kind in REGISTRIES for line in settings(kind)), *presets(), *known_numbers()]
 
 
 def test_defaults_and_bounds_are_those_that_are_written_down():

@@ -1,0 +1,104 @@
+"""Figures of sweeps of made-up numbers look as they did, and show what they say."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from genie_sim.scenario.yaml_input import dump
+from genie_sim.study import figures
+from genie_sim.study.design import Design, load_design
+from tests import outline
+
+TITLES = {"remote": "remote (R)", "genie": "Genie (DG)"}
+UNITS = {
+    "first_answer_mean": "ms",
+    "fresh_answer_mean": "ms",
+    "fresh_answered_share": "1",
+    "image_reuse": "1",
+    "streaming_f1": "1",
+}
+
+
+def design(axes: dict[str, object]) -> Design:
+    Path("s.yaml").write_text(
+        dump({"scenario": "1car_homo", "set": {"methods": ["genie"]}, "seeds": 3, "axes": axes})
+    )
+    return load_design(Path("s.yaml"))
+
+
+def runs(columns: dict[str, list[object]], seeds: int = 3) -> pd.DataFrame:
+    """Every combination of the axes' values, with numbers that grow along them."""
+    rng, rows = np.random.default_rng(4), []
+    grid = pd.MultiIndex.from_product(columns.values(), names=list(columns)).to_frame(index=False)
+    for point, levels in enumerate(grid.to_dict("records")):
+        for seed in range(1, seeds + 1):
+            for place, method in enumerate(TITLES):
+                for number, (metric, unit) in enumerate(UNITS.items()):
+                    placements = ("car", "edge") if metric == "image_reuse" else ("all",)
+                    for placement in placements:
+                        size = (1 + point + place) * (20 if unit == "ms" else 0.04)
+                        row = {
+                            "method": method,
+                            "metric": metric,
+                            "placement": placement,
+                            "component": "",
+                            "value": size * (1 + 0.1 * number) + 0.01 * size * rng.random(),
+                            "unit": unit,
+                        }
+                        rows.append({"point": point, "seed": seed, **levels, **row})
+    return pd.DataFrame(rows).assign(low=np.nan, high=np.nan, n=100)
+
+
+RATE = {"set": "genie.object_map.rate", "list": [0.1, 0.2, 0.5]}
+GATE = {"set": "genie.object_map.gate", "grid": {"from": "1 m", "to": "64 m", "points": 3}}
+RULE = {"set": "genie.object_map.rule", "list": ["ema", "noisy_or"]}
+
+
+def test_one_axis_of_each_kind():
+    wide = {
+        "set": "genie.object_map.gate",
+        "grid": {"from": "1 m", "to": "4000 m", "points": 4, "scale": "log"},
+    }
+    one = design({"rate": RATE})
+    named = design({"rule": RULE})
+    logarithmic = design({"gate": wide})
+    drawn = {
+        "numbers": one.axes["rate"],
+        "texts": named.axes["rule"],
+        "decades": logarithmic.axes["gate"],
+    }
+    levels: dict[str, list[object]] = {
+        "numbers": [0.1, 0.2, 0.5],
+        "texts": ["ema", "noisy_or"],
+        "decades": [1.0, 16.0, 250.0, 4000.0],
+    }
+    outline.check(
+        "sweep along one axis",
+        {
+            name: figures.along(
+                axis, name, runs({name: levels[name]}), titles=TITLES, footer="made up"
+            )
+            for name, axis in drawn.items()
+        },
+    )
+
+
+def test_two_axes_and_their_map():
+    crossed = design({"rate": RATE, "gate": GATE})
+    table = runs({"rate": [0.1, 0.2, 0.5], "gate [m]": [1.0, 32.5, 64.0]})
+    outline.check("sweep of two axes", dict(figures.of_sweep(crossed, table, TITLES, "made up")))
+
+
+def test_a_drawn_axis_is_averaged_and_one_seed_has_no_intervals():
+    random = {"set": "genie.view_range", "latin_hypercube": {"from": "10 m", "to": "90 m"}}
+    Path("s.yaml").write_text(
+        dump({"scenario": "1car_homo", "samples": 6, "axes": {"rule": RULE, "view": random}})
+    )
+    table = runs({"rule": ["ema", "noisy_or"], "view [m]": [12.0, 45.0, 88.0]}, seeds=1)
+    drawn = dict(figures.of_sweep(load_design(Path("s.yaml")), table, TITLES, "made up"))
+    assert {*drawn} == {"rule", "view"}
+    assert "averaged over" in str(drawn["rule"].get_suptitle())
+    outline.check("sweep with samples", drawn)
