@@ -1,0 +1,103 @@
+"""Caches of similar images: which stored key is a hit, and what runs where."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from genie_sim.methods.sim_lru import NearestCache, RandomNearestCache, RndLRU, SimLRU
+from genie_sim.methods.similarity import LocalAndRemote, at_least, share
+from genie_sim.sim.method import LOCAL, REMOTE, REMOTE_UPLINK
+
+
+class Draws:
+    """A generator that gives what it is told."""
+
+    def __init__(self, value: float) -> None:
+        self.value = value
+
+    def random(self) -> float:
+        return self.value
+
+
+@pytest.mark.parametrize(
+    ("distance", "draw", "hit"),
+    [
+        (0.0, 0.999, True),
+        (0.5, 0.499, True),
+        (0.5, 0.5, False),
+        (0.5, 0.7, False),
+        (0.9, 0.09, True),
+        (0.9, 0.11, False),
+        (1.0, 0.0, False),
+    ],
+)
+def test_the_nearer_the_likelier(monkeypatch: Any, distance: float, draw: float, hit: bool):
+    """With probability 1 - distance / radius, here of a radius of 2."""
+    rng: Any = Draws(draw)
+    cache = RandomNearestCache(None, 2.0, rng)
+    near = [(2.0 * distance, "stored")]
+    monkeypatch.setattr(cache, "near", lambda key, count, now_ns, reach: near[:count])
+    asked: Any = "asked"
+    assert cache.choose(asked, 5) == ("stored" if hit else None)
+
+
+def test_a_key_at_no_distance_is_a_hit_even_where_the_radius_is_zero(monkeypatch: Any):
+    rng: Any = Draws(0.5)
+    cache = RandomNearestCache(None, 0.0, rng)
+    asked: Any = "asked"
+    monkeypatch.setattr(cache, "near", lambda *_: [(0.0, "stored")])
+    assert cache.choose(asked, 5) == "stored"
+    monkeypatch.setattr(cache, "near", lambda *_: [])
+    assert cache.choose(asked, 5) is None
+
+
+def test_settings_at_their_borders():
+    assert share("theta", 0) == 0 and share("theta", 1) == 1
+    assert at_least("radius", 0.0, 0.0) == 0.0
+    for wrong in (-0.1, 1.1, float("nan")):
+        with pytest.raises(ValueError, match=f"theta: must be from 0 to 1, but is {wrong:g}"):
+            share("theta", wrong)
+    for wrong in (-0.1, float("inf"), float("nan")):
+        with pytest.raises(ValueError, match=f"radius: must be at least 0, but is {wrong:g}"):
+            SimLRU(radius=wrong)
+
+
+def host(**other: Any) -> Any:
+    rules = SimpleNamespace(car_capacity="small", capacity="large")
+    about = {"gets_images": True, "has_edge": True, "genie": rules, "name": "car1"}
+    return SimpleNamespace(**{**about, **other, "stream": lambda name: name})
+
+
+def test_what_runs_on_a_car():
+    method = SimLRU(feature="yolox_gap")
+    config = method.on_car(host())
+    assert config is not None and config.detector and config.interceptor is not None
+    assert config.uplink == REMOTE_UPLINK and config.key == "yolox_gap"
+    alone = method.on_car(host(has_edge=False))
+    assert alone is not None and alone.uplink is None and alone.interceptor is not None
+    plain = method.on_car(host(genie=None))
+    assert plain is not None and plain.detector and plain.interceptor is None
+    assert method.on_car(host(gets_images=False)) is None
+
+
+def test_what_runs_on_an_edge():
+    config = SimLRU().on_edge(host())
+    assert config.detector and config.interceptor is not None and not config.neighbour_topics
+    empty = SimLRU().on_edge(host(gets_images=False))
+    assert not empty.detector and empty.interceptor is None
+
+
+def test_caches_have_the_radius_and_only_one_draws():
+    nearest, random = (method(radius=0.3).cache(host(), None) for method in (SimLRU, RndLRU))
+    assert type(nearest) is NearestCache and type(random) is RandomNearestCache
+    assert nearest.reach == random.reach == 0.3
+
+
+def test_a_router_hears_both_detectors_and_speaks_to_both():
+    router = LocalAndRemote("car1/router", None, ("/image_raw",), ("/objects",))
+    objects, images = "/objects", "/image_raw"
+    assert router.subscriptions() == (images, objects + LOCAL, objects + REMOTE)
+    assert router.publications() == (objects, images + LOCAL, images + REMOTE)
