@@ -13,7 +13,7 @@ from genie_sim.analysis import figures as of_runs
 from genie_sim.analysis import latex, screen, summary, text_table
 from genie_sim.analysis.compare import ComparedRuns, compare, compared
 from genie_sim.analysis.registry import METRICS
-from genie_sim.analysis.seed_runs import ABOUT, SeedRuns, is_seeds_folder, load
+from genie_sim.analysis.seed_runs import ABOUT, SeedRuns, is_seeds_folder, load, with_methods
 from genie_sim.analysis.style import PAGE_IN, WIDTHS
 from genie_sim.analysis.verdict import verdicts
 from genie_sim.errors import UserError
@@ -27,18 +27,29 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 EVALUATION = "verdicts.json"  # a file that only an evaluation has
+EVALUATION_TITLE = "The paper's evaluation, simulated"
 NAME = "article.tex"
 CLASSES = {  # by publisher: the class with its options, and the widths of a column and of a page
     "ieee": (r"\documentclass[conference]{IEEEtran}", "column", "page"),
-    "acm": (r"\documentclass[sigconf,nonacm]{acmart}", "acm-column", "acm-page"),
+    # balanced columns of the last page lose floats that have not found their place before
+    "acm": (r"\documentclass[sigconf,nonacm,balance=false]{acmart}", "acm-column", "acm-page"),
 }
-PRINTED = (  # of the figures of a run, those that go into an article; all others stay in the folder
-    "latency_accuracy",
-    "latency_cdf",
-    "time_parts",
-)
-WIDE = "differences"  # over both columns
-FIRST = ("latency_accuracy", "latency_cdf")  # on the first page
+# the figures of an article in their order, and which are over both columns; all others stay out
+OF_RUNS = {
+    "latency_accuracy": False,
+    "latency_cdf": False,
+    "differences": True,
+    "time_parts": False,
+}
+OF_EVALUATION = {
+    "image_reuse": False,
+    "object_reuse": False,
+    "latency_cdf_of_published": True,
+    "case_study": True,
+    "worth": False,
+}
+FIRST = 2  # figures on the first page
+FITTING = r"width=\linewidth,height=0.85\textheight,keepaspectratio"
 PREAMBLE = r"""\usepackage{booktabs,siunitx,graphicx}
 \renewcommand{\topfraction}{0.95}
 \renewcommand{\dbltopfraction}{0.95}
@@ -60,11 +71,10 @@ def figures(
     if len(folders) > 1:
         return comparison.figures(_compared(folders, allow_changed), width_in)
     (folder,) = folders
-    if (folder / EVALUATION).is_file():
-        raise UserError(
-            f"{folder}: an evaluation; its figures are there, as SVG, PNG and PDF "
-            f"({folder / 'figures'})"
-        )
+    if _is_evaluation(folder):
+        from genie_sim.paper import paper_figures
+
+        return paper_figures.of_evaluation(folder, width_in, allow_changed)
     if _is_sweep(folder):
         return printed.figures_of(folder, width_in or PAGE_IN, allow_changed)
     run = load(folder, allow_changed=allow_changed)
@@ -72,20 +82,29 @@ def figures(
         return of_runs.of_run(run, width_in)
 
 
-def table(folders: Sequence[Path], format: str, allow_changed: bool = False) -> str:
-    """The numbers of results in one of ``text_table.FORMATS``. Raises ``UserError``."""
+def table(
+    folders: Sequence[Path],
+    format: str,
+    methods: Sequence[str] = (),
+    allow_changed: bool = False,
+) -> str:
+    """The numbers of results in one of ``text_table.FORMATS``, of all ``methods`` or of these in
+    this order. Raises ``UserError``.
+    """
     from genie_sim.paper import verdict_table
     from genie_sim.study import printed
 
     text_table.checked(format)
     if len(folders) > 1:
-        return comparison.text(_compared(folders, allow_changed), format)
+        return comparison.text(_compared(folders, allow_changed, methods), format)
     (folder,) = folders
-    if (folder / EVALUATION).is_file():
+    if _is_evaluation(folder):
+        if methods:
+            raise UserError(f"--methods: {folder} is an evaluation: its table is one of claims")
         return verdict_table.printed(provenance.read_json(folder / EVALUATION), format)
     if _is_sweep(folder):
-        return printed.table_of(folder, format, allow_changed)
-    run = load(folder, allow_changed=allow_changed)
+        return printed.table_of(folder, format, methods, allow_changed)
+    run = with_methods(load(folder, allow_changed=allow_changed), methods)
     with provenance.of_this_version(folder):
         return latex.tables(run) if format == "latex" else summary.table(run, format)
 
@@ -99,7 +118,7 @@ def write(
     rest is for the author. Raises ``UserError``.
     """
     document_class, column, page = CLASSES[publisher]
-    results = table(folders, "latex", allow_changed)
+    results = table(folders, "latex", allow_changed=allow_changed)
     chosen = _chosen(folders, (column, page), allow_changed)
     floats = [_figure(name, figure) for name, figure in chosen.items()]
     parts = [
@@ -109,10 +128,10 @@ def write(
         rf"\title{{{latex.escaped(_title(folders, allow_changed))}}}",
         r"\author{Author}",
         *_front(folders, publisher, allow_changed),
-        *floats[: len(FIRST)],
+        *floats[:FIRST],
         _references(results, list(chosen)),
         r"\input{tables}",
-        *floats[len(FIRST) :],
+        *floats[FIRST:],
         *_definitions(results),
         r"\end{document}",
         "",
@@ -131,17 +150,26 @@ def write(
 def _chosen(
     folders: Sequence[Path], widths: tuple[str, str], allow_changed: bool
 ) -> "dict[str, Figure]":
-    """The figures of an article in their order: of one run a choice, of other results all."""
-    drawn = figures(folders, widths[0], allow_changed)
-    of_runs_alone = len(folders) == 1 and not _is_sweep(folders[0])
-    names = [name for name in drawn if not of_runs_alone or name in (WIDE, *PRINTED)]
-    names.sort(key=lambda name: (name not in FIRST, name != WIDE))
-    wide = figures(folders, widths[1], allow_changed) if WIDE in names else {}
-    return {name: wide[name] if name == WIDE else drawn[name] for name in names}
+    """The figures of an article in their order: of a sweep all, of other results a choice."""
+    narrow, wide = (figures(folders, width, allow_changed) for width in widths)
+    if _is_sweep(folders[0]):
+        return wide
+    choice = OF_EVALUATION if _is_evaluation(folders[0]) else OF_RUNS
+    return {
+        name: (wide if both_columns else narrow)[name]
+        for name, both_columns in choice.items()
+        if name in narrow
+    }
 
 
-def _compared(folders: Sequence[Path], allow_changed: bool) -> ComparedRuns:
-    return compare([load(folder, allow_changed=allow_changed) for folder in folders])
+def _compared(
+    folders: Sequence[Path], allow_changed: bool, methods: Sequence[str] = ()
+) -> ComparedRuns:
+    return compare([load(folder, allow_changed=allow_changed) for folder in folders], methods)
+
+
+def _is_evaluation(folder: Path) -> bool:
+    return (folder / EVALUATION).is_file()
 
 
 def _is_sweep(folder: Path) -> bool:
@@ -149,25 +177,34 @@ def _is_sweep(folder: Path) -> bool:
 
 
 def _runs(folders: Sequence[Path], allow_changed: bool) -> list[Run | SeedRuns]:
-    if any(_is_sweep(folder) or (folder / EVALUATION).is_file() for folder in folders):
+    if any(_is_sweep(folder) or _is_evaluation(folder) for folder in folders):
         return []
     return [load(folder, allow_changed=allow_changed) for folder in folders]
 
 
 def _title(folders: Sequence[Path], allow_changed: bool) -> str:
     runs = _runs(folders, allow_changed)
+    if _is_evaluation(folders[0]):
+        return EVALUATION_TITLE
     return ", ".join(dict.fromkeys(run.title for run in runs)) or folders[0].resolve().name
 
 
 def _front(folders: Sequence[Path], publisher: str, allow_changed: bool) -> list[str]:
     """The abstract, what was run, and what came out, in sentences."""
-    runs = _runs(folders, allow_changed)
+    from genie_sim.paper import verdict_table
+    from genie_sim.study import printed
+
     sentences: list[str] = []
     setup: list[str] = []
-    if runs:
+    if _is_evaluation(folders[0]):
+        sentences = verdict_table.result_sentences(folders[0])
+        setup = verdict_table.setup_sentences(folders[0])
+    elif _is_sweep(folders[0]):
+        setup = printed.setup_sentences(folders[0], allow_changed)
+    elif runs := _runs(folders, allow_changed):
         sentences = verdicts(compared(runs) if len(runs) == 1 else compare(runs))
         for run in runs:
-            description = str(run.runs[0].facts["scenario"].get("description") or "")
+            description = str(run.runs[0].facts["scenario"]["description"] or "")
             methods = ", ".join(method.title for method in run.methods)
             setup += filter(None, [f"{screen.header(run)}.", f"Methods: {methods}.", description])
     setup.append(f"Simulated with genie-sim {VERSION}; CITATION.cff says how to cite it.")
@@ -203,7 +240,7 @@ def _figure(name: str, figure: "Figure") -> str:
         [
             rf"\begin{{{environment}}}[!t]",
             r"\centering",
-            rf"\includegraphics[width=\linewidth]{{figures/{name}.pdf}}",
+            rf"\includegraphics[{FITTING}]{{figures/{name}.pdf}}",
             rf"\caption{{{latex.escaped(caption)}.}}",
             rf"\label{{fig:{latex.key(name)}}}",
             rf"\end{{{environment}}}",

@@ -132,9 +132,15 @@ def figures(
     shell_complete=TABLE_FORMATS,
     help="markdown, latex or csv (every metric, all digits).",
 )
+@click.option(
+    "--methods",
+    metavar="A,B,...",
+    shell_complete=completion.methods,
+    help="Only these; differences are from the first.",
+)
 @changed_option
 @own_code_option
-def table(folders: tuple[Path, ...], format: str, allow_changed: bool) -> None:
+def table(folders: tuple[Path, ...], format: str, methods: str | None, allow_changed: bool) -> None:
     """Print the numbers of results as a table for a paper.
 
     LaTeX needs the packages booktabs and siunitx.
@@ -144,7 +150,9 @@ def table(folders: tuple[Path, ...], format: str, allow_changed: bool) -> None:
     """
     from genie_sim import article
 
-    click.echo(article.table(folders, format, allow_changed), nl=False)
+    click.echo(
+        article.table(folders, format, listed("--methods", methods), allow_changed), nl=False
+    )
 
 
 @click.command("article")

@@ -6,6 +6,7 @@ A value stands above its interval, so a table of three methods fits a column of 
 
 import textwrap
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import NamedTuple
 
 from genie_sim.analysis.compare import SEEDS, ComparedRuns, Difference, as_metrics, compared
@@ -20,6 +21,8 @@ from genie_sim.text import one_line
 PRICES = ("bytes_up_per_frame", "energy_per_frame")
 PACKAGES = ("booktabs", "siunitx")
 MAX_NARROW = 3  # columns of numbers in a column of two
+MAX_WIDE = 6  # and over both
+MAX_ROWS = 25  # with intervals below them they take the height of a page
 HEADING_CHARACTERS = 14
 UNDEFINED = "--"
 ENERGY = "energy_"  # how metrics of energy begin
@@ -137,7 +140,8 @@ def table(
     label: str,
     notes: Sequence[str],
 ) -> str:
-    """A floating table, over both columns of a page if one is too narrow.
+    """A floating table, over both columns of a page if one is too narrow. What fits no page is
+    divided into several tables.
 
     Parameters
     ----------
@@ -146,10 +150,46 @@ def table(
     rows : sequence of NumberRow
         Each with a number, or ``None``, for every heading.
     caption, label : str
-        Plain text, and what ``\\ref`` names the table by.
+        Plain text, and what ``\\ref`` names the table by; further parts end in ``-2`` and so on.
     notes : sequence of str
         What stands below it, besides what marks and ``--`` mean.
     """
+    parts = [
+        (headings[columns], [row._replace(numbers=row.numbers[columns]) for row in rows[block]])
+        for block in _blocks(len(rows), MAX_ROWS)
+        for columns in _blocks(len(headings), MAX_WIDE)
+    ]
+    texts = []
+    for number, (part_headings, part_rows) in enumerate(parts, 1):
+        part_of = f" (part {number} of {len(parts)})" if len(parts) > 1 else ""
+        texts.append(
+            _one_table(
+                part_headings,
+                part_rows,
+                caption=f"{caption}{part_of}",
+                label=label if number == 1 else f"{label}-{number}",
+                notes=notes if number == len(parts) else (),
+            )
+        )
+    return "\n".join(texts)
+
+
+def _blocks(length: int, most: int) -> list[slice]:
+    """As few slices of about equal length as there must be for none to be longer than ``most``."""
+    count = max(-(-length // most), 1)
+    ends = [length * number // count for number in range(count + 1)]
+    return [slice(first, end) for first, end in pairwise(ends)]
+
+
+def _one_table(
+    headings: Sequence[str],
+    rows: Sequence[NumberRow],
+    *,
+    caption: str,
+    label: str,
+    notes: Sequence[str],
+) -> str:
+    """A floating table that fits a page."""
     wide = len(headings) > MAX_NARROW
     formats = [_format([row.numbers[place] for row in rows]) for place in range(len(headings))]
     width = 0.30 if wide else 0.34
@@ -273,7 +313,7 @@ def _format(numbers: Sequence[Number | None]) -> str:
 def _heading(heading: str) -> str:
     """In braces, so that siunitx takes it for text; long ones in lines of their own."""
     lines = textwrap.wrap(one_line(heading), HEADING_CHARACTERS) or [""]
-    stacked = r"\\".join(map(escaped, lines))
+    stacked = r"\\{}".join(map(escaped, lines))  # braces: a line may begin with "["
     return rf"{{\shortstack{{{stacked}}}}}"
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from genie_sim.analysis.statistics import across_seeds
-from genie_sim.errors import UserError
+from genie_sim.errors import UserError, unknown
 from genie_sim.paths import expanded
 from genie_sim.recording import provenance, results
 from genie_sim.recording.columns import Columns
@@ -97,6 +97,30 @@ class SeedRuns:
         """Which runs they are, below a figure."""
         which = f"{self.name}, {seeds_text(self.seeds)}"
         return ", ".join(filter(None, [self.label, which, self.warning]))
+
+
+def with_methods(run: Run | SeedRuns, names: Sequence[str]) -> Run | SeedRuns:
+    """The same run, or runs, with the numbers of these methods alone, in this order; of no names,
+    all. Its tables stay as they are. Raises ``UserError`` for a method that did not run.
+    """
+    if not names:
+        return run
+    if isinstance(run, SeedRuns):
+        return replace(run, runs=[_with_methods(of_seed, names) for of_seed in run.runs])
+    return _with_methods(run, names)
+
+
+def _with_methods(run: Run, names: Sequence[str]) -> Run:
+    by_name = {method["name"]: method for method in run.facts["methods"]}
+    for name in names:
+        if name not in by_name:
+            raise UserError(f"--methods: {run.title}: {unknown('method', name, by_name)}")
+    left_out = by_name.keys() - set(names)
+    return replace(
+        run,
+        facts={**run.facts, "methods": [by_name[name] for name in dict.fromkeys(names)]},
+        measured=[metric for metric in run.measured if metric.method not in left_out],
+    )
 
 
 def tables_of_runs(run: Run | SeedRuns) -> list[Mapping[str, Columns]]:

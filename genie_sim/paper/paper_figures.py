@@ -14,14 +14,15 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, NullLocator
 
 from genie_sim.analysis import figures, metrics, style
-from genie_sim.analysis.drawing import in_style, letter_panels
+from genie_sim.analysis.drawing import in_style, is_narrow, letter_panels
 from genie_sim.analysis.latency_cdf import latency_cdf
 from genie_sim.analysis.style import PAGE_IN
-from genie_sim.paper.calibrate import Calibration
+from genie_sim.paper import figure_tables
+from genie_sim.paper.assumptions import load_assumptions
 from genie_sim.paper.checks import ALL, CASE, HE, HO
 from genie_sim.paper.facts import METHODS
-from genie_sim.paper.runs import Outcome
 from genie_sim.parallel import in_parallel
+from genie_sim.recording import provenance
 from genie_sim.recording.columns import Columns, Text, concat
 
 TITLES = {
@@ -41,88 +42,89 @@ PAPER_LINE: dict[str, Any] = {"linewidth": 0.9, "linestyle": (0, (1, 1.5))}
 # a sweep whose largest value is this many times its smallest gets a logarithmic axis
 LOGARITHMIC_FROM = 10.0
 FORMATS = ("svg", "png", "pdf")
+FITTED, TRIED = "calibration.json", "sensitivity.json"  # not every evaluation has them
 
 Row = Mapping[str, Any]
 
 
-def draw(
-    folder: Path,
-    *,
-    tables: Mapping[str, Sequence[Outcome]],
-    fitted: Calibration | None,
-    sweeps: Sequence[Row],
-    worth: Sequence[Row],
-    targets: Mapping[str, float],
-    footer: str,
-    workers: int,
-) -> None:
-    """Draws every figure that there is something for, as SVG, PNG and PDF.
-
-    Parameters
-    ----------
-    folder : Path
-        Where they go.
-    tables : mapping of str to sequence of Outcome
-        By scenario the runs of all seeds, which kept their tables.
-    fitted : Calibration or None
-        The search, if there was one.
-    sweeps : sequence of mapping
-        Rows as ``Arms.sweeps``; may be empty.
-    worth : sequence of mapping
-        Rows as ``quality.summarise`` makes them.
-    targets : mapping of str to float
-        The published numbers by name.
-    footer : str
-        Says below each figure what it was made of.
-    workers : int
-        How many processes draw.
-
-    Raises
-    ------
-    OSError
-        If a file cannot be written.
+def draw(evaluation: Path, workers: int) -> None:
+    """Draws every figure of an evaluation into its folder ``figures``, as SVG, PNG and PDF, in so
+    many processes. Raises OSError if a file cannot be written.
     """
+    in_parallel(_save, [(evaluation, name) for name in _makers(evaluation)], workers)
+
+
+def of_evaluation(
+    evaluation: Path, width_in: float | None = None, allow_changed: bool = False
+) -> dict[str, Figure]:
+    """Every figure that there is something for in an evaluation's folder, by file name, as wide as
+    a column or a page; by default a page. Raises ``UserError``, also for files that were changed
+    since they were written, unless they are allowed.
+    """
+    names = [*figure_tables.FILES.values(), "readings.json", "quality.json"]
+    names += [name for name in (FITTED, TRIED) if (evaluation / name).is_file()]
+    known = provenance.read_json(evaluation / "run.json").get("digests")
+    changed = provenance.changed_files(evaluation, known, names)
+    provenance.refuse_changed(evaluation, changed, allow_changed)
+    return {name: make() for name, make in _makers(evaluation, width_in).items()}
+
+
+def _makers(evaluation: Path, width_in: float | None = None) -> dict[str, Callable[[], Figure]]:
+    """What draws each figure."""
+    tables = figure_tables.read(evaluation)
+    first = provenance.read_json(evaluation / "readings.json")[0]
+    seeds = len(tables[CASE])
+    footer = f"genie-sim reproduce, {first['name']}: {', '.join(first['settings'])}, {seeds} seeds"
+    targets = load_assumptions().targets
     frames = {TITLES[name]: _pooled(tables[name], "frames") for name in (*HO, *HE)}
     lookups = {WRAPPED[name]: _pooled(tables[name], "lookups") for name in (*HO, *HE)}
-    one_seed = {TITLES[name]: tables[name][0].table("lookups") for name in (*HO, *HE)}
-    figure_makers = {
-        "latency_cdf": partial(latency_cdf, frames, METHODS, footer, of="answered"),
-        "latency_cdf_of_published": partial(latency_cdf, frames, METHODS, footer),
-        "image_reuse": partial(figures.image_reuse, lookups, METHODS, footer),
-        "object_reuse": partial(figures.object_reuse, lookups, METHODS, footer),
-        "confidence_boost": partial(
-            figures.confidence_boost, one_seed, METHODS, f"{footer}; the first seed"
-        ),
-        "case_study": partial(_case_study, tables[CASE], footer),
-        "worth": partial(_worth, worth, footer),
+    one_seed = {TITLES[name]: tables[name][0]["lookups"] for name in (*HO, *HE)}
+    look: dict[str, Any] = {"methods": METHODS, "footer": footer, "width_in": width_in}
+    of_first = look | {"footer": f"{footer}; the first seed"}
+    page_in = width_in or PAGE_IN
+    worth = provenance.read_json(evaluation / "quality.json")
+    makers: dict[str, Callable[[], Figure]] = {
+        "latency_cdf": partial(latency_cdf, frames, of="answered", **look),
+        "latency_cdf_of_published": partial(latency_cdf, frames, **look),
+        "image_reuse": partial(figures.image_reuse, lookups, **look),
+        "object_reuse": partial(figures.object_reuse, lookups, **look),
+        "confidence_boost": partial(figures.confidence_boost, one_seed, **of_first),
+        "case_study": partial(_case_study, tables[CASE], footer, page_in),
+        "worth": partial(_worth, worth, footer, page_in),
     }
-    if fitted is not None:
-        search = fitted.as_json()
-        figure_makers["calibration"] = partial(
-            _calibration, search["tried"], best=search["best"], targets=targets, footer=footer
-        )
-    if sweeps:
-        figure_makers["sensitivity"] = partial(_sweeps, sweeps, targets, footer)
-    in_parallel(_save, [(folder, name, make) for name, make in figure_makers.items()], workers)
+    if (search := evaluation / FITTED).is_file():
+        fitted = provenance.read_json(search)
+        makers["calibration"] = partial(_calibration, fitted, targets, footer, page_in)
+    if (tried := evaluation / TRIED).is_file():
+        sweeps = provenance.read_json(tried)["sweeps"]
+        makers["sensitivity"] = partial(_sweeps, sweeps, targets, footer, page_in)
+    return makers
 
 
-def _save(job: tuple[Path, str, Callable[[], Figure]]) -> None:
-    folder, name, make = job
-    figures.save(make(), folder, name, FORMATS)
+def _save(job: tuple[Path, str]) -> None:
+    evaluation, name = job
+    figures.save(_makers(evaluation)[name](), evaluation / "figures", name, FORMATS)
+
+
+def _side_by_side(width_in: float, height_in: float, **options: Any) -> tuple[Figure, Any, Any]:
+    """A figure with two panels of a height; one below the other in a column."""
+    rows = 2 if is_narrow(width_in) else 1
+    figure = Figure(figsize=(width_in, rows * height_in), layout="constrained")
+    first, second = figure.subplots(rows, 3 - rows, **options)
+    return figure, first, second
 
 
 @in_style()
-def _case_study(outcomes: Sequence[Outcome], footer: str) -> Figure:
+def _case_study(seeds: Sequence[Mapping[str, Columns]], footer: str, width_in: float) -> Figure:
     """Vision-assisted driving (paper: Fig. "bs"): response times of both cars, and reuse over
     events: the running ratio hits / requests.
     """
-    figure = Figure(figsize=(PAGE_IN, 2.8), layout="constrained")
+    figure, left, right = _side_by_side(width_in, 2.8)
     figure.set_label(
         f"Vision-assisted driving: car2 has no cameras\n{footer}; reuse: the first seed"
     )
-    left, right = figure.subplots(1, 2)
     objects, images = OBJECTS_LINE | {"marker": ""}, IMAGES_LINE | {"marker": ""}
-    genie = _pooled(outcomes, "frames").where(method="genie")
+    genie = _pooled(seeds, "frames").where(method="genie")
     for car, label, look in (
         ("car2", "car2, no cameras", objects),
         ("car1", "car1, cameras", images),
@@ -133,7 +135,7 @@ def _case_study(outcomes: Sequence[Outcome], footer: str) -> Figure:
     left.axvline(41.0, color="black", linewidth=0.9, linestyle="--", label="41 ms (24 frames/s)")
     left.set_xlabel("response time, first answer [ms]")
     left.set_ylabel("share of frames")
-    lookups = outcomes[0].table("lookups")
+    lookups = seeds[0]["lookups"]
     of_image = lookups["kind"] == "image"
     for events, label, look in (
         (lookups.rows(~of_image).where(genie="car2/genie"), "objects, car2 (no cameras)", objects),
@@ -152,43 +154,49 @@ def _case_study(outcomes: Sequence[Outcome], footer: str) -> Figure:
 
 
 @in_style()
-def _sweeps(rows: Sequence[Row], targets: Mapping[str, float], footer: str) -> Figure:
+def _sweeps(
+    rows: Sequence[Row], targets: Mapping[str, float], footer: str, width_in: float
+) -> Figure:
     """Object and image reuse, means of the twelve bars with 95 % intervals over seeds, against each
     open parameter.
 
     ``rows``: ``parameter``, ``unit``, ``used`` (the evaluation's own value, or ``None``), and
     ``points``: a list of ``value``, ``object_reuse`` and ``image_reuse`` as (mean, low, high).
     """
-    figure = Figure(figsize=(PAGE_IN, 0.9 + 1.75 * -(-len(rows) // 3)), layout="constrained")
+    columns = 2 if is_narrow(width_in) else 3
+    lines = -(-len(rows) // columns)
+    figure = Figure(figsize=(width_in, 0.9 + 1.75 * lines), layout="constrained")
     figure.set_label(
         f"Reuse against each parameter that the paper leaves open, all else unchanged\n{footer}"
     )
-    grid = figure.subplots(-(-len(rows) // 3), 3, sharey=True, squeeze=False)
+    grid = figure.subplots(lines, columns, sharey=True, squeeze=False)
     axes = list(grid.flat)
     for axis, row in zip(axes, rows, strict=False):
-        _sweep(axis, row, targets)
+        _sweep(axis, row, targets, every_tick=2 if is_narrow(width_in) else 1)
     for axis in axes[len(rows) :]:
         axis.remove()
     for line in grid:
         line[0].set_ylabel("mean of 12 bars")
     handles, labels = axes[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=4)
+    figure.legend(
+        handles, labels, loc="outside lower center", ncols=2 if is_narrow(width_in) else 4
+    )
     letter_panels(figure)
     return figure
 
 
 @in_style()
 def _calibration(
-    points: Sequence[Row], best: Row, targets: Mapping[str, float], footer: str
+    search: Mapping[str, Any], targets: Mapping[str, float], footer: str, width_in: float
 ) -> Figure:
     """Both calibrated numbers over the two fitted parameters, with the paper's level as a line
     where it is reached.
     """
-    figure = Figure(figsize=(PAGE_IN, 3.0), layout="constrained")
+    points, best = search["tried"], search["best"]
+    figure, left, right = _side_by_side(width_in, 3.0, sharey=True)
     figure.set_label(
         f"Calibration: the two published numbers over the two fitted parameters\n{footer}"
     )
-    left, right = figure.subplots(1, 2, sharey=True)
     for axis, name, target, title in (
         (left, "object_reuse", targets["object_reuse_mean"], "object reuse, mean of 12 bars"),
         (right, "ratio", targets["object_to_image_reuse"], "object reuse / image reuse"),
@@ -238,11 +246,11 @@ def _calibration(
 
 
 @in_style()
-def _worth(rows: Sequence[Row], footer: str) -> Figure:
+def _worth(rows: Sequence[Row], footer: str, width_in: float) -> Figure:
     """Precision, recall and ghosts of what the consumer holds, for L, R and DG; ``rows`` as
     ``quality`` makes them.
     """
-    figure = Figure(figsize=(PAGE_IN, 2.6), layout="constrained")
+    figure = Figure(figsize=(width_in, 2.6), layout="constrained")
     figure.set_label(
         f"What the consumer holds at each instant, against KITTI's labels (drive 0005)\n{footer}"
     )
@@ -272,7 +280,8 @@ def _worth(rows: Sequence[Row], footer: str) -> Figure:
                     linewidth=1,
                     capsize=3,
                 )
-    axis.set_xticks(range(len(names)), list(names.values()))
+    space = "\n" if is_narrow(width_in) else " "
+    axis.set_xticks(range(len(names)), [name.replace(" ", space) for name in names.values()])
     axis.grid(axis="x", visible=False)
     axis.set_ylabel("share of objects")
     axis.yaxis.set_major_formatter(FuncFormatter(style.percent_tick))
@@ -280,7 +289,7 @@ def _worth(rows: Sequence[Row], footer: str) -> Figure:
     return figure
 
 
-def _sweep(axis: Axes, row: Row, targets: Mapping[str, float]) -> None:
+def _sweep(axis: Axes, row: Row, targets: Mapping[str, float], every_tick: int) -> None:
     points = row["points"]
     values = np.array([point["value"] for point in points])
     for name, look, label in (
@@ -298,7 +307,8 @@ def _sweep(axis: Axes, row: Row, targets: Mapping[str, float]) -> None:
         axis.axvline(row["used"], color="0.5", linewidth=0.8)
     if values.min() > 0 and values.max() / values.min() >= LOGARITHMIC_FROM:
         axis.set_xscale("log")
-        axis.set_xticks(values, [f"{value:g}" for value in values])
+        labelled = values[::every_tick]
+        axis.set_xticks(labelled, [f"{value:g}" for value in labelled])
         axis.xaxis.set_minor_locator(NullLocator())
     unit = "" if row["unit"] == "1" else f" [{row['unit']}]"
     axis.set_xlabel(row["title"] + unit)
@@ -306,13 +316,13 @@ def _sweep(axis: Axes, row: Row, targets: Mapping[str, float]) -> None:
     axis.yaxis.set_major_formatter(FuncFormatter(style.percent_tick))
 
 
-def _pooled(outcomes: Sequence[Outcome], table: str) -> Columns:
+def _pooled(seeds: Sequence[Mapping[str, Columns]], table: str) -> Columns:
     """All seeds in one table; each seed's Genies are Genies of their own, so bars are means over
     Genies and seeds.
     """
     parts = []
-    for number, outcome in enumerate(outcomes):
-        part = outcome.table(table)
+    for number, tables in enumerate(seeds):
+        part = tables[table]
         if "genie" in part.names:
             genies = part["genie"]
             part = part.assign(

@@ -17,7 +17,7 @@ import numpy as np
 
 from genie_sim import report
 from genie_sim.errors import UserError
-from genie_sim.paper import drives, page, quality, verdict_table
+from genie_sim.paper import drives, figure_tables, page, quality, verdict_table
 from genie_sim.paper.arms import Arms, arms_of, run_arms
 from genie_sim.paper.assumptions import Assumptions, load_assumptions
 from genie_sim.paper.calibrate import Calibration, calibrate, max_runs
@@ -115,6 +115,8 @@ def reproduce(
         If ``out`` cannot be written, a reading does not fit the scenarios, or there are no such
         sequences.
     """
+    from genie_sim.paper import paper_figures
+
     provenance.check_writable(out.parent)
     provenance.check_replaceable(out)
     readings = load_readings(reading)
@@ -151,14 +153,17 @@ def reproduce(
     with provenance.result_folder(out) as folder:
         evaluation.write(folder)
         table = drives.write(folder, driven) if driven else ""
-        evaluation.draw(folder / "figures", workers)
+        (folder / "figures").mkdir()
+        paper_figures.draw(folder, workers)
         wall_time_s = time.perf_counter() - tell.began_s
         about = {
             "quick": quick,
             "workers": workers,
             "wall_time_s": round(wall_time_s, 1),
             **evaluation.provenance(),
-            "digests": provenance.digests(folder, page.files_of(folder)),
+            "digests": provenance.digests(
+                folder, [*page.files_of(folder), *figure_tables.FILES.values()]
+            ),
         }
         provenance.write_json(folder / "run.json", about)
         report.write_text(folder / report.NAME, page.page(folder))
@@ -197,6 +202,7 @@ class _Evaluation:
 
     def write(self, folder: Path) -> None:
         """Everything but figures and page. Raises OSError."""
+        figure_tables.write(folder, self.tables, self.seeds)
         rows = [row for judged in self.judged for row in _rows(judged, self.arms)]
         readings = [
             judged.reading.as_json() | {"settings": list(judged.settings)} for judged in self.judged
@@ -216,27 +222,6 @@ class _Evaluation:
             provenance.write_json(folder / "calibration.json", self.fitted.as_json())
         if self.arms is not None:
             provenance.write_json(folder / "sensitivity.json", self.arms.as_json())
-
-    def draw(self, folder: Path, workers: int) -> None:
-        """The figures. Raises OSError."""
-        from genie_sim.paper import paper_figures
-
-        folder.mkdir()
-        first = self.judged[0]
-        settings = ", ".join(first.settings)
-        footer = f"genie-sim reproduce, {first.reading.name}: {settings}, {len(self.seeds)} seeds"
-        sweeps = self.arms.sweeps if self.arms is not None else []
-        targets = load_assumptions().targets
-        paper_figures.draw(
-            folder,
-            tables=self.tables,
-            fitted=self.fitted,
-            sweeps=sweeps,
-            worth=self.worth,
-            targets=targets,
-            footer=footer,
-            workers=workers,
-        )
 
     def provenance(self) -> dict[str, Any]:
         """For ``run.json``: what the numbers come from."""

@@ -101,7 +101,11 @@ def printed(rows: Sequence[Row], format: str) -> str:
     headings = ["claim", "kind", *readings]
     tabular = text_table.rounded("latex", headings, lines, "l" * len(headings))
     return latex.floating(
-        tabular, caption="Claims of the paper", label="tab:claims", notes=[_legend()], wide=False
+        tabular,
+        caption="Claims of the paper; verdicts.md says them in words",
+        label="tab:claims",
+        notes=[_legend()],
+        wide=False,
     )
 
 
@@ -116,6 +120,23 @@ def text(rows: Sequence[Row], width: int) -> str:
         line = f"{claim:4} {cells} {by_reading[readings[0]]['claim']}"
         lines.append(line if len(line) <= width else f"{line[: max(width - 3, 0)]}...")
     return "\n".join([*lines, "", *textwrap.wrap(_legend(), width), "", *counts(rows)])
+
+
+def setup_sentences(folder: Path) -> list[str]:
+    """What was run, for an article. Raises ``UserError``."""
+    readings = provenance.read_json(folder / "readings.json")
+    seeds = len(provenance.read_json(folder / "run.json")["seeds"])
+    named = [f"Reading {reading['name']}: {reading['title']}." for reading in readings]
+    return [
+        f"The evaluation of Section V with {seeds} seeds under {len(readings)} readings.",
+        *named,
+    ]
+
+
+def result_sentences(folder: Path) -> list[str]:
+    """What came out, for an article. Raises ``UserError``."""
+    lines = counts(read_rows(folder))
+    return [line.removeprefix("- ") for line in lines if line]
 
 
 def _legend() -> str:

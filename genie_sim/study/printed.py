@@ -1,6 +1,6 @@
 """A finished sweep for an article: its figures again, in any width, and its table."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -8,6 +8,7 @@ from genie_sim.analysis import latex, text_table
 from genie_sim.analysis.latex import Number, NumberRow
 from genie_sim.analysis.registry import METRICS
 from genie_sim.analysis.style import PAGE_IN
+from genie_sim.errors import UserError, unknown
 from genie_sim.recording import provenance
 from genie_sim.study import page
 from genie_sim.study.design import Design, read_design
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 PRINTED = ("first_answer_mean", "fresh_answered_share", "streaming_f1", "ghost_share")
-MAX_ROWS = 40  # of a table on a page
+MAX_ROWS = 50  # of a table in an article
 
 
 def footer_of(design: Design, label: str = "") -> str:
@@ -27,6 +28,16 @@ def footer_of(design: Design, label: str = "") -> str:
     what = f"sweep {design.name} of {design.scenario}"
     points = f"{design.runs // len(numbers)} points"
     return ", ".join(filter(None, [label, what, points, f"seeds {seeds}"]))
+
+
+def setup_sentences(folder: Path, allow_changed: bool = False) -> list[str]:
+    """What was run, for an article. Raises ``UserError``."""
+    about, _, _ = _read(folder, allow_changed)
+    design = read_design(about["sweep"], str(folder / page.ABOUT))
+    axes = ", ".join(design.axes)
+    sentences = [f"{footer_of(design, str(about.get('label', '')))}.", f"Axes: {axes}."]
+    sentences.append(f"Methods: {', '.join(_titles(about).values())}.")
+    return [*sentences, *filter(None, [design.description])]
 
 
 def unique_titles(titles: Mapping[str, str]) -> dict[str, str]:
@@ -47,11 +58,20 @@ def figures_of(
     return dict(figures.of_sweep(design, runs, _titles(about), footer, width_in=width_in))
 
 
-def table_of(folder: Path, format: str, allow_changed: bool = False) -> str:
-    """The points of a sweep: in ``csv`` every metric with all digits, in ``latex`` the main metrics
-    with their intervals, in ``markdown`` the same without. Raises ``UserError``.
+def table_of(
+    folder: Path, format: str, methods: Sequence[str] = (), allow_changed: bool = False
+) -> str:
+    """The points of a sweep, of all ``methods`` or of these: in ``csv`` every metric with all
+    digits, in ``latex`` the main metrics with their intervals, in ``markdown`` the same without.
+    Raises ``UserError``.
     """
     about, _, points = _read(folder, allow_changed)
+    known = list(dict.fromkeys(points["method"].dropna()))
+    for name in methods:
+        if name not in known:
+            raise UserError(f"--methods: {folder}: {unknown('method', name, known)}")
+    if methods:
+        points = points[points["method"].isin(methods)]
     if format == "csv":
         return text_table.exact(
             list(map(str, points.columns)), points.itertuples(index=False, name=None)

@@ -70,3 +70,17 @@ def test_a_run_s_table_says_what_its_brackets_are_and_marks_those_of_another_kin
     assert "95 \\% intervals inside the run" in text
     assert r"\shortstack{my\_50\% \& \$x\$}" in text
     assert "differences" not in text, "one seed has no paired differences over seeds"
+
+
+def test_what_fits_no_page_is_divided_into_several_tables():
+    rows = [NumberRow(f"row {number}", [Number("1")] * 8) for number in range(30)]
+    text = latex.table(list("abcdefgh"), rows, caption="c", label="tab:c", notes=["n"])
+    assert re.findall(r"\\label\{(.*)\}", text) == ["tab:c", "tab:c-2", "tab:c-3", "tab:c-4"]
+    assert re.findall(r"\\caption\{(.*)\}", text)[3] == "c (part 4 of 4)"
+    assert text.count("S[") == 2 * 8 and text.count("row 29 &") == 2
+    assert text.count("{n}") == 1, "notes stand below the last part"
+
+
+def test_a_unit_that_begins_a_line_of_a_heading_is_no_length():
+    text = latex.table(["share of frames [%]"], [], caption="c", label="tab:c", notes=[])
+    assert r"share of\\{}frames [\%]" in text

@@ -55,7 +55,7 @@ def page(tmp_path_factory) -> str:
 @pytest.fixture
 def folder() -> Path:
     """A copy of the same evaluation, to be changed."""
-    copy = Path(shutil.copytree(PAPER, "evaluation", ignore=shutil.ignore_patterns("*.png")))
+    copy = Path(shutil.copytree(PAPER, "evaluation"))
     return signed(with_bench(copy))
 
 

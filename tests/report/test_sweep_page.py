@@ -209,6 +209,11 @@ def test_a_sweep_has_a_table_and_figures_for_a_paper(crossed, tmp_path, capsys):
     assert f"{mean['value']:.3g}" in latex and r"\caption{crossed: " in latex
     assert main(["table", str(crossed), "--format", "csv"]) == 0
     assert len(capsys.readouterr().out.splitlines()) == len(points) + 1
+    assert main(["table", str(crossed), "--methods", "genie"]) == 0
+    of_genie = capsys.readouterr().out
+    assert TITLES["genie"] in of_genie and TITLES["local"] not in of_genie
+    assert main(["table", str(crossed), "--methods", "geni"]) == 1
+    assert "did you mean 'genie'?" in capsys.readouterr().err
     assert main(["figures", str(crossed), "--format", "pdf", "--out", str(tmp_path)]) == 0
     drawn = {path.stem for path in (crossed / "figures").glob("*.svg")}
     assert {path.stem for path in tmp_path.glob("*.pdf")} == drawn

@@ -232,6 +232,17 @@ def test_an_article_is_written_from_several_seeds_with_tables_figures_and_defini
     assert "unknown publisher 'springer'" in capsys.readouterr().err
 
 
+def test_a_table_has_only_the_methods_that_are_asked_for(folder, capsys):
+    command = ["table", str(folder), "--methods", "genie,remote"]
+    assert main(command) == 0
+    heading = capsys.readouterr().out.splitlines()[0]
+    assert heading.startswith("| | Genie (DG) | remote (R) |") and "local" not in heading
+    assert main([*command, "--format", "latex"]) == 0
+    assert "paired differences from Genie (DG)" in capsys.readouterr().out
+    assert main(["table", str(folder), "--methods", "geni"]) == 1
+    assert "unknown method 'geni' (did you mean 'genie'?)" in capsys.readouterr().err
+
+
 def test_figures_of_several_seeds_have_the_differences_in_any_width(folder, tmp_path):
     command = ["figures", str(folder), "--width", "acm-column", "--out", str(tmp_path)]
     assert main([*command, "--format", "pdf"]) == 0
