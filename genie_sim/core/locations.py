@@ -7,7 +7,8 @@ from genie_sim.core.stored_object import StoredObject
 from genie_sim.grid import Cell, Grid
 from genie_sim.messages import Location
 
-CELL_GATES = 2.0  # side of a cell
+# Side of a cell. An object is in 2.3 cells of this size, and in 4 of half of it.
+CELL_GATES = 4.0
 REACH_GATES = 1.01  # how far around an object the cells list it: a gate, and room for rounding
 
 

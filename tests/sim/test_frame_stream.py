@@ -55,4 +55,4 @@ def test_what_is_in_view_is_computed_once_for_each_batch(record, monkeypatch):
     monkeypatch.setattr(type(visibility), "visible", counted)
     runner.simulate(prepared)
     whole_batches = [count for count in views if count == BATCH_FRAMES]
-    assert len(whole_batches) == 201 // BATCH_FRAMES, "12 whole batches, and the rest of 9 frames"
+    assert len(whole_batches) == 201 // BATCH_FRAMES, "3 whole batches, and the rest of 9 frames"
