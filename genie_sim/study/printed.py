@@ -24,10 +24,11 @@ MAX_ROWS = 50  # of a table in an article
 def footer_of(design: Design, label: str = "") -> str:
     """Which sweep it is, below a figure."""
     numbers = design.seeds
-    seeds = ", ".join(map(str, numbers)) if len(numbers) <= 5 else f"{len(numbers)} seeds"
+    few = len(numbers) <= 5
+    seeds = f"seeds {', '.join(map(str, numbers))}" if few else f"{len(numbers)} seeds"
     what = f"sweep {design.name} of {design.scenario}"
     points = f"{design.runs // len(numbers)} points"
-    return ", ".join(filter(None, [label, what, points, f"seeds {seeds}"]))
+    return ", ".join(filter(None, [label, what, points, seeds]))
 
 
 def setup_sentences(folder: Path, allow_changed: bool = False) -> list[str]:

@@ -1,0 +1,89 @@
+"""A sweep for an article: which sweep it is, and titles that tell methods apart."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+import pytest
+
+from genie_sim.scenario.yaml_input import dump
+from genie_sim.study import page, printed
+from genie_sim.study.design import load_design
+
+
+def design(seeds: int | list[int]) -> Any:
+    axes = {"rate": {"set": "genie.object_map.rate", "list": [0.1, 0.5]}}
+    Path("s.yaml").write_text(dump({"scenario": "1car_homo", "seeds": seeds, "axes": axes}))
+    return load_design(Path("s.yaml"))
+
+
+def test_the_footer_names_the_sweep_its_points_and_its_seeds():
+    assert printed.footer_of(design(3)) == "sweep s of 1car_homo, 2 points, seeds 1, 2, 3"
+    assert printed.footer_of(design([4, 9]), "mine") == (
+        "mine, sweep s of 1car_homo, 2 points, seeds 4, 9"
+    )
+    assert printed.footer_of(design(5)).endswith("seeds 1, 2, 3, 4, 5")
+    assert printed.footer_of(design(6)).endswith("2 points, 6 seeds")
+
+
+def test_methods_with_one_title_go_by_their_names():
+    titles = {"a": "Genie (DG)", "b": "Genie (DG)", "c": "local (L)"}
+    assert printed.unique_titles(titles) == {"a": "a", "b": "b", "c": "local (L)"}
+
+
+@pytest.fixture
+def folder(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
+    """A finished sweep of two axes with 21 points of two methods, as its page reads it."""
+    rows = [
+        {
+            "point": point,
+            "rate": 0.1 * point,
+            "rule": f"rule{point}",
+            "method": method,
+            "metric": metric,
+            "placement": placement,
+            "component": "",
+            "value": None if (method, metric) == ("local", "fresh_answered_share") else 0.5 + point,
+            "low": 0.4 + point,
+            "high": 0.6 + point,
+        }
+        for point in range(21)
+        for method in ("local", "genie")
+        for metric in ("fresh_answered_share", "first_answer_mean", "energy_per_frame")
+        for placement in (("all", "car") if metric == "energy_per_frame" else ("all",))
+    ]
+    about = {
+        "sweep": {"axes": {"rate": {}, "rule": {}}, "seeds": [1, 2], "name": "my_sweep"},
+        "titles": {"local": "local (L)", "genie": "Genie (DG)"},
+    }
+    points = pd.DataFrame(rows)
+    monkeypatch.setattr(printed, "_read", lambda folder, allow_changed: (about, points, points))
+    return tmp_path
+
+
+def test_the_table_has_a_row_for_each_point_and_method(folder: Path):
+    lines = printed.table_of(folder, "markdown").splitlines()
+    assert lines[0] == "| | first answer, mean [ms] | frames with a fresh result [%] |"
+    assert lines[1] == "|---|---:|---:|"
+    assert lines[2] == "| 0, rule0: local (L) | 0.5 | - |"
+    assert lines[5] == "| 0.1, rule1: Genie (DG) | 1.5 | 150 |"
+    assert len(lines) == 2 + 42
+
+
+def test_a_paper_has_intervals_and_the_first_forty_rows(folder: Path):
+    text = printed.table_of(folder, "latex")
+    assert "Means, in brackets their 95 % t intervals, over 2 seeds." in text.replace("\\%", "%")
+    assert "The first 40 of 42 rows; all are in table.csv." in text
+    assert "my\\_sweep: rate, rule" in text and "tab:" in text
+    assert "Genie (DG)" in text and text.count("rule19") == 2 and "rule20" not in text
+
+
+def test_a_spreadsheet_has_every_number(folder: Path):
+    lines = printed.table_of(folder, "csv").splitlines()
+    assert lines[0].startswith("point,rate,rule,method,metric,placement,component,value")
+    assert len(lines) == 1 + 21 * 2 * 4
+    assert json.loads(f"[{lines[-1].split('car,,')[1]}]") == [20.5, 20.4, 20.6]
+    assert page.READ
