@@ -354,8 +354,15 @@ def run_tests(copy: Path) -> None:
     os.dup2(output, 1)
     os.dup2(output, 2)
     import pytest
+    from hypothesis import Phase, settings
 
+    # The first example that fails is enough; to make it smaller would take the whole time.
+    phases = (Phase.explicit, Phase.generate)
+    settings.register_profile(
+        "no_shrinking", derandomize=True, deadline=None, max_examples=50, phases=phases
+    )
     options = ["-x", "-rfE", "--tb=line", f"--timeout={LONGEST_TEST_S}", "@tests.txt"]
+    options.append("--hypothesis-profile=no_shrinking")
     sys.exit(pytest.main([*FAST, "-p", "no:cacheprovider", *options]))
 
 
