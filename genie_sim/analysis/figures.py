@@ -182,8 +182,9 @@ def _settle(figure: Figure) -> None:
     """Lays the figure out once and rounds the result: the layout's solver varies in the last digit
     from call to call, and matplotlib names parts of an SVG file after such digits.
     """
-    figure.draw_without_rendering()
-    figure.set_layout_engine("none")
+    if (engine := figure.get_layout_engine()) is not None:
+        engine.execute(figure)
+    figure.set_layout_engine(None)  # with one, even "none", matplotlib draws a figure twice
     for axis in figure.axes:
         left, bottom, width, height = (round(length, 6) for length in axis.get_position().bounds)
         axis.set_position((left, bottom, width, height))

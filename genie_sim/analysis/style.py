@@ -39,6 +39,8 @@ RC: dict[str, Any] = {
     "legend.frameon": False,
     "legend.handlelength": 2.2,
     "legend.columnspacing": 1.0,
+    "figure.autolayout": False,  # figures lay themselves out: figures.py
+    "figure.constrained_layout.use": False,
     "savefig.dpi": 200,
     "svg.fonttype": "none",  # text stays text
     "pdf.fonttype": 42,  # fonts are inside, as TrueType
