@@ -20,6 +20,8 @@ REPOSITORY = Path(__file__).resolve().parent.parent
 
 os.environ.setdefault("MPLBACKEND", "Agg")
 os.fsync = lambda descriptor: None  # no test cuts the power, and disks take their time
+# Without --jobs a command starts no processes: the tests keep every core busy themselves.
+os.environ["LOKY_MAX_CPU_COUNT"] = "1"
 os.environ["GENIE_SIM_PROGRESS"] = "off"  # lines of progress would come where a machine is slow
 settings.register_profile("genie_sim", derandomize=True, deadline=None, max_examples=50)
 settings.load_profile("genie_sim")

@@ -5,7 +5,6 @@ Nothing here decides anything: assumptions.yaml does, before; claims.yaml says w
 """
 
 import hashlib
-import os
 import shutil
 import time
 from collections.abc import Iterator, Mapping, Sequence
@@ -29,7 +28,7 @@ from genie_sim.paper.evidence import Evidence, Values, interval, rounded
 from genie_sim.paper.facts import Fact, Facts
 from genie_sim.paper.readings import DEFAULT, Reading, load_readings
 from genie_sim.paper.runs import BatchProgress, EvaluationRuns, Outcome
-from genie_sim.parallel import in_parallel
+from genie_sim.parallel import in_parallel, workers_here
 from genie_sim.recording import provenance
 from genie_sim.scenario.yaml_input import read_mapping
 from genie_sim.study.parts import Parts, Progress
@@ -124,7 +123,7 @@ def reproduce(
     for each in readings:
         check(each)
     on_drives = drives.all_runs() if with_drives else []
-    workers = workers or os.cpu_count() or 1
+    workers = workers or workers_here()
     used_seeds = _seeds(assumptions, quick, seeds)
     swept = not quick and readings[0].name == DEFAULT
     tell = BatchProgress(
