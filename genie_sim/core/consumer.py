@@ -2,12 +2,11 @@
 any instant.
 """
 
-import math
 from abc import ABC, abstractmethod
 from collections import OrderedDict
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, NamedTuple
 
 from genie_sim import units
 from genie_sim.core.freshness.existence import MeasuredExistence
@@ -15,12 +14,22 @@ from genie_sim.core.freshness.laws import ASSUMED, DetectorLaws
 from genie_sim.core.maps import Viewer
 from genie_sim.core.rules import ObjectMapRules
 from genie_sim.core.track_map import TrackMap
-from genie_sim.core.tracking import COAST_NS, NEAR_M
-from genie_sim.core.view import ViewSector
-from genie_sim.messages import Detection, Detections, Header, Image, Location, Look
+from genie_sim.messages import Detection, Detections, Header, Image, Look
 from genie_sim.settings import Share
 
 REMEMBERED_FRAMES = 256
+
+
+class Shown(NamedTuple):
+    """The objects of one answer that a consumer believes in.
+
+    Those of an answer that holds at an instant, ``valid_ns``, are all that is in view of the
+    ``viewer`` then; ``None`` if it is not known, or not any more.
+    """
+
+    objects: Sequence[Detection]
+    valid_ns: int | None = None
+    viewer: Viewer | None = None
 
 
 class Consumer(ABC):
@@ -41,8 +50,10 @@ class Consumer(ABC):
         """An answer is in the consumer's hands."""
 
     @abstractmethod
-    def held(self, now_ns: int) -> tuple[Detection, ...]:
-        """The objects that the consumer believes in, each at its place."""
+    def shown(self, now_ns: int) -> Sequence[Shown]:
+        """The objects that the consumer believes in, answer by answer; of an earlier answer first,
+        where two show the same (``recording.held``).
+        """
 
 
 class Newest(Consumer):
@@ -64,31 +75,14 @@ class Newest(Consumer):
         if newest is None or _instant(answer) >= _instant(newest):
             self._newest[stream] = answer
 
-    def held(self, now_ns: int) -> tuple[Detection, ...]:
+    def shown(self, now_ns: int) -> Sequence[Shown]:
         answers = [self._newest[stream] for stream in sorted(self._newest)]
         # answers that hold at an instant come first, the newest of them before all others
         answers.sort(key=lambda answer: 0 if answer.valid_ns is None else -answer.valid_ns)
-        objects: list[Detection] = []
-        places: dict[str, list[Location]] = {}  # of the objects, by class
-        decided: list[ViewSector] = []  # where an answer has shown all that there is
-        for answer in answers:
-            # Objects of one answer are different ones, however near: people walk side by side.
-            added: list[tuple[str, Location]] = []
-            for detection in answer.objects:
-                place = detection.location
-                if place is None or _in_any(decided, place):
-                    continue
-                if answer.valid_ns is not None:
-                    detection, place = _moved(detection, place, now_ns - answer.valid_ns)
-                if not _is_near(place, places.get(detection.label, ())):
-                    added.append((detection.label, place))
-                    objects.append(detection)
-            for label, place in added:
-                places.setdefault(label, []).append(place)
-            viewer = self._viewers.get(answer.header)
-            if answer.valid_ns is not None and viewer is not None:
-                decided.append(ViewSector(viewer.pose, viewer.horizontal_fov_rad))
-        return tuple(objects)
+        return [
+            Shown(answer.objects, answer.valid_ns, self._viewers.get(answer.header))
+            for answer in answers
+        ]
 
 
 class Tracker(Consumer):
@@ -124,9 +118,9 @@ class Tracker(Consumer):
         if look is not None:
             self._map.look(look, now_ns)
 
-    def held(self, now_ns: int) -> tuple[Detection, ...]:
+    def shown(self, now_ns: int) -> Sequence[Shown]:
         self._map.forget(now_ns)
-        return tuple(self._map.served(now_ns))
+        return (Shown(self._map.served(now_ns)),)
 
 
 @dataclass(frozen=True)
@@ -172,28 +166,3 @@ class ConsumerRules:
 
 def _instant(answer: Detections) -> int:
     return answer.header.stamp_ns if answer.valid_ns is None else answer.valid_ns
-
-
-def _in_any(sectors: Sequence[ViewSector], place: Location) -> bool:
-    return any(sector.distance_m(place[0], place[1]) is not None for sector in sectors)
-
-
-def _moved(detection: Detection, place: Location, for_ns: int) -> tuple[Detection, Location]:
-    """The detection where its velocity has brought it after a time, and that place."""
-    if detection.motion is None or for_ns <= 0:
-        return detection, place
-    (east_mps, north_mps), dt_s = detection.motion.velocity_mps, min(for_ns, COAST_NS) * 1e-9
-    east_m, north_m, up_m = place
-    place = (east_m + east_mps * dt_s, north_m + north_mps * dt_s, up_m)
-    return detection.with_location(place), place
-
-
-def _is_near(place: Location, others: Sequence[Location]) -> bool:
-    east_m, north_m, _ = place
-    for other in others:
-        if (
-            abs(other[0] - east_m) < NEAR_M
-            and math.hypot(other[0] - east_m, other[1] - north_m) < NEAR_M
-        ):
-            return True
-    return False

@@ -49,8 +49,8 @@ class Frames(Protocol):
     seeded: bool
 
     def truth_of(self, drive: Any) -> Any:
-        """What is really there on a drive from here (``recording.held.DriveTruth``); ``None`` where
-        nobody knows.
+        """What is really there on a drive from here (``recording.scenes.DriveTruth``); ``None``
+        where nobody knows.
         """
 
     def drive(self, car: str, trace: str | None, start_ns: int) -> Drive:

@@ -3,34 +3,53 @@
 import math
 from collections.abc import Iterable, Sequence
 
+import numpy as np
+
 from genie_sim.core.matching import Near
+from genie_sim.recording.joins import Array, Pairs
 
 GOSPA_CUT_M = 5.0
 
 
-def gospa_m(
-    candidates: Sequence[Near], ours: int, theirs: int, cut_m: float = GOSPA_CUT_M
-) -> float:
-    """Returns the GOSPA distance [m] of order 2 with alpha 2: the root of the squared distances of
-    the best pairs, and of ``cut_m`` squared / 2 for each object without one.
+def gospa_m(pairs: Pairs, row: Array, objects: Array, cut_m: float = GOSPA_CUT_M) -> Array:
+    """Returns the GOSPA distances [m] of order 2 with alpha 2 between many pairs of lists, row by
+    row: the root of the squared distances of the best pairs, and of ``cut_m`` squared / 2 for each
+    object without one.
 
-    ``ours`` and ``theirs`` are the numbers of objects, ``candidates`` the pairs of them within
-    ``cut_m`` as ``core.matching.near`` lists them.
+    ``pairs`` are those of objects within ``cut_m``, row by row and nearest first; each object has
+    an index of its own. ``row`` is the row of each pair, ``objects`` the number of objects in each
+    row, of both lists.
 
     Source: A. S. Rahmathullah, A. F. Garcia-Fernandez, L. Svensson, "Generalized optimal
     sub-pattern assignment metric", FUSION 2017, Proposition 1.
     """
     cut_m2 = cut_m * cut_m
-    rows, columns = ({one[side] for one in candidates} for side in (1, 2))
-    if len(rows) == len(candidates) == len(columns):
-        gained = sum(cut_m2 - distance_m2 for distance_m2, _, _ in candidates)
-    else:
-        gained = sum(_max_gain(group, cut_m2) for group in _groups(candidates))
-    return math.sqrt(max(cut_m2 / 2 * (ours + theirs) - gained, 0.0))
+    gains = cut_m2 - pairs.distance_m2
+    # How many pairs our and their object of each pair are in.
+    ours, theirs = (np.bincount(side)[side] for side in pairs[:2])
+    is_star = np.zeros(len(row), dtype=bool)
+    for side, count, others in ((pairs.ours, ours, theirs), (pairs.theirs, theirs, ours)):
+        # An object whose partners have no other one is paired with the nearest of them.
+        most = np.zeros(side.max(initial=-1) + 1, dtype=np.int64)
+        np.maximum.at(most, side, others)
+        star = most[side] == 1
+        first = np.zeros(len(row), dtype=bool)
+        first[np.unique(side, return_index=True)[1]] = True
+        gains[star & ~first & (count > 1)] = 0.0
+        is_star |= star
+    others = np.flatnonzero(~is_star)
+    gains[others] = 0.0
+    columns = (column[others].tolist() for column in (pairs.distance_m2, pairs.ours, pairs.theirs))
+    candidates = list(zip(*columns, strict=True))
+    for group in _groups(candidates):
+        gains[others[group[0]]] = _max_gain([candidates[place] for place in group], cut_m2)
+    gained = np.bincount(row, weights=gains, minlength=len(objects))
+    distances_m: Array = np.sqrt(np.maximum(cut_m2 / 2 * objects - gained, 0.0))
+    return distances_m
 
 
-def _groups(candidates: Sequence[Near]) -> Iterable[list[Near]]:
-    """Groups of pairs that share objects with no other group."""
+def _groups(candidates: Sequence[Near]) -> Iterable[list[int]]:
+    """Groups of pairs, by their indices, that share objects with no other group."""
     parents: dict[int, int] = {}  # of ours i at i, of theirs j at ~j
 
     def root(end: int) -> int:
@@ -40,9 +59,9 @@ def _groups(candidates: Sequence[Near]) -> Iterable[list[Near]]:
 
     for _, i, j in candidates:
         parents[root(i)] = root(~j)
-    groups: dict[int, list[Near]] = {}
-    for one in candidates:
-        groups.setdefault(root(one[1]), []).append(one)
+    groups: dict[int, list[int]] = {}
+    for place, one in enumerate(candidates):
+        groups.setdefault(root(one[1]), []).append(place)
     return groups.values()
 
 

@@ -3,83 +3,53 @@
 Each car is judged when its first camera, or any of them, takes a frame. What its consumer holds is
 compared with the truth of that very instant, not with that of the frames that its answers are
 about: a late answer counts as a wrong one (streaming accuracy; M. Li, Y. Wang, D. Ramanan, "Towards
-Streaming Perception", ECCV 2020)."""
+Streaming Perception", ECCV 2020).
 
-import math
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from typing import NamedTuple, Protocol
+During the run scenes and answers are only noted; a window of them is judged at once.
+"""
 
-from genie_sim.classes import class_of
-from genie_sim.core.consumer import Consumer, Newest
-from genie_sim.core.matching import Near, Placed, near, pairs, placed
-from genie_sim.messages import Detection, Detections, Frame, Image, Location
+from collections import Counter
+from collections.abc import Callable, Collection, Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from genie_sim.core.consumer import Consumer, Newest, Shown
+from genie_sim.messages import Detections, Image
+from genie_sim.recording.ages import NOT_YET_NS, FirstSeen, Given, Sights
+from genie_sim.recording.columns import Columns, Text
 from genie_sim.recording.gospa import GOSPA_CUT_M, gospa_m
+from genie_sim.recording.held import Held, held
+from genie_sim.recording.held_spans import HeldSpans, Judged
+from genie_sim.recording.joins import Array, Pairs, Places, matches, near, turns
+from genie_sim.recording.objects import UNKNOWN, Codes, ObjectColumns, Objects
 from genie_sim.recording.recent_places import RecentPlaces
-from genie_sim.recording.records import HeldObjectRow, HeldRow
+from genie_sim.recording.scenes import DriveTruth, Scene, Views, Visible, are_there
 from genie_sim.recording.tables import Table
 from genie_sim.units import NS_PER_S
 
 CONSUMER, ZERO_DELAY = "consumer", "zero_delay"
-REMEMBERED_NS = 10 * NS_PER_S  # what was there so long ago counts as moved away
+WINDOW = 1024  # scenes that are judged at once
+
+JUDGEMENTS = ("right", "duplicate", "hidden", "moved_away", "never_there", "missed")
+RIGHT, DUPLICATE, HIDDEN, MOVED_AWAY, NEVER_THERE, MISSED = range(len(JUDGEMENTS))
 
 
-class RealObject(Protocol):
-    """Something that is really there."""
+class _Compared(NamedTuple):
+    """The objects that are held in view, and how each of them is judged.
 
-    @property
-    def label(self) -> str: ...
-
-    @property
-    def location(self) -> Location: ...
-
-    @property
-    def moving(self) -> bool: ...
-
-
-class DriveTruth(Protocol):
-    """What is really there on one car's drive."""
-
-    @property
-    def reach_m(self) -> float:
-        """How far from an object one that is held may be and still be right."""
-
-    @property
-    def range_m(self) -> float:
-        """How far from the camera an object counts."""
-
-    def knows(self, label: str) -> bool:
-        """Whether objects of a class would be known if they were there."""
-
-    def visible(self, frame: Frame) -> Sequence[RealObject]:
-        """What the frame's camera can see."""
-
-    def is_there(self, frame: Frame, label: str, east_m: float, north_m: float) -> bool:
-        """Whether anything of a class, visible or not, is within ``reach_m`` of a place when the
-        frame is taken.
-        """
-
-
-class _Judged(NamedTuple):
-    """An object at a place, and how it is judged: what tells the rows of ``held_objects`` apart."""
-
-    label: str
-    east_m: float
-    north_m: float
-    judgement: str
-
-
-class _Comparison(NamedTuple):
-    """What is held, and what is really there, at one instant.
-
-    ``judgements`` has a word for each object that is held; ``candidates`` are the pairs of the two
-    lists that are near enough for GOSPA, ``matches`` those that make an object right.
+    What they are, the code of the label, the judgement, the age [s] and whether another car saw it
+    last; then the pairs with visible objects, scene by scene and nearest first, and which of them
+    match.
     """
 
-    held: Sequence[Detection]
-    judgements: Sequence[str]
-    real: Sequence[RealObject]
-    candidates: Sequence[Near]
-    matches: Sequence[Near]
+    held: Held
+    label: Array
+    judgement: Array
+    age_s: Array
+    is_shared: Array
+    pairs: Pairs
+    is_match: Array
 
 
 class MapAccuracy:
@@ -103,6 +73,8 @@ class MapAccuracy:
     all_streams : bool
         Whether the frames of every stream of a car are instants at which it is judged, within their
         fields of view, not only those of the first.
+    window : int
+        How many scenes are judged at once; does not change results.
     """
 
     def __init__(
@@ -115,35 +87,37 @@ class MapAccuracy:
         *,
         objects: Table | None = None,
         all_streams: bool = False,
+        window: int = WINDOW,
     ) -> None:
         self._method = method
         self._truths = truths
         self._table = table
         self._judged_without_delay = judged_without_delay
-        self._objects = objects
         self._all_streams = all_streams
+        self._window = window
         self._consumers = {car: make_consumer() for car in truths}
         self._first_streams: dict[str, str] = {}  # of each car, the one whose frames are instants
-        # By car: when an object of a class was first in an answer at exactly this place.
-        self._first_seen_ns: dict[str, dict[tuple[str, Location], int]] = {
-            car: {} for car in truths
-        }
-        # By car and stream: since when each object is judged as it is.
-        self._open: dict[str, dict[str, dict[_Judged, int]]] = {car: {} for car in truths}
-        # To the camera of any car that is judged.
-        max_reach_m = max((truth.reach_m for truth in truths.values()), default=1.0)
-        self._visible_lately = RecentPlaces(max_reach_m)
+        self._cars = Codes((car, number) for number, car in enumerate(truths))
+        self._labels = Codes()  # of labels and of classes
+        self._first_seen = FirstSeen()
+        self._recent_places = RecentPlaces()
+        self._spans: HeldSpans | None = None
+        if objects is not None:
+            self._spans = HeldSpans(
+                method, objects, cars=self._cars, labels=self._labels, judgements=JUDGEMENTS
+            )
+        # of this window: scenes, how many instants of each car, answers in the consumers' hands
+        self._scenes: list[Scene] = []
+        self._turns: Counter[int] = Counter()
+        self._given: list[Given] = []
 
     def answered(self, answer: Detections, now_ns: int) -> None:
         """An answer is in the consumer's hands."""
-        stamp_ns, _, car = answer.header
-        if car not in self._truths:
-            return
-        self._consumers[car].on_answer(answer, now_ns)
-        first_seen_ns = self._first_seen_ns[car]
-        for detection in answer.objects:
-            if detection.location is not None:
-                first_seen_ns.setdefault((detection.label, detection.location), stamp_ns)
+        consumer = self._consumers.get(answer.header.origin)
+        if consumer is not None:
+            consumer.on_answer(answer, now_ns)
+            car = self._cars[answer.header.origin]
+            self._given.append(Given(car, self._turns[car], answer))
 
     def published(self, image: Image) -> None:
         """A camera took a frame; the car is judged unless only its first camera's frames count."""
@@ -155,180 +129,213 @@ class MapAccuracy:
         consumer.on_frame(image)
         if self._first_streams.setdefault(car, stream) != stream and not self._all_streams:
             return
-        real = [
-            thing
-            for thing in truth.visible(image.content)
-            if _in_view(image, thing.location, truth.range_m)
-        ]
-        self._visible_lately.forget(now_ns - REMEMBERED_NS)
-        held = consumer.held(now_ns)
-        comparison = self._compare(image, held, real)
-        self._count(CONSUMER, image, comparison)
-        if self._objects is not None:
-            self._follow(image, comparison)
-        self._forget_first_seen(car, held)
+        self._scenes.append(Scene(image, truth, consumer.shown(now_ns), is_consumer=True))
         if car not in self._judged_without_delay:
-            self._count(ZERO_DELAY, image, self._compare(image, image.content.detections, real))
-        for thing in real:
-            place = class_of(thing.label), thing.location[0], thing.location[1]
-            self._visible_lately.add(place, now_ns)
+            detections = (Shown(image.content.detections),)
+            self._scenes.append(Scene(image, truth, detections, is_consumer=False))
+        self._turns[self._cars[car]] += 1
+        if len(self._scenes) >= self._window:
+            self._judge()
 
     def close(self) -> None:
         """Nothing more happens: what is held now is held until the end."""
-        for car, streams in self._open.items():
-            for objects in streams.values():
-                self._end(car, objects, None)
-        self._open.clear()
+        if self._scenes:
+            self._judge()
+        if self._spans is not None:
+            self._spans.close()
 
-    def _compare(
-        self, image: Image, objects: Sequence[Detection], real: Sequence[RealObject]
-    ) -> _Comparison:
+    def _judge(self) -> None:
+        """Writes the rows of the window."""
+        views = Views.of(self._scenes, self._cars)
+        visible = Visible.of(self._scenes, self._labels, self._recent_places.codes)
+        visible = visible.rows(views.see(visible.scene, visible.east_m, visible.north_m))
+        compared = self._compare(views, visible)
+        self._count(views, visible, compared)
+        if self._spans is not None:
+            self._follow(self._spans, views, visible, compared)
+        self._scenes, self._given = [], []
+        self._turns.clear()
+
+    def _compare(self, views: Views, visible: Visible) -> _Compared:
         """Judges each object in view, of a class that the truth knows."""
-        truth = self._truths[image.header.origin]
-        held = [
-            detection
-            for detection in objects
-            if detection.location is not None
-            and truth.knows(detection.label)
-            and _in_view(image, detection.location, truth.range_m)
-        ]
-        held_places = placed(held)
-        real_places = [
-            (class_of(thing.label), thing.location[0], thing.location[1]) for thing in real
-        ]
-        candidates = near(held_places, real_places, max(truth.reach_m, GOSPA_CUT_M))
-        matches = pairs(candidates, truth.reach_m)
-        right = {i for _, i, _ in matches}
-        near_real = {i for distance_m2, i, _ in candidates if distance_m2 <= truth.reach_m**2}
-        judgements = []
-        for i, place in enumerate(held_places):
-            if i in right:
-                judgements.append("right")
-            elif i in near_real:
-                judgements.append("duplicate")
-            else:
-                judgements.append(self._cause(image, place))
-        return _Comparison(held, judgements, real, candidates, matches)
+        objects = Objects(self._labels, self._cars)
+        shown = (scene.shown for scene in self._scenes)
+        items = held(objects, zip(views.now_ns.tolist(), shown, strict=True))
+        known = objects.columns().rows(items.number)
+        age_s = self._age_s(objects, views, items, known)
+        counts = views.see(items.scene, items.east_m, items.north_m)
+        counts &= self._knows(views.car[items.scene], known.label)
+        items, known, age_s = items.rows(counts), known.rows(counts), age_s[counts]
 
-    def _count(self, what: str, image: Image, comparison: _Comparison) -> None:
-        """Writes a row of ``held``."""
-        now_ns, _, car = image.header
-        judgements, matches = comparison.judgements, comparison.matches
-        # What is there and cannot be seen is neither right nor wrong.
-        counted = [i for i, judgement in enumerate(judgements) if judgement != "hidden"]
-        compared = [
-            pair
-            for pair in comparison.candidates
-            if pair[0] <= GOSPA_CUT_M**2 and judgements[pair[1]] != "hidden"
-        ]
-        moving = sum(thing.moving for thing in comparison.real)
-        found_moving = sum(comparison.real[j].moving for _, _, j in matches)
-        shared = [i for i in counted if _is_shared(comparison.held[i], car)]
-        ages_s = [0.0] * len(counted)
-        if what == CONSUMER:
-            ages_s = [self._age_s(car, now_ns, comparison.held[i]) for i in counted]
-        errors_m = [math.sqrt(distance_m2) for distance_m2, _, _ in matches]
-        row = HeldRow(
-            method=self._method,
-            what=what,
-            car=car,
-            stamp_ns=now_ns,
-            held=len(counted),
-            right=len(matches),
-            moved_away=judgements.count("moved_away"),
-            never_there=judgements.count("never_there"),
-            duplicate=judgements.count("duplicate"),
-            shared=len(shared),
-            shared_right=sum(judgements[i] == "right" for i in shared),
-            hidden=judgements.count("hidden"),
-            visible_static=len(comparison.real) - moving,
-            found_static=len(matches) - found_moving,
-            visible_moving=moving,
-            found_moving=found_moving,
-            gospa_m=gospa_m(compared, len(counted), len(comparison.real)),
-            age_s=_mean(ages_s),
-            error_m=_mean(errors_m),
+        classes, reach_m = len(self._labels), views.reach_m[items.scene]
+        pairs = near(
+            Places(items.scene * classes + known.class_, items.east_m, items.north_m),
+            Places(visible.scene * classes + visible.class_, visible.east_m, visible.north_m),
+            max(float(views.reach_m.max()), GOSPA_CUT_M),
         )
-        self._table.append(row)
+        scene = items.scene[pairs.ours]
+        pairs = pairs.rows(np.lexsort((pairs.theirs, pairs.ours, pairs.distance_m2, scene)))
+        within = np.flatnonzero(pairs.distance_m2 <= (reach_m * reach_m)[pairs.ours])
+        is_match = np.zeros(len(pairs.ours), dtype=bool)
+        is_match[within[matches(pairs.rows(within))]] = True
 
-    def _follow(self, image: Image, comparison: _Comparison) -> None:
-        """Notes since when each object is judged as it is, and writes a row of ``held_objects`` for
-        each that is so no more.
-        """
-        found = {j for _, _, j in comparison.matches}
-        judged: list[tuple[Detection | RealObject, str]] = [
-            (detection, judgement)
-            for detection, judgement in zip(comparison.held, comparison.judgements, strict=True)
-            if judgement != "hidden"
-        ]
-        judged += [(thing, "missed") for j, thing in enumerate(comparison.real) if j not in found]
-        now_ns, stream, car = image.header
-        earlier = self._open[car].get(stream, {})
-        current = self._open[car][stream] = {}
-        for thing, judgement in judged:
-            assert thing.location is not None
-            key = _Judged(thing.label, thing.location[0], thing.location[1], judgement)
-            current[key] = earlier.pop(key, now_ns)
-        self._end(car, earlier, now_ns)
+        judgement = np.full(len(items.scene), NEVER_THERE)
+        judgement[pairs.ours[within]] = DUPLICATE
+        judgement[pairs.ours[is_match]] = RIGHT
+        others = np.flatnonzero(judgement == NEVER_THERE)
+        places = Places(known.class_, items.east_m, items.north_m)
+        hidden = self._are_there(views.car, items.scene[others], places.rows(others))
+        judgement[others[hidden]] = HIDDEN
+        others = np.flatnonzero(judgement == NEVER_THERE)
+        moved_away = self._were_there(views, visible, items.scene[others], places.rows(others))
+        judgement[others[moved_away]] = MOVED_AWAY
+        is_shared = (known.seen_by != UNKNOWN) & (known.seen_by != views.car[items.scene])
+        return _Compared(
+            items,
+            label=known.label,
+            judgement=judgement,
+            age_s=age_s,
+            is_shared=is_shared,
+            pairs=pairs,
+            is_match=is_match,
+        )
 
-    def _end(self, car: str, begins_ns: Mapping[_Judged, int], end_ns: int | None) -> None:
-        for key, begin_ns in begins_ns.items():
-            assert self._objects is not None
-            row = HeldObjectRow(
-                method=self._method,
-                car=car,
-                label=key.label,
-                east_m=key.east_m,
-                north_m=key.north_m,
-                judged=key.judgement,
-                begin_ns=begin_ns,
-                end_ns=end_ns,
-            )
-            self._objects.append(row)
-
-    def _cause(self, image: Image, place: Placed) -> str:
-        """Why an object is held where nothing visible is."""
-        label, east_m, north_m = place
-        truth = self._truths[image.header.origin]
-        if truth.is_there(image.content, label, east_m, north_m):
-            return "hidden"
-        if self._visible_lately.any_near(place, truth.reach_m):
-            return "moved_away"
-        return "never_there"
-
-    def _forget_first_seen(self, car: str, held: Iterable[Detection]) -> None:
-        """Keeps the ages of what is still held."""
-        first_seen_ns = self._first_seen_ns[car]
-        keys = [(detection.label, detection.location) for detection in held if detection.location]
-        self._first_seen_ns[car] = {key: first_seen_ns[key] for key in keys if key in first_seen_ns}
-
-    def _age_s(self, car: str, now_ns: int, detection: Detection) -> float:
+    def _age_s(self, objects: Objects, views: Views, items: Held, known: ObjectColumns) -> Array:
         """The time since the frame in which an object was seen: as a map that tracks says, else the
-        first one whose answer had an object of its class at exactly its place.
+        first one whose answer had an object of its label at exactly its place. What the detector
+        finds without delay has no age.
         """
-        assert detection.location is not None
-        if detection.motion is not None:
-            seen_ns = detection.motion.seen.stamp_ns
-        else:
-            key = detection.label, detection.location
-            seen_ns = self._first_seen_ns[car].get(key, now_ns)
-        return max(now_ns - seen_ns, 0) / NS_PER_S
+        of_consumer = views.is_consumer[items.scene]
+        # An object that has moved on is at a place of no answer.
+        stays = (items.east_m == known.east_m) & (items.north_m == known.north_m)
+        rows = np.flatnonzero(of_consumer & stays)
+        turn = np.zeros(len(views.car), dtype=np.int64)
+        turn[views.is_consumer] = turns(views.car[views.is_consumer])
+        scene = items.scene[rows]
+        sights = Sights(views.car[scene], turn[scene], known.sight[rows])
+        seen_ns = np.full(len(items.scene), NOT_YET_NS)
+        seen_ns[rows] = self._first_seen.seen_ns(objects, self._given, sights, self._turns)
+        seen_ns = np.where(known.seen_by == UNKNOWN, seen_ns, known.seen_ns)
+        age_s: Array = np.maximum(views.now_ns[items.scene] - seen_ns, 0) / NS_PER_S
+        age_s[~of_consumer] = 0.0
+        return age_s
 
+    def _knows(self, car: Array, label: Array) -> Array:
+        """Which labels the truths of the cars know."""
+        truths, labels = list(self._truths.values()), list(self._labels)
+        codes, rows = np.unique(car * len(labels) + label, return_inverse=True)
+        flags = [truths[code // len(labels)].knows(labels[code % len(labels)]) for code in codes]
+        return np.array(flags, dtype=bool)[rows]
 
-def _is_shared(detection: Detection, car: str) -> bool:
-    """Whether the car holds this for what another car saw."""
-    return detection.motion is not None and detection.motion.seen.origin != car
+    def _are_there(self, cars: Array, scene: Array, places: Places) -> Array:
+        """Whether anything of a class, visible or not, is at each place in its scene."""
+        result = np.zeros(len(scene), dtype=bool)
+        truths, labels = list(self._truths.values()), list(self._labels)
+        order = np.argsort(cars[scene], kind="stable")
+        numbers, begins = np.unique(cars[scene][order], return_index=True)
+        for number, rows in zip(numbers.tolist(), np.split(order, begins[1:]), strict=False):
+            frames = [self._scenes[at].image.content for at in scene[rows].tolist()]
+            of_rows = [labels[code] for code in places.group[rows].tolist()]
+            result[rows] = are_there(
+                truths[number], frames, of_rows, (places.east_m[rows], places.north_m[rows])
+            )
+        return result
 
+    def _were_there(self, views: Views, visible: Visible, scene: Array, places: Places) -> Array:
+        """Whether anything of a class was visible at each place lately, before its scene."""
+        # What the consumer holds and what is found without delay are judged at one instant.
+        instant = np.cumsum(views.is_consumer) - 1
+        seen = visible.rows(views.is_consumer[visible.scene])
+        return self._recent_places.were_there(
+            places,
+            reach_m=views.reach_m[scene],
+            instant=instant[scene],
+            visible=np.stack([seen.place, instant[seen.scene]]),
+            now_ns=views.now_ns[views.is_consumer],
+        )
 
-def _mean(values: Sequence[float]) -> float | None:
-    return sum(values) / len(values) if values else None
+    def _count(self, views: Views, visible: Visible, compared: _Compared) -> None:
+        """Writes the rows of ``held``."""
+        items, judgement, pairs = compared.held, compared.judgement, compared.pairs
+        scenes = len(views.now_ns)
 
+        def counts(scene: Array, selection: Array) -> Array:
+            return np.bincount(scene[selection], minlength=scenes)
 
-def _in_view(image: Image, location: Location, range_m: float) -> bool:
-    """In the frame's horizontal field of view, and near enough."""
-    pose = image.pose
-    east_m, north_m = location[0] - pose.east_m, location[1] - pose.north_m
-    if east_m * east_m + north_m * north_m > range_m * range_m:
-        return False
-    bearing_rad = math.remainder(math.atan2(north_m, east_m) - pose.heading_rad, math.tau)
-    return abs(bearing_rad) <= image.horizontal_fov_rad / 2
+        def judged(*judgements: int) -> Array:
+            return counts(items.scene, np.isin(judgement, judgements))
+
+        # What is there and cannot be seen is neither right nor wrong.
+        is_held = judgement != HIDDEN
+        held_ = counts(items.scene, is_held)
+        of_pairs = items.scene[pairs.ours]
+        moving = visible.moving == 1
+        compares = (pairs.distance_m2 <= GOSPA_CUT_M**2) & is_held[pairs.ours]
+        found = np.zeros(len(moving), dtype=bool)
+        found[pairs.theirs[compared.is_match]] = True
+        errors_m = np.sqrt(pairs.distance_m2[compared.is_match])
+        right = judged(RIGHT)
+        with np.errstate(invalid="ignore"):
+            age_s = (
+                np.bincount(items.scene[is_held], weights=compared.age_s[is_held], minlength=scenes)
+                / held_
+            )
+            error_m = (
+                np.bincount(of_pairs[compared.is_match], weights=errors_m, minlength=scenes) / right
+            )
+        columns = {
+            "method": Text.of(np.zeros(scenes, dtype=np.int64), [self._method]),
+            "what": Text.of(np.where(views.is_consumer, 0, 1), [CONSUMER, ZERO_DELAY]),
+            "car": Text.of(views.car, list(self._cars)),
+            "stamp_ns": views.now_ns,
+            "held": held_,
+            "right": right,
+            "moved_away": judged(MOVED_AWAY),
+            "never_there": judged(NEVER_THERE),
+            "duplicate": judged(DUPLICATE),
+            "shared": counts(items.scene, is_held & compared.is_shared),
+            "shared_right": counts(items.scene, compared.is_shared & (judgement == RIGHT)),
+            "hidden": judged(HIDDEN),
+            "visible_static": counts(visible.scene, ~moving),
+            "found_static": counts(visible.scene, found & ~moving),
+            "visible_moving": counts(visible.scene, moving),
+            "found_moving": counts(visible.scene, found & moving),
+            "gospa_m": gospa_m(
+                pairs.rows(compares),
+                of_pairs[compares],
+                held_ + counts(visible.scene, moving | True),
+            ),
+            "age_s": age_s,
+            "error_m": error_m,
+        }
+        self._table.extend(Columns(columns))
+
+    def _follow(
+        self, spans: HeldSpans, views: Views, visible: Visible, compared: _Compared
+    ) -> None:
+        """Notes since when each object is judged as it is."""
+        items, codes = compared.held, spans.cameras
+        is_held = views.is_consumer[items.scene] & (compared.judgement != HIDDEN)
+        is_missed = views.is_consumer[visible.scene]
+        is_missed[compared.pairs.theirs[compared.is_match]] = False
+        missed = visible.rows(is_missed)
+        scene = np.concatenate([items.scene[is_held], missed.scene])
+        camera = np.array(
+            [
+                codes[self._cars[scene.image.header.origin], scene.image.header.frame_id]
+                for scene in self._scenes
+            ]
+        )
+        instants = np.flatnonzero(views.is_consumer)
+        turn = np.zeros(len(camera), dtype=np.int64)
+        turn[instants] = turns(camera[instants])
+        judged = Judged(
+            camera=camera[scene],
+            turn=turn[scene],
+            order=np.arange(len(scene)),
+            label=np.concatenate([compared.label[is_held], missed.label]),
+            east_m=np.concatenate([items.east_m[is_held], missed.east_m]),
+            north_m=np.concatenate([items.north_m[is_held], missed.north_m]),
+            judgement=np.append(compared.judgement[is_held], np.full(len(missed.scene), MISSED)),
+        )
+        spans.add(judged, camera[instants], turn[instants], views.now_ns[instants])

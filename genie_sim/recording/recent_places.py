@@ -1,45 +1,101 @@
 """The places where objects were visible lately."""
 
-import math
+from itertools import islice
 
-from genie_sim.core.matching import Placed
-from genie_sim.grid import Grid
+import numpy as np
+
+from genie_sim.recording.joins import Array, Places, near
+from genie_sim.recording.objects import Codes
+from genie_sim.units import NS_PER_S
+
+REMEMBERED_NS = 10 * NS_PER_S  # what was there so long ago counts as moved away
+_NEVER_NS = -(2**62)
 
 
 class RecentPlaces:
     """Every place where an object of some class was visible, and when it was visible there last.
 
-    ``reach_m`` is the farthest that ``any_near`` is asked for.
+    ``codes`` number the places: a class's code, and east and north [m].
     """
 
-    def __init__(self, reach_m: float) -> None:
-        self._grid: Grid[Placed] = Grid(reach_m)
-        self._last_ns: dict[Placed, int] = {}  # in order of time
+    def __init__(self) -> None:
+        self.codes = Codes()
+        self._places = np.zeros((0, 3))  # of the codes before the window
+        self._last_ns = np.zeros(0, dtype=np.int64)
 
     def __len__(self) -> int:
-        return len(self._last_ns)
+        return len(self.codes)
 
-    def add(self, place: Placed, now_ns: int) -> None:
-        """An object is visible at a place; instants come in order."""
-        if self._last_ns.pop(place, None) is None:
-            self._grid.add(self._grid.cell(place[1], place[2]), place)
-        self._last_ns[place] = now_ns
+    def were_there(
+        self, places: Places, reach_m: Array, instant: Array, visible: Array, now_ns: Array
+    ) -> Array:
+        """Returns of each place whether anything of its class was visible within reach of it at an
+        instant before, in the last 10 s.
 
-    def forget(self, before_ns: int) -> None:
-        """Removes the places where nothing has been visible since ``before_ns``."""
-        while self._last_ns:
-            place = next(iter(self._last_ns))
-            if self._last_ns[place] >= before_ns:
-                return
-            del self._last_ns[place]
-            self._grid.remove(self._grid.cell(place[1], place[2]), place)
+        Parameters
+        ----------
+        places : Places
+            The places, grouped by the codes of their classes.
+        reach_m, instant : array
+            How far away counts [m], and the index of the instant, place by place.
+        visible : array
+            Of this window: codes of places where objects are visible and, beside them, indices of
+            the instants, in their order.
+        now_ns : array
+            The time of each instant [ns]; they come in order.
+        """
+        self._add_new()
+        code, at = visible
+        result = np.zeros(len(reach_m), dtype=bool)
+        if len(result) and len(self):
+            asked, found = self._near(places, reach_m)
+            keys = np.append(np.sort(code * len(now_ns) + at), -1)
+            before = keys[np.searchsorted(keys[:-1], found * len(now_ns) + instant[asked]) - 1]
+            of_place, earlier = np.divmod(before, len(now_ns))
+            last_ns = np.where(of_place == found, now_ns[earlier], self._last_ns[found])
+            result[asked[last_ns >= now_ns[instant[asked]] - REMEMBERED_NS]] = True
+        self._last_ns[code] = now_ns[at]  # of equal places the last one counts
+        self._forget(int(now_ns[-1]) - REMEMBERED_NS)
+        return result
 
-    def any_near(self, place: Placed, reach_m: float) -> bool:
-        """Whether anything of the class was visible within ``reach_m`` of a place."""
-        label, east_m, north_m = place
-        nearby = self._grid.inside(
-            east_m - reach_m, east_m + reach_m, north_m - reach_m, north_m + reach_m
+    def _add_new(self) -> None:
+        """Places with new codes have not been visible before."""
+        old = len(self._last_ns)
+        new = np.array(list(islice(self.codes, old, None))).reshape(-1, 3)
+        self._places = np.concatenate([self._places, new])
+        self._last_ns = np.append(self._last_ns, np.full(len(new), _NEVER_NS))
+
+    def _near(self, places: Places, reach_m: Array) -> tuple[Array, Array]:
+        """Indices of places and codes of known ones within reach of them."""
+        max_reach_m = float(reach_m.max()) * (1.0 + 1e-9)
+        classes, east_m, north_m = self._places.T
+        known = _in_rows(Places(classes, east_m, north_m), max_reach_m)
+        # What is near is in the same row of cells, or in the next.
+        wanted = _in_rows(places, max_reach_m)
+        found = [
+            near(wanted._replace(group=wanted.group + row), known, max_reach_m)
+            for row in (-1, 0, 1)
+        ]
+        asked = np.concatenate([pairs.ours for pairs in found])
+        code = np.concatenate([pairs.theirs for pairs in found])
+        away_m = np.hypot(
+            east_m[code] - places.east_m[asked], north_m[code] - places.north_m[asked]
         )
-        return any(
-            other[0] == label and math.dist(other[1:], place[1:]) <= reach_m for other in nearby
-        )
+        within = away_m <= reach_m[asked]
+        return asked[within], code[within]
+
+    def _forget(self, before_ns: int) -> None:
+        """Removes the places where nothing has been visible since, once they are the most."""
+        remembered = self._last_ns >= before_ns
+        if 2 * np.count_nonzero(remembered) < len(remembered):
+            names = list(self.codes)
+            self.codes.clear()
+            for code in np.flatnonzero(remembered).tolist():
+                self.codes[names[code]]
+            self._places, self._last_ns = self._places[remembered], self._last_ns[remembered]
+
+
+def _in_rows(places: Places, side_m: float) -> Places:
+    """The same, grouped by class and by row of cells of a side."""
+    rows = np.floor(places.north_m / side_m)
+    return places._replace(group=(places.group + 1.0) * 2.0**32 + rows)

@@ -10,6 +10,8 @@ import pytest
 from genie_sim.core.consumer import ConsumerRules, Newest, Tracker
 from genie_sim.core.maps import Viewer
 from genie_sim.messages import CameraPose, Detection, Detections, Header, Image, Motion
+from genie_sim.recording import held as recording_held
+from genie_sim.recording.objects import Codes, Objects
 from genie_sim.settings import from_plain
 from tests.core.looks import FOV, MS, after, car, look, tracks
 from tests.core.worlds import S, seen
@@ -22,7 +24,14 @@ def image(t_s: float, camera="02") -> Image:
 
 
 def held(consumer, t_s: float) -> list[tuple[str, float]]:
-    return [(one.label, round(one.location[0], 1)) for one in consumer.held(round(t_s * S))]
+    now_ns = round(t_s * S)
+    labels = Codes()
+    objects = Objects(labels, Codes())
+    items = recording_held.held(objects, [(now_ns, consumer.shown(now_ns))])
+    names, codes = list(labels), objects.columns().label[items.number]
+    return [
+        (names[code], round(east_m, 1)) for code, east_m in zip(codes, items.east_m, strict=True)
+    ]
 
 
 def tell(consumer, t_s: float, *found: Detection, source="detector", camera="02") -> None:
@@ -96,7 +105,7 @@ def test_an_answer_that_shows_all_in_view_replaces_older_ones_in_its_field_of_vi
     tell(consumer, 0.0, seen("car", 0.9, at=place), camera="03")
     consumer.on_frame(image(1.0))
     consumer.on_answer(Detections(image(1.0).header, (), "map").with_look(None, S), S)
-    assert bool(consumer.held(S)) is remaining
+    assert bool(held(consumer, 1.0)) is remaining
 
 
 def test_of_two_answers_for_one_instant_the_later_one_counts():

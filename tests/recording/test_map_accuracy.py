@@ -8,15 +8,23 @@ import math
 import random
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
+from typing import Any
 
+import numpy as np
+import pandas as pd
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
-from genie_sim.core.consumer import Consumer
-from genie_sim.messages import Detection, Detections, Header, Image, Motion
+from genie_sim.core.consumer import Consumer, Shown
+from genie_sim.messages import CameraPose, Detection, Detections, Header, Image, Location, Motion
+from genie_sim.recording.joins import Places
 from genie_sim.recording.map_accuracy import MapAccuracy
 from genie_sim.recording.recent_places import RecentPlaces
-from genie_sim.recording.records import HELD
+from genie_sim.recording.records import HELD, HELD_OBJECTS
 from genie_sim.recording.tables import Table
+from tests.recording.scalar_judge import ScalarJudge
 from tests.recording.test_held import POSE, SECOND, Frame, Street, Thing, judged, last, one, thing
 
 NOTHING = Frame([])
@@ -32,8 +40,8 @@ class AsAnswered(Consumer):
     def on_answer(self, answer: Detections, now_ns: int) -> None:
         self.objects = answer.objects
 
-    def held(self, now_ns: int) -> tuple[Detection, ...]:
-        return self.objects
+    def shown(self, now_ns: int) -> Sequence[Shown]:
+        return [Shown(self.objects)]
 
 
 def test_a_parked_car_that_is_answered_again_ages_since_its_first_answer():
@@ -113,15 +121,20 @@ def test_a_place_counts_as_left_for_exactly_ten_seconds():
     assert [row["moved_away"] for row in rows[-3:]] == [1, 1, 0]
 
 
-def test_a_parked_car_does_not_keep_older_places():
-    """A place that is seen again counts from then on, and places are forgotten in that order."""
-    places, parked = RecentPlaces(2.0), ("car", 10.0, 0.0)
-    places.add(parked, 0)
-    places.add(("car", 30.0, 0.0), 1)
-    places.add(parked, 2)
-    places.forget(before_ns=2)
-    assert places.any_near(("car", 11.0, 0.0), 2.0)
-    assert not places.any_near(("car", 30.0, 0.0), 2.0) and len(places) == 1
+def test_places_where_nothing_has_been_visible_for_ten_seconds_are_forgotten():
+    """A parked car, and another that is somewhere else each time."""
+    places = RecentPlaces()
+    now_ns = np.arange(0, 40 * SECOND, SECOND)
+    for window in np.split(now_ns, 8):
+        seen = [(0, 10.0, 0.0), *((0, 30.0, t_ns / SECOND) for t_ns in window.tolist())]
+        codes = np.array([places.codes[place] for place in seen])
+        at = np.array([0, *range(len(window))])
+        asked = Places(np.zeros(2), np.array([11.0, 30.0]), np.array([0.0, window[0] / SECOND - 3]))
+        there = places.were_there(
+            asked, np.array([2.0, 2.0]), np.array([1, 0]), np.stack([codes, at]), window
+        )
+        assert there.tolist() == [True, window[0] > 0], "at an instant before"
+    assert len(places) < 30
 
 
 def brute_force(
@@ -173,6 +186,96 @@ def test_causes_of_ghosts_are_those_of_a_brute_force_judge(seed: int):
         visible += [(now_ns, it) for it in in_view]
         answer = Detections(header, tuple(one(*somewhere()) for _ in range(rng.randrange(5))))
         judge.answered(answer, now_ns)
+    judge.close()
     rows = table.to_frame()
     assert list(zip(rows["moved_away"], rows["never_there"], strict=True)) == expected
     assert rows["moved_away"].sum() > 10 < rows["never_there"].sum()
+
+
+class Town(Street):
+    """The same, with people who are not known, and asked about many objects at once."""
+
+    reach_m = 3.0
+
+    def knows(self, label: str) -> bool:
+        return label != "person"
+
+    def are_there(
+        self, frames: Sequence[Frame], labels: Sequence[str], east_m: Any, north_m: Any
+    ) -> Any:
+        asked = zip(frames, labels, east_m, north_m, strict=True)
+        return np.array([self.is_there(*of_one) for of_one in asked])
+
+
+Judge = MapAccuracy | ScalarJudge
+CARS = {"car1": Street(), "car2": Town()}
+
+
+def drive(judge: Judge, seed: int, moments: int) -> None:
+    """Two cars with two cameras each look at a strip of 30 m by 12 m, in which things come, go and
+    stay; answers are early, late or missing, and some hold at an instant.
+    """
+    rng = random.Random(seed)
+    # few places, so that things are at one place again and again, and twice at once
+    places = [(rng.uniform(5.0, 35.0), rng.uniform(-6.0, 6.0), 0.0) for _ in range(12)]
+    headers = []
+
+    def somewhere(moving: bool) -> tuple[str, Location, bool]:
+        east_m, north_m, up_m = rng.choice(places)
+        if moving:
+            east_m += rng.uniform(-1.0, 1.0)
+        return rng.choice(["car", "car", "truck", "person"]), (east_m, north_m, up_m), moving
+
+    def found() -> Detection:
+        label, location, moving = somewhere(rng.random() < 0.3)
+        motion = None
+        if moving:
+            seen = Header(rng.randrange(SECOND), "left", rng.choice(["car1", "car2", "car3"]))
+            motion = Motion((rng.uniform(-9.0, 9.0), 1.0), 0.5, 0.9, seen)
+        place = None if rng.random() < 0.1 else location
+        return Detection(label, 0.9, None, place, 0.9, "made up", motion)
+
+    known = [found() for _ in range(10)]  # objects that several answers share
+
+    def objects() -> tuple[Detection, ...]:
+        return tuple(rng.choice(known) if rng.random() < 0.6 else found() for _ in range(4))
+
+    for number in range(moments):
+        now_ns = number * SECOND // 2
+        for car in CARS:
+            for stream, heading_rad in (("left", 0.4), ("right", -0.2)):
+                things = [Thing(*somewhere(rng.random() < 0.3)) for _ in range(rng.randrange(4))]
+                hidden = [Thing(*somewhere(False)) for _ in range(rng.randrange(2))]
+                frame = Frame(things, hidden, objects()[: rng.randrange(4)])
+                header = Header(now_ns, stream, car)
+                pose = CameraPose(rng.uniform(-1.0, 1.0), 0.0, 1.6, heading_rad)
+                judge.published(Image(header, 1000, "", 0, pose, 1.4, frame))
+                headers.append(header)
+        for header in rng.sample(headers[-9:], k=3):
+            answer = Detections(header, objects()[: rng.randrange(5)])
+            if rng.random() < 0.4:
+                answer = answer.with_look(None, now_ns - rng.randrange(SECOND))
+            judge.answered(answer, now_ns)
+    judge.close()
+
+
+@settings(deadline=None, max_examples=12)
+@given(
+    seed=st.integers(0, 2**32),
+    window=st.sampled_from([1, 2, 3, 7, 20, 1024]),
+    all_streams=st.booleans(),
+    without_delay=st.sampled_from([(), ("car2",)]),
+)
+def test_windows_of_any_size_are_judged_as_one_object_after_the_other(
+    seed: int, window: int, all_streams: bool, without_delay: tuple[str, ...]
+):
+    rows = []
+    for make in (partial(MapAccuracy, window=window), ScalarJudge):
+        tables = Table(HELD), Table(HELD_OBJECTS)
+        judge = make(
+            "genie", CARS, tables[0], without_delay, objects=tables[1], all_streams=all_streams
+        )
+        drive(judge, seed, moments=8)
+        rows.append([table.to_frame() for table in tables])
+    for ours, theirs in zip(*rows, strict=True):
+        pd.testing.assert_frame_equal(ours, theirs, rtol=1e-12, check_categorical=False)
