@@ -232,6 +232,7 @@ def notes(scenario: Scenario) -> list[str]:
         for entry in scenario.methods
         if (looks := scenario.asked(entry).genie.looks) is not None
         and looks.told == "auto"
+        and looks.edge == "beside"
         and not scenario.is_one_world
     ]
     if not silent:

@@ -56,15 +56,6 @@ RECOMMENDED: dict[str, Any] = {
     },
 }
 PRESETS = {"literal": LITERAL, "recommended": RECOMMENDED}
-# What decides about stored answers, with its defaults.
-WITHOUT_CACHE: dict[str, Any] = {
-    "eviction": "unlimited",
-    "ttl_ns": None,
-    "capacity": None,
-    "car_capacity": None,
-    "same_key_pending": "coalesce",
-    "second_answer": "overwrite",
-}
 NEVER = Choice("never")
 NO_DEFENCE = Choice("none")
 POSE_GRID = Choice("pose_grid", {"cell_m": 1.0, "heading_rad": math.radians(15.0)})
@@ -200,6 +191,11 @@ class LookRules:
     view_margin_rad: Annotated[float, Bounds(minimum=0)] = math.radians(10.0)
     """Answers out of the map look this much wider than the camera, on each side."""
 
+    edge: Literal["beside", "in_front", "none"] = "beside"
+    """Where an edge has a Genie: `beside` its detector, which answers cars directly, if edges tell
+    cars something; `in_front` of it with a message cache, as in the paper, for comparison; or
+    `none`."""
+
     defence: Annotated[Choice, DEFENCE] = NO_DEFENCE
     """What a car believes of what edges say, and an edge of what cars say, or a class of your
     own."""
@@ -209,9 +205,15 @@ class LookRules:
     the next frame. What edges tell then counts only with signatures, so an edge cannot forge it."""
 
     told: ToldRules | Literal["auto"] | None = None
-    """What a Genie beside each edge's detector tells the cars of one another's looks; `null`: there
-    is none. Only where all cars are in one world at one time; `auto`: as by default there, else
-    none."""
+    """What a Genie beside each edge's detector tells the cars of one another's looks; `null`:
+    nothing. Only where all cars are in one world at one time; `auto`: as by default there, else
+    nothing."""
+
+    def __post_init__(self) -> None:
+        if self.edge != "beside" and isinstance(self.told, ToldRules):
+            raise ValueError(
+                f"told: needs a Genie beside edges, so 'edge: beside', not {self.edge!r}"
+            )
 
 
 @dataclass(frozen=True)
@@ -324,12 +326,11 @@ class GenieRules:
             if self.pass_time_ns is not None:
                 raise ValueError("pass_time: has no effect without 'looks'")
             return
-        for name, usual in WITHOUT_CACHE.items():
-            if getattr(self, name) != usual:
-                field = name.removesuffix("_ns")
-                raise ValueError(f"{field}: has no effect with 'looks', which keep no answers")
         if self.miss_policy != "immediate":
-            raise ValueError("miss_policy: must be 'immediate' with 'looks', which answer at once")
+            raise ValueError(
+                f"miss_policy: must be 'immediate' with 'looks', which answer at once, not"
+                f" {self.miss_policy!r}"
+            )
         freshness = self.object_map.freshness.name
         policy = FRESHNESS.get(freshness)  # a class of the user's own is judged when it is loaded
         if policy is not None and not policy.tracks:

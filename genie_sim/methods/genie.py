@@ -63,9 +63,8 @@ class Genie(Method):
             phantom = partial(_genie, host, on_edge=True, miss_policy=PHANTOM_ON_EDGE)
             return HostConfig(interceptor=phantom, neighbour_topics=(OBJECTS + REMOTE,))
         assert host.genie is not None
-        if host.genie.looks is not None:
-            if host.genie.looks.told is None:
-                return HostConfig(detector=True)
+        looks = host.genie.looks
+        if looks is not None and looks.told is not None:
             return HostConfig(
                 detector=True,
                 interceptor=partial(_telling_genie, host),
@@ -73,10 +72,13 @@ class Genie(Method):
                 pass_time_ns=host.genie.pass_time_ns,
                 is_beside=True,
             )
+        if looks is not None and looks.edge != "in_front":
+            return HostConfig(detector=True)
         return HostConfig(
             detector=True,
             interceptor=partial(_genie, host, on_edge=True),
             neighbour_topics=(IMAGES + REMOTE, OBJECTS + REMOTE),
+            pass_time_ns=host.genie.pass_time_ns,
         )
 
 
@@ -90,8 +92,9 @@ def _genie(
 ) -> GenieNode:
     """The Genie of a host; ``parts`` are further arguments of ``make_genie``."""
     assert host.genie is not None
-    # Without images there is no own node to learn from.
-    rules = host.genie if host.gets_images else replace(host.genie, car_learns="all")
+    rules = replace(host.genie, looks=None, pass_time_ns=None)  # it follows Algorithm 1
+    if not host.gets_images:  # there is no own node to learn from
+        rules = replace(rules, car_learns="all")
     return make_genie(
         rules,
         f"{host.name}/genie",

@@ -9,6 +9,7 @@ from genie_sim.core.freshness import FRESHNESS
 from genie_sim.core.genies import make_genie, make_paced_genie
 from genie_sim.core.rules import FRESHNESS_POLICY, GenieRules, LookRules, ToldRules
 from genie_sim.core.similarity import SIMILARITIES
+from genie_sim.core.without_effect import check_effect
 from genie_sim.errors import UserError, unknown
 from genie_sim.messages import Forgotten, Observation
 from genie_sim.ros.codec import Codec, WireType
@@ -87,16 +88,19 @@ class AttachPlan:
 def checked_settings(settings: Mapping[str, Any], pose_topic: str | None) -> GenieRules:
     """The settings of a Genie in real ROS. Raises UserError naming the field."""
     try:
-        genie = from_plain(GenieRules, {**DEFAULTS, **settings})
+        genie = from_plain(GenieRules, settings)
+        check_effect(genie)
+        if genie.looks is None:
+            genie = from_plain(GenieRules, {**DEFAULTS, **settings})
     except SettingError as error:
         raise UserError(str(error.below("genie"))) from error
+    if genie.looks is not None:
+        return _with_looks(genie, genie.looks, pose_topic)
     if genie.similarity.name == "pose_grid" and pose_topic is None:
         raise UserError(
             "genie: similarity: pose_grid needs to know where the camera is: name a pose topic"
         )
     freshness = genie.object_map.freshness.name
-    if genie.looks is not None:
-        return _with_looks(genie, genie.looks, pose_topic)
     if FRESHNESS_POLICY.resolve(freshness).tracks:
         choices = ", ".join(name for name, policy in FRESHNESS.items() if not policy.tracks)
         raise UserError(
@@ -112,6 +116,8 @@ def _with_looks(genie: GenieRules, looks: LookRules, pose_topic: str | None) -> 
         raise UserError("genie: looks: need to know where the camera is: name a pose topic")
     if isinstance(looks.told, ToldRules):
         raise UserError("genie: looks.told: ROS messages cannot carry tracks; write null")
+    if looks.edge == "in_front":
+        raise UserError("genie: looks.edge: ROS messages cannot carry looks; write none")
     if looks.signed:
         raise UserError("genie: looks.signed: ROS messages cannot carry signed looks; write false")
     return replace(genie, looks=replace(looks, told=None))

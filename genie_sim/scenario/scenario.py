@@ -13,7 +13,8 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple, get_args
 
 from genie_sim import files, methods, plugins, units
-from genie_sim.core.rules import ToldRules
+from genie_sim.core.rules import GenieRules, ToldRules
+from genie_sim.core.without_effect import check_effect
 from genie_sim.errors import UserError, unknown
 from genie_sim.methods import METHODS
 from genie_sim.perception.sources import SOURCES
@@ -202,7 +203,7 @@ class Scenario(MethodSettings):
         looks = settings.genie.looks
         if looks is None or looks.told != "auto":
             return settings
-        told = ToldRules() if self.is_one_world else None
+        told = ToldRules() if self.is_one_world and looks.edge == "beside" else None
         genie = replace(settings.genie, looks=replace(looks, told=told))
         return replace(settings, genie=genie)
 
@@ -431,11 +432,20 @@ def _check_without_cameras(scenario: Scenario, index: int, car: Car) -> None:
 
 
 def _check_looks(scenario: Scenario, index: int, entry: MethodEntry) -> None:
-    """Edges tell cars of one another only where what one car sees is there for the others."""
-    looks = _under(scenario, index, entry).genie.looks
+    """Edges tell cars of one another only where what one car sees is there for the others, and
+    every setting that is given has an effect.
+    """
+    genie = _under(scenario, index, entry).genie
+    looks = genie.looks
     if looks is None:
         return
     where = f"methods[{index}]." if "genie" in entry.settings else ""
+    if all(car.cameras for car in scenario.cars):  # else they decide about those without
+        written = GenieRules.expand(entry.settings["genie"]) if where else None
+        try:
+            check_effect(genie, written)
+        except SettingError as error:
+            raise SettingError(f"{where}genie.{error.field}", error.text) from error
     if looks.told is not None and scenario.source is not None and not scenario.is_one_world:
         text = "cars replay recordings at different times, so what one sees is not there for others"
         hint = "leave it out, or use a town or recordings of one sequence"

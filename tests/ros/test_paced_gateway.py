@@ -274,6 +274,16 @@ def test_the_clock_of_stamps_is_that_of_the_soonest_frame():
             "/pose",
             "genie: looks.signed: ROS messages cannot carry signed looks; write false",
         ),
+        (
+            {"algorithm": "recommended", "looks": {"edge": "in_front"}},
+            "/pose",
+            "genie: looks.edge: ROS messages cannot carry looks; write none",
+        ),
+        (
+            {"algorithm": "recommended", "similarity": "dhash"},
+            "/pose",
+            "genie.similarity: {'name': 'dhash', 'radius': 8} has no effect with looks",
+        ),
         ({"object_map": {"freshness": "recommended"}}, "/pose", "which ROS messages cannot carry"),
     ],
 )

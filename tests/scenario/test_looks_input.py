@@ -2,29 +2,70 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import pytest
 
 from genie_sim.errors import UserError
-from genie_sim.scenario.scenario import load_scenario
+from genie_sim.scenario.scenario import load_scenario, read_scenario
+from genie_sim.scenario.yaml_input import parse
 
-NO_EFFECT = "has no effect with 'looks', which keep no answers"
+NO_EFFECT = "has no effect with looks, which keep no answers; leave it out"
 TRACKS = "'never' does not track, which 'looks' need; known: track, existence, recommended"
+POLICY = "has no effect with freshness 'recommended'; leave it out"
+LRU = "methods=[{name: paced, method: genie, genie: {algorithm: recommended, eviction: lru}}]"
 
 
 @pytest.mark.parametrize(
     ("genie", "message"),
     [
-        ("eviction: lru", f"eviction: {NO_EFFECT}"),
-        ("ttl: 10 s, eviction: ttl", f"eviction: {NO_EFFECT}"),
-        ("capacity: 9 entries", f"capacity: {NO_EFFECT}"),
-        ("car_capacity: 9 entries", f"car_capacity: {NO_EFFECT}"),
-        ("same_key_pending: forward", f"same_key_pending: {NO_EFFECT}"),
-        ("second_answer: merge", f"second_answer: {NO_EFFECT}"),
-        ("miss_policy: blocking", "miss_policy: must be 'immediate' with 'looks'"),
+        ("similarity: exact", f"similarity: 'exact' {NO_EFFECT}"),
+        ("similarity: {cell: 2 m}", "similarity: {'name': 'pose_grid', 'cell': '2 m', "),
+        ("eviction: lru", f"eviction: 'lru' {NO_EFFECT}"),
+        ("ttl: 10 s, eviction: ttl", f"eviction: 'ttl' {NO_EFFECT}"),
+        ("capacity: 9 entries", f"capacity: {{'entries': 9, 'bytes': None}} {NO_EFFECT}"),
+        ("car_capacity: 9 entries", f"car_capacity: {{'entries': 9, 'bytes': None}} {NO_EFFECT}"),
+        ("pending_index: per_topic", f"pending_index: 'per_topic' {NO_EFFECT}"),
+        ("header_identity: stamp", f"header_identity: 'stamp' {NO_EFFECT}"),
+        ("same_key_pending: forward", f"same_key_pending: 'forward' {NO_EFFECT}"),
+        ("replay_stamp: stored", f"replay_stamp: 'stored' {NO_EFFECT}"),
+        ("second_answer: merge", f"second_answer: 'merge' {NO_EFFECT}"),
+        ("neighbour_miss: process", f"neighbour_miss: 'process' {NO_EFFECT}"),
+        ("share_answers: on_request", f"share_answers: 'on_request' {NO_EFFECT}"),
+        ("request_expiry: 1 s", f"request_expiry: '1 s' {NO_EFFECT}"),
+        ("fresh_objects: all", f"fresh_objects: 'all' {NO_EFFECT}"),
+        ("share_filter: all", f"share_filter: 'all' {NO_EFFECT}"),
+        ("car_learns: own", f"car_learns: 'own' {NO_EFFECT}"),
+        ("passes: 2", "passes: 2 has no effect with a pass_time of its own; leave it out"),
+        ("object_map: {gate: 2 m}", f"object_map.gate: '2 m' {POLICY}"),
+        ("object_map: {location_key: exact}", f"object_map.location_key: 'exact' {POLICY}"),
+        ("object_map: {one_per_location: true}", f"object_map.one_per_location: True {POLICY}"),
+        ("object_map: {rule: ema}", f"object_map.rule: 'ema' {POLICY}"),
+        ("object_map: {rate: 0.3}", f"object_map.rate: 0.3 {POLICY}"),
+        ("object_map: {threshold: 0.3}", f"object_map.threshold: 0.3 {POLICY}"),
+        (
+            "object_map: {confidence_source: origins}",
+            f"object_map.confidence_source: 'origins' {POLICY}",
+        ),
+        (
+            "miss_policy: blocking",
+            "miss_policy: must be 'immediate' with 'looks', which answer at once, not 'blocking'",
+        ),
         ("object_map: {freshness: never}", f"object_map.freshness: {TRACKS}"),
-        ("edge: behind", "edge: unknown field"),
+        (
+            "edge: behind",
+            "edge: unknown field; did you mean 'cars[0].edge' or 'genie.looks.edge'?",
+        ),
+        (
+            "looks: {edge: behind}",
+            "looks.edge: unknown edge 'behind' (did you mean 'beside'?); known: beside, in_front,"
+            " none",
+        ),
+        (
+            "looks: {edge: none, told: {gate: 1 m}}",
+            "looks.told: needs a Genie beside edges, so 'edge: beside', not 'none'",
+        ),
         ("looks: {every: -1 ms}", "looks.every: must not be negative, but is '-1 ms'"),
         ("looks: {in_flight: 0}", "looks.in_flight: must be at least 1, not 0"),
         ("looks: {stale: 0 ms}", "looks.stale: must be more than zero, but is '0 ms'"),
@@ -42,6 +83,43 @@ TRACKS = "'never' does not track, which 'looks' need; known: track, existence, r
 def test_what_cannot_be_with_paced_looks_is_refused(genie: str, message: str):
     entry = f"{{name: paced, method: genie, genie: {{algorithm: recommended, {genie}}}}}"
     refused(f"methods=[{entry}]", f"methods[0].genie.{message}")
+
+
+@pytest.mark.parametrize(
+    ("genie", "overrides", "source"),
+    [
+        ("similarity: exact", [], None),
+        ("", ["methods[0].genie.similarity=exact"], "--set methods[0].genie.similarity=exact: "),
+    ],
+)
+def test_the_file_or_the_option_is_named(
+    genie: str, overrides: list[str], source: str | None, tmp_path: Path
+):
+    path = tmp_path / "paced.yaml"
+    entry = f"{{name: paced, method: genie, genie: {{algorithm: recommended, {genie}}}}}"
+    car = "{name: car1, device: jetson_tx2}"
+    path.write_text(f"name: paced\nmethods: [{entry}]\ncars: [{car}]\n")
+    with pytest.raises(UserError) as error:
+        load_scenario(path, overrides)
+    refusal = f"methods[0].genie.similarity: 'exact' {NO_EFFECT}"
+    assert str(error.value) == (source or f"{path}: ") + refusal
+
+
+def test_what_only_other_methods_use_is_not_refused():
+    """A setting of the whole scenario concerns the paper's Genie beside the recommended one."""
+    methods = "methods=[genie, {name: paced, method: genie, genie: {algorithm: recommended}}]"
+    scenario = load_scenario("1car_homo", [methods, "genie.similarity=exact"])
+    assert scenario.under(scenario.methods[0]).genie.similarity.name == "exact"
+
+
+def test_a_genie_in_front_of_edges_has_a_cache():
+    """So its settings have an effect."""
+    load_scenario("1car_homo", [LRU.replace("eviction", "looks: {edge: in_front}, eviction")])
+
+
+def test_every_setting_written_out_is_read_back():
+    scenario = load_scenario("1car_homo", ["genie=recommended"])
+    assert read_scenario(parse(scenario.to_yaml(), "written")) == scenario
 
 
 def test_the_time_to_pass_a_message_on_needs_looks():

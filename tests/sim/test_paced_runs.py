@@ -10,6 +10,7 @@ from genie_sim.recording.results import Run
 from genie_sim.scenario.scenario import load_scenario, read_scenario
 
 S = 1_000_000_000
+RECOMMENDED = {"algorithm": "recommended"}
 LOOKING = {"name": "looking", "method": "genie", "genie": "recommended"}
 
 
@@ -79,6 +80,26 @@ def test_what_goes_up_is_answered_or_known_to_be_lost(settings: dict[str, object
     ended = sum(counts.values()) - counts["sent"]
     assert ended == counts["sent"], counts
     assert (counts["overtaken"] + counts["timed_out"] > 0) == loses, counts
+
+
+def test_only_a_genie_in_front_of_the_edge_looks_frames_up():
+    """Else the detector answers cars directly."""
+    methods = [
+        {"name": edge, "method": "genie", "genie": {**RECOMMENDED, "looks": {"edge": edge}}}
+        for edge in ("beside", "in_front", "none")
+    ]
+    result = run(methods=methods)
+    lookups, looks = (Columns.of(result.tables[name]) for name in ("lookups", "looks"))
+    at_edge = lookups.where(placement="edge", kind="image")
+    asked = {name: len(at_edge.where(method=name)) for name in ("beside", "in_front", "none")}
+    sent = len(looks.where(method="in_front", way="edge", outcome="sent"))
+    assert asked == {"beside": 0, "in_front": sent, "none": 0}
+    trips_ms = {
+        metric.method: metric.value
+        for metric in result.measured
+        if metric.metric == "look_round_trip_mean"
+    }
+    assert trips_ms["in_front"] != trips_ms["beside"] == trips_ms["none"]
 
 
 def test_every_frame_is_answered_at_once_even_while_the_edge_is_away():
