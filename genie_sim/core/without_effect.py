@@ -40,14 +40,13 @@ def check_effect(rules: GenieRules, written: Mapping[str, Any] | None = None) ->
     if rules.looks is None:
         return
     with_cache = rules.looks.edge == "in_front"
-    names = () if with_cache else OF_MESSAGES
-    for name, value in _changed(rules, names, written):
+    for name, value in _changed(rules, () if with_cache else OF_MESSAGES, written):
         raise _refusal(name, value, "looks, which keep no answers")
     if rules.pass_time_ns is not None:
         for name, value in _changed(rules, ("passes",), written):
             raise _refusal(name, value, "a pass_time of its own")
     policy = FRESHNESS.get(rules.object_map.freshness.name)
-    names = () if with_cache else OF_PLACES
+    names: tuple[str, ...] = () if with_cache else OF_PLACES
     if policy is not None and policy.by_existence:
         names += OF_CONFIDENCE
     inner = None if written is None else written.get("object_map", {})
@@ -61,8 +60,9 @@ def _changed(
     settings: Any, names: Collection[str], written: Mapping[str, Any] | None
 ) -> Iterator[tuple[str, Any]]:
     """Those of the named settings that were written and are not as by default, as in YAML."""
+    cls: Any = type(settings)
     data = plain_data(settings)
-    for setting in settings_of(type(settings)):
+    for setting in settings_of(cls):
         key = setting.key
         is_given = key in names and (written is None or key in written)
         if is_given and data[key] != plain_default(setting):

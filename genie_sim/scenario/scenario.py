@@ -441,7 +441,7 @@ def _check_looks(scenario: Scenario, index: int, entry: MethodEntry) -> None:
         return
     where = f"methods[{index}]." if "genie" in entry.settings else ""
     if all(car.cameras for car in scenario.cars):  # else they decide about those without
-        written = GenieRules.expand(entry.settings["genie"]) if where else None
+        written: Any = GenieRules.expand(entry.settings["genie"]) if where else None
         try:
             check_effect(genie, written)
         except SettingError as error:
