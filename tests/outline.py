@@ -1,8 +1,9 @@
 """What a figure shows, as text: every mark with its place and look.
 
-    check("analysis/of_run", figures)
+    check("run", figures)
 
-compares figures with the text in ``tests/outlines``. Where a figure is meant to look otherwise,
+compares figures with the text in ``tests/outlines``, and ``check_lines`` what is text anyway, such
+as tables. Where a figure is meant to look otherwise,
 delete its file and run the test: it is written anew, and ``git diff`` tells what has changed.
 Positions that only a renderer knows are left out, and so are ticks that matplotlib chooses, so that
 its versions agree.
@@ -30,8 +31,12 @@ MAX_LISTED = 8  # of more numbers, the first ones, the middle, the last and the 
 
 def check(name: str, figures: Mapping[str, Figure]) -> None:
     """Raises AssertionError where a figure is not as its outline says."""
+    check_lines(name, [line for key in figures for line in (f"== {key}", *outline(figures[key]))])
+
+
+def check_lines(name: str, lines: list[str]) -> None:
+    """The same for lines of text."""
     path = OUTLINES / f"{name}.txt"
-    lines = [line for key, figure in figures.items() for line in (f"== {key}", *outline(figure))]
     if not path.exists():
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text("\n".join(lines) + "\n", encoding="utf-8")
@@ -48,7 +53,8 @@ def outline(figure: Figure) -> Iterator[str]:
         yield _text(text)
     for legend in figure.legends:
         labels = [text.get_text() for text in legend.get_texts()]
-        yield f"legend {labels} columns={legend._ncols} place={legend._loc}"
+        frame = " framed" * legend.get_frame_on()
+        yield f"legend {labels} columns={legend._ncols} place={legend._loc}{frame}"
     for axis in figure.axes:
         titles = [axis.get_title(loc=side) for side in ("left", "center", "right")]
         yield f"panel {titles} x={axis.get_xlabel()!r} y={axis.get_ylabel()!r}"

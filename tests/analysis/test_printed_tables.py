@@ -1,0 +1,105 @@
+"""Tables of made-up numbers in every format read as they did: every row, unit, sign and note."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+
+import pytest
+
+from genie_sim.analysis import latex, metrics, screen, summary
+from genie_sim.analysis.compare import compare
+from genie_sim.analysis.seed_runs import SeedRuns
+from genie_sim.analysis.verdict import verdicts
+from genie_sim.recording.columns import Columns
+from genie_sim.recording.records import new_tables
+from genie_sim.recording.results import Metric, Run
+from genie_sim.report import comparison, notebook
+from tests import made_up_run, outline
+from tests.made_up_run import METHODS
+
+
+def made(seed: int, lift: float = 1.0, speed: float = 1.0) -> Run:
+    """A run with response times, reuse, resources, correctness and energy."""
+    facts = {
+        "genie_sim": "1",
+        "traces": {},
+        "plugins": {},
+        "sources": {},
+        "source": {},
+        "devices": {},
+        "scenario": {
+            "name": "made_up",
+            "lift": lift,
+            "seed": seed,
+            "cars": [{}, {}],
+            "edges": [{}, {}],
+        },
+        "methods": [asdict(method) for method in METHODS],
+    }
+    tables = {
+        "frames": made_up_run.frames(2, 3, seed, speed),
+        "lookups": made_up_run.lookups(2, 120, seed, lift),
+        "resources": made_up_run.resources(2, 30),
+    }
+    whole = {**new_tables(), **tables}
+    measured = metrics.compute(METHODS, {name: table.to_frame() for name, table in tables.items()})
+    for place, method in enumerate(METHODS):
+        for number, (name, unit) in enumerate(
+            (
+                ("streaming_f1", "1"),
+                ("object_precision", "1"),
+                ("object_recall", "1"),
+                ("ghost_share", "1"),
+                ("energy_per_frame", "J"),
+                ("bytes_up_per_frame", "B"),
+            )
+        ):
+            value = (0.2 + 0.1 * place + 0.01 * number + 0.001 * seed) * (1 if unit == "1" else 50)
+            ends = value * 0.9, value * 1.2
+            measured.append(Metric(name, method.name, "all", "", value, unit, *ends, n=60))
+    columns = {name: Columns.of(table.to_frame()) for name, table in whole.items()}
+    return Run(f"0123456789a{seed}", facts, "", columns, measured)
+
+
+@pytest.fixture(scope="module")
+def one() -> Run:
+    return made(1)
+
+
+@pytest.fixture(scope="module")
+def seeds(one: Run) -> SeedRuns:
+    return SeedRuns([one, made(2), made(3)], label="three seeds")
+
+
+def test_one_run(one: Run):
+    for name, text in (
+        ("terminal", screen.text(one, 80)),
+        ("narrow terminal", screen.text(one, 50)),
+        ("markdown", summary.markdown(one)),
+        ("csv", summary.table(one, "csv")),
+        ("markdown table", summary.table(one, "markdown")),
+        ("latex", latex.tables(one)),
+        ("notebook", notebook.run_html(one).replace("<tr>", "\n<tr>")),
+    ):
+        outline.check_lines(f"table of one run, {name}", text.splitlines())
+
+
+def test_several_seeds(seeds: SeedRuns):
+    for name, text in (
+        ("terminal", screen.text(seeds, 80)),
+        ("markdown", summary.markdown(seeds)),
+        ("latex", latex.tables(seeds)),
+    ):
+        outline.check_lines(f"table of seeds, {name}", text.splitlines())
+
+
+def test_a_comparison(one: Run):
+    compared = compare([one, made(1, lift=2.0, speed=1.5)], labels=["before", "after"])
+    for name, text in (
+        ("markdown", comparison.text(compared, "markdown")),
+        ("csv", comparison.text(compared, "csv")),
+        ("latex", comparison.text(compared, "latex")),
+        ("sentences", "\n".join([*verdicts(compared), comparison.note(compared)])),
+        ("notebook", notebook.comparison_html(compared).replace("<tr>", "\n<tr>")),
+    ):
+        outline.check_lines(f"table of a comparison, {name}", text.splitlines())

@@ -1,0 +1,57 @@
+"""What holds when nothing is said: changed results are refused, pages are written."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+import genie_sim as gs
+from genie_sim import article
+from genie_sim.analysis import seed_runs
+from genie_sim.recording import results
+from genie_sim.scenario.scenario import Scenario
+from genie_sim.scenario.setting_paths import choices_of
+from genie_sim.study import printed, seeds
+
+
+def default(call: Callable[..., Any], name: str) -> Any:
+    return inspect.signature(call).parameters[name].default
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        gs.load,
+        results.load,
+        seed_runs.load,
+        article.figures,
+        article.table,
+        article.write,
+        printed.figures_of,
+        printed.table_of,
+    ],
+    ids=lambda call: f"{call.__module__}.{call.__name__}",
+)
+def test_changed_results_are_refused_unless_they_are_allowed(call: Callable[..., Any]):
+    assert default(call, "allow_changed") is False
+
+
+def test_several_seeds_have_a_page_and_no_figures():
+    assert default(seeds.write, "with_report") is True
+    assert default(seeds.write, "figures") == ()
+
+
+@pytest.mark.parametrize(
+    ("path", "choices"),
+    [
+        ("cars[0].cameras", ["true", "false"]),
+        ("genie.object_map.rule", ["noisy_or", "literal"]),
+        ("seed", []),
+    ],
+)
+def test_the_choices_of_a_setting_are_offered(path: str, choices: list[str]):
+    found = choices_of(Scenario, path)
+    assert found[:2] == choices if choices else found == []
