@@ -17,7 +17,7 @@ from genie_sim.core.defences import DEFENCES
 from genie_sim.core.eviction import EVICTIONS
 from genie_sim.core.freshness import FRESHNESS
 from genie_sim.core.freshness.laws import ASSUMED
-from genie_sim.core.rules import LITERAL, RECOMMENDED, WITHOUT_CACHE
+from genie_sim.core.rules import PRESETS
 from genie_sim.core.similarity import SIMILARITIES
 from genie_sim.faults import FAULTS
 from genie_sim.methods import METHODS
@@ -57,11 +57,7 @@ def settings(kind: str) -> Iterator[str]:
 def presets() -> Iterator[str]:
     for name, link in LINKS.items():
         yield f"preset link {name}: {link.name} {json.dumps(link.parameters, default=str)}"
-    for name, rules in (
-        ("literal", LITERAL),
-        ("recommended", RECOMMENDED),
-        ("without_cache", WITHOUT_CACHE),
-    ):
+    for name, rules in PRESETS.items():
         yield f"preset genie {name}: {json.dumps(rules, default=str)}"
 
 
