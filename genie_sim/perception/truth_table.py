@@ -96,11 +96,13 @@ class RecordedTruth:
     def __init__(self, table: TruthTable) -> None:
         self.reach_m, self.range_m = table.reach_m, table.range_m
         self._visible: dict[tuple[str, int], list[TruthRow]] = {}
-        self._hidden: dict[tuple[str, int], list[TruthRow]] = {}
+        # by camera, frame and class: east and north [m] of all, visible or not
+        self._places: dict[tuple[str, int, str], list[tuple[float, float]]] = {}
         for row in table.rows:
-            (self._visible if row.visible else self._hidden).setdefault(
-                (row.camera, row.frame), []
-            ).append(row)
+            if row.visible:
+                self._visible.setdefault((row.camera, row.frame), []).append(row)
+            of_class = self._places.setdefault((row.camera, row.frame, row.label), [])
+            of_class.append((row.east_m, row.north_m))
 
     def knows(self, label: str) -> bool:
         return label in CANONICAL
@@ -109,12 +111,8 @@ class RecordedTruth:
         return self._visible.get(_key(frame), ())
 
     def is_there(self, frame: Frame, label: str, east_m: float, north_m: float) -> bool:
-        rows = (*self._hidden.get(_key(frame), ()), *self._visible.get(_key(frame), ()))
-        return any(
-            row.label == label
-            and math.hypot(row.east_m - east_m, row.north_m - north_m) <= self.reach_m
-            for row in rows
-        )
+        places = self._places.get((*_key(frame), label), ())
+        return any(math.dist(place, (east_m, north_m)) <= self.reach_m for place in places)
 
 
 def _key(frame: Any) -> tuple[str, int]:

@@ -4,7 +4,6 @@ from collections import Counter
 from collections.abc import Collection, Iterable, Sequence
 from itertools import takewhile
 
-from genie_sim.core.matching import SAME_M, near, pairs, placed
 from genie_sim.messages import (
     Detections,
     Expired,
@@ -20,9 +19,9 @@ from genie_sim.messages import (
     Observation,
 )
 from genie_sim.monitor import FaultSpan, Forgery, HostUsage, Placement, Resource, Samples, Span
+from genie_sim.recording.agreement import Agreement, Answer
 from genie_sim.recording.map_accuracy import MapAccuracy
 from genie_sim.recording.records import (
-    AnswerRow,
     AttackRow,
     FaultRow,
     FrameRow,
@@ -43,6 +42,12 @@ _WHICH = {
     (True, False): "first",
     (False, True): "fresh",
     (False, False): "result",
+}
+# The rows of the table of answers about one, by whether it is the first one and a result.
+_COMPARED = {
+    (True, True): ("first", "result"),
+    (True, False): ("first",),
+    (False, True): ("result",),
 }
 SETTLED_NS = 6_000_000_000  # a frame this old has nearly always seen its last answer
 
@@ -93,7 +98,9 @@ class Log:
         self._looks = tables["looks"] if "looks" in record else None
         self._poses = tables["poses"] if "poses" in record else None
         self._objects = tables["objects"] if "objects" in record else None
-        self._answers = tables["answers"] if "answers" in record else None
+        self._agreement: Agreement | None = None
+        if "answers" in record:
+            self._agreement = Agreement(method, tables["answers"])
         self._steps = tables["steps"] if "steps" in record else None
         self.wants_changes = self._objects is not None  # of object maps
         self.wants_paths = self._steps is not None
@@ -110,7 +117,7 @@ class Log:
         self.published_frames += 1
         if self._accuracy is not None:
             self._accuracy.published(image)
-        if self._answers is not None:
+        if self._agreement is not None:
             frame.image = image
         if self._poses is not None and car not in self._posed:
             row = PoseRow(
@@ -143,8 +150,11 @@ class Log:
             settled = takewhile(lambda header: header.stamp_ns < before_ns, self._open)
         for header in list(settled):
             self._frames.append(self._open.pop(header).values())
-        if before_ns is None and self._accuracy is not None:
-            self._accuracy.close()
+        if before_ns is None:
+            if self._accuracy is not None:
+                self._accuracy.close()
+            if self._agreement is not None:
+                self._agreement.close()
 
     def _frame(self, header: Header) -> FrameRow | None:
         """The row of a frame, taken out of the table if it is there already."""
@@ -188,8 +198,15 @@ class Log:
         looked_ns = answer.looked_ns
         if looked_ns is not None and (frame.looked_ns is None or frame.looked_ns < looked_ns):
             frame.looked_ns = looked_ns
-        if is_first or is_result:
-            self._compare(answer, source, frame, is_first, is_result)
+        if (is_first or is_result) and self._agreement is not None and frame.image is not None:
+            noted = Answer(
+                header=frame.image.header,
+                which=_COMPARED[is_first, is_result],
+                source=source,
+                served=answer.objects,
+                detected=frame.image.content.detections,
+            )
+            self._agreement.add(noted)
         if is_first or is_result or is_fresh:
             self._note_steps(path, frame, is_first, is_fresh)
         if is_first:
@@ -205,28 +222,6 @@ class Log:
         if is_fresh:
             frame.fresh_answer_ns = now_ns
             frame.objects_fresh = len(answer.objects)
-
-    def _compare(
-        self, answer: Detections, source: str, frame: FrameRow, is_first: bool, is_result: bool
-    ) -> None:
-        """Compares an answer with what the detector finds in the frame itself."""
-        if self._answers is None or frame.image is None:
-            return
-        served, detected, matched = agreement(answer, frame.image)
-        for which, applies in (("first", is_first), ("result", is_result)):
-            if applies:
-                row = AnswerRow(
-                    method=self.method,
-                    car=frame.car,
-                    stream=frame.stream,
-                    stamp_ns=frame.stamp_ns,
-                    which=which,
-                    source=source,
-                    served=served,
-                    detected=detected,
-                    matched=matched,
-                )
-                self._answers.append(row)
 
     def _note_steps(
         self, path: Span | None, frame: FrameRow, is_first: bool, is_fresh: bool
@@ -403,15 +398,3 @@ class Log:
                 bytes=resource.sent_bytes,
             )
         self._resources.append(values)
-
-
-def agreement(answer: Detections, image: Image) -> tuple[int, int, int]:
-    """Returns how many objects an answer has, how many the detector finds in the frame itself, and
-    how many pairs they make: a proxy of correctness that needs no labels.
-    """
-    detections = image.content.detections
-    detected = placed(detections)
-    if answer.objects is detections or answer.objects == detections:
-        return len(detected), len(detected), len(detected)
-    served = placed(answer.objects)
-    return len(served), len(detected), len(pairs(near(served, detected, SAME_M)))

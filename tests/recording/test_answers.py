@@ -46,6 +46,7 @@ def compared(
     log.published(Image(HEADER, 1000, "", 0, POSE, 1.4, Frame(tuple(detected))), 0, 0)
     for source, objects in answers:
         log.answered(Detections(HEADER, tuple(objects), source), source, HEADER.stamp_ns)
+    log.close()
     rows = tables["answers"].to_frame()[["which", "source", "served", "detected", "matched"]]
     return [
         tuple(row) for row in rows.astype({"which": str, "source": str}).itertuples(index=False)

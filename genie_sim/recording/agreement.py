@@ -1,0 +1,83 @@
+"""Compares answers with what the detector finds in the same frames: a proxy of correctness that
+needs no labels.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from genie_sim.core.matching import SAME_M
+from genie_sim.messages import Detection, Header
+from genie_sim.recording.columns import Columns, Text
+from genie_sim.recording.joins import Places, matches, near
+from genie_sim.recording.objects import Codes, Objects
+from genie_sim.recording.tables import Table
+
+WINDOW = 1024  # answers that are compared at once
+
+
+class Answer(NamedTuple):
+    """The objects of an answer to a frame, and those that the detector finds in it; ``which``
+    answer it is, perhaps two in one, and what produced it.
+    """
+
+    header: Header
+    which: Sequence[str]
+    source: str
+    served: Sequence[Detection]
+    detected: Sequence[Detection]
+
+
+class Agreement:
+    """Writes rows of ``answers`` about one method, a window of answers at once."""
+
+    def __init__(self, method: str, table: Table, window: int = WINDOW) -> None:
+        self._method = method
+        self._table = table
+        self._window = window
+        self._answers: list[Answer] = []
+
+    def add(self, answer: Answer) -> None:
+        """Notes an answer; answers come in order."""
+        self._answers.append(answer)
+        if len(self._answers) >= self._window:
+            self.close()
+
+    def close(self) -> None:
+        """Writes the rows of all answers so far."""
+        answers, self._answers = self._answers, []
+        labels = Codes()
+        objects = Objects(labels, Codes())
+        served = [objects.numbers(answer.served) for answer in answers]
+        detected = [objects.numbers(answer.detected) for answer in answers]
+        counts = [np.array([len(of) for of in side], dtype=np.int64) for side in (served, detected)]
+        known = objects.columns()
+        places = []
+        for numbers, counts_ in zip((served, detected), counts, strict=True):
+            number = np.array([number for of in numbers for number in of], dtype=np.int64)
+            group = np.repeat(np.arange(len(answers)), counts_) * len(labels) + known.class_[number]
+            places.append(Places(group, known.east_m[number], known.north_m[number]))
+        pairs = near(places[0], places[1], SAME_M)
+        pairs = pairs.rows(np.lexsort((pairs.theirs, pairs.ours, pairs.distance_m2)))
+        of_pair = places[0].group[pairs.ours[matches(pairs)]] // max(len(labels), 1)
+        matched = np.bincount(of_pair, minlength=len(answers))
+        rows = np.repeat(np.arange(len(answers)), [len(answer.which) for answer in answers])
+        headers = [answer.header for answer in answers]
+        columns = {
+            "method": _text([self._method] * len(answers))[rows],
+            "car": _text([header.origin for header in headers])[rows],
+            "stream": _text([header.frame_id for header in headers])[rows],
+            "stamp_ns": np.array([header.stamp_ns for header in headers], dtype=np.int64)[rows],
+            "which": _text([which for answer in answers for which in answer.which]),
+            "source": _text([answer.source for answer in answers])[rows],
+            "served": counts[0][rows],
+            "detected": counts[1][rows],
+            "matched": matched[rows],
+        }
+        self._table.extend(Columns(columns))
+
+
+def _text(values: Sequence[str]) -> Text:
+    codes = Codes()
+    return Text.of(np.array([codes[value] for value in values], dtype=np.int64), list(codes))
