@@ -7,10 +7,9 @@ import numpy as np
 
 from genie_sim.messages import Detections
 from genie_sim.recording.joins import Array
-from genie_sim.recording.objects import Objects
+from genie_sim.recording.objects import Objects, Sight
 
 NOT_YET_NS = 2**62
-Sight = tuple[str, tuple[float, float, float]]  # an object's label and place
 
 
 class Given(NamedTuple):
@@ -88,13 +87,9 @@ class FirstSeen:
             for car in {*turns, *(answer.car for answer in given)}
             for sight, stamp_ns in self._seen_ns.pop(car, {}).items()
         ]
-        numbers = [objects.numbers(answer.answer.objects) for answer in given]
-        rows = [(of.car, of.turn, of.answer.header.stamp_ns) for of in given]
-        counts = [len(of_answer) for of_answer in numbers]
-        car, turn, stamp_ns = np.repeat(
-            np.array(rows, dtype=np.int64).reshape(-1, 3), counts, axis=0
-        ).T
-        number = np.array([number for of in numbers for number in of], dtype=np.int64)
+        number, counts = objects.numbers([of.answer.objects for of in given])
+        rows = np.array([(of.car, of.turn, of.answer.header.stamp_ns) for of in given], np.int64)
+        car, turn, stamp_ns = np.repeat(rows.reshape(-1, 3), counts, axis=0).T
         columns = car, turn, objects.columns().sight[number], stamp_ns
         joined = np.concatenate(
             [np.array(earlier, dtype=np.int64).reshape(-1, 4), np.stack(columns, axis=1)]

@@ -30,11 +30,15 @@ class Answer(NamedTuple):
 
 
 class Agreement:
-    """Writes rows of ``answers`` about one method, a window of answers at once."""
+    """Writes rows of ``answers`` about one method, a window of answers at once.
 
-    def __init__(self, method: str, table: Table, window: int = WINDOW) -> None:
+    ``objects`` numbers the objects of answers, perhaps for others, too.
+    """
+
+    def __init__(self, method: str, table: Table, objects: Objects, window: int = WINDOW) -> None:
         self._method = method
         self._table = table
+        self._objects = objects
         self._window = window
         self._answers: list[Answer] = []
 
@@ -47,20 +51,18 @@ class Agreement:
     def close(self) -> None:
         """Writes the rows of all answers so far."""
         answers, self._answers = self._answers, []
-        labels = Codes()
-        objects = Objects(labels, Codes())
-        served = [objects.numbers(answer.served) for answer in answers]
-        detected = [objects.numbers(answer.detected) for answer in answers]
-        counts = [np.array([len(of) for of in side], dtype=np.int64) for side in (served, detected)]
-        known = objects.columns()
+        objects = self._objects
+        objects.begin_window()
+        sides = [answer.served for answer in answers], [answer.detected for answer in answers]
+        (served, of_served), (detected, of_detected) = map(objects.numbers, sides)
+        known, classes = objects.columns(), len(objects.labels)
         places = []
-        for numbers, counts_ in zip((served, detected), counts, strict=True):
-            number = np.array([number for of in numbers for number in of], dtype=np.int64)
-            group = np.repeat(np.arange(len(answers)), counts_) * len(labels) + known.class_[number]
+        for number, counts in ((served, of_served), (detected, of_detected)):
+            group = np.repeat(np.arange(len(answers)), counts) * classes + known.class_[number]
             places.append(Places(group, known.east_m[number], known.north_m[number]))
         pairs = near(places[0], places[1], SAME_M)
         pairs = pairs.rows(np.lexsort((pairs.theirs, pairs.ours, pairs.distance_m2)))
-        of_pair = places[0].group[pairs.ours[matches(pairs)]] // max(len(labels), 1)
+        of_pair = places[0].group[pairs.ours[matches(pairs)]] // max(classes, 1)
         matched = np.bincount(of_pair, minlength=len(answers))
         rows = np.repeat(np.arange(len(answers)), [len(answer.which) for answer in answers])
         headers = [answer.header for answer in answers]
@@ -71,8 +73,8 @@ class Agreement:
             "stamp_ns": np.array([header.stamp_ns for header in headers], dtype=np.int64)[rows],
             "which": _text([which for answer in answers for which in answer.which]),
             "source": _text([answer.source for answer in answers])[rows],
-            "served": counts[0][rows],
-            "detected": counts[1][rows],
+            "served": of_served[rows],
+            "detected": of_detected[rows],
             "matched": matched[rows],
         }
         self._table.extend(Columns(columns))

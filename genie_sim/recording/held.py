@@ -15,6 +15,7 @@ import numpy as np
 from genie_sim.core.consumer import Shown
 from genie_sim.core.maps import Viewer
 from genie_sim.core.tracking import COAST_NS, NEAR_M
+from genie_sim.messages import Detection
 from genie_sim.recording.joins import Array, Places, near
 from genie_sim.recording.objects import Objects
 
@@ -36,20 +37,19 @@ class Held(NamedTuple):
 
 def held(objects: Objects, scenes: Iterable[tuple[int, Sequence[Shown]]]) -> Held:
     """Returns what is held in each scene: its time [ns], and what answers show then."""
-    numbers: list[int] = []
-    shown: list[tuple[int, int, int, int]] = []  # scene, rank, objects, for how long it holds
+    lists: list[Sequence[Detection]] = []
+    shown: list[tuple[int, int, int]] = []  # scene and rank of each list, for how long it holds
     views: list[tuple[int, int, Viewer]] = []  # scene and rank of answers that show all in view
     for scene, (now_ns, parts) in enumerate(scenes):
         for rank, part in enumerate(parts):
-            of_part = objects.numbers(part.objects)
-            numbers += of_part
+            lists.append(part.objects)
             for_ns = 0 if part.valid_ns is None else max(now_ns - part.valid_ns, 0)
-            shown.append((scene, rank, len(of_part), for_ns))
+            shown.append((scene, rank, for_ns))
             if part.valid_ns is not None and part.viewer is not None:
                 views.append((scene, rank, part.viewer))
-    scene_of, rank_of, counts, age_ns = np.array(shown, dtype=np.int64).reshape(-1, 4).T
+    scene_of, rank_of, age_ns = np.array(shown, dtype=np.int64).reshape(-1, 3).T
+    number, counts = objects.numbers(lists)
     at, ranks = np.repeat(scene_of, counts), np.repeat(rank_of, counts)
-    number = np.array(numbers, dtype=np.int64)
     known = objects.columns()
     east_m, north_m = known.east_m[number], known.north_m[number]
     is_held = ~_decided(Held(at, ranks, east_m, north_m), views)

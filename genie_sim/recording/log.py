@@ -21,6 +21,7 @@ from genie_sim.messages import (
 from genie_sim.monitor import FaultSpan, Forgery, HostUsage, Placement, Resource, Samples, Span
 from genie_sim.recording.agreement import Agreement, Answer
 from genie_sim.recording.map_accuracy import MapAccuracy
+from genie_sim.recording.objects import Objects
 from genie_sim.recording.records import (
     AttackRow,
     FaultRow,
@@ -100,7 +101,8 @@ class Log:
         self._objects = tables["objects"] if "objects" in record else None
         self._agreement: Agreement | None = None
         if "answers" in record:
-            self._agreement = Agreement(method, tables["answers"])
+            objects = Objects() if accuracy is None else accuracy.objects
+            self._agreement = Agreement(method, tables["answers"], objects)
         self._steps = tables["steps"] if "steps" in record else None
         self.wants_changes = self._objects is not None  # of object maps
         self.wants_paths = self._steps is not None

@@ -22,7 +22,7 @@ from genie_sim.recording.gospa import GOSPA_CUT_M, gospa_m
 from genie_sim.recording.held import Held, held
 from genie_sim.recording.held_spans import HeldSpans, Judged
 from genie_sim.recording.joins import Array, Pairs, Places, matches, near, turns
-from genie_sim.recording.objects import UNKNOWN, Codes, ObjectColumns, Objects
+from genie_sim.recording.objects import UNKNOWN, ObjectColumns, Objects
 from genie_sim.recording.recent_places import RecentPlaces
 from genie_sim.recording.scenes import DriveTruth, Scene, Views, Visible, are_there
 from genie_sim.recording.tables import Table
@@ -75,6 +75,11 @@ class MapAccuracy:
         fields of view, not only those of the first.
     window : int
         How many scenes are judged at once; does not change results.
+
+    Attributes
+    ----------
+    objects : Objects
+        Numbers what answers show.
     """
 
     def __init__(
@@ -97,8 +102,9 @@ class MapAccuracy:
         self._window = window
         self._consumers = {car: make_consumer() for car in truths}
         self._first_streams: dict[str, str] = {}  # of each car, the one whose frames are instants
-        self._cars = Codes((car, number) for number, car in enumerate(truths))
-        self._labels = Codes()  # of labels and of classes
+        self.objects = Objects()
+        self._cars, self._labels = self.objects.cars, self.objects.labels
+        self._cars.update((car, number) for number, car in enumerate(truths))
         self._first_seen = FirstSeen()
         self._recent_places = RecentPlaces()
         self._spans: HeldSpans | None = None
@@ -146,8 +152,9 @@ class MapAccuracy:
 
     def _judge(self) -> None:
         """Writes the rows of the window."""
+        self.objects.begin_window()
         views = Views.of(self._scenes, self._cars)
-        visible = Visible.of(self._scenes, self._labels, self._recent_places.codes)
+        visible = Visible.of(self._scenes, self.objects, self._recent_places.codes)
         visible = visible.rows(views.see(visible.scene, visible.east_m, visible.north_m))
         compared = self._compare(views, visible)
         self._count(views, visible, compared)
@@ -158,7 +165,7 @@ class MapAccuracy:
 
     def _compare(self, views: Views, visible: Visible) -> _Compared:
         """Judges each object in view, of a class that the truth knows."""
-        objects = Objects(self._labels, self._cars)
+        objects = self.objects
         shown = (scene.shown for scene in self._scenes)
         items = held(objects, zip(views.now_ns.tolist(), shown, strict=True))
         known = objects.columns().rows(items.number)

@@ -10,6 +10,9 @@ from genie_sim.messages import Detection, Location
 from genie_sim.recording.joins import Array
 
 UNKNOWN = -1
+MAX_KEPT = 20_000  # objects and lists of them, at the begin of a window
+
+Sight = tuple[str, Location]  # an object's label and place
 
 
 class Codes(dict[Any, int]):
@@ -21,9 +24,9 @@ class Codes(dict[Any, int]):
 
 
 class ObjectColumns(NamedTuple):
-    """One row per distinct object that has a place: codes of its label, of its class and of the two
-    together with its place, where it is [m], and of a track its velocity [m/s] and the car and the
-    time [ns] that saw it last (``UNKNOWN`` if it is no track).
+    """One row per distinct object that has a place: codes of its label, of its class and of its
+    label together with its place, where it is [m], and of a track its velocity [m/s] and the car
+    and the time [ns] that saw it last (``UNKNOWN`` if it is no track).
     """
 
     label: Array
@@ -42,59 +45,93 @@ class ObjectColumns(NamedTuple):
 
 
 _KINDS = [np.int64] * 3 + [np.float64] * 4 + [np.int64] * 2
+_NO_TRACK = 0.0, 0.0, UNKNOWN, UNKNOWN
+
+
+class _Classes(dict[str, tuple[int, int]]):
+    """Of each label its code and that of its class."""
+
+    def __init__(self, labels: Codes) -> None:
+        super().__init__()
+        self._labels = labels
+
+    def __missing__(self, label: str) -> tuple[int, int]:
+        codes = self._labels[label], self._labels[class_of(label)]
+        self[label] = codes
+        return codes
 
 
 class Objects:
     """Numbers the objects that answers show; one that several answers share has one number.
 
-    ``labels`` are the codes of labels and classes, ``cars`` the numbers of cars.
+    ``labels`` are codes of labels and classes, ``classes`` gives both for a label, ``cars`` are the
+    numbers of cars, ``sights`` codes of labels at places.
     """
 
-    def __init__(self, labels: Codes, cars: Codes) -> None:
-        self.labels = labels
-        self._cars = cars
-        self.sights: Codes = Codes()  # of label and place
+    def __init__(self) -> None:
+        self.labels: Codes = Codes()
+        self.cars: Codes = Codes()
+        self.classes = _Classes(self.labels)
+        self._begin()
+
+    def begin_window(self) -> None:
+        """Forgets the objects, which may not be shown any more, if they are many."""
+        if len(self._kept) > MAX_KEPT:
+            self._begin()
+
+    def _begin(self) -> None:
+        self.sights: Codes = Codes()
         self._numbers: dict[int, int] = {}  # by the object's identity
         self._of_lists: dict[int, list[int]] = {}  # by the list's identity
         self._kept: list[object] = []  # whose identities must not be given to others
-        self._rows: list[tuple[Any, ...]] = []
+        self._new: list[tuple[Any, ...]] = []  # rows that are not in the columns yet
+        self._columns = ObjectColumns(*(np.zeros(0, dtype=kind) for kind in _KINDS))
 
-    def numbers(self, objects: Sequence[Detection]) -> list[int]:
-        """The numbers of those that have a place, in their order."""
-        known = self._of_lists.get(id(objects))
-        if known is not None:
-            return known
-        numbers = []
-        for detection in objects:
-            number = self._numbers.get(id(detection))
-            if number is None:
-                number = self._add(detection)
-            if number != UNKNOWN:
-                numbers.append(number)
-        self._kept.append(objects)
-        self._of_lists[id(objects)] = numbers
-        return numbers
+    def numbers(self, shown: Sequence[Sequence[Detection]]) -> tuple[Array, Array]:
+        """The numbers of those objects of some lists that have a place, list by list, and how many
+        there are in each list.
+        """
+        of_lists = [self._of_list(objects) for objects in shown]
+        counts = np.array([len(numbers) for numbers in of_lists], dtype=np.int64)
+        return np.array([one for numbers in of_lists for one in numbers], dtype=np.int64), counts
 
     def columns(self) -> ObjectColumns:
         """All that have been numbered."""
-        columns = list(zip(*self._rows, strict=True)) or [()] * len(_KINDS)
-        return ObjectColumns(
-            *(np.array(column, dtype=kind) for column, kind in zip(columns, _KINDS, strict=True))
-        )
+        if self._new:
+            new = zip(zip(*self._new, strict=True), _KINDS, strict=True)
+            parts = zip(self._columns, (np.array(of, dtype=kind) for of, kind in new), strict=True)
+            self._columns = ObjectColumns(*(np.concatenate(part) for part in parts))
+            self._new.clear()
+        return self._columns
+
+    def _of_list(self, objects: Sequence[Detection]) -> list[int]:
+        known = self._of_lists.get(id(objects))
+        if known is not None:
+            return known
+        numbers, add = self._numbers, self._add
+        of_list = []
+        for detection in objects:
+            number = numbers.get(id(detection))
+            if number is None:
+                number = add(detection)
+            if number != UNKNOWN:
+                of_list.append(number)
+        self._kept.append(objects)
+        self._of_lists[id(objects)] = of_list
+        return of_list
 
     def _add(self, detection: Detection) -> int:
         self._kept.append(detection)
-        if detection.location is None:
+        location, motion = detection.location, detection.motion
+        if location is None:
             self._numbers[id(detection)] = UNKNOWN
             return UNKNOWN
-        self._numbers[id(detection)] = number = len(self._rows)
-        labels, label, motion = self.labels, detection.label, detection.motion
-        sight: tuple[str, Location] = (label, detection.location)
-        seen_by, seen_ns, velocity_mps = UNKNOWN, UNKNOWN, (0.0, 0.0)
+        self._numbers[id(detection)] = number = len(self._columns.label) + len(self._new)
+        sight: Sight = (detection.label, location)
+        track = _NO_TRACK
         if motion is not None:
-            seen_by, seen_ns = self._cars[motion.seen.origin], motion.seen.stamp_ns
-            velocity_mps = motion.velocity_mps
-        codes = labels[label], labels[class_of(label)], self.sights[sight]
-        places = *detection.location[:2], *velocity_mps
-        self._rows.append((*codes, *places, seen_by, seen_ns))
+            track = (*motion.velocity_mps, self.cars[motion.seen.origin], motion.seen.stamp_ns)
+        label, class_ = self.classes[detection.label]
+        row = label, class_, self.sights[sight], location[0], location[1], *track
+        self._new.append(row)
         return number

@@ -2,15 +2,14 @@
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from genie_sim.classes import class_of
 from genie_sim.core.consumer import Shown
 from genie_sim.messages import Frame, Image, Location
 from genie_sim.recording.joins import Array
-from genie_sim.recording.objects import Codes
+from genie_sim.recording.objects import Codes, Objects
 
 BORDER_RAD = 1e-12  # what stands on the border of a picture is in view, however that is rounded
 
@@ -98,17 +97,22 @@ class Visible(NamedTuple):
     north_m: Array
 
     @classmethod
-    def of(cls, scenes: Sequence[Scene], labels: Codes, places: Codes) -> "Visible":
-        """All that can be seen in some scenes, in the field of view or not. ``labels`` are codes of
-        labels and of classes, ``places`` of a class's code and a place.
+    def of(cls, scenes: Sequence[Scene], objects: Objects, places: Codes) -> "Visible":
+        """All that can be seen in some scenes, in the field of view or not, with codes of labels
+        and classes, and of a class's code and a place.
         """
-        rows = []
+        rows: list[tuple[Any, ...]] = []
+        image: Image | None = None
+        things: list[tuple[Any, ...]] = []
         for number, scene in enumerate(scenes):
-            for thing in scene.truth.visible(scene.image.content):
-                class_, (east_m, north_m, _) = labels[class_of(thing.label)], thing.location
-                place = places[class_, east_m, north_m]
-                codes = number, labels[thing.label], class_, place, thing.moving
-                rows.append((*codes, east_m, north_m))
+            if scene.image is not image:  # it is the same where two are judged at an instant
+                image, things = scene.image, []
+                for thing in scene.truth.visible(image.content):
+                    label, class_ = objects.classes[thing.label]
+                    east_m, north_m, _ = thing.location
+                    place = places[class_, east_m, north_m]
+                    things.append((label, class_, place, thing.moving, east_m, north_m))
+            rows += [(number, *thing) for thing in things]
         columns = list(zip(*rows, strict=True)) or [()] * len(cls._fields)
         kinds = [np.int64] * 5 + [np.float64] * 2
         return cls(*(np.array(of, dtype=kind) for of, kind in zip(columns, kinds, strict=True)))

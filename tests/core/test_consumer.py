@@ -11,7 +11,7 @@ from genie_sim.core.consumer import ConsumerRules, Newest, Tracker
 from genie_sim.core.maps import Viewer
 from genie_sim.messages import CameraPose, Detection, Detections, Header, Image, Motion
 from genie_sim.recording import held as recording_held
-from genie_sim.recording.objects import Codes, Objects
+from genie_sim.recording.objects import Objects
 from genie_sim.settings import from_plain
 from tests.core.looks import FOV, MS, after, car, look, tracks
 from tests.core.worlds import S, seen
@@ -25,10 +25,9 @@ def image(t_s: float, camera="02") -> Image:
 
 def held(consumer, t_s: float) -> list[tuple[str, float]]:
     now_ns = round(t_s * S)
-    labels = Codes()
-    objects = Objects(labels, Codes())
+    objects = Objects()
     items = recording_held.held(objects, [(now_ns, consumer.shown(now_ns))])
-    names, codes = list(labels), objects.columns().label[items.number]
+    names, codes = list(objects.labels), objects.columns().label[items.number]
     return [
         (names[code], round(east_m, 1)) for code, east_m in zip(codes, items.east_m, strict=True)
     ]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import random
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -14,7 +15,9 @@ from genie_sim.analysis import metrics, screen, summary
 from genie_sim.analysis.correctness import of_answers
 from genie_sim.core.matching import SAME_M, near, pairs, placed
 from genie_sim.messages import CameraPose, Detection, Detections, Header, Image
+from genie_sim.recording.agreement import Agreement, Answer
 from genie_sim.recording.log import Log
+from genie_sim.recording.objects import Objects
 from genie_sim.recording.records import ANSWERS, new_tables
 from genie_sim.recording.results import Metric
 from genie_sim.recording.tables import Table
@@ -76,6 +79,37 @@ def test_each_object_is_paired_once_and_the_nearest_first():
 def test_ties_are_broken_by_the_order_of_the_lists():
     beside = [("car", 1.0, 0.0), ("car", -1.0, 0.0)]
     assert pairs(near([("car", 0.0, 0.0)], beside, SAME_M)) == [(1.0, 0, 0)]
+
+
+@pytest.mark.parametrize("window", [1, 3, 1000])
+def test_answers_are_compared_in_windows_of_any_size_as_one_by_one(window: int):
+    rng = random.Random(window)
+
+    def some() -> list[Detection]:
+        places = [(rng.uniform(0.0, 9.0), rng.uniform(0.0, 3.0)) for _ in range(rng.randrange(6))]
+        return [
+            one(
+                rng.choice(["car", "truck", "person"]),
+                None if rng.random() < 0.1 else east_m,
+                north_m,
+            )
+            for east_m, north_m in places
+        ]
+
+    table, expected = Table(ANSWERS), []
+    agreement = Agreement("genie", table, Objects(), window)
+    for number in range(40):
+        header = Header(number, rng.choice(["left", "right"]), "car1")
+        served, detected = some(), some()
+        which = rng.choice([("first",), ("result",), ("first", "result")])
+        agreement.add(Answer(header, which, "map", served=served, detected=detected))
+        matched = len(pairs(near(placed(served), placed(detected), SAME_M)))
+        counts = len(placed(served)), len(placed(detected)), matched
+        row = "genie", "car1", header.frame_id, number
+        expected += [(*row, of_which, "map", *counts) for of_which in which]
+    agreement.close()
+    columns = table.columns()
+    assert list(zip(*(columns[name].tolist() for name in columns.names), strict=True)) == expected
 
 
 def test_objects_without_a_place_are_not_counted_even_in_an_answer_that_is_the_same():

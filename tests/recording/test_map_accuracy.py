@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any
+from unittest.mock import patch
 
 import numpy as np
 import pandas as pd
@@ -19,6 +20,7 @@ from hypothesis import strategies as st
 
 from genie_sim.core.consumer import Consumer, Shown
 from genie_sim.messages import CameraPose, Detection, Detections, Header, Image, Location, Motion
+from genie_sim.recording import objects
 from genie_sim.recording.joins import Places
 from genie_sim.recording.map_accuracy import MapAccuracy
 from genie_sim.recording.recent_places import RecentPlaces
@@ -237,7 +239,7 @@ def drive(judge: Judge, seed: int, moments: int) -> None:
 
     known = [found() for _ in range(10)]  # objects that several answers share
 
-    def objects() -> tuple[Detection, ...]:
+    def some() -> tuple[Detection, ...]:
         return tuple(rng.choice(known) if rng.random() < 0.6 else found() for _ in range(4))
 
     for number in range(moments):
@@ -246,13 +248,13 @@ def drive(judge: Judge, seed: int, moments: int) -> None:
             for stream, heading_rad in (("left", 0.4), ("right", -0.2)):
                 things = [Thing(*somewhere(rng.random() < 0.3)) for _ in range(rng.randrange(4))]
                 hidden = [Thing(*somewhere(False)) for _ in range(rng.randrange(2))]
-                frame = Frame(things, hidden, objects()[: rng.randrange(4)])
+                frame = Frame(things, hidden, some()[: rng.randrange(4)])
                 header = Header(now_ns, stream, car)
                 pose = CameraPose(rng.uniform(-1.0, 1.0), 0.0, 1.6, heading_rad)
                 judge.published(Image(header, 1000, "", 0, pose, 1.4, frame))
                 headers.append(header)
         for header in rng.sample(headers[-9:], k=3):
-            answer = Detections(header, objects()[: rng.randrange(5)])
+            answer = Detections(header, some()[: rng.randrange(5)])
             if rng.random() < 0.4:
                 answer = answer.with_look(None, now_ns - rng.randrange(SECOND))
             judge.answered(answer, now_ns)
@@ -275,7 +277,8 @@ def test_windows_of_any_size_are_judged_as_one_object_after_the_other(
         judge = make(
             "genie", CARS, tables[0], without_delay, objects=tables[1], all_streams=all_streams
         )
-        drive(judge, seed, moments=8)
+        with patch.object(objects, "MAX_KEPT", 30):
+            drive(judge, seed, moments=8)
         rows.append([table.to_frame() for table in tables])
     for ours, theirs in zip(*rows, strict=True):
         pd.testing.assert_frame_equal(ours, theirs, rtol=1e-12, check_categorical=False)
