@@ -12,6 +12,7 @@ set (``hatch_build.py``).
 import hashlib
 import json
 import os
+import re
 import shutil
 import sys
 import sysconfig
@@ -25,6 +26,14 @@ MANIFEST = "manifest.json"
 # The same results as Python's: no product is fused with a sum, and annotations such as ``float``
 # for what may be a whole number mean nothing.
 DIRECTIVES = {"language_level": 3, "annotation_typing": False, "auto_pickle": False}
+# What extension types have by nature or cannot have, and Cython refuses to read.
+SLOTS = re.compile(r"^(@dataclass\(.*)slots=True(?:, )?", re.MULTILINE)
+GENERIC = re.compile(r"^(class \w+)\(Generic\[\w+\]\):$", re.MULTILINE)
+SUBSCRIPTABLE = r"""\1:
+    @classmethod
+    def __class_getitem__(cls, item):
+        return cls
+"""
 LONGEST_REASON = 200  # characters
 OPTIONS = ["/O2", "/fp:precise"] if os.name == "nt" else ["-O2", "-g0", "-ffp-contract=off"]
 
@@ -36,6 +45,17 @@ def modules(root: Path) -> dict[str, Path]:
     return {".".join(path.with_suffix("").parts): path for path in relative}
 
 
+def copy_sources(root: Path, folder: Path) -> None:
+    """Copies what Cython reads, without slots of data classes and without ``Generic``."""
+    for path in (root / PACKAGE).rglob("*.p*"):
+        if path.suffix == ".pxd" or path.name == "__init__.py" or path.with_suffix(".pxd").exists():
+            target = folder / path.relative_to(root)
+            target.parent.mkdir(parents=True, exist_ok=True)
+            text = path.read_text(encoding="utf-8")
+            text = GENERIC.sub(SUBSCRIPTABLE, SLOTS.sub(r"\1", text))
+            target.write_text(text, encoding="utf-8")
+
+
 def compile_into(folder: Path, scratch: Path) -> None:
     """Compiles all modules of this checkout and puts them with their manifest into an empty folder.
     Raises what Cython, setuptools and the compiler raise.
@@ -43,8 +63,9 @@ def compile_into(folder: Path, scratch: Path) -> None:
     from Cython.Build import cythonize
     from setuptools import Distribution, Extension
 
-    os.chdir(ROOT)  # Cython finds a module's package by its path
     sources = modules(ROOT)
+    copy_sources(ROOT, scratch)
+    os.chdir(scratch)  # Cython finds a module's package by its path
     processes = os.cpu_count() or 1
     extensions = cythonize(
         [
@@ -52,13 +73,12 @@ def compile_into(folder: Path, scratch: Path) -> None:
             for name, path in sources.items()
         ],
         nthreads=processes,
-        build_dir=os.fspath(scratch),
         compiler_directives=DIRECTIVES,
         quiet=True,
     )
     project = Distribution({"name": PACKAGE, "ext_modules": extensions})
     command = project.get_command_obj("build_ext")
-    command.build_lib, command.build_temp = os.fspath(scratch / "lib"), os.fspath(scratch)
+    command.build_lib, command.build_temp = "built", "objects"
     command.parallel = processes
     command.ensure_finalized()
     command.run()
@@ -67,7 +87,7 @@ def compile_into(folder: Path, scratch: Path) -> None:
     for name, path in sources.items():
         target = folder / f"{name}{suffix}"
         shutil.copyfile(command.get_ext_fullpath(name), target)
-        digest = hashlib.sha256(path.read_bytes()).hexdigest()
+        digest = hashlib.sha256((ROOT / path).read_bytes()).hexdigest()
         made[name] = {"source": digest, "bytes": target.stat().st_size}
     write_manifest(folder, {"suffix": suffix, "modules": made})
 

@@ -270,10 +270,15 @@ class Detections:
         """When the newest frame was taken in which a detector saw any of it; of a detector's answer
         the frame at which it looked, even if it found nothing. ``None`` for nothing out of a map.
         """
-        headers = [item.seen_in for item in self.objects if item.seen_in is not None]
+        newest_ns: int | None = None
         if self.source != "map":
-            headers.append(self.seen_in or self.header)
-        return max((header.original.stamp_ns for header in headers), default=None)
+            newest_ns = (self.seen_in or self.header).original.stamp_ns
+        for item in self.objects:
+            if item.seen_in is not None:
+                stamp_ns = item.seen_in.original.stamp_ns
+                if newest_ns is None or newest_ns < stamp_ns:
+                    newest_ns = stamp_ns
+        return newest_ns
 
     def restamped(self, header: Header) -> "Detections":
         return Detections(

@@ -1,9 +1,9 @@
+from genie_sim.grid cimport Grid
 from genie_sim.core.stored_object cimport StoredObject
 cimport cython
 
 cdef class WithinGate:
-    cdef object _grid
-    cdef object _in_cell
+    cdef Grid _grid
     cdef double _reach_m
     cdef double _gate2_m2
     cpdef add(self, StoredObject stored)

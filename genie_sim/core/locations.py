@@ -35,7 +35,6 @@ class WithinGate:
 
     def __init__(self, gate_m: float) -> None:
         self._grid: Grid[StoredObject] = Grid(CELL_GATES * gate_m)
-        self._in_cell = self._grid.at
         self._reach_m = REACH_GATES * gate_m
         self._gate2_m2 = gate_m**2
 
@@ -50,7 +49,7 @@ class WithinGate:
     def nearest(self, label: str | None, location: Location) -> StoredObject | None:
         east_m, north_m, _ = location
         nearest, nearest2_m2 = None, self._gate2_m2
-        for stored in self._in_cell(east_m, north_m):
+        for stored in self._grid.at(east_m, north_m):
             if stored.label == label or label is None:
                 away_east_m, away_north_m = stored.east_m - east_m, stored.north_m - north_m
                 distance2_m2 = away_east_m * away_east_m + away_north_m * away_north_m
@@ -61,7 +60,7 @@ class WithinGate:
     def at(self, location: Location) -> list[StoredObject]:
         east_m, north_m, _ = location
         objects = []
-        for stored in self._in_cell(east_m, north_m):
+        for stored in self._grid.at(east_m, north_m):
             away_east_m, away_north_m = stored.east_m - east_m, stored.north_m - north_m
             if away_east_m * away_east_m + away_north_m * away_north_m <= self._gate2_m2:
                 objects.append(stored)

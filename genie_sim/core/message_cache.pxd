@@ -12,6 +12,21 @@ cdef class MessageCache:
     cpdef _find(self, key, now_ns)
     cpdef _fits(self, entries, size_bytes)
 
+cdef class Requester:
+    cdef public object header
+    cdef public object neighbour
+    cdef public object name
+    cdef public object served
+
+cdef class PendingRequest:
+    cdef public object topic
+    cdef public object key
+    cdef public object deadline_ns
+    cdef public object forwarded
+    cdef public object requesters
+    cdef public object answered
+    cdef public object viewer
+
 cdef class PendingIndex:
     cdef public object _identity
     cdef public object _new_keys
@@ -23,6 +38,7 @@ cdef class PendingIndex:
     cpdef by_header(self, header)
     cpdef by_key(self, topic, key)
     cpdef joinable(self, topic, key)
-    cpdef open(self, header, pending)
+    cpdef open(self, header, PendingRequest pending)
+    @cython.locals(pending=PendingRequest)
     cpdef expire(self, now_ns)
-    cpdef close(self, pending)
+    cpdef close(self, PendingRequest pending)

@@ -1,4 +1,5 @@
-from genie_sim.core.message_cache cimport PendingIndex
+from genie_sim.core.maps cimport EnhancedAnswer
+from genie_sim.core.message_cache cimport MessageCache, PendingIndex, PendingRequest, Requester
 cimport cython
 
 cdef class GenieNode:
@@ -18,12 +19,17 @@ cdef class GenieNode:
     cdef public tuple _published
     cdef public dict _caches
     cdef public dict _arrivals
-    cpdef cache_entries(self)
-    cpdef _time_passes(self, now_ns)
+    @cython.locals(
+        effects=list, pending=PendingRequest, answer=EnhancedAnswer, cache=MessageCache,
+        requester=Requester, equal=PendingRequest, opened=PendingRequest, boosted=EnhancedAnswer,
+    )
+    cpdef on_message(self, topic, message, now_ns, sender=*)
+    cpdef list _time_passes(self, now_ns)
     cpdef _deadline_ns(self, now_ns)
-    cpdef _learn(self, arrival, answer, pending, now_ns)
-    cpdef _store(self, topic, answer, pending, now_ns)
-    cpdef _map_answers(self, viewer, now_ns)
-    cpdef _publication(self, topic, answer, requester)
-    cpdef _image_lookup(self, requester, outcome)
+    cpdef EnhancedAnswer _learn(self, arrival, answer, PendingRequest pending, now_ns)
+    @cython.locals(cache=MessageCache)
+    cpdef _store(self, topic, answer, PendingRequest pending, now_ns)
+    cpdef list _map_answers(self, viewer, now_ns)
+    cpdef _publication(self, topic, answer, Requester requester)
+    cpdef _image_lookup(self, Requester requester, outcome)
     cpdef _object_lookups(self, header, kind, counts)

@@ -1,4 +1,5 @@
 from genie_sim.core.maps cimport Map
+from genie_sim.grid cimport Grid
 from genie_sim.core.stored_object cimport StoredObject
 from genie_sim.core.view cimport ViewSector
 cimport cython
@@ -11,7 +12,7 @@ cdef class ObjectMap(Map):
     cdef public object _locations
     cdef public bint _any_class
     cdef public bint _counts_origins
-    cdef public object _view_grid
+    cdef public Grid _view_grid
     cdef public object _count
     cdef public object _numbers
     cdef public list _to_forget
