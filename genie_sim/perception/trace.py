@@ -131,7 +131,7 @@ class Trace:
             )
 
         frames = {camera: tuple(map(moved, sequence)) for camera, sequence in self.frames.items()}
-        return Trace(self.name, origin, frames, self.provenance, self.sequence)
+        return replace(self, origin=origin, frames=frames)
 
     def at_least(self, min_score: float) -> "Trace":
         """The same trace without the detections below a score."""
@@ -144,7 +144,7 @@ class Trace:
         frames = {camera: tuple(map(kept, sequence)) for camera, sequence in self.frames.items()}
         parameters = self.provenance.get("parameters", {}) | {"min_score": min_score}
         provenance = {**self.provenance, "parameters": parameters}
-        return Trace(self.name, self.origin, frames, provenance, self.sequence)
+        return replace(self, frames=frames, provenance=provenance)
 
 
 def detection(
@@ -282,7 +282,7 @@ def read_trace(path: Path) -> Trace:
     if not isinstance(about["provenance"].get("parameters", {}), dict):
         raise UserError(f"{path}: metadata: provenance: 'parameters' is not a mapping")
     sequence = _sequence(path, about)
-    trace = Trace(about["name"], about["origin"], by_camera, about["provenance"], sequence)
+    trace = Trace(about["name"], about["origin"], by_camera, about["provenance"], sequence=sequence)
     world_table.check_digest(path, trace.digest, about)
     if "features" in trace.provenance and trace.provenance["features"] != feature_facts(by_camera):
         raise UserError(

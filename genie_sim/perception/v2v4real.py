@@ -173,7 +173,7 @@ def recordings(
             for number, own in enumerate(poses[car], start=first)
         )
         name = f"v2v4real_{sequence.replace('/', '_')}_{car}"
-        whole = Trace(name, ORIGIN, {SENSOR: frames}, about, f"v2v4real/{sequence}")
+        whole = Trace(name, ORIGIN, {SENSOR: frames}, about, sequence=f"v2v4real/{sequence}")
         trace = whole.at_least(min_score)
         others = [row for row in objects if row.object != (EGO_OBJECT if car == "ego" else partner)]
         truth = TruthTable(

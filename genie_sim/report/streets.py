@@ -50,7 +50,7 @@ def ground(run: "Run") -> Ground | None:
     else:
         return None
     columns, rows = cell_counts(extent_m, length_m(scenario["fleet"]["cell"]))
-    return Ground(extent_m, columns, rows, streets, main_streets)
+    return Ground(extent_m, columns, rows, streets=streets, main_streets=main_streets)
 
 
 def _of_town(
