@@ -1,5 +1,5 @@
 """Publishes images of given places in ROS 2 and prints every answer: one JSON object a line. See
-``camera.py``.
+``camera.py``; ``1@9`` puts the camera 9 m east here, too, looking east.
 """
 
 import json
@@ -8,6 +8,7 @@ import threading
 import time
 
 import rclpy
+from geometry_msgs.msg import PoseStamped
 from sensor_msgs.msg import Image
 from visualization_msgs.msg import MarkerArray
 
@@ -35,19 +36,25 @@ def main(places, pause_s, listen_s):
     node = rclpy.create_node("camera")
     node.create_subscription(MarkerArray, "/objects", on_answer, 10)
     images = node.create_publisher(Image, "/image_raw", 10)
+    poses = node.create_publisher(PoseStamped, "/current_pose", 10)
     threading.Thread(target=rclpy.spin, args=(node,), daemon=True).start()
     while not images.get_subscription_count() or not node.count_publishers("/objects"):
         time.sleep(0.05)
     time.sleep(1.0)
     for index, place in enumerate(places):
-        image = Image(
-            height=48, width=64, encoding="mono8", step=64, data=bytes([place]) * (64 * 48)
-        )
+        place, at, east = place.partition("@")
+        data = bytes([int(place)]) * (64 * 48)
+        image = Image(height=48, width=64, encoding="mono8", step=64, data=data)
         image.header.stamp.sec, image.header.stamp.nanosec, image.header.frame_id = (
             index + 1,
             7,
             "camera_02",
         )
+        if at:
+            pose = PoseStamped(header=image.header)
+            pose.pose.position.x, pose.pose.orientation.w = float(east), 1.0
+            poses.publish(pose)
+            time.sleep(0.1)
         sent[(index + 1) * 10**9 + 7] = time.monotonic()
         images.publish(image)
         time.sleep(pause_s)
@@ -55,4 +62,4 @@ def main(places, pause_s, listen_s):
     rclpy.shutdown()
 
 
-main([int(place) for place in sys.argv[1].split(",")], float(sys.argv[2]), float(sys.argv[3]))
+main(sys.argv[1].split(","), float(sys.argv[2]), float(sys.argv[3]))

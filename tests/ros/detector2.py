@@ -2,7 +2,8 @@
 out, 50 ms later.
 
 Objects are markers, because the wheels hold no vision_msgs. ``DETECTOR_SECONDS`` says how long it
-takes.
+takes. With ``DETECTOR_FRAME`` places are in that frame, and a marker without an object carries the
+image's header.
 """
 
 import contextlib
@@ -13,6 +14,7 @@ import rclpy
 from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from sensor_msgs.msg import Image
+from std_msgs.msg import Header
 from visualization_msgs.msg import Marker, MarkerArray
 
 
@@ -28,7 +30,12 @@ class Detector(Node):
         found = Marker(header=image.header, ns="car", id=place, text=f"place {place}")
         found.pose.position.x = 10.0 * place
         found.color.a = 0.75
-        self._objects.publish(MarkerArray(markers=[found]))
+        markers = [found]
+        frame = os.environ.get("DETECTOR_FRAME")
+        if frame is not None:
+            markers.insert(0, Marker(header=image.header, action=Marker.DELETEALL))
+            found.header = Header(stamp=image.header.stamp, frame_id=frame)
+        self._objects.publish(MarkerArray(markers=markers))
 
 
 rclpy.init()

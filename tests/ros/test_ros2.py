@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import signal
 import subprocess
 import sys
 import sysconfig
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -95,8 +97,8 @@ class Domain:
         self._processes.append(process)
         return process
 
-    def start_detector(self, seconds: float = 0.05) -> subprocess.Popen[str]:
-        process = self.start(HERE / "detector2.py", DETECTOR_SECONDS=str(seconds))
+    def start_detector(self, seconds: float = 0.05, **env: str) -> subprocess.Popen[str]:
+        process = self.start(HERE / "detector2.py", DETECTOR_SECONDS=str(seconds), **env)
         until(lambda: self.topics() == UNTOUCHED, "the detector has started")
         return process
 
@@ -134,6 +136,27 @@ class Domain:
             if one["record"] == "ImageLookup"
         ]
 
+    def looks(self, way: str, outcome: str) -> list[int]:
+        """The numbers of the frames whose looks had an outcome, in order of time."""
+        records = map(json.loads, (self.folder / "record.jsonl").read_text().splitlines())
+        return [
+            record["header"]["stamp_ns"] // 10**9
+            for record in records
+            if record["record"] == "LookEvent"
+            and (record["way"], record["outcome"]) == (way, outcome)
+        ]
+
+    def pid_of_detector(self) -> int | None:
+        """Also of one that a watchdog has started again."""
+        for process in Path("/proc").glob("[0-9]*"):
+            with contextlib.suppress(OSError):
+                ours = f"ROS_HOME={self.env['ROS_HOME']}\0".encode()
+                if ours in (process / "environ").read_bytes():
+                    command = (process / "cmdline").read_bytes().split(b"\0")
+                    if str(HERE / "detector2.py").encode() in command:
+                        return int(process.name)
+        return None
+
     def log_of_genie(self) -> str:
         return "".join(
             log.read_text() for log in (self.folder / "ros_home" / "genie-sim").glob("*.log")
@@ -156,6 +179,16 @@ def new_domain(ros2_python: Path, tmp_path: Path) -> Iterator[Callable[[str, int
     yield make
     for domain in domains:
         domain.close()
+
+
+def genie_of(attached: subprocess.Popen[str]) -> int:
+    """The process of the Genie that ``attach`` has started."""
+    children = Path(f"/proc/{attached.pid}/task/{attached.pid}/children").read_text().split()
+    return next(
+        int(pid)
+        for pid in children
+        if b"genie_sim.ros.ros2" in Path(f"/proc/{pid}/cmdline").read_bytes()
+    )
 
 
 def test_the_second_time_at_a_place_is_a_hit(new_domain: Callable[[str, int], Domain]):
@@ -182,13 +215,7 @@ def test_the_second_time_at_a_place_is_a_hit(new_domain: Callable[[str, int], Do
 def test_a_killed_genie_leaves_the_robot_with_its_node(new_domain: Callable[[str, int], Domain]):
     car = new_domain("car1", 72)
     attached = car.attach(car.start_detector().pid)
-    children = Path(f"/proc/{attached.pid}/task/{attached.pid}/children").read_text().split()
-    genie = next(
-        int(pid)
-        for pid in children
-        if b"genie_sim.ros.ros2" in Path(f"/proc/{pid}/cmdline").read_bytes()
-    )
-    os.kill(genie, signal.SIGKILL)
+    os.kill(genie_of(attached), signal.SIGKILL)
     assert attached.wait(20) == 1
     until(lambda: car.topics() == UNTOUCHED, "the watchdog has restored the node")
 
@@ -209,3 +236,68 @@ def test_two_domains_are_two_virtual_networks(new_domain: Callable[[str, int], D
     assert edge.lookups() == [("car1", "miss")] * 2
     assert [answer["objects"][0][1] for answer in answers] == [1, 2, 1]
     assert all(answer["after_s"] < 1.0 for answer in answers), "faster than its own detector"
+
+
+@pytest.mark.alone
+@pytest.mark.nightly
+def test_paced_looks_outlive_edges_that_leave_hang_and_come_back(
+    new_domain: Callable[[str, int], Domain], keys: Keys
+):
+    """A frame comes every second, as its stamp says. The first edge leaves, the second hangs for
+    longer than any backoff, and the first comes back.
+    """
+    car, *edges = new_domain("car1", 75), new_domain("edge1", 76), new_domain("edge2", 77)
+    addresses = {edge.folder.name: f"127.0.0.1:{free_port()}" for edge in edges}
+    paced = {
+        "settings": {"algorithm": "recommended", "looks": {"in_flight": 1, "stale": "3 s"}},
+        "pose_topic": "/current_pose",
+        "horizontal_fov_rad": 1.4,
+    }
+
+    def attach(edge: Domain) -> subprocess.Popen[str]:
+        pid = until(edge.pid_of_detector, "the detector runs")
+        name = edge.folder.name
+        at = {"role": "edge", "name": name, "listen": addresses[name]}
+        return edge.attach(pid, **at, key_file=keys(name, "edge"), **paced)
+
+    def looks_again(what: str) -> None:
+        before = len(car.looks("edge", "answered"))
+        until(lambda: len(car.looks("edge", "answered")) >= before + 3, what, 60)
+
+    attached = []
+    for edge in edges:
+        edge.start_detector(DETECTOR_FRAME="map")
+        attached.append(attach(edge))
+    detector = car.start_detector(0.4, DETECTOR_FRAME="map")
+    peers = [f"{name}@{address}" for name, address in addresses.items()]
+    car.attach(detector.pid, name="car1", connect=peers, key_file=keys("car1", "car"), **paced)
+    for name in addresses:
+        until(lambda name=name: f"edge {name} is connected" in car.log_of_genie(), "a link is up")
+    time.sleep(6)
+    assert "is cut" not in car.log_of_genie(), "also without a camera"
+    assert (car.folder / "record.jsonl").read_text() == ""
+
+    camera = car.start(HERE / "camera2.py", ",".join(["2@9"] * 120), 0.9, 1.0)
+    looks_again("an edge looks")
+    edges[0].detach()
+    until(lambda: "edge1 is cut" in car.log_of_genie(), "the first edge has left")
+    looks_again("the second edge looks")
+    genie = genie_of(attached[1])
+    before = len(car.looks("edge", "timed_out")), len(car.looks("own", "answered"))
+    os.kill(genie, signal.SIGSTOP)
+    until(lambda: len(car.looks("edge", "timed_out")) >= before[0] + 5, "the backoff grows", 60)
+    until(lambda: "edge2 is cut" in car.log_of_genie(), "the car notices")
+    assert len(car.looks("own", "answered")) >= before[1] + 5, "the own detector looks on"
+    os.kill(genie, signal.SIGCONT)
+    looks_again("the second edge looks again")
+    attach(edges[0])
+    until(lambda: car.log_of_genie().count("edge edge1 is connected") == 2, "it is back")
+    edges[1].detach()
+    looks_again("the first edge looks again")
+    camera.terminate()
+    answers = [json.loads(line) for line in camera.communicate(timeout=60)[0].splitlines()]
+    stamps = sorted({answer["stamp_ns"] // 10**9 for answer in answers})
+    assert stamps == list(range(1, len(stamps) + 1)), "no frame is without an answer"
+    assert sum(len(answer["objects"]) for answer in answers) > len(answers) // 2
+    sent = car.looks("edge", "sent")
+    assert len(sent) == len(set(sent)), "each frame goes up but once"
