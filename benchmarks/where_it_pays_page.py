@@ -148,26 +148,24 @@ def laps(runs: pd.DataFrame) -> str:
 
 
 def choice(choose: pd.DataFrame) -> str:
-    """Mean of streaming F1 over the tuning set, the best in bold."""
+    """Mean of streaming F1 over the tuning set."""
     pairs = list(dict.fromkeys(zip(choose["p_min"], choose["tau_ms"], strict=True)))
     rows = []
     for name in DEFAULTS:
         f1 = choose[choose["method"] == name].set_index(["p_min", "tau_ms"])[F1]
-        best = f1.idxmax()
-        cells = [f"**{f1[pair]:.3f}**" if pair == best else f"{f1[pair]:.3f}" for pair in pairs]
-        rows.append([TITLES[name], *cells])
+        rows.append([TITLES[name], *(f"{f1[pair]:.3f}" for pair in pairs)])
     return markdown(["p_min, tau", *(f"{p_min:g}, {tau} ms" for p_min, tau in pairs)], rows)
 
 
 def second_choice(choose: pd.DataFrame, second: pd.DataFrame) -> str:
-    """Mean of streaming F1 over the conditions of both stages, what is chosen in bold."""
+    """Mean of streaming F1 over the conditions of both stages, and what is chosen."""
     rows = []
     for name in DEFAULTS:
         own = chosen(choose, second, name)
         cells = []
         for (p_min, tau_ms), f1 in both_stages(choose, second, name).items():
             text = f"{p_min:g}, {tau_ms:g} ms: {f1:.3f}"
-            cells.append(f"**{text}**" if (p_min, tau_ms) == own else text)
+            cells.append(f"{text} (chosen)" if (p_min, tau_ms) == own else text)
         rows.append([TITLES[name], "; ".join(cells)])
     return markdown(["", "p_min, tau: mean F1"], rows)
 

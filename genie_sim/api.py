@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
+    from genie_sim.study.sweep_table import SweepTable
 __all__ = [
     "Plots",
     "Run",
@@ -401,11 +402,13 @@ def sweep(
     jobs: int | None = None,
     out: str | Path | None = None,
     progress: Progress | None = None,
-) -> "pd.DataFrame":
+) -> "SweepTable":
     """Simulates a scenario along axes, every point with all seeds. Raises ``UserError``.
 
     Returns one row per point, metric, method, placement and component: the axes' values, the mean
-    over seeds (``value``), its 95 % t interval (``low``, ``high``) and the number of ``runs``.
+    over seeds (``value``), its 95 % t interval (``low``, ``high``) and the number of ``runs``. The
+    table draws the figures of the sweep: ``table.plot.along("gate")``, ``table.plot.heat("gate",
+    "link")``.
 
     Parameters
     ----------
@@ -439,6 +442,7 @@ def sweep(
     from genie_sim import parallel
     from genie_sim.study.design import read_design
     from genie_sim.study.study import Study
+    from genie_sim.study.sweep_table import SweepPlots, SweepTable
     from genie_sim.study.tasks import LocalWorkers
 
     named = dict(_axis(path, axis) for path, axis in axes.items())
@@ -464,9 +468,10 @@ def sweep(
         )
         work.run(LocalWorkers(jobs or parallel.workers_here()), progress=progress)
         status = work.finish(pictures=out is not None)
-        return pd.read_parquet(
+        table = pd.read_parquet(
             status.folder / ("runs.parquet" if every_run else "table.parquet"), use_threads=False
         )
+        return SweepTable.of(table, SweepPlots.read(status.folder))
 
 
 def search(

@@ -65,7 +65,7 @@ def figures(
     """The figures of results, by name, as wide as one of ``style.WIDTHS``; by default as fits each.
     Raises ``UserError``.
     """
-    from genie_sim.study import printed
+    from genie_sim.study.sweep_table import SweepPlots
 
     width_in = None if width is None else WIDTHS[width]
     if len(folders) > 1:
@@ -76,7 +76,7 @@ def figures(
 
         return paper_figures.of_evaluation(folder, width_in, allow_changed)
     if _is_sweep(folder):
-        return printed.figures_of(folder, width_in or PAGE_IN, allow_changed)
+        return SweepPlots.read(folder, allow_changed).figures(width_in or PAGE_IN)
     run = load(folder, allow_changed=allow_changed)
     with provenance.of_this_version(folder):
         return of_runs.of_run(run, width_in)

@@ -229,6 +229,9 @@ def _show(result: "Run | SeedRuns", *, figures: bool, report: bool) -> None:
     click.echo(screen.text(result, columns), nl=False)
     for sentence in verdicts(compared([result])) if len(result.runs) > 1 else ():
         click.echo(textwrap.fill(one_line(sentence), columns, subsequent_indent="  "))
+    if len(result.runs) > 1 and len(result.methods) > 2:
+        others = ",".join(method.name for method in result.methods[1:])
+        click.echo(f"Other pairs: genie-sim compare {folder} --methods {others}")
     click.echo(f"Results: {folder} (all tables, with intervals: summary.md)")
     click.echo(f"Figures: {folder / 'figures' if figures else f'genie-sim figures {folder}'}")
     if report:

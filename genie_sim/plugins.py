@@ -85,6 +85,9 @@ def resolve(
     if not is_own(path):
         raise UserError(unknown(what, name, registry))
     module_name, _, class_name = path.partition(":")
+    if module_name.endswith(".py"):
+        hint = f"{module_name.removesuffix('.py')}:{class_name}"
+        raise UserError(f"{what} {name!r}: a module is named without .py: {hint}")
     if entry is None:
         _own_modules[module_name] = f"{what} {name!r}"
         if not _own_code_allowed:

@@ -132,6 +132,13 @@ def test_a_sweep_takes_methods_and_a_label():
     assert set(table["method"]) == {"remote"} and set(table["link"]) == {"wifi", "lte"}
     assert "<title>two links" in Path("lab/sweep/report.html").read_text(encoding="utf-8")
     assert "two links" in Path("lab/sweep/figures/link.svg").read_text(encoding="utf-8")
+    drawn = table.plot.along("link")
+    assert str(drawn.get_label()).endswith("sweep sweep of 1car_homo, 2 points, seeds 1")
+    with pytest.raises(gs.UserError, match="did you mean 'link'"):
+        table.plot.along("links")
+    assert type(table[table["link"] == "lte"]) is pd.DataFrame, (
+        "what is made of it is a plain table"
+    )
 
 
 def test_a_run_that_is_saved_later_is_the_one_that_was_written_at_once(run):

@@ -356,3 +356,8 @@ def test_own_code_that_ends_the_program_with_a_text_is_named_with_status_1(where
     last = ended.stderr.splitlines()[-1]
     assert "method 'quits:Quits': SystemExit: 'no licence' (quits.py, line " in last
     assert ended.stderr.count("\n") == 1
+
+
+def test_a_module_is_named_without_its_suffix(capsys):
+    assert main(["run", "1car_hetero", "--methods", "skip.py:Skip"]) == 1
+    assert "a module is named without .py: skip:Skip" in capsys.readouterr().err

@@ -165,11 +165,9 @@ def _marker_alone(handle: Any) -> Any:
     return handle[0] if has_marker else handle
 
 
-def logarithmic_ms(axis: Axes, low: float, high: float) -> None:
-    """A logarithmic axis of milliseconds, with ticks at 1, 2 and 5 times each power of ten, written
-    out.
-    """
-    ticks = [digit * 10.0**power for power in range(-1, 7) for digit in (1, 2, 5)]
+def logarithmic_x(axis: Axes, low: float, high: float) -> None:
+    """A logarithmic axis with ticks at 1, 2 and 5 times each power of ten, written out."""
+    ticks = [digit * 10.0**power for power in range(-6, 12) for digit in (1, 2, 5)]
     axis.set_xscale("log")
     axis.set_xlim(low, high)
     axis.xaxis.set_major_locator(FixedLocator([tick for tick in ticks if low <= tick <= high]))

@@ -13,7 +13,7 @@ from genie_sim.analysis.drawing import (
     finish,
     finish_axes,
     in_style,
-    logarithmic_ms,
+    logarithmic_x,
     one_panel,
 )
 from genie_sim.analysis.registry import METRICS, ZERO_DELAY, component_title, title_of
@@ -79,7 +79,7 @@ def latency_accuracy(
             line: dict[str, Any] = {"color": "0.4", "linewidth": 0.9, "linestyle": ":"}
             axis.axhline(bounds[0], label=component_title(ZERO_DELAY), **line)
     axis.set_xscale("log")
-    logarithmic_ms(axis, *axis.get_xlim())
+    logarithmic_x(axis, *axis.get_xlim())
     axis.set_ylim(0, 1.02)
     axis.yaxis.set_major_formatter(FuncFormatter(style.percent_tick))
     axis.set_xlabel(f"{METRICS[LATENCY].label}, logarithmic")

@@ -17,7 +17,7 @@ from genie_sim.analysis.drawing import (
     finish_axes,
     in_style,
     label_outer,
-    logarithmic_ms,
+    logarithmic_x,
     seeds_of,
 )
 from genie_sim.analysis.metrics import response_ms
@@ -96,7 +96,7 @@ def latency_cdf(
         axis.set_title("\n".join(lines))
         title_lines = max(title_lines, len(lines))
         axis.set_ylim(0, 1.02)
-        logarithmic_ms(axis, low, high)
+        logarithmic_x(axis, low, high)
     label_outer(axes, "response time [ms], logarithmic", f"share of {of} frames")
     title = f"Response time from received to first answer, share of {of} frames"
     seeds = max(map(len, tables.values()))

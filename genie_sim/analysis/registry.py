@@ -16,6 +16,7 @@ RIGHT_F1 = 0.8  # a cache hit below it is a wrong hit
 WINDOW_REQUESTS = 50  # the paper's error bars of reuse
 ZERO_DELAY = "zero_delay"  # as a component: of the detector's own answers without any delay
 COMPONENT_TITLES = {ZERO_DELAY: "zero-delay detector"}
+LOGARITHMIC_FROM = 20.0  # a list of numbers that spans so much, largest to smallest
 UNKNOWN = "-"  # the text of a value that is not defined
 LOWER, HIGHER = "lower", "higher"
 
@@ -522,3 +523,15 @@ def value_text(metric: Metric | None, unit: bool = True, interval: bool = False)
         low, high = (number_text(info.factor * end) for end in (metric.low, metric.high))
         text = f"{text} ({low} to {high})"
     return text
+
+
+def spans_much(numbers: Sequence[float]) -> bool:
+    """Whether a list of numbers is better drawn on a logarithmic axis."""
+    return bool(numbers) and min(numbers) > 0 and max(numbers) / min(numbers) >= LOGARITHMIC_FROM
+
+
+def is_drawn_logarithmically(metric: str, numbers: Sequence[float]) -> bool:
+    """Whether an axis of a metric is logarithmic with these values on it; one of shares never
+    is.
+    """
+    return METRICS[metric].unit != "%" and spans_much(numbers)

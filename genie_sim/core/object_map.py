@@ -270,12 +270,8 @@ class ObjectMap(Map):
         """
         threshold = self.threshold
         sector = ViewSector(pose, horizontal_fov_rad, range_m)
-        return [
-            stored
-            for stored in self._view_grid.inside(*sector.box())
-            if stored.confidence >= threshold
-            and sector.distance_m(stored.east_m, stored.north_m) is not None
-        ]
+        nearby = self._view_grid.inside(*sector.box())
+        return sector.inside([stored for stored in nearby if stored.confidence >= threshold])
 
     def _add(
         self, seen: Detection, location: Location, now_ns: int, header: Header | None

@@ -1,7 +1,9 @@
 """What a camera sees: the sector of its field of view, and what nearer objects hide in it."""
 
 import math
+from collections.abc import Iterable
 
+from genie_sim.core.stored_object import StoredObject
 from genie_sim.core.tracking import kind_of
 from genie_sim.messages import CameraPose, Look
 
@@ -38,6 +40,22 @@ class ViewSector:
         if distance_m > self.range_m or ahead_m < self._min_cosine * distance_m:
             return None
         return distance_m
+
+    def inside(self, objects: Iterable[StoredObject]) -> list[StoredObject]:
+        """Those of some objects that are in view: ``distance_m`` without a call for each."""
+        east_m, north_m = self.pose[:2]
+        ahead_east, ahead_north = self._ahead_east, self._ahead_north
+        min_cosine, range_m, hypot = self._min_cosine, self.range_m, math.hypot
+        visible = []
+        for stored in objects:
+            away_east_m, away_north_m = stored.east_m - east_m, stored.north_m - north_m
+            ahead_m = away_east_m * ahead_east + away_north_m * ahead_north
+            if ahead_m < 0.0 <= min_cosine:
+                continue
+            distance_m = hypot(away_east_m, away_north_m)
+            if distance_m <= range_m and ahead_m >= min_cosine * distance_m:
+                visible.append(stored)
+        return visible
 
     def box(self) -> Area:
         """An upright rectangle around the sector: around the kite that touches its arc at the ends

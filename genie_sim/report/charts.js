@@ -58,8 +58,9 @@ function chart(host, { title, note, label, height, series }, { sample, parts, mo
   render();
 }
 // Horizontal lines with their values, and what the axis below is.
-function axes({ low, high, up, format }, left, right, label, base) {
-  const lines = linearTicks(low, high, 5).flatMap((tick) => [draw("line", { class: "grid", x1: left, x2: right, y1: up(tick), y2: up(tick) }),
+function axes({ low, high, up, format, log }, left, right, label, base) {
+  const ticks = log ? logTicks(low, high, Math.log10(high / low) > 2.2) : linearTicks(low, high, 5);
+  const lines = ticks.flatMap((tick) => [draw("line", { class: "grid", x1: left, x2: right, y1: up(tick), y2: up(tick) }),
     draw("text", { x: left - 8, y: up(tick) + 4, "text-anchor": "end" }, format(tick))]);
   return [...lines, draw("text", { x: (left + right) / 2, y: base, "text-anchor": "middle" }, label)];
 }

@@ -99,24 +99,36 @@ function showFleet() {
     tip.style.top = `${y + 12}px`;
   }
 
+  const address = () => writeFleetAddress(fleet.instants_s[now], byId("fleet-method").value, byId("fleet-shows").value);
   const moveTo = (instant) => { now = Math.min(Math.max(instant, 0), fleet.instants_s.length - 1); render(); };
   function play(on) {
     clearInterval(timer);
     timer = on ? setInterval(() => (now + 1 < fleet.instants_s.length ? moveTo(now + 1) : play(false)), FLEET_STEP_MS) : null;
     byId("fleet-play").textContent = on ? "Pause" : "Play";
+    if (!on) address(); // not while it plays: browsers bound how often an address may change
   }
   byId("fleet-play").addEventListener("click", () => play(timer === null));
-  slider.addEventListener("input", () => { play(false); moveTo(Number(slider.value)); });
-  for (const id of ["fleet-method", "fleet-shows"]) byId(id).addEventListener("change", () => { showFleetLegend(fleet, layer()); render(); });
+  slider.addEventListener("input", () => { moveTo(Number(slider.value)); play(false); });
+  for (const id of ["fleet-method", "fleet-shows"]) byId(id).addEventListener("change", () => { showFleetLegend(fleet, layer()); render(); address(); });
   byId("fleet-map").addEventListener("pointermove", hover);
   byId("fleet-map").addEventListener("pointerleave", () => { byId("fleet-tip").hidden = true; });
   byId("fleet-map").addEventListener("keydown", (event) => {
     const step = { ArrowLeft: -1, ArrowRight: 1 }[event.key];
-    if (step) moveTo(now + step);
-    else if (event.key === " ") play(timer === null);
+    if (step) { moveTo(now + step); address(); } else if (event.key === " ") play(timer === null);
     else return;
     event.preventDefault();
   });
+  function follow() {
+    const asked = readFleetAddress();
+    if (!asked) return;
+    if (methods.some(({ name }) => name === asked.method)) byId("fleet-method").value = asked.method;
+    if (layers.some(({ name }) => name === asked.layer)) byId("fleet-shows").value = asked.layer;
+    const after = fleet.instants_s.findIndex((instant) => instant >= asked.seconds - 0.05);
+    now = after < 0 ? fleet.instants_s.length - 1 : after;
+    byId("fleet").scrollIntoView();
+  }
+  follow();
+  window.addEventListener("hashchange", () => { follow(); showFleetLegend(fleet, layer()); render(); });
   new ResizeObserver(render).observe(byId("fleet-map"));
   window.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", render);
   showFleetLegend(fleet, layer());

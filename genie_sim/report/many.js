@@ -37,7 +37,7 @@ function sortable(node, head, rows) {
 }
 
 // series: {name, color, marker or hollow, dash, line, points: [{x, found: [value, low, high]}]}. x is a number, or an index into
-// x.names; y.levels and x.marks are lines with a label.
+// x.names; y.levels and x.marks are lines with a label. With `log` an axis is logarithmic, if its values allow that.
 function intervalChart(host, { title, note, series, x, y, height = 260 }) {
   const left = 56, right = 14, top = 12;
   const shown = series.filter((one) => one.points.some((point) => point.found && isNumber(point.found[0])));
@@ -49,6 +49,8 @@ function intervalChart(host, { title, note, series, x, y, height = 260 }) {
   if (y.most !== undefined && high <= y.most * 1.3) { high = Math.max(y.most, high); } else high += 0.06 * (high - low || 1);
   if (low < 0) low -= 0.06 * (high - low);
   if (high === low) high = low + 1;
+  const least = Math.min(...shown.flatMap((one) => one.points.map((point) => point.found?.[0])).filter(isNumber)), tall = y.log && least > 0;
+  if (tall) { low = least / 1.4; high = Math.max(...ends) * 1.2; }
   const log = x.log && places[0] > 0, scaled = (value) => (log ? Math.log(value) : value);
   const all = [...places, ...marks.map((mark) => mark.x)].map(scaled);
   let from = Math.min(...all), to = Math.max(...all);
@@ -58,7 +60,8 @@ function intervalChart(host, { title, note, series, x, y, height = 260 }) {
   const across = (value) => left + (scaled(value) - from) / (to - from) * (width - left - right);
   const tilted = () => x.names && x.names.some((name) => name.length * 6.6 > (width - left - right) / x.names.length);
   const foot = () => height - (tilted() ? 84 : 40);
-  const up = (value) => foot() - (value - low) / (high - low) * (foot() - top);
+  const risen = (value) => (tall ? Math.log(Math.max(value, low) / low) / Math.log(high / low) : (value - low) / (high - low));
+  const up = (value) => foot() - risen(value) * (foot() - top);
   const aside = (one) => (x.names ? (shown.indexOf(one) - (shown.length - 1) / 2) * Math.min(9, 0.7 * (width - left - right) / places.length / shown.length) : 0);
 
   function drawn(one) {
@@ -96,7 +99,7 @@ function intervalChart(host, { title, note, series, x, y, height = 260 }) {
       one.marker === undefined ? draw("circle", { cx: 11, cy: 5, r: 3.2, class: one.hollow ? "hollow" : null }) : markerAt(one, 11, 5)],
     parts: (now, visible) => {
       width = now;
-      return [...axes({ low, high, up, format: y.format }, left, width - right, x.label, height - 4), ...xTexts().filter(Boolean),
+      return [...axes({ low, high, up, format: y.format, log: tall }, left, width - right, x.label, height - 4), ...xTexts().filter(Boolean),
         ...levels.flatMap((level) => [draw("line", { class: "level", x1: left, x2: width - right, y1: up(level.y), y2: up(level.y) }),
           draw("text", { x: width - right, y: up(level.y) - 4, "text-anchor": "end" }, level.label)]),
         ...marks.flatMap((mark) => markLine(across(mark.x), foot(), mark.label, top + 8)), ...visible.map(drawn)];

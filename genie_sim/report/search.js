@@ -29,8 +29,8 @@ function showFront() {
     });
     const named = (x) => DESIGNS.filter((design) => design.values[against.name][0] === x).map((design) => design.name).join(", ");
     intervalChart(byId("scatter"), { title: `${sentence(first.title)} against ${against.title}`, series, height: 320,
-      x: { label: headOf(against), read: (x) => `${named(x)}: ${readValue(against)(x)}` },
-      y: { label: headOf(first), format: bareValue(first), read: readValue(first) } });
+      x: { log: against.log, label: `${headOf(against)}${against.log ? ", logarithmic" : ""}`, read: (x) => `${named(x)}: ${readValue(against)(x)}` },
+      y: { log: first.log, label: headOf(first), format: bareValue(first), read: readValue(first) } });
   };
   byId("against").replaceChildren(...others.map((one, i) => option(i, one.title)));
   byId("against").addEventListener("change", render);

@@ -54,9 +54,9 @@ function showCurves() {
       const series = split ? lines.map((one, i) => ({ line, marker: i, name: `${split} ${levelText(one.level)}`, color: `h${i % DATA.hosts}`, points: points(one, byId("series").value) }))
         : of.map((one, i) => ({ line, marker: markerOf(one), dash: one[1] === "edge" ? "7 3" : null, name: ofText(metric, i), color: colourOf(one), points: points(lines[0], i) }));
       const names = curve.numeric ? null : curve.levels;
-      intervalChart(byId("curves").appendChild(make("div")), { title: `${titleOf(metric)} along ${curve.column}`, series,
+      intervalChart(byId("curves").appendChild(make("div")), { title: `${titleOf(metric)} along ${curve.column}${METRICS.get(metric).log ? ", logarithmic" : ""}`, series,
         x: { names, log: curve.log, label: `${curve.column}${curve.log ? ", logarithmic" : ""}`, read: (value) => `${curve.column}: ${names ? names[value] : levelText(value)}` },
-        y: { label: titleOf(metric), format: bare(metric), read: readAs(metric), most: /reuse|share|recall/.test(metric) && isShare(metric) ? 1 : undefined } });
+        y: { log: METRICS.get(metric).log, label: titleOf(metric), format: bare(metric), read: readAs(metric), most: /reuse|share|recall/.test(metric) && isShare(metric) ? 1 : undefined } });
     }
     const others = DATA.axes.length > 1 ? ` Over axes that are not shown it is averaged, seed by seed.` : "";
     byId("along-about").textContent = `Here: ${intervals}.${others}${DATA.axes.some((axis) => axis.sampled) ? " Drawn values are points without a line: the other drawn axes differ from one to the next." : ""}`;

@@ -50,7 +50,6 @@ PANELS = (  # the main metrics, each with a panel in figures
     "ghost_share",
     "object_recall",
 )
-LOGARITHMIC_FROM = 20.0  # a list that spans so much, largest to smallest
 UNITS = {*units.DURATIONS, *units.SIZES, *units.RATES, *units.LENGTHS, *units.ANGLES, "entries"}
 _QUANTITY = re.compile(
     r"([+-]?\d{1,15}(?:\.\d{1,15})?(?:[eE][+-]?\d{1,2})?)(?:\s*([^\s\d]\S*))?", re.ASCII
@@ -411,11 +410,6 @@ class Point:
 def range_of(count: int, first: int = 1) -> tuple[int, ...]:
     """So many seeds from the first on."""
     return tuple(range(first, first + count))
-
-
-def spans_much(numbers: Sequence[float]) -> bool:
-    """Whether a list of values is better drawn on a logarithmic axis."""
-    return min(numbers) > 0 and max(numbers) / min(numbers) >= LOGARITHMIC_FROM
 
 
 def load_design(path_or_name: str | Path, seeds: int | Sequence[int] | None = None) -> Design:

@@ -19,10 +19,10 @@ from matplotlib.ticker import FuncFormatter, NullLocator
 
 from genie_sim.analysis import style
 from genie_sim.analysis.drawing import finish, in_style, is_narrow
-from genie_sim.analysis.registry import METRICS
+from genie_sim.analysis.registry import METRICS, is_drawn_logarithmically, spans_much
 from genie_sim.analysis.statistics import across_seeds
 from genie_sim.analysis.style import PAGE_IN, PLACEMENTS, percent_tick, thinned
-from genie_sim.study.design import PANELS, Axis, Design, Level, spans_much
+from genie_sim.study.design import PANELS, Axis, Design, Level
 from genie_sim.text import number_text, percent_text
 
 if TYPE_CHECKING:
@@ -184,9 +184,10 @@ def along(
             panel.set_xlabel(f"{column}, logarithmic" if panel.get_xscale() == "log" else column)
         if level is not None and spot.is_first_row():
             panel.set_title(f"{beside} = {_shortened(level)}")
+        of_metric = means["value"][means["metric"] == metric]
         if metric in SHARES:
             panel.yaxis.set_major_formatter(FuncFormatter(percent_tick))
-        elif spans_much(values := means["value"][means["metric"] == metric].dropna().tolist()):
+        elif is_drawn_logarithmically(metric, values := of_metric.dropna().tolist()):
             _scale_logarithmically(panel, min(values), max(values))
     for panel in list(grid.flat)[len(panels) :]:
         panel.remove()

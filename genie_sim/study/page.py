@@ -5,12 +5,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from genie_sim import report
+from genie_sim.analysis.registry import is_drawn_logarithmically, spans_much
 from genie_sim.analysis.statistics import across_seeds
 from genie_sim.analysis.style import method_looks
 from genie_sim.errors import UserError, first_line
 from genie_sim.recording import provenance
 from genie_sim.report.data import metric_info, zero_delay
-from genie_sim.study.design import PANELS, spans_much
+from genie_sim.study.design import PANELS
 from genie_sim.text import finite
 
 if TYPE_CHECKING:
@@ -86,8 +87,14 @@ def page_data(folder: Path, allow_changed: bool = False) -> dict[str, Any]:
         "zero_delay": zero_delay(),
         "metric_info": metric_info(name for name, _ in metrics.groups),
         "metrics": [
-            {"name": name, "unit": unit, "of": series[name], "main": name in PANELS}
-            for name, unit in metrics.groups
+            {
+                "name": name,
+                "unit": unit,
+                "of": series[name],
+                "main": name in PANELS,
+                "log": is_drawn_logarithmically(str(name), of_metric["value"].dropna().tolist()),
+            }
+            for (name, unit), of_metric in metrics
         ],
         "table": _table(points, chosen, columns=columns, series=series, notes=notes),
         "curves": list(_curves(runs, chosen, axes=axes, series=series, notes=notes)),

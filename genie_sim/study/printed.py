@@ -1,4 +1,4 @@
-"""A finished sweep for an article: its figures again, in any width, and its table."""
+"""A finished sweep for an article: what its figures are drawn from, and its table."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 from genie_sim.analysis import latex, text_table
 from genie_sim.analysis.latex import Number, NumberRow
 from genie_sim.analysis.registry import METRICS
-from genie_sim.analysis.style import PAGE_IN
 from genie_sim.errors import UserError, unknown
 from genie_sim.recording import provenance
 from genie_sim.study import page
@@ -15,7 +14,6 @@ from genie_sim.study.design import Design, read_design
 
 if TYPE_CHECKING:
     import pandas as pd
-    from matplotlib.figure import Figure
 
 PRINTED = ("first_answer_mean", "fresh_answered_share", "streaming_f1", "ghost_share")
 MAX_ROWS = 50  # of a table in an article
@@ -47,16 +45,15 @@ def unique_titles(titles: Mapping[str, str]) -> dict[str, str]:
     return {name: title if of_all.count(title) == 1 else name for name, title in titles.items()}
 
 
-def figures_of(
-    folder: Path, width_in: float = PAGE_IN, allow_changed: bool = False
-) -> "dict[str, Figure]":
-    """The figures of the sweep in a folder, by name. Raises ``UserError``."""
-    from genie_sim.study import figures
-
+def drawn_from(
+    folder: Path, allow_changed: bool = False
+) -> "tuple[Design, pd.DataFrame, dict[str, str], str]":
+    """What the figures of the sweep in a folder are drawn from: the design, its runs, the methods'
+    titles, and which sweep it is. Raises ``UserError``.
+    """
     about, runs, _ = _read(folder, allow_changed)
     design = read_design(about["sweep"], str(folder / page.ABOUT))
-    footer = footer_of(design, str(about.get("label", "")))
-    return dict(figures.of_sweep(design, runs, _titles(about), footer, width_in=width_in))
+    return design, runs, _titles(about), footer_of(design, str(about.get("label", "")))
 
 
 def table_of(

@@ -7,8 +7,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from genie_sim.analysis import style
-from genie_sim.analysis.drawing import finish, in_style
-from genie_sim.analysis.registry import METRICS
+from genie_sim.analysis.drawing import finish, in_style, logarithmic_x
+from genie_sim.analysis.registry import METRICS, is_drawn_logarithmically
 from genie_sim.text import number_text
 from genie_sim.tuning.design import Objective, SearchDesign, Target
 
@@ -82,7 +82,11 @@ def front(
                 elinewidth=0.6,
             )
         axis.set_xlabel(_label(other))
-        if min(axis.get_xlim()) <= 0 or axis.get_xlim()[0] < 0.2 * axis.get_xlim()[1]:
+        values = designs[other.target.text].dropna()
+        if is_drawn_logarithmically(other.target.metric, values.tolist()):
+            axis.set_xlabel(f"{_label(other)}, logarithmic")
+            logarithmic_x(axis, 0.8 * values.min(), 1.25 * values.max())
+        elif min(axis.get_xlim()) <= 0 or axis.get_xlim()[0] < 0.2 * axis.get_xlim()[1]:
             axis.set_xlim(left=0)
     axes[0].set_ylabel(_label(first))
     finish(figure, "The front on the held-out set", footer, axes)

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from genie_sim import report
+from genie_sim.analysis.registry import is_drawn_logarithmically
 from genie_sim.analysis.style import method_looks
 from genie_sim.errors import UserError, first_line
 from genie_sim.recording import provenance
@@ -44,8 +45,13 @@ def page_data(folder: Path, allow_changed: bool = False) -> dict[str, Any]:
     search = about["search"]
     designs = tables["designs"]
     objectives = [
-        {"name": name, "metric": Target.expand(name).metric, "title": Target.expand(name).title}
-        | {"better": better}
+        {
+            "name": name,
+            "metric": (target := Target.expand(name)).metric,
+            "title": target.title,
+            "better": better,
+            "log": is_drawn_logarithmically(target.metric, designs[name].dropna().tolist()),
+        }
         for better, key in (("higher", "maximize"), ("lower", "minimize"))
         for name in search["objectives"][key]
     ]

@@ -45,3 +45,13 @@ def test_a_value_has_three_digits_its_unit_and_its_interval():
     assert value_text(Metric("first_answer_mean", "a", "all", "", 1234.5678, "ms")) == "1,235 ms"
     assert value_text(Metric("confidence_boost", "a", "car", "", 0.012345, "1")) == "0.0123"
     assert value_text(None) == "-"
+
+
+def test_an_axis_is_logarithmic_where_positive_values_span_decades():
+    from genie_sim.analysis.registry import is_drawn_logarithmically
+
+    assert is_drawn_logarithmically("first_answer_mean", [9.1, 340.0])
+    assert not is_drawn_logarithmically("first_answer_mean", [9.1, 90.0])
+    assert not is_drawn_logarithmically("bytes_up_per_frame", [0.0, 931_548.0])
+    assert not is_drawn_logarithmically("streaming_f1", [0.01, 0.9])
+    assert not is_drawn_logarithmically("first_answer_mean", [])

@@ -17,6 +17,7 @@ from genie_sim.core.confidence import CONFIDENCE_RULES
 from genie_sim.core.freshness.ttl import Ttl
 from genie_sim.core.maps import Viewer
 from genie_sim.core.rules import Percentile
+from genie_sim.core.view import ViewSector
 from genie_sim.messages import CameraPose, Header
 from tests.core.worlds import S, object_map, seen
 
@@ -288,6 +289,23 @@ def test_the_field_of_view_extends_half_to_either_side(fov_deg, seen_at_30_deg):
 def test_the_view_ends_at_its_range():
     assert in_view(surroundings(), range_m=29.9) == set()
     assert in_view(surroundings(), range_m=70.1) == {"east", "far east"}
+
+
+@pytest.mark.parametrize("fov_deg", [0, 59, 90, 180, 250, 360])
+def test_the_view_of_a_map_is_that_of_each_of_its_objects(fov_deg):
+    """Also at the corners of a lattice, which lie on its borders."""
+    places = [(east_m, north_m) for east_m in range(-30, 31, 6) for north_m in range(-30, 31, 6)]
+    objects = told(object_map(), *(seen("car", 0.9, at=place) for place in places))
+    for heading_deg in range(0, 360, 45):
+        pose = CameraPose(0.0, 0.0, 1.6, math.radians(heading_deg))
+        view = pose, math.radians(fov_deg), 30.0
+        sector = ViewSector(*view)
+        expected = {
+            stored.number
+            for stored in objects
+            if sector.distance_m(stored.east_m, stored.north_m) is not None
+        }
+        assert {stored.number for stored in objects.in_view(*view)} == expected
 
 
 def test_what_is_in_view_is_told_with_the_confidence_that_it_has_by_then():

@@ -19,7 +19,7 @@ FIGURES = {
     "3_your_own_cache_policy": 1,
     "4_calibrate_a_device": 2,
     "5_sweep_and_sensitivity": 2,
-    "6_object_map_over_kitti": 4,
+    "6_object_map_over_kitti": 5,
 }
 LONGEST_CELL_LINES = 30
 LONG = ("3_your_own_cache_policy", "5_sweep_and_sensitivity")  # half a minute each: every night

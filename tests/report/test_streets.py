@@ -92,6 +92,22 @@ def test_the_page_draws_a_map_that_begins_anywhere(browser, on_plain, tmp_path):
     assert pixels_like(browser, "road") > 100, "and so does their street"
 
 
+def test_an_address_names_an_instant_of_the_map(browser, on_plain, tmp_path):
+    file = tmp_path / "r.html"
+    report.write(file, on_plain)
+    method = on_plain.methods[0].name
+    browser.open(file, f"#fleet=3&method={method}&layer=unknown")
+    clock = "byId('fleet-clock').textContent"
+    assert browser.evaluate(clock) == "3.0 s"
+    assert browser.evaluate("byId('fleet-method').value") == method
+    browser.evaluate(
+        "byId('fleet-map').dispatchEvent(new KeyboardEvent('keydown', {key: 'ArrowRight'}))"
+    )
+    shown = browser.evaluate(clock).removesuffix(" s")
+    assert browser.evaluate("location.hash").startswith(f"#fleet={shown}&method={method}&layer=")
+    assert browser.errors == []
+
+
 def pixels_like(browser, color: str) -> int:
     """How many pixels of the map have about a colour of the page."""
     return browser.evaluate(

@@ -113,6 +113,15 @@ def test_a_curve_averages_over_the_other_axis_or_keeps_its_levels_apart(crossed)
     assert lines["ema"] == pytest.approx(mine[mine["rule"] == "ema"]["value"].tolist(), rel=1e-4)
 
 
+def test_values_that_span_decades_are_on_a_logarithmic_axis(crossed):
+    data = embedded(sweep.page(crossed))
+    is_log = {one["name"]: one["log"] for one in data["metrics"]}
+    points = pd.read_parquet(crossed / "table.parquet")
+    values = points[points["metric"] == "first_answer_mean"]["value"]
+    assert values.max() / values.min() > 20 and is_log["first_answer_mean"]
+    assert not is_log["object_reuse"], "a share"
+
+
 def test_axes_that_are_not_in_the_order_of_their_names_keep_their_settings(drawn, town):
     assert [(axis["column"], axis["of"]) for axis in embedded(sweep.page(town))["axes"]] == [
         ("size", ["fleet.cars"]),

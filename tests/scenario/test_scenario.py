@@ -108,7 +108,8 @@ def test_defaults_are_those_of_the_semantics() -> None:
 def test_the_file_of_all_settings_shows_every_setting_at_its_default() -> None:
     shown = load_scenario("all_settings")
     small = scenario()
-    for field in {setting.name for setting in settings_of(Scenario)} - {"name", "edges", "cars"}:
+    own = {"name", "description", "edges", "cars"}
+    for field in {setting.name for setting in settings_of(Scenario)} - own:
         assert getattr(shown, field) == getattr(small, field), field
     assert shown.cars[0] == replace(small.cars[0], name="car1")
     assert shown.cars[1] == small.cars[1]
