@@ -39,7 +39,8 @@ Declared before any of it was run:
 - **Curves** of the goals that were missed, run after everything else and chosen by nothing: F1 by
   ``p_min`` on sequence ``MISSED``, of the Genie and of the remote tracker (tau 100 ms, seed 1); F1
   in each of three laps by ``p_min`` and by the pause between the laps (seeds 1 to 3). Likewise F1
-  by ``p_min`` in the town, and in the smaller one of ``town_recommended`` (seeds 1 to 3).
+  by ``p_min`` in the town, and in the smaller one of ``town_recommended`` (seeds 1 to 3); and of
+  trackers with the ``p_min`` that was best there in the town's other conditions.
 - **Judged by** streaming F1, then ghosts, recall, mean first answer, bytes up, time of the edges'
   accelerators, and F1 in each lap.
 """
@@ -368,10 +369,14 @@ def curves() -> None:
     remote = [tuned("remote_tracker", p_min, 100) for p_min in P_MINS]
     twelve = {"town of twelve, 5G": {"scenario": "town_recommended"}}
     towns = {"town, 5G": shipped["town, 5G"]} | twelve
+    thin = {name: case for name, case in of_town(shipped).items() if name not in towns}
+    in_town = [tuned(GENIE, 0.8, 100), tuned("remote_tracker", 0.5, 100)]
+    in_town += [tuned("local_tracker", p_min, 100) for p_min in P_MINS[:2]]
     studies = [
         design(sequences([MISSED]), [*by_p_min, *remote], (1,)),
         design(laps, by_p_min[2:], (1, 2, 3)),
         design(towns, [*by_p_min, *remote], (1, 2, 3)),
+        design(thin, in_town, (1, 2, 3)),
     ]
     table = simulated(studies)
     words = pd.DataFrame(table["method"].str.split("-").tolist())

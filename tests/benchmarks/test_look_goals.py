@@ -65,13 +65,25 @@ def test_curves_are_means_by_p_min():
     assert look_goals.laps(curves).splitlines()[-1] == "| 60 s | -0.050 | -0.010 |"
 
 
+def test_the_genie_is_compared_with_the_better_tracker_of_the_town():
+    f1 = {GENIE: (0.8, [0.84, 0.80]), "remote_tracker": (0.5, [0.8, 0.8])}
+    f1 |= {"local_tracker": (0.5, [0.81, 0.81])}
+    rows = [
+        {"condition": "town, LTE", "seed": seed, "method": name, "p_min": p_min, "streaming_f1": f}
+        for name, (p_min, values) in f1.items()
+        for seed, f in enumerate(values)
+    ]
+    line = look_goals.tuned_to_town(pd.DataFrame(rows)).splitlines()[2]
+    assert line == "| town, LTE | 0.820 | 0.810 | 0.800 | +0.010 (+0.030, -0.010) |"
+
+
 def test_pages_say_what_the_files_say():
     seen, held_out, _, second = read()
     curves = pd.read_csv(OUT / "curves.csv")
     tables = look_goals.looks_blocks(seen, held_out, second, curves)
     for page, blocks in {
         look_goals.LOOKS_PAGE: tables,
-        PAGE: {"two towns": look_goals.towns(curves)},
+        PAGE: look_goals.town_blocks(curves),
     }.items():
         text = page.read_text(encoding="utf-8")
         for name, block in blocks.items():
