@@ -231,6 +231,22 @@ def test_what_the_edge_tells_is_served_beside_the_own_tracks():
     assert len(genie.object_map) == 0, "told tracks are not the map's"
 
 
+def test_an_own_track_that_is_not_served_keeps_out_nothing_told():
+    """1.5 m beside: a track of the car's own that is served does, one below p_min does not."""
+    for score, places in ((0.95, 1), (0.2, 1)):
+        genie = paced_genie(told=True)
+        image = frame(0.0)
+        on_frame(genie, image)
+        own = seen("car", score, at=(30.5, 5.0))
+        genie.on_message(OBJECTS + "-local", answer(image, own), 40 * MS)
+        assert len(genie.object_map) == 1
+        words = Detections(Header(0, "02", "car1"), (told_car((32.0, 5.0)),), SHARED, "e", None, 0)
+        genie.on_message(OBJECTS + "-remote", words, 60 * MS)
+        objects = served(on_frame(genie, frame(0.1))).objects
+        assert len(objects) == places
+        assert (objects[0].location[0] > 31) == (score == 0.2)
+
+
 def test_without_sharing_words_are_ignored():
     genie = paced_genie(told=False)
     words = Detections(Header(0, "02", "car1"), (told_car((30.5, 5.0)),), SHARED, "e", None, 0)

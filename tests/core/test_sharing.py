@@ -73,6 +73,22 @@ def test_a_neighbours_look_counts_as_one_of_its_car():
     assert answered(genie, 0.6, "car9")[OBJECTS].objects == ()
 
 
+def test_what_answers_and_words_take_on_the_way():
+    """The detector's plain answer with three objects, and two that are told. As a look with what is
+    told they would take 26 + 89 + 3 x 36 + 2 x 400 bytes together.
+    """
+    genie = sharing_genie()
+    answered(genie, 0.0, "car1", PARKED, seen("car", 0.9, at=(40.0, -8.0)))
+    image = frame(0.5, car="car2")
+    genie.on_message(IMAGES, image, S // 2)
+    plain = answer(image, *(seen("car", 0.9, at=(20.0, y)) for y in (-6.0, 0.0, 6.0)))
+    words = published(genie.on_message(OBJECTS, plain, S))[OBJECTS]
+    assert plain.size_bytes == 26 + 3 * 400
+    assert len(words.objects) == 2 and words.size_bytes == 26 + 2 * 400
+    look = Look(image.header, image.pose, image.horizontal_fov_rad, plain.objects)
+    assert replace(words, look=look).size_bytes == 1023
+
+
 def test_its_own_words_are_no_look():
     genie = sharing_genie()
     words = Detections(frame(0.0).header, (PARKED,), SHARED, "edge1/genie")

@@ -140,3 +140,27 @@ def test_a_broken_recording_is_one_line(ego: str, partner: str):
     Path("partner.parquet").write_bytes(b"nothing")
     with pytest.raises(UserError, match=r"partner\.parquet: not a readable Parquet file"):
         runner.prepare(scenario({"trace": ego}, {"trace": partner}))
+
+
+def test_with_paced_looks_a_car_without_cameras_lives_on_what_others_saw(ego: str, partner: str):
+    """It rides behind the car that sees, and asks another edge."""
+    together = scenario(
+        {"trace": ego},
+        {"trace": partner},
+        methods=[{"name": "paced", "method": "genie", "genie": "recommended"}],
+        edges=[{"name": name, "device": "rtx_a4500"} for name in ("edge1", "edge2")],
+        cars=[
+            {"name": "car1", "device": "jetson_tx2", "edge": "edge1", "route": {"trace": ego}},
+            {
+                "name": "car2",
+                "device": "jetson_tx2",
+                "edge": "edge2",
+                "cameras": False,
+                "route": {"trace": partner},
+            },
+        ],
+    )
+    frames = runner.run_in_memory(together).tables["frames"].to_frame()
+    blind = frames[frames["car"] == "car2"]
+    assert len(blind) == 18 and blind["first_answer_ns"].notna().all()
+    assert blind["objects_served"].sum() > 0

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
 
 from genie_sim import runner
@@ -14,9 +16,9 @@ RECOMMENDED = {"algorithm": "recommended"}
 LOOKING = {"name": "looking", "method": "genie", "genie": "recommended"}
 
 
-def run(link: object = "wifi", laps: int = 1, **settings: object) -> Run:
+def two_cars(link: object = "wifi", laps: int = 1) -> list[dict[str, Any]]:
     """Two cars on one edge, for 3 s of the recorded drive."""
-    cars = [
+    return [
         {
             "name": f"car{number}",
             "device": "jetson_tx2",
@@ -26,11 +28,15 @@ def run(link: object = "wifi", laps: int = 1, **settings: object) -> Run:
         }
         for number in (1, 2)
     ]
+
+
+def run(link: object = "wifi", laps: int = 1, **settings: object) -> Run:
+    """The recommended Genie on two cars, or with other settings."""
     scenario = {
         "name": "looks",
         "methods": [LOOKING],
         "edges": [{"name": name, "device": "agx_xavier"} for name in ("edge1", "edge2")],
-        "cars": cars,
+        "cars": two_cars(link, laps),
         **settings,
     }
     return runner.run_in_memory(read_scenario(scenario))
@@ -116,6 +122,26 @@ def test_while_the_edge_is_away_the_own_detector_looks_on_and_then_both_do():
     assert outcomes(looks.rows(away), "own")["answered"] > 2
     assert outcomes(looks.rows(away))["answered"] == 0
     assert outcomes(looks.rows(later))["answered"] > 2
+
+
+def test_a_dead_link_leaves_what_the_own_detector_gives():
+    """Frames go up to nobody, and the car holds what one without an edge holds."""
+    dead = {"fault": "outage", "target": "edge1", "begin": "0 s"}
+    lone = [
+        {key: value for key, value in car.items() if key not in ("edge", "link")}
+        for car in two_cars()
+    ]
+    f1, own = {}, {}
+    for name, settings in {"dead": {"faults": [dead]}, "alone": {"cars": lone}}.items():
+        result = run(**settings)
+        (f1[name],) = [
+            metric.value
+            for metric in result.measured
+            if metric.metric == "streaming_f1" and not metric.component.startswith("zero")
+        ]
+        own[name] = outcomes(Columns.of(result.tables["looks"]), "own")["answered"]
+    assert own["dead"] == own["alone"] > 10
+    assert f1["dead"] == pytest.approx(f1["alone"], abs=0.01)
 
 
 def test_a_repeated_route_is_looked_at_as_often_as_the_first_time():
