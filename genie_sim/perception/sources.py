@@ -179,6 +179,7 @@ class Recordings:
     seeded: bool = False
     _read: "dict[str | None, Trace]" = field(default_factory=dict)
     _truths: "dict[str, TruthTable]" = field(default_factory=dict)  # by the trace's digest
+    _known: "dict[str, RecordedTruth]" = field(default_factory=dict)  # of the same
     _of_cars: dict[str, str | None] = field(default_factory=dict)
     _encoded: "dict[tuple[str | None, Encoding], Trace]" = field(default_factory=dict)
 
@@ -202,8 +203,10 @@ class Recordings:
     def truth_of(self, drive: "Trace") -> "RecordedTruth | None":
         from genie_sim.perception.truth_table import RecordedTruth
 
-        table = self._truths.get(drive.digest)
-        return None if table is None else RecordedTruth(table)
+        digest = drive.digest
+        if digest in self._truths and digest not in self._known:
+            self._known[digest] = RecordedTruth(self._truths[digest])
+        return self._known.get(digest)
 
     def encoded(self, car: str, encoding: Encoding) -> "Trace":
         """A car's drive with its pictures encoded and decoded. Raises ``UserError``."""

@@ -6,14 +6,16 @@ themselves are not in it.
 """
 
 import hashlib
-import math
+import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+import numpy as np
+
 from genie_sim.classes import CANONICAL, GROUPS
-from genie_sim.core.geometry import Geodetic, transform
+from genie_sim.core.geometry import Array, Geodetic, transform
 from genie_sim.core.matching import SAME_M
 from genie_sim.errors import UserError
 from genie_sim.messages import Frame, Location
@@ -96,13 +98,18 @@ class RecordedTruth:
     def __init__(self, table: TruthTable) -> None:
         self.reach_m, self.range_m = table.reach_m, table.range_m
         self._visible: dict[tuple[str, int], list[TruthRow]] = {}
-        # by camera, frame and class: east and north [m] of all, visible or not
-        self._places: dict[tuple[str, int, str], list[tuple[float, float]]] = {}
+        places: dict[tuple[str, int, str], list[tuple[float, float]]] = {}
         for row in table.rows:
             if row.visible:
                 self._visible.setdefault((row.camera, row.frame), []).append(row)
-            of_class = self._places.setdefault((row.camera, row.frame, row.label), [])
+            of_class = places.setdefault((row.camera, row.frame, row.label), [])
             of_class.append((row.east_m, row.north_m))
+        # of all, visible or not: east and north [m]; by camera, frame and class the first row and
+        # how many there are
+        self._places_m = np.array([place for of in places.values() for place in of]).reshape(-1, 2)
+        counts = [len(of_class) for of_class in places.values()]
+        begins = itertools.accumulate(counts, initial=0)
+        self._spans = dict(zip(places, zip(begins, counts, strict=False), strict=True))
 
     def knows(self, label: str) -> bool:
         return label in CANONICAL
@@ -111,8 +118,23 @@ class RecordedTruth:
         return self._visible.get(_key(frame), ())
 
     def is_there(self, frame: Frame, label: str, east_m: float, north_m: float) -> bool:
-        places = self._places.get((*_key(frame), label), ())
-        return any(math.dist(place, (east_m, north_m)) <= self.reach_m for place in places)
+        place = np.array([east_m]), np.array([north_m])
+        return bool(self.are_there([frame], [label], *place)[0])
+
+    def are_there(
+        self, frames: Sequence[Frame], labels: Sequence[str], east_m: Array, north_m: Array
+    ) -> Array:
+        """``is_there`` of many places, each in its frame."""
+        asked = zip(frames, labels, strict=True)
+        spans = [self._spans.get((*_key(frame), label), (0, 0)) for frame, label in asked]
+        begins, counts = np.array(spans, dtype=np.int64).reshape(-1, 2).T
+        index = np.repeat(np.arange(len(spans)), counts)
+        row = np.arange(len(index)) + (begins - np.cumsum(counts) + counts)[index]
+        there_m = self._places_m[row]
+        away_m = np.hypot(there_m[:, 0] - east_m[index], there_m[:, 1] - north_m[index])
+        result = np.zeros(len(spans), dtype=bool)
+        result[index[away_m <= self.reach_m]] = True
+        return result
 
 
 def _key(frame: Any) -> tuple[str, int]:

@@ -232,8 +232,9 @@ class Log:
         if self._steps is None or path is None or frame.received_ns is None:
             return
         which = _WHICH[is_first, is_fresh]
+        values: list[Value] = []  # all rows at once
         for part, place, begin_ns, end_ns in reversed(list(path.since(frame.received_ns))):
-            row = StepRow(
+            values += StepRow(
                 method=self.method,
                 car=frame.car,
                 stream=frame.stream,
@@ -244,7 +245,7 @@ class Log:
                 begin_ns=begin_ns,
                 end_ns=end_ns,
             )
-            self._steps.append(row)
+        self._steps.append(values)
 
     def dropped(self, message: Message, where: str) -> None:
         """A copy of a frame, or an answer to it, was lost. It counts as long as the frame has no

@@ -22,7 +22,7 @@ from genie_sim.recording.gospa import GOSPA_CUT_M, gospa_m
 from genie_sim.recording.held import Held, held
 from genie_sim.recording.held_spans import HeldSpans, Judged
 from genie_sim.recording.joins import Array, Pairs, Places, matches, near, turns
-from genie_sim.recording.objects import UNKNOWN, ObjectColumns, Objects
+from genie_sim.recording.objects import UNKNOWN, Codes, ObjectColumns, Objects
 from genie_sim.recording.recent_places import RecentPlaces
 from genie_sim.recording.scenes import DriveTruth, Scene, Views, Visible, are_there
 from genie_sim.recording.tables import Table
@@ -191,7 +191,7 @@ class MapAccuracy:
         judgement[pairs.ours[is_match]] = RIGHT
         others = np.flatnonzero(judgement == NEVER_THERE)
         places = Places(known.class_, items.east_m, items.north_m)
-        hidden = self._are_there(views.car, items.scene[others], places.rows(others))
+        hidden = self._are_there(items.scene[others], places.rows(others))
         judgement[others[hidden]] = HIDDEN
         others = np.flatnonzero(judgement == NEVER_THERE)
         moved_away = self._were_there(views, visible, items.scene[others], places.rows(others))
@@ -234,18 +234,20 @@ class MapAccuracy:
         flags = [truths[code // len(labels)].knows(labels[code % len(labels)]) for code in codes]
         return np.array(flags, dtype=bool)[rows]
 
-    def _are_there(self, cars: Array, scene: Array, places: Places) -> Array:
+    def _are_there(self, scene: Array, places: Places) -> Array:
         """Whether anything of a class, visible or not, is at each place in its scene."""
         result = np.zeros(len(scene), dtype=bool)
-        truths, labels = list(self._truths.values()), list(self._labels)
-        order = np.argsort(cars[scene], kind="stable")
-        numbers, begins = np.unique(cars[scene][order], return_index=True)
-        for number, rows in zip(numbers.tolist(), np.split(order, begins[1:]), strict=False):
-            frames = [self._scenes[at].image.content for at in scene[rows].tolist()]
-            of_rows = [labels[code] for code in places.group[rows].tolist()]
-            result[rows] = are_there(
-                truths[number], frames, of_rows, (places.east_m[rows], places.north_m[rows])
-            )
+        labels, codes = list(self._labels), Codes()
+        # Cars on one drive have one truth.
+        of_scene = np.array([codes[id(of.truth)] for of in self._scenes])
+        order = np.argsort(of_scene[scene], kind="stable")
+        for rows in np.split(order, np.flatnonzero(np.diff(of_scene[scene[order]])) + 1):
+            scenes = [self._scenes[at] for at in scene[rows].tolist()]
+            if scenes:
+                frames = [of.image.content for of in scenes]
+                of_rows = [labels[code] for code in places.group[rows].tolist()]
+                place = places.east_m[rows], places.north_m[rows]
+                result[rows] = are_there(scenes[0].truth, frames, of_rows, place)
         return result
 
     def _were_there(self, views: Views, visible: Visible, scene: Array, places: Places) -> Array:

@@ -244,6 +244,7 @@ class Table:
         self._buffers = {column.name: _Buffer(column) for column in schema.columns}
         self._new: list[Value] = []  # of rows that are not in the columns yet, row by row
         self._width = len(schema.columns)
+        self._room = _ROWS_AT_ONCE * self._width  # for new values
         self._rows = 0
         self._spill = spill
         self._spilled = 0
@@ -259,9 +260,8 @@ class Table:
         columns.
         """
         self._new += values
-        room = _ROWS_AT_ONCE * self._width
-        while len(self._new) >= room:
-            self._store(room)
+        while len(self._new) >= self._room:
+            self._store(self._room)
 
     def extend(self, columns: Columns) -> None:
         """Adds the rows of a table with the same columns, as ``read`` or ``columns`` gives them."""

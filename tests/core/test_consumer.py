@@ -49,6 +49,14 @@ def test_newest_holds_the_newest_answer_of_each_stream_where_it_was():
     assert held(consumer, 1.0) == [("car", 11.5), ("car", 10.5), ("car", 30.0)]
 
 
+def test_an_object_that_is_held_already_hides_no_other():
+    """The second is the first, and the third is near the second alone."""
+    consumer = Newest()
+    for camera, east_m in (("02", 10.0), ("03", 10.8), ("04", 11.6)):
+        tell(consumer, 0.0, car(east_m), camera=camera)
+    assert held(consumer, 0.1) == [("car", 10.0), ("car", 11.6)]
+
+
 def test_objects_of_one_answer_are_different_ones_however_near():
     """Two people side by side; in the answers of two cameras they would be one."""
     pair = seen("person", 0.9, at=(10.0, 0.0)), seen("person", 0.9, at=(10.0, 0.6))
