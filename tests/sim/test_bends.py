@@ -189,6 +189,10 @@ def test_a_warm_crash_keeps_what_a_genie_knows_and_a_cold_one_does_not():
     ("fault", "message"),
     [
         ({"fault": "crash", "target": "edge9"}, "faults[0].target: unknown car or edge 'edge9'"),
+        (
+            {"fault": "outage", "target": "car1->edge1->car2"},
+            "faults[0].target: unknown target 'car1->edge1->car2'",
+        ),
         ({"fault": "crash", "target": "car1", "memory": "hot"}, "faults[0].memory: unknown memory"),
         ({"fault": "stall", "target": "edges"}, "faults[0].target: unknown car or edge 'edges'"),
         ({"fault": "slow", "target": "car7"}, "faults[0].target: unknown car or edge 'car7'"),

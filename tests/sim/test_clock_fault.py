@@ -27,8 +27,10 @@ def image(header: Header) -> Image:
 
 def answer(header: Header, look: Header) -> Detections:
     tracked = replace(SEEN, motion=Motion((1.0, 0.0), 0.5, 0.9, look), seen_in=look)
+    halves = (replace(tracked, seen_in=None), replace(tracked, motion=None))
+    objects = (SEEN, tracked, *halves)
     return Detections(
-        header, (SEEN, tracked), look=Look(look, POSE, 1.2, (SEEN,)), valid_ns=5 * S, seen_in=look
+        header, objects, look=Look(look, POSE, 1.2, (SEEN,)), valid_ns=5 * S, seen_in=look
     )
 
 
@@ -60,6 +62,9 @@ def test_what_a_car_sends_is_late_and_what_it_hears_early_by_the_error():
     assert heard.header == OWN, "sent before the fault, it has its own stamp"
     assert heard.look.header == heard.seen_in == heard.objects[1].seen_in == early
     assert heard.objects[1].motion.seen == early and heard.objects[0] == SEEN
+    moving, seen_only = heard.objects[2:]
+    assert moving.motion.seen == early and moving.seen_in is None
+    assert seen_only.seen_in == early and seen_only.motion is None
     assert heard.valid_ns == 5 * S - 50_300_000
     assert heard.looked_ns == 4 * S and heard.seen_in.original == OTHER, "tables are in true time"
     assert borders.cross(image(OTHER), "car2", "edge1") == image(OTHER)

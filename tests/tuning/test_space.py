@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 
 from genie_sim.settings import SettingError, from_plain
+from genie_sim.tuning.design import load
 from genie_sim.tuning.space import Space, as_json, is_active
 
 RULE = {"set": "genie.object_map.rule", "list": ["ema", "noisy_or"]}
@@ -94,3 +95,20 @@ def test_a_drawn_number_has_six_digits_and_stays_within_its_range():
     radius = space(radius=RADIUS).parameters["radius"]
     assert radius.rounded(0.123456789) == 0.123457
     assert radius.rounded(0.09) == 0.1 and radius.rounded(0.41) == 0.4
+
+
+def test_changes_of_a_search_are_added_to_its_settings_and_replace_all_else():
+    search = {
+        "scenario": "1car_homo",
+        "set": {"record": ["held"], "queue_length": 3},
+        "methods": {"remote": {"method": "remote", "space": {"rule": RULE}}},
+        "objectives": {"maximize": "streaming_f1", "minimize": "first_answer_p95"},
+        "points": 3,
+        "batch": 3,
+    }
+    changes = {"set": {"queue_length": 4, "spread": "loaded"}, "points": 5}
+    design = load(search, changes=changes)
+    assert design.settings == {"record": ["held"], "queue_length": 4, "spread": "loaded"}
+    assert design.points == 5 and design.batch == 3
+    plain = {key: value for key, value in search.items() if key != "set"}
+    assert load(plain, changes={"set": {"queue_length": 4}}).settings == {"queue_length": 4}
