@@ -195,7 +195,8 @@ class PacedGenie:
             return [*effects, Publish(self._objects, answer)]
         if viewer is None or not is_fresh:
             return effects
-        self._newest_looks.learned(answer.header)
+        if answer.look is None or answer.look.header == answer.header:  # no stored one
+            self._newest_looks.learned(answer.header)
         if self._guard is not None:
             answer = self._checked(answer, viewer, own, now_ns)
         learned = self.object_map.enhanced_cache_new_data(

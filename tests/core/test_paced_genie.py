@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -19,6 +20,7 @@ from genie_sim.messages import (
     Forgotten,
     Header,
     Image,
+    Look,
     LookEvent,
     Motion,
     NewestLook,
@@ -184,6 +186,22 @@ def test_a_frame_knows_the_newest_look_that_has_come_of_its_view():
     assert newest_look_ms(on_frame(genie, frame(0.71))) == 100
 
 
+def test_a_stored_answer_frees_the_way_but_is_no_look():
+    """An edge's cache has the answer to an earlier frame of the same place."""
+    genie = paced_genie(in_flight=1)
+    first, second = frame(0.0), frame(0.2)
+    on_frame(genie, first)
+    look = Look(first.header, first.pose, first.horizontal_fov_rad, (CAR_AHEAD,))
+    genie.on_message(OBJECTS + "-remote", replace(answer(first, CAR_AHEAD), look=look), 90 * MS)
+    (track,) = genie.object_map
+    on_frame(genie, second)
+    stored = replace(answer(second, CAR_AHEAD), look=look)
+    assert events(genie.on_message(OBJECTS + "-remote", stored, 250 * MS)) == [("edge", "answered")]
+    assert track.sightings == 1
+    third = on_frame(genie, frame(0.3))
+    assert IMAGES + "-remote" in topics(third) and newest_look_ms(third) == 0
+
+
 def test_a_car_without_an_edge_sends_nothing_up():
     genie = paced_genie(edge=False)
     effects = on_frame(genie, frame(0.0))
@@ -214,8 +232,6 @@ def test_a_fault_takes_the_map():
 
 
 def told_car(at: tuple[float, float], seen_s: float = 0.0) -> Any:
-    from dataclasses import replace
-
     motion = Motion((0.0, 0.0), 0.5, 0.9, Header(round(seen_s * S), "02", "car2"))
     return replace(seen("car", 0.8, at=at), motion=motion)
 
