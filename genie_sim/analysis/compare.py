@@ -6,6 +6,7 @@ that says nothing of other seeds or drives.
 """
 
 import json
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
@@ -25,6 +26,7 @@ from genie_sim.recording.results import MethodInfo, Metric, Run, checked_label
 SEEDS, BLOCKS = "seeds", "blocks of 1 s"
 MAX_NAME = 32  # characters
 OUTCOME = ("genie_sim", "devices", "plugins")  # what decides a run's outcome besides the scenario
+GIVEN = "given"  # the value of a part that is in some settings alone
 NO_SETTINGS = ("scenario.seed", "scenario.name", "scenario.description")
 
 
@@ -404,17 +406,30 @@ def _over_blocks(ours: Sums, theirs: Sums) -> tuple[float | None, int]:
 
 
 def _settings(runs: Sequence[Run]) -> dict[str, list[str]]:
-    """What differs between settings: each path, and its value in each, ``-`` where it has none."""
+    """What differs between settings: each path, and its value in each, ``-`` where it has none. A
+    part that is not in every setting, such as a device, is one entry.
+    """
     flat = []
     for run in runs:
         decisive = {name: run.facts[name] for name in ("scenario", "devices", "genie_sim")}
         flat.append({path: short_repr(value) for path, value in _flat(decisive)})
+    parts = [{part for path in of_run for part in _parts(path)} for of_run in flat]
+    in_all = set.intersection(*parts)
     differing = {}
     for path in dict.fromkeys(path for values in flat for path in values):
-        values = [of_run.get(path, "-") for of_run in flat]
+        whole = next((part for part in _parts(path) if part not in in_all), path)
+        values = [
+            of_run.get(whole, of_run.get(f"{whole}.title", GIVEN) if whole in known else "-")
+            for of_run, known in zip(flat, parts, strict=True)
+        ]
         if len(set(values)) > 1 and path not in NO_SETTINGS:
-            differing[path] = values
+            differing[whole] = values
     return differing
+
+
+def _parts(path: str) -> list[str]:
+    """What a path leads through, itself included: ``cars``, ``cars[0]``, ``cars[0].device``."""
+    return [path[: match.start()] for match in re.finditer(r"(?<=.)(?=[.\[])|$", path)]
 
 
 def _flat(value: Any, path: str = "") -> Iterator[tuple[str, Any]]:

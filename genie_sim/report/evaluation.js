@@ -9,7 +9,7 @@ const KINDS = {
 const READINGS = DATA.readings.map((one) => one.name);
 const verdictClass = (verdict) => `verdict v${DATA.verdicts.indexOf(verdict)}`;
 const foundText = (one) => (value) => (one.unit === "1" ? digits(value) : `${digits(value)} ${one.unit}`);
-const scenarioText = (name) => ({ case_study: "case study", all: "all" })[name] || name.replace(/^(\d)car_/, (_, n) => `${n} car${n > 1 ? "s" : ""}, `).replace(/hetero$/, "he").replace(/homo$/, "ho");
+const scenarioText = (name) => ({ case_study: "case study", all: "all" })[name] || name.replace(/^(\d)car_/, (_, n) => `${n} car${n > 1 ? "s" : ""}, `).replace(/(hetero|homo)$/, "$1.");
 
 function picture(name) {
   const found = FIGURES.get(name);
@@ -165,7 +165,7 @@ function showAnswers() {
       const series = methods.map((method) => ({ name: over + methodTitle(method), color: methodClass(method), marker: methodMarker(method), line: false,
         points: found[answer][method].map((one, place) => ({ x: place, found: one })) }));
       intervalChart(byId("answer-charts").appendChild(make("div")), { title: `${title}: ${named[answer]}`, series,
-        x: { names, label: "scenario", read: (place) => names[place] }, y: { label: title, format, read: text, most: unit === "1" ? 1 : most } });
+        x: { names, label: "scenario", read: (place) => names[place] }, y: { label: title, log: unit === "ms", format, read: text, most: unit === "1" ? 1 : most } });
     }
     const columns = answers.flatMap((answer) => methods.map((method) => [answer, method]));
     table(byId("answer-table"), `${title}${unit === "ms" ? " [ms]" : ""}`, ["", ...columns.map(([answer, method]) => `${answer}, ${over}${methodTitle(method)}`)],

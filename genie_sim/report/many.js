@@ -94,7 +94,8 @@ function intervalChart(host, { title, note, series, x, y, height = 260 }) {
     });
   }
   const nearest = (pixel) => places.reduce((best, place) => (Math.abs(across(place) - pixel) < Math.abs(across(best) - pixel) ? place : best), places[0]);
-  chart(host, { title, note, label: `${title || y.label} over ${x.label}`, height, series: shown }, {
+  const named = tall ? `${title}, logarithmic` : title;
+  chart(host, { title: named, note, label: `${named || y.label} over ${x.label}`, height, series: shown }, {
     sample: (one) => [...(one.line ? [draw("path", { d: "M0 5H22", "stroke-dasharray": one.dash })] : []),
       one.marker === undefined ? draw("circle", { cx: 11, cy: 5, r: 3.2, class: one.hollow ? "hollow" : null }) : markerAt(one, 11, 5)],
     parts: (now, visible) => {

@@ -54,7 +54,7 @@ function showCurves() {
       const series = split ? lines.map((one, i) => ({ line, marker: i, name: `${split} ${levelText(one.level)}`, color: `h${i % DATA.hosts}`, points: points(one, byId("series").value) }))
         : of.map((one, i) => ({ line, marker: markerOf(one), dash: one[1] === "edge" ? "7 3" : null, name: ofText(metric, i), color: colourOf(one), points: points(lines[0], i) }));
       const names = curve.numeric ? null : curve.levels;
-      intervalChart(byId("curves").appendChild(make("div")), { title: `${titleOf(metric)} along ${curve.column}${METRICS.get(metric).log ? ", logarithmic" : ""}`, series,
+      intervalChart(byId("curves").appendChild(make("div")), { title: `${titleOf(metric)} along ${curve.column}`, series,
         x: { names, log: curve.log, label: `${curve.column}${curve.log ? ", logarithmic" : ""}`, read: (value) => `${curve.column}: ${names ? names[value] : levelText(value)}` },
         y: { log: METRICS.get(metric).log, label: titleOf(metric), format: bare(metric), read: readAs(metric), most: /reuse|share|recall/.test(metric) && isShare(metric) ? 1 : undefined } });
     }

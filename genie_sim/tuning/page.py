@@ -91,7 +91,7 @@ def _notes(about: dict[str, Any], differences: int) -> list[str]:
     notes = [
         "All numbers are of the held-out set, which the search has not seen, with 95 % intervals; "
         "designs were chosen by the tuning set.",
-        "Intervals are pointwise: of twenty that hold no difference, one shows one.",
+        "Intervals are pointwise: about one in twenty excludes zero by chance.",
     ]
     if len(about["drives"]["held_out"]) == 1:
         notes.append(

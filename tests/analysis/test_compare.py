@@ -130,6 +130,10 @@ def test_settings_are_compared_seed_by_seed(usual: list[Run], slower: list[Run])
     assert found.high is not None and found.high < 0, "a slower edge is less right"
     assert made.settings["scenario.edges[0].device"] == ["'quadro_rtx_4000'", "'jetson_tx2'"]
     assert not any("seed" in path for path in made.settings)
+    devices = {path: values for path, values in made.settings.items() if "devices" in path}
+    assert devices == {
+        "devices.quadro_rtx_4000": ["'Intel Xeon E5-2650 with NVIDIA Quadro RTX 4000'", "-"]
+    }, "one line a device"
 
 
 def test_each_method_is_compared_with_itself_under_the_first_setting(

@@ -349,7 +349,7 @@ def test_the_measure_of_first_and_fresh_answers_is_chosen(browser, file):
     titles = browser.evaluate(
         "[...byId('answer-charts').querySelectorAll('h3')].map(one => one.textContent)"
     )
-    assert titles == ["Mean: first answer", "Mean: fresh result"]
+    assert titles == ["Mean: first answer, logarithmic", "Mean: fresh result, logarithmic"]
     choose(browser, "measure", "2", "change")
     assert browser.evaluate("byId('answer-table').textContent") != means
 
