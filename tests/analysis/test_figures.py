@@ -200,6 +200,8 @@ def test_methods_of_any_name_and_number_are_drawn_in_their_order(tables, tmp_pat
         and "Genie, on edges" in told["confidence_boost"]
     )
     assert len(drawn["image_reuse"].axes[0].get_xticklabels()) == 2
+    markers = {line.get_marker() for line in drawn["confidence_boost"].axes[0].lines}
+    assert len(markers) == 2, "told apart without colour"
 
 
 def test_frames_that_were_never_answered_keep_the_curve_below_one(tables):
@@ -236,6 +238,8 @@ def test_bars_are_the_metrics_and_error_bars_their_windows(tables):
     reuse = {metric.placement: metric for metric in found if metric.metric == "image_reuse"}
     bars = [bar.get_height() for bar in figure.axes[0].patches]
     assert bars == pytest.approx([reuse["car"].value, reuse["edge"].value])
+    (label,) = figure.axes[0].get_xticklabels()
+    assert label.get_text() == "Genie (DG)", "whose reuse it is, not which run"
     whiskers = [lines.get_segments() for lines in figure.axes[0].collections]
     tops = [segments[0][:, 1].max() for segments in whiskers if segments]
     assert tops == pytest.approx([reuse["car"].high, reuse["edge"].high])
