@@ -89,10 +89,10 @@ class FrameBatch:
 
     def __init__(self, drive: SceneDrive, camera: str, indices: Sequence[int]) -> None:
         self.drive, self.camera = drive, camera
-        self.keys = [mix(drive.car_key ^ (index << 8) ^ int(camera)) for index in indices]
-        self.poses: list[CameraPose] = []
         self._judged: VisibleObjects | None = None  # what is in view, where the truth was asked for
+        keys = [mix(drive.car_key ^ (index << 8) ^ int(camera)) for index in indices]
         rows = []
+        headings = []
         left_m = BASELINES_M[camera]
         for index in indices:
             t_s = (drive.start_ns + index * drive.interval_ns) * 1e-9
@@ -100,11 +100,20 @@ class FrameBatch:
             east_m = round(east_m - left_m * s, POSITION_DECIMALS)
             north_m = round(north_m + left_m * c, POSITION_DECIMALS)
             heading = round(math.remainder(heading, math.tau), ANGLE_DECIMALS)
-            self.poses.append(CameraPose(east_m, north_m, CAMERA_UP_M, heading))
+            headings.append(heading)
             rows.append((east_m, north_m, c, s, t_s))
-        self._view_poses = ViewPoses._make(
-            (*np.array(rows).T, np.array(self.keys, dtype=np.uint64))
-        )
+        # As columns: of every car of a fleet some batch is in memory at any time.
+        self._view_poses = ViewPoses._make((*np.array(rows).T, np.array(keys, dtype=np.uint64)))
+        self._headings = np.array(headings)
+
+    def key(self, place: int) -> int:
+        """64 random bits of one of the frames."""
+        return self._view_poses.key.item(place)
+
+    def pose(self, place: int) -> CameraPose:
+        """Where the camera is in one of the frames."""
+        east_m, north_m = (column.item(place) for column in self._view_poses[:2])
+        return CameraPose(east_m, north_m, CAMERA_UP_M, self._headings.item(place))
 
     def _view(self) -> VisibleObjects:
         """What is in view; of batches that nobody judges it is not kept, because it takes more
@@ -120,12 +129,12 @@ class FrameBatch:
 
     def detections(self, place: int) -> tuple[Detection, ...]:
         """What the detector finds in one of the frames, best score first."""
-        detections, key, poses = self._detected.of(place), self.keys[place], self._view_poses
+        detections, key, poses = self._detected.of(place), self.key(place), self._view_poses
         draw = (key >> 48) / 0x10000
         for law in self.drive.scene.laws.transient:
             if 0.0 <= draw < law.per_frame:
                 direction = poses.cos.item(place), poses.sin.item(place)
-                detections.append(transient(law, mix(key), self.poses[place], direction))
+                detections.append(transient(law, mix(key), self.pose(place), direction))
             draw -= law.per_frame
         detections.sort(key=_score, reverse=True)
         return tuple(detections)
@@ -172,7 +181,7 @@ class TownFrame:
         self._batch, self._place = batch, place
         self.camera, self.index = batch.camera, index
         self.stamp_ns = index * drive.interval_ns
-        self.dhash, self.pose = batch.keys[place], batch.poses[place]
+        self.dhash, self.pose = batch.key(place), batch.pose(place)
         self.digest = f"{drive.picture_prefix}{self.camera}{index:014x}"
         self._detections: tuple[Detection, ...] | None = None
 
