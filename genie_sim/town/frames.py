@@ -59,7 +59,7 @@ class Scene(Protocol):
 
 class SceneDrive(Protocol):
     """One car's drive through a scene; ``start_ns`` is of the scene's clock, the rest as in
-    ``TownDrive``.
+    ``TownDrive``. ``is_judged``: what is really in view will be asked for, frame by frame.
     """
 
     name: str
@@ -67,6 +67,7 @@ class SceneDrive(Protocol):
     interval_ns: int
     picture_prefix: str
     car_key: int
+    is_judged: bool
 
     @property
     def scene(self) -> Scene: ...
@@ -89,7 +90,6 @@ class FrameBatch:
 
     def __init__(self, drive: SceneDrive, camera: str, indices: Sequence[int]) -> None:
         self.drive, self.camera = drive, camera
-        self._judged: VisibleObjects | None = None  # what is in view, where the truth was asked for
         keys = [mix(drive.car_key ^ (index << 8) ^ int(camera)) for index in indices]
         rows = []
         headings = []
@@ -115,17 +115,16 @@ class FrameBatch:
         east_m, north_m = (column.item(place) for column in self._view_poses[:2])
         return CameraPose(east_m, north_m, CAMERA_UP_M, self._headings.item(place))
 
-    def _view(self) -> VisibleObjects:
-        """What is in view; of batches that nobody judges it is not kept, because it takes more
-        memory than what is detected of it.
-        """
-        if self._judged is not None:
-            return self._judged
+    @functools.cached_property
+    def _visible(self) -> VisibleObjects:
         return self.drive.scene.visibility.visible(self._view_poses)
 
     @functools.cached_property
     def _detected(self) -> DetectedObjects:
-        return self.drive.scene.detector.detect(self._view(), self._view_poses)
+        detected = self.drive.scene.detector.detect(self._visible, self._view_poses)
+        if not self.drive.is_judged:
+            del self._visible  # which takes more memory than what is detected of it
+        return detected
 
     def detections(self, place: int) -> tuple[Detection, ...]:
         """What the detector finds in one of the frames, best score first."""
@@ -141,10 +140,8 @@ class FrameBatch:
 
     def truth(self, place: int) -> tuple[TownObject, ...]:
         """What is really in view in one of the frames."""
-        if self._judged is None:
-            self._judged = self._view()
-        begin, end = self._judged.pose.searchsorted((place, place + 1)).tolist()
-        visible = VisibleObjects._make(column[begin:end] for column in self._judged)
+        begin, end = self._visible.pose.searchsorted((place, place + 1)).tolist()
+        visible = VisibleObjects._make(column[begin:end] for column in self._visible)
         objects = self.drive.scene.truth(visible, self._view_poses.t_s)
         return tuple(item for item in objects if item is not None)
 

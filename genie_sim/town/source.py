@@ -102,6 +102,7 @@ class TownDrives:
         return self.town.drive(car, self.settings.duration_ns, self.settings.interval_ns, start_ns)
 
     def truth_of(self, drive: "TownDrive") -> "TownTruth":
+        drive.is_judged = True
         return TownTruth(
             self.town, drive.start_ns, self.settings.tolerance_m, self.settings.range_m
         )

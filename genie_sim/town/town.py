@@ -147,8 +147,10 @@ class TownDrive:
     """What the cameras of one car see in a town: has the frames of a ``Trace``.
 
     ``origin`` is latitude [deg], longitude [deg], altitude [m]. ``frames`` are made when they are
-    looked at.
+    looked at; they keep what is in view where the drive ``is_judged``.
     """
+
+    is_judged = False
 
     def __init__(
         self, town: Town, car: str, *, duration_ns: int, interval_ns: int, start_ns: int

@@ -191,6 +191,8 @@ class TrafficDrive:
     has the frames of a ``Trace``.
     """
 
+    is_judged = False
+
     def __init__(
         self, traffic: Traffic, car: str, stretch: int, *, start_ns: int, end_ns: int
     ) -> None:
@@ -304,6 +306,7 @@ class TrafficDrives:
         return TrafficDrive(self.traffic, car, stretch, start_ns=start_ns, end_ns=end_ns)
 
     def truth_of(self, drive: TrafficDrive) -> "TrafficTruth":
+        drive.is_judged = True
         return TrafficTruth(self.traffic, drive)
 
     def digests(self) -> Mapping[str, str]:

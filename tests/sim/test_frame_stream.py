@@ -7,6 +7,7 @@ import weakref
 import pytest
 
 from genie_sim import runner
+from genie_sim.recording.map_accuracy import MapAccuracy
 from genie_sim.scenario.scenario import Scenario, read_scenario
 from genie_sim.town.frames import BATCH_FRAMES, FrameBatch
 
@@ -26,6 +27,8 @@ def in_town(record: list[str]) -> Scenario:
 
 
 def test_few_frames_of_a_drive_are_in_memory_at_any_time(monkeypatch):
+    """Those of some batches, and those that wait to be judged together."""
+    monkeypatch.setitem(MapAccuracy.__init__.__kwdefaults__, "window", BATCH_FRAMES // 2)
     batches: weakref.WeakSet[FrameBatch] = weakref.WeakSet()
     alive: list[int] = []
     init = FrameBatch.__init__
