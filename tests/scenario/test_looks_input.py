@@ -115,6 +115,8 @@ def test_what_only_other_methods_use_is_not_refused():
 def test_a_genie_in_front_of_edges_has_a_cache():
     """So its settings have an effect."""
     load_scenario("1car_homo", [LRU.replace("eviction", "looks: {edge: in_front}, eviction")])
+    places = "looks: {edge: in_front}, object_map: {gate: 2 m}, eviction"
+    load_scenario("1car_homo", [LRU.replace("eviction", places)])
 
 
 def test_every_setting_written_out_is_read_back():
