@@ -55,7 +55,7 @@ class BuildHook(BuildHookInterface):  # type: ignore[type-arg]
 
     def dependencies(self) -> list[str]:
         """What else a build needs."""
-        return ["cython>=3.1", "setuptools>=70"] if compile_is_wanted() else []
+        return ["cython>=3.3", "setuptools>=70"] if compile_is_wanted() else []
 
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:
         """Adds the file of the commit, and the compiled modules or why there are none."""

@@ -21,7 +21,7 @@ PARALLEL = ("-n", os.environ.get("GENIE_SIM_TEST_PROCESSES", "3"), "--dist", "lo
 
 # What tells a compiled simulator from plain Python, and what compiles it.
 COMPILED = ("tests/test_engine.py", "tests/core", "tests/sim", "tests/conformance")
-COMPILER = ("cython>=3.1", "setuptools>=70")
+COMPILER = ("cython>=3.3", "setuptools>=70")
 
 
 def install(session: nox.Session, *requirements: str) -> None:

@@ -21,6 +21,7 @@ def test_the_first_edge_has_the_cache_unless_another_is_named(at: dict[str, str]
     assert stored[f"{hub}/genie"] > 0 == stored[f"{other}/asker"]
 
 
+@pytest.mark.patches
 def test_its_edge_answers_requests_of_other_edges_and_sends_nothing_else():
     world, _ = small.world(small.scenario(["central"]))
     requested: set[Header] = set()
