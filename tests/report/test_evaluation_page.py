@@ -350,6 +350,11 @@ def test_the_measure_of_first_and_fresh_answers_is_chosen(browser, file):
         "[...byId('answer-charts').querySelectorAll('h3')].map(one => one.textContent)"
     )
     assert titles == ["Mean: first answer, logarithmic", "Mean: fresh result, logarithmic"]
+    ticks = browser.evaluate(
+        "[...byId('answer-charts').querySelector('svg[role=img]').querySelectorAll('text')]"
+        ".map(one => one.textContent)"
+    )
+    assert {"10", "20", "50", "100", "200"} <= set(ticks)
     choose(browser, "measure", "2", "change")
     assert browser.evaluate("byId('answer-table').textContent") != means
 

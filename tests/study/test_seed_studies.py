@@ -92,7 +92,8 @@ def test_two_processes_give_the_same_bytes_and_what_is_done_is_not_run_again(
 
     monkeypatch.setattr(runner, "simulate", refuse)
     assert main([*RUN, "--seeds", "2,5,9", "--jobs", "1", "--out", str(tmp_path)]) == 0
-    capsys.readouterr()
+    told = capsys.readouterr().out
+    assert f"Other pairs: genie-sim compare {other} --methods remote,genie" in told
 
 
 def test_a_run_whose_results_were_lost_is_run_again(folder, tmp_path, capsys):
