@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+from genie_sim.build import notes
 from genie_sim.errors import UserError
 from genie_sim.scenario.scenario import load_scenario, read_scenario
 from genie_sim.scenario.yaml_input import parse
@@ -117,6 +118,24 @@ def test_a_genie_in_front_of_edges_has_a_cache():
     load_scenario("1car_homo", [LRU.replace("eviction", "looks: {edge: in_front}, eviction")])
     places = "looks: {edge: in_front}, object_map: {gate: 2 m}, eviction"
     load_scenario("1car_homo", [LRU.replace("eviction", places)])
+
+
+@pytest.mark.parametrize(
+    ("edge", "tells"), [("beside", True), ("none", False), ("in_front", False)]
+)
+def test_only_a_genie_beside_the_edge_tells_by_itself(edge: str, tells: bool):
+    """In a town, where all cars are in one world."""
+    entry = (
+        f"{{name: mine, method: genie, genie: {{algorithm: recommended, looks: {{edge: {edge}}}}}}}"
+    )
+    scenario = load_scenario("town_recommended", [f"methods=[{entry}]"])
+    looks = scenario.under(scenario.methods[0]).genie.looks
+    assert looks is not None and (looks.told is not None) == tells
+
+
+def test_without_a_genie_beside_the_edge_nobody_is_told_that_it_is_silent():
+    entry = "{name: mine, method: genie, genie: {algorithm: recommended, looks: {edge: none}}}"
+    assert notes(load_scenario("3car_hetero", [f"methods=[{entry}]"])) == []
 
 
 def test_every_setting_written_out_is_read_back():
