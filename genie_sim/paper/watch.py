@@ -85,8 +85,8 @@ class WorldObserver:
 
 
 def _fingerprint(node: DetectorNode) -> tuple[object, ...]:
-    """The node itself, whatever the master calls its topics: its class, what it has, and what of
-    that is plain.
+    """The node itself, whatever the master calls its topics: its class, what it has, what of that
+    is its own (nothing where classes are compiled), and what is plain.
     """
     has = [name for name in dir(node) if not name.startswith("__")]
     plain = {
@@ -94,4 +94,5 @@ def _fingerprint(node: DetectorNode) -> tuple[object, ...]:
         for name in has
         if isinstance(value := getattr(node, name), str | int | tuple | None)
     }
-    return (type(node), tuple(has), tuple(sorted(plain.items())))
+    own = tuple(getattr(node, "__dict__", ()))  # a method that was exchanged, for instance
+    return (type(node), tuple(has), own, tuple(sorted(plain.items())))
