@@ -197,7 +197,7 @@ def test_causes_of_ghosts_are_those_of_a_brute_force_judge(seed: int):
 class Town(Street):
     """The same, with people who are not known, and asked about many objects at once."""
 
-    reach_m = 3.0
+    reach_m = 6.0
 
     def knows(self, label: str) -> bool:
         return label != "person"
