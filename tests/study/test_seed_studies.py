@@ -92,8 +92,15 @@ def test_two_processes_give_the_same_bytes_and_what_is_done_is_not_run_again(
 
     monkeypatch.setattr(runner, "simulate", refuse)
     assert main([*RUN, "--seeds", "2,5,9", "--jobs", "1", "--out", str(tmp_path)]) == 0
+    assert "Other pairs" not in capsys.readouterr().out, "of two methods there is one pair"
+
+
+def test_of_three_methods_the_other_pairs_are_a_command_away(tmp_path, capsys):
+    short = ["--set", "cars[0].route.window=[0 s, 1 s]", "--no-report", "--jobs", "1"]
+    assert main(["run", "1car_hetero", *short, "--seeds", "2", "--out", str(tmp_path)]) == 0
+    (folder,) = tmp_path.iterdir()
     told = capsys.readouterr().out
-    assert f"Other pairs: genie-sim compare {other} --methods remote,genie" in told
+    assert f"Other pairs: genie-sim compare {folder} --methods remote,genie" in told
 
 
 def test_a_run_whose_results_were_lost_is_run_again(folder, tmp_path, capsys):
