@@ -92,10 +92,6 @@ def _cost(objectives: Sequence[Objective]) -> int | None:
 
 
 def _sentences(design: SearchDesign, words: str, item: Reported) -> Iterator[str]:
-    by_what = {"most accurate": 0, "fastest": _time(design.objectives.all)}.get(
-        words, _cost(design.objectives.all)
-    )
-    assert by_what is not None
     yield f"{words[0].upper()}{words[1:]}: {item.candidate.name}."
     parts = []
     for target, measured in zip(design.targets, item.intervals(design), strict=True):

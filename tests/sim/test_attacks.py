@@ -147,6 +147,15 @@ def test_a_replayed_picture_shows_what_was_there_at_the_pose_of_then():
     assert changes == [("added", "car"), ("left_out", "person")]
 
 
+def test_until_there_is_something_so_old_the_newest_is_told():
+    attack = Replay(target="edge1", delay_ns=2 * S)
+    told = [
+        attack.forge((item,), scene(SHARED)._replace(now_ns=now_ns))
+        for item, now_ns in ((NEAR, S), (FAR, 2 * S), (SOMEWHERE, 3 * S - 1), (SOMEWHERE, 3 * S))
+    ]
+    assert told == [(NEAR,), (FAR,), (SOMEWHERE,), (NEAR,)]
+
+
 def test_replayed_tracks_are_said_to_be_seen_now():
     attack = Replay(target="edge1", delay_ns=S)
     track = replace(NEAR, motion=Motion((1.0, 0.0), 0.5, 0.4, Header(0, "02", "car2")))

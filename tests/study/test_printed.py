@@ -78,6 +78,7 @@ def test_a_paper_has_intervals_and_the_first_rows_alone(folder: Path):
     assert "Means, in brackets their 95 % t intervals, over 2 seeds." in text.replace("\\%", "%")
     assert "The first 50 of 52 rows; all are in table.csv." in text
     assert "my\\_sweep: rate, rule" in text and "tab:" in text
+    assert "[0.4, 0.6]" in text and "[1.4, 1.6]" in text, "intervals stand below their values"
     assert "Genie (DG)" in text and text.count("rule24") == 2 and "rule25" not in text
 
 
