@@ -21,6 +21,13 @@ def test_the_first_edge_has_the_cache_unless_another_is_named(at: dict[str, str]
     assert stored[f"{hub}/genie"] > 0 == stored[f"{other}/asker"]
 
 
+def test_the_cache_is_an_edge_s_whatever_cars_may_store():
+    rules = {"car_capacity": "1 entries", "capacity": "50 entries", "eviction": "lru"}
+    lookups = small.tables(small.scenario(["central"], genie=rules))["lookups"]
+    of_hub = lookups[(lookups["kind"] == "image") & (lookups["genie"] == "edge1/genie")]
+    assert 1 < of_hub["entries"].max() <= 50
+
+
 @pytest.mark.patches
 def test_its_edge_answers_requests_of_other_edges_and_sends_nothing_else():
     world, _ = small.world(small.scenario(["central"]))
