@@ -160,7 +160,18 @@ def measure(sizes: Sizes, peers_python: str, command: str, tell: Callable[[str],
             runs[recorded] = partial(run_genie, driven, times)
             events[recorded] = times * work[recorded].events
     frames = work[ALL_LAPS.format(sizes.laps)].frames
-    races = [race(3, runs, events, frames, sizes.rounds, peers_python, skipped, versions)]
+    races = [
+        race(
+            3,
+            runs,
+            events,
+            frames,
+            rounds=sizes.rounds,
+            peers_python=peers_python,
+            skipped=skipped,
+            versions=versions,
+        )
+    ]
     for cars, drive_s in sizes.fleets.items():
         tell(f"{cars:,} cars")
         prepared = prepare(fleet(cars, drive_s))

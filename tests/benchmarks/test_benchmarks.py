@@ -276,7 +276,6 @@ def test_a_page_without_a_place_for_a_table_is_refused():
 
 
 @pytest.mark.slow
-@pytest.mark.nightly
 def test_the_whole_benchmark_fills_the_page(tmp_path: Path):
     gc.freeze()  # what other tests left is not looked through again before each of the runs
     measured = speed.measure(TINY, NO_PYTHON, "python benchmarks/speed.py", lambda _: None)
