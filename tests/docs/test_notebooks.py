@@ -22,7 +22,6 @@ FIGURES = {
     "6_object_map_over_kitti": 5,
 }
 LONGEST_CELL_LINES = 30
-LONG = ("3_your_own_cache_policy", "5_sweep_and_sensitivity")  # half a minute each: every night
 
 
 def cells(path: Path, kind: str) -> list[dict[str, Any]]:
@@ -69,14 +68,7 @@ def test_a_notebook_reads_nothing_that_a_user_does_not_have(path: Path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "path",
-    [
-        pytest.param(path, marks=pytest.mark.nightly if path.stem in LONG else ())
-        for path in NOTEBOOKS
-    ],
-    ids=lambda path: path.stem,
-)
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
 def test_a_notebook_runs_and_shows_its_figures(
     path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
