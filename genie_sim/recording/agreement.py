@@ -10,14 +10,14 @@ import numpy as np
 from genie_sim.core.matching import SAME_M
 from genie_sim.messages import Detection, Header
 from genie_sim.recording.columns import Columns, Text
-from genie_sim.recording.joins import Places, matches, near
+from genie_sim.recording.joins import GroupedPlaces, matches, near
 from genie_sim.recording.objects import Codes, Objects
 from genie_sim.recording.tables import Table
 
 WINDOW = 1024  # answers that are compared at once
 
 
-class Answer(NamedTuple):
+class ComparedAnswer(NamedTuple):
     """The objects of an answer to a frame, and those that the detector finds in it; ``which``
     answer it is, perhaps two in one, and what produced it.
     """
@@ -40,9 +40,9 @@ class Agreement:
         self._table = table
         self._objects = objects
         self._window = window
-        self._answers: list[Answer] = []
+        self._answers: list[ComparedAnswer] = []
 
-    def add(self, answer: Answer) -> None:
+    def add(self, answer: ComparedAnswer) -> None:
         """Notes an answer; answers come in order."""
         self._answers.append(answer)
         if len(self._answers) >= self._window:
@@ -59,7 +59,7 @@ class Agreement:
         places = []
         for number, counts in ((served, of_served), (detected, of_detected)):
             group = np.repeat(np.arange(len(answers)), counts) * classes + known.class_[number]
-            places.append(Places(group, known.east_m[number], known.north_m[number]))
+            places.append(GroupedPlaces(group, known.east_m[number], known.north_m[number]))
         pairs = near(places[0], places[1], SAME_M)
         pairs = pairs.rows(np.lexsort((pairs.theirs, pairs.ours, pairs.distance_m2)))
         of_pair = places[0].group[pairs.ours[matches(pairs)]] // max(classes, 1)

@@ -16,7 +16,7 @@ from genie_sim.core.consumer import Shown
 from genie_sim.core.maps import Viewer
 from genie_sim.core.tracking import COAST_NS, NEAR_M
 from genie_sim.messages import Detection
-from genie_sim.recording.joins import Array, Places, near
+from genie_sim.recording.joins import Array, GroupedPlaces, near
 from genie_sim.recording.objects import Objects
 
 
@@ -59,7 +59,9 @@ def held(objects: Objects, scenes: Iterable[tuple[int, Sequence[Shown]]]) -> Hel
         north_m = north_m + known.velocity_north_mps[number] * dt_s
     if ranks.any():
         _drop_repeated(
-            is_held, ranks, Places(at * len(objects.labels) + known.label[number], east_m, north_m)
+            is_held,
+            ranks,
+            GroupedPlaces(at * len(objects.labels) + known.label[number], east_m, north_m),
         )
     return Held(at, number, east_m, north_m).rows(is_held)
 
@@ -90,7 +92,7 @@ def _decided(shown: Held, views: Sequence[tuple[int, int, Viewer]]) -> Array:
     return decided
 
 
-def _drop_repeated(is_held: Array, rank: Array, places: Places) -> None:
+def _drop_repeated(is_held: Array, rank: Array, places: GroupedPlaces) -> None:
     """Takes out of ``is_held`` what an earlier answer shows already."""
     shown = np.flatnonzero(is_held)
     pairs = near(places.rows(shown), places.rows(shown), NEAR_M)

@@ -11,7 +11,7 @@ from genie_sim.recording.objects import Codes
 from genie_sim.recording.tables import Table
 
 
-class Judged(NamedTuple):
+class JudgedObjects(NamedTuple):
     """Objects that are held or missed, one row each: which camera looks (``HeldSpans.cameras``), at
     which of its instants, the order among the objects of the instant, a code of the label, where it
     is [m], and the index of the judgement.
@@ -25,9 +25,9 @@ class Judged(NamedTuple):
     north_m: Array
     judgement: Array
 
-    def rows(self, selection: Array) -> "Judged":
+    def rows(self, selection: Array) -> "JudgedObjects":
         """Those of a mask or of indices."""
-        return Judged(*(column[selection] for column in self))
+        return JudgedObjects(*(column[selection] for column in self))
 
     @property
     def keys(self) -> tuple[Array, ...]:
@@ -68,9 +68,9 @@ class HeldSpans:
         self._judgements = judgements
         self.cameras: Codes = Codes()  # of a car's number and a stream
         # by camera: what was held or missed at its last instant, and since when [ns]
-        self._open: dict[int, tuple[Judged, Array]] = {}
+        self._open: dict[int, tuple[JudgedObjects, Array]] = {}
 
-    def add(self, judged: Judged, camera: Array, turn: Array, now_ns: Array) -> None:
+    def add(self, judged: JudgedObjects, camera: Array, turn: Array, now_ns: Array) -> None:
         """The objects of a window, and of each instant its camera, its number among those of the
         camera, and its time [ns].
         """
@@ -83,7 +83,7 @@ class HeldSpans:
         begin_ns = now_ns[instants[judged.camera, judged.turn]]
         begin_ns = np.concatenate([begin_ns, *(begins_ns for _, begins_ns in earlier)])
         parts = [judged, *(of_camera for of_camera, _ in earlier)]
-        judged = Judged(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
+        judged = JudgedObjects(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
 
         order = np.lexsort((judged.order, judged.turn, *judged.keys))
         judged, begin_ns = judged.rows(order), begin_ns[order]
@@ -115,7 +115,7 @@ class HeldSpans:
         for code in sorted(self._open, key=lambda code: (cameras[code][0], code)):
             self._write(*self._open[code], None)
 
-    def _write(self, judged: Judged, begin_ns: Array, end_ns: Array | None) -> None:
+    def _write(self, judged: JudgedObjects, begin_ns: Array, end_ns: Array | None) -> None:
         cars = np.array([car for car, _ in self.cameras], dtype=np.int64)[judged.camera]
         if end_ns is None:
             end_ns = np.full(len(begin_ns), None)

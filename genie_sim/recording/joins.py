@@ -7,16 +7,16 @@ import numpy as np
 Array = np.ndarray[Any, Any]
 
 
-class Places(NamedTuple):
+class GroupedPlaces(NamedTuple):
     """Places on the ground [m], each in a group; only places of one group are compared."""
 
     group: Array
     east_m: Array
     north_m: Array
 
-    def rows(self, selection: Array) -> "Places":
+    def rows(self, selection: Array) -> "GroupedPlaces":
         """Those of a mask or of indices."""
-        return Places(*(column[selection] for column in self))
+        return GroupedPlaces(*(column[selection] for column in self))
 
 
 class Pairs(NamedTuple):
@@ -40,7 +40,7 @@ def repeated(begins: Array, counts: Array) -> tuple[Array, Array]:
     return np.arange(len(index)) - skipped[index] + begins[index], index
 
 
-def near(ours: Places, theirs: Places, reach_m: float) -> Pairs:
+def near(ours: GroupedPlaces, theirs: GroupedPlaces, reach_m: float) -> Pairs:
     """All pairs of one group within reach, in no order that matters.
 
     Theirs are sorted by group and then from west to east, so those that may be near one of ours

@@ -19,7 +19,7 @@ from genie_sim.messages import (
     Observation,
 )
 from genie_sim.monitor import FaultSpan, Forgery, HostUsage, Placement, Resource, Samples, Span
-from genie_sim.recording.agreement import Agreement, Answer
+from genie_sim.recording.agreement import Agreement, ComparedAnswer
 from genie_sim.recording.map_accuracy import MapAccuracy
 from genie_sim.recording.objects import Objects
 from genie_sim.recording.records import (
@@ -201,7 +201,7 @@ class Log:
         if looked_ns is not None and (frame.looked_ns is None or frame.looked_ns < looked_ns):
             frame.looked_ns = looked_ns
         if (is_first or is_result) and self._agreement is not None and frame.image is not None:
-            noted = Answer(
+            noted = ComparedAnswer(
                 header=frame.image.header,
                 which=_COMPARED[is_first, is_result],
                 source=source,

@@ -20,11 +20,11 @@ from genie_sim.recording.ages import NOT_YET_NS, FirstSeen, Given, Sights
 from genie_sim.recording.columns import Columns, Text
 from genie_sim.recording.gospa import GOSPA_CUT_M, gospa_m
 from genie_sim.recording.held import Held, held
-from genie_sim.recording.held_spans import HeldSpans, Judged
-from genie_sim.recording.joins import Array, Pairs, Places, matches, near, turns
-from genie_sim.recording.objects import UNKNOWN, Codes, ObjectColumns, Objects
+from genie_sim.recording.held_spans import HeldSpans, JudgedObjects
+from genie_sim.recording.joins import Array, GroupedPlaces, Pairs, matches, near, turns
+from genie_sim.recording.objects import UNKNOWN, Codes, Objects, ShownColumns
 from genie_sim.recording.recent_places import RecentPlaces
-from genie_sim.recording.scenes import DriveTruth, Scene, Views, Visible, are_there
+from genie_sim.recording.scenes import DriveTruth, JudgedScene, SceneViews, Visible, are_there
 from genie_sim.recording.tables import Table
 from genie_sim.units import NS_PER_S
 
@@ -113,7 +113,7 @@ class MapAccuracy:
                 method, objects, cars=self._cars, labels=self._labels, judgements=JUDGEMENTS
             )
         # of this window: scenes, how many instants of each car, answers in the consumers' hands
-        self._scenes: list[Scene] = []
+        self._scenes: list[JudgedScene] = []
         self._turns: Counter[int] = Counter()
         self._given: list[Given] = []
 
@@ -135,10 +135,10 @@ class MapAccuracy:
         consumer.on_frame(image)
         if self._first_streams.setdefault(car, stream) != stream and not self._all_streams:
             return
-        self._scenes.append(Scene(image, truth, consumer.shown(now_ns), is_consumer=True))
+        self._scenes.append(JudgedScene(image, truth, consumer.shown(now_ns), is_consumer=True))
         if car not in self._judged_without_delay:
             detections = (Shown(image.content.detections),)
-            self._scenes.append(Scene(image, truth, detections, is_consumer=False))
+            self._scenes.append(JudgedScene(image, truth, detections, is_consumer=False))
         self._turns[self._cars[car]] += 1
         if len(self._scenes) >= self._window:
             self._judge()
@@ -153,7 +153,7 @@ class MapAccuracy:
     def _judge(self) -> None:
         """Writes the rows of the window."""
         self.objects.begin_window()
-        views = Views.of(self._scenes, self._cars)
+        views = SceneViews.of(self._scenes, self._cars)
         visible = Visible.of(self._scenes, self.objects, self._recent_places.codes)
         visible = visible.rows(views.see(visible.scene, visible.east_m, visible.north_m))
         compared = self._compare(views, visible)
@@ -163,7 +163,7 @@ class MapAccuracy:
         self._scenes, self._given = [], []
         self._turns.clear()
 
-    def _compare(self, views: Views, visible: Visible) -> _Compared:
+    def _compare(self, views: SceneViews, visible: Visible) -> _Compared:
         """Judges each object in view, of a class that the truth knows."""
         objects = self.objects
         shown = (scene.shown for scene in self._scenes)
@@ -176,8 +176,10 @@ class MapAccuracy:
 
         classes, reach_m = len(self._labels), views.reach_m[items.scene]
         pairs = near(
-            Places(items.scene * classes + known.class_, items.east_m, items.north_m),
-            Places(visible.scene * classes + visible.class_, visible.east_m, visible.north_m),
+            GroupedPlaces(items.scene * classes + known.class_, items.east_m, items.north_m),
+            GroupedPlaces(
+                visible.scene * classes + visible.class_, visible.east_m, visible.north_m
+            ),
             max(float(views.reach_m.max()), GOSPA_CUT_M),
         )
         scene = items.scene[pairs.ours]
@@ -190,7 +192,7 @@ class MapAccuracy:
         judgement[pairs.ours[within]] = DUPLICATE
         judgement[pairs.ours[is_match]] = RIGHT
         others = np.flatnonzero(judgement == NEVER_THERE)
-        places = Places(known.class_, items.east_m, items.north_m)
+        places = GroupedPlaces(known.class_, items.east_m, items.north_m)
         hidden = self._are_there(items.scene[others], places.rows(others))
         judgement[others[hidden]] = HIDDEN
         others = np.flatnonzero(judgement == NEVER_THERE)
@@ -207,7 +209,9 @@ class MapAccuracy:
             is_match=is_match,
         )
 
-    def _age_s(self, objects: Objects, views: Views, items: Held, known: ObjectColumns) -> Array:
+    def _age_s(
+        self, objects: Objects, views: SceneViews, items: Held, known: ShownColumns
+    ) -> Array:
         """The time since the frame in which an object was seen: as a map that tracks says, else the
         first one whose answer had an object of its label at exactly its place. What the detector
         finds without delay has no age.
@@ -234,7 +238,7 @@ class MapAccuracy:
         flags = [truths[code // len(labels)].knows(labels[code % len(labels)]) for code in codes]
         return np.array(flags, dtype=bool)[rows]
 
-    def _are_there(self, scene: Array, places: Places) -> Array:
+    def _are_there(self, scene: Array, places: GroupedPlaces) -> Array:
         """Whether anything of a class, visible or not, is at each place in its scene."""
         result = np.zeros(len(scene), dtype=bool)
         labels, codes = list(self._labels), Codes()
@@ -250,7 +254,9 @@ class MapAccuracy:
                 result[rows] = are_there(scenes[0].truth, frames, of_rows, place)
         return result
 
-    def _were_there(self, views: Views, visible: Visible, scene: Array, places: Places) -> Array:
+    def _were_there(
+        self, views: SceneViews, visible: Visible, scene: Array, places: GroupedPlaces
+    ) -> Array:
         """Whether anything of a class was visible at each place lately, before its scene."""
         # What the consumer holds and what is found without delay are judged at one instant.
         instant = np.cumsum(views.is_consumer) - 1
@@ -263,7 +269,7 @@ class MapAccuracy:
             now_ns=views.now_ns[views.is_consumer],
         )
 
-    def _count(self, views: Views, visible: Visible, compared: _Compared) -> None:
+    def _count(self, views: SceneViews, visible: Visible, compared: _Compared) -> None:
         """Writes the rows of ``held``."""
         items, judgement, pairs = compared.held, compared.judgement, compared.pairs
         scenes = len(views.now_ns)
@@ -320,7 +326,7 @@ class MapAccuracy:
         self._table.extend(Columns(columns))
 
     def _follow(
-        self, spans: HeldSpans, views: Views, visible: Visible, compared: _Compared
+        self, spans: HeldSpans, views: SceneViews, visible: Visible, compared: _Compared
     ) -> None:
         """Notes since when each object is judged as it is."""
         items, codes = compared.held, spans.cameras
@@ -338,7 +344,7 @@ class MapAccuracy:
         instants = np.flatnonzero(views.is_consumer)
         turn = np.zeros(len(camera), dtype=np.int64)
         turn[instants] = turns(camera[instants])
-        judged = Judged(
+        judged = JudgedObjects(
             camera=camera[scene],
             turn=turn[scene],
             order=np.arange(len(scene)),

@@ -23,7 +23,7 @@ class Codes(dict[Any, int]):
         return code
 
 
-class ObjectColumns(NamedTuple):
+class ShownColumns(NamedTuple):
     """One row per distinct object that has a place: codes of its label, of its class and of its
     label together with its place, where it is [m], and of a track its velocity [m/s] and the car
     and the time [ns] that saw it last (``UNKNOWN`` if it is no track).
@@ -39,9 +39,9 @@ class ObjectColumns(NamedTuple):
     seen_by: Array
     seen_ns: Array
 
-    def rows(self, selection: Array) -> "ObjectColumns":
+    def rows(self, selection: Array) -> "ShownColumns":
         """Those of a mask or of indices."""
-        return ObjectColumns(*(column[selection] for column in self))
+        return ShownColumns(*(column[selection] for column in self))
 
 
 _KINDS = [np.int64] * 3 + [np.float64] * 4 + [np.int64] * 2
@@ -85,7 +85,7 @@ class Objects:
         self._of_lists: dict[int, list[int]] = {}  # by the list's identity
         self._kept: list[object] = []  # whose identities must not be given to others
         self._new: list[tuple[Any, ...]] = []  # rows that are not in the columns yet
-        self._columns = ObjectColumns(*(np.zeros(0, dtype=kind) for kind in _KINDS))
+        self._columns = ShownColumns(*(np.zeros(0, dtype=kind) for kind in _KINDS))
 
     def numbers(self, shown: Sequence[Sequence[Detection]]) -> tuple[Array, Array]:
         """The numbers of those objects of some lists that have a place, list by list, and how many
@@ -95,12 +95,12 @@ class Objects:
         counts = np.array([len(numbers) for numbers in of_lists], dtype=np.int64)
         return np.array([one for numbers in of_lists for one in numbers], dtype=np.int64), counts
 
-    def columns(self) -> ObjectColumns:
+    def columns(self) -> ShownColumns:
         """All that have been numbered."""
         if self._new:
             new = zip(zip(*self._new, strict=True), _KINDS, strict=True)
             parts = zip(self._columns, (np.array(of, dtype=kind) for of, kind in new), strict=True)
-            self._columns = ObjectColumns(*(np.concatenate(part) for part in parts))
+            self._columns = ShownColumns(*(np.concatenate(part) for part in parts))
             self._new.clear()
         return self._columns
 

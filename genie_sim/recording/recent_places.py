@@ -4,7 +4,7 @@ from itertools import islice
 
 import numpy as np
 
-from genie_sim.recording.joins import Array, Places, near
+from genie_sim.recording.joins import Array, GroupedPlaces, near
 from genie_sim.recording.objects import Codes
 from genie_sim.units import NS_PER_S
 
@@ -27,14 +27,14 @@ class RecentPlaces:
         return len(self.codes)
 
     def were_there(
-        self, places: Places, reach_m: Array, instant: Array, visible: Array, now_ns: Array
+        self, places: GroupedPlaces, reach_m: Array, instant: Array, visible: Array, now_ns: Array
     ) -> Array:
         """Returns of each place whether anything of its class was visible within reach of it at an
         instant before, in the last 10 s.
 
         Parameters
         ----------
-        places : Places
+        places : GroupedPlaces
             The places, grouped by the codes of their classes.
         reach_m, instant : array
             How far away counts [m], and the index of the instant, place by place.
@@ -65,11 +65,11 @@ class RecentPlaces:
         self._places = np.concatenate([self._places, new])
         self._last_ns = np.append(self._last_ns, np.full(len(new), _NEVER_NS))
 
-    def _near(self, places: Places, reach_m: Array) -> tuple[Array, Array]:
+    def _near(self, places: GroupedPlaces, reach_m: Array) -> tuple[Array, Array]:
         """Indices of places and codes of known ones within reach of them."""
         max_reach_m = float(reach_m.max()) * (1.0 + 1e-9)
         classes, east_m, north_m = self._places.T
-        known = _in_rows(Places(classes, east_m, north_m), max_reach_m)
+        known = _in_rows(GroupedPlaces(classes, east_m, north_m), max_reach_m)
         # What is near is in the same row of cells, or in the next.
         wanted = _in_rows(places, max_reach_m)
         found = [
@@ -95,7 +95,7 @@ class RecentPlaces:
             self._places, self._last_ns = self._places[remembered], self._last_ns[remembered]
 
 
-def _in_rows(places: Places, side_m: float) -> Places:
+def _in_rows(places: GroupedPlaces, side_m: float) -> GroupedPlaces:
     """The same, grouped by class and by row of cells of a side."""
     rows = np.floor(places.north_m / side_m)
     return places._replace(group=(places.group + 1.0) * 2.0**32 + rows)

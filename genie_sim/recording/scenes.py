@@ -72,7 +72,7 @@ def are_there(
     return np.array([truth.is_there(*of_one) for of_one in asked], dtype=bool)
 
 
-class Scene(NamedTuple):
+class JudgedScene(NamedTuple):
     """What is judged at an instant: the camera's frame, what is there, and the objects that answers
     show to a consumer, or else those that the detector finds without any delay.
     """
@@ -97,7 +97,7 @@ class Visible(NamedTuple):
     north_m: Array
 
     @classmethod
-    def of(cls, scenes: Sequence[Scene], objects: Objects, places: Codes) -> "Visible":
+    def of(cls, scenes: Sequence[JudgedScene], objects: Objects, places: Codes) -> "Visible":
         """All that can be seen in some scenes, in the field of view or not, with codes of labels
         and classes, and of a class's code and a place.
         """
@@ -122,7 +122,7 @@ class Visible(NamedTuple):
         return Visible(*(column[selection] for column in self))
 
 
-class Views(NamedTuple):
+class SceneViews(NamedTuple):
     """Of each scene: its time [ns], the car's number, whether it is about a consumer, the camera's
     place [m] and heading and half of its field of view [rad], and the truth's reach and range [m].
     """
@@ -138,7 +138,7 @@ class Views(NamedTuple):
     range_m: Array
 
     @classmethod
-    def of(cls, scenes: Sequence[Scene], cars: Codes) -> "Views":
+    def of(cls, scenes: Sequence[JudgedScene], cars: Codes) -> "SceneViews":
         """Those of some scenes, with the numbers of cars."""
         rows = []
         for image, truth, _, _ in scenes:

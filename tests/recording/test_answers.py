@@ -15,7 +15,7 @@ from genie_sim.analysis import metrics, screen, summary
 from genie_sim.analysis.correctness import of_answers
 from genie_sim.core.matching import SAME_M, near, pairs, placed
 from genie_sim.messages import CameraPose, Detection, Detections, Header, Image
-from genie_sim.recording.agreement import Agreement, Answer
+from genie_sim.recording.agreement import Agreement, ComparedAnswer
 from genie_sim.recording.log import Log
 from genie_sim.recording.objects import Objects
 from genie_sim.recording.records import ANSWERS, new_tables
@@ -102,7 +102,7 @@ def test_answers_are_compared_in_windows_of_any_size_as_one_by_one(window: int):
         header = Header(number, rng.choice(["left", "right"]), "car1")
         served, detected = some(), some()
         which = rng.choice([("first",), ("result",), ("first", "result")])
-        agreement.add(Answer(header, which, "map", served=served, detected=detected))
+        agreement.add(ComparedAnswer(header, which, "map", served=served, detected=detected))
         matched = len(pairs(near(placed(served), placed(detected), SAME_M)))
         counts = len(placed(served)), len(placed(detected)), matched
         row = "genie", "car1", header.frame_id, number

@@ -31,7 +31,7 @@ from genie_sim.perception.truth_table import (
 )
 from genie_sim.recording import results
 from genie_sim.recording.gospa import gospa_m
-from genie_sim.recording.joins import Places, near
+from genie_sim.recording.joins import GroupedPlaces, near
 from genie_sim.recording.map_accuracy import MapAccuracy
 from genie_sim.recording.records import HELD, HELD_OBJECTS
 from genie_sim.recording.results import Metric
@@ -116,7 +116,7 @@ def gospa(ours: Listed, there: Listed) -> float:
     """GOSPA between two lists of objects [m]."""
     labels = ["car", "person"]
     places = [
-        Places(
+        GroupedPlaces(
             np.array([labels.index(it[0]) for it in side], dtype=np.int64),
             *np.array([it[1:] for it in side]).reshape(-1, 2).T,
         )

@@ -21,7 +21,7 @@ from hypothesis import strategies as st
 from genie_sim.core.consumer import Consumer, Shown
 from genie_sim.messages import CameraPose, Detection, Detections, Header, Image, Location, Motion
 from genie_sim.recording import objects
-from genie_sim.recording.joins import Places
+from genie_sim.recording.joins import GroupedPlaces
 from genie_sim.recording.map_accuracy import MapAccuracy
 from genie_sim.recording.recent_places import RecentPlaces
 from genie_sim.recording.records import HELD, HELD_OBJECTS
@@ -131,7 +131,9 @@ def test_places_where_nothing_has_been_visible_for_ten_seconds_are_forgotten():
         seen = [(0, 10.0, 0.0), *((0, 30.0, t_ns / SECOND) for t_ns in window.tolist())]
         codes = np.array([places.codes[place] for place in seen])
         at = np.array([0, *range(len(window))])
-        asked = Places(np.zeros(2), np.array([11.0, 30.0]), np.array([0.0, window[0] / SECOND - 3]))
+        asked = GroupedPlaces(
+            np.zeros(2), np.array([11.0, 30.0]), np.array([0.0, window[0] / SECOND - 3])
+        )
         there = places.were_there(
             asked, np.array([2.0, 2.0]), np.array([1, 0]), np.stack([codes, at]), window
         )
