@@ -87,9 +87,9 @@ def docs(session: nox.Session) -> None:
 
 @nox.session
 def bench(session: nox.Session) -> None:
-    """Times the main job, fleets and peers; prints the tables of docs/speed.md."""
+    """Times both engines, fleets and peers; prints the tables of docs/speed.md."""
     install(session, ".[test]")
-    session.run("python", "-m", "benchmarks.speed_page", *session.posargs)
+    session.run("python", "-m", "benchmarks.speed", *session.posargs)
 
 
 @nox.session

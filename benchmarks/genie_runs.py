@@ -36,13 +36,12 @@ BLOCKS = 22  # each way, of fleet_1000's town
 LAP_S = 10.2  # 3car_hetero: a window of 9.2 s and a pause of 1 s
 
 
-def three_cars(laps: int, cameras: int | None = None) -> Scenario:
-    """``3car_hetero``, Genie only, driven so often; with ``cameras``, only the first so many of
-    each car.
+def three_cars(laps: int, cameras: int | None = None, *, method: str = "genie") -> Scenario:
+    """``3car_hetero`` with one method only, driven so often; with ``cameras``, only the first so
+    many of each car.
     """
-    scenario = load_scenario(
-        "3car_hetero", ["methods=[genie]", *(f"cars[{car}].route.laps={laps}" for car in range(3))]
-    )
+    of_cars = (f"cars[{car}].route.laps={laps}" for car in range(3))
+    scenario = load_scenario("3car_hetero", [f"methods=[{method}]", *of_cars])
     return replace(scenario, cameras=scenario.cameras[:cameras])
 
 

@@ -26,7 +26,8 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
-from benchmarks import genie_runs, peers, speed_page
+from benchmarks import both_engines, genie_runs, peers, speed_page
+from benchmarks.both_engines import Engines
 from benchmarks.genie_runs import Drive, Hot, Work, drive, fleet, run_genie, three_cars, work_of
 from benchmarks.station import ENGINES, Outcome, Station, station_of
 from genie_sim.build import Prepared
@@ -44,7 +45,8 @@ class Sizes:
     """How much is measured. ``fleets``: how long [s] so many cars drive; ``curves``: the fleets of
     the cost curves, the first being what the others are compared with, each driving for ``curve_s``
     as often as gives ``curve_frames``, and none that would take longer than ``longest_s``;
-    ``memory_laps``: the two lengths of run between which memory grows.
+    ``memory_laps``: the two lengths of run between which memory grows; ``engines``: the sizes of
+    what both engines run.
     """
 
     rounds: int
@@ -57,6 +59,7 @@ class Sizes:
     minutes: int
     memory_laps: tuple[int, int]
     profile_entries: int
+    engines: Mapping[str, float]
 
 
 FULL = Sizes(
@@ -70,6 +73,7 @@ FULL = Sizes(
     minutes=60,
     memory_laps=(60, 480),
     profile_entries=15,
+    engines=both_engines.FULL,
 )
 QUICK = Sizes(
     rounds=2,
@@ -82,6 +86,7 @@ QUICK = Sizes(
     minutes=4,
     memory_laps=(5, 20),
     profile_entries=8,
+    engines=both_engines.QUICK,
 )
 
 
@@ -134,6 +139,7 @@ class Measured:
 
     command: str
     machine: Mapping[str, str]
+    engines: Engines
     races: Sequence[Race]
     skipped: Mapping[str, str]
     work: Mapping[str, Work]
@@ -146,6 +152,8 @@ class Measured:
 
 def measure(sizes: Sizes, peers_python: str, command: str, tell: Callable[[str], None]) -> Measured:
     """Runs the whole benchmark; ``tell`` is told what runs."""
+    tell("both engines")
+    engines = both_engines.measure(sizes.rounds, sizes.engines)
     tell("3 cars")
     skipped: dict[str, str] = {}
     versions: dict[str, str] = {}
@@ -200,6 +208,7 @@ def measure(sizes: Sizes, peers_python: str, command: str, tell: Callable[[str],
     return Measured(
         command,
         machine(),
+        engines,
         races,
         skipped,
         work,

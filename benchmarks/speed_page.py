@@ -11,6 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
+from benchmarks import both_engines
 from genie_sim.analysis import style
 from genie_sim.analysis.drawing import in_style
 from genie_sim.analysis.style import COLUMN_IN
@@ -32,6 +33,7 @@ def blocks(measured: Measured) -> dict[str, str]:
         "machine": "\n".join(
             f"- {what}: {text}" for what, text in [*measured.machine.items(), *_about(measured)]
         ),
+        "engines": table(both_engines.HEADER, both_engines.rows(measured.engines)),
         "goals": _goals(measured),
         "ratios": _ratios(measured),
         "work": _work(measured),
@@ -83,18 +85,18 @@ def _about(measured: Measured) -> list[tuple[str, str]]:
     left_out = [f"{name} ({reason})" for name, reason in measured.skipped.items()]
     lines = [("made by", f"`{measured.command}`")]
     lines += [("other simulators", ", ".join(others))] if others else []
+    left_out += [f"{name} ({reason})" for name, reason in measured.engines.missing.items()]
     lines += [("left out", "; ".join(left_out))] if left_out else []
     return lines
 
 
 def _goals(measured: Measured) -> str:
-    rows = []
-    for race in measured.races:
-        for engine in race.rounds:
-            if engine.startswith("Genie"):
-                ratio = race.ratio(engine, ANCHOR)
-                what = f"{race.cars:,} cars, {engine}: frames/s, over SimPy's"
-                rows.append((what, "at least 1", f"{ratio:.3f}", _met(ratio >= 1)))
+    rows, engines = [], measured.engines
+    if both_engines.COMPILED not in engines.missing:
+        for case, goal in engines.goals.items():
+            ratio = engines.over_station(both_engines.COMPILED, case)
+            what = f"{case}, compiled: frames/s, over SimPy's"
+            rows.append((what, f"at least {goal:g}", f"{ratio:.3g}", _met(ratio >= goal)))
     for roads, curve in measured.curves.items():
         known = [(point.cars, point.growth) for point in curve if point.growth is not None]
         (first, _), (last, growth) = known[0], known[-1]

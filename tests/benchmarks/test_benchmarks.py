@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import json
 import random
 import shutil
 import sys
@@ -10,10 +11,12 @@ from dataclasses import replace
 from itertools import accumulate
 from pathlib import Path
 from statistics import fmean
+from types import SimpleNamespace
 
 import pytest
 
-from benchmarks import genie_runs, main_job, peers, speed, speed_page
+from benchmarks import both_engines, genie_runs, main_job, peers, speed, speed_page
+from benchmarks.both_engines import Engines, Pair
 from benchmarks.genie_runs import (
     Drive,
     Footprint,
@@ -50,6 +53,7 @@ TINY = Sizes(
     minutes=2,
     memory_laps=(1, 3),
     profile_entries=3,
+    engines={"laps": 1, "lap_times": 1, "cars": 5, "fleet_s": 0.2},
 )
 
 
@@ -217,6 +221,60 @@ def test_ratios_are_taken_within_rounds():
     assert race.ratios("a", "b") == [2, 2, 10]
     assert race.ratio("a", "b") == 2 and race.rate("a") == 20 and race.rate("b") == 5
     assert race.ratio("b", "b") == 1
+
+
+def test_engines_are_compared_with_the_station_beside_them():
+    """A round that the machine was slow in slows both: ratios within pairs, then the median."""
+    pairs = [
+        Pair(10, genie_sim_s, station_s) for genie_sim_s, station_s in ((1, 2), (3, 3), (2, 8))
+    ]
+    engines = Engines(
+        goals={"`remote`": 1.3},
+        pairs={"plain Python": {"`remote`": pairs}},
+        missing={"compiled": "no compiler"},
+    )
+    assert engines.microseconds("plain Python", "`remote`") == 200_000
+    assert engines.over_station("plain Python", "`remote`") == 2
+    assert both_engines.rows(engines) == [("`remote`", "200000.0", "2", "", "", "1.3")]
+
+
+def test_both_engines_run_like_for_like_first():
+    cases = both_engines.cases(laps=2, lap_times=3, cars=5, fleet_s=0.2)
+    assert list(cases)[:2] == ["`remote`", "`local`"]
+    made = {name: case.make() for name, case in cases.items()}
+    assert {name: scenario.methods[0].name for name, scenario in made.items()} == {
+        name: name.strip("`") if "`" in name else "genie" for name in cases
+    }
+    assert {name for name, scenario in made.items() if scenario.record} == {
+        "Genie, first lap, all tables",
+        "Genie, 2 laps, all tables",
+    }
+    assert {name: made[name].cars[0].route.laps for name in made if "lap" in name} == {
+        "Genie, first lap": 1,
+        "Genie, 2 laps": 2,
+        "Genie, first lap, all tables": 1,
+        "Genie, 2 laps, all tables": 2,
+    }
+    assert {name: len(scenario.cars) for name, scenario in made.items()} == {
+        name: case.cars for name, case in cases.items()
+    }
+
+
+def test_an_engine_that_is_not_there_is_left_out_with_the_reason(monkeypatch: pytest.MonkeyPatch):
+    """The plain engine is forced by the variable; the compiled one says why it does not run."""
+    asked: list[str] = []
+
+    def child(command: list[str], *, env: dict[str, str], **_: object) -> object:
+        asked.append(env["GENIE_SIM_PURE"])
+        pair = {"frames": 4, "genie_sim_s": 2.0, "station_s": 1.0}
+        answer = {"is_compiled": False, "title": "plain Python (stale)", "pairs": {"x": pair}}
+        return SimpleNamespace(stdout=f"a warning\n{json.dumps(answer)}\n")
+
+    monkeypatch.setattr(both_engines.subprocess, "run", child)
+    engines = both_engines.measure(2, TINY.engines)
+    assert asked == ["1", "0", "1"]
+    assert engines.pairs == {"plain Python": {"x": [Pair(4, 2.0, 1.0)] * 2}}
+    assert engines.missing == {"compiled": "plain Python (stale)"}
 
 
 def test_memory_is_that_of_one_more_frame():
