@@ -74,8 +74,9 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    order = {name: place - len(FIRST) for place, name in enumerate(FIRST)} | {LAST: 1}
-    items.sort(key=lambda item: order.get(item.path.name, 0))
+    if "PYTEST_XDIST_WORKER" in os.environ:  # alone, the order is as given
+        order = {name: place - len(FIRST) for place, name in enumerate(FIRST)} | {LAST: 1}
+        items.sort(key=lambda item: order.get(item.path.name, 0))
     for item in items:
         if item.get_closest_marker("nightly") and not config.getoption("--nightly"):
             item.add_marker(pytest.mark.skip(reason="takes minutes: --nightly"))
