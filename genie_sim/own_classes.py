@@ -29,14 +29,11 @@ from genie_sim.messages import (
     Expired,
     Forgotten,
     Image,
-    ImageLookup,
-    ObjectLookups,
+    Observation,
     Publish,
 )
 from genie_sim.sim.link_models import Air, Channel, LinkEnds, LinkModel, Medium, Radio, Sender
 from genie_sim.sim.method import HostConfig, HostContext, Interceptor, Method
-
-OBSERVATIONS = (ImageLookup, ObjectLookups, Forgotten, Expired)
 
 
 def _is_effects(value: Any) -> bool:
@@ -48,7 +45,7 @@ def _is_effects(value: Any) -> bool:
                 isinstance(effect.topic, str) and isinstance(effect.message, Image | Detections)
             ):
                 return False
-        elif not isinstance(effect, OBSERVATIONS):
+        elif not isinstance(effect, Observation):
             return False
     return True
 

@@ -13,6 +13,18 @@ import pytest
 from genie_sim import contracts
 from genie_sim.contracts import Checked, Contract, require
 from genie_sim.errors import UserError
+from genie_sim.messages import (
+    Detections,
+    Expired,
+    Forgotten,
+    Header,
+    ImageLookup,
+    LookEvent,
+    NewestLook,
+    ObjectLookups,
+    Publish,
+)
+from genie_sim.own_classes import EFFECTS
 
 HUGE = 10**400  # no float holds it
 VALUES: dict[str, tuple[list[Any], list[Any]]] = {  # right ones and wrong ones
@@ -68,3 +80,23 @@ def test_a_checked_object_is_the_own_one_but_for_what_its_methods_return():
         _ = checked.missing
     with pytest.raises(UserError, match=r"^link model 'm:C': draw is None, but must be a method$"):
         Checked(own, "link model 'm:C'", {"draw": contracts.NUMBER})
+
+
+def test_effects_are_publications_and_every_kind_of_observation():
+    header = Header(1, "camera_02", "car1")
+    answer = Detections(header, ())
+    right = [
+        Publish("/objects", answer, None),
+        ImageLookup(header, "hit", "client", 3),
+        ObjectLookups(header, "boost", 2, 1, 0, 0.0, 4),
+        Expired(header),
+        Forgotten(()),
+        LookEvent(header, "own", "sent"),
+        NewestLook(header, 5),
+    ]
+    for effect in right:
+        assert EFFECTS.holds([effect]) and EFFECTS.holds((*right, effect)), effect
+    wrong = [Publish(3, answer, None), Publish("/objects", "an answer", None), header, None]
+    for effect in wrong:
+        assert not EFFECTS.holds([*right, effect]), effect
+    assert not EFFECTS.holds(right[0]) and not EFFECTS.holds(None)
