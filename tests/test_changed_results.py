@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import json
 import shutil
 from pathlib import Path
@@ -247,3 +248,22 @@ def test_a_changed_evaluation_and_a_changed_sweep_are_refused(tmp_path, capsys):
     (folder / "table.parquet").write_bytes((folder / "table.parquet").read_bytes() + b" ")
     assert main(["report", str(folder)]) == 1
     assert "table.parquet" in capsys.readouterr().err
+
+
+def test_no_function_takes_changed_files_unless_it_is_told_to():
+    """Of every function and method of the package with an ``allow_changed``."""
+    found = []
+    for path in sorted((REPOSITORY / "genie_sim").rglob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if not isinstance(node, ast.FunctionDef):
+                continue
+            arguments = node.args
+            places = [*arguments.posonlyargs, *arguments.args]
+            defaults = [None] * (len(places) - len(arguments.defaults)) + arguments.defaults
+            pairs = [*zip(places, defaults, strict=True)]
+            pairs += zip(arguments.kwonlyargs, arguments.kw_defaults, strict=True)
+            for argument, default in pairs:
+                if argument.arg == "allow_changed" and default is not None:
+                    found.append(node.name)
+                    assert ast.unparse(default) == "False", f"{path.name}: {node.name}"
+    assert len(found) > 10
