@@ -1,6 +1,3 @@
-cimport cython
-
-@cython.auto_pickle(True)
 cdef class Image:
     cdef public object header
     cdef public object size_bytes
@@ -11,7 +8,6 @@ cdef class Image:
     cdef public object content
     cdef public object looks
 
-@cython.auto_pickle(True)
 cdef class Detection:
     cdef public object label
     cdef public object score
@@ -23,7 +19,6 @@ cdef class Detection:
     cdef public object seen_in
     cpdef with_confidence(self, confidence)
 
-@cython.auto_pickle(True)
 cdef class Detections:
     cdef public object header
     cdef public object objects

@@ -3,7 +3,8 @@
     python -m tests.engine_digests
 
 Scenarios are chosen so that every compiled module has its part: all methods on the shipped drive, a
-town with many cars, faults on links and hosts, looks that travel, and extensions in plain Python.
+town with many cars, faults on links and hosts, looks that travel, every shipped kind of scenario,
+all methods, and extensions in plain Python.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ OWN = "tests.conformance.own"
 
 
 def scenarios() -> dict[str, Scenario]:
-    """What runs, by name: two seconds of simulated time each."""
+    """What runs, by name: a few seconds of simulated time each."""
     parts = {"similarity": f"{OWN}:OwnSimilarity", "eviction": f"{OWN}:OwnEviction"}
     map_rules = {"freshness": f"{OWN}:OwnPolicy", "threshold": {"percentile": 40}}
     own_genie = {**parts, "capacity": "20 entries", "object_map": map_rules}
@@ -41,7 +42,29 @@ def scenarios() -> dict[str, Scenario]:
         "literal": small.scenario(["genie"], genie={"algorithm": "literal"}),
         "faults": small.scenario(faults=[outage, crash]),
         "own": small.scenario([f"{OWN}:Again", "genie"], genie=own_genie),
+        **shipped_scenarios(),
     }
+
+
+def shipped_scenarios() -> dict[str, Scenario]:
+    """Those that ship, each shorter than it is."""
+    settings = {
+        "baselines": SHORT,
+        "3car_laps": [*SHORT, *LAPS],
+        "red_light": ["perception.duration=3 s"],
+        "lossy_link": SHORT[:2],
+        "shared_cell": ["perception.duration=3 s"],
+        "edge_batches": ["convoy.route.window=[0 s, 2 s]"],
+        "lying_car": ["perception.duration=3 s"],
+        "failing_edge": [],
+        "recorded_link": SHORT,
+        "energy": SHORT,
+        "town_recommended": ["perception.duration=3 s"],
+        "fleet_30": ["perception.duration=4 s"],
+        "case_study": ["cars[0].route.window=[3.1 s, 5.1 s]", "cars[1].route.window=[0 s, 2 s]"],
+        "1car_homo": ["consumer=tracker", "image_encoding=jpeg90", "seed=3", SHORT[0]],
+    }
+    return {name: load_scenario(name, changes) for name, changes in settings.items()}
 
 
 def digest(rows: pd.DataFrame) -> str:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from genie_sim.recording.records import FRAMES, LOOKUPS, RESOURCES, FrameRow
+from genie_sim.recording.open_frame import OpenFrame
+from genie_sim.recording.records import FRAMES, LOOKUPS, RESOURCES
 from genie_sim.recording.results import MethodInfo
 from genie_sim.recording.tables import Table
 
@@ -34,7 +35,9 @@ def frames(cars: int = 3, seconds: int = 10, seed: int = 1, speed: float = 1.0) 
             for s, stream in enumerate(STREAMS):
                 for frame in range(10 * seconds):
                     stamp_ns = (100 * frame + 25 * s) * MS
-                    row = FrameRow(method, f"car{car}", stream, frame, 0, stamp_ns)
+                    row = OpenFrame(
+                        method, f"car{car}", stream, frame=frame, lap=0, stamp_ns=stamp_ns
+                    )
                     received_ns = stamp_ns + 3 * MS
                     row.received_ns = received_ns
                     if method == "genie":
@@ -53,7 +56,7 @@ def frames(cars: int = 3, seconds: int = 10, seed: int = 1, speed: float = 1.0) 
     return table
 
 
-def _set(row: FrameRow, t_ns: int, source: str, objects: int) -> None:
+def _set(row: OpenFrame, t_ns: int, source: str, objects: int) -> None:
     for column in ("first_answer_ns", "fresh_answer_ns"):
         setattr(row, column, t_ns)
     for column in ("objects_served", "objects_fresh"):
@@ -62,7 +65,7 @@ def _set(row: FrameRow, t_ns: int, source: str, objects: int) -> None:
 
 
 def _answer_by_genie(
-    row: FrameRow, received_ns: int, rng: np.random.Generator, speed: float
+    row: OpenFrame, received_ns: int, rng: np.random.Generator, speed: float
 ) -> None:
     genie_ms = 8.8 * (0.6 + 0.4 * np.exp(0.5 * rng.standard_normal()))
     first_ns = received_ns + int(genie_ms * MS)

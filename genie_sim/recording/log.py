@@ -22,10 +22,10 @@ from genie_sim.monitor import FaultSpan, Forgery, HostUsage, Placement, Resource
 from genie_sim.recording.agreement import Agreement, ComparedAnswer
 from genie_sim.recording.map_accuracy import MapAccuracy
 from genie_sim.recording.objects import Objects
+from genie_sim.recording.open_frame import OpenFrame
 from genie_sim.recording.records import (
     AttackRow,
     FaultRow,
-    FrameRow,
     HostRow,
     LookRow,
     LookupRow,
@@ -106,7 +106,7 @@ class Log:
         self._steps = tables["steps"] if "steps" in record else None
         self.wants_changes = self._objects is not None  # of object maps
         self.wants_paths = self._steps is not None
-        self._open: dict[Header, FrameRow] = {}  # in order of their stamps
+        self._open: dict[Header, OpenFrame] = {}  # in order of their stamps
         self._open_objects: dict[tuple[str, int], int] = {}  # by Genie and number in its map
         self._object_counts: Counter[str] = Counter()  # by Genie
         self.published_frames = 0
@@ -115,7 +115,8 @@ class Log:
         """A camera took a frame. See ``monitor.Monitor`` for this and what follows."""
         header = image.header
         stamp_ns, stream, car = header
-        self._open[header] = frame = FrameRow(self.method, car, stream, number, lap, stamp_ns)
+        frame = OpenFrame(self.method, car, stream, frame=number, lap=lap, stamp_ns=stamp_ns)
+        self._open[header] = frame
         self.published_frames += 1
         if self._accuracy is not None:
             self._accuracy.published(image)
@@ -158,7 +159,7 @@ class Log:
             if self._agreement is not None:
                 self._agreement.close()
 
-    def _frame(self, header: Header) -> FrameRow | None:
+    def _frame(self, header: Header) -> OpenFrame | None:
         """The row of a frame, taken out of the table if it is there already."""
         header = header.original
         frame = self._open.get(header)
@@ -166,7 +167,8 @@ class Log:
             stamp_ns, stream, car = header
             row = self._frames.take(method=self.method, car=car, stream=stream, stamp_ns=stamp_ns)
             if row is not None:
-                frame = self._open[header] = FrameRow(**row)
+                frame = OpenFrame(self.method, car, stream, frame=0, lap=0, stamp_ns=stamp_ns)
+                self._open[header] = frame.update(row)
         return frame
 
     def received(self, header: Header, now_ns: int) -> None:
@@ -181,7 +183,10 @@ class Log:
         """
         frame = self._frame(message.header)
         if frame is not None:
-            setattr(frame, column, getattr(frame, column) + message.size_bytes)
+            if column == "bytes_up":
+                frame.bytes_up += message.size_bytes
+            else:
+                frame.bytes_down += message.size_bytes
 
     def answered(
         self, answer: Detections, source: str, now_ns: int, path: Span | None = None
@@ -226,7 +231,7 @@ class Log:
             frame.objects_fresh = len(answer.objects)
 
     def _note_steps(
-        self, path: Span | None, frame: FrameRow, is_first: bool, is_fresh: bool
+        self, path: Span | None, frame: OpenFrame, is_first: bool, is_fresh: bool
     ) -> None:
         """Writes the steps from when the frame was received until the answer was there."""
         if self._steps is None or path is None or frame.received_ns is None:

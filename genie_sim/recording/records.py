@@ -7,13 +7,10 @@ in ``analysis.metrics``. A value that is not known is ``None``.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from operator import attrgetter
 from pathlib import Path
 from typing import Annotated, NamedTuple
 
-from genie_sim.messages import Image
-from genie_sim.recording.tables import Int32, Schema, Table, Value
+from genie_sim.recording.tables import Int32, Schema, Table
 
 Method = Annotated[str, "", "the method that was simulated, by its name in the scenario"]
 Car = Annotated[str, "", "the car whose camera took the frame"]
@@ -22,8 +19,7 @@ FrameNumber = Annotated[Int32, "", "running number in the stream, over all laps"
 Stamp = Annotated[int, "ns", "when the camera took it"]
 
 
-@dataclass(slots=True)
-class FrameRow:
+class FrameRow(NamedTuple):
     """One row per method, car, stream and frame."""
 
     method: Method
@@ -70,13 +66,6 @@ class FrameRow:
         "",
         "queue or link that dropped it before any result; CAR:no_edge: no link",
     ] = None
-    # Not a column: what the detector itself finds in the frame, until the result has come.
-    image: Image | None = None
-
-    def values(self) -> tuple[Value, ...]:
-        """Returns the values of the columns, in their order."""
-        values: tuple[Value, ...] = _frame_values(self)
-        return values
 
 
 class LookupRow(NamedTuple):
@@ -416,8 +405,6 @@ SCHEMAS: Mapping[str, Schema] = {
 }
 
 Tables = dict[str, Table]  # by name
-
-_frame_values = attrgetter(*(column.name for column in FRAMES.columns))
 
 
 def new_tables(folder: Path | None = None) -> Tables:

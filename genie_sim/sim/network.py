@@ -19,7 +19,8 @@ from genie_sim.sim.encoding import Coder, CoderRole, ImageCodec, Take
 from genie_sim.sim.fault import EdgeConnection
 from genie_sim.sim.forgeries import Forgeries
 from genie_sim.sim.link import Link
-from genie_sim.sim.link_models import LinkEnds, LinkModel, Medium, Radio, make_radio
+from genie_sim.sim.link_models import LinkEnds, LinkModel, Medium, Radio
+from genie_sim.sim.link_models.channels import make_radio
 from genie_sim.sim.places import Place, Point
 from genie_sim.sim.ros_graph import Graph
 from genie_sim.sim.service import Device

@@ -14,6 +14,7 @@ from scipy import stats
 from genie_sim.analysis import metrics
 from genie_sim.analysis.statistics import Blocks, across_seeds, wilson
 from genie_sim.recording.columns import Columns
+from genie_sim.recording.open_frame import OpenFrame
 from genie_sim.recording.records import FRAMES, LOOKUPS, RESOURCES, FrameRow
 from genie_sim.recording.results import MethodInfo, Metric
 from genie_sim.recording.tables import Table
@@ -39,7 +40,9 @@ def six_frames() -> pd.DataFrame:
     for method, answers in took.items():
         for frame, answer in enumerate(answers):
             received_ns = frame * S + 2 * MS
-            row = FrameRow(method, "car1", "camera_02", frame, 0, frame * S, received_ns)
+            row = OpenFrame(
+                method, "car1", "camera_02", frame=frame, lap=0, stamp_ns=frame * S
+            ).update({"received_ns": received_ns})
             if answer is not None:
                 first_ms, fresh_ms, row.objects_served = answer
                 row.first_answer_ns = received_ns + first_ms * MS
@@ -148,7 +151,7 @@ def test_a_frame_that_is_dropped_after_a_first_answer_is_not_a_dropped_frame():
     """
     table = Table(FRAMES)
     dropped = {"received_ns": 0, "first_answer_ns": 9 * MS, "drop": "car1/detector:/image_raw"}
-    table.append(FrameRow("genie", "car1", "camera_02", 0, 0, 0, **dropped).values())
+    table.append(FrameRow("genie", "car1", "camera_02", 0, 0, 0, **dropped))
     result = of_tables(frames=table.to_frame())
     assert result["frames_answered", "genie"].value == 1
     assert result["frames_dropped", "genie"].value == 0
@@ -159,7 +162,7 @@ def test_what_is_not_defined_is_none():
     interval.
     """
     table = Table(FRAMES)
-    table.append(FrameRow("local", "car1", "camera_02", 0, 0, 0).values())
+    table.append(FrameRow("local", "car1", "camera_02", 0, 0, 0))
     result = of_tables(frames=table.to_frame())
     assert result["first_answer_mean", "local"] == Metric(
         "first_answer_mean", "local", "all", "", None, "ms"
@@ -181,9 +184,7 @@ def autocorrelated_run(rng: np.random.Generator, mean_ms: float) -> pd.DataFrame
             deviation = 0.8 * deviation + rng.standard_normal()
             answer_ns = int((mean_ms + deviation) * MS)
             table.append(
-                FrameRow(
-                    "genie", car, "camera_02", frame, 0, frame * 50 * MS, 0, answer_ns
-                ).values()
+                FrameRow("genie", car, "camera_02", frame, 0, frame * 50 * MS, 0, answer_ns)
             )
     return table.to_frame()
 
@@ -220,9 +221,7 @@ def test_the_interval_of_an_improvement_narrows_when_both_arms_share_their_ups_a
         for frame in range(100):
             answer_ns = int(factor * (200 + 10 * (frame // 10)) * MS)
             table.append(
-                FrameRow(
-                    method, "car1", "camera_02", frame, 0, frame * 100 * MS, 0, answer_ns
-                ).values()
+                FrameRow(method, "car1", "camera_02", frame, 0, frame * 100 * MS, 0, answer_ns)
             )
     result = of_tables(frames=table.to_frame())
     improvement, mean = (
@@ -365,8 +364,8 @@ def test_utilization_is_not_diluted_by_the_wait_for_the_last_answers():
     comes.
     """
     frames, resources = Table(FRAMES), Table(RESOURCES)
-    frames.append(FrameRow("local", "car1", "camera_02", 0, 0, 0).values())
-    frames.append(FrameRow("local", "car1", "camera_02", 1, 0, 2 * S).values())
+    frames.append(FrameRow("local", "car1", "camera_02", 0, 0, 0))
+    frames.append(FrameRow("local", "car1", "camera_02", 1, 0, 2 * S))
     for second in range(11):
         busy_ns, done = min(second, 2) * S, min(3 * second, 7)
         resources.append(
@@ -415,9 +414,7 @@ def test_any_methods_are_measured_in_their_order_and_each_is_compared_with_every
     for method, answer_ms in (("plain", 100), ("slow", 80), ("swift", 10)):
         for frame in range(20):
             table.append(
-                FrameRow(
-                    method, "car1", "c", frame, 0, frame * 100 * MS, 0, answer_ms * MS
-                ).values()
+                FrameRow(method, "car1", "c", frame, 0, frame * 100 * MS, 0, answer_ms * MS)
             )
     lookups = lookup_table(
         *events("car1/genie", "image", [0, 0], method="slow"),
@@ -440,7 +437,7 @@ def test_any_methods_are_measured_in_their_order_and_each_is_compared_with_every
 
 def test_a_resource_is_placed_where_it_is():
     frames, resources = Table(FRAMES), Table(RESOURCES)
-    frames.append(FrameRow("local", "car.one", "c", 0, 0, 0).values())
+    frames.append(FrameRow("local", "car.one", "c", 0, 0, 0))
     names = {
         "car.one.accelerator": "car",
         "car.one/genie:/image_raw": "car",

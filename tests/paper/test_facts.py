@@ -8,7 +8,8 @@ import pytest
 
 from genie_sim.paper.definitions import Definitions
 from genie_sim.paper.facts import Fact, facts_of, of_baselines, placed
-from genie_sim.recording.records import FRAMES, LOOKUPS, RESOURCES, FrameRow
+from genie_sim.recording.open_frame import OpenFrame
+from genie_sim.recording.records import FRAMES, LOOKUPS, RESOURCES
 from genie_sim.recording.tables import Table
 from tests.paper.notation import fact
 
@@ -31,7 +32,10 @@ def frames(lap_of=lambda frame: 0):
         for frame, answer in enumerate(answers):
             stamp_ns = (BEGIN_S + frame) * S
             received_ns = stamp_ns + WAIT_MS * MS
-            row = FrameRow(method, car, "camera_02", frame, lap_of(frame), stamp_ns, received_ns)
+            row = OpenFrame(
+                method, car, "camera_02", frame=frame, lap=lap_of(frame), stamp_ns=stamp_ns
+            )
+            row.received_ns = received_ns
             if answer is not None:
                 row.first_answer_ns, row.fresh_answer_ns = (
                     None if ms is None else received_ns + ms * MS for ms in answer

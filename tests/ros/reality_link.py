@@ -136,7 +136,7 @@ def simulated_ms(rate_bps: int, size_bytes: int, count: int) -> list[float]:
     from genie_sim.messages import Detections, Header
     from genie_sim.sim.clock import Clock
     from genie_sim.sim.link import Link
-    from genie_sim.sim.link_models import ChannelSender
+    from genie_sim.sim.link_models.channels import ChannelSender
     from genie_sim.sim.link_models.wire import Wire
 
     class Message(Detections):

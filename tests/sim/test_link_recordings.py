@@ -46,7 +46,7 @@ def test_a_constant_recording_is_a_wire_to_the_nanosecond(tmp_path, size_bytes: 
     wire = Wire(rate_bps, None, rtt_ns // 2, overhead_bytes=0).channel(True, stream(1))
     replayed = sender(RecordedLink(rate=path, rtt=path))
     for now_ns in (0, 1, 5 * S // 7, 123_456_789_012):
-        assert replayed._occupied_ns(size_bytes, now_ns) == wire.occupied_ns(size_bytes, now_ns)
+        assert replayed.occupied_ns(size_bytes, now_ns) == wire.occupied_ns(size_bytes, now_ns)
         assert replayed.delay_ns(size_bytes, now_ns) == wire.delay_ns(size_bytes, now_ns)
 
 
@@ -132,16 +132,16 @@ def test_a_car_has_the_link_of_the_row_that_is_nearest(tmp_path):
         ((40.0, 70.0), 4, 20),
     ):
         there = sender(trace, place=place)
-        assert there._occupied_ns(12_500, 77 * S) == S // 10 // rate_bps
+        assert there.occupied_ns(12_500, 77 * S) == S // 10 // rate_bps
         assert there.delay_ns(1, 77 * S) == delay_ms * MS
 
 
 def test_constant_rates_stand_in_for_what_was_not_recorded(tmp_path):
     path = write(tmp_path / "up.parquet", t_ns=[0], up_bps=[8 * MBIT])
     trace = RecordedLink(rate=path, rtt=None, down_bps=80 * MBIT, delay_ns=3)
-    assert sender(trace)._occupied_ns(10**6, 5) == S and sender(trace).delay_ns(1, 5) == 3
-    assert sender(trace, DOWN)._occupied_ns(10**6, 5) == S // 10
-    assert sender(RecordedLink(rtt=None, up_bps=4 * MBIT))._occupied_ns(10**6, 5) == 2 * S
+    assert sender(trace).occupied_ns(10**6, 5) == S and sender(trace).delay_ns(1, 5) == 3
+    assert sender(trace, DOWN).occupied_ns(10**6, 5) == S // 10
+    assert sender(RecordedLink(rtt=None, up_bps=4 * MBIT)).occupied_ns(10**6, 5) == 2 * S
 
 
 def test_the_shipped_recording_is_the_generated_one():

@@ -15,7 +15,7 @@ from genie_sim.messages import Header, Publish
 from genie_sim.sim.clock import Clock
 from genie_sim.sim.device import Host
 from genie_sim.sim.link import Bridge, Link
-from genie_sim.sim.link_models import ChannelSender
+from genie_sim.sim.link_models.channels import ChannelSender
 from genie_sim.sim.link_models.wire import Wire
 from genie_sim.sim.method import DETECTOR, IMAGES, OBJECTS, HostConfig
 from genie_sim.sim.nodes import DetectorNode, InterceptorNode, attach

@@ -16,7 +16,7 @@ from genie_sim import build
 from genie_sim.messages import Detections, Header
 from genie_sim.sim.clock import Clock
 from genie_sim.sim.link import Link
-from genie_sim.sim.link_models import ChannelSender
+from genie_sim.sim.link_models.channels import ChannelSender
 from genie_sim.sim.link_models.presets import LINKS
 from genie_sim.sim.link_models.wire import Wire
 

@@ -23,7 +23,7 @@ from genie_sim.perception.trace import TraceFrame
 from genie_sim.sim.clock import Clock
 from genie_sim.sim.device import Host, Processor
 from genie_sim.sim.link import Link
-from genie_sim.sim.link_models import ChannelSender
+from genie_sim.sim.link_models.channels import ChannelSender
 from genie_sim.sim.link_models.presets import LINKS
 from genie_sim.sim.nodes import DetectorNode
 from genie_sim.sim.ros_graph import Graph

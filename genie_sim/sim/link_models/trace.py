@@ -6,7 +6,8 @@ from typing import Literal
 
 import numpy as np
 
-from genie_sim.sim.link_models import Air, ChannelSender, LinkEnds
+from genie_sim.sim.link_models import Air, LinkEnds
+from genie_sim.sim.link_models.channels import ChannelSender
 from genie_sim.sim.link_models.recording import LinkRecording, Steps, read
 from genie_sim.units import NS_PER_MS, NS_PER_S
 

@@ -1,0 +1,46 @@
+from genie_sim.recording.open_frame cimport OpenFrame
+cimport cython
+
+cdef class Log:
+    cdef public object method
+    cdef public object samples
+    cdef public object wants_changes
+    cdef public object wants_paths
+    cdef public object published_frames
+    cdef object _accuracy
+    cdef object _posed
+    cdef object _frames
+    cdef object _resources
+    cdef object _hosts
+    cdef object _faults
+    cdef object _attacks
+    cdef object _lookups
+    cdef object _looks
+    cdef object _poses
+    cdef object _objects
+    cdef object _agreement
+    cdef object _steps
+    cdef dict _open
+    cdef dict _open_objects
+    cdef object _object_counts
+    @cython.locals(frame=OpenFrame)
+    cpdef published(self, image, number, lap)
+    cpdef OpenFrame _frame(self, header)
+    @cython.locals(frame=OpenFrame)
+    cpdef received(self, header, now_ns)
+    @cython.locals(frame=OpenFrame)
+    cpdef carried(self, column, message)
+    @cython.locals(frame=OpenFrame)
+    cpdef answered(self, answer, source, now_ns, path=*)
+    @cython.locals(values=list)
+    cpdef _note_steps(self, path, OpenFrame frame, is_first, is_fresh)
+    @cython.locals(frame=OpenFrame)
+    cpdef dropped(self, message, where)
+    cpdef observe(self, placement, node, record, now_ns)
+    cpdef _note_look(self, genie, event, now_ns, looked_ns=*)
+    @cython.locals(frame=OpenFrame)
+    cpdef _note_image_lookup(self, placement, genie, lookup, now_ns)
+    cpdef _note_object_lookups(self, placement, genie, lookups, now_ns)
+    cpdef _note_changes(self, genie, changes, now_ns, forgotten=*)
+    @cython.locals(values=list)
+    cpdef sample(self, resources, now_ns)
