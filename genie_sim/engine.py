@@ -82,11 +82,11 @@ def usable_modules(package: Path, folder: Path) -> dict[str, Path]:
     manifest = folder / MANIFEST
     if not manifest.is_file():
         raise NotUsable("not compiled")
+    if os.environ.get(PURE, "") not in {"", "0"}:
+        raise NotUsable(f"{PURE} is set")
     import hashlib
     import json
 
-    if os.environ.get(PURE, "") not in {"", "0"}:
-        raise NotUsable(f"{PURE} is set")
     try:
         build: dict[str, Any] = json.loads(manifest.read_bytes())
         if "failed" in build:
