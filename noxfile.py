@@ -19,9 +19,15 @@ nox.options.reuse_existing_virtualenvs = True
 # Whole files go to one process; files that take long come first (tests/conftest.py).
 PARALLEL = ("-n", os.environ.get("GENIE_SIM_TEST_PROCESSES", "3"), "--dist", "loadfile")
 
-# What tells a compiled simulator from plain Python, and what compiles it.
-COMPILED = ("tests/test_engine.py", "tests/core", "tests/sim", "tests/conformance")
-COMPILER = ("cython>=3.3", "setuptools>=70")
+# What tells a compiled simulator from plain Python; runs in several processes among it.
+OF_ENGINES = (
+    "tests/test_engine.py",
+    "tests/core",
+    "tests/sim",
+    "tests/conformance",
+    "tests/recording",
+    "tests/study",
+)
 
 
 def install(session: nox.Session, *requirements: str) -> None:
@@ -71,11 +77,11 @@ def coverage(session: nox.Session) -> None:
 @nox.session
 def compiled(session: nox.Session) -> None:
     """Compiles the simulator in place, and runs its tests with the compiled engine."""
-    install(session, ".[test]", *COMPILER)
+    install(session, ".[test,dev]")
     session.run("python", "compile_engine.py")
     check = "from genie_sim.engine import ENGINE; assert ENGINE.is_compiled, ENGINE.title"
     session.run("python", "-c", check)
-    pytest(session, *COMPILED)
+    pytest(session, *OF_ENGINES)
 
 
 @nox.session
