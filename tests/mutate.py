@@ -99,6 +99,10 @@ OTHER_FUNCTION = {
     "argmin": "argmax",
     "argmax": "argmin",
 }
+# Functions of two arguments that may as well change places.
+SYMMETRIC = ("min", "max", "hypot", "maximum", "minimum", "isclose", "gcd")
+# Keywords that say what holds anyway: equal lengths (``zip``), private fields (``field``).
+ASSERTED = ("strict", "compare", "repr")
 
 
 @dataclass(frozen=True)
@@ -129,14 +133,7 @@ def candidates(file: str, source: str) -> Iterator[Mutation]:
         return len(encoded[: starts[line - 1] + column].decode())
 
     tree = ast.parse(source)
-    # Options of decorators, such as ``frozen``, and annotations decide nothing that a run shows.
-    skipped = {
-        inner
-        for node in ast.walk(tree)
-        for outer in (*getattr(node, "decorator_list", ()), getattr(node, "annotation", None))
-        if outer is not None
-        for inner in ast.walk(outer)
-    }
+    skipped = {inner for outer in ineffective(tree) for inner in ast.walk(outer)}
     for node in ast.walk(tree):
         if node in skipped:
             continue
@@ -149,6 +146,19 @@ def candidates(file: str, source: str) -> Iterator[Mutation]:
             text = ast.unparse(mutated)
             text = f"({text})" if isinstance(node, ast.expr) else text
             yield Mutation(file, node.lineno, node.end_lineno, operator, start, end, text)
+
+
+def ineffective(tree: ast.AST) -> Iterator[ast.AST]:
+    """What decides nothing that a run shows: annotations, options of decorators, such as
+    ``frozen``, those in ``ASSERTED``.
+    """
+    for node in ast.walk(tree):
+        yield from getattr(node, "decorator_list", ())
+        annotation = getattr(node, "annotation", None)
+        if annotation is not None:
+            yield annotation
+        if isinstance(node, ast.keyword) and node.arg in ASSERTED:
+            yield node.value
 
 
 def mutated_forms(node: ast.AST) -> Iterator[tuple[str, ast.AST]]:
@@ -184,7 +194,8 @@ def mutated_forms(node: ast.AST) -> Iterator[tuple[str, ast.AST]]:
             for place, argument in enumerate(node.args)
             if not isinstance(argument, ast.Starred)
         ]
-        if len(plain) == len(node.args) >= 2:
+        is_symmetric = name in SYMMETRIC and len(node.args) == 2
+        if len(plain) == len(node.args) >= 2 and not is_symmetric:
             yield (
                 "order",
                 ast.Call(node.func, [node.args[1], node.args[0], *node.args[2:]], node.keywords),

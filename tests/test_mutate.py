@@ -45,6 +45,28 @@ def test_an_operator_does_what_its_name_says(operator: str, mutated: str):
     assert any(mutated in outcome for outcome in outcomes)
 
 
+def test_what_decides_nothing_is_left_as_it_is():
+    source = """
+from dataclasses import dataclass, field
+@dataclass(frozen=True)
+class Pair:
+    kept: dict[int, int] = field(init=False, compare=False)
+    def reach(self, others: list[float]) -> float:
+        return [max(a, b, self.least) + max(a, b) for a, b in zip(self, others, strict=True)]
+"""
+    changed = [mutation.text for mutation in mutate.candidates("file.py", source)]
+    assert sorted(changed) == sorted(
+        [
+            "(True)",  # of ``init``
+            "(max(a, b, self.least) - max(a, b))",
+            "(max(b, a, self.least))",
+            "(min(a, b, self.least))",
+            "(min(a, b))",
+            "(zip(others, self, strict=True))",
+        ]
+    )
+
+
 def test_a_draw_is_the_same_each_time_and_spread_over_the_files():
     sample = mutate.drawn(seed=3, count=60, room=None)
     assert sample == mutate.drawn(seed=3, count=60, room=None)
