@@ -2,8 +2,9 @@
 
     python compile_engine.py [FOLDER]
 
-The ``.py`` files stay the only source; a ``.pxd`` says which classes become extension types, and
-what types their attributes and methods have. The extension modules go to FOLDER, by default
+A ``.pxd`` says which classes become extension types, and what types their attributes and methods
+have; the ``.py`` file stays the only source. Where a ``.pyx`` stands beside them, that is compiled
+in its place: the same in C. The extension modules go to FOLDER, by default
 ``genie_sim/_compiled`` of this checkout, with a manifest that says of which bytes they were made.
 ``genie_sim.engine`` loads them. A build of a wheel does the same where ``GENIE_SIM_COMPILE=1`` is
 set (``hatch_build.py``).
@@ -45,10 +46,18 @@ def modules(root: Path) -> dict[str, Path]:
     return {".".join(path.with_suffix("").parts): path for path in relative}
 
 
+def in_c(path: Path) -> Path:
+    """What is compiled for a module: its ``.pyx``, where it has one, else the ``.py`` itself."""
+    twin = path.with_suffix(".pyx")
+    return twin if twin.exists() else path
+
+
 def copy_sources(root: Path, folder: Path) -> None:
     """Copies what Cython reads, without slots of data classes and without ``Generic``."""
     for path in (root / PACKAGE).rglob("*.p*"):
-        if path.suffix == ".pxd" or path.name == "__init__.py" or path.with_suffix(".pxd").exists():
+        if path.suffix != ".pxd" and path != in_c(path):
+            continue
+        if path.name == "__init__.py" or path.with_suffix(".pxd").exists():
             target = folder / path.relative_to(root)
             target.parent.mkdir(parents=True, exist_ok=True)
             text = path.read_text(encoding="utf-8")
@@ -69,7 +78,11 @@ def compile_into(folder: Path, scratch: Path) -> None:
     processes = os.cpu_count() or 1
     extensions = cythonize(
         [
-            Extension(name, [path.as_posix()], extra_compile_args=OPTIONS)
+            Extension(
+                name,
+                [in_c(ROOT / path).relative_to(ROOT).as_posix()],
+                extra_compile_args=OPTIONS,
+            )
             for name, path in sources.items()
         ],
         nthreads=processes,
@@ -87,9 +100,18 @@ def compile_into(folder: Path, scratch: Path) -> None:
     for name, path in sources.items():
         target = folder / f"{name}{suffix}"
         shutil.copyfile(command.get_ext_fullpath(name), target)
-        digest = hashlib.sha256((ROOT / path).read_bytes()).hexdigest()
-        made[name] = {"source": digest, "bytes": target.stat().st_size}
+        made[name] = {"sources": digests(ROOT / path), "bytes": target.stat().st_size}
     write_manifest(folder, {"suffix": suffix, "modules": made})
+
+
+def digests(path: Path) -> dict[str, str]:
+    """Of a module's source files, by their suffix."""
+    files = (path.with_suffix(suffix) for suffix in (".py", ".pxd", ".pyx"))
+    return {
+        file.suffix: hashlib.sha256(file.read_bytes()).hexdigest()
+        for file in files
+        if file.exists()
+    }
 
 
 def write_manifest(folder: Path, manifest: dict[str, object]) -> None:

@@ -96,9 +96,14 @@ def usable_modules(package: Path, folder: Path) -> dict[str, Path]:
             raise NotUsable(f"compiled for another Python: {suffix} is not {EXTENSION_SUFFIXES[0]}")
         paths = {}
         for name, made in build["modules"].items():
-            source = package.joinpath(*name.split(".")[1:]).with_suffix(".py")
-            if hashlib.sha256(source.read_bytes()).hexdigest() != made["source"]:
-                raise NotUsable(f"stale: {name} has changed since it was compiled")
+            module = package.joinpath(*name.split(".")[1:])
+            for suffix_of_source, digest in made["sources"].items():
+                source = module.with_suffix(suffix_of_source)
+                # an installed package has no more than the .py
+                if suffix_of_source != ".py" and not source.exists():
+                    continue
+                if hashlib.sha256(source.read_bytes()).hexdigest() != digest:
+                    raise NotUsable(f"stale: {name} has changed since it was compiled")
             paths[name] = folder / f"{name}{suffix}"
             if paths[name].stat().st_size != made["bytes"]:
                 raise NotUsable(f"damaged: {paths[name].name}")

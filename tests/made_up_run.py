@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from genie_sim.messages import Header
 from genie_sim.recording.open_frame import OpenFrame
 from genie_sim.recording.records import FRAMES, LOOKUPS, RESOURCES
 from genie_sim.recording.results import MethodInfo
@@ -35,9 +36,7 @@ def frames(cars: int = 3, seconds: int = 10, seed: int = 1, speed: float = 1.0) 
             for s, stream in enumerate(STREAMS):
                 for frame in range(10 * seconds):
                     stamp_ns = (100 * frame + 25 * s) * MS
-                    row = OpenFrame(
-                        method, f"car{car}", stream, frame=frame, lap=0, stamp_ns=stamp_ns
-                    )
+                    row = OpenFrame(method, Header(stamp_ns, stream, f"car{car}"), frame)
                     received_ns = stamp_ns + 3 * MS
                     row.received_ns = received_ns
                     if method == "genie":

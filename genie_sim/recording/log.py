@@ -115,7 +115,7 @@ class Log:
         """A camera took a frame. See ``monitor.Monitor`` for this and what follows."""
         header = image.header
         stamp_ns, stream, car = header
-        frame = OpenFrame(self.method, car, stream, frame=number, lap=lap, stamp_ns=stamp_ns)
+        frame = OpenFrame(self.method, header, number, lap)
         self._open[header] = frame
         self.published_frames += 1
         if self._accuracy is not None:
@@ -151,8 +151,10 @@ class Log:
         settled: Iterable[Header] = self._open
         if before_ns is not None:
             settled = takewhile(lambda header: header.stamp_ns < before_ns, self._open)
+        values: list[Value] = []  # all rows at once
         for header in list(settled):
-            self._frames.append(self._open.pop(header).values())
+            values += self._open.pop(header).values()
+        self._frames.append(values)
         if before_ns is None:
             if self._accuracy is not None:
                 self._accuracy.close()
@@ -167,8 +169,7 @@ class Log:
             stamp_ns, stream, car = header
             row = self._frames.take(method=self.method, car=car, stream=stream, stamp_ns=stamp_ns)
             if row is not None:
-                frame = OpenFrame(self.method, car, stream, frame=0, lap=0, stamp_ns=stamp_ns)
-                self._open[header] = frame.update(row)
+                self._open[header] = frame = OpenFrame(self.method, header).update(row)
         return frame
 
     def received(self, header: Header, now_ns: int) -> None:

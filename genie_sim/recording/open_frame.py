@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
-from genie_sim.messages import Image
+from genie_sim.messages import Header, Image
 from genie_sim.recording.tables import Value
 
 
@@ -13,12 +13,12 @@ class OpenFrame:
 
     Parameters
     ----------
-    method, car, stream : str
-        Under which names the row is written.
-    frame, lap : int
+    method : str
+        Under which name the row is written.
+    header : Header
+        The frame's.
+    number, lap : int
         The frame's running number in the stream, and how often the car had driven its route before.
-    stamp_ns : int
-        When the camera took it [ns].
     """
 
     __slots__ = (
@@ -47,15 +47,11 @@ class OpenFrame:
         "stream",
     )
 
-    def __init__(
-        self, method: str, car: str, stream: str, *, frame: int, lap: int, stamp_ns: int
-    ) -> None:
+    def __init__(self, method: str, header: Header, number: int = 0, lap: int = 0) -> None:
         self.method = method
-        self.car = car
-        self.stream = stream
-        self.frame = frame
+        self.stamp_ns, self.stream, self.car = header
+        self.frame = number
         self.lap = lap
-        self.stamp_ns = stamp_ns
         self.received_ns: int | None = None
         self.first_answer_ns: int | None = None
         self.fresh_answer_ns: int | None = None

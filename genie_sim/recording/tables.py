@@ -18,6 +18,7 @@ import numpy as np
 from genie_sim import parquet
 from genie_sim.errors import UserError, short_repr
 from genie_sim.recording.columns import NO_TEXT, Array, Columns, Text
+from genie_sim.recording.packing import packed
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -132,22 +133,25 @@ class _Buffer:
         self.codes = _Codes()
         self._is_text = column.kind == "text"
 
-    def extend(self, values: Sequence[Any]) -> None:
-        """Adds values at the end. Raises TypeError for a None in a column that is never empty."""
-        none, codes = self._none, self.codes
+    def extend(self, values: Sequence[Any], first: int, step: int) -> None:
+        """Adds every ``step``-th value from the ``first`` one on. Raises TypeError for a None in a
+        column that is never empty.
+        """
         try:
-            if not self.about.nullable:
-                encoded = list(map(codes.__getitem__, values) if self._is_text else values)
-            elif self._is_text:
-                encoded = [none if value is None else codes[value] for value in values]
-            else:
-                encoded = [none if value is None else value for value in values]
-            # Packing first is several times faster than array.extend.
-            self.values.frombytes(struct.pack(f"{len(encoded)}{self.values.typecode}", *encoded))
-        except (TypeError, struct.error) as error:
+            made = packed(
+                values,
+                first,
+                step,
+                self.values.typecode,
+                none=self._none if self.about.nullable else None,
+                codes=self.codes if self._is_text else None,
+            )
+        except (TypeError, OverflowError, struct.error) as error:
+            is_empty = None in values[first::step]
             raise TypeError(
-                f"column {self.about.name!r} is never empty" if None in values else str(error)
+                f"column {self.about.name!r} is never empty" if is_empty else str(error)
             ) from None
+        self.values.frombytes(made)
 
     def extend_column(self, values: Any) -> None:
         """Adds values at the end, as ``column`` returns them."""
@@ -280,7 +284,7 @@ class Table:
         new = self._new[:max_values]
         del self._new[:max_values]
         for place, buffer in enumerate(self._buffers.values()):
-            buffer.extend(new[place :: self._width])
+            buffer.extend(new, place, self._width)
         self._rows += len(new) // self._width
         self._spill_full_group()
 

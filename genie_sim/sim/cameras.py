@@ -46,7 +46,7 @@ class CameraNode(Node):
             self._frames = [frame for frame in frames if begin_ns <= frame.stamp_ns < end_ns]
         self._offset_ns = route.start_ns + camera.phase_ns - begin_ns
         self._lap_ns = end_ns - begin_ns + route.pause_ns
-        self._schedule = enumerate(self._stamped_frames())
+        self._schedule = self._planned()
 
     @property
     def last_stamp_ns(self) -> int:
@@ -55,16 +55,20 @@ class CameraNode(Node):
 
     def wait(self) -> None:
         """Schedules the next frame, if there is one."""
-        following = next(self._schedule, None)
-        if following is not None:
-            number, (stamp_ns, lap, frame) = following
-            self.clock.after(stamp_ns - self.clock.now, self._take, (number, lap, stamp_ns, frame))
+        planned = next(self._schedule, None)
+        if planned is not None:
+            _, _, stamp_ns, _ = planned
+            self.clock.after(stamp_ns - self.clock.now, self._take, planned)
 
-    def _stamped_frames(self) -> Iterator[tuple[int, int, Frame]]:
-        """Each frame with its stamp [ns] and its lap."""
+    def _planned(self) -> Iterator[tuple[int, int, int, Frame]]:
+        """What ``_take`` is called with: each frame's running number, its lap, its stamp [ns], and
+        the frame itself.
+        """
+        number = 0
         for lap in range(self._route.laps):
             for frame in self._frames:
-                yield self._stamp_ns(lap, frame), lap, frame
+                yield number, lap, self._stamp_ns(lap, frame), frame
+                number += 1
 
     def _stamp_ns(self, lap: int, frame: Frame) -> int:
         return int(self._offset_ns + lap * self._lap_ns + frame.stamp_ns)
@@ -96,12 +100,5 @@ class CameraNode(Node):
         else:
             size_bytes = POSITION_BYTES
             digest, dhash = f"{header.frame_id}/", 0
-        return Image(
-            header=header,
-            size_bytes=size_bytes,
-            digest=digest,
-            dhash=dhash,
-            pose=frame.pose,
-            horizontal_fov_rad=frame.horizontal_fov_rad,
-            content=frame,
-        )
+        fov_rad = frame.horizontal_fov_rad
+        return Image(header, size_bytes, digest, dhash, frame.pose, fov_rad, frame)

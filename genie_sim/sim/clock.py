@@ -32,13 +32,14 @@ class Clock(Timeline, simpy.Environment):
         """The instant of the next call."""
         if self._urgent:
             return self.now
-        return self._instants[0] if self._instants else Infinity
+        next_ns = self.next_ns()
+        return Infinity if next_ns is None else next_ns
 
     def step(self) -> None:
         """Carries out the next call."""
         if self._urgent:
             self._process(self._urgent.popleft())
-        elif self._instants:
+        elif self.next_ns() is not None:
             super().step()
         else:
             raise EmptySchedule

@@ -4,7 +4,7 @@ import math
 from collections import deque
 from collections.abc import Callable
 from functools import cache
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -16,17 +16,24 @@ Done = Callable[..., None]
 Arguments = tuple[Any, ...]
 
 
-class Job(NamedTuple):
-    """What a processor works on; ``stalled_ns`` is how long it had stood still until the job began
-    or went on.
+class Job:
+    """What a processor works on.
+
+    ``generation`` and ``stalled_ns`` are the processor's when the job began or went on: how often
+    all jobs had been voided, and how long it had stood still.
     """
 
-    generation: int
-    stalled_ns: int
-    label: SpanLabel | None
-    pictures: int
-    done: Done
-    arguments: Arguments
+    __slots__ = ("arguments", "done", "generation", "label", "pictures", "stalled_ns")
+
+    def __init__(
+        self, label: SpanLabel | None, pictures: int, done: Done, arguments: Arguments
+    ) -> None:
+        self.label = label
+        self.pictures = pictures
+        self.done = done
+        self.arguments = arguments
+        self.generation = 0
+        self.stalled_ns = 0
 
 
 class Processor:
@@ -46,9 +53,7 @@ class Processor:
         self.jobs = 0  # completed; a batch of pictures is one
         self._queueing = SpanLabel("queueing", name)
         self._serving = 0
-        self._waiting: deque[tuple[Span | None, SpanLabel | None, int, int, Done, Arguments]] = (
-            deque()
-        )
+        self._waiting: deque[tuple[Span | None, int, Job]] = deque()  # and how long they take
         self._busy_ns = 0  # of completed jobs, minus the beginnings of those in service
         self._generation = 0  # counts how often all jobs were voided
         self._stalls = 0  # how many faults keep it from going on
@@ -89,16 +94,15 @@ class Processor:
         pictures : int
             How many pictures the job is, or messages.
         """
-        clock = self.clock
+        clock, job = self.clock, Job(label, pictures, done, arguments)
         if self._factors:
             service_ns = round(service_ns * math.prod(self._factors))
         if self._serving < self.capacity and not self._stalls:
             self._serving += 1
             self._busy_ns -= clock.now
-            job = Job(self._generation, self._stalled_ns, label, pictures, done, arguments)
-            clock.after(service_ns, self._finished, (job,), label)
+            self._begin(job, service_ns)
         else:
-            self._waiting.append((clock.path, label, service_ns, pictures, done, arguments))
+            self._waiting.append((clock.path, service_ns, job))
 
     def void(self) -> None:
         """Drops every job that waits or is in service: none of them is ever done."""
@@ -124,8 +128,7 @@ class Processor:
         held, self._held = self._held, []
         for left_ns, path, job in held:
             clock.path = path
-            job = job._replace(stalled_ns=self._stalled_ns)
-            clock.after(left_ns, self._finished, (job,), job.label)
+            self._begin(job, left_ns)
         while self._waiting and self._serving < self.capacity:
             self._serving += 1
             self._busy_ns -= clock.now
@@ -142,13 +145,17 @@ class Processor:
 
     def _begin_next(self) -> None:
         """A server takes the job that has waited for longest."""
-        clock = self.clock
-        path, label, service_ns, pictures, done, arguments = self._waiting.popleft()
-        clock.waited(path, self._queueing)
-        job = Job(self._generation, self._stalled_ns, label, pictures, done, arguments)
-        clock.after(service_ns, self._finished, (job,), label)
+        path, service_ns, job = self._waiting.popleft()
+        self.clock.waited(path, self._queueing)
+        self._begin(job, service_ns)
 
-    def _finished(self, job: "Job") -> None:
+    def _begin(self, job: Job, service_ns: int) -> None:
+        """A job begins or goes on; it takes so long from now on."""
+        job.generation = self._generation
+        job.stalled_ns = self._stalled_ns
+        self.clock.after(service_ns, self._finished, (job,), job.label)
+
+    def _finished(self, job: Job) -> None:
         if job.generation != self._generation:
             return
         clock = self.clock
@@ -158,8 +165,7 @@ class Processor:
             self._held.append((left_ns, clock.path, job))
             return
         if left_ns:  # it stood still meanwhile
-            job = job._replace(stalled_ns=self._stalled_ns)
-            clock.after(left_ns, self._finished, (job,), job.label)
+            self._begin(job, left_ns)
             return
         self.completed += job.pictures
         self.jobs += 1

@@ -1,3 +1,4 @@
+from genie_sim.sim.interface cimport InterfaceUse
 from genie_sim.sim.timeline cimport Timeline
 cimport cython
 
@@ -12,23 +13,23 @@ cdef class Transfer:
 cdef class Link:
     cdef public Timeline clock
     cdef public object name
-    cdef public object completed
-    cdef public object drops
-    cdef public object sent_bytes
+    cdef public long long completed
+    cdef public long long drops
+    cdef public long long sent_bytes
     cdef public list down_by
-    cdef public object interface
+    cdef public InterfaceUse interface
     cdef object _is_connected
     cdef object _sender
     cdef object _transport
     cdef object _queueing
-    cdef object _queue_length
+    cdef long long _queue_length
     cdef object _dropped
     cdef object _waiting
     cdef object _flows
     cdef Transfer _on_wire
     cdef bint _busy
-    cdef object _busy_since_ns
-    cdef object _busy_ns
+    cdef long long _busy_since_ns
+    cdef long long _busy_ns
     cdef object _last_arrival_ns
     @cython.locals(transfer=Transfer)
     cpdef send(self, flow, message, deliver, tuple arguments=*, carried=*)
@@ -45,5 +46,5 @@ cdef class Bridge:
     cdef object _lost
     cdef object _border
     cdef bint _is_up
-    cdef object _times_up
+    cdef long long _times_up
     cpdef deliver(self, topic, message, sender)

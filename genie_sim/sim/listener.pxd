@@ -1,9 +1,13 @@
+from genie_sim.sim.timeline cimport Timeline
+cimport cython
+
 cdef class CarListener:
     cdef public object address
     cdef object _car
-    cdef object _clock
+    cdef Timeline _clock
     cdef object _monitor
     cdef object _uplink
     cdef bint _has_server
+    @cython.locals(clock=Timeline)
     cpdef deliver(self, topic, message, sender)
     cpdef _source(self, answer)

@@ -7,7 +7,7 @@ cdef class Graph:
     cdef public Timeline clock
     cdef public object name
     cdef public object entry
-    cdef public object queue_length
+    cdef public long long queue_length
     cdef public object dropped
     cdef public object _hop
     cdef public dict _subscribers
@@ -25,18 +25,18 @@ cdef class Node:
     cdef public tuple subscribes
     cdef public tuple publishes
     cdef public object address
-    cdef public object drops
-    cdef public object completed
-    cdef public object queued
+    cdef public long long drops
+    cdef public long long completed
+    cdef public long long queued
     cdef public dict routes
     cdef public object work_label
     cdef public object _queueing
-    cdef public object _idle_threads
-    cdef public object _threads
+    cdef public long long _idle_threads
+    cdef public long long _threads
     cdef public dict _queues
     cdef public list _in_service
-    cdef public object _generation
-    cdef public object _arrivals
+    cdef public long long _generation
+    cdef public long long _arrivals
     cpdef deliver(self, topic, message, sender)
     cpdef publish(self, topic, message, to=*)
     cpdef work(self, message, done, tuple arguments)

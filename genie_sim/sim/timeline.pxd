@@ -1,12 +1,22 @@
-cimport cython
+cdef struct Due:
+    long long at_ns
+    long long number  # of the call, in the order in which they were scheduled
+    Py_ssize_t place  # where the call itself is
 
 cdef class Timeline:
-    cdef public object now
+    cdef public long long now
     cdef public object path
-    cdef public list _instants
-    cdef public dict _calls
     cdef public object _urgent
-    @cython.locals(calls=list)
+    cdef Due *_heap
+    cdef Py_ssize_t _scheduled
+    cdef Py_ssize_t _room
+    cdef long long _numbers
+    cdef list _calls
+    cdef list _arguments
+    cdef list _free
     cpdef after(self, delay_ns, call, tuple arguments=*, label=*)
     cpdef begin(self, header)
     cpdef waited(self, path, label)
+    cdef _carry_out(self, Py_ssize_t place)
+    cdef _push(self, long long at_ns, call, tuple arguments)
+    cdef Due _pop(self) noexcept

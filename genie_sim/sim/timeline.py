@@ -3,6 +3,7 @@
 from collections import deque
 from collections.abc import Callable
 from heapq import heappop, heappush
+from operator import index
 from typing import Any
 
 from genie_sim.messages import Header
@@ -34,7 +35,7 @@ class Timeline:
         arguments: tuple[Any, ...] = (),
         label: SpanLabel | None = None,
     ) -> None:
-        """Schedules ``call(*arguments)``.
+        """Schedules ``call(*arguments)``. Raises TypeError for a delay that is no whole number.
 
         Parameters
         ----------
@@ -48,7 +49,7 @@ class Timeline:
             What the delay counts as on the path of the frame that is handled now; ``None``: the
             call has nothing to do with that frame.
         """
-        at_ns = self.now + delay_ns
+        at_ns = self.now + index(delay_ns)
         calls = self._calls.get(at_ns)
         if calls is None:
             self._calls[at_ns] = [(call, arguments)]
@@ -64,8 +65,12 @@ class Timeline:
         ``TracingClock`` does.
         """
 
+    def next_ns(self) -> int | None:
+        """The instant of the next call [ns]; ``None`` if none is scheduled."""
+        return self._instants[0] if self._instants else None
+
     def step(self) -> None:
-        """Carries out the next call."""
+        """Carries out the next call. Raises IndexError if there is none."""
         self.now = self._instants[0]
         call, arguments = self._calls[self.now].pop(0)
         if not self._calls[self.now]:

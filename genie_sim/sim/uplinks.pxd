@@ -1,8 +1,9 @@
+from genie_sim.sim.interface cimport InterfaceUse
 from genie_sim.sim.link cimport Bridge
 cimport cython
 
 cdef class CarUplink:
-    cdef public object interface
+    cdef public InterfaceUse interface
     cdef public object address
     cdef public object car
     cdef public object edge

@@ -6,6 +6,7 @@ import math
 
 import pytest
 
+from genie_sim.messages import Header
 from genie_sim.paper.definitions import Definitions
 from genie_sim.paper.facts import Fact, facts_of, of_baselines, placed
 from genie_sim.recording.open_frame import OpenFrame
@@ -32,9 +33,8 @@ def frames(lap_of=lambda frame: 0):
         for frame, answer in enumerate(answers):
             stamp_ns = (BEGIN_S + frame) * S
             received_ns = stamp_ns + WAIT_MS * MS
-            row = OpenFrame(
-                method, car, "camera_02", frame=frame, lap=lap_of(frame), stamp_ns=stamp_ns
-            )
+            header = Header(stamp_ns, "camera_02", car)
+            row = OpenFrame(method, header, frame, lap_of(frame))
             row.received_ns = received_ns
             if answer is not None:
                 row.first_answer_ns, row.fresh_answer_ns = (

@@ -16,6 +16,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from genie_sim.errors import UserError
+from genie_sim.messages import Header
 from genie_sim.recording import tables
 from genie_sim.recording.open_frame import OpenFrame
 from genie_sim.recording.records import (
@@ -40,7 +41,7 @@ def a_short_drive(frames: int = 3) -> Table:
     for frame in range(frames):
         for car in ("car2", "car1"):
             stamp_ns = frame * 100 * MS
-            row = OpenFrame("genie", car, "camera_02", frame=frame, lap=0, stamp_ns=stamp_ns)
+            row = OpenFrame("genie", Header(stamp_ns, "camera_02", car), frame)
             row.received_ns = stamp_ns + 3 * MS
             if frame == frames - 1:
                 row.drop = f"{car}/detector:/image_raw"
@@ -216,7 +217,7 @@ def test_a_table_that_is_sorted_stays_in_memory(tmp_path):
 def test_more_that_becomes_known_of_a_frame_after_all_is_entered():
     table = a_short_drive()
     row = table.take(method="genie", car="car2", stream="camera_02", stamp_ns=200 * MS)
-    late = OpenFrame("", "", "", frame=0, lap=0, stamp_ns=0).update(row)
+    late = OpenFrame("", Header(0, "", "")).update(row)
     assert late.drop == "car2/detector:/image_raw" and late.image_hit is None and len(table) == 5
     late.bytes_up = 7
     table.append(late.values())
@@ -282,7 +283,7 @@ def test_many_rows_go_to_several_row_groups_in_order(tmp_path, monkeypatch):
 def test_an_open_frame_has_the_columns_of_its_row():
     names = FrameRow._fields
     values = [f"{name} of this frame" for name in names]
-    frame = OpenFrame("", "", "", frame=0, lap=0, stamp_ns=0)
+    frame = OpenFrame("", Header(0, "", ""))
     row = FrameRow(*frame.update(dict(zip(names, values, strict=True))).values())
     assert row == tuple(values)
 
@@ -291,19 +292,16 @@ def test_a_logged_frame_takes_less_than_120_bytes():
     """Against 360 for a dict a row."""
     table = Table(FRAMES)
     for frame in range(20_000):
-        row = OpenFrame("genie", "car1", "camera_02", frame=frame, lap=0, stamp_ns=frame)
+        row = OpenFrame("genie", Header(frame, "camera_02", "car1"), frame)
         row.received_ns = frame
         table.append(row.values())
     assert table.size_bytes / len(table) < 120
 
 
 def test_a_column_that_is_never_empty_refuses_none():
-    for frame in (
-        OpenFrame("genie", "car1", "camera_02", frame=0, lap=0, stamp_ns=None),
-        OpenFrame("genie", None, "camera_02", frame=0, lap=0, stamp_ns=0),
-    ):
+    for column in ({"stamp_ns": None}, {"car": None}):
         table = Table(FRAMES)
-        table.append(frame.values())
+        table.append(OpenFrame("genie", Header(0, "camera_02", "car1")).update(column).values())
         with pytest.raises(TypeError, match="is never empty"):
             table.to_frame()
 

@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from genie_sim.messages import Detections, Header
+from genie_sim.sim.clock import Clock
 from genie_sim.sim.listener import CarListener
 from genie_sim.sim.method import IMAGES, OBJECTS
 
@@ -21,7 +22,8 @@ class Street:
     name = "car1"
 
     def __init__(self) -> None:
-        self.clock = SimpleNamespace(now=9, path=None)
+        self.clock = Clock()
+        self.clock.run(until=9)
         self.topics: list[str] = []
         self.told: list[tuple[Any, ...]] = []
 

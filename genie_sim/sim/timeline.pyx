@@ -1,0 +1,141 @@
+"""``timeline.py`` for the compiled engine: the same calls in the same order, out of a heap in C.
+
+The heap holds the instants; the calls themselves are in lists, where Python's collector sees them.
+"""
+
+from collections import deque
+from math import ceil
+
+from cpython.long cimport PyLong_AsLongLong
+from libc.stdlib cimport free, realloc
+
+cdef Py_ssize_t FIRST_ROOM = 64  # calls
+cdef long long NEVER_NS = 0x7FFFFFFFFFFFFFFF
+
+
+cdef inline bint comes_before(const Due *one, const Due *other) noexcept:
+    if one.at_ns != other.at_ns:
+        return one.at_ns < other.at_ns
+    return one.number < other.number
+
+
+cdef class Timeline:
+    """See ``timeline.py``. An instant that 64 bits do not hold never comes."""
+
+    def __init__(self):
+        self.now = 0
+        self.path = None
+        self._urgent = deque()
+        self._calls, self._arguments, self._free = [], [], []
+
+    def __dealloc__(self):
+        free(self._heap)
+
+    cpdef after(self, delay_ns, call, tuple arguments=(), label=None):
+        cdef long long delay
+        try:
+            delay = PyLong_AsLongLong(delay_ns)
+        except OverflowError:
+            delay = NEVER_NS
+        if delay > NEVER_NS - self.now:
+            delay = NEVER_NS - self.now
+        self._push(self.now + delay, call, arguments)
+
+    cpdef begin(self, header):
+        pass
+
+    cpdef waited(self, path, label):
+        pass
+
+    def next_ns(self):
+        return self._heap[0].at_ns if self._scheduled else None
+
+    def step(self):
+        cdef Due due
+        if not self._scheduled:
+            raise IndexError("no call is scheduled")
+        due = self._pop()
+        self.now = due.at_ns
+        self._carry_out(due.place)
+
+    def pass_time(self, until_ns):
+        cdef Due due
+        cdef long long end_ns = ceil(until_ns)
+        urgent = self._urgent
+        while urgent:
+            self.step()
+        while self._scheduled and self._heap[0].at_ns < end_ns:
+            due = self._pop()
+            self.now = due.at_ns
+            self._carry_out(due.place)
+            while urgent:
+                self.step()
+        self.now = int(until_ns)
+
+    def waits_only_for(self, call):
+        cdef Py_ssize_t index
+        for index in range(self._scheduled):
+            if self._calls[self._heap[index].place] != call:
+                return False
+        return True
+
+    def clear(self):
+        self._scheduled = 0
+        self._calls, self._arguments, self._free = [], [], []
+
+    cdef _carry_out(self, Py_ssize_t place):
+        call = self._calls[place]
+        cdef tuple arguments = self._arguments[place]
+        self._calls[place] = self._arguments[place] = None
+        self._free.append(place)
+        call(*arguments)
+
+    cdef _push(self, long long at_ns, call, tuple arguments):
+        cdef Due due
+        cdef Due *larger
+        cdef Py_ssize_t here, parent, room
+        if self._scheduled == self._room:
+            room = 2 * self._room if self._room else FIRST_ROOM
+            larger = <Due *>realloc(self._heap, room * sizeof(Due))
+            if larger == NULL:
+                raise MemoryError
+            self._heap, self._room = larger, room
+        due.at_ns, due.number = at_ns, self._numbers
+        self._numbers += 1
+        if self._free:
+            due.place = self._free.pop()
+            self._calls[due.place] = call
+            self._arguments[due.place] = arguments
+        else:
+            due.place = len(self._calls)
+            self._calls.append(call)
+            self._arguments.append(arguments)
+        here = self._scheduled
+        self._scheduled += 1
+        while here:
+            parent = (here - 1) // 2
+            if not comes_before(&due, &self._heap[parent]):
+                break
+            self._heap[here] = self._heap[parent]
+            here = parent
+        self._heap[here] = due
+
+    cdef Due _pop(self) noexcept:
+        """Takes out the next call; there is one."""
+        cdef Due first = self._heap[0]
+        cdef Due last
+        cdef Py_ssize_t here = 0, child = 1
+        self._scheduled -= 1
+        last = self._heap[self._scheduled]
+        while child < self._scheduled:
+            if child + 1 < self._scheduled and comes_before(
+                &self._heap[child + 1], &self._heap[child]
+            ):
+                child += 1
+            if not comes_before(&self._heap[child], &last):
+                break
+            self._heap[here] = self._heap[child]
+            here = child
+            child = 2 * here + 1
+        self._heap[here] = last
+        return first
