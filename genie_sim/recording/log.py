@@ -163,7 +163,8 @@ class Log:
 
     def _frame(self, header: Header) -> OpenFrame | None:
         """The row of a frame, taken out of the table if it is there already."""
-        header = header.original
+        if type(header) is not Header:  # of a car whose clock is wrong
+            header = header.original
         frame = self._open.get(header)
         if frame is None:
             stamp_ns, stream, car = header
