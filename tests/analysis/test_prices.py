@@ -22,6 +22,7 @@ from genie_sim.runner import finished, on_frames, run_in_memory, simulate
 from genie_sim.scenario.power import INTERFACES, DevicePower, Watts
 from genie_sim.scenario.profiles import DeviceProfile
 from genie_sim.scenario.scenario import load_scenario
+from genie_sim.settings import SettingError
 from genie_sim.sim.interface import InterfaceUse
 
 MS = 1_000_000
@@ -258,6 +259,13 @@ def test_the_interface_fits_the_link(link: Any, name: str | None):
     setting = scenario([{"name": "car1", "device": "jetson_tx2", "edge": "edge1", "link": link}])
     found = build._interfaces(setting)
     assert (found["car1"].name if found else None) == name
+
+
+@pytest.mark.parametrize(("value", "low", "high"), [(4, 5, 6), (7, 5, 6), (5, 6, 4)])
+def test_a_power_lies_within_its_range(value: float, low: float, high: float):
+    assert watts(5, 5, 5).value_w == 5
+    with pytest.raises(SettingError, match="'low' to 'high'"):
+        watts(value, low, high)
 
 
 def ledger(**seconds: float) -> prices.Ledger:

@@ -56,6 +56,7 @@ def test_what_is_near_the_car_is_the_car():
 def test_an_own_object_of_its_kind_comes_first():
     own = (seen("truck", 0.9, at=(20.0, 0.0)),)
     assert believed(told((21.5, 0.0)), own=own) == []
+    assert believed(told((22.0, 0.0)), own=own) == []
     assert believed(told((22.1, 0.0)), own=own) == [(22.1, 0.0, 0.0)]
     assert believed(told((21.5, 0.0), label="person"), own=own) == [(21.5, 0.0, 0.0)]
 

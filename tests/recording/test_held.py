@@ -4,6 +4,7 @@ in a town.
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -12,6 +13,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from genie_sim import files, runner
 from genie_sim.analysis import screen, summary
@@ -30,7 +33,7 @@ from genie_sim.perception.truth_table import (
     write_truth,
 )
 from genie_sim.recording import results
-from genie_sim.recording.gospa import gospa_m
+from genie_sim.recording.gospa import assigned, gospa_m
 from genie_sim.recording.joins import GroupedPlaces, near
 from genie_sim.recording.map_accuracy import MapAccuracy
 from genie_sim.recording.records import HELD, HELD_OBJECTS
@@ -509,3 +512,25 @@ def test_a_more_tolerant_town_finds_no_more_ghosts():
         run = runner.run_in_memory(town("methods=[local]", f"perception.tolerance={tolerance}"))
         shares.append(value(run.measured, "ghost_share", "local"))
     assert shares[0] > shares[1] > shares[2]
+
+
+@given(
+    st.integers(1, 5).flatmap(
+        lambda rows: st.integers(rows, 6).flatmap(
+            lambda columns: st.lists(
+                st.lists(st.integers(0, 30), min_size=columns, max_size=columns),
+                min_size=rows,
+                max_size=rows,
+            )
+        )
+    )
+)
+def test_an_assignment_gains_as_much_as_the_best_of_all(gains: list[list[int]]):
+    """Against all ways to give each row a column of its own."""
+    found = assigned(gains)
+    assert len(set(found)) == len(gains)
+    best = max(
+        sum(row[column] for row, column in zip(gains, columns, strict=True))
+        for columns in itertools.permutations(range(len(gains[0])), len(gains))
+    )
+    assert sum(row[column] for row, column in zip(gains, found, strict=True)) == best
