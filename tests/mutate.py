@@ -8,9 +8,10 @@ files nor frequent operators fill the sample. The fast tests run once under cove
 which of them run each line. Each error then goes into a copy of the checkout, in which the tests
 that run its line are done, those first that run the fewest lines in all; then whole files: those
 that name its module, those of these tests, and those that start processes, which coverage does not
-see. No real data is used. Errors that no test notices are listed, with a diff each; the exit status
-is 1 if there are more than 5 %. ``--work FOLDER`` keeps the coverage and the outcomes, so that a
-run goes on where it was interrupted.
+see. What is left goes into one copy all together, in which every fast test runs; those that fail
+there are done with each error by itself. No real data is used. Errors that no test notices are
+listed, with a diff each; the exit status is 1 if there are more than 5 %. ``--work FOLDER`` keeps
+the coverage and the outcomes, so that a run goes on where it was interrupted.
 """
 
 from __future__ import annotations
@@ -31,9 +32,9 @@ import subprocess
 import sys
 import tempfile
 from collections import Counter, defaultdict
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import ExitStack
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -65,6 +66,7 @@ FAST = (
 # Each process with tests begins as a copy of one that has these modules.
 PROCESSES = multiprocessing.get_context("forkserver")
 PRELOADED = ["pytest", "numpy", "pandas", "pyarrow.parquet", "hypothesis", "simpy"]
+FAILED = re.compile(r"^(?:FAILED|ERROR) (\S+)", re.MULTILINE)
 REAL_DATA = ("GENIE_SIM_KITTI", "GENIE_SIM_WEIGHTS")
 
 OTHER_COMPARISON: dict[type[ast.cmpop], type[ast.cmpop]] = {
@@ -315,20 +317,61 @@ def copy_to(folder: Path) -> None:
             shutil.copy2(path, folder / name)
 
 
+@contextmanager
+def broken(copy: Path, mutations: Sequence[Mutation]) -> Iterator[None]:
+    """A copy has these errors meanwhile; of two that overlap one."""
+    with ExitStack() as stack:
+        for file in {mutation.file for mutation in mutations}:
+            path = copy / file
+            status, whole = path.stat(), path.read_text(encoding="utf-8")
+            # its byte code is right again afterwards
+            times = status.st_atime_ns, status.st_mtime_ns
+            stack.callback(os.utime, path, ns=times)
+            stack.callback(path.write_text, whole, encoding="utf-8")
+            source, begin = whole, len(whole)
+            for mutation in sorted(mutations, key=lambda one: -one.start):
+                if mutation.file == file and mutation.end <= begin:
+                    source, begin = mutation.apply(source), mutation.start
+            path.write_text(source, encoding="utf-8")
+        yield
+
+
 def noticed_by(mutation: Mutation, copy: Path, cover: Cover) -> str | None:
     """The first test that fails in a copy with this error, or ``None``."""
-    path = copy / mutation.file
-    status, whole = path.stat(), path.read_text(encoding="utf-8")
-    path.write_text(mutation.apply(whole), encoding="utf-8")
-    try:
+    with broken(copy, [mutation]):
         for tests in (cover.tests(mutation), cover.files(mutation)):
             failed = failing_test(copy, tests)
             if failed is not None:
                 return failed
-        return None
-    finally:
-        path.write_text(whole, encoding="utf-8")
-        os.utime(path, ns=(status.st_atime_ns, status.st_mtime_ns))  # its byte code is right again
+    return None
+
+
+def noticed_together(mutations: Sequence[Mutation], copy: Path) -> list[str]:
+    """The fast tests that fail in a copy with all these errors."""
+    options = ("--tb=no", "-rfE", f"--timeout={LONGEST_TEST_S}", "-p", "no:cacheprovider")
+    with broken(copy, mutations):
+        ran = subprocess.run(
+            [sys.executable, "-m", "pytest", *FAST, *options, "tests"],
+            cwd=copy,
+            env={**environment(), "PYTHONPATH": str(copy), "PYTHONDONTWRITEBYTECODE": "1"},
+            capture_output=True,
+            text=True,
+        )
+    return FAILED.findall(ran.stdout)
+
+
+def unnoticed(mutations: Sequence[Mutation], copy: Path) -> list[Mutation]:
+    """Those that no fast test notices. All of them go into a copy together; each test that then
+    fails is done with each of them by itself.
+    """
+    tests, left = noticed_together(mutations, copy) if mutations else [], []
+    for mutation in mutations:
+        with broken(copy, [mutation]):
+            failed = failing_test(copy, tests)
+        print(f"{mutation.file}:{mutation.line} {failed or 'SURVIVED'}", flush=True)
+        if failed is None:
+            left.append(mutation)
+    return left
 
 
 def failing_test(copy: Path, tests: list[str]) -> str | None:
@@ -415,7 +458,8 @@ def mutate(sample: list[Mutation], work: Path, jobs: int) -> list[Mutation]:
                 word = "SURVIVED" if by is None else "caught"
                 place = f"{mutation.file}:{mutation.line}"
                 print(f"{number}/{len(sample)} {word} {place} {by or ''}", flush=True)
-    return [mutation for mutation in sample if known[report(mutation)] is None]
+        left = [mutation for mutation in sample if known[report(mutation)] is None]
+        return unnoticed(left, copies.get())
 
 
 def report(mutation: Mutation) -> str:

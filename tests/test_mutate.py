@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+from pathlib import Path
 
 import pytest
 
@@ -73,3 +74,33 @@ def test_a_draw_is_the_same_each_time_and_spread_over_the_files():
     assert sample != mutate.drawn(seed=4, count=60, room=None)
     assert len({mutation.file for mutation in sample}) == 60
     assert len({mutation.operator for mutation in sample}) > 6
+
+
+def test_a_copy_has_several_errors_at_once_and_is_whole_again(tmp_path: Path):
+    (tmp_path / "file.py").write_text(SOURCE)
+    changed = {
+        mutation.operator: mutation for mutation in mutate.candidates("file.py", SOURCE)
+    }  # the last of each
+    with mutate.broken(tmp_path, [changed["function"], changed["number"], changed["branches"]]):
+        broken = (tmp_path / "file.py").read_text()
+    assert "largest = (min(values))" in broken, "and not what overlaps with others"
+    assert ast.dump(ast.parse(broken)) != ast.dump(ast.parse(SOURCE))
+    assert (tmp_path / "file.py").read_text() == SOURCE
+
+
+def test_what_all_tests_together_notice_is_asked_of_each_error(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    """Of two errors one makes the test fail that fails with both."""
+    (tmp_path / "file.py").write_text(SOURCE)
+    seen = [mutation for mutation in mutate.candidates("file.py", SOURCE) if mutation.line == 3]
+    (error,) = seen
+    harmless = mutate.Mutation("file.py", 2, 2, "number", 0, 0, "")
+
+    def failing_test(copy: Path, tests: list[str]) -> str | None:
+        assert tests == ["tests/test_file.py::test_it"]
+        return "FAILED" if "min" in (copy / "file.py").read_text() else None
+
+    monkeypatch.setattr(mutate, "noticed_together", lambda *_: ["tests/test_file.py::test_it"])
+    monkeypatch.setattr(mutate, "failing_test", failing_test)
+    assert mutate.unnoticed([error, harmless], tmp_path) == [harmless]
