@@ -180,3 +180,9 @@ def test_exact_texts_are_readable() -> None:
     assert units.size_text(465_800) == "465.8 kB"
     assert units.rate_text(10**9) == "1 Gbit/s"
     assert units.angle_text(math.radians(15)) == "15 deg"
+
+
+def test_whole_numbers_are_written_as_such_below_a_million_billions() -> None:
+    assert units.watts_text(999_999_999_999_999.0) == "999999999999999 W"
+    assert units.watts_text(1e15) == "1000000000000000.0 W"
+    assert units.watts_text(2.5) == "2.5 W" and units.watts_text(3.0) == "3 W"

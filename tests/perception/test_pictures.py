@@ -9,11 +9,21 @@ import numpy as np
 import pytest
 
 from genie_sim.cli import main
-from genie_sim.messages import CameraPose
-from genie_sim.perception.pictures import PANEL_PX, _from_camera, drawn
+from genie_sim.core.object_map import ObjectMap
+from genie_sim.core.rules import ObjectMapRules
+from genie_sim.messages import CameraPose, Detection
+from genie_sim.perception.pictures import (
+    COLOURS,
+    INK,
+    PANEL_PX,
+    VIEW_M,
+    _from_camera,
+    _map,
+    drawn,
+)
 from genie_sim.perception.trace import read_trace
 from tests.kitti_folder import DATE, HEIGHT, WIDTH, make_drive, make_network
-from tests.perception.test_trace import trace
+from tests.perception.test_trace import frame, trace
 
 
 @pytest.fixture
@@ -147,9 +157,27 @@ def test_a_bag_s_pictures_go_one_at_a_time(capsys):
 
 def test_a_frame_without_its_picture_is_drawn_on_grey():
     whole = trace()
-    shown = [(frame, picture) for frame, picture in drawn(whole, {}) if not frame.detections]
+    shown = [(empty, picture) for empty, picture in drawn(whole, {}) if not empty.detections]
     assert len(shown) == 3, "of seven frames these show nothing"
-    for frame, picture in shown:
-        assert picture.shape[1] >= frame.width and picture.shape[0] > frame.height
-        camera = picture[frame.height // 4 : frame.height * 3 // 4, : frame.width]
+    for empty, picture in shown:
+        assert picture.shape[1] >= empty.width and picture.shape[0] > empty.height
+        camera = picture[empty.height // 4 : empty.height * 3 // 4, : empty.width]
         assert (camera == 90).all()
+
+
+def test_the_map_shows_objects_around_the_car_and_where_it_heads():
+    """North is up: an object 3 m east and 6 m north of the car, which heads 30 degrees north of
+    east.
+    """
+    made = ObjectMap(ObjectMapRules())
+    made.sight(Detection("car", 0.9, None, (13.0, 26.0, 0.0), 0.9, "scan"))
+    pose = CameraPose(10.0, 20.0, 1.6, math.radians(30.0))
+    panel = _map(frame(pose=pose), made, 600)
+    pixels_per_m = PANEL_PX / (2 * VIEW_M)
+    east_px, up_px = round(3 * pixels_per_m), round(6 * pixels_per_m)
+    assert tuple(panel[PANEL_PX // 2 - up_px, 300 + east_px]) == COLOURS["car"]
+    tip_px = round(14 * math.cos(math.radians(30.0))), round(14 * math.sin(math.radians(30.0)))
+    arrow = (panel == INK).all(axis=2)
+    assert arrow[PANEL_PX // 2 - tip_px[1], 300 + tip_px[0]]
+    assert not arrow[PANEL_PX // 2 + tip_px[1], 300 + tip_px[0]]
+    assert not arrow[PANEL_PX // 2 - tip_px[1], 300 - tip_px[0]]

@@ -279,3 +279,11 @@ def test_the_command_writes_traces_that_a_scenario_takes(run_cli, tmp_path):
 def test_a_detection_outside_the_view_is_told(tables, tmp_path):
     lines = write_recordings(tmp_path / "t", tables(sensor=Sensor(fov_rad=0.01)))
     assert lines[0].endswith("2 detections outside the field of view: check heading_deg, --fov")
+
+
+def test_a_row_of_a_parquet_table_is_named_by_its_number(tmp_path):
+    path = tmp_path / "poses.parquet"
+    columns = {"time_s": [1.0, math.nan], "east_m": [0.0, 1.0], "north_m": [0.0, 1.0]}
+    pq.write_table(pa.table({"car": ["a", "a"], **columns, "heading_deg": [0.0, 0.0]}), path)
+    with pytest.raises(UserError, match=r"poses.parquet: row 2\b"):
+        import_recordings(path, None)

@@ -314,3 +314,10 @@ def test_all_sequences_become_traces(kitti_root, detections):
         found = [d for frame in trace.frames["02"] for d in frame.detections]
         assert len(found) > len(trace.frames["02"]) / 2
         assert all(0.3 <= d.score <= 1 for d in found)
+
+
+def test_a_score_is_the_share_of_detections_that_are_right():
+    """As fitted, every other car is right at a logit of 3.0, and every other person at 2.1."""
+    for label, logit in (("car", 3.0), ("person", 2.1)):
+        a, b = POINTRCNN_SCORES[label]
+        assert 1 / (1 + math.exp(-(a * logit + b))) == pytest.approx(0.5, abs=0.01)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from pathlib import Path
 from typing import Any
@@ -87,12 +88,15 @@ def test_cars_are_transforms_at_their_own_instants(read_back, run):
     tf = _of(read_back, "/tf")
     assert sorted(at for at, _ in tf) == sorted(run.poses["stamp_ns"] + START_NS)
     assert all(_ns(message.transforms[0].header.stamp) == at for at, message in tf)
-    placed = {
-        (at, one.transforms[0].child_frame_id): one.transforms[0].transform.translation.x
-        for at, one in tf
+    transforms = {
+        (at, one.transforms[0].child_frame_id): one.transforms[0].transform for at, one in tf
     }
     row = run.poses.iloc[7]
-    assert placed[row.stamp_ns + START_NS, f"{row.car}/{row.stream}"] == row.east_m
+    placed = transforms[row.stamp_ns + START_NS, f"{row.car}/{row.stream}"]
+    assert placed.translation.x == row.east_m
+    turn = placed.rotation
+    assert 2 * math.atan2(turn.z, turn.w) == pytest.approx(row.heading_rad)
+    assert (turn.x, turn.y) == (0.0, 0.0) and math.hypot(turn.z, turn.w) == pytest.approx(1.0)
 
 
 def test_the_object_map_has_its_confidences_as_colours(read_back, run):

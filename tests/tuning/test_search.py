@@ -15,7 +15,7 @@ from optuna.trial import Trial
 from genie_sim.errors import UserError
 from genie_sim.study.tasks import LocalWorkers
 from genie_sim.tuning import searcher
-from genie_sim.tuning.design import Case, load
+from genie_sim.tuning.design import Case, fixed_settings, load
 from genie_sim.tuning.search import Search, SearchStatus
 from tests.tuning.made_up_plans import Function, MadeUpPlans
 
@@ -266,6 +266,8 @@ def test_three_designs_are_chosen_by_the_tuning_set_and_told_with_held_out_numbe
         ("fastest", {"x": 3, "y": 0}),
     ]
     assert "streaming F1 69.9 (" in status.picks[0].text
+    name = status.picks[1].candidate.name
+    assert status.picks[1].text.startswith(f"Cheapest within 0.01: {name}.")
 
 
 # Bytes, kills, shards
@@ -511,3 +513,27 @@ def test_an_objective_that_no_run_records():
     data = search_of(LIST, objectives={"minimize": [FIRST, "ghost_share"]})
     with pytest.raises(UserError, match=r"objectives: ghost_share: no run records it; .*known: fi"):
         run(data, discrete)
+
+
+def test_an_objective_that_not_every_run_records():
+    """At x = 0 there is nothing of which a share could be a ghost."""
+
+    def sometimes(values: Mapping[str, Any], case: Case) -> dict[str, float]:
+        share = {"ghost_share": 0.1 * values["x"]} if values["x"] else {}
+        return {FIRST: 10.0 - values["x"] + noise(case), **share}
+
+    data = search_of(LIST, objectives={"minimize": [FIRST, "ghost_share"]})
+    status, _ = run(data, sometimes)
+    assert set(table(status)["x"]) <= {1, 2, 3}
+
+
+def test_fixed_settings_are_read_from_texts():
+    texts = ["image_encoding = raw", "genie={view_range: 30 m}", "title=a=b"]
+    assert fixed_settings(texts) == {
+        "image_encoding": "raw",
+        "genie": {"view_range": "30 m"},
+        "title": "a=b",
+    }
+    for wrong in ("image_encoding", "=raw"):
+        with pytest.raises(UserError, match="must be path=value"):
+            fixed_settings([wrong])

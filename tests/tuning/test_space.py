@@ -46,6 +46,7 @@ def test_a_parameter_counts_where_those_before_it_have_the_values_it_names():
             "must have either 'range' or 'list', has range and list",
         ),
         ({"rule": {"list": [1, 2]}}, "say which setting"),
+        ({"rule": {**RULE, "list": ["ema", "ema"]}}, "the value 'ema' comes twice"),
     ],
 )
 def test_spaces_that_cannot_be(parameters: dict[str, Any], message: str):
