@@ -4,6 +4,7 @@ import contextlib
 import functools
 import os
 import signal
+import sys
 import threading
 import time
 import warnings
@@ -23,6 +24,16 @@ def workers_here() -> int:
     import joblib
 
     return int(joblib.cpu_count())
+
+
+def max_memory_bytes() -> int | None:
+    """The most memory that this process has had; ``None`` where the system does not tell."""
+    try:
+        import resource
+    except ImportError:  # Windows
+        return None
+    usage = resource.getrusage(resource.RUSAGE_SELF)
+    return usage.ru_maxrss * (1 if sys.platform == "darwin" else 1024)
 
 
 def in_processes(

@@ -18,6 +18,7 @@ from genie_sim.fleet import expanded
 from genie_sim.messages import Encoding
 from genie_sim.method_processes import side_by_side
 from genie_sim.monitor import Samples
+from genie_sim.parallel import max_memory_bytes
 from genie_sim.perception.sources import Drive, Frames, Progress
 from genie_sim.recording import provenance
 from genie_sim.recording.log import Log
@@ -543,14 +544,18 @@ def note_power(table: Table, method: str, prepared: Prepared, setup: Setup) -> N
 
 
 def _progress_of(log: Log, progress: Progress) -> Callable[[int, int], None]:
-    """Returns what reports the simulated time of one method, and the frames simulated per
-    second.
+    """Returns what reports the simulated time of one method, the frames simulated per second, and
+    the memory of its process.
     """
     began_s = time.perf_counter()
 
     def report(now_ns: int, end_ns: int) -> None:
         rate = log.published_frames / max(time.perf_counter() - began_s, 1e-9)
-        progress(now_ns / NS_PER_S, end_ns / NS_PER_S, f"{log.method}, {rate:,.0f} frames/s")
+        words = [log.method, f"{rate:,.0f} frames/s"]
+        memory_bytes = max_memory_bytes()
+        if memory_bytes is not None:
+            words.append(f"{memory_bytes / 10**6:,.0f} MB")
+        progress(now_ns / NS_PER_S, end_ns / NS_PER_S, ", ".join(words))
 
     return report
 

@@ -150,7 +150,8 @@ def test_a_run_shows_a_calm_bar_of_simulated_seconds_on_a_terminal():
     shown = on_a_terminal(*SHORT, columns=100)
     bars = [line for line in re.split(r"[\r\n]", plain(shown)) if "frames/s" in line]
     assert bars
-    assert re.search(r"(local|remote|genie), [\d,]+ frames/s .* [\d.]+ of [\d.]+ s", bars[-1])
+    words = r"(local|remote|genie), [\d,]+ frames/s, \d+ MB .* [\d.]+ of [\d.]+ s"
+    assert re.search(words, bars[-1])
     assert max(map(len, bars)) <= 100
     assert "Results: results/1car_hetero-" in plain(shown)
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -13,6 +15,7 @@ from genie_sim.cli import main
 from genie_sim.method_processes import MethodJob, Reporter, _watched
 from genie_sim.runner import prepare, simulate
 from genie_sim.scenario.scenario import RECORDS, read_scenario
+from tests.conftest import REPOSITORY
 
 EVERY_TABLE = {
     "name": "every_table",
@@ -109,3 +112,20 @@ def test_one_method_needs_no_process_of_its_own(tmp_path, monkeypatch):
     monkeypatch.setattr("genie_sim.method_processes.in_processes", refuse)
     settings = {"cars[0].route.window": ["0 s", "0.3 s"]}
     gs.run("1car_homo", settings, methods=["local"], workers=8)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows does not tell")
+def test_the_memory_of_a_process_is_the_most_that_it_had():
+    program = """
+from genie_sim.parallel import max_memory_bytes
+before = max_memory_bytes()
+room = b"x" * 300_000_000
+del room
+print(before, max_memory_bytes())
+"""
+    told = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True, cwd=REPOSITORY
+    )
+    before, after = map(int, told.stdout.split())
+    # a process begins with what that had which has started it
+    assert 10**7 < before <= after and 300_000_000 < after < before + 600_000_000
