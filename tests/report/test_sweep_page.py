@@ -158,6 +158,16 @@ def test_a_large_sweep_is_thinned_honestly(crossed, monkeypatch):
     assert any(" of 6 points" in note for note in shown["notes"])
 
 
+def test_of_too_many_values_of_an_axis_some_are_drawn_from_end_to_end(drawn, monkeypatch):
+    whole = {curve["column"]: curve["levels"] for curve in embedded(sweep.page(drawn))["curves"]}
+    assert [len(levels) for levels in whole.values()] == [5, 5]
+    monkeypatch.setattr(sweep, "MAX_LEVELS", 3)
+    shown = embedded(sweep.page(drawn))
+    for curve in shown["curves"]:
+        assert curve["levels"] == whole[curve["column"]][::2]
+    assert "Along gate [m], 3 of its 5 values are drawn, evenly chosen." in shown["notes"]
+
+
 def test_an_unfinished_sweep_gets_one_line(crossed, capsys):
     Path("half").mkdir()
     Path("half/sweep.json").write_bytes((crossed / "sweep.json").read_bytes())

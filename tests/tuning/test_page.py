@@ -60,6 +60,17 @@ def test_the_page_shows_held_out_numbers(folder: Path):
     assert any("There is one drive" in note for note in data["notes"])
 
 
+def test_as_many_paired_differences_as_a_page_holds_are_in_it(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+):
+    known = len(pd.read_csv(folder / "differences.csv"))
+    for room, is_told in ((known, False), (known - 1, True)):
+        monkeypatch.setattr(page, "MAX_DIFFERENCES", room)
+        data = embedded(page.page(folder))
+        told = any("Paired differences are in differences.csv" in note for note in data["notes"])
+        assert told is is_told and bool(data["differences"]) is not is_told
+
+
 def test_the_page_is_made_again_from_the_folder_and_refuses_changed_tables(
     folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ):
