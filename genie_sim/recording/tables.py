@@ -18,7 +18,7 @@ import numpy as np
 from genie_sim import parquet
 from genie_sim.errors import UserError, short_repr
 from genie_sim.recording.columns import NO_TEXT, Array, Columns, Text
-from genie_sim.recording.packing import packed
+from genie_sim.recording.packed_rows import packed
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -1,11 +1,11 @@
-"""``packing.py`` for the compiled engine: straight into the bytes."""
+"""``packed_rows.py`` for the compiled engine: straight into the bytes."""
 
 from cpython.bytes cimport PyBytes_AS_STRING, PyBytes_FromStringAndSize
 from cpython.long cimport PyLong_AsLongLong
 
 
 def packed(list values, Py_ssize_t first, Py_ssize_t step, str typecode, *, none=None, codes=None):
-    """See ``packing.py``."""
+    """See ``packed_rows.py``."""
     cdef Py_ssize_t count = len(range(first, len(values), step)), row
     cdef Py_ssize_t width = 8 if typecode in "qd" else 4 if typecode == "i" else 1
     cdef bytes made = PyBytes_FromStringAndSize(NULL, count * width)

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from genie_sim.recording.packing import packed
+from genie_sim.recording.packed_rows import packed
 
 ROWS = [7, "a", None, 1.5, True, -8, "b", 3, None, None, 9, "a", 2**31 - 1, math.inf, False]
 CODES = {"a": 4, "b": 0}
