@@ -13,6 +13,7 @@ from scipy import stats
 
 from genie_sim.analysis import metrics
 from genie_sim.analysis.statistics import Blocks, across_seeds, wilson
+from genie_sim.messages import Header
 from genie_sim.recording.columns import Columns
 from genie_sim.recording.open_frame import OpenFrame
 from genie_sim.recording.records import FRAMES, LOOKUPS, RESOURCES, FrameRow
@@ -40,9 +41,8 @@ def six_frames() -> pd.DataFrame:
     for method, answers in took.items():
         for frame, answer in enumerate(answers):
             received_ns = frame * S + 2 * MS
-            row = OpenFrame(
-                method, "car1", "camera_02", frame=frame, lap=0, stamp_ns=frame * S
-            ).update({"received_ns": received_ns})
+            row = OpenFrame(method, Header(frame * S, "camera_02", "car1"), frame)
+            row.received_ns = received_ns
             if answer is not None:
                 first_ms, fresh_ms, row.objects_served = answer
                 row.first_answer_ns = received_ns + first_ms * MS

@@ -138,9 +138,8 @@ def test_energy_and_how_much_it_depends_on_each_power():
     frames = Table(made_up_run.FRAMES)
     for number in range(20):
         for method in METHODS:
-            row = made_up_run.OpenFrame(
-                method.name, "car1", "camera", frame=number, lap=0, stamp_ns=100 * number * MS
-            )
+            header = made_up_run.Header(100 * number * MS, "camera", "car1")
+            row = made_up_run.OpenFrame(method.name, header, number)
             row.first_answer_ns = row.fresh_answer_ns = row.stamp_ns + 40 * MS
             row.objects_fresh = 2
             frames.append(row.values())
