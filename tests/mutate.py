@@ -348,7 +348,8 @@ def noticed_by(mutation: Mutation, copy: Path, cover: Cover) -> str | None:
 
 def noticed_together(mutations: Sequence[Mutation], copy: Path) -> list[str]:
     """The fast tests that fail in a copy with all these errors."""
-    options = ("--tb=no", "-rfE", f"--timeout={LONGEST_TEST_S}", "-p", "no:cacheprovider")
+    # an error may end in an endless loop
+    options = ("--tb=no", "-rfE", f"--timeout={MAX_CPU_S}", "-p", "no:cacheprovider")
     with broken(copy, mutations):
         ran = subprocess.run(
             [sys.executable, "-m", "pytest", *FAST, *options, "tests"],
