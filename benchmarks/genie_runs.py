@@ -7,6 +7,7 @@ from __future__ import annotations
 import cProfile
 import json
 import math
+import os
 import pstats
 import subprocess
 import sys
@@ -23,6 +24,7 @@ import numpy as np
 
 from benchmarks.station import PERIOD_NS, Outcome
 from genie_sim.build import Prepared
+from genie_sim.engine import PURE
 from genie_sim.recording.records import Tables
 from genie_sim.runner import Progress, prepare, simulate
 from genie_sim.scenario.scenario import Scenario, load_scenario, read_scenario
@@ -244,19 +246,37 @@ class Hot:
     share: float
 
 
-def profile(prepared: Prepared, entries: int) -> Sequence[Hot]:
-    """Where a run's time goes, the most expensive first. cProfile makes small functions look dearer
-    than they are.
+def profile(entries: int) -> Sequence[Hot]:
+    """Where the time of ``3car_hetero``'s first lap goes, the most expensive first, in plain
+    Python: cProfile does not see what is compiled.
+    """
+    code = f"from benchmarks.genie_runs import print_profile; print_profile({entries})"
+    ran = subprocess.run(
+        [sys.executable, "-c", code],
+        cwd=REPOSITORY,
+        env={**os.environ, PURE: "1"},
+        check=True,
+        capture_output=True,
+        text=True,
+    )
+    return [Hot(**hot) for hot in json.loads(ran.stdout)]
+
+
+def print_profile(entries: int) -> None:
+    """Profiles a run in this process and prints the ``Hot`` as JSON. cProfile makes small functions
+    look dearer than they are.
     """
     profiler = cProfile.Profile()
-    tables = profiler.runcall(simulate, prepared)
+    tables = profiler.runcall(simulate, prepare(three_cars(1)))
     timed: dict[tuple[str, int, str], Any] = pstats.Stats(profiler).stats  # type: ignore[attr-defined]
     whole_s = sum(own_s for _, _, own_s, _, _ in timed.values())
     dearest = sorted(timed.items(), key=lambda item: item[1][2], reverse=True)[:entries]
-    return [
-        Hot(_where(place), calls / len(tables["frames"]), own_s / whole_s)
+    frames = len(tables["frames"])
+    hot = [
+        Hot(_where(place), calls / frames, own_s / whole_s)
         for place, (_, calls, own_s, _, _) in dearest
     ]
+    print(json.dumps([asdict(one) for one in hot]))
 
 
 def _where(place: tuple[str, int, str]) -> str:

@@ -157,7 +157,6 @@ def measure(sizes: Sizes, peers_python: str, command: str, tell: Callable[[str],
     tell("3 cars")
     skipped: dict[str, str] = {}
     versions: dict[str, str] = {}
-    cold = prepare(three_cars(1))
     work: dict[str, Work] = {}
     runs: dict[str, Callable[[], Outcome]] = {}
     events: dict[str, int] = {}
@@ -200,7 +199,7 @@ def measure(sizes: Sizes, peers_python: str, command: str, tell: Callable[[str],
         )
     tell("memory and profile")
     short, long = (genie_runs.footprint(laps) for laps in sizes.memory_laps)
-    hot = genie_runs.profile(cold, sizes.profile_entries)
+    hot = genie_runs.profile(sizes.profile_entries)
     tell(f"{sizes.minutes} simulated minutes")
     laps = math.ceil(60 * sizes.minutes / genie_runs.LAP_S)
     hour = drive(prepare(three_cars(laps, cameras=1)))

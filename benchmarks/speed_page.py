@@ -15,6 +15,7 @@ from benchmarks import both_engines
 from genie_sim.analysis import style
 from genie_sim.analysis.drawing import in_style
 from genie_sim.analysis.style import COLUMN_IN
+from genie_sim.engine import ENGINE
 from genie_sim.errors import UserError
 
 if TYPE_CHECKING:
@@ -84,6 +85,7 @@ def _about(measured: Measured) -> list[tuple[str, str]]:
     others = [f"{name} {version}" for name, version in measured.versions.items()]
     left_out = [f"{name} ({reason})" for name, reason in measured.skipped.items()]
     lines = [("made by", f"`{measured.command}`")]
+    lines += [("engine of all tables that name none", ENGINE.title)]
     lines += [("other simulators", ", ".join(others))] if others else []
     left_out += [f"{name} ({reason})" for name, reason in measured.engines.missing.items()]
     lines += [("left out", "; ".join(left_out))] if left_out else []
