@@ -13,7 +13,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from itertools import count
 from pathlib import Path
@@ -25,6 +25,7 @@ import numpy as np
 from benchmarks.station import PERIOD_NS, Outcome
 from genie_sim.build import Prepared
 from genie_sim.engine import PURE
+from genie_sim.parallel import max_memory_bytes
 from genie_sim.recording.records import Tables
 from genie_sim.runner import Progress, prepare, simulate
 from genie_sim.scenario.scenario import Scenario, load_scenario, read_scenario
@@ -188,13 +189,22 @@ class Footprint:
     process_bytes: int
 
 
+def _printed_by(call: str, variables: Mapping[str, str] | None = None) -> Any:
+    """The JSON that a call of this module prints in a process of its own."""
+    ran = subprocess.run(
+        [sys.executable, "-c", f"from benchmarks import genie_runs; genie_runs.{call}"],
+        cwd=REPOSITORY,
+        env={**os.environ, **(variables or {})},
+        check=True,
+        capture_output=True,
+        text=True,
+    )
+    return json.loads(ran.stdout)
+
+
 def footprint(laps: int) -> Footprint:
     """Of a run in a process of its own, so that nothing that ran before counts."""
-    code = f"from benchmarks.genie_runs import print_footprint; print_footprint({laps})"
-    ran = subprocess.run(
-        [sys.executable, "-c", code], cwd=REPOSITORY, check=True, capture_output=True, text=True
-    )
-    return Footprint(**json.loads(ran.stdout))
+    return Footprint(**_printed_by(f"print_footprint({laps})"))
 
 
 def print_footprint(laps: int) -> None:
@@ -212,11 +222,7 @@ def _resident_bytes() -> int:
     if status.is_file():
         lines = status.read_text(encoding="utf-8").splitlines()
         return 1024 * next(int(line.split()[1]) for line in lines if line.startswith("VmRSS:"))
-    import resource
-
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (
-        1 if sys.platform == "darwin" else 1024
-    )
+    return max_memory_bytes() or 0
 
 
 def bytes_per_frame(short: Footprint, long: Footprint) -> dict[str, float]:
@@ -250,16 +256,7 @@ def profile(entries: int) -> Sequence[Hot]:
     """Where the time of ``3car_hetero``'s first lap goes, the most expensive first, in plain
     Python: cProfile does not see what is compiled.
     """
-    code = f"from benchmarks.genie_runs import print_profile; print_profile({entries})"
-    ran = subprocess.run(
-        [sys.executable, "-c", code],
-        cwd=REPOSITORY,
-        env={**os.environ, PURE: "1"},
-        check=True,
-        capture_output=True,
-        text=True,
-    )
-    return [Hot(**hot) for hot in json.loads(ran.stdout)]
+    return [Hot(**hot) for hot in _printed_by(f"print_profile({entries})", {PURE: "1"})]
 
 
 def print_profile(entries: int) -> None:
