@@ -17,6 +17,6 @@ cdef class Timeline:
     cpdef after(self, delay_ns, call, tuple arguments=*, label=*)
     cpdef begin(self, header)
     cpdef waited(self, path, label)
-    cdef _carry_out(self, Py_ssize_t place)
+    cdef _carry_out_next(self)
     cdef _push(self, long long at_ns, call, tuple arguments)
     cdef Due _pop(self) noexcept

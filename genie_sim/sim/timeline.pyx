@@ -51,23 +51,17 @@ cdef class Timeline:
         return self._heap[0].at_ns if self._scheduled else None
 
     def step(self):
-        cdef Due due
         if not self._scheduled:
             raise IndexError("no call is scheduled")
-        due = self._pop()
-        self.now = due.at_ns
-        self._carry_out(due.place)
+        self._carry_out_next()
 
     def pass_time(self, until_ns):
-        cdef Due due
         cdef long long end_ns = ceil(until_ns)
         urgent = self._urgent
         while urgent:
             self.step()
         while self._scheduled and self._heap[0].at_ns < end_ns:
-            due = self._pop()
-            self.now = due.at_ns
-            self._carry_out(due.place)
+            self._carry_out_next()
             while urgent:
                 self.step()
         self.now = int(until_ns)
@@ -83,11 +77,13 @@ cdef class Timeline:
         self._scheduled = 0
         self._calls, self._arguments, self._free = [], [], []
 
-    cdef _carry_out(self, Py_ssize_t place):
-        call = self._calls[place]
-        cdef tuple arguments = self._arguments[place]
-        self._calls[place] = self._arguments[place] = None
-        self._free.append(place)
+    cdef _carry_out_next(self):
+        cdef Due due = self._pop()
+        cdef tuple arguments = self._arguments[due.place]
+        call = self._calls[due.place]
+        self._calls[due.place] = self._arguments[due.place] = None
+        self._free.append(due.place)
+        self.now = due.at_ns
         call(*arguments)
 
     cdef _push(self, long long at_ns, call, tuple arguments):
